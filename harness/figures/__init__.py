@@ -1,0 +1,1 @@
+"""Tables and drawings: pure functions of the records."""

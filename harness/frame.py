@@ -1,0 +1,105 @@
+"""What a method sees of one moment: device arrays at fixed addresses, and the answers it fills.
+
+Whatever may differ between frames lives in an array whose address never changes, because a captured graph
+freezes its arguments. :meth:`Frame.load` copies the next moment in.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from .moment import Moment, Prepared
+
+MISS = -1
+
+
+@dataclass(eq=False)
+class Answers:
+    """What a method says of a frame; pixel index = row * width + column. All on the frame's device.
+
+    triangle    int32 [pixels]: the closest triangle, ties to the lowest index; -1 at a miss
+    t           float32 [pixels]: distance in lengths of the pixel's direction; inf at a miss
+    u, v        float32 [pixels]: weights of vertices 1 and 2 (Embree's convention); 0 at a miss
+    visibility  uint8 [light_count, pixels]: 1 = shadowed; 0 at a miss and for lights without shadows
+    """
+
+    triangle: wp.array
+    t: wp.array
+    u: wp.array
+    v: wp.array
+    visibility: wp.array
+
+    def to_host(self) -> dict[str, NDArray]:
+        """Copies of all answers as numpy arrays."""
+        return {name: np.array(getattr(self, name).numpy()) for name in ("triangle", "t", "u", "v", "visibility")}
+
+    def poison(self) -> None:
+        """Fill with values that no method may leave behind, so that an unwritten answer shows."""
+        self.triangle.fill_(-77)
+        self.t.fill_(-77.0)
+        self.u.fill_(-77.0)
+        self.v.fill_(-77.0)
+        self.visibility.fill_(77)
+
+
+class Frame:
+    """Device arrays of one moment, and the answers.
+
+    points    vec3f [vertex_count]      triangles vec3i [triangle_count]
+    weld      int32 [vertex_count]      valid     uint8 [triangle_count]
+    eye       vec3f [1]                 axes      vec3f [3]: right, up, forward
+    tangents  float32 [2]               column    vec3f [width], row vec3f [height]
+    lights    vec3f [light_count]       points_needed, ...: a method's own arrays are its own
+    """
+
+    def __init__(self, prepared: Prepared, width: int, height: int, light_count: int, device: str):
+        self.prepared = prepared
+        self.device = device
+        self.width, self.height = width, height
+        self.pixels = width * height
+        self.light_count = light_count
+        self.triangle_count = prepared.triangle_count
+        self.vertex_count = prepared.vertex_count
+        with wp.ScopedDevice(device):
+            # At least one element each, so that an empty mesh has addresses too.
+            self.points = wp.zeros(max(1, self.vertex_count), dtype=wp.vec3f)
+            self.triangles = wp.zeros(max(1, self.triangle_count), dtype=wp.vec3i)
+            self.weld = wp.zeros(max(1, self.vertex_count), dtype=wp.int32)
+            self.valid = wp.zeros(max(1, self.triangle_count), dtype=wp.uint8)
+            self.eye = wp.zeros(1, dtype=wp.vec3f)
+            self.axes = wp.zeros(3, dtype=wp.vec3f)
+            self.tangents = wp.zeros(2, dtype=wp.float32)
+            self.column = wp.zeros(width, dtype=wp.vec3f)
+            self.row = wp.zeros(height, dtype=wp.vec3f)
+            self.lights = wp.zeros(max(1, light_count), dtype=wp.vec3f)
+            self.answers = Answers(
+                wp.zeros(self.pixels, dtype=wp.int32),
+                wp.zeros(self.pixels, dtype=wp.float32),
+                wp.zeros(self.pixels, dtype=wp.float32),
+                wp.zeros(self.pixels, dtype=wp.float32),
+                wp.zeros((max(1, light_count), self.pixels), dtype=wp.uint8),
+            )
+        self.host: Moment | None = None
+        if self.triangle_count:
+            self.triangles.assign(prepared.faces)
+        if self.vertex_count:
+            self.weld.assign(prepared.weld)
+
+    def load(self, moment: Moment) -> None:
+        """Copy the next moment in. Outside every timing: the paper does not count transfers either."""
+        self.host = moment
+        if self.vertex_count:
+            self.points.assign(moment.points)
+        if self.triangle_count:
+            self.valid.assign(moment.valid)
+        self.eye.assign(moment.eye.reshape(1, 3))
+        self.axes.assign(moment.axes)
+        self.tangents.assign(moment.tangents)
+        self.column.assign(moment.column)
+        self.row.assign(moment.row)
+        if self.light_count:
+            self.lights.assign(moment.lights)

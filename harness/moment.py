@@ -1,0 +1,235 @@
+"""The conventions fixed once: recentring, float32, ray tables, weld, zero-area flags.
+
+A :class:`Prepared` scene is recentred in float64 and rounded to float32 once; every method, Embree and the
+referee get the same arrays. A :class:`Moment` is one frame of it, at one image size, with its lights.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import UserError
+from .scene import Camera, Geometry, Light, Scene
+
+F32 = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """All that a frame is made from, on the host.
+
+    points   float32 [vertex_count, 3]
+    valid    uint8 [triangle_count]: 0 for zero-area, NaN and infinite triangles, which are never hit
+    eye      float32 [3]
+    axes     float32 [3, 3]: right, up, forward, unit length
+    tangents float32 [2]: half width and half height of the image plane at distance 1 along forward
+    column   float32 [width, 3], row float32 [height, 3]: a pixel's direction is column[x] + row[y], one float32
+             addition a component; its forward part is 1 up to rounding, so t is the depth along forward
+    lights   float32 [light_count, 3]
+    """
+
+    index: int
+    points: F32
+    valid: NDArray[np.uint8]
+    eye: F32
+    axes: F32
+    tangents: F32
+    column: F32
+    row: F32
+    lights: F32
+
+    @property
+    def width(self) -> int:
+        return len(self.column)
+
+    @property
+    def height(self) -> int:
+        return len(self.row)
+
+    def directions(self, pixels: NDArray[np.integer]) -> F32:
+        """The float32 directions [n, 3] of the given pixel indices (row * width + column)."""
+        return self.column[pixels % self.width] + self.row[pixels // self.width]
+
+
+class Prepared:
+    """A scene recentred, rounded and welded: the arrays that everyone gets.
+
+    ``centre`` is what was subtracted, in float64: zero when the bounding box already lies within its own size
+    of the origin (nothing would be gained, and the file's own float32 values stay as they are).
+    """
+
+    def __init__(self, scene: Scene):
+        self.scene = scene
+        self.geometry: Geometry = scene.geometry()
+        self.faces: NDArray[np.int32] = np.ascontiguousarray(self.geometry.faces, dtype=np.int32).reshape(-1, 3)
+        first = np.asarray(self.geometry.positions(0), dtype=np.float64).reshape(-1, 3)
+        check_faces(self.faces, len(first), scene.name)
+        self.centre = recentre(first)
+        self.weld = weld(first)
+        low, high = finite_bounds(first - self.centre)
+        self.radius = float(np.linalg.norm(high - low) / 2) or 1.0
+        self.middle = (low + high) / 2
+        self._cache: tuple[int, F32, NDArray[np.uint8]] | None = None
+
+    @property
+    def frame_count(self) -> int:
+        return self.geometry.frame_count
+
+    @property
+    def triangle_count(self) -> int:
+        return len(self.faces)
+
+    @property
+    def vertex_count(self) -> int:
+        return len(self.weld)
+
+    def points(self, frame: int) -> tuple[F32, NDArray[np.uint8]]:
+        """Float32 positions and validity flags of a frame (the last frame asked for is kept)."""
+        if self._cache is None or self._cache[0] != frame:
+            positions = np.asarray(self.geometry.positions(frame), dtype=np.float64).reshape(-1, 3)
+            points = np.ascontiguousarray((positions - self.centre).astype(np.float32))
+            self._cache = (frame, points, valid_triangles(points, self.faces))
+        return self._cache[1], self._cache[2]
+
+    def moment(
+        self,
+        frame: int,
+        width: int,
+        height: int,
+        camera: Camera | None = None,
+        lights: tuple[Light, ...] | None = None,
+    ) -> Moment:
+        """One frame at one image size. ``camera`` and ``lights`` default to the scene's, moved along its path."""
+        points, valid = self.points(frame)
+        chosen = camera or self.scene.camera
+        if lights is None:
+            lights = self.lights(frame)
+        eye, axes, tangents, column, row = ray_tables(chosen, width, height, self.centre)
+        positions = np.array([light.position for light in lights], dtype=np.float64).reshape(-1, 3) - self.centre
+        return Moment(
+            frame, points, valid, eye, axes, tangents, column, row, np.ascontiguousarray(positions.astype(np.float32))
+        )
+
+    def lights(self, frame: int) -> tuple[Light, ...]:
+        """The scene's lights at a frame, moved along its light path."""
+        path = self.scene.light_path
+        if path is None:
+            return self.scene.lights
+        share = frame / max(1, self.frame_count - 1)
+        return path.at(self.scene.lights, share)  # type: ignore[attr-defined]
+
+    def sha256(self, frame: int = 0) -> str:
+        """Hash of the arrays as everyone gets them: float32 positions of a frame, then faces in their order."""
+        digest = hashlib.sha256(np.ascontiguousarray(self.points(frame)[0]).tobytes())
+        digest.update(self.faces.tobytes())
+        return digest.hexdigest()
+
+
+def check_faces(faces: NDArray[np.int32], vertex_count: int, name: str) -> None:
+    """Raise :class:`UserError` unless every index names a vertex."""
+    if len(faces) and (faces.min() < 0 or faces.max() >= vertex_count):
+        bad = int(faces.max()) if faces.max() >= vertex_count else int(faces.min())
+        raise UserError(f"{name}: a face names vertex {bad}, but there are {vertex_count} vertices; mend the file")
+
+
+def finite_bounds(positions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Lowest and highest corner of the finite vertices; both zero where there are none."""
+    finite = positions[np.isfinite(positions).all(axis=1)] if len(positions) else positions
+    if not len(finite):
+        return np.zeros(3), np.zeros(3)
+    return finite.min(axis=0), finite.max(axis=0)
+
+
+def recentre(positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The point to subtract: the middle of the box, or zero where the box lies within its own size of the origin."""
+    low, high = finite_bounds(positions)
+    middle = (low + high) / 2
+    if np.abs(middle).max() <= (high - low).max():
+        return np.zeros(3)
+    return middle
+
+
+def weld(positions: NDArray[np.float64]) -> NDArray[np.int32]:
+    """For each vertex the lowest index of a vertex at the same position (-0 equals +0), int32 [vertex_count].
+
+    Edge planes are built in this order, so that two triangles that meet at an edge get the same plane even where
+    the file has split its vertices. Vertices with NaN keep their own index.
+    """
+    if not len(positions):
+        return np.zeros(0, dtype=np.int32)
+    keys = np.ascontiguousarray(positions.astype(np.float32) + np.float32(0.0))
+    view = keys.view([("x", "<f4"), ("y", "<f4"), ("z", "<f4")]).ravel().view("V12")
+    _, first, inverse = np.unique(view, return_index=True, return_inverse=True)
+    result = first[inverse.ravel()].astype(np.int32)
+    odd = np.isnan(keys).any(axis=1)
+    result[odd] = np.nonzero(odd)[0]
+    return result
+
+
+def valid_triangles(points: F32, faces: NDArray[np.int32]) -> NDArray[np.uint8]:
+    """1 where a triangle has finite vertices and an area that is not zero, decided exactly. uint8 [triangle_count]."""
+    if not len(faces):
+        return np.zeros(0, dtype=np.uint8)
+    with np.errstate(invalid="ignore", over="ignore"):
+        a, b, c = (points[faces[:, i]].astype(np.float64) for i in range(3))
+        finite = np.isfinite(a).all(axis=1) & np.isfinite(b).all(axis=1) & np.isfinite(c).all(axis=1)
+        e, f = b - a, c - a
+        size = np.maximum(np.abs(a), np.maximum(np.abs(b), np.abs(c))).max(axis=1)
+        normal = np.abs(np.cross(e, f)).max(axis=1)
+        # Differences of float32 are rounded at 2^-53 of the largest coordinate, products at 2^-53 of themselves.
+        reach = np.maximum(np.abs(e), np.abs(f)).max(axis=1)
+        bound = 16 * 2.0**-53 * reach * (reach + size)
+    result = finite & (normal > bound)
+    for i in np.nonzero(finite & ~result)[0]:
+        result[i] = not _zero_area_exact(*(points[faces[i]]))
+    return result.astype(np.uint8)
+
+
+def _zero_area_exact(a: F32, b: F32, c: F32) -> bool:
+    p, q, r = ([Fraction(float(x)) for x in vertex] for vertex in (a, b, c))
+    e = [x - y for x, y in zip(q, p, strict=True)]
+    f = [x - y for x, y in zip(r, p, strict=True)]
+    return all(e[i] * f[j] == e[j] * f[i] for i, j in ((0, 1), (1, 2), (2, 0)))
+
+
+def ray_tables(
+    camera: Camera, width: int, height: int, centre: NDArray[np.float64]
+) -> tuple[F32, F32, F32, F32, F32]:
+    """Eye [3], axes [3, 3], tangents [2], column [width, 3], row [height, 3], all float32.
+
+    Pixel (x, y) has its centre at (x + 0.5, y + 0.5), row 0 at the top; square pixels; ``fov`` is vertical.
+    """
+    if width < 1 or height < 1:
+        raise UserError(f"image size {width}x{height}: both must be at least 1")
+    eye = np.asarray(camera.eye, dtype=np.float64)
+    forward = np.asarray(camera.target, dtype=np.float64) - eye
+    if not np.isfinite(forward).all() or not forward.any():
+        raise UserError("camera: eye and target must be finite and different")
+    forward /= np.abs(forward).max()
+    forward /= np.linalg.norm(forward)
+    up = np.asarray(camera.up, dtype=np.float64)
+    right = np.cross(forward, up)
+    if not np.isfinite(up).all() or np.linalg.norm(right) <= 1e-9 * np.linalg.norm(up):
+        raise UserError("camera: up must be finite and not parallel to the view; choose another up")
+    if not 0.0 < camera.fov < 180.0:
+        raise UserError(f"camera: fov {camera.fov} degrees must lie between 0 and 180")
+    right /= np.linalg.norm(right)
+    true_up = np.cross(right, forward)
+    half = np.tan(np.radians(camera.fov) / 2)
+    tangents = np.array([half * width / height, half])
+    x = (2 * (np.arange(width) + 0.5) / width - 1) * tangents[0]
+    y = (1 - 2 * (np.arange(height) + 0.5) / height) * tangents[1]
+    column = forward + x[:, None] * right
+    row = y[:, None] * true_up
+    return (
+        (eye - centre).astype(np.float32),
+        np.stack([right, true_up, forward]).astype(np.float32),
+        tangents.astype(np.float32),
+        np.ascontiguousarray(column.astype(np.float32)),
+        np.ascontiguousarray(row.astype(np.float32)),
+    )

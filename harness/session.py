@@ -1,0 +1,119 @@
+"""One method on one frame: plan, load, run, grow where a capacity did not suffice, and capture as a graph.
+
+Everything that runs a method goes through a session: timing, verification, rendering, tests.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from .frame import Frame
+from .method import Method
+from .moment import Moment, Prepared
+from .passes import Pass, run_passes
+from .scene import Effects, Limits
+
+GROWTH_LIMIT = 8
+"""A frame repeated more often than this has a method whose needs do not settle."""
+
+
+class Session:
+    """A method planned on a frame of a prepared scene.
+
+    ``regrown`` counts how often a capacity was exceeded, the frame discarded and run again.
+    """
+
+    def __init__(
+        self,
+        method: Method,
+        prepared: Prepared,
+        width: int,
+        height: int,
+        device: str,
+        light_count: int | None = None,
+        effects: Effects | None = None,
+        limits: Limits | None = None,
+    ):
+        scene = prepared.scene
+        self.method = method
+        self.device = device
+        self.effects = effects or Effects.of(scene)
+        self.limits = limits or Limits()
+        count = len(scene.lights) if light_count is None else light_count
+        self.frame = Frame(prepared, width, height, count, device)
+        self.regrown = 0
+        self.passes: list[Pass] = []
+        self._graphs: dict[int, Any] = {}
+        self._plan()
+
+    def _plan(self) -> None:
+        with wp.ScopedDevice(self.device):
+            self._graphs.clear()
+            self.passes = self.method.plan(self.frame, self.effects, self.limits)
+
+    def load(self, moment: Moment) -> None:
+        """Copy the next moment in."""
+        self.frame.load(moment)
+
+    def settle(self) -> None:
+        """Run the frame until every capacity suffices; after this, replays of the same moment fit.
+
+        Raises :class:`~.errors.CapacityRejected` where a need lies beyond the limits.
+        """
+        for _ in range(GROWTH_LIMIT):
+            self.run()
+            if not self._grow():
+                return
+        raise RuntimeError(f"{self.method.name}: needs still grow after {GROWTH_LIMIT} repeats of one frame")
+
+    def _grow(self) -> bool:
+        needs = self.method.needs()
+        if needs is None:
+            return False
+        needed: NDArray[np.int64] = np.array(needs.numpy(), dtype=np.int64)
+        if not self.method.grow(needed):
+            return False
+        self.regrown += 1
+        self._plan()
+        return True
+
+    def run(self) -> None:
+        """Launch every pass once, eagerly."""
+        with wp.ScopedDevice(self.device):
+            run_passes(self.passes)
+
+    def graph(self, upto: int | None = None) -> Any:
+        """The captured graph of the first ``upto`` passes (all by default); CUDA and capturable methods only."""
+        count = len(self.passes) if upto is None else upto
+        if count not in self._graphs:
+            with wp.ScopedDevice(self.device), wp.ScopedCapture() as capture:
+                run_passes(self.passes[:count])
+            self._graphs[count] = capture.graph
+        return self._graphs[count]
+
+    @property
+    def replays(self) -> bool:
+        """Whether whole frames are replayed as one graph."""
+        return self.method.capturable and wp.get_device(self.device).is_cuda
+
+    def replay(self) -> None:
+        """Run the frame as it is timed: the graph where there is one, plain launches elsewhere."""
+        if self.replays:
+            wp.capture_launch(self.graph())
+        else:
+            self.run()
+
+    def answers(self, moment: Moment) -> dict[str, NDArray]:
+        """Load a moment, run it until it fits, and return the answers on the host (poisoned before the run)."""
+        self.load(moment)
+        self.frame.answers.poison()
+        for i in range(self.frame.light_count):
+            if i >= len(self.effects.shadows) or not self.effects.shadows[i]:
+                self.frame.answers.visibility[i].zero_()
+        self.settle()
+        wp.synchronize_device(self.device)
+        return self.frame.answers.to_host()

@@ -1,0 +1,1 @@
+"""What methods share: the triangle test, hit points, binning."""
