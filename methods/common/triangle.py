@@ -1,0 +1,274 @@
+"""The triangle tests that every method of ours shares: float32 rejects, float64 decides.
+
+A float32 test may only say "certainly not": it compares its edge functions with a bound on their own rounding.
+What it cannot rule out is decided in float64, with each edge taken in weld order, so that the two triangles at
+an edge compute the same number with opposite sign and no ray can pass between them. An answer therefore never
+depends on which structure offered the triangle, in which order, or how often.
+
+Conventions (fixed for everyone): triangles are closed and two-sided; a coplanar ray is no hit; (u, v) are the
+weights of vertices 1 and 2; the shadow segment is open at the hit point and at the light.
+
+Bounds: u32 = 2^-24 and u64 = 2^-53 are the unit roundoffs. For e = d . ((p - o) x (q - p)) with exact inputs,
+every difference carries one rounding, every product one, and at most three additions follow, so that
+|error| <= 8 u * sum_i |d_i| (|P_j Q_k| + |P_k Q_j|) <= 16 u |d|_1 |P|_max |Q|_max. Fused multiply-adds only round
+less. FLOOR covers underflow. A comparison with NaN is false, so an overflow is never "certain".
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+U32 = wp.constant(5.9604645e-08)  # 2^-24
+U64 = wp.constant(wp.float64(1.1102230246251565e-16))  # 2^-53
+FLOOR32 = wp.constant(1.0e-35)
+NO_HIT = wp.constant(wp.float64(-1.0))
+
+
+@wp.func
+def to_float64(a: wp.vec3f) -> wp.vec3d:
+    return wp.vec3d(wp.float64(a[0]), wp.float64(a[1]), wp.float64(a[2]))
+
+
+@wp.func
+def to_float32(a: wp.vec3d) -> wp.vec3f:
+    return wp.vec3f(wp.float32(a[0]), wp.float32(a[1]), wp.float32(a[2]))
+
+
+@wp.func
+def largest(a: wp.vec3f) -> wp.float32:
+    return wp.max(wp.abs(a[0]), wp.max(wp.abs(a[1]), wp.abs(a[2])))
+
+
+@wp.func
+def largest(a: wp.vec3d) -> wp.float64:
+    return wp.max(wp.abs(a[0]), wp.max(wp.abs(a[1]), wp.abs(a[2])))
+
+
+@wp.func
+def total(a: wp.vec3f) -> wp.float32:
+    return wp.abs(a[0]) + wp.abs(a[1]) + wp.abs(a[2])
+
+
+@wp.func
+def total(a: wp.vec3d) -> wp.float64:
+    return wp.abs(a[0]) + wp.abs(a[1]) + wp.abs(a[2])
+
+
+@wp.func
+def certainly_outside(e0: wp.float32, e1: wp.float32, e2: wp.float32, bound: wp.float32) -> wp.bool:
+    """Whether two of three edge functions, each known to ``bound``, certainly have opposite signs."""
+    low = wp.min(e0, wp.min(e1, e2))
+    high = wp.max(e0, wp.max(e1, e2))
+    return low < -bound and high > bound
+
+
+@wp.func
+def may_hit(o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> wp.bool:
+    """False only if the line o + t d certainly misses the triangle. Float32; t is not looked at."""
+    pa = a - o
+    pb = b - o
+    pc = c - o
+    ab = b - a
+    bc = c - b
+    ca = a - c
+    reach = wp.max(largest(pa), wp.max(largest(pb), largest(pc)))
+    edge = wp.max(largest(ab), wp.max(largest(bc), largest(ca)))
+    bound = 16.0 * U32 * total(d) * reach * edge + FLOOR32
+    return not certainly_outside(
+        wp.dot(wp.cross(pb, bc), d), wp.dot(wp.cross(pc, ca), d), wp.dot(wp.cross(pa, ab), d), bound
+    )
+
+
+@wp.func
+def edge_function(
+    o: wp.vec3d, d: wp.vec3d, p: wp.vec3d, q: wp.vec3d, weld_p: wp.int32, weld_q: wp.int32
+) -> wp.float64:
+    """d . ((p - o) x (q - p)) in float64, taken from the vertex with the lower weld index."""
+    if weld_p < weld_q:
+        return wp.dot(wp.cross(p - o, q - p), d)
+    return -wp.dot(wp.cross(q - o, p - q), d)
+
+
+@wp.func
+def edge_functions(
+    o: wp.vec3d, d: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, weld: wp.vec3i
+) -> wp.vec3d:
+    """The edge functions opposite to a, b and c."""
+    return wp.vec3d(
+        edge_function(o, d, b, c, weld[1], weld[2]),
+        edge_function(o, d, c, a, weld[2], weld[0]),
+        edge_function(o, d, a, b, weld[0], weld[1]),
+    )
+
+
+@wp.func
+def one_sign(e: wp.vec3d) -> wp.bool:
+    zero = wp.float64(0.0)
+    return (e[0] >= zero and e[1] >= zero and e[2] >= zero) or (e[0] <= zero and e[1] <= zero and e[2] <= zero)
+
+
+@wp.func
+def hit_distance(
+    o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i
+) -> wp.float64:
+    """t > 0 of the hit in lengths of d, or NO_HIT. Float64 on exact float32 inputs."""
+    o64 = to_float64(o)
+    d64 = to_float64(d)
+    a64 = to_float64(a)
+    b64 = to_float64(b)
+    c64 = to_float64(c)
+    if not one_sign(edge_functions(o64, d64, a64, b64, c64, weld)):
+        return NO_HIT
+    e1 = b64 - a64
+    e2 = c64 - a64
+    n = wp.cross(e1, e2)
+    det = wp.dot(n, d64)
+    if wp.abs(det) <= wp.float64(8.0) * U64 * total(d64) * largest(e1) * largest(e2):
+        return NO_HIT
+    t = wp.dot(n, a64 - o64) / det
+    if t > wp.float64(0.0):
+        return t
+    return NO_HIT
+
+
+@wp.func
+def hit_weights(
+    o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i
+) -> wp.vec2f:
+    """(u, v): the weights of vertices 1 and 2 at the hit."""
+    e = edge_functions(to_float64(o), to_float64(d), to_float64(a), to_float64(b), to_float64(c), weld)
+    sum = e[0] + e[1] + e[2]
+    return wp.vec2f(wp.float32(e[1] / sum), wp.float32(e[2] / sum))
+
+
+@wp.func
+def may_occlude(
+    h: wp.vec3f, light: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, h_error: wp.float32
+) -> wp.bool:
+    """False only if the open segment h-light certainly misses the triangle.
+
+    Planes through the light and each edge, evaluated relative to an end of the edge: right at any distance of
+    the light. ``h_error`` bounds |h - the float64 hit point| in each coordinate.
+    """
+    la = a - light
+    lb = b - light
+    lc = c - light
+    ab = b - a
+    bc = c - b
+    ca = a - c
+    ha = h - a
+    hb = h - b
+    hc = h - c
+    edge = wp.max(largest(ab), wp.max(largest(bc), largest(ca)))
+    reach = wp.max(total(ha), wp.max(total(hb), total(hc)))
+    from_light = wp.max(largest(la), wp.max(largest(lb), largest(lc)))
+    bound = from_light * edge * (16.0 * U32 * reach + 8.0 * h_error) + FLOOR32
+    if certainly_outside(
+        wp.dot(wp.cross(lb, bc), hb), wp.dot(wp.cross(lc, ca), hc), wp.dot(wp.cross(la, ab), ha), bound
+    ):
+        return False
+    # Both ends certainly on the same side of the triangle's plane.
+    n = wp.cross(ab, ca)
+    side_h = wp.dot(n, ha)
+    side_l = -wp.dot(n, la)
+    bound_h = edge * edge * (16.0 * U32 * reach + 8.0 * h_error) + FLOOR32
+    bound_l = edge * edge * 48.0 * U32 * from_light + FLOOR32
+    if (side_h > bound_h and side_l > bound_l) or (side_h < -bound_h and side_l < -bound_l):
+        return False
+    return True
+
+
+@wp.func
+def occludes(
+    h: wp.vec3d, light: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i, origin_size: wp.float64
+) -> wp.bool:
+    """Whether the triangle meets the open segment from the hit point h to the light. Float64.
+
+    A triangle whose plane passes h within the rounding of h itself contains it (its own triangle, duplicates,
+    neighbours at an edge) and does not count; nor does one whose plane passes the light within rounding.
+    ``origin_size`` is the largest coordinate of the eye: h = eye + t d was rounded at that size.
+    """
+    l64 = to_float64(light)
+    a64 = to_float64(a)
+    b64 = to_float64(b)
+    c64 = to_float64(c)
+    ab = b64 - a64
+    ac = c64 - a64
+    n = wp.cross(ab, ac)
+    ha = h - a64
+    la = l64 - a64
+    side_h = wp.dot(n, ha)
+    side_l = wp.dot(n, la)
+    unit = U64 * largest(ab) * largest(ac)
+    if wp.abs(side_h) <= unit * (wp.float64(16.0) * total(ha) + wp.float64(64.0) * (largest(h) + origin_size)):
+        return False
+    if wp.abs(side_l) <= unit * wp.float64(16.0) * total(la):
+        return False
+    if (side_h > wp.float64(0.0)) == (side_l > wp.float64(0.0)):
+        return False
+    return one_sign(light_edge_functions(l64, h, a64, b64, c64, weld))
+
+
+@wp.func
+def light_edge_function(
+    light: wp.vec3d, h: wp.vec3d, p: wp.vec3d, q: wp.vec3d, weld_p: wp.int32, weld_q: wp.int32
+) -> wp.float64:
+    """(h - p) . ((p - light) x (q - p)), taken from the vertex with the lower weld index."""
+    if weld_p < weld_q:
+        return wp.dot(wp.cross(p - light, q - p), h - p)
+    return -wp.dot(wp.cross(q - light, p - q), h - q)
+
+
+@wp.func
+def light_edge_functions(
+    light: wp.vec3d, h: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, weld: wp.vec3i
+) -> wp.vec3d:
+    """The planes through the light and the edges opposite to a, b and c, evaluated at h."""
+    return wp.vec3d(
+        light_edge_function(light, h, b, c, weld[1], weld[2]),
+        light_edge_function(light, h, c, a, weld[2], weld[0]),
+        light_edge_function(light, h, a, b, weld[0], weld[1]),
+    )
+
+
+@wp.func
+def weld_of(weld: wp.array(dtype=wp.int32), face: wp.vec3i) -> wp.vec3i:
+    return wp.vec3i(weld[face[0]], weld[face[1]], weld[face[2]])
+
+
+@wp.func
+def hit_point(o: wp.vec3f, d: wp.vec3f, t: wp.float64) -> wp.vec3d:
+    """o + t d in float64: the shadow origin, by one function for everyone."""
+    return to_float64(o) + to_float64(d) * t
+
+
+@wp.func
+def write_hit(
+    pixel: wp.int32,
+    o: wp.vec3f,
+    d: wp.vec3f,
+    best: wp.int32,
+    t: wp.float64,
+    points: wp.array(dtype=wp.vec3f),
+    triangles: wp.array(dtype=wp.vec3i),
+    weld: wp.array(dtype=wp.int32),
+    triangle_out: wp.array(dtype=wp.int32),
+    t_out: wp.array(dtype=wp.float32),
+    u_out: wp.array(dtype=wp.float32),
+    v_out: wp.array(dtype=wp.float32),
+    hit_out: wp.array(dtype=wp.vec3d),
+):
+    """Write a pixel's answers and its float64 hit point; ``best`` = -1 is a miss (t = inf, u = v = 0)."""
+    triangle_out[pixel] = best
+    if best < 0:
+        t_out[pixel] = wp.INF
+        u_out[pixel] = 0.0
+        v_out[pixel] = 0.0
+        hit_out[pixel] = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
+        return
+    face = triangles[best]
+    uv = hit_weights(o, d, points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face))
+    t_out[pixel] = wp.float32(t)
+    u_out[pixel] = uv[0]
+    v_out[pixel] = uv[1]
+    hit_out[pixel] = hit_point(o, d, t)
