@@ -1,0 +1,298 @@
+"""The worker process of one method: it prepares, measures a round when told to, answers, and is scored.
+
+``python -m shadowbench.harness.worker`` reads one JSON command a line and writes one JSON reply a line. It does
+nothing unasked, so that the parent, by waiting for each reply, lets only one worker run. What methods print goes to
+standard error. The worker ends when its input does.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import hashlib
+import json
+import os
+import signal
+import sys
+import time
+import traceback
+from dataclasses import asdict
+from pathlib import Path
+from typing import IO, Any
+
+import warp as wp
+
+from .errors import CapacityRejected, UserError
+from .moment import Moment, Prepared
+from .plan import spread_frames
+from .registry import make_method
+from .scene import Limits
+from .scenes import find_scene
+from .session import Session
+from .timing import (
+    CompileClock,
+    Memory,
+    Sampling,
+    clock_state,
+    peak_resident_bytes,
+    reset_peak_resident,
+    resident_bytes,
+    sample_frame,
+)
+
+
+class Skipped(Exception):
+    """The method says that it cannot do this scene; the text is its reason."""
+
+
+class Worker:
+    """The state between commands: one scene, its moments, and one session a point."""
+
+    def __init__(self) -> None:
+        self.prepared: Prepared | None = None
+        self.size = (0, 0)
+        self.load_s = 0.0
+        self.moments: dict[int, Moment] = {}
+        self.sessions: dict[str, Session] = {}
+        self.memory: dict[str, dict[int, int]] = {}
+        self.sources: dict[str, str] = {}
+        self.points: dict[str, dict[str, Any]] = {}
+
+    def do(self, command: dict[str, Any]) -> dict[str, Any]:
+        """Carry out one command and return its reply."""
+        kind = command.pop("do")
+        actions = {
+            "load": self.load, "prepare": self.prepare, "round": self.round, "finish": self.finish, "free": self.free,
+        }  # fmt: skip
+        return actions[kind](**command)
+
+    def load(self, scene: str, scene_dir: str | None, frames: int, width: int, height: int) -> dict[str, Any]:
+        """Make the scene and its moments; reply with its facts (see :func:`scene_facts`)."""
+        self.free()
+        start = time.perf_counter()
+        self.prepared = Prepared(find_scene(scene, scene_dir))
+        self.size = (width, height)
+        for frame in spread_frames(self.prepared.frame_count, frames):
+            self.moments[frame] = self.prepared.moment(frame, width, height)
+        self.load_s = time.perf_counter() - start
+        return {"scene": scene_facts(self.prepared, self.moments), "load_s": self.load_s}
+
+    def prepare(self, point: dict[str, Any]) -> dict[str, Any]:
+        """Plan, compile and run every frame until its capacities suffice; count memory meanwhile."""
+        assert self.prepared is not None
+        self.points[point["key"]] = point
+        device = point["device"]
+        method = make_method(point["method"], point["settings"])
+        reason = method.applies(self.prepared.scene, device)
+        if reason:
+            raise Skipped(reason)
+        if not self.sessions:
+            reset_peak_resident()
+        baseline = resident_bytes()
+        tracker = Memory()
+        tracker.start()
+        start = time.perf_counter()
+        held: dict[int, int] = {}
+        with CompileClock() as compiling:
+            limits = Limits(**({"memory": point["memory_limit"]} if point.get("memory_limit") else {}))
+            session = Session(method, self.prepared, *self.size, device, limits=limits)
+            own = array_bytes(session.frame) + array_bytes(session.frame.answers)
+            first = None
+            for frame, moment in self.moments.items():
+                session.load(moment)
+                session.settle()
+                wp.synchronize_device(device)
+                first = first or time.perf_counter() - start
+                held[frame] = max(0, tracker.peak() - own)
+        tracker.pause()
+        # Structures outside Warp's allocators (a library's own) show only in how far the process grew.
+        outside = device == "cpu" and max(held.values()) < tracker.growth() / 2 and not method.capturable
+        if outside:
+            held = {frame: tracker.growth() for frame in held}
+        self.sessions[point["key"]] = session
+        self.memory[point["key"]] = held
+        self.sources[point["key"]] = "process growth" if outside else "warp allocations"
+        return {
+            "compile_s": compiling.seconds,
+            "load_s": self.load_s,
+            "first_frame_s": first,
+            "baseline_rss_bytes": baseline,
+            "method": {
+                "built": plain(method.built()),
+                "replayed": session.replays,
+                "passes": [
+                    {"name": p.name, "part": p.part, "reads": p.reads, "writes": p.writes, "effect": p.effect}
+                    for p in session.passes
+                ],
+            },
+        }
+
+    def round(self, key: str, sampling: dict[str, Any]) -> dict[str, Any]:
+        """One round of samples of every frame of a point."""
+        session, device = self.sessions[key], self.points[key]["device"]
+        started, chosen = time.time(), Sampling(**sampling)
+        frames = []
+        for frame, moment in self.moments.items():
+            measured, regrown = self._fitting_samples(session, moment, chosen)
+            frames.append(
+                {
+                    "frame": frame,
+                    "started": measured.started,
+                    "total_ms": measured.total_ms,
+                    "wall_ms": measured.wall_ms,
+                    "passes": measured.passes,
+                    "stopped_by": measured.stopped_by,
+                    "regrown": regrown,
+                    "memory_bytes": self.memory[key][frame],
+                    "memory_source": self.sources[key],
+                }
+            )
+        # Never between samples: asking a GPU for its clocks disturbs it.
+        return {
+            "started": started,
+            "clock": clock_state(device),
+            "frames": frames,
+            "peak_rss_bytes": peak_resident_bytes(),
+        }
+
+    def _fitting_samples(self, session: Session, moment: Moment, sampling: Sampling) -> tuple[Any, int]:
+        """Samples of frames that fitted: after a regrowth what was measured is thrown away and taken again."""
+        for _ in range(3):
+            session.load(moment)
+            measured = sample_frame(session, sampling)
+            before = session.regrown
+            session.settle()
+            if session.regrown == before:
+                return measured, session.regrown
+        raise RuntimeError(f"{session.method.name}: needs of one frame change from run to run")
+
+    def finish(
+        self, key: str, folder: str, save_answers: bool, score: bool, picture: str | None = None
+    ) -> dict[str, Any]:
+        """Answer every frame once more, from poisoned arrays, and score it; draw the middle one on request."""
+        from .grading import draw_picture, grade
+
+        assert self.prepared is not None
+        session = self.sessions[key]
+        frames = []
+        middle = list(self.moments)[len(self.moments) // 2]
+        for frame, moment in self.moments.items():
+            answers = session.answers(moment)
+            counters = plain(session.method.counters())
+            graded = grade(self.prepared, moment, answers, session.effects, Path(folder), key, save_answers, score)
+            frames.append({"frame": frame, "counters": counters, **graded})
+            if picture and frame == middle:
+                draw_picture(self.prepared, moment, answers, Path(picture))
+        return {"frames": frames, "method": {"built": plain(session.method.built())}}
+
+    def free(self, key: str | None = None) -> dict[str, Any]:
+        """Forget one point, or the scene and all of its points."""
+        for name in [key] if key else list(self.points):
+            for table in (self.sessions, self.memory, self.sources, self.points):
+                table.pop(name, None)  # type: ignore[attr-defined]
+        if key is None:
+            self.prepared = None
+            self.moments.clear()
+        gc.collect()
+        return {}
+
+
+def scene_facts(prepared: Prepared, moments: dict[int, Moment]) -> dict[str, Any]:
+    """What a record says of a scene: its source, size, and hashes of the arrays that everyone gets."""
+    scene = prepared.scene
+    arrays = hashlib.sha256()
+    views = hashlib.sha256()
+    for frame, moment in moments.items():
+        arrays.update(prepared.sha256(frame).encode())
+        for table in (moment.valid, moment.eye, moment.column, moment.row, moment.lights):
+            views.update(table.tobytes())
+    path = scene.light_path
+    return {
+        "name": scene.name,
+        "title": scene.title,
+        "stand_in": scene.stand_in,
+        "closed": scene.closed,
+        "notes": scene.notes,
+        "source": asdict(scene.source),
+        "triangles": prepared.triangle_count,
+        "invalid_triangles": int(sum((m.valid == 0).sum() for m in list(moments.values())[:1])),
+        "vertices": prepared.vertex_count,
+        "frame_count": prepared.frame_count,
+        "frames": list(moments),
+        "arrays_sha256": arrays.hexdigest(),
+        "moments_sha256": views.hexdigest(),
+        "centre": [float(x) for x in prepared.centre],
+        "radius": prepared.radius,
+        "camera": plain(asdict(scene.camera)),
+        "lights": [plain(asdict(light)) for light in scene.lights],
+        "light_path": None if path is None else {"kind": type(path).__name__, **plain(asdict(path))},  # type: ignore[call-overload]
+    }
+
+
+def plain(value: Any) -> Any:
+    """The value as JSON can hold it: numpy numbers as Python's own, tuples as lists, anything else as text."""
+    if isinstance(value, dict):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(v) for v in value]
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    if hasattr(value, "item") and getattr(value, "ndim", 1) == 0:
+        return value.item()
+    return str(value)
+
+
+def array_bytes(holder: object) -> int:
+    """Bytes of the Warp arrays among the attributes of an object."""
+    return sum(a.capacity for a in vars(holder).values() if isinstance(a, wp.array))
+
+
+def answer_line(worker: Worker, line: str) -> dict[str, Any]:
+    """The reply to one command: what it returns, or the kind of error (a status of a record) with its reason."""
+    try:
+        return {"ok": True, **worker.do(json.loads(line))}
+    except CapacityRejected as error:
+        return {"error": "rejected", "reason": one_line(error)}
+    except Skipped as error:
+        return {"error": "skipped", "reason": one_line(error)}
+    except UserError as error:
+        return {"error": "failed", "reason": one_line(error)}
+    except MemoryError as error:
+        return {"error": "failed", "reason": f"out of memory: {one_line(error)}"}
+    except Exception as error:
+        traceback.print_exc()
+        return {"error": "failed", "reason": f"{type(error).__name__}: {one_line(error)}"}
+
+
+def one_line(error: BaseException) -> str:
+    """The text of an error on one line."""
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+def serve(commands: IO[str], replies: IO[str]) -> None:
+    """Answer commands until there are no more."""
+    worker = Worker()
+    for line in commands:
+        if line.strip():
+            replies.write(json.dumps(answer_line(worker, line)) + "\n")
+            replies.flush()
+
+
+def die_with_parent() -> None:
+    """On Linux, end when the parent does, even in the midst of a launch."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(1, signal.SIGKILL)
+
+
+def main() -> None:
+    """Keep standard output for replies, send every print to standard error, and serve."""
+    die_with_parent()
+    replies = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)
+    wp.config.quiet = True
+    wp.init()
+    serve(sys.stdin, replies)
+
+
+if __name__ == "__main__":
+    main()
