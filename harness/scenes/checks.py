@@ -1,0 +1,138 @@
+"""What every reader of scene files shares: one kind of error, limits, fan triangulation, the last check."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import UserError
+from ..scene import Geometry, Vector
+
+MAX_LINE = 1 << 20
+"""Bytes a line of a text file may have; a longer one is not a mesh and would cost many times its size to
+split.
+"""
+
+MAX_TRIANGLES = 1 << 27
+"""Triangles a scene may have: the methods index corners with int32."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """What a reader returns for one file.
+
+    points  float32 or float64 [vertex_count, 3], as stored: nothing merged, nothing dropped; may hold NaN
+    faces   int32 [triangle_count, 3], in the order of the file; polygons as fans (0, i, i + 1)
+    up      the direction that the file declares as up, or None where it declares none
+    """
+
+    points: NDArray[np.floating]
+    faces: NDArray[np.int32]
+    up: Vector | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Loaded:
+    """A file, or a sequence of files with the same connectivity.
+
+    frames  one array of positions [vertex_count, 3] a frame
+    files   what was read, in frame order (one file for an ``.npz``)
+    """
+
+    faces: NDArray[np.int32]
+    frames: tuple[NDArray[np.floating], ...]
+    files: tuple[Path, ...]
+    up: Vector | None = None
+    notes: str = field(default="")
+
+    def geometry(self) -> Geometry:
+        """The mesh over time."""
+        return Geometry(self.faces, lambda k: self.frames[k], len(self.frames))
+
+
+def broken(path: Path, problem: str, way_out: str = "export the file again") -> UserError:
+    """The error for a file that cannot be used: one line that names file, problem and way out."""
+    line = " ".join(f"{path}: {problem}; {way_out}".split())
+    return UserError(line if len(line) <= 400 else line[:397] + "...")
+
+
+@contextmanager
+def guarded(path: Path, what: str) -> Iterator[None]:
+    """Turn whatever another library raises into a :class:`UserError` that names the file."""
+    try:
+        yield
+    except UserError:
+        raise
+    except Exception as error:
+        detail = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+        raise broken(path, f"not a readable {what} file ({detail[:160]})") from error
+
+
+def read_bytes(path: Path) -> bytes:
+    """The whole file. Raises :class:`UserError` where it is missing, a folder or unreadable."""
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise UserError(f"{path}: no such file; check the path") from None
+    except OSError as error:
+        raise UserError(
+            f"{path}: cannot be read ({error.strerror or error}); check the path and its rights"
+        ) from None
+
+
+def fan(counts: NDArray[np.integer], corners: NDArray[np.integer]) -> NDArray[np.int64]:
+    """Triangles of polygons, each a fan about its first corner, in order. int64 [sum(counts - 2), 3].
+
+    ``counts``: corners of each polygon, at least 3. ``corners``: their vertex indices one after another.
+    """
+    counts = np.asarray(counts, dtype=np.int64)
+    if len(counts) and (counts == 3).all():
+        return np.asarray(corners, dtype=np.int64).reshape(-1, 3)
+    start = np.cumsum(counts) - counts
+    first = np.repeat(start, counts - 2)
+    before = np.cumsum(counts - 2) - (counts - 2)
+    step = np.arange(len(first)) - np.repeat(before, counts - 2)
+    corners = np.asarray(corners, dtype=np.int64)
+    return np.stack([corners[first], corners[first + step + 1], corners[first + step + 2]], axis=1)
+
+
+def polygon_sizes(path: Path, counts: NDArray[np.integer]) -> None:
+    """Raise :class:`UserError` where a polygon has fewer than 3 corners: dropping it would shift all
+    indices.
+    """
+    small = np.flatnonzero(np.asarray(counts) < 3)
+    if len(small):
+        raise broken(
+            path, f"face {small[0]} has {counts[small[0]]} vertices", "a face needs at least 3: remove it"
+        )
+
+
+def checked(path: Path, points: NDArray, faces: NDArray, up: Vector | None = None) -> Mesh:
+    """The mesh, after the last check: shapes, at least one triangle, every index in range."""
+    points = np.asarray(points)
+    if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind != "f":
+        raise broken(
+            path, f"positions have shape {points.shape} and type {points.dtype}, not [vertices, 3] floats"
+        )
+    if points.dtype.itemsize not in (4, 8):
+        points = points.astype(np.float32 if points.dtype.itemsize < 4 else np.float64)
+    faces = np.asarray(faces).reshape(-1, 3)
+    if not len(faces):
+        raise broken(path, "holds no triangles", "give a triangle mesh")
+    if len(faces) > MAX_TRIANGLES:
+        raise broken(
+            path, f"{len(faces)} triangles are more than the {MAX_TRIANGLES} that can be indexed", "split it"
+        )
+    low, high = int(faces.min()), int(faces.max())
+    if low < 0 or high >= len(points):
+        bad = high if high >= len(points) else low
+        raise broken(
+            path, f"a face names vertex {bad} (from 0), but there are {len(points)}", "mend or export again"
+        )
+    native = points.astype(points.dtype.newbyteorder("="), copy=False)
+    return Mesh(np.ascontiguousarray(native), np.ascontiguousarray(faces, dtype=np.int32), up)

@@ -1,0 +1,195 @@
+"""GLB (binary glTF 2.0) through trimesh: every instance of every mesh, with its node's transform applied.
+
+Order: meshes and their primitives in the order of the file; of each, its instances in the order in which the
+nodes are met from the scene's roots, depth first, children in order. trimesh trusts the file's counts and
+skips what it does not know, so the JSON part is checked first and its own count of triangles compared with
+what was read.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from .checks import MAX_TRIANGLES, Mesh, broken, checked, guarded, read_bytes
+
+_COMPONENT_BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
+_COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+_HARMLESS = ("KHR_materials_", "KHR_texture_", "KHR_lights_", "EXT_texture_")
+_TRIANGLES, _STRIP, _FAN = 4, 5, 6
+_JSON, _BIN = 0x4E4F534A, 0x004E4942
+_INSTANCED = 1 << 25
+"""Triangles that a file may name by instancing; a few hundred bytes could name any number."""
+
+
+def read_glb(path: Path) -> Mesh:
+    """All triangles of the default scene, float64 after the transforms. glTF declares y as up.
+
+    Morph targets and skins are ignored (the rest pose is read), points and lines are skipped. Raises
+    :class:`UserError` for compressed or external data, for counts beyond the file, and where trimesh read
+    another number of triangles than the file names.
+    """
+    blob = read_bytes(path)
+    with guarded(path, "GLB"):
+        head, buffer_size = _json_part(path, blob)
+        _check_accessors(path, head, buffer_size)
+        expected = _count(path, head)
+    if not expected:
+        raise broken(path, "holds no triangles", "give a triangle mesh")
+    points, faces, offset = [], [], 0
+    with guarded(path, "GLB"):
+        scene = trimesh.load_scene(io.BytesIO(blob), file_type="glb", process=False, skip_materials=True)
+        order = _depth_first(scene.graph)
+        for name, mesh in scene.geometry.items():
+            if not isinstance(mesh, trimesh.Trimesh):
+                continue
+            own = np.asarray(mesh.vertices, dtype=np.float64)
+            corners = np.asarray(mesh.faces, dtype=np.int64)
+            if len(corners) and (corners.min() < 0 or corners.max() >= len(own)):
+                raise broken(path, f"mesh {name!r} names vertex {corners.max()} of {len(own)}")
+            for node in sorted(scene.graph.geometry_nodes.get(name, ()), key=order.__getitem__):
+                matrix = np.asarray(scene.graph.get(node)[0], dtype=np.float64)
+                with np.errstate(over="ignore", invalid="ignore"):
+                    moved = (
+                        own if np.array_equal(matrix, np.eye(4)) else own @ matrix[:3, :3].T + matrix[:3, 3]
+                    )
+                points.append(moved)
+                faces.append(corners + offset)
+                offset += len(own)
+    read = sum(len(part) for part in faces)
+    if read != expected:
+        raise broken(path, f"{expected} triangles, but {read} could be read")
+    return checked(path, np.concatenate(points), np.concatenate(faces), (0.0, 1.0, 0.0))
+
+
+def _json_part(path: Path, blob: bytes) -> tuple[dict[str, Any], int]:
+    """The JSON chunk, and the size of the binary chunk."""
+    if blob[:4] != b"glTF" or len(blob) < 20:
+        raise broken(path, "does not begin as GLB", "this is not a binary glTF file")
+    version, length = struct.unpack_from("<II", blob, 4)
+    if version != 2:
+        raise broken(path, f"glTF version {version}", "export as glTF 2.0")
+    if length != len(blob):
+        problem = f"the header claims {length} bytes, but the file has {len(blob)}"
+        raise broken(path, problem, "the file is truncated or its header wrong")
+    head, binary, at = None, 0, 12
+    while at < length:
+        if at + 8 > length:
+            raise broken(path, "a chunk ends beyond the file", "the file is truncated")
+        size, kind = struct.unpack_from("<II", blob, at)
+        if at + 8 + size > length:
+            raise broken(path, "a chunk ends beyond the file", "the file is truncated")
+        if head is None and kind != _JSON:
+            raise broken(path, "the first chunk is not JSON")
+        if head is None:
+            head = json.loads(blob[at + 8 : at + 8 + size])
+        elif kind == _BIN and not binary:
+            binary = size
+        at += 8 + size
+    if not isinstance(head, dict):
+        raise broken(path, "the JSON chunk is no object")
+    used = [str(name) for name in head.get("extensionsRequired", []) if not str(name).startswith(_HARMLESS)]
+    if used:
+        raise broken(path, f"needs the extension {used[0]}", "export it uncompressed and without extensions")
+    if len(head.get("buffers", [])) > 1 or any("uri" in entry for entry in head.get("buffers", [])):
+        raise broken(path, "its data lie in other buffers than its own", "export one self-contained .glb")
+    return head, binary
+
+
+def _whole(path: Path, entry: dict[str, Any], key: str, default: int | None = None) -> int:
+    value = entry.get(key, default)
+    if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value < 1 << 40:
+        raise broken(path, f"{key} is {value!r}, not a whole number")
+    return value
+
+
+def _check_accessors(path: Path, head: dict[str, Any], buffer_size: int) -> None:
+    """Every view inside the buffer, every accessor inside its view: nothing may be allocated on a claim."""
+    views = head.get("bufferViews", [])
+    for i, view in enumerate(views):
+        if _whole(path, view, "byteOffset", 0) + _whole(path, view, "byteLength") > buffer_size:
+            raise broken(path, f"buffer view {i} reaches beyond the {buffer_size} bytes of the buffer")
+    for i, accessor in enumerate(head.get("accessors", [])):
+        count = _whole(path, accessor, "count")
+        item = _COMPONENT_BYTES[accessor["componentType"]] * _COMPONENTS[accessor["type"]]
+        if "sparse" in accessor:
+            raise broken(path, f"accessor {i} is sparse", "export it without sparse accessors")
+        if "bufferView" not in accessor:
+            raise broken(path, f"accessor {i} has no data", "export it uncompressed")
+        view = views[_whole(path, accessor, "bufferView")]
+        stride = _whole(path, view, "byteStride", item)
+        if stride < item:
+            raise broken(
+                path,
+                f"buffer view {accessor['bufferView']} has a stride of {stride} for items of {item} bytes",
+            )
+        need = _whole(path, accessor, "byteOffset", 0) + max(0, count - 1) * stride + (item if count else 0)
+        if need > view["byteLength"]:
+            raise broken(path, f"accessor {i} needs {need} bytes, its view has {view['byteLength']}")
+
+
+def _count(path: Path, head: dict[str, Any]) -> int:
+    """Triangles that the default scene names, instances counted; checks that its nodes form trees."""
+    accessors, nodes, scenes = head.get("accessors", []), head.get("nodes", []), head.get("scenes", [])
+    sizes = [
+        sum(_primitive(path, accessors, p) for p in mesh["primitives"]) for mesh in head.get("meshes", [])
+    ]
+    if not scenes:
+        raise broken(path, "has no scene", "export with a default scene")
+    waiting = list(scenes[_whole(path, head, "scene", 0)].get("nodes", []))
+    seen: set[int] = set()
+    total = 0
+    while waiting:
+        node = waiting.pop()
+        if not isinstance(node, int) or not 0 <= node < len(nodes) or node in seen:
+            raise broken(path, f"node {node!r} does not exist or is met twice", "its nodes must form trees")
+        seen.add(node)
+        if "mesh" in nodes[node]:
+            total += sizes[_whole(path, nodes[node], "mesh")]
+        waiting.extend(nodes[node].get("children", []))
+    if total > min(_INSTANCED, MAX_TRIANGLES):
+        raise broken(
+            path, f"names {total} triangles by instancing, more than {_INSTANCED}", "export a part of it"
+        )
+    return total
+
+
+def _primitive(path: Path, accessors: list[Any], primitive: dict[str, Any]) -> int:
+    """Triangles of a primitive."""
+    mode = primitive.get("mode", _TRIANGLES)
+    vertices = accessors[_whole(path, primitive["attributes"], "POSITION")]
+    if mode == _FAN:
+        raise broken(path, "holds triangle fans", "export it as triangles")
+    if mode not in (_TRIANGLES, _STRIP):
+        return 0
+    if vertices["componentType"] != 5126 or vertices["type"] != "VEC3":
+        raise broken(path, "holds positions that are no float triples", "export it without quantisation")
+    entry = accessors[_whole(path, primitive, "indices")] if "indices" in primitive else vertices
+    count = entry["count"]
+    if "indices" in primitive and (
+        entry["type"] != "SCALAR" or entry["componentType"] not in (5121, 5123, 5125)
+    ):
+        raise broken(path, "holds indices that are no unsigned integers")
+    if mode == _STRIP:
+        return max(0, count - 2)
+    if count % 3:
+        raise broken(path, f"a primitive has {count} corners, not a multiple of 3")
+    return count // 3
+
+
+def _depth_first(graph: Any) -> dict[str, int]:
+    """Place of every node: depth first from the base frame, children in the order of the file."""
+    place: dict[str, int] = {}
+    children = graph.transforms.children
+    waiting = [graph.base_frame]
+    while waiting:
+        node = waiting.pop()
+        place[node] = len(place)
+        waiting.extend(reversed(children.get(node, [])))
+    return place
