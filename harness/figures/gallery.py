@@ -68,7 +68,7 @@ def captioned(
 def contact_sheet(
     pictures: Sequence[Path], path: Path | str, columns: int = 3, width: int = 384, title: str = ""
 ) -> Path | None:
-    """All pictures on one sheet, each ``width`` pixels wide, captions and all. None where there are no pictures."""
+    """All pictures on one sheet, each ``width`` pixels wide, captions and all. None where there are none."""
     images = []
     for file in pictures:
         with Image.open(file) as image:
@@ -95,7 +95,7 @@ def contact_sheet(
 
 
 def draw(folder: Path | str, names: Sequence[str] = (), title: str = "") -> list[Path]:
-    """Make ``gallery.png`` from the pictures in ``folder/images``, those of ``names`` first and in that order."""
+    """Make ``gallery.png`` from the pictures in ``folder/images``: those of ``names`` first, in order."""
     folder = Path(folder)
     found = {file.stem: file for file in sorted((folder / "images").glob("*.png"))}
     order = [name for name in names if name in found] + [name for name in found if name not in names]

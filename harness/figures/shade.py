@@ -1,4 +1,4 @@
-"""A picture of a frame from its answers: diffuse shading, shadow bits, several coloured lights. Host side, numpy.
+"""A picture of a frame from its answers: diffuse shading, shadow bits, several coloured lights. numpy only.
 
 Never part of anything timed. What is shown is what a method answered: the triangle decides the normal, t the
 place, the visibility bits the shadows. A wrong answer is therefore seen as one.
@@ -52,7 +52,7 @@ def shade(
     """The picture of a frame, uint8 [height, width, 3].
 
     answers  as :meth:`..frame.Answers.to_host` gives them: triangle, t, visibility (u and v are not needed)
-    lights   colour and intensity of each light of ``moment``, in the same order; their places are the moment's
+    lights   colour and intensity of each light of ``moment``, in the same order; places are the moment's
     """
     triangle = np.asarray(answers["triangle"]).reshape(-1)
     t = np.asarray(answers["t"]).reshape(-1)
@@ -82,8 +82,8 @@ def _irradiance(
 ) -> F64:
     """Light that arrives at n hits, [n, 3]; all lights together, seen face on, make 1.
 
-    The geometric normal is turned to the viewer: surfaces are two-sided. A light behind that side gives nothing,
-    whatever its visibility bit says.
+    The geometric normal is turned to the viewer: surfaces are two-sided. A light behind that side gives
+    nothing, whatever its visibility bit says.
     """
     direction = moment.directions(pixels).astype(np.float64)
     place = moment.eye.astype(np.float64) + direction * t[:, None].astype(np.float64)
@@ -150,8 +150,8 @@ def _tints(prepared: Prepared) -> F64:
 def pieces(prepared: Prepared) -> NDArray[np.int64]:
     """For each triangle the lowest vertex of the connected piece that it belongs to, int64 [triangle_count].
 
-    Connected means sharing a vertex of the welded mesh. Lowest labels are handed across triangles, with pointer
-    jumping, until nothing changes.
+    Connected means sharing a vertex of the welded mesh. Lowest labels are handed across triangles, with
+    pointer jumping, until nothing changes.
     """
     corners = prepared.weld[prepared.faces].astype(np.int64)
     label = np.arange(prepared.vertex_count, dtype=np.int64)
@@ -168,10 +168,10 @@ def pieces(prepared: Prepared) -> NDArray[np.int64]:
 
 
 def png_bytes(picture: NDArray[np.uint8], colours: int = 256) -> bytes:
-    """A compact PNG of uint8 [height, width, 3]: a palette of at most ``colours``, chosen for this picture."""
+    """A compact PNG of uint8 [height, width, 3]: a palette of at most ``colours``, made for this picture."""
     image = Image.fromarray(np.ascontiguousarray(picture), "RGB")
     exact = image.getcolors(colours)
-    small = image.quantize(colours, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    small = image.quantize(colours, method=Image.Quantize.MEDIANCUT, kmeans=1, dither=Image.Dither.NONE)
     if exact is not None:
         small = image.convert("P", palette=Image.Palette.ADAPTIVE, colors=max(1, len(exact)))
     buffer = io.BytesIO()

@@ -1,0 +1,101 @@
+"""Stacked bars: the parts of a frame by method, one panel a scene. Read at the width of a paper column."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ..passes import PARTS
+from . import style
+from .sheet import error_text
+
+FIELDS = dict(zip(PARTS, ("build_ms", "trace_ms", "light_build_ms", "shadow_ms"), strict=True))
+
+
+def draw(rows: Sequence[dict[str, Any]], path: Path) -> list[Path]:
+    """Draw the measured rows as SVG (or whatever ``path`` ends in). Writes nothing where nothing was measured.
+
+    Times are linear, with a scale of its own for each scene; the number at a bar's end is the whole frame's
+    median, measured apart from its parts, with the error of its answers.
+    """
+    import matplotlib
+
+    measured = [row for row in rows if row["status"] == "ok" and row.get("total_ms")]
+    if not measured:
+        return []
+    with matplotlib.rc_context(style.axes_style()):
+        figure = _figure(measured)
+        # No date in the file: the same records give the same bytes.
+        figure.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None)
+    return [path]
+
+
+def _figure(rows: Sequence[dict[str, Any]]) -> Any:
+    from matplotlib.figure import Figure
+
+    scenes = list(dict.fromkeys(row["scene"] for row in rows))
+    counts = [sum(row["scene"] == scene for row in rows) for scene in scenes]
+    bar, frame = 0.15, 0.50
+    height = sum(n * bar + frame for n in counts) + 0.55
+    figure = Figure(figsize=(style.COLUMN_WIDTH, height), layout="constrained")
+    panels = figure.subplots(len(scenes), 1, squeeze=False, height_ratios=counts)[:, 0]
+    colours = style.colours(row["method"] for row in rows)
+    for axes, scene in zip(panels, scenes, strict=True):
+        _panel(axes, [row for row in rows if row["scene"] == scene], colours)
+    panels[-1].set_xlabel("ms a frame (whiskers: interquartile range of repeats)")
+    _legend(figure)
+    return figure
+
+
+def _panel(axes: Any, rows: Sequence[dict[str, Any]], colours: dict[str, str]) -> None:
+    longest = max(row["total_ms"] for row in rows)
+    for place, row in enumerate(rows):
+        left = 0.0
+        for part in PARTS:
+            width = row[FIELDS[part]] or 0.0
+            face = style.lightened(colours[row["method"]], style.PART_SHARE[part])
+            axes.barh(
+                place, width, left=left, height=0.74, color=face,
+                edgecolor=style.lightened(colours[row["method"]], 0.0), linewidth=0.4,
+            )  # fmt: skip
+            left += width
+        end = max(left, row["total_ms"])
+        axes.errorbar(
+            row["total_ms"],
+            place,
+            xerr=row["iqr_ms"] / 2,
+            fmt="|",
+            color="black",
+            ms=6,
+            mew=0.8,
+            elinewidth=0.6,
+        )
+        axes.text(
+            end + 0.03 * longest,
+            place,
+            f"{style.number(row['total_ms'])} {error_text(row)}",
+            va="center",
+            fontsize=6,
+        )
+    first = rows[0]
+    title = first["scene_title"]
+    if first.get("stand_in") and "stand-in" not in title:
+        title += " (stand-in)"
+    axes.set_title(title, loc="left", pad=2)
+    axes.set_yticks(range(len(rows)), [row["label"] for row in rows])
+    axes.tick_params(axis="y", length=0)
+    axes.invert_yaxis()
+    axes.set_xlim(0, longest * 1.38)
+
+
+def _legend(figure: Any) -> None:
+    from matplotlib.patches import Patch
+
+    grey = "#555555"
+    patches = [
+        Patch(facecolor=style.lightened(grey, style.PART_SHARE[part]), edgecolor=grey, linewidth=0.4, label=part)
+        for part in PARTS
+    ]  # fmt: skip
+    figure.legend(handles=patches, loc="outside upper center", ncols=4, frameon=False, handlelength=1.4,
+                  columnspacing=1.0)  # fmt: skip

@@ -1,0 +1,85 @@
+"""Table 1 of the paper, exactly as printed, with its hardware, its sources and its footnotes.
+
+Guntury and Narayanan 2010, "Ray Tracing Dynamic Scenes with Shadows on the GPU": milliseconds at 1024x1024 on an
+NVIDIA GTX 280. An entry "a / b" is build / traversal and tracing of primary rays; the last column is all steps
+up to the shadow bits. These are what a reader compares with, never what anything is scored against.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+GPU = "GTX 280"
+SIZE = (1024, 1024)
+LABEL = f"paper, {GPU}, {SIZE[0]}x{SIZE[1]}"
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of the printed table: its key here, its heading there, where its numbers come from."""
+
+    key: str
+    title: str
+    source: str
+
+
+COLUMNS = (
+    Column("hbvh", "HBVH", "[LGS*09] Lauterbach et al. 2009, Fast BVH construction on GPUs"),
+    Column(
+        "kd_tree", "kd-tree", "[HSZ*09] Hou et al. 2009, Memory-scalable GPU spatial hierarchy construction"
+    ),
+    Column("grid", "Grid", "[KS09] Kalojanov and Slusallek 2009, A parallel algorithm for uniform grids"),
+    Column("ours", "Our Method", "the paper, primary rays"),
+    Column("with_shadows", "With Shadows", "the paper, all steps till shadow computation"),
+)
+
+NOT_AVAILABLE = "n/a"
+
+
+@dataclass(frozen=True)
+class Row:
+    """A printed row. ``triangles`` and ``cells`` are the printed text, in the order of :data:`COLUMNS`."""
+
+    title: str
+    triangles: str
+    cells: tuple[str, str, str, str, str]
+
+
+ROWS = {
+    "fairy": Row("Fairy", "174k", ("124 / 33.11", "65 / 125 [#]", "24 / 285.7", "8.73 / 32.43", "82.18 ms")),
+    "sibenik": Row("Sibenik", "82k", ("30 / 45.32", "n/a", "n/a", "8.86 / 13.11", "58.81 ms")),
+    "bunny_dragon": Row(
+        "Bunny/Dragon", "252k", ("66 / 128.94", "93 / 25", "13 / 129.87", "3.71 / 10.92", "31.63 ms")
+    ),
+    "conference": Row(
+        "Conference", "284k", ("105 / 37.11", "n/a", "27 / 142.85", "7.51 / 17.64", "61.15 ms")
+    ),
+    "cloth": Row("Cloth", "92k", ("39 / n/a*", "n/a", "n/a", "5.23 / 11.23", "44.47 ms")),
+    "buddha": Row("Buddha", "1.09M", ("n/a", "n/a", "n/a", "13.76 / 38.91", "114.57 ms")),
+}
+"""By the catalogue's scene name, in the printed order. Only the last column is printed with its unit; all are ms."""
+
+FOOTNOTES = (
+    "[#] Fairy in kd-tree was rendered with two lights and shadows.",
+    "* Cloth model in BVH was rendered at 14 fps with shadows.",
+    "Our times don't include time to shade or the time taken for the costly transfers of data from host to GPU.",
+)
+
+
+def cells(scene: str) -> tuple[str, ...]:
+    """What the paper prints for a scene, in the order of :data:`COLUMNS`; dashes where it has no such scene."""
+    return ROWS[scene].cells if scene in ROWS else ("-",) * len(COLUMNS)
+
+
+def numbers(scene: str, column: str) -> dict[str, float]:
+    """A printed entry as numbers in milliseconds: of ``build``, ``trace`` and ``total`` those that it has."""
+    if scene not in ROWS:
+        return {}
+    index = [c.key for c in COLUMNS].index(column)
+    parts = [
+        re.sub(r"[^0-9.]", "", text)
+        for text in ROWS[scene].cells[index].replace(NOT_AVAILABLE, "").split("/")
+    ]
+    names = ("total",) if column == "with_shadows" else ("build", "trace")
+    return {name: float(text) for name, text in zip(names, parts, strict=False) if text}
