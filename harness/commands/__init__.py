@@ -1,0 +1,1 @@
+"""The commands a person types, one group a file; the command line registers them."""

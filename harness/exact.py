@@ -1,0 +1,166 @@
+"""Exact answers for single rays and triangles in integers, and the one bound that excuses an edge.
+
+Float32 inputs are dyadic rationals: scaled by a common power of two they are integers, and every sign, every
+distance t and every tie is exact. Conventions: closed two-sided triangles, t > 0 (an eye exactly on a triangle
+does not see it), a coplanar ray is no hit, shadows are judged on the open segment.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+Integers = tuple[int, int, int]
+EDGES = ((0, 1), (1, 2), (2, 0))
+
+UNIT = 2.0**-24
+"""Rounding of a float32 relative to its size."""
+
+EDGE_UNITS = 16.0
+"""How many units a ray may pass from an exact edge and still be excused (a choice; see the accuracy notes)."""
+
+
+def edge_bound(*coordinates: NDArray[np.floating]) -> F64:
+    """The one bound that excuses: 16 * 2^-24 of the largest coordinate, in scene units.
+
+    Each argument has shape [n, ..., 3]: origins of the rays and vertices of the triangles. A far end of a
+    segment (a light) is not among them: it would excuse everything where the light is far. Returns [n].
+    """
+    sizes = [np.abs(np.asarray(c, dtype=np.float64)).reshape(len(c), -1).max(axis=1) for c in coordinates]
+    return EDGE_UNITS * UNIT * np.max(np.stack(sizes), axis=0)
+
+
+# --- integers -----------------------------------------------------------------------------------------------
+
+
+def scale_of(values: NDArray[np.float32]) -> int:
+    """The smallest k for which every value times 2^k is an integer (conservative: 24 bits each)."""
+    _, exponents = np.frexp(values[values != 0])
+    return 24 - int(exponents.min()) if len(exponents) else 0
+
+
+def integers(values: NDArray[np.float32], scale: int) -> list[int]:
+    """Every value times 2^scale, exactly."""
+    return [int(math.ldexp(x, scale)) for x in values.ravel().tolist()]
+
+
+def _sub(p: Sequence[int], q: Sequence[int]) -> Integers:
+    return p[0] - q[0], p[1] - q[1], p[2] - q[2]
+
+
+def _cross(p: Integers, q: Integers) -> Integers:
+    return p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]
+
+
+def _dot(p: Sequence[int], q: Sequence[int]) -> int:
+    return p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
+
+
+def crosses(d: Sequence[int], a: Integers, b: Integers, c: Integers) -> bool:
+    """Whether the line through the origin along ``d`` meets the closed triangle (coplanar lines may say yes)."""
+    u, v, w = _dot(d, _cross(c, b)), _dot(d, _cross(a, c)), _dot(d, _cross(b, a))
+    return not ((u < 0 or v < 0 or w < 0) and (u > 0 or v > 0 or w > 0))
+
+
+def hit(o: Sequence[int], d: Sequence[int], triangle: Sequence[int]) -> tuple[int, int] | None:
+    """The exact t of ray o + t d with a triangle (nine integers) as (numerator, denominator) > 0, or None.
+
+    ``o`` and the triangle share one scale; ``d`` may have its own: t is then in the ratio of the two.
+    """
+    va, vb, vc = triangle[0:3], triangle[3:6], triangle[6:9]
+    a, b, c = _sub(va, o), _sub(vb, o), _sub(vc, o)
+    if not crosses(d, a, b, c):
+        return None
+    return plane_hit(d, a, _cross(_sub(b, a), _sub(c, a)))
+
+
+def plane_hit(d: Sequence[int], a: Integers, normal: Integers) -> tuple[int, int] | None:
+    """Exact t > 0 at which a ray from the origin meets the plane through ``a``, or None."""
+    over, under = _dot(normal, a), _dot(normal, d)
+    if under < 0:
+        over, under = -over, -under
+    return (over, under) if under > 0 and over > 0 else None
+
+
+def between(p: Integers, light: Integers, triangle: Sequence[Integers]) -> bool:
+    """Whether the open segment from ``p`` to ``light`` meets the closed triangle: integers of one scale."""
+    a, b, c = (_sub(v, p) for v in triangle)
+    d = _sub(light, p)
+    normal = _cross(_sub(b, a), _sub(c, a))
+    near, far = _dot(normal, a), _dot(normal, _sub(light, triangle[0]))
+    if near == 0 or far == 0 or (near > 0) != (far > 0):
+        return False
+    return crosses(d, a, b, c)
+
+
+# --- distances, in float64: good to 2^-50 of the coordinates, against a bound of 2^-20 ----------------------
+
+
+def _dots(p: F64, q: F64) -> F64:
+    return np.einsum("ij,ij->i", p, q)
+
+
+def nearest_on_segment(x: F64, p: F64, q: F64) -> tuple[F64, F64]:
+    """Distances [n] of points to closed segments pq, and the shares of pq where they are reached."""
+    along = q - p
+    length = _dots(along, along)
+    share = np.clip(_dots(x - p, along) / np.where(length > 0, length, 1.0), 0.0, 1.0)
+    return np.linalg.norm(x - p - share[:, None] * along, axis=1), share
+
+
+def segment_to_segment(p: F64, q: F64, a: F64, b: F64) -> tuple[F64, F64]:
+    """Distances [n] of closed segments pq and ab, and the shares of pq where they are reached.
+
+    The nearest pair holds an end of one of them, or lies inside both.
+    """
+    zero, one = np.zeros(len(p)), np.ones(len(p))
+    choices = [
+        (nearest_on_segment(p, a, b)[0], zero),
+        (nearest_on_segment(q, a, b)[0], one),
+        nearest_on_segment(a, p, q),
+        nearest_on_segment(b, p, q),
+    ]
+    d, e, r = q - p, b - a, a - p
+    normal = np.cross(d, e)
+    size = _dots(normal, normal)
+    safe = np.where(size > 0, size, 1.0)
+    s, t = _dots(np.cross(r, e), normal) / safe, _dots(np.cross(r, d), normal) / safe
+    inner = (size > 0) & (s > 0) & (s < 1) & (t > 0) & (t < 1)
+    choices.append((np.where(inner, np.abs(_dots(r, normal)) / np.sqrt(safe), np.inf), s))
+    return _nearest(choices)
+
+
+def _nearest(choices: Sequence[tuple[F64, F64]]) -> tuple[F64, F64]:
+    distances, shares = (np.stack(column) for column in zip(*choices, strict=True))
+    row, columns = distances.argmin(axis=0), np.arange(distances.shape[1])
+    return distances[row, columns], shares[row, columns]
+
+
+def edge_distance(p: F64, q: F64, triangles: F64) -> tuple[F64, F64]:
+    """Distances [n] of segments pq [n, 3] from the nearest edge of their triangles [n, 3, 3], and the shares."""
+    return _nearest([segment_to_segment(p, q, triangles[:, i], triangles[:, j]) for i, j in EDGES])
+
+
+def plane_distance(x: F64, triangles: F64) -> F64:
+    """Distances [n] of points [n, 3] from the planes of their triangles [n, 3, 3]."""
+    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    return np.abs(_dots(x - triangles[:, 0], normal))
+
+
+def face_distance(x: F64, triangles: F64) -> F64:
+    """Distance [n] of points from the inside of a triangle: inf where the foot of the point lies outside it."""
+    a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
+    normal = np.cross(b - a, c - a)
+    sides = [_dots(np.cross(q - p, x - p), normal) for p, q in ((a, b), (b, c), (c, a))]
+    return np.where(np.min(sides, axis=0) >= 0, plane_distance(x, triangles), np.inf)
+
+
+def triangle_distance(p: F64, q: F64, triangles: F64) -> tuple[F64, F64]:
+    """Distances [n] of segments from triangles that they do not cross, and the shares of pq where reached."""
+    ends = [(face_distance(p, triangles), np.zeros(len(p))), (face_distance(q, triangles), np.ones(len(p)))]
+    return _nearest([*ends, edge_distance(p, q, triangles)])

@@ -1,0 +1,423 @@
+"""Answers against truth: counts per class. Nothing here times, and nothing flows back to a method.
+
+Every pixel's answer is compared with Embree's; t, u and v are checked against the triangle given; every disputed
+pixel, its neighbours and a seeded random sample are decided again by the exact referee. A pixel is never excused
+by its place in the image, only by :func:`.exact.edge_bound`.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .consistency import Consistency, check_consistency
+from .errors import UserError
+from .moment import Moment, Prepared
+from .referee import Hits, Referee, Verdict
+from .scene import Effects
+from .truth import Reference, embree_reference, input_hashes
+
+EXCUSED_LIMIT = 0.001
+"""A check fails where a larger share of the pixels had to be excused."""
+
+JUDGE_LIMIT = 100_000
+"""Disputed pixels judged; beyond it a seeded sample is judged and every other one counts as a true error."""
+
+NEIGHBOUR_LIMIT = 5_000
+"""Neighbours of disputed pixels judged; beyond it a seeded sample of them."""
+
+EXAMPLES = 10
+
+PRIMARY = (Verdict.OK, Verdict.TIE, Verdict.NEAR_TIE, Verdict.EDGE, Verdict.TRUE, Verdict.INVALID)
+SHADOW = (Verdict.OK, Verdict.EDGE, Verdict.ACNE, Verdict.LEAK, Verdict.INVALID)
+ERRORS = (Verdict.TRUE, Verdict.INVALID, Verdict.ACNE, Verdict.LEAK)
+EXCUSED = (Verdict.NEAR_TIE, Verdict.EDGE)
+
+
+class Judge:
+    """Truth of one moment, made once and shared by every method: Embree's answers and the exact referee.
+
+    ``folder`` keeps Embree's answers; ``device`` is where the referee's filter runs.
+    """
+
+    def __init__(
+        self,
+        prepared: Prepared,
+        moment: Moment,
+        effects: Effects | None = None,
+        folder: Path | str | None = None,
+        device: str = "cpu",
+    ) -> None:
+        self.prepared, self.moment, self.folder, self.device = prepared, moment, folder, device
+        self.effects = effects or Effects.of(prepared.scene)
+
+    @cached_property
+    def reference(self) -> Reference:
+        return embree_reference(self.prepared, self.moment, self.effects, self.folder)
+
+    @cached_property
+    def referee(self) -> Referee:
+        return Referee(self.moment.points, self.prepared.faces, self.moment.valid, self.device)
+
+    def score(self, answers: dict[str, NDArray]) -> dict[str, Any]:
+        """The score of a method's answers to this moment (see :func:`score_answers`)."""
+        return score_answers(self.prepared, self.moment, answers, self.reference, self.referee, self.effects)
+
+
+@dataclass(eq=False)
+class _Suspects:
+    """Which pixels are decided exactly. ``unjudged`` are disputed ones beyond the limit."""
+
+    disputed: NDArray[np.bool_]
+    judged: NDArray[np.intp]
+    unjudged: NDArray[np.intp]
+
+
+def score_answers(
+    prepared: Prepared,
+    moment: Moment,
+    answers: dict[str, NDArray],
+    reference: Reference,
+    referee: Referee,
+    effects: Effects,
+    extra_pixels: int = 200,
+    seed: int = 0,
+    judge_limit: int = JUDGE_LIMIT,
+) -> dict[str, Any]:
+    """Counts per class of a method's answers (numpy arrays as ``Answers.to_host`` gives them); JSON-able.
+
+    ``primary`` and each light of ``shadow`` count classes of :class:`~.referee.Verdict` over all pixels (agreement
+    with Embree counts as ok where the referee was not asked). ``true_errors`` sums what no rounding excuses and
+    the disputed pixels left unjudged; ``excused_share`` is the share of pixels in an excused class; ``check`` is
+    "ok" only with no true error and at most :data:`EXCUSED_LIMIT` excused. ``reference_errors`` are the same
+    counts for Embree's own answers over the judged pixels.
+    """
+    lights = len(moment.lights)
+    answers = {**answers, "visibility": answers["visibility"][:lights]}
+    found = check_consistency(prepared, moment, answers)
+    wanted = _wanted(effects, lights)
+    agree = _agreement(answers["triangle"], reference.triangle, referee)
+    suspects = _suspects(moment, answers, reference, found, agree, wanted, extra_pixels, seed, judge_limit)
+    hits = referee.closest(moment.eye, moment.directions(suspects.judged))
+
+    primary = _primary(referee, hits, answers["triangle"], found, suspects)
+    duplicates = (primary == Verdict.OK) & (answers["triangle"] != reference.triangle) & agree
+    duplicates[suspects.judged] = False
+    primary[duplicates & (answers["triangle"] != _lowest(answers["triangle"], referee))] = Verdict.TIE
+    shadow = _shadows(referee, moment, hits, answers, found, suspects, primary, wanted)
+
+    excused = np.isin(primary, EXCUSED)
+    for verdicts in shadow:
+        excused |= verdicts == Verdict.EDGE
+    unjudged = len(suspects.unjudged)
+    true_errors = (
+        int(np.isin(primary, ERRORS).sum() + sum(np.isin(v, ERRORS).sum() for v in shadow)) + unjudged
+    )
+    share = float(excused.mean()) if excused.size else 0.0
+    disputed_bits = _disputed_bits(answers, reference, found, agree, wanted)
+    return {
+        "primary": {
+            "pixels": moment.width * moment.height,
+            "disputed": int((~agree).sum()),
+            "judged": len(suspects.judged),
+            "unjudged": unjudged,
+            **_counts(primary, PRIMARY),
+            "t_wrong": int(found.t_wrong.sum()),
+            "uv_wrong": int(found.uv_wrong.sum()),
+            "t_max_relative_error": float(found.t_error.max(initial=0.0)),
+            "uv_max_error": float(found.uv_error.max(initial=0.0)),
+        },
+        "shadow": [
+            {
+                "light": i,
+                "scored": int((shadow[i] >= 0).sum()),
+                "disputed": int(disputed_bits[i].sum()),
+                **_counts(shadow[i], SHADOW),
+            }
+            for i in range(lights)
+            if wanted[i]
+        ],
+        "true_errors": true_errors,
+        "excused_share": share,
+        "check": "ok" if true_errors == 0 and share <= EXCUSED_LIMIT else "failed",
+        "examples": _examples(moment, answers, referee, hits, suspects, found, primary, shadow),
+        "reference_errors": _reference_errors(prepared, moment, referee, hits, reference, suspects, wanted),
+        "truth": {**reference.provenance, "random_pixels": extra_pixels, "seed": seed},
+    }
+
+
+# --- which pixels -------------------------------------------------------------------------------------------
+
+
+def _wanted(effects: Effects, lights: int) -> list[bool]:
+    return [i < len(effects.shadows) and bool(effects.shadows[i]) for i in range(lights)]
+
+
+def _agreement(given: NDArray, expected: NDArray, referee: Referee) -> NDArray[np.bool_]:
+    """Where two closest triangles are the same one, or exact duplicates of each other. bool [pixels]"""
+    agree = given == expected
+    if agree.all():
+        return agree
+    rows = np.nonzero(~agree & (given >= 0) & (given < len(referee.faces)) & (expected >= 0))[0]
+    lowest = referee.duplicate_of
+    agree[rows] = lowest[given[rows]] == lowest[expected[rows]]
+    return agree
+
+
+def _lowest(given: NDArray, referee: Referee) -> NDArray:
+    known = (given >= 0) & (given < len(referee.faces))
+    return np.where(known, referee.duplicate_of[np.where(known, given, 0)], given) if known.any() else given
+
+
+def _disputed_bits(
+    answers: dict[str, NDArray],
+    reference: Reference,
+    found: Consistency,
+    agree: NDArray[np.bool_],
+    wanted: Sequence[bool],
+) -> NDArray[np.bool_]:
+    """Where both see the same point and say different shadow bits. bool [lights, pixels]"""
+    comparable = agree & ~found.primary_invalid & (answers["triangle"] >= 0)
+    differ = (answers["visibility"] != reference.visibility) & comparable[None, :]
+    return differ & np.asarray(wanted, dtype=bool)[:, None]
+
+
+def _suspects(
+    moment: Moment,
+    answers: dict[str, NDArray],
+    reference: Reference,
+    found: Consistency,
+    agree: NDArray[np.bool_],
+    wanted: Sequence[bool],
+    extra_pixels: int,
+    seed: int,
+    judge_limit: int,
+) -> _Suspects:
+    disputed = ~agree | found.primary_invalid | found.t_wrong | found.uv_wrong
+    disputed |= _disputed_bits(answers, reference, found, agree, wanted).any(axis=0)
+    random = np.random.default_rng(seed)
+    pixels = np.nonzero(disputed)[0]
+    unjudged = np.zeros(0, dtype=np.intp)
+    if len(pixels) > judge_limit:
+        shuffled = random.permutation(pixels)
+        pixels, unjudged = np.sort(shuffled[:judge_limit]), np.sort(shuffled[judge_limit:])
+    near = _neighbours(pixels, moment.width, moment.height)
+    near = near[~disputed[near]]
+    if len(near) > NEIGHBOUR_LIMIT:
+        near = random.choice(near, NEIGHBOUR_LIMIT, replace=False)
+    count = moment.width * moment.height
+    sample = random.choice(count, min(extra_pixels, count), replace=False)
+    sample = sample[~disputed[sample]]
+    return _Suspects(disputed, np.unique(np.concatenate([pixels, near, sample])), unjudged)
+
+
+def _neighbours(pixels: NDArray[np.intp], width: int, height: int) -> NDArray[np.intp]:
+    """The pixels of the 3 x 3 blocks around the given ones, inside the image."""
+    x, y = pixels % width, pixels // width
+    steps = (-1, 0, 1)
+    blocks = [
+        np.clip(y + dy, 0, height - 1) * width + np.clip(x + dx, 0, width - 1) for dy in steps for dx in steps
+    ]
+    return np.unique(np.concatenate(blocks))
+
+
+# --- classes ------------------------------------------------------------------------------------------------
+
+
+def _primary(
+    referee: Referee, hits: Hits, given: NDArray, found: Consistency, suspects: _Suspects
+) -> NDArray[np.int8]:
+    """The class of every pixel's closest triangle; -1 where a disputed one was left unjudged. int8 [pixels]"""
+    verdicts = np.full(len(given), Verdict.OK, dtype=np.int8)
+    verdicts[suspects.judged] = referee.classify_primary(hits, given[suspects.judged])
+    verdicts[(found.t_wrong | found.uv_wrong) & (verdicts != Verdict.INVALID)] = Verdict.TRUE
+    verdicts[found.primary_invalid] = Verdict.INVALID
+    verdicts[suspects.unjudged] = -1
+    return verdicts
+
+
+def _shadows(
+    referee: Referee,
+    moment: Moment,
+    hits: Hits,
+    answers: dict[str, NDArray],
+    found: Consistency,
+    suspects: _Suspects,
+    primary: NDArray[np.int8],
+    wanted: Sequence[bool],
+) -> list[NDArray[np.int8]]:
+    """For each light the class of every pixel's bit; -1 where it is not scored. int8 [pixels] each"""
+    scored = np.isin(primary, (Verdict.OK, Verdict.TIE))
+    result = []
+    for i, light in enumerate(moment.lights):
+        bits = answers["visibility"][i]
+        if not wanted[i]:
+            # A light that asks for no shadows: every bit must be 0.
+            verdicts = np.where(bits != 0, Verdict.INVALID, -1).astype(np.int8)
+        else:
+            verdicts = np.where(scored & (answers["triangle"] >= 0), Verdict.OK, -1).astype(np.int8)
+            rows = np.nonzero(verdicts[suspects.judged] == Verdict.OK)[0]
+            pixels = suspects.judged[rows]
+            verdicts[pixels] = referee.classify_shadow(hits.take(rows), light, bits[pixels])
+            verdicts[found.shadow_invalid[i]] = Verdict.INVALID
+        result.append(verdicts)
+    return result
+
+
+def _counts(verdicts: NDArray[np.int8], classes: Sequence[Verdict]) -> dict[str, int]:
+    return {verdict.name.lower(): int((verdicts == verdict).sum()) for verdict in classes}
+
+
+def _reference_errors(
+    prepared: Prepared,
+    moment: Moment,
+    referee: Referee,
+    hits: Hits,
+    reference: Reference,
+    suspects: _Suspects,
+    wanted: Sequence[bool],
+) -> dict[str, Any]:
+    """Embree's own answers on the judged pixels, counted the same way (its t and triangle together)."""
+    answers = reference.answers()
+    found = check_consistency(prepared, moment, answers)
+    primary = _primary(referee, hits, reference.triangle, found, suspects)
+    shadow = _shadows(referee, moment, hits, answers, found, suspects, primary, wanted)
+    judged = suspects.judged
+    return {
+        "primary": {
+            "judged": len(judged),
+            **_counts(primary[judged], PRIMARY),
+            "t_wrong": int(found.t_wrong[judged].sum()),
+            "uv_wrong": int(found.uv_wrong[judged].sum()),
+        },
+        "shadow": [
+            {"light": i, "judged": int((v[judged] >= 0).sum()), **_counts(v[judged], SHADOW)}
+            for i, v in enumerate(shadow)
+            if wanted[i]
+        ],
+    }
+
+
+def _examples(
+    moment: Moment,
+    answers: dict[str, NDArray],
+    referee: Referee,
+    hits: Hits,
+    suspects: _Suspects,
+    found: Consistency,
+    primary: NDArray[np.int8],
+    shadow: Sequence[NDArray[np.int8]],
+) -> list[dict[str, Any]]:
+    """Up to :data:`EXAMPLES` judged pixels: errors first, then excused ones."""
+    row_of = {int(pixel): row for row, pixel in enumerate(suspects.judged)}
+    chosen: list[tuple[int, str, int | None]] = []
+    for classes in (ERRORS, EXCUSED):
+        for light, verdicts in ((None, primary), *enumerate(shadow)):
+            for pixel in np.nonzero(np.isin(verdicts, classes))[0][:EXAMPLES].tolist():
+                chosen.append((pixel, Verdict(int(verdicts[pixel])).name.lower(), light))
+    result = []
+    for pixel, kind, light in chosen[:EXAMPLES]:
+        row = row_of.get(pixel)
+        entry: dict[str, Any] = {"pixel": [pixel % moment.width, pixel // moment.width], "kind": kind}
+        if light is None:
+            if kind == "true" and (found.t_wrong[pixel] or found.uv_wrong[pixel]):
+                entry["kind"] = "true (t)" if found.t_wrong[pixel] else "true (u, v)"
+            entry["got"] = {n: _plain(answers[n][pixel]) for n in ("triangle", "t", "u", "v")}
+            if row is not None:
+                entry["exact"] = {"triangle": list(hits.ties[row]) or [-1], "t": _plain(hits.t[row])}
+        else:
+            entry["light"] = light
+            entry["got"] = int(answers["visibility"][light][pixel])
+            if row is not None:
+                occluder = int(referee.occluders(hits.take(np.array([row])), moment.lights[light])[0])
+                entry["exact"] = {"bit": int(occluder >= 0), "occluder": occluder}
+        result.append(entry)
+    return result
+
+
+def _plain(value: Any) -> int | float | str:
+    """A number that JSON can hold; infinities and NaN as text."""
+    number = value.item()
+    return number if isinstance(number, int) or np.isfinite(number) else str(number)
+
+
+# --- answers made elsewhere ---------------------------------------------------------------------------------
+
+ARRAYS = ("triangle", "t", "u", "v", "visibility")
+TABLES = ("eye", "axes", "tangents", "column", "row", "lights")
+
+
+def save_raw(
+    path: Path | str,
+    prepared: Prepared,
+    moment: Moment,
+    answers: dict[str, NDArray],
+    scene_argument: str,
+    effects: Effects | None = None,
+    extra: dict[str, Any] | None = None,
+) -> None:
+    """Keep a frame's answers as .npz, so that :func:`score_raw` can score them where Embree is.
+
+    ``scene_argument`` is what a person typed for the scene, a name or a file. The rays and lights go in as they
+    were traced; the mesh is made anew from the scene and compared by its hash. Written atomically.
+    """
+    facts = {
+        "schema": 1,
+        "scene": scene_argument,
+        "frame": moment.index,
+        "shadows": list((effects or Effects.of(prepared.scene)).shadows),
+        "hashes": input_hashes(prepared, moment),
+        "extra": extra or {},
+    }
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    arrays = {name: answers[name] for name in ARRAYS}
+    tables = {f"moment_{name}": getattr(moment, name) for name in TABLES}
+    with temporary.open("wb") as stream:
+        np.savez_compressed(stream, facts=np.array(json.dumps(facts)), **arrays, **tables)
+    temporary.replace(path)
+
+
+def score_raw(
+    path: Path | str,
+    scene_dir: Path | str | None = None,
+    folder: Path | str | None = None,
+    prepared: Prepared | None = None,
+) -> dict[str, Any]:
+    """Score answers kept by :func:`save_raw`. Raises :class:`UserError` where the file or its scene do not fit.
+
+    ``scene_dir``: where originals of the catalogue's scenes lie. ``folder``: keeps Embree's answers.
+    ``prepared``: the scene, where it is at hand already (its hash is checked all the same).
+    """
+    try:
+        with np.load(path) as stored:
+            facts = json.loads(str(stored["facts"]))
+            answers = {name: stored[name] for name in ARRAYS}
+            tables = {name: stored[f"moment_{name}"] for name in TABLES}
+    except (OSError, ValueError, KeyError, EOFError) as error:
+        raise UserError(f"{path}: not a file of raw answers ({error}); run the point again") from error
+    if prepared is None:
+        from .scenes.catalogue import resolve
+
+        prepared = Prepared(resolve(facts["scene"], scene_dir))
+    height, width = len(tables["row"]), len(tables["column"])
+    if facts["frame"] >= prepared.frame_count:
+        raise UserError(f"{path}: frame {facts['frame']}, but {facts['scene']} has {prepared.frame_count}")
+    moment = replace(prepared.moment(facts["frame"], width, height, lights=()), **tables)
+    hashes = input_hashes(prepared, moment)
+    differ = [name for name, value in facts["hashes"].items() if hashes.get(name) != value]
+    if differ:
+        raise UserError(
+            f"{path}: {', '.join(differ)} of {facts['scene']} differ here from what was traced; give the same "
+            "file (--scene-dir) or run the point again"
+        )
+    return Judge(prepared, moment, Effects(tuple(facts["shadows"])), folder).score(answers)
