@@ -1,0 +1,114 @@
+"""The paper: a perspective grid for primary rays, a spherical grid for each light, both rebuilt every frame."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from ...harness.frame import Frame
+from ...harness.method import BaseMethod
+from ...harness.passes import Pass
+from ...harness.scene import Effects, Limits
+from .binning import grown_bins
+from .camera import CameraGrid
+from .light import LightGrid
+from .parameters import Build, Trace
+
+SLOTS = 2
+"""Needs of one grid: pairs, and rows of large triangles."""
+
+
+class PerspectiveSpherical(BaseMethod):
+    """Guntury & Narayanan 2010. Slot 0 of the needs is the camera's grid, slot 1 + i that of light i."""
+
+    name: ClassVar[str] = "perspective_spherical"
+    title: ClassVar[str] = "Perspective + spherical grids"
+    Build: ClassVar[type] = Build
+    Trace: ClassVar[type] = Trace
+
+    def __init__(self, build: Any = None, trace: Any = None):
+        super().__init__(build, trace)
+        self._capacity: dict[int, tuple[int, int]] = {}
+        self._needs: wp.array | None = None
+        self._memory = 0
+        self.camera: CameraGrid | None = None
+        self.lights: list[LightGrid] = []
+
+    def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
+        self._memory = limits.memory
+        with wp.ScopedDevice(frame.device):
+            self._needs = wp.zeros(SLOTS * (1 + len(effects.shadows)), dtype=wp.int64)
+        self.camera = CameraGrid(frame, self.build, self._room(0, frame), self._needs, 0)
+        self.lights = [
+            LightGrid(
+                frame, i, self.camera.hit, self.build, self.trace, self._room(1 + i, frame), self._needs, SLOTS * (1 + i)
+            )
+            for i, wanted in enumerate(effects.shadows)
+            if wanted
+        ]  # fmt: skip
+        passes = self.camera.passes()
+        for light in self.lights:
+            passes += light.passes()
+        return passes
+
+    def _room(self, grid: int, frame: Frame) -> tuple[int, int]:
+        """Capacities (pairs, rows) of a grid: what it grew to, or a first guess."""
+        guess = (
+            self.build.pair_capacity or 2 * frame.triangle_count + 65536,
+            self.build.row_capacity or 16384,
+        )
+        return self._capacity.setdefault(grid, guess)
+
+    def needs(self) -> wp.array | None:
+        return self._needs
+
+    def grow(self, needed: NDArray[np.int64]) -> bool:
+        grew = False
+        for grid, capacity in self._capacity.items():
+            room = grown_bins(needed[SLOTS * grid : SLOTS * (grid + 1)], capacity, self._memory)
+            grew = grew or room != capacity
+            self._capacity[grid] = room
+        return grew
+
+    def tests_per_pixel(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Triangle tests of each pixel's primary ray and of its shadow rays: the last frame traced again, counted."""
+        assert self.camera is not None
+        frame = self.camera.frame
+        with wp.ScopedDevice(frame.device):
+            primary = wp.zeros(max(2, frame.pixels), dtype=wp.int32)
+            shadow = wp.zeros(max(2, frame.pixels), dtype=wp.int32)
+        self.camera.launch_trace(primary)
+        for light in self.lights:
+            light.launch_trace(shadow)
+        return primary.numpy()[: frame.pixels], shadow.numpy()[: frame.pixels]
+
+    def counters(self) -> dict[str, int]:
+        """Pairs, occupied cells, longest list, chunks and triangle tests of the last frame."""
+        assert self.camera is not None
+        assert self._needs is not None
+        primary, shadow = self.tests_per_pixel()
+        needed = self._needs.numpy()
+        result = {"primary tests": int(primary.sum(dtype=np.int64)), **_lists("camera", self.camera.bins.pairs)}
+        result["camera pairs"] = int(needed[0])
+        for light in self.lights:
+            name = f"light {light.index}"
+            result[f"{name} pairs"] = int(needed[SLOTS * (1 + light.index)])
+            result.update(_lists(name, light.bins.pairs))
+            lengths = light.ray_end.numpy() - light.ray_begin.numpy()
+            result[f"{name} occupied tiles"] = int((lengths > 0).sum())
+            result[f"{name} most rays in a tile"] = int(lengths.max())
+            result[f"{name} chunks"] = int(light.chunk_scan.numpy()[-1])
+        if self.lights:
+            result["shadow tests"] = int(shadow.sum(dtype=np.int64))
+        return result
+
+
+def _lists(name: str, pairs: Any) -> dict[str, int]:
+    lengths = pairs.end.numpy() - pairs.begin.numpy()
+    return {f"{name} occupied cells": int((lengths > 0).sum()), f"{name} longest list": int(lengths.max())}
+
+
+METHOD = PerspectiveSpherical

@@ -1,0 +1,87 @@
+"""Putting triangles into the cells of a tiled grid: small ones by their own thread, large ones by rows of tiles.
+
+Both grids of the method (camera and light) bin in the same five steps; only their kernels differ. A triangle
+whose box covers more than :data:`INLINE_TILES` tiles is queued as (triangle, row) items, so that one thread
+never walks a whole screen of tiles. The order of that queue varies from run to run; answers do not depend on it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from ..common.pairs import PairList, grown, need_kernel
+
+INLINE_TILES = wp.constant(16)
+ROW_BYTES = 24
+"""A queued row: two indices of four bytes, a count and a scan value of eight."""
+
+COUNT, EMIT = 0, 1
+
+
+@wp.func
+def queue_rows(
+    triangle: wp.int32,
+    box: wp.vec4i,
+    rows: wp.array(dtype=wp.vec2i),
+    row_count: wp.array(dtype=wp.int64),
+):
+    """Queue every tile row of ``box``. Writers beyond the capacity count on; the harness repeats the frame."""
+    number = box[3] - box[1] + 1
+    first = wp.atomic_add(row_count, 0, wp.int64(number))
+    for j in range(number):
+        place = first + wp.int64(j)
+        if place < wp.int64(rows.shape[0]):
+            rows[wp.int32(place)] = wp.vec2i(triangle, box[1] + j)
+
+
+class TileBins:
+    """Cells of one grid: a :class:`PairList` over triangles and queued rows, and each triangle's box of tiles.
+
+    boxes      vec4i [triangle_count]: first column, first row, last column, last row; empty if last < first
+    rows       vec2i [row_capacity]: (triangle, row) of large triangles; row_count int64 [1]
+    ``slot`` and ``slot + 1`` of ``needs`` hold the pairs and the rows that the last frame needed.
+    """
+
+    def __init__(self, triangles: int, cells: int, capacity: tuple[int, int], needs: wp.array, slot: int, device: str):
+        self.triangles = max(1, triangles)
+        self.device = device
+        self.needs, self.slot = needs, slot
+        pair_capacity, row_capacity = capacity
+        self.pairs = PairList(self.triangles + row_capacity, cells, pair_capacity, device)
+        with wp.ScopedDevice(device):
+            self.boxes = wp.zeros(self.triangles, dtype=wp.vec4i)
+            self.rows = wp.zeros(row_capacity, dtype=wp.vec2i)
+            self.row_count = wp.zeros(1, dtype=wp.int64)
+
+    def launch_clear(self) -> None:
+        """Before the kernel that makes the boxes and queues the rows."""
+        self.row_count.zero_()
+
+    def launch_count(self, small: Callable[[int], None], large: Callable[[int], None]) -> None:
+        """Count the cells of every triangle and row, and scan."""
+        small(COUNT)
+        large(COUNT)
+        self.pairs.launch_scan(self.needs, self.slot)
+        wp.launch(need_kernel, dim=1, inputs=[self.row_count], outputs=[self.needs, self.slot + 1], device=self.device)
+
+    def launch_emit(self, small: Callable[[int], None], large: Callable[[int], None]) -> None:
+        """Write the pairs."""
+        small(EMIT)
+        large(EMIT)
+
+    def launch_sort(self) -> None:
+        """Sort the pairs by cell and mark the lists."""
+        self.pairs.launch_sort()
+        self.pairs.launch_lists()
+
+
+def grown_bins(needed: NDArray[np.int64], capacity: tuple[int, int], memory: int) -> tuple[int, int]:
+    """Capacities (pairs, rows) to go on with. Raises CapacityRejected beyond ``memory`` bytes."""
+    return (
+        grown(int(needed[0]), capacity[0], memory, "(triangle, cell) pairs"),
+        grown(int(needed[1]), capacity[1], memory, "(large triangle, tile row) items"),
+    )
