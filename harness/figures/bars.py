@@ -14,18 +14,17 @@ FIELDS = dict(zip(PARTS, ("build_ms", "trace_ms", "light_build_ms", "shadow_ms")
 
 
 def draw(rows: Sequence[dict[str, Any]], path: Path) -> list[Path]:
-    """Draw the measured rows as SVG (or whatever ``path`` ends in). Writes nothing where nothing was measured.
+    """Draw the rows as SVG (or whatever ``path`` ends in). Writes nothing where nothing was measured.
 
     Times are linear, with a scale of its own for each scene; the number at a bar's end is the whole frame's
     median, measured apart from its parts, with the error of its answers.
     """
     import matplotlib
 
-    measured = [row for row in rows if row["status"] == "ok" and row.get("total_ms")]
-    if not measured:
+    if not any(row.get("total_ms") for row in rows):
         return []
     with matplotlib.rc_context(style.axes_style()):
-        figure = _figure(measured)
+        figure = _figure(rows)
         # No date in the file: the same records give the same bytes.
         figure.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None)
     return [path]
@@ -43,14 +42,17 @@ def _figure(rows: Sequence[dict[str, Any]]) -> Any:
     colours = style.colours(row["method"] for row in rows)
     for axes, scene in zip(panels, scenes, strict=True):
         _panel(axes, [row for row in rows if row["scene"] == scene], colours)
-    panels[-1].set_xlabel("ms a frame (whiskers: interquartile range of repeats)")
+    figure.supxlabel("ms a frame; whiskers: interquartile range of repeats", fontsize=7)
     _legend(figure)
     return figure
 
 
 def _panel(axes: Any, rows: Sequence[dict[str, Any]], colours: dict[str, str]) -> None:
-    longest = max(row["total_ms"] for row in rows)
+    longest = max((row.get("total_ms") or 0.0 for row in rows), default=0.0) or 1.0
     for place, row in enumerate(rows):
+        if not row.get("total_ms"):
+            axes.text(0.02 * longest, place, row["status"], va="center", fontsize=6, style="italic")
+            continue
         left = 0.0
         for part in PARTS:
             width = row[FIELDS[part]] or 0.0
@@ -85,7 +87,7 @@ def _panel(axes: Any, rows: Sequence[dict[str, Any]], colours: dict[str, str]) -
     axes.set_title(title, loc="left", pad=2)
     axes.set_yticks(range(len(rows)), [row["label"] for row in rows])
     axes.tick_params(axis="y", length=0)
-    axes.invert_yaxis()
+    axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.set_xlim(0, longest * 1.38)
 
 

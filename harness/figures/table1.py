@@ -172,8 +172,9 @@ def _wide(made: Sheet) -> Table:
 
 def _narrow(made: Sheet) -> Table:
     table = Table(title=made.title, title_justify="left", pad_edge=False)
-    for name in ("scene, method", "build / trace ms", "with shadows ms", "rate, memory"):
-        table.add_column(name)
+    table.add_column("scene, method")
+    for name in ("build / trace\nms", "with shadows\nms", "\nrate, memory"):
+        table.add_column(name, no_wrap=True)
     for line in made.lines:
         table.add_section()
         table.add_row(Text(line.title, style="bold"), "", "", line.facts)

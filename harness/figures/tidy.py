@@ -25,6 +25,10 @@ COLUMNS = (
 """The columns of a tidy CSV, in order. Times in milliseconds, rates in 1e6 rays a second, memory in bytes."""
 
 
+ERROR_CLASSES = ("true", "invalid", "acne", "leak")
+"""The classes of a score that no rounding excuses."""
+
+
 def row(record: dict[str, Any]) -> dict[str, Any]:
     """The tidy row of a record. Times are absent where the point was not measured.
 
@@ -127,7 +131,7 @@ def _errors(frames: list[dict[str, Any]]) -> dict[str, Any]:
     if known:
         result["excused_share"] = max(score["excused_share"] for score in known)
         result["check"] = "ok" if all(score["check"] in (True, "ok") for score in known) else "failed"
-        result["reference_errors"] = sum(count(score.get("reference_errors")) for score in known)
+        result["reference_errors"] = sum(reference_errors(score) for score in known)
         wrong = sum(score["true_errors"] for score in known)
         # What was found wrong counts even where other frames have no truth; "none found" needs all of them.
         if wrong or not result["unscored"]:
@@ -137,13 +141,11 @@ def _errors(frames: list[dict[str, Any]]) -> dict[str, Any]:
     return result
 
 
-def count(value: Any) -> int:
-    """The sum of all whole numbers in a nest of dicts and lists; None counts 0."""
-    if isinstance(value, dict):
-        return sum(count(v) for v in value.values())
-    if isinstance(value, list | tuple):
-        return sum(count(v) for v in value)
-    return int(value) if isinstance(value, int | np.integer) and not isinstance(value, bool) else 0
+def reference_errors(score: dict[str, Any]) -> int:
+    """How many answers of the reference the judge found wrong while it decided this score's disputes."""
+    counts = score.get("reference_errors") or {}
+    groups = [counts.get("primary") or {}, *(counts.get("shadow") or [])]
+    return sum(int(group.get(kind, 0)) for group in groups for kind in ERROR_CLASSES)
 
 
 def _rates(frames: list[dict[str, Any]], pixels: int) -> dict[str, float | None]:

@@ -1,0 +1,56 @@
+# Needs only make and Python 3.11 or newer. Everything is installed into .venv.
+
+PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
+	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+LINT_STAMP := $(VENV)/.lint-installed
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
+
+.PHONY: help table1 test lint format clean
+.DEFAULT_GOAL := help
+
+help:
+	@echo "make table1   set everything up, run Table 1 on what this machine has, print it, draw the pictures"
+	@echo "make test     set everything up, run the tests"
+	@echo "make lint     ruff and mypy"
+	@echo "make format   let ruff put the code in shape"
+	@echo "make clean    remove .venv and caches (results stay)"
+
+table1: $(STAMP)
+	$(BIN)/shadowbench run table1 $(ARGS)
+
+test: $(STAMP)
+	$(BIN)/python -m pytest $(ARGS)
+
+lint: $(LINT_STAMP) build/lint/shadowbench
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	cd build/lint && ../../$(BIN)/mypy --config-file ../../pyproject.toml -p shadowbench
+
+format: $(LINT_STAMP)
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+clean:
+	rm -rf $(VENV) build .mypy_cache .ruff_cache .pytest_cache .hypothesis *.egg-info
+
+$(BIN)/python:
+	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is needed; name it with make PYTHON=/path/to/python3" >&2; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+
+# Installed anew only where the declared packages change.
+$(STAMP): pyproject.toml constraints.txt | $(BIN)/python
+	@echo "Installing into $(VENV) (once, about half a minute)"
+	$(PIP) install -c constraints.txt -e '.[usd,test]'
+	@touch $@
+
+$(LINT_STAMP): $(STAMP)
+	$(PIP) install -c constraints.txt -e '.[lint]'
+	@touch $@
+
+# mypy does not follow setuptools' package-dir, so it is shown the folders under their import names.
+build/lint/shadowbench:
+	mkdir -p $@
+	ln -sfn ../../../harness ../../../methods ../../../experiments $@/
