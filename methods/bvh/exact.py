@@ -1,0 +1,240 @@
+"""wp.Bvh rebuilt in place over padded boxes, with the shared triangle tests: exact, and capture-safe.
+
+Warp's slab test computes a distance with three roundings, so a ray that touches a box can be told that it does not.
+Boxes are therefore padded by what those roundings can amount to (Ize 2013, "Robust BVH Ray Traversal", does the
+same in the ray): with M the largest coordinate of scene and eye along an axis, no box is further than 2 M from a
+ray's origin, the slab is wrong by at most 3 u 2 M, the rounded box by u M, a shadow origin by u M and its direction
+by u 2 M: 10 u M in all, and 16 u M are taken.
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ...harness.frame import Frame
+from ...harness.passes import Pass
+from ...harness.scene import Effects
+from ..common.bounds import box_high, box_low, launch_bounds
+from ..common.pixels import pixel_of, thread_count
+from ..common.triangle import (
+    U32,
+    hit_distance,
+    largest,
+    may_hit,
+    may_occlude,
+    occludes,
+    to_float32,
+    weld_of,
+    write_hit,
+)
+
+SLACK = wp.constant(
+    1.0 + 2.0**-20
+)  # a box that begins at the best hit may still hold a tie with a lower index
+
+
+@wp.kernel(enable_backward=False)
+def boxes_kernel(
+    points: wp.array(dtype=wp.vec3f),
+    triangles: wp.array(dtype=wp.vec3i),
+    valid: wp.array(dtype=wp.uint8),
+    box: wp.array(dtype=wp.float32),
+    eye: wp.array(dtype=wp.vec3f),
+    lowers: wp.array(dtype=wp.vec3f),
+    uppers: wp.array(dtype=wp.vec3f),
+):
+    """Padded boxes; an invalid triangle gets the scene's low corner, or zero where nothing is valid."""
+    i = wp.tid()
+    low = box_low(box)
+    if not wp.isfinite(low):
+        lowers[i] = wp.vec3f(0.0, 0.0, 0.0)
+        uppers[i] = wp.vec3f(0.0, 0.0, 0.0)
+        return
+    if valid[i] == wp.uint8(0):
+        lowers[i] = low
+        uppers[i] = low
+        return
+    face = triangles[i]
+    a = points[face[0]]
+    b = points[face[1]]
+    c = points[face[2]]
+    reach = wp.max(wp.max(wp.abs(low), wp.abs(box_high(box))), wp.abs(eye[0]))
+    pad = reach * (16.0 * U32) + wp.vec3f(1.0e-37, 1.0e-37, 1.0e-37)
+    lowers[i] = wp.min(a, wp.min(b, c)) - pad
+    uppers[i] = wp.max(a, wp.max(b, c)) + pad
+
+
+@wp.kernel(enable_backward=False)
+def primary_kernel(
+    bvh: wp.uint64,
+    width: wp.int32,
+    height: wp.int32,
+    blocks: wp.bool,
+    eye: wp.array(dtype=wp.vec3f),
+    column: wp.array(dtype=wp.vec3f),
+    row: wp.array(dtype=wp.vec3f),
+    points: wp.array(dtype=wp.vec3f),
+    triangles: wp.array(dtype=wp.vec3i),
+    weld: wp.array(dtype=wp.int32),
+    valid: wp.array(dtype=wp.uint8),
+    triangle: wp.array(dtype=wp.int32),
+    t: wp.array(dtype=wp.float32),
+    u: wp.array(dtype=wp.float32),
+    v: wp.array(dtype=wp.float32),
+    hit: wp.array(dtype=wp.vec3d),
+):
+    pixel = pixel_of(wp.tid(), width, height, blocks)
+    if pixel < 0:
+        return
+    o = eye[0]
+    d = column[pixel % width] + row[pixel // width]
+    best = wp.int32(-1)
+    best_t = wp.float64(wp.INF)
+    limit = wp.float32(wp.INF)
+    i = wp.int32(0)
+    query = wp.bvh_query_ray(bvh, o, d)
+    while wp.bvh_query_next(query, i, limit):
+        if valid[i] != wp.uint8(0):
+            face = triangles[i]
+            a = points[face[0]]
+            b = points[face[1]]
+            c = points[face[2]]
+            if may_hit(o, d, a, b, c):
+                distance = hit_distance(o, d, a, b, c, weld_of(weld, face))
+                if distance > wp.float64(0.0) and (distance < best_t or (distance == best_t and i < best)):
+                    best = i
+                    best_t = distance
+                    limit = wp.float32(distance) * SLACK
+    write_hit(pixel, o, d, best, best_t, points, triangles, weld, triangle, t, u, v, hit)
+
+
+@wp.kernel(enable_backward=False)
+def shadow_kernel(
+    bvh: wp.uint64,
+    width: wp.int32,
+    height: wp.int32,
+    blocks: wp.bool,
+    light: wp.int32,
+    eye: wp.array(dtype=wp.vec3f),
+    lights: wp.array(dtype=wp.vec3f),
+    points: wp.array(dtype=wp.vec3f),
+    triangles: wp.array(dtype=wp.vec3i),
+    weld: wp.array(dtype=wp.int32),
+    valid: wp.array(dtype=wp.uint8),
+    triangle: wp.array(dtype=wp.int32),
+    hit: wp.array(dtype=wp.vec3d),
+    visibility: wp.array2d(dtype=wp.uint8),
+):
+    pixel = pixel_of(wp.tid(), width, height, blocks)
+    if pixel < 0:
+        return
+    own = triangle[pixel]
+    if own < 0:
+        visibility[light, pixel] = wp.uint8(0)
+        return
+    h = hit[pixel]
+    start = to_float32(h)
+    target = lights[light]
+    size = wp.float64(largest(eye[0]))
+    error = U32 * largest(start)
+    shadowed = wp.bool(False)
+    i = wp.int32(0)
+    query = wp.bvh_query_ray(bvh, start, target - start)
+    while wp.bvh_query_next(query, i, SLACK):
+        if i != own and valid[i] != wp.uint8(0):
+            face = triangles[i]
+            a = points[face[0]]
+            b = points[face[1]]
+            c = points[face[2]]
+            if may_occlude(start, target, a, b, c, error) and occludes(
+                h, target, a, b, c, weld_of(weld, face), size
+            ):
+                shadowed = True
+                break
+    visibility[light, pixel] = wp.uint8(shadowed)
+
+
+class ExactBvh:
+    """A wp.Bvh over a frame's triangles and the passes that rebuild and query it.
+
+    constructor  what Warp builds; on CUDA only "lbvh" can be rebuilt in place
+    leaf_size    boxes a leaf
+    """
+
+    def __init__(self, frame: Frame, constructor: str, leaf_size: int, swizzle: bool):
+        self.frame = frame
+        self.constructor = constructor
+        self.swizzle = swizzle
+        self.threads = thread_count(frame.width, frame.height, swizzle)
+        count = frame.triangle_count
+        # The tree must exist before the first frame; its buffers are what every rebuild uses again.
+        points, valid = frame.prepared.points(0)
+        corners = points[frame.prepared.faces]
+        corners[valid == 0] = 0.0
+        with wp.ScopedDevice(frame.device):
+            self.box = wp.zeros(6, dtype=wp.float32)
+            self.lowers = wp.array(corners.min(axis=1), dtype=wp.vec3f)
+            self.uppers = wp.array(corners.max(axis=1), dtype=wp.vec3f)
+            self.hit = wp.zeros(frame.pixels, dtype=wp.vec3d)
+        self.bvh = wp.Bvh(self.lowers, self.uppers, constructor=constructor, leaf_size=leaf_size)
+        assert len(self.lowers) == count
+
+    def passes(self, effects: Effects) -> list[Pass]:
+        passes = [
+            Pass("boxes", "build", ("points", "triangles", "camera"), ("boxes",), self._boxes),
+            Pass("rebuild", "build", ("boxes",), ("bvh",), self._rebuild),
+            Pass("primary rays", "trace", ("bvh", "camera"), ("hits",), self._primary),
+        ]
+        for i, wanted in enumerate(effects.shadows):
+            if wanted:
+                passes.append(
+                    Pass(
+                        f"light {i}: shadow rays",
+                        "shadow",
+                        ("bvh", "hits", "camera", f"light/{i}"),
+                        (f"visibility/{i}",),
+                        lambda i=i: self._shadow(i),  # type: ignore[misc]
+                        effect=f"shadows/{i}",
+                    )
+                )
+        return passes
+
+    def _boxes(self) -> None:
+        frame = self.frame
+        launch_bounds(frame, self.box)
+        wp.launch(
+            boxes_kernel,
+            dim=frame.triangle_count,
+            inputs=[frame.points, frame.triangles, frame.valid, self.box, frame.eye],
+            outputs=[self.lowers, self.uppers],
+            device=frame.device,
+        )
+
+    def _rebuild(self) -> None:
+        self.bvh.rebuild(self.constructor)
+
+    def _primary(self) -> None:
+        frame, answers = self.frame, self.frame.answers
+        wp.launch(
+            primary_kernel,
+            dim=self.threads,
+            inputs=[
+                self.bvh.id, frame.width, frame.height, self.swizzle, frame.eye, frame.column, frame.row,
+                frame.points, frame.triangles, frame.weld, frame.valid,
+            ],
+            outputs=[answers.triangle, answers.t, answers.u, answers.v, self.hit],
+            device=frame.device,
+        )  # fmt: skip
+
+    def _shadow(self, light: int) -> None:
+        frame = self.frame
+        wp.launch(
+            shadow_kernel,
+            dim=self.threads,
+            inputs=[
+                self.bvh.id, frame.width, frame.height, self.swizzle, light, frame.eye, frame.lights, frame.points,
+                frame.triangles, frame.weld, frame.valid, frame.answers.triangle, self.hit,
+            ],
+            outputs=[frame.answers.visibility],
+            device=frame.device,
+        )  # fmt: skip

@@ -1,0 +1,228 @@
+"""Warp's bounding volume hierarchies as a method: the peer that most Warp users would reach for first."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from ...harness.errors import UserError
+from ...harness.frame import Frame
+from ...harness.method import BaseMethod
+from ...harness.passes import Pass
+from ...harness.scene import Effects, Limits
+from ..common.misses import miss_passes, write_misses
+from ..common.offset import SHADOW_END
+from ..common.pixels import thread_count
+from .exact import ExactBvh
+from .mesh_kernels import mesh_indices_kernel, mesh_primary_kernel, mesh_shadow_kernel
+
+UPDATES = ("rebuild", "refit", "static", "bvh_rebuild")
+CONSTRUCTORS = ("default", "sah", "median", "lbvh", "cubql")
+MESH_INEXACT = (
+    "float32 with boxes that are not padded: rays through vertices and edges may escape, and shadow rays start a "
+    "rounding bound away from the surface"
+)
+
+
+@dataclass(frozen=True)
+class Build:
+    """How the tree is made and kept up to date.
+
+    update       "rebuild": a new wp.Mesh each frame (the rule of Table 1; it allocates, so no graph holds it);
+                 "refit": the tree of the animation's first frame, its boxes refitted each frame;
+                 "static": built once, for geometry that does not move;
+                 "bvh_rebuild": wp.Bvh.rebuild() in place over our own padded boxes, with our own triangle tests:
+                 exact, and it fits in a graph
+    constructor  "default" (LBVH on CUDA, SAH on the CPU), "sah", "median", "lbvh", "cubql". What Warp cannot do
+                 on a device it replaces (LBVH on the CPU becomes SAH): the record says what was really built.
+    leaf_size    triangles a leaf; 0 = Warp's own default for the constructor
+    """
+
+    update: str = "rebuild"
+    constructor: str = "default"
+    leaf_size: int = 0
+
+    def __post_init__(self) -> None:
+        if self.update not in UPDATES:
+            raise ValueError(f"update must be one of {', '.join(UPDATES)}")
+        if self.constructor not in CONSTRUCTORS:
+            raise ValueError(f"constructor must be one of {', '.join(CONSTRUCTORS)}")
+        if self.leaf_size < 0:
+            raise ValueError("leaf_size must be 0 (Warp's default) or more")
+        if self.update == "bvh_rebuild" and self.constructor == "cubql":
+            raise ValueError("cubql cannot be rebuilt in place; choose update=rebuild")
+
+
+@dataclass(frozen=True)
+class Trace:
+    """How rays are traced.
+
+    swizzle  whether 32 consecutive threads take a block of 8x4 pixels instead of a stretch of a row
+    """
+
+    swizzle: bool = True
+
+
+class WarpBvh(BaseMethod):
+    """See the module. The variants that query a wp.Mesh inherit its float32 answers; ``bvh_rebuild`` is exact."""
+
+    name = "bvh"
+    title = "BVH (Warp)"
+    Build = Build
+    Trace = Trace
+
+    def __init__(self, build: Build | None = None, trace: Trace | None = None):
+        super().__init__(build, trace)
+        self.capturable = self.build.update != "rebuild"
+        self.known_inexact = None if self.build.update == "bvh_rebuild" else MESH_INEXACT
+        self._device = ""
+        self._mesh: wp.Mesh | None = None
+
+    def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
+        self._device = frame.device
+        if frame.triangle_count == 0:
+            return miss_passes(frame, effects)
+        if self.build.update == "bvh_rebuild":
+            self._exact = ExactBvh(frame, self._constructor, self.build.leaf_size or 1, self.trace.swizzle)
+            return self._exact.passes(effects)
+        self._frame = frame
+        self._threads = thread_count(frame.width, frame.height, self.trace.swizzle)
+        self._indices = wp.zeros(3 * frame.triangle_count, dtype=wp.int32, device=frame.device)
+        passes = []
+        if self.build.update == "rebuild":
+            passes.append(Pass("new mesh", "build", ("points", "triangles"), ("mesh",), self._rebuild))
+        else:
+            self._first_mesh()
+            if self.build.update == "refit":
+                passes.append(Pass("refit", "build", ("points", "triangles"), ("mesh",), self._refit))
+        passes.append(Pass("primary rays", "trace", ("mesh", "camera"), ("hits",), self._primary))
+        for i, wanted in enumerate(effects.shadows):
+            if wanted:
+                passes.append(
+                    Pass(
+                        f"light {i}: shadow rays",
+                        "shadow",
+                        ("mesh", "hits", "camera", f"light/{i}"),
+                        (f"visibility/{i}",),
+                        lambda i=i: self._shadow(i),  # type: ignore[misc]
+                        effect=f"shadows/{i}",
+                    )
+                )
+        return passes
+
+    @property
+    def _constructor(self) -> str:
+        """What Warp builds when it is asked for ``build.constructor`` on the device of the plan."""
+        cpu = self._device.startswith("cpu")
+        if self.build.constructor == "default":
+            return "sah" if cpu else "lbvh"
+        if cpu and self.build.constructor == "lbvh":
+            return "sah"
+        if not cpu and self.build.update == "bvh_rebuild":
+            return "lbvh"
+        return self.build.constructor
+
+    def built(self) -> dict[str, Any]:
+        what = {"update": self.build.update, "leaf_size": self.build.leaf_size or "default"}
+        if self._device:
+            what["constructor"] = self._constructor
+        return what
+
+    def _make_mesh(self, points: wp.array, indices: wp.array) -> wp.Mesh:
+        return wp.Mesh(
+            points, indices, bvh_constructor=self._constructor, bvh_leaf_size=self.build.leaf_size or None
+        )
+
+    def _first_mesh(self) -> None:
+        """The tree of the animation's first frame: a tree built on points still at zero would stay bad for ever."""
+        frame = self._frame
+        prepared = frame.prepared
+        if self.build.update == "static" and prepared.frame_count > 1:
+            raise UserError(
+                f"bvh.update=static: {prepared.scene.name} moves over {prepared.frame_count} frames; "
+                "choose rebuild or refit"
+            )
+        points, valid = prepared.points(0)
+        self._indices.assign(harmless_indices(prepared.faces, valid))
+        self._mesh = self._make_mesh(wp.array(points, dtype=wp.vec3f, device=frame.device), self._indices)
+        if self.build.update == "refit":
+            self._mesh.points = frame.points
+
+    def _launch_indices(self) -> None:
+        frame = self._frame
+        wp.launch(
+            mesh_indices_kernel,
+            dim=frame.triangle_count,
+            inputs=[frame.points, frame.triangles, frame.valid],
+            outputs=[self._indices],
+            device=frame.device,
+        )
+
+    def _rebuild(self) -> None:
+        frame = self._frame
+        assert frame.host is not None
+        valid = frame.host.valid
+        self._mesh = None
+        if not valid.any():
+            return
+        if valid.all():
+            # What a user would pass: the face array itself, flat.
+            flat = wp.array(
+                ptr=frame.triangles.ptr,
+                dtype=wp.int32,
+                shape=(3 * frame.triangle_count,),
+                device=frame.device,
+            )
+            self._mesh = self._make_mesh(frame.points, flat)
+        else:
+            self._launch_indices()
+            self._mesh = self._make_mesh(frame.points, self._indices)
+
+    def _refit(self) -> None:
+        assert self._mesh is not None
+        self._launch_indices()
+        self._mesh.refit()
+
+    def _primary(self) -> None:
+        frame = self._frame
+        if self._mesh is None:
+            write_misses(frame)
+            return
+        answers = frame.answers
+        wp.launch(
+            mesh_primary_kernel,
+            dim=self._threads,
+            inputs=[
+                self._mesh.id, frame.width, frame.height, self.trace.swizzle, frame.eye, frame.column, frame.row
+            ],
+            outputs=[answers.triangle, answers.t, answers.u, answers.v],
+            device=frame.device,
+        )  # fmt: skip
+
+    def _shadow(self, light: int) -> None:
+        frame = self._frame
+        if self._mesh is None:
+            frame.answers.visibility[light].zero_()
+            return
+        wp.launch(
+            mesh_shadow_kernel,
+            dim=self._threads,
+            inputs=[
+                self._mesh.id, frame.width, frame.height, self.trace.swizzle, light, SHADOW_END, frame.eye,
+                frame.column, frame.row, frame.lights, frame.points, frame.triangles, frame.answers.triangle,
+            ],
+            outputs=[frame.answers.visibility],
+            device=frame.device,
+        )  # fmt: skip
+
+
+def harmless_indices(faces: NDArray[np.int32], valid: NDArray[np.uint8]) -> NDArray[np.int32]:
+    """Flat indices in which every invalid triangle is one vertex of the first valid one, three times."""
+    indices = np.array(faces, dtype=np.int32)
+    anchor = faces[int(np.argmax(valid)), 0] if valid.any() else 0
+    indices[valid == 0] = anchor
+    return indices.ravel()

@@ -1,0 +1,31 @@
+"""Which pixel a thread takes: plain rows, or blocks of 8x4 so that the 32 threads of a warp trace rays that agree."""
+
+from __future__ import annotations
+
+import warp as wp
+
+BLOCK_WIDTH = wp.constant(8)
+BLOCK_HEIGHT = wp.constant(4)
+OUTSIDE = wp.constant(-1)
+
+
+@wp.func
+def pixel_of(thread: wp.int32, width: wp.int32, height: wp.int32, blocks: wp.bool) -> wp.int32:
+    """The pixel index of a thread, or OUTSIDE where a block reaches over the image's edge."""
+    if not blocks:
+        return thread
+    across = (width + BLOCK_WIDTH - 1) // BLOCK_WIDTH
+    block = thread // (BLOCK_WIDTH * BLOCK_HEIGHT)
+    lane = thread % (BLOCK_WIDTH * BLOCK_HEIGHT)
+    x = (block % across) * BLOCK_WIDTH + lane % BLOCK_WIDTH
+    y = (block // across) * BLOCK_HEIGHT + lane // BLOCK_WIDTH
+    if x >= width or y >= height:
+        return OUTSIDE
+    return y * width + x
+
+
+def thread_count(width: int, height: int, blocks: bool) -> int:
+    """How many threads :func:`pixel_of` needs."""
+    if not blocks:
+        return width * height
+    return -(-width // 8) * -(-height // 4) * 32

@@ -1,0 +1,7 @@
+"""Embree through embreex, used directly: a CPU peer of every other method."""
+
+from .method import Embree
+
+METHOD = Embree
+
+__all__ = ["METHOD", "Embree"]
