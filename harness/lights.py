@@ -34,8 +34,7 @@ class Orbit:
     turns: float = 1.0
 
     def at(self, lights: tuple[Light, ...], share: float) -> tuple[Light, ...]:
-        axis = np.asarray(self.axis, dtype=np.float64)
-        axis /= np.linalg.norm(axis)
+        axis = _unit(self.axis)
         angle = 2 * math.pi * self.turns * share
         moved = []
         for light in lights:
@@ -58,21 +57,34 @@ class DistanceSweep:
     nearest: float
     farthest: float
 
+    def __post_init__(self) -> None:
+        if not (0.0 < self.nearest < math.inf and 0.0 < self.farthest < math.inf):
+            raise ValueError(f"distances {self.nearest} to {self.farthest}: both must be positive and finite")
+
     def at(self, lights: tuple[Light, ...], share: float) -> tuple[Light, ...]:
-        direction = np.asarray(self.direction, dtype=np.float64)
-        direction /= np.linalg.norm(direction)
+        direction = _unit(self.direction)
         distance = self.nearest * (self.farthest / self.nearest) ** share
         place = _vector(np.asarray(self.centre) + direction * distance)
         return tuple(light.moved(place) for light in lights)
 
 
-def spread(light: Light, centre: Vector, count: int) -> tuple[Light, ...]:
-    """``count`` lights from one: turned evenly about the vertical through ``centre``, intensity shared out."""
-    path = Orbit(centre)
+def spread(light: Light, centre: Vector, count: int, axis: Vector = (0.0, 1.0, 0.0)) -> tuple[Light, ...]:
+    """``count`` lights from one: turned evenly about ``axis`` through ``centre``, intensity shared out."""
+    if count < 1:
+        raise ValueError(f"{count} lights: there must be at least 1")
+    path = Orbit(centre, axis)
     return tuple(
         Light(path.at((light,), i / count)[0].position, light.shadows, light.color, light.intensity / count)
         for i in range(count)
     )
+
+
+def _unit(vector: Vector) -> np.ndarray:
+    array = np.asarray(vector, dtype=np.float64)
+    length = float(np.linalg.norm(array))
+    if not 0.0 < length < math.inf:
+        raise ValueError(f"direction {vector}: it must be finite and not zero")
+    return array / length
 
 
 def _vector(array: np.ndarray) -> Vector:

@@ -66,11 +66,13 @@ class Prepared:
     def __init__(self, scene: Scene):
         self.scene = scene
         self.geometry: Geometry = scene.geometry()
-        self.faces: NDArray[np.int32] = np.ascontiguousarray(self.geometry.faces, dtype=np.int32).reshape(-1, 3)
+        self.faces: NDArray[np.int32] = np.ascontiguousarray(self.geometry.faces, dtype=np.int32).reshape(
+            -1, 3
+        )
         first = np.asarray(self.geometry.positions(0), dtype=np.float64).reshape(-1, 3)
         check_faces(self.faces, len(first), scene.name)
         self.centre = recentre(first)
-        self.weld = weld(first)
+        self.weld = weld(first - self.centre)
         low, high = finite_bounds(first - self.centre)
         self.radius = float(np.linalg.norm(high - low) / 2) or 1.0
         self.middle = (low + high) / 2
@@ -92,7 +94,8 @@ class Prepared:
         """Float32 positions and validity flags of a frame (the last frame asked for is kept)."""
         if self._cache is None or self._cache[0] != frame:
             positions = np.asarray(self.geometry.positions(frame), dtype=np.float64).reshape(-1, 3)
-            points = np.ascontiguousarray((positions - self.centre).astype(np.float32))
+            with np.errstate(over="ignore"):  # beyond float32 is infinite: such triangles are never hit
+                points = np.ascontiguousarray((positions - self.centre).astype(np.float32))
             self._cache = (frame, points, valid_triangles(points, self.faces))
         return self._cache[1], self._cache[2]
 
@@ -110,9 +113,19 @@ class Prepared:
         if lights is None:
             lights = self.lights(frame)
         eye, axes, tangents, column, row = ray_tables(chosen, width, height, self.centre)
-        positions = np.array([light.position for light in lights], dtype=np.float64).reshape(-1, 3) - self.centre
+        positions = (
+            np.array([light.position for light in lights], dtype=np.float64).reshape(-1, 3) - self.centre
+        )
         return Moment(
-            frame, points, valid, eye, axes, tangents, column, row, np.ascontiguousarray(positions.astype(np.float32))
+            frame,
+            points,
+            valid,
+            eye,
+            axes,
+            tangents,
+            column,
+            row,
+            np.ascontiguousarray(positions.astype(np.float32)),
         )
 
     def lights(self, frame: int) -> tuple[Light, ...]:
@@ -134,12 +147,14 @@ def check_faces(faces: NDArray[np.int32], vertex_count: int, name: str) -> None:
     """Raise :class:`UserError` unless every index names a vertex."""
     if len(faces) and (faces.min() < 0 or faces.max() >= vertex_count):
         bad = int(faces.max()) if faces.max() >= vertex_count else int(faces.min())
-        raise UserError(f"{name}: a face names vertex {bad}, but there are {vertex_count} vertices; mend the file")
+        raise UserError(
+            f"{name}: a face names vertex {bad}, but there are {vertex_count} vertices; mend the file"
+        )
 
 
 def finite_bounds(positions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Lowest and highest corner of the finite vertices; both zero where there are none."""
-    finite = positions[np.isfinite(positions).all(axis=1)] if len(positions) else positions
+    """Lowest and highest corner of the vertices that float32 can hold; both zero where there are none."""
+    finite = positions[(np.abs(positions) <= np.finfo(np.float32).max).all(axis=1)]
     if not len(finite):
         return np.zeros(3), np.zeros(3)
     return finite.min(axis=0), finite.max(axis=0)
@@ -157,12 +172,15 @@ def recentre(positions: NDArray[np.float64]) -> NDArray[np.float64]:
 def weld(positions: NDArray[np.float64]) -> NDArray[np.int32]:
     """For each vertex the lowest index of a vertex at the same position (-0 equals +0), int32 [vertex_count].
 
+    ``positions``: recentred, [vertex_count, 3]; compared as float32, as everyone gets them.
+
     Edge planes are built in this order, so that two triangles that meet at an edge get the same plane even where
     the file has split its vertices. Vertices with NaN keep their own index.
     """
     if not len(positions):
         return np.zeros(0, dtype=np.int32)
-    keys = np.ascontiguousarray(positions.astype(np.float32) + np.float32(0.0))
+    with np.errstate(over="ignore"):
+        keys = np.ascontiguousarray(positions.astype(np.float32) + np.float32(0.0))
     view = keys.view([("x", "<f4"), ("y", "<f4"), ("z", "<f4")]).ravel().view("V12")
     _, first, inverse = np.unique(view, return_index=True, return_inverse=True)
     result = first[inverse.ravel()].astype(np.int32)
@@ -179,13 +197,13 @@ def valid_triangles(points: F32, faces: NDArray[np.int32]) -> NDArray[np.uint8]:
         a, b, c = (points[faces[:, i]].astype(np.float64) for i in range(3))
         finite = np.isfinite(a).all(axis=1) & np.isfinite(b).all(axis=1) & np.isfinite(c).all(axis=1)
         e, f = b - a, c - a
-        size = np.maximum(np.abs(a), np.maximum(np.abs(b), np.abs(c))).max(axis=1)
         normal = np.abs(np.cross(e, f)).max(axis=1)
-        # Differences of float32 are rounded at 2^-53 of the largest coordinate, products at 2^-53 of themselves.
+        # A difference, a product and their difference each round once, by at most 2^-53 of their size.
         reach = np.maximum(np.abs(e), np.abs(f)).max(axis=1)
-        bound = 16 * 2.0**-53 * reach * (reach + size)
+        bound = 16 * 2.0**-53 * reach * reach
+        same = (a == b).all(axis=1) | (b == c).all(axis=1) | (c == a).all(axis=1)
     result = finite & (normal > bound)
-    for i in np.nonzero(finite & ~result)[0]:
+    for i in np.nonzero(finite & ~result & ~same)[0]:
         result[i] = not _zero_area_exact(*(points[faces[i]]))
     return result.astype(np.uint8)
 

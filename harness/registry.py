@@ -40,7 +40,13 @@ def method_class(name: str) -> type[Method]:
         return importlib.import_module(f"{PACKAGE}.{name}").METHOD
     points = _entry_points()
     if name in points:
-        return points[name].load()
+        try:
+            return points[name].load()
+        except (ImportError, AttributeError) as error:
+            place = points[name].value
+            raise UserError(
+                f"method {name!r}: {place} cannot be imported ({error}); mend that package"
+            ) from error
     raise UserError(f"no method {name!r}{did_you_mean(name, method_names())}")
 
 
@@ -71,4 +77,6 @@ def _replaced(method: str, block: Any, key: str, text: str) -> Any:
         return dataclasses.replace(block, **{key: value})
     except (KeyError, ValueError, TypeError) as error:
         detail = f": {error}" if isinstance(error, ValueError) and str(error) else ""
-        raise UserError(f"{method}.{key}={text!r}: not a valid {getattr(kind, '__name__', kind)}{detail}") from error
+        raise UserError(
+            f"{method}.{key}={text!r}: not a valid {getattr(kind, '__name__', kind)}{detail}"
+        ) from error

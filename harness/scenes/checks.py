@@ -18,6 +18,9 @@ MAX_LINE = 1 << 20
 split.
 """
 
+_FAN_BLOCK = 1 << 16
+"""Corners that are made into fans at a time."""
+
 MAX_TRIANGLES = 1 << 27
 """Triangles a scene may have: the methods index corners with int32."""
 
@@ -85,20 +88,28 @@ def read_bytes(path: Path) -> bytes:
         ) from None
 
 
-def fan(counts: NDArray[np.integer], corners: NDArray[np.integer]) -> NDArray[np.int64]:
-    """Triangles of polygons, each a fan about its first corner, in order. int64 [sum(counts - 2), 3].
+def fan(counts: NDArray[np.integer], corners: NDArray[np.integer]) -> NDArray[np.int32]:
+    """Triangles of polygons, each a fan about its first corner, in order. int32 [sum(counts - 2), 3].
 
-    ``counts``: corners of each polygon, at least 3. ``corners``: their vertex indices one after another.
+    ``counts``: corners of each polygon, at least 3. ``corners``: their vertex indices one after another, below
+    2^31. Works in blocks, so that it needs little more than its result.
     """
-    counts = np.asarray(counts, dtype=np.int64)
-    if len(counts) and (counts == 3).all():
-        return np.asarray(corners, dtype=np.int64).reshape(-1, 3)
-    start = np.cumsum(counts) - counts
-    first = np.repeat(start, counts - 2)
-    before = np.cumsum(counts - 2) - (counts - 2)
-    step = np.arange(len(first)) - np.repeat(before, counts - 2)
-    corners = np.asarray(corners, dtype=np.int64)
-    return np.stack([corners[first], corners[first + step + 1], corners[first + step + 2]], axis=1)
+    if (counts == 3).all():
+        return corners.astype(np.int32, copy=False).reshape(-1, 3)
+    result = np.empty((int(counts.sum()) - 2 * len(counts), 3), dtype=np.int32)
+    ends = np.cumsum(counts, dtype=np.int64)
+    polygon, corner, triangle = 0, 0, 0
+    while polygon < len(counts):
+        last = max(polygon + 1, int(np.searchsorted(ends, corner + _FAN_BLOCK, side="right")))
+        block = corners[corner : ends[last - 1]]
+        each = counts[polygon:last].astype(np.int64)
+        start = np.repeat(np.cumsum(each) - each, each - 2)
+        before = np.repeat(np.cumsum(each - 2) - (each - 2), each - 2)
+        second = start + (np.arange(len(start)) - before) + 1
+        part = result[triangle : triangle + len(start)]
+        part[:, 0], part[:, 1], part[:, 2] = block[start], block[second], block[second + 1]
+        polygon, corner, triangle = last, int(ends[last - 1]), triangle + len(start)
+    return result
 
 
 def polygon_sizes(path: Path, counts: NDArray[np.integer]) -> None:

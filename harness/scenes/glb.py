@@ -24,6 +24,9 @@ _COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 
 _HARMLESS = ("KHR_materials_", "KHR_texture_", "KHR_lights_", "EXT_texture_")
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _JSON, _BIN = 0x4E4F534A, 0x004E4942
+_JSON_LIMIT = 1 << 25
+"""Bytes of JSON that are parsed; Python objects take up to twenty times as much."""
+
 _INSTANCED = 1 << 25
 """Triangles that a file may name by instancing; a few hundred bytes could name any number."""
 
@@ -88,6 +91,10 @@ def _json_part(path: Path, blob: bytes) -> tuple[dict[str, Any], int]:
         if head is None and kind != _JSON:
             raise broken(path, "the first chunk is not JSON")
         if head is None:
+            if size > _JSON_LIMIT:
+                raise broken(
+                    path, f"its JSON part has {size} bytes, more than {_JSON_LIMIT}", "export a part of it"
+                )
             head = json.loads(blob[at + 8 : at + 8 + size])
         elif kind == _BIN and not binary:
             binary = size

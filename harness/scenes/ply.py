@@ -98,11 +98,13 @@ def read_ply(path: Path) -> Mesh:
     return checked(path, points, np.zeros((0, 3), dtype=np.int32) if faces is None else faces)
 
 
-def _indices(path: Path, counts: NDArray, corners: NDArray) -> NDArray:
+def _indices(path: Path, counts: NDArray, corners: NDArray) -> NDArray[np.int32]:
+    """Fans, after a check that the corners are whole numbers that int32 can hold."""
     limit = 1 << 31
-    if not ((corners >= -limit) & (corners < limit)).all() or (corners % 1 != 0).any():
+    whole = corners.dtype.kind in "iu" or not (corners % 1 != 0).any()
+    if not whole or (len(corners) and not (corners.min() >= -limit and corners.max() < limit)):
         raise broken(path, "a face names a vertex that is no whole number below 2^31")
-    return fan(counts, corners.astype(np.int32))
+    return fan(counts, corners)
 
 
 def _header(path: Path, blob: bytes) -> tuple[str, list[_Element], int]:
@@ -201,7 +203,7 @@ class _Binary:
             return np.full(element.length, count), rows[name].reshape(-1)
         self.at = begin
         counts, corners, _ = self._walk(element, element.length)
-        return np.frombuffer(counts, dtype=np.int64), np.frombuffer(corners, dtype=np.float64)
+        return _array(counts), np.frombuffer(corners, dtype=np.float64) if corners else np.zeros(0)
 
     def _dtype(self, element: _Element, sizes: list[int]) -> np.dtype:
         fields: list[tuple] = []
@@ -302,7 +304,7 @@ class _Ascii:
             if len(rows) == need and (rows[:: first + 1] == first).all():
                 self.at += need
                 return np.full(element.length, first), rows.reshape(-1, first + 1)[:, 1:].reshape(-1)
-        counts, kept = array("q"), []
+        counts, starts = array("q"), array("q")
         for _ in range(element.length):
             for p in element.properties:
                 number = 1.0
@@ -310,13 +312,13 @@ class _Ascii:
                     number = float(self._take(element, 1)[0])
                     if not (number >= 0 and number % 1 == 0):
                         raise broken(self.path, f"a list of {element.name!r} has the length {number:g}")
-                row = self._take(element, number)
                 if p.count_kind and p.name in _CORNERS:
-                    counts.append(int(number))
-                    kept.append(row)
-        if not kept:
+                    counts.append(int(min(number, len(self.values))))
+                    starts.append(self.at)
+                self._take(element, number)
+        if not counts:
             return nothing
-        return np.frombuffer(counts, dtype=np.int64), np.concatenate(kept)
+        return _array(counts), _gather(self.values, _array(starts), _array(counts))
 
     def _take(self, element: _Element, number: float) -> NDArray:
         if number > len(self.values) - self.at:
@@ -333,3 +335,15 @@ class _Ascii:
             raise broken(
                 self.path, f"{left} numbers are left after the counts of the header", "its header is wrong"
             )
+
+
+def _array(numbers: array) -> NDArray[np.int64]:
+    return np.frombuffer(numbers, dtype=np.int64) if numbers else np.zeros(0, dtype=np.int64)
+
+
+def _gather(values: NDArray, starts: NDArray[np.int64], counts: NDArray[np.int64]) -> NDArray:
+    """The stretches ``values[start : start + count]`` one after another."""
+    keep = np.zeros(len(values) + 1, dtype=np.int8)
+    np.add.at(keep, starts[counts > 0], 1)
+    np.add.at(keep, (starts + counts)[counts > 0], -1)
+    return values[np.cumsum(keep[:-1], dtype=np.int8).astype(bool)]
