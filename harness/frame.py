@@ -35,7 +35,9 @@ class Answers:
 
     def to_host(self) -> dict[str, NDArray]:
         """Copies of all answers as numpy arrays."""
-        return {name: np.array(getattr(self, name).numpy()) for name in ("triangle", "t", "u", "v", "visibility")}
+        return {
+            name: np.array(getattr(self, name).numpy()) for name in ("triangle", "t", "u", "v", "visibility")
+        }
 
     def poison(self) -> None:
         """Fill with values that no method may leave behind, so that an unwritten answer shows."""

@@ -49,5 +49,3 @@ def launch_hit_points(frame: Frame, hit: wp.array) -> None:
         outputs=[hit],
         device=frame.device,
     )  # fmt: skip
-
-

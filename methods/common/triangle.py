@@ -104,7 +104,9 @@ def edge_functions(
 @wp.func
 def one_sign(e: wp.vec3d) -> wp.bool:
     zero = wp.float64(0.0)
-    return (e[0] >= zero and e[1] >= zero and e[2] >= zero) or (e[0] <= zero and e[1] <= zero and e[2] <= zero)
+    return (e[0] >= zero and e[1] >= zero and e[2] >= zero) or (
+        e[0] <= zero and e[1] <= zero and e[2] <= zero
+    )
 
 
 @wp.func
@@ -132,9 +134,7 @@ def hit_distance(
 
 
 @wp.func
-def hit_weights(
-    o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i
-) -> wp.vec2f:
+def hit_weights(o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i) -> wp.vec2f:
     """(u, v): the weights of vertices 1 and 2 at the hit."""
     e = edge_functions(to_float64(o), to_float64(d), to_float64(a), to_float64(b), to_float64(c), weld)
     sum = e[0] + e[1] + e[2]
@@ -180,7 +180,13 @@ def may_occlude(
 
 @wp.func
 def occludes(
-    h: wp.vec3d, light: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i, origin_size: wp.float64
+    h: wp.vec3d,
+    light: wp.vec3f,
+    a: wp.vec3f,
+    b: wp.vec3f,
+    c: wp.vec3f,
+    weld: wp.vec3i,
+    origin_size: wp.float64,
 ) -> wp.bool:
     """Whether the triangle meets the open segment from the hit point h to the light. Float64.
 
@@ -200,7 +206,9 @@ def occludes(
     side_h = wp.dot(n, ha)
     side_l = wp.dot(n, la)
     unit = U64 * largest(ab) * largest(ac)
-    if wp.abs(side_h) <= unit * (wp.float64(16.0) * total(ha) + wp.float64(64.0) * (largest(h) + origin_size)):
+    if wp.abs(side_h) <= unit * (
+        wp.float64(16.0) * total(ha) + wp.float64(64.0) * (largest(h) + origin_size)
+    ):
         return False
     if wp.abs(side_l) <= unit * wp.float64(16.0) * total(la):
         return False

@@ -91,7 +91,10 @@ class PerspectiveSpherical(BaseMethod):
         assert self._needs is not None
         primary, shadow = self.tests_per_pixel()
         needed = self._needs.numpy()
-        result = {"primary tests": int(primary.sum(dtype=np.int64)), **_lists("camera", self.camera.bins.pairs)}
+        result = {
+            "primary tests": int(primary.sum(dtype=np.int64)),
+            **_lists("camera", self.camera.bins.pairs),
+        }
         result["camera pairs"] = int(needed[0])
         for light in self.lights:
             name = f"light {light.index}"

@@ -46,7 +46,9 @@ class TileBins:
     ``slot`` and ``slot + 1`` of ``needs`` hold the pairs and the rows that the last frame needed.
     """
 
-    def __init__(self, triangles: int, cells: int, capacity: tuple[int, int], needs: wp.array, slot: int, device: str):
+    def __init__(
+        self, triangles: int, cells: int, capacity: tuple[int, int], needs: wp.array, slot: int, device: str
+    ):
         self.triangles = max(1, triangles)
         self.device = device
         self.needs, self.slot = needs, slot
@@ -66,7 +68,13 @@ class TileBins:
         small(COUNT)
         large(COUNT)
         self.pairs.launch_scan(self.needs, self.slot)
-        wp.launch(need_kernel, dim=1, inputs=[self.row_count], outputs=[self.needs, self.slot + 1], device=self.device)
+        wp.launch(
+            need_kernel,
+            dim=1,
+            inputs=[self.row_count],
+            outputs=[self.needs, self.slot + 1],
+            device=self.device,
+        )
 
     def launch_emit(self, small: Callable[[int], None], large: Callable[[int], None]) -> None:
         """Write the pairs."""

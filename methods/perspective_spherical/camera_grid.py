@@ -230,7 +230,9 @@ def bin_row(
                 inverse_high = (
                     wp.max(s.m[0] * x0, s.m[0] * x1) + wp.max(s.m[1] * y0, s.m[1] * y1) + s.m[2] + s.m_error
                 )
-                inverse_low = wp.min(s.m[0] * x0, s.m[0] * x1) + wp.min(s.m[1] * y0, s.m[1] * y1) + s.m[2] - s.m_error
+                inverse_low = (
+                    wp.min(s.m[0] * x0, s.m[0] * x1) + wp.min(s.m[1] * y0, s.m[1] * y1) + s.m[2] - s.m_error
+                )
                 if inverse_high > 0.0:
                     low = wp.max(low, 1.0 / inverse_high)
                 if inverse_low > 0.0:

@@ -36,7 +36,9 @@ class LightGrid:
         self.frame, self.index, self.hit, self.build, self.trace = frame, index, hit, build, trace
         n = build.light_tiles
         self.tile_count = n * n
-        self.bins = TileBins(frame.triangle_count, n * n * build.light_slices, capacity, needs, slot, frame.device)
+        self.bins = TileBins(
+            frame.triangle_count, n * n * build.light_slices, capacity, needs, slot, frame.device
+        )
         # C_total = sum of ceil(R_j / r) is at most one chunk a non-empty tile and one for every r rays.
         self.chunk_capacity = min(frame.pixels, n * n) + frame.pixels // trace.r
         self.key_bits = self.tile_count.bit_length()

@@ -32,7 +32,9 @@ def holds_light(light: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> wp.bo
     ab = to_float64(b) - a64
     ac = to_float64(c) - a64
     la = to_float64(light) - a64
-    return wp.abs(wp.dot(wp.cross(ab, ac), la)) <= U64 * largest(ab) * largest(ac) * wp.float64(16.0) * total(la)
+    return wp.abs(wp.dot(wp.cross(ab, ac), la)) <= U64 * largest(ab) * largest(ac) * wp.float64(16.0) * total(
+        la
+    )
 
 
 @wp.kernel(enable_backward=False)
@@ -107,7 +109,9 @@ def bound_kernel(
 
 
 @wp.func
-def lit_triangle(light: wp.vec3f, axes: wp.mat33d, a32: wp.vec3f, b32: wp.vec3f, c32: wp.vec3f) -> LitTriangle:
+def lit_triangle(
+    light: wp.vec3f, axes: wp.mat33d, a32: wp.vec3f, b32: wp.vec3f, c32: wp.vec3f
+) -> LitTriangle:
     l64 = to_float64(light)
     a = axes * (to_float64(a32) - l64)
     b = axes * (to_float64(b32) - l64)
@@ -263,7 +267,20 @@ def bin_rows_kernel(
         s = lit_triangle(lights[index], frame[0], points[face[0]], points[face[1]], points[face[2]])
         place = scan[offset + k] - count[offset + k]
         number = bin_row(
-            emit, i, s, spans[i], rows[k][1], box[0], box[2], tiles, slices, spans_all, extent, place, keys, values
+            emit,
+            i,
+            s,
+            spans[i],
+            rows[k][1],
+            box[0],
+            box[2],
+            tiles,
+            slices,
+            spans_all,
+            extent,
+            place,
+            keys,
+            values,
         )
     if emit == 0:
         count[offset + k] = number

@@ -91,7 +91,9 @@ def triangle_angles(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> wp.vec4d:
     )
     doubt = wp.float64(8.0) * ROUNDING / wp.max(axis, ROUNDING)
     widest = wp.max(wp.abs(dab), wp.max(wp.abs(dbc), wp.abs(dca)))
-    pole = wp.abs(dab + dbc + dca) > PI or widest > PI - wp.float64(1.0e-6) - doubt or axis < wp.float64(1.0e-12)
+    pole = (
+        wp.abs(dab + dbc + dca) > PI or widest > PI - wp.float64(1.0e-6) - doubt or axis < wp.float64(1.0e-12)
+    )
     # All three planes have the poles' axis on one side (zeros allowed): a pole is inside.
     slack_a = ROUNDING * largest64(a) * largest64(b - a)
     slack_b = ROUNDING * largest64(b) * largest64(c - b)
