@@ -42,13 +42,13 @@ class PerspectiveSpherical(BaseMethod):
         with wp.ScopedDevice(frame.device):
             self._needs = wp.zeros(SLOTS * (1 + len(effects.shadows)), dtype=wp.int64)
         self.camera = CameraGrid(frame, self.build, self._room(0, frame), self._needs, 0)
-        self.lights = [
-            LightGrid(
-                frame, i, self.camera.hit, self.build, self.trace, self._room(1 + i, frame), self._needs, SLOTS * (1 + i)
-            )
-            for i, wanted in enumerate(effects.shadows)
-            if wanted
-        ]  # fmt: skip
+        self.lights = []
+        for i, wanted in enumerate(effects.shadows):
+            if wanted:
+                room, slot = self._room(1 + i, frame), SLOTS * (1 + i)
+                self.lights.append(
+                    LightGrid(frame, i, self.camera.hit, self.build, self.trace, room, self._needs, slot)
+                )
         passes = self.camera.passes()
         for light in self.lights:
             passes += light.passes()

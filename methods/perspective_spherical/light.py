@@ -61,25 +61,26 @@ class LightGrid:
     def passes(self) -> list[Pass]:
         """Map and sort the rays, build the grid clamped to them, trace."""
         i, bins = self.index, self.bins
-        light, effect = f"light/{i}", f"shadows/{self.index}"
+        light, effect = f"light/{i}", f"shadows/{i}"
+        build, shadow = "light build", "shadow"
         rect, grid_name, ray_name = f"light rectangle/{i}", f"light grid/{i}", f"light rays/{i}"
         scene = ("points", "triangles", light, rect)
         return [
-            Pass(f"light {i}: map rays", "shadow", ("hits", light), (rect,), self.launch_map, effect),
-            Pass(f"light {i}: sort rays", "shadow", ("hits", rect), (f"sorted rays/{i}",), self.launch_sort_rays, effect),
-            Pass(f"light {i}: chunks", "shadow", (f"sorted rays/{i}",), (ray_name,), self.launch_chunks, effect),
-            Pass(f"light {i}: bound triangles", "light build", scene, (f"light boxes/{i}",), self.launch_bound, effect),
+            Pass(f"light {i}: map rays", shadow, ("hits", light), (rect,), self.launch_map, effect),
+            Pass(f"light {i}: sort rays", shadow, ("hits", rect), (f"sorted rays/{i}",), self.launch_sort_rays, effect),
+            Pass(f"light {i}: chunks", shadow, (f"sorted rays/{i}",), (ray_name,), self.launch_chunks, effect),
+            Pass(f"light {i}: bound triangles", build, scene, (f"light boxes/{i}",), self.launch_bound, effect),
             Pass(
-                f"light {i}: count", "light build", (*scene, f"light boxes/{i}"), (f"light counts/{i}",),
+                f"light {i}: count", build, (*scene, f"light boxes/{i}"), (f"light counts/{i}",),
                 lambda: bins.launch_count(self.launch_small, self.launch_large), effect,
             ),
             Pass(
-                f"light {i}: emit pairs", "light build", (*scene, f"light counts/{i}"), (f"light pairs/{i}",),
+                f"light {i}: emit pairs", build, (*scene, f"light counts/{i}"), (f"light pairs/{i}",),
                 lambda: bins.launch_emit(self.launch_small, self.launch_large), effect,
             ),
-            Pass(f"light {i}: sort pairs", "light build", (f"light pairs/{i}",), (grid_name,), bins.launch_sort, effect),
+            Pass(f"light {i}: sort pairs", build, (f"light pairs/{i}",), (grid_name,), bins.launch_sort, effect),
             Pass(
-                f"light {i}: shadow rays", "shadow", ("points", "triangles", "hits", light, grid_name, ray_name),
+                f"light {i}: shadow rays", shadow, ("points", "triangles", "hits", light, grid_name, ray_name),
                 (f"visibility/{i}",), self.launch_trace, effect,
             ),
         ]  # fmt: skip
