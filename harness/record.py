@@ -142,7 +142,7 @@ def make_record(
         "method": {**method, **prepared.get("method", {}), **finished.get("method", {})},
         "environment": environment,
         "compile_s": prepared.get("compile_s"),
-        "load_s": prepared.get("load_s"),
+        "load_s": scene.get("load_s"),
         "first_frame_s": prepared.get("first_frame_s"),
         "rounds": [{k: v for k, v in event.items() if k not in ("event", "frames")} for event in rounds],
         "frames": [frames[index] for index in sorted(frames)],

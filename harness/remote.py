@@ -28,7 +28,10 @@ class WorkerLost(WorkerError):
 
 
 class Remote:
-    """One worker process. It starts with the first request and again with the first after it was lost."""
+    """One worker process. It starts with the first request and again with the first after it was lost.
+
+    ``generation`` counts the starts: what was prepared in an earlier one is gone.
+    """
 
     def __init__(self, name: str, log: Path):
         self.name = name
@@ -36,6 +39,7 @@ class Remote:
         self._process: subprocess.Popen[str] | None = None
         self._replies: queue.Queue[str | None] = queue.Queue()
         self._asked = 0.0
+        self.generation = 0
 
     @property
     def running(self) -> bool:
@@ -93,6 +97,7 @@ class Remote:
                 # Ctrl-C is the parent's to handle: it stops its workers in order.
                 start_new_session=True,
             )
+        self.generation += 1
         self._replies = queue.Queue()
         assert self._process.stdout is not None
         threading.Thread(target=_pump, args=(self._process.stdout, self._replies), daemon=True).start()

@@ -8,6 +8,7 @@ standard error. The worker ends when its input does.
 from __future__ import annotations
 
 import ctypes
+import errno
 import gc
 import hashlib
 import json
@@ -23,12 +24,14 @@ from typing import IO, Any
 import warp as wp
 
 from .errors import CapacityRejected, UserError
+from .grading import Grader, hand_over, handed_path
 from .moment import Moment, Prepared
 from .plan import spread_frames
 from .registry import make_method
 from .scene import Limits
-from .scenes import find_scene
+from .scenes.catalogue import resolve
 from .session import Session
+from .share import Stored, store
 from .timing import (
     CompileClock,
     Memory,
@@ -39,6 +42,10 @@ from .timing import (
     resident_bytes,
     sample_frame,
 )
+
+
+UNWRITABLE = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
+"""The results folder is at fault, not the method."""
 
 
 class Skipped(Exception):
@@ -57,21 +64,32 @@ class Worker:
         self.memory: dict[str, dict[int, int]] = {}
         self.sources: dict[str, str] = {}
         self.points: dict[str, dict[str, Any]] = {}
+        self.scene_argument = ""
+        self.grader: Grader | None = None
 
     def do(self, command: dict[str, Any]) -> dict[str, Any]:
         """Carry out one command and return its reply."""
         kind = command.pop("do")
         actions = {
-            "load": self.load, "prepare": self.prepare, "round": self.round, "finish": self.finish, "free": self.free,
+            "load": self.load, "prepare": self.prepare, "round": self.round, "answer": self.answer,
+            "grade": self.grade, "free": self.free,
         }  # fmt: skip
         return actions[kind](**command)
 
-    def load(self, scene: str, scene_dir: str | None, frames: int, width: int, height: int) -> dict[str, Any]:
-        """Make the scene and its moments; reply with its facts (see :func:`scene_facts`)."""
+    def load(
+        self, scene: str, scene_dir: str | None, frames: int, width: int, height: int, shared: str, make: bool
+    ) -> dict[str, Any]:
+        """Make the scene (or take the one that another worker stored) and its moments; reply with its facts."""
         self.free()
         start = time.perf_counter()
-        self.prepared = Prepared(find_scene(scene, scene_dir))
+        described = resolve(scene, scene_dir)
+        if make:
+            self.prepared = Prepared(described)
+            store(Path(shared), self.prepared, spread_frames(self.prepared.frame_count, frames))
+        else:
+            self.prepared = Stored(Path(shared), described)
         self.size = (width, height)
+        self.scene_argument = scene
         for frame in spread_frames(self.prepared.frame_count, frames):
             self.moments[frame] = self.prepared.moment(frame, width, height)
         self.load_s = time.perf_counter() - start
@@ -114,7 +132,6 @@ class Worker:
         self.sources[point["key"]] = "process growth" if outside else "warp allocations"
         return {
             "compile_s": compiling.seconds,
-            "load_s": self.load_s,
             "first_frame_s": first,
             "baseline_rss_bytes": baseline,
             "method": {
@@ -166,24 +183,22 @@ class Worker:
                 return measured, session.regrown
         raise RuntimeError(f"{session.method.name}: needs of one frame change from run to run")
 
-    def finish(
-        self, key: str, folder: str, save_answers: bool, score: bool, picture: str | None = None
-    ) -> dict[str, Any]:
-        """Answer every frame once more, from poisoned arrays, and score it; draw the middle one on request."""
-        from .grading import draw_picture, grade
-
-        assert self.prepared is not None
-        session = self.sessions[key]
-        frames = []
-        middle = list(self.moments)[len(self.moments) // 2]
+    def answer(self, key: str, folder: str) -> dict[str, Any]:
+        """Answer every frame once more, from poisoned arrays, and hand the answers over to be graded."""
+        session, frames = self.sessions[key], []
         for frame, moment in self.moments.items():
-            answers = session.answers(moment)
-            counters = plain(session.method.counters())
-            graded = grade(self.prepared, moment, answers, session.effects, Path(folder), key, save_answers, score)
-            frames.append({"frame": frame, "counters": counters, **graded})
-            if picture and frame == middle:
-                draw_picture(self.prepared, moment, answers, Path(picture))
+            hand_over(handed_path(Path(folder), key, frame), session.answers(moment))
+            frames.append({"frame": frame, "counters": plain(session.method.counters())})
         return {"frames": frames, "method": {"built": plain(session.method.built())}}
+
+    def grade(
+        self, key: str, folder: str, device: str, save_answers: bool, score: bool, picture: str | None
+    ) -> dict[str, Any]:
+        """Grade answers that a method's worker handed over (this command is for the grading process)."""
+        assert self.prepared is not None
+        if self.grader is None:
+            self.grader = Grader(self.prepared, self.moments, self.scene_argument, Path(folder), device)
+        return {"frames": self.grader.grade(key, save_answers, score, Path(picture) if picture else None)}
 
     def free(self, key: str | None = None) -> dict[str, Any]:
         """Forget one point, or the scene and all of its points."""
@@ -191,7 +206,7 @@ class Worker:
             for table in (self.sessions, self.memory, self.sources, self.points):
                 table.pop(name, None)  # type: ignore[attr-defined]
         if key is None:
-            self.prepared = None
+            self.prepared = self.grader = None
             self.moments.clear()
         gc.collect()
         return {}
@@ -259,6 +274,10 @@ def answer_line(worker: Worker, line: str) -> dict[str, Any]:
         return {"error": "failed", "reason": one_line(error)}
     except MemoryError as error:
         return {"error": "failed", "reason": f"out of memory: {one_line(error)}"}
+    except OSError as error:
+        traceback.print_exc()
+        full = error.errno in UNWRITABLE
+        return {"error": "unwritable" if full else "failed", "reason": one_line(error)}
     except Exception as error:
         traceback.print_exc()
         return {"error": "failed", "reason": f"{type(error).__name__}: {one_line(error)}"}

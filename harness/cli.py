@@ -1,0 +1,185 @@
+"""The command line: ``shadowbench COMMAND``. It only reads arguments; the work is in :mod:`.commands`.
+
+Exit codes: 0 done, 1 the answer is no (a check failed, a point failed), 2 the call was wrong. An error is one line
+on standard error; ``--debug`` adds the traceback. Imports of the work are made when a command runs, so that help
+is quick.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from .errors import UserError
+
+DEBUG = "SHADOWBENCH_DEBUG"
+INTERRUPTED = 130
+
+app = typer.Typer(
+    name="shadowbench",
+    help="Measures acceleration structures for ray tracing scenes that change every frame, and checks every answer.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+Device = Annotated[str | None, typer.Option("--device", help="cpu or cuda:0. Default: cuda:0 where there is one.")]
+SceneDir = Annotated[
+    Path | None,
+    typer.Option("--scene-dir", help="Folder of original scenes. Default: the variable SHADOWBENCH_SCENES."),
+]
+Json = Annotated[bool, typer.Option("--json", help="Print nothing but JSON.")]
+Debug = Annotated[bool, typer.Option("--debug", help="Show a traceback with an error.")]
+
+
+def command(name: str, example: str) -> Callable[[Callable[..., int | None]], Callable[..., int | None]]:
+    """Register a command: its exit code is what it returns; its help ends with an example."""
+
+    def register(work: Callable[..., int | None]) -> Callable[..., int | None]:
+        @functools.wraps(work)
+        def checked(*args: Any, debug: bool = False, **kwargs: Any) -> None:
+            if debug:
+                os.environ[DEBUG] = "1"
+            raise typer.Exit(work(*args, **kwargs) or 0)
+
+        # Typer reads the signature: every command has --debug as its last option.
+        import inspect
+
+        signature = inspect.signature(work, eval_str=True)
+        flag = inspect.Parameter("debug", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=Debug)
+        checked.__signature__ = signature.replace(  # type: ignore[attr-defined]
+            parameters=[*signature.parameters.values(), flag]
+        )
+        checked.__annotations__ = {p.name: p.annotation for p in checked.__signature__.parameters.values()}  # type: ignore[attr-defined]
+        app.command(name, help=f"{work.__doc__}\n\n\b\nExample:\n  {example}")(checked)
+        return work
+
+    return register
+
+
+@command("run", "shadowbench run table1 --preset quick --scene cloth --method bvh --method embree")
+def run_(
+    experiment: Annotated[str, typer.Argument(help="Name of an experiment; see shadowbench list experiments.")],
+    preset: Annotated[str | None, typer.Option("--preset", help="quick or paper. Default: by device.")] = None,
+    device: Device = None,
+    scene: Annotated[list[str] | None, typer.Option("--scene", help="A scene's name or a file; again for more.")] = None,
+    method: Annotated[list[str] | None, typer.Option("--method", help="A method's name; again for more.")] = None,
+    setting: Annotated[list[str] | None, typer.Option("--set", help="method.param=value; again for more.")] = None,
+    scene_dir: SceneDir = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Results folder. A second run goes on in it.")] = None,
+    size: Annotated[str | None, typer.Option("--size", help="Image size, such as 256x256.")] = None,
+    frames: Annotated[int | None, typer.Option("--frames", help="Frames of an animated scene.")] = None,
+    samples: Annotated[int | None, typer.Option("--samples", help="Samples a frame and round, at least.")] = None,
+    rounds: Annotated[int | None, typer.Option("--rounds", help="How often each point is measured anew.")] = None,
+    budget: Annotated[float | None, typer.Option("--budget", help="Seconds of samples a point may take.")] = None,
+    timeout: Annotated[float | None, typer.Option("--timeout", help="Seconds before a silent method is given up.")] = None,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of the order of rounds.")] = 0,
+    memory_limit: Annotated[
+        int | None, typer.Option("--memory-limit", help="Bytes that a method may take for its structures.")
+    ] = None,
+    save_answers: Annotated[bool, typer.Option("--save-answers", help="Keep every raw answer.")] = False,
+    score: Annotated[bool, typer.Option("--score/--no-score", help="Compare the answers with truth.")] = True,
+    retry: Annotated[bool, typer.Option("--retry", help="Measure failed points again.")] = False,
+    as_json: Json = False,
+) -> int:
+    """Measure an experiment: every method on every scene, checked against truth, drawn at the end."""
+    from .commands.run import plan_run, run
+
+    options = plan_run(
+        experiment,
+        preset,
+        device,
+        scene or (),
+        method or (),
+        setting or (),
+        scene_dir,
+        out,
+        size,
+        {"frames": frames, "samples": samples, "rounds": rounds, "budget_s": budget, "timeout_s": timeout},
+        seed=seed,
+        save_answers=save_answers,
+        score=score,
+        retry=retry,
+        memory_limit=memory_limit,
+    )
+    return run(options, as_json)
+
+
+@command("show", "shadowbench show table1 results/local/table1-quick")
+def show_(
+    experiment: Annotated[str, typer.Argument(help="Name of an experiment.")],
+    folder: Annotated[Path | None, typer.Argument(help="A results folder. Default: the newest local one.")] = None,
+    as_json: Json = False,
+) -> int:
+    """Draw again from records, without timing."""
+    from .commands.run import newest
+    from .commands.show import show
+
+    files = show(experiment, folder or newest(experiment), quiet=as_json)
+    if as_json:
+        print(json.dumps({"files": [str(file) for file in files]}))
+    else:
+        for file in files:
+            print(f"written: {file}", file=sys.stderr)
+    return 0
+
+
+@command("list", "shadowbench list methods --json")
+def list_(
+    kind: Annotated[str, typer.Argument(help="methods, scenes or experiments.")],
+    as_json: Json = False,
+) -> int:
+    """Say what there is to name: methods, scenes or experiments."""
+    from .commands.listing import as_text, listing
+
+    rows = listing(kind)
+    print(json.dumps(rows, indent=1) if as_json else as_text(rows))
+    return 0
+
+
+@command("render", "shadowbench render cloth --method bvh --out cloth.png --size 512x512")
+def render_(
+    scene: Annotated[str, typer.Argument(help="A scene's name or a file.")],
+    method: Annotated[str, typer.Option("--method", help="The method whose answers are shown.")],
+    out: Annotated[Path, typer.Option("--out", help="The picture to write, .png.")],
+    size: Annotated[str, typer.Option("--size", help="Image size.")] = "512x512",
+    frame: Annotated[int, typer.Option("--frame", help="Frame of an animated scene, from 0.")] = 0,
+    device: Device = None,
+    scene_dir: SceneDir = None,
+) -> int:
+    """Draw a scene from a method's answers, with the shadows that it found."""
+    from .commands.render import render
+
+    print(f"written: {render(scene, method, out, size, frame, device, scene_dir)}", file=sys.stderr)
+    return 0
+
+
+def main() -> None:
+    """The ``shadowbench`` command."""
+    debug = "--debug" in sys.argv or bool(os.environ.get(DEBUG))
+    try:
+        app(standalone_mode=True)
+    except UserError as error:
+        if debug:
+            raise
+        print(f"shadowbench: {error}", file=sys.stderr)
+        raise SystemExit(2) from None
+    except KeyboardInterrupt:
+        print("shadowbench: interrupted; the same command goes on where this one stopped", file=sys.stderr)
+        raise SystemExit(INTERRUPTED) from None
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        raise SystemExit(INTERRUPTED) from None
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,55 @@
+"""``shadowbench render``: a picture of a scene from a method's own answers, shadows as the method found them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import warp as wp
+
+from ..errors import CapacityRejected, UserError
+from ..moment import Prepared
+from ..plan import device_for, find_device, parse_size
+from ..registry import make_method
+from ..scenes.catalogue import resolve
+from ..session import Session
+
+
+def render(
+    scene: str,
+    method: str,
+    out: Path,
+    size: str = "512x512",
+    frame: int = 0,
+    device: str | None = None,
+    scene_dir: Path | None = None,
+    settings: dict[str, str] | None = None,
+) -> Path:
+    """Draw one frame into a PNG file. Raises :class:`UserError` for whatever the caller can mend."""
+    from ..figures.shade import save_png, shade
+
+    if out.suffix.lower() != ".png":
+        raise UserError(f"--out {out}: pictures are PNG files; give a name ending in .png")
+    width, height = parse_size(size)
+    wp.config.quiet = True
+    place = find_device(device)
+    chosen = make_method(method, settings)
+    place = device_for(type(chosen), place)
+    described = resolve(scene, scene_dir)
+    reason = chosen.applies(described, place)
+    if reason:
+        raise UserError(f"{method} cannot do {scene}: {reason}; choose another --method")
+    prepared = Prepared(described)
+    if not 0 <= frame < prepared.frame_count:
+        raise UserError(f"--frame {frame}: {scene} has frames 0 to {prepared.frame_count - 1}")
+    moment = prepared.moment(frame, width, height)
+    try:
+        answers = Session(chosen, prepared, width, height, place).answers(moment)
+    except CapacityRejected as error:
+        raise UserError(f"{method} on {scene}: rejected: {error}; choose a smaller --size or another --method") from error
+    picture = shade(prepared, moment, answers, prepared.lights(frame))
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        save_png(picture, out)
+    except OSError as error:
+        raise UserError(f"{out}: cannot write ({error.strerror}); choose another --out") from error
+    return out

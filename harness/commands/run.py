@@ -1,0 +1,118 @@
+"""``shadowbench run``: check the whole call, run what has no record yet, draw."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ..errors import UserError
+from ..plan import (
+    choose_methods,
+    check_entries,
+    find_device,
+    find_experiment,
+    find_preset,
+    parse_settings,
+    parse_size,
+)
+from ..progress import Bar, Silent
+from ..record import summarise
+from ..run import Options, Run
+from ..scenes.catalogue import folder as scene_folder
+from ..scenes.catalogue import resolve
+
+RESULTS = Path("results/local")
+"""Where results go unless ``--out`` says otherwise."""
+
+
+def plan_run(
+    experiment: str,
+    preset: str | None = None,
+    device: str | None = None,
+    scenes: Sequence[str] = (),
+    methods: Sequence[str] = (),
+    settings: Sequence[str] = (),
+    scene_dir: Path | None = None,
+    out: Path | None = None,
+    size: str | None = None,
+    overrides: dict[str, Any] | None = None,
+    **options: Any,
+) -> Options:
+    """A call of ``run``, checked as far as that can be done before anything starts.
+
+    ``overrides``: fields of the preset to replace where not None. Raises :class:`UserError`.
+    """
+    declared = find_experiment(experiment)
+    place = find_device(device)
+    name, chosen = find_preset(declared, preset, place)
+    changes = {key: value for key, value in (overrides or {}).items() if value is not None}
+    for key, value in changes.items():
+        if value <= 0:
+            raise UserError(f"--{key.removesuffix('_s')} {value:g}: must be more than 0")
+    if size:
+        changes["width"], changes["height"] = parse_size(size)
+    if "samples" in changes:
+        changes["most"] = max(chosen.most, changes["samples"])
+    changes["scenes"] = tuple(dict.fromkeys(scenes)) or chosen.scenes
+    changes["methods"] = parse_settings(list(settings), choose_methods(chosen.methods, list(methods)))
+    if not methods and not settings:
+        check_entries(changes["methods"])
+    where = str(scene_folder(scene_dir)) if scene_folder(scene_dir) else None
+    for scene in changes["scenes"]:
+        resolve(scene, where)
+    return Options(
+        experiment=declared,
+        preset_name=name,
+        preset=dataclasses.replace(chosen, **changes),
+        device=place,
+        out=out or RESULTS / f"{experiment}-{name}",
+        scene_dir=where,
+        **options,
+    )
+
+
+def run(options: Options, as_json: bool = False) -> int:
+    """Run, draw, and say how it went: 0 where every point was measured or skipped with a reason, 1 otherwise."""
+    with Silent() if as_json else Bar() as report:
+        records = Run(options, report).go()
+    files: list[Path] = []
+    if options.experiment.draw is not None:
+        files = list(options.experiment.draw(options.out, as_json))  # type: ignore[call-arg]
+    bad = [record for record in records if record["status"] in ("failed", "timeout")]
+    if as_json:
+        print(json.dumps(report_json(options, records, files), indent=1))
+    else:
+        for file in files:
+            print(f"written: {file}", file=sys.stderr)
+        print(f"records: {options.out / 'records'}", file=sys.stderr)
+        for record in bad:
+            who = f"{record['scene']['name']}, {record['method']['label']}"
+            print(f"{who}: {record['status']}: {record['reason']}", file=sys.stderr)
+        if bad:
+            print(f"{len(bad)} of {len(records)} points failed; --retry measures them again", file=sys.stderr)
+    return 1 if bad else 0
+
+
+def newest(experiment: str) -> Path:
+    """The local results folder of an experiment that was written last. Raises :class:`UserError` for none."""
+    find_experiment(experiment)
+    folders = [path.parent for path in RESULTS.glob(f"{experiment}-*/records")]
+    if not folders:
+        raise UserError(f"no results of {experiment} in {RESULTS}; run it, or name a folder")
+    return max(folders, key=lambda path: (path / "records").stat().st_mtime)
+
+
+def report_json(options: Options, records: list[dict[str, Any]], files: list[Path]) -> dict[str, Any]:
+    """What ``--json`` prints: one row a point, and what was written."""
+    return {
+        "experiment": options.experiment.name,
+        "preset": options.preset_name,
+        "device": options.device,
+        "out": str(options.out),
+        "files": [str(file) for file in files],
+        "points": [summarise(record) for record in records],
+    }

@@ -1,0 +1,105 @@
+"""After timing: answers scored against truth, kept where they must be, and drawn. Never part of anything timed.
+
+One process grades for every method, so that truth and referee of a moment are made once, and so that they cost no
+method's process any memory. Where truth is not to be had a frame stays unscored with the reason, and its raw answers
+are kept, so that ``shadowbench score DIR`` fills the score in elsewhere.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .moment import Moment, Prepared
+from .scene import Effects
+
+Answers = dict[str, NDArray]
+
+
+def hand_over(path: Path, answers: Answers) -> None:
+    """Write a frame's answers for the grader: plain .npz, atomically."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    with temporary.open("wb") as stream:
+        np.savez(stream, **answers)  # type: ignore[arg-type]
+    temporary.replace(path)
+
+
+def answer_path(folder: Path, key: str, frame: int) -> Path:
+    """Where the raw answers of a point's frame are kept."""
+    return folder / "answers" / f"{key}-{frame}.npz"
+
+
+def handed_path(folder: Path, key: str, frame: int) -> Path:
+    """Where a method's worker puts the answers that the grader takes."""
+    return folder / "journal" / f"{key}-{frame}.npz"
+
+
+class Grader:
+    """Grades the answers of every method to the moments of one scene. ``scene_argument``: as a person typed it."""
+
+    def __init__(self, prepared: Prepared, moments: dict[int, Moment], scene_argument: str, folder: Path, device: str):
+        self.prepared, self.moments, self.scene_argument = prepared, moments, scene_argument
+        self.folder, self.device = folder, device
+        self.effects = Effects.of(prepared.scene)
+        self._judges: dict[int, Any] = {}
+
+    def grade(self, key: str, save_answers: bool, score: bool, picture: Path | None) -> list[dict[str, Any]]:
+        """For every frame its score, or the reason why there is none. The middle one is drawn on request."""
+        frames = []
+        middle = list(self.moments)[len(self.moments) // 2]
+        for frame, moment in self.moments.items():
+            handed = handed_path(self.folder, key, frame)
+            with np.load(handed) as stored:
+                answers = {name: stored[name] for name in stored.files}
+            graded: dict[str, Any] = {"frame": frame, "score": None, "unscored": "not asked for"}
+            graded["shadow_rays"] = shadow_rays(answers, self.effects)
+            if score:
+                graded.update(self._score(frame, answers))
+            if save_answers or graded["score"] is None:
+                self._keep(key, frame, answers)
+            if picture is not None and frame == middle:
+                draw_picture(self.prepared, moment, answers, picture)
+            handed.unlink()
+            frames.append(graded)
+        return frames
+
+    def _score(self, frame: int, answers: Answers) -> dict[str, Any]:
+        try:
+            from .score import Judge
+        except ImportError as error:
+            missing = error.name or str(error)
+            reason = f"no truth here, {missing} is not installed; shadowbench score fills it in where it is"
+            return {"score": None, "unscored": reason}
+        if frame not in self._judges:
+            truth = self.folder / "truth"
+            self._judges[frame] = Judge(self.prepared, self.moments[frame], self.effects, truth, self.device)
+        return {"score": self._judges[frame].score(answers), "unscored": None}
+
+    def _keep(self, key: str, frame: int, answers: Answers) -> None:
+        try:
+            from .score import save_raw
+        except ImportError:
+            # Without truth's packages the raw format cannot be made either; the arrays themselves are kept.
+            hand_over(answer_path(self.folder, key, frame), answers)
+            return
+        path = answer_path(self.folder, key, frame)
+        extra = {"key": key, "frame": frame}
+        save_raw(path, self.prepared, self.moments[frame], answers, self.scene_argument, self.effects, extra)
+
+
+def shadow_rays(answers: Answers, effects: Effects) -> int:
+    """Shadow rays of a frame: one a light that asks for shadows and a pixel that hits something."""
+    return int(np.count_nonzero(answers["triangle"] >= 0)) * sum(effects.shadows)
+
+
+def draw_picture(prepared: Prepared, moment: Moment, answers: Answers, path: Path) -> None:
+    """The frame as a picture with its shadows and a caption that says if the scene is a stand-in."""
+    from .figures.gallery import scene_picture
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    scene_picture(prepared, moment, answers, prepared.lights(moment.index), path)
