@@ -69,7 +69,7 @@ def contact_sheet(
     pictures: Sequence[Path], path: Path | str, columns: int = 3, width: int = 384, title: str = ""
 ) -> Path | None:
     """All pictures on one sheet, each ``width`` pixels wide, captions and all. None where there are none."""
-    images = []
+    images: list[Image.Image] = []
     for file in pictures:
         with Image.open(file) as image:
             images.append(image.convert("RGB"))
