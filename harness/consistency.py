@@ -82,8 +82,8 @@ def _check_hits(
     o, d = moment.eye.astype(np.float64), moment.directions(pixels).astype(np.float64)
     normal = np.cross(e, f)
     area = np.linalg.norm(normal, axis=1)
-    slope = np.einsum("ij,ij->i", normal, d) / area
     with np.errstate(divide="ignore", invalid="ignore"):
+        slope = np.einsum("ij,ij->i", normal, d) / area
         exact_t = np.einsum("ij,ij->i", normal, a - o) / area / slope
         p = o + exact_t[:, None] * d - a
         exact_u = np.einsum("ij,ij->i", np.cross(p, f), normal) / area**2
@@ -95,10 +95,10 @@ def _check_hits(
     )
     lengths = np.linalg.norm(e, axis=1), np.linalg.norm(f, axis=1), np.linalg.norm(f - e, axis=1)
     longest = np.max(lengths, axis=0)
-    slack = edge_bound(np.broadcast_to(o, a.shape), corners) * (1 + lengths[0] * lengths[1] / area)
     steep = np.abs(slope)
     with np.errstate(divide="ignore", invalid="ignore"):
         speed = np.linalg.norm(d, axis=1)
+        slack = edge_bound(np.broadcast_to(o, a.shape), corners) * (1 + lengths[0] * lengths[1] / area)
         # A coplanar ray has no t on this triangle: the referee judges the triangle, there is nothing to compare.
         real = steep > 2.0**-45 * speed
         result.t_wrong[pixels] = real & ~(error * steep <= T_UNITS * UNIT * exact_t * steep + slack)

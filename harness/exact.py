@@ -30,7 +30,10 @@ def edge_bound(*coordinates: NDArray[np.floating]) -> F64:
     Each argument has shape [n, ..., 3]: origins of the rays and vertices of the triangles. A far end of a
     segment (a light) is not among them: it would excuse everything where the light is far. Returns [n].
     """
-    sizes = [np.abs(np.asarray(c, dtype=np.float64)).reshape(len(c), -1).max(axis=1) for c in coordinates]
+    sizes = [
+        np.abs(np.asarray(c, dtype=np.float64)).reshape(len(c), np.size(c[0]) if len(c) else 3).max(axis=1)
+        for c in coordinates
+    ]
     return EDGE_UNITS * UNIT * np.max(np.stack(sizes), axis=0)
 
 
@@ -146,10 +149,11 @@ def edge_distance(p: F64, q: F64, triangles: F64) -> tuple[F64, F64]:
 
 
 def plane_distance(x: F64, triangles: F64) -> F64:
-    """Distances [n] of points [n, 3] from the planes of their triangles [n, 3, 3]."""
+    """Distances [n] of points [n, 3] from the planes of their triangles [n, 3, 3]; inf where float64 sees no plane."""
     normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    return np.abs(_dots(x - triangles[:, 0], normal))
+    size = np.linalg.norm(normal, axis=1)
+    away = np.abs(_dots(x - triangles[:, 0], normal))
+    return np.where(size > 0, away / np.where(size > 0, size, 1.0), np.inf)
 
 
 def face_distance(x: F64, triangles: F64) -> F64:

@@ -7,10 +7,8 @@ by its place in the image, only by :func:`.exact.edge_bound`.
 
 from __future__ import annotations
 
-import json
-import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -19,11 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .consistency import Consistency, check_consistency
-from .errors import UserError
 from .moment import Moment, Prepared
+from .raw import save_raw, score_raw
 from .referee import Hits, Referee, Verdict
 from .scene import Effects
-from .truth import Reference, embree_reference, input_hashes
+from .truth import Reference, embree_reference
+
+__all__ = ["Judge", "save_raw", "score_answers", "score_raw"]
 
 EXCUSED_LIMIT = 0.001
 """A check fails where a larger share of the pixels had to be excused."""
@@ -347,77 +347,3 @@ def _plain(value: Any) -> int | float | str:
     """A number that JSON can hold; infinities and NaN as text."""
     number = value.item()
     return number if isinstance(number, int) or np.isfinite(number) else str(number)
-
-
-# --- answers made elsewhere ---------------------------------------------------------------------------------
-
-ARRAYS = ("triangle", "t", "u", "v", "visibility")
-TABLES = ("eye", "axes", "tangents", "column", "row", "lights")
-
-
-def save_raw(
-    path: Path | str,
-    prepared: Prepared,
-    moment: Moment,
-    answers: dict[str, NDArray],
-    scene_argument: str,
-    effects: Effects | None = None,
-    extra: dict[str, Any] | None = None,
-) -> None:
-    """Keep a frame's answers as .npz, so that :func:`score_raw` can score them where Embree is.
-
-    ``scene_argument`` is what a person typed for the scene, a name or a file. The rays and lights go in as they
-    were traced; the mesh is made anew from the scene and compared by its hash. Written atomically.
-    """
-    facts = {
-        "schema": 1,
-        "scene": scene_argument,
-        "frame": moment.index,
-        "shadows": list((effects or Effects.of(prepared.scene)).shadows),
-        "hashes": input_hashes(prepared, moment),
-        "extra": extra or {},
-    }
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    arrays = {name: answers[name] for name in ARRAYS}
-    tables = {f"moment_{name}": getattr(moment, name) for name in TABLES}
-    with temporary.open("wb") as stream:
-        np.savez_compressed(stream, facts=np.array(json.dumps(facts)), **arrays, **tables)
-    temporary.replace(path)
-
-
-def score_raw(
-    path: Path | str,
-    scene_dir: Path | str | None = None,
-    folder: Path | str | None = None,
-    prepared: Prepared | None = None,
-) -> dict[str, Any]:
-    """Score answers kept by :func:`save_raw`. Raises :class:`UserError` where the file or its scene do not fit.
-
-    ``scene_dir``: where originals of the catalogue's scenes lie. ``folder``: keeps Embree's answers.
-    ``prepared``: the scene, where it is at hand already (its hash is checked all the same).
-    """
-    try:
-        with np.load(path) as stored:
-            facts = json.loads(str(stored["facts"]))
-            answers = {name: stored[name] for name in ARRAYS}
-            tables = {name: stored[f"moment_{name}"] for name in TABLES}
-    except (OSError, ValueError, KeyError, EOFError) as error:
-        raise UserError(f"{path}: not a file of raw answers ({error}); run the point again") from error
-    if prepared is None:
-        from .scenes.catalogue import resolve
-
-        prepared = Prepared(resolve(facts["scene"], scene_dir))
-    height, width = len(tables["row"]), len(tables["column"])
-    if facts["frame"] >= prepared.frame_count:
-        raise UserError(f"{path}: frame {facts['frame']}, but {facts['scene']} has {prepared.frame_count}")
-    moment = replace(prepared.moment(facts["frame"], width, height, lights=()), **tables)
-    hashes = input_hashes(prepared, moment)
-    differ = [name for name, value in facts["hashes"].items() if hashes.get(name) != value]
-    if differ:
-        raise UserError(
-            f"{path}: {', '.join(differ)} of {facts['scene']} differ here from what was traced; give the same "
-            "file (--scene-dir) or run the point again"
-        )
-    return Judge(prepared, moment, Effects(tuple(facts["shadows"])), folder).score(answers)

@@ -20,11 +20,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
 from .moment import Moment, Prepared
+from .raw import DAMAGED, input_hashes
 from .scene import Effects
 
 ROBUST = True
@@ -75,12 +74,16 @@ def embree_reference(
     return reference
 
 
-def make_scene(points: NDArray[np.float32], faces: NDArray[np.int32], valid: NDArray) -> EmbreeScene | None:
+def make_scene(points: NDArray[np.float32], faces: NDArray[np.int32], valid: NDArray) -> Any | None:
     """An Embree scene of the valid triangles, ids kept; None where there is nothing to hit.
 
     Invalid triangles are led to a NaN vertex: Embree drops such triangles, and the others keep their ids.
     Raises ValueError for an index out of range, which Embree would follow into foreign memory.
     """
+    # Imported here, so that answers can be kept for scoring elsewhere on a machine without Embree.
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
+
     valid = np.asarray(valid).astype(bool)
     if not valid.any():
         return None
@@ -168,7 +171,7 @@ def _trace(
 
 
 def _shadows(
-    scene: EmbreeScene,
+    scene: Any,
     prepared: Prepared,
     moment: Moment,
     directions: NDArray[np.float32],
@@ -188,24 +191,6 @@ def _shadows(
 
 
 # --- provenance and the folder ------------------------------------------------------------------------------
-
-
-def array_hash(*arrays: NDArray) -> str:
-    """SHA-256 of the bytes and shapes of arrays."""
-    digest = hashlib.sha256()
-    for array in arrays:
-        digest.update(f"{array.dtype.str}{array.shape}".encode())
-        digest.update(np.ascontiguousarray(array).tobytes())
-    return digest.hexdigest()
-
-
-def input_hashes(prepared: Prepared, moment: Moment) -> dict[str, str]:
-    """Hashes of all that an answer depends on: mesh, rays, lights."""
-    return {
-        "mesh": array_hash(moment.points, prepared.faces, moment.valid),
-        "rays": array_hash(moment.eye, moment.column, moment.row),
-        "lights": array_hash(moment.lights),
-    }
 
 
 def processor() -> dict[str, str]:
@@ -258,5 +243,5 @@ def _read(path: Path, provenance: dict[str, Any]) -> Reference | None:
                 return None
             names = ("triangle", "t", "u", "v", "visibility")
             return Reference(*(stored[name] for name in names), provenance)
-    except (OSError, ValueError, KeyError, EOFError):
+    except DAMAGED:
         return None

@@ -1,0 +1,156 @@
+"""Raw answers kept for scoring elsewhere: made where a method runs, scored where Embree is.
+
+One .npz a frame with the answers, the rays and lights as they were traced, and a few facts; the mesh lies beside
+it in a file of its own, named by its hash and shared by every method. Needs nothing but numpy to write.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import UserError
+from .moment import Moment, Prepared
+from .scene import Camera, Effects, Geometry, Scene
+
+SCHEMA = 1
+ARRAYS = ("triangle", "t", "u", "v", "visibility")
+TABLES = ("eye", "axes", "tangents", "column", "row", "lights")
+DAMAGED = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile)
+
+
+def array_hash(*arrays: NDArray) -> str:
+    """SHA-256 of the types, shapes and bytes of arrays."""
+    digest = hashlib.sha256()
+    for array in arrays:
+        digest.update(f"{array.dtype.str}{array.shape}".encode())
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
+
+
+def input_hashes(prepared: Prepared, moment: Moment) -> dict[str, str]:
+    """Hashes of all that an answer depends on: mesh, rays, lights."""
+    return {
+        "mesh": array_hash(moment.points, prepared.faces, moment.valid),
+        "rays": array_hash(moment.eye, moment.column, moment.row),
+        "lights": array_hash(moment.lights),
+    }
+
+
+def save_raw(
+    path: Path | str,
+    prepared: Prepared,
+    moment: Moment,
+    answers: dict[str, NDArray],
+    scene_argument: str,
+    effects: Effects | None = None,
+    extra: dict[str, Any] | None = None,
+) -> None:
+    """Keep a frame's answers (as ``Answers.to_host`` gives them) at ``path``, and the mesh beside it; atomically.
+
+    ``scene_argument`` is what a person typed for the scene, a name or a file: should the mesh's file be gone, it
+    is made anew from that. ``extra``: anything JSON can hold, for the reader.
+    """
+    hashes = input_hashes(prepared, moment)
+    facts = {
+        "schema": SCHEMA,
+        "scene": scene_argument,
+        "frame": moment.index,
+        "shadows": list((effects or Effects.of(prepared.scene)).shadows),
+        "hashes": hashes,
+        "extra": extra or {},
+    }
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    mesh = _mesh_path(path, hashes["mesh"])
+    if not mesh.exists():
+        _write(mesh, {"points": moment.points, "faces": prepared.faces, "valid": moment.valid})
+    arrays = {name: answers[name] for name in ARRAYS}
+    arrays |= {f"moment_{name}": getattr(moment, name) for name in TABLES}
+    _write(path, {**arrays, "facts": np.array(json.dumps(facts))})
+
+
+def score_raw(
+    path: Path | str, scene_dir: Path | str | None = None, folder: Path | str | None = None
+) -> dict[str, Any]:
+    """The score of answers kept by :func:`save_raw`, as :func:`.score.score_answers` gives it.
+
+    Raises :class:`UserError` for a file that is no such file, or a mesh that is not the one traced.
+    ``scene_dir``: where originals of the catalogue's scenes lie. ``folder``: keeps Embree's answers.
+    """
+    from .score import Judge
+
+    prepared, moment, answers, facts = read_raw(Path(path), scene_dir)
+    return Judge(prepared, moment, Effects(tuple(facts["shadows"])), folder).score(answers)
+
+
+def read_raw(
+    path: Path, scene_dir: Path | str | None = None
+) -> tuple[Prepared, Moment, dict[str, NDArray], dict[str, Any]]:
+    """Scene, moment, answers and facts of a file of raw answers, its hashes checked."""
+    try:
+        with np.load(path) as stored:
+            facts = json.loads(str(stored["facts"]))
+            answers = {name: stored[name] for name in ARRAYS}
+            tables = {name: stored[f"moment_{name}"] for name in TABLES}
+    except DAMAGED as error:
+        raise UserError(f"{path}: not a file of raw answers ({error}); run its point again") from error
+    prepared = _mesh(path, facts, scene_dir)
+    if facts["frame"] >= prepared.frame_count:
+        raise UserError(f"{path}: frame {facts['frame']}, but {facts['scene']} has {prepared.frame_count}")
+    points, valid = prepared.points(facts["frame"])
+    moment = Moment(index=facts["frame"], points=points, valid=valid, **tables)
+    pixels = moment.width * moment.height
+    if any(answers[name].shape[-1] != pixels for name in ARRAYS):
+        raise UserError(f"{path}: answers of another size than its {moment.width}x{moment.height} rays")
+    hashes = input_hashes(prepared, moment)
+    differ = [name for name, value in facts["hashes"].items() if hashes.get(name) != value]
+    if differ:
+        raise UserError(
+            f"{path}: {' and '.join(differ)} of {facts['scene']} differ from what was traced; "
+            f"put {_mesh_path(path, facts['hashes']['mesh']).name} back beside it, or run its point again"
+        )
+    return prepared, moment, answers, facts
+
+
+class KeptMesh(Prepared):
+    """One frame of a prepared scene, read back: arrays as they were traced, with nothing made anew."""
+
+    def __init__(self, name: str, frame: int, points: NDArray, faces: NDArray, valid: NDArray):
+        nowhere = Camera((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
+        self.geometry = Geometry(faces, lambda k: points, frame + 1)
+        self.scene = Scene(name, name, lambda: self.geometry, nowhere, ())
+        self.faces = faces
+        self._cache = (frame, points, valid)
+
+
+def _mesh_path(path: Path, mesh_hash: str) -> Path:
+    return path.parent / f"mesh-{mesh_hash[:24]}.npz"
+
+
+def _mesh(path: Path, facts: dict[str, Any], scene_dir: Path | str | None) -> Prepared:
+    beside = _mesh_path(path, facts["hashes"]["mesh"])
+    if beside.exists():
+        try:
+            with np.load(beside) as stored:
+                arrays = {name: stored[name] for name in ("points", "faces", "valid")}
+            return KeptMesh(facts["scene"], facts["frame"], **arrays)
+        except DAMAGED as error:
+            raise UserError(f"{beside}: damaged ({error}); delete it to make the mesh anew") from error
+    from .scenes.catalogue import resolve
+
+    return Prepared(resolve(facts["scene"], scene_dir))
+
+
+def _write(path: Path, arrays: dict[str, NDArray]) -> None:
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    with temporary.open("wb") as stream:
+        np.savez_compressed(stream, **arrays)  # type: ignore[arg-type]
+    temporary.replace(path)

@@ -1,0 +1,302 @@
+"""The referee against plain rational brute force, and errors planted for it to find."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import exact_cases as cases
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from shadowbench.harness import exact
+from shadowbench.harness.moment import Prepared, valid_triangles
+from shadowbench.harness.referee import Referee, Verdict
+
+BOUNDED = settings(derandomize=True, max_examples=40, deadline=None)
+
+
+def compare(points, faces, valid, origins, directions, light) -> None:
+    """Closest hits, tie sets, all hits and shadow bits against rational arithmetic."""
+    referee = Referee(points, faces, valid)
+    hits = referee.closest(origins, directions)
+    every = referee.all_hits(hits.origins, hits.directions)
+    shadow = referee.occluders(hits, light)
+    for i in range(len(hits)):
+        t, ties = cases.closest(points, faces, valid, hits.origins[i], hits.directions[i])
+        assert hits.ties[i] == ties
+        assert hits.triangle[i] == (ties[0] if ties else -1)
+        if t is None:
+            assert hits.ratio[i] is None
+            assert hits.t[i] == np.inf
+            assert shadow[i] == -1
+            continue
+        assert Fraction(*hits.ratio[i]) == t
+        assert hits.t[i] == float(t)
+        assert set(ties) <= {k for _, k in every[i]}
+        right = cases.occluders(points, faces, valid, hits.origins[i], hits.directions[i], t, light)
+        assert (shadow[i] >= 0) == bool(right)
+        assert shadow[i] in right or not right
+
+
+@st.composite
+def lattice_case(draw):
+    """A soup on a small lattice: rays, vertices, edges and planes meet exactly all the time."""
+    whole = st.integers(-4, 4)
+    point = st.tuples(whole, whole, whole)
+    points = np.array(draw(st.lists(point, min_size=3, max_size=9)), dtype=np.float32)
+    corner = st.integers(0, len(points) - 1)
+    faces = np.array(
+        draw(st.lists(st.tuples(corner, corner, corner), min_size=1, max_size=10)), dtype=np.int32
+    )
+    eye = np.array(draw(point), dtype=np.float32)
+    targets = np.array(draw(st.lists(point, min_size=8, max_size=8)), dtype=np.float32)
+    light = np.array(draw(point), dtype=np.float32)
+    scale = np.float32(2.0 ** draw(st.sampled_from([0, -20, 20, -60])))
+    return points * scale, faces, eye * scale, targets - eye, light * scale
+
+
+@BOUNDED
+@given(lattice_case())
+def test_lattice_soup_equals_rational_brute_force(case):
+    points, faces, eye, directions, light = case
+    # Rays through vertices and the middles of edges, besides those through lattice points.
+    corners = points[faces[: min(4, len(faces))]]
+    aimed = np.concatenate([corners[:, 0] - eye, (corners[:, 0] + corners[:, 1]) / 2 - eye])
+    directions = np.concatenate([directions, aimed]).astype(np.float32)
+    compare(points, faces, valid_triangles(points, faces), eye, directions, light)
+
+
+@pytest.mark.parametrize("spread", [0, 6, 20])
+def test_float_soup_equals_rational_brute_force(spread):
+    """Full 24-bit mantissas; with a spread, coordinates of very different sizes in one triangle."""
+    rng = np.random.default_rng(spread)
+    points = (rng.normal(size=(60, 3)) * 10.0 ** rng.uniform(-spread, 0, size=(60, 3))).astype(np.float32)
+    faces = rng.integers(0, 60, size=(30, 3)).astype(np.int32)
+    eye = np.array([0.3, -0.2, 2.5], dtype=np.float32)
+    targets = points[faces].mean(axis=1)
+    directions = (targets - eye).astype(np.float32)
+    compare(points, faces, valid_triangles(points, faces), eye, directions, np.float32([1.5, 2.0, 1.0]))
+
+
+def test_batches_and_tree_give_the_same_as_brute_force():
+    """Several hundred triangles, so that the tree has levels and boxes are skipped."""
+    rng = np.random.default_rng(3)
+    centres = rng.uniform(-1, 1, size=(250, 1, 3))
+    points = (centres + rng.normal(scale=0.15, size=(250, 3, 3))).reshape(-1, 3).astype(np.float32)
+    faces = np.arange(750, dtype=np.int32).reshape(-1, 3)
+    directions = np.concatenate([rng.normal(size=(20, 3)), [[0, 0, -1], [0, -0.0, -1], [1, 0, 0]]])
+    compare(
+        points,
+        faces,
+        np.ones(250),
+        np.float32([0, 0, 3]),
+        directions.astype(np.float32),
+        np.float32([3, 3, 3]),
+    )
+
+
+@pytest.mark.parametrize("exponent", [-140, -100, 0, 60, 120])
+def test_a_power_of_two_changes_nothing(exponent):
+    rng = np.random.default_rng(1)
+    points = rng.integers(-100, 100, size=(30, 3)).astype(np.float32)
+    faces = rng.integers(0, 30, size=(20, 3)).astype(np.int32)
+    eye, directions = np.float32([0, 0, 150]), (points - np.float32([0, 0, 150])).astype(np.float32)
+    light = np.float32([50, 200, 100])
+    valid = valid_triangles(points, faces)
+    plain, factor = Referee(points, faces, valid), np.float32(2.0**exponent)
+    scaled = Referee(points * factor, faces, valid)
+    a, b = plain.closest(eye, directions), scaled.closest(eye * factor, directions * factor)
+    assert a.ties == b.ties
+    assert (a.triangle >= 0).sum() > 10
+    np.testing.assert_array_equal(a.t, b.t)
+    np.testing.assert_array_equal(plain.occluded(a, light), scaled.occluded(b, light * factor))
+
+
+QUAD = np.float32([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])
+QUAD_FACES = np.int32([(0, 1, 2), (0, 2, 3)])
+
+
+def test_conventions():
+    referee = Referee(QUAD, QUAD_FACES, np.ones(2))
+    hits = referee.closest(
+        np.float32([(0, 0, 1), (1, 1, 1), (0, 0, 0), (-2, 0, 0), (0, 0, 1), (2, 0, 1)]),
+        np.float32([(0, 0, -1), (0, 0, -1), (0, 0, -1), (1, 0, 0), (0, 0, 1), (0, 0, -1)]),
+    )
+    # The shared diagonal ties; a corner belongs to its triangles; eye on a triangle, coplanar, behind, beside: none.
+    assert hits.ties == [(0, 1), (0, 1), (), (), (), ()]
+    assert hits.t.tolist()[:2] == [1.0, 1.0]
+
+
+def test_shadow_segment_is_open_at_both_ends():
+    points = np.concatenate([QUAD, QUAD + np.float32([0, 0, 2])])
+    referee = Referee(points, np.concatenate([QUAD_FACES, QUAD_FACES + 4]), np.ones(4))
+    hits = referee.closest(np.float32([0.5, 0.25, 1]), np.float32([(0, 0, -1)]))
+    lights = {(0.5, 0.25, 3): 1, (0.5, 0.25, 2): 0, (0.5, 0.25, 1.5): 0, (9, 0.25, 0): 0, (0.5, 0.25, -1): 0}
+    for light, bit in lights.items():
+        assert referee.occluded(hits, np.float32(light)).tolist() == [bit], light
+
+
+def test_invalid_triangles_are_never_hit_and_keep_their_index():
+    points = np.concatenate([QUAD, np.float32([(np.nan, 0, 0.5), (np.inf, 0, 0.5)])])
+    faces = np.int32([(0, 0, 1), (0, 1, 4), (0, 1, 5), (0, 1, 2), (0, 2, 3)])
+    referee = Referee(points, faces, valid_triangles(points, faces))
+    hits = referee.closest(np.float32([0.5, 0.25, 1]), np.float32([(0, 0, -1)]))
+    assert hits.ties == [(3,)]
+    assert referee.classify_primary(hits, np.array([1])).tolist() == [Verdict.INVALID]
+
+
+def test_empty_mesh():
+    referee = Referee(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+    hits = referee.closest(np.float32([0, 0, 1]), np.float32([(0, 0, -1)]))
+    assert hits.triangle.tolist() == [-1]
+    assert referee.occluded(hits, np.float32([0, 5, 0])).tolist() == [0]
+    assert referee.classify_primary(hits, np.array([0])).tolist() == [Verdict.INVALID]
+
+
+def test_duplicates_are_found_whatever_the_order_of_their_vertices():
+    points = np.concatenate([QUAD, QUAD * np.float32(-1.0) * np.float32(-1.0), QUAD + np.float32(1)])
+    faces = np.int32([(0, 1, 2), (0, 2, 3), (6, 5, 4), (4, 6, 7), (8, 9, 10), (0, 1, 3)])
+    referee = Referee(points, faces, np.ones(6))
+    assert referee.duplicate_of.tolist() == [0, 1, 0, 1, 4, 5]
+
+
+# --- classes ------------------------------------------------------------------------------------------------
+
+LAYERS = np.concatenate([QUAD, QUAD + np.float32([0, 0, -1]), QUAD + np.float32([0, 0, -1 - 2.0**-21])])
+LAYER_FACES = np.concatenate([QUAD_FACES, QUAD_FACES + 4, QUAD_FACES + 8])
+"""Three squares: z = 0, z = -1, and one a hair behind that."""
+
+
+def primary_class(x: float, y: float, given: int, keep=slice(0, 6)) -> str:
+    """The class of an answer to a vertical ray from z = 1."""
+    referee = Referee(LAYERS, LAYER_FACES[keep], np.ones(len(LAYER_FACES[keep])))
+    hits = referee.closest(np.float32([x, y, 1]), np.float32([(0, 0, -1)]))
+    return Verdict(int(referee.classify_primary(hits, np.array([given]))[0])).name
+
+
+HAIR = 2.0**-22
+"""Well inside the bound of 16 * 2^-24 of coordinates about 1."""
+
+FAR = 2.0**-18
+"""Well outside it."""
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "given", "expected"),
+    [
+        (0.5, 0.25, 0, "OK"),
+        (0.5, 0.5, 1, "TIE"),
+        (0.5, 0.25, 1, "TRUE"),  # the neighbour, far from the shared edge
+        (0.5, 0.5 - HAIR, 1, "NEAR_TIE"),  # the neighbour, next to the shared edge: the same t
+        (0.5, 0.5 - FAR, 1, "TRUE"),
+        (0.5, 0.25, -1, "TRUE"),  # a hit lost in the middle of a triangle
+        (0.5, 0.25, 2, "TRUE"),  # the layer behind
+        (1 - HAIR, 0.25, 2, "EDGE"),  # the layer behind, seen past the border of the first
+        (1 - FAR, 0.25, 2, "TRUE"),
+        (1 - HAIR, 0.25, -1, "EDGE"),  # all layers end here
+        (1 - FAR, 0.25, -1, "TRUE"),
+        (1 + HAIR, 0.25, 0, "EDGE"),  # a hit claimed just beside the border
+        (1 + HAIR, 0.25, 2, "EDGE"),
+        (1 + FAR, 0.25, 0, "TRUE"),
+        (0.5, 0.25, -2, "INVALID"),
+        (0.5, 0.25, 6, "INVALID"),
+        (0.5, 0.25, -77, "INVALID"),
+    ],
+)
+def test_class_of_a_primary_answer(x, y, given, expected):
+    assert primary_class(x, y, given) == expected
+
+
+def test_a_layer_a_hair_behind_is_a_near_tie_and_one_further_is_not():
+    assert primary_class(0.5, 0.25, 2, slice(2, 6)) == "NEAR_TIE"
+    assert primary_class(0.5, 0.25, 0, slice(2, 6)) == "OK"
+    assert primary_class(0.5, 0.25, 2, slice(0, 4)) == "TRUE"
+
+
+def test_a_hole_at_an_inner_vertex_is_excused_only_where_nothing_else_is_hit():
+    # Through the shared diagonal a miss is an edge; with a solid square behind, missing that one too is not.
+    assert primary_class(0.5, 0.5, -1, slice(0, 2)) == "EDGE"
+    behind = np.concatenate([QUAD, QUAD * np.float32(3) + np.float32([0, 0, -1])])
+    referee = Referee(behind, np.concatenate([QUAD_FACES, QUAD_FACES + 4]), np.ones(4))
+    hits = referee.closest(np.float32([0.5, -0.5, 1]), np.float32([(0.5, 1.5, -1)]))
+    hits = referee.closest(np.float32([1.0, 0.25, 1]), np.float32([(0, 0, -1)]))
+    assert hits.triangle.tolist() == [0]
+    assert referee.classify_primary(hits, np.array([2])).tolist() == [Verdict.EDGE]
+    assert referee.classify_primary(hits, np.array([-1])).tolist() == [Verdict.TRUE]
+
+
+def shadow_class(x: float, bit: int, light=(0.0, 0.25, 5.0), lift: float = 1.0) -> str:
+    """A floor at z = 0, a square over it for x <= 0, a light: the class of a bit at (x, 0.25, 0)."""
+    cover = QUAD * np.float32(8) + np.float32([-8, 0, lift])
+    floor = QUAD * np.float32(4)
+    referee = Referee(
+        np.concatenate([floor, cover]), np.concatenate([QUAD_FACES, QUAD_FACES + 4]), np.ones(4)
+    )
+    hits = referee.closest(np.float32([x, 0.25, min(0.5, lift / 2)]), np.float32([(0, 0, -1)]))
+    assert hits.triangle[0] in (0, 1)
+    return Verdict(int(referee.classify_shadow(hits, np.float32(light), np.array([bit]))[0])).name
+
+
+@pytest.mark.parametrize(
+    ("x", "bit", "expected"),
+    [
+        (-1.0, 1, "OK"),
+        (-1.0, 0, "LEAK"),
+        (1.0, 0, "OK"),
+        (1.0, 1, "ACNE"),
+        (-HAIR, 0, "EDGE"),
+        (-(2.0**-15), 0, "LEAK"),
+        (HAIR, 1, "EDGE"),
+        (2.0**-15, 1, "ACNE"),
+        (1.0, 77, "INVALID"),
+        (-1.0, 2, "INVALID"),
+    ],
+)
+def test_class_of_a_shadow_bit(x, bit, expected):
+    assert shadow_class(x, bit) == expected
+
+
+def test_an_occluder_within_the_bound_of_the_hit_point_excuses_a_leak_but_not_more():
+    assert shadow_class(-1.0, 0, lift=2.0**-19) == "EDGE"
+    assert shadow_class(-1.0, 0, lift=2.0**-12) == "LEAK"
+
+
+def test_a_far_light_does_not_widen_the_bound():
+    assert shadow_class(1.0, 1, light=(0.0, 0.25, 1e7)) == "ACNE"
+    assert shadow_class(-1.0, 0, light=(-1e6, 0.25, 1e7)) == "LEAK"
+
+
+def test_own_triangle_and_its_duplicates_excuse_no_acne():
+    referee = Referee(QUAD, np.concatenate([QUAD_FACES, QUAD_FACES]), np.ones(4))
+    hits = referee.closest(np.float32([0.5, 0.25, 1]), np.float32([(0, 0, -1)]))
+    assert hits.ties == [(0, 2)]
+    assert referee.occluded(hits, np.float32([0.3, 0.1, 4])).tolist() == [0]
+    assert referee.classify_shadow(hits, np.float32([0.3, 0.1, 4]), np.array([1])).tolist() == [Verdict.ACNE]
+
+
+def test_edge_bound_is_sixteen_units_of_the_largest_coordinate():
+    bound = exact.edge_bound(np.float32([[1, -4, 2]]), np.float32([[[0, 0, 1], [8, 1, 1], [0, 1, 0]]]))
+    assert bound.tolist() == [16 * 2.0**-24 * 8]
+
+
+def test_distances_of_segments():
+    p, q = np.float64([[0, 0, 0]]), np.float64([[0, 0, 4]])
+    ask = lambda a, b: tuple(float(x[0]) for x in exact.segment_to_segment(p, q, *np.float64([[a], [b]])))  # noqa: E731
+    assert ask((1, -1, 1), (1, 1, 1)) == (1.0, 0.25)  # inside both
+    assert ask((3, 0, 2), (3, 0, 8))[0] == 3.0  # parallel: any share in common
+    assert ask((0, 3, -4), (0, 9, -4)) == (5.0, 0.0)  # before the start
+    assert ask((0, 0, 7), (5, 0, 7)) == (3.0, 1.0)  # beyond the end
+    assert ask((0, 2, 3), (0, 2, 3)) == (2.0, 0.75)  # a point
+
+
+def test_many_disputes_settle_quickly_and_agree_with_a_small_sample():
+    """Ten thousand rays on a ball: a bound on time would be flaky, the number of exact decisions is not."""
+    prepared = Prepared(cases.ball_on_floor())
+    moment = prepared.moment(0, 100, 100)
+    referee = Referee(moment.points, prepared.faces, moment.valid)
+    hits = referee.closest(moment.eye, moment.directions(np.arange(10_000)))
+    sample = np.random.default_rng(0).choice(10_000, 40, replace=False)
+    for i in sample:
+        _, ties = cases.closest(moment.points, prepared.faces, moment.valid, moment.eye, hits.directions[i])
+        assert hits.ties[i] == ties
