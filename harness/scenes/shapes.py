@@ -165,7 +165,7 @@ def sphere(radius: float, segments: int, rings: int | None = None) -> Mesh:
 
 
 def cushion(size: Sequence[float], segments: int, rings: int | None = None, power: float = 0.5) -> Mesh:
-    """A closed box of the given outer size with round edges (superellipsoid): power 1 an ellipsoid, 0 a box."""
+    """A closed box of the given outer size with round edges; power 1: an ellipsoid, towards 0: a box."""
     ball = sphere(1.0, segments, rings)
     soft = np.sign(ball.vertices) * np.abs(ball.vertices) ** power
     # Poles and near-zero coordinates keep their sign and order, so no triangle turns over.
