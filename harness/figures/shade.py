@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import io
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -183,5 +184,8 @@ def save_png(picture: NDArray[np.uint8], path: Path | str) -> Path:
     """Write a picture compactly (a 512x512 frame stays well below 300 kB) and return its path."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(png_bytes(picture))
+    # Whole or not at all: a run that is killed here makes the picture again, not half of it.
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    temporary.write_bytes(png_bytes(picture))
+    temporary.replace(path)
     return path

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,6 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from ..record import read_records
 from . import bars, gallery, paper, style, tidy
 from .sheet import Cell, Sheet, error_text, sheet
 
@@ -31,8 +31,11 @@ def draw(folder: Path | str, quiet: bool = False) -> list[Path]:
     gallery.png the pictures of ``folder/images``, where there are any
     """
     folder = Path(folder)
-    rows = tidy.rows(read_records(folder))
+    records, older = tidy.newest(folder)
+    rows = tidy.rows(records)
     made = sheet(rows)
+    if older:
+        made = replace(made, notes=(*made.notes, f"Not shown: {older} older records of the same points."))
     files = [write_csv(rows, folder / "table1.csv"), write_markdown(made, rows, folder / "table1.md")]
     files += bars.draw(rows, folder / "table1.svg")
     files += gallery.draw(folder, list(dict.fromkeys(r["scene"] for r in rows)), made.title)

@@ -5,12 +5,13 @@ Statistics are computed here and in :mod:`..record`, on reading; nothing here is
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..passes import PARTS
-from ..record import part_ms, summarise
+from ..record import identity, part_ms, read_records, summarise
 from . import paper, style
 
 COLUMNS = (
@@ -55,8 +56,26 @@ def row(record: dict[str, Any]) -> dict[str, Any]:
     return result
 
 
+def newest(folder: Path | str) -> tuple[list[dict[str, Any]], int]:
+    """A folder's records, of each scene, column, device and size the one measured last; and how many others there are.
+
+    A changed method or scene has another key, and its older records stay in the folder.
+    """
+    chosen: dict[tuple[Any, ...], tuple[float, dict[str, Any]]] = {}
+    records = read_records(folder)
+    for record in records:
+        who = identity(record)
+        point = tuple(who[name] for name in ("scene", "method", "label", "device", "width", "height"))
+        path = Path(folder) / "records" / f"{record['key']}.json"
+        noted = [entry["noted"] for entry in record.get("rounds", ()) if "noted" in entry]
+        when = max(noted, default=path.stat().st_mtime if path.exists() else 0.0)
+        if point not in chosen or when >= chosen[point][0]:
+            chosen[point] = (when, record)
+    return [record for _, record in chosen.values()], len(records) - len(chosen)
+
+
 def rows(records: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The rows of a folder: scenes in the paper's order, then others; methods in the registry's order."""
+    """The rows of records: scenes in the paper's order, then others; methods in the registry's order."""
     made = [row(record) for record in records]
     scenes = list(paper.ROWS)
     methods = list(style.colours(r["method"] for r in made))

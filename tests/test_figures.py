@@ -1,0 +1,394 @@
+"""Tables and pictures: what a person sees must say what was measured, how wrong it was, and what it stands for."""
+
+from __future__ import annotations
+
+import csv
+import io
+
+import numpy as np
+import pytest
+from fake_records import METHODS, SCENES, record, score, write
+from PIL import Image
+from rich.console import Console
+from shadowbench.harness.commands.show import show
+from shadowbench.harness.errors import UserError
+from shadowbench.harness.figures import bars, gallery, paper, sheet, style, table1, tidy
+from shadowbench.harness.figures.shade import pieces, png_bytes, save_png, shade
+from shadowbench.harness.moment import Prepared
+from shadowbench.harness.scene import Camera, Geometry, Light, Scene
+
+SIZE = 16
+
+
+def square(lights: tuple[Light, ...], name: str = "square", stand_in: str | None = None) -> Prepared:
+    """Two triangles that fill the left half of the view, seen from +z."""
+    vertices = np.array([[-9.0, -9, 0], [0, -9, 0], [0, 9, 0], [-9, 9, 0]])
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    camera = Camera((0.0, 0.0, 4.0), (0.0, 0.0, 0.0))
+    return Prepared(Scene(name, "Square", lambda: Geometry.static(vertices, faces), camera, lights, stand_in))
+
+
+def answers_to(prepared: Prepared, shadowed: np.ndarray | None = None):
+    """The moment, and the answers worked out by hand: the square's plane is z = 0, so t is 4 everywhere."""
+    moment = prepared.moment(0, SIZE, SIZE)
+    x = np.tile(np.arange(SIZE), SIZE)
+    hit = x < SIZE // 2
+    t = np.where(hit, 4.0, np.inf).astype(np.float32)
+    visibility = np.zeros((len(moment.lights), SIZE * SIZE), dtype=np.uint8)
+    if shadowed is not None:
+        visibility[:, shadowed] = 1
+    zero = np.zeros(SIZE * SIZE, dtype=np.float32)
+    return moment, {
+        "triangle": np.where(hit, 0, -1).astype(np.int32),
+        "t": t,
+        "u": zero,
+        "v": zero,
+        "visibility": visibility,
+    }
+
+
+def test_shading_lights_what_is_lit_and_darkens_what_is_shadowed():
+    lights = (Light((0.0, 0.0, 6.0)),)
+    prepared = square(lights)
+    upper = np.repeat(np.arange(SIZE), SIZE) < SIZE // 2
+    moment, answers = answers_to(prepared, shadowed=upper)
+    picture = shade(prepared, moment, answers, lights)
+    assert picture.shape == (SIZE, SIZE, 3)
+    assert picture.dtype == np.uint8
+    bright = picture.astype(int).sum(axis=2)
+    assert bright[: SIZE // 2, : SIZE // 2].max() < 0.8 * bright[SIZE // 2 :, : SIZE // 2].min()
+    assert bright[: SIZE // 2, : SIZE // 2].min() > 60, "a shadow is dark, not black"
+    assert (picture[:, SIZE // 2 :] > 190).all(), "a miss shows the light background"
+
+
+def test_surfaces_are_two_sided_but_a_light_behind_them_gives_nothing():
+    front, behind = (Light((-2.0, 0.0, 6.0)),), (Light((-2.0, 0.0, -6.0)),)
+    pictures = []
+    for lights in (front, behind):
+        prepared = square(lights)
+        moment, answers = answers_to(prepared)
+        pictures.append(shade(prepared, moment, answers, lights)[:, : SIZE // 2].astype(int))
+    assert pictures[1].max() < pictures[0].min()
+    flipped = square(front)
+    flipped.faces = np.ascontiguousarray(flipped.faces[:, ::-1])
+    moment, answers = answers_to(flipped)
+    # The tint follows the piece, which is the same, so winding changes nothing at all.
+    assert (shade(flipped, moment, answers, front)[:, : SIZE // 2] == pictures[0]).all()
+
+
+def test_each_light_has_its_colour_and_its_own_shadow_bit():
+    lights = (
+        Light((-2.0, 0.0, 6.0), color=(1.0, 0.1, 0.1)),
+        Light((-2.0, 0.0, 6.0), color=(0.1, 0.1, 1.0)),
+    )
+    prepared = square(lights)
+    moment, answers = answers_to(prepared)
+    both = shade(prepared, moment, answers, lights)[0, 0].astype(int)
+    answers["visibility"][0] = 1
+    blue = shade(prepared, moment, answers, lights)[0, 0].astype(int)
+    answers["visibility"][:] = [[0], [1]]
+    red = shade(prepared, moment, answers, lights)[0, 0].astype(int)
+    assert red[0] - red[2] > blue[0] - blue[2] + 40
+    assert both.sum() > max(red.sum(), blue.sum())
+
+
+def test_a_light_without_shadows_ignores_its_bits():
+    lights = (Light((-2.0, 0.0, 6.0), shadows=False),)
+    prepared = square(lights)
+    moment, answers = answers_to(prepared)
+    lit = shade(prepared, moment, answers, lights)
+    answers["visibility"][:] = 1
+    assert (shade(prepared, moment, answers, lights) == lit).all()
+
+
+@pytest.mark.parametrize("triangle", [-77, 2, 1 << 30])
+def test_answers_that_name_no_triangle_are_drawn_as_misses(triangle):
+    lights = (Light((0.0, 0.0, 6.0)),)
+    prepared = square(lights)
+    moment, answers = answers_to(prepared)
+    answers["triangle"][:] = triangle
+    assert (shade(prepared, moment, answers, lights) > 190).all()
+
+
+def test_an_empty_mesh_is_a_picture_of_the_background():
+    empty = Geometry.static(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32))
+    prepared = Prepared(Scene("empty", "Empty", lambda: empty, Camera((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)), ()))
+    moment = prepared.moment(0, 4, 3)
+    answers = {
+        "triangle": np.full(12, -1, dtype=np.int32),
+        "t": np.full(12, np.inf, dtype=np.float32),
+        "visibility": np.zeros((1, 12), dtype=np.uint8),
+    }
+    assert shade(prepared, moment, answers, ()).shape == (3, 4, 3)
+
+
+def test_pieces_are_connected_through_welded_vertices():
+    a = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    vertices = np.concatenate([a, a + [1, 0, 0], a + [5, 0, 0], a[::-1] + [5, 0, 0]])
+    faces = np.arange(12).reshape(4, 3)[::-1].copy()
+    geometry = Geometry.static(vertices, faces)
+    prepared = Prepared(Scene("p", "P", lambda: geometry, Camera((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)), ()))
+    label = pieces(prepared)
+    # Faces are listed backwards: two that coincide far away, then two that share the vertex (1, 0, 0).
+    assert label[0] == label[1]
+    assert label[2] == label[3]
+    assert label[0] != label[2]
+
+
+def test_pngs_are_compact_and_true_to_the_picture(tmp_path):
+    y, x = np.mgrid[0:512, 0:512]
+    wave = 128 + 100 * np.sin(x / 9.0) * np.cos(y / 7.0)
+    picture = np.stack([wave, wave * 0.9, wave * 0.8], axis=2).astype(np.uint8)
+    data = png_bytes(picture)
+    assert len(data) < 300_000
+    back = np.asarray(Image.open(io.BytesIO(data)).convert("RGB")).astype(int)
+    assert np.abs(back - picture).max() <= 12
+    flat = np.full((4, 5, 3), 200, dtype=np.uint8)
+    flat[1, 2] = (10, 20, 30)
+    path = save_png(flat, tmp_path / "deep" / "flat.png")
+    assert (np.asarray(Image.open(path).convert("RGB")) == flat).all()
+    assert [p.name for p in path.parent.iterdir()] == ["flat.png"]
+
+
+def test_a_stand_in_says_so_in_its_picture(tmp_path):
+    lights = (Light((0.0, 0.0, 6.0)),)
+    heights = []
+    for stand_in in (None, "the paper's Square; made by a program, with as many triangles"):
+        prepared = square(lights, stand_in=stand_in)
+        moment, answers = answers_to(prepared)
+        path = gallery.scene_picture(prepared, moment, answers, lights, tmp_path / f"{bool(stand_in)}.png")
+        image = np.asarray(Image.open(path).convert("RGB")).astype(int)
+        assert image.shape[1] >= gallery.SMALLEST
+        heights.append(image.shape[0])
+        strip = image[image.shape[1] :]
+        warned = (strip[:, :, 0] > strip[:, :, 2] + 90).sum()
+        assert (warned > 50) == bool(stand_in)
+    assert heights[1] > heights[0]
+
+
+def test_the_contact_sheet_holds_every_picture(tmp_path):
+    assert gallery.draw(tmp_path) == []
+    for i in range(4):
+        save_png(np.full((40 + 10 * i, 60, 3), 60 * i, dtype=np.uint8), tmp_path / "images" / f"s{i}.png")
+    (path,) = gallery.draw(tmp_path, ["s3"], "title")
+    sheet_ = np.asarray(Image.open(path).convert("L"))
+    assert {0, 60, 120, 180} <= set(np.unique(sheet_).tolist())
+
+
+def test_the_papers_numbers_are_as_printed():
+    assert paper.cells("fairy") == ("124 / 33.11", "65 / 125 [#]", "24 / 285.7", "8.73 / 32.43", "82.18 ms")
+    assert paper.cells("cloth")[0] == "39 / n/a*"
+    assert paper.numbers("cloth", "hbvh") == {"build": 39.0}
+    assert paper.numbers("fairy", "kd_tree") == {"build": 65.0, "trace": 125.0}
+    assert paper.numbers("buddha", "with_shadows") == {"total": 114.57}
+    assert paper.numbers("buddha", "grid") == {}
+    assert set(paper.cells("bunny")) == {"-"}
+    assert [row.triangles for row in paper.ROWS.values()] == ["174k", "82k", "252k", "284k", "92k", "1.09M"]
+    assert paper.LABEL == "paper, GTX 280, 1024x1024"
+
+
+@pytest.fixture
+def records():
+    return [record(scene, method) for scene in SCENES for method in METHODS]
+
+
+def printed(made: sheet.Sheet, width: int) -> str:
+    console = Console(width=width, file=io.StringIO(), force_terminal=False)
+    table1.show(made, console)
+    return console.file.getvalue()
+
+
+def test_a_time_never_stands_without_its_error(records):
+    words = {"ok": [], "wrong": [], "unscored": []}
+    for made, kind in zip(records[:3], words, strict=False):
+        for frame in made["frames"]:
+            if kind == "wrong":
+                frame["score"] = score(256, wrong=4)
+            if kind == "unscored":
+                frame.update(score=None, unscored="no truth here")
+        words[kind] = sheet.cell(tidy.row(made)).lines
+    assert words["ok"][1].endswith(" ✓")
+    assert words["wrong"][1].endswith("✗ 12 wrong"), "errors are summed over frames"
+    assert words["unscored"][1].endswith(" unscored")
+    failed = score(256)
+    failed.update(check="failed", excused_share=0.02)
+    records[4]["frames"][0]["score"] = failed
+    assert sheet.cell(tidy.row(records[4])).lines[1].endswith("✗ 2.00% excused")
+
+
+def test_frames_without_truth_are_never_counted_as_right(records):
+    records[0]["frames"][1].update(score=None, unscored="the truth took too long")
+    row = tidy.row(records[0])
+    assert row["true_errors"] is None
+    assert sheet.error_text(row) == style.UNSCORED
+    assert row["unscored"].startswith("2 of 3 frames scored")
+    records[0]["frames"][0]["score"] = score(256, wrong=2)
+    assert sheet.error_text(tidy.row(records[0])) == "✗ 2 wrong", "a known error is shown all the same"
+
+
+def test_points_that_were_not_measured_stand_there_with_their_reason(records):
+    for made, status in zip(records[:4], ("skipped", "failed", "timeout", "rejected"), strict=True):
+        made.update(status=status, reason=f"because of {status}", frames=[])
+    made = sheet.sheet(tidy.rows(records))
+    text = printed(made, 200)
+    for status in ("skipped", "failed", "timeout", "rejected"):
+        assert f"{status} [" in text
+        assert any(f"{status}: because of {status}" in note for note in made.notes)
+
+
+def test_the_fastest_right_answer_is_marked_and_a_wrong_one_never(records):
+    rows = tidy.rows(records)
+    line = sheet.sheet(rows).lines[0]
+    best = [cell.best for cell in line.cells]
+    assert sum(best) == 1
+    fastest = min((row for row in rows if row["scene"] == "fairy"), key=lambda row: row["total_ms"])
+    fastest["true_errors"] = 1
+    again = sheet.sheet(rows).lines[0]
+    assert [cell.best for cell in again.cells] != best
+    assert not again.cells[best.index(True)].best
+    assert again.cells[best.index(True)].bad
+
+
+@pytest.mark.parametrize("width", [220, 80])
+def test_the_terminal_table_has_every_method_scene_and_printed_number(records, width):
+    text = printed(sheet.sheet(tidy.rows(records)), width)
+    flat = " ".join(text.split())
+    for scene, (title, triangles, _) in SCENES.items():
+        assert title.split(" (")[0] in flat
+        assert f"{triangles:,}" in flat
+        for entry in paper.cells(scene):
+            assert entry in flat
+    assert "GTX 280" in flat
+    assert "(stand-in)" in flat
+    assert "not to be held against the paper" in flat
+    assert max(map(len, text.splitlines())) <= width
+
+
+def test_at_the_papers_size_nothing_warns_of_the_size():
+    rows = tidy.rows([record("fairy", "bvh", size=1024)])
+    assert not any("not to be held" in note for note in sheet.sheet(rows).notes)
+
+
+def test_the_spread_is_over_repeats_and_never_over_frames(records):
+    made = records[0]
+    for i, frame in enumerate(made["frames"]):
+        frame["total_ms"] = [10.0 * (i + 1)] * 10
+    row = tidy.row(made)
+    assert row["iqr_ms"] == 0
+    assert row["between_ms"] == 0
+    made["frames"][0]["total_ms"] = [10.0] * 5 + [13.0] * 5
+    assert tidy.row(made)["between_ms"] == pytest.approx(1.0), (
+        "a mean over three frames, one of which moved by 3"
+    )
+
+
+def test_rates_count_primary_and_shadow_rays(records):
+    made = records[-1]
+    frame = made["frames"][0]
+    frame.update(shadow_rays=1000, total_ms=[2.0] * 10)
+    for step in frame["passes"]:
+        step["ms"] = [0.5] * 10
+    row = tidy.row(made)
+    assert row["primary_mrays_per_s"] == pytest.approx(256 * 256 / 0.5e-3 / 1e6)
+    assert row["shadow_mrays_per_s"] == pytest.approx(1000 / 0.5e-3 / 1e6)
+    assert row["frame_mrays_per_s"] == pytest.approx((256 * 256 + 1000) / 2e-3 / 1e6)
+    frame.update(shadow_rays=None, score=None)
+    assert tidy.row(made)["shadow_mrays_per_s"] is None
+
+
+def test_errors_of_the_reference_have_their_own_note(records):
+    row = tidy.row(records[0])
+    assert row["reference_errors"] == 9, "one wrong pixel and two wrong bits in each of three frames"
+    assert any("Embree" in note and "Fairy Forest (stand-in) 9" in note for note in sheet.sheet([row]).notes)
+
+
+def test_draw_writes_a_tidy_csv_a_markdown_table_and_bars(records, tmp_path, capsys):
+    records[1].update(status="rejected", reason="needs 9 pairs", frames=[])
+    write(tmp_path, records)
+    files = table1.draw(tmp_path, quiet=True)
+    assert capsys.readouterr().out == ""
+    assert [file.name for file in files] == ["table1.csv", "table1.md", "table1.svg"]
+    with open(tmp_path / "table1.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    own = [row for row in rows if row["origin"] == "this run"]
+    assert len(own) == len(records)
+    assert {row["scene"] for row in own} == set(SCENES)
+    for row in own:
+        if row["status"] == "ok":
+            parts = [float(row[f"{part}_ms"]) for part in ("build", "trace", "light_build", "shadow")]
+            assert sum(parts) == pytest.approx(float(row["total_ms"]), rel=0.05)
+            assert row["true_errors"] == "0"
+        else:
+            assert row["reason"] == "needs 9 pairs"
+            assert row["total_ms"] == ""
+    theirs = [row for row in rows if row["origin"] == paper.LABEL]
+    assert len(theirs) == 5 * len([scene for scene in SCENES if scene in paper.ROWS])
+    ours = next(row for row in theirs if row["scene"] == "fairy" and row["method"] == "Our Method")
+    assert (ours["build_ms"], ours["trace_ms"], ours["unscored"]) == (
+        "8.73",
+        "32.43",
+        "the paper states no errors",
+    )
+    text = (tmp_path / "table1.md").read_text()
+    table = [line for line in text.splitlines() if line.startswith("|")]
+    assert len({line.count("|") for line in table[: 2 + len(SCENES)]}) == 1, "every row has every column"
+    assert "8.73 / 32.43" in text
+    assert "stand-in" in text
+
+
+def test_the_same_records_give_the_same_bytes(records, tmp_path):
+    write(tmp_path, records)
+    first = [file.read_bytes() for file in table1.draw(tmp_path, quiet=True)]
+    assert [file.read_bytes() for file in table1.draw(tmp_path, quiet=True)] == first
+
+
+def test_only_the_newest_record_of_a_point_is_shown(tmp_path):
+    old = record("bunny", "bvh", key="old", rounds=[{"round": 0, "noted": 100.0}])
+    new = record("bunny", "bvh", seed=1, key="new", rounds=[{"round": 0, "noted": 200.0}])
+    other = record("bunny", "embree", rounds=[{"round": 0, "noted": 1.0}])
+    write(tmp_path, [new, old, other])
+    chosen, older = tidy.newest(tmp_path)
+    assert {made["key"] for made in chosen} == {"new", other["key"]}
+    assert older == 1
+    table1.draw(tmp_path, quiet=True)
+    assert "1 older record" in (tmp_path / "table1.md").read_text()
+
+
+def test_bars_are_compact_and_drawn_only_where_there_is_something(records, tmp_path):
+    (path,) = bars.draw(tidy.rows(records), tmp_path / "bars.svg")
+    text = path.read_text()
+    assert len(text) < 200_000
+    for label, _ in METHODS.values():
+        assert label in text
+    for word in ("build", "trace", "light build", "shadow", "ms a frame", "(stand-in)", "✓"):
+        assert word in text
+    records[0].update(status="failed", frames=[])
+    assert bars.draw(tidy.rows(records[:1]), tmp_path / "none.svg") == []
+    assert not (tmp_path / "none.svg").exists()
+
+
+def test_a_method_keeps_its_colour_whoever_else_is_drawn():
+    alone, together = style.colours(["bvh"]), style.colours([*METHODS, "somebodys"])
+    assert alone["bvh"] == together["bvh"]
+    assert len({together[name] for name in METHODS}) == len(METHODS)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(None, "-"), (float("nan"), "-"), (0.01234, "0.012"), (1.234, "1.23"), (1234.5, "1,234")],
+)
+def test_numbers_have_no_exponents(value, text):
+    assert style.number(value) == text
+
+
+def test_show_draws_again_and_says_what_is_wrong_with_a_folder(records, tmp_path, capsys):
+    write(tmp_path, records)
+    files = show("table1", tmp_path)
+    assert "Table 1 on Imaginary CPU" in capsys.readouterr().out
+    assert all(file.exists() for file in files)
+    with pytest.raises(UserError, match="did you mean table1"):
+        show("tabel1", tmp_path)
+    with pytest.raises(UserError, match="no such folder"):
+        show("table1", tmp_path / "elsewhere")
+    with pytest.raises(UserError, match="no records"):
+        show("table1", tmp_path / "records")
