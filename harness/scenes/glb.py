@@ -1,9 +1,11 @@
-"""GLB (binary glTF 2.0) through trimesh: every instance of every mesh, with its node's transform applied.
+"""GLB (binary glTF 2.0): trimesh decodes the meshes, every instance of each with its node's transform
+applied.
 
-Order: meshes and their primitives in the order of the file; of each, its instances in the order in which the
-nodes are met from the scene's roots, depth first, children in order. trimesh trusts the file's counts and
-skips what it does not know, so the JSON part is checked first and its own count of triangles compared with
-what was read.
+Order: nodes depth first from the roots of the default scene, children in the order of the file; of a node,
+the primitives of its mesh in the order of the file. Nodes are walked here because trimesh names the
+primitives of a mesh at random and so has no order, drops what hangs below a camera, and skips what it does
+not know. It also trusts the file's counts: the JSON part is checked first and its own count of triangles
+compared with what was read.
 """
 
 from __future__ import annotations
@@ -15,14 +17,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import trimesh
+from numpy.typing import NDArray
+from trimesh.exchange.gltf import load_glb
 
-from .checks import MAX_TRIANGLES, Mesh, broken, checked, guarded, read_bytes
+from .checks import Mesh, broken, checked, guarded, read_bytes
 
 _COMPONENT_BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
 _COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 _HARMLESS = ("KHR_materials_", "KHR_texture_", "KHR_lights_", "EXT_texture_")
-_TRIANGLES, _STRIP, _FAN = 4, 5, 6
+_POINTS, _LINES, _TRIANGLES, _STRIP, _FAN = 0, 1, 4, 5, 6
 _JSON, _BIN = 0x4E4F534A, 0x004E4942
 _JSON_LIMIT = 1 << 25
 """Bytes of JSON that are parsed; Python objects take up to twenty times as much."""
@@ -32,7 +35,7 @@ _INSTANCED = 1 << 25
 
 
 def read_glb(path: Path) -> Mesh:
-    """All triangles of the default scene, float64 after the transforms. glTF declares y as up.
+    """All triangles of the default scene; float64 where a transform moves them. glTF declares y as up.
 
     Morph targets and skins are ignored (the rest pose is read), points and lines are skipped. Raises
     :class:`UserError` for compressed or external data, for counts beyond the file, and where trimesh read
@@ -45,25 +48,16 @@ def read_glb(path: Path) -> Mesh:
         expected = _count(path, head)
     if not expected:
         raise broken(path, "holds no triangles", "give a triangle mesh")
-    points, faces, offset = [], [], 0
     with guarded(path, "GLB"):
-        scene = trimesh.load_scene(io.BytesIO(blob), file_type="glb", process=False, skip_materials=True)
-        order = _depth_first(scene.graph)
-        for name, mesh in scene.geometry.items():
-            if not isinstance(mesh, trimesh.Trimesh):
-                continue
-            own = np.asarray(mesh.vertices, dtype=np.float64)
-            corners = np.asarray(mesh.faces, dtype=np.int64)
-            if len(corners) and (corners.min() < 0 or corners.max() >= len(own)):
-                raise broken(path, f"mesh {name!r} names vertex {corners.max()} of {len(own)}")
-            for node in sorted(scene.graph.geometry_nodes.get(name, ()), key=order.__getitem__):
-                matrix = np.asarray(scene.graph.get(node)[0], dtype=np.float64)
-                with np.errstate(over="ignore", invalid="ignore"):
-                    moved = (
-                        own if np.array_equal(matrix, np.eye(4)) else own @ matrix[:3, :3].T + matrix[:3, 3]
-                    )
-                points.append(moved)
-                faces.append(corners + offset)
+        decoded = load_glb(io.BytesIO(blob), skip_materials=True)["geometry"]
+        meshes = _by_mesh(head, list(decoded.values()))
+        points, faces, offset = [], [], 0
+        for node, matrix in _instances(path, head):
+            for own, corners in meshes[head["nodes"][node]["mesh"]]:
+                if len(corners) and (corners.min() < 0 or corners.max() >= len(own)):
+                    raise broken(path, f"node {node} names vertex {corners.max()}, but there are {len(own)}")
+                points.append(_moved(own, matrix))
+                faces.append(corners.astype(np.int64) + offset)
                 offset += len(own)
     read = sum(len(part) for part in faces)
     if read != expected:
@@ -142,33 +136,83 @@ def _check_accessors(path: Path, head: dict[str, Any], buffer_size: int) -> None
 
 
 def _count(path: Path, head: dict[str, Any]) -> int:
-    """Triangles that the default scene names, instances counted; checks that its nodes form trees."""
-    accessors, nodes, scenes = head.get("accessors", []), head.get("nodes", []), head.get("scenes", [])
-    sizes = [
-        sum(_primitive(path, accessors, p) for p in mesh["primitives"]) for mesh in head.get("meshes", [])
-    ]
-    if not scenes:
-        raise broken(path, "has no scene", "export with a default scene")
-    waiting = list(scenes[_whole(path, head, "scene", 0)].get("nodes", []))
-    seen: set[int] = set()
-    total = 0
-    while waiting:
-        node = waiting.pop()
-        if not isinstance(node, int) or not 0 <= node < len(nodes) or node in seen:
-            raise broken(path, f"node {node!r} does not exist or is met twice", "its nodes must form trees")
-        seen.add(node)
-        if "mesh" in nodes[node]:
-            total += sizes[_whole(path, nodes[node], "mesh")]
-        waiting.extend(nodes[node].get("children", []))
-    if total > min(_INSTANCED, MAX_TRIANGLES):
-        raise broken(
-            path, f"names {total} triangles by instancing, more than {_INSTANCED}", "export a part of it"
-        )
+    """Triangles that the default scene names, instances counted."""
+    sizes = [sum(_primitive(path, head, p) for p in mesh["primitives"]) for mesh in head.get("meshes", [])]
+    total = sum(sizes[head["nodes"][node]["mesh"]] for node, _ in _instances(path, head))
+    if total > _INSTANCED:
+        problem = f"names {total} triangles by instancing, more than {_INSTANCED}"
+        raise broken(path, problem, "export a part of it")
     return total
 
 
-def _primitive(path: Path, accessors: list[Any], primitive: dict[str, Any]) -> int:
+def _instances(path: Path, head: dict[str, Any]) -> list[tuple[int, NDArray[np.float64]]]:
+    """Every node of the default scene that has a mesh, with its transform to the scene. The nodes must form
+    trees.
+    """
+    nodes, scenes = head.get("nodes", []), head.get("scenes", [])
+    if not scenes:
+        raise broken(path, "has no scene", "export with a default scene")
+    roots = scenes[_whole(path, head, "scene", 0)].get("nodes", [])
+    waiting = [(node, np.eye(4)) for node in reversed(roots)]
+    seen: set[int] = set()
+    found = []
+    while waiting:
+        node, above = waiting.pop()
+        if not isinstance(node, int) or not 0 <= node < len(nodes) or node in seen:
+            raise broken(path, f"node {node!r} does not exist or is met twice", "its nodes must form trees")
+        seen.add(node)
+        with np.errstate(over="ignore", invalid="ignore"):
+            matrix = above @ _transform(nodes[node])
+        if "mesh" in nodes[node]:
+            _whole(path, nodes[node], "mesh")
+            found.append((node, matrix))
+        waiting.extend((child, matrix) for child in reversed(nodes[node].get("children", [])))
+    return found
+
+
+def _transform(node: dict[str, Any]) -> NDArray[np.float64]:
+    """The matrix of a node: given whole (column by column), or translation * rotation * scale."""
+    if "matrix" in node:
+        return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
+    matrix = np.eye(4)
+    x, y, z, w = np.array(node.get("rotation", (0, 0, 0, 1)), dtype=np.float64)
+    matrix[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    matrix[:3, :3] *= np.array(node.get("scale", (1, 1, 1)), dtype=np.float64)
+    matrix[:3, 3] = np.array(node.get("translation", (0, 0, 0)), dtype=np.float64)
+    return matrix
+
+
+def _moved(points: NDArray, matrix: NDArray[np.float64]) -> NDArray:
+    """Positions under a transform, float64; untouched where it is the identity."""
+    if np.array_equal(matrix, np.eye(4)):
+        return points
+    with np.errstate(over="ignore", invalid="ignore"):
+        return points.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def _by_mesh(head: dict[str, Any], decoded: list[dict[str, Any]]) -> list[list[tuple[NDArray, NDArray]]]:
+    """Positions and faces of the triangle primitives of each mesh; trimesh returns all it knows one after
+    another.
+    """
+    result, left = [], iter(decoded)
+    for mesh in head.get("meshes", []):
+        parts = []
+        for primitive in mesh["primitives"]:
+            mode = primitive.get("mode", _TRIANGLES)
+            entry = next(left) if mode in (_POINTS, _LINES, _TRIANGLES, _STRIP) else {}
+            if mode in (_TRIANGLES, _STRIP):
+                parts.append((np.asarray(entry["vertices"]), np.asarray(entry["faces"])))
+        result.append(parts)
+    return result
+
+
+def _primitive(path: Path, head: dict[str, Any], primitive: dict[str, Any]) -> int:
     """Triangles of a primitive."""
+    accessors = head.get("accessors", [])
     mode = primitive.get("mode", _TRIANGLES)
     vertices = accessors[_whole(path, primitive["attributes"], "POSITION")]
     if mode == _FAN:
@@ -188,15 +232,3 @@ def _primitive(path: Path, accessors: list[Any], primitive: dict[str, Any]) -> i
     if count % 3:
         raise broken(path, f"a primitive has {count} corners, not a multiple of 3")
     return count // 3
-
-
-def _depth_first(graph: Any) -> dict[str, int]:
-    """Place of every node: depth first from the base frame, children in the order of the file."""
-    place: dict[str, int] = {}
-    children = graph.transforms.children
-    waiting = [graph.base_frame]
-    while waiting:
-        node = waiting.pop()
-        place[node] = len(place)
-        waiting.extend(reversed(children.get(node, [])))
-    return place
