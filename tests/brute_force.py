@@ -42,7 +42,7 @@ def soup(seed: int, count: int, size: float = 0.4, spread: float = 1.0) -> tuple
 
 
 def closest(prepared: Prepared, moment: Moment) -> tuple[NDArray, NDArray]:
-    """Triangle (-1 at a miss) and float64 t of every pixel, by all triangles."""
+    """Triangle (-1 at a miss) and float64 t of every pixel, by all triangles; t within 2^-29 is a tie."""
     pixels = np.arange(moment.width * moment.height)
     o = moment.eye.astype(np.float64)
     d = moment.directions(pixels).astype(np.float64)
@@ -59,7 +59,7 @@ def closest(prepared: Prepared, moment: Moment) -> tuple[NDArray, NDArray]:
         with np.errstate(divide="ignore", invalid="ignore"):
             t = np.where(inside & (det != 0), (n @ (a - o)) / det, np.inf)
         t[~(t > 0)] = np.inf
-        nearer = t < best_t
+        nearer = t.view(np.uint64) >> 23 < best_t.view(np.uint64) >> 23
         best[nearer], best_t[nearer] = i, t[nearer]
     return best, best_t
 

@@ -134,6 +134,26 @@ def hit_distance(
 
 
 @wp.func
+def depth_key(t: wp.float64) -> wp.uint64:
+    """The leading 40 bits of t > 0 (eleven of exponent, 29 of fraction), in the order of t.
+
+    Two hits whose keys agree (2^-29 of each other) are a tie, which the lowest index wins. So rounding never
+    decides between the triangles that meet at an edge, and a hit packs into 64 bits beside its index.
+    """
+    return wp.cast(t, wp.uint64) >> wp.uint64(23)
+
+
+@wp.func
+def nearer(t: wp.float64, i: wp.int32, best_t: wp.float64, best: wp.int32) -> wp.bool:
+    """Whether hit (t, i) comes before (best_t, best): smaller key, then lower index; best = -1 is no hit yet."""
+    if best < 0:
+        return True
+    key = depth_key(t)
+    best_key = depth_key(best_t)
+    return key < best_key or (key == best_key and i < best)
+
+
+@wp.func
 def hit_weights(o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i) -> wp.vec2f:
     """(u, v): the weights of vertices 1 and 2 at the hit."""
     e = edge_functions(to_float64(o), to_float64(d), to_float64(a), to_float64(b), to_float64(c), weld)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..common.triangle import FLOOR32, U32, hit_distance, largest, may_hit, weld_of, write_hit
+from ..common.triangle import FLOOR32, U32, hit_distance, largest, may_hit, nearer, weld_of, write_hit
 from .binning import INLINE_TILES, queue_rows
 
 
@@ -378,7 +378,7 @@ def trace_kernel(
             number += 1
             if may_hit(o, d, a, b, c):
                 t = hit_distance(o, d, a, b, c, weld_of(weld, face))
-                if t > wp.float64(0.0) and (t < best_t or (t == best_t and i < best)):
+                if t > wp.float64(0.0) and nearer(t, i, best_t, best):
                     best = i
                     best_t = t
         if best >= 0 and per_slice > 0.0:
