@@ -32,7 +32,9 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-Device = Annotated[str | None, typer.Option("--device", help="cpu or cuda:0. Default: cuda:0 where there is one.")]
+Device = Annotated[
+    str | None, typer.Option("--device", help="cpu or cuda:0. Default: cuda:0 where there is one.")
+]
 SceneDir = Annotated[
     Path | None,
     typer.Option("--scene-dir", help="Folder of original scenes. Default: the variable SHADOWBENCH_SCENES."),
@@ -68,20 +70,40 @@ def command(name: str, example: str) -> Callable[[Callable[..., int | None]], Ca
 
 @command("run", "shadowbench run table1 --preset quick --scene cloth --method bvh --method embree")
 def run_(
-    experiment: Annotated[str, typer.Argument(help="Name of an experiment; see shadowbench list experiments.")],
-    preset: Annotated[str | None, typer.Option("--preset", help="quick or paper. Default: by device.")] = None,
+    experiment: Annotated[
+        str, typer.Argument(help="Name of an experiment; see shadowbench list experiments.")
+    ],
+    preset: Annotated[
+        str | None, typer.Option("--preset", help="quick or paper. Default: by device.")
+    ] = None,
     device: Device = None,
-    scene: Annotated[list[str] | None, typer.Option("--scene", help="A scene's name or a file; again for more.")] = None,
-    method: Annotated[list[str] | None, typer.Option("--method", help="A method's name; again for more.")] = None,
-    setting: Annotated[list[str] | None, typer.Option("--set", help="method.param=value; again for more.")] = None,
+    scene: Annotated[
+        list[str] | None, typer.Option("--scene", help="A scene's name or a file; again for more.")
+    ] = None,
+    method: Annotated[
+        list[str] | None, typer.Option("--method", help="A method's name; again for more.")
+    ] = None,
+    setting: Annotated[
+        list[str] | None, typer.Option("--set", help="method.param=value; again for more.")
+    ] = None,
     scene_dir: SceneDir = None,
-    out: Annotated[Path | None, typer.Option("--out", help="Results folder. A second run goes on in it.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Results folder. A second run goes on in it.")
+    ] = None,
     size: Annotated[str | None, typer.Option("--size", help="Image size, such as 256x256.")] = None,
     frames: Annotated[int | None, typer.Option("--frames", help="Frames of an animated scene.")] = None,
-    samples: Annotated[int | None, typer.Option("--samples", help="Samples a frame and round, at least.")] = None,
-    rounds: Annotated[int | None, typer.Option("--rounds", help="How often each point is measured anew.")] = None,
-    budget: Annotated[float | None, typer.Option("--budget", help="Seconds of samples a point may take.")] = None,
-    timeout: Annotated[float | None, typer.Option("--timeout", help="Seconds before a silent method is given up.")] = None,
+    samples: Annotated[
+        int | None, typer.Option("--samples", help="Samples a frame and round, at least.")
+    ] = None,
+    rounds: Annotated[
+        int | None, typer.Option("--rounds", help="How often each point is measured anew.")
+    ] = None,
+    budget: Annotated[
+        float | None, typer.Option("--budget", help="Seconds of samples a point may take.")
+    ] = None,
+    timeout: Annotated[
+        float | None, typer.Option("--timeout", help="Seconds before a silent method is given up.")
+    ] = None,
     seed: Annotated[int, typer.Option("--seed", help="Seed of the order of rounds.")] = 0,
     memory_limit: Annotated[
         int | None, typer.Option("--memory-limit", help="Bytes that a method may take for its structures.")
@@ -117,7 +139,9 @@ def run_(
 @command("show", "shadowbench show table1 results/local/table1-quick")
 def show_(
     experiment: Annotated[str, typer.Argument(help="Name of an experiment.")],
-    folder: Annotated[Path | None, typer.Argument(help="A results folder. Default: the newest local one.")] = None,
+    folder: Annotated[
+        Path | None, typer.Argument(help="A results folder. Default: the newest local one.")
+    ] = None,
     as_json: Json = False,
 ) -> int:
     """Draw again from records, without timing."""
@@ -163,11 +187,38 @@ def render_(
     return 0
 
 
+SEVERAL = ("--scene", "--method", "--set")
+"""Options that take several values after one flag, once the command's own argument has been read."""
+
+
+def spread_values(arguments: list[str]) -> list[str]:
+    """``--scene a b`` as ``--scene a --scene b``, which is all that typer reads.
+
+    Only after the command and one argument (``run table1 --scene a b``): before them a word may be the argument.
+    """
+    result: list[str] = []
+    plain, flag, taken = 0, "", False
+    for word in arguments:
+        if word.startswith("-"):
+            flag, taken = word, False
+        elif flag in SEVERAL and taken and plain >= 2:
+            result.append(flag)
+        elif flag:
+            # One value each; what follows a value (or a flag without one) is an argument again.
+            taken = True
+            if flag not in SEVERAL:
+                flag = ""
+        else:
+            plain += 1
+        result.append(word)
+    return result
+
+
 def main() -> None:
     """The ``shadowbench`` command."""
     debug = "--debug" in sys.argv or bool(os.environ.get(DEBUG))
     try:
-        app(standalone_mode=True)
+        app(spread_values(sys.argv[1:]), standalone_mode=True)
     except UserError as error:
         if debug:
             raise

@@ -17,14 +17,37 @@ import warp as wp
 
 from .record import digest, write_atomic
 
-PACKAGES = ("warp-lang", "numpy", "embreex", "trimesh", "pandas", "scipy", "pillow", "usd-core", "shadowbench")
-GPU_FIELDS = ("name", "uuid", "driver_version", "memory.total", "clocks.max.sm", "clocks.max.mem", "power.limit")
+PACKAGES = (
+    "warp-lang",
+    "numpy",
+    "embreex",
+    "trimesh",
+    "pandas",
+    "scipy",
+    "pillow",
+    "usd-core",
+    "shadowbench",
+)
+GPU_FIELDS = (
+    "name",
+    "uuid",
+    "driver_version",
+    "memory.total",
+    "clocks.max.sm",
+    "clocks.max.mem",
+    "power.limit",
+)
 
 
 def environment() -> dict[str, Any]:
     """The environment, with an ``id`` that is a hash of all the rest."""
     facts: dict[str, Any] = {
-        "cpu": {"model": cpu_model(), "cores": os.cpu_count(), "usable_cores": usable_cores(), "flags": cpu_flags()},
+        "cpu": {
+            "model": cpu_model(),
+            "cores": os.cpu_count(),
+            "usable_cores": usable_cores(),
+            "flags": cpu_flags(),
+        },
         "memory_bytes": total_memory(),
         "os": platform.platform(),
         "python": platform.python_version(),
@@ -35,7 +58,10 @@ def environment() -> dict[str, Any]:
         "git": git_state(),
     }
     if facts["gpus"]:
-        facts["cuda"] = {"toolkit": _version(wp.get_cuda_toolkit_version), "driver": _version(wp.get_cuda_driver_version)}
+        facts["cuda"] = {
+            "toolkit": _version(wp.get_cuda_toolkit_version),
+            "driver": _version(wp.get_cuda_driver_version),
+        }
     return {"id": digest(facts)[:16], **facts}
 
 
@@ -65,7 +91,9 @@ def cpu_flags() -> str:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
         return ""
-    flags = next((line.split(":", 1)[1] for line in lines if line.lower().startswith(("flags", "features"))), "")
+    flags = next(
+        (line.split(":", 1)[1] for line in lines if line.lower().startswith(("flags", "features"))), ""
+    )
     return hashlib.sha256(" ".join(sorted(flags.split())).encode()).hexdigest()[:16] if flags else ""
 
 
@@ -86,13 +114,21 @@ def total_memory() -> int | None:
 def gpus() -> list[dict[str, Any]]:
     """One entry a CUDA device, as Warp and nvidia-smi name them; empty where there is none."""
     found = [
-        {"alias": device.alias, "name": device.name, "uuid": device.uuid, "arch": device.arch, "sms": device.sm_count}
+        {
+            "alias": device.alias,
+            "name": device.name,
+            "uuid": device.uuid,
+            "arch": device.arch,
+            "sms": device.sm_count,
+        }
         for device in wp.get_cuda_devices()
     ]
     if found and shutil.which("nvidia-smi"):
         query = ["nvidia-smi", f"--query-gpu={','.join(GPU_FIELDS)}", "--format=csv,noheader,nounits"]
         try:
-            lines = subprocess.run(query, capture_output=True, text=True, timeout=20, check=True).stdout.splitlines()
+            lines = subprocess.run(
+                query, capture_output=True, text=True, timeout=20, check=True
+            ).stdout.splitlines()
         except (OSError, subprocess.SubprocessError):
             lines = []
         rows = [dict(zip(GPU_FIELDS, (v.strip() for v in line.split(",")), strict=False)) for line in lines]
@@ -117,9 +153,13 @@ def git_state() -> dict[str, Any] | None:
     here = Path(__file__).resolve().parent
     try:
         command = ["git", "-C", str(here), "rev-parse", "HEAD"]
-        commit = subprocess.run(command, capture_output=True, text=True, timeout=10, check=True).stdout.strip()
+        commit = subprocess.run(
+            command, capture_output=True, text=True, timeout=10, check=True
+        ).stdout.strip()
         command = ["git", "-C", str(here), "status", "--porcelain", "--untracked-files=no"]
-        changes = subprocess.run(command, capture_output=True, text=True, timeout=20, check=True).stdout.strip()
+        changes = subprocess.run(
+            command, capture_output=True, text=True, timeout=20, check=True
+        ).stdout.strip()
     except (OSError, subprocess.SubprocessError):
         return None
     return {"commit": commit, "dirty": bool(changes)}
@@ -128,7 +168,9 @@ def git_state() -> dict[str, Any] | None:
 def _version(read: Any) -> str | None:
     try:
         return ".".join(str(part) for part in read())
-    except Exception:  # Warp raises several kinds here, and a version that cannot be read is no reason to stop
+    except (
+        Exception
+    ):  # Warp raises several kinds here, and a version that cannot be read is no reason to stop
         return None
 
 

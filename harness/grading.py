@@ -42,7 +42,9 @@ def handed_path(folder: Path, key: str, frame: int) -> Path:
 class Grader:
     """Grades the answers of every method to the moments of one scene. ``scene_argument``: as a person typed it."""
 
-    def __init__(self, prepared: Prepared, moments: dict[int, Moment], scene_argument: str, folder: Path, device: str):
+    def __init__(
+        self, prepared: Prepared, moments: dict[int, Moment], scene_argument: str, folder: Path, device: str
+    ):
         self.prepared, self.moments, self.scene_argument = prepared, moments, scene_argument
         self.folder, self.device = folder, device
         self.effects = Effects.of(prepared.scene)
@@ -82,7 +84,7 @@ class Grader:
 
     def _keep(self, key: str, frame: int, answers: Answers) -> None:
         try:
-            from .score import save_raw
+            from .raw import save_raw
         except ImportError:
             # Without truth's packages the raw format cannot be made either; the arrays themselves are kept.
             hand_over(answer_path(self.folder, key, frame), answers)

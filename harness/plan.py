@@ -24,6 +24,7 @@ from . import registry
 from .errors import UserError, did_you_mean
 from .method import Method
 from .record import SCHEMA, digest
+from .start import start_warp
 
 PACKAGE = __name__.rsplit(".", 2)[0] + ".experiments"
 CONVENTIONS = ("frame", "method", "moment", "passes", "session", "timing", "lights", "scene")
@@ -93,19 +94,23 @@ def find_preset(experiment: Experiment, name: str | None, device: str) -> tuple[
     """A preset by name; by default the one declared for the kind of device."""
     chosen = name or (experiment.gpu if device.startswith("cuda") else experiment.cpu)
     if chosen not in experiment.presets:
-        raise UserError(f"{experiment.name} has no preset {chosen!r}{did_you_mean(chosen, experiment.presets)}")
+        raise UserError(
+            f"{experiment.name} has no preset {chosen!r}{did_you_mean(chosen, experiment.presets)}"
+        )
     return chosen, experiment.presets[chosen]
 
 
 def find_device(name: str | None) -> str:
     """The device to run on: ``cuda:0`` where there is one, else ``cpu``, unless ``name`` says which."""
-    wp.config.quiet = True
+    start_warp()
     if name is None:
         return "cuda:0" if wp.is_cuda_available() else "cpu"
     known = ["cpu", *(device.alias for device in wp.get_cuda_devices())]
     chosen = "cuda:0" if name == "cuda" else name
     if chosen not in known:
-        raise UserError(f"no device {name!r} on this machine; there is {' and '.join(known)}: give --device {known[-1]}")
+        raise UserError(
+            f"no device {name!r} on this machine; there is {' and '.join(known)}: give --device {known[-1]}"
+        )
     return chosen
 
 
@@ -119,9 +124,12 @@ def parse_settings(texts: list[str], entries: tuple[Entry, ...]) -> tuple[Entry,
         method, key, value = match.groups()
         if method not in {entry.method for entry in entries}:
             known = {entry.method for entry in entries}
-            raise UserError(f"--set {text!r}: {method!r} is not among the methods run{did_you_mean(method, known)}")
+            raise UserError(
+                f"--set {text!r}: {method!r} is not among the methods run{did_you_mean(method, known)}"
+            )
         result = [
-            dataclasses.replace(e, settings={**e.settings, key: value}) if e.method == method else e for e in result
+            dataclasses.replace(e, settings={**e.settings, key: value}) if e.method == method else e
+            for e in result
         ]
     return check_entries(tuple(result))
 
@@ -129,7 +137,7 @@ def parse_settings(texts: list[str], entries: tuple[Entry, ...]) -> tuple[Entry,
 def check_entries(entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
     """The same entries. Raises :class:`UserError` for an unknown method or parameter, or a value of a wrong type."""
     for entry in entries:
-        registry.make_method(entry.method, dict(entry.settings))
+        describe_method(entry, "cpu")
     return entries
 
 
@@ -139,7 +147,8 @@ def choose_methods(entries: tuple[Entry, ...], names: list[str] | None) -> tuple
         return entries
     chosen: list[Entry] = []
     for name in dict.fromkeys(names):
-        registry.method_class(name)
+        if name not in registry.method_names():
+            raise UserError(f"no method {name!r}{did_you_mean(name, registry.method_names())}")
         chosen += [entry for entry in entries if entry.method == name] or [Entry(name)]
     return tuple(chosen)
 
@@ -194,23 +203,35 @@ def source_hash(cls: type[Method]) -> str:
 
 
 def describe_method(entry: Entry, device: str) -> dict[str, Any]:
-    """What a record says of a method before it runs."""
-    method = registry.make_method(entry.method, dict(entry.settings))
-    cls = type(method)
-    place = device_for(cls, device)
-    parameters = {"build": dataclasses.asdict(method.build), "trace": dataclasses.asdict(method.trace)}  # type: ignore[attr-defined]
-    return {
+    """What a record says of a method before it runs. ``broken`` says why one cannot even be made."""
+    facts: dict[str, Any] = {
         "name": entry.method,
-        "title": cls.title or entry.method,
-        "label": entry.label or cls.title or entry.method,
+        "title": entry.method,
+        "label": entry.label or entry.method,
         "settings": dict(entry.settings),
-        "parameters": parameters,
-        "capturable": bool(method.capturable),
-        "device": place,
-        "device_name": device_title(place),
+        "parameters": {},
+        "capturable": None,
+        "device": device,
         "asked_device": device,
-        "source_sha256": source_hash(cls),
+        "source_sha256": "",
     }
+    try:
+        method = registry.make_method(entry.method, dict(entry.settings))
+        cls = type(method)
+        place = device_for(cls, device)
+        facts.update(
+            title=cls.title or entry.method,
+            label=entry.label or cls.title or entry.method,
+            parameters={name: dataclasses.asdict(getattr(method, name)) for name in ("build", "trace")},
+            capturable=bool(method.capturable),
+            device=place,
+            source_sha256=source_hash(cls),
+        )
+    except UserError:
+        raise
+    except Exception as error:  # a stranger's package may fail in any way; it costs its own points only
+        facts["broken"] = f"cannot be made: {type(error).__name__}: {' '.join(str(error).split())}"
+    return {**facts, "device_name": device_title(facts["device"])}
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,14 +1,20 @@
-"""What a person sees of long work: a bar with a time estimate on standard error, plain lines where it is no terminal."""
+"""What a person sees of long work: a bar with a time estimate on standard error; elsewhere plain lines."""
 
 from __future__ import annotations
 
 import sys
 import time
-from types import TracebackType
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    Progress,
+    TaskProgressColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 
 class Silent:
@@ -41,7 +47,9 @@ class Bar(Silent):
             TextColumn("{task.description}"), BarColumn(bar_width=24), TaskProgressColumn(),
             TimeElapsedColumn(), TextColumn("left about"), TimeRemainingColumn(),
         )  # fmt: skip
-        self.bar = Progress(*columns, console=self.console, transient=True, disable=not self.console.is_terminal)
+        self.bar = Progress(
+            *columns, console=self.console, transient=True, disable=not self.console.is_terminal
+        )
         self.task = self.bar.add_task("starting", total=None)
         self.started = time.monotonic()
         self.count, self.at = 0, 0
@@ -50,9 +58,7 @@ class Bar(Silent):
         self.bar.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.bar.stop()
 
     def steps(self, count: int) -> None:

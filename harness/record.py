@@ -161,6 +161,8 @@ def _empty_frame(index: int) -> dict[str, Any]:
         "round": [],
         "passes": [],
         "stage_round": [],
+        "started": [],
+        "stopped_by": [],
         "memory_bytes": None,
         "counters": {},
         "score": None,
@@ -176,6 +178,8 @@ def _join_rounds(rounds: list[dict[str, Any]]) -> dict[int, dict[str, Any]]:
             frame["total_ms"] += part["total_ms"]
             frame["wall_ms"] += part["wall_ms"]
             frame["round"] += [event["round"]] * len(part["total_ms"])
+            frame["started"].append(part["started"])
+            frame["stopped_by"].append(part["stopped_by"])
             frame["regrown"] = max(frame["regrown"], part["regrown"])
             frame["memory_bytes"] = max(frame["memory_bytes"] or 0, part["memory_bytes"])
             frame["memory_source"] = part["memory_source"]
@@ -203,7 +207,7 @@ def read_records(folder: Path | str) -> list[dict[str, Any]]:
             raise UserError(f"{path}: not a record ({error}); remove it and run again") from error
         if record.get("schema") != SCHEMA:
             raise UserError(
-                f"{path}: record schema {record.get('schema')}, this version reads {SCHEMA}; run again into a new folder"
+                f"{path}: schema {record.get('schema')}, this version reads {SCHEMA}; run again into a new folder"
             )
         records.append(record)
     return records
@@ -279,7 +283,11 @@ def summarise(record: dict[str, Any]) -> dict[str, Any]:
     row = identity(record)
     frames = [frame for frame in record["frames"] if frame["total_ms"]]
     row.update(frames=len(frames), samples=min((len(f["total_ms"]) for f in frames), default=0))
-    row.update(compile_s=record["compile_s"], first_frame_s=record["first_frame_s"], built=record["method"].get("built"))
+    row.update(
+        compile_s=record["compile_s"],
+        first_frame_s=record["first_frame_s"],
+        built=record["method"].get("built"),
+    )
     row["stopped_by"] = record["stopped_by"]
     row["peak_rss_bytes"] = record["peak_rss_bytes"]
     row["unscored"] = next((f["unscored"] for f in record["frames"] if f["unscored"]), None)
@@ -300,7 +308,9 @@ def summarise(record: dict[str, Any]) -> dict[str, Any]:
 
 def part_ms(frame: dict[str, Any], part: str) -> float:
     """The sum over a part's passes of the median of their samples."""
-    return float(sum(np.median(step["ms"]) for step in frame["passes"] if step["part"] == part and step["ms"]))
+    return float(
+        sum(np.median(step["ms"]) for step in frame["passes"] if step["part"] == part and step["ms"])
+    )
 
 
 def between_rounds(frames: list[dict[str, Any]]) -> float:

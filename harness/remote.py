@@ -23,7 +23,7 @@ class WorkerError(Exception):
         self.reason = reason
 
 
-class WorkerLost(WorkerError):
+class WorkerLostError(WorkerError):
     """The worker is gone, and with it everything that it had prepared."""
 
 
@@ -49,7 +49,7 @@ class Remote:
     def ask(self, timeout: float, **command: Any) -> dict[str, Any]:
         """Send a command and wait for its reply, at most ``timeout`` seconds.
 
-        Raises :class:`WorkerError` with the reason that the worker gave, :class:`WorkerLost` where it died or
+        Raises :class:`WorkerError` with the reason that the worker gave, :class:`WorkerLostError` where it died or
         stayed silent; it is stopped then.
         """
         self.send(**command)
@@ -72,14 +72,18 @@ class Remote:
             line = self._replies.get(timeout=max(0.0, self._asked + timeout - time.monotonic()))
         except queue.Empty:
             self.stop()
-            raise WorkerLost("timeout", f"no answer within {timeout:g} s; the worker was stopped") from None
+            raise WorkerLostError(
+                "timeout", f"no answer within {timeout:g} s; the worker was stopped"
+            ) from None
         if line is None:
-            raise WorkerLost("failed", self._epitaph())
+            raise WorkerLostError("failed", self._epitaph())
         try:
             reply = json.loads(line)
         except ValueError:
             self.stop()
-            raise WorkerLost("failed", f"the worker said something else than a reply: {line.strip()[:80]}") from None
+            raise WorkerLostError(
+                "failed", f"the worker said something else than a reply: {line.strip()[:80]}"
+            ) from None
         if "error" in reply:
             raise WorkerError(reply["error"], reply["reason"])
         return reply

@@ -1,34 +1,26 @@
 """From an experiment to records: scene by scene, one worker a method, rounds interleaved, killed and resumed at will.
 
-Only one worker has the token at a time: the parent asks one and waits for its reply. (Making a scene is not timed;
-there all of them work at once.)
+Only one worker has the token at a time: the parent asks one and waits for its reply. (Taking over a scene that was
+made is not timed; there all of them work at once.)
 """
 
 from __future__ import annotations
 
-import errno
-import fcntl
 import hashlib
-import json
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
-import numpy as np
-
 from .environment import environment, keep
-from .errors import UserError
+from .folder import ResultsFolder
 from .plan import Entry, Experiment, Point, Preset, describe_method, make_point, orders
-from .record import Journal, make_record, write_atomic
-from .remote import Remote, WorkerError, WorkerLost
+from .record import Journal, make_record
+from .remote import Remote, WorkerError, WorkerLostError
 
 GRADER = "grading"
-"""The name of the worker that grades (no method may be called so)."""
-
-UNWRITABLE = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO)
+"""The name of the worker that makes scenes and grades answers (no method may be called so)."""
 
 
 @dataclass(frozen=True)
@@ -59,12 +51,21 @@ class Reporter(Protocol):
 
 @dataclass(eq=False)
 class Job:
-    """A point under way. ``generation`` is that of the worker that prepared it, 0 before."""
+    """A point under way: ``scene`` as it was named, the generation of the worker that prepared it, steps to come."""
 
     point: Point
+    scene: str
     journal: Journal
+    steps: int
     generation: int = 0
     record: dict[str, Any] | None = None
+
+    @property
+    def method(self) -> str:
+        return self.point.entry.method
+
+
+Described = list[tuple[Entry, dict[str, Any]]]
 
 
 @dataclass(eq=False)
@@ -77,13 +78,16 @@ class Run:
     loaded: dict[str, int] = field(default_factory=dict)
     environment: str = ""
 
+    def __post_init__(self) -> None:
+        self.folder = ResultsFolder(self.options.out)
+
     def go(self) -> list[dict[str, Any]]:
-        """Run what has no record yet. Raises :class:`UserError` where the folder cannot be written."""
+        """Run what has no record yet. Raises :class:`~.errors.UserError` where the folder cannot be written."""
         options = self.options
-        with locked(options.out):
-            with self._writing():
+        with self.folder.locked():
+            with self.folder.writing():
                 self.environment = keep(options.out, environment())
-            methods = {key: describe_method(key.entry, options.device) for key in _entries(options.preset)}
+            methods = [(entry, describe_method(entry, options.device)) for entry in options.preset.methods]
             self.report.steps(len(options.preset.scenes) * len(methods) * self._steps_a_point())
             records: list[dict[str, Any]] = []
             try:
@@ -92,6 +96,7 @@ class Run:
             finally:
                 for worker in self.workers.values():
                     worker.stop()
+                self.folder.shared_scene.unlink(missing_ok=True)
         return records
 
     def _steps_a_point(self) -> int:
@@ -99,187 +104,194 @@ class Run:
 
     # --- one scene ---
 
-    def _scene(self, name: str, methods: dict[_Key, dict[str, Any]]) -> list[dict[str, Any]]:
+    def _scene(self, name: str, methods: Described) -> list[dict[str, Any]]:
         self.loaded.clear()
-        facts = self._known_facts(name)
-        jobs = self._jobs(facts, methods) if facts else []
-        if not facts or any(job.record is None for job in jobs):
-            wanted = {job.point.entry.method for job in jobs if job.record is None}
-            fresh, lost = self._load(name, wanted or {key.entry.method for key in methods})
+        command = self._load_command(name)
+        facts = self.folder.known_scene(command)
+        jobs = self._jobs(name, facts, methods) if facts else []
+        if facts is None or any(job.record is None for job in jobs):
+            wanted = {job.method for job in jobs if job.record is None}
+            fresh, lost = self._load(name, wanted or {entry.method for entry, _ in methods})
             if fresh is None:
                 # Nobody could make the scene: every point gets a record that says why.
-                facts = facts or {"name": _short(name), "title": name, "source": {"kind": "file", "file": name}}
+                facts = facts or {
+                    "name": Path(name).stem.lower(),
+                    "title": name,
+                    "source": {"kind": "", "file": name},
+                }
             elif facts is None or fresh["arrays_sha256"] != facts["arrays_sha256"]:
-                facts = self._learn(name, fresh)
-                jobs = []
-            jobs = jobs or self._jobs(facts, methods)
+                facts, jobs = fresh, []
+                self.folder.learn_scene(command, facts)
+            jobs = jobs or self._jobs(name, facts, methods)
             for job in jobs:
-                error = lost.get(job.point.entry.method)
-                if error is not None and job.record is None:
-                    self._close(job, error.status, error.reason)
-        self._measure(name, jobs)
+                if job.method in lost and job.record is None:
+                    self._close(job, lost[job.method].status, lost[job.method].reason)
+        self._measure([job for job in jobs if job.record is None])
         for worker in self.workers.values():
             if worker.running:
-                self._ask(worker, do="free")
-        self._shared.unlink(missing_ok=True)
+                self._tell(worker, do="free")
         return [job.record for job in jobs if job.record is not None]
 
-    def _measure(self, name: str, jobs: list[Job]) -> None:
-        """Prepare the open jobs, take their rounds interleaved, and finish them."""
+    def _measure(self, jobs: list[Job]) -> None:
+        """Prepare the jobs, take their rounds interleaved, and finish them."""
         for job in jobs:
-            if job.record is None and not self._complete(job):
-                self._attempt(job, name, "compiling and warming up", lambda job: None)
-        open_jobs = [job for job in jobs if job.record is None]
-        rounds = self.options.preset.rounds
-        for number, order in enumerate(orders(len(open_jobs), rounds, self._seed(name))):
+            if not job.journal.first("finished"):
+                self._attempt(job, "compiling and warming up")
+        jobs = [job for job in jobs if job.record is None]
+        for number, order in enumerate(orders(len(jobs), self.options.preset.rounds, self._seed(jobs))):
             for place, index in enumerate(order):
-                job = open_jobs[index]
-                if number in job.journal.rounds():
-                    self.report.done()
-                elif job.record is None:
+                job = jobs[index]
+                if job.record is None and number not in job.journal.rounds():
                     where = {"round": number, "place": place, "of": len(order)}
-                    text = f"round {number + 1} of {rounds}"
-                    self._attempt(job, name, text, lambda job, where=where: self._round(job, where))  # type: ignore[misc]
-        for job in open_jobs:
+                    self._attempt(job, f"round {number + 1}", self._round, where)
+        for job in jobs:
+            if job.record is None and not job.journal.first("finished"):
+                self._attempt(job, "checking the answers", self._finish)
             if job.record is None:
-                if not job.journal.first("finished"):
-                    self._attempt(job, name, "checking the answers", lambda job: self._finish(job, name))
-                if job.record is None:
-                    self._close(job)
+                self._close(job)
 
-    def _complete(self, job: Job) -> bool:
-        """Whether only the record is missing."""
-        return job.journal.first("finished") is not None
-
-    def _seed(self, name: str) -> int:
-        text = f"{self.options.experiment.name}/{name}/{self.options.seed}"
+    def _seed(self, jobs: list[Job]) -> int:
+        text = f"{self.options.experiment.name}/{jobs[0].scene if jobs else ''}/{self.options.seed}"
         return int.from_bytes(hashlib.sha256(text.encode()).digest()[:4], "big")
 
-    def _jobs(self, facts: dict[str, Any], methods: dict[_Key, dict[str, Any]]) -> list[Job]:
+    def _jobs(self, scene: str, facts: dict[str, Any], methods: Described) -> list[Job]:
         options, jobs = self.options, []
-        for key, method in methods.items():
-            point = make_point(options.experiment.name, options.preset, key.entry, facts, method, options.seed)
-            path = self._record_path(point.key)
-            job = Job(point, Journal(options.out / "journal" / f"{point.key}.jsonl"))
-            if path.exists():
-                kept = json.loads(path.read_text(encoding="utf-8"))
-                if not (options.retry and kept["status"] in ("failed", "timeout")):
-                    job.record = kept
-                    self.report.done(self._steps_a_point())
+        for entry, method in methods:
+            point = make_point(options.experiment.name, options.preset, entry, facts, method, options.seed)
+            job = Job(point, scene, self.folder.journal(point.key), self._steps_a_point())
+            kept = self.folder.record(point.key)
+            if kept and not (options.retry and kept["status"] in ("failed", "timeout")):
+                job.record = kept
+                self.report.done(job.steps)
             jobs.append(job)
         return jobs
 
     # --- steps of a point ---
 
-    def _attempt(self, job: Job, scene: str, what: str, step: Callable[[Job], None]) -> None:
+    def _attempt(self, job: Job, what: str, step: Callable[..., None] | None = None, *arguments: Any) -> None:
         """Do a step, preparing the job first where its worker is new; close the job if it comes to nothing."""
-        point = job.point
-        self.report.doing(f"{point.scene['name']}, {point.method['label']}: {what}")
+        self.report.doing(f"{job.point.scene['name']}, {job.point.method['label']}: {what}")
         try:
-            self._prepare(job, scene)
-            step(job)
+            if job.point.method.get("broken"):
+                raise WorkerError("failed", job.point.method["broken"])
+            self._prepare(job)
+            if step:
+                step(job, *arguments)
+            job.steps -= 1
             self.report.done()
         except WorkerError as error:
             self._close(job, error.status, error.reason)
-            worker = self.workers[point.entry.method]
+            worker = self._worker(job.method)
             if worker.running:
-                self._ask(worker, do="free", key=point.key)
+                self._tell(worker, do="free", key=job.point.key)
 
-    def _prepare(self, job: Job, scene: str) -> None:
-        point = job.point
-        worker = self._worker(point.entry.method)
+    def _prepare(self, job: Job) -> None:
+        worker = self._worker(job.method)
         if worker.running and worker.generation == job.generation:
             return
-        if self.loaded.get(point.entry.method) != worker.generation or not worker.running:
-            self._command(worker, **self._load_command(scene))
-            self.loaded[point.entry.method] = worker.generation
+        self._ensure_loaded(job.method, job.scene)
         spec = {
-            "key": point.key,
-            "method": point.entry.method,
-            "settings": dict(point.entry.settings),
-            "device": point.method["device"],
+            "key": job.point.key,
+            "method": job.method,
+            "settings": dict(job.point.entry.settings),
+            "device": job.point.method["device"],
             "memory_limit": self.options.memory_limit,
         }
         reply = self._command(worker, do="prepare", point=spec)
         job.generation = worker.generation
-        self._note(job, {"event": "prepared", "environment": self.environment, **reply})
+        self._note(job, {"event": "prepared", **reply})
 
     def _round(self, job: Job, where: dict[str, int]) -> None:
         preset = self.options.preset
-        share = preset.budget_s / preset.rounds / max(1, len(job.point.frames)) / 2
         sampling = {
             "samples": preset.samples,
             "most": max(preset.most, preset.samples),
             "deviation": preset.deviation,
             "stage_samples": preset.stage_samples,
-            "budget_s": share,
+            # Whole frames and stages get the same share each.
+            "budget_s": preset.budget_s / preset.rounds / max(1, len(job.point.frames)) / 2,
         }
-        reply = self._command(self._worker(job.point.entry.method), do="round", key=job.point.key, sampling=sampling)
-        self._note(job, {"event": "round", "environment": self.environment, **where, **reply})
+        reply = self._command(self._worker(job.method), do="round", key=job.point.key, sampling=sampling)
+        self._note(job, {"event": "round", **where, **reply})
 
-    def _finish(self, job: Job, scene: str) -> None:
+    def _finish(self, job: Job) -> None:
         """Answers from the method's worker, their grades from the grading one."""
-        options, point = self.options, job.point
-        worker = self._worker(point.entry.method)
-        answered = self._command(worker, do="answer", key=point.key, folder=str(options.out))
-        grader = self._worker(GRADER)
-        if not grader.running or self.loaded.get(GRADER) != grader.generation:
-            self._command(grader, **self._load_command(scene))
-            self.loaded[GRADER] = grader.generation
-        image = options.out / "images" / f"{point.scene['name']}.png"
-        graded = self._command(
-            grader,
-            do="grade",
-            key=point.key,
-            folder=str(options.out),
-            device=options.device,
-            save_answers=options.save_answers,
-            score=options.score,
-            picture=None if image.exists() else str(image),
-        )
-        frames = [{**a, **g} for a, g in zip(answered["frames"], graded["frames"], strict=True)]
+        place = {"key": job.point.key, "folder": str(self.options.out)}
+        answered = self._command(self._worker(job.method), do="answer", **place)
+        try:
+            graded = self._grade(job, place)["frames"]
+        except WorkerError as error:
+            # The times stand, whatever becomes of their grades.
+            unscored = {"score": None, "unscored": f"grading failed: {error.reason}"}
+            graded = [unscored for _ in answered["frames"]]
+        frames = [{**a, **g} for a, g in zip(answered["frames"], graded, strict=True)]
         self._note(job, {"event": "finished", "method": answered["method"], "frames": frames})
 
+    def _grade(self, job: Job, place: dict[str, str]) -> dict[str, Any]:
+        self._ensure_loaded(GRADER, job.scene)
+        image = self.folder.image(job.point.scene["name"])
+        return self._command(
+            self._worker(GRADER),
+            do="grade",
+            device=self.options.device,
+            save_answers=self.options.save_answers,
+            score=self.options.score,
+            picture=None if image.exists() else str(image),
+            **place,
+        )
+
     def _close(self, job: Job, status: str = "ok", reason: str = "") -> None:
-        """Write the record of a job. Its journal has done its work."""
+        """Write the record of a job."""
         point = job.point
         described = {**point.configuration, "preset": self.options.preset_name}
-        job.record = make_record(
-            point.key, described, point.scene, point.method, self.environment, job.journal.events, status, reason
+        events = job.journal.events
+        record = make_record(
+            point.key, described, point.scene, point.method, self.environment, events, status, reason
         )
-        with self._writing():
-            write_atomic(self._record_path(point.key), job.record)
-            job.journal.remove()
-        self.report.point(job.record)
+        self.folder.keep_record(record, job.journal)
+        job.record = record
+        self.report.done(job.steps)
+        job.steps = 0
+        self.report.point(record)
 
     def _note(self, job: Job, event: dict[str, Any]) -> None:
         event.pop("ok", None)
-        with self._writing():
-            job.journal.append({**event, "noted": time.time()})
+        with self.folder.writing():
+            job.journal.append({**event, "environment": self.environment, "noted": time.time()})
 
     # --- workers ---
 
-    def _worker(self, method: str) -> Remote:
-        if method not in self.workers:
-            self.workers[method] = Remote(method, self.options.out / "logs" / f"{method}.log")
-        return self.workers[method]
+    def _worker(self, name: str) -> Remote:
+        if name not in self.workers:
+            self.workers[name] = Remote(name, self.folder.log(name))
+        return self.workers[name]
 
     def _command(self, worker: Remote, **command: Any) -> dict[str, Any]:
+        worker.send(**command)
+        return self._reply(worker)
+
+    def _reply(self, worker: Remote) -> dict[str, Any]:
         try:
-            return worker.ask(self.options.preset.timeout_s, **command)
+            return worker.receive(self.options.preset.timeout_s)
         except WorkerError as error:
             if error.status == "unwritable":
-                raise self._unwritable(error.reason) from error
+                raise self.folder.unwritable(error.reason) from error
             raise
 
-    def _ask(self, worker: Remote, **command: Any) -> None:
+    def _tell(self, worker: Remote, **command: Any) -> None:
         """A command whose failure costs nobody a point: a worker that cannot do it is stopped."""
         try:
             self._command(worker, **command)
-        except WorkerLost:
+        except WorkerLostError:
             pass
         except WorkerError:
             worker.stop()
+
+    def _ensure_loaded(self, name: str, scene: str) -> None:
+        worker = self._worker(name)
+        if not worker.running or self.loaded.get(name) != worker.generation:
+            self._command(worker, **self._load_command(scene))
+            self.loaded[name] = worker.generation
 
     def _load_command(self, scene: str, make: bool = False) -> dict[str, Any]:
         """What has a worker load the scene: ``make`` it, or take the one that was made."""
@@ -291,17 +303,15 @@ class Run:
             "frames": preset.frames,
             "width": preset.width,
             "height": preset.height,
-            "shared": str(self._shared),
+            "shared": str(self.folder.shared_scene),
             "make": make,
         }
-
-    @property
-    def _shared(self) -> Path:
-        return self.options.out / "journal" / "scene.npz"
 
     def _load(self, name: str, methods: set[str]) -> tuple[dict[str, Any] | None, dict[str, WorkerError]]:
         """Have one worker make the scene and the others take it: its facts (None where it failed), and who failed."""
         self.report.doing(f"{name}: making the scene")
+        with self.folder.writing():
+            self.folder.shared_scene.parent.mkdir(parents=True, exist_ok=True)
         try:
             reply = self._command(self._worker(GRADER), **self._load_command(name, make=True))
         except WorkerError as error:
@@ -313,90 +323,8 @@ class Run:
             worker.send(**self._load_command(name))
         for method, worker in asked:
             try:
-                worker.receive(self.options.preset.timeout_s)
+                self._reply(worker)
                 self.loaded[method] = worker.generation
             except WorkerError as error:
                 lost[method] = error
         return {**reply["scene"], "load_s": reply["load_s"]}, lost
-
-    # --- facts of scenes, kept so that a finished run makes no scene again ---
-
-    def _known_facts(self, name: str) -> dict[str, Any] | None:
-        return _read_json(self.options.out / "scenes.json").get(self._scene_id(name))
-
-    def _learn(self, name: str, facts: dict[str, Any]) -> dict[str, Any]:
-        path = self.options.out / "scenes.json"
-        with self._writing():
-            write_atomic(path, {**_read_json(path), self._scene_id(name): facts})
-        return facts
-
-    def _scene_id(self, name: str) -> str:
-        from .scenes.catalogue import resolve
-
-        here = Path(__file__).parent
-        code = hashlib.sha256(np.__version__.encode())
-        for path in [*sorted((here / "scenes").glob("*.py")), *(here / f"{n}.py" for n in ("moment", "lights"))]:
-            code.update(path.read_bytes())
-        source = resolve(name, self.options.scene_dir).source
-        command = self._load_command(name)
-        for place in ("scene_dir", "shared"):
-            command.pop(place)
-        return hashlib.sha256(f"{command} {source} {code.hexdigest()}".encode()).hexdigest()[:16] + f" {_short(name)}"
-
-    # --- the folder ---
-
-    def _record_path(self, key: str) -> Path:
-        return self.options.out / "records" / f"{key}.json"
-
-    @contextmanager
-    def _writing(self) -> Iterator[None]:
-        try:
-            yield
-        except OSError as error:
-            if error.errno in UNWRITABLE:
-                raise self._unwritable(error.strerror or str(error)) from error
-            raise
-
-    def _unwritable(self, reason: str) -> UserError:
-        return UserError(
-            f"{self.options.out}: cannot write ({reason}); what was measured is kept: make room or choose another "
-            f"--out, then run the same command to go on"
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class _Key:
-    """An entry as a key: two entries may have the same method."""
-
-    entry: Entry
-
-
-def _entries(preset: Preset) -> list[_Key]:
-    return [_Key(entry) for entry in preset.methods]
-
-
-def _short(name: str) -> str:
-    return Path(name).stem.lower()
-
-
-def _read_json(path: Path) -> dict[str, Any]:
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-
-
-@contextmanager
-def locked(folder: Path) -> Iterator[None]:
-    """Make the results folder and hold it for this process. Raises :class:`UserError` where that cannot be."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        file = open(folder / ".lock", "w", encoding="utf-8")  # noqa: SIM115  (held until the run ends)
-    except OSError as error:
-        raise UserError(f"{folder}: cannot write there ({error.strerror}); choose another --out") from error
-    with file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            raise UserError(f"{folder}: another run is writing there; wait for it or choose another --out") from error
-        yield

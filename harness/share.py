@@ -58,5 +58,7 @@ class Stored(Prepared):
     def points(self, frame: int) -> tuple[F32, NDArray[np.uint8]]:
         """Float32 positions and validity flags, as they were stored."""
         if frame not in self._frames:
-            raise UserError(f"{self.scene.name}: frame {frame} was not stored; there are {sorted(self._frames)}")
+            raise UserError(
+                f"{self.scene.name}: frame {frame} was not stored; there are {sorted(self._frames)}"
+            )
         return self._frames[frame]

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import itertools
 import os
 import re
 import shutil
@@ -79,7 +80,7 @@ def sample_frame(session: Session, sampling: Sampling) -> FrameSamples:
         deadline = time.perf_counter() + sampling.budget_s
         for _ in range(sampling.stage_samples):
             for step, ms in zip(result.passes, _stages(session), strict=True):
-                step["ms"].append(ms)
+                step["ms"].append(round(ms, 6))
             if time.perf_counter() > deadline:
                 break
     return result
@@ -110,8 +111,9 @@ def _take_batch(take: Take, count: int, deadline: float, result: FrameSamples) -
     while len(pairs) < count and time.perf_counter() + lasts < deadline:
         room = max(1, int((deadline - time.perf_counter()) / max(lasts, 1e-6)))
         pairs = pairs + take(min(count - len(pairs), room))
-    result.total_ms += [total for total, _ in pairs]
-    result.wall_ms += [wall for _, wall in pairs]
+    # Nanoseconds are finer than any clock here.
+    result.total_ms += [round(total, 6) for total, _ in pairs]
+    result.wall_ms += [round(wall, 6) for _, wall in pairs]
     return len(pairs) >= count
 
 
@@ -146,7 +148,7 @@ def _replay_whole(device: Any, graph: Any, count: int) -> list[tuple[float, floa
             wp.capture_launch(graph)
             wp.record_event(event)
         wp.synchronize_device(device)
-        total = [wp.get_event_elapsed_time(a, b, synchronize=False) for a, b in zip(events, events[1:], strict=False)]
+        total = [wp.get_event_elapsed_time(a, b, synchronize=False) for a, b in itertools.pairwise(events)]
         wall = []
         for _ in range(count):
             start = time.perf_counter()
@@ -186,7 +188,9 @@ def _stages(session: Session) -> list[float]:
                 wp.capture_launch(graph)
                 wp.record_event(event)
             wp.synchronize_device(device)
-            prefix = [wp.get_event_elapsed_time(a, b, synchronize=False) for a, b in zip(events, events[1:], strict=False)]
+            prefix = [
+                wp.get_event_elapsed_time(a, b, synchronize=False) for a, b in itertools.pairwise(events)
+            ]
         return [float(ms) for ms in np.diff(prefix, prepend=0.0)]
     with wp.ScopedDevice(device):
         events = _events(device, count + 1)
@@ -196,7 +200,7 @@ def _stages(session: Session) -> list[float]:
             step.launch()
             wp.record_event(event)
         wp.synchronize_device(device)
-        return [wp.get_event_elapsed_time(a, b, synchronize=False) for a, b in zip(events, events[1:], strict=False)]
+        return [wp.get_event_elapsed_time(a, b, synchronize=False) for a, b in itertools.pairwise(events)]
 
 
 @contextlib.contextmanager
@@ -245,7 +249,9 @@ class CompileClock:
         self._kind.load = self._load  # type: ignore[method-assign]
 
 
-CLOCK_FIELDS = "clocks.sm,clocks.mem,power.draw,temperature.gpu,clocks_throttle_reasons.active,utilization.gpu"
+CLOCK_FIELDS = (
+    "clocks.sm,clocks.mem,power.draw,temperature.gpu,clocks_throttle_reasons.active,utilization.gpu"
+)
 
 
 def clock_state(device: str) -> dict[str, Any]:

@@ -8,7 +8,6 @@ standard error. The worker ends when its input does.
 from __future__ import annotations
 
 import ctypes
-import errno
 import gc
 import hashlib
 import json
@@ -17,6 +16,7 @@ import signal
 import sys
 import time
 import traceback
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import IO, Any
@@ -24,6 +24,7 @@ from typing import IO, Any
 import warp as wp
 
 from .errors import CapacityRejected, UserError
+from .folder import FULL
 from .grading import Grader, hand_over, handed_path
 from .moment import Moment, Prepared
 from .plan import spread_frames
@@ -32,6 +33,7 @@ from .scene import Limits
 from .scenes.catalogue import resolve
 from .session import Session
 from .share import Stored, store
+from .start import start_warp
 from .timing import (
     CompileClock,
     Memory,
@@ -44,11 +46,7 @@ from .timing import (
 )
 
 
-UNWRITABLE = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
-"""The results folder is at fault, not the method."""
-
-
-class Skipped(Exception):
+class SkippedError(Exception):
     """The method says that it cannot do this scene; the text is its reason."""
 
 
@@ -70,7 +68,7 @@ class Worker:
     def do(self, command: dict[str, Any]) -> dict[str, Any]:
         """Carry out one command and return its reply."""
         kind = command.pop("do")
-        actions = {
+        actions: dict[str, Callable[..., dict[str, Any]]] = {
             "load": self.load, "prepare": self.prepare, "round": self.round, "answer": self.answer,
             "grade": self.grade, "free": self.free,
         }  # fmt: skip
@@ -103,7 +101,7 @@ class Worker:
         method = make_method(point["method"], point["settings"])
         reason = method.applies(self.prepared.scene, device)
         if reason:
-            raise Skipped(reason)
+            raise SkippedError(reason)
         if not self.sessions:
             reset_peak_resident()
         baseline = resident_bytes()
@@ -268,7 +266,7 @@ def answer_line(worker: Worker, line: str) -> dict[str, Any]:
         return {"ok": True, **worker.do(json.loads(line))}
     except CapacityRejected as error:
         return {"error": "rejected", "reason": one_line(error)}
-    except Skipped as error:
+    except SkippedError as error:
         return {"error": "skipped", "reason": one_line(error)}
     except UserError as error:
         return {"error": "failed", "reason": one_line(error)}
@@ -276,7 +274,7 @@ def answer_line(worker: Worker, line: str) -> dict[str, Any]:
         return {"error": "failed", "reason": f"out of memory: {one_line(error)}"}
     except OSError as error:
         traceback.print_exc()
-        full = error.errno in UNWRITABLE
+        full = error.errno in FULL
         return {"error": "unwritable" if full else "failed", "reason": one_line(error)}
     except Exception as error:
         traceback.print_exc()
@@ -308,8 +306,7 @@ def main() -> None:
     die_with_parent()
     replies = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
-    wp.config.quiet = True
-    wp.init()
+    start_warp()
     serve(sys.stdin, replies)
 
 

@@ -32,7 +32,9 @@ def methods() -> list[dict[str, Any]]:
             continue
         blocks = (cls.Build(), cls.Trace())
         parameters = {f.name: getattr(block, f.name) for block in blocks for f in dataclasses.fields(block)}
-        rows.append({"name": name, "title": cls.title, "devices": list(cls.devices), "parameters": parameters})
+        rows.append(
+            {"name": name, "title": cls.title, "devices": list(cls.devices), "parameters": parameters}
+        )
     return rows
 
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import warp as wp
-
 from ..errors import CapacityRejected, UserError
 from ..moment import Prepared
 from ..plan import device_for, find_device, parse_size
@@ -30,7 +28,6 @@ def render(
     if out.suffix.lower() != ".png":
         raise UserError(f"--out {out}: pictures are PNG files; give a name ending in .png")
     width, height = parse_size(size)
-    wp.config.quiet = True
     place = find_device(device)
     chosen = make_method(method, settings)
     place = device_for(type(chosen), place)
@@ -45,7 +42,9 @@ def render(
     try:
         answers = Session(chosen, prepared, width, height, place).answers(moment)
     except CapacityRejected as error:
-        raise UserError(f"{method} on {scene}: rejected: {error}; choose a smaller --size or another --method") from error
+        raise UserError(
+            f"{method} on {scene}: rejected: {error}; choose a smaller --size or another --method"
+        ) from error
     picture = shade(prepared, moment, answers, prepared.lights(frame))
     try:
         out.parent.mkdir(parents=True, exist_ok=True)

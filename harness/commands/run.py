@@ -12,7 +12,6 @@ from typing import Any
 from ..errors import UserError
 from ..plan import (
     choose_methods,
-    check_entries,
     find_device,
     find_experiment,
     find_preset,
@@ -59,8 +58,6 @@ def plan_run(
         changes["most"] = max(chosen.most, changes["samples"])
     changes["scenes"] = tuple(dict.fromkeys(scenes)) or chosen.scenes
     changes["methods"] = parse_settings(list(settings), choose_methods(chosen.methods, list(methods)))
-    if not methods and not settings:
-        check_entries(changes["methods"])
     where = str(scene_folder(scene_dir)) if scene_folder(scene_dir) else None
     for scene in changes["scenes"]:
         resolve(scene, where)
