@@ -1,0 +1,216 @@
+"""The uniform grid as a method: place, count, scan, emit, sort, lists; then one walk a ray.
+
+Kalojanov & Slusallek 2009, "A Parallel Algorithm for Construction of Uniform Grids" (HPG): the grid is built from
+sorted (cell, triangle) pairs. It serves any ray, so primary and shadow rays share it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from ...harness.errors import CapacityRejected
+from ...harness.frame import Frame
+from ...harness.method import BaseMethod
+from ...harness.passes import Pass
+from ...harness.scene import Effects, Limits
+from ..common.bounds import launch_bounds
+from ..common.misses import miss_passes
+from ..common.pairs import PairList, grown
+from ..common.pixels import thread_count
+from .binning import LANES, LARGE_AT_ONCE, bin_kernel, bin_large_kernel
+from .grid import Grid, place_grid_kernel
+from .traversal import primary_kernel, shadow_kernel
+
+CELL_BYTES = 8
+MOST_CELLS = 1 << 28
+
+
+@dataclass(frozen=True)
+class Build:
+    """How the grid is built.
+
+    density   cells for each triangle (lambda of Kalojanov & Slusallek's resolution rule); along each axis in
+              proportion to the box
+    capacity  pairs to make room for at first; 0 = four for each triangle. It grows when a frame needs more.
+    """
+
+    density: float = 4.0
+    capacity: int = 0
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.density <= 1000.0:
+            raise ValueError("density must lie between 0 and 1000 cells a triangle")
+        if self.capacity < 0:
+            raise ValueError("capacity must be 0 (automatic) or more pairs")
+
+
+@dataclass(frozen=True)
+class Trace:
+    """How rays are traced.
+
+    swizzle  whether 32 consecutive threads take a block of 8x4 pixels instead of a stretch of a row
+    """
+
+    swizzle: bool = True
+
+
+class UniformGrid(BaseMethod):
+    """See the module. Exact: float32 rejects, float64 decides, and no ray can miss a cell of a triangle it hits."""
+
+    name = "uniform_grid"
+    title = "Uniform grid"
+    Build = Build
+    Trace = Trace
+
+    def __init__(self, build: Build | None = None, trace: Trace | None = None):
+        super().__init__(build, trace)
+        self._capacity = 0
+        self._need: wp.array | None = None
+
+    def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
+        self._frame = frame
+        self._limits = limits
+        count = frame.triangle_count
+        if count == 0:
+            self._need = None
+            return miss_passes(frame, effects)
+        cells = min(MOST_CELLS, max(1, int(count * self.build.density)))
+        if cells * CELL_BYTES > limits.memory:
+            raise CapacityRejected(f"needs {cells:,} cells ({cells * CELL_BYTES / 2**30:.1f} GiB)")
+        self._capacity = self._capacity or self.build.capacity or 4 * count
+        self._threads = thread_count(frame.width, frame.height, self.trace.swizzle)
+        on_cpu = wp.get_device(frame.device).is_cpu
+        self._lanes, self._at_once = (1, 1) if on_cpu else (LANES, LARGE_AT_ONCE)
+        with wp.ScopedDevice(frame.device):
+            self._box = wp.zeros(6, dtype=wp.float32)
+            self._grid = wp.zeros(1, dtype=Grid)
+            self._queue_size = wp.zeros(1, dtype=wp.int32)
+            self._queue = wp.zeros(count, dtype=wp.int32)
+            self._cursor = wp.zeros(count, dtype=wp.int32)
+            self._hit = wp.zeros(frame.pixels, dtype=wp.vec3d)
+            self._need = wp.zeros(1, dtype=wp.int64)
+        self._pairs = PairList(count, cells, self._capacity, frame.device)
+        passes = [
+            Pass("place grid", "build", ("points", "triangles", "camera"), ("grid",), self._place),
+            Pass("count pairs", "build", ("points", "triangles", "grid"), ("pair counts",), self._count),
+            Pass(
+                "emit pairs", "build", ("points", "triangles", "grid", "pair counts"), ("pairs",), self._emit
+            ),
+            Pass("sort pairs", "build", ("pairs",), ("sorted pairs",), self._pairs.launch_sort),
+            Pass("cell lists", "build", ("sorted pairs",), ("cells",), self._pairs.launch_lists),
+            Pass(
+                "primary rays", "trace", ("cells", "sorted pairs", "grid", "camera"), ("hits",), self._primary
+            ),
+        ]
+        for i, wanted in enumerate(effects.shadows):
+            if wanted:
+                passes.append(
+                    Pass(
+                        f"light {i}: shadow rays",
+                        "shadow",
+                        ("cells", "sorted pairs", "grid", "hits", f"light/{i}"),
+                        (f"visibility/{i}",),
+                        lambda i=i: self._shadow(i),  # type: ignore[misc]
+                        effect=f"shadows/{i}",
+                    )
+                )
+        return passes
+
+    def needs(self) -> wp.array | None:
+        return self._need
+
+    def grow(self, needed: NDArray[np.int64]) -> bool:
+        capacity = grown(int(needed[0]), self._capacity, self._limits.memory, "(triangle, cell) pairs")
+        if capacity == self._capacity:
+            return False
+        self._capacity = capacity
+        return True
+
+    def counters(self) -> dict[str, int]:
+        if self._need is None:
+            return {"cells": 0, "pairs": 0, "occupied_cells": 0, "longest_list": 0, "large_triangles": 0}
+        lengths = self._pairs.end.numpy() - self._pairs.begin.numpy()
+        return {
+            "cells": int(np.prod(self._grid.numpy()["res"][0].astype(np.int64))),
+            "pairs": int(self._need.numpy()[0]),
+            "occupied_cells": int(np.count_nonzero(lengths)),
+            "longest_list": int(lengths.max()),
+            "large_triangles": int(self._queue_size.numpy()[0]),
+        }
+
+    def built(self) -> dict[str, Any]:
+        return {"density": self.build.density}
+
+    def _place(self) -> None:
+        launch_bounds(self._frame, self._box)
+        wp.launch(
+            place_grid_kernel,
+            dim=1,
+            inputs=[self._pairs.cells, self._box, self._frame.eye],
+            outputs=[self._grid],
+            device=self._frame.device,
+        )
+
+    def _bin(self, emit: bool) -> None:
+        frame, pairs = self._frame, self._pairs
+        wp.launch(
+            bin_kernel,
+            dim=frame.triangle_count,
+            inputs=[
+                emit, self._grid, frame.points, frame.triangles, frame.valid, pairs.count, pairs.scan,
+                self._queue_size, self._queue, self._cursor,
+            ],
+            outputs=[pairs.keys, pairs.values],
+            device=frame.device,
+        )  # fmt: skip
+        wp.launch(
+            bin_large_kernel,
+            dim=(self._at_once, self._lanes),
+            inputs=[
+                emit, self._lanes, self._at_once, self._grid, frame.points, frame.triangles, pairs.count, pairs.scan,
+                self._queue_size, self._queue, self._cursor,
+            ],
+            outputs=[pairs.keys, pairs.values],
+            device=frame.device,
+        )  # fmt: skip
+
+    def _count(self) -> None:
+        assert self._need is not None
+        self._queue_size.zero_()
+        self._bin(emit=False)
+        self._pairs.launch_scan(self._need, 0)
+
+    def _emit(self) -> None:
+        self._bin(emit=True)
+
+    def _primary(self) -> None:
+        frame, pairs, answers = self._frame, self._pairs, self._frame.answers
+        wp.launch(
+            primary_kernel,
+            dim=self._threads,
+            inputs=[
+                frame.width, frame.height, self.trace.swizzle, self._grid, pairs.begin, pairs.end, pairs.values,
+                frame.eye, frame.column, frame.row, frame.points, frame.triangles, frame.weld,
+            ],
+            outputs=[answers.triangle, answers.t, answers.u, answers.v, self._hit],
+            device=frame.device,
+        )  # fmt: skip
+
+    def _shadow(self, light: int) -> None:
+        frame, pairs = self._frame, self._pairs
+        wp.launch(
+            shadow_kernel,
+            dim=self._threads,
+            inputs=[
+                frame.width, frame.height, self.trace.swizzle, light, self._grid, pairs.begin, pairs.end,
+                pairs.values, frame.eye, frame.lights, frame.points, frame.triangles, frame.weld,
+                frame.answers.triangle, self._hit,
+            ],
+            outputs=[frame.answers.visibility],
+            device=frame.device,
+        )  # fmt: skip
