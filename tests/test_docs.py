@@ -1,0 +1,65 @@
+"""What the documents show must work: the example method runs, and its answers are exact."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import sys
+from pathlib import Path
+
+import brute_force
+import numpy as np
+import pytest
+from shadowbench.harness.plan import experiment_names
+from shadowbench.harness.registry import method_names
+from shadowbench.harness.session import Session
+
+ROOT = Path(__file__).resolve().parent.parent
+GUIDE = ROOT / "docs" / "adding-a-method.md"
+DOCUMENTS = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), ROOT / "results" / "README.md"])
+
+
+@pytest.fixture(scope="module")
+def example(tmp_path_factory):
+    """The class of the guide's example, imported from a file as its reader would write it."""
+    (code,) = re.findall(r"```python\n(.*?)```", GUIDE.read_text(), re.DOTALL)
+    path = tmp_path_factory.mktemp("package") / "every_triangle.py"
+    path.write_text(code)
+    spec = importlib.util.spec_from_file_location("every_triangle", path)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["every_triangle"] = module
+    spec.loader.exec_module(module)
+    yield module.EveryTriangle
+    del sys.modules["every_triangle"]
+
+
+def test_the_example_method_answers_exactly(example):
+    vertices, faces = brute_force.soup(3, 60)
+    prepared = brute_force.make_scene(vertices, faces, [(1.0, 2.5, 1.5), (-3.0, 0.4, 0.2)])
+    moment = prepared.moment(0, 24, 20)
+    answers = Session(example(), prepared, 24, 20, "cpu").answers(moment)
+    triangle, t = brute_force.closest(prepared, moment)
+    assert (triangle >= 0).sum() > 50
+    assert (answers["triangle"] == triangle).all()
+    assert np.allclose(answers["t"], t.astype(np.float32), rtol=1e-6)
+    for light in range(2):
+        expected = brute_force.shadowed(prepared, moment, light, triangle, t)
+        assert 0 < expected.sum() < (triangle >= 0).sum()
+        assert (answers["visibility"][light] == expected).all()
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_links_to_files_lead_somewhere(document):
+    links = re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", document.read_text())
+    assert [link for link in links if not (document.parent / link).exists()] == []
+
+
+def test_the_readme_names_what_exists():
+    text = (ROOT / "README.md").read_text()
+    makefile = (ROOT / "Makefile").read_text()
+    for target in re.findall(r"^make (\w+)", text, re.MULTILINE):
+        assert re.search(rf"^{target}:", makefile, re.MULTILINE), target
+    for name in method_names():
+        assert f"`{name}`" in text, name
+    for name in experiment_names():
+        assert name in text, name
