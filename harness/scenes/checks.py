@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -66,7 +67,10 @@ def broken(path: Path, problem: str, way_out: str = "export the file again") -> 
 
 @contextmanager
 def guarded(path: Path, what: str) -> Iterator[None]:
-    """Turn whatever another library raises into a :class:`UserError` that names the file."""
+    """Turn whatever another library raises into a :class:`UserError` that names the file; trimesh logs nothing."""
+    log = logging.getLogger("trimesh")
+    level = log.level
+    log.setLevel(logging.CRITICAL)
     try:
         yield
     except UserError:
@@ -74,6 +78,8 @@ def guarded(path: Path, what: str) -> Iterator[None]:
     except Exception as error:
         detail = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
         raise broken(path, f"not a readable {what} file ({detail[:160]})") from error
+    finally:
+        log.setLevel(level)
 
 
 def read_bytes(path: Path) -> bytes:

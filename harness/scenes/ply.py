@@ -101,8 +101,10 @@ def read_ply(path: Path) -> Mesh:
 def _indices(path: Path, counts: NDArray, corners: NDArray) -> NDArray[np.int32]:
     """Fans, after a check that the corners are whole numbers that int32 can hold."""
     limit = 1 << 31
-    whole = corners.dtype.kind in "iu" or not (corners % 1 != 0).any()
-    if not whole or (len(corners) and not (corners.min() >= -limit and corners.max() < limit)):
+    whole = not len(corners) or (corners.min() >= -limit and corners.max() < limit)
+    if whole and corners.dtype.kind == "f":
+        whole = not (corners % 1 != 0).any()
+    if not whole:
         raise broken(path, "a face names a vertex that is no whole number below 2^31")
     return fan(counts, corners)
 
