@@ -22,15 +22,14 @@ from ..common.triangle import (
     largest,
     may_hit,
     may_occlude,
+    nearer,
     occludes,
     to_float32,
     weld_of,
     write_hit,
 )
 
-SLACK = wp.constant(
-    1.0 + 2.0**-20
-)  # a box that begins at the best hit may still hold a tie with a lower index
+SLACK = wp.constant(1.0 + 2.0**-20)  # a box that begins just behind the best hit may hold a tie
 
 
 @wp.kernel(enable_backward=False)
@@ -101,7 +100,7 @@ def primary_kernel(
             c = points[face[2]]
             if may_hit(o, d, a, b, c):
                 distance = hit_distance(o, d, a, b, c, weld_of(weld, face))
-                if distance > wp.float64(0.0) and (distance < best_t or (distance == best_t and i < best)):
+                if distance > wp.float64(0.0) and nearer(distance, i, best_t, best):
                     best = i
                     best_t = distance
                     limit = wp.float32(distance) * SLACK

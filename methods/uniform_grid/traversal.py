@@ -16,6 +16,7 @@ from ..common.triangle import (
     largest,
     may_hit,
     may_occlude,
+    nearer,
     occludes,
     to_float32,
     to_float64,
@@ -25,6 +26,7 @@ from ..common.triangle import (
 from .grid import Grid, cell_index, cell_of, to_grid
 
 FOREVER = wp.constant(wp.float64(wp.inf))
+TIE = wp.constant(wp.float64(1.0 + 2.0**-28))  # hits this close may be a tie: see nearer
 STOP_MARGIN = wp.constant(wp.float64(2.0**-10))  # cells: how far beyond a hit the search goes on
 
 
@@ -162,7 +164,7 @@ def primary_kernel(
     v: wp.array(dtype=wp.float32),
     hit: wp.array(dtype=wp.vec3d),
 ):
-    """Closest hit of each pixel: smallest float64 t, then lowest index."""
+    """Closest hit of each pixel: nearest by float64 t, ties to the lowest index."""
     pixel = pixel_of(wp.tid(), width, height, blocks)
     if pixel < 0:
         return
@@ -183,11 +185,11 @@ def primary_kernel(
             c = points[face[2]]
             if may_hit(o, d, a, b, c):
                 distance = hit_distance(o, d, a, b, c, weld_of(weld, face))
-                if distance > wp.float64(0.0) and (distance < best_t or (distance == best_t and i < best)):
+                if distance > wp.float64(0.0) and nearer(distance, i, best_t, best):
                     best = i
                     best_t = distance
         leave = next_leave(w)
-        if leave > best_t + w.margin or leave == FOREVER:
+        if leave > best_t * TIE + w.margin or leave == FOREVER:
             going = False
         else:
             w = advance(w)
