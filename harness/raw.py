@@ -91,13 +91,22 @@ def score_raw(
     return Judge(prepared, moment, Effects(tuple(facts["shadows"])), folder).score(answers)
 
 
+def read_facts(path: Path) -> dict[str, Any]:
+    """The facts that :func:`save_raw` wrote: scene, frame, shadows, hashes, extra."""
+    try:
+        with np.load(path) as stored:
+            return json.loads(str(stored["facts"]))
+    except DAMAGED as error:
+        raise UserError(f"{path}: not a file of raw answers ({error}); run its point again") from error
+
+
 def read_raw(
     path: Path, scene_dir: Path | str | None = None
 ) -> tuple[Prepared, Moment, dict[str, NDArray], dict[str, Any]]:
     """Scene, moment, answers and facts of a file of raw answers, its hashes checked."""
+    facts = read_facts(path)
     try:
         with np.load(path) as stored:
-            facts = json.loads(str(stored["facts"]))
             answers = {name: stored[name] for name in ARRAYS}
             tables = {name: stored[f"moment_{name}"] for name in TABLES}
     except DAMAGED as error:

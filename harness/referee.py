@@ -221,7 +221,7 @@ class Referee:
         reached = np.full(len(hits), np.inf)  # t of the given triangle; inf where a miss was given
         possible = np.ones(len(hits), dtype=bool)
         rows = np.nonzero(given >= 0)[0]
-        distance, t, bound = self._ray_to(o[rows], d[rows], given[rows])
+        distance, t, bound = self.ray_to(o[rows], d[rows], given[rows])
         for i, near, nearest_t, limit in zip(rows, distance, t, bound, strict=True):
             exactly = [hit_t for hit_t, k in every[i] if k == given[i]]
             reached[i] = exactly[0] if exactly else nearest_t
@@ -230,7 +230,7 @@ class Referee:
         verdicts = np.where(possible, Verdict.EDGE, Verdict.TRUE).astype(np.int8)
         if pairs:
             index, skipped, at = (np.array(column) for column in zip(*pairs, strict=True))
-            distance, _, bound = self._ray_to(o[index], d[index], skipped, edges_only=True)
+            distance, _, bound = self.ray_to(o[index], d[index], skipped, edges_only=True)
             with np.errstate(invalid="ignore"):
                 close = np.minimum(reached[index] - at, at) * speed[index] <= bound
             verdicts[index[~close & (distance > bound)]] = Verdict.TRUE
@@ -286,7 +286,7 @@ class Referee:
     def _corners(self, triangles: NDArray[np.integer]) -> NDArray[np.float64]:
         return self.points[self.faces[triangles]].astype(np.float64)
 
-    def _ray_to(
+    def ray_to(
         self,
         o: NDArray[np.float64],
         d: NDArray[np.float64],

@@ -67,9 +67,11 @@ class Judge:
     def referee(self) -> Referee:
         return Referee(self.moment.points, self.prepared.faces, self.moment.valid, self.device)
 
-    def score(self, answers: dict[str, NDArray]) -> dict[str, Any]:
+    def score(self, answers: dict[str, NDArray], extra_pixels: int = 200) -> dict[str, Any]:
         """The score of a method's answers to this moment (see :func:`score_answers`)."""
-        return score_answers(self.prepared, self.moment, answers, self.reference, self.referee, self.effects)
+        return score_answers(
+            self.prepared, self.moment, answers, self.reference, self.referee, self.effects, extra_pixels
+        )
 
 
 @dataclass(eq=False)
@@ -101,7 +103,6 @@ def score_answers(
     counts for Embree's own answers over the judged pixels.
     """
     lights = len(moment.lights)
-    answers = {**answers, "visibility": answers["visibility"][:lights]}
     found = check_consistency(prepared, moment, answers)
     wanted = _wanted(effects, lights)
     agree = _agreement(answers["triangle"], reference.triangle, referee)
@@ -109,9 +110,10 @@ def score_answers(
     hits = referee.closest(moment.eye, moment.directions(suspects.judged))
 
     primary = _primary(referee, hits, answers["triangle"], found, suspects)
-    duplicates = (primary == Verdict.OK) & (answers["triangle"] != reference.triangle) & agree
-    duplicates[suspects.judged] = False
-    primary[duplicates & (answers["triangle"] != _lowest(answers["triangle"], referee))] = Verdict.TIE
+    # A duplicate with a lower index exists: a tie, wherever it was not judged already.
+    primary[(primary == Verdict.OK) & (answers["triangle"] != _lowest(answers["triangle"], referee))] = (
+        Verdict.TIE
+    )
     shadow = _shadows(referee, moment, hits, answers, found, suspects, primary, wanted)
 
     excused = np.isin(primary, EXCUSED)
@@ -186,7 +188,7 @@ def _disputed_bits(
 ) -> NDArray[np.bool_]:
     """Where both see the same point and say different shadow bits. bool [lights, pixels]"""
     comparable = agree & ~found.primary_invalid & (answers["triangle"] >= 0)
-    differ = (answers["visibility"] != reference.visibility) & comparable[None, :]
+    differ = (answers["visibility"][: len(wanted)] != reference.visibility) & comparable[None, :]
     return differ & np.asarray(wanted, dtype=bool)[:, None]
 
 

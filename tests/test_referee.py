@@ -219,7 +219,6 @@ def test_a_hole_at_an_inner_vertex_is_excused_only_where_nothing_else_is_hit():
     assert primary_class(0.5, 0.5, -1, slice(0, 2)) == "EDGE"
     behind = np.concatenate([QUAD, QUAD * np.float32(3) + np.float32([0, 0, -1])])
     referee = Referee(behind, np.concatenate([QUAD_FACES, QUAD_FACES + 4]), np.ones(4))
-    hits = referee.closest(np.float32([0.5, -0.5, 1]), np.float32([(0.5, 1.5, -1)]))
     hits = referee.closest(np.float32([1.0, 0.25, 1]), np.float32([(0, 0, -1)]))
     assert hits.triangle.tolist() == [0]
     assert referee.classify_primary(hits, np.array([2])).tolist() == [Verdict.EDGE]

@@ -1,0 +1,217 @@
+"""``shadowbench explain``: one pixel; every method's answer, Embree's and the exact one."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ..errors import UserError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ..moment import Moment
+    from ..score import Judge
+
+
+Methods = Annotated[
+    list[str] | None, typer.Option("--method", help="A method; again for more. Default: all.")
+]
+Device = Annotated[
+    str | None, typer.Option("--device", help="cpu or cuda:0. Default: cuda:0 where there is one.")
+]
+Size = Annotated[str, typer.Option("--size", help="Image size.")]
+Frame = Annotated[int, typer.Option("--frame", help="Frame of an animated scene, from 0.")]
+SceneDir = Annotated[
+    Path | None,
+    typer.Option("--scene-dir", help="Folder of original scenes. Default: the variable SHADOWBENCH_SCENES."),
+]
+Json = Annotated[bool, typer.Option("--json", help="Print nothing but JSON.")]
+
+
+def explain(
+    scene: Annotated[str, typer.Argument(help="A scene's name or a mesh file.")],
+    pixel: Annotated[str, typer.Option("--pixel", help="Column and row of the pixel, from 0: X,Y.")],
+    method: Annotated[
+        list[str] | None, typer.Option("--method", help="A method; again for more. Default: all.")
+    ] = None,
+    device: Annotated[
+        str | None, typer.Option("--device", help="cpu or cuda:0. Default: cuda:0 where there is one.")
+    ] = None,
+    size: Annotated[str, typer.Option("--size", help="Image size that the pixel belongs to.")] = "256x256",
+    frame: Annotated[int, typer.Option("--frame", help="Frame of an animated scene, from 0.")] = 0,
+    scene_dir: Annotated[Path | None, typer.Option("--scene-dir", help="Folder of original scenes.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print nothing but JSON.")] = False,
+) -> int:
+    """Show one pixel: every method's answer, Embree's, and the exact one with its tie set and its nearest edge.
+
+    Distances are given in units of the bound that excuses: below 1, a float32 triangle test may be wrong there.
+    Exit code 1 where a method that does not declare itself inexact is wrong beyond that.
+    """
+    from ..moment import Prepared
+    from ..plan import find_device, parse_size
+    from ..registry import method_names
+    from ..scenes.catalogue import resolve
+    from ..score import Judge
+    from .verify import answer
+
+    width, height = parse_size(size)
+    match = re.fullmatch(r"\s*(\d+)\s*,\s*(\d+)\s*", pixel)
+    if not match or int(match[1]) >= width or int(match[2]) >= height:
+        raise UserError(f"--pixel {pixel!r}: write it as X,Y with 0 <= X < {width} and 0 <= Y < {height}")
+    index = int(match[2]) * width + int(match[1])
+    place = find_device(device)
+    prepared = Prepared(resolve(scene, scene_dir))
+    if not 0 <= frame < prepared.frame_count:
+        raise UserError(f"--frame {frame}: {scene} has frames 0 to {prepared.frame_count - 1}")
+    moment = prepared.moment(frame, width, height)
+    judge = Judge(prepared, moment, device=place)
+    facts: dict[str, Any] = {"scene": scene, "pixel": [int(match[1]), int(match[2])], "frame": frame}
+    facts["exact"] = exact_facts(judge, moment, index)
+    rows = [("reference", "ok", "", judge.reference.answers(), None)]
+    for name in dict.fromkeys(method or method_names()):
+        found = answer(name, {}, prepared, moment, place)
+        rows.append((name, found.status, found.reason, found.answers, found.known_inexact))
+    facts["answers"] = [_row(judge, moment, index, *row) for row in rows]
+    if as_json:
+        print(json.dumps(facts, indent=1))
+    else:
+        _print(facts)
+    wrong = [row for row in facts["answers"][1:] if row["wrong"] and not row["known_inexact"]]
+    return 1 if wrong else 0
+
+
+def exact_facts(judge: Judge, moment: Moment, index: int) -> dict[str, Any]:
+    """The exact answer at a pixel: tie set, t, the nearest edge in units of the bound, and each shadow."""
+    import numpy as np
+
+    from .. import exact
+
+    referee = judge.referee
+    hits = referee.closest(moment.eye, moment.directions(np.array([index])))
+    ratio = hits.ratio[0]
+    if ratio is None:
+        return {"triangle": -1, "ties": [], "t": None, "shadows": []}
+    nearest, _, bound = referee.ray_to(
+        hits.origins.astype(np.float64), hits.directions.astype(np.float64), hits.triangle, edges_only=True
+    )
+    point = referee.hit_points(hits)
+    shadows = []
+    for i, light in enumerate(moment.lights):
+        if i < len(judge.effects.shadows) and judge.effects.shadows[i]:
+            occluder = referee.occluders(hits, light)
+            entry: dict[str, Any] = {"light": i, "bit": int(occluder[0] >= 0), "occluder": int(occluder[0])}
+            if occluder[0] >= 0:
+                corners = moment.points[judge.prepared.faces[occluder]].astype(np.float64)
+                away, _ = exact.edge_distance(point, light[None].astype(np.float64), corners)
+                entry["edge_in_bounds"] = float(away[0] / exact.edge_bound(point, corners)[0])
+            shadows.append(entry)
+    return {
+        "triangle": int(hits.triangle[0]),
+        "ties": list(hits.ties[0]),
+        "t": float(hits.t[0]),
+        "t_ratio": [str(ratio[0]), str(ratio[1])],
+        "point": point[0].tolist(),
+        "edge_in_bounds": float(nearest[0] / bound[0]),
+        "shadows": shadows,
+    }
+
+
+def _row(
+    judge: Judge,
+    moment: Moment,
+    index: int,
+    name: str,
+    status: str,
+    reason: str,
+    answers: dict[str, NDArray] | None,
+    known_inexact: str | None,
+) -> dict[str, Any]:
+    """One method's answer at the pixel, and the class of each part of it."""
+    import numpy as np
+
+    from ..consistency import check_consistency
+    from ..referee import Verdict
+
+    row: dict[str, Any] = {"method": name, "status": status, "reason": reason, "known_inexact": known_inexact}
+    if answers is None:
+        return {**row, "wrong": status == "failed"}
+    found = check_consistency(
+        judge.prepared, moment, {**answers, "visibility": answers["visibility"][: len(moment.lights)]}
+    )
+    hits = judge.referee.closest(moment.eye, moment.directions(np.array([index])))
+    verdict = Verdict(int(judge.referee.classify_primary(hits, answers["triangle"][[index]])[0]))
+    if found.primary_invalid[index]:
+        verdict = Verdict.INVALID
+    elif found.t_wrong[index] or found.uv_wrong[index]:
+        verdict = Verdict.TRUE
+    bits, classes = [], []
+    for i, light in enumerate(moment.lights):
+        bits.append(int(answers["visibility"][i][index]))
+        if (
+            verdict in (Verdict.OK, Verdict.TIE)
+            and i < len(judge.effects.shadows)
+            and judge.effects.shadows[i]
+        ):
+            given = answers["visibility"][i][[index]]
+            classes.append(Verdict(int(judge.referee.classify_shadow(hits, light, given)[0])))
+        else:
+            classes.append(None)
+    errors = (Verdict.TRUE, Verdict.INVALID, Verdict.ACNE, Verdict.LEAK)
+    return {
+        **row,
+        "triangle": int(answers["triangle"][index]),
+        **{part: _number(answers[part][index]) for part in ("t", "u", "v")},
+        "shadows": bits,
+        "class": verdict.name.lower(),
+        "shadow_classes": [None if c is None else c.name.lower() for c in classes],
+        "wrong": verdict in errors or any(c in errors for c in classes),
+    }
+
+
+def _number(value: Any) -> float | str:
+    number = float(value)
+    return number if abs(number) < float("inf") else str(number)
+
+
+def _print(facts: dict[str, Any]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(width=None if sys.stdout.isatty() else 140, highlight=False)
+    truth = facts["exact"]
+    x, y = facts["pixel"]
+    console.print(f"{facts['scene']}, frame {facts['frame']}, pixel {x},{y}")
+    if truth["triangle"] < 0:
+        console.print("exact: a miss")
+    else:
+        ties = ", ".join(map(str, truth["ties"]))
+        console.print(f"exact: triangle {truth['triangle']} (tie set: {ties}), t = {truth['t']!r}")
+        console.print(f"nearest edge of it: {truth['edge_in_bounds']:.3g} bounds from the ray")
+        for light in truth["shadows"]:
+            if light["bit"]:
+                where = f"its nearest edge {light['edge_in_bounds']:.3g} bounds from the shadow ray"
+                console.print(f"light {light['light']}: shadowed, by triangle {light['occluder']}; {where}")
+            else:
+                console.print(f"light {light['light']}: lit")
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for name in ("method", "triangle", "t", "u", "v", "class", "shadows"):
+        table.add_column(name)
+    for row in facts["answers"]:
+        if "class" not in row:
+            table.add_row(row["method"], f"{row['status']}: {row['reason']}")
+            continue
+        shadows = [
+            f"{bit} {kind or ''}".strip()
+            for bit, kind in zip(row["shadows"], row["shadow_classes"], strict=True)
+        ]
+        numbers = [
+            f"{row[part]:.9g}" if isinstance(row[part], float) else row[part] for part in ("t", "u", "v")
+        ]
+        table.add_row(row["method"], str(row["triangle"]), *numbers, row["class"], ", ".join(shadows))
+    console.print(table)

@@ -1,0 +1,326 @@
+"""``shadowbench verify`` and ``score``: every answer against Embree and the exact referee.
+
+The functions carry their own command-line annotations and return an exit code; imports of the work are made when
+one is called, so that help is quick.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ..errors import CapacityRejected, UserError
+from .explain import Json, SceneDir, explain
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+    from rich.table import Table
+
+    from ..moment import Moment, Prepared
+
+__all__ = ["answer", "explain", "score", "verify"]
+
+
+@dataclass(eq=False)
+class Outcome:
+    """What became of a method on a moment. ``answers`` is None unless ``status`` is "ok"."""
+
+    method: str
+    status: str
+    reason: str = ""
+    answers: dict[str, NDArray] | None = None
+    known_inexact: str | None = None
+    device: str = ""
+
+
+def answer(name: str, settings: dict[str, str], prepared: Prepared, moment: Moment, device: str) -> Outcome:
+    """The answers of a method to a moment; or skipped, rejected or failed, with the reason. Never raises for one."""
+    from ..plan import device_for
+    from ..registry import make_method
+    from ..session import Session
+
+    method = make_method(name, settings)
+    place = device_for(type(method), device)
+    outcome = Outcome(name, "ok", known_inexact=getattr(method, "known_inexact", None), device=place)
+    reason = method.applies(prepared.scene, place)
+    if reason:
+        outcome.status, outcome.reason = "skipped", reason
+        return outcome
+    try:
+        session = Session(method, prepared, moment.width, moment.height, place, len(moment.lights))
+        outcome.answers = session.answers(moment)
+    except CapacityRejected as error:
+        outcome.status, outcome.reason = "rejected", str(error)
+    except Exception as error:  # one method's crash must not hide what the others answer
+        outcome.status, outcome.reason = "failed", f"{type(error).__name__}: {error}"
+    return outcome
+
+
+def verify(
+    scene: Annotated[list[str], typer.Argument(help="Names of scenes, or mesh files.")],
+    method: Annotated[
+        list[str] | None, typer.Option("--method", help="A method; again for more. Default: all.")
+    ] = None,
+    setting: Annotated[
+        list[str] | None, typer.Option("--set", help="method.param=value; again for more.")
+    ] = None,
+    device: Annotated[
+        str | None, typer.Option("--device", help="cpu or cuda:0. Default: cuda:0 where there is one.")
+    ] = None,
+    size: Annotated[str, typer.Option("--size", help="Image size.")] = "256x256",
+    frame: Annotated[int, typer.Option("--frame", help="Frame of an animated scene, from 0.")] = 0,
+    everything: Annotated[
+        bool, typer.Option("--every-pixel", help="Let the exact referee decide every pixel.")
+    ] = False,
+    scene_dir: SceneDir = None,
+    as_json: Json = False,
+) -> int:
+    """Compare every answer of every method with Embree, and decide each disputed pixel exactly.
+
+    Exit code 1 where a method has a true error, fails, or needs more than 0.1 % of the pixels excused; a method
+    that declares itself inexact, with its reason, is reported and does not change the exit code.
+    """
+    from ..plan import Entry, find_device, parse_settings, parse_size
+    from ..registry import method_names
+    from ..scenes.catalogue import resolve
+
+    place = find_device(device)
+    width, height = parse_size(size)
+    names = list(dict.fromkeys(method or method_names()))
+    entries = parse_settings(setting or [], tuple(Entry(name) for name in names))
+    scenes = [resolve(name, scene_dir) for name in scene]
+    reports = []
+    for name, described in zip(scene, scenes, strict=True):
+        reports.append(
+            _verify_scene(name, described, entries, place, width, height, frame, everything, as_json)
+        )
+    passed = all(not row["counts_against"] for report in reports for row in report["methods"])
+    if as_json:
+        facts = {"size": [width, height], "frame": frame, "device": place, "passed": passed}
+        print(json.dumps({**facts, "scenes": reports}, indent=1))
+    else:
+        _print_reports(reports)
+    return 0 if passed else 1
+
+
+def _verify_scene(
+    name: str,
+    described: Any,
+    entries: Sequence[Any],
+    device: str,
+    width: int,
+    height: int,
+    frame: int,
+    everything: bool,
+    quiet: bool,
+) -> dict[str, Any]:
+    from ..moment import Prepared
+    from ..score import Judge
+
+    prepared = Prepared(described)
+    if not 0 <= frame < prepared.frame_count:
+        raise UserError(f"--frame {frame}: {name} has frames 0 to {prepared.frame_count - 1}")
+    moment = prepared.moment(frame, width, height)
+    judge = Judge(prepared, moment, device=device)
+    rows = []
+    for entry in entries:
+        if not quiet and sys.stderr.isatty():
+            print(f"{name}: {entry.method} ...", file=sys.stderr)
+        outcome = answer(entry.method, dict(entry.settings), prepared, moment, device)
+        row: dict[str, Any] = {
+            "method": entry.method,
+            "settings": dict(entry.settings),
+            "device": outcome.device,
+            "status": outcome.status,
+            "reason": outcome.reason,
+            "known_inexact": outcome.known_inexact,
+            "score": None,
+        }
+        if outcome.answers is not None:
+            extra = width * height if everything else 200
+            row["score"] = judge.score(outcome.answers, extra_pixels=extra)
+        wrong = row["score"] is not None and row["score"]["check"] != "ok"
+        row["counts_against"] = outcome.status == "failed" or (wrong and not outcome.known_inexact)
+        rows.append(row)
+    return {
+        "scene": name,
+        "title": described.title,
+        "stand_in": described.stand_in,
+        "triangles": prepared.triangle_count,
+        "valid_triangles": int(moment.valid.sum()),
+        "sha256": prepared.sha256(frame),
+        "methods": rows,
+    }
+
+
+def score(
+    folder: Annotated[Path, typer.Argument(help="A results folder with raw answers in it.")],
+    again: Annotated[bool, typer.Option("--again", help="Score also what has a score.")] = False,
+    scene_dir: SceneDir = None,
+    as_json: Json = False,
+) -> int:
+    """Score answers that were made where truth was not to be had, and write the scores into their records.
+
+    Exit code 1 where answers cannot be scored, or a method that does not declare itself inexact has true errors.
+    """
+    from ..record import write_atomic
+
+    files = sorted(path for path in folder.glob("**/*.npz") if path.parent.name == "answers")
+    files = [path for path in files if not path.name.startswith(("mesh-", "."))]
+    if not files:
+        raise UserError(
+            f"{folder}: no raw answers in it; name a folder with answers/*.npz, as `run` keeps them"
+        )
+    rows = []
+    for path in files:
+        row = _score_file(path, folder, again, scene_dir)
+        if row.pop("changed"):
+            write_atomic(row["record_path"], row["record"])
+        row["record_path"] = str(row["record_path"] or "")
+        row.pop("record")
+        rows.append(row)
+    passed = all(not row["counts_against"] for row in rows)
+    if as_json:
+        print(json.dumps({"passed": passed, "answers": rows}, indent=1))
+    else:
+        _print_scores(rows)
+    return 0 if passed else 1
+
+
+def _score_file(path: Path, folder: Path, again: bool, scene_dir: Path | None) -> dict[str, Any]:
+    """Score one file of raw answers, and put the score into its record where there is one."""
+    from ..raw import read_facts, score_raw
+
+    row: dict[str, Any] = {
+        "answers": str(path),
+        "scene": "",
+        "method": "",
+        "frame": None,
+        "status": "scored",
+        "reason": "",
+        "score": None,
+        "counts_against": True,
+        "changed": False,
+        "record": None,
+        "record_path": None,
+    }
+    try:
+        facts = read_facts(path)
+        row["scene"], row["frame"] = facts["scene"], facts["frame"]
+        record_path = path.parent.parent / "records" / f"{facts['extra'].get('key', '')}.json"
+        frame: dict[str, Any] = {}
+        if record_path.is_file():
+            record = json.loads(record_path.read_text())
+            row["record"], row["record_path"] = record, record_path
+            row["method"] = record["method"]["name"]
+            frame = next((f for f in record["frames"] if f["frame"] == facts["frame"]), {})
+        if frame.get("score") and not again:
+            row["status"], row["score"] = "had a score", frame["score"]
+        else:
+            row["score"] = score_raw(path, scene_dir, folder / "truth")
+            if frame:
+                frame["score"], frame["unscored"], row["changed"] = row["score"], None, True
+        row["counts_against"] = row["score"]["check"] != "ok" and not _known_inexact(row)
+    except UserError as error:
+        row["status"], row["reason"] = "not scored", str(error)
+    return row
+
+
+def _known_inexact(row: dict[str, Any]) -> str | None:
+    """The reason why the method of a record declares itself inexact, with the settings it ran with."""
+    from ..registry import make_method
+
+    if row["record"] is None:
+        return None
+    try:
+        method = make_method(row["method"], row["record"]["method"].get("settings"))
+    except (UserError, ImportError):
+        return None  # answers of a method that is not installed here: judged like any other
+    return getattr(method, "known_inexact", None)
+
+
+# --- tables -------------------------------------------------------------------------------------------------
+
+COLUMNS = ("disputed", "tie", "near-tie", "edge", "true", "acne", "leak", "worst t", "excused", "check")
+
+
+def _cells(found: dict[str, Any]) -> list[str]:
+    """The columns of a score."""
+    primary, shadow = found["primary"], found["shadow"]
+    total = {
+        name: sum(light[name] for light in shadow) for name in ("disputed", "edge", "acne", "leak", "invalid")
+    }
+    true = primary["true"] + primary["invalid"] + total["invalid"] + primary.get("unjudged", 0)
+    worst = primary.get("t_max_relative_error")
+    share = found.get("excused_share")
+    return [
+        str(primary["disputed"] + total["disputed"]) if "disputed" in primary else "",
+        str(primary["tie"]),
+        str(primary["near_tie"]),
+        str(primary["edge"] + total["edge"]),
+        str(true),
+        str(total["acne"]),
+        str(total["leak"]),
+        "" if worst is None else f"{worst:.1e}",
+        "" if share is None else f"{100 * share:.3f} %",
+        found.get("check", ""),
+    ]
+
+
+def _table(*first: str) -> Table:
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for name in first:
+        table.add_column(name, overflow="fold")
+    for name in COLUMNS:
+        table.add_column(name, justify="right")
+    return table
+
+
+def _print_reports(reports: list[dict[str, Any]]) -> None:
+    from rich.console import Console
+
+    table = _table("scene", "triangles", "method")
+    notes: dict[str, str] = {}
+    for report in reports:
+        scene = Path(report["scene"]).name + (" (stand-in)" if report["stand_in"] else "")
+        lead = (scene, f"{report['triangles']:,}")
+        for row in report["methods"]:
+            if row["score"] is None:
+                table.add_row(*lead, row["method"], f"{row['status']}: {row['reason']}")
+            else:
+                cells = _cells(row["score"])
+                if row["known_inexact"] and row["score"]["check"] != "ok":
+                    cells[-1] += " *"
+                    notes[row["method"]] = row["known_inexact"]
+                table.add_row(*lead, row["method"], *cells)
+            lead = ("", "")
+        judged = [row["score"] for row in report["methods"] if row["score"]]
+        if judged:
+            worst = max(judged, key=lambda s: s["primary"]["judged"])
+            errors = {**worst["reference_errors"], "shadow": worst["reference_errors"]["shadow"]}
+            errors["shadow"] = [{"disputed": 0, **light} for light in errors["shadow"]]
+            pixels = errors["primary"]["judged"]
+            table.add_row("", "", f"(reference, {pixels} judged)", *_cells(errors))
+    console = Console(width=None if sys.stdout.isatty() else 160)
+    console.print(table)
+    for name, reason in notes.items():
+        console.print(f"* {name} declares itself inexact: {reason}", soft_wrap=True, highlight=False)
+
+
+def _print_scores(rows: list[dict[str, Any]]) -> None:
+    from rich.console import Console
+
+    table = _table("scene", "method", "frame", "")
+    for row in rows:
+        lead = (row["scene"], row["method"], str(row["frame"]), row["status"])
+        table.add_row(*lead, *(_cells(row["score"]) if row["score"] else [row["reason"]]))
+    Console(width=None if sys.stdout.isatty() else 160).print(table)
