@@ -103,6 +103,11 @@ def draw(folder: Path | str, names: Sequence[str] = (), title: str = "") -> list
     return [sheet] if sheet else []
 
 
+def stand_in_text(stand_in: str) -> str:
+    """What a stand-in stands in for, as a line that says "stand-in" once."""
+    return stand_in[:1].upper() + stand_in[1:] if "stand-in" in stand_in else f"Stand-in: {stand_in}"
+
+
 def font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
     """Pillow's own typeface at a size in pixels: the same on every machine."""
     return ImageFont.load_default(max(6, size))

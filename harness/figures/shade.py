@@ -29,10 +29,10 @@ SURFACES = np.array(
     [
         [0.74, 0.66, 0.54],  # limestone
         [0.56, 0.64, 0.70],  # slate
-        [0.76, 0.60, 0.44],  # sand
+        [0.74, 0.63, 0.50],  # sand
         [0.58, 0.68, 0.50],  # lichen
-        [0.74, 0.56, 0.50],  # brick dust
-        [0.63, 0.59, 0.72],  # heather
+        [0.72, 0.60, 0.54],  # brick dust
+        [0.66, 0.61, 0.66],  # heather
     ]
 )
 """Linear reflectances. A scene always gets the same one; its separate pieces vary around it."""
@@ -145,7 +145,7 @@ def _tints(prepared: Prepared) -> F64:
     value = (mixed & np.uint64(255)).astype(np.float64) / 255 - 0.5
     warmth = ((mixed >> np.uint64(8)) & np.uint64(255)).astype(np.float64) / 255 - 0.5
     warm = np.array([1.0, 0.0, -1.0])
-    return np.clip(base * (1 + 0.30 * value[:, None] + 0.30 * warmth[:, None] * warm), 0.05, 0.95)
+    return np.clip(base * (1 + 0.26 * value[:, None] + 0.16 * warmth[:, None] * warm), 0.05, 0.95)
 
 
 def pieces(prepared: Prepared) -> NDArray[np.int64]:

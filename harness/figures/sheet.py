@@ -154,6 +154,12 @@ def _how_to_read(rows: Sequence[dict[str, Any]]) -> list[str]:
             f"{max(spread):.1%} at most. Between rounds: {between['between_ms'] / between['total_ms']:.1%} at most "
             f"({between['scene']}, {between['label']})."
         )
+        gap = max(measured, key=lambda r: abs(r["stage_gap"] or 0.0))
+        notes.append(
+            "The whole frame is measured apart from its parts; their sum differs from it by "
+            f"{np.median([abs(r['stage_gap'] or 0.0) for r in measured]):.1%} in the middle, "
+            f"{abs(gap['stage_gap'] or 0.0):.1%} at most ({gap['scene']}, {gap['label']})."
+        )
     return notes
 
 
@@ -200,4 +206,4 @@ def _built(rows: Sequence[dict[str, Any]]) -> list[str]:
 
 def _stand_ins(rows: Sequence[dict[str, Any]]) -> list[str]:
     known = {r["scene_title"]: r["stand_in"] for r in rows if r.get("stand_in")}
-    return [f"{title} is a stand-in: {text}" for title, text in known.items()]
+    return [f"{title}: {text}." for title, text in known.items()]
