@@ -32,7 +32,7 @@ class Blob:
     axes   radii of the ellipsoid along its own x, y, z; ``turn`` is (axis, degrees) of those from the world's
     blend  width of the smooth union with what came before, 0 for a sharp one
     cut    True: taken away instead of added
-    group  a name for :meth:`Body.share`
+    group  a name for :meth:`Body.shares`
     """
 
     start: tuple[float, ...]
@@ -103,23 +103,14 @@ def chain(
 
 
 def both(blobs: Iterable[Blob]) -> list[Blob]:
-    """Each blob and its mirror image in z; a group's name gets "left" (as given, z > 0) or "right" behind it."""
+    """Each blob and its mirror image in z."""
     pairs = []
     for blob in blobs:
-        turn = None
-        if blob.turn is not None:  # a mirrored turn goes the other way about the mirrored axis
-            axis, degrees = blob.turn
-            turn = ((-axis[0], -axis[1], axis[2]), degrees)
-        pairs.append(replace(blob, group=blob.group and blob.group + " left"))
-        pairs.append(
-            replace(
-                blob,
-                start=(*blob.start[:2], -blob.start[2]),
-                end=(*blob.end[:2], -blob.end[2]),
-                turn=turn,
-                group=blob.group and blob.group + " right",
-            )
-        )
+        turn = blob.turn
+        if turn is not None:  # a mirrored turn goes the other way about the mirrored axis
+            turn = ((-turn[0][0], -turn[0][1], turn[0][2]), turn[1])
+        start, end = (*blob.start[:2], -blob.start[2]), (*blob.end[:2], -blob.end[2])
+        pairs += [blob, replace(blob, start=start, end=end, turn=turn)]
     return pairs
 
 
@@ -181,15 +172,18 @@ class Body:
         step = np.clip(step, -0.5 * spacing, 0.5 * spacing)
         return Mesh(mesh.vertices - normals(mesh) * step[:, None], mesh.faces)
 
-    def share(self, points: F64, group: str, width: float) -> F64:
-        """How far points [n] belong to the blobs whose group starts with ``group``: 0 to 1 across ``width``."""
-        mine = [blob for blob in self.blobs if blob.group.startswith(group)]
-        rest = [blob for blob in self.blobs if not blob.group.startswith(group) and not blob.cut]
+    def shares(self, points: F64, groups: Iterable[str], width: float) -> dict[str, F64]:
+        """How far points [n, 3] belong to the blobs whose group starts with a name: 0 to 1 across ``width``."""
         given = np.ascontiguousarray(points.T, dtype=np.float32)
-        inner = np.minimum.reduce([blob.distance(given) for blob in mine])
-        outer = np.minimum.reduce([blob.distance(given) for blob in rest])
-        s = np.clip(0.5 + (outer - inner) / np.float32(2 * width), 0, 1).astype(np.float64)
-        return s * s * (3 - 2 * s)
+        adding = [blob for blob in self.blobs if not blob.cut]
+        distances = np.stack([blob.distance(given) for blob in adding])
+        result = {}
+        for group in groups:
+            mine = np.array([blob.group.startswith(group) for blob in adding])
+            inner, outer = distances[mine].min(axis=0), distances[~mine].min(axis=0)
+            s = np.clip(0.5 + (outer - inner) / np.float32(2 * width), 0, 1).astype(np.float64)
+            result[group] = s * s * (3 - 2 * s)
+        return result
 
 
 def _curve_index(points: F32) -> NDArray[np.int64]:
