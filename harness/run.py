@@ -22,6 +22,9 @@ from .remote import Remote, WorkerError, WorkerLostError
 GRADER = "grading"
 """The name of the worker that makes scenes and grades answers (no method may be called so)."""
 
+LOAD_S = 300.0
+"""Seconds a worker may take to start and to load a scene, at least: no method's doing, whatever its time limit."""
+
 
 @dataclass(frozen=True)
 class Options:
@@ -267,12 +270,15 @@ class Run:
         return self.workers[name]
 
     def _command(self, worker: Remote, **command: Any) -> dict[str, Any]:
+        timeout = self.options.preset.timeout_s
+        if command["do"] == "load":
+            timeout = max(timeout, LOAD_S)
         worker.send(**command)
-        return self._reply(worker)
+        return self._reply(worker, timeout)
 
-    def _reply(self, worker: Remote) -> dict[str, Any]:
+    def _reply(self, worker: Remote, timeout: float) -> dict[str, Any]:
         try:
-            return worker.receive(self.options.preset.timeout_s)
+            return worker.receive(timeout)
         except WorkerError as error:
             if error.status == "unwritable":
                 raise self.folder.unwritable(error.reason) from error
@@ -323,7 +329,7 @@ class Run:
             worker.send(**self._load_command(name))
         for method, worker in asked:
             try:
-                self._reply(worker)
+                self._reply(worker, max(LOAD_S, self.options.preset.timeout_s))
                 self.loaded[method] = worker.generation
             except WorkerError as error:
                 lost[method] = error
