@@ -48,7 +48,7 @@ def _figure(rows: Sequence[dict[str, Any]]) -> Any:
 
 
 def _panel(axes: Any, rows: Sequence[dict[str, Any]], colours: dict[str, str]) -> None:
-    longest = max((row.get("total_ms") or 0.0 for row in rows), default=0.0) or 1.0
+    longest = max(map(_end, rows), default=0.0) or 1.0
     for place, row in enumerate(rows):
         if not row.get("total_ms"):
             axes.text(0.02 * longest, place, row["status"], va="center", fontsize=6, style="italic")
@@ -62,7 +62,6 @@ def _panel(axes: Any, rows: Sequence[dict[str, Any]], colours: dict[str, str]) -
                 edgecolor=style.lightened(colours[row["method"]], 0.0), linewidth=0.4,
             )  # fmt: skip
             left += width
-        end = max(left, row["total_ms"])
         axes.errorbar(
             row["total_ms"],
             place,
@@ -89,6 +88,13 @@ def _panel(axes: Any, rows: Sequence[dict[str, Any]], colours: dict[str, str]) -
     axes.tick_params(axis="y", length=0)
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.set_xlim(0, longest * 1.38)
+
+
+def _end(row: dict[str, Any]) -> float:
+    """Where a row's bar and whisker end, in ms; 0 where nothing was measured."""
+    if not row.get("total_ms"):
+        return 0.0
+    return max(sum(row[name] or 0.0 for name in FIELDS.values()), row["total_ms"] + row["iqr_ms"] / 2)
 
 
 def _legend(figure: Any) -> None:

@@ -56,7 +56,7 @@ def captioned(
     lines = [(f"{title}: {facts}" if title else facts, font(size), INK)]
     if stand_in:
         lines += [
-            (text, small, WARNING) for text in wrapped(f"Stand-in: {stand_in}", small, width - 2 * size)
+            (text, small, WARNING) for text in wrapped(stand_in_text(stand_in), small, width - 2 * size)
         ]
     strip = Image.new("RGB", (width, round(size * 0.8) + line * len(lines)), PAPER)
     draw = ImageDraw.Draw(strip)
