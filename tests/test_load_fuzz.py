@@ -41,10 +41,10 @@ SEEDS = {
 WORDS = [
     b"nan", b"-nan", b"inf", b"1e400", b"-1e400", b"1e-400", b"0", b"-1", b"-0.0", b"1_0", b"0x10", b"2147483648",
     b"4294967295", b"99999999999999999999", b"1e5", b"", b" ", b"\t", b"\n", b"\r\n", b"\r", b"\\\n", b"\0",
-    b"\xff\xfe", b"\xef\xbb\xbf", b"\xc3\x28", "\u0661".encode(), b"/", b"//", b"#", b"[", b"{", b'"', b"null", b"1e999",
+    b"\xff\xfe", b"\xef\xbb\xbf", b"\xc3\x28", "\u0661".encode(), b"/", b"//", b"#", b"[", b"{", b'"', b"null",
 ]  # fmt: skip
 
-EXAMPLES = 300
+EXAMPLES = 200
 
 position = st.floats(0, 1, exclude_max=True)
 byte = st.integers(0, 255).map(lambda n: bytes([n]))
