@@ -8,6 +8,7 @@ is quick.
 from __future__ import annotations
 
 import functools
+import inspect
 import json
 import os
 import sys
@@ -17,6 +18,7 @@ from typing import Annotated, Any
 
 import typer
 
+from .commands.verify import explain, score, verify
 from .errors import UserError
 
 DEBUG = "SHADOWBENCH_DEBUG"
@@ -54,8 +56,6 @@ def command(name: str, example: str) -> Callable[[Callable[..., int | None]], Ca
             raise typer.Exit(work(*args, **kwargs) or 0)
 
         # Typer reads the signature: every command has --debug as its last option.
-        import inspect
-
         signature = inspect.signature(work, eval_str=True)
         flag = inspect.Parameter("debug", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=Debug)
         checked.__signature__ = signature.replace(  # type: ignore[attr-defined]
@@ -185,6 +185,12 @@ def render_(
 
     print(f"written: {render(scene, method, out, size, frame, device, scene_dir)}", file=sys.stderr)
     return 0
+
+
+# These carry their own annotations: they are registered as they are.
+command("verify", "shadowbench verify cloth bunny.ply --method bvh --json")(verify)
+command("explain", "shadowbench explain cloth --pixel 120,80")(explain)
+command("score", "shadowbench score results/local/table1-quick")(score)
 
 
 SEVERAL = ("--scene", "--method", "--set")

@@ -99,7 +99,7 @@ def test_growth_is_recorded_and_settled_before_timing(troubled):
 
 
 def test_a_second_run_measures_nothing_and_changes_no_byte(troubled, scene):
-    out, records = troubled
+    out, _ = troubled
     before = {p: p.read_bytes() for p in (out / "records").iterdir()}
     entries = [Entry(name, {}, name) for name in ("steady", "hangs")]
     runner = Run(options(out, [scene], entries, timeout_s=3.0), Silent())
@@ -118,7 +118,8 @@ def test_retry_measures_failed_points_only(package, scene, tmp_path):
     runner = Run(options(tmp_path, [scene], entries, retry=True), Silent())
     assert [r["status"] for r in runner.go()] == ["ok", "failed"]
     assert (kept.read_bytes(), kept.stat().st_mtime_ns) == (before, written)
-    assert "raises" in runner.workers and "steady" not in runner.workers
+    assert "raises" in runner.workers
+    assert "steady" not in runner.workers
 
 
 @pytest.mark.parametrize("change", [{"width": 9}, {"samples": 4}, {"frames": 1, "rounds": 1}])
@@ -276,7 +277,7 @@ def test_a_full_folder_keeps_what_was_measured_and_goes_on(package, scene, tmp_p
 def test_a_folder_that_is_a_file_or_in_use_is_refused(tmp_path, scene):
     occupied = tmp_path / "file"
     occupied.write_text("")
-    with pytest.raises(UserError, match="cannot write there .*; choose another --out"):
+    with pytest.raises(UserError, match=r"cannot write there .*; choose another --out"):
         Run(options(occupied / "out", [scene], ["steady"]), Silent()).go()
     with (
         ResultsFolder(tmp_path / "used").locked(),
