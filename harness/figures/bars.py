@@ -73,7 +73,7 @@ def _panel(axes: Any, rows: Sequence[dict[str, Any]], colours: dict[str, str]) -
             elinewidth=0.6,
         )
         axes.text(
-            end + 0.03 * longest,
+            _end(row) + 0.03 * longest,
             place,
             f"{style.number(row['total_ms'])} {error_text(row)}",
             va="center",
