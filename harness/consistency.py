@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .exact import UNIT, edge_bound
+from .exact import F64, UNIT, edge_bound
 from .moment import Moment, Prepared
 
 T_UNITS = 64.0
@@ -71,6 +71,23 @@ def check_consistency(prepared: Prepared, moment: Moment, answers: dict[str, NDA
     return result
 
 
+def plane_numbers(corners: F64, o: F64, d: F64) -> tuple[F64, F64, F64, F64]:
+    """t, u, v and the slope n . d (n the unit normal) of rays on the planes of their triangles, in float64.
+
+    corners [n, 3, 3], o and d [n, 3]; results [n], not finite where a ray is coplanar.
+    """
+    a, e, f = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    normal = np.cross(e, f)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        area = np.linalg.norm(normal, axis=1)
+        slope = np.einsum("ij,ij->i", normal, d) / area
+        t = np.einsum("ij,ij->i", normal, a - o) / area / slope
+        p = o + t[:, None] * d - a
+        u = np.einsum("ij,ij->i", np.cross(p, f), normal) / area**2
+        v = np.einsum("ij,ij->i", np.cross(e, p), normal) / area**2
+    return t, u, v, slope
+
+
 def _check_hits(
     prepared: Prepared,
     moment: Moment,
@@ -79,27 +96,22 @@ def _check_hits(
     result: Consistency,
 ) -> None:
     corners = moment.points[prepared.faces[answers["triangle"][pixels]]].astype(np.float64)
-    a, e, f = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    o, d = moment.eye.astype(np.float64), moment.directions(pixels).astype(np.float64)
-    normal = np.cross(e, f)
-    area = np.linalg.norm(normal, axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        slope = np.einsum("ij,ij->i", normal, d) / area
-        exact_t = np.einsum("ij,ij->i", normal, a - o) / area / slope
-        p = o + exact_t[:, None] * d - a
-        exact_u = np.einsum("ij,ij->i", np.cross(p, f), normal) / area**2
-        exact_v = np.einsum("ij,ij->i", np.cross(e, p), normal) / area**2
+    d = moment.directions(pixels).astype(np.float64)
+    o = np.broadcast_to(moment.eye.astype(np.float64), d.shape)
+    exact_t, exact_u, exact_v, slope = plane_numbers(corners, o, d)
     error = np.abs(answers["t"][pixels].astype(np.float64) - exact_t)
     uv_error = np.maximum(
         np.abs(answers["u"][pixels].astype(np.float64) - exact_u),
         np.abs(answers["v"][pixels].astype(np.float64) - exact_v),
     )
+    e, f = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    area = np.linalg.norm(np.cross(e, f), axis=1)
     lengths = np.linalg.norm(e, axis=1), np.linalg.norm(f, axis=1), np.linalg.norm(f - e, axis=1)
     longest = np.max(lengths, axis=0)
     steep = np.abs(slope)
     with np.errstate(divide="ignore", invalid="ignore"):
         speed = np.linalg.norm(d, axis=1)
-        slack = edge_bound(np.broadcast_to(o, a.shape), corners) * (1 + lengths[0] * lengths[1] / area)
+        slack = edge_bound(o, corners) * (1 + lengths[0] * lengths[1] / area)
         # A coplanar ray has no t on this triangle: the referee judges the triangle, there is nothing to compare.
         real = steep > 2.0**-45 * speed
         result.t_wrong[pixels] = real & ~(error * steep <= T_UNITS * UNIT * exact_t * steep + slack)

@@ -21,7 +21,7 @@ from .moment import Moment, Prepared
 from .raw import save_raw, score_raw
 from .referee import Hits, Referee, Verdict
 from .scene import Effects
-from .truth import Reference, embree_reference
+from .truth import Reference, embree_installed, embree_reference, exact_reference
 
 __all__ = ["Judge", "save_raw", "score_answers", "score_raw"]
 
@@ -45,7 +45,8 @@ EXCUSED = (Verdict.NEAR_TIE, Verdict.EDGE)
 class Judge:
     """Truth of one moment, made once and shared by every method: Embree's answers and the exact referee.
 
-    ``folder`` keeps Embree's answers; ``device`` is where the referee's filter runs.
+    ``folder`` keeps Embree's answers; ``device`` is where the referee's filter runs. Where Embree is not installed
+    the referee decides every pixel itself, and the provenance says so.
     """
 
     def __init__(
@@ -61,6 +62,8 @@ class Judge:
 
     @cached_property
     def reference(self) -> Reference:
+        if not embree_installed():
+            return exact_reference(self.prepared, self.moment, self.referee, self.effects)
         return embree_reference(self.prepared, self.moment, self.effects, self.folder)
 
     @cached_property

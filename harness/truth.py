@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import importlib.metadata
+import importlib.util
 import json
 import os
 from collections.abc import Callable, Sequence
@@ -22,8 +23,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .consistency import plane_numbers
 from .moment import Moment, Prepared
 from .raw import DAMAGED, input_hashes
+from .referee import Referee
 from .scene import Effects
 
 ROBUST = True
@@ -72,6 +75,33 @@ def embree_reference(
     if path is not None:
         _write(path, reference)
     return reference
+
+
+def exact_reference(
+    prepared: Prepared, moment: Moment, referee: Referee, effects: Effects | None = None
+) -> Reference:
+    """The referee's own answers in place of Embree's, for a machine without Embree: 10 to 30 us a pixel."""
+    shadows = _shadow_flags(prepared, moment, effects)
+    pixels = np.arange(moment.width * moment.height)
+    directions = moment.directions(pixels)
+    hits = referee.closest(moment.eye, directions)
+    u, v = np.zeros(len(pixels), dtype=np.float32), np.zeros(len(pixels), dtype=np.float32)
+    rows = np.nonzero(hits.triangle >= 0)[0]
+    corners = moment.points[prepared.faces[hits.triangle[rows]]].astype(np.float64)
+    _, u[rows], v[rows], _ = plane_numbers(
+        corners, moment.eye.astype(np.float64), directions[rows].astype(np.float64)
+    )
+    visibility = np.zeros((len(shadows), len(pixels)), dtype=np.uint8)
+    for i, light in enumerate(moment.lights):
+        if shadows[i]:
+            visibility[i] = referee.occluded(hits, light)
+    provenance = {"reference": "exact referee", "shadows": list(shadows), **input_hashes(prepared, moment)}
+    return Reference(hits.triangle, hits.t.astype(np.float32), u, v, visibility, provenance)
+
+
+def embree_installed() -> bool:
+    """Whether Embree is to be had here."""
+    return importlib.util.find_spec("embreex") is not None
 
 
 def make_scene(points: NDArray[np.float32], faces: NDArray[np.int32], valid: NDArray) -> Any | None:

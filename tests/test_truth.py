@@ -5,7 +5,7 @@ from __future__ import annotations
 import exact_cases as cases
 import numpy as np
 import pytest
-from shadowbench.harness import truth
+from shadowbench.harness import score, truth
 from shadowbench.harness.moment import Prepared
 from shadowbench.harness.referee import Referee
 from shadowbench.harness.scene import Camera, Effects, Light
@@ -145,3 +145,15 @@ def test_provenance_says_what_was_traced_and_by_what(ball):
     )
     assert other.provenance["mesh"] == facts["mesh"]
     assert other.provenance["lights"] != facts["lights"]
+
+
+def test_without_embree_the_referee_is_the_reference(ball, monkeypatch):
+    prepared, moment = ball
+    embree = embree_reference(prepared, moment)
+    monkeypatch.setattr(score, "embree_installed", lambda: False)
+    monkeypatch.setattr(score, "embree_reference", lambda *_: pytest.fail("asked for Embree"))
+    judge = score.Judge(prepared, moment)
+    for name, value in embree.answers().items():
+        np.testing.assert_allclose(value, judge.reference.answers()[name], rtol=2e-6, atol=2e-5)
+    assert judge.reference.provenance["reference"] == "exact referee"
+    assert judge.score(embree.answers())["check"] == "ok"
