@@ -64,9 +64,9 @@ def stl_ascii(points=QUAD, triangles=FACES):
     return ("\n".join([*lines, "endsolid hand"]) + "\n").encode()
 
 
-def glb(points=QUAD, triangles=FACES, change=None):
+def glb(points=QUAD, triangles=FACES, change=None, index="<u4"):
     """A GLB whose mesh hangs twice in the scene, once moved by (10, 0, 0). ``change`` edits the JSON part."""
-    indices = np.asarray(triangles, dtype="<u4").tobytes()
+    indices = np.asarray(triangles, dtype=index).tobytes()
     positions = np.asarray(points, dtype="<f4").tobytes()
     binary = positions + indices
     head = {
@@ -82,7 +82,12 @@ def glb(points=QUAD, triangles=FACES, change=None):
         ],
         "accessors": [
             {"bufferView": 0, "componentType": 5126, "count": len(points), "type": "VEC3"},
-            {"bufferView": 1, "componentType": 5125, "count": 3 * len(triangles), "type": "SCALAR"},
+            {
+                "bufferView": 1,
+                "componentType": {"u1": 5121, "<u2": 5123, "<u4": 5125}[index],
+                "count": 3 * len(triangles),
+                "type": "SCALAR",
+            },
         ],
     }
     if change is not None:

@@ -256,6 +256,16 @@ def test_glb_applies_transforms_and_keeps_the_order(tmp_path):
     assert loaded.up == (0, 1, 0)
 
 
+@pytest.mark.parametrize("index", ["u1", "<u2"])
+def test_glb_with_small_indices_in_many_places(tmp_path, index):
+    def change(head):
+        head["nodes"] = [{"mesh": 0} for _ in range(60)]
+        head["scenes"] = [{"nodes": list(range(60))}]
+
+    faces = load(written(tmp_path, "a.glb", files.glb(change=change, index=index))).faces
+    assert np.array_equal(faces[-4:], np.array(files.FACES) + 59 * 5)
+
+
 def test_glb_order_is_that_of_the_scene_not_of_names(tmp_path):
     """Nodes named so that sorting by name would turn them round."""
 

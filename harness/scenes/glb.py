@@ -51,18 +51,23 @@ def read_glb(path: Path) -> Mesh:
     with guarded(path, "GLB"):
         decoded = load_glb(io.BytesIO(blob), skip_materials=True)["geometry"]
         meshes = _by_mesh(head, list(decoded.values()))
-        points, faces, offset = [], [], 0
-        for node, matrix in _instances(path, head):
-            for own, corners in meshes[head["nodes"][node]["mesh"]]:
-                if len(corners) and (corners.min() < 0 or corners.max() >= len(own)):
-                    raise broken(path, f"node {node} names vertex {corners.max()}, but there are {len(own)}")
-                points.append(_moved(own, matrix))
-                faces.append(corners.astype(np.int64) + offset)
-                offset += len(own)
-    read = sum(len(part) for part in faces)
-    if read != expected:
-        raise broken(path, f"{expected} triangles, but {read} could be read")
-    return checked(path, np.concatenate(points), np.concatenate(faces), (0.0, 1.0, 0.0))
+        parts = [
+            (node, own, corners, matrix)
+            for node, matrix in _instances(path, head)
+            for own, corners in meshes[head["nodes"][node]["mesh"]]
+        ]
+        read = sum(len(corners) for _, _, corners, _ in parts)
+        if read != expected:
+            raise broken(path, f"{expected} triangles, but {read} could be read")
+        faces, at, offset = np.empty((expected, 3), dtype=np.int32), 0, 0
+        for node, own, corners, _ in parts:
+            # Checked mesh by mesh: an index too large for one must not name a vertex of the next.
+            if len(corners) and (corners.min() < 0 or corners.max() >= len(own)):
+                raise broken(path, f"node {node} names vertex {corners.max()}, but there are {len(own)}")
+            np.add(corners, offset, out=faces[at : at + len(corners)], dtype=np.int64, casting="unsafe")
+            at, offset = at + len(corners), offset + len(own)
+        points = [_moved(own, matrix) for _, own, _, matrix in parts]
+    return checked(path, points[0] if len(points) == 1 else np.concatenate(points), faces, (0.0, 1.0, 0.0))
 
 
 def _json_part(path: Path, blob: bytes) -> tuple[dict[str, Any], int]:
