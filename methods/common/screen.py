@@ -1,0 +1,72 @@
+"""Where a triangle lies on the image, conservatively: camera space, frustum planes, box of pixel centres.
+
+Camera space is (right, up, forward) from the eye; a pixel's ray is forward + sx right + sy up.
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+from .triangle import U32, largest, total
+
+
+@wp.func
+def camera_space(p: wp.vec3f, eye: wp.vec3f, axes: wp.array(dtype=wp.vec3f)) -> wp.vec3f:
+    v = p - eye
+    return wp.vec3f(wp.dot(axes[0], v), wp.dot(axes[1], v), wp.dot(axes[2], v))
+
+
+@wp.func
+def beside(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, plane: wp.vec3f) -> wp.bool:
+    """Whether the whole triangle lies certainly outside a plane through the eye."""
+    slack = 32.0 * U32 * total(plane)
+    return (
+        wp.dot(plane, a) > slack * largest(a)
+        and wp.dot(plane, b) > slack * largest(b)
+        and wp.dot(plane, c) > slack * largest(c)
+    )
+
+
+@wp.func
+def out_of_view(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, tx: wp.float32, ty: wp.float32) -> wp.bool:
+    """Whether the triangle lies certainly outside one plane of the view frustum."""
+    return (
+        beside(a, b, c, wp.vec3f(1.0, 0.0, -tx))
+        or beside(a, b, c, wp.vec3f(-1.0, 0.0, -tx))
+        or beside(a, b, c, wp.vec3f(0.0, 1.0, -ty))
+        or beside(a, b, c, wp.vec3f(0.0, -1.0, -ty))
+        or beside(a, b, c, wp.vec3f(0.0, 0.0, -1.0))
+    )
+
+
+@wp.func
+def pixel_box(
+    a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, tx: wp.float32, ty: wp.float32, width: wp.int32, height: wp.int32
+) -> wp.vec4i:
+    """First and last column and row of the pixel centres that may see the triangle; empty if last < first.
+
+    A vertex behind the eye, or so near the eye's plane that its projection is not known, leaves the full image.
+    The pad covers four roundings of a camera-space coordinate and of the projection.
+    """
+    if not (a[2] > 1.0e-4 * largest(a) and b[2] > 1.0e-4 * largest(b) and c[2] > 1.0e-4 * largest(c)):
+        return wp.vec4i(0, 0, width - 1, height - 1)
+    w = wp.float32(width)
+    h = wp.float32(height)
+    kx = 0.5 * w / tx
+    ky = 0.5 * h / ty
+    mx = 0.5 * w - 0.5
+    my = 0.5 * h - 0.5
+    ax = mx + kx * (a[0] / a[2])
+    bx = mx + kx * (b[0] / b[2])
+    cx = mx + kx * (c[0] / c[2])
+    ay = my - ky * (a[1] / a[2])
+    by = my - ky * (b[1] / b[2])
+    cy = my - ky * (c[1] / c[2])
+    pad_x = 0.01 + 4.0e-6 * (1.0 + tx) * kx + 1.0e-6 * w
+    pad_y = 0.01 + 4.0e-6 * (1.0 + ty) * ky + 1.0e-6 * h
+    return wp.vec4i(
+        wp.int32(wp.ceil(wp.clamp(wp.min(ax, wp.min(bx, cx)) - pad_x, 0.0, w))),
+        wp.int32(wp.ceil(wp.clamp(wp.min(ay, wp.min(by, cy)) - pad_y, 0.0, h))),
+        wp.int32(wp.floor(wp.clamp(wp.max(ax, wp.max(bx, cx)) + pad_x, -1.0, w - 1.0))),
+        wp.int32(wp.floor(wp.clamp(wp.max(ay, wp.max(by, cy)) + pad_y, -1.0, h - 1.0))),
+    )

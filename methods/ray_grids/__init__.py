@@ -1,0 +1,102 @@
+"""Rays in the grid, triangles streamed over them: the dual of the paper's method, on the paper's idea.
+
+The paper lists triangles in the cells of a grid made for the rays and lets rays walk the lists. Here the rays lie
+in the cells and every triangle tests the rays in the cells it covers: no triangle list, no sort, no pair. In the
+camera's grid a cell is a pixel; in a light's grid the cells lie on a cube around the light and hold the hit points,
+counted and scattered each frame. Kin: the irregular z-buffer (Johnson 2005; Aila & Laine 2004; Wyman 2015).
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from ...harness.frame import Frame
+from ...harness.method import BaseMethod
+from ...harness.passes import Pass
+from ...harness.scene import Effects, Limits, Scene
+from ..common.pairs import grown
+from .parameters import Build
+from .streams import CameraStream, LightStream, Queues
+
+MOST_TRIANGLES = 2**24
+"""A hit packs into 64 bits with 24 for the triangle."""
+
+MOST_PIXELS_ALONG = 32767
+"""A queued strip packs two pixel coordinates into 32 bits."""
+
+
+class RayGrids(BaseMethod):
+    """The streamed dual. Needs: strips and items of the camera's stream, then of each light's."""
+
+    name: ClassVar[str] = "ray_grids"
+    title: ClassVar[str] = "Ray grids (streamed)"
+    Build: ClassVar[type] = Build
+
+    def __init__(self, build: Any = None, trace: Any = None):
+        super().__init__(build, trace)
+        self._capacity: tuple[int, int] | None = None
+        self._needs: wp.array | None = None
+        self._memory = 0
+        self._queued = False
+
+    def applies(self, scene: Scene, device: str) -> str | None:
+        return super().applies(scene, device)
+
+    def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
+        if frame.triangle_count >= MOST_TRIANGLES:
+            raise ValueError(f"at most {MOST_TRIANGLES - 1:,} triangles")
+        if max(frame.width, frame.height) > MOST_PIXELS_ALONG:
+            raise ValueError(f"at most {MOST_PIXELS_ALONG} pixels along a side")
+        self._memory = limits.memory
+        self._queued = self.build.queue == "always" or (
+            self.build.queue == "auto" and wp.get_device(frame.device).is_cuda
+        )
+        if self._capacity is None:
+            self._capacity = (
+                self.build.strip_capacity or max(65536, frame.triangle_count // 4),
+                self.build.item_capacity or max(262144, frame.triangle_count),
+            )
+        with wp.ScopedDevice(frame.device):
+            self._needs = wp.zeros(2 + 2 * len(effects.shadows), dtype=wp.int64)
+        queues = Queues(frame, self._queued, self._capacity, self._needs)
+        camera = CameraStream(frame, queues)
+        passes = camera.passes()
+        bins = None
+        for i, wanted in enumerate(effects.shadows):
+            if wanted:
+                light = LightStream(frame, i, self.build, camera.hit, queues, bins)
+                bins = light.bins
+                passes += light.passes()
+        return passes
+
+    def needs(self) -> wp.array | None:
+        return self._needs
+
+    def grow(self, needed: NDArray[np.int64]) -> bool:
+        assert self._capacity is not None
+        strips, items = self._capacity
+        self._capacity = (
+            grown(int(needed[0::2].max()), strips, self._memory, "rows of blocks"),
+            grown(int(needed[1::2].max()), items, self._memory, "(triangle, block) items"),
+        )
+        return self._capacity != (strips, items)
+
+    def counters(self) -> dict[str, int]:
+        """Queued work of the last frame; zero where everything was done in line."""
+        assert self._needs is not None
+        needed = self._needs.numpy()
+        result = {"camera strips": int(needed[0]), "camera items": int(needed[1])}
+        for i in range(1, len(needed) // 2):
+            result[f"light {i - 1} strips"] = int(needed[2 * i])
+            result[f"light {i - 1} items"] = int(needed[2 * i + 1])
+        return result
+
+    def built(self) -> dict[str, Any]:
+        return {"structure": "rays in the grid, triangles streamed", "queues": self._queued}
+
+
+METHOD = RayGrids
