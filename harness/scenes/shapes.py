@@ -67,6 +67,11 @@ def transform(
     return flip(moved) if np.linalg.det(linear) < 0 else moved
 
 
+def place(mesh: Mesh, x: float, y: float, z: float, turn: float = 0.0) -> Mesh:
+    """The mesh turned about the vertical by degrees, then moved to (x, y, z)."""
+    return transform(mesh, rotate=((0.0, 1.0, 0.0), turn), translate=(x, y, z))
+
+
 def _dot(points: F64, linear: F64) -> F64:
     """``points @ linear.T`` term by term: a BLAS may order the sums differently on another machine."""
     x, y, z = points[:, 0:1], points[:, 1:2], points[:, 2:3]
@@ -175,7 +180,10 @@ def cushion(size: Sequence[float], segments: int, rings: int | None = None, powe
 def tube(
     path: ArrayLike, radius: float | ArrayLike, segments: int, closed: bool = False, caps: bool = True
 ) -> Mesh:
-    """A round tube along a path [n, 3] of distinct points; ``radius`` may be [n]. ``closed``: a loop."""
+    """A round tube along a path [n, 3]; ``radius`` may be [n]; ``closed``: a loop.
+
+    Neighbouring points must differ, and the path must not turn back on itself.
+    """
     line = np.asarray(path, dtype=np.float64)
     if closed:
         ahead = np.roll(line, -1, axis=0) - np.roll(line, 1, axis=0)
@@ -183,11 +191,13 @@ def tube(
         ahead = np.gradient(line, axis=0)
     ahead = ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
     side = np.zeros_like(line)
-    seed = np.eye(3)[np.argmin(np.abs(ahead[0]))]
-    for k, direction in enumerate(ahead):  # carry the frame along, so that the tube does not twist
-        seed = seed - direction * (seed * direction).sum()
-        seed = seed / np.linalg.norm(seed)
-        side[k] = seed
+    least = np.eye(3)[np.argmin(np.abs(ahead[0]))]
+    side[0] = least - ahead[0] * (least * ahead[0]).sum()
+    side[0] /= np.linalg.norm(side[0])
+    for k in range(1, len(line)):
+        # Turn the side by the smallest rotation from one direction to the next, so that the tube does not twist.
+        old, new, bent = ahead[k - 1], ahead[k], side[k - 1]
+        side[k] = bent - (bent * new).sum() / (1.0 + (old * new).sum()) * (old + new)
     other = np.cross(ahead, side)
     angle = 2 * np.pi * np.arange(segments)[:, None, None] / segments
     reach = np.broadcast_to(np.asarray(radius, dtype=np.float64), len(line))[None, :, None]
@@ -235,7 +245,8 @@ def edge_faults(faces: NDArray[np.integer]) -> int:
     start, end = faces.astype(np.int64).ravel(), np.roll(faces, -1, axis=1).astype(np.int64).ravel()
     forward, backward = np.sort(start * count + end), np.sort(end * count + start)
     repeated = int((forward[1:] == forward[:-1]).sum())
-    return repeated + int(np.setxor1d(forward, backward, assume_unique=repeated == 0).size)
+    alone = np.setdiff1d(forward, backward, assume_unique=repeated == 0)
+    return repeated + len(alone)
 
 
 def areas(mesh: Mesh) -> F64:

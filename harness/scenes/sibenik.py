@@ -7,16 +7,16 @@ turned columns, balusters and mouldings, as in the original. x runs from the wes
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ..scene import Camera, Geometry, Light, Scene
-from .shapes import Mesh, box, cylinder, flip, grid, join, lathe, patch, sphere, transform, tube
+from .masonry import COLUMN_HEIGHT, arch, rib, rose, turned_column, window
+from .shapes import Mesh, box, cylinder, flip, grid, join, lathe, patch, place, sphere, transform, tube
 
 HALF = 4.0
 """Half width of the nave, and radius of its vault."""
 SIDE = 8.5
 """Distance of the outer walls from the axis."""
-SPRING, AISLE_SPRING, ARCADE_SPRING = 10.5, 5.6, 5.2
+SPRING, AISLE_SPRING, ARCADE_SPRING = 10.5, 5.6, COLUMN_HEIGHT
 """Heights at which the nave vault, the aisle vaults and the arcade arches begin."""
 WEST, EAST = -20.0, 20.0
 CROSSING = (4.0, 12.0)
@@ -39,29 +39,9 @@ def scene() -> Scene:
 
 def geometry() -> Geometry:
     """All parts of the building."""
-    mesh = join(
-        [_shell(), _columns(), _arcades(), _nave_vault(), _aisle_vaults(), _crossing(), _apse(), _furniture()]
-    )
+    parts = (_shell, _columns, _arcades, _nave_vault, _aisle_vaults, _crossing, _apse, _furniture)
+    mesh = join(part() for part in parts)
     return Geometry.static(mesh.vertices, mesh.faces)
-
-
-def _at(mesh: Mesh, x: float, y: float, z: float, turn: float = 0.0, scale: float = 1.0) -> Mesh:
-    """The mesh turned about the vertical and put somewhere."""
-    return transform(mesh, scale=scale, rotate=((0.0, 1.0, 0.0), turn), translate=(x, y, z))
-
-
-def _arch(profile: ArrayLike, segments: int) -> Mesh:
-    """A half ring over the x axis: profile [(radius, z), ...] swept from x = +radius over the top to -radius."""
-    return transform(lathe(profile, segments, start=-90.0, sweep=180.0), rotate=((1.0, 0.0, 0.0), -90.0))
-
-
-def _rib(start: ArrayLike, end: ArrayLike, rise: float, radius: float, segments: int, sides: int = 8) -> Mesh:
-    """A round rib along half an ellipse from ``start`` to ``end`` at one height, ``rise`` metres high."""
-    angle = np.linspace(0.0, np.pi, segments + 1)[:, None]
-    middle, reach = (np.add(start, end)) / 2, np.subtract(end, start) / 2
-    return tube(
-        middle - np.cos(angle) * reach + np.sin(angle) * np.array([0.0, rise, 0.0]), radius, sides, caps=False
-    )
 
 
 def _shell() -> Mesh:
@@ -77,72 +57,25 @@ def _shell() -> Mesh:
             box((WEST, 5.3, -SIDE), (EAST, 5.55, -SIDE + 0.2)),
         ]
         east = grid((EAST, 0.0, -SIDE), (0.0, 0.0, SIDE - HALF), (0.0, 8.0, 0.0))
-        windows = [_at(_window(0.65, 2.4), (a + b) / 2, 2.2, -SIDE) for a, b in BAYS]
-        rose = _at(_rose(1.9), 8.0, 9.0, -SIDE)
-        parts.append(transform(join([wall, *trim, flip(east), *windows, rose]), scale=(1.0, 1.0, -sign)))
-    parts.append(_at(_rose(2.3), WEST, 9.6, 0.0, 90.0))
-    parts.append(_at(_window(1.3, 3.4), WEST, 0.0, 0.0, 90.0))
+        windows = [place(window(0.65, 2.4), (a + b) / 2, 2.2, -SIDE) for a, b in BAYS]
+        transept = place(rose(1.9), 8.0, 9.0, -SIDE)
+        parts.append(transform(join([wall, *trim, flip(east), *windows, transept]), scale=(1.0, 1.0, -sign)))
+    parts.append(place(rose(2.3), WEST, 9.6, 0.0, 90.0))
+    parts.append(place(window(1.3, 3.4), WEST, 0.0, 0.0, 90.0))
     return join(parts)
-
-
-def _window(half: float, height: float) -> Mesh:
-    """A round-headed window in a wall at z = 0 facing +z: splayed reveal, round frame, mullion and sill."""
-    angle = np.linspace(0.0, np.pi, 13)
-    x = np.concatenate([[half], half * np.cos(angle), [-half]])
-    y = np.concatenate([[0.0], height + half * np.sin(angle), [0.0]])
-    path = np.stack([x, y, np.full_like(x, 0.06)], axis=-1)
-    inner = path * (0.82, 0.93, 0.0) + (0.0, 0.05, 0.0)
-    frame = tube(path, 0.09, 5)
-    mullion = box((-0.04, 0.0, 0.0), (0.04, height + half, 0.08))
-    sill = box((-half - 0.15, -0.2, 0.0), (half + 0.15, 0.0, 0.25))
-    return join([patch(np.stack([path, inner], axis=1)), frame, mullion, sill])
-
-
-def _rose(radius: float) -> Mesh:
-    """A round window in a wall at z = 0: three rings and twelve spokes."""
-    turn = 2 * np.pi * np.arange(30) / 30
-    rings = [
-        tube(np.stack([r * np.cos(turn), r * np.sin(turn), 0 * turn + 0.05], axis=-1), thick, 6, closed=True)
-        for r, thick in ((radius, 0.14), (0.62 * radius, 0.06), (0.25 * radius, 0.07))
-    ]
-    spoke = np.array([[0.25 * radius, 0.0, 0.05], [0.6 * radius, 0.0, 0.05], [radius, 0.0, 0.05]])
-    spokes = [transform(tube(spoke, 0.045, 6), rotate=((0.0, 0.0, 1.0), 30.0 * k)) for k in range(12)]
-    return join(rings + spokes)
-
-
-def _column() -> Mesh:
-    """Plinth, Attic base, shaft with entasis, capital with a collar and an abacus; 5.2 m high."""
-    turn = np.linspace(-np.pi / 2, np.pi / 2, 7)
-    torus = [(0.46 + 0.08 * np.cos(a), 0.33 + 0.08 * np.sin(a)) for a in turn]
-    scotia = [(0.44 - 0.06 * np.cos(a), 0.48 + 0.05 * np.sin(a)) for a in turn[1:-1]]
-    upper = [(0.41 + 0.05 * np.cos(a), 0.58 + 0.05 * np.sin(a)) for a in turn]
-    shaft = [(0.4 - 0.06 * s**1.8, 0.64 + 3.6 * s) for s in np.linspace(0.0, 1.0, 5)]
-    collar = [(0.35 + 0.04 * np.cos(a), 4.3 + 0.04 * np.sin(a)) for a in turn]
-    bell = [(0.35 + 0.22 * s**2.2, 4.36 + 0.5 * s) for s in np.linspace(0.0, 1.0, 7)]
-    turned = lathe(torus + scotia + upper + shaft + collar + bell, 20)
-    leaves = []
-    for k in range(8):
-        curl = np.array([[0.0, 4.38, 0.36], [0.0, 4.6, 0.42], [0.0, 4.76, 0.54], [0.0, 4.74, 0.62]])
-        leaves.append(transform(tube(curl, [0.05, 0.09, 0.06, 0.03], 5), rotate=((0.0, 1.0, 0.0), 45.0 * k)))
-    plinth = box((-0.56, 0.0, -0.56), (0.56, 0.25, 0.56))
-    abacus = [
-        box((-0.6, 4.86, -0.6), (0.6, 4.98, 0.6)),
-        box((-0.56, 4.98, -0.56), (0.56, ARCADE_SPRING, 0.56)),
-    ]
-    return join([plinth, turned, *leaves, *abacus])
 
 
 def _columns() -> Mesh:
     """Both rows of columns, and a thin shaft on the wall above each up to the nave vault."""
-    column = _column()
+    column = turned_column()
     shaft = cylinder(0.16, SPRING - ARCADE_SPRING, 12, caps=False)
     corbel = sphere(0.26, 12, 8)
     parts = []
     for x in COLUMNS:
         for sign in (-1.0, 1.0):
-            parts.append(_at(column, x, 0.0, sign * HALF))
-            parts.append(_at(shaft, x, ARCADE_SPRING, sign * (HALF - 0.42)))
-            parts.append(_at(corbel, x, SPRING, sign * (HALF - 0.4)))
+            parts.append(place(column, x, 0.0, sign * HALF))
+            parts.append(place(shaft, x, ARCADE_SPRING, sign * (HALF - 0.42)))
+            parts.append(place(corbel, x, SPRING, sign * (HALF - 0.4)))
     return join(parts)
 
 
@@ -156,7 +89,7 @@ def _arcades() -> Mesh:
         (radius + 0.14, 0.42),
         (radius, 0.38),
     ]
-    moulding = flip(_arch([(r, -z) for r, z in roll] + roll[::-1], 18))
+    moulding = flip(arch([(r, -z) for r, z in roll] + roll[::-1], 18))
     angle = np.linspace(np.pi, 0.0, 21)
     x = np.concatenate([[-2.0], radius * np.cos(angle), [2.0]])
     y = np.concatenate([[0.0], radius * np.sin(angle), [0.0]])
@@ -167,8 +100,10 @@ def _arcades() -> Mesh:
     parts = []
     for a, b in BAYS:
         for sign in (-1.0, 1.0):
-            bay = [moulding, front, string, _at(_window(0.5, 1.1), 0.0, 3.0, 0.4)]
-            parts.append(_at(join(bay), (a + b) / 2, ARCADE_SPRING, sign * HALF, 0.0 if sign < 0 else 180.0))
+            bay = [moulding, front, string, place(window(0.5, 1.1), 0.0, 3.0, 0.4)]
+            parts.append(
+                place(join(bay), (a + b) / 2, ARCADE_SPRING, sign * HALF, 0.0 if sign < 0 else 180.0)
+            )
     return join(parts)
 
 
@@ -176,8 +111,8 @@ def _nave_vault() -> Mesh:
     """Barrel vaults in strips as long as nave and choir, and a moulded rib over each pair of columns."""
     vaults = []
     for a, b in ((WEST, CROSSING[0]), (CROSSING[1], EAST)):
-        barrel = flip(_arch([(HALF, -(b - a) / 2), (HALF, (b - a) / 2)], 24))
-        vaults.append(_at(barrel, (a + b) / 2, SPRING, 0.0, 90.0))
+        barrel = flip(arch([(HALF, -(b - a) / 2), (HALF, (b - a) / 2)], 24))
+        vaults.append(place(barrel, (a + b) / 2, SPRING, 0.0, 90.0))
     edge = [
         (4.05, -0.3),
         (3.86, -0.3),
@@ -188,8 +123,8 @@ def _nave_vault() -> Mesh:
         (3.86, 0.3),
         (4.05, 0.3),
     ]
-    rib = flip(_arch(edge, 32))
-    ribs = [_at(rib, x, SPRING, 0.0, 90.0) for x in (WEST + 0.3, *COLUMNS, EAST - 0.3)]
+    moulding = flip(arch(edge, 32))
+    ribs = [place(moulding, x, SPRING, 0.0, 90.0) for x in (WEST + 0.3, *COLUMNS, EAST - 0.3)]
     cornice = [
         box((a, SPRING - 0.3, s - 0.25), (b, SPRING, s + 0.25)) for a, b in BAYS for s in (-HALF, HALF)
     ]
@@ -206,12 +141,12 @@ def _aisle_vaults() -> Mesh:
     web = flip(patch(np.stack([2.0 * u, rise, -0.5 * depth * v], axis=-1)))
     corner = np.array([2.0, 0.0, depth / 2])
     ribs = [
-        _rib(-corner * k, corner * k, 1.9, 0.1, 14, 6) for k in (np.array([1, 1, 1]), np.array([1, 1, -1]))
+        rib(-corner * k, corner * k, 1.9, 0.1, 14, 6) for k in (np.array([1, 1, 1]), np.array([1, 1, -1]))
     ]
-    ribs.append(_rib((-2.0, 0.0, -depth / 2), (-2.0, 0.0, depth / 2), 1.9, 0.16, 16))
-    bay = join([web, *ribs, _at(sphere(0.22, 10), 0.0, 1.86, 0.0)])
+    ribs.append(rib((-2.0, 0.0, -depth / 2), (-2.0, 0.0, depth / 2), 1.9, 0.16, 16))
+    bay = join([web, *ribs, place(sphere(0.22, 10), 0.0, 1.86, 0.0)])
     return join(
-        [_at(bay, (a + b) / 2, AISLE_SPRING, s * (HALF + depth / 2)) for a, b in BAYS for s in (-1.0, 1.0)]
+        [place(bay, (a + b) / 2, AISLE_SPRING, s * (HALF + depth / 2)) for a, b in BAYS for s in (-1.0, 1.0)]
     )
 
 
@@ -226,8 +161,8 @@ def _crossing() -> Mesh:
         for z in (-HALF, HALF):
             parts.append(box((x - 0.65, 0.0, z - 0.65), (x + 0.65, SPRING, z + 0.65)))
             for dx, dz in ((0.65, 0.0), (-0.65, 0.0), (0.0, 0.65), (0.0, -0.65)):
-                parts.append(_at(half_column, x + dx, 0.0, z + dz))
-                parts += [_at(ring, x + dx, y, z + dz) for y in (0.0, 5.0, SPRING - 0.3)]
+                parts.append(place(half_column, x + dx, 0.0, z + dz))
+                parts += [place(ring, x + dx, y, z + dz) for y in (0.0, 5.0, SPRING - 0.3)]
     edge = [
         (4.1, -0.45),
         (3.8, -0.45),
@@ -238,25 +173,25 @@ def _crossing() -> Mesh:
         (3.8, 0.45),
         (4.1, 0.45),
     ]
-    great = flip(_arch(edge, 40))
-    parts += [_at(great, x, SPRING, 0.0, 90.0) for x in CROSSING]
-    parts += [_at(great, middle, SPRING, z) for z in (-HALF, HALF)]
+    great = flip(arch(edge, 40))
+    parts += [place(great, x, SPRING, 0.0, 90.0) for x in CROSSING]
+    parts += [place(great, middle, SPRING, z) for z in (-HALF, HALF)]
     length = SIDE - HALF
-    arm = flip(_arch([(HALF, -length / 2), (HALF, length / 2)], 24))
+    arm = flip(arch([(HALF, -length / 2), (HALF, length / 2)], 24))
     sides = [
         grid((x, AISLE_SPRING, -length / 2), (0.0, 0.0, length), (0.0, SPRING - AISLE_SPRING, 0.0))
         for x in (-4, 4)
     ]
     for sign in (-1.0, 1.0):
-        parts.append(_at(arm, middle, SPRING, sign * (HALF + length / 2)))
-        parts.append(_at(join(sides), middle, 0.0, sign * (HALF + length / 2)))
+        parts.append(place(arm, middle, SPRING, sign * (HALF + length / 2)))
+        parts.append(place(join(sides), middle, 0.0, sign * (HALF + length / 2)))
     # Pendentives: a sphere through the piers' corners, cut by the four arches; they end just above the springing.
     height = np.linspace(0.2, HALF, 9)[:, None]
     radius = np.sqrt(2 * HALF**2 - height**2)
     margin = np.arccos(np.minimum(1.0, HALF / radius))
     angle = margin + (np.pi / 2 - 2 * margin) * np.linspace(0.0, 1.0, 13)
     web = patch(np.stack([radius * np.cos(angle), height + 0 * angle, radius * np.sin(angle)], axis=-1))
-    parts += [_at(web, middle, SPRING, 0.0, 90.0 * k) for k in range(4)]
+    parts += [place(web, middle, SPRING, 0.0, 90.0 * k) for k in range(4)]
     drum = [
         (4.0, 0.0),
         (3.8, 0.05),
@@ -269,14 +204,14 @@ def _crossing() -> Mesh:
     ]
     bowl = [(4.0 * np.cos(a), 3.5 + 4.4 * np.sin(a)) for a in np.linspace(0.0, 1.42, 13)[1:]]
     lantern = [(0.62, 9.2), (0.3, 9.5), (0.0, 9.6)]
-    parts.append(_at(flip(lathe(drum + bowl + lantern, 48)), middle, top, 0.0))
+    parts.append(place(flip(lathe(drum + bowl + lantern, 48)), middle, top, 0.0))
     climb = np.linspace(0.0, 1.42, 15)
     meridian = np.stack([3.95 * np.cos(climb), 3.5 + 4.35 * np.sin(climb), 0 * climb], axis=-1)
     for k in range(8):
-        parts.append(_at(tube(meridian, 0.11, 6), middle, top, 0.0, 45.0 * k))
+        parts.append(place(tube(meridian, 0.11, 6), middle, top, 0.0, 45.0 * k))
         turn = np.radians(45.0 * k + 22.5)
-        place = (middle + 3.97 * np.sin(turn), top + 0.8, 3.97 * np.cos(turn))
-        parts.append(_at(_window(0.45, 1.3), *place, 180.0 + 45.0 * k + 22.5))
+        spot = (middle + 3.97 * np.sin(turn), top + 0.8, 3.97 * np.cos(turn))
+        parts.append(place(window(0.45, 1.3), *spot, 180.0 + 45.0 * k + 22.5))
     return join(parts)
 
 
@@ -288,9 +223,9 @@ def _apse() -> Mesh:
         lathe(np.stack([HALF * np.cos(angle[:-1]), HALF * np.sin(angle[:-1])], axis=-1), 24, sweep=180.0)
     )
     path = np.stack([3.95 * np.cos(angle), 3.95 * np.sin(angle), 0 * angle], axis=-1)[:-1]
-    ribs = [_at(tube(path, 0.1, 6), EAST, SPRING, 0.0, t) for t in (-72.0, -36.0, 0.0, 36.0, 72.0)]
+    ribs = [place(tube(path, 0.1, 6), EAST, SPRING, 0.0, t) for t in (-72.0, -36.0, 0.0, 36.0, 72.0)]
     windows = [
-        _at(_window(0.55, 3.0), EAST + 3.97 * np.cos(t), 4.6, 3.97 * np.sin(t), -90.0 - np.degrees(t))
+        place(window(0.55, 3.0), EAST + 3.97 * np.cos(t), 4.6, 3.97 * np.sin(t), -90.0 - np.degrees(t))
         for t in np.radians([-54.0, -18.0, 18.0, 54.0])
     ]
     steps = [
@@ -301,9 +236,9 @@ def _apse() -> Mesh:
     profile = [(0.0, 0.0), (0.12, 0.0), (0.12, 0.03), (0.04, 0.06), (0.03, 0.14), (0.055, 0.18), (0.03, 0.22)]
     profile += [(0.025, 0.4), (0.07, 0.44), (0.07, 0.46), (0.02, 0.46), (0.02, 0.75), (0.0, 0.77)]
     candle = lathe(profile, 16)
-    candles = [_at(candle, 18.7, 1.8, z) for z in (-1.2, -0.85, -0.5, 0.5, 0.85, 1.2)]
+    candles = [place(candle, 18.7, 1.8, z) for z in (-1.2, -0.85, -0.5, 0.5, 0.85, 1.2)]
     cross = [box((18.75, 1.8, -0.05), (18.85, 3.4, 0.05)), box((18.75, 2.75, -0.45), (18.85, 2.85, 0.45))]
-    round_end = [_at(part, EAST, y, 0.0) for part, y in ((wall, 0.0), (dome, SPRING))]
+    round_end = [place(part, EAST, y, 0.0) for part, y in ((wall, 0.0), (dome, SPRING))]
     return join([*round_end, *ribs, *windows, *steps, *altar, *candles, *cross])
 
 
@@ -321,7 +256,7 @@ def _furniture() -> Mesh:
     ]
     baluster = lathe(turned, 14)
     spots = [z for z in np.arange(-3.2, 3.3, 0.32) if abs(z) > 0.8]
-    parts = [_at(baluster, 12.6, 0.12, float(z)) for z in spots]
+    parts = [place(baluster, 12.6, 0.12, float(z)) for z in spots]
     for a, b in ((-3.35, -0.75), (0.75, 3.35)):
         parts += [box((12.45, 0.0, a), (12.75, 0.12, b)), box((12.42, 0.87, a), (12.78, 1.0, b))]
     bowl = [
@@ -335,10 +270,10 @@ def _furniture() -> Mesh:
         (0.62, 1.1),
         (0.5, 1.1),
     ]
-    parts.append(_at(lathe([*bowl, (0.3, 0.95), (0.0, 0.9)], 32), -15.0, 0.0, -6.2))
+    parts.append(place(lathe([*bowl, (0.3, 0.95), (0.0, 0.9)], 32), -15.0, 0.0, -6.2))
     shade = [(0.0, 0.0), (0.14, 0.04), (0.22, 0.16), (0.24, 0.3), (0.12, 0.4), (0.05, 0.55), (0.0, 0.56)]
-    lamp = join([lathe(shade, 20), _at(cylinder(0.012, 5.4, 5), 0.0, 0.5, 0.0)])
-    parts += [_at(lamp, x, 8.6, 0.0) for x in (-14.0, -6.0, 8.0)]
+    lamp = join([lathe(shade, 20), place(cylinder(0.012, 5.4, 5), 0.0, 0.5, 0.0)])
+    parts += [place(lamp, x, 8.6, 0.0) for x in (-14.0, -6.0, 8.0)]
     for x in np.arange(WEST + 1.0, 12.0, 1.0):
         parts.append(box((float(x), 0.0, -HALF + 0.7), (float(x) + 0.12, 0.01, HALF - 0.7)))
     for z in (-HALF + 0.7, 0.0, HALF - 0.7):
