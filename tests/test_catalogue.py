@@ -127,6 +127,7 @@ def test_folders_that_are_none(tmp_path, monkeypatch):
         ("zzz", "known: buddha, bunny, bunny_dragon, cloth, conference, fairy, sibenik"),
         ("absent.ply", "absent.ply: no such file"),
         ("some/where", "some/where: no such file"),
+        ("x" * 5000, "no scene or file"),
     ],
 )
 def test_unknown_names(name, line):
@@ -220,6 +221,20 @@ def test_a_box_is_looked_into_through_its_open_side(axis, end):
     assert np.argmax(np.abs(forward)) == axis
     assert forward[axis] * (1 if end else -1) < 0
     assert all(low < p < high for low, p, high in zip([-1, 0, -1], light.position, [1, 2, 1.5], strict=True))
+
+
+@pytest.mark.parametrize("up", [1, 2])
+def test_an_original_building_is_seen_from_within(tmp_path, up):
+    """A room of 8 x 6 x 3 with its floor at 0, written with y and with z as up."""
+    high = [8.0, 3.0, 6.0] if up == 1 else [8.0, 6.0, 3.0]
+    room = box([0, 0, 0], high)
+    put(tmp_path, "conference.ply", content=files.ply_binary(room.frames[0], room.faces.tolist()))
+    scene = catalogue.resolve("conference", tmp_path)
+    assert np.argmax(scene.camera.up) == up
+    for place in (scene.camera.eye, scene.lights[0].position):
+        assert all(0 < p < h for p, h in zip(place, high, strict=True))
+    moment = Prepared(scene).moment(0, 8, 8)
+    assert abs(moment.axes[2][up]) < 1e-6
 
 
 def test_a_closed_box_is_seen_from_outside():

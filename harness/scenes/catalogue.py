@@ -43,7 +43,8 @@ View = Callable[[Shape], tuple[Camera, tuple[Light, ...]]]
 
 VIEWS: dict[str, View] = {
     "sibenik": inside,
-    "conference": lambda shape: inside(shape, along=0.06, height=0.55),
+    # A room is lower than it is wide, whichever axis its file takes as up.
+    "conference": lambda shape: inside(replace(shape, up=shape.thinnest), along=0.06, height=0.55),
     "cloth": lambda shape: outside(shape, azimuth=25.0, elevation=28.0),
     "buddha": lambda shape: outside(shape, azimuth=12.0, elevation=8.0),
 }
@@ -70,10 +71,17 @@ def resolve(name: str | Path, scene_dir: str | Path | None = None) -> Scene:
             return _from_files(files, text, TITLES[text])
         return _bunny() if text == BUNNY else importlib.import_module(f".{text}", __package__).scene()
     path = Path(text)
-    if path.exists() or path.suffix.lower() in SUFFIXES or path.parent != Path("."):
+    if _exists(path) or path.suffix.lower() in SUFFIXES or path.parent != Path("."):
         known = path.stem.lower()
         return _from_files(path, known if known in NAMES else _plain(path.stem), path.name)
     raise UserError(f"no scene or file {text!r}{did_you_mean(text, scene_names())}")
+
+
+def _exists(path: Path) -> bool:
+    try:
+        return path.exists()
+    except (OSError, ValueError):  # too long, or no file name at all
+        return False
 
 
 def folder(scene_dir: str | Path | None = None) -> Path | None:

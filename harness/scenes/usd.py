@@ -32,12 +32,15 @@ def read_usd(path: Path) -> Mesh:
     """
     if not available():
         raise UserError(f"{path}: {MISSING}")
-    from pxr import Usd, UsdGeom
+    from pxr import Tf, Usd, UsdGeom
 
     read_bytes(path)  # missing and unreadable files get the same line as every other format
     parts, offset = [], 0
     with guarded(path, "USD"):
-        stage = Usd.Stage.Open(str(path))
+        try:
+            stage = Usd.Stage.Open(str(path))
+        except Tf.ErrorException:  # its text names lines of the library's own source
+            raise broken(path, "USD cannot open it: damaged, truncated or of another kind") from None
         axis = str(UsdGeom.GetStageUpAxis(stage))
         transforms = UsdGeom.XformCache()
         for prim in stage.Traverse(Usd.TraverseInstanceProxies()):

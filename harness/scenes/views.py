@@ -50,6 +50,11 @@ class Shape:
         """Half the diagonal of the bounding box; 1 where that is zero."""
         return float(np.linalg.norm(self.high - self.low) / 2) or 1.0
 
+    @property
+    def thinnest(self) -> int:
+        """Index of the axis along which it extends least."""
+        return int(np.argmin(self.high - self.low))
+
     def frame(self) -> tuple[NDArray, NDArray, NDArray]:
         """Right, up and towards the viewer of the front view: right-handed."""
         right, up, front = np.eye(3)[[0, 1, 2]]
