@@ -251,10 +251,12 @@ class _Pieces:
         # Until the crack reaches it a patch of the bunny goes on, though the impact has slowed it down.
         bound = np.minimum(time, IMPACT_TIME) + 0.25 * np.clip(time - IMPACT_TIME, 0.0, None)
         bound = np.minimum(bound, IMPACT_TIME + 0.25 * (self.release - IMPACT_TIME))
-        place = self.middle + self.thrown * bound[:, None] + self.speed * loose
-        place[:, 1] -= 0.5 * GRAVITY * loose[:, 0] ** 2
-        turn = _rotations(self.axis, self.spin * loose[:, 0])[self.piece]
-        arm, moved = self.arm, place[self.piece]
+        shift = self.thrown * bound[:, None] + self.speed * loose
+        shift[:, 1] -= 0.5 * GRAVITY * loose[:, 0] ** 2
+        # Added to the place at rest, so that patches still together keep their common vertices to the last bit.
+        moved = self.rest + shift[self.piece]
+        turn = _turns(self.axis, self.spin * loose[:, 0])[self.piece]
+        arm = self.arm
         for row in range(3):
             moved[:, row] += (
                 turn[:, row, 0] * arm[:, 0] + turn[:, row, 1] * arm[:, 1] + turn[:, row, 2] * arm[:, 2]
@@ -262,14 +264,13 @@ class _Pieces:
         return moved
 
 
-def _rotations(axis: F64, angle: F64) -> F64:
-    """Rotation matrices [n, 3, 3] about unit axes [n, 3]."""
+def _turns(axis: F64, angle: F64) -> F64:
+    """Rotation matrices about unit axes [n, 3], less the identity: [n, 3, 3], exactly zero where the angle is."""
     x, y, z = axis[:, 0], axis[:, 1], axis[:, 2]
-    s, c = np.sin(angle), np.cos(angle)
-    one = 1 - c
+    s, one = np.sin(angle), 1 - np.cos(angle)
     rows = [
-        [c + x * x * one, x * y * one - z * s, x * z * one + y * s],
-        [y * x * one + z * s, c + y * y * one, y * z * one - x * s],
-        [z * x * one - y * s, z * y * one + x * s, c + z * z * one],
+        [(x * x - 1) * one, x * y * one - z * s, x * z * one + y * s],
+        [y * x * one + z * s, (y * y - 1) * one, y * z * one - x * s],
+        [z * x * one - y * s, z * y * one + x * s, (z * z - 1) * one],
     ]
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=1)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..scene import Camera, Geometry, Light, Scene
 from . import forest
 from .bodies import Blob, Body, ball, both, chain, curve, limb
-from .motion import Animated, Drift, Motion, Part, Sway, Swing
+from .motion import Animated, Carry, Drift, Motion, Part, Sway, Swing
 from .shapes import Mesh, patch, transform
 
 FRAMES = 21
@@ -25,7 +25,7 @@ GRASS = 4600
 FAIRY_SPACING = 0.0101
 DRAGONFLY_SPACING = 0.0075
 FAIRY_PLACE, FAIRY_TURN = (0.05, 0.30, 0.0), -66.0
-DRAGONFLY_PLACE, DRAGONFLY_TURN = (-0.98, 1.62, 0.45), -28.0
+DRAGONFLY_PLACE, DRAGONFLY_TURN = (0.93, 1.66, 0.50), 200.0
 
 F64 = NDArray[np.float64]
 Point = Sequence[float]
@@ -37,7 +37,7 @@ def scene() -> Scene:
         name="fairy",
         title="Fairy Forest (stand-in)",
         geometry=_geometry,
-        camera=Camera(eye=(0.75, 1.55, 3.7), target=(-0.08, 1.02, 0.0), fov=42.0),
+        camera=Camera(eye=(0.75, 1.55, 3.7), target=(0.0, 1.02, 0.0), fov=42.0),
         lights=(Light((3.2, 6.5, 4.2)),),
         stand_in="procedural stand-in for the Utah Fairy Forest",
         notes="a very large ground, a few dense figures, thousands of leaves and blades; the motion is periodic",
@@ -62,17 +62,7 @@ def _geometry() -> Geometry:
 def _placed(parts: list[Part], place: Point, turn: float, drift: Drift) -> list[Part]:
     """Parts of a figure turned about the vertical and put in their place, after their own motions."""
     stand = Swing((0, 0, 0), (0, 1, 0), reach=0.0, mean=turn)
-    return [Part(part.mesh, [*part.motions, stand, _Carry(place), drift]) for part in parts]
-
-
-class _Carry:
-    """A motion that is none: the part is always moved by the same."""
-
-    def __init__(self, place: Point):
-        self.place = np.asarray(place, dtype=np.float64)
-
-    def apply(self, points: F64, phase: float) -> None:
-        points += self.place
+    return [Part(part.mesh, [*part.motions, stand, Carry(place), drift]) for part in parts]
 
 
 # Joints of the fairy; her right is +z.
@@ -80,20 +70,19 @@ SHOULDER_R, ELBOW_R, WRIST_R = (0.0, 1.375, 0.160), (0.06, 1.45, 0.40), (0.13, 1
 SHOULDER_L, ELBOW_L, WRIST_L = (0.0, 1.375, -0.160), (0.03, 1.17, -0.33), (0.20, 1.10, -0.48)
 HIP_R, KNEE_R, ANKLE_R = (0.0, 0.90, 0.080), (0.03, 0.50, 0.10), (-0.03, 0.12, 0.09)
 HIP_L, KNEE_L, ANKLE_L = (0.0, 0.90, -0.080), (0.20, 0.58, -0.12), (-0.03, 0.29, -0.11)
+SWINGING = (
+    *("arm right", "arm right fore", "arm left", "arm left fore", "head"),
+    *("leg right", "leg right shin", "leg left", "leg left shin"),
+)
+"""Groups of blobs that turn about a joint; a group holds those whose names go on from its own."""
 
 
 def _fairy() -> list[Part]:
     body = fairy_body()
     mesh = body.mesh(FAIRY_SPACING)
-    weight = body.shares(
-        mesh.vertices,
-        ("arm right", "arm right fore", "arm left", "arm left fore", "leg right", "leg right shin", "leg left", "leg left shin", "head"),
-        0.035,
-    )  # fmt: skip
-    hair = (
-        np.clip((1.45 - mesh.vertices[:, 1]) / 0.5, 0, 1)
-        * body.shares(mesh.vertices, ("hair",), 0.01)["hair"]
-    )
+    weight = body.shares(mesh.vertices, SWINGING, 0.035)
+    loose = np.clip((1.45 - mesh.vertices[:, 1]) / 0.5, 0, 1)
+    hair = loose * body.shares(mesh.vertices, ("hair",), 0.01)["hair"]
     motions: list[Motion] = [
         Sway(hair[:, None] * np.array([0.05, 0.0, 0.07]), 1.2 * mesh.vertices[:, 1]),
         Swing(ELBOW_R, (1, 0, 0), 14, weight["arm right fore"], shift=0.1),
@@ -128,12 +117,12 @@ def fairy_body() -> Body:
         ball((0.015, 1.60, 0), (0.098, 0.112, 0.083), blend=0.02, group="head"),
         ball((0.045, 1.535, 0), (0.058, 0.048, 0.050), blend=0.03, group="head"),
         ball((0.082, 1.507, 0), 0.020, blend=0.02, group="head"),
-        limb((0.108, 1.598, 0), (0.126, 1.567, 0), 0.008, 0.013, 0.012, "head"),
+        limb((0.100, 1.606, 0), (0.119, 1.568, 0), 0.013, 0.016, 0.02, "head"),
         ball((0.100, 1.537, 0), (0.016, 0.010, 0.024), blend=0.008, group="head"),
-        ball((-0.028, 1.635, 0), (0.100, 0.112, 0.104), blend=0.008, group="head hair"),
+        ball((-0.030, 1.640, 0), (0.106, 0.114, 0.104), blend=0.006, group="head hair"),
     ]
     sides = [
-        ball((0.072, 1.278, 0.056), 0.050, blend=0.03),
+        ball((0.072, 1.278, 0.055), 0.044, blend=0.03),
         ball((0.112, 1.612, 0.036), (0.018, 0.014, 0.020), blend=0.012, cut=True),
         ball((0.092, 1.610, 0.035), 0.018, blend=0.003, group="head"),
         limb((0.0, 1.59, 0.078), (-0.05, 1.67, 0.135), 0.022, 0.004, 0.012, "head"),
@@ -189,20 +178,19 @@ def _hand(wrist: Point, ahead: Point, across: Point, group: str) -> list[Blob]:
 def _hair() -> list[Blob]:
     """Wavy strands from the crown, down the back."""
     blobs = []
-    for i in range(17):
-        angle = np.radians(95 + 170 * i / 16)
+    for i in range(18):
+        angle = np.radians(72 + 216 * i / 17)
         out = np.array([np.cos(angle), 0.0, np.sin(angle)])
         knots = [
-            np.array([-0.03, 1.66, 0.0]) + 0.075 * out,
-            np.array([-0.04, 1.54, 0.0]) + 0.100 * out,
+            np.array([0.015, 1.745, 0.0]) + 0.020 * out,
+            np.array([-0.015, 1.69, 0.0]) + 0.085 * out,
+            np.array([-0.035, 1.56, 0.0]) + 0.103 * out,
             np.array([-0.09, 1.37, 0.0]) + (0.115 + 0.015 * (i % 3)) * out,
             np.array([-0.15, 1.20 - 0.02 * (i % 4), 0.02 * (i % 3 - 1)]) + 0.125 * out,
             np.array([-0.21, 1.03 - 0.04 * (i % 5), 0.03 * (i % 3 - 1)]) + 0.135 * out,
         ]
-        line = curve(knots, 2)
-        blobs += chain(
-            line, list(np.linspace(0.030, 0.006, len(line))), 0.012, "head hair" if i < 0 else "hair"
-        )
+        line = np.concatenate([curve(knots[:3], 2), knots[3:]])
+        blobs += chain(line, list(np.linspace(0.021, 0.008, len(line))), 0.012, "hair")
     return blobs
 
 
@@ -210,8 +198,8 @@ def _dress() -> Part:
     """A dress of petals from the bust to above the knee, with folds that deepen towards the hem."""
     profile = curve(
         [
-            (1.285, 0.146),
-            (1.20, 0.132),
+            (1.325, 0.156),
+            (1.22, 0.138),
             (1.10, 0.104),
             (1.03, 0.122),
             (0.92, 0.190),
@@ -254,7 +242,9 @@ def _wing(
     )
     vein = 0.006 * np.cos(2 * np.pi * 5 * t) * np.sin(np.pi * s) + 0.06 * s * s - 0.10 * t * t
     return patch(
-        (length * s)[..., None] * forward + (lobe * t)[..., None] * 1.2 * side + vein[..., None] * up
+        (length * s)[..., None] * forward
+        + (lobe * t)[..., None] * 1.2 * side
+        + (length * vein)[..., None] * up
     )
 
 

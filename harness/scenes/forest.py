@@ -91,17 +91,17 @@ def mushrooms() -> Mesh:
     parts = []
     for x, z, height, cap in MUSHROOMS:
         stem = 0.22 * cap
-        bend = 1.0 - np.cos(np.linspace(0.0, np.pi / 2, 12)) * 1.0
+        bend = 1.0 - np.cos(np.linspace(0.0, np.pi / 2, 12))
         dome = [
             (cap * np.sqrt(max(1.0 - b * b, 0.0)), height - 0.42 * cap * (1.0 - b) + 0.10 * cap) for b in bend
         ]
         dome[-1] = (0.0, dome[-1][1])
         profile = [
-            (1.6 * stem, -0.02), (1.5 * stem, 0.06 * height), (1.05 * stem, 0.20 * height), (0.92 * stem, 0.45 * height),
-            (0.88 * stem, 0.58 * height), (1.7 * stem, 0.56 * height), (1.75 * stem, 0.58 * height),
-            (0.88 * stem, 0.64 * height), (0.85 * stem, height - 0.24 * cap), (0.60 * cap, height - 0.34 * cap),
-            (0.93 * cap, height - 0.37 * cap), *dome,
-        ]  # fmt: skip
+            *[(1.60 * stem, -0.02), (1.50 * stem, 0.06 * height), (1.05 * stem, 0.20 * height)],
+            *[(0.92 * stem, 0.45 * height), (0.88 * stem, 0.58 * height), (1.70 * stem, 0.56 * height)],
+            *[(1.75 * stem, 0.58 * height), (0.88 * stem, 0.64 * height), (0.85 * stem, height - 0.24 * cap)],
+            *[(0.60 * cap, height - 0.34 * cap), (0.93 * cap, height - 0.37 * cap), *dome],
+        ]
         mesh = lathe(profile, 27)
         share = mesh.vertices[:, 1] / height
         mesh.vertices[:, 0] += 0.12 * height * share * share * rng.uniform(-1, 1)
@@ -140,8 +140,8 @@ def grass(count: int) -> Part:
 def leaves(count: int) -> Part:
     """``count`` leaves of 4 triangles: fronds of ferns, litter on the ground, crowns of the trees, a few falling."""
     rng = np.random.default_rng(24)
-    ferns, litter = int(0.50 * count), int(0.17 * count)
-    crowns = int(0.30 * count)
+    ferns, litter = int(0.48 * count), int(0.17 * count)
+    crowns = int(0.34 * count)
     groups = [
         _fern_leaves(rng, ferns),
         _litter(rng, litter),

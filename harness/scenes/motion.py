@@ -84,6 +84,16 @@ class Drift:
         points += np.sin(angle) * np.asarray(self.one) + np.cos(angle) * np.asarray(self.two)
 
 
+@dataclass(frozen=True)
+class Carry:
+    """The part stands ``by`` away from where it was modelled, at all times."""
+
+    by: Sequence[float]
+
+    def apply(self, points: F64, phase: float) -> None:
+        points += np.asarray(self.by, dtype=np.float64)
+
+
 class Animated:
     """Parts joined into one mesh of fixed topology."""
 
