@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import re
 import sys
+import tomllib
 from pathlib import Path
 
 import brute_force
@@ -63,3 +64,26 @@ def test_the_readme_names_what_exists():
         assert f"`{name}`" in text, name
     for name in experiment_names():
         assert name in text, name
+
+
+def test_every_package_is_declared():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    folders = [
+        path.parent
+        for room in ("harness", "methods", "experiments")
+        for path in (ROOT / room).rglob("__init__.py")
+    ]
+    found = {"shadowbench." + ".".join(folder.relative_to(ROOT).parts) for folder in folders}
+    assert set(project["tool"]["setuptools"]["packages"]) == found
+
+
+def test_every_dependency_is_pinned():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    wanted = project["dependencies"] + sum(project["optional-dependencies"].values(), [])
+    pins = dict(
+        line.split("==") for line in (ROOT / "constraints.txt").read_text().splitlines() if "==" in line
+    )
+    named = {re.match(r"[\w-]+", text)[0] for text in wanted}
+    assert {name.lower().replace("_", "-") for name in named} <= {
+        name.lower().replace("_", "-") for name in pins
+    }

@@ -71,8 +71,8 @@ def contact_sheet(
     """All pictures on one sheet, each ``width`` pixels wide, captions and all. None where there are none."""
     images: list[Image.Image] = []
     for file in pictures:
-        with Image.open(file) as image:
-            images.append(image.convert("RGB"))
+        with Image.open(file) as opened:
+            images.append(opened.convert("RGB"))
     if not images:
         return None
     gap = width // 24
