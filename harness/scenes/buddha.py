@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from ..scene import Camera, Geometry, Light, Scene
 from .implicit import polygonise
 
-F32 = NDArray[np.float32]
+F32 = NDArray[np.floating]
+"""Arrays [n] in float32, unless a caller wants more."""
 Part = Callable[[F32, F32, F32], F32]
 
 SPACING = 0.00414
@@ -29,7 +30,7 @@ def scene() -> Scene:
         name="buddha",
         title="Buddha (stand-in)",
         geometry=geometry,
-        camera=Camera(eye=(0.75, 1.35, 4.6), target=(0.0, 1.0, 0.0), fov=25.0),
+        camera=Camera(eye=(0.75, 1.35, 4.6), target=(0.0, 0.96, 0.0), fov=26.5),
         lights=(Light((-2.2, 4.2, 4.0)),),
         stand_in="procedural stand-in for the Happy Buddha of the Stanford 3D Scanning Repository",
         closed=True,
@@ -121,7 +122,7 @@ def _skirt(x: F32, y: F32, z: F32) -> F32:
     body = np.sqrt(x * x + (1.2 * (z - 0.01 - 0.03 * s)) ** 2) - wide
     body = np.maximum(body * 0.8, np.abs(y - 0.62) - 0.425)
     foot = _ball(np.abs(x), y, z, (0.11, 0.235, 0.25), (0.065, 0.04, 0.12))
-    toes = _ball(np.abs(x), y, z, (0.11, 0.228, 0.33 + 0.0), (0.06, 0.028, 0.055))
+    toes = _ball(np.abs(x), y, z, (0.11, 0.228, 0.33), (0.06, 0.028, 0.055))
     return _blend(_blend(body, foot, 0.02), toes, 0.02)
 
 

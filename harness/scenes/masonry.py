@@ -51,15 +51,15 @@ def rose(radius: float) -> Mesh:
 
 
 def turned_column() -> Mesh:
-    """Plinth, Attic base, shaft with entasis, capital with a collar, eight leaves and an abacus."""
+    """Plinth, Attic base, tapered shaft, capital with a collar, eight leaves and an abacus."""
     turn = np.linspace(-np.pi / 2, np.pi / 2, 7)
     torus = [(0.46 + 0.08 * np.cos(a), 0.33 + 0.08 * np.sin(a)) for a in turn]
     scotia = [(0.44 - 0.06 * np.cos(a), 0.48 + 0.05 * np.sin(a)) for a in turn[1:-1]]
     upper = [(0.41 + 0.05 * np.cos(a), 0.58 + 0.05 * np.sin(a)) for a in turn]
-    shaft = [(0.4 - 0.06 * s**1.8, 0.64 + 3.6 * s) for s in np.linspace(0.0, 1.0, 5)]
+    shaft = [(0.4, 0.64), (0.35, 4.24)]  # one band of long thin triangles
     collar = [(0.35 + 0.04 * np.cos(a), 4.3 + 0.04 * np.sin(a)) for a in turn]
     bell = [(0.35 + 0.22 * s**2.2, 4.36 + 0.5 * s) for s in np.linspace(0.0, 1.0, 7)]
-    turned = lathe(torus + scotia + upper + shaft + collar + bell, 20)
+    turned = lathe(torus + scotia + upper + shaft + collar + bell, 22)
     leaves = []
     for k in range(8):
         curl = np.array([[0.0, 4.38, 0.36], [0.0, 4.6, 0.42], [0.0, 4.76, 0.54], [0.0, 4.74, 0.62]])

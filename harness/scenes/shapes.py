@@ -228,7 +228,7 @@ def noise(points: ArrayLike, seed: int, octaves: int = 1) -> F64:
         high = (low + 1) & 31
         value = np.zeros(where.shape[:-1])
         for corner in range(8):
-            picked, share = [], 1.0
+            picked, share = [], np.ones(where.shape[:-1])
             for axis in range(3):
                 upper = corner >> axis & 1
                 picked.append((high if upper else low)[..., axis])

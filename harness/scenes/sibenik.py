@@ -57,9 +57,16 @@ def _shell() -> Mesh:
             box((WEST, 5.3, -SIDE), (EAST, 5.55, -SIDE + 0.2)),
         ]
         east = grid((EAST, 0.0, -SIDE), (0.0, 0.0, SIDE - HALF), (0.0, 8.0, 0.0))
+        pilasters = [
+            place(cylinder(0.24, 5.3, 16, caps=False), x, 0.0, -SIDE + 0.1) for x in (*COLUMNS, *CROSSING)
+        ]
         windows = [place(window(0.65, 2.4), (a + b) / 2, 2.2, -SIDE) for a, b in BAYS]
         transept = place(rose(1.9), 8.0, 9.0, -SIDE)
-        parts.append(transform(join([wall, *trim, flip(east), *windows, transept]), scale=(1.0, 1.0, -sign)))
+        parts.append(
+            transform(
+                join([wall, *trim, flip(east), *windows, *pilasters, transept]), scale=(1.0, 1.0, -sign)
+            )
+        )
     parts.append(place(rose(2.3), WEST, 9.6, 0.0, 90.0))
     parts.append(place(window(1.3, 3.4), WEST, 0.0, 0.0, 90.0))
     return join(parts)
