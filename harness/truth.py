@@ -256,12 +256,9 @@ def _provenance(prepared: Prepared, moment: Moment, shadows: Sequence[bool]) -> 
 def _write(path: Path, reference: Reference) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    facts = np.array(json.dumps(reference.provenance, sort_keys=True))
     with temporary.open("wb") as stream:
-        np.savez_compressed(
-            stream,
-            **reference.answers(),
-            provenance=np.array(json.dumps(reference.provenance, sort_keys=True)),
-        )
+        np.savez_compressed(stream, **reference.answers(), provenance=facts)  # type: ignore[arg-type]
     temporary.replace(path)
 
 
@@ -272,6 +269,6 @@ def _read(path: Path, provenance: dict[str, Any]) -> Reference | None:
             if json.loads(str(stored["provenance"])) != provenance:
                 return None
             names = ("triangle", "t", "u", "v", "visibility")
-            return Reference(*(stored[name] for name in names), provenance)
+            return Reference(**{name: stored[name] for name in names}, provenance=provenance)
     except DAMAGED:
         return None

@@ -73,7 +73,7 @@ def explain(
     judge = Judge(prepared, moment, device=place)
     facts: dict[str, Any] = {"scene": scene, "pixel": [int(match[1]), int(match[2])], "frame": frame}
     facts["exact"] = exact_facts(judge, moment, index)
-    rows = [("reference", "ok", "", judge.reference.answers(), None)]
+    rows: list[tuple[Any, ...]] = [("reference", "ok", "", judge.reference.answers(), None)]
     for name in dict.fromkeys(method or method_names()):
         found = answer(name, {}, prepared, moment, place)
         rows.append((name, found.status, found.reason, found.answers, found.known_inexact))
@@ -150,7 +150,8 @@ def _row(
         verdict = Verdict.INVALID
     elif found.t_wrong[index] or found.uv_wrong[index]:
         verdict = Verdict.TRUE
-    bits, classes = [], []
+    bits: list[int] = []
+    classes: list[Verdict | None] = []
     for i, light in enumerate(moment.lights):
         bits.append(int(answers["visibility"][i][index]))
         if (
