@@ -62,7 +62,7 @@ def read_usd(path: Path) -> Mesh:
     return checked(path, np.concatenate([p for p, _ in parts]), np.concatenate([f for _, f in parts]), up)
 
 
-def _one(path: Path, mesh: Any) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _one(path: Path, mesh: Any) -> tuple[NDArray, NDArray]:
     """Positions float64 [n, 3] and fans of one mesh, indices from 0."""
     points = _values(mesh.GetPointsAttr(), np.float64).reshape(-1, 3)
     counts = _values(mesh.GetFaceVertexCountsAttr(), np.int64)
