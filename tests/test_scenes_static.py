@@ -10,7 +10,8 @@ import pytest
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from shadowbench.harness.moment import Prepared
-from shadowbench.harness.scenes import buddha, conference, shapes, sibenik
+from shadowbench.harness.scenes import buddha, conference, implicit, shapes, sibenik
+from shadowbench.harness.scenes.catalogue import resolve
 
 MODULES = {"sibenik": sibenik, "conference": conference, "buddha": buddha}
 TRIANGLES = {"sibenik": 82_000, "conference": 284_000, "buddha": 1_087_716}
@@ -176,3 +177,32 @@ def test_noise_depends_on_its_seed_only() -> None:
     assert np.abs(shapes.noise(points, 3, 4)).max() <= 1.0
     near = np.abs(shapes.noise(points, 3) - shapes.noise(points + 1e-6, 3)).max()
     assert near < 1e-5
+
+
+def ball(points: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(points, axis=1) - np.float32(0.5)
+
+
+def test_surface_of_a_signed_distance() -> None:
+    spacing = 0.02
+    mesh = implicit.polygonise(ball, (-0.6, -0.6, -0.6), (0.6, 0.6, 0.6), spacing)
+    assert shapes.edge_faults(mesh.faces) == 0
+    assert volume_of(mesh) == pytest.approx(4 / 3 * np.pi * 0.5**3, rel=0.01)
+    assert np.abs(ball(mesh.vertices)).max() < 0.2 * spacing
+
+
+def test_surface_stays_closed_where_sheets_touch() -> None:
+    """Noise as fine as the lattice: squares with the surface across all four sides are everywhere."""
+
+    def sponge(points: np.ndarray) -> np.ndarray:
+        return np.maximum(ball(points), 0.05 * shapes.noise(points * 40.0, 7)).astype(np.float32)
+
+    mesh = implicit.polygonise(sponge, (-0.6, -0.6, -0.6), (0.6, 0.6, 0.6), 0.02, slack=3.0)
+    assert len(mesh.faces) > 20_000
+    assert shapes.edge_faults(mesh.faces) == 0
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_catalogue_finds_the_stand_in(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("SHADOWBENCH_SCENES", raising=False)
+    assert resolve(name).title == MODULES[name].scene().title
