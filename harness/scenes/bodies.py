@@ -18,7 +18,7 @@ from .shapes import Mesh, rotation
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
-Point = Sequence[float]
+Point = Sequence[float] | NDArray[np.float64]
 
 CHUNK = 2048
 """Points evaluated at a time: blobs far from all of them are left out."""
@@ -39,7 +39,7 @@ class Blob:
     end: tuple[float, ...]
     radii: tuple[float, float] = (0.0, 0.0)
     axes: tuple[float, ...] | None = None
-    turn: tuple[Point, float] | None = None
+    turn: tuple[Sequence[float], float] | None = None
     blend: float = 0.0
     cut: bool = False
     group: str = ""
@@ -59,7 +59,7 @@ class Blob:
         return (share - 1) * np.where(share < 1, np.float32(min(self.axes)), slope)
 
     def _cone(self, points: F32) -> F32:
-        start, end = np.float32(self.start), np.float32(self.end)
+        start, end = np.array(self.start, dtype=np.float32), np.array(self.end, dtype=np.float32)
         along = end - start
         arm = [points[i] - start[i] for i in range(3)]
         length = max(float(along[0] ** 2 + along[1] ** 2 + along[2] ** 2), 1e-12)
@@ -82,7 +82,7 @@ def limb(start: Point, end: Point, first: float, second: float, blend: float = 0
 def ball(
     middle: Point,
     axes: Point | float,
-    turn: tuple[Point, float] | None = None,
+    turn: tuple[Sequence[float], float] | None = None,
     blend: float = 0.03,
     cut: bool = False,
     group: str = "",

@@ -34,7 +34,7 @@ def scene() -> Scene:
         name="bunny_dragon",
         title="Bunny/Dragon (stand-in)",
         geometry=_geometry,
-        camera=Camera(eye=(-2.5, 1.35, 2.9), target=(-0.7, 0.54, 0.0), fov=43.0),
+        camera=Camera(eye=(-2.5, 1.35, 2.9), target=(-0.74, 0.56, 0.0), fov=44.0),
         lights=(Light((-1.6, 4.2, 3.4)),),
         stand_in="procedural stand-in for the UNC Bunny/Dragon animation (exploding dragon)",
         notes="two dense bodies; after the impact every patch of them flies on its own",

@@ -30,7 +30,7 @@ def scene() -> Scene:
         name="cloth",
         title="Cloth (stand-in)",
         geometry=_geometry,
-        camera=Camera(eye=(0.6, 2.0, 2.15), target=(0.0, 0.3, 0.1), fov=42.0),
+        camera=Camera(eye=(0.5, 1.85, 1.95), target=(0.0, 0.3, 0.08), fov=42.0),
         lights=(Light((1.6, 3.4, 1.4)),),
         stand_in="procedural stand-in for the UNC Cloth/Ball animation",
         notes="simulated: XPBD sheet of 72 x 72 vertices with self-contact, refined to 214 x 214",

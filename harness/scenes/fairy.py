@@ -7,14 +7,12 @@ repeats after the last frame. Both figures are modelled looking towards +x, then
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
 from ..scene import Camera, Geometry, Light, Scene
 from . import forest
-from .bodies import Blob, Body, ball, both, chain, curve, limb
+from .bodies import Blob, Body, Point, ball, both, chain, curve, limb
 from .motion import Animated, Carry, Drift, Motion, Part, Sway, Swing
 from .shapes import Mesh, patch, transform
 
@@ -28,7 +26,6 @@ FAIRY_PLACE, FAIRY_TURN = (0.05, 0.30, 0.0), -66.0
 DRAGONFLY_PLACE, DRAGONFLY_TURN = (0.93, 1.66, 0.50), 200.0
 
 F64 = NDArray[np.float64]
-Point = Sequence[float]
 
 
 def scene() -> Scene:

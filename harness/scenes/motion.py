@@ -88,7 +88,7 @@ class Drift:
 class Carry:
     """The part stands ``by`` away from where it was modelled, at all times."""
 
-    by: Sequence[float]
+    by: Sequence[float] | F64
 
     def apply(self, points: F64, phase: float) -> None:
         points += np.asarray(self.by, dtype=np.float64)
