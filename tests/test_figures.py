@@ -333,6 +333,7 @@ def test_draw_writes_a_tidy_csv_a_markdown_table_and_bars(records, tmp_path, cap
     table = [line for line in text.splitlines() if line.startswith("|")]
     assert len({line.count("|") for line in table[: 2 + len(SCENES)]}) == 1, "every row has every column"
     assert "8.73 / 32.43" in text
+    assert r"* Cloth model" in text
     assert "stand-in" in text
 
 
@@ -352,6 +353,30 @@ def test_only_the_newest_record_of_a_point_is_shown(tmp_path):
     assert older == 1
     table1.draw(tmp_path, quiet=True)
     assert "1 older record" in (tmp_path / "table1.md").read_text()
+
+
+def test_settings_and_originals_have_entries_of_their_own(tmp_path):
+    plain = record("sibenik", "bvh")
+    refit = record("sibenik", "bvh", seed=1, key="refit")
+    refit["method"]["settings"] = {"update": "refit"}
+    original = record("sibenik", "bvh", seed=2, key="original")
+    original["scene"].update(title="Sibenik", stand_in=None)
+    write(tmp_path, [plain, refit, original])
+    rows = tidy.rows(tidy.newest(tmp_path)[0])
+    made = sheet.sheet(rows)
+    assert made.columns == ("Warp Mesh, rebuilt", "Warp Mesh, rebuilt, update refit")
+    assert [line.title for line in made.lines] == ["Sibenik", "Sibenik Cathedral (stand-in)"]
+    assert [[cell.lines[0] for cell in line.cells].count("-") for line in made.lines] == [1, 0]
+    (path,) = bars.draw(rows, tmp_path / "bars.svg")
+    assert "update refit" in path.read_text()
+
+
+def test_two_devices_are_two_columns():
+    other = record("bunny", "bvh", seed=1)
+    other["method"].update(device="cuda:0", device_name="Imaginary GPU")
+    made = sheet.sheet(tidy.rows([record("bunny", "bvh"), other]))
+    assert made.columns == ("Warp Mesh, rebuilt, cpu", "Warp Mesh, rebuilt, cuda:0")
+    assert "Imaginary CPU, Imaginary GPU" in made.title
 
 
 def test_bars_are_compact_and_drawn_only_where_there_is_something(records, tmp_path):

@@ -8,7 +8,7 @@ from typing import Any
 
 from ..passes import PARTS
 from . import style
-from .sheet import error_text
+from .sheet import column_name, error_text, title_of
 
 FIELDS = dict(zip(PARTS, ("build_ms", "trace_ms", "light_build_ms", "shadow_ms"), strict=True))
 
@@ -33,21 +33,23 @@ def draw(rows: Sequence[dict[str, Any]], path: Path) -> list[Path]:
 def _figure(rows: Sequence[dict[str, Any]]) -> Any:
     from matplotlib.figure import Figure
 
-    scenes = list(dict.fromkeys(row["scene"] for row in rows))
-    counts = [sum(row["scene"] == scene for row in rows) for scene in scenes]
+    scenes: dict[tuple[str, str], list[dict[str, Any]]] = {}
+    for row in rows:
+        scenes.setdefault((row["scene"], row["scene_title"]), []).append(row)
+    counts = [len(own) for own in scenes.values()]
     bar, frame = 0.15, 0.50
     height = sum(n * bar + frame for n in counts) + 0.55
     figure = Figure(figsize=(style.COLUMN_WIDTH, height), layout="constrained")
     panels = figure.subplots(len(scenes), 1, squeeze=False, height_ratios=counts)[:, 0]
     colours = style.colours(row["method"] for row in rows)
-    for axes, scene in zip(panels, scenes, strict=True):
-        _panel(axes, [row for row in rows if row["scene"] == scene], colours)
+    for axes, own in zip(panels, scenes.values(), strict=True):
+        _panel(axes, own, [column_name(row, rows) for row in own], colours)
     figure.supxlabel("ms a frame; whiskers: interquartile range of repeats", fontsize=7)
     _legend(figure)
     return figure
 
 
-def _panel(axes: Any, rows: Sequence[dict[str, Any]], colours: dict[str, str]) -> None:
+def _panel(axes: Any, rows: Sequence[dict[str, Any]], labels: Sequence[str], colours: dict[str, str]) -> None:
     longest = max(map(_end, rows), default=0.0) or 1.0
     for place, row in enumerate(rows):
         if not row.get("total_ms"):
@@ -79,12 +81,8 @@ def _panel(axes: Any, rows: Sequence[dict[str, Any]], colours: dict[str, str]) -
             va="center",
             fontsize=6,
         )
-    first = rows[0]
-    title = first["scene_title"]
-    if first.get("stand_in") and "stand-in" not in title:
-        title += " (stand-in)"
-    axes.set_title(title, loc="left", pad=2)
-    axes.set_yticks(range(len(rows)), [row["label"] for row in rows])
+    axes.set_title(title_of(rows[0]), loc="left", pad=2)
+    axes.set_yticks(range(len(rows)), labels)
     axes.tick_params(axis="y", length=0)
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.set_xlim(0, longest * 1.38)

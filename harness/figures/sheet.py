@@ -61,23 +61,23 @@ def cell(row: dict[str, Any] | None, number: int | None = None, best: bool = Fal
         return Cell(("-",))
     if row["status"] != "ok" or row.get("total_ms") is None:
         return Cell((row["status"] + (f" [{number}]" if number else ""),), bad=row["status"] != "skipped")
-    rate = f"{style.number(row['frame_mrays_per_s'])} Mrays/s, " if row.get("frame_mrays_per_s") else ""
     lines = (
         f"{style.number(row['build_ms'])} / {style.number(row['trace_ms'])}",
         f"{style.number(row['total_ms'])} {error_text(row)}",
-        f"{rate}{style.megabytes(row['memory_bytes'])} MB",
+        f"{style.number(row.get('frame_mrays_per_s'))} Mrays/s",
+        f"{style.megabytes(row['memory_bytes'])} MB",
     )
     return Cell(lines, best, bad=error_text(row).startswith(style.WRONG))
 
 
 def sheet(rows: Sequence[dict[str, Any]]) -> Sheet:
     """The table of tidy rows (see :mod:`.tidy`), scenes down and methods across, in the rows' order."""
-    scenes = list(dict.fromkeys(row["scene"] for row in rows))
-    columns = _columns(rows)
+    scenes = list(dict.fromkeys((row["scene"], row["scene_title"]) for row in rows))
+    columns = column_names(rows)
     reasons: list[str] = []
     lines = []
-    for scene in scenes:
-        own = {_column(row, rows): row for row in rows if row["scene"] == scene}
+    for scene, title in scenes:
+        own = {column_name(r, rows): r for r in rows if (r["scene"], r["scene_title"]) == (scene, title)}
         right = [r["total_ms"] for r in own.values() if _faultless(r)]
         cells = []
         for column in columns:
@@ -93,12 +93,14 @@ def sheet(rows: Sequence[dict[str, Any]]) -> Sheet:
         first = next(iter(own.values()))
         triangles = first.get("triangles")
         facts = f"{triangles:,} triangles" if triangles else "triangles unknown"
-        lines.append(Line(_title(first), facts, tuple(cells), paper.cells(scene)))
+        frames = max((r.get("frames") or 0 for r in own.values()), default=0)
+        facts += f"\n{frames} frames" if frames > 1 else ""
+        lines.append(Line(title_of(first), facts, tuple(cells), paper.cells(scene)))
     notes = [*_how_to_read(rows), *_not_measured(reasons), *_errors(rows), *_built(rows), *_stand_ins(rows)]
     return Sheet(_heading(rows), columns, tuple(lines), tuple(notes))
 
 
-def _title(row: dict[str, Any]) -> str:
+def title_of(row: dict[str, Any]) -> str:
     title = row["scene_title"]
     return f"{title} (stand-in)" if row.get("stand_in") and "stand-in" not in title else title
 
@@ -107,9 +109,11 @@ def _faultless(row: dict[str, Any]) -> bool:
     return row["status"] == "ok" and row.get("total_ms") is not None and error_text(row) == style.OK
 
 
-def _column(row: dict[str, Any], rows: Sequence[dict[str, Any]]) -> str:
-    """The column a row belongs to: its label, and its device or size where the folder has several."""
+def column_name(row: dict[str, Any], rows: Sequence[dict[str, Any]]) -> str:
+    """The column a row belongs to: its label, what was set by hand, and device or size where there are several."""
     parts = [row["label"]]
+    if row.get("settings") not in (None, "-"):
+        parts.append(row["settings"])
     if len({r["device"] for r in rows}) > 1:
         parts.append(row["device"])
     if len({(r["width"], r["height"]) for r in rows}) > 1:
@@ -117,9 +121,9 @@ def _column(row: dict[str, Any], rows: Sequence[dict[str, Any]]) -> str:
     return ", ".join(parts)
 
 
-def _columns(rows: Sequence[dict[str, Any]]) -> tuple[str, ...]:
+def column_names(rows: Sequence[dict[str, Any]]) -> tuple[str, ...]:
     order = list(style.colours(row["method"] for row in rows))
-    pairs = {(order.index(row["method"]), _column(row, rows)) for row in rows}
+    pairs = {(order.index(row["method"]), column_name(row, rows)) for row in rows}
     return tuple(column for _, column in sorted(pairs))
 
 
@@ -135,7 +139,7 @@ def _heading(rows: Sequence[dict[str, Any]]) -> str:
 def _how_to_read(rows: Sequence[dict[str, Any]]) -> list[str]:
     notes = [
         "Each entry: build / trace of primary rays in ms; then the whole frame with shadows in ms and its error; "
-        "then primary and shadow rays over the whole frame, and memory of the structures and work buffers.",
+        "then primary and shadow rays over the whole frame; then memory of structures and work buffers.",
         f"{style.OK} no wrong answer; {style.WRONG} wrong pixels and shadow bits, over all frames measured; "
         f"{style.UNSCORED}: no truth was to be had, so nothing is known of the answers.",
     ]
@@ -195,9 +199,9 @@ def _errors(rows: Sequence[dict[str, Any]]) -> list[str]:
 
 def _built(rows: Sequence[dict[str, Any]]) -> list[str]:
     notes = []
-    for column in _columns(rows):
+    for column in column_names(rows):
         texts = sorted(
-            {r["built"] for r in rows if _column(r, rows) == column and r["built"] not in (None, "-")}
+            {r["built"] for r in rows if column_name(r, rows) == column and r["built"] not in (None, "-")}
         )
         if texts:
             notes.append(f"{column}: {'; or '.join(texts)}.")

@@ -6,6 +6,7 @@ A pure function of the records in a folder; nothing is timed or scored here.
 from __future__ import annotations
 
 import csv
+import textwrap
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -18,8 +19,11 @@ from rich.text import Text
 from . import bars, gallery, paper, style, tidy
 from .sheet import Cell, Sheet, error_text, sheet
 
-PIPE_WIDTH = 220
-"""Columns assumed where the output is not a terminal: a file can be scrolled."""
+PIPE_WIDTH = 160
+"""Columns at least where the output is not a terminal: a file can be scrolled."""
+
+HEAD_WIDTH = 18
+"""Columns after which a method's label is broken."""
 
 
 def draw(folder: Path | str, quiet: bool = False) -> list[Path]:
@@ -66,8 +70,10 @@ def write_markdown(made: Sheet, rows: Sequence[dict[str, Any]], path: Path) -> P
     lines += [_md_row(head), _md_row(["---"] * len(head))]
     for line in made.lines:
         cells = [_md_cell(cell) for cell in line.cells]
-        lines.append(_md_row([f"**{line.title}**<br>{line.facts}", *cells, *line.printed]))
-    lines += ["", *(f"- {note}" for note in made.notes)]
+        lines.append(
+            _md_row([f"**{line.title}**<br>{line.facts}".replace("\n", "<br>"), *cells, *line.printed])
+        )
+    lines += ["", *(f"- {_md_text(note)}" for note in made.notes)]
     lines += ["", f"The paper's columns ({paper.LABEL}):", ""]
     lines += [f"- *{c.title}*: {c.source}." for c in paper.COLUMNS] + [
         f"- {note}" for note in paper.FOOTNOTES
@@ -76,6 +82,11 @@ def write_markdown(made: Sheet, rows: Sequence[dict[str, Any]], path: Path) -> P
     lines += _stages(rows)
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return path
+
+
+def _md_text(text: str) -> str:
+    """Text in which markdown sees no emphasis."""
+    return text.replace("*", "\\*").replace("_", "\\_")
 
 
 def _md_row(cells: Sequence[str]) -> str:
@@ -135,20 +146,18 @@ def show(made: Sheet, console: Console | None = None) -> None:
     if console is None:
         console = Console()
         if not console.is_terminal:
-            console = Console(width=PIPE_WIDTH)
+            console = Console(width=max(PIPE_WIDTH, _width(_wide(made), console)))
     wide = _wide(made)
-    if console.measure(wide).minimum <= console.width and _fits(wide, console):
-        console.print(wide)
-    else:
-        console.print(_narrow(made))
+    console.print(wide if _width(wide, console) <= console.width else _narrow(made))
     for note in made.notes:
         console.print(Text("- " + note), soft_wrap=False, highlight=False)
     for text in (f"The paper's numbers: {paper.LABEL}.", *paper.FOOTNOTES):
         console.print(Text("- " + text, style="dim"), highlight=False)
 
 
-def _fits(table: Table, console: Console) -> bool:
-    return console.measure(table, options=console.options.update(width=10_000)).maximum <= console.width
+def _width(table: Table, console: Console) -> int:
+    """Columns that a table takes when nothing in it is broken."""
+    return console.measure(table, options=console.options.update(width=10_000)).maximum
 
 
 def _text(cell: Cell) -> Text:
@@ -164,7 +173,7 @@ def _wide(made: Sheet) -> Table:
     table = Table(title=made.title, title_justify="left", show_lines=True, pad_edge=False)
     table.add_column("scene", no_wrap=True)
     for column in made.columns:
-        table.add_column(column.replace(", ", ",\n"), no_wrap=True)
+        table.add_column("\n".join(textwrap.wrap(column, HEAD_WIDTH)), no_wrap=True)
     for c in paper.COLUMNS:
         table.add_column(f"{c.title}\n[dim]paper,\n{paper.GPU}[/]", no_wrap=True, style="dim")
     for line in made.lines:
@@ -180,10 +189,11 @@ def _narrow(made: Sheet) -> Table:
         table.add_column(name, no_wrap=True)
     for line in made.lines:
         table.add_section()
-        table.add_row(Text(line.title, style="bold"), "", "", line.facts)
+        table.add_row(Text(line.title, style="bold"), "", "", line.facts.replace("\n", ", "))
         for column, cell in zip(made.columns, line.cells, strict=True):
             style_ = "red" if cell.bad else "bold green" if cell.best else ""
-            table.add_row(f"  {column}", *cell.lines, style=style_)
+            times, rate_and_memory = cell.lines[:2], ", ".join(cell.lines[2:])
+            table.add_row(f"  {column}", *times, *([""] * (2 - len(times))), rate_and_memory, style=style_)
         if set(line.printed) != {"-"}:
             for c, text in list(zip(paper.COLUMNS, line.printed, strict=True))[:-1]:
                 total = line.printed[-1] if c.key == "ours" else ""

@@ -15,7 +15,8 @@ from ..record import identity, part_ms, read_records, summarise
 from . import paper, style
 
 COLUMNS = (
-    "origin scene scene_title stand_in source source_file source_sha256 triangles method method_title label built "
+    "origin scene scene_title stand_in source source_file source_sha256 triangles "
+    "method method_title label settings built "
     "device device_name width height preset status reason "
     "build_ms trace_ms light_build_ms shadow_ms total_ms "
     "build_iqr_ms trace_iqr_ms light_build_iqr_ms shadow_iqr_ms iqr_ms between_ms stage_gap "
@@ -25,6 +26,9 @@ COLUMNS = (
 ).split()
 """The columns of a tidy CSV, in order. Times in milliseconds, rates in 1e6 rays a second, memory in bytes."""
 
+
+SAME = ("scene", "scene_title", "method", "label", "device", "width", "height")
+"""Two records that agree in these and in their settings are of one entry of a table: the newer one is shown."""
 
 ERROR_CLASSES = ("true", "invalid", "acne", "leak")
 """The classes of a score that no rounding excuses."""
@@ -45,6 +49,7 @@ def row(record: dict[str, Any]) -> dict[str, Any]:
         "source_file": source.get("file"),
         "source_sha256": source.get("sha256"),
         "environment": record["environment"],
+        "settings": style.settings_text(record["method"].get("settings")),
         "built": style.settings_text(record["method"].get("built")),
     }
     frames = [frame for frame in record["frames"] if frame["total_ms"]]
@@ -57,7 +62,7 @@ def row(record: dict[str, Any]) -> dict[str, Any]:
 
 
 def newest(folder: Path | str) -> tuple[list[dict[str, Any]], int]:
-    """A folder's records, of each scene, column, device and size the one measured last; and how many others there are.
+    """A folder's records, of each entry of a table the one measured last; and how many others there are.
 
     A changed method or scene has another key, and its older records stay in the folder.
     """
@@ -65,7 +70,7 @@ def newest(folder: Path | str) -> tuple[list[dict[str, Any]], int]:
     records = read_records(folder)
     for record in records:
         who = identity(record)
-        point = tuple(who[name] for name in ("scene", "method", "label", "device", "width", "height"))
+        point = (*(who[name] for name in SAME), style.settings_text(record["method"].get("settings")))
         path = Path(folder) / "records" / f"{record['key']}.json"
         noted = [entry["noted"] for entry in record.get("rounds", ()) if "noted" in entry]
         when = max(noted, default=path.stat().st_mtime if path.exists() else 0.0)
@@ -84,6 +89,7 @@ def rows(records: list[dict[str, Any]]) -> list[dict[str, Any]]:
         key=lambda r: (
             scenes.index(r["scene"]) if r["scene"] in scenes else len(scenes),
             r["scene"],
+            r["scene_title"],
             methods.index(r["method"]),
             r["label"],
             r["device"],
