@@ -62,7 +62,9 @@ def command(name: str, example: str) -> Callable[[Callable[..., int | None]], Ca
             parameters=[*signature.parameters.values(), flag]
         )
         checked.__annotations__ = {p.name: p.annotation for p in checked.__signature__.parameters.values()}  # type: ignore[attr-defined]
-        app.command(name, help=f"{work.__doc__}\n\n\b\nExample:\n  {example}")(checked)
+        app.command(name, help=f"{inspect.cleandoc(work.__doc__ or str())}\n\n\b\nExample:\n  {example}")(
+            checked
+        )
         return work
 
     return register

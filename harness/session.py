@@ -70,6 +70,10 @@ class Session:
                 return
         raise RuntimeError(f"{self.method.name}: needs still grow after {GROWTH_LIMIT} repeats of one frame")
 
+    def overflowed(self) -> bool:
+        """Whether the last frame needed more than it had; its capacities are then raised and the frame is void."""
+        return self._grow()
+
     def _grow(self) -> bool:
         needs = self.method.needs()
         if needs is None:
