@@ -113,7 +113,7 @@ def _upward(low: NDArray, high: NDArray) -> int:
             return axis
     for axis in range(3):
         others = [i for i in range(3) if i != axis]
-        if (extent[axis] < 0.3 * extent[others]).all():
+        if (extent[axis] < 0.4 * extent[others]).all():
             return axis
     return 1
 
@@ -134,7 +134,7 @@ def outside(
     """
     camera = _fitted(shape, _direction(shape, azimuth, elevation), shape.frame()[1])
     middle = (shape.low + shape.high) / 2
-    place = middle + shape.radius * 2.2 * _direction(shape, azimuth - 65.0, 50.0)
+    place = middle + shape.radius * 2.2 * _direction(shape, azimuth - 50.0, 50.0)
     return camera, (Light(_vector(place)),)
 
 
