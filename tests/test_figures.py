@@ -333,7 +333,8 @@ def test_draw_writes_a_tidy_csv_a_markdown_table_and_bars(records, tmp_path, cap
     table = [line for line in text.splitlines() if line.startswith("|")]
     assert len({line.count("|") for line in table[: 2 + len(SCENES)]}) == 1, "every row has every column"
     assert "8.73 / 32.43" in text
-    assert r"* Cloth model" in text
+    assert r"39 / n/a\*" in text
+    assert r"- \* Cloth model" in text
     assert "stand-in" in text
 
 

@@ -25,4 +25,6 @@ def show(experiment: str, folder: Path | str, quiet: bool = False) -> list[Path]
     try:
         return list(draw(folder, quiet))
     except OSError as error:
-        raise UserError(f"{error.filename or folder}: cannot write ({error.strerror}); free or change it") from error
+        raise UserError(
+            f"{error.filename or folder}: cannot write ({error.strerror}); free or change it"
+        ) from error

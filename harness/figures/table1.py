@@ -65,19 +65,17 @@ def _plain(value: Any) -> Any:
 
 def write_markdown(made: Sheet, rows: Sequence[dict[str, Any]], path: Path) -> Path:
     """The table with the paper's columns at its right, the notes, and the stages of every point."""
-    head = ["scene", *made.columns, *(f"*{c.title}*" for c in paper.COLUMNS)]
+    titles = ["scene", *made.columns, *(f"*{c.title}*" for c in paper.COLUMNS)]
     lines = [f"# {made.title}", "", f"Columns in italics: {paper.LABEL}, as printed.", ""]
-    lines += [_md_row(head), _md_row(["---"] * len(head))]
+    lines += [_md_row(titles), _md_row(["---"] * len(titles))]
     for line in made.lines:
         cells = [_md_cell(cell) for cell in line.cells]
-        lines.append(
-            _md_row([f"**{line.title}**<br>{line.facts}".replace("\n", "<br>"), *cells, *line.printed])
-        )
+        head = f"**{line.title}**<br>{line.facts}".replace("\n", "<br>")
+        lines.append(_md_row([head, *cells, *map(_md_text, line.printed)]))
     lines += ["", *(f"- {_md_text(note)}" for note in made.notes)]
     lines += ["", f"The paper's columns ({paper.LABEL}):", ""]
-    lines += [f"- *{c.title}*: {c.source}." for c in paper.COLUMNS] + [
-        f"- {note}" for note in paper.FOOTNOTES
-    ]
+    lines += [f"- *{c.title}*: {_md_text(c.source)}." for c in paper.COLUMNS]
+    lines += [f"- {_md_text(note)}" for note in paper.FOOTNOTES]
     lines += ["", "## Stage by stage", "", "Medians in ms; ± is half the interquartile range of repeats.", ""]
     lines += _stages(rows)
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
