@@ -11,6 +11,7 @@ import numpy as np
 SCENES = {
     "fairy": ("Fairy Forest (stand-in)", 174_117, 3),
     "sibenik": ("Sibenik Cathedral (stand-in)", 81_952, 1),
+    "cloth": ("Cloth (stand-in)", 92_210, 3),
     "buddha": ("Buddha (stand-in)", 1_087_716, 1),
     "bunny": ("Bunny (file)", 12_180, 1),
 }

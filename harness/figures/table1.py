@@ -136,6 +136,8 @@ def _stages(rows: Sequence[dict[str, Any]]) -> list[str]:
 
 def _spread(row: dict[str, Any], part: str) -> str:
     spread = row["iqr_ms"] if part == "total" else row[f"{part}_iqr_ms"]
+    if not row[f"{part}_ms"]:
+        return "-"
     return f"{style.number(row[f'{part}_ms'])} ± {style.number(spread / 2)}"
 
 
