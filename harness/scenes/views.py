@@ -134,7 +134,7 @@ def outside(
     """
     camera = _fitted(shape, _direction(shape, azimuth, elevation), shape.frame()[1])
     middle = (shape.low + shape.high) / 2
-    place = middle + shape.radius * 2.2 * _direction(shape, azimuth - 50.0, 50.0)
+    place = middle + shape.radius * 2.2 * _direction(shape, azimuth - 60.0, 45.0)
     return camera, (Light(_vector(place)),)
 
 
