@@ -205,6 +205,10 @@ def _built(rows: Sequence[dict[str, Any]]) -> list[str]:
         )
         if texts:
             notes.append(f"{column}: {'; or '.join(texts)}.")
+        inexact = sorted(
+            {r["known_inexact"] for r in rows if column_name(r, rows) == column and r.get("known_inexact")}
+        )
+        notes += [f"{column} declares itself inexact: {reason}." for reason in inexact]
     return notes
 
 

@@ -21,7 +21,7 @@ COLUMNS = (
     "build_ms trace_ms light_build_ms shadow_ms total_ms "
     "build_iqr_ms trace_iqr_ms light_build_iqr_ms shadow_iqr_ms iqr_ms between_ms stage_gap "
     "frames samples primary_mrays_per_s shadow_mrays_per_s frame_mrays_per_s "
-    "memory_bytes peak_rss_bytes true_errors pixels_scored excused_share check reference_errors unscored "
+    "memory_bytes peak_rss_bytes true_errors pixels_scored excused_share check reference_errors known_inexact unscored "
     "regrown compile_s first_frame_s environment key"
 ).split()
 """The columns of a tidy CSV, in order. Times in milliseconds, rates in 1e6 rays a second, memory in bytes."""
@@ -49,6 +49,7 @@ def row(record: dict[str, Any]) -> dict[str, Any]:
         "source_file": source.get("file"),
         "source_sha256": source.get("sha256"),
         "environment": record["environment"],
+        "known_inexact": record["method"].get("known_inexact"),
         "settings": style.settings_text(record["method"].get("settings")),
         "built": style.settings_text(record["method"].get("built")),
     }
