@@ -40,6 +40,14 @@ def out_of_view(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, tx: wp.float32, ty: wp.fl
 
 
 @wp.func
+def screen_scale(tx: wp.float32, ty: wp.float32, width: wp.int32, height: wp.int32) -> wp.vec4f:
+    """(pixels per sx, pixels per sy, column of sx = 0, row of sy = 0); pixel centres are at whole numbers."""
+    w = wp.float32(width)
+    h = wp.float32(height)
+    return wp.vec4f(0.5 * w / tx, 0.5 * h / ty, 0.5 * w - 0.5, 0.5 * h - 0.5)
+
+
+@wp.func
 def pixel_box(
     a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, tx: wp.float32, ty: wp.float32, width: wp.int32, height: wp.int32
 ) -> wp.vec4i:
@@ -52,18 +60,15 @@ def pixel_box(
         return wp.vec4i(0, 0, width - 1, height - 1)
     w = wp.float32(width)
     h = wp.float32(height)
-    kx = 0.5 * w / tx
-    ky = 0.5 * h / ty
-    mx = 0.5 * w - 0.5
-    my = 0.5 * h - 0.5
-    ax = mx + kx * (a[0] / a[2])
-    bx = mx + kx * (b[0] / b[2])
-    cx = mx + kx * (c[0] / c[2])
-    ay = my - ky * (a[1] / a[2])
-    by = my - ky * (b[1] / b[2])
-    cy = my - ky * (c[1] / c[2])
-    pad_x = 0.01 + 4.0e-6 * (1.0 + tx) * kx + 1.0e-6 * w
-    pad_y = 0.01 + 4.0e-6 * (1.0 + ty) * ky + 1.0e-6 * h
+    s = screen_scale(tx, ty, width, height)
+    ax = s[2] + s[0] * (a[0] / a[2])
+    bx = s[2] + s[0] * (b[0] / b[2])
+    cx = s[2] + s[0] * (c[0] / c[2])
+    ay = s[3] - s[1] * (a[1] / a[2])
+    by = s[3] - s[1] * (b[1] / b[2])
+    cy = s[3] - s[1] * (c[1] / c[2])
+    pad_x = 0.01 + 4.0e-6 * (1.0 + tx) * s[0] + 1.0e-6 * w
+    pad_y = 0.01 + 4.0e-6 * (1.0 + ty) * s[1] + 1.0e-6 * h
     return wp.vec4i(
         wp.int32(wp.ceil(wp.clamp(wp.min(ax, wp.min(bx, cx)) - pad_x, 0.0, w))),
         wp.int32(wp.ceil(wp.clamp(wp.min(ay, wp.min(by, cy)) - pad_y, 0.0, h))),

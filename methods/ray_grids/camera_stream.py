@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..common.screen import camera_space, out_of_view, pixel_box
+from ..common.screen import camera_space, out_of_view, pixel_box, screen_scale
 from ..common.triangle import (
     FLOOR32,
     U32,
@@ -22,12 +22,13 @@ from ..common.triangle import (
     write_hit,
 )
 from .queue import ITEMS, STRIPS, reserve
+from .spans import Flat, row_span
 
 BLOCK = wp.constant(8)
 """Side of a block of pixels or cells; 64 threads of the GPU share one (triangle, block) item."""
 
 INLINE_PIXELS = wp.constant(16)
-FEW_BLOCKS = wp.constant(32)
+FEW_BLOCKS = wp.constant(4)
 
 
 
@@ -136,6 +137,22 @@ def block_missed(
 
 
 @wp.func
+def on_screen(
+    a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, tx: wp.float32, ty: wp.float32, width: wp.int32, height: wp.int32
+) -> Flat:
+    """Pixel coordinates of the corners (camera space given); within the pad for all that lies in view."""
+    flat = Flat()
+    flat.known = a[2] > 0.01 * largest(a) and b[2] > 0.01 * largest(b) and c[2] > 0.01 * largest(c)
+    if flat.known:
+        s = screen_scale(tx, ty, width, height)
+        flat.a = wp.vec2f(s[2] + s[0] * (a[0] / a[2]), s[3] - s[1] * (a[1] / a[2]))
+        flat.b = wp.vec2f(s[2] + s[0] * (b[0] / b[2]), s[3] - s[1] * (b[1] / b[2]))
+        flat.c = wp.vec2f(s[2] + s[0] * (c[0] / c[2]), s[3] - s[1] * (c[1] / c[2]))
+        flat.pad = 0.05 + 1.0e-4 * wp.float32(wp.max(width, height)) + 4.0e-6 * ((1.0 + tx) * s[0] + (1.0 + ty) * s[1])
+    return flat
+
+
+@wp.func
 def write_item(at: wp.int32, i: wp.int32, box: wp.vec4i, bx: wp.int32, by: wp.int32, items: wp.array(dtype=wp.vec4i)):
     """An item: triangle, first pixel column and row, and last column and row packed into 16 bits each."""
     if at < items.shape[0]:
@@ -206,25 +223,20 @@ def stream_kernel(
     records[i, 0] = wp.vec4f(planes.n0[0], planes.n0[1], planes.n0[2], planes.bound)
     records[i, 1] = wp.vec4f(planes.n1[0], planes.n1[1], planes.n1[2], 0.0)
     records[i, 2] = wp.vec4f(planes.n2[0], planes.n2[1], planes.n2[2], 0.0)
-    if blocks > FEW_BLOCKS:
-        at = reserve(counts, STRIPS, by1 - by0 + 1)
+    if blocks <= FEW_BLOCKS:
+        at = reserve(counts, ITEMS, blocks)
         for by in range(by0, by1 + 1):
-            if at < strips.shape[0]:
-                strips[at] = wp.vec4i(i, by, wp.max(box[1], by * BLOCK) | (wp.min(box[3], by * BLOCK + BLOCK - 1) << 16),
-                                      box[0] | (box[2] << 16))  # fmt: skip
-            at += 1
-        return
-    live = wp.int32(0)
-    for by in range(by0, by1 + 1):
-        for bx in range(bx0, bx1 + 1):
-            if not block_missed(planes, bx, by, width, height, column, row):
-                live += 1
-    at = reserve(counts, ITEMS, live)
-    for by in range(by0, by1 + 1):
-        for bx in range(bx0, bx1 + 1):
-            if not block_missed(planes, bx, by, width, height, column, row):
+            for bx in range(bx0, bx1 + 1):
                 write_item(at, i, box, bx, by, items)
                 at += 1
+        return
+    at = reserve(counts, STRIPS, by1 - by0 + 1)
+    for by in range(by0, by1 + 1):
+        if at < strips.shape[0]:
+            y0 = wp.max(box[1], by * BLOCK)
+            y1 = wp.min(box[3], by * BLOCK + BLOCK - 1)
+            strips[at] = wp.vec4i(i, by, y0 | (y1 << 16), box[0] | (box[2] << 16))
+        at += 1
 
 
 @wp.func
@@ -245,28 +257,52 @@ def strip_kernel(
     threads: wp.int32,
     width: wp.int32,
     height: wp.int32,
+    eye: wp.array(dtype=wp.vec3f),
+    axes: wp.array(dtype=wp.vec3f),
+    tangents: wp.array(dtype=wp.float32),
     column: wp.array(dtype=wp.vec3f),
     row: wp.array(dtype=wp.vec3f),
+    points: wp.array(dtype=wp.vec3f),
+    triangles: wp.array(dtype=wp.vec3i),
     records: wp.array2d(dtype=wp.vec4f),
     strips: wp.array(dtype=wp.vec4i),
     counts: wp.array(dtype=wp.int32),
     items: wp.array(dtype=wp.vec4i),
 ):
-    """Huge triangles: eight threads a row of blocks, each takes every eighth block."""
+    """One row of blocks of a large triangle a thread: queue the blocks between its edges.
+
+    Where a corner cannot be projected, block after block is tried against the edge planes instead.
+    """
     k = wp.tid()
-    total_strips = wp.min(counts[STRIPS], strips.shape[0]) * 8
-    while k < total_strips:
-        strip = strips[k // 8]
+    stop = wp.min(counts[STRIPS], strips.shape[0])
+    while k < stop:
+        strip = strips[k]
+        k += threads
         i = strip[0]
         by = strip[1]
         box = wp.vec4i(strip[3] & 65535, strip[2] & 65535, strip[3] >> 16, strip[2] >> 16)
-        planes = recorded(records, i)
-        bx = box[0] // BLOCK + k % 8
-        while bx <= box[2] // BLOCK:
-            if not block_missed(planes, bx, by, width, height, column, row):
-                write_item(reserve(counts, ITEMS, 1), i, box, bx, by, items)
-            bx += 8
-        k += threads
+        face = triangles[i]
+        flat = on_screen(
+            camera_space(points[face[0]], eye[0], axes),
+            camera_space(points[face[1]], eye[0], axes),
+            camera_space(points[face[2]], eye[0], axes),
+            tangents[0], tangents[1], width, height,
+        )  # fmt: skip
+        if flat.known:
+            span = row_span(flat, wp.float32(box[1]), wp.float32(box[3]))
+            box[0] = wp.max(box[0], wp.int32(wp.ceil(wp.clamp(span[0], 0.0, 65535.0))))
+            box[2] = wp.min(box[2], wp.int32(wp.floor(wp.clamp(span[1], -1.0, 65535.0))))
+            if box[2] >= box[0]:
+                first = box[0] // BLOCK
+                number = box[2] // BLOCK - first + 1
+                at = reserve(counts, ITEMS, number)
+                for j in range(number):
+                    write_item(at + j, i, box, first + j, by, items)
+        else:
+            planes = recorded(records, i)
+            for bx in range(box[0] // BLOCK, box[2] // BLOCK + 1):
+                if not block_missed(planes, bx, by, width, height, column, row):
+                    write_item(reserve(counts, ITEMS, 1), i, box, bx, by, items)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)

@@ -7,6 +7,8 @@ scene radii still spread over all cells. On a face, planes through the light are
 
 from __future__ import annotations
 
+from typing import Any
+
 import warp as wp
 
 from ..common.triangle import largest, to_float32, to_float64
@@ -21,6 +23,22 @@ FACES = wp.constant(6)
 
 
 EMPTY = wp.constant(2147483647)
+
+
+@wp.struct
+class Cube:
+    """The light's axes in float32, for triangles: q = (axes) (p - middle) + (distance, 0, 0).
+
+    Relative to the scene's middle, directions across keep their precision at any distance of the light.
+    size bounds every coordinate of the scene's vertices, and so of every hit point.
+    """
+
+    forward: wp.vec3f
+    right: wp.vec3f
+    up: wp.vec3f
+    middle: wp.vec3f
+    distance: wp.float32
+    size: wp.float32
 
 
 # The lanes of a warp agree on their minimum before one of them touches the shared word: an atomic a thread would
@@ -82,32 +100,42 @@ def aim_kernel(
     lights: wp.array(dtype=wp.vec3f),
     box: wp.array(dtype=wp.int32),
     frame: wp.array(dtype=wp.mat33d),
+    cube: wp.array(dtype=Cube),
     rectangle: wp.array(dtype=wp.int32),
-    size: wp.array(dtype=wp.float32),
 ):
     """Axes of the cube as rows (forward to the scene's middle first); empties the rectangle.
 
     rectangle: lows of u and v on face 0, their negated highs, then the faces in use (0 where used).
-    size[0] bounds every coordinate of the scene's triangles, and so of every hit point.
     """
-    half = wp.float64(0.5)
     low = wp.vec3f(from_ordered(box[0]), from_ordered(box[1]), from_ordered(box[2]))
     high = wp.vec3f(-from_ordered(box[3]), -from_ordered(box[4]), -from_ordered(box[5]))
     if box[0] == EMPTY:
         low = wp.vec3f(0.0)
         high = wp.vec3f(0.0)
-    size[0] = wp.max(largest(low), largest(high))
-    forward = half * (to_float64(low) + to_float64(high)) - to_float64(lights[index])
+    middle = 0.5 * low + 0.5 * high
+    forward = to_float64(middle) - to_float64(lights[index])
     reach = wp.max(wp.abs(forward[0]), wp.max(wp.abs(forward[1]), wp.abs(forward[2])))
     if not (reach > wp.float64(0.0)) or not (reach < wp.float64(wp.INF)):
         forward = wp.vec3d(wp.float64(1.0), wp.float64(0.0), wp.float64(0.0))
         reach = wp.float64(1.0)
+    distance = wp.length(forward / reach) * reach
     forward = wp.normalize(forward / reach)
     up = wp.vec3d(wp.float64(0.0), wp.float64(1.0), wp.float64(0.0))
     if wp.abs(forward[1]) > wp.float64(0.8):
         up = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
     right = wp.normalize(wp.cross(forward, up))
-    frame[0] = wp.matrix_from_rows(forward, right, wp.cross(right, forward))
+    up = wp.cross(right, forward)
+    frame[0] = wp.matrix_from_rows(forward, right, up)
+    c = Cube()
+    c.forward = to_float32(forward)
+    c.right = to_float32(right)
+    c.up = to_float32(up)
+    c.middle = middle
+    c.distance = wp.float32(distance)
+    c.size = wp.max(largest(low), largest(high))
+    if middle == lights[index]:
+        c.distance = 0.0
+    cube[0] = c
     for k in range(4 + FACES):
         rectangle[k] = EMPTY
 
@@ -132,15 +160,15 @@ def face_of(q: wp.vec3d) -> wp.int32:
 
 
 @wp.func
-def on_face(q: wp.vec3d, face: wp.int32) -> wp.vec3d:
-    """(along, across, up) of a point in the frame of a face; linear, so it carries planes' normals too."""
+def on_face(q: Any, face: wp.int32) -> Any:
+    """(along, across, up) of a point in the frame of a face."""
     r = q
     if face // 2 == 1:
-        r = wp.vec3d(q[1], q[2], q[0])
+        r = type(q)(q[1], q[2], q[0])
     elif face // 2 == 2:
-        r = wp.vec3d(q[2], q[0], q[1])
+        r = type(q)(q[2], q[0], q[1])
     if face % 2 == 1:
-        r = wp.vec3d(-r[0], r[1], r[2])
+        r = type(q)(-r[0], r[1], r[2])
     return r
 
 

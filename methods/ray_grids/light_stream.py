@@ -1,8 +1,9 @@
 """Shadow rays: triangles streamed over the rays in the cells of the light's cube.
 
-The planes through the light and each edge are made in float64, scaled, and stored as n . p + c in float32 with a
-bound on their error over the whole scene; what they cannot decide goes to ``occludes`` in float64. A set bit stays
-set, so the order in which triangles arrive does not matter.
+The planes through the light and each edge are stored as n . p + c in float32 with a bound on their error over the
+whole scene; what they cannot decide goes to ``occludes`` in float64. A set bit stays set, so the order in which
+triangles arrive does not matter. Which cells a triangle covers is reckoned relative to the scene's middle in
+float32, with a pad that covers its rounding; rays are placed in float64.
 """
 
 from __future__ import annotations
@@ -10,19 +11,21 @@ from __future__ import annotations
 import warp as wp
 
 from ..common.hitpoint import plane_distance
-from ..common.triangle import U32, U64, hit_point, largest, occludes, to_float64, total, weld_of
-from .light_bins import CELLS, EMPTY, FACES, cell_along, cell_index, face_rectangle, on_face
+from ..common.triangle import U32, hit_point, largest, occludes, to_float64, total, weld_of
+from .light_bins import CELLS, EMPTY, FACES, Cube, cell_index, face_rectangle, on_face
 from .queue import ITEMS, STRIPS, reserve
+from .spans import Flat, row_span
 
-FEW_BLOCKS = wp.constant(32)
-ROUNDING = wp.constant(wp.float64(1.0e-14))
+FEW_BLOCKS = wp.constant(4)
+FEW_RAYS = wp.constant(96)
+"""A block with more rays than this is queued by its cell rows, cut to the triangle."""
 
 
 @wp.struct
 class Occluder:
     """Inward planes through the light and the edges, and the triangle's plane, positive on the light's side.
 
-    Each is (n, c) with |n|_max = 1: signs of n . p + c beyond ``bound`` are certain for every hit point p.
+    Each is (n, c): signs of n . p + c beyond ``bound`` are certain for every hit point p of the scene.
     """
 
     e0: wp.vec4f
@@ -32,84 +35,44 @@ class Occluder:
     bound: wp.float32
 
 
-@wp.struct
-class Setup:
-    """A triangle seen from the light, float64, in the axes of the cube: corners and inward edge normals."""
-
-    a: wp.vec3d
-    b: wp.vec3d
-    c: wp.vec3d
-    n0: wp.vec3d
-    n1: wp.vec3d
-    n2: wp.vec3d
-    error: wp.float64
-    oriented: wp.bool
-
-
-@wp.func
-def setup_of(light: wp.vec3f, axes: wp.mat33d, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> Setup:
-    l64 = to_float64(light)
-    s = Setup()
-    s.a = axes * (to_float64(a) - l64)
-    s.b = axes * (to_float64(b) - l64)
-    s.c = axes * (to_float64(c) - l64)
-    ab = s.b - s.a
-    bc = s.c - s.b
-    ca = s.a - s.c
-    det = wp.dot(wp.cross(ab, -ca), s.a)
-    reach = wp.max(largest(s.a), wp.max(largest(s.b), largest(s.c)))
-    edge = wp.max(largest(ab), wp.max(largest(bc), largest(ca)))
-    s.n0 = wp.cross(s.b, bc)
-    s.n1 = wp.cross(s.c, ca)
-    s.n2 = wp.cross(s.a, ab)
-    s.oriented = wp.abs(det) > wp.float64(8.0) * ROUNDING * edge * edge * reach
-    if det < wp.float64(0.0):
-        s.n0 = -s.n0
-        s.n1 = -s.n1
-        s.n2 = -s.n2
-    s.error = wp.float64(8.0) * ROUNDING * reach * edge
-    return s
-
-
-@wp.func
-def scaled_plane(n: wp.vec3d, p: wp.vec3d) -> wp.vec4f:
-    """n . (x - p) scaled to |n|_max = 1, rounded once to float32; zero where n is."""
-    size = largest(n)
-    if not (size > wp.float64(0.0)):
-        return wp.vec4f(0.0, 0.0, 0.0, 0.0)
-    m = n / size
-    return wp.vec4f(
-        wp.float32(m[0]), wp.float32(m[1]), wp.float32(m[2]), wp.float32(-wp.dot(m, p))
-    )
-
-
 @wp.func
 def occluder_of(light: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, size: wp.float32) -> Occluder:
-    """``size`` bounds every coordinate of the hit points."""
-    l64 = to_float64(light)
-    a64 = to_float64(a)
-    b64 = to_float64(b)
-    c64 = to_float64(c)
-    la = a64 - l64
-    n = wp.cross(b64 - a64, c64 - a64)
-    det = wp.dot(n, la)
-    n0 = wp.cross(b64 - l64, c64 - b64)
-    n1 = wp.cross(c64 - l64, a64 - c64)
-    n2 = wp.cross(la, b64 - a64)
-    if det < wp.float64(0.0):
-        n0 = -n0
-        n1 = -n1
-        n2 = -n2
-    else:
-        n = -n
+    """Planes in float32. ``size`` bounds every coordinate of the hit points and of the triangle.
+
+    n = (p - light) x (q - p), scaled so that its parts are at most 2, is known to 8 u a part; over |h - p|_1 <= 6
+    size that is 48 u size, and n . h + c rounds by 78 u size more. A triangle that the light sees edge-on within
+    rounding gets an infinite bound: float64 decides all its candidates.
+    """
+    la = a - light
+    lb = b - light
+    lc = c - light
+    ab = b - a
+    bc = c - b
+    ca = a - c
+    reach = wp.max(largest(la), wp.max(largest(lb), largest(lc)))
+    edge = wp.max(largest(ab), wp.max(largest(bc), largest(ca)))
     o = Occluder()
-    o.e0 = scaled_plane(n0, b64)
-    o.e1 = scaled_plane(n1, c64)
-    o.e2 = scaled_plane(n2, a64)
-    o.plane = scaled_plane(n, a64)
-    # n, c and the hit point are rounded once each, products and sums seven times more; the float64 part is lost in it.
-    far = wp.max(wp.abs(o.e0[3]), wp.max(wp.abs(o.e1[3]), wp.max(wp.abs(o.e2[3]), wp.abs(o.plane[3]))))
-    o.bound = 12.0 * U32 * (3.0 * size + far) + 1.0e-36
+    if not (reach * edge > 1.0e-30 and reach * edge < 1.0e30 and edge * edge > 1.0e-30):
+        o.bound = wp.INF
+        return o
+    n = wp.cross(ca, ab) / (edge * edge)
+    det = wp.dot(n, la)
+    toward = 1.0 / (reach * edge)
+    # Inside is positive, and so is the light's side of the triangle.
+    if det > 0.0:
+        n = -n
+    else:
+        toward = -toward
+    n0 = wp.cross(lb, bc) * toward
+    n1 = wp.cross(lc, ca) * toward
+    n2 = wp.cross(la, ab) * toward
+    o.e0 = wp.vec4f(n0[0], n0[1], n0[2], -wp.dot(n0, b))
+    o.e1 = wp.vec4f(n1[0], n1[1], n1[2], -wp.dot(n1, c))
+    o.e2 = wp.vec4f(n2[0], n2[1], n2[2], -wp.dot(n2, a))
+    o.plane = wp.vec4f(n[0], n[1], n[2], -wp.dot(n, a))
+    o.bound = 128.0 * U32 * size + 1.0e-36
+    if not (wp.abs(det) > 64.0 * U32 * reach):
+        o.bound = wp.INF
     return o
 
 
@@ -164,93 +127,130 @@ def shade(
 
 
 @wp.func
-def holds_light(light: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> wp.bool:
-    """Whether the light lies on the triangle's plane within rounding: then ``occludes`` is always False."""
-    a64 = to_float64(a)
-    ab = to_float64(b) - a64
-    ac = to_float64(c) - a64
-    la = to_float64(light) - a64
-    return wp.abs(wp.dot(wp.cross(ab, ac), la)) <= U64 * largest(ab) * largest(ac) * wp.float64(16.0) * total(la)
+def cube_space(p: wp.vec3f, cube: Cube) -> wp.vec3f:
+    v = p - cube.middle
+    return wp.vec3f(wp.dot(cube.forward, v) + cube.distance, wp.dot(cube.right, v), wp.dot(cube.up, v))
 
 
 @wp.func
-def cell_box(s: Setup, face: wp.int32, rectangle: wp.array(dtype=wp.int32), cells: wp.int32) -> wp.vec4i:
-    """Cells of a face that the triangle's box covers (first and last column and row); empty if last < first."""
-    empty = wp.vec4i(0, 0, -1, -1)
-    a = on_face(s.a, face)
-    b = on_face(s.b, face)
-    c = on_face(s.c, face)
-    reach = wp.max(largest(a), wp.max(largest(b), largest(c)))
-    slack = ROUNDING * reach
-    zero = wp.float64(0.0)
-    if a[0] <= zero and b[0] <= zero and c[0] <= zero:
-        return empty
-    # Wholly beyond one of the face's four sides.
-    for axis in range(1, 3):
-        if (a[axis] > a[0] + slack and b[axis] > b[0] + slack and c[axis] > c[0] + slack) or (
-            -a[axis] > a[0] + slack and -b[axis] > b[0] + slack and -c[axis] > c[0] + slack
-        ):
-            return empty
-    if not (a[0] > wp.float64(1.0e-6) * reach and b[0] > wp.float64(1.0e-6) * reach and c[0] > wp.float64(1.0e-6) * reach):
-        return wp.vec4i(0, 0, cells - 1, cells - 1)
-    r = face_rectangle(face, rectangle, cells)
-    au = a[1] / a[0]
-    bu = b[1] / b[0]
-    cu = c[1] / c[0]
-    av = a[2] / a[0]
-    bv = b[2] / b[0]
-    cv = c[2] / c[0]
-    least_u = wp.min(au, wp.min(bu, cu))
-    most_u = wp.max(au, wp.max(bu, cu))
-    least_v = wp.min(av, wp.min(bv, cv))
-    most_v = wp.max(av, wp.max(bv, cv))
-    # Coordinates are known to ROUNDING of the corner's size over its distance along the face.
-    pad = wp.float64(8.0) * slack / wp.min(a[0], wp.min(b[0], c[0]))
-    n = wp.float64(cells)
-    if (
-        (most_u + pad - r[0]) * r[2] < zero
-        or (least_u - pad - r[0]) * r[2] > n
-        or (most_v + pad - r[1]) * r[3] < zero
-        or (least_v - pad - r[1]) * r[3] > n
-    ):
-        return empty
-    return wp.vec4i(
-        cell_along(least_u - pad, r[0], r[2], cells),
-        cell_along(least_v - pad, r[1], r[3], cells),
-        cell_along(most_u + pad, r[0], r[2], cells),
-        cell_along(most_v + pad, r[1], r[3], cells),
-    )
+def on_cells(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, reach: wp.float32, r: wp.vec4d) -> Flat:
+    """Cell coordinates of the corners on a face (corners given as along, across, up).
+
+    ``reach`` bounds |p - middle|_1 of the corners: across and up are known to 8 u of it, so u = across / along to
+    (1 + |u|) 16 u reach / along, and the rounding of u itself; a thousandth of a cell covers the scaling.
+    """
+    flat = Flat()
+    nearest = wp.min(a[0], wp.min(b[0], c[0]))
+    flat.known = nearest > 0.01 * wp.max(largest(a), wp.max(largest(b), largest(c)))
+    if flat.known:
+        low_u = wp.float32(r[0])
+        low_v = wp.float32(r[1])
+        per_u = wp.float32(r[2])
+        per_v = wp.float32(r[3])
+        ua = wp.vec2f(a[1] / a[0], a[2] / a[0])
+        ub = wp.vec2f(b[1] / b[0], b[2] / b[0])
+        uc = wp.vec2f(c[1] / c[0], c[2] / c[0])
+        widest = wp.max(
+            wp.max(wp.max(wp.abs(ua[0]), wp.abs(ua[1])), wp.max(wp.abs(ub[0]), wp.abs(ub[1]))),
+            wp.max(wp.max(wp.abs(uc[0]), wp.abs(uc[1])), wp.max(wp.abs(low_u), wp.abs(low_v))),
+        )
+        flat.a = wp.vec2f((ua[0] - low_u) * per_u, (ua[1] - low_v) * per_v)
+        flat.b = wp.vec2f((ub[0] - low_u) * per_u, (ub[1] - low_v) * per_v)
+        flat.c = wp.vec2f((uc[0] - low_u) * per_u, (uc[1] - low_v) * per_v)
+        flat.pad = 32.0 * U32 * ((1.0 + widest) * reach / nearest + widest) * wp.max(per_u, per_v) + 1.0e-3
+    return flat
 
 
 @wp.func
-def highest(n: wp.vec3d, u0: wp.float64, u1: wp.float64, v0: wp.float64, v1: wp.float64) -> wp.float64:
-    return n[0] + wp.max(n[1] * u0, n[1] * u1) + wp.max(n[2] * v0, n[2] * v1)
+def whole_cells(x: wp.float32, cells: wp.int32) -> wp.int32:
+    return wp.int32(wp.clamp(x, 0.0, wp.float32(cells) - 0.5))
 
 
 @wp.func
-def cells_missed(
-    s: Setup, face: wp.int32, r: wp.vec4d, x0: wp.int32, y0: wp.int32, x1: wp.int32, y1: wp.int32
-) -> wp.bool:
-    """Whether the rectangle of cells certainly misses the triangle; a hundredth of a cell is added all around."""
-    hair = wp.float64(0.01)
-    u0 = r[0] + (wp.float64(x0) - hair) / r[2]
-    u1 = r[0] + (wp.float64(x1 + 1) + hair) / r[2]
-    v0 = r[1] + (wp.float64(y0) - hair) / r[3]
-    v1 = r[1] + (wp.float64(y1 + 1) + hair) / r[3]
-    limit = -wp.float64(4.0) * s.error
-    return s.oriented and (
-        highest(on_face(s.n0, face), u0, u1, v0, v1) < limit
-        or highest(on_face(s.n1, face), u0, u1, v0, v1) < limit
-        or highest(on_face(s.n2, face), u0, u1, v0, v1) < limit
-    )
+def flat_box(flat: Flat, cells: wp.int32) -> wp.vec4i:
+    """First and last column and row of cells; empty if last < first."""
+    x0 = wp.min(flat.a[0], wp.min(flat.b[0], flat.c[0])) - flat.pad
+    y0 = wp.min(flat.a[1], wp.min(flat.b[1], flat.c[1])) - flat.pad
+    x1 = wp.max(flat.a[0], wp.max(flat.b[0], flat.c[0])) + flat.pad
+    y1 = wp.max(flat.a[1], wp.max(flat.b[1], flat.c[1])) + flat.pad
+    n = wp.float32(cells)
+    if x1 < 0.0 or y1 < 0.0 or x0 > n or y0 > n:
+        return wp.vec4i(0, 0, -1, -1)
+    return wp.vec4i(whole_cells(x0, cells), whole_cells(y0, cells), whole_cells(x1, cells), whole_cells(y1, cells))
 
 
 @wp.func
-def rays_in_row(
+def beyond_face(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, slack: wp.float32) -> wp.bool:
+    """Whether the whole triangle lies certainly behind a face's centre or beyond one of its four sides."""
+    least = wp.min(a[0], wp.min(b[0], c[0]))
+    most = wp.max(a[0], wp.max(b[0], c[0]))
+    return (
+        most < -slack
+        or (a[1] - a[0] > slack and b[1] - b[0] > slack and c[1] - c[0] > slack)
+        or (-a[1] - a[0] > slack and -b[1] - b[0] > slack and -c[1] - c[0] > slack)
+        or (a[2] - a[0] > slack and b[2] - b[0] > slack and c[2] - c[0] > slack)
+        or (-a[2] - a[0] > slack and -b[2] - b[0] > slack and -c[2] - c[0] > slack)
+    ) and least < wp.INF
+
+
+@wp.func
+def span_of(
     offset: wp.array(dtype=wp.int32), face: wp.int32, x0: wp.int32, x1: wp.int32, y: wp.int32, cells: wp.int32
 ) -> wp.vec2i:
-    """First ray and end of cells x0..x1 of a row, which must lie in one block."""
-    return wp.vec2i(offset[cell_index(face, x0, y, cells)], offset[cell_index(face, x1, y, cells) + 1])
+    """First ray and end of cells x0..x1 of a row; they must lie in one block."""
+    first = cell_index(face, x0, y, cells)
+    return wp.vec2i(offset[first], offset[first + (x1 - x0) + 1])
+
+
+@wp.func
+def queue_rays(
+    i: wp.int32, first: wp.int32, stop: wp.int32, counts: wp.array(dtype=wp.int32), items: wp.array(dtype=wp.vec4i)
+):
+    """Queue rays first..stop for triangle i, 32 an item."""
+    number = (stop - first + 31) // 32
+    place = reserve(counts, ITEMS, number)
+    for k in range(number):
+        if place + k < items.shape[0]:
+            items[place + k] = wp.vec4i(i, first + 32 * k, stop, 0)
+
+
+@wp.func
+def queue_block(
+    i: wp.int32,
+    face: wp.int32,
+    flat: Flat,
+    box: wp.vec4i,
+    bx: wp.int32,
+    by: wp.int32,
+    cells: wp.int32,
+    offset: wp.array(dtype=wp.int32),
+    counts: wp.array(dtype=wp.int32),
+    items: wp.array(dtype=wp.vec4i),
+):
+    """Queue the rays of a block of cells: all of them where they are few, else cell row by cell row."""
+    start = cell_index(face, bx * CELLS, by * CELLS, cells)
+    first = offset[start]
+    stop = offset[start + CELLS * CELLS]
+    if stop - first <= FEW_RAYS:
+        if stop > first:
+            queue_rays(i, first, stop, counts, items)
+        return
+    y = wp.max(box[1], by * CELLS)
+    last = wp.min(box[3], by * CELLS + CELLS - 1)
+    while y <= last:
+        x0 = wp.max(box[0], bx * CELLS)
+        x1 = wp.min(box[2], bx * CELLS + CELLS - 1)
+        if flat.known:
+            span = row_span(flat, wp.float32(y), wp.float32(y + 1))
+            x0 = wp.max(x0, whole_cells(span[0], cells))
+            x1 = wp.min(x1, whole_cells(wp.max(span[1], -1.0), cells))
+            if span[1] < 0.0:
+                x1 = -1
+        if x1 >= x0:
+            part = span_of(offset, face, x0, x1, y, cells)
+            if part[1] > part[0]:
+                queue_rays(i, part[0], part[1], counts, items)
+        y += 1
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -263,9 +263,8 @@ def stream_kernel(
     width: wp.int32,
     queued: wp.bool,
     lights: wp.array(dtype=wp.vec3f),
-    frame: wp.array(dtype=wp.mat33d),
+    cubes: wp.array(dtype=Cube),
     rectangle: wp.array(dtype=wp.int32),
-    size: wp.array(dtype=wp.float32),
     eye: wp.array(dtype=wp.vec3f),
     column: wp.array(dtype=wp.vec3f),
     row: wp.array(dtype=wp.vec3f),
@@ -291,113 +290,91 @@ def stream_kernel(
     b = points[corners[1]]
     c = points[corners[2]]
     light = lights[index]
-    if holds_light(light, a, b, c):
-        return
-    s = setup_of(light, frame[0], a, b, c)
+    cube = cubes[0]
+    qa = cube_space(a, cube)
+    qb = cube_space(b, cube)
+    qc = cube_space(c, cube)
+    reach = wp.max(total(a - cube.middle), wp.max(total(b - cube.middle), total(c - cube.middle)))
+    slack = 32.0 * U32 * (reach + cube.distance)
     occluder = Occluder()
     made = wp.bool(False)
     face = wp.int32(-1)
     while face < FACES - 1:
         face += 1
         if rectangle[4 + face] == 0:
-            box = cell_box(s, face, rectangle, cells)
-            if box[2] >= box[0] and box[3] >= box[1]:
-                r = face_rectangle(face, rectangle, cells)
-                bx0 = box[0] // CELLS
-                by0 = box[1] // CELLS
-                bx1 = box[2] // CELLS
-                by1 = box[3] // CELLS
-                covered = (box[2] - box[0] + 1) * (box[3] - box[1] + 1)
-                number = wp.int32(EMPTY)
-                if covered <= inline_cells:
-                    number = wp.int32(0)
-                    for y in range(box[1], box[3] + 1):
-                        for bx in range(bx0, bx1 + 1):
-                            x0 = wp.max(box[0], bx * CELLS)
-                            x1 = wp.min(box[2], bx * CELLS + CELLS - 1)
-                            span = rays_in_row(offset, face, x0, x1, y, cells)
-                            number += span[1] - span[0]
-                if number > 0:
-                    if not made:
-                        occluder = occluder_of(light, a, b, c, size[0])
-                        made = True
-                        if queued:
+            fa = on_face(qa, face)
+            fb = on_face(qb, face)
+            fc = on_face(qc, face)
+            if not beyond_face(fa, fb, fc, slack):
+                flat = on_cells(fa, fb, fc, reach, face_rectangle(face, rectangle, cells))
+                box = wp.vec4i(0, 0, cells - 1, cells - 1)
+                if flat.known:
+                    box = flat_box(flat, cells)
+                if box[2] >= box[0]:
+                    bx0 = box[0] // CELLS
+                    by0 = box[1] // CELLS
+                    bx1 = box[2] // CELLS
+                    by1 = box[3] // CELLS
+                    number = wp.int32(EMPTY)
+                    if (box[2] - box[0] + 1) * (box[3] - box[1] + 1) <= inline_cells:
+                        number = wp.int32(0)
+                        for y in range(box[1], box[3] + 1):
+                            for bx in range(bx0, bx1 + 1):
+                                x0 = wp.max(box[0], bx * CELLS)
+                                x1 = wp.min(box[2], bx * CELLS + CELLS - 1)
+                                span = span_of(offset, face, x0, x1, y, cells)
+                                number += span[1] - span[0]
+                    if number > 0:
+                        if not made:
+                            occluder = occluder_of(light, a, b, c, cube.size)
+                            made = True
+                            if queued and number > inline_rays:
+                                records[i, 0] = occluder.e0
+                                records[i, 1] = occluder.e1
+                                records[i, 2] = occluder.e2
+                                records[i, 3] = occluder.plane
+                                records[i, 4] = wp.vec4f(occluder.bound, 0.0, 0.0, 0.0)
+                        elif queued and number > inline_rays:
                             records[i, 0] = occluder.e0
                             records[i, 1] = occluder.e1
                             records[i, 2] = occluder.e2
                             records[i, 3] = occluder.plane
                             records[i, 4] = wp.vec4f(occluder.bound, 0.0, 0.0, 0.0)
-                    if number <= inline_rays:
-                        for y in range(box[1], box[3] + 1):
-                            for bx in range(bx0, bx1 + 1):
-                                x0 = wp.max(box[0], bx * CELLS)
-                                x1 = wp.min(box[2], bx * CELLS + CELLS - 1)
-                                span = rays_in_row(offset, face, x0, x1, y, cells)
-                                for at in range(span[0], span[1]):
-                                    shade(
-                                        i, at, index, width, occluder, lights, eye, column, row, points, triangles,
-                                        weld, rays, pixels, visibility,
-                                    )  # fmt: skip
-                    elif not queued:
-                        for by in range(by0, by1 + 1):
-                            for bx in range(bx0, bx1 + 1):
-                                x = bx * CELLS
-                                y = by * CELLS
-                                first = offset[cell_index(face, x, y, cells)]
-                                stop = offset[cell_index(face, x + CELLS - 1, y + CELLS - 1, cells) + 1]
-                                if stop > first:
-                                    if not cells_missed(s, face, r, x, y, x + CELLS - 1, y + CELLS - 1):
-                                        for at in range(first, stop):
+                        if number <= inline_rays or not queued:
+                            for y in range(box[1], box[3] + 1):
+                                x_low = box[0]
+                                x_high = box[2]
+                                if flat.known and number > inline_rays:
+                                    cut = row_span(flat, wp.float32(y), wp.float32(y + 1))
+                                    x_low = wp.max(x_low, whole_cells(cut[0], cells))
+                                    x_high = wp.min(x_high, whole_cells(wp.max(cut[1], 0.0), cells))
+                                for bx in range(x_low // CELLS, x_high // CELLS + 1):
+                                    x0 = wp.max(x_low, bx * CELLS)
+                                    x1 = wp.min(x_high, bx * CELLS + CELLS - 1)
+                                    if x1 >= x0:
+                                        span = span_of(offset, face, x0, x1, y, cells)
+                                        for at in range(span[0], span[1]):
                                             shade(
                                                 i, at, index, width, occluder, lights, eye, column, row, points,
                                                 triangles, weld, rays, pixels, visibility,
                                             )  # fmt: skip
-                    elif (bx1 - bx0 + 1) * (by1 - by0 + 1) > FEW_BLOCKS:
-                        place = reserve(counts, STRIPS, by1 - by0 + 1)
-                        for by in range(by0, by1 + 1):
-                            if place < strips.shape[0]:
-                                strips[place] = wp.vec4i(i, face, by, bx0 | (bx1 << 16))
-                            place += 1
-                    else:
-                        for by in range(by0, by1 + 1):
-                            for bx in range(bx0, bx1 + 1):
-                                queue_block(i, s, face, r, bx, by, cells, offset, counts, items)
-
-
-@wp.func
-def queue_block(
-    i: wp.int32,
-    s: Setup,
-    face: wp.int32,
-    r: wp.vec4d,
-    bx: wp.int32,
-    by: wp.int32,
-    cells: wp.int32,
-    offset: wp.array(dtype=wp.int32),
-    counts: wp.array(dtype=wp.int32),
-    items: wp.array(dtype=wp.vec4i),
-):
-    """Queue the rays of a block, 64 an item, unless it is empty or certainly missed."""
-    x = bx * CELLS
-    y = by * CELLS
-    first = offset[cell_index(face, x, y, cells)]
-    stop = offset[cell_index(face, x + CELLS - 1, y + CELLS - 1, cells) + 1]
-    if stop > first:
-        if not cells_missed(s, face, r, x, y, x + CELLS - 1, y + CELLS - 1):
-            number = (stop - first + 63) // 64
-            place = reserve(counts, ITEMS, number)
-            for k in range(number):
-                if place + k < items.shape[0]:
-                    items[place + k] = wp.vec4i(i, first + 64 * k, stop, 0)
+                        elif (bx1 - bx0 + 1) * (by1 - by0 + 1) > FEW_BLOCKS:
+                            place = reserve(counts, STRIPS, by1 - by0 + 1)
+                            for by in range(by0, by1 + 1):
+                                if place < strips.shape[0]:
+                                    strips[place] = wp.vec4i(i, face, by, 0)
+                                place += 1
+                        else:
+                            for by in range(by0, by1 + 1):
+                                for bx in range(bx0, bx1 + 1):
+                                    queue_block(i, face, flat, box, bx, by, cells, offset, counts, items)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def strip_kernel(
     threads: wp.int32,
-    index: wp.int32,
     cells: wp.int32,
-    lights: wp.array(dtype=wp.vec3f),
-    frame: wp.array(dtype=wp.mat33d),
+    cubes: wp.array(dtype=Cube),
     rectangle: wp.array(dtype=wp.int32),
     points: wp.array(dtype=wp.vec3f),
     triangles: wp.array(dtype=wp.vec3i),
@@ -406,20 +383,37 @@ def strip_kernel(
     counts: wp.array(dtype=wp.int32),
     items: wp.array(dtype=wp.vec4i),
 ):
-    """Huge triangles: eight threads a row of blocks, each takes every eighth block."""
+    """One row of blocks of a large triangle a thread: queue the blocks between its edges."""
     k = wp.tid()
-    stop = wp.min(counts[STRIPS], strips.shape[0]) * 8
+    stop = wp.min(counts[STRIPS], strips.shape[0])
+    cube = cubes[0]
     while k < stop:
-        strip = strips[k // 8]
-        i = strip[0]
-        corners = triangles[i]
-        s = setup_of(lights[index], frame[0], points[corners[0]], points[corners[1]], points[corners[2]])
-        r = face_rectangle(strip[1], rectangle, cells)
-        bx = (strip[3] & 65535) + k % 8
-        while bx <= strip[3] >> 16:
-            queue_block(i, s, strip[1], r, bx, strip[2], cells, offset, counts, items)
-            bx += 8
+        strip = strips[k]
         k += threads
+        i = strip[0]
+        face = strip[1]
+        by = strip[2]
+        corners = triangles[i]
+        a = points[corners[0]]
+        b = points[corners[1]]
+        c = points[corners[2]]
+        reach = wp.max(total(a - cube.middle), wp.max(total(b - cube.middle), total(c - cube.middle)))
+        flat = on_cells(
+            on_face(cube_space(a, cube), face), on_face(cube_space(b, cube), face), on_face(cube_space(c, cube), face),
+            reach, face_rectangle(face, rectangle, cells),
+        )  # fmt: skip
+        box = wp.vec4i(0, 0, cells - 1, cells - 1)
+        if flat.known:
+            box = flat_box(flat, cells)
+            span = row_span(flat, wp.float32(by * CELLS), wp.float32(by * CELLS + CELLS))
+            box[0] = wp.max(box[0], whole_cells(span[0], cells))
+            if span[1] < 0.0:
+                box[2] = -1
+            else:
+                box[2] = wp.min(box[2], whole_cells(span[1], cells))
+        if box[2] >= box[0]:
+            for bx in range(box[0] // CELLS, box[2] // CELLS + 1):
+                queue_block(i, face, flat, box, bx, by, cells, offset, counts, items)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -441,13 +435,13 @@ def item_kernel(
     pixels: wp.array(dtype=wp.int32),
     visibility: wp.array2d(dtype=wp.uint8),
 ):
-    """Queued items: 64 threads each, one a ray."""
+    """Queued items: 32 threads each, one a ray."""
     k = wp.tid()
     stop = wp.min(counts[ITEMS], items.shape[0])
-    item = k // 64
+    item = k // 32
     while item < stop:
         work = items[item]
-        at = work[1] + k % 64
+        at = work[1] + k % 32
         if at < work[2]:
             i = work[0]
             occluder = Occluder()
@@ -460,4 +454,4 @@ def item_kernel(
                 i, at, index, width, occluder, lights, eye, column, row, points, triangles, weld, rays, pixels,
                 visibility,
             )  # fmt: skip
-        item += threads // 64
+        item += threads // 32

@@ -79,7 +79,10 @@ class CameraStream:
         wp.launch(
             camera_stream.strip_kernel,
             dim=q.threads,
-            inputs=[q.threads, f.width, f.height, f.column, f.row, q.records, q.strips],
+            inputs=[
+                q.threads, f.width, f.height, f.eye, f.axes, f.tangents, f.column, f.row, f.points, f.triangles,
+                q.records, q.strips,
+            ],
             outputs=[q.counts, q.items],
             device=f.device,
             block_dim=BLOCK_DIM,
@@ -124,7 +127,7 @@ class RayBins:
         with wp.ScopedDevice(frame.device):
             self.box = wp.zeros(6, dtype=wp.int32)
             self.axes = wp.zeros(1, dtype=wp.mat33d)
-            self.size = wp.zeros(1, dtype=wp.float32)
+            self.cube = wp.zeros(1, dtype=light_bins.Cube)
             self.rectangle = wp.zeros(4 + int(light_bins.FACES), dtype=wp.int32)
             self.place = wp.zeros(frame.pixels, dtype=wp.vec3d)
             self.slot = wp.zeros(frame.pixels, dtype=wp.vec2i)
@@ -170,7 +173,7 @@ class LightStream:
             light_bins.aim_kernel,
             dim=1,
             inputs=[self.index, f.lights, b.box],
-            outputs=[b.axes, b.rectangle, b.size],
+            outputs=[b.axes, b.cube, b.rectangle],
             device=device,
         )
         wp.launch(
@@ -211,7 +214,7 @@ class LightStream:
             dim=max(1, f.triangle_count),
             inputs=[
                 f.triangle_count, self.index, b.cells, self.build.inline_cells, self.build.inline_rays, f.width,
-                q.queued, f.lights, b.axes, b.rectangle, b.size, f.eye, f.column, f.row, f.points, f.triangles,
+                q.queued, f.lights, b.cube, b.rectangle, f.eye, f.column, f.row, f.points, f.triangles,
                 f.valid, f.weld, b.offset, b.rays, b.pixels,
             ],
             outputs=[f.answers.visibility, q.counts, q.records, q.strips, q.items],
@@ -225,8 +228,7 @@ class LightStream:
             light_stream.strip_kernel,
             dim=q.threads,
             inputs=[
-                q.threads, self.index, b.cells, f.lights, b.axes, b.rectangle, f.points, f.triangles, b.offset,
-                q.strips,
+                q.threads, b.cells, b.cube, b.rectangle, f.points, f.triangles, b.offset, q.strips,
             ],
             outputs=[q.counts, q.items],
             device=f.device,
