@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from trimesh.exchange.gltf import load_glb
 
 from .checks import Mesh, broken, checked, guarded, read_bytes
 
@@ -41,6 +40,8 @@ def read_glb(path: Path) -> Mesh:
     :class:`UserError` for compressed or external data, for counts beyond the file, and where trimesh read
     another number of triangles than the file names.
     """
+    from trimesh.exchange.gltf import load_glb  # slow to import, and most runs read no GLB
+
     blob = read_bytes(path)
     with guarded(path, "GLB"):
         head, buffer_size = _json_part(path, blob)

@@ -7,7 +7,6 @@ import re
 from pathlib import Path
 
 import numpy as np
-import trimesh
 
 from .checks import Mesh, broken, checked, guarded, read_bytes
 
@@ -22,6 +21,8 @@ def read_stl(path: Path) -> Mesh:
     Raises :class:`UserError` where a binary file's count does not give its size, or where trimesh read
     another number of triangles than the text holds.
     """
+    import trimesh  # slow to import, and most runs read no STL
+
     blob = read_bytes(path)
     claimed = int.from_bytes(blob[80:84], "little") if len(blob) >= _HEADER else -1
     if claimed >= 0 and _HEADER + _RECORD * claimed == len(blob):
