@@ -299,3 +299,119 @@ def test_many_disputes_settle_quickly_and_agree_with_a_small_sample():
     for i in sample:
         _, ties = cases.closest(moment.points, prepared.faces, moment.valid, moment.eye, hits.directions[i])
         assert hits.ties[i] == ties
+
+
+# --- where float64 alone is not enough: every case below lies exactly on a boundary with long mantissas ---------
+
+
+def test_rays_exactly_along_edges_with_long_mantissas():
+    """24-bit integers: triple products need 72 bits, so float64 sees the exact zeros as noise of either sign."""
+    rng = np.random.default_rng(5)
+    count = 60
+    o = rng.integers(-(2**21), 2**21, size=(count, 3))
+    d = rng.integers(-(2**21), 2**21, size=(count, 3))
+    w = rng.integers(-(2**21), 2**21, size=(count, 3))
+    away = rng.integers(-(2**21), 2**21, size=(count, 3))
+    points = np.stack(
+        [o + d - w, o + d + w, o + d + away], axis=1
+    )  # the ray meets the middle of the first edge
+    assert np.abs(points).max() < 2**24
+    points = points.astype(np.float32)
+    for i in range(count):
+        faces = np.int32([(0, 1, 2)])
+        referee = Referee(points[i], faces, np.ones(1))
+        hits = referee.closest(o[i].astype(np.float32), d[i : i + 1].astype(np.float32))
+        assert hits.ties == [(0,)]
+        assert hits.ratio[0][0] == hits.ratio[0][1]
+
+
+def thirds(rng: np.random.Generator) -> tuple[np.ndarray, ...]:
+    """An eye, a direction down to a floor at y = 0, and the triple of the point hit: not a float64 number."""
+    while True:
+        eye = rng.integers(-(2**18), 2**18, size=3)
+        eye[1] = 3 * int(rng.integers(1, 2**16)) + 1
+        d = rng.integers(-5, 6, size=3)
+        d[1] = -3
+        point3 = 3 * eye + eye[1] * d
+        if (point3[[0, 2]] % 3 != 0).all():
+            return eye, d, point3
+
+
+def test_shadow_segments_exactly_along_edges_from_points_that_float64_cannot_hold():
+    """Hit point p / 3, light 4 m - p: the segment meets the edge through the lattice point m exactly."""
+    rng = np.random.default_rng(6)
+    size = 2**22
+    for _ in range(60):
+        eye, d, point3 = thirds(rng)
+        m = rng.integers(-(2**18), 2**18, size=3)
+        m[1] = int(eye[1]) + int(rng.integers(2**17, 2**18))
+        light = 4 * m - point3
+        w = rng.integers(-(2**17), 2**17, size=3)
+        w[1] = 0
+        side = rng.integers(-(2**17), 2**17, size=3)
+        side[1] = 0
+        floor = [(-size, 0, -size), (size, 0, -size), (0, 0, size)]
+        points = np.array([*floor, m - w, m + w, m + side]).astype(np.float32)
+        faces = np.int32([(0, 1, 2), (3, 4, 5)])
+        arguments = (points, faces, valid_triangles(points, faces))
+        referee = Referee(*arguments)
+        hits = referee.closest(eye.astype(np.float32), d[None].astype(np.float32))
+        assert hits.ties == [(0,)]
+        assert hits.ratio[0][0] * 3 == hits.ratio[0][1] * int(eye[1])
+        assert referee.occluders(hits, light.astype(np.float32)).tolist() == [1]
+
+
+def test_a_ray_within_rounding_of_a_plane_is_still_a_hit():
+    """n . d = 2^-60 with components of size 1: certain to nobody but exact arithmetic."""
+    points = np.float32([(0, 0, 0), (1, 1, 0), (0, 1, 1)])
+    referee = Referee(points, np.int32([(0, 1, 2)]), np.ones(1))
+    tiny = 2.0**-60
+    hits = referee.closest(np.float32([-1, -1, -1.5 * tiny]), np.float32([(1, 1, tiny), (1, 1, 0)]))
+    assert hits.ties == [(0,), ()]
+    assert hits.t.tolist() == [1.5, np.inf]
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (0, 2, 1)])
+def test_a_surface_at_the_light_or_at_the_point_casts_no_shadow_whichever_way_it_faces(order):
+    order = list(order)
+    points = np.concatenate([QUAD[:3], QUAD[:3] + np.float32([0, 0, 2]), QUAD[:3] * np.float32([1, 1, 0])])
+    faces = np.int32([(0, 1, 2), np.array([3, 4, 5])[order], np.array([6, 7, 8])[order]])
+    referee = Referee(points, faces, np.ones(3))
+    hits = referee.closest(np.float32([0.5, 0.25, 1]), np.float32([(0, 0, -1)]))
+    assert hits.ties == [(0, 2)]
+    for z, bit in ((2.0, 0), (2.0 + 2.0**-20, 1), (1.0, 0)):
+        assert referee.occluded(hits, np.float32([0.5, 0.25, z])).tolist() == [bit]
+
+
+@pytest.mark.parametrize("axis", [None, 0, 2])
+def test_small_occluders_touched_far_from_the_origin(axis):
+    """The rounding of the hit point (2^-33 here) is far more than that of the occluder seen from it.
+
+    With an axis the occluder's box, too, is met only at its border.
+    """
+    rng = np.random.default_rng(7)
+    size = 2**22
+    for _ in range(60):
+        eye, d, _ = thirds(rng)
+        eye[1] = 4
+        point3 = 3 * eye + 4 * d
+        m = point3 // 3 + rng.integers(-3, 4, size=3)
+        m[1] = int(rng.integers(1, 4))
+        light = 4 * m - point3
+        w, side = rng.integers(-4, 5, size=3), rng.integers(-4, 5, size=3)
+        if axis is not None:
+            w, side = (
+                np.eye(3, dtype=int)[axis] * 3,
+                np.eye(3, dtype=int)[2 - axis] * int(rng.choice([-2, 2])),
+            )
+        w[1] = side[1] = 0
+        floor = [(-size, 0, -size), (size, 0, -size), (0, 0, size)]
+        # Four large triangles fill a leaf of the tree; the occluder's box is its own.
+        below = [(x, -10 * k, z) for k in range(4) for x, _, z in floor]
+        points = np.array([*below, m - w, m + w, m + side]).astype(np.float32)
+        faces = np.arange(15, dtype=np.int32).reshape(5, 3)
+        valid = valid_triangles(points, faces)
+        referee = Referee(points, faces, valid)
+        hits = referee.closest(eye.astype(np.float32), d[None].astype(np.float32))
+        if hits.ties == [(0,)]:
+            assert referee.occluders(hits, light.astype(np.float32)).tolist() == [4 if valid[4] else -1]
