@@ -142,6 +142,16 @@ def test_built_says_what_was_really_built():
     }
 
 
+def test_exact_variant_counts_fewer_tests_than_brute_force_and_changes_no_answer():
+    prepared = make_scene(*soup(7, 300), [(5.0, 4.0, 3.0)])
+    session, _, before = trace(NAME, EXACT, prepared, 16, 16)
+    counters = session.method.counters()
+    assert 256 < counters["primary tests"] < 256 * 300 / 4
+    assert 0 < counters["shadow tests"] < 256 * 300 / 4
+    for key, value in session.frame.answers.to_host().items():
+        np.testing.assert_array_equal(value, before[key], key)
+
+
 def test_only_the_mesh_made_anew_cannot_be_captured_and_only_the_bvh_is_exact():
     for update, capturable, exact in (
         ("rebuild", False, False),

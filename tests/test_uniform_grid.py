@@ -126,8 +126,22 @@ def test_a_slanted_triangle_is_not_binned_by_its_box():
     session, _, _ = trace(NAME, {"density": "1000"}, make_scene(vertices, faces, [(0.0, 0.0, 5.0)]), 8, 8)
     counters = session.method.counters()
     assert 700 <= counters["cells"] <= 1000
-    assert counters["pairs"] == counters["occupied_cells"]
+    assert counters["pairs"] == counters["occupied cells"]
     assert 60 <= counters["pairs"] <= 250
+
+
+def test_counted_tests_are_those_of_the_cells_walked():
+    """One cell: every ray that enters it tests every triangle, and counting changes no answer."""
+    vertices, faces = soup(5, 30, size=0.1)
+    prepared = make_scene(vertices, faces, [(0.0, 0.0, 9.0)], (0.0, 0.0, 0.05), fov=120.0)
+    session, _, before = trace(NAME, {"density": "0.001"}, prepared, 16, 16)
+    primary, _ = session.method.tests_per_pixel()
+    assert (primary == 30).all()
+    counters = session.method.counters()
+    assert counters["primary tests"] == 30 * 256
+    assert 0 < counters["shadow tests"] < 30 * 256
+    for key, value in session.frame.answers.to_host().items():
+        np.testing.assert_array_equal(value, before[key], key)
 
 
 def test_large_triangles_take_the_queue_and_change_nothing():
@@ -139,7 +153,7 @@ def test_large_triangles_take_the_queue_and_change_nothing():
         [(0.0, 0.0, 4.0)],
     )
     session, _, _ = trace(NAME, {"density": "60"}, prepared, 16, 16)
-    assert session.method.counters()["large_triangles"] >= 2
+    assert session.method.counters()["large triangles"] >= 2
     assert_exact(NAME, {"density": "60"}, prepared, 16, 16)
 
 

@@ -9,7 +9,9 @@ by u 2 M: 10 u M in all, and 16 u M are taken.
 
 from __future__ import annotations
 
+import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from ...harness.frame import Frame
 from ...harness.passes import Pass
@@ -81,7 +83,9 @@ def primary_kernel(
     u: wp.array(dtype=wp.float32),
     v: wp.array(dtype=wp.float32),
     hit: wp.array(dtype=wp.vec3d),
+    tests: wp.array(dtype=wp.int32),
 ):
+    """Closest hit of each pixel: nearest by float64 t, ties to the lowest index. Empty ``tests``: not counted."""
     pixel = pixel_of(wp.tid(), width, height, blocks)
     if pixel < 0:
         return
@@ -90,9 +94,11 @@ def primary_kernel(
     best = wp.int32(-1)
     best_t = wp.float64(wp.INF)
     limit = wp.float32(wp.INF)
+    number = wp.int32(0)
     i = wp.int32(0)
     query = wp.bvh_query_ray(bvh, o, d)
     while wp.bvh_query_next(query, i, limit):
+        number += 1
         if valid[i] != wp.uint8(0):
             face = triangles[i]
             a = points[face[0]]
@@ -104,6 +110,8 @@ def primary_kernel(
                     best = i
                     best_t = distance
                     limit = wp.float32(distance) * SLACK
+    if tests.shape[0] > 0:
+        tests[pixel] = number
     write_hit(pixel, o, d, best, best_t, points, triangles, weld, triangle, t, u, v, hit)
 
 
@@ -123,7 +131,9 @@ def shadow_kernel(
     triangle: wp.array(dtype=wp.int32),
     hit: wp.array(dtype=wp.vec3d),
     visibility: wp.array2d(dtype=wp.uint8),
+    tests: wp.array(dtype=wp.int32),
 ):
+    """Whether anything meets the open segment from each float64 hit point to the light; ``tests`` is added to."""
     pixel = pixel_of(wp.tid(), width, height, blocks)
     if pixel < 0:
         return
@@ -137,9 +147,11 @@ def shadow_kernel(
     size = wp.float64(largest(eye[0]))
     error = U32 * largest(start)
     shadowed = wp.bool(False)
+    number = wp.int32(0)
     i = wp.int32(0)
     query = wp.bvh_query_ray(bvh, start, target - start)
     while wp.bvh_query_next(query, i, SLACK):
+        number += 1
         if i != own and valid[i] != wp.uint8(0):
             face = triangles[i]
             a = points[face[0]]
@@ -150,6 +162,8 @@ def shadow_kernel(
             ):
                 shadowed = True
                 break
+    if tests.shape[0] > 0:
+        tests[pixel] = tests[pixel] + number
     visibility[light, pixel] = wp.uint8(shadowed)
 
 
@@ -175,27 +189,38 @@ class ExactBvh:
             self.lowers = wp.array(corners.min(axis=1), dtype=wp.vec3f)
             self.uppers = wp.array(corners.max(axis=1), dtype=wp.vec3f)
             self.hit = wp.zeros(frame.pixels, dtype=wp.vec3d)
+            self.uncounted = wp.zeros(0, dtype=wp.int32)
+        self.lights: list[int] = []
         self.bvh = wp.Bvh(self.lowers, self.uppers, constructor=constructor, leaf_size=leaf_size)
         assert len(self.lowers) == count
 
+    def tests_per_pixel(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Triangle tests of each pixel's primary ray and of its shadow rays: the last frame traced again, counted."""
+        primary = wp.zeros(self.frame.pixels, dtype=wp.int32, device=self.frame.device)
+        shadow = wp.zeros_like(primary)
+        self._primary(primary)
+        for light in self.lights:
+            self._shadow(light, shadow)
+        return primary.numpy(), shadow.numpy()
+
     def passes(self, effects: Effects) -> list[Pass]:
+        self.lights = [i for i, wanted in enumerate(effects.shadows) if wanted]
         passes = [
             Pass("boxes", "build", ("points", "triangles", "camera"), ("boxes",), self._boxes),
             Pass("rebuild", "build", ("boxes",), ("bvh",), self._rebuild),
             Pass("primary rays", "trace", ("bvh", "camera"), ("hits",), self._primary),
         ]
-        for i, wanted in enumerate(effects.shadows):
-            if wanted:
-                passes.append(
-                    Pass(
-                        f"light {i}: shadow rays",
-                        "shadow",
-                        ("bvh", "hits", "camera", f"light/{i}"),
-                        (f"visibility/{i}",),
-                        lambda i=i: self._shadow(i),  # type: ignore[misc]
-                        effect=f"shadows/{i}",
-                    )
+        for i in self.lights:
+            passes.append(
+                Pass(
+                    f"light {i}: shadow rays",
+                    "shadow",
+                    ("bvh", "hits", "camera", f"light/{i}"),
+                    (f"visibility/{i}",),
+                    lambda i=i: self._shadow(i),  # type: ignore[misc]
+                    effect=f"shadows/{i}",
                 )
+            )
         return passes
 
     def _boxes(self) -> None:
@@ -212,7 +237,8 @@ class ExactBvh:
     def _rebuild(self) -> None:
         self.bvh.rebuild(self.constructor)
 
-    def _primary(self) -> None:
+    def _primary(self, tests: wp.array | None = None) -> None:
+        counted = self.uncounted if tests is None else tests
         frame, answers = self.frame, self.frame.answers
         wp.launch(
             primary_kernel,
@@ -221,11 +247,12 @@ class ExactBvh:
                 self.bvh.id, frame.width, frame.height, self.swizzle, frame.eye, frame.column, frame.row,
                 frame.points, frame.triangles, frame.weld, frame.valid,
             ],
-            outputs=[answers.triangle, answers.t, answers.u, answers.v, self.hit],
+            outputs=[answers.triangle, answers.t, answers.u, answers.v, self.hit, counted],
             device=frame.device,
         )  # fmt: skip
 
-    def _shadow(self, light: int) -> None:
+    def _shadow(self, light: int, tests: wp.array | None = None) -> None:
+        counted = self.uncounted if tests is None else tests
         frame = self.frame
         wp.launch(
             shadow_kernel,
@@ -234,6 +261,6 @@ class ExactBvh:
                 self.bvh.id, frame.width, frame.height, self.swizzle, light, frame.eye, frame.lights, frame.points,
                 frame.triangles, frame.weld, frame.valid, frame.answers.triangle, self.hit,
             ],
-            outputs=[frame.answers.visibility],
+            outputs=[frame.answers.visibility, counted],
             device=frame.device,
         )  # fmt: skip

@@ -81,6 +81,7 @@ class WarpBvh(BaseMethod):
         self.known_inexact = None if self.build.update == "bvh_rebuild" else MESH_INEXACT
         self._device = ""
         self._mesh: wp.Mesh | None = None
+        self._exact: ExactBvh | None = None
 
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
         self._device = frame.device
@@ -131,6 +132,16 @@ class WarpBvh(BaseMethod):
         if self._device:
             what["constructor"] = self._constructor
         return what
+
+    def counters(self) -> dict[str, int]:
+        """Tests of the exact variant; a wp.Mesh counts nothing that could be read."""
+        if self._exact is None:
+            return {}
+        primary, shadow = self._exact.tests_per_pixel()
+        return {
+            "primary tests": int(primary.sum(dtype=np.int64)),
+            "shadow tests": int(shadow.sum(dtype=np.int64)),
+        }
 
     def _make_mesh(self, points: wp.array, indices: wp.array) -> wp.Mesh:
         return wp.Mesh(

@@ -94,6 +94,8 @@ class UniformGrid(BaseMethod):
             self._cursor = wp.zeros(count, dtype=wp.int32)
             self._hit = wp.zeros(frame.pixels, dtype=wp.vec3d)
             self._need = wp.zeros(1, dtype=wp.int64)
+            self._uncounted = wp.zeros(0, dtype=wp.int32)
+        self._lights = [i for i, wanted in enumerate(effects.shadows) if wanted]
         self._pairs = PairList(count, cells, self._capacity, frame.device)
         passes = [
             Pass("place grid", "build", ("points", "triangles", "camera"), ("grid",), self._place),
@@ -107,18 +109,17 @@ class UniformGrid(BaseMethod):
                 "primary rays", "trace", ("cells", "sorted pairs", "grid", "camera"), ("hits",), self._primary
             ),
         ]
-        for i, wanted in enumerate(effects.shadows):
-            if wanted:
-                passes.append(
-                    Pass(
-                        f"light {i}: shadow rays",
-                        "shadow",
-                        ("cells", "sorted pairs", "grid", "hits", f"light/{i}"),
-                        (f"visibility/{i}",),
-                        lambda i=i: self._shadow(i),  # type: ignore[misc]
-                        effect=f"shadows/{i}",
-                    )
+        for i in self._lights:
+            passes.append(
+                Pass(
+                    f"light {i}: shadow rays",
+                    "shadow",
+                    ("cells", "sorted pairs", "grid", "hits", f"light/{i}"),
+                    (f"visibility/{i}",),
+                    lambda i=i: self._shadow(i),  # type: ignore[misc]
+                    effect=f"shadows/{i}",
                 )
+            )
         return passes
 
     def needs(self) -> wp.array | None:
@@ -131,16 +132,29 @@ class UniformGrid(BaseMethod):
         self._capacity = capacity
         return True
 
+    def tests_per_pixel(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Triangle tests of each pixel's primary ray and of its shadow rays: the last frame traced again, counted."""
+        primary = wp.zeros(self._frame.pixels, dtype=wp.int32, device=self._frame.device)
+        shadow = wp.zeros_like(primary)
+        if self._need is not None:
+            self._primary(primary)
+            for light in self._lights:
+                self._shadow(light, shadow)
+        return primary.numpy(), shadow.numpy()
+
     def counters(self) -> dict[str, int]:
         if self._need is None:
-            return {"cells": 0, "pairs": 0, "occupied_cells": 0, "longest_list": 0, "large_triangles": 0}
+            return {}
+        primary, shadow = self.tests_per_pixel()
         lengths = self._pairs.end.numpy() - self._pairs.begin.numpy()
         return {
             "cells": int(np.prod(self._grid.numpy()["res"][0].astype(np.int64))),
             "pairs": int(self._need.numpy()[0]),
-            "occupied_cells": int(np.count_nonzero(lengths)),
-            "longest_list": int(lengths.max()),
-            "large_triangles": int(self._queue_size.numpy()[0]),
+            "occupied cells": int(np.count_nonzero(lengths)),
+            "longest list": int(lengths.max()),
+            "large triangles": int(self._queue_size.numpy()[0]),
+            "primary tests": int(primary.sum(dtype=np.int64)),
+            "shadow tests": int(shadow.sum(dtype=np.int64)),
         }
 
     def built(self) -> dict[str, Any]:
@@ -188,7 +202,8 @@ class UniformGrid(BaseMethod):
     def _emit(self) -> None:
         self._bin(emit=True)
 
-    def _primary(self) -> None:
+    def _primary(self, tests: wp.array | None = None) -> None:
+        counted = self._uncounted if tests is None else tests
         frame, pairs, answers = self._frame, self._pairs, self._frame.answers
         wp.launch(
             primary_kernel,
@@ -197,11 +212,12 @@ class UniformGrid(BaseMethod):
                 frame.width, frame.height, self.trace.swizzle, self._grid, pairs.begin, pairs.end, pairs.values,
                 frame.eye, frame.column, frame.row, frame.points, frame.triangles, frame.weld,
             ],
-            outputs=[answers.triangle, answers.t, answers.u, answers.v, self._hit],
+            outputs=[answers.triangle, answers.t, answers.u, answers.v, self._hit, counted],
             device=frame.device,
         )  # fmt: skip
 
-    def _shadow(self, light: int) -> None:
+    def _shadow(self, light: int, tests: wp.array | None = None) -> None:
+        counted = self._uncounted if tests is None else tests
         frame, pairs = self._frame, self._pairs
         wp.launch(
             shadow_kernel,
@@ -211,6 +227,6 @@ class UniformGrid(BaseMethod):
                 pairs.values, frame.eye, frame.lights, frame.points, frame.triangles, frame.weld,
                 frame.answers.triangle, self._hit,
             ],
-            outputs=[frame.answers.visibility],
+            outputs=[frame.answers.visibility, counted],
             device=frame.device,
         )  # fmt: skip

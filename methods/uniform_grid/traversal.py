@@ -163,8 +163,9 @@ def primary_kernel(
     u: wp.array(dtype=wp.float32),
     v: wp.array(dtype=wp.float32),
     hit: wp.array(dtype=wp.vec3d),
+    tests: wp.array(dtype=wp.int32),
 ):
-    """Closest hit of each pixel: nearest by float64 t, ties to the lowest index."""
+    """Closest hit of each pixel: nearest by float64 t, ties to the lowest index. Empty ``tests``: not counted."""
     pixel = pixel_of(wp.tid(), width, height, blocks)
     if pixel < 0:
         return
@@ -173,6 +174,7 @@ def primary_kernel(
     d = column[pixel % width] + row[pixel // width]
     best = wp.int32(-1)
     best_t = FOREVER
+    number = wp.int32(0)
     w = enter(g, to_float64(o), to_float64(d), FOREVER)
     going = w.start <= w.end
     while going:
@@ -180,6 +182,7 @@ def primary_kernel(
         for k in range(begin[cell], end[cell]):
             i = members[k]
             face = triangles[i]
+            number += 1
             a = points[face[0]]
             b = points[face[1]]
             c = points[face[2]]
@@ -194,6 +197,8 @@ def primary_kernel(
         else:
             w = advance(w)
             going = inside(w.cell, g.res)
+    if tests.shape[0] > 0:
+        tests[pixel] = number
     write_hit(pixel, o, d, best, best_t, points, triangles, weld, triangle, t, u, v, hit)
 
 
@@ -215,8 +220,9 @@ def shadow_kernel(
     triangle: wp.array(dtype=wp.int32),
     hit: wp.array(dtype=wp.vec3d),
     visibility: wp.array2d(dtype=wp.uint8),
+    tests: wp.array(dtype=wp.int32),
 ):
-    """Whether anything meets the open segment from each float64 hit point to the light."""
+    """Whether anything meets the open segment from each float64 hit point to the light; ``tests`` is added to."""
     pixel = pixel_of(wp.tid(), width, height, blocks)
     if pixel < 0:
         return
@@ -231,6 +237,7 @@ def shadow_kernel(
     error = U32 * largest(near)
     size = wp.float64(largest(eye[0]))
     shadowed = wp.bool(False)
+    number = wp.int32(0)
     w = enter(g, h, to_float64(target) - h, wp.float64(1.0))
     going = w.start <= w.end
     while going:
@@ -238,6 +245,7 @@ def shadow_kernel(
         for k in range(begin[cell], end[cell]):
             i = members[k]
             if i != own and not shadowed:
+                number += 1
                 face = triangles[i]
                 a = points[face[0]]
                 b = points[face[1]]
@@ -250,4 +258,6 @@ def shadow_kernel(
         else:
             w = advance(w)
             going = inside(w.cell, g.res)
+    if tests.shape[0] > 0:
+        tests[pixel] = tests[pixel] + number
     visibility[light, pixel] = wp.uint8(shadowed)
