@@ -20,6 +20,7 @@ from ...harness.passes import Pass
 from ...harness.scene import Effects, Limits, Scene
 from ..common.pairs import grown
 from .parameters import Build
+from .queue import COUNTERS
 from .streams import CameraStream, LightStream, Queues
 
 MOST_TRIANGLES = 2**24
@@ -30,7 +31,7 @@ MOST_PIXELS_ALONG = 32767
 
 
 class RayGrids(BaseMethod):
-    """The streamed dual. Needs: strips and items of the camera's stream, then of each light's."""
+    """The streamed dual. Needs: strips, items and doubts of the camera's stream, then of each light's."""
 
     name: ClassVar[str] = "ray_grids"
     title: ClassVar[str] = "Ray grids (streamed)"
@@ -38,7 +39,7 @@ class RayGrids(BaseMethod):
 
     def __init__(self, build: Any = None, trace: Any = None):
         super().__init__(build, trace)
-        self._capacity: tuple[int, int] | None = None
+        self._capacity: tuple[int, int, int] | None = None
         self._needs: wp.array | None = None
         self._memory = 0
         self._queued = False
@@ -59,9 +60,10 @@ class RayGrids(BaseMethod):
             self._capacity = (
                 self.build.strip_capacity or max(65536, frame.triangle_count // 4),
                 self.build.item_capacity or max(262144, frame.triangle_count),
+                self.build.doubt_capacity or max(262144, frame.pixels // 2),
             )
         with wp.ScopedDevice(frame.device):
-            self._needs = wp.zeros(2 + 2 * len(effects.shadows), dtype=wp.int64)
+            self._needs = wp.zeros(COUNTERS * (1 + len(effects.shadows)), dtype=wp.int64)
         queues = Queues(frame, self._queued, self._capacity, self._needs)
         camera = CameraStream(frame, queues)
         passes = camera.passes()
@@ -78,21 +80,24 @@ class RayGrids(BaseMethod):
 
     def grow(self, needed: NDArray[np.int64]) -> bool:
         assert self._capacity is not None
-        strips, items = self._capacity
+        strips, items, doubts = before = self._capacity
+        most = needed.reshape(-1, COUNTERS).max(axis=0)
         self._capacity = (
-            grown(int(needed[0::2].max()), strips, self._memory, "rows of blocks"),
-            grown(int(needed[1::2].max()), items, self._memory, "(triangle, block) items"),
+            grown(int(most[0]), strips, self._memory, "rows of blocks"),
+            grown(int(most[1]), items, self._memory, "work items"),
+            grown(int(most[2]), doubts, self._memory, "doubtful pairs"),
         )
-        return self._capacity != (strips, items)
+        return self._capacity != before
 
     def counters(self) -> dict[str, int]:
-        """Queued work of the last frame; zero where everything was done in line."""
+        """Queued work of the last frame, and pairs that were left to float64."""
         assert self._needs is not None
-        needed = self._needs.numpy()
-        result = {"camera strips": int(needed[0]), "camera items": int(needed[1])}
-        for i in range(1, len(needed) // 2):
-            result[f"light {i - 1} strips"] = int(needed[2 * i])
-            result[f"light {i - 1} items"] = int(needed[2 * i + 1])
+        result = {}
+        for row, needed in enumerate(self._needs.numpy().reshape(-1, COUNTERS)):
+            name = "camera" if row == 0 else f"light {row - 1}"
+            result[f"{name} strips"], result[f"{name} items"] = int(needed[0]), int(needed[1])
+            if row:
+                result[f"{name} doubtful pairs"] = int(needed[2])
         return result
 
     def built(self) -> dict[str, Any]:

@@ -252,6 +252,45 @@ def recorded(records: wp.array2d(dtype=wp.vec4f), i: wp.int32) -> Planes:
     return planes
 
 
+@wp.func
+def between_planes(
+    planes: Planes,
+    y0: wp.int32,
+    y1: wp.int32,
+    width: wp.int32,
+    column: wp.array(dtype=wp.vec3f),
+    row: wp.array(dtype=wp.vec3f),
+) -> wp.vec2i:
+    """First and last pixel of rows y0..y1 that are not certainly outside one of the edge planes.
+
+    A plane is linear along a row; four bounds of slack cover its own error, the table's rounding and the sum's.
+    """
+    low = wp.float32(0.0)
+    high = wp.float32(width - 1)
+    if planes.bound < wp.INF and width > 1:
+        for k in range(3):
+            n = planes.n0
+            if k == 1:
+                n = planes.n1
+            if k == 2:
+                n = planes.n2
+            start = wp.dot(n, column[0])
+            slope = (wp.dot(n, column[width - 1]) - start) / wp.float32(width - 1)
+            rest = start + wp.max(wp.dot(n, row[y0]), wp.dot(n, row[y1])) + 4.0 * planes.bound
+            if wp.abs(slope) * wp.float32(width) > planes.bound:
+                x = -rest / slope
+                if slope > 0.0:
+                    low = wp.max(low, x - 1.0)
+                else:
+                    high = wp.min(high, x + 1.0)
+            elif rest + planes.bound < 0.0:
+                high = -1.0
+    return wp.vec2i(
+        wp.int32(wp.ceil(wp.clamp(low, 0.0, wp.float32(width)))),
+        wp.int32(wp.floor(wp.clamp(high, -1.0, wp.float32(width - 1)))),
+    )
+
+
 @wp.kernel(enable_backward=False, grid_stride=False)
 def strip_kernel(
     threads: wp.int32,
@@ -271,7 +310,7 @@ def strip_kernel(
 ):
     """One row of blocks of a large triangle a thread: queue the blocks between its edges.
 
-    Where a corner cannot be projected, block after block is tried against the edge planes instead.
+    Where a corner cannot be projected, the edge planes say what lies between them.
     """
     k = wp.tid()
     stop = wp.min(counts[STRIPS], strips.shape[0])
@@ -292,17 +331,17 @@ def strip_kernel(
             span = row_span(flat, wp.float32(box[1]), wp.float32(box[3]))
             box[0] = wp.max(box[0], wp.int32(wp.ceil(wp.clamp(span[0], 0.0, 65535.0))))
             box[2] = wp.min(box[2], wp.int32(wp.floor(wp.clamp(span[1], -1.0, 65535.0))))
-            if box[2] >= box[0]:
-                first = box[0] // BLOCK
-                number = box[2] // BLOCK - first + 1
-                at = reserve(counts, ITEMS, number)
-                for j in range(number):
-                    write_item(at + j, i, box, first + j, by, items)
         else:
             planes = recorded(records, i)
-            for bx in range(box[0] // BLOCK, box[2] // BLOCK + 1):
-                if not block_missed(planes, bx, by, width, height, column, row):
-                    write_item(reserve(counts, ITEMS, 1), i, box, bx, by, items)
+            ends = between_planes(planes, box[1], box[3], width, column, row)
+            box[0] = wp.max(box[0], ends[0])
+            box[2] = wp.min(box[2], ends[1])
+        if box[2] >= box[0]:
+            first = box[0] // BLOCK
+            number = box[2] // BLOCK - first + 1
+            at = reserve(counts, ITEMS, number)
+            for j in range(number):
+                write_item(at + j, i, box, first + j, by, items)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)

@@ -10,10 +10,9 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..common.hitpoint import plane_distance
-from ..common.triangle import U32, hit_point, largest, occludes, to_float64, total, weld_of
+from ..common.triangle import U32, largest, occludes, to_float64, total, weld_of
 from .light_bins import CELLS, EMPTY, FACES, Cube, cell_index, face_rectangle, on_face
-from .queue import ITEMS, STRIPS, reserve
+from .queue import DOUBTS, ITEMS, STRIPS, reserve
 from .spans import Flat, row_span
 
 FEW_BLOCKS = wp.constant(4)
@@ -86,44 +85,62 @@ def shade(
     i: wp.int32,
     at: wp.int32,
     index: wp.int32,
-    width: wp.int32,
     occluder: Occluder,
-    lights: wp.array(dtype=wp.vec3f),
-    eye: wp.array(dtype=wp.vec3f),
-    column: wp.array(dtype=wp.vec3f),
-    row: wp.array(dtype=wp.vec3f),
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    weld: wp.array(dtype=wp.int32),
     rays: wp.array(dtype=wp.vec4f),
     pixels: wp.array(dtype=wp.int32),
     visibility: wp.array2d(dtype=wp.uint8),
+    counts: wp.array(dtype=wp.int32),
+    doubts: wp.array(dtype=wp.vec2i),
 ):
-    """Test the ray at place ``at`` against the triangle and set its bit."""
+    """Test the ray at place ``at`` against the triangle: set its bit, or leave the pair to float64.
+
+    Few pairs are doubtful, but nearly every warp meets one; deciding them on the spot would hold up all its lanes.
+    """
     h = rays[at]
     low = wp.min(value_at(occluder.e0, h), wp.min(value_at(occluder.e1, h), value_at(occluder.e2, h)))
     if low < -occluder.bound:
         return
     side = value_at(occluder.plane, h)
-    own = wp.cast(h[3], wp.int32)
-    if side > occluder.bound or own == i:
+    if side > occluder.bound or wp.cast(h[3], wp.int32) == i:
         return
     pixel = pixels[at]
     if low > occluder.bound and side < -occluder.bound:
         visibility[index, pixel] = wp.uint8(1)
-        return
-    if visibility[index, pixel] != wp.uint8(0):
-        return
-    mine = triangles[own]
-    o = eye[0]
-    d = column[pixel % width] + row[pixel // width]
-    hit = hit_point(o, d, plane_distance(o, d, points[mine[0]], points[mine[1]], points[mine[2]]))
-    face = triangles[i]
-    if occludes(
-        hit, lights[index], points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face),
-        wp.float64(largest(o)),
-    ):  # fmt: skip
-        visibility[index, pixel] = wp.uint8(1)
+    elif visibility[index, pixel] == wp.uint8(0):
+        place = reserve(counts, DOUBTS, 1)
+        if place < doubts.shape[0]:
+            doubts[place] = wp.vec2i(i, pixel)
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def doubt_kernel(
+    threads: wp.int32,
+    index: wp.int32,
+    width: wp.int32,
+    lights: wp.array(dtype=wp.vec3f),
+    eye: wp.array(dtype=wp.vec3f),
+    points: wp.array(dtype=wp.vec3f),
+    triangles: wp.array(dtype=wp.vec3i),
+    weld: wp.array(dtype=wp.int32),
+    hit: wp.array(dtype=wp.vec3d),
+    counts: wp.array(dtype=wp.int32),
+    doubts: wp.array(dtype=wp.vec2i),
+    visibility: wp.array2d(dtype=wp.uint8),
+):
+    """Pairs that float32 could not decide."""
+    k = wp.tid()
+    stop = wp.min(counts[DOUBTS], doubts.shape[0])
+    origin_size = wp.float64(largest(eye[0]))
+    while k < stop:
+        pair = doubts[k]
+        k += threads
+        if visibility[index, pair[1]] == wp.uint8(0):
+            face = triangles[pair[0]]
+            if occludes(
+                hit[pair[1]], lights[index], points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face),
+                origin_size,
+            ):  # fmt: skip
+                visibility[index, pair[1]] = wp.uint8(1)
 
 
 @wp.func
@@ -203,6 +220,61 @@ def span_of(
 
 
 @wp.func
+def between_planes(
+    light: wp.vec3f,
+    axes: wp.mat33d,
+    face: wp.int32,
+    a32: wp.vec3f,
+    b32: wp.vec3f,
+    c32: wp.vec3f,
+    r: wp.vec4d,
+    y0: wp.int32,
+    y1: wp.int32,
+    cells: wp.int32,
+) -> wp.vec2i:
+    """First and last cell of rows y0..y1 that a triangle reaching behind the light may cover. Float64.
+
+    On a face the planes through the light and the edges are lines n0 + n1 u + n2 v >= 0; they hold for triangles
+    that cannot be projected, too.
+    """
+    l64 = to_float64(light)
+    a = on_face(axes * (to_float64(a32) - l64), face)
+    b = on_face(axes * (to_float64(b32) - l64), face)
+    c = on_face(axes * (to_float64(c32) - l64), face)
+    det = wp.dot(wp.cross(b - a, c - a), a)
+    reach = wp.max(largest(a), wp.max(largest(b), largest(c)))
+    edge = wp.max(largest(b - a), wp.max(largest(c - b), largest(a - c)))
+    rounding = wp.float64(1.0e-14)
+    if wp.abs(det) <= wp.float64(8.0) * rounding * edge * edge * reach:
+        return wp.vec2i(0, cells - 1)
+    sign = wp.sign(det)
+    hair = wp.float64(0.01)
+    v0 = r[1] + (wp.float64(y0) - hair) / r[3]
+    v1 = r[1] + (wp.float64(y1 + 1) + hair) / r[3]
+    error = wp.float64(64.0) * rounding * reach * edge
+    low = wp.float64(-2.0)
+    high = wp.float64(2.0)
+    for k in range(3):
+        n = wp.cross(b, c - b) * sign
+        if k == 1:
+            n = wp.cross(c, a - c) * sign
+        if k == 2:
+            n = wp.cross(a, b - a) * sign
+        rest = n[0] + wp.max(n[2] * v0, n[2] * v1) + error
+        if wp.abs(n[1]) > error:
+            u = -rest / n[1]
+            if n[1] > wp.float64(0.0):
+                low = wp.max(low, u)
+            else:
+                high = wp.min(high, u)
+        elif rest + error * wp.float64(2.0) < wp.float64(0.0):
+            high = wp.float64(-2.0)
+    first = wp.floor(wp.clamp((low - r[0]) * r[2] - wp.float64(0.1), wp.float64(0.0), wp.float64(cells)))
+    last = wp.floor(wp.clamp((high - r[0]) * r[2] + wp.float64(0.1), wp.float64(-1.0), wp.float64(cells - 1)))
+    return wp.vec2i(wp.int32(first), wp.int32(last))
+
+
+@wp.func
 def queue_rays(
     i: wp.int32, first: wp.int32, stop: wp.int32, counts: wp.array(dtype=wp.int32), items: wp.array(dtype=wp.vec4i)
 ):
@@ -260,18 +332,14 @@ def stream_kernel(
     cells: wp.int32,
     inline_cells: wp.int32,
     inline_rays: wp.int32,
-    width: wp.int32,
     queued: wp.bool,
     lights: wp.array(dtype=wp.vec3f),
+    frame: wp.array(dtype=wp.mat33d),
     cubes: wp.array(dtype=Cube),
     rectangle: wp.array(dtype=wp.int32),
-    eye: wp.array(dtype=wp.vec3f),
-    column: wp.array(dtype=wp.vec3f),
-    row: wp.array(dtype=wp.vec3f),
     points: wp.array(dtype=wp.vec3f),
     triangles: wp.array(dtype=wp.vec3i),
     valid: wp.array(dtype=wp.uint8),
-    weld: wp.array(dtype=wp.int32),
     offset: wp.array(dtype=wp.int32),
     rays: wp.array(dtype=wp.vec4f),
     pixels: wp.array(dtype=wp.int32),
@@ -280,6 +348,7 @@ def stream_kernel(
     records: wp.array2d(dtype=wp.vec4f),
     strips: wp.array(dtype=wp.vec4i),
     items: wp.array(dtype=wp.vec4i),
+    doubts: wp.array(dtype=wp.vec2i),
 ):
     """One thread a triangle: few rays are tested here, more are queued by blocks of cells or by strips of blocks."""
     i = wp.tid()
@@ -344,7 +413,14 @@ def stream_kernel(
                             for y in range(box[1], box[3] + 1):
                                 x_low = box[0]
                                 x_high = box[2]
-                                if flat.known and number > inline_rays:
+                                if not flat.known:
+                                    ends = between_planes(
+                                        light, frame[0], face, a, b, c, face_rectangle(face, rectangle, cells), y, y,
+                                        cells,
+                                    )  # fmt: skip
+                                    x_low = ends[0]
+                                    x_high = ends[1]
+                                elif number > inline_rays:
                                     cut = row_span(flat, wp.float32(y), wp.float32(y + 1))
                                     x_low = wp.max(x_low, whole_cells(cut[0], cells))
                                     x_high = wp.min(x_high, whole_cells(wp.max(cut[1], 0.0), cells))
@@ -354,10 +430,7 @@ def stream_kernel(
                                     if x1 >= x0:
                                         span = span_of(offset, face, x0, x1, y, cells)
                                         for at in range(span[0], span[1]):
-                                            shade(
-                                                i, at, index, width, occluder, lights, eye, column, row, points,
-                                                triangles, weld, rays, pixels, visibility,
-                                            )  # fmt: skip
+                                            shade(i, at, index, occluder, rays, pixels, visibility, counts, doubts)
                         elif (bx1 - bx0 + 1) * (by1 - by0 + 1) > FEW_BLOCKS:
                             place = reserve(counts, STRIPS, by1 - by0 + 1)
                             for by in range(by0, by1 + 1):
@@ -373,7 +446,10 @@ def stream_kernel(
 @wp.kernel(enable_backward=False, grid_stride=False)
 def strip_kernel(
     threads: wp.int32,
+    index: wp.int32,
     cells: wp.int32,
+    lights: wp.array(dtype=wp.vec3f),
+    frame: wp.array(dtype=wp.mat33d),
     cubes: wp.array(dtype=Cube),
     rectangle: wp.array(dtype=wp.int32),
     points: wp.array(dtype=wp.vec3f),
@@ -411,6 +487,12 @@ def strip_kernel(
                 box[2] = -1
             else:
                 box[2] = wp.min(box[2], whole_cells(span[1], cells))
+        else:
+            y = by * CELLS
+            rectangle_of_face = face_rectangle(face, rectangle, cells)
+            ends = between_planes(lights[index], frame[0], face, a, b, c, rectangle_of_face, y, y + CELLS - 1, cells)
+            box[0] = ends[0]
+            box[2] = ends[1]
         if box[2] >= box[0]:
             for bx in range(box[0] // CELLS, box[2] // CELLS + 1):
                 queue_block(i, face, flat, box, bx, by, cells, offset, counts, items)
@@ -420,20 +502,13 @@ def strip_kernel(
 def item_kernel(
     threads: wp.int32,
     index: wp.int32,
-    width: wp.int32,
-    lights: wp.array(dtype=wp.vec3f),
-    eye: wp.array(dtype=wp.vec3f),
-    column: wp.array(dtype=wp.vec3f),
-    row: wp.array(dtype=wp.vec3f),
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    weld: wp.array(dtype=wp.int32),
     records: wp.array2d(dtype=wp.vec4f),
     counts: wp.array(dtype=wp.int32),
     items: wp.array(dtype=wp.vec4i),
     rays: wp.array(dtype=wp.vec4f),
     pixels: wp.array(dtype=wp.int32),
     visibility: wp.array2d(dtype=wp.uint8),
+    doubts: wp.array(dtype=wp.vec2i),
 ):
     """Queued items: 32 threads each, one a ray."""
     k = wp.tid()
@@ -450,8 +525,5 @@ def item_kernel(
             occluder.e2 = records[i, 2]
             occluder.plane = records[i, 3]
             occluder.bound = records[i, 4][0]
-            shade(
-                i, at, index, width, occluder, lights, eye, column, row, points, triangles, weld, rays, pixels,
-                visibility,
-            )  # fmt: skip
+            shade(i, at, index, occluder, rays, pixels, visibility, counts, doubts)
         item += threads // 32

@@ -17,6 +17,7 @@ class Build:
     inline_rays    and tests them in its own thread if they are at most so many
     queue          larger triangles go through queues: "auto" on the GPU only, "always", "never"
     item_capacity  initial room for queued (triangle, block) items; 0 chooses; grows as needed
+    doubt_capacity initial room for (triangle, ray) pairs left to float64; 0 chooses; grows as needed
     strip_capacity initial room for queued rows of blocks; 0 chooses; grows as needed
     """
 
@@ -26,13 +27,14 @@ class Build:
     queue: str = "auto"
     item_capacity: int = 0
     strip_capacity: int = 0
+    doubt_capacity: int = 0
 
     def __post_init__(self) -> None:
         if not 0 <= self.cells <= 8192 or self.cells % 8:
             raise ValueError("cells must be a multiple of 8 in 0..8192")
-        if min(self.inline_cells, self.inline_rays, self.item_capacity, self.strip_capacity) < 0:
+        if min(self.inline_cells, self.inline_rays, self.item_capacity, self.strip_capacity, self.doubt_capacity) < 0:
             raise ValueError("must not be negative")
-        if max(self.item_capacity, self.strip_capacity) > 2**28:
+        if max(self.item_capacity, self.strip_capacity, self.doubt_capacity) > 2**28:
             raise ValueError("must be at most 2^28")
         if self.queue not in QUEUES:
             raise ValueError(f"must be one of {', '.join(QUEUES)}")

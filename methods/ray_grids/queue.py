@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import warp as wp
 
-STRIPS, ITEMS = 0, 1
-"""Counters of one stream: rows of blocks of huge triangles; (triangle, block) items."""
+STRIPS, ITEMS, DOUBTS = 0, 1, 2
+"""Counters of one stream: rows of blocks of large triangles; work items; (triangle, ray) pairs left to float64."""
+
+COUNTERS = 3
 
 
 # One atomic for all lanes that reserve at the same time: a hundred thousand atomics on one address cost more than

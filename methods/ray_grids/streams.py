@@ -10,7 +10,7 @@ from ...harness.frame import Frame
 from ...harness.passes import Pass
 from . import camera_stream, light_bins, light_stream
 from .parameters import Build
-from .queue import needs_kernel
+from .queue import COUNTERS, needs_kernel
 
 THREADS = 132 * 2048
 """Threads of a kernel that empties a queue: they stride over what is there, so the count stays on the device."""
@@ -21,24 +21,25 @@ BLOCK_DIM = 128
 class Queues:
     """What the streams of one frame share: queues, plane records, and where needs are kept.
 
-    strips vec4i [strip_capacity], items vec4i [item_capacity]; counts int32 [2]; records vec4f [triangles, 5].
-    Without queues (CPU) all are one element long.
+    strips vec4i [strip_capacity], items vec4i [item_capacity]; doubts vec2i [doubt_capacity];
+    counts int32 [3]; records vec4f [triangles, 5]. Without queues (CPU) all but the doubts are one element long.
     """
 
-    def __init__(self, frame: Frame, queued: bool, capacity: tuple[int, int], needs: wp.array):
+    def __init__(self, frame: Frame, queued: bool, capacity: tuple[int, int, int], needs: wp.array):
         self.queued = queued
         self.needs = needs
-        strips, items = capacity if queued else (1, 1)
+        strips, items, doubts = capacity if queued else (1, 1, capacity[2])
         with wp.ScopedDevice(frame.device):
-            self.counts = wp.zeros(2, dtype=wp.int32)
+            self.counts = wp.zeros(COUNTERS, dtype=wp.int32)
             self.strips = wp.zeros(strips, dtype=wp.vec4i)
             self.items = wp.zeros(items, dtype=wp.vec4i)
+            self.doubts = wp.zeros(doubts, dtype=wp.vec2i)
             self.records = wp.zeros((max(1, frame.triangle_count) if queued else 1, 5), dtype=wp.vec4f)
         self.threads = THREADS if wp.get_device(frame.device).is_cuda else 64
         self.device = frame.device
 
     def keep_needs(self, first: int) -> None:
-        wp.launch(needs_kernel, dim=2, inputs=[self.counts], outputs=[self.needs, first], device=self.device)
+        wp.launch(needs_kernel, dim=COUNTERS, inputs=[self.counts], outputs=[self.needs, first], device=self.device)
 
 
 class CameraStream:
@@ -159,7 +160,7 @@ class LightStream:
         ]  # fmt: skip
         if self.queues.queued:
             passes.append(Pass(f"light {i}: queued blocks", "shadow", scene, (bits,), self.launch_queue, effect))
-        return passes
+        return [*passes, Pass(f"light {i}: doubtful pairs", "shadow", scene, (bits,), self.launch_doubts, effect)]
 
     def launch_map(self) -> None:
         f, b = self.frame, self.bins
@@ -213,11 +214,11 @@ class LightStream:
             light_stream.stream_kernel,
             dim=max(1, f.triangle_count),
             inputs=[
-                f.triangle_count, self.index, b.cells, self.build.inline_cells, self.build.inline_rays, f.width,
-                q.queued, f.lights, b.cube, b.rectangle, f.eye, f.column, f.row, f.points, f.triangles,
-                f.valid, f.weld, b.offset, b.rays, b.pixels,
+                f.triangle_count, self.index, b.cells, self.build.inline_cells, self.build.inline_rays,
+                q.queued, f.lights, b.axes, b.cube, b.rectangle, f.points, f.triangles, f.valid, b.offset, b.rays,
+                b.pixels,
             ],
-            outputs=[f.answers.visibility, q.counts, q.records, q.strips, q.items],
+            outputs=[f.answers.visibility, q.counts, q.records, q.strips, q.items, q.doubts],
             device=f.device,
             block_dim=BLOCK_DIM,
         )  # fmt: skip
@@ -228,7 +229,8 @@ class LightStream:
             light_stream.strip_kernel,
             dim=q.threads,
             inputs=[
-                q.threads, b.cells, b.cube, b.rectangle, f.points, f.triangles, b.offset, q.strips,
+                q.threads, self.index, b.cells, f.lights, b.axes, b.cube, b.rectangle, f.points, f.triangles,
+                b.offset, q.strips,
             ],
             outputs=[q.counts, q.items],
             device=f.device,
@@ -237,12 +239,23 @@ class LightStream:
         wp.launch(
             light_stream.item_kernel,
             dim=q.threads,
+            inputs=[q.threads, self.index, q.records, q.counts, q.items, b.rays, b.pixels],
+            outputs=[f.answers.visibility, q.doubts],
+            device=f.device,
+            block_dim=BLOCK_DIM,
+        )
+
+    def launch_doubts(self) -> None:
+        f, q = self.frame, self.queues
+        wp.launch(
+            light_stream.doubt_kernel,
+            dim=q.threads,
             inputs=[
-                q.threads, self.index, f.width, f.lights, f.eye, f.column, f.row, f.points, f.triangles, f.weld,
-                q.records, q.counts, q.items, b.rays, b.pixels,
+                q.threads, self.index, f.width, f.lights, f.eye, f.points, f.triangles, f.weld, self.hit, q.counts,
+                q.doubts,
             ],
             outputs=[f.answers.visibility],
             device=f.device,
             block_dim=BLOCK_DIM,
         )  # fmt: skip
-        q.keep_needs(2 + 2 * self.index)
+        q.keep_needs(COUNTERS * (1 + self.index))
