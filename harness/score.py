@@ -100,7 +100,8 @@ def score_answers(
     """Counts per class of a method's answers (numpy arrays as ``Answers.to_host`` gives them); JSON-able.
 
     ``primary`` and each light of ``shadow`` count classes of :class:`~.referee.Verdict` over all pixels (agreement
-    with Embree counts as ok where the referee was not asked). ``true_errors`` sums what no rounding excuses and
+    with Embree counts as ok where the referee was not asked); the largest errors of t, u and v are over pixels with
+    the right triangle. ``true_errors`` sums what no rounding excuses and
     the disputed pixels left unjudged; ``excused_share`` is the share of pixels in an excused class; ``check`` is
     "ok" only with no true error and at most :data:`EXCUSED_LIMIT` excused. ``reference_errors`` are the same
     counts for Embree's own answers over the judged pixels.
@@ -112,7 +113,7 @@ def score_answers(
     suspects = _suspects(moment, answers, reference, found, agree, wanted, extra_pixels, seed, judge_limit)
     hits = referee.closest(moment.eye, moment.directions(suspects.judged))
 
-    primary = _primary(referee, hits, answers["triangle"], found, suspects)
+    primary, named = _primary(referee, hits, answers["triangle"], found, suspects, agree)
     # A duplicate with a lower index exists: a tie, wherever it was not judged already.
     primary[(primary == Verdict.OK) & (answers["triangle"] != _lowest(answers["triangle"], referee))] = (
         Verdict.TIE
@@ -137,8 +138,8 @@ def score_answers(
             **_counts(primary, PRIMARY),
             "t_wrong": int(found.t_wrong.sum()),
             "uv_wrong": int(found.uv_wrong.sum()),
-            "t_max_relative_error": float(found.t_error.max(initial=0.0)),
-            "uv_max_error": float(found.uv_error.max(initial=0.0)),
+            "t_max_relative_error": float(found.t_error[named].max(initial=0.0)),
+            "uv_max_error": float(found.uv_error[named].max(initial=0.0)),
         },
         "shadow": [
             {
@@ -238,15 +239,25 @@ def _neighbours(pixels: NDArray[np.intp], width: int, height: int) -> NDArray[np
 
 
 def _primary(
-    referee: Referee, hits: Hits, given: NDArray, found: Consistency, suspects: _Suspects
-) -> NDArray[np.int8]:
-    """The class of every pixel's closest triangle; -1 where a disputed one was left unjudged. int8 [pixels]"""
+    referee: Referee,
+    hits: Hits,
+    given: NDArray,
+    found: Consistency,
+    suspects: _Suspects,
+    agree: NDArray[np.bool_],
+) -> tuple[NDArray[np.int8], NDArray[np.bool_]]:
+    """The class of every pixel's answer, -1 where a disputed one was left unjudged; and where the triangle is right.
+
+    int8 and bool [pixels]. A right triangle with a wrong t, u or v is a true error all the same.
+    """
     verdicts = np.full(len(given), Verdict.OK, dtype=np.int8)
     verdicts[suspects.judged] = referee.classify_primary(hits, given[suspects.judged])
+    named = agree & ~found.primary_invalid
+    named[suspects.judged] = np.isin(verdicts[suspects.judged], (Verdict.OK, Verdict.TIE))
     verdicts[(found.t_wrong | found.uv_wrong) & (verdicts != Verdict.INVALID)] = Verdict.TRUE
     verdicts[found.primary_invalid] = Verdict.INVALID
     verdicts[suspects.unjudged] = -1
-    return verdicts
+    return verdicts, named
 
 
 def _shadows(
@@ -293,7 +304,8 @@ def _reference_errors(
     """Embree's own answers on the judged pixels, counted the same way (its t and triangle together)."""
     answers = reference.answers()
     found = check_consistency(prepared, moment, answers)
-    primary = _primary(referee, hits, reference.triangle, found, suspects)
+    agree = np.ones(len(reference.triangle), dtype=bool)
+    primary, _ = _primary(referee, hits, reference.triangle, found, suspects, agree)
     shadow = _shadows(referee, moment, hits, answers, found, suspects, primary, wanted)
     judged = suspects.judged
     return {

@@ -7,6 +7,7 @@ from fractions import Fraction
 import exact_cases as cases
 import numpy as np
 import pytest
+import warp as wp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from shadowbench.harness import exact
@@ -111,6 +112,24 @@ def test_a_power_of_two_changes_nothing(exponent):
     assert (a.triangle >= 0).sum() > 10
     np.testing.assert_array_equal(a.t, b.t)
     np.testing.assert_array_equal(plain.occluded(a, light), scaled.occluded(b, light * factor))
+
+
+@pytest.mark.gpu
+@pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device on this machine")
+def test_the_filter_on_a_gpu_gives_the_same_answers():
+    prepared = Prepared(cases.ball_on_floor())
+    moment = prepared.moment(0, 64, 48)
+    arguments = (moment.points, prepared.faces, moment.valid)
+    here, there = Referee(*arguments), Referee(*arguments, device="cuda:0")
+    directions = moment.directions(np.arange(64 * 48))
+    a, b = here.closest(moment.eye, directions), there.closest(moment.eye, directions)
+    assert (a.ties, a.ratio) == (b.ties, b.ratio)
+    np.testing.assert_array_equal(here.occluded(a, moment.lights[0]), there.occluded(b, moment.lights[0]))
+    given = np.random.default_rng(0).integers(-1, len(prepared.faces), size=64 * 48)
+    np.testing.assert_array_equal(here.classify_primary(a, given), there.classify_primary(b, given))
+    bits = np.random.default_rng(1).integers(0, 2, size=64 * 48)
+    light = moment.lights[0]
+    np.testing.assert_array_equal(here.classify_shadow(a, light, bits), there.classify_shadow(b, light, bits))
 
 
 QUAD = np.float32([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])

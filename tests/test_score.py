@@ -123,6 +123,8 @@ def test_a_planted_primary_error_is_true(ball, plant):
     assert score["primary"]["true"] == 1
     assert score["true_errors"] == 1
     assert score["excused_share"] == 0
+    assert (score["primary"]["t_max_relative_error"] > 1e-6) == (plant is plant_t)
+    assert (score["primary"]["uv_max_error"] > 1e-6) == (plant is plant_u)
     (example,) = score["examples"]
     assert example["pixel"] == [pixel % WIDTH, pixel // WIDTH]
     assert example["kind"].startswith("true")
