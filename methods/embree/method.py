@@ -121,6 +121,7 @@ class Embree(BaseMethod):
         return {
             "robust": self.build.robust,
             "threads": self.thread_count,
+            "build threads": "Embree's own",
             "embreex": version("embreex"),
         }
 
