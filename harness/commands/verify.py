@@ -289,18 +289,19 @@ def _print_reports(reports: list[dict[str, Any]]) -> None:
     from rich.console import Console
 
     table = _table("scene", "triangles", "method")
-    notes: dict[str, str] = {}
+    notes: list[str] = []
     for report in reports:
         scene = Path(report["scene"]).name + (" (stand-in)" if report["stand_in"] else "")
         lead = (scene, f"{report['triangles']:,}")
         for row in report["methods"]:
             if row["score"] is None:
-                table.add_row(*lead, row["method"], f"{row['status']}: {row['reason']}")
+                table.add_row(*lead, row["method"], *[""] * (len(COLUMNS) - 1), row["status"])
+                notes.append(f"{row['method']} on {scene}: {row['status']}: {row['reason']}")
             else:
                 cells = _cells(row["score"])
                 if row["known_inexact"] and row["score"]["check"] != "ok":
                     cells[-1] += " *"
-                    notes[row["method"]] = row["known_inexact"]
+                    notes.append(f"* {row['method']} declares itself inexact: {row['known_inexact']}")
                 table.add_row(*lead, row["method"], *cells)
             lead = ("", "")
         judged = [row["score"] for row in report["methods"] if row["score"]]
@@ -312,8 +313,8 @@ def _print_reports(reports: list[dict[str, Any]]) -> None:
             table.add_row("", "", f"(reference, {pixels} judged)", *_cells(errors))
     console = Console(width=None if sys.stdout.isatty() else 160)
     console.print(table)
-    for name, reason in notes.items():
-        console.print(f"* {name} declares itself inexact: {reason}", soft_wrap=True, highlight=False)
+    for note in dict.fromkeys(notes):
+        console.print(note, soft_wrap=True, highlight=False, markup=False)
 
 
 def _print_scores(rows: list[dict[str, Any]]) -> None:
@@ -322,5 +323,9 @@ def _print_scores(rows: list[dict[str, Any]]) -> None:
     table = _table("scene", "method", "frame", "")
     for row in rows:
         lead = (row["scene"], row["method"], str(row["frame"]), row["status"])
-        table.add_row(*lead, *(_cells(row["score"]) if row["score"] else [row["reason"]]))
-    Console(width=None if sys.stdout.isatty() else 160).print(table)
+        table.add_row(*lead, *(_cells(row["score"]) if row["score"] else []))
+    console = Console(width=None if sys.stdout.isatty() else 160)
+    console.print(table)
+    for row in rows:
+        if row["reason"]:
+            console.print(row["reason"], soft_wrap=True, highlight=False, markup=False)
