@@ -13,6 +13,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from .moment import Moment, Prepared
+from .spot import SPOT
 
 MISS = -1
 
@@ -55,7 +56,8 @@ class Frame:
     weld      int32 [vertex_count]      valid     uint8 [triangle_count]
     eye       vec3f [1]                 axes      vec3f [3]: right, up, forward
     tangents  float32 [2]               column    vec3f [width], row vec3f [height]
-    lights    vec3f [light_count]       points_needed, ...: a method's own arrays are its own
+    lights    vec3f [light_count]       spots  float64 [light_count, 12]: see :mod:`.spot`
+    points_needed, ...: a method's own arrays are its own
     """
 
     def __init__(self, prepared: Prepared, width: int, height: int, light_count: int, device: str):
@@ -78,6 +80,7 @@ class Frame:
             self.column = wp.zeros(width, dtype=wp.vec3f)
             self.row = wp.zeros(height, dtype=wp.vec3f)
             self.lights = wp.zeros(max(1, light_count), dtype=wp.vec3f)
+            self.spots = wp.zeros((max(1, light_count), SPOT), dtype=wp.float64)
             self.answers = Answers(
                 wp.zeros(self.pixels, dtype=wp.int32),
                 wp.zeros(self.pixels, dtype=wp.float32),
@@ -105,3 +108,6 @@ class Frame:
         self.row.assign(moment.row)
         if self.light_count:
             self.lights.assign(moment.lights)
+            spots = np.zeros(self.spots.shape)
+            spots[: len(moment.spots)] = moment.spots
+            self.spots.assign(spots)

@@ -67,6 +67,8 @@ class BaseMethod:
     title: ClassVar[str] = ""
     capturable: bool = True
     devices: ClassVar[tuple[str, ...]] = ("cpu", "cuda")
+    spots: ClassVar[bool] = False
+    """Whether it keeps to :func:`~.spot.receivers`."""
     Build: ClassVar[type] = NoParameters
     Trace: ClassVar[type] = NoParameters
 
@@ -77,6 +79,8 @@ class BaseMethod:
     def applies(self, scene: Scene, device: str) -> str | None:
         if device.split(":")[0] not in self.devices:
             return f"runs on {' and '.join(self.devices)} only"
+        if not self.spots and any(light.spot is not None for light in scene.lights):
+            return "spotlights are not supported"
         return None
 
     def needs(self) -> wp.array | None:

@@ -7,7 +7,7 @@ referee get the same arrays. A :class:`Moment` is one frame of it, at one image 
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 
 import numpy as np
@@ -31,6 +31,7 @@ class Moment:
     column   float32 [width, 3], row float32 [height, 3]: a pixel's direction is column[x] + row[y], one float32
              addition a component; its forward part is 1 up to rounding, so t is the depth along forward
     lights   float32 [light_count, 3]
+    spots    float64 [light_count, 12]: what each light is limited to (:mod:`.spot`); no row: not limited
     """
 
     index: int
@@ -42,6 +43,7 @@ class Moment:
     column: F32
     row: F32
     lights: F32
+    spots: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 12)))
 
     @property
     def width(self) -> int:
@@ -108,6 +110,8 @@ class Prepared:
         lights: tuple[Light, ...] | None = None,
     ) -> Moment:
         """One frame at one image size. ``camera`` and ``lights`` default to the scene's, moved along its path."""
+        from .spot import spot_rows  # it reads moments
+
         points, valid = self.points(frame)
         chosen = camera or self.scene.camera
         if lights is None:
@@ -126,6 +130,7 @@ class Prepared:
             column,
             row,
             np.ascontiguousarray(positions.astype(np.float32)),
+            spot_rows(lights),
         )
 
     def lights(self, frame: int) -> tuple[Light, ...]:

@@ -26,13 +26,37 @@ class Camera:
 
 
 @dataclass(frozen=True)
+class Spot:
+    """What a light is limited to: a cone, or a rectangle of azimuth and elevation about its direction (Figure 6).
+
+    direction   where it points; any length
+    angle       half-angle of the cone, degrees in 0..180; or half-width of the rectangle in azimuth
+    rise        half-width of the rectangle in elevation, degrees in 0..90; None: a cone
+    up          what elevation is measured towards; must not be parallel to ``direction``
+    falloff     exponent of the cosine from the direction, for pictures only; 0: none
+
+    Hit points outside are no receivers: they cast no shadow ray and their bit is 0 (:mod:`.spot`).
+    """
+
+    direction: Vector
+    angle: float
+    rise: float | None = None
+    up: Vector = (0.0, 1.0, 0.0)
+    falloff: float = 0.0
+
+
+@dataclass(frozen=True)
 class Light:
-    """A point light. ``shadows``: whether it asks for shadow rays. ``color`` and ``intensity`` are for pictures only."""
+    """A point light. ``shadows``: whether it asks for shadow rays. ``color`` and ``intensity`` are for pictures only.
+
+    ``spot``: what it is limited to; None shines everywhere.
+    """
 
     position: Vector
     shadows: bool = True
     color: Vector = (1.0, 1.0, 1.0)
     intensity: float = 1.0
+    spot: Spot | None = None
 
     def moved(self, position: Vector) -> Light:
         """The same light elsewhere."""

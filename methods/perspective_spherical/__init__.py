@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from ...harness.frame import Frame
 from ...harness.method import BaseMethod
 from ...harness.passes import Pass
-from ...harness.scene import Effects, Limits
+from ...harness.scene import Effects, Limits, Scene
 from .binning import grown_bins
 from .camera import CameraGrid
+from .counters import work
+from .culling import orientation, refusal
 from .light import LightGrid
 from .parameters import Build, Trace
 
@@ -26,6 +28,7 @@ class PerspectiveSpherical(BaseMethod):
 
     name: ClassVar[str] = "perspective_spherical"
     title: ClassVar[str] = "Perspective + spherical grids"
+    spots: ClassVar[bool] = True
     Build: ClassVar[type] = Build
     Trace: ClassVar[type] = Trace
 
@@ -37,17 +40,33 @@ class PerspectiveSpherical(BaseMethod):
         self.camera: CameraGrid | None = None
         self.lights: list[LightGrid] = []
 
+    def applies(self, scene: Scene, device: str) -> str | None:
+        reason = super().applies(scene, device)
+        if reason is None and self.build.cull != "off":
+            reason = refusal(scene, self.build.cull == "primary+light")
+        return reason
+
+    def built(self) -> dict[str, Any]:
+        """The triangle test and the culling that ran: they alone may change an answer, in ties and at edges."""
+        return {"triangle test": self.build.triangle_test, "culling": self.build.cull}
+
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
         self._memory = limits.memory
+        outward = 0.0
+        if self.build.cull != "off" and frame.triangle_count:
+            outward = orientation(frame.prepared.points(0)[0], frame.prepared.faces)
+        light_outward = outward if self.build.cull == "primary+light" else 0.0
         with wp.ScopedDevice(frame.device):
             self._needs = wp.zeros(SLOTS * (1 + len(effects.shadows)), dtype=wp.int64)
-        self.camera = CameraGrid(frame, self.build, self._room(0, frame), self._needs, 0)
+        self.camera = CameraGrid(frame, self.build, self.trace, outward, self._room(0, frame), self._needs, 0)
         self.lights = []
         for i, wanted in enumerate(effects.shadows):
             if wanted:
                 room, slot = self._room(1 + i, frame), SLOTS * (1 + i)
                 self.lights.append(
-                    LightGrid(frame, i, self.camera.hit, self.build, self.trace, room, self._needs, slot)
+                    LightGrid(
+                        frame, i, self.camera, self.build, self.trace, light_outward, room, self._needs, slot
+                    )
                 )
         passes = self.camera.passes()
         for light in self.lights:
@@ -86,32 +105,10 @@ class PerspectiveSpherical(BaseMethod):
         return primary.numpy()[: frame.pixels], shadow.numpy()[: frame.pixels]
 
     def counters(self) -> dict[str, int]:
-        """Pairs, occupied cells, longest list, chunks and triangle tests of the last frame."""
+        """Work of the last frame, exact counts; see :func:`~.counters.work`."""
         assert self.camera is not None
-        assert self._needs is not None
         primary, shadow = self.tests_per_pixel()
-        needed = self._needs.numpy()
-        result = {
-            "primary tests": int(primary.sum(dtype=np.int64)),
-            **_lists("camera", self.camera.bins.pairs),
-        }
-        result["camera pairs"] = int(needed[0])
-        for light in self.lights:
-            name = f"light {light.index}"
-            result[f"{name} pairs"] = int(needed[SLOTS * (1 + light.index)])
-            result.update(_lists(name, light.bins.pairs))
-            lengths = light.ray_end.numpy() - light.ray_begin.numpy()
-            result[f"{name} occupied tiles"] = int((lengths > 0).sum())
-            result[f"{name} most rays in a tile"] = int(lengths.max())
-            result[f"{name} chunks"] = int(light.chunk_scan.numpy()[-1])
-        if self.lights:
-            result["shadow tests"] = int(shadow.sum(dtype=np.int64))
-        return result
-
-
-def _lists(name: str, pairs: Any) -> dict[str, int]:
-    lengths = pairs.end.numpy() - pairs.begin.numpy()
-    return {f"{name} occupied cells": int((lengths > 0).sum()), f"{name} longest list": int(lengths.max())}
+        return work(self.camera, self.lights, primary, shadow)
 
 
 METHOD = PerspectiveSpherical

@@ -38,24 +38,80 @@ def queue_rows(
             rows[wp.int32(place)] = wp.vec2i(triangle, box[1] + j)
 
 
-class TileBins:
-    """Cells of one grid: a :class:`PairList` over triangles and queued rows, and each triangle's box of tiles.
+@wp.kernel(enable_backward=False)
+def mark_tiles_kernel(
+    tiles: wp.int32,
+    slices: wp.int32,
+    keys: wp.array(dtype=wp.int32),
+    begin: wp.array(dtype=wp.int32),
+    end: wp.array(dtype=wp.int32),
+):
+    """Where the run of each tile begins and ends: keys are tile * slices + slice, tile in the high bits."""
+    i = wp.tid()
+    tile = keys[i] // slices
+    if tile >= tiles:
+        return
+    if i == 0 or keys[i - 1] // slices != tile:
+        begin[tile] = i
+    if i == keys.shape[0] // 2 - 1 or keys[i + 1] // slices != tile:
+        end[tile] = i + 1
 
-    boxes      vec4i [triangle_count]: first column, first row, last column, last row; empty if last < first
-    rows       vec2i [row_capacity]: (triangle, row) of large triangles; row_count int64 [1]
+
+class TilePairs(PairList):
+    """(triangle, cell) pairs whose lists are runs of whole tiles, in them front slices first.
+
+    begin, end  int32 [tiles]: the run of a tile is values[begin:end], its slices keys[j] % slices
+    """
+
+    def __init__(self, items: int, tiles: int, slices: int, capacity: int, device: str):
+        super().__init__(items, 1, capacity, device)
+        self.tiles, self.slices = tiles, slices
+        self.cells = tiles * slices
+        self.bits = max(1, self.cells.bit_length())
+        with wp.ScopedDevice(device):
+            self.begin = wp.zeros(tiles, dtype=wp.int32)
+            self.end = wp.zeros(tiles, dtype=wp.int32)
+
+    def launch_lists(self) -> None:
+        """Mark where the run of each tile begins and ends."""
+        self.begin.zero_()
+        self.end.zero_()
+        wp.launch(
+            mark_tiles_kernel,
+            dim=self.capacity,
+            inputs=[self.tiles, self.slices, self.keys],
+            outputs=[self.begin, self.end],
+            device=self.device,
+        )
+
+
+class TileBins:
+    """Cells of one grid: pairs of items and queued rows, and each item's box of tiles.
+
+    An item is a triangle (in a cube of six rectangles: a triangle in one of them).
+
+    boxes      vec4i [items]: first column, first row, last column, last row; empty if last < first
+    rows       vec2i [row_capacity]: (item, row) of large items; row_count int64 [1]
     ``slot`` and ``slot + 1`` of ``needs`` hold the pairs and the rows that the last frame needed.
     """
 
     def __init__(
-        self, triangles: int, cells: int, capacity: tuple[int, int], needs: wp.array, slot: int, device: str
+        self,
+        items: int,
+        tiles: int,
+        slices: int,
+        capacity: tuple[int, int],
+        needs: wp.array,
+        slot: int,
+        device: str,
     ):
-        self.triangles = max(1, triangles)
+        self.items = max(1, items)
         self.device = device
         self.needs, self.slot = needs, slot
         pair_capacity, row_capacity = capacity
-        self.pairs = PairList(self.triangles + row_capacity, cells, pair_capacity, device)
+        self.pairs = TilePairs(self.items + row_capacity, tiles, slices, pair_capacity, device)
         with wp.ScopedDevice(device):
-            self.boxes = wp.zeros(self.triangles, dtype=wp.vec4i)
+            self.boxes = wp.zeros(self.items, dtype=wp.vec4i)
             self.rows = wp.zeros(row_capacity, dtype=wp.vec2i)
             self.row_count = wp.zeros(1, dtype=wp.int64)
 

@@ -1,4 +1,4 @@
-"""The perspective grid (paper, section 3): triangles in tiles of the image and slices of depth, and its tracing.
+"""The perspective grid (paper, section 3): triangles in tiles of the image and slices of depth.
 
 Camera space is (right, up, forward) from the eye. A pixel's ray is forward + sx right + sy up, so a triangle's
 edge planes through the eye are linear in (sx, sy) and its depth is 1 / (m . (sx, sy, 1)).
@@ -10,8 +10,10 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..common.triangle import FLOOR32, U32, hit_distance, largest, may_hit, nearer, weld_of, write_hit
+from ..common.triangle import FLOOR32, U32, largest, weld_of
 from .binning import INLINE_TILES, queue_rows
+from .culling import faces_away
+from .ray_tests import plane_record, vertex_record
 
 
 @wp.struct
@@ -55,19 +57,28 @@ def project_kernel(
     width: wp.int32,
     height: wp.int32,
     tile: wp.int32,
+    widening: wp.float32,
+    outward: wp.float64,
+    test: wp.int32,
     eye: wp.array(dtype=wp.vec3f),
     axes: wp.array(dtype=wp.vec3f),
     tangents: wp.array(dtype=wp.float32),
     points: wp.array(dtype=wp.vec3f),
     triangles: wp.array(dtype=wp.vec3i),
+    weld: wp.array(dtype=wp.int32),
     valid: wp.array(dtype=wp.uint8),
     boxes: wp.array(dtype=wp.vec4i),
     depths: wp.array(dtype=wp.vec2f),
     depth_range: wp.array(dtype=wp.float32),
+    records: wp.array(dtype=wp.vec4f),
     rows: wp.array(dtype=wp.vec2i),
     row_count: wp.array(dtype=wp.int64),
 ):
-    """Each triangle's box of tiles and range of depth; queue the rows of large ones; range of all depths."""
+    """Each triangle's box of tiles, range of depth and record; queue the rows of large ones; range of all depths.
+
+    widening  growth of each triangle about its middle; outward  see :func:`~.culling.faces_away`
+    records   vec4f [3 * triangle_count], written where the box is not empty
+    """
     i = wp.tid()
     boxes[i] = wp.vec4i(0, 0, -1, -1)
     if i >= triangle_count or valid[i] == wp.uint8(0):
@@ -77,6 +88,10 @@ def project_kernel(
     a = camera_space(points[face[0]], o, axes)
     b = camera_space(points[face[1]], o, axes)
     c = camera_space(points[face[2]], o, axes)
+    middle = (a + b + c) / 3.0
+    a = widened(a, middle, widening)
+    b = widened(b, middle, widening)
+    c = widened(c, middle, widening)
     tx = tangents[0]
     ty = tangents[1]
     if beside(a, b, c, wp.vec3f(1.0, 0.0, -tx)) or beside(a, b, c, wp.vec3f(-1.0, 0.0, -tx)):
@@ -109,6 +124,8 @@ def project_kernel(
         y1 = wp.int32(wp.floor(wp.clamp(wp.max(ay, wp.max(by, cy)) + pad_y, -1.0, wp.float32(height - 1))))
     if x1 < x0 or y1 < y0:
         return
+    if faces_away(outward, o, points[face[0]], points[face[1]], points[face[2]]):
+        return
     box = wp.vec4i(x0 // tile, y0 // tile, x1 // tile, y1 // tile)
     boxes[i] = box
     reach = wp.max(largest(a), wp.max(largest(b), largest(c)))
@@ -121,11 +138,23 @@ def project_kernel(
         wp.atomic_max(depth_range, 1, high)
     if (box[2] - box[0] + 1) * (box[3] - box[1] + 1) > INLINE_TILES:
         queue_rows(i, box, rows, row_count)
+    r = plane_record(o, points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face))
+    if test == 2:  # Moeller-Trumbore
+        r = vertex_record(o, points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face))
+    records[3 * i] = r.q0
+    records[3 * i + 1] = r.q1
+    records[3 * i + 2] = r.q2
+
+
+@wp.func
+def widened(p: wp.vec3f, middle: wp.vec3f, widening: wp.float32) -> wp.vec3f:
+    return p + (p - middle) * widening
 
 
 @wp.func
 def screen_triangle(
     face: wp.vec3i,
+    widening: wp.float32,
     eye: wp.vec3f,
     axes: wp.array(dtype=wp.vec3f),
     tangents: wp.array(dtype=wp.float32),
@@ -134,6 +163,10 @@ def screen_triangle(
     a = camera_space(points[face[0]], eye, axes)
     b = camera_space(points[face[1]], eye, axes)
     c = camera_space(points[face[2]], eye, axes)
+    middle = (a + b + c) / 3.0
+    a = widened(a, middle, widening)
+    b = widened(b, middle, widening)
+    c = widened(c, middle, widening)
     ab = b - a
     bc = c - b
     ca = a - c
@@ -260,6 +293,7 @@ def bin_triangles_kernel(
     tile: wp.int32,
     slices: wp.int32,
     spans: wp.bool,
+    widening: wp.float32,
     eye: wp.array(dtype=wp.vec3f),
     axes: wp.array(dtype=wp.vec3f),
     tangents: wp.array(dtype=wp.float32),
@@ -278,7 +312,7 @@ def bin_triangles_kernel(
     box = boxes[i]
     number = wp.int64(0)
     if box[2] >= box[0] and (box[2] - box[0] + 1) * (box[3] - box[1] + 1) <= INLINE_TILES:
-        s = screen_triangle(triangles[i], eye[0], axes, tangents, points)
+        s = screen_triangle(triangles[i], widening, eye[0], axes, tangents, points)
         place = scan[i] - count[i]
         for row in range(box[1], box[3] + 1):
             number += bin_row(
@@ -298,6 +332,7 @@ def bin_rows_kernel(
     tile: wp.int32,
     slices: wp.int32,
     spans: wp.bool,
+    widening: wp.float32,
     eye: wp.array(dtype=wp.vec3f),
     axes: wp.array(dtype=wp.vec3f),
     tangents: wp.array(dtype=wp.float32),
@@ -319,7 +354,7 @@ def bin_rows_kernel(
     if wp.int64(k) < row_count[0]:
         i = rows[k][0]
         box = boxes[i]
-        s = screen_triangle(triangles[i], eye[0], axes, tangents, points)
+        s = screen_triangle(triangles[i], widening, eye[0], axes, tangents, points)
         place = scan[offset + k] - count[offset + k]
         number = bin_row(
             emit, i, s, depths[i], rows[k][1], box[0], box[2], width, height, tile, slices, spans, tangents,
@@ -327,67 +362,3 @@ def bin_rows_kernel(
         )  # fmt: skip
     if emit == 0:
         count[offset + k] = number
-
-
-@wp.kernel(enable_backward=False)
-def trace_kernel(
-    width: wp.int32,
-    height: wp.int32,
-    tile: wp.int32,
-    slices: wp.int32,
-    eye: wp.array(dtype=wp.vec3f),
-    column: wp.array(dtype=wp.vec3f),
-    row: wp.array(dtype=wp.vec3f),
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    weld: wp.array(dtype=wp.int32),
-    depth_range: wp.array(dtype=wp.float32),
-    begin: wp.array(dtype=wp.int32),
-    end: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.int32),
-    triangle_out: wp.array(dtype=wp.int32),
-    t_out: wp.array(dtype=wp.float32),
-    u_out: wp.array(dtype=wp.float32),
-    v_out: wp.array(dtype=wp.float32),
-    hit_out: wp.array(dtype=wp.vec3d),
-    tests: wp.array(dtype=wp.int32),
-):
-    """One thread a pixel, tile by tile; cells front to back; stop once the hit lies before the next slice."""
-    k = wp.tid()
-    across = (width + tile - 1) // tile
-    index = k // (tile * tile)
-    inside = k % (tile * tile)
-    x = (index % across) * tile + inside % tile
-    y = (index // across) * tile + inside // tile
-    if x >= width or y >= height:
-        return
-    o = eye[0]
-    d = column[x] + row[y]
-    best = wp.int32(-1)
-    best_t = wp.float64(wp.INF)
-    number = wp.int32(0)
-    per_slice = slice_scale(depth_range, slices)
-    for slice in range(slices):
-        cell = index * slices + slice
-        for k in range(begin[cell], end[cell]):
-            i = values[k]
-            face = triangles[i]
-            a = points[face[0]]
-            b = points[face[1]]
-            c = points[face[2]]
-            number += 1
-            if may_hit(o, d, a, b, c):
-                t = hit_distance(o, d, a, b, c, weld_of(weld, face))
-                if t > wp.float64(0.0) and nearer(t, i, best_t, best):
-                    best = i
-                    best_t = t
-        if best >= 0 and per_slice > 0.0:
-            # Slices are reckoned along forward, where a direction has length 1 up to rounding.
-            next_slice = depth_range[0] + wp.float32(slice + 1) / per_slice
-            if wp.float32(best_t) < next_slice * 0.9999 - 1.0e-5 * depth_range[0]:
-                break
-    write_hit(
-        y * width + x, o, d, best, best_t, points, triangles, weld, triangle_out, t_out, u_out, v_out, hit_out
-    )
-    if tests.shape[0] > 1:
-        tests[y * width + x] = number

@@ -1,4 +1,4 @@
-"""Host side of one spherical light grid: its arrays and the launches of its passes."""
+"""Host side of one light grid: its arrays and the launches of its passes."""
 
 from __future__ import annotations
 
@@ -6,67 +6,99 @@ import warp as wp
 
 from ...harness.frame import Frame
 from ...harness.passes import Pass
-from ..common.pairs import mark_lists_kernel
+from . import light_frame as rays
 from . import light_grid as grid
-from . import shadow_rays as rays
 from .binning import TileBins
-from .parameters import Build, Trace
+from .camera import CameraGrid
+from .chunks import Chunks
+from .light_tiles import clamp_kernel, edges_kernel
+from .parameters import CLAMPS, LIGHT_MAPS, TRIANGLE_TESTS, Build, Trace
+from .ray_tests import WIDENING
+from .shadow import make_shadow_kernel
+from .variants import Variant, block_for
+
+FLOAT64_PAD, FLOAT32_PAD = 4.0e-14, 64 * 2.0**-24
+"""What a ray's direction from the light is known to, relative to its length."""
+
+REDUCE_BLOCK, REDUCE_THREADS = 256, 1 << 17
 
 
 class LightGrid:
-    """The spherical grid of one light, and the shadow rays traced through it.
+    """The grid of one light, and the shadow rays traced through it.
 
-    place      vec3d [pixels]: azimuth, elevation, distance of each hit point seen from the light
-    extent     float64 [8]: lowest then highest azimuth, elevation, distance of the rays: the clamped rectangle
+    receiver   uint8 [pixels]: which pixels have a shadow ray
+    place      vec4d [pixels]: where the ray lies in the light's rectangles, its distance, which rectangle
+    extent     float64 [faces, 8]: lowest then highest coordinates and distance: the clamped rectangles
     ray_keys, ray_values  int32 [2 * pixels]: (light tile, primary ray) pairs, sorted
-    chunks     int32 [tiles]: chunks of each tile; first vec2i [C_total at most]: tile and first ray of each chunk
+    columns, rows         vec4d [faces * light_tiles]: edges of the tiles
+    records    vec4f [6 * triangle_count]: see :mod:`.segment_tests`
     """
 
     def __init__(
         self,
         frame: Frame,
         index: int,
-        hit: wp.array,
+        camera: CameraGrid,
         build: Build,
         trace: Trace,
+        outward: float,
         capacity: tuple[int, int],
         needs: wp.array,
         slot: int,
     ):
-        self.frame, self.index, self.hit, self.build, self.trace = frame, index, hit, build, trace
-        n = build.light_tiles
-        self.tile_count = n * n
+        self.frame, self.index, self.camera, self.build, self.trace = frame, index, camera, build, trace
+        self.outward = outward
+        self.map = LIGHT_MAPS.index(build.light_map)
+        self.test = TRIANGLE_TESTS.index(build.triangle_test)
+        self.widening = 0.0 if build.triangle_test == "exact" else WIDENING
+        single = build.precision == "float32"
+        self.pad = FLOAT32_PAD if single else FLOAT64_PAD
+        self.distance_pad = FLOAT32_PAD if single else 1e-9
+        n, faces = build.light_tiles, build.light_faces
+        self.tile_count = build.light_tile_count
         self.bins = TileBins(
-            frame.triangle_count, n * n * build.light_slices, capacity, needs, slot, frame.device
+            frame.triangle_count * faces,
+            self.tile_count,
+            build.light_slices,
+            capacity,
+            needs,
+            slot,
+            frame.device,
         )
-        # C_total = sum of ceil(R_j / r) is at most one chunk a non-empty tile and one for every r rays.
-        self.chunk_capacity = min(frame.pixels, n * n) + frame.pixels // trace.r
+        self.chunks = Chunks(frame.pixels, self.tile_count, trace.r, trace.balancing, frame.device)
         self.key_bits = self.tile_count.bit_length()
-        self.reduce_threads = -(-frame.pixels // int(rays.SHARE))
+        cuda = wp.get_device(frame.device).is_cuda
+        share = 1 if cuda else 128
+        threads = min(REDUCE_THREADS, -(-frame.pixels // share))
+        self.reduce_threads = -(-threads // REDUCE_BLOCK) * REDUCE_BLOCK if cuda else threads
+        self.block = block_for(trace.r)
+        self.lanes = self.block if cuda else 1
         with wp.ScopedDevice(frame.device):
-            self.spans = wp.zeros(self.bins.triangles, dtype=wp.vec2i)
-            self.box = wp.zeros(rays.EXTENT, dtype=wp.float64)
-            self.extent = wp.zeros(rays.EXTENT, dtype=wp.float64)
+            self.spans = wp.zeros(self.bins.items, dtype=wp.vec2i)
+            self.records = wp.zeros(6 * max(1, frame.triangle_count), dtype=wp.vec4f)
+            self.box = wp.zeros(6, dtype=wp.float64)
+            self.extent = wp.zeros(faces * int(rays.EXTENT), dtype=wp.float64)
             self.axes = wp.zeros(1, dtype=wp.mat33d)
-            self.place = wp.zeros(frame.pixels, dtype=wp.vec3d)
+            self.columns = wp.zeros(faces * n, dtype=wp.vec4d)
+            self.rows = wp.zeros(faces * n, dtype=wp.vec4d)
+            self.stretch = wp.zeros(faces, dtype=wp.float64)
+            self.receiver = wp.zeros(frame.pixels, dtype=wp.uint8)
+            self.place = wp.zeros(frame.pixels, dtype=wp.vec4d)
             self.ray_keys = wp.zeros(2 * frame.pixels, dtype=wp.int32)
             self.ray_values = wp.zeros(2 * frame.pixels, dtype=wp.int32)
-            self.ray_begin = wp.zeros(self.tile_count, dtype=wp.int32)
-            self.ray_end = wp.zeros(self.tile_count, dtype=wp.int32)
-            self.chunks = wp.zeros(self.tile_count, dtype=wp.int32)
-            self.chunk_scan = wp.zeros(self.tile_count, dtype=wp.int32)
-            self.first = wp.zeros(self.chunk_capacity, dtype=wp.vec2i)
             self.no_tests = wp.zeros(1, dtype=wp.int32)
 
     def passes(self) -> list[Pass]:
-        """Map and sort the rays, build the grid clamped to them, trace."""
+        """Map and sort the rays, build the grid in their rectangle, trace."""
         i, bins = self.index, self.bins
         light, effect = f"light/{i}", f"shadows/{i}"
         build, shadow = "light build", "shadow"
         rect, grid_name, ray_name = f"light rectangle/{i}", f"light grid/{i}", f"light rays/{i}"
-        scene = ("points", "triangles", light, rect)
+        view = ("camera", "camera boxes") if self.build.clamp == "view" else ()
+        occupied = (ray_name,) if self.build.skip_empty else ()
+        scene = ("points", "triangles", light, rect, *occupied)
         return [
-            Pass(f"light {i}: map rays", shadow, ("hits", light), (rect,), self.launch_map, effect),
+            Pass(f"light {i}: map rays", shadow, ("hits", light, *view), (rect,), self.launch_map, effect),
             Pass(f"light {i}: sort rays", shadow, ("hits", rect), (f"sorted rays/{i}",), self.launch_sort_rays, effect),
             Pass(f"light {i}: chunks", shadow, (f"sorted rays/{i}",), (ray_name,), self.launch_chunks, effect),
             Pass(f"light {i}: bound triangles", build, scene, (f"light boxes/{i}",), self.launch_bound, effect),
@@ -86,87 +118,87 @@ class LightGrid:
         ]  # fmt: skip
 
     def launch_map(self) -> None:
-        f = self.frame
-        device = f.device
-        wp.launch(rays.reset_kernel, dim=rays.EXTENT, outputs=[self.box, self.extent], device=device)
+        """Receivers, the light's axes, the place of every ray, the rectangles and the edges of their tiles."""
+        f, b = self.frame, self.build
+        spots = f.spots
+        self._launch(rays.reset_kernel, self.extent.shape[0], [], [self.box, self.extent])
         wp.launch(
             rays.box_kernel,
             dim=self.reduce_threads,
-            inputs=[f.pixels, f.answers.triangle, self.hit],
-            outputs=[self.box],
-            device=device,
+            inputs=[
+                f.pixels,
+                self.reduce_threads,
+                self.index,
+                f.lights,
+                spots,
+                f.answers.triangle,
+                self.camera.hit,
+            ],
+            outputs=[self.receiver, self.box],
+            block_dim=REDUCE_BLOCK,
+            device=f.device,
         )
-        wp.launch(
-            rays.aim_kernel,
-            dim=1,
-            inputs=[self.index, self.build.aimed, f.lights, self.box],
-            outputs=[self.axes],
-            device=device,
-        )
+        self._launch(rays.aim_kernel, 1, [self.index, b.aimed, f.lights, spots, self.box], [self.axes])
         wp.launch(
             rays.map_kernel,
             dim=self.reduce_threads,
-            inputs=[f.pixels, self.index, f.lights, self.axes, f.answers.triangle, self.hit],
+            inputs=[
+                f.pixels, self.reduce_threads, self.index, self.map, b.precision == "float32", f.lights, self.axes,
+                self.receiver, self.camera.hit,
+            ],
             outputs=[self.place, self.extent],
-            device=device,
+            block_dim=REDUCE_BLOCK,
+            device=f.device,
+        )  # fmt: skip
+        if b.clamp != "hits":
+            self._launch(
+                clamp_kernel,
+                b.light_faces,
+                [
+                    self.index, self.map, b.light_faces, CLAMPS.index(b.clamp), b.aimed, f.lights, spots, self.axes,
+                    f.eye, f.axes, f.tangents, self.camera.depth_range,
+                ],
+                [self.extent],
+            )  # fmt: skip
+        self._launch(
+            edges_kernel,
+            b.light_faces * b.light_tiles,
+            [self.map, b.light_tiles, self.extent],
+            [self.columns, self.rows, self.stretch],
         )
 
     def launch_sort_rays(self) -> None:
-        f = self.frame
-        wp.launch(
+        f, b = self.frame, self.build
+        self._launch(
             rays.key_kernel,
-            dim=f.pixels,
-            inputs=[self.build.light_tiles, f.answers.triangle, self.place, self.extent],
-            outputs=[self.ray_keys, self.ray_values, f.answers.visibility, self.index],
-            device=f.device,
+            f.pixels,
+            [b.light_tiles, b.light_faces, self.receiver, self.place, self.extent],
+            [self.ray_keys, self.ray_values, f.answers.visibility, self.index],
         )
         wp.utils.radix_sort_pairs(self.ray_keys, self.ray_values, f.pixels, 0, self.key_bits)
 
     def launch_chunks(self) -> None:
-        f, r = self.frame, self.trace.r
-        self.ray_begin.zero_()
-        self.ray_end.zero_()
-        wp.launch(
-            mark_lists_kernel,
-            dim=f.pixels,
-            inputs=[self.tile_count, self.ray_keys],
-            outputs=[self.ray_begin, self.ray_end],
-            device=f.device,
-        )
-        wp.launch(
-            rays.chunk_count_kernel,
-            dim=self.tile_count,
-            inputs=[r, self.ray_begin, self.ray_end],
-            outputs=[self.chunks],
-            device=f.device,
-        )
-        wp.utils.array_scan(self.chunks, self.chunk_scan, inclusive=True)
-        wp.launch(
-            rays.chunk_kernel,
-            dim=self.tile_count,
-            inputs=[r, self.ray_begin, self.chunks, self.chunk_scan],
-            outputs=[self.first],
-            device=f.device,
-        )
+        self.chunks.launch(self.ray_keys)
 
     def launch_bound(self) -> None:
-        f, b = self.frame, self.bins
-        b.launch_clear()
-        wp.launch(
+        f, b, bins = self.frame, self.build, self.bins
+        bins.launch_clear()
+        self._launch(
             grid.bound_kernel,
-            dim=b.triangles,
-            inputs=[
-                f.triangle_count, self.index, self.build.light_tiles, self.build.light_slices, f.lights, self.axes,
-                self.extent, f.points, f.triangles, f.valid,
+            bins.items,
+            [
+                f.triangle_count, self.index, self.map, b.light_faces, b.light_tiles, b.light_slices, self.widening,
+                self.pad, self.distance_pad, self.outward, self.test, f.lights, self.axes, self.extent, f.points,
+                f.triangles, f.weld, f.valid,
             ],
-            outputs=[b.boxes, self.spans, b.rows, b.row_count],
-            device=f.device,
+            [bins.boxes, self.spans, self.records, bins.rows, bins.row_count],
         )  # fmt: skip
 
     def _grid(self) -> list[object]:
-        f, spans = self.frame, self.build.depth_lists == "spans"
+        f, b = self.frame, self.build
         return [
-            self.index, self.build.light_tiles, self.build.light_slices, spans, f.lights, self.axes, self.extent,
+            self.index, b.light_faces, b.light_tiles, b.light_slices, b.depth_lists == "spans", b.skip_empty,
+            self.widening, self.pad, f.lights, self.axes, self.columns, self.rows, self.stretch, self.chunks.end,
             f.points, f.triangles, self.bins.boxes, self.spans,
         ]  # fmt: skip
 
@@ -175,34 +207,33 @@ class LightGrid:
         return [pairs.count, pairs.scan, pairs.keys, pairs.values]
 
     def launch_small(self, mode: int) -> None:
-        wp.launch(
-            grid.bin_triangles_kernel,
-            dim=self.bins.triangles,
-            inputs=[mode, *self._grid()],
-            outputs=self._pairs(),
-            device=self.frame.device,
-        )
+        self._launch(grid.bin_triangles_kernel, self.bins.items, [mode, *self._grid()], self._pairs())
 
     def launch_large(self, mode: int) -> None:
-        wp.launch(
+        bins = self.bins
+        self._launch(
             grid.bin_rows_kernel,
-            dim=self.bins.rows.shape[0],
-            inputs=[mode, self.bins.triangles, *self._grid(), self.bins.rows, self.bins.row_count],
-            outputs=self._pairs(),
-            device=self.frame.device,
+            bins.rows.shape[0],
+            [mode, bins.items, *self._grid(), bins.rows, bins.row_count],
+            self._pairs(),
         )
 
     def launch_trace(self, tests: wp.array | None = None) -> None:
         """Shadow bits. ``tests`` (int32 [pixels]) is raised by the triangle tests of each pixel's ray, if given."""
         f, pairs = self.frame, self.bins.pairs
         wp.launch(
-            rays.shadow_kernel,
-            dim=self.chunk_capacity * self.trace.r,
+            make_shadow_kernel(Variant.of(self.build)),
+            dim=self.chunks.capacity * self.lanes,
             inputs=[
-                self.index, self.trace.r, self.build.light_tiles, self.build.light_slices, f.lights, f.eye,
-                f.points, f.triangles, f.weld, f.answers.triangle, self.hit, self.place, self.extent,
-                self.chunk_scan, self.first, self.ray_end, self.ray_values, pairs.begin, pairs.end, pairs.values,
+                self.index, self.lanes, self.build.light_slices, self.distance_pad, f.lights, f.eye, f.points,
+                f.triangles, f.weld, f.answers.triangle, self.camera.hit, self.place, self.extent, self.ray_keys,
+                self.ray_values, self.chunks.outArr, self.chunks.numCBlocks, pairs.begin, pairs.end, pairs.keys,
+                pairs.values, self.records,
             ],
             outputs=[f.answers.visibility, self.no_tests if tests is None else tests],
+            block_dim=self.block,
             device=f.device,
         )  # fmt: skip
+
+    def _launch(self, kernel: wp.Kernel, dim: int, inputs: list, outputs: list) -> None:
+        wp.launch(kernel, dim=dim, inputs=inputs, outputs=outputs, device=self.frame.device)

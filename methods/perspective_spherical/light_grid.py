@@ -1,23 +1,34 @@
-"""The spherical light grid (paper, section 4.1): triangles in tiles of azimuth and elevation and slices of distance.
+"""The light grid (paper, section 4.1): triangles in tiles of a light's rectangles and slices of distance.
 
-Conservative throughout: the box of tiles comes from exact bounds on the sphere (:mod:`.sphere`); a tile of the box
-is left out only if the cone around it lies certainly outside one of the planes through the light and an edge.
+Conservative throughout: the box of tiles holds the map's exact bounds of the triangle (:mod:`.light_map`); a tile
+of the box is left out only if it certainly misses the triangle (:func:`~.light_tiles.missed`), or if no shadow ray
+lies in it. An item is a triangle in one rectangle: item = triangle * faces + face.
 """
 
 from __future__ import annotations
 
 import warp as wp
 
-from ..common.triangle import U64, largest, to_float64, total
+from ..common.triangle import U64, largest, to_float64, total, weld_of
 from .binning import INLINE_TILES, queue_rows
-from .shadow_rays import distance_slice, tile_of
-from .sphere import ROUNDING, TWO_PI, triangle_angles
+from .culling import faces_away
+from .light_frame import EXTENT, distance_slice, tile_of
+from .light_map import face_frame, map_bounds, wraps
+from .light_tiles import missed
+from .segment_tests import segment_planes, segment_vertices
+from .sphere import ROUNDING, TWO_PI
 
 
 @wp.struct
 class LitTriangle:
-    """Inward planes through the light and the edges (light's frame), their lengths, and whether inward is known."""
+    """Corners in the frame of a face, from the light; inward planes through the light and the edges.
 
+    ``oriented``: whether inward is known; ``error`` bounds a plane's value for a unit direction known to ``pad``
+    """
+
+    a: wp.vec3d
+    b: wp.vec3d
+    c: wp.vec3d
     n0: wp.vec3d
     n1: wp.vec3d
     n2: wp.vec3d
@@ -37,91 +48,33 @@ def holds_light(light: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> wp.bo
     )
 
 
-@wp.kernel(enable_backward=False)
-def bound_kernel(
-    triangle_count: wp.int32,
-    index: wp.int32,
-    tiles: wp.int32,
-    slices: wp.int32,
-    lights: wp.array(dtype=wp.vec3f),
-    frame: wp.array(dtype=wp.mat33d),
-    extent: wp.array(dtype=wp.float64),
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    valid: wp.array(dtype=wp.uint8),
-    boxes: wp.array(dtype=wp.vec4i),
-    spans: wp.array(dtype=wp.vec2i),
-    rows: wp.array(dtype=wp.vec2i),
-    row_count: wp.array(dtype=wp.int64),
-):
-    """Each triangle's box of tiles and span of slices; queue the rows of large ones."""
-    i = wp.tid()
-    boxes[i] = wp.vec4i(0, 0, -1, -1)
-    if i >= triangle_count or valid[i] == wp.uint8(0) or not (extent[3] >= extent[0]):
-        return
-    face = triangles[i]
-    if holds_light(lights[index], points[face[0]], points[face[1]], points[face[2]]):
-        return
-    light = to_float64(lights[index])
-    axes = frame[0]
-    a = axes * (to_float64(points[face[0]]) - light)
-    b = axes * (to_float64(points[face[1]]) - light)
-    c = axes * (to_float64(points[face[2]]) - light)
-    # Nearest point: no nearer than the plane, nor than the nearest vertex less the longest edge.
-    normal = wp.cross(b - a, c - a)
-    size = wp.length(normal)
-    nearest_vertex = wp.min(wp.length(a), wp.min(wp.length(b), wp.length(c)))
-    longest = wp.max(wp.length(b - a), wp.max(wp.length(c - b), wp.length(a - c)))
-    near = wp.max(wp.float64(0.0), nearest_vertex - longest)
-    if size > wp.float64(1.0e-9) * longest * longest:
-        plane = wp.abs(wp.dot(normal, a)) / size
-        near = wp.max(near, plane - wp.float64(1.0e-5) * longest)
-    near = near * wp.float64(1.0 - 1.0e-9)
-    if near > extent[5]:
-        return
-    bounds = triangle_angles(a, b, c)
-    pad = wp.float64(4.0) * ROUNDING
-    x0 = wp.int32(tiles)
-    x1 = wp.int32(-1)
-    overlaps = wp.int32(0)
-    for turn in range(3):
-        shift = wp.float64(turn - 1) * TWO_PI
-        low = bounds[0] + shift - pad
-        high = bounds[1] + shift + pad
-        if high >= extent[0] and low <= extent[3]:
-            overlaps += 1
-            x0 = tile_of(low, extent[0], extent[3], tiles)
-            x1 = tile_of(high, extent[0], extent[3], tiles)
-    if overlaps > 1:
-        # Both ends of the rectangle: every column, and the planes through the edges sort out the middle.
-        x0 = 0
-        x1 = tiles - 1
-    if overlaps == 0 or bounds[3] + pad < extent[1] or bounds[2] - pad > extent[4]:
-        return
-    y0 = tile_of(bounds[2] - pad, extent[1], extent[4], tiles)
-    y1 = tile_of(bounds[3] + pad, extent[1], extent[4], tiles)
-    box = wp.vec4i(x0, y0, x1, y1)
-    boxes[i] = box
-    far = wp.max(wp.length(a), wp.max(wp.length(b), wp.length(c))) * wp.float64(1.0 + 1.0e-9)
-    spans[i] = wp.vec2i(distance_slice(near, extent, slices), distance_slice(far, extent, slices))
-    if (box[2] - box[0] + 1) * (box[3] - box[1] + 1) > INLINE_TILES:
-        queue_rows(i, box, rows, row_count)
-
-
 @wp.func
 def lit_triangle(
-    light: wp.vec3f, axes: wp.mat33d, a32: wp.vec3f, b32: wp.vec3f, c32: wp.vec3f
+    light: wp.vec3f,
+    axes: wp.mat33d,
+    face: wp.int32,
+    widening: wp.float64,
+    pad: wp.float64,
+    a32: wp.vec3f,
+    b32: wp.vec3f,
+    c32: wp.vec3f,
 ) -> LitTriangle:
     l64 = to_float64(light)
-    a = axes * (to_float64(a32) - l64)
-    b = axes * (to_float64(b32) - l64)
-    c = axes * (to_float64(c32) - l64)
+    a = face_frame(axes * (to_float64(a32) - l64), face)
+    b = face_frame(axes * (to_float64(b32) - l64), face)
+    c = face_frame(axes * (to_float64(c32) - l64), face)
+    middle = (a + b + c) / wp.float64(3.0)
+    a += (a - middle) * widening
+    b += (b - middle) * widening
+    c += (c - middle) * widening
     s = LitTriangle()
+    s.a = a
+    s.b = b
+    s.c = c
     s.n0 = wp.cross(b, c - b)
     s.n1 = wp.cross(c, a - c)
     s.n2 = wp.cross(a, b - a)
-    normal = wp.cross(b - a, c - a)
-    det = wp.dot(normal, a)
+    det = wp.dot(wp.cross(b - a, c - a), a)
     reach = wp.max(largest(a), wp.max(largest(b), largest(c)))
     edge = wp.max(largest(b - a), wp.max(largest(c - b), largest(a - c)))
     s.oriented = wp.abs(det) > wp.float64(8.0) * ROUNDING * edge * edge * reach
@@ -129,72 +82,164 @@ def lit_triangle(
         s.n0 = -s.n0
         s.n1 = -s.n1
         s.n2 = -s.n2
-    s.error = wp.float64(8.0) * ROUNDING * reach * edge
+    steepest = wp.max(largest(s.n0), wp.max(largest(s.n1), largest(s.n2)))
+    s.error = wp.float64(8.0) * ROUNDING * reach * edge + wp.float64(2.0) * pad * steepest
     return s
 
 
 @wp.func
-def cone_missed(s: LitTriangle, centre: wp.vec3d, radius: wp.float64) -> wp.bool:
-    """Whether every direction within ``radius`` of the unit vector ``centre`` certainly misses the triangle."""
-    return (
-        wp.dot(s.n0, centre) < -(wp.length(s.n0) * radius + s.error)
-        or wp.dot(s.n1, centre) < -(wp.length(s.n1) * radius + s.error)
-        or wp.dot(s.n2, centre) < -(wp.length(s.n2) * radius + s.error)
+def covered(
+    low: wp.float64, high: wp.float64, first: wp.float64, last: wp.float64, tiles: wp.int32, wrap: wp.int32
+) -> wp.vec2i:
+    """Tiles of first..last that low..high may touch, also one turn further where it wraps; (1, 0) for none."""
+    result = wp.vec2i(1, 0)
+    overlaps = wp.int32(0)
+    turns = wp.int32(0)
+    if wrap == 1:
+        turns = 1
+    for turn in range(-turns, turns + 1):
+        shift = wp.float64(turn) * TWO_PI
+        if high + shift >= first and low + shift <= last:
+            overlaps += 1
+            result = wp.vec2i(
+                tile_of(low + shift, first, last, tiles), tile_of(high + shift, first, last, tiles)
+            )
+    if overlaps > 1:
+        # Both ends of the rectangle: everything, and the planes through the edges sort out the middle.
+        return wp.vec2i(0, tiles - 1)
+    return result
+
+
+@wp.kernel(enable_backward=False)
+def bound_kernel(
+    triangle_count: wp.int32,
+    index: wp.int32,
+    map: wp.int32,
+    faces: wp.int32,
+    tiles: wp.int32,
+    slices: wp.int32,
+    widening: wp.float64,
+    pad: wp.float64,
+    distance_pad: wp.float64,
+    outward: wp.float64,
+    test: wp.int32,
+    lights: wp.array(dtype=wp.vec3f),
+    frame: wp.array(dtype=wp.mat33d),
+    extent: wp.array(dtype=wp.float64),
+    points: wp.array(dtype=wp.vec3f),
+    triangles: wp.array(dtype=wp.vec3i),
+    weld: wp.array(dtype=wp.int32),
+    valid: wp.array(dtype=wp.uint8),
+    boxes: wp.array(dtype=wp.vec4i),
+    spans: wp.array(dtype=wp.vec2i),
+    records: wp.array(dtype=wp.vec4f),
+    rows: wp.array(dtype=wp.vec2i),
+    row_count: wp.array(dtype=wp.int64),
+):
+    """Each item's box of tiles, span of slices and record; queue the rows of large ones.
+
+    ``pad``: a ray's direction is known to this; ``distance_pad``: its distance, relative
+    """
+    item = wp.tid()
+    boxes[item] = wp.vec4i(0, 0, -1, -1)
+    i = item // faces
+    side = item % faces
+    offset = side * EXTENT
+    if i >= triangle_count or not (extent[offset + 3] >= extent[offset]):
+        return
+    if valid[i] == wp.uint8(0):
+        return
+    face = triangles[i]
+    light = lights[index]
+    a32 = points[face[0]]
+    b32 = points[face[1]]
+    c32 = points[face[2]]
+    if holds_light(light, a32, b32, c32) or faces_away(outward, light, a32, b32, c32):
+        return
+    s = lit_triangle(light, frame[0], side, widening, pad, a32, b32, c32)
+    # Nearest point: no nearer than the plane, nor than the nearest vertex less the longest edge.
+    normal = wp.cross(s.b - s.a, s.c - s.a)
+    size = wp.length(normal)
+    la = wp.length(s.a)
+    lb = wp.length(s.b)
+    lc = wp.length(s.c)
+    longest = wp.max(wp.length(s.b - s.a), wp.max(wp.length(s.c - s.b), wp.length(s.a - s.c)))
+    near = wp.max(wp.float64(0.0), wp.min(la, wp.min(lb, lc)) - longest)
+    if size > wp.float64(1.0e-9) * longest * longest:
+        plane = wp.abs(wp.dot(normal, s.a)) / size
+        near = wp.max(near, plane - wp.float64(1.0e-5) * longest)
+    near = near * (wp.float64(1.0) - distance_pad)
+    if near > extent[offset + 5]:
+        return
+    bounds = map_bounds(map, s.a, s.b, s.c, pad)
+    if not (bounds[1] >= bounds[0]):
+        return
+    wrap = wraps(map)
+    x = covered(bounds[0], bounds[1], extent[offset], extent[offset + 3], tiles, wrap[0])
+    y = covered(bounds[2], bounds[3], extent[offset + 1], extent[offset + 4], tiles, wrap[1])
+    if x[1] < x[0] or y[1] < y[0]:
+        return
+    box = wp.vec4i(x[0], y[0], x[1], y[1])
+    boxes[item] = box
+    far = wp.max(la, wp.max(lb, lc)) * (wp.float64(1.0) + distance_pad)
+    spans[item] = wp.vec2i(
+        distance_slice(near, extent, side, slices), distance_slice(far, extent, side, slices)
     )
+    if (box[2] - box[0] + 1) * (box[3] - box[1] + 1) > INLINE_TILES:
+        queue_rows(item, box, rows, row_count)
+    r = segment_planes(light, a32, b32, c32, weld_of(weld, face))
+    if test == 2:  # Moeller-Trumbore
+        r = segment_vertices(light, a32, b32, c32, weld_of(weld, face))
+    records[6 * i] = r.q0
+    records[6 * i + 1] = r.q1
+    records[6 * i + 2] = r.q2
+    records[6 * i + 3] = r.q3
+    records[6 * i + 4] = r.q4
+    records[6 * i + 5] = r.q5
 
 
 @wp.func
 def bin_row(
     emit: wp.int32,
-    i: wp.int32,
+    item: wp.int32,
     s: LitTriangle,
     span: wp.vec2i,
     row: wp.int32,
-    first: wp.int32,
-    last: wp.int32,
+    box: wp.vec4i,
+    faces: wp.int32,
     tiles: wp.int32,
     slices: wp.int32,
     spans_all: wp.bool,
-    extent: wp.array(dtype=wp.float64),
+    skip_empty: wp.bool,
+    columns: wp.array(dtype=wp.vec4d),
+    rows: wp.array(dtype=wp.vec4d),
+    stretch: wp.array(dtype=wp.float64),
+    ray_end: wp.array(dtype=wp.int32),
     place: wp.int64,
     keys: wp.array(dtype=wp.int32),
     values: wp.array(dtype=wp.int32),
 ) -> wp.int64:
-    """Count (or write from ``place``) the cells of triangle i in tiles first..last of one row."""
+    """Count (or write from ``place``) the cells of an item in one row of its box."""
     capacity = wp.int64(keys.shape[0] // 2)
-    width = (extent[3] - extent[0]) / wp.float64(tiles)
-    height = (extent[4] - extent[1]) / wp.float64(tiles)
-    half = wp.float64(0.5)
-    low = extent[1] + wp.float64(row) * height
-    middle = low + half * height
-    # A step along the meridian, then along the parallel, reaches every point of the tile.
-    flattest = wp.float64(1.0)
-    if low > wp.float64(0.0):
-        flattest = wp.cos(low)
-    elif low + height < wp.float64(0.0):
-        flattest = wp.cos(low + height)
-    radius = (half * height + half * width * flattest) * wp.float64(1.000001) + wp.float64(4.0) * ROUNDING
-    test = s.oriented and radius < wp.float64(1.0) and last > first
-    up = wp.sin(middle)
-    flat = wp.cos(middle)
+    side = item % faces
+    test = s.oriented and (box[2] > box[0] or box[3] > box[1])
+    edges = rows[side * tiles + row]
     slice_last = span[0]
     if spans_all:
         slice_last = span[1]
     number = wp.int64(0)
-    for column in range(first, last + 1):
-        missed = wp.bool(False)
-        if test:
-            azimuth = extent[0] + (wp.float64(column) + half) * width
-            centre = wp.vec3d(flat * wp.cos(azimuth), flat * wp.sin(azimuth), up)
-            missed = cone_missed(s, centre, radius)
-        if not missed:
+    for column in range(box[0], box[2] + 1):
+        tile = (side * tiles + row) * tiles + column
+        out = skip_empty and ray_end[tile] == 0
+        if test and not out:
+            out = missed(columns[side * tiles + column], edges, stretch[side], s.n0, s.n1, s.n2, s.error)
+        if not out:
             if emit != 0:
-                cell = (row * tiles + column) * slices
                 for slice in range(span[0], slice_last + 1):
                     at = place + number + wp.int64(slice - span[0])
                     if at < capacity:
-                        keys[wp.int32(at)] = cell + slice
-                        values[wp.int32(at)] = i
+                        keys[wp.int32(at)] = tile * slices + slice
+                        values[wp.int32(at)] = item // faces
             number += wp.int64(slice_last - span[0] + 1)
     return number
 
@@ -203,12 +248,19 @@ def bin_row(
 def bin_triangles_kernel(
     emit: wp.int32,
     index: wp.int32,
+    faces: wp.int32,
     tiles: wp.int32,
     slices: wp.int32,
     spans_all: wp.bool,
+    skip_empty: wp.bool,
+    widening: wp.float64,
+    pad: wp.float64,
     lights: wp.array(dtype=wp.vec3f),
     frame: wp.array(dtype=wp.mat33d),
-    extent: wp.array(dtype=wp.float64),
+    columns: wp.array(dtype=wp.vec4d),
+    rows_of_tiles: wp.array(dtype=wp.vec4d),
+    stretch: wp.array(dtype=wp.float64),
+    ray_end: wp.array(dtype=wp.int32),
     points: wp.array(dtype=wp.vec3f),
     triangles: wp.array(dtype=wp.vec3i),
     boxes: wp.array(dtype=wp.vec4i),
@@ -218,21 +270,25 @@ def bin_triangles_kernel(
     keys: wp.array(dtype=wp.int32),
     values: wp.array(dtype=wp.int32),
 ):
-    """Small triangles: all their tiles."""
-    i = wp.tid()
-    box = boxes[i]
+    """Small items: all their tiles."""
+    item = wp.tid()
+    box = boxes[item]
     number = wp.int64(0)
     if box[2] >= box[0] and (box[2] - box[0] + 1) * (box[3] - box[1] + 1) <= INLINE_TILES:
-        face = triangles[i]
-        s = lit_triangle(lights[index], frame[0], points[face[0]], points[face[1]], points[face[2]])
-        place = scan[i] - count[i]
-        for row in range(box[1], box[3] + 1):
-            number += bin_row(
-                emit, i, s, spans[i], row, box[0], box[2], tiles, slices, spans_all, extent, place + number, keys,
-                values,
+        if emit == 0 or count[item] > wp.int64(0):
+            face = triangles[item // faces]
+            s = lit_triangle(
+                lights[index], frame[0], item % faces, widening, pad, points[face[0]], points[face[1]],
+                points[face[2]],
             )  # fmt: skip
+            place = scan[item] - count[item]
+            for row in range(box[1], box[3] + 1):
+                number += bin_row(
+                    emit, item, s, spans[item], row, box, faces, tiles, slices, spans_all, skip_empty, columns,
+                    rows_of_tiles, stretch, ray_end, place + number, keys, values,
+                )  # fmt: skip
     if emit == 0:
-        count[i] = number
+        count[item] = number
 
 
 @wp.kernel(enable_backward=False)
@@ -240,12 +296,19 @@ def bin_rows_kernel(
     emit: wp.int32,
     offset: wp.int32,
     index: wp.int32,
+    faces: wp.int32,
     tiles: wp.int32,
     slices: wp.int32,
     spans_all: wp.bool,
+    skip_empty: wp.bool,
+    widening: wp.float64,
+    pad: wp.float64,
     lights: wp.array(dtype=wp.vec3f),
     frame: wp.array(dtype=wp.mat33d),
-    extent: wp.array(dtype=wp.float64),
+    columns: wp.array(dtype=wp.vec4d),
+    rows_of_tiles: wp.array(dtype=wp.vec4d),
+    stretch: wp.array(dtype=wp.float64),
+    ray_end: wp.array(dtype=wp.int32),
     points: wp.array(dtype=wp.vec3f),
     triangles: wp.array(dtype=wp.vec3i),
     boxes: wp.array(dtype=wp.vec4i),
@@ -257,30 +320,20 @@ def bin_rows_kernel(
     keys: wp.array(dtype=wp.int32),
     values: wp.array(dtype=wp.int32),
 ):
-    """Large triangles: one queued row of tiles a thread. ``offset`` is where rows begin in count and scan."""
+    """Large items: one queued row of tiles a thread. ``offset`` is where rows begin in count and scan."""
     k = wp.tid()
     number = wp.int64(0)
-    if wp.int64(k) < row_count[0]:
-        i = rows[k][0]
-        box = boxes[i]
-        face = triangles[i]
-        s = lit_triangle(lights[index], frame[0], points[face[0]], points[face[1]], points[face[2]])
+    if wp.int64(k) < row_count[0] and (emit == 0 or count[offset + k] > wp.int64(0)):
+        item = rows[k][0]
+        face = triangles[item // faces]
+        s = lit_triangle(
+            lights[index], frame[0], item % faces, widening, pad, points[face[0]], points[face[1]],
+            points[face[2]],
+        )  # fmt: skip
         place = scan[offset + k] - count[offset + k]
         number = bin_row(
-            emit,
-            i,
-            s,
-            spans[i],
-            rows[k][1],
-            box[0],
-            box[2],
-            tiles,
-            slices,
-            spans_all,
-            extent,
-            place,
-            keys,
-            values,
-        )
+            emit, item, s, spans[item], rows[k][1], boxes[item], faces, tiles, slices, spans_all, skip_empty,
+            columns, rows_of_tiles, stretch, ray_end, place, keys, values,
+        )  # fmt: skip
     if emit == 0:
         count[offset + k] = number

@@ -1,22 +1,43 @@
-"""What can be set of the paper's method. Defaults are the paper's at 1024x1024: 128 x 128 tiles, 16 slices."""
+"""What can be set of the paper's method. Grid sizes default to the paper's at 1024x1024: 128 x 128 tiles, 16 slices."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 DEPTH_LISTS = ("spans", "nearest")
+TRIANGLE_TESTS = ("exact", "edge_planes", "moller_trumbore")
+CULLING = ("off", "primary", "primary+light")
+LIGHT_MAPS = ("azimuth-elevation", "two-angle", "cube")
+CLAMPS = ("hits", "view", "none")
+PRECISIONS = ("float64", "float32")
+STAGING = ("none", "shared")
+BALANCING = ("direct", "algorithm-1")
 
 
 @dataclass(frozen=True)
 class Build:
-    """Grid parameters. None of them changes an answer.
+    """Grid parameters. ``triangle_test`` and ``cull`` may change ties and edges; no other changes an answer.
 
-    tile          side of a square image tile, pixels
-    slices        slices of depth in the perspective grid, linear between nearest and farthest triangle
-    light_tiles   tiles along azimuth and along elevation of a light grid
+    tile          side of a square sorting tile of the image, pixels
+    slices        slices of depth in the perspective grid, linear between nearest and farthest triangle; 1: none
+    light_tiles   tiles along each side of a light rectangle (of each of six with ``light_map`` "cube")
     light_slices  slices of distance in a light grid, linear between nearest and farthest shadow ray
     depth_lists   "spans": a triangle is listed in every slice it spans (the paper); "nearest": only in its first
-    aimed         the light's frame looks at the middle of the hit points (otherwise along +x, y up)
+    light_map     "azimuth-elevation"; "two-angle": alpha = atan2(right, forward), beta = atan2(up, forward), as
+                  section 4.1 words it; "cube": six faces (Hunt & Mark 2008), which the paper argues against
+    aimed         the light's frame looks at the middle of the hit points, or along its spot; otherwise along +x, y up
+    precision     number format of the rays' light-space coordinates. "float32" widens triangles by its rounding:
+                  never wrong, but far lights need more and more pairs (status ``rejected`` where they do not fit)
+    clamp         rectangle of a light grid: "hits" of the hit points; "view" of the camera's frustum (Figure 5);
+                  "none": all directions, or the whole spot
+    skip_empty    no pair where no shadow ray lies in the tile
+    triangle_test "exact": float32 rejects only what is certain, float64 decides. "edge_planes": float32 planes
+                  through the origin and each edge, in difference form and weld order. "moller_trumbore": float32,
+                  determinant not zero, as the paper uses it. See :mod:`.ray_tests` for what the last two may lose
+    cull          back faces left out: "off", "primary" (from the eye's grid), "primary+light" (from the lights'
+                  too). Refused unless the scene is declared closed and eye (and lights) are outside. "primary" is
+                  what paper-faithful means on closed scenes (section 3 names it for the perspective grid alone);
+                  on others it is "off"
     pair_capacity initial room for (triangle, cell) pairs; 0 chooses; grows as needed
     row_capacity  initial room for (large triangle, tile row) items; 0 chooses; grows as needed
     """
@@ -26,7 +47,13 @@ class Build:
     light_tiles: int = 128
     light_slices: int = 16
     depth_lists: str = "spans"
+    light_map: str = "azimuth-elevation"
     aimed: bool = True
+    precision: str = "float64"
+    clamp: str = "hits"
+    skip_empty: bool = True
+    triangle_test: str = "exact"
+    cull: str = "off"
     pair_capacity: int = 0
     row_capacity: int = 0
 
@@ -41,21 +68,53 @@ class Build:
         ):
             if not low <= getattr(self, name) <= high:
                 raise ValueError(f"must lie in {low}..{high}")
-        if self.light_tiles**2 * self.light_slices >= 2**30:
-            raise ValueError("light_tiles^2 * light_slices must stay below 2^30 cells")
-        if self.depth_lists not in DEPTH_LISTS:
-            raise ValueError(f"must be one of {', '.join(DEPTH_LISTS)}")
+        if self.light_tile_count * self.light_slices >= 2**30:
+            raise ValueError("tiles * light_slices of a light grid must stay below 2^30 cells")
+        _one_of(self.depth_lists, DEPTH_LISTS)
+        _one_of(self.light_map, LIGHT_MAPS)
+        _one_of(self.precision, PRECISIONS)
+        _one_of(self.clamp, CLAMPS)
+        _one_of(self.triangle_test, TRIANGLE_TESTS)
+        _one_of(self.cull, CULLING)
+
+    @property
+    def light_faces(self) -> int:
+        """Rectangles of a light grid."""
+        return 6 if self.light_map == "cube" else 1
+
+    @property
+    def light_tile_count(self) -> int:
+        return self.light_faces * self.light_tiles**2
 
 
 @dataclass(frozen=True)
 class Trace:
     """Tracing parameters. None of them changes an answer.
 
-    r   rays a chunk at most (paper, section 4.3)
+    k               sorting tiles along each side of a tracing tile, which is one thread block: 1 direct mapping,
+                    2 the paper's best indirect mapping (section 3)
+    r               shadow rays a chunk, which is one thread block, at most (section 4.3)
+    balancing       how rays become chunks: "algorithm-1" word by word, or "direct" from each tile's count
+    staging         "shared": the threads of a block bring triangles to shared memory (CUDA; elsewhere the plain
+                    kernel runs); "none": each thread reads them itself
+    triangle_chunk  lists longer than this are split into chunks of it that are tested in parallel and combined
+                    (the paper's future work); 0: never
     """
 
+    k: int = 2
     r: int = 64
+    balancing: str = "direct"
+    staging: str = "none"
+    triangle_chunk: int = 0
 
     def __post_init__(self) -> None:
-        if not 1 <= self.r <= 65536:
-            raise ValueError("must lie in 1..65536")
+        for name, low, high in (("k", 1, 64), ("r", 1, 65536), ("triangle_chunk", 0, 2**24)):
+            if not low <= getattr(self, name) <= high:
+                raise ValueError(f"must lie in {low}..{high}")
+        _one_of(self.balancing, BALANCING)
+        _one_of(self.staging, STAGING)
+
+
+def _one_of(value: str, known: tuple[str, ...]) -> None:
+    if value not in known:
+        raise ValueError(f"must be one of {', '.join(known)}")

@@ -1,0 +1,206 @@
+"""Load balancing (paper, section 4.3): rays sorted by light tile become chunks of at most r, one thread block each.
+
+Two ways to the same array G of first rays (outArr), C_total + 1 long: the last entry is the number of shadow rays,
+so that the rays of chunk b are G[b] .. G[b + 1] - 1.
+
+algorithm-1  Algorithm 1 and Figure 8 word by word: hard boundaries where the tile changes (flagScan, array C),
+             a segmented scan of ones (segScan, D), soft boundaries every r rays (getChunk, E), stream compaction
+             of the thread numbers F (strCompact, G)
+direct       ceil(R / r) chunks for a tile of R rays, their scan, and each tile writes its own
+
+The paper's arrays hold every pixel. Pixels without a shadow ray carry the key ``tiles``, sort behind every tile and
+start no chunk.
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ..common.pairs import mark_lists_kernel
+
+
+@wp.kernel(enable_backward=False)
+def tag_thread_kernel(threadArr: wp.array(dtype=wp.int32)):
+    """F: thread numbers."""
+    i = wp.tid()
+    threadArr[i] = i
+
+
+@wp.kernel(enable_backward=False)
+def flag_scan_kernel(
+    tiles: wp.int32, tileIDArr: wp.array(dtype=wp.int32), pseudoArr: wp.array(dtype=wp.int32)
+):
+    """C: 1 at a hard boundary, where another light tile begins."""
+    i = wp.tid()
+    flag = wp.int32(0)
+    if tileIDArr[i] < tiles and (i == 0 or tileIDArr[i - 1] != tileIDArr[i]):
+        flag = 1
+    pseudoArr[i] = flag
+
+
+@wp.kernel(enable_backward=False)
+def segment_start_kernel(
+    pseudoArr: wp.array(dtype=wp.int32), segment: wp.array(dtype=wp.int32), start: wp.array(dtype=wp.int32)
+):
+    """First cell of every segment; ``segment`` is the inclusive scan of the flags."""
+    i = wp.tid()
+    if pseudoArr[i] == 1:
+        start[segment[i] - 1] = i
+
+
+@wp.kernel(enable_backward=False)
+def segment_scan_kernel(
+    segment: wp.array(dtype=wp.int32), start: wp.array(dtype=wp.int32), scratchArr: wp.array(dtype=wp.int32)
+):
+    """D: the inclusive scan of ones within each segment, 1, 2, 3, ..."""
+    i = wp.tid()
+    if segment[i] > 0:
+        scratchArr[i] = i - start[segment[i] - 1] + 1
+
+
+@wp.kernel(enable_backward=False)
+def get_chunk_kernel(
+    tiles: wp.int32,
+    r: wp.int32,
+    tileIDArr: wp.array(dtype=wp.int32),
+    scratchArr: wp.array(dtype=wp.int32),
+    validArr: wp.array(dtype=wp.int32),
+):
+    """E: 1 at a soft boundary, every r rays of a segment. Every hard boundary is one too."""
+    i = wp.tid()
+    flag = wp.int32(0)
+    if tileIDArr[i] < tiles and (scratchArr[i] - 1) % r == 0:
+        flag = 1
+    validArr[i] = flag
+
+
+@wp.kernel(enable_backward=False)
+def compact_kernel(
+    tiles: wp.int32,
+    tileIDArr: wp.array(dtype=wp.int32),
+    threadArr: wp.array(dtype=wp.int32),
+    validArr: wp.array(dtype=wp.int32),
+    scan: wp.array(dtype=wp.int32),
+    outArr: wp.array(dtype=wp.int32),
+    numCBlocks: wp.array(dtype=wp.int32),
+):
+    """G: the thread numbers of soft boundaries, then the number of rays; C_total."""
+    i = wp.tid()
+    if validArr[i] == 1:
+        outArr[scan[i] - 1] = threadArr[i]
+    total = scan[scan.shape[0] - 1]
+    if i == 0:
+        numCBlocks[0] = total
+        if tileIDArr[0] >= tiles:
+            outArr[0] = 0
+    last = i == scan.shape[0] - 1
+    if not last:
+        last = tileIDArr[i + 1] >= tiles
+    if tileIDArr[i] < tiles and last:
+        outArr[total] = i + 1
+
+
+@wp.kernel(enable_backward=False)
+def chunk_count_kernel(
+    r: wp.int32,
+    begin: wp.array(dtype=wp.int32),
+    end: wp.array(dtype=wp.int32),
+    chunks: wp.array(dtype=wp.int32),
+):
+    """ceil(R / r) chunks for a tile of R rays (paper, section 4.3)."""
+    tile = wp.tid()
+    chunks[tile] = (end[tile] - begin[tile] + r - 1) // r
+
+
+@wp.kernel(enable_backward=False)
+def chunk_kernel(
+    r: wp.int32,
+    begin: wp.array(dtype=wp.int32),
+    end: wp.array(dtype=wp.int32),
+    chunks: wp.array(dtype=wp.int32),
+    scan: wp.array(dtype=wp.int32),
+    outArr: wp.array(dtype=wp.int32),
+    numCBlocks: wp.array(dtype=wp.int32),
+):
+    """The first ray of every chunk of a tile; the last occupied tile closes the array."""
+    tile = wp.tid()
+    total = scan[scan.shape[0] - 1]
+    if tile == 0:
+        numCBlocks[0] = total
+        if total == 0:
+            outArr[0] = 0
+    for j in range(chunks[tile]):
+        outArr[scan[tile] - chunks[tile] + j] = begin[tile] + j * r
+    if chunks[tile] > 0 and scan[tile] == total:
+        outArr[total] = end[tile]
+
+
+class Chunks:
+    """Chunks of one light's sorted rays. ``begin``, ``end`` int32 [tiles]: the rays of each tile.
+
+    outArr      int32 [rays + 1]: first ray of each chunk, then the number of shadow rays
+    numCBlocks  int32 [1]: C_total
+    The other arrays are the paper's, int32 [rays], and exist with ``algorithm-1`` only.
+    """
+
+    def __init__(self, rays: int, tiles: int, r: int, balancing: str, device: str):
+        self.rays, self.tiles, self.r, self.balancing, self.device = rays, tiles, r, balancing, device
+        # C_total = sum of ceil(R_j / r) is at most one chunk a non-empty tile and one for every r rays.
+        self.capacity = min(rays, min(rays, tiles) + rays // r)
+        with wp.ScopedDevice(device):
+            self.begin = wp.zeros(tiles, dtype=wp.int32)
+            self.end = wp.zeros(tiles, dtype=wp.int32)
+            self.outArr = wp.zeros(rays + 1, dtype=wp.int32)
+            self.numCBlocks = wp.zeros(1, dtype=wp.int32)
+            if balancing == "direct":
+                self.chunks = wp.zeros(tiles, dtype=wp.int32)
+                self.scan = wp.zeros(tiles, dtype=wp.int32)
+            else:
+                self.threadArr = wp.zeros(rays, dtype=wp.int32)
+                self.pseudoArr = wp.zeros(rays, dtype=wp.int32)
+                self.scratchArr = wp.zeros(rays, dtype=wp.int32)
+                self.validArr = wp.zeros(rays, dtype=wp.int32)
+                self.segment = wp.zeros(rays, dtype=wp.int32)
+                self.start = wp.zeros(rays, dtype=wp.int32)
+                self.scan = wp.zeros(rays, dtype=wp.int32)
+
+    def launch(self, tileIDArr: wp.array) -> None:
+        """``tileIDArr``: int32 [2 * rays], the first half sorted; ``tiles`` where there is no shadow ray."""
+        self.begin.zero_()
+        self.end.zero_()
+        self._launch(mark_lists_kernel, self.rays, [self.tiles, tileIDArr], [self.begin, self.end])
+        if self.balancing == "direct":
+            self._launch(chunk_count_kernel, self.tiles, [self.r, self.begin, self.end], [self.chunks])
+            wp.utils.array_scan(self.chunks, self.scan, inclusive=True)
+            self._launch(
+                chunk_kernel,
+                self.tiles,
+                [self.r, self.begin, self.end, self.chunks, self.scan],
+                [self.outArr, self.numCBlocks],
+            )
+        else:
+            self._algorithm1(tileIDArr)
+
+    def _algorithm1(self, tileIDArr: wp.array) -> None:
+        n, tiles = self.rays, self.tiles
+        self._launch(tag_thread_kernel, n, [], [self.threadArr])
+        self._launch(flag_scan_kernel, n, [tiles, tileIDArr], [self.pseudoArr])
+        self.scratchArr.fill_(1)
+        self._segment_scan()
+        self._launch(get_chunk_kernel, n, [tiles, self.r, tileIDArr, self.scratchArr], [self.validArr])
+        wp.utils.array_scan(self.validArr, self.scan, inclusive=True)
+        self._launch(
+            compact_kernel,
+            n,
+            [tiles, tileIDArr, self.threadArr, self.validArr, self.scan],
+            [self.outArr, self.numCBlocks],
+        )
+
+    def _segment_scan(self) -> None:
+        """segScan of ones: a cell's number in its segment is its distance from the segment's first cell."""
+        wp.utils.array_scan(self.pseudoArr, self.segment, inclusive=True)
+        self._launch(segment_start_kernel, self.rays, [self.pseudoArr, self.segment], [self.start])
+        self._launch(segment_scan_kernel, self.rays, [self.segment, self.start], [self.scratchArr])
+
+    def _launch(self, kernel: wp.Kernel, dim: int, inputs: list, outputs: list) -> None:
+        wp.launch(kernel, dim=dim, inputs=inputs, outputs=outputs, device=self.device)

@@ -1,0 +1,65 @@
+"""Work counters of a frame, read back after it: pairs, tiles, lists, chunks, lanes, tests."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .camera import CameraGrid
+from .light import LightGrid
+
+
+def work(
+    camera: CameraGrid, lights: list[LightGrid], primary: NDArray[np.int32], shadow: NDArray[np.int32]
+) -> dict[str, int]:
+    """Counts of the last frame. ``primary``, ``shadow``: triangle tests of each pixel.
+
+    Of each grid: pairs, occupied tiles and cells, and the lengths of the occupied tiles' lists (mean, p99, max).
+    Of each light: shadow rays, tiles with rays, most rays in a tile, chunks C_total, and lanes C_total * r; the
+    lane fill is rays / lanes. Tests a ray, in hundredths.
+    """
+    result = {
+        "primary tests": _sum(primary),
+        "primary tests a hundred rays": _share(100 * _sum(primary), len(primary)),
+        "primary tests, most": int(primary.max(initial=0)),
+        **_lists("camera", camera.bins.pairs),
+    }
+    rays = 0
+    for light in lights:
+        name = f"light {light.index}"
+        result.update(_lists(name, light.bins.pairs))
+        lengths = light.chunks.end.numpy() - light.chunks.begin.numpy()
+        chunks = int(light.chunks.numCBlocks.numpy()[0])
+        result[f"{name} rays"] = int(lengths.sum())
+        result[f"{name} tiles with rays"] = int((lengths > 0).sum())
+        result[f"{name} most rays in a tile"] = int(lengths.max())
+        result[f"{name} chunks"] = chunks
+        result[f"{name} lanes"] = chunks * light.trace.r
+        rays += int(lengths.sum())
+    if lights:
+        result["shadow tests"] = _sum(shadow)
+        result["shadow tests a hundred rays"] = _share(100 * _sum(shadow), rays)
+    return result
+
+
+def _sum(counts: NDArray[np.int32]) -> int:
+    return int(counts.sum(dtype=np.int64))
+
+
+def _share(part: int, whole: int) -> int:
+    return round(part / whole) if whole else 0
+
+
+def _lists(name: str, pairs) -> dict[str, int]:
+    lengths = pairs.end.numpy() - pairs.begin.numpy()
+    lengths = lengths[lengths > 0]
+    keys = pairs.keys.numpy()[: pairs.capacity]
+    keys = keys[keys < pairs.cells]
+    return {
+        f"{name} pairs": len(keys),
+        f"{name} occupied tiles": len(lengths),
+        f"{name} occupied cells": 0 if not len(keys) else 1 + int(np.count_nonzero(np.diff(keys))),
+        f"{name} list, mean": round(lengths.mean()) if len(lengths) else 0,
+        f"{name} list, p99": int(np.percentile(lengths, 99)) if len(lengths) else 0,
+        f"{name} list, longest": int(lengths.max(initial=0)),
+    }

@@ -1,0 +1,224 @@
+"""Shadow rays in a light's space (paper, sections 4.1 and 4.2): frame, place of each ray, rectangle, sort key.
+
+The frame is aimed at the middle of the hit points and everything in it is float64, so that a light at 1e7 scene
+radii still has its rays spread over all tiles; world axes and float32 are there to show what they cost.
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ..common.triangle import to_float64
+from .light_map import ray_place, ray_place32
+
+EXTENT = wp.constant(8)
+"""Length of a face's extent: two coordinates and distance, lowest then highest, and two unused."""
+
+FACES = 6
+"""Most rectangles of a light grid."""
+
+
+@wp.kernel(enable_backward=False)
+def reset_kernel(box: wp.array(dtype=wp.float64), extent: wp.array(dtype=wp.float64)):
+    """Empty ranges: lows at +inf, highs at -inf."""
+    i = wp.tid()
+    value = wp.float64(wp.INF)
+    if i % EXTENT >= 3:
+        value = -value
+    extent[i] = value
+    if i < 6:
+        box[i] = value
+
+
+@wp.func
+def receives(spots: wp.array2d(dtype=wp.float64), index: wp.int32, v: wp.vec3d) -> wp.bool:
+    """Whether a point v away from the light lies in its spot: the harness's rule (``harness.spot``), in its words."""
+    kind = spots[index, 0]
+    if kind == wp.float64(0.0):
+        return True
+    f = spots[index, 1] * v[0] + spots[index, 2] * v[1] + spots[index, 3] * v[2]
+    if kind == wp.float64(1.0):
+        cosine = spots[index, 10]
+        square = cosine * cosine * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+        if cosine >= wp.float64(0.0):
+            return f >= wp.float64(0.0) and f * f >= square
+        return f >= wp.float64(0.0) or f * f <= square
+    r = spots[index, 4] * v[0] + spots[index, 5] * v[1] + spots[index, 6] * v[2]
+    u = spots[index, 7] * v[0] + spots[index, 8] * v[1] + spots[index, 9] * v[2]
+    return (
+        wp.abs(wp.atan2(r, f)) <= spots[index, 10]
+        and wp.abs(wp.atan2(u, wp.sqrt(f * f + r * r))) <= spots[index, 11]
+    )
+
+
+@wp.kernel(enable_backward=False)
+def box_kernel(
+    pixels: wp.int32,
+    threads: wp.int32,
+    index: wp.int32,
+    lights: wp.array(dtype=wp.vec3f),
+    spots: wp.array2d(dtype=wp.float64),
+    triangle: wp.array(dtype=wp.int32),
+    hit: wp.array(dtype=wp.vec3d),
+    receiver: wp.array(dtype=wp.uint8),
+    box: wp.array(dtype=wp.float64),
+):
+    """Which pixels have a shadow ray, and the box of their hit points, low corner then high corner."""
+    k = wp.tid()
+    low = wp.vec3d(wp.float64(wp.INF))
+    high = -low
+    light = to_float64(lights[index])
+    pixel = k
+    while pixel < pixels:
+        flag = wp.uint8(0)
+        if triangle[pixel] >= 0 and receives(spots, index, hit[pixel] - light):
+            flag = wp.uint8(1)
+            low = wp.min(low, hit[pixel])
+            high = wp.max(high, hit[pixel])
+        receiver[pixel] = flag
+        pixel += threads
+    reduce_extent(low, high, k % wp.block_dim(), box)
+
+
+@wp.func
+def reduce_extent(low: wp.vec3d, high: wp.vec3d, lane: wp.int32, extent: wp.array(dtype=wp.float64)):
+    """Lower extent[0..2] and raise extent[3..5]: one reduction a block, then at most six atomics.
+
+    Every thread of the block must call it.
+    """
+    x0 = wp.tile_min(wp.tile(low[0]))
+    y0 = wp.tile_min(wp.tile(low[1]))
+    z0 = wp.tile_min(wp.tile(low[2]))
+    x1 = wp.tile_max(wp.tile(high[0]))
+    y1 = wp.tile_max(wp.tile(high[1]))
+    z1 = wp.tile_max(wp.tile(high[2]))
+    lows = wp.vec3d(wp.tile_extract(x0, 0), wp.tile_extract(y0, 0), wp.tile_extract(z0, 0))
+    highs = wp.vec3d(wp.tile_extract(x1, 0), wp.tile_extract(y1, 0), wp.tile_extract(z1, 0))
+    if lane == 0:
+        for axis in range(3):
+            if lows[axis] < extent[axis]:
+                wp.atomic_min(extent, axis, lows[axis])
+            if highs[axis] > extent[3 + axis]:
+                wp.atomic_max(extent, 3 + axis, highs[axis])
+
+
+@wp.kernel(enable_backward=False)
+def aim_kernel(
+    index: wp.int32,
+    aimed: wp.bool,
+    lights: wp.array(dtype=wp.vec3f),
+    spots: wp.array2d(dtype=wp.float64),
+    box: wp.array(dtype=wp.float64),
+    frame: wp.array(dtype=wp.mat33d),
+):
+    """The light's axes as rows: forward to the middle of the hit points, or of its spot (or +x); right; up."""
+    half = wp.float64(0.5)
+    middle = wp.vec3d(half * (box[0] + box[3]), half * (box[1] + box[4]), half * (box[2] + box[5]))
+    forward = middle - to_float64(lights[index])
+    if aimed and spots[index, 0] != wp.float64(0.0):
+        frame[0] = wp.matrix_from_rows(
+            wp.vec3d(spots[index, 1], spots[index, 2], spots[index, 3]),
+            wp.vec3d(spots[index, 4], spots[index, 5], spots[index, 6]),
+            wp.vec3d(spots[index, 7], spots[index, 8], spots[index, 9]),
+        )
+        return
+    size = wp.max(wp.abs(forward[0]), wp.max(wp.abs(forward[1]), wp.abs(forward[2])))
+    if not aimed or not (size > wp.float64(0.0)) or not (size < wp.float64(wp.INF)):
+        forward = wp.vec3d(wp.float64(1.0), wp.float64(0.0), wp.float64(0.0))
+        size = wp.float64(1.0)
+    forward = wp.normalize(forward / size)
+    # Any axis far from parallel to forward serves as "up"; world axes keep y up as the paper's figure does.
+    up = wp.vec3d(wp.float64(0.0), wp.float64(1.0), wp.float64(0.0))
+    if wp.abs(forward[1]) > wp.float64(0.8):
+        up = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
+    right = wp.normalize(wp.cross(forward, up))
+    up = wp.cross(right, forward)
+    frame[0] = wp.matrix_from_rows(forward, right, up)
+
+
+@wp.kernel(enable_backward=False)
+def map_kernel(
+    pixels: wp.int32,
+    threads: wp.int32,
+    index: wp.int32,
+    map: wp.int32,
+    single: wp.bool,
+    lights: wp.array(dtype=wp.vec3f),
+    frame: wp.array(dtype=wp.mat33d),
+    receiver: wp.array(dtype=wp.uint8),
+    hit: wp.array(dtype=wp.vec3d),
+    place: wp.array(dtype=wp.vec4d),
+    extent: wp.array(dtype=wp.float64),
+):
+    """(two coordinates, distance, face) of every shadow ray, and their extent. ``single``: in float32."""
+    k = wp.tid()
+    low = wp.vec3d(wp.float64(wp.INF))
+    high = -low
+    light = to_float64(lights[index])
+    axes = frame[0]
+    pixel = k
+    while pixel < pixels:
+        if receiver[pixel] != wp.uint8(0):
+            p = wp.vec4d()
+            if single:
+                p = ray_place32(map, axes, hit[pixel] - light)
+            else:
+                p = ray_place(map, axes * (hit[pixel] - light))
+            place[pixel] = p
+            if map == 2:
+                offset = wp.int32(p[3]) * EXTENT
+                for axis in range(3):
+                    if p[axis] < extent[offset + axis]:
+                        wp.atomic_min(extent, offset + axis, p[axis])
+                    if p[axis] > extent[offset + 3 + axis]:
+                        wp.atomic_max(extent, offset + 3 + axis, p[axis])
+            else:
+                low = wp.min(low, wp.vec3d(p[0], p[1], p[2]))
+                high = wp.max(high, wp.vec3d(p[0], p[1], p[2]))
+        pixel += threads
+    if map != 2:
+        reduce_extent(low, high, k % wp.block_dim(), extent)
+
+
+@wp.func
+def tile_of(angle: wp.float64, low: wp.float64, high: wp.float64, tiles: wp.int32) -> wp.int32:
+    """Index of the tile along one axis. Monotone, and the same function for rays and triangles."""
+    if not (high > low):
+        return 0
+    share = (angle - low) / (high - low)
+    return wp.int32(wp.clamp(share * wp.float64(tiles), wp.float64(0.0), wp.float64(tiles) - wp.float64(0.5)))
+
+
+@wp.func
+def distance_slice(
+    distance: wp.float64, extent: wp.array(dtype=wp.float64), face: wp.int32, slices: wp.int32
+) -> wp.int32:
+    """Slice between the nearest and the farthest ray of a face; nearer triangles fall into the first."""
+    return tile_of(distance, extent[face * EXTENT + 2], extent[face * EXTENT + 5], slices)
+
+
+@wp.kernel(enable_backward=False)
+def key_kernel(
+    tiles: wp.int32,
+    faces: wp.int32,
+    receiver: wp.array(dtype=wp.uint8),
+    place: wp.array(dtype=wp.vec4d),
+    extent: wp.array(dtype=wp.float64),
+    keys: wp.array(dtype=wp.int32),
+    values: wp.array(dtype=wp.int32),
+    visibility: wp.array2d(dtype=wp.uint8),
+    index: wp.int32,
+):
+    """(light tile, primary ray) pairs; no shadow ray has the key behind every tile. Resets the shadow bits."""
+    pixel = wp.tid()
+    visibility[index, pixel] = wp.uint8(0)
+    values[pixel] = pixel
+    if receiver[pixel] == wp.uint8(0):
+        keys[pixel] = faces * tiles * tiles
+        return
+    p = place[pixel]
+    face = wp.int32(p[3])
+    offset = face * EXTENT
+    column = tile_of(p[0], extent[offset], extent[offset + 3], tiles)
+    row = tile_of(p[1], extent[offset + 1], extent[offset + 4], tiles)
+    keys[pixel] = (face * tiles + row) * tiles + column

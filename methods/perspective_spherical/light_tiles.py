@@ -1,0 +1,299 @@
+"""The rectangle of a light grid and its tiles: clamping (paper, Figure 5), tile edges, and the test of a tile.
+
+A tile is bounded by planes through the light (meridians, or straight edges on a face) or by parallels. A triangle
+certainly misses it where one of the planes through light and edge has all four corners outside: see ``missed``.
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ..common.triangle import to_float64
+from .light_frame import EXTENT
+from .light_map import face_frame, map_bounds, whole, wraps
+from .sphere import HALF_PI, PI, ROUNDING
+
+HITS, VIEW, NONE = 0, 1, 2
+
+UNTESTED = wp.constant(wp.float64(4.0))
+"""In place of a cosine: this column or row holds directions that its corners do not bound, so it is never missed."""
+
+COLLAPSE = wp.constant(wp.float64(1.0e-5))
+"""Two-angle columns and rows nearer than this to +-pi/2 are untested: there the map is not one to one."""
+
+
+@wp.func
+def frustum_corner(
+    i: wp.int32,
+    eye: wp.vec3f,
+    axes: wp.array(dtype=wp.vec3f),
+    tangents: wp.array(dtype=wp.float32),
+    depth: wp.vec2f,
+) -> wp.vec3d:
+    """Corner i of the camera's frustum: bit 0 right, bit 1 up, bit 2 far."""
+    x = wp.float64(tangents[0])
+    y = wp.float64(tangents[1])
+    z = wp.float64(depth[0])
+    if i % 2 == 0:
+        x = -x
+    if (i // 2) % 2 == 0:
+        y = -y
+    if i >= 4:
+        z = wp.float64(depth[1])
+    d = to_float64(axes[2]) + x * to_float64(axes[0]) + y * to_float64(axes[1])
+    return to_float64(eye) + z * d
+
+
+@wp.func
+def in_frustum(
+    p: wp.vec3d,
+    eye: wp.vec3f,
+    axes: wp.array(dtype=wp.vec3f),
+    tangents: wp.array(dtype=wp.float32),
+    depth: wp.vec2f,
+) -> wp.bool:
+    v = p - to_float64(eye)
+    z = wp.dot(v, to_float64(axes[2]))
+    if z < wp.float64(depth[0]) or z > wp.float64(depth[1]):
+        return False
+    return wp.abs(wp.dot(v, to_float64(axes[0]))) <= z * wp.float64(tangents[0]) and wp.abs(
+        wp.dot(v, to_float64(axes[1]))
+    ) <= z * wp.float64(tangents[1])
+
+
+@wp.kernel(enable_backward=False)
+def clamp_kernel(
+    index: wp.int32,
+    map: wp.int32,
+    faces: wp.int32,
+    clamp: wp.int32,
+    aimed: wp.bool,
+    lights: wp.array(dtype=wp.vec3f),
+    spots: wp.array2d(dtype=wp.float64),
+    frame: wp.array(dtype=wp.mat33d),
+    eye: wp.array(dtype=wp.vec3f),
+    axes: wp.array(dtype=wp.vec3f),
+    tangents: wp.array(dtype=wp.float32),
+    depth_range: wp.array(dtype=wp.float32),
+    extent: wp.array(dtype=wp.float64),
+):
+    """Widen the rays' rectangles to the view's (VIEW) or to all directions or the whole spot (NONE).
+
+    Rays always lie inside: a rectangle is never smaller than theirs. Depth planes stay those of the rays.
+    """
+    face = wp.tid()
+    near = wp.float64(wp.INF)
+    far = -near
+    for other in range(faces):
+        near = wp.min(near, extent[other * EXTENT + 2])
+        far = wp.max(far, extent[other * EXTENT + 5])
+    if clamp == 0 or not (far >= near):
+        return
+    bounds = whole(map)
+    if clamp == 1:
+        bounds = view_bounds(
+            map, face, to_float64(lights[index]), frame[0], eye[0], axes, tangents,
+            wp.vec2f(wp.max(0.0, depth_range[0]), depth_range[1]),
+        )  # fmt: skip
+        if not (bounds[1] >= bounds[0]):
+            return
+    elif map == 0 and aimed and spots[index, 0] != wp.float64(0.0):
+        half = wp.min(spots[index, 10], PI)
+        rise = wp.min(spots[index, 11], HALF_PI)
+        if spots[index, 0] == wp.float64(1.0):
+            half = wp.acos(spots[index, 10])
+            rise = wp.min(half, HALF_PI)
+            if half > wp.float64(1.5):
+                half = PI
+        bounds = wp.vec4d(-half, half, -rise, rise)
+    offset = face * EXTENT
+    # No ray in this face: its own depth planes are empty, those of all rays serve.
+    if not (extent[offset + 5] >= extent[offset + 2]):
+        extent[offset + 2] = near
+        extent[offset + 5] = far
+    extent[offset] = wp.min(extent[offset], bounds[0])
+    extent[offset + 3] = wp.max(extent[offset + 3], bounds[1])
+    extent[offset + 1] = wp.min(extent[offset + 1], bounds[2])
+    extent[offset + 4] = wp.max(extent[offset + 4], bounds[3])
+
+
+@wp.func
+def view_bounds(
+    map: wp.int32,
+    face: wp.int32,
+    light: wp.vec3d,
+    frame: wp.mat33d,
+    eye: wp.vec3f,
+    axes: wp.array(dtype=wp.vec3f),
+    tangents: wp.array(dtype=wp.float32),
+    depth: wp.vec2f,
+) -> wp.vec4d:
+    """Bounding rectangle of the camera's frustum, between its nearest and farthest triangle, seen from the light."""
+    all = whole(map)
+    if in_frustum(light, eye, axes, tangents, depth):
+        return all
+    wrap = wraps(map)
+    low_u = wp.float64(wp.INF)
+    high_u = -low_u
+    low_v = low_u
+    high_v = -low_u
+    for side in range(6):
+        # The four corners of a side: those with bit (side / 2) equal to side % 2, in order around it.
+        bit = side // 2
+        fixed = (side % 2) << bit
+        step = wp.int32(1)
+        if bit == 0:
+            step = 2
+        other = 7 - (1 << bit) - step
+        p0 = face_frame(frame * (frustum_corner(fixed, eye, axes, tangents, depth) - light), face)
+        p1 = face_frame(frame * (frustum_corner(fixed + step, eye, axes, tangents, depth) - light), face)
+        p2 = face_frame(
+            frame * (frustum_corner(fixed + step + other, eye, axes, tangents, depth) - light), face
+        )
+        p3 = face_frame(frame * (frustum_corner(fixed + other, eye, axes, tangents, depth) - light), face)
+        for half in range(2):
+            corner = p1
+            if half == 1:
+                corner = p3
+            normal = wp.cross(corner - p0, p2 - p0)
+            # Seen edge-on (or without area) it adds nothing that its neighbours do not hold.
+            if wp.abs(wp.dot(normal, p0)) > wp.float64(1.0e-12) * wp.length(normal) * wp.length(p0):
+                b = map_bounds(map, p0, corner, p2, wp.float64(4.0) * ROUNDING)
+                if b[1] >= b[0]:
+                    low_u = wp.min(low_u, b[0])
+                    high_u = wp.max(high_u, b[1])
+                    low_v = wp.min(low_v, b[2])
+                    high_v = wp.max(high_v, b[3])
+    if wrap[0] == 1 and (low_u < all[0] or high_u > all[1]):
+        low_u = all[0]
+        high_u = all[1]
+    if wrap[1] == 1 and (low_v < all[2] or high_v > all[3]):
+        low_v = all[2]
+        high_v = all[3]
+    return wp.vec4d(
+        wp.max(low_u, all[0]), wp.min(high_u, all[1]), wp.max(low_v, all[2]), wp.min(high_v, all[3])
+    )
+
+
+@wp.func
+def edge_pad(low: wp.float64, high: wp.float64) -> wp.float64:
+    """What ``tile_of`` may misplace a ray by at a tile's edge, with room to spare."""
+    return wp.float64(1.0e-13) * (high - low) + wp.float64(1.0e-15) * (wp.abs(low) + wp.abs(high))
+
+
+@wp.func
+def circle_edges(low: wp.float64, high: wp.float64) -> wp.vec4d:
+    if high - low > wp.float64(3.0):
+        return wp.vec4d(UNTESTED, UNTESTED, UNTESTED, UNTESTED)
+    return wp.vec4d(wp.cos(low), wp.sin(low), wp.cos(high), wp.sin(high))
+
+
+@wp.func
+def tangent_edges(low: wp.float64, high: wp.float64, flips: wp.bool) -> wp.vec4d:
+    """Edges of a two-angle tile as (1, tan); of a row behind, with both turned round (see ``missed``)."""
+    untested = wp.vec4d(UNTESTED, UNTESTED, UNTESTED, UNTESTED)
+    one = wp.float64(1.0)
+    ahead = low > COLLAPSE - HALF_PI and high < HALF_PI - COLLAPSE
+    behind = low > HALF_PI + COLLAPSE or high < -HALF_PI - COLLAPSE
+    if not ahead and not behind:
+        return untested
+    if behind and flips:
+        return wp.vec4d(-one, -wp.tan(low), -one, -wp.tan(high))
+    return wp.vec4d(one, wp.tan(low), one, wp.tan(high))
+
+
+@wp.kernel(enable_backward=False)
+def edges_kernel(
+    map: wp.int32,
+    tiles: wp.int32,
+    extent: wp.array(dtype=wp.float64),
+    columns: wp.array(dtype=wp.vec4d),
+    rows: wp.array(dtype=wp.vec4d),
+    stretch: wp.array(dtype=wp.float64),
+):
+    """Edges of every column and row of tiles, once a frame: the corners' directions are their products.
+
+    Column (c, s) and row (c', s') meet in direction (c' c, c' s, s'). ``stretch[face]``: see ``missed``.
+    """
+    k = wp.tid()
+    face = k // tiles
+    j = wp.float64(k % tiles)
+    offset = face * EXTENT
+    wide = (extent[offset + 3] - extent[offset]) / wp.float64(tiles)
+    tall = (extent[offset + 4] - extent[offset + 1]) / wp.float64(tiles)
+    pad_u = edge_pad(extent[offset], extent[offset + 3])
+    pad_v = edge_pad(extent[offset + 1], extent[offset + 4])
+    low_u = extent[offset] + j * wide - pad_u
+    high_u = extent[offset] + (j + wp.float64(1.0)) * wide + pad_u
+    low_v = extent[offset + 1] + j * tall - pad_v
+    high_v = extent[offset + 1] + (j + wp.float64(1.0)) * tall + pad_v
+    one = wp.float64(1.0)
+    if map == 1:
+        columns[k] = tangent_edges(low_u, high_u, False)
+        rows[k] = tangent_edges(low_v, high_v, True)
+        stretch[face] = one
+    elif map == 2:
+        columns[k] = wp.vec4d(one, low_u, one, high_u)
+        rows[k] = wp.vec4d(one, low_v, one, high_v)
+        stretch[face] = one
+    else:
+        columns[k] = circle_edges(low_u, high_u)
+        rows[k] = circle_edges(wp.max(low_v, -HALF_PI), wp.min(high_v, HALF_PI))
+        # Between two meridians half a width apart from the middle, a cosine exceeds its ends by at most this.
+        stretch[face] = one / wp.cos(wp.min(wp.float64(1.5), wp.float64(0.50001) * (high_u - low_u)))
+
+
+@wp.func
+def along(column: wp.vec4d, n: wp.vec3d, stretch: wp.float64) -> wp.float64:
+    """Upper bound of n . (cos, sin) between a column's edges."""
+    most = wp.max(n[0] * column[0] + n[1] * column[1], n[0] * column[2] + n[1] * column[3])
+    if most > wp.float64(0.0):
+        most = most * stretch
+    return most
+
+
+@wp.func
+def least_along(column: wp.vec4d, n: wp.vec3d) -> wp.float64:
+    """Lower bound of n . (1, tan) between a column's edges."""
+    return wp.min(n[0] * column[0] + n[1] * column[1], n[0] * column[2] + n[1] * column[3])
+
+
+@wp.func
+def beyond(column: wp.vec4d, row: wp.vec4d, n: wp.vec3d, stretch: wp.float64, error: wp.float64) -> wp.bool:
+    """Whether the whole tile lies certainly on the negative side of the plane with normal n.
+
+    On a sphere: n . d <= c' M + s' n_z with M the bound along the column; M cos + n_z sin that is negative at both
+    ends of less than half a turn is negative between them. On a face n . d is linear. A row behind the light has
+    c' = -1: there the column's least value counts.
+    """
+    m = wp.float64(0.0)
+    if row[0] < wp.float64(0.0) and row[2] < wp.float64(0.0):
+        m = least_along(column, n)
+    else:
+        m = along(column, n, stretch)
+    return wp.max(row[0] * m + row[1] * n[2], row[2] * m + row[3] * n[2]) < -error
+
+
+@wp.func
+def missed(
+    column: wp.vec4d,
+    row: wp.vec4d,
+    stretch: wp.float64,
+    n0: wp.vec3d,
+    n1: wp.vec3d,
+    n2: wp.vec3d,
+    error: wp.float64,
+) -> wp.bool:
+    """Whether a tile certainly misses the triangle with inward planes n0, n1, n2, known to ``error`` for unit d."""
+    two = wp.float64(2.0)
+    if column[0] > two or row[0] > two:
+        return False
+    longest = wp.max(wp.abs(column[0]) + wp.abs(column[1]), wp.abs(column[2]) + wp.abs(column[3])) + wp.max(
+        wp.abs(row[1]), wp.abs(row[3])
+    )
+    e = error * longest
+    return (
+        beyond(column, row, n0, stretch, e)
+        or beyond(column, row, n1, stretch, e)
+        or beyond(column, row, n2, stretch, e)
+    )

@@ -1,0 +1,128 @@
+"""Tracing primary rays through the perspective grid (paper, section 3): closest hit, front to back, by tile.
+
+A tile's list is one run of sorted pairs, front slices first. A ray is done once its hit lies before the slice of
+the next pair. Thread blocks are tracing tiles of k x k sorting tiles (indirect mapping): threads of one sorting
+tile follow one another, so that lanes of a warp share a list.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import warp as wp
+
+from ..common.triangle import nearer, weld_of, write_hit
+from .camera_grid import slice_scale
+from .ray_tests import RAY_DECIDES, RAY_PASSES, RayRecord
+from .variants import Variant
+
+
+@wp.func
+def indirect_pixel(
+    thread: wp.int32, width: wp.int32, height: wp.int32, tile: wp.int32, k: wp.int32
+) -> wp.vec3i:
+    """(x, y, sorting tile) of a thread. Tracing tiles row by row, in them sorting tiles, in them pixels."""
+    across = (width + tile - 1) // tile
+    blocks_across = (across + k - 1) // k
+    area = tile * tile
+    block = thread // (k * k * area)
+    rest = thread % (k * k * area)
+    sub = rest // area
+    inside = rest % area
+    column = (block % blocks_across) * k + sub % k
+    row = (block // blocks_across) * k + sub // k
+    x = column * tile + inside % tile
+    y = row * tile + inside // tile
+    if x >= width or y >= height:
+        return wp.vec3i(-1, -1, -1)
+    return wp.vec3i(x, y, row * across + column)
+
+
+@wp.func
+def slice_start(
+    depth_range: wp.array(dtype=wp.float32), per_slice: wp.float32, slice: wp.int32
+) -> wp.float32:
+    """A depth that no triangle first listed in ``slice`` comes before, less what rounding may move it."""
+    if slice == 0 or per_slice == 0.0:
+        return wp.float32(-1.0)
+    return (depth_range[0] + wp.float32(slice) / per_slice) * 0.9999 - 1.0e-5 * depth_range[0]
+
+
+@wp.func
+def record_at(records: wp.array(dtype=wp.vec4f), i: wp.int32) -> RayRecord:
+    r = RayRecord()
+    r.q0 = records[3 * i]
+    r.q1 = records[3 * i + 1]
+    r.q2 = records[3 * i + 2]
+    return r
+
+
+@functools.cache
+def make_trace_kernel(variant: Variant) -> wp.Kernel:
+    """One thread a pixel, each reading triangles for itself: direct on any device, the twin of the staged kernel."""
+    passes = RAY_PASSES[variant.test]
+    decide = RAY_DECIDES[variant.test]
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def trace_kernel(
+        width: wp.int32,
+        height: wp.int32,
+        tile: wp.int32,
+        k: wp.int32,
+        slices: wp.int32,
+        eye: wp.array(dtype=wp.vec3f),
+        column: wp.array(dtype=wp.vec3f),
+        row: wp.array(dtype=wp.vec3f),
+        points: wp.array(dtype=wp.vec3f),
+        triangles: wp.array(dtype=wp.vec3i),
+        weld: wp.array(dtype=wp.int32),
+        depth_range: wp.array(dtype=wp.float32),
+        begin: wp.array(dtype=wp.int32),
+        end: wp.array(dtype=wp.int32),
+        keys: wp.array(dtype=wp.int32),
+        values: wp.array(dtype=wp.int32),
+        records: wp.array(dtype=wp.vec4f),
+        triangle_out: wp.array(dtype=wp.int32),
+        t_out: wp.array(dtype=wp.float32),
+        u_out: wp.array(dtype=wp.float32),
+        v_out: wp.array(dtype=wp.float32),
+        hit_out: wp.array(dtype=wp.vec3d),
+        tests: wp.array(dtype=wp.int32),
+    ):
+        place = indirect_pixel(wp.tid(), width, height, tile, k)
+        if place[0] < 0:
+            return
+        o = eye[0]
+        d = column[place[0]] + row[place[1]]
+        size = wp.abs(d[0]) + wp.abs(d[1]) + wp.abs(d[2])
+        per_slice = slice_scale(depth_range, slices)
+        best = wp.int32(-1)
+        best_t = wp.float64(wp.INF)
+        number = wp.int32(0)
+        slice = wp.int32(-1)
+        j = begin[place[2]]
+        stop = end[place[2]]
+        while j < stop:
+            if best >= 0:
+                here = keys[j] - place[2] * slices
+                if here != slice:
+                    slice = here
+                    if wp.float32(best_t) < slice_start(depth_range, per_slice, slice):
+                        break
+            i = values[j]
+            j += 1
+            number += 1
+            if passes(d, size, record_at(records, i)):
+                face = triangles[i]
+                t = decide(o, d, points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face))
+                if t > wp.float64(0.0) and nearer(t, i, best_t, best):
+                    best = i
+                    best_t = t
+        pixel = place[1] * width + place[0]
+        write_hit(
+            pixel, o, d, best, best_t, points, triangles, weld, triangle_out, t_out, u_out, v_out, hit_out
+        )
+        if tests.shape[0] > 1:
+            tests[pixel] = number
+
+    return trace_kernel

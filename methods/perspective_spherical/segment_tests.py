@@ -1,0 +1,213 @@
+"""Float32 tests of a shadow segment against a triangle, on a record made once a frame and light.
+
+The same three tests as :mod:`.ray_tests`. Planes go through the light and each edge and are evaluated relative to
+the scene, n . (h - p) with p the edge's vertex of lower weld index: right at any distance of the light. Which side
+of the triangle's plane the ends lie on is decided in float64 wherever float32 is in doubt, in every test.
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ..common.triangle import (
+    FLOOR32,
+    U32,
+    U64,
+    certainly_outside,
+    largest,
+    light_edge_functions,
+    occludes,
+    to_float64,
+    total,
+)
+from .ray_tests import dot3, near_inside
+
+RECORD = wp.constant(6)
+"""vec4f of a triangle's record."""
+
+
+@wp.struct
+class SegmentRecord:
+    """Vertices in weld order v0, v1, v2, or the vertices' own order for Moeller-Trumbore.
+
+    q0: v0, scale of the plane values' error     q1: v1, square of the longest edge
+    q2, q3, q4: planes through the light and v0-v1, v0-v2, v1-v2; q2.w: side of the light, 0 where not certain
+    q5: normal of the triangle
+    Moeller-Trumbore: q0: v0   q1: v1 - v0, square of the longest edge   q2: v2 - v0
+    """
+
+    q0: wp.vec4f
+    q1: wp.vec4f
+    q2: wp.vec4f
+    q3: wp.vec4f
+    q4: wp.vec4f
+    q5: wp.vec4f
+
+
+@wp.func
+def joined(a: wp.vec3f, w: wp.float32) -> wp.vec4f:
+    return wp.vec4f(a[0], a[1], a[2], w)
+
+
+@wp.func
+def segment_planes(light: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i) -> SegmentRecord:
+    v0 = a
+    v1 = b
+    v2 = c
+    w0 = weld[0]
+    w1 = weld[1]
+    w2 = weld[2]
+    if w1 < w0:
+        v0 = b
+        v1 = a
+        w0 = weld[1]
+        w1 = weld[0]
+    if w2 < w1:
+        v2 = v1
+        v1 = c
+        w1 = w2
+    if w1 < w0:
+        swapped = v0
+        v0 = v1
+        v1 = swapped
+    l0 = v0 - light
+    l1 = v1 - light
+    e01 = v1 - v0
+    e02 = v2 - v0
+    e12 = v2 - v1
+    edge = wp.max(largest(e01), wp.max(largest(e02), largest(e12)))
+    from_light = wp.max(largest(l0), wp.max(largest(l1), largest(v2 - light)))
+    n = wp.cross(e01, e02)
+    side = -wp.dot(n, l0)
+    bound = edge * edge * 48.0 * U32 * from_light + FLOOR32
+    certain = wp.float32(0.0)
+    if side > bound:
+        certain = 1.0
+    if side < -bound:
+        certain = -1.0
+    r = SegmentRecord()
+    r.q0 = joined(v0, from_light * edge)
+    r.q1 = joined(v1, edge * edge)
+    r.q2 = joined(wp.cross(l0, e01), certain)
+    r.q3 = joined(wp.cross(l0, e02), 0.0)
+    r.q4 = joined(wp.cross(l1, e12), 0.0)
+    r.q5 = joined(n, 0.0)
+    return r
+
+
+@wp.func
+def segment_vertices(light: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i) -> SegmentRecord:
+    e1 = b - a
+    e2 = c - a
+    edge = wp.max(largest(e1), wp.max(largest(e2), largest(c - b)))
+    r = SegmentRecord()
+    r.q0 = joined(a, 0.0)
+    r.q1 = joined(e1, edge * edge)
+    r.q2 = joined(e2, 0.0)
+    return r
+
+
+@wp.func
+def segment_bounded(h: wp.vec3f, light: wp.vec3f, h_error: wp.float32, r: SegmentRecord) -> wp.bool:
+    """False only if the open segment h-light certainly misses. ``h_error`` bounds |h - float64 hit point|."""
+    h0 = h - wp.vec3f(r.q0[0], r.q0[1], r.q0[2])
+    h1 = h - wp.vec3f(r.q1[0], r.q1[1], r.q1[2])
+    doubt = 20.0 * U32 * wp.max(total(h0), total(h1)) + 8.0 * h_error
+    if certainly_outside(dot3(r.q2, h0), -dot3(r.q3, h0), dot3(r.q4, h1), r.q0[3] * doubt + FLOOR32):
+        return False
+    side = dot3(r.q5, h0) * r.q2[3]
+    return not (side > r.q1[3] * doubt + FLOOR32)
+
+
+@wp.func
+def segment_plain(h: wp.vec3f, light: wp.vec3f, h_error: wp.float32, r: SegmentRecord) -> wp.bool:
+    """Plain signs at the edges, certain sides only at the ends."""
+    h0 = h - wp.vec3f(r.q0[0], r.q0[1], r.q0[2])
+    h1 = h - wp.vec3f(r.q1[0], r.q1[1], r.q1[2])
+    e0 = dot3(r.q2, h0)
+    e1 = -dot3(r.q3, h0)
+    e2 = dot3(r.q4, h1)
+    low = wp.min(e0, wp.min(e1, e2))
+    high = wp.max(e0, wp.max(e1, e2))
+    if low < 0.0 and high > 0.0:
+        return False
+    doubt = 20.0 * U32 * wp.max(total(h0), total(h1)) + 8.0 * h_error
+    side = dot3(r.q5, h0) * r.q2[3]
+    return not (side > r.q1[3] * doubt + FLOOR32)
+
+
+@wp.func
+def segment_moller_trumbore(h: wp.vec3f, light: wp.vec3f, h_error: wp.float32, r: SegmentRecord) -> wp.bool:
+    """From the surface to the light. Beyond the light by a little is left to float64, as the start is."""
+    d = light - h
+    s = h - wp.vec3f(r.q0[0], r.q0[1], r.q0[2])
+    e1 = wp.vec3f(r.q1[0], r.q1[1], r.q1[2])
+    e2 = wp.vec3f(r.q2[0], r.q2[1], r.q2[2])
+    p = wp.cross(d, e2)
+    det = wp.dot(e1, p)
+    if det == 0.0:
+        return False
+    inverse = 1.0 / det
+    u = wp.dot(s, p) * inverse
+    if u < 0.0 or u > 1.0:
+        return False
+    q = wp.cross(s, e1)
+    v = wp.dot(d, q) * inverse
+    if v < 0.0 or u + v > 1.0:
+        return False
+    start = wp.dot(e2, q)
+    if det < 0.0:
+        start = -start
+    if start < -(r.q1[3] * (20.0 * U32 * total(s) + 8.0 * h_error) + FLOOR32):
+        return False
+    return not (start > 1.001 * wp.abs(det))
+
+
+@wp.func
+def occludes_exact(
+    h: wp.vec3d,
+    light: wp.vec3f,
+    a: wp.vec3f,
+    b: wp.vec3f,
+    c: wp.vec3f,
+    weld: wp.vec3i,
+    origin_size: wp.float64,
+) -> wp.bool:
+    return occludes(h, light, a, b, c, weld, origin_size)
+
+
+@wp.func
+def occludes_near(
+    h: wp.vec3d,
+    light: wp.vec3f,
+    a: wp.vec3f,
+    b: wp.vec3f,
+    c: wp.vec3f,
+    weld: wp.vec3i,
+    origin_size: wp.float64,
+) -> wp.bool:
+    """As ``occludes``, but within the tolerance of the triangle rather than in it."""
+    l64 = to_float64(light)
+    a64 = to_float64(a)
+    b64 = to_float64(b)
+    c64 = to_float64(c)
+    ab = b64 - a64
+    ac = c64 - a64
+    n = wp.cross(ab, ac)
+    ha = h - a64
+    la = l64 - a64
+    side_h = wp.dot(n, ha)
+    side_l = wp.dot(n, la)
+    unit = U64 * largest(ab) * largest(ac)
+    near_h = unit * (wp.float64(16.0) * total(ha) + wp.float64(64.0) * (largest(h) + origin_size))
+    if wp.abs(side_h) <= near_h or wp.abs(side_l) <= unit * wp.float64(16.0) * total(la):
+        return False
+    if (side_h > wp.float64(0.0)) == (side_l > wp.float64(0.0)):
+        return False
+    return near_inside(light_edge_functions(l64, h, a64, b64, c64, weld))
+
+
+SEGMENT_RECORDS = (segment_planes, segment_planes, segment_vertices)
+SEGMENT_PASSES = (segment_bounded, segment_plain, segment_moller_trumbore)
+SEGMENT_DECIDES = (occludes_exact, occludes_near, occludes_near)
+"""By test: make the record, reject in float32, decide what is left."""

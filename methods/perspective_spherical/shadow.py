@@ -1,0 +1,115 @@
+"""Tracing shadow rays through a light grid (paper, section 4.4): any hit, one thread block a chunk.
+
+The bit is set in primary-ray order, so that blocks need no synchronisation.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import warp as wp
+
+from ..common.triangle import U32, largest, to_float32, weld_of
+from .light_frame import distance_slice
+from .segment_tests import SEGMENT_DECIDES, SEGMENT_PASSES, SegmentRecord
+from .variants import Variant
+
+
+@wp.func
+def segment_at(records: wp.array(dtype=wp.vec4f), i: wp.int32) -> SegmentRecord:
+    r = SegmentRecord()
+    r.q0 = records[6 * i]
+    r.q1 = records[6 * i + 1]
+    r.q2 = records[6 * i + 2]
+    r.q3 = records[6 * i + 3]
+    r.q4 = records[6 * i + 4]
+    r.q5 = records[6 * i + 5]
+    return r
+
+
+@wp.func
+def hit_error(h: wp.vec3f) -> wp.float32:
+    """Bound of what rounding the float64 hit point to h moved each coordinate by."""
+    return U32 * largest(h) + 1.0e-37
+
+
+@wp.func
+def last_slice(
+    place: wp.vec4d, distance_pad: wp.float64, extent: wp.array(dtype=wp.float64), slices: wp.int32
+) -> wp.int32:
+    """A triangle is listed from its nearest point on, so what lies behind the ray's own slice cannot shadow it."""
+    return distance_slice(place[2] * (wp.float64(1.0) + distance_pad), extent, wp.int32(place[3]), slices)
+
+
+@functools.cache
+def make_shadow_kernel(variant: Variant) -> wp.Kernel:
+    """``lanes`` threads a chunk, each ray by ray: on CUDA a block, on a CPU one thread for the whole chunk."""
+    passes = SEGMENT_PASSES[variant.test]
+    decide = SEGMENT_DECIDES[variant.test]
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def shadow_kernel(
+        index: wp.int32,
+        lanes: wp.int32,
+        slices: wp.int32,
+        distance_pad: wp.float64,
+        lights: wp.array(dtype=wp.vec3f),
+        eye: wp.array(dtype=wp.vec3f),
+        points: wp.array(dtype=wp.vec3f),
+        triangles: wp.array(dtype=wp.vec3i),
+        weld: wp.array(dtype=wp.int32),
+        triangle: wp.array(dtype=wp.int32),
+        hit: wp.array(dtype=wp.vec3d),
+        place: wp.array(dtype=wp.vec4d),
+        extent: wp.array(dtype=wp.float64),
+        ray_tiles: wp.array(dtype=wp.int32),
+        rays: wp.array(dtype=wp.int32),
+        first: wp.array(dtype=wp.int32),
+        total: wp.array(dtype=wp.int32),
+        begin: wp.array(dtype=wp.int32),
+        end: wp.array(dtype=wp.int32),
+        keys: wp.array(dtype=wp.int32),
+        values: wp.array(dtype=wp.int32),
+        records: wp.array(dtype=wp.vec4f),
+        visibility: wp.array2d(dtype=wp.uint8),
+        tests: wp.array(dtype=wp.int32),
+    ):
+        k = wp.tid()
+        chunk = k // lanes
+        if chunk >= total[0]:
+            return
+        light = lights[index]
+        origin_size = wp.float64(largest(eye[0]))
+        tile = ray_tiles[first[chunk]]
+        at = first[chunk] + k % lanes
+        while at < first[chunk + 1]:
+            pixel = rays[at]
+            at += lanes
+            h64 = hit[pixel]
+            h = to_float32(h64)
+            h_error = hit_error(h)
+            own = triangle[pixel]
+            behind = tile * slices + last_slice(place[pixel], distance_pad, extent, slices) + 1
+            number = wp.int32(0)
+            shadowed = wp.bool(False)
+            j = begin[tile]
+            stop = end[tile]
+            while j < stop and not shadowed:
+                if keys[j] >= behind:
+                    break
+                i = values[j]
+                j += 1
+                if i != own:
+                    number += 1
+                    if passes(h, light, h_error, segment_at(records, i)):
+                        face = triangles[i]
+                        shadowed = decide(
+                            h64, light, points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face),
+                            origin_size,
+                        )  # fmt: skip
+            if shadowed:
+                visibility[index, pixel] = wp.uint8(1)
+            if tests.shape[0] > 1:
+                tests[pixel] = tests[pixel] + number
+
+    return shadow_kernel
