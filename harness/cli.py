@@ -58,13 +58,11 @@ def command(name: str, example: str) -> Callable[[Callable[..., int | None]], Ca
         # Typer reads the signature: every command has --debug as its last option.
         signature = inspect.signature(work, eval_str=True)
         flag = inspect.Parameter("debug", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=Debug)
-        checked.__signature__ = signature.replace(  # type: ignore[attr-defined]
-            parameters=[*signature.parameters.values(), flag]
-        )
-        checked.__annotations__ = {p.name: p.annotation for p in checked.__signature__.parameters.values()}  # type: ignore[attr-defined]
-        app.command(name, help=f"{inspect.cleandoc(work.__doc__ or str())}\n\n\b\nExample:\n  {example}")(
-            checked
-        )
+        options = [*signature.parameters.values(), flag]
+        checked.__signature__ = signature.replace(parameters=options)  # type: ignore[attr-defined]
+        checked.__annotations__ = {option.name: option.annotation for option in options}
+        text = inspect.cleandoc(work.__doc__ or "")
+        app.command(name, help=f"{text}\n\n\b\nExample:\n  {example}")(checked)
         return work
 
     return register

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import fcntl
+import glob
 import hashlib
 import json
 from collections.abc import Iterator
@@ -91,9 +92,11 @@ class ResultsFolder:
         return _read_json(self.path / "records" / f"{key}.json")
 
     def keep_record(self, record: dict[str, Any], journal: Journal) -> None:
-        """Write a record; its journal has then done its work."""
+        """Write a record; its journal, and answers that nobody graded, have then done their work."""
         with self.writing():
             write_atomic(self.path / "records" / f"{record['key']}.json", record)
+            for path in (self.path / "journal").glob(f"{glob.escape(record['key'])}-*.npz"):
+                path.unlink()
             journal.remove()
 
     # --- facts of scenes, kept so that a finished run need not make its scenes again ---

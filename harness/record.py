@@ -124,11 +124,12 @@ def make_record(
     if status not in STATUSES:
         raise ValueError(f"status {status!r} is not one of {STATUSES}")
     known = list(events)
+    # The first preparation compiled; a later one, after a restart, found the kernels ready.
     prepared: dict[str, Any] = next((e for e in known if e["event"] == "prepared"), {})
     finished: dict[str, Any] = next((e for e in known if e["event"] == "finished"), {})
     rounds = sorted((e for e in known if e["event"] == "round"), key=lambda e: e["round"])
     frames = _join_rounds(rounds)
-    for extra in finished.get("frames", ()):
+    for extra in (*prepared.get("frames", ()), *finished.get("frames", ())):
         frames.setdefault(extra["frame"], _empty_frame(extra["frame"])).update(extra)
     stops = sorted({frame["stopped_by"] for event in rounds for frame in event["frames"]})
     return {
@@ -139,12 +140,18 @@ def make_record(
         "reason": reason,
         "point": point,
         "scene": scene,
-        "method": {**method, **prepared.get("method", {}), **finished.get("method", {})},
+        "method": {
+            **method,
+            **prepared.get("method", {}),
+            **(rounds[-1].get("method", {}) if rounds else {}),
+        },
         "environment": environment,
         "compile_s": prepared.get("compile_s"),
         "load_s": scene.get("load_s"),
         "first_frame_s": prepared.get("first_frame_s"),
-        "rounds": [{k: v for k, v in event.items() if k not in ("event", "frames")} for event in rounds],
+        "rounds": [
+            {k: v for k, v in event.items() if k not in ("event", "frames", "method")} for event in rounds
+        ],
         "frames": [frames[index] for index in sorted(frames)],
         "peak_rss_bytes": max((event["peak_rss_bytes"] or 0 for event in rounds), default=None),
         "baseline_rss_bytes": prepared.get("baseline_rss_bytes"),

@@ -144,7 +144,7 @@ class Run:
         for number, order in enumerate(orders(len(jobs), self.options.preset.rounds, self._seed(jobs))):
             for place, index in enumerate(order):
                 job = jobs[index]
-                if job.record is None and number not in job.journal.rounds():
+                if job.record is None and number not in job.journal.rounds() and not self._spent(job):
                     where = {"round": number, "place": place, "of": len(order)}
                     self._attempt(job, f"round {number + 1}", self._round, where)
         for job in jobs:
@@ -152,6 +152,10 @@ class Run:
                 self._attempt(job, "checking the answers", self._finish)
             if job.record is None:
                 self._close(job)
+
+    def _spent(self, job: Job) -> bool:
+        """Whether the rounds so far have used up the point's budget: then there are no more of them."""
+        return sum(event["spent_s"] for event in job.journal.rounds().values()) > self.options.preset.budget_s
 
     def _seed(self, jobs: list[Job]) -> int:
         text = f"{self.options.experiment.name}/{jobs[0].scene if jobs else ''}/{self.options.seed}"
@@ -200,7 +204,7 @@ class Run:
             "device": job.point.method["device"],
             "memory_limit": self.options.memory_limit,
         }
-        reply = self._command(worker, do="prepare", point=spec)
+        reply = self._command(worker, do="prepare", point=spec, folder=str(self.options.out))
         job.generation = worker.generation
         self._note(job, {"event": "prepared", **reply})
 
@@ -218,29 +222,27 @@ class Run:
         self._note(job, {"event": "round", **where, **reply})
 
     def _finish(self, job: Job) -> None:
-        """Answers from the method's worker, their grades from the grading one."""
-        place = {"key": job.point.key, "folder": str(self.options.out)}
-        answered = self._command(self._worker(job.method), do="answer", **place)
+        """Grades of the answers that the method's worker handed over when it was prepared."""
         try:
-            graded = self._grade(job, place)["frames"]
+            graded = self._grade(job)["frames"]
         except WorkerError as error:
             # The times stand, whatever becomes of their grades.
             unscored = {"score": None, "unscored": f"grading failed: {error.reason}"}
-            graded = [unscored for _ in answered["frames"]]
-        frames = [{**a, **g} for a, g in zip(answered["frames"], graded, strict=True)]
-        self._note(job, {"event": "finished", "method": answered["method"], "frames": frames})
+            graded = [{"frame": frame, **unscored} for frame in job.point.frames]
+        self._note(job, {"event": "finished", "frames": graded})
 
-    def _grade(self, job: Job, place: dict[str, str]) -> dict[str, Any]:
+    def _grade(self, job: Job) -> dict[str, Any]:
         self._ensure_loaded(GRADER, job.scene)
         image = self.folder.image(job.point.scene["name"])
         return self._command(
             self._worker(GRADER),
             do="grade",
+            key=job.point.key,
+            folder=str(self.options.out),
             device=self.options.device,
             save_answers=self.options.save_answers,
             score=self.options.score,
             picture=None if image.exists() else str(image),
-            **place,
         )
 
     def _close(self, job: Job, status: str = "ok", reason: str = "") -> None:

@@ -57,24 +57,31 @@ class FrameSamples:
     total_ms: list[float] = field(default_factory=list)
     wall_ms: list[float] = field(default_factory=list)
     passes: list[dict[str, Any]] = field(default_factory=list)
-    stopped_by: str = "samples"
+    stopped_by: str = ""
     started: float = 0.0
+
+    def add(self, pairs: list[tuple[float, float]]) -> None:
+        """Keep samples of whole frames. Nanoseconds are finer than any clock here."""
+        self.total_ms += [round(total, 6) for total, _ in pairs]
+        self.wall_ms += [round(wall, 6) for _, wall in pairs]
 
 
 def sample_frame(session: Session, sampling: Sampling) -> FrameSamples:
     """Measure the moment that ``session`` has loaded and settled. The garbage collector rests meanwhile."""
     result = FrameSamples(started=time.time())
-    take = _whole_frames(session)
-    deadline = time.perf_counter() + sampling.budget_s
     with _quiet(session):
+        take = _whole_frames(session)
+        deadline = time.perf_counter() + sampling.budget_s
         # Warm-up: caches, clocks, lazily made graphs and scratch memory.
-        take(1)
-        while True:
+        cold = take(1)
+        if time.perf_counter() > deadline:
+            # One frame takes more than all of the budget: what warms up is small against it.
+            result.add(cold)
+            result.stopped_by = "budget"
+        while not result.stopped_by:
             batch = min(sampling.samples, sampling.most - len(result.total_ms))
             done = _take_batch(take, batch, deadline, result)
             result.stopped_by = stop_reason(result.total_ms, sampling, done)
-            if result.stopped_by:
-                break
         result.passes = [{"name": p.name, "part": p.part, "ms": []} for p in session.passes]
         # Passes get as long again as the whole frames.
         deadline = time.perf_counter() + sampling.budget_s
@@ -111,9 +118,7 @@ def _take_batch(take: Take, count: int, deadline: float, result: FrameSamples) -
     while len(pairs) < count and time.perf_counter() + lasts < deadline:
         room = max(1, int((deadline - time.perf_counter()) / max(lasts, 1e-6)))
         pairs = pairs + take(min(count - len(pairs), room))
-    # Nanoseconds are finer than any clock here.
-    result.total_ms += [round(total, 6) for total, _ in pairs]
-    result.wall_ms += [round(wall, 6) for _, wall in pairs]
+    result.add(pairs)
     return len(pairs) >= count
 
 

@@ -69,7 +69,7 @@ class Worker:
         """Carry out one command and return its reply."""
         kind = command.pop("do")
         actions: dict[str, Callable[..., dict[str, Any]]] = {
-            "load": self.load, "prepare": self.prepare, "round": self.round, "answer": self.answer,
+            "load": self.load, "prepare": self.prepare, "round": self.round,
             "grade": self.grade, "free": self.free,
         }  # fmt: skip
         return actions[kind](**command)
@@ -93,8 +93,11 @@ class Worker:
         self.load_s = time.perf_counter() - start
         return {"scene": scene_facts(self.prepared, self.moments), "load_s": self.load_s}
 
-    def prepare(self, point: dict[str, Any]) -> dict[str, Any]:
-        """Plan, compile and run every frame until its capacities suffice; count memory meanwhile."""
+    def prepare(self, point: dict[str, Any], folder: str) -> dict[str, Any]:
+        """Plan, compile, run every frame until its capacities suffice, and hand its answers over to be graded.
+
+        Memory is counted meanwhile: it is what the method held at most, up to and with each frame.
+        """
         assert self.prepared is not None
         self.points[point["key"]] = point
         device = point["device"]
@@ -109,17 +112,18 @@ class Worker:
         tracker.start()
         start = time.perf_counter()
         held: dict[int, int] = {}
+        counted = []
         with CompileClock() as compiling:
             limits = Limits(**({"memory": point["memory_limit"]} if point.get("memory_limit") else {}))
             session = Session(method, self.prepared, *self.size, device, limits=limits)
             own = array_bytes(session.frame) + array_bytes(session.frame.answers)
             first = None
             for frame, moment in self.moments.items():
-                session.load(moment)
-                session.settle()
-                wp.synchronize_device(device)
+                answers = session.answers(moment)
                 first = first or time.perf_counter() - start
                 held[frame] = max(0, tracker.peak() - own)
+                hand_over(handed_path(Path(folder), point["key"], frame), answers)
+                counted.append({"frame": frame, "counters": plain(method.counters())})
         tracker.pause()
         # Structures outside Warp's allocators (a library's own) show only in how far the process grew.
         outside = device == "cpu" and max(held.values()) < tracker.growth() / 2 and not method.capturable
@@ -132,6 +136,7 @@ class Worker:
             "compile_s": compiling.seconds,
             "first_frame_s": first,
             "baseline_rss_bytes": baseline,
+            "frames": counted,
             "method": {
                 "built": plain(method.built()),
                 "replayed": session.replays,
@@ -165,6 +170,8 @@ class Worker:
         # Never between samples: asking a GPU for its clocks disturbs it.
         return {
             "started": started,
+            "spent_s": time.time() - started,
+            "method": {"built": plain(session.method.built())},
             "clock": clock_state(device),
             "frames": frames,
             "peak_rss_bytes": peak_resident_bytes(),
@@ -180,14 +187,6 @@ class Worker:
                 return measured, session.regrown
             session.settle()
         raise RuntimeError(f"{session.method.name}: needs of one frame change from run to run")
-
-    def answer(self, key: str, folder: str) -> dict[str, Any]:
-        """Answer every frame once more, from poisoned arrays, and hand the answers over to be graded."""
-        session, frames = self.sessions[key], []
-        for frame, moment in self.moments.items():
-            hand_over(handed_path(Path(folder), key, frame), session.answers(moment))
-            frames.append({"frame": frame, "counters": plain(session.method.counters())})
-        return {"frames": frames, "method": {"built": plain(session.method.built())}}
 
     def grade(
         self, key: str, folder: str, device: str, save_answers: bool, score: bool, picture: str | None

@@ -20,6 +20,8 @@ def round_event(number, times, frames=(0,), stages=2):
         "round": number,
         "place": 0,
         "peak_rss_bytes": 100 + number,
+        "spent_s": 1.0,
+        "method": {"built": {"kind": "lbvh"}},
         "frames": [
             {
                 "frame": frame,
@@ -51,7 +53,6 @@ def made(events, **changes):
 def finished_event(frames=(0,), score=None):
     return {
         "event": "finished",
-        "method": {"built": {"kind": "lbvh"}},
         "frames": [{"frame": f, "counters": {"tests": 5}, "score": score, "unscored": None} for f in frames],
     }
 
