@@ -31,7 +31,7 @@ MOST_PIXELS_ALONG = 32767
 
 
 class RayGrids(BaseMethod):
-    """The streamed dual. Needs: strips, items and doubts of the camera's stream, then of each light's."""
+    """The streamed dual. Needs: strips, items, blocks and doubts of the camera's stream, then of each light's."""
 
     name: ClassVar[str] = "ray_grids"
     title: ClassVar[str] = "Ray grids (streamed)"
@@ -39,7 +39,7 @@ class RayGrids(BaseMethod):
 
     def __init__(self, build: Any = None, trace: Any = None):
         super().__init__(build, trace)
-        self._capacity: tuple[int, int, int] | None = None
+        self._capacity: tuple[int, int, int, int] | None = None
         self._needs: wp.array | None = None
         self._memory = 0
         self._queued = False
@@ -60,6 +60,7 @@ class RayGrids(BaseMethod):
             self._capacity = (
                 self.build.strip_capacity or max(65536, frame.triangle_count // 4),
                 self.build.item_capacity or max(262144, frame.triangle_count),
+                self.build.block_capacity or max(262144, frame.triangle_count),
                 self.build.doubt_capacity or max(262144, frame.pixels // 2),
             )
         with wp.ScopedDevice(frame.device):
@@ -80,12 +81,13 @@ class RayGrids(BaseMethod):
 
     def grow(self, needed: NDArray[np.int64]) -> bool:
         assert self._capacity is not None
-        strips, items, doubts = before = self._capacity
+        strips, items, blocks, doubts = before = self._capacity
         most = needed.reshape(-1, COUNTERS).max(axis=0)
         self._capacity = (
             grown(int(most[0]), strips, self._memory, "rows of blocks"),
             grown(int(most[1]), items, self._memory, "work items"),
-            grown(int(most[2]), doubts, self._memory, "doubtful pairs"),
+            grown(int(most[2]), blocks, self._memory, "(triangle, block) pairs"),
+            grown(int(most[3]), doubts, self._memory, "doubtful pairs"),
         )
         return self._capacity != before
 
@@ -97,7 +99,7 @@ class RayGrids(BaseMethod):
             name = "camera" if row == 0 else f"light {row - 1}"
             result[f"{name} strips"], result[f"{name} items"] = int(needed[0]), int(needed[1])
             if row:
-                result[f"{name} doubtful pairs"] = int(needed[2])
+                result[f"{name} doubtful pairs"] = int(needed[3])
         return result
 
     def built(self) -> dict[str, Any]:

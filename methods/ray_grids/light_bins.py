@@ -188,6 +188,16 @@ def face_rectangle(face: wp.int32, rectangle: wp.array(dtype=wp.int32), cells: w
     return wp.vec4d(low_u, low_v, n / (high_u - low_u), n / (high_v - low_v))
 
 
+@wp.kernel(enable_backward=False)
+def table_kernel(cells: wp.int32, rectangle: wp.array(dtype=wp.int32), table: wp.array(dtype=wp.vec4f)):
+    """Each face's rectangle in float32, for triangles: (low u, low v, cells per u, cells per v); zero if unused."""
+    face = wp.tid()
+    table[face] = wp.vec4f(0.0, 0.0, 0.0, 0.0)
+    if rectangle[4 + face] == 0:
+        r = face_rectangle(face, rectangle, cells)
+        table[face] = wp.vec4f(wp.float32(r[0]), wp.float32(r[1]), wp.float32(r[2]), wp.float32(r[3]))
+
+
 @wp.func
 def cell_along(x: wp.float64, low: wp.float64, per_unit: wp.float64, cells: wp.int32) -> wp.int32:
     """Monotone; the same function for rays and for triangles."""

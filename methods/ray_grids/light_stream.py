@@ -8,12 +8,15 @@ float32, with a pad that covers its rounding; rays are placed in float64.
 
 from __future__ import annotations
 
+import functools
+
 import warp as wp
 
-from ..common.triangle import U32, largest, occludes, to_float64, total, weld_of
-from .light_bins import CELLS, EMPTY, FACES, Cube, cell_index, face_rectangle, on_face
-from .queue import DOUBTS, ITEMS, STRIPS, reserve
-from .spans import Flat, row_span
+from ..common.triangle import U32, largest, occludes, total, weld_of
+from .light_bins import CELLS, EMPTY, FACES, Cube, cell_index, on_face
+from .light_cells import beyond_face, cube_space, flat_box, on_cells, row_cells
+from .queue import BLOCKS, DOUBTS, ITEMS, STRIPS, reserve
+from .spans import Flat
 
 FEW_BLOCKS = wp.constant(4)
 FEW_RAYS = wp.constant(96)
@@ -144,134 +147,12 @@ def doubt_kernel(
 
 
 @wp.func
-def cube_space(p: wp.vec3f, cube: Cube) -> wp.vec3f:
-    v = p - cube.middle
-    return wp.vec3f(wp.dot(cube.forward, v) + cube.distance, wp.dot(cube.right, v), wp.dot(cube.up, v))
-
-
-@wp.func
-def on_cells(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, reach: wp.float32, r: wp.vec4d) -> Flat:
-    """Cell coordinates of the corners on a face (corners given as along, across, up).
-
-    ``reach`` bounds |p - middle|_1 of the corners: across and up are known to 8 u of it, so u = across / along to
-    (1 + |u|) 16 u reach / along, and the rounding of u itself; a thousandth of a cell covers the scaling.
-    """
-    flat = Flat()
-    nearest = wp.min(a[0], wp.min(b[0], c[0]))
-    flat.known = nearest > 0.01 * wp.max(largest(a), wp.max(largest(b), largest(c)))
-    if flat.known:
-        low_u = wp.float32(r[0])
-        low_v = wp.float32(r[1])
-        per_u = wp.float32(r[2])
-        per_v = wp.float32(r[3])
-        ua = wp.vec2f(a[1] / a[0], a[2] / a[0])
-        ub = wp.vec2f(b[1] / b[0], b[2] / b[0])
-        uc = wp.vec2f(c[1] / c[0], c[2] / c[0])
-        widest = wp.max(
-            wp.max(wp.max(wp.abs(ua[0]), wp.abs(ua[1])), wp.max(wp.abs(ub[0]), wp.abs(ub[1]))),
-            wp.max(wp.max(wp.abs(uc[0]), wp.abs(uc[1])), wp.max(wp.abs(low_u), wp.abs(low_v))),
-        )
-        flat.a = wp.vec2f((ua[0] - low_u) * per_u, (ua[1] - low_v) * per_v)
-        flat.b = wp.vec2f((ub[0] - low_u) * per_u, (ub[1] - low_v) * per_v)
-        flat.c = wp.vec2f((uc[0] - low_u) * per_u, (uc[1] - low_v) * per_v)
-        flat.pad = 32.0 * U32 * ((1.0 + widest) * reach / nearest + widest) * wp.max(per_u, per_v) + 1.0e-3
-    return flat
-
-
-@wp.func
-def whole_cells(x: wp.float32, cells: wp.int32) -> wp.int32:
-    return wp.int32(wp.clamp(x, 0.0, wp.float32(cells) - 0.5))
-
-
-@wp.func
-def flat_box(flat: Flat, cells: wp.int32) -> wp.vec4i:
-    """First and last column and row of cells; empty if last < first."""
-    x0 = wp.min(flat.a[0], wp.min(flat.b[0], flat.c[0])) - flat.pad
-    y0 = wp.min(flat.a[1], wp.min(flat.b[1], flat.c[1])) - flat.pad
-    x1 = wp.max(flat.a[0], wp.max(flat.b[0], flat.c[0])) + flat.pad
-    y1 = wp.max(flat.a[1], wp.max(flat.b[1], flat.c[1])) + flat.pad
-    n = wp.float32(cells)
-    if x1 < 0.0 or y1 < 0.0 or x0 > n or y0 > n:
-        return wp.vec4i(0, 0, -1, -1)
-    return wp.vec4i(whole_cells(x0, cells), whole_cells(y0, cells), whole_cells(x1, cells), whole_cells(y1, cells))
-
-
-@wp.func
-def beyond_face(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, slack: wp.float32) -> wp.bool:
-    """Whether the whole triangle lies certainly behind a face's centre or beyond one of its four sides."""
-    least = wp.min(a[0], wp.min(b[0], c[0]))
-    most = wp.max(a[0], wp.max(b[0], c[0]))
-    return (
-        most < -slack
-        or (a[1] - a[0] > slack and b[1] - b[0] > slack and c[1] - c[0] > slack)
-        or (-a[1] - a[0] > slack and -b[1] - b[0] > slack and -c[1] - c[0] > slack)
-        or (a[2] - a[0] > slack and b[2] - b[0] > slack and c[2] - c[0] > slack)
-        or (-a[2] - a[0] > slack and -b[2] - b[0] > slack and -c[2] - c[0] > slack)
-    ) and least < wp.INF
-
-
-@wp.func
 def span_of(
     offset: wp.array(dtype=wp.int32), face: wp.int32, x0: wp.int32, x1: wp.int32, y: wp.int32, cells: wp.int32
 ) -> wp.vec2i:
     """First ray and end of cells x0..x1 of a row; they must lie in one block."""
     first = cell_index(face, x0, y, cells)
     return wp.vec2i(offset[first], offset[first + (x1 - x0) + 1])
-
-
-@wp.func
-def between_planes(
-    light: wp.vec3f,
-    axes: wp.mat33d,
-    face: wp.int32,
-    a32: wp.vec3f,
-    b32: wp.vec3f,
-    c32: wp.vec3f,
-    r: wp.vec4d,
-    y0: wp.int32,
-    y1: wp.int32,
-    cells: wp.int32,
-) -> wp.vec2i:
-    """First and last cell of rows y0..y1 that a triangle reaching behind the light may cover. Float64.
-
-    On a face the planes through the light and the edges are lines n0 + n1 u + n2 v >= 0; they hold for triangles
-    that cannot be projected, too.
-    """
-    l64 = to_float64(light)
-    a = on_face(axes * (to_float64(a32) - l64), face)
-    b = on_face(axes * (to_float64(b32) - l64), face)
-    c = on_face(axes * (to_float64(c32) - l64), face)
-    det = wp.dot(wp.cross(b - a, c - a), a)
-    reach = wp.max(largest(a), wp.max(largest(b), largest(c)))
-    edge = wp.max(largest(b - a), wp.max(largest(c - b), largest(a - c)))
-    rounding = wp.float64(1.0e-14)
-    if wp.abs(det) <= wp.float64(8.0) * rounding * edge * edge * reach:
-        return wp.vec2i(0, cells - 1)
-    sign = wp.sign(det)
-    hair = wp.float64(0.01)
-    v0 = r[1] + (wp.float64(y0) - hair) / r[3]
-    v1 = r[1] + (wp.float64(y1 + 1) + hair) / r[3]
-    error = wp.float64(64.0) * rounding * reach * edge
-    low = wp.float64(-2.0)
-    high = wp.float64(2.0)
-    for k in range(3):
-        n = wp.cross(b, c - b) * sign
-        if k == 1:
-            n = wp.cross(c, a - c) * sign
-        if k == 2:
-            n = wp.cross(a, b - a) * sign
-        rest = n[0] + wp.max(n[2] * v0, n[2] * v1) + error
-        if wp.abs(n[1]) > error:
-            u = -rest / n[1]
-            if n[1] > wp.float64(0.0):
-                low = wp.max(low, u)
-            else:
-                high = wp.min(high, u)
-        elif rest + error * wp.float64(2.0) < wp.float64(0.0):
-            high = wp.float64(-2.0)
-    first = wp.floor(wp.clamp((low - r[0]) * r[2] - wp.float64(0.1), wp.float64(0.0), wp.float64(cells)))
-    last = wp.floor(wp.clamp((high - r[0]) * r[2] + wp.float64(0.1), wp.float64(-1.0), wp.float64(cells - 1)))
-    return wp.vec2i(wp.int32(first), wp.int32(last))
 
 
 @wp.func
@@ -287,160 +168,156 @@ def queue_rays(
 
 
 @wp.func
-def queue_block(
+def set_record(records: wp.array2d(dtype=wp.vec4f), i: wp.int32, occluder: Occluder):
+    records[i, 0] = occluder.e0
+    records[i, 1] = occluder.e1
+    records[i, 2] = occluder.e2
+    records[i, 3] = occluder.plane
+    records[i, 4] = wp.vec4f(occluder.bound, 0.0, 0.0, 0.0)
+
+
+@wp.func
+def shade_row(
     i: wp.int32,
     face: wp.int32,
-    flat: Flat,
-    box: wp.vec4i,
-    bx: wp.int32,
-    by: wp.int32,
+    first: wp.int32,
+    last: wp.int32,
+    y: wp.int32,
     cells: wp.int32,
-    offset: wp.array(dtype=wp.int32),
-    counts: wp.array(dtype=wp.int32),
-    items: wp.array(dtype=wp.vec4i),
-):
-    """Queue the rays of a block of cells: all of them where they are few, else cell row by cell row."""
-    start = cell_index(face, bx * CELLS, by * CELLS, cells)
-    first = offset[start]
-    stop = offset[start + CELLS * CELLS]
-    if stop - first <= FEW_RAYS:
-        if stop > first:
-            queue_rays(i, first, stop, counts, items)
-        return
-    y = wp.max(box[1], by * CELLS)
-    last = wp.min(box[3], by * CELLS + CELLS - 1)
-    while y <= last:
-        x0 = wp.max(box[0], bx * CELLS)
-        x1 = wp.min(box[2], bx * CELLS + CELLS - 1)
-        if flat.known:
-            span = row_span(flat, wp.float32(y), wp.float32(y + 1))
-            x0 = wp.max(x0, whole_cells(span[0], cells))
-            x1 = wp.min(x1, whole_cells(wp.max(span[1], -1.0), cells))
-            if span[1] < 0.0:
-                x1 = -1
-        if x1 >= x0:
-            part = span_of(offset, face, x0, x1, y, cells)
-            if part[1] > part[0]:
-                queue_rays(i, part[0], part[1], counts, items)
-        y += 1
-
-
-@wp.kernel(enable_backward=False, grid_stride=False)
-def stream_kernel(
-    triangle_count: wp.int32,
     index: wp.int32,
-    cells: wp.int32,
-    inline_cells: wp.int32,
-    inline_rays: wp.int32,
-    queued: wp.bool,
-    lights: wp.array(dtype=wp.vec3f),
-    frame: wp.array(dtype=wp.mat33d),
-    cubes: wp.array(dtype=Cube),
-    rectangle: wp.array(dtype=wp.int32),
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    valid: wp.array(dtype=wp.uint8),
+    occluder: Occluder,
     offset: wp.array(dtype=wp.int32),
     rays: wp.array(dtype=wp.vec4f),
     pixels: wp.array(dtype=wp.int32),
     visibility: wp.array2d(dtype=wp.uint8),
     counts: wp.array(dtype=wp.int32),
-    records: wp.array2d(dtype=wp.vec4f),
-    strips: wp.array(dtype=wp.vec4i),
-    items: wp.array(dtype=wp.vec4i),
     doubts: wp.array(dtype=wp.vec2i),
 ):
-    """One thread a triangle: few rays are tested here, more are queued by blocks of cells or by strips of blocks."""
-    i = wp.tid()
-    if i >= triangle_count or valid[i] == wp.uint8(0):
-        return
-    corners = triangles[i]
-    a = points[corners[0]]
-    b = points[corners[1]]
-    c = points[corners[2]]
-    light = lights[index]
-    cube = cubes[0]
-    qa = cube_space(a, cube)
-    qb = cube_space(b, cube)
-    qc = cube_space(c, cube)
-    reach = wp.max(total(a - cube.middle), wp.max(total(b - cube.middle), total(c - cube.middle)))
-    slack = 32.0 * U32 * (reach + cube.distance)
-    occluder = Occluder()
-    made = wp.bool(False)
-    face = wp.int32(-1)
-    while face < FACES - 1:
-        face += 1
-        if rectangle[4 + face] == 0:
-            fa = on_face(qa, face)
-            fb = on_face(qb, face)
-            fc = on_face(qc, face)
-            if not beyond_face(fa, fb, fc, slack):
-                flat = on_cells(fa, fb, fc, reach, face_rectangle(face, rectangle, cells))
-                box = wp.vec4i(0, 0, cells - 1, cells - 1)
-                if flat.known:
-                    box = flat_box(flat, cells)
-                if box[2] >= box[0]:
-                    bx0 = box[0] // CELLS
-                    by0 = box[1] // CELLS
-                    bx1 = box[2] // CELLS
-                    by1 = box[3] // CELLS
-                    number = wp.int32(EMPTY)
-                    if (box[2] - box[0] + 1) * (box[3] - box[1] + 1) <= inline_cells:
-                        number = wp.int32(0)
-                        for y in range(box[1], box[3] + 1):
-                            for bx in range(bx0, bx1 + 1):
-                                x0 = wp.max(box[0], bx * CELLS)
-                                x1 = wp.min(box[2], bx * CELLS + CELLS - 1)
-                                span = span_of(offset, face, x0, x1, y, cells)
-                                number += span[1] - span[0]
-                    if number > 0:
-                        if not made:
-                            occluder = occluder_of(light, a, b, c, cube.size)
-                            made = True
-                            if queued and number > inline_rays:
-                                records[i, 0] = occluder.e0
-                                records[i, 1] = occluder.e1
-                                records[i, 2] = occluder.e2
-                                records[i, 3] = occluder.plane
-                                records[i, 4] = wp.vec4f(occluder.bound, 0.0, 0.0, 0.0)
-                        elif queued and number > inline_rays:
-                            records[i, 0] = occluder.e0
-                            records[i, 1] = occluder.e1
-                            records[i, 2] = occluder.e2
-                            records[i, 3] = occluder.plane
-                            records[i, 4] = wp.vec4f(occluder.bound, 0.0, 0.0, 0.0)
-                        if number <= inline_rays or not queued:
+    """Test the rays in cells first..last of a row."""
+    x = first
+    while x <= last:
+        stop = wp.min(last, x // CELLS * CELLS + CELLS - 1)
+        span = span_of(offset, face, x, stop, y, cells)
+        for at in range(span[0], span[1]):
+            shade(i, at, index, occluder, rays, pixels, visibility, counts, doubts)
+        x = stop + 1
+
+
+@functools.cache
+def make_stream_kernel(queued: bool) -> wp.Kernel:
+    """One thread a triangle: few rays are tested here; more are queued, or tested here all the same (CPU)."""
+
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
+    def stream_kernel(
+        triangle_count: wp.int32,
+        index: wp.int32,
+        cells: wp.int32,
+        inline_cells: wp.int32,
+        inline_rays: wp.int32,
+        lights: wp.array(dtype=wp.vec3f),
+        cubes: wp.array(dtype=Cube),
+        table: wp.array(dtype=wp.vec4f),
+        points: wp.array(dtype=wp.vec3f),
+        triangles: wp.array(dtype=wp.vec3i),
+        valid: wp.array(dtype=wp.uint8),
+        offset: wp.array(dtype=wp.int32),
+        rays: wp.array(dtype=wp.vec4f),
+        pixels: wp.array(dtype=wp.int32),
+        visibility: wp.array2d(dtype=wp.uint8),
+        counts: wp.array(dtype=wp.int32),
+        records: wp.array2d(dtype=wp.vec4f),
+        strips: wp.array(dtype=wp.vec4i),
+        blocks: wp.array(dtype=wp.vec4i),
+        doubts: wp.array(dtype=wp.vec2i),
+    ):
+        i = wp.tid()
+        if i >= triangle_count or valid[i] == wp.uint8(0):
+            return
+        corners = triangles[i]
+        a = points[corners[0]]
+        b = points[corners[1]]
+        c = points[corners[2]]
+        cube = cubes[0]
+        qa = cube_space(a, cube)
+        qb = cube_space(b, cube)
+        qc = cube_space(c, cube)
+        reach = wp.max(total(a - cube.middle), wp.max(total(b - cube.middle), total(c - cube.middle)))
+        slack = 32.0 * U32 * (reach + cube.distance)
+        recorded = wp.bool(False)
+        face = wp.int32(-1)
+        while face < FACES - 1:
+            face += 1
+            r = table[face]
+            if r[2] > 0.0:
+                fa = on_face(qa, face)
+                fb = on_face(qb, face)
+                fc = on_face(qc, face)
+                if not beyond_face(fa, fb, fc, slack):
+                    flat = on_cells(fa, fb, fc, reach, r)
+                    box = wp.vec4i(0, 0, cells - 1, cells - 1)
+                    if flat.known:
+                        box = flat_box(flat, cells)
+                    number = wp.int32(0)
+                    if box[2] >= box[0]:
+                        number = wp.int32(EMPTY)
+                        if (box[2] - box[0] + 1) * (box[3] - box[1] + 1) <= inline_cells:
+                            number = wp.int32(0)
                             for y in range(box[1], box[3] + 1):
-                                x_low = box[0]
-                                x_high = box[2]
-                                if not flat.known:
-                                    ends = between_planes(
-                                        light, frame[0], face, a, b, c, face_rectangle(face, rectangle, cells), y, y,
-                                        cells,
-                                    )  # fmt: skip
-                                    x_low = ends[0]
-                                    x_high = ends[1]
-                                elif number > inline_rays:
-                                    cut = row_span(flat, wp.float32(y), wp.float32(y + 1))
-                                    x_low = wp.max(x_low, whole_cells(cut[0], cells))
-                                    x_high = wp.min(x_high, whole_cells(wp.max(cut[1], 0.0), cells))
-                                for bx in range(x_low // CELLS, x_high // CELLS + 1):
-                                    x0 = wp.max(x_low, bx * CELLS)
-                                    x1 = wp.min(x_high, bx * CELLS + CELLS - 1)
-                                    if x1 >= x0:
-                                        span = span_of(offset, face, x0, x1, y, cells)
-                                        for at in range(span[0], span[1]):
-                                            shade(i, at, index, occluder, rays, pixels, visibility, counts, doubts)
-                        elif (bx1 - bx0 + 1) * (by1 - by0 + 1) > FEW_BLOCKS:
-                            place = reserve(counts, STRIPS, by1 - by0 + 1)
-                            for by in range(by0, by1 + 1):
-                                if place < strips.shape[0]:
-                                    strips[place] = wp.vec4i(i, face, by, 0)
-                                place += 1
+                                x = box[0]
+                                while x <= box[2]:
+                                    stop = wp.min(box[2], x // CELLS * CELLS + CELLS - 1)
+                                    span = span_of(offset, face, x, stop, y, cells)
+                                    number += span[1] - span[0]
+                                    x = stop + 1
+                    if number > 0:
+                        if number <= inline_rays:
+                            occluder = occluder_of(lights[index], a, b, c, cube.size)
+                            for y in range(box[1], box[3] + 1):
+                                shade_row(
+                                    i, face, box[0], box[2], y, cells, index, occluder, offset, rays, pixels,
+                                    visibility, counts, doubts,
+                                )  # fmt: skip
+                        elif wp.static(not queued):
+                            occluder = occluder_of(lights[index], a, b, c, cube.size)
+                            for y in range(box[1], box[3] + 1):
+                                ends = row_cells(flat, lights[index], cube, face, a, b, c, r, y, y, cells)
+                                shade_row(
+                                    i, face, wp.max(box[0], ends[0]), wp.min(box[2], ends[1]), y, cells, index,
+                                    occluder, offset, rays, pixels, visibility, counts, doubts,
+                                )  # fmt: skip
                         else:
-                            for by in range(by0, by1 + 1):
-                                for bx in range(bx0, bx1 + 1):
-                                    queue_block(i, face, flat, box, bx, by, cells, offset, counts, items)
+                            if not recorded:
+                                set_record(records, i, occluder_of(lights[index], a, b, c, cube.size))
+                                recorded = True
+                            bx0 = box[0] // CELLS
+                            by0 = box[1] // CELLS
+                            across = box[2] // CELLS - bx0 + 1
+                            down = box[3] // CELLS - by0 + 1
+                            if across * down <= FEW_BLOCKS:
+                                place = reserve(counts, BLOCKS, across * down)
+                                for k in range(across * down):
+                                    if place + k < blocks.shape[0]:
+                                        blocks[place + k] = wp.vec4i(i, face, bx0 + k % across, by0 + k // across)
+                            else:
+                                place = reserve(counts, STRIPS, down)
+                                for k in range(down):
+                                    if place + k < strips.shape[0]:
+                                        strips[place + k] = wp.vec4i(i, face, by0 + k, 0)
+
+    return stream_kernel
+
+
+@wp.func
+def corner(points: wp.array(dtype=wp.vec3f), triangles: wp.array(dtype=wp.vec3i), i: wp.int32, k: wp.int32) -> wp.vec3f:
+    return points[triangles[i][k]]
+
+
+@wp.func
+def flat_of(cube: Cube, face: wp.int32, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, r: wp.vec4f) -> Flat:
+    reach = wp.max(total(a - cube.middle), wp.max(total(b - cube.middle), total(c - cube.middle)))
+    qa = on_face(cube_space(a, cube), face)
+    qb = on_face(cube_space(b, cube), face)
+    return on_cells(qa, qb, on_face(cube_space(c, cube), face), reach, r)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -449,15 +326,13 @@ def strip_kernel(
     index: wp.int32,
     cells: wp.int32,
     lights: wp.array(dtype=wp.vec3f),
-    frame: wp.array(dtype=wp.mat33d),
     cubes: wp.array(dtype=Cube),
-    rectangle: wp.array(dtype=wp.int32),
+    table: wp.array(dtype=wp.vec4f),
     points: wp.array(dtype=wp.vec3f),
     triangles: wp.array(dtype=wp.vec3i),
-    offset: wp.array(dtype=wp.int32),
     strips: wp.array(dtype=wp.vec4i),
     counts: wp.array(dtype=wp.int32),
-    items: wp.array(dtype=wp.vec4i),
+    blocks: wp.array(dtype=wp.vec4i),
 ):
     """One row of blocks of a large triangle a thread: queue the blocks between its edges."""
     k = wp.tid()
@@ -468,34 +343,68 @@ def strip_kernel(
         k += threads
         i = strip[0]
         face = strip[1]
-        by = strip[2]
-        corners = triangles[i]
-        a = points[corners[0]]
-        b = points[corners[1]]
-        c = points[corners[2]]
-        reach = wp.max(total(a - cube.middle), wp.max(total(b - cube.middle), total(c - cube.middle)))
-        flat = on_cells(
-            on_face(cube_space(a, cube), face), on_face(cube_space(b, cube), face), on_face(cube_space(c, cube), face),
-            reach, face_rectangle(face, rectangle, cells),
-        )  # fmt: skip
-        box = wp.vec4i(0, 0, cells - 1, cells - 1)
-        if flat.known:
-            box = flat_box(flat, cells)
-            span = row_span(flat, wp.float32(by * CELLS), wp.float32(by * CELLS + CELLS))
-            box[0] = wp.max(box[0], whole_cells(span[0], cells))
-            if span[1] < 0.0:
-                box[2] = -1
-            else:
-                box[2] = wp.min(box[2], whole_cells(span[1], cells))
+        a = corner(points, triangles, i, 0)
+        b = corner(points, triangles, i, 1)
+        c = corner(points, triangles, i, 2)
+        flat = flat_of(cube, face, a, b, c, table[face])
+        y = strip[2] * CELLS
+        ends = row_cells(flat, lights[index], cube, face, a, b, c, table[face], y, y + CELLS - 1, cells)
+        if ends[1] >= ends[0]:
+            first = ends[0] // CELLS
+            number = ends[1] // CELLS - first + 1
+            place = reserve(counts, BLOCKS, number)
+            for j in range(number):
+                if place + j < blocks.shape[0]:
+                    blocks[place + j] = wp.vec4i(i, face, first + j, strip[2])
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def block_kernel(
+    threads: wp.int32,
+    index: wp.int32,
+    cells: wp.int32,
+    lights: wp.array(dtype=wp.vec3f),
+    cubes: wp.array(dtype=Cube),
+    table: wp.array(dtype=wp.vec4f),
+    points: wp.array(dtype=wp.vec3f),
+    triangles: wp.array(dtype=wp.vec3i),
+    offset: wp.array(dtype=wp.int32),
+    blocks: wp.array(dtype=wp.vec4i),
+    counts: wp.array(dtype=wp.int32),
+    items: wp.array(dtype=wp.vec4i),
+):
+    """Queued blocks: all their rays where they are few, else eight threads, a cell row each, cut to the triangle."""
+    k = wp.tid()
+    stop = wp.min(counts[BLOCKS], blocks.shape[0]) * CELLS
+    cube = cubes[0]
+    while k < stop:
+        block = blocks[k // CELLS]
+        row = k % CELLS
+        k += threads
+        i = block[0]
+        face = block[1]
+        start = cell_index(face, block[2] * CELLS, block[3] * CELLS, cells)
+        first = offset[start]
+        last = offset[start + CELLS * CELLS]
+        if last - first <= FEW_RAYS:
+            if row == 0 and last > first:
+                queue_rays(i, first, last, counts, items)
         else:
-            y = by * CELLS
-            rectangle_of_face = face_rectangle(face, rectangle, cells)
-            ends = between_planes(lights[index], frame[0], face, a, b, c, rectangle_of_face, y, y + CELLS - 1, cells)
-            box[0] = ends[0]
-            box[2] = ends[1]
-        if box[2] >= box[0]:
-            for bx in range(box[0] // CELLS, box[2] // CELLS + 1):
-                queue_block(i, face, flat, box, bx, by, cells, offset, counts, items)
+            first = offset[start + row * CELLS]
+            last = offset[start + row * CELLS + CELLS]
+            if last > first:
+                a = corner(points, triangles, i, 0)
+                b = corner(points, triangles, i, 1)
+                c = corner(points, triangles, i, 2)
+                flat = flat_of(cube, face, a, b, c, table[face])
+                y = block[3] * CELLS + row
+                ends = row_cells(flat, lights[index], cube, face, a, b, c, table[face], y, y, cells)
+                x0 = wp.max(ends[0], block[2] * CELLS)
+                x1 = wp.min(ends[1], block[2] * CELLS + CELLS - 1)
+                if x1 >= x0:
+                    part = span_of(offset, face, x0, x1, y, cells)
+                    if part[1] > part[0]:
+                        queue_rays(i, part[0], part[1], counts, items)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)

@@ -16,7 +16,8 @@ class Build:
     inline_cells   a triangle whose box covers at most so many cells looks up how many rays they hold
     inline_rays    and tests them in its own thread if they are at most so many
     queue          larger triangles go through queues: "auto" on the GPU only, "always", "never"
-    item_capacity  initial room for queued (triangle, block) items; 0 chooses; grows as needed
+    item_capacity  initial room for queued work items; 0 chooses; grows as needed
+    block_capacity initial room for queued (triangle, block) pairs; 0 chooses; grows as needed
     doubt_capacity initial room for (triangle, ray) pairs left to float64; 0 chooses; grows as needed
     strip_capacity initial room for queued rows of blocks; 0 chooses; grows as needed
     """
@@ -26,6 +27,7 @@ class Build:
     inline_rays: int = 48
     queue: str = "auto"
     item_capacity: int = 0
+    block_capacity: int = 0
     strip_capacity: int = 0
     doubt_capacity: int = 0
 

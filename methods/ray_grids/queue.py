@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import warp as wp
 
-STRIPS, ITEMS, DOUBTS = 0, 1, 2
-"""Counters of one stream: rows of blocks of large triangles; work items; (triangle, ray) pairs left to float64."""
+STRIPS, ITEMS, BLOCKS, DOUBTS = 0, 1, 2, 3
+"""Counters of one stream: rows of blocks of large triangles; work items; (triangle, block) pairs on their way to
+items; (triangle, ray) pairs left to float64."""
 
-COUNTERS = 3
+COUNTERS = 4
 
 
 # One atomic for all lanes that reserve at the same time: a hundred thousand atomics on one address cost more than

@@ -21,18 +21,19 @@ BLOCK_DIM = 128
 class Queues:
     """What the streams of one frame share: queues, plane records, and where needs are kept.
 
-    strips vec4i [strip_capacity], items vec4i [item_capacity]; doubts vec2i [doubt_capacity];
-    counts int32 [3]; records vec4f [triangles, 5]. Without queues (CPU) all but the doubts are one element long.
+    strips vec4i [strip_capacity], items vec4i [item_capacity]; blocks vec4i
+    [block_capacity], doubts vec2i [doubt_capacity]; counts int32 [4]; records vec4f [triangles, 5]. Without queues (CPU) all but the doubts are one element long.
     """
 
-    def __init__(self, frame: Frame, queued: bool, capacity: tuple[int, int, int], needs: wp.array):
+    def __init__(self, frame: Frame, queued: bool, capacity: tuple[int, int, int, int], needs: wp.array):
         self.queued = queued
         self.needs = needs
-        strips, items, doubts = capacity if queued else (1, 1, capacity[2])
+        strips, items, blocks, doubts = capacity if queued else (1, 1, 1, capacity[3])
         with wp.ScopedDevice(frame.device):
             self.counts = wp.zeros(COUNTERS, dtype=wp.int32)
             self.strips = wp.zeros(strips, dtype=wp.vec4i)
             self.items = wp.zeros(items, dtype=wp.vec4i)
+            self.blocks = wp.zeros(blocks, dtype=wp.vec4i)
             self.doubts = wp.zeros(doubts, dtype=wp.vec2i)
             self.records = wp.zeros((max(1, frame.triangle_count) if queued else 1, 5), dtype=wp.vec4f)
         self.threads = THREADS if wp.get_device(frame.device).is_cuda else 64
@@ -129,6 +130,7 @@ class RayBins:
             self.box = wp.zeros(6, dtype=wp.int32)
             self.axes = wp.zeros(1, dtype=wp.mat33d)
             self.cube = wp.zeros(1, dtype=light_bins.Cube)
+            self.table = wp.zeros(int(light_bins.FACES), dtype=wp.vec4f)
             self.rectangle = wp.zeros(4 + int(light_bins.FACES), dtype=wp.int32)
             self.place = wp.zeros(frame.pixels, dtype=wp.vec3d)
             self.slot = wp.zeros(frame.pixels, dtype=wp.vec2i)
@@ -189,6 +191,13 @@ class LightStream:
         f, b = self.frame, self.bins
         b.count.zero_()
         wp.launch(
+            light_bins.table_kernel,
+            dim=int(light_bins.FACES),
+            inputs=[b.cells, b.rectangle],
+            outputs=[b.table],
+            device=f.device,
+        )
+        wp.launch(
             light_bins.count_kernel,
             dim=f.pixels,
             inputs=[b.cells, b.place, b.rectangle],
@@ -211,31 +220,36 @@ class LightStream:
         f, b, q = self.frame, self.bins, self.queues
         q.counts.zero_()
         wp.launch(
-            light_stream.stream_kernel,
+            light_stream.make_stream_kernel(q.queued),
             dim=max(1, f.triangle_count),
             inputs=[
-                f.triangle_count, self.index, b.cells, self.build.inline_cells, self.build.inline_rays,
-                q.queued, f.lights, b.axes, b.cube, b.rectangle, f.points, f.triangles, f.valid, b.offset, b.rays,
-                b.pixels,
+                f.triangle_count, self.index, b.cells, self.build.inline_cells, self.build.inline_rays, f.lights,
+                b.cube, b.table, f.points, f.triangles, f.valid, b.offset, b.rays, b.pixels,
             ],
-            outputs=[f.answers.visibility, q.counts, q.records, q.strips, q.items, q.doubts],
+            outputs=[f.answers.visibility, q.counts, q.records, q.strips, q.blocks, q.doubts],
             device=f.device,
             block_dim=BLOCK_DIM,
         )  # fmt: skip
 
     def launch_queue(self) -> None:
         f, b, q = self.frame, self.bins, self.queues
+        seen = [q.threads, self.index, b.cells, f.lights, b.cube, b.table, f.points, f.triangles]
         wp.launch(
             light_stream.strip_kernel,
             dim=q.threads,
-            inputs=[
-                q.threads, self.index, b.cells, f.lights, b.axes, b.cube, b.rectangle, f.points, f.triangles,
-                b.offset, q.strips,
-            ],
+            inputs=[*seen, q.strips],
+            outputs=[q.counts, q.blocks],
+            device=f.device,
+            block_dim=BLOCK_DIM,
+        )
+        wp.launch(
+            light_stream.block_kernel,
+            dim=q.threads,
+            inputs=[*seen, b.offset, q.blocks],
             outputs=[q.counts, q.items],
             device=f.device,
             block_dim=BLOCK_DIM,
-        )  # fmt: skip
+        )
         wp.launch(
             light_stream.item_kernel,
             dim=q.threads,
