@@ -170,11 +170,10 @@ def score(
 
     Exit code 1 where answers cannot be scored, or a method that does not declare itself inexact has true errors.
     """
-    import warp as wp
-
     from ..record import write_atomic
+    from ..start import start_warp
 
-    wp.config.quiet = True
+    start_warp()
     files = sorted(path for path in folder.glob("**/*.npz") if path.parent.name == "answers")
     files = [path for path in files if not path.name.startswith(("mesh-", "."))]
     if not files:
