@@ -418,3 +418,13 @@ def test_show_draws_again_and_says_what_is_wrong_with_a_folder(records, tmp_path
         show("table1", tmp_path / "elsewhere")
     with pytest.raises(UserError, match="no records"):
         show("table1", tmp_path / "records")
+
+
+def test_a_bar_that_dwarfs_the_others_is_cut_and_keeps_its_number(tmp_path):
+    records = [record("bunny", method) for method in METHODS]
+    for frame in records[0]["frames"]:
+        frame["total_ms"] = [12345.0] * 10
+    text = bars.draw(tidy.rows(records), tmp_path / "bars.svg")[0].read_text()
+    assert ">//<" in text
+    assert "12,345 ✓" in text
+    assert ">10000<" not in text, "the axis is that of the other bars"

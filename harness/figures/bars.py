@@ -12,6 +12,9 @@ from .sheet import column_name, error_text, title_of
 
 FIELDS = dict(zip(PARTS, ("build_ms", "trace_ms", "light_build_ms", "shadow_ms"), strict=True))
 
+CUT = 4.0
+"""A bar more than this many times longer than the next is cut off, with a mark; its number stands beside it."""
+
 
 def draw(rows: Sequence[dict[str, Any]], path: Path) -> list[Path]:
     """Draw the rows as SVG (or whatever ``path`` ends in). Writes nothing where nothing was measured.
@@ -50,32 +53,29 @@ def _figure(rows: Sequence[dict[str, Any]]) -> Any:
 
 
 def _panel(axes: Any, rows: Sequence[dict[str, Any]], labels: Sequence[str], colours: dict[str, str]) -> None:
-    longest = max(map(_end, rows), default=0.0) or 1.0
+    longest = _reach(rows)
     for place, row in enumerate(rows):
         if not row.get("total_ms"):
             axes.text(0.02 * longest, place, row["status"], va="center", fontsize=6, style="italic")
             continue
         left = 0.0
         for part in PARTS:
-            width = row[FIELDS[part]] or 0.0
+            width = min(row[FIELDS[part]] or 0.0, longest - left)
             face = style.lightened(colours[row["method"]], style.PART_SHARE[part])
             axes.barh(
                 place, width, left=left, height=0.74, color=face,
                 edgecolor=style.lightened(colours[row["method"]], 0.0), linewidth=0.4,
             )  # fmt: skip
             left += width
-        axes.errorbar(
-            row["total_ms"],
-            place,
-            xerr=row["iqr_ms"] / 2,
-            fmt="|",
-            color="black",
-            ms=6,
-            mew=0.8,
-            elinewidth=0.6,
-        )
+        if _end(row) > longest:
+            axes.text(longest, place, "//", ha="center", va="center", fontsize=9)
+        else:
+            spread = row["iqr_ms"] / 2
+            axes.errorbar(
+                row["total_ms"], place, xerr=spread, fmt="|", color="black", ms=6, mew=0.8, elinewidth=0.6
+            )
         axes.text(
-            _end(row) + 0.03 * longest,
+            min(_end(row), longest) + 0.03 * longest,
             place,
             f"{style.number(row['total_ms'])} {error_text(row)}",
             va="center",
@@ -86,6 +86,14 @@ def _panel(axes: Any, rows: Sequence[dict[str, Any]], labels: Sequence[str], col
     axes.tick_params(axis="y", length=0)
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.set_xlim(0, longest * 1.38)
+
+
+def _reach(rows: Sequence[dict[str, Any]]) -> float:
+    """Up to where a panel's bars go, in ms: the longest, unless it dwarfs all others."""
+    ends = sorted(end for end in map(_end, rows) if end)
+    if len(ends) > 1 and ends[-1] > CUT * ends[-2]:
+        return 1.5 * ends[-2]
+    return ends[-1] if ends else 1.0
 
 
 def _end(row: dict[str, Any]) -> float:

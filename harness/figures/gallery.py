@@ -66,7 +66,7 @@ def captioned(
 
 
 def contact_sheet(
-    pictures: Sequence[Path], path: Path | str, columns: int = 3, width: int = 384, title: str = ""
+    pictures: Sequence[Path], path: Path | str, columns: int | None = None, width: int = 352, title: str = ""
 ) -> Path | None:
     """All pictures on one sheet, each ``width`` pixels wide, captions and all. None where there are none."""
     images: list[Image.Image] = []
@@ -79,7 +79,7 @@ def contact_sheet(
     images = [
         i.resize((width, max(1, round(i.height * width / i.width))), Image.Resampling.LANCZOS) for i in images
     ]
-    columns = min(columns, len(images))
+    columns = columns or (len(images) if len(images) <= 4 else 3 if len(images) in (5, 6, 9) else 4)
     rows = [images[i : i + columns] for i in range(0, len(images), columns)]
     head = round(gap * 2.2) if title else 0
     height = head + gap + sum(max(i.height for i in row) + gap for row in rows)
