@@ -7,20 +7,15 @@ of a float32 triangle test, and only :func:`.exact.edge_bound` says how near an 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
 
 import numpy as np
-import warp as wp
 from numpy.typing import NDArray
 
 from . import exact
-from . import referee_kernels as kernels
-
-BATCH = 8192
-"""Rays decided at once: bounds the memory of candidate lists."""
+from .candidates import BATCH, Candidates
 
 
 class Verdict(IntEnum):
@@ -91,9 +86,7 @@ class Referee:
         self.faces = np.ascontiguousarray(faces, dtype=np.int32).reshape(-1, 3)
         self.valid = np.asarray(valid).astype(bool)
         self.device = device
-        self.tree = kernels.build_tree(self.points, self.faces, self.valid, device)
-        self._points = wp.array(self.points, dtype=wp.vec3f, device=device)
-        self._faces = wp.array(self.faces, dtype=wp.vec3i, device=device)
+        self._candidates = Candidates(self.points, self.faces, self.valid, device)
 
     @cached_property
     def duplicate_of(self) -> NDArray[np.int32]:
@@ -104,16 +97,16 @@ class Referee:
         mixed += (bits[..., 1] ^ (mixed >> np.uint64(29))) * np.uint64(0xBF58476D1CE4E5B9)
         mixed += (bits[..., 2] ^ (mixed >> np.uint64(31))) * np.uint64(0x94D049BB133111EB)
         mixed ^= mixed >> np.uint64(32)
-        keys = (mixed * np.uint64(0x9E3779B97F4A7C15)).sum(
-            axis=1
-        )  # the order of the vertices does not matter
-        _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
+        # A sum, so that the order of the vertices does not matter; collisions are found by comparing.
+        _, first, inverse = np.unique(mixed.sum(axis=1), return_index=True, return_inverse=True)
         lowest = first[inverse.ravel()].astype(np.int32)
-        own = np.arange(len(self.faces), dtype=np.int32)
-        for i in np.nonzero(lowest != own)[0].tolist():
-            same = sorted(corners[i].tolist()) == sorted(corners[lowest[i]].tolist())
-            if not (same and self.valid[i] and self.valid[lowest[i]]):
-                lowest[i] = i  # at worst a duplicate is judged exactly instead of by this table
+        rows = np.nonzero(lowest != np.arange(len(lowest)))[0]
+        mine, theirs = (
+            np.take_along_axis(corners[k], np.argsort(mixed[k], axis=1)[..., None], axis=1)
+            for k in (rows, lowest[rows])
+        )
+        same = (mine == theirs).all(axis=(1, 2)) & self.valid[rows] & self.valid[lowest[rows]]
+        lowest[rows[~same]] = rows[~same]  # at worst a duplicate is judged exactly instead of by this table
         return lowest
 
     # --- exact answers ---
@@ -124,7 +117,7 @@ class Referee:
         origins = np.broadcast_to(np.asarray(origins, dtype=np.float32), directions.shape)
         n = len(directions)
         hits = Hits(origins, directions, np.full(n, -1, np.int32), np.full(n, np.inf), [None] * n, [()] * n)
-        for rows, candidates in self._candidates(origins, directions, nearest=True):
+        for rows, candidates in self._candidates.along(origins, directions, nearest=True):
             for i, triangles in zip(rows, candidates, strict=True):
                 found = self._exact_hits(origins[i], directions[i], triangles)
                 if found:
@@ -136,7 +129,7 @@ class Referee:
     ) -> list[list[tuple[float, int]]]:
         """Every exact hit of each ray as (t, triangle), in no order."""
         result: list[list[tuple[float, int]]] = []
-        for rows, candidates in self._candidates(origins, directions, nearest=False):
+        for rows, candidates in self._candidates.along(origins, directions, nearest=False):
             for i, triangles in zip(rows, candidates, strict=True):
                 found = self._exact_hits(origins[i], directions[i], triangles)
                 result.append([(over / under, k) for over, under, k in found])
@@ -150,7 +143,10 @@ class Referee:
         result = np.full(len(hits), -1, dtype=np.int32)
         rows = np.nonzero(hits.triangle >= 0)[0]
         for part in np.array_split(rows, max(1, -(-len(rows) // BATCH))):
-            candidates, sure = self._between(hits.take(part), light, every=False, margin=None)
+            some = hits.take(part)
+            candidates, sure = self._candidates.between(
+                self.hit_points(some), some.triangle, light, every=False
+            )
             result[part] = sure
             for i, certain, triangles in zip(part, sure, candidates, strict=True):
                 if certain < 0 and len(triangles):
@@ -246,8 +242,10 @@ class Referee:
         if not len(hits):
             return verdicts
         p = self.hit_points(hits)
-        margin = exact.EDGE_UNITS * exact.UNIT * np.maximum(np.abs(p).max(axis=1), self.tree.reach)
-        candidates, _ = self._between(hits, light, every=True, margin=margin)
+        margin = (
+            exact.EDGE_UNITS * exact.UNIT * np.maximum(np.abs(p).max(axis=1), self._candidates.tree.reach)
+        )
+        candidates, _ = self._candidates.between(p, hits.triangle, light, every=True, margin=margin)
         pairs = [
             (i, k) for i, found in enumerate(candidates) for k in found.tolist() if k not in hits.ties[i]
         ]
@@ -264,7 +262,7 @@ class Referee:
         if not len(hits):
             return verdicts
         p = self.hit_points(hits)
-        candidates, _ = self._between(hits, light, every=True, margin=None)
+        candidates, _ = self._candidates.between(p, hits.triangle, light, every=True)
         pairs = [
             (i, k) for i, found in enumerate(candidates) for k in self._exact_between(hits, i, light, found)
         ]
@@ -344,65 +342,6 @@ class Referee:
             for j, k in enumerate(triangles.tolist())
             if exact.between(p, vertices[0], vertices[1 + 3 * j : 4 + 3 * j])  # type: ignore[arg-type]
         ]
-
-    def _candidates(
-        self, origins: NDArray[np.float32], directions: NDArray[np.float32], nearest: bool
-    ) -> list[tuple[list[int], list[NDArray[np.int32]]]]:
-        """Batches of rows and, for each, the triangles that the filter does not rule out."""
-        batches = []
-        for start in range(0, len(directions), BATCH):
-            stop = min(start + BATCH, len(directions))
-            o = wp.array(origins[start:stop].astype(np.float64), dtype=wp.vec3d, device=self.device)
-            d = wp.array(directions[start:stop].astype(np.float64), dtype=wp.vec3d, device=self.device)
-            best = wp.full(stop - start, 1.0e300, dtype=wp.float64, device=self.device)
-            if nearest:
-                self._launch(kernels.find_nearest, stop - start, [o, d], [best])
-            batches.append((list(range(start, stop)), self._lists(kernels.collect_hits, [o, d, best], [])[0]))
-        return batches
-
-    def _between(
-        self, hits: Hits, light: NDArray[np.float32], every: bool, margin: NDArray[np.float64] | None
-    ) -> tuple[list[NDArray[np.int32]], NDArray[np.int32]]:
-        """What the filter leaves between hit points and light: candidates of each, and a certain occluder or -1."""
-        if not len(hits):
-            return [], np.zeros(0, dtype=np.int32)
-        p = self.hit_points(hits)
-        largest = np.abs(p).max(axis=1)
-        wide = np.zeros(len(hits)) if margin is None else margin
-        inputs = [
-            wp.array(p, dtype=wp.vec3d, device=self.device),
-            wp.array(largest * 2.0**-52, dtype=wp.float64, device=self.device),
-            wp.vec3d(*(float(x) for x in light)),
-            wp.array(hits.triangle, dtype=wp.int32, device=self.device),
-            float(max(self.tree.reach, largest.max()) * 2.0**-48),
-            int(every),
-            wp.array(wide, dtype=wp.float64, device=self.device),
-        ]
-        certain = wp.empty(len(hits), dtype=wp.int32, device=self.device)
-        return self._lists(kernels.collect_between, inputs, [certain])
-
-    def _lists(
-        self, kernel: wp.Kernel, inputs: Sequence, outputs: Sequence
-    ) -> tuple[list[NDArray[np.int32]], NDArray[np.int32]]:
-        """Run a collecting kernel twice, to count and to write; lists for each ray, and its last output."""
-        n = len(inputs[0])
-        counts = wp.zeros(n, dtype=wp.int32, device=self.device)
-        nothing = wp.zeros(1, dtype=wp.int32, device=self.device)
-        self._launch(kernel, n, [*inputs, counts, 0], [counts, nothing, *outputs])
-        ends = np.cumsum(counts.numpy(), dtype=np.int64)
-        last = outputs[0].numpy() if outputs else counts.numpy()
-        found = np.zeros(0, dtype=np.int32)
-        if n and ends[-1]:
-            starts = wp.array((ends - counts.numpy()).astype(np.int32), dtype=wp.int32, device=self.device)
-            written = wp.empty(int(ends[-1]), dtype=wp.int32, device=self.device)
-            self._launch(kernel, n, [*inputs, starts, 1], [counts, written, *outputs])
-            found = written.numpy()
-        return np.split(found, ends[:-1]), last
-
-    def _launch(self, kernel: wp.Kernel, n: int, inputs: Sequence, outputs: Sequence) -> None:
-        tree = self.tree
-        shared = [tree.low, tree.high, tree.order, tree.leaves, self._points, self._faces]
-        wp.launch(kernel, dim=n, inputs=[*shared, *inputs], outputs=list(outputs), device=self.device)
 
 
 def _take_closest(hits: Hits, i: int, found: list[tuple[int, int, int]]) -> None:

@@ -11,11 +11,7 @@ boxes are exact; the slab test widens its interval by 2^-48, far more than its t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-import numpy as np
 import warp as wp
-from numpy.typing import NDArray
 
 LEAF = 4
 
@@ -24,74 +20,6 @@ WIDEN = wp.constant(wp.float64(2.0**-48))
 FAR = wp.constant(wp.float64(1.0e300))
 
 wp.set_module_options({"enable_backward": False, "fast_math": False})
-
-
-# --- tree ---------------------------------------------------------------------------------------------------
-
-
-@dataclass(eq=False)
-class Tree:
-    """Boxes over the valid triangles, on a device.
-
-    low, high  vec3f [2 * leaves]: boxes in heap order from 1; empty ones have low > high
-    order      int32 [leaves * LEAF]: triangle of each slot, -1 for none
-    leaves     a power of two
-    reach      the largest coordinate of a valid vertex
-    """
-
-    low: wp.array
-    high: wp.array
-    order: wp.array
-    leaves: int
-    reach: float
-
-
-def build_tree(points: NDArray[np.float32], faces: NDArray[np.int32], valid: NDArray, device: str) -> Tree:
-    """Sort the valid triangles by size class and Morton code, and box them bottom-up."""
-    kept = np.nonzero(valid)[0].astype(np.int32)
-    corners = points[faces[kept]]
-    low, high = corners.min(axis=1), corners.max(axis=1)
-    order = np.argsort(_keys(low, high), kind="stable") if len(kept) else np.zeros(0, dtype=np.int64)
-    blocks = -(-len(kept) // LEAF)
-    leaves = 1 << max(0, (blocks - 1).bit_length())
-    slots = np.full(leaves * LEAF, -1, dtype=np.int32)
-    slots[: len(kept)] = kept[order]
-    lows = np.full((leaves * LEAF, 3), np.inf, dtype=np.float32)
-    highs = -lows
-    lows[: len(kept)], highs[: len(kept)] = low[order], high[order]
-    low_heap = np.full((2 * leaves, 3), np.inf, dtype=np.float32)
-    high_heap = -low_heap
-    level_low = lows.reshape(leaves, LEAF, 3).min(axis=1)
-    level_high = highs.reshape(leaves, LEAF, 3).max(axis=1)
-    size = leaves
-    while True:
-        low_heap[size : 2 * size], high_heap[size : 2 * size] = level_low, level_high
-        if size == 1:
-            break
-        size //= 2
-        level_low = level_low.reshape(size, 2, 3).min(axis=1)
-        level_high = level_high.reshape(size, 2, 3).max(axis=1)
-    return Tree(
-        wp.array(low_heap, dtype=wp.vec3f, device=device),
-        wp.array(high_heap, dtype=wp.vec3f, device=device),
-        wp.array(slots, dtype=wp.int32, device=device),
-        leaves,
-        float(np.abs(corners).max()) if len(kept) else 0.0,
-    )
-
-
-def _keys(low: NDArray[np.float32], high: NDArray[np.float32]) -> NDArray[np.int64]:
-    """Sort keys: large triangles first and apart, so that they do not blow up the boxes of small ones."""
-    low, high = low.astype(np.float64), high.astype(np.float64)
-    bottom, extent = low.min(axis=0), float((high.max(axis=0) - low.min(axis=0)).max()) or 1.0
-    share = (high - low).max(axis=1) / extent
-    size_class = np.clip(-np.log2(np.maximum(share, 2.0**-20)), 0, 7).astype(np.int64)
-    cells = np.clip(((low + high) / 2 - bottom) / extent * 1023, 0, 1023).astype(np.int64)
-    code = np.zeros(len(low), dtype=np.int64)
-    for bit in range(10):
-        for axis in range(3):
-            code |= ((cells[:, axis] >> bit) & 1) << (3 * bit + axis)
-    return (size_class << 30) | code
 
 
 # --- filter -------------------------------------------------------------------------------------------------

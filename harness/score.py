@@ -8,7 +8,6 @@ by its place in the image, only by :func:`.exact.edge_bound`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -21,6 +20,7 @@ from .moment import Moment, Prepared
 from .raw import save_raw, score_raw
 from .referee import Hits, Referee, Verdict
 from .scene import Effects
+from .suspects import Suspects, agreement, disputed_bits, find_suspects
 from .truth import Reference, embree_installed, embree_reference, exact_reference
 
 __all__ = ["Judge", "save_raw", "score_answers", "score_raw"]
@@ -30,9 +30,6 @@ EXCUSED_LIMIT = 0.001
 
 JUDGE_LIMIT = 100_000
 """Disputed pixels judged; beyond it a seeded sample is judged and every other one counts as a true error."""
-
-NEIGHBOUR_LIMIT = 5_000
-"""Neighbours of disputed pixels judged; beyond it a seeded sample of them."""
 
 EXAMPLES = 10
 
@@ -77,15 +74,6 @@ class Judge:
         )
 
 
-@dataclass(eq=False)
-class _Suspects:
-    """Which pixels are decided exactly. ``unjudged`` are disputed ones beyond the limit."""
-
-    disputed: NDArray[np.bool_]
-    judged: NDArray[np.intp]
-    unjudged: NDArray[np.intp]
-
-
 def score_answers(
     prepared: Prepared,
     moment: Moment,
@@ -109,8 +97,10 @@ def score_answers(
     lights = len(moment.lights)
     found = check_consistency(prepared, moment, answers)
     wanted = _wanted(effects, lights)
-    agree = _agreement(answers["triangle"], reference.triangle, referee)
-    suspects = _suspects(moment, answers, reference, found, agree, wanted, extra_pixels, seed, judge_limit)
+    agree = agreement(answers["triangle"], reference.triangle, referee)
+    suspects = find_suspects(
+        moment, answers, reference, found, agree, wanted, extra_pixels, seed, judge_limit
+    )
     hits = referee.closest(moment.eye, moment.directions(suspects.judged))
 
     primary, named = _primary(referee, hits, answers["triangle"], found, suspects, agree)
@@ -128,7 +118,7 @@ def score_answers(
         int(np.isin(primary, ERRORS).sum() + sum(np.isin(v, ERRORS).sum() for v in shadow)) + unjudged
     )
     share = float(excused.mean()) if excused.size else 0.0
-    disputed_bits = _disputed_bits(answers, reference, found, agree, wanted)
+    bits = disputed_bits(answers, reference, found, agree, wanted)
     return {
         "primary": {
             "pixels": moment.width * moment.height,
@@ -145,7 +135,7 @@ def score_answers(
             {
                 "light": i,
                 "scored": int((shadow[i] >= 0).sum()),
-                "disputed": int(disputed_bits[i].sum()),
+                "disputed": int(bits[i].sum()),
                 **_counts(shadow[i], SHADOW),
             }
             for i in range(lights)
@@ -160,79 +150,13 @@ def score_answers(
     }
 
 
-# --- which pixels -------------------------------------------------------------------------------------------
-
-
 def _wanted(effects: Effects, lights: int) -> list[bool]:
     return [i < len(effects.shadows) and bool(effects.shadows[i]) for i in range(lights)]
-
-
-def _agreement(given: NDArray, expected: NDArray, referee: Referee) -> NDArray[np.bool_]:
-    """Where two closest triangles are the same one, or exact duplicates of each other. bool [pixels]"""
-    agree = given == expected
-    if agree.all():
-        return agree
-    rows = np.nonzero(~agree & (given >= 0) & (given < len(referee.faces)) & (expected >= 0))[0]
-    lowest = referee.duplicate_of
-    agree[rows] = lowest[given[rows]] == lowest[expected[rows]]
-    return agree
 
 
 def _lowest(given: NDArray, referee: Referee) -> NDArray:
     known = (given >= 0) & (given < len(referee.faces))
     return np.where(known, referee.duplicate_of[np.where(known, given, 0)], given) if known.any() else given
-
-
-def _disputed_bits(
-    answers: dict[str, NDArray],
-    reference: Reference,
-    found: Consistency,
-    agree: NDArray[np.bool_],
-    wanted: Sequence[bool],
-) -> NDArray[np.bool_]:
-    """Where both see the same point and say different shadow bits. bool [lights, pixels]"""
-    comparable = agree & ~found.primary_invalid & (answers["triangle"] >= 0)
-    differ = (answers["visibility"][: len(wanted)] != reference.visibility) & comparable[None, :]
-    return differ & np.asarray(wanted, dtype=bool)[:, None]
-
-
-def _suspects(
-    moment: Moment,
-    answers: dict[str, NDArray],
-    reference: Reference,
-    found: Consistency,
-    agree: NDArray[np.bool_],
-    wanted: Sequence[bool],
-    extra_pixels: int,
-    seed: int,
-    judge_limit: int,
-) -> _Suspects:
-    disputed = ~agree | found.primary_invalid | found.t_wrong | found.uv_wrong
-    disputed |= _disputed_bits(answers, reference, found, agree, wanted).any(axis=0)
-    random = np.random.default_rng(seed)
-    pixels = np.nonzero(disputed)[0]
-    unjudged = np.zeros(0, dtype=np.intp)
-    if len(pixels) > judge_limit:
-        shuffled = random.permutation(pixels)
-        pixels, unjudged = np.sort(shuffled[:judge_limit]), np.sort(shuffled[judge_limit:])
-    near = _neighbours(pixels, moment.width, moment.height)
-    near = near[~disputed[near]]
-    if len(near) > NEIGHBOUR_LIMIT:
-        near = random.choice(near, NEIGHBOUR_LIMIT, replace=False)
-    count = moment.width * moment.height
-    sample = random.choice(count, min(extra_pixels, count), replace=False)
-    sample = sample[~disputed[sample]]
-    return _Suspects(disputed, np.unique(np.concatenate([pixels, near, sample])), unjudged)
-
-
-def _neighbours(pixels: NDArray[np.intp], width: int, height: int) -> NDArray[np.intp]:
-    """The pixels of the 3 x 3 blocks around the given ones, inside the image."""
-    x, y = pixels % width, pixels // width
-    steps = (-1, 0, 1)
-    blocks = [
-        np.clip(y + dy, 0, height - 1) * width + np.clip(x + dx, 0, width - 1) for dy in steps for dx in steps
-    ]
-    return np.unique(np.concatenate(blocks))
 
 
 # --- classes ------------------------------------------------------------------------------------------------
@@ -243,7 +167,7 @@ def _primary(
     hits: Hits,
     given: NDArray,
     found: Consistency,
-    suspects: _Suspects,
+    suspects: Suspects,
     agree: NDArray[np.bool_],
 ) -> tuple[NDArray[np.int8], NDArray[np.bool_]]:
     """The class of every pixel's answer, -1 where a disputed one was left unjudged; and where the triangle is right.
@@ -266,7 +190,7 @@ def _shadows(
     hits: Hits,
     answers: dict[str, NDArray],
     found: Consistency,
-    suspects: _Suspects,
+    suspects: Suspects,
     primary: NDArray[np.int8],
     wanted: Sequence[bool],
 ) -> list[NDArray[np.int8]]:
@@ -298,7 +222,7 @@ def _reference_errors(
     referee: Referee,
     hits: Hits,
     reference: Reference,
-    suspects: _Suspects,
+    suspects: Suspects,
     wanted: Sequence[bool],
 ) -> dict[str, Any]:
     """Embree's own answers on the judged pixels, counted the same way (its t and triangle together)."""
@@ -328,7 +252,7 @@ def _examples(
     answers: dict[str, NDArray],
     referee: Referee,
     hits: Hits,
-    suspects: _Suspects,
+    suspects: Suspects,
     found: Consistency,
     primary: NDArray[np.int8],
     shadow: Sequence[NDArray[np.int8]],

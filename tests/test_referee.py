@@ -308,8 +308,8 @@ def test_distances_of_segments():
     assert ask((0, 2, 3), (0, 2, 3)) == (2.0, 0.75)  # a point
 
 
-def test_many_disputes_settle_quickly_and_agree_with_a_small_sample():
-    """Ten thousand rays on a ball: a bound on time would be flaky, the number of exact decisions is not."""
+def test_a_sample_of_a_whole_picture_equals_rational_brute_force():
+    """Ten thousand rays, decided in more than one batch."""
     prepared = Prepared(cases.ball_on_floor())
     moment = prepared.moment(0, 100, 100)
     referee = Referee(moment.points, prepared.faces, moment.valid)

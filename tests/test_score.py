@@ -240,6 +240,19 @@ def test_a_light_without_shadows_must_stay_zero(ball):
     assert judge.score(answers)["true_errors"] == 1
 
 
+def test_a_scene_without_lights():
+    base = cases.ball_on_floor()
+    geometry = base.geometry()
+    prepared = Prepared(cases.make_scene(geometry.positions(0), geometry.faces, base.camera))
+    moment = prepared.moment(0, 20, 15)
+    judge = Judge(prepared, moment)
+    answers = judge.reference.answers()
+    answers["visibility"] = np.full((1, 300), 77, dtype=np.uint8)  # the unused row of a frame without lights
+    score = judge.score(answers)
+    assert (score["check"], score["shadow"]) == ("ok", [])
+    assert score["primary"]["ok"] == 300
+
+
 def test_the_references_own_errors_stand_apart(ball):
     """A reference that loses a pixel: the method that is right stays right, the reference gets the error."""
     pixel = floor_pixel(ball)
