@@ -1,6 +1,6 @@
 """Stand-in for the Utah Fairy Forest: a fairy and a dragonfly hover in a clearing, a teapot in a stadium.
 
-The ground is 100 m wide and made of few large triangles; in its middle, within a few metres, stand dense models
+The ground is 24 m wide and made of few large triangles; in its middle, within a few metres, stand dense models
 and thousands of blades and leaves (:mod:`.forest`). Wings beat, limbs swing, blades and leaves sway; the motion
 repeats after the last frame. Both figures are modelled looking towards +x, then turned.
 """

@@ -14,7 +14,7 @@ from .shapes import Mesh, grid, join, lathe, noise, patch, transform, tube
 
 F64 = NDArray[np.float64]
 
-GROUND_SIDE = 100.0
+GROUND_SIDE = 24.0
 TREES = (
     # x, z, radius at breast height, height, lean in x and z
     (-2.3, -3.2, 0.34, 10.0, 0.10, -0.04), (1.6, -4.6, 0.42, 11.0, -0.06, 0.0), (4.1, -2.4, 0.30, 9.0, -0.12, 0.05),
@@ -31,12 +31,12 @@ MUSHROOMS = (
 
 
 def ground() -> Mesh:
-    """100 m of ground in few triangles: flat for 20 m around the middle, hills beyond."""
+    """24 m of ground in few triangles: flat for 8 m around the middle, a bank beyond."""
     half = GROUND_SIDE / 2
     mesh = grid((-half, 0, -half), (0, 0, GROUND_SIDE), (GROUND_SIDE, 0, 0), 14, 14)
     x, z = mesh.vertices[:, 0], mesh.vertices[:, 2]
-    beyond = np.clip((np.sqrt(x * x + z * z) - 20.0) / 30.0, 0.0, 1.0)
-    mesh.vertices[:, 1] = beyond * (2.5 + 2.0 * noise(mesh.vertices / 17.0, 3))
+    beyond = np.clip((np.sqrt(x * x + z * z) - 8.0) / 4.0, 0.0, 1.0)
+    mesh.vertices[:, 1] = beyond * (1.2 + 0.8 * noise(mesh.vertices / 6.0, 3))
     return mesh
 
 
