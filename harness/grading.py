@@ -53,8 +53,9 @@ class Grader:
     def grade(self, key: str, save_answers: bool, score: bool, picture: Path | None) -> list[dict[str, Any]]:
         """For every frame its score, or the reason why there is none. The middle one is drawn on request."""
         frames = []
-        middle = list(self.moments)[len(self.moments) // 2]
-        for frame, moment in self.moments.items():
+        # Frames beyond the point's budget were left out.
+        there = [frame for frame in self.moments if handed_path(self.folder, key, frame).exists()]
+        for frame in there:
             handed = handed_path(self.folder, key, frame)
             with np.load(handed) as stored:
                 answers = {name: stored[name] for name in stored.files}
@@ -64,8 +65,8 @@ class Grader:
                 graded.update(self._score(frame, answers))
             if save_answers or graded["score"] is None:
                 self._keep(key, frame, answers)
-            if picture is not None and frame == middle:
-                draw_picture(self.prepared, moment, answers, picture)
+            if picture is not None and frame == there[len(there) // 2]:
+                draw_picture(self.prepared, self.moments[frame], answers, picture)
             handed.unlink()
             frames.append(graded)
         return frames

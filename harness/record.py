@@ -153,6 +153,7 @@ def make_record(
             {k: v for k, v in event.items() if k not in ("event", "frames", "method")} for event in rounds
         ],
         "frames": [frames[index] for index in sorted(frames)],
+        "frames_left_out": prepared.get("frames_left_out", []),
         "peak_rss_bytes": max((event["peak_rss_bytes"] or 0 for event in rounds), default=None),
         "baseline_rss_bytes": prepared.get("baseline_rss_bytes"),
         "stopped_by": " and ".join(stops),

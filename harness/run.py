@@ -203,6 +203,7 @@ class Run:
             "settings": dict(job.point.entry.settings),
             "device": job.point.method["device"],
             "memory_limit": self.options.memory_limit,
+            "budget_s": self.options.preset.budget_s,
         }
         reply = self._command(worker, do="prepare", point=spec, folder=str(self.options.out))
         job.generation = worker.generation
@@ -228,7 +229,8 @@ class Run:
         except WorkerError as error:
             # The times stand, whatever becomes of their grades.
             unscored = {"score": None, "unscored": f"grading failed: {error.reason}"}
-            graded = [{"frame": frame, **unscored} for frame in job.point.frames]
+            answered = (job.journal.first("prepared") or {}).get("frames", ())
+            graded = [{"frame": frame["frame"], **unscored} for frame in answered]
         self._note(job, {"event": "finished", "frames": graded})
 
     def _grade(self, job: Job) -> dict[str, Any]:

@@ -96,7 +96,8 @@ class Worker:
     def prepare(self, point: dict[str, Any], folder: str) -> dict[str, Any]:
         """Plan, compile, run every frame until its capacities suffice, and hand its answers over to be graded.
 
-        Memory is counted meanwhile: it is what the method held at most, up to and with each frame.
+        Memory is counted meanwhile: it is what the method held at most, up to and with each frame. Where the first
+        frames alone use up half of the point's budget, the other frames are left out, and the reply says so.
         """
         assert self.prepared is not None
         self.points[point["key"]] = point
@@ -124,6 +125,8 @@ class Worker:
                 held[frame] = max(0, tracker.peak() - own)
                 hand_over(handed_path(Path(folder), point["key"], frame), answers)
                 counted.append({"frame": frame, "counters": plain(method.counters())})
+                if time.perf_counter() - start - compiling.seconds > point["budget_s"] / 2:
+                    break
         tracker.pause()
         # Structures outside Warp's allocators (a library's own) show only in how far the process grew.
         outside = device == "cpu" and max(held.values()) < tracker.growth() / 2 and not method.capturable
@@ -137,6 +140,7 @@ class Worker:
             "first_frame_s": first,
             "baseline_rss_bytes": baseline,
             "frames": counted,
+            "frames_left_out": [frame for frame in self.moments if frame not in held],
             "method": {
                 "built": plain(method.built()),
                 "replayed": session.replays,
@@ -152,8 +156,8 @@ class Worker:
         session, device = self.sessions[key], self.points[key]["device"]
         started, chosen = time.time(), Sampling(**sampling)
         frames = []
-        for frame, moment in self.moments.items():
-            measured, regrown = self._fitting_samples(session, moment, chosen)
+        for frame in self.memory[key]:
+            measured, regrown = self._fitting_samples(session, self.moments[frame], chosen)
             frames.append(
                 {
                     "frame": frame,

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 from runs import install_trouble, options, write_scene
 from shadowbench.harness import record
@@ -174,6 +175,22 @@ def test_answers_are_scored_against_truth(scene, tmp_path):
     assert (tmp_path / "answers" / f"{measured['key']}-0.npz").exists()
     assert (tmp_path / "images" / "tetra.png").stat().st_size > 1000
     assert measured["frames"][0]["memory_bytes"] > 0
+
+
+def test_a_slow_point_keeps_to_its_budget_and_says_so(package, tmp_path):
+    points = np.array([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]] * 4)
+    np.savez(tmp_path / "four.npz", V=points, F=np.array([[0, 1, 2]]))
+    slow = Entry("steady", {"ms": "150"}, "slow")
+    chosen = options(
+        tmp_path / "out", [str(tmp_path / "four.npz")], [slow], frames=4, budget_s=0.5, samples=50, most=50
+    )
+    (measured,) = Run(chosen, Silent()).go()
+    assert measured["status"] == "ok"
+    assert measured["stopped_by"] == "budget"
+    assert [f["frame"] for f in measured["frames"]] == [0]
+    assert measured["frames_left_out"] == [1, 2, 3]
+    assert [len(f["total_ms"]) for f in measured["frames"]] == [1]
+    assert [r["round"] for r in measured["rounds"]] == [0]
 
 
 # --- killed, and gone on ------------------------------------------------------------------------------------
