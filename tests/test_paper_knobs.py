@@ -133,7 +133,9 @@ def grid_of_squares(n):
 def test_no_ray_leaks_between_welded_triangles_aimed_at_their_edges(name):
     """Split vertices, pixels exactly on edges and corners, from inside: every ray must hit."""
     vertices, faces = grid_of_squares(16)
-    prepared = make_scene(vertices, faces, [(0.0, 0.0, 0.0)], eye=(0.0, 0.0, 0.0), target=(0.0, 0.0, -1.0), fov=90.0)
+    prepared = make_scene(
+        vertices, faces, [(0.0, 0.0, 0.0)], eye=(0.0, 0.0, 0.0), target=(0.0, 0.0, -1.0), fov=90.0
+    )
     _, _, got = answers_of(prepared, 33, 33, {"triangle_test": name})
     assert (got["triangle"] >= 0).all()
     assert (got["visibility"] == 0).all()
@@ -143,7 +145,9 @@ def test_culling_changes_nothing_but_ties_on_a_closed_surface_seen_from_outside(
     vertices, faces = grid_of_squares(5)
     for wound in (faces, faces[:, ::-1]):  # inward or outward, as long as it is consistent
         both = np.concatenate([vertices, vertices * 0.5 + [1.9, 0.4, 0.2]])
-        prepared = make_scene(both, np.concatenate([wound, wound + len(vertices)]), [(4.0, 5.0, 6.0)], (2.0, 3.0, 7.0))
+        prepared = make_scene(
+            both, np.concatenate([wound, wound + len(vertices)]), [(4.0, 5.0, 6.0)], (2.0, 3.0, 7.0)
+        )
         scene = dataclasses.replace(prepared.scene, closed=True)
         _, _, off = answers_of(prepared, 61, 47, {})
         pairs = []
@@ -205,7 +209,9 @@ def test_float32_world_axes_need_pairs_without_end_where_float64_needs_few():
         )  # fmt: skip
 
 
-@pytest.mark.parametrize("setting", [("k", "0"), ("light_map", "flat"), ("clamp", "tight"), ("r", "0"), ("cull", "all")])
+@pytest.mark.parametrize(
+    "setting", [("k", "0"), ("light_map", "flat"), ("clamp", "tight"), ("r", "0"), ("cull", "all")]
+)
 def test_what_cannot_be_set_is_named(setting):
     with pytest.raises(UserError, match=setting[0]):
         make_method("perspective_spherical", dict([setting]))
@@ -215,3 +221,23 @@ def test_every_parameter_is_documented():
     for block in (Build, Trace):
         for field in dataclasses.fields(block):
             assert f"\n    {field.name} " in block.__doc__, field.name
+
+
+@pytest.mark.parametrize("triangle_test", TRIANGLE_TESTS)
+def test_staged_kernels_give_the_bits_of_their_twins(triangle_test, monkeypatch):
+    """Blocks of more than one thread on a CPU: tracing tiles that do not fill a block, or need several."""
+    vertices, faces = soup(31, 60, size=0.8)
+    prepared = make_scene(vertices, faces, [(0.1, 0.2, 0.3), (5.0, 4.0, 3.0)])
+    for settings in (
+        {"tile": "4", "k": "2", "r": "40"},
+        {"tile": "3", "k": "3", "r": "7", "triangle_chunk": "5", "light_tiles": "4"},
+        {"tile": "9", "k": "1", "r": "100", "light_tiles": "2", "slices": "1", "light_slices": "1"},
+        {"tile": "1", "k": "5", "r": "1"},
+    ):
+        settings["triangle_test"] = triangle_test
+        _, _, plain = answers_of(prepared, 21, 18, settings)
+        with monkeypatch.context() as patch:
+            patch.setattr(wp.config, "enable_cpu_blocks", True)
+            session, _, staged = answers_of(prepared, 21, 18, {**settings, "staging": "shared"})
+            assert session.method.built()["staging"] == "shared"
+        same(staged, plain, settings)

@@ -8,6 +8,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from ...harness.errors import UserError
 from ...harness.frame import Frame
 from ...harness.method import BaseMethod
 from ...harness.passes import Pass
@@ -18,9 +19,13 @@ from .counters import work
 from .culling import orientation, refusal
 from .light import LightGrid
 from .parameters import Build, Trace
+from .variants import staged
 
-SLOTS = 2
-"""Needs of one grid: pairs, and rows of large triangles."""
+SLOTS = 3
+"""Needs of one grid: pairs, rows of large triangles, and work items of split lists."""
+
+MOST_SPLIT = 1 << 24
+"""Triangles that a packed hit of split lists can name."""
 
 
 class PerspectiveSpherical(BaseMethod):
@@ -34,7 +39,7 @@ class PerspectiveSpherical(BaseMethod):
 
     def __init__(self, build: Any = None, trace: Any = None):
         super().__init__(build, trace)
-        self._capacity: dict[int, tuple[int, int]] = {}
+        self._capacity: dict[int, tuple[int, int, int]] = {}
         self._needs: wp.array | None = None
         self._memory = 0
         self.camera: CameraGrid | None = None
@@ -48,10 +53,18 @@ class PerspectiveSpherical(BaseMethod):
 
     def built(self) -> dict[str, Any]:
         """The triangle test and the culling that ran: they alone may change an answer, in ties and at edges."""
-        return {"triangle test": self.build.triangle_test, "culling": self.build.cull}
+        built = {"triangle test": self.build.triangle_test, "culling": self.build.cull}
+        if self.camera is not None:
+            in_blocks = staged(self.trace, self.camera.frame.device)
+            built["staging"] = "shared" if in_blocks else "none"
+        return built
 
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
         self._memory = limits.memory
+        if self.trace.triangle_chunk and frame.triangle_count > MOST_SPLIT:
+            raise UserError(
+                f"{self.name}: triangle_chunk takes at most {MOST_SPLIT:,} triangles; set it to 0"
+            )
         outward = 0.0
         if self.build.cull != "off" and frame.triangle_count:
             outward = orientation(frame.prepared.points(0)[0], frame.prepared.faces)
@@ -73,11 +86,12 @@ class PerspectiveSpherical(BaseMethod):
             passes += light.passes()
         return passes
 
-    def _room(self, grid: int, frame: Frame) -> tuple[int, int]:
-        """Capacities (pairs, rows) of a grid: what it grew to, or a first guess."""
+    def _room(self, grid: int, frame: Frame) -> tuple[int, int, int]:
+        """Capacities (pairs, rows, items) of a grid: what it grew to, or a first guess (items: 0)."""
         guess = (
             self.build.pair_capacity or 2 * frame.triangle_count + 65536,
             self.build.row_capacity or 16384,
+            0,
         )
         return self._capacity.setdefault(grid, guess)
 
@@ -87,10 +101,19 @@ class PerspectiveSpherical(BaseMethod):
     def grow(self, needed: NDArray[np.int64]) -> bool:
         grew = False
         for grid, capacity in self._capacity.items():
-            room = grown_bins(needed[SLOTS * grid : SLOTS * (grid + 1)], capacity, self._memory)
+            room = grown_bins(
+                needed[SLOTS * grid : SLOTS * (grid + 1)], self._held(grid, capacity), self._memory
+            )
+            if room == self._held(grid, capacity):
+                room = capacity
             grew = grew or room != capacity
             self._capacity[grid] = room
         return grew
+
+    def _held(self, grid: int, capacity: tuple[int, int, int]) -> tuple[int, int, int]:
+        """The capacities in force: a light's first guess of its items is its own."""
+        light = next((light for light in self.lights if light.index == grid - 1), None)
+        return (*capacity[:2], light.items.capacity if light else 0)
 
     def tests_per_pixel(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         """Triangle tests of each pixel's primary ray and of its shadow rays: the last frame traced again, counted."""

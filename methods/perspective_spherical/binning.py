@@ -100,7 +100,7 @@ class TileBins:
         items: int,
         tiles: int,
         slices: int,
-        capacity: tuple[int, int],
+        capacity: tuple[int, ...],
         needs: wp.array,
         slot: int,
         device: str,
@@ -108,7 +108,7 @@ class TileBins:
         self.items = max(1, items)
         self.device = device
         self.needs, self.slot = needs, slot
-        pair_capacity, row_capacity = capacity
+        pair_capacity, row_capacity = capacity[:2]
         self.pairs = TilePairs(self.items + row_capacity, tiles, slices, pair_capacity, device)
         with wp.ScopedDevice(device):
             self.boxes = wp.zeros(self.items, dtype=wp.vec4i)
@@ -143,9 +143,12 @@ class TileBins:
         self.pairs.launch_lists()
 
 
-def grown_bins(needed: NDArray[np.int64], capacity: tuple[int, int], memory: int) -> tuple[int, int]:
-    """Capacities (pairs, rows) to go on with. Raises CapacityRejected beyond ``memory`` bytes."""
+def grown_bins(
+    needed: NDArray[np.int64], capacity: tuple[int, int, int], memory: int
+) -> tuple[int, int, int]:
+    """Capacities (pairs, rows, items) to go on with. Raises CapacityRejected beyond ``memory`` bytes."""
     return (
         grown(int(needed[0]), capacity[0], memory, "(triangle, cell) pairs"),
         grown(int(needed[1]), capacity[1], memory, "(large triangle, tile row) items"),
+        grown(int(needed[2]), capacity[2], memory, "(ray chunk, triangle chunk) items"),
     )

@@ -8,10 +8,12 @@ from ...harness.frame import Frame
 from ...harness.passes import Pass
 from . import camera_grid as kernels
 from .binning import TileBins
+from .items import Items, count_tiles_kernel
 from .parameters import TRIANGLE_TESTS, Build, Trace
-from .primary import make_trace_kernel
+from .primary import NO_NEAREST, make_resolve_kernel, make_trace_kernel
 from .ray_tests import WIDENING
-from .variants import Variant, block_for
+from .staged import make_staged_trace_kernel
+from .variants import Variant, block_for, staged
 
 
 @wp.kernel(enable_backward=False)
@@ -34,7 +36,7 @@ class CameraGrid:
         build: Build,
         trace: Trace,
         outward: float,
-        capacity: tuple[int, int],
+        capacity: tuple[int, ...],
         needs: wp.array,
         slot: int,
     ):
@@ -54,6 +56,11 @@ class CameraGrid:
             self.depth_range = wp.zeros(2, dtype=wp.float32)
             self.hit = wp.zeros(frame.pixels, dtype=wp.vec3d)
             self.no_tests = wp.zeros(1, dtype=wp.int32)
+            self.nearest = wp.zeros(frame.pixels if trace.triangle_chunk else 1, dtype=wp.uint64)
+        split, sources = trace.triangle_chunk, self.across * self.down if trace.triangle_chunk else 1
+        # A list of n pairs has at most one part and one for every full chunk.
+        self.items = Items(sources, sources + (capacity[0] // split if split else 0), frame.device)
+        self.item_need = wp.zeros(1, dtype=wp.int64, device=frame.device)
 
     def passes(self) -> list[Pass]:
         """Build and trace, in the order they run."""
@@ -118,24 +125,37 @@ class CameraGrid:
             device=self.frame.device,
         )
 
-    @property
-    def threads(self) -> int:
-        """Threads of the tracing kernels: whole tracing tiles of k x k sorting tiles."""
-        k = self.trace.k
-        return -(-self.across // k) * -(-self.down // k) * (k * self.build.tile) ** 2
-
     def launch_trace(self, tests: wp.array | None = None) -> None:
         """Closest hits. ``tests`` (int32 [pixels]) receives the triangle tests of each pixel, if given."""
-        f, a, pairs = self.frame, self.frame.answers, self.bins.pairs
+        f, a, pairs, split = self.frame, self.frame.answers, self.bins.pairs, self.trace.triangle_chunk
+        # Of a split list a block takes one sorting tile; otherwise a tracing tile of k x k of them.
+        k = 1 if split else self.trace.k
+        sources = -(-self.across // k) * -(-self.down // k)
+        if split:
+            sources = self.items.capacity
+            self.items.launch(count_tiles_kernel, [split, pairs.begin, pairs.end], self.item_need, 0)
+            self.nearest.fill_(int(NO_NEAREST))
+        variant, area = Variant.of(self.build), (k * self.build.tile) ** 2
+        block = block_for(area)
+        in_blocks = staged(self.trace, f.device)
+        outputs = [a.triangle, a.t, a.u, a.v, self.hit, self.no_tests if tests is None else tests]
         wp.launch(
-            make_trace_kernel(Variant.of(self.build)),
-            dim=self.threads,
+            make_staged_trace_kernel(variant, block) if in_blocks else make_trace_kernel(variant),
+            dim=sources * (-(-area // block) * block if in_blocks else area),
             inputs=[
-                f.width, f.height, self.build.tile, self.trace.k, self.build.slices, f.eye, f.column, f.row,
-                f.points, f.triangles, f.weld, self.depth_range, pairs.begin, pairs.end, pairs.keys, pairs.values,
-                self.records,
+                f.width, f.height, self.build.tile, k, self.build.slices, split, f.eye, f.column, f.row, f.points,
+                f.triangles, f.weld, self.depth_range, pairs.begin, pairs.end, pairs.keys, pairs.values,
+                self.records, self.items.items, self.items.scan, self.nearest,
             ],
-            outputs=[a.triangle, a.t, a.u, a.v, self.hit, self.no_tests if tests is None else tests],
-            block_dim=block_for((self.trace.k * self.build.tile) ** 2),
+            outputs=outputs,
+            block_dim=block,
             device=f.device,
         )  # fmt: skip
+        if split:
+            wp.launch(
+                make_resolve_kernel(variant),
+                dim=f.pixels,
+                inputs=[f.width, f.eye, f.column, f.row, f.points, f.triangles, f.weld, self.nearest],
+                outputs=outputs[:-1],
+                device=f.device,
+            )

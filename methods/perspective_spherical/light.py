@@ -11,11 +11,13 @@ from . import light_grid as grid
 from .binning import TileBins
 from .camera import CameraGrid
 from .chunks import Chunks
+from .items import Items, count_chunks_kernel
 from .light_tiles import clamp_kernel, edges_kernel
 from .parameters import CLAMPS, LIGHT_MAPS, TRIANGLE_TESTS, Build, Trace
 from .ray_tests import WIDENING
 from .shadow import make_shadow_kernel
-from .variants import Variant, block_for
+from .staged import make_staged_shadow_kernel
+from .variants import Variant, block_for, staged, wide
 
 FLOAT64_PAD, FLOAT32_PAD = 4.0e-14, 64 * 2.0**-24
 """What a ray's direction from the light is known to, relative to its length."""
@@ -42,10 +44,11 @@ class LightGrid:
         build: Build,
         trace: Trace,
         outward: float,
-        capacity: tuple[int, int],
+        capacity: tuple[int, int, int],
         needs: wp.array,
         slot: int,
     ):
+        self.needs, self.item_slot = needs, slot + 2
         self.frame, self.index, self.camera, self.build, self.trace = frame, index, camera, build, trace
         self.outward = outward
         self.map = LIGHT_MAPS.index(build.light_map)
@@ -66,13 +69,19 @@ class LightGrid:
             frame.device,
         )
         self.chunks = Chunks(frame.pixels, self.tile_count, trace.r, trace.balancing, frame.device)
+        split = trace.triangle_chunk
+        self.items = Items(
+            self.chunks.capacity if split else 1,
+            capacity[2] or 2 * self.chunks.capacity if split else 1,
+            frame.device,
+        )
         self.key_bits = self.tile_count.bit_length()
-        cuda = wp.get_device(frame.device).is_cuda
-        share = 1 if cuda else 128
+        many = wide(frame.device)
+        share = 1 if many else 128
         threads = min(REDUCE_THREADS, -(-frame.pixels // share))
-        self.reduce_threads = -(-threads // REDUCE_BLOCK) * REDUCE_BLOCK if cuda else threads
+        self.reduce_threads = -(-threads // REDUCE_BLOCK) * REDUCE_BLOCK if many else threads
         self.block = block_for(trace.r)
-        self.lanes = self.block if cuda else 1
+        self.lanes = self.block if many else 1
         with wp.ScopedDevice(frame.device):
             self.spans = wp.zeros(self.bins.items, dtype=wp.vec2i)
             self.records = wp.zeros(6 * max(1, frame.triangle_count), dtype=wp.vec4f)
@@ -220,15 +229,31 @@ class LightGrid:
 
     def launch_trace(self, tests: wp.array | None = None) -> None:
         """Shadow bits. ``tests`` (int32 [pixels]) is raised by the triangle tests of each pixel's ray, if given."""
-        f, pairs = self.frame, self.bins.pairs
+        f, pairs, chunks, split = self.frame, self.bins.pairs, self.chunks, self.trace.triangle_chunk
+        blocks = chunks.capacity
+        if split:
+            blocks = self.items.capacity
+            self.items.launch(
+                count_chunks_kernel,
+                [split, self.ray_keys, chunks.outArr, chunks.numCBlocks, pairs.begin, pairs.end],
+                self.needs,
+                self.item_slot,
+            )
+            if tests is not None:
+                f.answers.visibility[
+                    self.index
+                ].zero_()  # traced before: rays that are set would be left alone
+        variant = Variant.of(self.build)
+        in_blocks = staged(self.trace, f.device)
+        lanes = self.block if in_blocks else self.lanes
         wp.launch(
-            make_shadow_kernel(Variant.of(self.build)),
-            dim=self.chunks.capacity * self.lanes,
+            make_staged_shadow_kernel(variant, self.block) if in_blocks else make_shadow_kernel(variant),
+            dim=blocks * lanes,
             inputs=[
-                self.index, self.lanes, self.build.light_slices, self.distance_pad, f.lights, f.eye, f.points,
+                self.index, lanes, self.build.light_slices, split, self.distance_pad, f.lights, f.eye, f.points,
                 f.triangles, f.weld, f.answers.triangle, self.camera.hit, self.place, self.extent, self.ray_keys,
-                self.ray_values, self.chunks.outArr, self.chunks.numCBlocks, pairs.begin, pairs.end, pairs.keys,
-                pairs.values, self.records,
+                self.ray_values, chunks.outArr, chunks.numCBlocks, pairs.begin, pairs.end, pairs.keys, pairs.values,
+                self.records, self.items.items, self.items.scan,
             ],
             outputs=[f.answers.visibility, self.no_tests if tests is None else tests],
             block_dim=self.block,

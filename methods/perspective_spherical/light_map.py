@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from .sphere import HALF_PI, PI, ROUNDING, angles, length2, triangle_angles
+from .sphere import HALF_PI, PI, ROUNDING, angles, triangle_angles
 
 AZIMUTH_ELEVATION, TWO_ANGLE, CUBE = 0, 1, 2
 

@@ -1,6 +1,7 @@
 """Tracing shadow rays through a light grid (paper, section 4.4): any hit, one thread block a chunk.
 
-The bit is set in primary-ray order, so that blocks need no synchronisation.
+The bit is set in primary-ray order, so that blocks need no synchronisation. With split lists (:mod:`.items`) a
+block takes one part of a chunk's list, and leaves rays alone whose bit another part has set.
 """
 
 from __future__ import annotations
@@ -52,6 +53,7 @@ def make_shadow_kernel(variant: Variant) -> wp.Kernel:
         index: wp.int32,
         lanes: wp.int32,
         slices: wp.int32,
+        split: wp.int32,
         distance_pad: wp.float64,
         lights: wp.array(dtype=wp.vec3f),
         eye: wp.array(dtype=wp.vec3f),
@@ -71,11 +73,19 @@ def make_shadow_kernel(variant: Variant) -> wp.Kernel:
         keys: wp.array(dtype=wp.int32),
         values: wp.array(dtype=wp.int32),
         records: wp.array(dtype=wp.vec4f),
+        items: wp.array(dtype=wp.vec2i),
+        item_scan: wp.array(dtype=wp.int64),
         visibility: wp.array2d(dtype=wp.uint8),
         tests: wp.array(dtype=wp.int32),
     ):
         k = wp.tid()
         chunk = k // lanes
+        part = wp.int32(0)
+        if split > 0:
+            if wp.int64(chunk) >= item_scan[item_scan.shape[0] - 1]:
+                return
+            part = items[chunk][1]
+            chunk = items[chunk][0]
         if chunk >= total[0]:
             return
         light = lights[index]
@@ -92,8 +102,12 @@ def make_shadow_kernel(variant: Variant) -> wp.Kernel:
             behind = tile * slices + last_slice(place[pixel], distance_pad, extent, slices) + 1
             number = wp.int32(0)
             shadowed = wp.bool(False)
-            j = begin[tile]
+            j = begin[tile] + part * split
             stop = end[tile]
+            if split > 0:
+                stop = wp.min(stop, j + split)
+                if visibility[index, pixel] != wp.uint8(0):
+                    stop = j
             while j < stop and not shadowed:
                 if keys[j] >= behind:
                     break
@@ -110,6 +124,6 @@ def make_shadow_kernel(variant: Variant) -> wp.Kernel:
             if shadowed:
                 visibility[index, pixel] = wp.uint8(1)
             if tests.shape[0] > 1:
-                tests[pixel] = tests[pixel] + number
+                wp.atomic_add(tests, pixel, number)
 
     return shadow_kernel

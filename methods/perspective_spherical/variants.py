@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .parameters import TRIANGLE_TESTS, Build
+import warp as wp
+
+from .parameters import TRIANGLE_TESTS, Build, Trace
 
 BLOCKS = (64, 128, 256)
 """Threads of a block on CUDA. On a CPU, blocks have one thread unless Warp is told otherwise."""
@@ -27,3 +29,13 @@ VARIANTS = tuple(Variant(test) for test in range(len(TRIANGLE_TESTS)))
 def block_for(threads: int) -> int:
     """The smallest block that holds ``threads``, or the largest there is."""
     return next((block for block in BLOCKS if block >= threads), BLOCKS[-1])
+
+
+def wide(device: str) -> bool:
+    """Whether thread blocks have more than one thread: on CUDA, and on a CPU only where Warp is told so."""
+    return wp.get_device(device).is_cuda or bool(wp.config.enable_cpu_blocks)
+
+
+def staged(trace: Trace, device: str) -> bool:
+    """Whether triangles are staged: asked for, and there is someone to share them with."""
+    return trace.staging == "shared" and wide(device)
