@@ -280,6 +280,19 @@ def test_an_occluder_within_the_bound_of_the_hit_point_excuses_a_leak_but_not_mo
     assert shadow_class(-1.0, 0, lift=2.0**-12) == "LEAK"
 
 
+@pytest.mark.parametrize("size", [0.5, 1.0, 8.0, 60.0])
+def test_a_leak_needs_every_occluder_to_be_excused(size):
+    """One cover's border passes within the bound of the segment, another covers it well; sizes change the tree."""
+    floor, border = QUAD * np.float32(4), QUAD * np.float32(8) + np.float32([-8, 0, 1])
+    solid = QUAD * np.float32(size) + np.float32([0.1, 0.1, 2])
+    points = np.concatenate([floor, border, solid])
+    faces = np.concatenate([QUAD_FACES, QUAD_FACES + 4, QUAD_FACES + 8])
+    for count, expected in ((4, Verdict.EDGE), (6, Verdict.LEAK)):
+        referee = Referee(points, faces[:count], np.ones(count))
+        hits = referee.closest(np.float32([-HAIR, 0.25, 0.5]), np.float32([(0, 0, -1)]))
+        assert referee.classify_shadow(hits, np.float32([0, 0.25, 5]), np.array([0])).tolist() == [expected]
+
+
 def test_a_far_light_does_not_widen_the_bound():
     assert shadow_class(1.0, 1, light=(0.0, 0.25, 1e7)) == "ACNE"
     assert shadow_class(-1.0, 0, light=(-1e6, 0.25, 1e7)) == "LEAK"
