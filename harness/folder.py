@@ -23,7 +23,7 @@ FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
 
 UNWRITABLE = (*FULL, errno.EACCES, errno.EPERM, errno.EIO, errno.ENOTDIR, errno.EISDIR)
 
-MAKERS = ("moment", "lights", "scene")
+MAKERS = ("moment", "lights", "lighting", "scene")
 """Modules of the harness that, beside those of the scenes, decide what arrays a scene has."""
 
 
@@ -118,7 +118,7 @@ def _scene_id(load: dict[str, Any]) -> str:
     for path in [*sorted((here / "scenes").glob("*.py")), *(here / f"{name}.py" for name in MAKERS)]:
         code.update(path.read_bytes())
     source = resolve(load["scene"], load["scene_dir"]).source
-    what = {key: load[key] for key in ("scene", "frames", "width", "height")}
+    what = {key: load[key] for key in ("scene", "frames", "width", "height", "lighting")}
     return hashlib.sha256(f"{what} {source} {code.hexdigest()}".encode()).hexdigest()[:16]
 
 

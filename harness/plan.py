@@ -22,12 +22,13 @@ import warp as wp
 
 from . import registry
 from .errors import UserError, did_you_mean
+from .lighting import Lighting
 from .method import Method
 from .record import SCHEMA, digest
 from .start import start_warp
 
 PACKAGE = __name__.rsplit(".", 2)[0] + ".experiments"
-CONVENTIONS = ("frame", "method", "moment", "passes", "session", "timing", "lights", "scene")
+CONVENTIONS = ("frame", "method", "moment", "passes", "session", "timing", "lights", "lighting", "scene")
 """Modules of the harness that every measurement depends on; their text is hashed into a method's source hash."""
 
 
@@ -49,6 +50,8 @@ class Preset:
     rounds         how often every point is measured anew, interleaved with the others in balanced random order
     budget_s       seconds a point may spend on samples, over all its frames and rounds
     timeout_s      seconds after which a silent worker is given up
+    lightings      lights to put in place of each scene's own: every method on every scene under each of them
+    maps           keep what each pixel cost (tests of its primary ray) as a map of each point's last frame
     """
 
     width: int
@@ -63,6 +66,8 @@ class Preset:
     rounds: int = 2
     budget_s: float = 60.0
     timeout_s: float = 300.0
+    lightings: tuple[Lighting, ...] = (Lighting(),)
+    maps: bool = False
 
 
 @dataclass(frozen=True)
@@ -80,7 +85,8 @@ class Experiment:
 def experiment_names() -> list[str]:
     """Every experiment that can be run: the modules of the experiments package."""
     package = importlib.import_module(PACKAGE)
-    return sorted(module.name for module in pkgutil.iter_modules(package.__path__))
+    names = [module.name for module in pkgutil.iter_modules(package.__path__)]
+    return sorted(name for name in names if not name.startswith("_"))
 
 
 def find_experiment(name: str) -> Experiment:
@@ -92,6 +98,10 @@ def find_experiment(name: str) -> Experiment:
 
 def find_preset(experiment: Experiment, name: str | None, device: str) -> tuple[str, Preset]:
     """A preset by name; by default the one declared for the kind of device."""
+    if not experiment.presets:
+        raise UserError(
+            f"{experiment.name} measures nothing; run the others, then `shadowbench show {experiment.name} DIR`"
+        )
     chosen = name or (experiment.gpu if device.startswith("cuda") else experiment.cpu)
     if chosen not in experiment.presets:
         raise UserError(
@@ -279,8 +289,11 @@ def make_point(
         "rounds": preset.rounds,
         "budget_s": preset.budget_s,
         "seed": seed,
+        **({"lighting": scene["lighting"]} if scene.get("lighting") else {}),
+        **({"maps": True} if preset.maps else {}),
     }
-    stem = "-".join([scene["name"], entry.method, *([entry.label] if entry.label else [])])
+    words = [scene["name"], (scene.get("lighting") or {}).get("label", ""), entry.method, entry.label]
+    stem = "-".join(word for word in words if word)
     readable = re.sub(r"[^a-z0-9_.-]+", "-", stem.lower()).strip("-.")[:60]
     key = f"{readable}-{preset.width}x{preset.height}-{digest(configuration)[:16]}"
     return Point(key, entry, scene, method, configuration, frames, preset)

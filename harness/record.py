@@ -239,6 +239,7 @@ def identity(record: dict[str, Any]) -> dict[str, Any]:
         "width": point["width"],
         "height": point["height"],
         "lights": len(scene.get("lights") or ()),
+        "lighting": (scene.get("lighting") or {}).get("label", ""),
         "status": record["status"],
         "reason": record["reason"],
     }

@@ -15,6 +15,7 @@ from typing import Any, Protocol
 
 from .environment import environment, keep
 from .folder import ResultsFolder
+from .lighting import Lighting
 from .plan import Entry, Experiment, Point, Preset, describe_method, make_point, orders
 from .record import Journal, make_record
 from .remote import Remote, WorkerError, WorkerLostError
@@ -80,6 +81,8 @@ class Run:
     workers: dict[str, Remote] = field(default_factory=dict)
     loaded: dict[str, int] = field(default_factory=dict)
     environment: str = ""
+    lighting: Lighting = field(default_factory=Lighting)
+    """The lights of the scene under way."""
 
     def __post_init__(self) -> None:
         self.folder = ResultsFolder(self.options.out)
@@ -91,11 +94,13 @@ class Run:
             with self.folder.writing():
                 self.environment = keep(options.out, environment())
             methods = [(entry, describe_method(entry, options.device)) for entry in options.preset.methods]
-            self.report.steps(len(options.preset.scenes) * len(methods) * self._steps_a_point())
+            places = len(options.preset.scenes) * len(options.preset.lightings)
+            self.report.steps(places * len(methods) * self._steps_a_point())
             records: list[dict[str, Any]] = []
             try:
                 for scene in options.preset.scenes:
-                    records += self._scene(scene, methods)
+                    for self.lighting in options.preset.lightings:
+                        records += self._scene(scene, methods)
             finally:
                 for worker in self.workers.values():
                     worker.stop()
@@ -121,6 +126,7 @@ class Run:
                     "name": Path(name).stem.lower(),
                     "title": name,
                     "source": {"kind": "", "file": name},
+                    "lighting": self.lighting.facts(),
                 }
             elif facts is None or fresh["arrays_sha256"] != facts["arrays_sha256"]:
                 facts, jobs = fresh, []
@@ -203,6 +209,7 @@ class Run:
             "settings": dict(job.point.entry.settings),
             "device": job.point.method["device"],
             "memory_limit": self.options.memory_limit,
+            "maps": self.options.preset.maps,
             "budget_s": self.options.preset.budget_s,
         }
         reply = self._command(worker, do="prepare", point=spec, folder=str(self.options.out))
@@ -235,7 +242,8 @@ class Run:
 
     def _grade(self, job: Job) -> dict[str, Any]:
         self._ensure_loaded(GRADER, job.scene)
-        image = self.folder.image(job.point.scene["name"])
+        label = self.lighting.label
+        image = self.folder.image(job.point.scene["name"] + (f"-{label}" if label else ""))
         return self._command(
             self._worker(GRADER),
             do="grade",
@@ -314,6 +322,7 @@ class Run:
             "width": preset.width,
             "height": preset.height,
             "shared": str(self.folder.shared_scene),
+            "lighting": self.lighting.facts(),
             "make": make,
         }
 

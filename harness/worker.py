@@ -26,6 +26,8 @@ import warp as wp
 from .errors import CapacityRejected, UserError
 from .folder import FULL
 from .grading import Grader, hand_over, handed_path
+from .lighting import Lighting
+from .maps import map_path, write_map
 from .moment import Moment, Prepared
 from .plan import spread_frames
 from .registry import make_method
@@ -75,23 +77,33 @@ class Worker:
         return actions[kind](**command)
 
     def load(
-        self, scene: str, scene_dir: str | None, frames: int, width: int, height: int, shared: str, make: bool
+        self,
+        scene: str,
+        scene_dir: str | None,
+        frames: int,
+        width: int,
+        height: int,
+        shared: str,
+        lighting: dict[str, Any],
+        make: bool,
     ) -> dict[str, Any]:
         """Make the scene (or take the one that another worker stored) and its moments; reply with its facts."""
         self.free()
         start = time.perf_counter()
-        described = resolve(scene, scene_dir)
+        lights = Lighting.read(lighting)
+        described = lights.longer(resolve(scene, scene_dir))
         if make:
-            self.prepared = Prepared(described)
+            self.prepared = lights.applied(Prepared(described))
             store(Path(shared), self.prepared, spread_frames(self.prepared.frame_count, frames))
         else:
-            self.prepared = Stored(Path(shared), described)
+            self.prepared = lights.applied(Stored(Path(shared), described))
         self.size = (width, height)
         self.scene_argument = scene
         for frame in spread_frames(self.prepared.frame_count, frames):
             self.moments[frame] = self.prepared.moment(frame, width, height)
         self.load_s = time.perf_counter() - start
-        return {"scene": scene_facts(self.prepared, self.moments), "load_s": self.load_s}
+        facts = {**scene_facts(self.prepared, self.moments), "lighting": lighting}
+        return {"scene": facts, "load_s": self.load_s}
 
     def prepare(self, point: dict[str, Any], folder: str) -> dict[str, Any]:
         """Plan, compile, run every frame until its capacities suffice, and hand its answers over to be graded.
@@ -125,6 +137,8 @@ class Worker:
                 held[frame] = max(0, tracker.peak() - own)
                 hand_over(handed_path(Path(folder), point["key"], frame), answers)
                 counted.append({"frame": frame, "counters": plain(method.counters())})
+                if point.get("maps"):
+                    keep_map(method, moment, map_path(Path(folder), point["key"], frame))
                 if time.perf_counter() - start - compiling.seconds > point["budget_s"] / 2:
                     break
         tracker.pause()
@@ -243,6 +257,13 @@ def scene_facts(prepared: Prepared, moments: dict[int, Moment]) -> dict[str, Any
         "lights": [plain(asdict(light)) for light in scene.lights],
         "light_path": None if path is None else {"kind": type(path).__name__, **plain(asdict(path))},  # type: ignore[call-overload]
     }
+
+
+def keep_map(method: Any, moment: Moment, path: Path) -> None:
+    """Keep what each pixel of the last frame cost, where the method counts it (``tests_per_pixel``)."""
+    counted = getattr(method, "tests_per_pixel", None)
+    if counted is not None:
+        write_map(path, counted()[0].reshape(moment.height, moment.width))
 
 
 def plain(value: Any) -> Any:

@@ -27,7 +27,7 @@ COLUMNS = (
 """The columns of a tidy CSV, in order. Times in milliseconds, rates in 1e6 rays a second, memory in bytes."""
 
 
-SAME = ("scene", "scene_title", "method", "label", "device", "width", "height")
+SAME = ("scene", "scene_title", "lighting", "method", "label", "device", "width", "height")
 """Two records that agree in these and in their settings are of one entry of a table: the newer one is shown."""
 
 ERROR_CLASSES = ("true", "invalid", "acne", "leak")

@@ -1,0 +1,172 @@
+"""What the figures of single experiments share: a row a point with its settings, lights and counters; CSV; text.
+
+Rows are :mod:`.tidy`'s, with more columns. Everything is computed from a folder's records.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..record import part_ms
+from . import style, tidy
+from .sheet import error_text, title_of
+
+Row = dict[str, Any]
+
+
+def rows(folder: Path | str) -> list[Row]:
+    """One row a point of a folder, in the order of tables. See :func:`row`."""
+    records, _ = tidy.newest(folder)
+    by_key = {record["key"]: record for record in records}
+    return [row(by_key[r["key"]]) for r in tidy.rows(records)]
+
+
+def row(record: dict[str, Any]) -> Row:
+    """A tidy row and more.
+
+    record         the record itself, for what is told a frame or a pass
+    set            the settings and every other parameter of the method, as values by name
+    light_label, light_count, light_distance, light_turns   how the experiment placed the lights
+    counters       mean over the frames of every work counter
+    """
+    lighting = record["scene"].get("lighting") or {}
+    parameters = record["method"].get("parameters") or {}
+    known = {**parameters.get("build", {}), **parameters.get("trace", {})}
+    return {
+        **tidy.row(record),
+        "record": record,
+        "set": {**(record["method"].get("settings") or {}), **known},
+        "light_label": lighting.get("label", ""),
+        "light_count": len(record["scene"].get("lights") or ()),
+        "light_distance": lighting.get("distance") or None,
+        "light_turns": lighting.get("turns") or None,
+        "counters": counters(record),
+    }
+
+
+def counters(record: dict[str, Any]) -> dict[str, float]:
+    """Mean over a record's frames of each work counter; the frames that were counted count."""
+    names = dict.fromkeys(name for frame in record["frames"] for name in frame.get("counters") or {})
+    return {
+        name: float(
+            np.mean([f["counters"][name] for f in record["frames"] if name in (f.get("counters") or {})])
+        )
+        for name in names
+    }
+
+
+def pass_ms(record: dict[str, Any], part: str, pattern: str = "") -> float | None:
+    """Milliseconds of the passes of a part whose names hold ``pattern`` (a regular expression); mean over frames."""
+    frames = [frame for frame in record["frames"] if frame["total_ms"]]
+    if not frames:
+        return None
+    wanted = [
+        {**f, "passes": [p for p in f["passes"] if re.search(pattern, p["name"])]} for f in frames
+    ]  # fmt: skip
+    return float(np.mean([part_ms(frame, part) for frame in wanted]))
+
+
+def measured(made: Iterable[Row]) -> list[Row]:
+    """Those rows that have a time."""
+    return [r for r in made if r["status"] == "ok" and r.get("total_ms") is not None]
+
+
+def write_csv(made: Sequence[dict[str, Any]], path: Path, columns: Sequence[str]) -> Path:
+    """The rows as CSV; a number has six digits, what is not known is empty."""
+    with open(path, "w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, columns, extrasaction="ignore", lineterminator="\n")
+        writer.writeheader()
+        for r in made:
+            writer.writerow({key: plain(r.get(key)) for key in columns})
+    return path
+
+
+def plain(value: Any) -> Any:
+    """A value as it stands in a CSV."""
+    return f"{value:.6g}" if isinstance(value, float) else "" if value is None else value
+
+
+COMMON = (
+    "scene scene_title stand_in triangles method label settings device device_name width height preset status reason "
+    "light_label light_count light_distance build_ms trace_ms light_build_ms shadow_ms total_ms iqr_ms between_ms "
+    "frames samples true_errors unscored environment key"
+).split()
+"""Columns that every CSV of an experiment begins with."""
+
+
+def where(made: Sequence[Row]) -> str:
+    """Size and device of rows, as a phrase: "256x256 on AMD EPYC"."""
+    sizes = dict.fromkeys(f"{r['width']}x{r['height']}" for r in made)
+    devices = dict.fromkeys(str(r["device_name"]) for r in made)
+    return f"{' and '.join(sizes)} on {' and '.join(devices)}"
+
+
+def not_measured(made: Sequence[Row]) -> list[str]:
+    """One line for every point without a time."""
+    done = {r["key"] for r in measured(made)}
+    return [
+        f"{title_of(r)}, {name(r)}: {r['status']}: {r['reason'] or 'no reason given'}"
+        for r in made
+        if r["key"] not in done
+    ]
+
+
+def name(r: Row) -> str:
+    """Label of a point, with its lights where the experiment placed them."""
+    return f"{r['label']}, {r['light_label']}" if r["light_label"] else r["label"]
+
+
+def errors(made: Sequence[Row]) -> str:
+    """What is known of the answers behind the times: a sentence."""
+    bad = [f"{title_of(r)}, {name(r)}: {error_text(r)}" for r in measured(made) if error_text(r) != style.OK]
+    if not bad:
+        return "Every answer behind these times was found right."
+    if len(bad) > 6:
+        bad = [*bad[:6], f"and {len(bad) - 6} more (see the CSV)"]
+    return "Answers: " + "; ".join(bad) + "."
+
+
+def report(
+    folder: Path, experiment: str, title: str, sentences: Sequence[str], files: Sequence[Path], made: Sequence[Row],
+    quiet: bool,
+) -> list[Path]:  # fmt: skip
+    """Write ``EXPERIMENT.md`` with what was found, print it unless ``quiet``; return every file written."""
+    lines = [f"# {title}", "", *(f"{sentence}\n" for sentence in sentences)]
+    lines += [f"{where(made)}. {errors(made)}", ""] if made else []
+    missing = not_measured(made)
+    if missing:
+        lines += ["Not measured:", "", *(f"- {line}" for line in missing), ""]
+    lines += [f"![{file.stem}]({file.name})" for file in files if file.suffix in (".svg", ".png")]
+    path = folder / f"{experiment}.md"
+    path.write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
+    if not quiet:
+        print(title)
+        for sentence in [*sentences, *(["Not measured: " + "; ".join(missing)] if missing else [])]:
+            print(f"  {sentence}")
+    return [*files, path]
+
+
+def save(figure: Any, path: Path) -> Path:
+    """Write a figure without a date in it: the same records give the same bytes."""
+    figure.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None)
+    return path
+
+
+def sheet_style() -> dict[str, Any]:
+    """Matplotlib settings of line plots: grid both ways."""
+    return {**style.axes_style(), "axes.grid.axis": "both", "lines.linewidth": 1.1, "lines.markersize": 3.5}
+
+
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
+"""One a line, beside its colour: a grey print keeps them apart."""
+
+
+def in_order(values: Iterable[Any], key: Callable[[Any], Any] | None = None) -> list[Any]:
+    """Distinct values, sorted."""
+    return sorted(set(values), key=key)
