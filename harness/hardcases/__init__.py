@@ -1,0 +1,28 @@
+"""Hard cases: small scenes on which ray tracers are known to go wrong, each named, and with its exact answer.
+
+A case is a construction (:class:`.case.HardCase`); the exact referee gives the expected answer, and where a hand
+can say it, the case says it too. ``shadowbench check METHOD`` runs them all.
+"""
+
+from __future__ import annotations
+
+from ..errors import UserError, did_you_mean
+from . import eyes, light_angles, light_places, meshes, variants
+from .case import Counts, HardCase, Trial
+
+__all__ = ["Counts", "HardCase", "Trial", "all_cases", "find_case"]
+
+
+def all_cases() -> tuple[HardCase, ...]:
+    """Every case, shadows (S) before eyes and meshes (P), then the variants of scale, offset and distance (V)."""
+    primary = sorted((*eyes.CASES, *meshes.CASES), key=lambda case: case.name)
+    shadow = sorted((*light_angles.CASES, *light_places.CASES), key=lambda case: case.name)
+    return (*shadow, *primary, *variants.CASES)
+
+
+def find_case(name: str) -> HardCase:
+    """A case by its name. Raises :class:`UserError` for an unknown one."""
+    known = {case.name: case for case in all_cases()}
+    if name not in known:
+        raise UserError(f"no hard case {name!r}{did_you_mean(name, known)}")
+    return known[name]

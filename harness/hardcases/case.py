@@ -1,0 +1,242 @@
+"""What a hard case is: a named construction, what breaks on it, and what is expected by hand.
+
+Rays through vertices and edges must be exact in float32. With the view along an axis, half widths that are powers
+of two (or small multiples) and an image side of a power of two, pixel centres lie at odd multiples of
+half / side: :func:`pixel_centres`. A plane at a dyadic depth is then met at dyadic points.
+
+To put receivers where a case wants them, the camera looks at a plane of receivers from its far side: visibility
+is geometric, so the plane itself never shadows its own points, and the occluder does not hide them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..moment import Moment, Prepared
+from ..scene import Camera, Geometry, Light, Scene, Spot, Vector
+
+F64 = NDArray[np.float64]
+Mesh = tuple[F64, NDArray[np.int64]]
+
+
+@dataclass(frozen=True)
+class Counts:
+    """What is expected: pixels that hit something, and for each light those that are shadowed. None: not stated."""
+
+    hit: int | None = None
+    shadowed: tuple[int | None, ...] | None = None
+
+    def agrees(self, exact: Counts) -> bool:
+        """Whether everything stated here is so in ``exact``, which states everything."""
+        if self.hit not in (None, exact.hit):
+            return False
+        if self.shadowed is None or exact.shadowed is None:
+            return self.shadowed is None
+        pairs = zip(self.shadowed, exact.shadowed, strict=True)
+        return all(stated in (None, counted) for stated, counted in pairs)
+
+    def __str__(self) -> str:
+        parts = [] if self.hit is None else [f"{self.hit} hit"]
+        if self.shadowed:
+            parts.append(f"{' + '.join('?' if n is None else str(n) for n in self.shadowed)} shadowed")
+        return ", ".join(parts) or "not stated"
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One moment of a case, ready to trace.
+
+    stated      by hand, for people; a test holds it against the exact answer
+    same_lights pairs of lights whose rows of bits must be the same
+    """
+
+    prepared: Prepared
+    moment: Moment
+    stated: Counts = field(default_factory=Counts)
+    same_lights: tuple[tuple[int, int], ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class HardCase:
+    """A named case. ``breaks``: what fails on it when written naively, and why. ``make`` builds it anew.
+
+    ``refused``: the scene cannot be made; making it must raise :class:`~..errors.UserError`.
+    """
+
+    name: str
+    title: str
+    breaks: str
+    make: Callable[[], Trial]
+    refused: bool = False
+
+
+def view(
+    mesh: Mesh,
+    lights: Sequence[Vector | Light],
+    eye: Sequence[float],
+    towards: Sequence[float],
+    half: float = 1.0,
+    size: tuple[int, int] = (16, 16),
+    up: Sequence[float] | None = None,
+    turn: int = 0,
+    scale: float = 1.0,
+    stated: Counts | None = None,
+    same_lights: tuple[tuple[int, int], ...] = (),
+    closed: bool = False,
+    offset: Sequence[float] = (0.0, 0.0, 0.0),
+) -> Trial:
+    """A trial from plain numbers.
+
+    towards  direction of the view (not a point);  half: half height of the image plane at distance 1
+    turn     roll coordinates so often (x, y, z -> z, x, y), so that seams and poles lie elsewhere
+    scale, offset  applied to mesh, eye and lights after turning, in float64
+    """
+    towards = np.asarray(towards, dtype=np.float64)
+    if up is None:
+        up = (0.0, 1.0, 0.0) if abs(towards[1]) <= 0.9 * np.linalg.norm(towards) else (0.0, 0.0, 1.0)
+
+    def placed(points: Any) -> F64:
+        rolled = np.roll(np.asarray(points, dtype=np.float64).reshape(-1, 3), turn, axis=1)
+        return rolled * scale + np.asarray(offset, dtype=np.float64)
+
+    def turned(direction: Any) -> Vector:
+        x, y, z = np.roll(np.asarray(direction, dtype=np.float64), turn).tolist()
+        return (x, y, z)
+
+    def vector(point: Any) -> Vector:
+        x, y, z = placed(point)[0].tolist()
+        return (x, y, z)
+
+    def lamp(light: Vector | Light) -> Light:
+        if not isinstance(light, Light):
+            return Light(vector(light))
+        spot = light.spot
+        if spot is not None:
+            spot = replace(spot, direction=turned(spot.direction), up=turned(spot.up))
+        return replace(light, position=vector(light.position), spot=spot)
+
+    points, faces = placed(mesh[0]), np.asarray(mesh[1], dtype=np.int64).reshape(-1, 3)
+    aim = placed(np.asarray(eye, dtype=np.float64) + towards)[0]
+    camera = Camera(vector(eye), (aim[0], aim[1], aim[2]), turned(up), math.degrees(2 * math.atan(half)))
+    scene = Scene(
+        "case", "Case", lambda: Geometry.static(points, faces), camera, tuple(lamp(x) for x in lights),
+        closed=closed,
+    )  # fmt: skip
+    prepared = Prepared(scene)
+    return Trial(prepared, prepared.moment(0, *size), stated or Counts(), same_lights)
+
+
+def spot_light(position: Vector, direction: Vector, angle: float, rise: float | None, up: Vector) -> Light:
+    """A light limited to a spot (degrees)."""
+    return Light(position, spot=Spot(direction, angle, rise, up))
+
+
+def pixel_centres(count: int, half: float = 1.0) -> F64:
+    """Where pixel centres lie on the image plane at distance 1, from -half to half: odd multiples of half / count."""
+    return (2 * np.arange(count) + 1 - count) / count * half
+
+
+# --- meshes ----------------------------------------------------------------------------------------------------
+
+
+def triangles(*corners: Any) -> Mesh:
+    """Triangles from their corners, nothing shared."""
+    points = np.asarray(corners, dtype=np.float64).reshape(-1, 3)
+    return points, np.arange(len(points)).reshape(-1, 3)
+
+
+def quad(a: Any, b: Any, c: Any, d: Any) -> Mesh:
+    """Two triangles that share the edge ac."""
+    return np.asarray([a, b, c, d], dtype=np.float64), np.array([(0, 1, 2), (0, 2, 3)])
+
+
+def plane(axis: int, at: float, half: float, middle: tuple[float, float] = (0.0, 0.0)) -> Mesh:
+    """A square across ``axis``; ``middle`` along the next two axes."""
+    corners = np.zeros((4, 3))
+    corners[:, axis] = at
+    corners[:, (axis + 1) % 3] = middle[0] + half * np.array([-1, 1, 1, -1])
+    corners[:, (axis + 2) % 3] = middle[1] + half * np.array([-1, -1, 1, 1])
+    return quad(*corners)
+
+
+def joined(*meshes: Mesh) -> Mesh:
+    """Several meshes as one; faces keep their order."""
+    points, faces, first = [], [], 0
+    for vertices, own in meshes:
+        points.append(np.asarray(vertices, dtype=np.float64).reshape(-1, 3))
+        faces.append(np.asarray(own, dtype=np.int64).reshape(-1, 3) + first)
+        first += len(points[-1])
+    return np.concatenate(points), np.concatenate(faces)
+
+
+def box(low: Any, high: Any) -> Mesh:
+    """A closed box of twelve triangles, wound outwards."""
+    low, high = np.broadcast_to(low, 3), np.broadcast_to(high, 3)
+    corners = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    faces = [t for a, b, c, d in sides for t in ((a, b, c), (a, c, d))]
+    return low + corners * (high - low), np.array(faces)
+
+
+def sheet(x: Any, y: Any, depth: Any) -> Mesh:
+    """A welded grid of triangles in front of the origin, seen along -z.
+
+    ``x`` [m], ``y`` [n]: places on the image plane at distance 1. ``depth``: a number, or [n, m]: a vertex lies
+    at depth * (x, y, -1), so on the ray through (x, y) whatever its depth.
+    """
+    x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+    across, along = np.meshgrid(x, y)
+    depth = np.broadcast_to(np.asarray(depth, dtype=np.float64), across.shape)
+    points = np.stack([across * depth, along * depth, -depth], axis=-1).reshape(-1, 3)
+    index = np.arange(across.size).reshape(across.shape)
+    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
+    faces = np.concatenate([np.stack(f, axis=-1).reshape(-1, 3) for f in ((a, b, c), (a, c, d))])
+    return points, faces
+
+
+def split(mesh: Mesh) -> Mesh:
+    """The same triangles with vertices of their own: what a file without shared vertices gives."""
+    points, faces = mesh
+    return points[faces].reshape(-1, 3), np.arange(3 * len(faces)).reshape(-1, 3)
+
+
+def moved(mesh: Mesh, by: Any, scale: float = 1.0) -> Mesh:
+    """A mesh scaled, then moved."""
+    return mesh[0] * scale + np.asarray(by, dtype=np.float64), mesh[1]
+
+
+def ball(radius: float, centre: Any, rings: int = 6, sectors: int = 9) -> Mesh:
+    """A closed ball."""
+    across = np.pi * np.arange(1, rings) / rings
+    around = 2 * np.pi * np.arange(sectors) / sectors
+    belt = np.stack(
+        [
+            np.outer(np.sin(across), np.cos(around)),
+            np.repeat(np.cos(across)[:, None], sectors, axis=1),
+            np.outer(np.sin(across), np.sin(around)),
+        ],
+        axis=-1,
+    ).reshape(-1, 3)
+    points = np.concatenate([[(0.0, 1.0, 0.0)], belt, [(0.0, -1.0, 0.0)]]) * radius + np.asarray(centre)
+    last, top = len(points) - 1, 1 + (rings - 2) * sectors
+    faces = [(0, 1 + (j + 1) % sectors, 1 + j) for j in range(sectors)]
+    for i in range(rings - 2):
+        for j in range(sectors):
+            p, q = 1 + i * sectors + j, 1 + i * sectors + (j + 1) % sectors
+            faces += [(p, q, p + sectors), (q, q + sectors, p + sectors)]
+    faces += [(last, top + j, top + (j + 1) % sectors) for j in range(sectors)]
+    return points, np.array(faces)
+
+
+def soup(seed: int, count: int, size: float = 0.4, spread: float = 1.0) -> Mesh:
+    """Random triangles of mixed sizes around the origin."""
+    random = np.random.default_rng(seed)
+    centre = random.uniform(-spread, spread, (count, 1, 3))
+    arms = random.normal(size=(count, 3, 3)) * size * np.exp(random.uniform(-3, 0.7, (count, 1, 1)))
+    return (centre + arms).reshape(-1, 3), np.arange(3 * count).reshape(-1, 3)

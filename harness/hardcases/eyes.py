@@ -1,0 +1,166 @@
+"""P01-P03, P07, P09-P10, P17-P18 and more: eyes in, on, near and far from what they see, and odd images."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .case import (
+    Counts,
+    HardCase,
+    Trial,
+    ball,
+    box,
+    joined,
+    pixel_centres,
+    plane,
+    quad,
+    sheet,
+    soup,
+    triangles,
+    view,
+)
+
+ORIGIN = (0.0, 0.0, 0.0)
+ABOVE = (0.3, 3.0, 0.25)
+
+
+def across_the_eye(turn: int = 0) -> Trial:
+    """A triangle from 5 in front of the eye to 0.5 behind it, over the eye's head."""
+    return view(
+        triangles((-1, -1, -5), (1, -1, -5), (0, 1, 0.5)), [(0, 3, -3), (0, -3, -3)], ORIGIN, (0, 0, -1), 1.0,
+        turn=turn,
+    )  # fmt: skip
+
+
+def many_across() -> Trial:
+    """Two hundred triangles of all sizes around the eye: many begin behind it."""
+    return view(
+        soup(31, 200, 1.5, 0.5), [(0.1, 0.05, -0.1), (30, 20, 10)], ORIGIN, (0.2, 0.1, -1), 1.0, (24, 24)
+    )
+
+
+def behind_the_eye() -> Trial:
+    """A triangle wholly behind the eye."""
+    return view(
+        triangles((-1, -1, 5), (1, -1, 5), (0, 1, 5)),
+        [ABOVE],
+        ORIGIN,
+        (0, 0, -1),
+        1.0,
+        stated=Counts(0, (0,)),
+    )
+
+
+def inside_a_box() -> Trial:
+    """An eye inside a closed box: every pixel hits a back face; the eye's rays meet edges and a corner of it."""
+    return view(
+        box(-1, 1), [(0.5, 0.5, 0.5), (0, 0, 9)], ORIGIN, (0, 0, -1), 2.0, (17, 17), stated=Counts(289),
+        closed=True,
+    )  # fmt: skip
+
+
+def into_a_corner() -> Trial:
+    """The middle ray goes exactly through the corner of the box, where three walls meet."""
+    return view(box(-1, 1), [ORIGIN], ORIGIN, (1, 1, 1), 0.75, (17, 17), stated=Counts(289, (0,)))
+
+
+def zero_components() -> Trial:
+    """Rays whose x or y component is 0 or -0 from the corners of cells, onto layers of squares."""
+    x = np.arange(-4, 5) / 4
+    layers = [sheet(x / depth, x / depth, depth) for depth in (1.0, 2.0, 3.0)]
+    return view(
+        joined(*layers), [(0, 0, -1.5), (0.25, 0.25, 4)], ORIGIN, (0, 0, -1), 1.0, (17, 17),
+        stated=Counts(289),
+    )  # fmt: skip
+
+
+def in_the_plane() -> Trial:
+    """An eye in the plane of a lattice, looking along it: coplanar rays hit nothing."""
+    x = pixel_centres(8)
+    points, faces = sheet(x, x, 1.0)
+    flat = points + np.array([0, 0, 1.0])
+    return view(
+        (flat, faces), [(0, 0, 2)], (3, 0, 0), (-1, 0, 0), 0.25, (9, 9), up=(0, 0, 1), stated=Counts(0, (0,))
+    )
+
+
+def diagonal_cells(start: float) -> Trial:
+    """The middle ray goes along x = y = z, through the corners of cells; triangles across it in each diagonal cell."""
+    cells = np.arange(1.0, 5.0)
+    corners = [p for k in cells for p in ((k + 1, k, k), (k, k + 1, k), (k, k, k + 1))]
+    return view(
+        triangles(*corners), [(-1, -1, -1), (8, 8, 8), (3, 3, 0)], (start,) * 3, (1, 1, 1), 0.25, (9, 9)
+    )
+
+
+def on_a_wall() -> Trial:
+    """An eye exactly on a wall of a box does not see that wall."""
+    return view(box(-1, 1), [ORIGIN], (0, 0, 1), (0, 0, -1), 1.0, (9, 9), stated=Counts(81, (0,)))
+
+
+def on_a_vertex() -> Trial:
+    """An eye exactly on a vertex that six triangles share, and another surface ahead."""
+    around = [(np.cos(a), np.sin(a), 0.25) for a in np.arange(6) * np.pi / 3]
+    fan = triangles(*[c for i in range(6) for c in (ORIGIN, around[i], around[(i + 1) % 6])])
+    return view(joined(fan, plane(2, -2, 8)), [(0, 0, 4)], ORIGIN, (0, 0, -1), 1.0, stated=Counts(256, None))
+
+
+def touching() -> Trial:
+    """An eye one float32 step in front of a wall: t = 2^-23 and smaller."""
+    wall = float(np.float32(1) - np.float32(2.0**-24))
+    return view(
+        joined(plane(2, wall, 1), plane(2, 0, 4)), [(0, 0, 3), (0, 0, -1)], (0, 0, 1), (0, 0, -1), 1.0,
+        stated=Counts(256, (0, 256)),
+    )  # fmt: skip
+
+
+def far_away() -> Trial:
+    """An eye 1e5 scene sizes away."""
+    return view(
+        joined(box(-1, 1), ball(1.2, ORIGIN)), [(2, 3, 4)], (1e5, 1e5, 1e5), (-1, -1, -1), 1e-5, (16, 16)
+    )
+
+
+def odd_image(width: int, height: int) -> Trial:
+    """A ball on a floor in an image whose sides divide by nothing."""
+    floor = quad((-3, 0, -3), (3, 0, -3), (3, 0, 3), (-3, 0, 3))
+    return view(
+        joined(floor, ball(0.5, (0, 0.6, 0))), [(1, 2.5, 0.5)], (0.3, 1.7, 3.1), (-0.1, -0.45, -1),
+        0.5 * min(1.0, height / width * 4), (width, height),
+    )  # fmt: skip
+
+
+def up_along_the_view() -> Trial:
+    """A camera whose up is its view: no picture, an error."""
+    return view(plane(2, 0, 1), [ABOVE], (0, 0, 4), (0, 0, -1), up=(0, 0, 1))
+
+
+CASES = (
+    *(
+        HardCase(
+            f"P01{suffix}", "triangle across the eye", "a vertex behind the eye is mirrored by the division",
+            lambda turn=turn: across_the_eye(turn),
+        )
+        for turn, suffix in enumerate(("", "y", "z"))
+    ),
+    HardCase("P01s", "two hundred triangles around the eye", "the same, with every shape", many_across),
+    HardCase("P02", "triangle behind the eye", "a mirror image after the division", behind_the_eye),
+    HardCase("P03", "eye inside a closed box", "culling of back faces: a black image", inside_a_box),
+    HardCase("P03b", "ray into the corner of a box", "the box test and the edges at a corner", into_a_corner),
+    HardCase("P07", "rays with components 0 and -0", "1/0, 0 times infinity, the step of -0", zero_components),
+    HardCase("P09", "rays in a plane", "an endless walk; a coplanar hit", in_the_plane),
+    HardCase("P10", "diagonal through corners of cells", "the walk picks one neighbour", lambda: diagonal_cells(0.0)),
+    HardCase("P10b", "the same from afar", "the walk picks one neighbour", lambda: diagonal_cells(-64.0)),
+    *(
+        HardCase(
+            f"P17 {w}x{h}", f"image of {w}x{h}", "partial tiles, thread guards",
+            lambda w=w, h=h: odd_image(w, h),
+        )
+        for w, h in ((1, 1), (33, 25), (3, 257), (257, 3), (8, 9))
+    ),
+    HardCase("P18", "up along the view", "a basis of NaN", up_along_the_view, refused=True),
+    HardCase("P19", "eye on a wall", "t = 0 taken for a hit", on_a_wall),
+    HardCase("P20", "eye on a shared vertex", "directions 0/0, every edge function 0", on_a_vertex),
+    HardCase("P21", "eye one step from a wall", "a near plane, an absolute epsilon", touching),
+    HardCase("P22", "eye at 1e5 scene sizes", "o - v rounds; boxes thinner than a step", far_away),
+)  # fmt: skip

@@ -1,0 +1,186 @@
+"""A method on a hard case: expected, got, and the class of every answer that differs from the exact one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import CapacityRejected, UserError
+from ..method import Method
+from ..referee import Referee
+from ..scene import Effects
+from ..score import score_answers
+from ..session import Session
+from ..spot import receivers
+from ..truth import Reference, exact_reference
+from .case import Counts, HardCase, Trial
+
+Answers = dict[str, NDArray]
+EXCUSED = ("tie", "near_tie", "edge")
+ERRORS = ("true", "invalid", "acne", "leak", "differs", "failed")
+
+
+@dataclass
+class Finding:
+    """What came of one case. ``status``: ok, outside (declared, or does not apply), or error.
+
+    ``classes`` counts answers that are not ok; ``examples`` are some of them as :mod:`..score` describes them.
+    """
+
+    case: str
+    title: str
+    expected: str
+    got: str = ""
+    status: str = "ok"
+    classes: dict[str, int] = field(default_factory=dict)
+    reason: str = ""
+    examples: list[dict[str, Any]] = field(default_factory=list)
+
+    @property
+    def true_errors(self) -> int:
+        return sum(self.classes.get(name, 0) for name in ERRORS)
+
+    def as_json(self) -> dict[str, Any]:
+        return {**asdict(self), "true_errors": self.true_errors}
+
+
+class Judged:
+    """A trial with its exact answers, made once for every method and device."""
+
+    def __init__(self, case: HardCase, trial: Trial):
+        self.case, self.trial = case, trial
+        self.effects = Effects.of(trial.prepared.scene)
+
+    @cached_property
+    def referee(self) -> Referee:
+        trial = self.trial
+        return Referee(trial.moment.points, trial.prepared.faces, trial.moment.valid)
+
+    @cached_property
+    def everywhere(self) -> Reference:
+        """Exact answers as if no light were a spot."""
+        return exact_reference(self.trial.prepared, self.trial.moment, self.referee, self.effects)
+
+    @cached_property
+    def held(self) -> NDArray[np.bool_]:
+        """Which hit points each light's spot holds: bool [lights, pixels]; True for lights that are no spots."""
+        moment, reference = self.trial.moment, self.everywhere
+        hit = reference.triangle >= 0
+        held = np.ones(reference.visibility.shape, dtype=bool)
+        pixels = np.nonzero(hit)[0]
+        if len(pixels) and moment.spots.any():
+            hits = self.referee.closest(moment.eye, moment.directions(pixels))
+            points = self.referee.hit_points(hits)
+            for light in range(len(held)):
+                held[light, pixels] = receivers(moment, points, light)
+        return held
+
+    @cached_property
+    def exact(self) -> Answers:
+        """The right answers, as a method gives them."""
+        answers = dict(self.everywhere.answers())
+        answers["visibility"] = np.where(self.held, answers["visibility"], 0).astype(np.uint8)
+        return answers
+
+    def judge(self, answers: Answers) -> tuple[dict[str, int], list[dict[str, Any]]]:
+        """Counts of the classes other than ok, and examples."""
+        trial = self.trial
+        classes: dict[str, int] = {}
+        examples: list[dict[str, Any]] = []
+        bits = answers["visibility"][: len(trial.moment.lights)]
+        given = dict(answers)
+        outside = np.where(self.held, 0, bits)
+        # Outside a spot a bit must be 0; there the exact bit stands in, so that only receivers are scored.
+        given["visibility"] = np.where(self.held, bits, self.everywhere.visibility)
+        score = score_answers(
+            trial.prepared, trial.moment, given, self.everywhere, self.referee, self.effects, extra_pixels=0
+        )
+        for counts in (score["primary"], *score["shadow"]):
+            for name in (*EXCUSED, *ERRORS):
+                if counts.get(name):
+                    classes[name] = classes.get(name, 0) + counts[name]
+        if outside.any():
+            classes["invalid"] = classes.get("invalid", 0) + int(np.count_nonzero(outside))
+            examples.append({"kind": "shadowed outside its spot"})
+        for one, other in trial.same_lights:
+            differ = int(np.count_nonzero(bits[one] != bits[other]))
+            if differ:
+                classes["differs"] = classes.get("differs", 0) + differ
+                examples.append({"kind": f"lights {one} and {other} at one place differ"})
+        return classes, examples + score["examples"]
+
+
+def counts_of(answers: Answers, lights: int) -> Counts:
+    """What a set of answers says, counted."""
+    shadowed = tuple(int((answers["visibility"][i] == 1).sum()) for i in range(lights))
+    return Counts(int((answers["triangle"] >= 0).sum()), shadowed)
+
+
+def judge_case(judged: Judged, method: Method, device: str) -> Finding:
+    """Run a method on a case, twice: the classes of its answers, and whether both runs gave the same bits."""
+    case, trial = judged.case, judged.trial
+    lights = len(trial.moment.lights)
+    finding = Finding(case.name, case.title, str(counts_of(judged.exact, lights)))
+    outside = getattr(method, "outside", None) or {}
+    reason = outside.get(case.name) or method.applies(trial.prepared.scene, device)
+    if reason:
+        finding.status, finding.reason = "outside", reason
+        return finding
+    try:
+        moment = trial.moment
+        session = Session(method, trial.prepared, moment.width, moment.height, device)
+        answers = session.answers(moment)
+        again = session.answers(moment)
+    except CapacityRejected as error:
+        finding.status, finding.reason = "outside", f"rejected: {error}"
+        return finding
+    except Exception as error:  # a crash is what a check is there to find
+        finding.classes, finding.status = {"failed": 1}, "error"
+        finding.got = finding.reason = f"{type(error).__name__}: {error}"
+        return finding
+    finding.got = str(counts_of(answers, lights))
+    finding.classes, finding.examples = judged.judge(answers)
+    unlike = [name for name in answers if not same_bits(answers[name], again[name])]
+    if unlike:
+        finding.classes["differs"] = finding.classes.get("differs", 0) + 1
+        finding.reason = f"two runs differ in {', '.join(unlike)}"
+    if finding.true_errors:
+        finding.status = "error"
+    return finding
+
+
+def judge_refusal(case: HardCase) -> Finding:
+    """A case that cannot be made must be refused with a line for the user."""
+    finding = Finding(case.name, case.title, "refused")
+    try:
+        case.make()
+    except UserError as error:
+        finding.got, finding.reason = "refused", str(error)
+    else:
+        finding.got, finding.status, finding.classes = "made", "error", {"failed": 1}
+    return finding
+
+
+def same_bits(a: NDArray, b: NDArray) -> bool:
+    """Whether two arrays hold the same bytes (NaN equals itself, 0 differs from -0)."""
+    return a.shape == b.shape and a.tobytes() == b.tobytes()
+
+
+def judge_method(
+    make_method: Callable[[], Method], device: str, cases: Sequence[HardCase], judged: dict[str, Judged]
+) -> list[Finding]:
+    """Every case on one method. ``judged`` keeps exact answers between methods."""
+    findings = []
+    for case in cases:
+        if case.refused:
+            findings.append(judge_refusal(case))
+            continue
+        if case.name not in judged:
+            judged[case.name] = Judged(case, case.make())
+        findings.append(judge_case(judged[case.name], make_method(), device))
+    return findings

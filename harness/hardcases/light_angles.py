@@ -1,0 +1,115 @@
+"""S01-S05, S17: directions around the light at which a map of the sphere has seams, poles and bulges.
+
+Each is given three times with the coordinates rolled, so that a seam or pole along any axis is met.
+"""
+
+from __future__ import annotations
+
+import math
+
+from .case import Counts, HardCase, Trial, joined, plane, quad, spot_light, triangles, view
+
+ORIGIN = (0.0, 0.0, 0.0)
+
+
+def seam(turn: int = 0) -> Trial:
+    """A wall at x = -2 that the half plane of azimuth pi crosses; receivers at x = -4 within its shadow."""
+    wall = quad((-2, -1, -1), (-2, 1, -1), (-2, 1, 1), (-2, -1, 1))
+    return view(
+        joined(wall, plane(0, -4, 8)), [ORIGIN], (-8, 0, 0), (1, 0, 0), 0.125, (32, 8), turn=turn,
+        stated=Counts(256, (256,)),
+    )  # fmt: skip
+
+
+def pole_inside(turn: int = 0) -> Trial:
+    """A triangle that holds the pole; receivers three times as far."""
+    roof = triangles((0.4, 0, 1), (-0.3, 0.35, 1), (-0.2, -0.3, 1))
+    return view(
+        joined(roof, plane(2, 3, 8)), [ORIGIN], (0, 0, 7), (0, 0, -1), 3 / 32, (8, 8), turn=turn,
+        stated=Counts(64, (64,)),
+    )  # fmt: skip
+
+
+def nadir(turn: int = 0) -> Trial:
+    """A table of 4 x 4 under a ceiling light; receivers on the floor all around the nadir."""
+    table = quad((-2, -2, -1.5), (2, -2, -1.5), (2, 2, -1.5), (-2, 2, -1.5))
+    return view(
+        joined(table, plane(2, -3, 8)), [ORIGIN], (0, 0, -7), (0, 0, 1), 0.75, turn=turn,
+        stated=Counts(256, (256,)),
+    )  # fmt: skip
+
+
+def edge_through_pole(turn: int = 0) -> Trial:
+    """An edge that passes exactly over the light: azimuths differ by pi. The middle row of receivers is met at
+    the edge itself, which belongs to the closed triangle; the others lie outside.
+    """
+    blade = triangles((1, 0, 2), (-1, 0, 2), (-1, 1e-3, 2))
+    return view(
+        joined(blade, plane(2, 4, 8)), [ORIGIN], (0, 0, 8), (0, 0, -1), 5 / 32, (16, 5), turn=turn,
+        stated=Counts(80, (16,)),
+    )  # fmt: skip
+
+
+def bulge(turn: int = 0) -> Trial:
+    """An edge between elevations of 45 degrees reaches 57: every receiver lies between the two."""
+
+    def at(azimuth: float, elevation: float) -> tuple[float, float, float]:
+        a, b = math.radians(azimuth), math.radians(elevation)
+        return math.cos(b) * math.cos(a), math.cos(b) * math.sin(a), math.sin(b)
+
+    arch = triangles(at(50, 45), at(-50, 45), at(0, 30))
+    return view(
+        joined(arch, plane(0, 3, 16)), [ORIGIN], (7, 0, 3.85), (-1, 0, 0), 0.175, (2, 16), up=(0, 0, 1),
+        turn=turn, stated=Counts(32, (32,)),
+    )  # fmt: skip
+
+
+def around_the_light(turn: int = 0) -> Trial:
+    """Large triangles on every side of the light, seam and poles among them, and receivers beyond them all."""
+    shell = plane(2, 1, 3), plane(2, -1, 3), plane(0, 1, 3), plane(0, -1, 3), plane(1, 1, 3), plane(1, -1, 3)
+    return view(
+        joined(*shell, plane(2, -4, 64)), [ORIGIN], (0, 0, -8), (0, 0, 1), 8.0, turn=turn,
+        stated=Counts(256, (256,)),
+    )  # fmt: skip
+
+
+def spot_over_seam(turn: int = 0) -> Trial:
+    """S01 under a spot whose rectangle of azimuth runs from 170 to 190 degrees, over the seam."""
+    wall = quad((-2, -1, -1), (-2, 0.25, -1), (-2, 0.25, 1), (-2, -1, 1))
+    light = spot_light(ORIGIN, (-1, 0, 0), 10.0, 10.0, (0, 0, 1))
+    return view(
+        joined(wall, plane(0, -4, 8)), [light], (-8, 0, 0), (1, 0, 0), 0.25, up=(0, 0, 1), turn=turn,
+        stated=Counts(256, (120,)),
+    )  # fmt: skip
+
+
+BUILDERS = (
+    (
+        "S01",
+        "wall across the azimuth's seam",
+        "a box of azimuths wraps to the full circle or its complement",
+        seam,
+    ),
+    (
+        "S02",
+        "pole inside a triangle",
+        "azimuth must be the full circle, elevation reach the pole",
+        pole_inside,
+    ),
+    ("S03", "nadir under a ceiling light", "the pole in the middle of the receivers", nadir),
+    ("S04", "edge through the pole", "azimuths differ by exactly pi: either way round", edge_through_pole),
+    ("S05", "bulge of a great circle", "the box of the vertices loses every ray", bulge),
+    ("S17", "spot over the seam", "a rectangle stored as (min, max) has min > max", spot_over_seam),
+    (
+        "S18",
+        "walls all around the light",
+        "seam, both poles and every face of a cube at once",
+        around_the_light,
+    ),
+)
+
+CASES = tuple(
+    HardCase(f"{name}{suffix}", title, breaks, lambda build=build, turn=turn: build(turn))  # type: ignore[misc]
+    for name, title, breaks, build in BUILDERS
+    for turn, suffix in enumerate(("", "y", "z"))
+)

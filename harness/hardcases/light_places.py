@@ -1,0 +1,229 @@
+"""S06-S16 and more: lights in, on, near and far from what they light."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..scene import Light
+from .case import (
+    Counts,
+    HardCase,
+    Trial,
+    ball,
+    box,
+    joined,
+    pixel_centres,
+    plane,
+    quad,
+    sheet,
+    split,
+    triangles,
+    view,
+)
+
+ORIGIN = (0.0, 0.0, 0.0)
+NO_RULE = "unpadded boxes; no rule for edges"
+
+
+def light_in_triangle() -> Trial:
+    """A light exactly in a triangle is not shadowed by it; one just under it is."""
+    floor = triangles((4, 0, 0), (-4, 4, 0), (-4, -4, 0))
+    lights = [ORIGIN, (0, 0, 0.5), (0, 0, -0.25)]
+    return view(
+        joined(floor, plane(2, 2, 4)), lights, (0, 0, 6), (0, 0, -1), 0.125, (8, 8),
+        stated=Counts(64, (0, 0, 64)),
+    )  # fmt: skip
+
+
+def light_on_vertex() -> Trial:
+    """A light on the tip that four triangles share, and one on their edge: a surface at the light does not count."""
+    tip, base = (0, 0, 0), [(1, 1, -1), (-1, 1, -1), (-1, -1, -1), (1, -1, -1)]
+    roof = triangles(*[corner for i in range(4) for corner in (tip, base[i], base[(i + 1) % 4])])
+    lights = [ORIGIN, (0.5, 0.5, -0.5)]
+    return view(
+        joined(roof, plane(2, -3, 8)), lights, (0, 0, -7), (0, 0, 1), 0.25, stated=Counts(256, (0, None))
+    )
+
+
+def box_from_within() -> Trial:
+    """Eye and one light inside a closed box, another light above its lid."""
+    return view(
+        box(-1, 1), [ORIGIN, (0, 0, 5)], (0.25, 0.125, 0.5), (0, 0, -1), 1.0,
+        stated=Counts(256, (0, 256)), closed=True,
+    )  # fmt: skip
+
+
+def box_from_without() -> Trial:
+    """A light inside a closed box: everything outside is dark."""
+    return view(
+        joined(box(-1, 1), plane(2, -2, 8)), [ORIGIN, (0.875, -0.875, 0.5)], (0, 0, -6), (0, 0, 1), 1.0,
+        stated=Counts(256, (256, 256)),
+    )  # fmt: skip
+
+
+def thin_slab() -> Trial:
+    """A light inside a slab 2e-6 thick; receivers beyond it."""
+    slab = box((-1, -1, -1e-6), (1, 1, 1e-6))
+    return view(
+        joined(slab, plane(2, 1, 4)), [ORIGIN], (0, 0, 5), (0, 0, -1), 0.5, stated=Counts(256, (256,))
+    )
+
+
+def onto_thin_slab() -> Trial:
+    """The same slab seen itself: its upper face is lit from within, 1e-6 away, and dark from under it."""
+    slab = box((-1, -1, -1e-6), (1, 1, 1e-6))
+    return view(
+        slab, [ORIGIN, (0, 0, -1)], (0, 0, 4), (0, 0, -1), 0.125, stated=Counts(256, (0, 256)), closed=True
+    )
+
+
+def far_light(distance: float) -> Trial:
+    """A square at z = 1 shadows the plane z = 0 from a light at (0, 0, distance)."""
+    wall = plane(2, 1, 1)
+    return view(
+        joined(wall, plane(2, 0, 4)), [(0, 0, distance)], (0, 0, -4), (0, 0, 1), 0.5,
+        stated=Counts(256, (64,)),
+    )  # fmt: skip
+
+
+def oblique_far_light(distance: float) -> Trial:
+    """A ball on a floor under a far light from the side."""
+    direction = np.array([0.48, 0.64, 0.6])
+    floor = quad((-3, 0, -3), (3, 0, -3), (3, 0, 3), (-3, 0, 3))
+    x, y, z = (direction * distance).tolist()
+    return view(joined(floor, ball(0.5, (0, 0.6, 0))), [(x, y, z)], (0.3, 1.7, 3.1), (-0.1, -0.45, -1), 0.5)
+
+
+def tiny_occluder() -> Trial:
+    """A square 2e-5 wide, 1e-4 from the light; receivers at distance 1."""
+    half = 1e-5
+    speck = quad((-half, -half, 1e-4), (half, -half, 1e-4), (half, half, 1e-4), (-half, half, 1e-4))
+    return view(
+        joined(speck, plane(2, 1, 2)), [ORIGIN], (0, 0, 5), (0, 0, -1), 0.0625, stated=Counts(256, (36,))
+    )
+
+
+def grazing_floor() -> Trial:
+    """A tilted floor of many triangles under a light that grazes it: nothing shadows it, least of all itself."""
+    x = pixel_centres(12, 2.0)
+    points, faces = sheet(x, x, 1.0)
+    points = points.copy()
+    points[:, 2] = 0.37 * points[:, 0] - 0.21 * points[:, 1] - 3.1
+    light = np.array([40.0, 30.0, 0.37 * 40 - 0.21 * 30 - 3.1 + 0.05])
+    return view((points, faces), [tuple(light.tolist())], ORIGIN, (0, 0, -1), 0.4, (24, 24))
+
+
+def two_sheets(above: bool) -> Trial:
+    """Two planes one float32 step apart. From above the upper one is seen and lit; the lower one lies under it."""
+    low, high = 1.0, float(np.nextafter(np.float32(1), np.float32(2)))
+    eye, towards = ((0, 0, 5), (0, 0, -1)) if above else ((0, 0, -3), (0, 0, 1))
+    lights = [(0.3, 0.2, 4), (0.3, 0.2, -2)]
+    stated = Counts(64, (0, 64)) if above else Counts(64, (64, 0))
+    return view(
+        joined(plane(2, low, 4), plane(2, high, 4)), lights, eye, towards, 0.25, (8, 8), stated=stated
+    )
+
+
+def receiver_at_light() -> Trial:
+    """Pixels whose hit point is the light itself: no direction to it, and lit. The floor holds the light."""
+    near = 4 * float(pixel_centres(16, 0.5)[9])
+    lights = [(near, near, 0), (near, -near, 0), ORIGIN]
+    return view(plane(2, 0, 4), lights, (0, 0, 4), (0, 0, -1), 0.5, stated=Counts(256, (0, 0, 0)))
+
+
+def wall_on_floor() -> Trial:
+    """Light and receivers in the floor's plane, a wall standing on it: met at its lower edge, which belongs to it."""
+    wall = quad((1, -8, 0), (1, 8, 0), (1, 8, 2), (1, -8, 2))
+    return view(joined(plane(2, 0, 4), wall), [(3, 0, 0)], (0, 0, 4), (0, 0, -1), 0.5, stated=Counts(256))
+
+
+def same_place() -> Trial:
+    """Three lights, two of them at one place: their rows of bits are the same."""
+    floor = quad((-3, 0, -3), (3, 0, -3), (3, 0, 3), (-3, 0, 3))
+    lights: list[Light | tuple[float, float, float]] = [
+        (1, 3, 1),
+        (-2, 1, 0.5),
+        Light((1, 3, 1), intensity=0.5),
+    ]
+    return view(
+        joined(floor, ball(0.5, (0, 0.6, 0))), lights, (0.3, 1.7, 3.1), (-0.1, -0.45, -1), 0.5, (24, 24),
+        same_lights=((0, 2),),
+    )  # fmt: skip
+
+
+def one_tile() -> Trial:
+    """Two clusters of receivers on opposite sides of the light: two tiles hold every ray, all others are empty.
+
+    The left half of the image sees a near screen, the right half one far behind it; half a wall before each.
+    """
+    screen = quad((-1, -8, 4), (0, -8, 4), (0, 8, 4), (-1, 8, 4))
+    behind = plane(2, -400, 8)
+    half_wall = quad((-1, -1, 2), (1, -1, 2), (1, 0, 2), (-1, 0, 2))
+    half_back = quad((-9, -9, -200), (9, -9, -200), (9, 0, -200), (-9, 0, -200))
+    return view(
+        joined(screen, behind, half_wall, half_back), [ORIGIN], (0, 0, 4 + 2.0**-4), (0, 0, -1), 2.0**-8,
+        (32, 32),
+    )  # fmt: skip
+
+
+def through_vertices(unwelded: bool, every: int) -> Trial:
+    """Shadow rays exactly through the vertices (every = 1) or vertices, edges and diagonals (2) of a bumpy sheet.
+
+    The light is where an eye would be: a receiver at 4 (x, y, -1) is shadowed through the vertex on that ray.
+    """
+    x = pixel_centres(16)[::every]
+    bumps = 1 + np.random.default_rng(5).integers(0, 8, (len(x), len(x))) / 8
+    mesh = sheet(x, x, bumps)
+    # From behind the plane z = -4, at 4 from it: the same half width, so pixels meet it at 4 (x, y).
+    covered = (16 if every == 1 else 15) ** 2
+    return view(
+        joined(split(mesh) if unwelded else mesh, plane(2, -4, 8)), [ORIGIN], (0, 0, -8), (0, 0, 1), 1.0,
+        stated=Counts(256, (covered,)),
+    )  # fmt: skip
+
+
+def light_at_eye() -> Trial:
+    """A light at the eye: every hit is the first surface the light meets, so none is shadowed."""
+    floor = quad((-3, 0, -3), (3, 0, -3), (3, 0, 3), (-3, 0, 3))
+    return view(
+        joined(floor, ball(0.5, (0, 0.6, 0))), [(0.3, 1.7, 3.1)], (0.3, 1.7, 3.1), (-0.1, -0.45, -1), 0.5,
+        (24, 24),
+    )  # fmt: skip
+
+
+CASES = (
+    HardCase("S06", "light in a triangle", "whether t = 1 counts", light_in_triangle),
+    HardCase("S07", "light on a vertex and on an edge", "a vertex without a direction: atan2(0, 0)", light_on_vertex),
+    HardCase("S08", "closed box from within", "culling from the light drops every wall", box_from_within),
+    HardCase("S08b", "closed box from without", "a frustum around the light is the full sphere", box_from_without),
+    HardCase("S09", "slab 2e-6 thick around the light", "an offset thicker than the slab leaks", thin_slab),
+    HardCase("S09b", "onto the thin slab", "a near plane beyond its faces", onto_thin_slab),
+    *(
+        HardCase(
+            f"S10 {distance:g}", f"light at {distance:g}",
+            "v - L rounds; rays from the light that end before 1 lose every shadow",
+            lambda distance=distance: far_light(distance),
+        )
+        for distance in (1e3, 1e5, 1e7)
+    ),
+    *(
+        HardCase(
+            f"S10b {distance:g}", f"light at {distance:g}, from the side", "the same off the axes",
+            lambda distance=distance: oblique_far_light(distance),
+        )
+        for distance in (1e3, 1e5, 1e7)
+    ),
+    HardCase("S11", "occluder 1e-4 from the light", "a near plane, an absolute epsilon", tiny_occluder),
+    HardCase("S12", "grazing light on a tilted floor", "a fixed epsilon: acne", grazing_floor),
+    HardCase("S13", "two sheets one step apart, from above", "an offset through the next sheet", lambda: two_sheets(True)),
+    HardCase("S13b", "two sheets one step apart, from below", "an offset through the next sheet", lambda: two_sheets(False)),
+    HardCase("S14", "receiver at the light", "a ray of length 0: NaN tile", receiver_at_light),
+    HardCase("S15", "two lights at one place", "a grid kept by light, not by content", same_place),
+    HardCase("S16", "all shadow rays in two tiles", "chunk counts, short counters, empty tiles", one_tile),
+    HardCase("S19", "shadow rays through vertices", NO_RULE, lambda: through_vertices(False, 1)),
+    HardCase("S19b", "shadow rays through split vertices", "edge planes in vertex order", lambda: through_vertices(True, 1)),
+    HardCase("S20", "shadow rays through edges", NO_RULE, lambda: through_vertices(False, 2)),
+    HardCase("S20b", "shadow rays through split edges", "edge planes in vertex order", lambda: through_vertices(True, 2)),
+    HardCase("S21", "wall on a floor that holds the light", "segments that touch an edge along a plane", wall_on_floor),
+    HardCase("S22", "light at the eye", "acne at silhouettes", light_at_eye),
+)  # fmt: skip

@@ -1,0 +1,196 @@
+"""P04-P06, P08, P11-P16, the empty scene and more: what a mesh may hold."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .case import (
+    Counts,
+    HardCase,
+    Mesh,
+    Trial,
+    ball,
+    box,
+    joined,
+    pixel_centres,
+    plane,
+    quad,
+    sheet,
+    soup,
+    split,
+    triangles,
+    view,
+)
+
+ORIGIN = (0.0, 0.0, 0.0)
+NO_RULE = "unpadded boxes; no rule for edges"
+NO_THICKNESS = "a box without thickness, its upper faces"
+
+
+def huge_triangle() -> Trial:
+    """One triangle 2e4 wide under the eye; every pixel sees it."""
+    return view(
+        triangles((-1e4, -1e4, -1), (1e4, -1e4, -1), (0, 1e4, -1)), [(0.5, 0.25, 3), (0, 0, -0.5)], ORIGIN,
+        (0, 0, -1), 1.0, stated=Counts(256, (0, 0)),
+    )  # fmt: skip
+
+
+def broken_triangles(only: bool) -> Trial:
+    """Points, lines, NaN and infinite triangles before a square; ``only``: without the square."""
+    odd = [
+        (0, 0, -1), (0.5, 0, -1), (1, 0, -1), (np.nan, 0, -1), (np.inf, 0, -1), (0, -np.inf, 0), (3e38, 3e38, -1),
+    ]  # fmt: skip
+    faces = [(0, 0, 0), (0, 1, 2), (0, 1, 3), (0, 1, 4), (5, 3, 0), (1, 1, 2), (3, 3, 3), (2, 0, 2)]
+    mesh: Mesh = (np.array(odd), np.array(faces))
+    if not only:
+        mesh = joined(mesh, plane(2, -2, 4))
+    return view(
+        mesh, [(0, 0, -1), (0.5, 0, 2)], ORIGIN, (0, 0, -1), 1.0, stated=Counts(0 if only else 256, (0, 0))
+    )
+
+
+def three_of_each() -> Trial:
+    """Every triangle three times, in three vertex orders; shadows from and onto duplicates."""
+    points, faces = ball(0.5, (0, 0.6, 0))
+    floor, floor_faces = quad((-3, 0, -3), (3, 0, -3), (3, 0, 3), (-3, 0, 3))
+    points, faces = joined((floor, floor_faces), (points, faces))
+    thrice = np.concatenate([faces, faces[:, [1, 2, 0]], faces[:, [1, 0, 2]]])
+    return view((points, thrice), [(1, 2.5, 0.5)], (0.3, 1.7, 3.1), (-0.1, -0.45, -1), 0.5, (24, 24))
+
+
+def flat_sheet(every: int, unwelded: bool) -> Trial:
+    """A flat sheet; rays through all its vertices and its border (1), or vertices, edges and diagonals (2)."""
+    x = pixel_centres(16)[::every]
+    mesh = sheet(x, x, 1.0)
+    covered = (16 if every == 1 else 15) ** 2
+    return view(
+        split(mesh) if unwelded else mesh, [(0, 0, 0.5), (0.25, 0.125, -3)], ORIGIN, (0, 0, -1), 1.0,
+        stated=Counts(covered, (0, 0)),
+    )  # fmt: skip
+
+
+def bumpy_sheet(every: int, unwelded: bool, shift: float = 0.0) -> Trial:
+    """A sheet whose vertices lie at mixed depths on the pixels' rays: watertight seen from the eye."""
+    x = pixel_centres(16)[::every]
+    depth = 1 + np.random.default_rng(9).integers(0, 16, (len(x), len(x))) / 16
+    points, faces = sheet(x, x, depth)
+    mesh = points + shift, faces
+    covered = (16 if every == 1 else 15) ** 2
+    return view(
+        split(mesh) if unwelded else mesh, [(shift, shift, 0.5 + shift)], (shift,) * 3, (0, 0, -1), 1.0,
+        stated=Counts(covered),
+    )  # fmt: skip
+
+
+def one_triangle_missed() -> Trial:
+    """One triangle beside the view."""
+    return view(
+        triangles((9, 0, -1), (9, 1, -1), (9, 0, -2)),
+        [(0, 3, 0)],
+        ORIGIN,
+        (0, 0, -1),
+        0.5,
+        stated=Counts(0, (0,)),
+    )
+
+
+def empty(vertices: int) -> Trial:
+    """No triangles; with and without vertices."""
+    points = np.arange(3.0 * vertices).reshape(-1, 3)
+    return view(
+        (points, np.zeros((0, 3), int)), [(0, 3, 0), ORIGIN], ORIGIN, (0, 0, -1), 1.0, (9, 7),
+        stated=Counts(0, (0, 0)),
+    )  # fmt: skip
+
+
+def no_light() -> Trial:
+    """A scene without a light: closest hits and nothing else."""
+    return view(box(-1, 1), [], (0, 0, 4), (0, 0, -1), 0.5, (9, 9), stated=Counts(None, ()))
+
+
+def teapot_in_stadium() -> Trial:
+    """A cluster 1e-3 wide of three hundred triangles on a ground of 2e3."""
+    ground = quad((-1e3, -1e3, -2e-3), (1e3, -1e3, -2e-3), (1e3, 1e3, -2e-3), (-1e3, 1e3, -2.5e-3))
+    lights = [(3, 2, 5), (1e-3, 0, 4e-3), (400, -300, 20)]
+    return view(
+        joined(ground, soup(3, 300, 2e-4, 1e-3)),
+        lights,
+        (0, -4e-3, 3e-3),
+        (0, 4, -3),
+        0.5,
+        (24, 24),
+        up=(0, 0, 1),
+    )
+
+
+def slivers() -> Trial:
+    """Triangles of aspect 1e5 in every direction before a wall."""
+    random = np.random.default_rng(12)
+    a = random.uniform(-1, 1, (60, 3)) - [0, 0, 2]
+    along = random.normal(size=(60, 3))
+    along *= 2 / np.linalg.norm(along, axis=1, keepdims=True)
+    corners = np.stack([a, a + along, a + along / 2 + random.normal(size=(60, 3)) * 2e-5], axis=1)
+    return view(
+        joined(plane(2, -5, 16), triangles(corners)),
+        [(0.5, 2, 0.5), (0, 0, 0)],
+        ORIGIN,
+        (0, 0, -1),
+        1.0,
+        (24, 24),
+    )
+
+
+def fan(count: int) -> Trial:
+    """Many triangles that share one vertex, on the middle ray; the light's axis passes through it too."""
+    around = [(np.cos(a), np.sin(a), -2 + 0.3 * np.sin(5 * a)) for a in 2 * np.pi * np.arange(count) / count]
+    corners = [c for i in range(count) for c in ((0, 0, -1.5), around[i], around[(i + 1) % count])]
+    return view(
+        joined(triangles(*corners), plane(2, -3, 8)), [ORIGIN, (0, 0, 2)], (0, 0, -7), (0, 0, 1), 0.5, (17, 17),
+        stated=Counts(289),
+    )  # fmt: skip
+
+
+def touching_boxes() -> Trial:
+    """Boxes that share faces, edges and corners: coplanar duplicates with other diagonals, closed."""
+    boxes = [box((i, j, k), (i + 1, j + 1, k + 1)) for i in (-1, 0) for j in (-1, 0) for k in (-1, 0)]
+    return view(joined(*boxes), [(4, 3, 2), (0, 0, 0), (0.5, 0.5, 0.5)], (0, 0, 3), (0, 0, -1), 0.5, (16, 16))
+
+
+def through_every_cell() -> Trial:
+    """Four triangles across the whole scene among four hundred small ones."""
+    slanted = triangles(
+        ((-5, -4, -3), (5, 4.1, 2.9), (-4.5, 5, 3.5)), ((5, 4.1, 2.9), (-4.5, 5, 3.5), (4, -5, 4)),
+        ((-5, -4, -3), (5, 4.1, 2.9), (4, -5, 4)),
+    )  # fmt: skip
+    return view(
+        joined(slanted, soup(5, 400, 0.05, 3.0)),
+        [(0.1, 0.2, 6)],
+        (0.5, 0.4, 9),
+        (-0.5, -0.4, -9),
+        0.6,
+        (24, 24),
+    )
+
+
+CASES = (
+    HardCase("P04", "one triangle 2e4 wide", "as many pairs as tiles", huge_triangle),
+    HardCase("P05", "broken triangles before a square", "0/0; a tile of NaN; a box of NaN", lambda: broken_triangles(False)),
+    HardCase("P05b", "nothing but broken triangles", "a scene without a box", lambda: broken_triangles(True)),
+    HardCase("P06", "every triangle three times", "an order of reduction that shows", three_of_each),
+    HardCase("P08", "flat sheet, rays to its border", NO_THICKNESS, lambda: flat_sheet(1, False)),
+    HardCase("P08b", "flat sheet, rays through edges", NO_THICKNESS, lambda: flat_sheet(2, False)),
+    HardCase("P08c", "flat sheet with split vertices", "edges without a rule", lambda: flat_sheet(2, True)),
+    HardCase("P11", "one triangle, all miss", "arrays of length 0", one_triangle_missed),
+    HardCase("P11b", "empty scene", "an inverted box, arrays of length 0", lambda: empty(0)),
+    HardCase("P11c", "vertices but no triangles", "an inverted box, arrays of length 0", lambda: empty(4)),
+    HardCase("P12", "rays through vertices", NO_RULE, lambda: bumpy_sheet(1, False)),
+    HardCase("P13", "rays through edges", NO_RULE, lambda: bumpy_sheet(2, False)),
+    HardCase("P14", "rays through split vertices", "edge planes in vertex order", lambda: bumpy_sheet(1, True)),
+    HardCase("P15", "rays through split edges", "edge planes in vertex order", lambda: bumpy_sheet(2, True, 0.375)),
+    HardCase("P16", "teapot in a stadium", "one cell holds the teapot; a fixed epsilon", teapot_in_stadium),
+    HardCase("P23", "slivers", "t and weights from thin triangles", slivers),
+    HardCase("P24", "a fan of 96 triangles", "many candidates at one vertex", lambda: fan(96)),
+    HardCase("P25", "boxes that share faces", "coplanar ties, lights on corners", touching_boxes),
+    HardCase("P26", "triangles through every cell", "long lists, a hit found in another cell", through_every_cell),
+    HardCase("P27", "no light", "arrays of lights of length 0", no_light),
+)  # fmt: skip

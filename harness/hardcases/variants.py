@@ -1,0 +1,96 @@
+"""The same cases at other scales, far from the origin, and with lights at other distances.
+
+Scales and offsets that are no powers of two round the mesh anew: the referee decides on what everyone gets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from .case import HardCase, Mesh, Trial, ball, joined, pixel_centres, quad, sheet, soup, view
+
+SCALES = (1e-6, 1e-3, 2.0**-20, 1e3, 1e6)
+OFFSETS = (1.0, 1e3, 1e5)
+LIGHT_DISTANCES = (1e-4, 1e-2, 1.0, 1e2, 1e4, 1e6, 1e7)
+
+
+def ball_on_floor() -> Mesh:
+    floor = quad((-3, 0, -3), (3, 0, -3), (3, 0, 3), (-3, 0, 3))
+    return joined(floor, ball(0.5, (0, 0.6, 0)))
+
+
+def small_scene(scale: float, offset: float) -> Trial:
+    """A ball on a floor; ``offset`` in scene sizes, not along an axis."""
+    place = np.array([0.8, -0.5, 0.33]) * offset * 6 * scale
+    return view(
+        ball_on_floor(), [(1, 2.5, 0.5), (-0.4, 0.1, 0.7)], (0.3, 1.7, 3.1), (-0.1, -0.45, -1), 0.5,
+        scale=scale, offset=place,
+    )  # fmt: skip
+
+
+def soup_scene(scale: float, offset: float) -> Trial:
+    """A soup of mixed sizes with a light among the triangles."""
+    place = np.array([-0.3, 0.9, 0.7]) * offset * 3 * scale
+    return view(
+        soup(77, 80), [(0.3, 0.4, 0.2), (4, 5, 6)], (0.3, 0.2, 3), (0, 0, -1), 0.5, scale=scale, offset=place
+    )
+
+
+def vertex_sheet(scale: float, offset: float) -> Trial:
+    """Rays through vertices and edges of a bumpy sheet: exactly so at the scales that are powers of two."""
+    x = pixel_centres(16)[::2]
+    depth = 1 + np.random.default_rng(9).integers(0, 16, (len(x), len(x))) / 16
+    place = np.array([0.6, 0.1, -0.9]) * offset * 4 * scale
+    return view(
+        sheet(x, x, depth),
+        [(0.25, 0.125, 0.5), (0, 0, -4)],
+        (0, 0, 0),
+        (0, 0, -1),
+        1.0,
+        scale=scale,
+        offset=place,
+    )
+
+
+def light_distance(radii: float, inside: bool) -> Trial:
+    """A light so many scene radii from a point on the ball's top, or from the middle of the floor's edge."""
+    direction = np.array([0.36, 0.8, 0.48])
+    start = np.array([0, 1.1, 0]) if inside else np.array([2.0, 0.0, 1.0])
+    x, y, z = (start + direction * radii * 4.3).tolist()
+    return view(ball_on_floor(), [(x, y, z)], (0.3, 1.7, 3.1), (-0.1, -0.45, -1), 0.5)
+
+
+def _cases() -> Iterator[HardCase]:
+    scenes: tuple[tuple[str, str, Callable[[float, float], Trial]], ...] = (
+        ("ball", "ball on a floor", small_scene),
+        ("soup", "soup", soup_scene),
+        ("sheet", "rays through vertices", vertex_sheet),
+    )
+    for name, title, build in scenes:
+        for scale in SCALES:
+            yield HardCase(
+                f"V {name} x{scale:.3g}", f"{title}, scale {scale:.3g}", "absolute epsilons",
+                lambda build=build, scale=scale: build(scale, 0.0),
+            )  # fmt: skip
+        for offset in OFFSETS:
+            yield HardCase(
+                f"V {name} +{offset:g}", f"{title}, {offset:g} scene sizes from the origin", "no recentring",
+                lambda build=build, offset=offset: build(1.0, offset),
+            )  # fmt: skip
+        yield HardCase(
+            f"V {name} x1e-6 +1e5", f"{title}, small and far off", "both at once",
+            lambda build=build: build(1e-6, 1e5),
+        )  # fmt: skip
+    for radii in LIGHT_DISTANCES:
+        for inside in (True, False):
+            where = "ball" if inside else "floor"
+            yield HardCase(
+                f"V light {radii:g} {where}", f"light {radii:g} radii from the {where}",
+                "offsets near, rounding of v - L far",
+                lambda radii=radii, inside=inside: light_distance(radii, inside),
+            )  # fmt: skip
+
+
+CASES = tuple(_cases())
