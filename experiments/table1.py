@@ -41,7 +41,7 @@ EXPERIMENT = Experiment(
             most=5,
             stage_samples=2,
             rounds=2,
-            budget_s=20.0,
+            budget_s=15.0,
             timeout_s=180.0,
         ),
         "paper": Preset(

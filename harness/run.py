@@ -160,8 +160,9 @@ class Run:
                 self._close(job)
 
     def _spent(self, job: Job) -> bool:
-        """Whether the rounds so far have used up the point's budget: then there are no more of them."""
-        return sum(event["spent_s"] for event in job.journal.rounds().values()) > self.options.preset.budget_s
+        """Whether one more round as long as those so far would be beyond the point's budget: then it is left out."""
+        taken = [event["spent_s"] for event in job.journal.rounds().values()]
+        return bool(taken) and sum(taken) * (len(taken) + 1) / len(taken) > self.options.preset.budget_s
 
     def _seed(self, jobs: list[Job]) -> int:
         text = f"{self.options.experiment.name}/{jobs[0].scene if jobs else ''}/{self.options.seed}"
