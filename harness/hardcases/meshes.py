@@ -124,19 +124,24 @@ def teapot_in_stadium() -> Trial:
 
 
 def slivers() -> Trial:
-    """Triangles of aspect 1e5 in every direction before a wall."""
+    """Triangles of aspect 1e5 in every direction, each met by the ray of a pixel, before a wall."""
     random = np.random.default_rng(12)
-    a = random.uniform(-1, 1, (60, 3)) - [0, 0, 2]
-    along = random.normal(size=(60, 3))
-    along *= 2 / np.linalg.norm(along, axis=1, keepdims=True)
-    corners = np.stack([a, a + along, a + along / 2 + random.normal(size=(60, 3)) * 2e-5], axis=1)
+    x = pixel_centres(16)
+    places = random.permutation(256)[:100]
+    middle = np.stack([x[places % 16], x[places // 16], -np.ones(100)], axis=1) * random.uniform(
+        1, 4, (100, 1)
+    )
+    along = random.normal(size=(100, 3))
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    across = np.cross(along, middle)
+    across *= 1e-5 / np.linalg.norm(across, axis=1, keepdims=True)
+    corners = np.stack([middle + along, middle - along + across, middle - along - across], axis=1)
     return view(
         joined(plane(2, -5, 16), triangles(corners)),
-        [(0.5, 2, 0.5), (0, 0, 0)],
+        [(0.5, 2, 0.5), ORIGIN, (0, 0, -4.9)],
         ORIGIN,
         (0, 0, -1),
         1.0,
-        (24, 24),
     )
 
 
