@@ -11,7 +11,7 @@ from shadowbench.harness.scene import Camera, Geometry, Light, Scene
 def make_scene(
     vertices: NDArray,
     faces: NDArray,
-    lights: list[tuple[float, float, float]],
+    lights: list[tuple[float, float, float] | Light],
     eye: tuple[float, float, float] = (0.3, 0.2, 3.0),
     target: tuple[float, float, float] = (0.0, 0.0, 0.0),
     fov: float = 60.0,
@@ -28,7 +28,7 @@ def make_scene(
             "test",
             lambda: Geometry.static(points, triangles),
             Camera(eye, target, up, fov),
-            tuple(Light(position) for position in lights),
+            tuple(at if isinstance(at, Light) else Light(at) for at in lights),
         )
     )
 

@@ -164,8 +164,8 @@ class LightGrid:
                 clamp_kernel,
                 b.light_faces,
                 [
-                    self.index, self.map, b.light_faces, CLAMPS.index(b.clamp), b.aimed, f.lights, spots, self.axes,
-                    f.eye, f.axes, f.tangents, self.camera.depth_range,
+                    self.index, self.map, b.light_faces, CLAMPS.index(b.clamp), b.aimed, 6, f.lights, spots,
+                    self.axes, f.eye, f.axes, f.tangents, self.camera.depth_range,
                 ],
                 [self.extent],
             )  # fmt: skip

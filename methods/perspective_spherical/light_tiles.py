@@ -68,6 +68,7 @@ def clamp_kernel(
     faces: wp.int32,
     clamp: wp.int32,
     aimed: wp.bool,
+    sides: wp.int32,
     lights: wp.array(dtype=wp.vec3f),
     spots: wp.array2d(dtype=wp.float64),
     frame: wp.array(dtype=wp.mat33d),
@@ -79,7 +80,8 @@ def clamp_kernel(
 ):
     """Widen the rays' rectangles to the view's (VIEW) or to all directions or the whole spot (NONE).
 
-    Rays always lie inside: a rectangle is never smaller than theirs. Depth planes stay those of the rays.
+    ``sides``: of a frustum, 6. Rays always lie inside: a rectangle is never smaller than theirs. Depth planes
+    stay those of the rays.
     """
     face = wp.tid()
     near = wp.float64(wp.INF)
@@ -93,7 +95,7 @@ def clamp_kernel(
     if clamp == 1:
         bounds = view_bounds(
             map, face, to_float64(lights[index]), frame[0], eye[0], axes, tangents,
-            wp.vec2f(wp.max(0.0, depth_range[0]), depth_range[1]),
+            wp.vec2f(wp.max(0.0, depth_range[0]), depth_range[1]), sides,
         )  # fmt: skip
         if not (bounds[1] >= bounds[0]):
             return
@@ -127,6 +129,7 @@ def view_bounds(
     axes: wp.array(dtype=wp.vec3f),
     tangents: wp.array(dtype=wp.float32),
     depth: wp.vec2f,
+    sides: wp.int32,
 ) -> wp.vec4d:
     """Bounding rectangle of the camera's frustum, between its nearest and farthest triangle, seen from the light."""
     all = whole(map)
@@ -137,7 +140,8 @@ def view_bounds(
     high_u = -low_u
     low_v = low_u
     high_v = -low_u
-    for side in range(6):
+    # Loops that the compiler does not unroll: the bounds are long, and run once a frame.
+    for side in range(sides):
         # The four corners of a side: those with bit (side / 2) equal to side % 2, in order around it.
         bit = side // 2
         fixed = (side % 2) << bit
@@ -151,7 +155,7 @@ def view_bounds(
             frame * (frustum_corner(fixed + step + other, eye, axes, tangents, depth) - light), face
         )
         p3 = face_frame(frame * (frustum_corner(fixed + other, eye, axes, tangents, depth) - light), face)
-        for half in range(2):
+        for half in range(sides // 3):
             corner = p1
             if half == 1:
                 corner = p3
