@@ -83,7 +83,7 @@ def picture(rows: Sequence[dict[str, Any]], maps: Sequence[Counts], path: Path) 
 
     most = max(1, *(int(counts.max()) for counts in maps))
     with matplotlib.rc_context({**style.axes_style(), "axes.grid": False}):
-        figure = Figure(figsize=(style.COLUMN_WIDTH, 2.25), layout="constrained", dpi=200)
+        figure = Figure(figsize=(style.COLUMN_WIDTH, 2.7), layout="constrained", dpi=200)
         panels = figure.subplots(1, len(maps))
         for axes, r, counts in zip(panels, rows, maps, strict=True):
             shown = axes.imshow(counts, cmap="plasma", vmin=0, vmax=most, interpolation="nearest")
@@ -92,6 +92,7 @@ def picture(rows: Sequence[dict[str, Any]], maps: Sequence[Counts], path: Path) 
             )
             axes.set_xticks([])
             axes.set_yticks([])
+            axes.spines[:].set_visible(False)
         bar = figure.colorbar(
             shown, ax=list(panels), orientation="horizontal", shrink=0.8, aspect=30, pad=0.02
         )
