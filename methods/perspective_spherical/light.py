@@ -90,7 +90,8 @@ class LightGrid:
             self.axes = wp.zeros(1, dtype=wp.mat33d)
             self.columns = wp.zeros(faces * n, dtype=wp.vec4d)
             self.rows = wp.zeros(faces * n, dtype=wp.vec4d)
-            self.stretch = wp.zeros(faces, dtype=wp.float64)
+            self.stretch = wp.zeros(faces, dtype=wp.vec2d)
+            self.masks = wp.zeros(self.bins.items, dtype=wp.int32)
             self.receiver = wp.zeros(frame.pixels, dtype=wp.uint8)
             self.place = wp.zeros(frame.pixels, dtype=wp.vec4d)
             self.ray_keys = wp.zeros(2 * frame.pixels, dtype=wp.int32)
@@ -207,7 +208,8 @@ class LightGrid:
         f, b = self.frame, self.build
         return [
             self.index, b.light_faces, b.light_tiles, b.light_slices, b.depth_lists == "spans", b.skip_empty,
-            self.widening, self.pad, f.lights, self.axes, self.columns, self.rows, self.stretch, self.chunks.end,
+            self.widening, self.pad, f.lights, self.axes, self.extent, self.columns, self.rows, self.stretch,
+            self.chunks.end, self.masks,
             f.points, f.triangles, self.bins.boxes, self.spans,
         ]  # fmt: skip
 

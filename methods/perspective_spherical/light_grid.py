@@ -14,7 +14,7 @@ from .binning import INLINE_TILES, queue_rows
 from .culling import faces_away
 from .light_frame import EXTENT, distance_slice, tile_of
 from .light_map import face_frame, map_bounds, wraps
-from .light_tiles import missed
+from .light_tiles import missed, slope_bounds
 from .segment_tests import segment_planes, segment_vertices
 from .sphere import ROUNDING, TWO_PI
 
@@ -24,6 +24,8 @@ class LitTriangle:
     """Corners in the frame of a face, from the light; inward planes through the light and the edges.
 
     ``oriented``: whether inward is known; ``error`` bounds a plane's value for a unit direction known to ``pad``
+    n, height: normal turned away from the light and its product with a corner: the distance along a unit d is
+    height / (n . d); ``slope`` bounds the error of n . d, negative where the distance is not known well
     """
 
     a: wp.vec3d
@@ -34,6 +36,9 @@ class LitTriangle:
     n2: wp.vec3d
     oriented: wp.bool
     error: wp.float64
+    n: wp.vec3d
+    height: wp.float64
+    slope: wp.float64
 
 
 @wp.func
@@ -74,7 +79,8 @@ def lit_triangle(
     s.n0 = wp.cross(b, c - b)
     s.n1 = wp.cross(c, a - c)
     s.n2 = wp.cross(a, b - a)
-    det = wp.dot(wp.cross(b - a, c - a), a)
+    s.n = wp.cross(b - a, c - a)
+    det = wp.dot(s.n, a)
     reach = wp.max(largest(a), wp.max(largest(b), largest(c)))
     edge = wp.max(largest(b - a), wp.max(largest(c - b), largest(a - c)))
     s.oriented = wp.abs(det) > wp.float64(8.0) * ROUNDING * edge * edge * reach
@@ -82,6 +88,11 @@ def lit_triangle(
         s.n0 = -s.n0
         s.n1 = -s.n1
         s.n2 = -s.n2
+        s.n = -s.n
+    s.height = wp.abs(det)
+    s.slope = wp.float64(-1.0)
+    if s.height > wp.float64(8.0e4) * ROUNDING * edge * edge * reach:
+        s.slope = wp.float64(8.0) * ROUNDING * edge * edge + wp.float64(2.0) * pad * largest(s.n)
     steepest = wp.max(largest(s.n0), wp.max(largest(s.n1), largest(s.n2)))
     s.error = wp.float64(8.0) * ROUNDING * reach * edge + wp.float64(2.0) * pad * steepest
     return s
@@ -199,6 +210,33 @@ def bound_kernel(
 
 
 @wp.func
+def slices_in_tile(
+    s: LitTriangle,
+    span: wp.vec2i,
+    column: wp.vec4d,
+    row: wp.vec4d,
+    stretch: wp.vec2d,
+    extent: wp.array(dtype=wp.float64),
+    side: wp.int32,
+    slices: wp.int32,
+) -> wp.vec2i:
+    """The slices of ``span`` that the triangle may lie in within one tile, from its plane."""
+    if s.slope < wp.float64(0.0) or span[0] == span[1]:
+        return span
+    slope = slope_bounds(column, row, s.n, stretch)
+    first = span[0]
+    last = span[1]
+    if slope[2] > wp.float64(0.0):
+        near = wp.float64(0.999) * s.height / (slope[1] + slope[2] * s.slope)
+        if slope[1] > wp.float64(0.0):
+            first = wp.max(first, wp.min(last, distance_slice(near, extent, side, slices)))
+        if slope[0] > wp.float64(2.0) * slope[2] * s.slope:
+            far = wp.float64(1.001) * s.height * slope[2] / (slope[0] - slope[2] * s.slope)
+            last = wp.max(first, wp.min(last, distance_slice(far, extent, side, slices)))
+    return wp.vec2i(first, last)
+
+
+@wp.func
 def bin_row(
     emit: wp.int32,
     item: wp.int32,
@@ -211,36 +249,52 @@ def bin_row(
     slices: wp.int32,
     spans_all: wp.bool,
     skip_empty: wp.bool,
+    extent: wp.array(dtype=wp.float64),
     columns: wp.array(dtype=wp.vec4d),
     rows: wp.array(dtype=wp.vec4d),
-    stretch: wp.array(dtype=wp.float64),
+    stretch: wp.array(dtype=wp.vec2d),
     ray_end: wp.array(dtype=wp.int32),
+    masks: wp.array(dtype=wp.int32),
+    inline: wp.bool,
     place: wp.int64,
     keys: wp.array(dtype=wp.int32),
     values: wp.array(dtype=wp.int32),
 ) -> wp.int64:
-    """Count (or write from ``place``) the cells of an item in one row of its box."""
+    """Count (or write from ``place``) the cells of an item in one row of its box.
+
+    The tiles of an ``inline`` item are remembered in its mask, so that they are tested only once.
+    """
     capacity = wp.int64(keys.shape[0] // 2)
     side = item % faces
     test = s.oriented and (box[2] > box[0] or box[3] > box[1])
     edges = rows[side * tiles + row]
-    slice_last = span[0]
-    if spans_all:
-        slice_last = span[1]
     number = wp.int64(0)
     for column in range(box[0], box[2] + 1):
         tile = (side * tiles + row) * tiles + column
-        out = skip_empty and ray_end[tile] == 0
-        if test and not out:
-            out = missed(columns[side * tiles + column], edges, stretch[side], s.n0, s.n1, s.n2, s.error)
+        bit = (row - box[1]) * (box[2] - box[0] + 1) + column - box[0]
+        out = wp.bool(False)
+        if emit != 0 and inline:
+            out = (masks[item] >> bit) & 1 == 0
+        else:
+            out = skip_empty and ray_end[tile] == 0
+            if test and not out:
+                out = missed(columns[side * tiles + column], edges, stretch[side], s.n0, s.n1, s.n2, s.error)
+            if inline and not out:
+                masks[item] = masks[item] | (1 << bit)
         if not out:
+            here = slices_in_tile(
+                s, span, columns[side * tiles + column], edges, stretch[side], extent, side, slices
+            )
+            last = here[0]
+            if spans_all:
+                last = here[1]
             if emit != 0:
-                for slice in range(span[0], slice_last + 1):
-                    at = place + number + wp.int64(slice - span[0])
+                for slice in range(here[0], last + 1):
+                    at = place + number + wp.int64(slice - here[0])
                     if at < capacity:
                         keys[wp.int32(at)] = tile * slices + slice
                         values[wp.int32(at)] = item // faces
-            number += wp.int64(slice_last - span[0] + 1)
+            number += wp.int64(last - here[0] + 1)
     return number
 
 
@@ -257,10 +311,12 @@ def bin_triangles_kernel(
     pad: wp.float64,
     lights: wp.array(dtype=wp.vec3f),
     frame: wp.array(dtype=wp.mat33d),
+    extent: wp.array(dtype=wp.float64),
     columns: wp.array(dtype=wp.vec4d),
     rows_of_tiles: wp.array(dtype=wp.vec4d),
-    stretch: wp.array(dtype=wp.float64),
+    stretch: wp.array(dtype=wp.vec2d),
     ray_end: wp.array(dtype=wp.int32),
+    masks: wp.array(dtype=wp.int32),
     points: wp.array(dtype=wp.vec3f),
     triangles: wp.array(dtype=wp.vec3i),
     boxes: wp.array(dtype=wp.vec4i),
@@ -275,17 +331,25 @@ def bin_triangles_kernel(
     box = boxes[item]
     number = wp.int64(0)
     if box[2] >= box[0] and (box[2] - box[0] + 1) * (box[3] - box[1] + 1) <= INLINE_TILES:
+        if emit == 0:
+            masks[item] = 0
         if emit == 0 or count[item] > wp.int64(0):
-            face = triangles[item // faces]
-            s = lit_triangle(
-                lights[index], frame[0], item % faces, widening, pad, points[face[0]], points[face[1]],
-                points[face[2]],
-            )  # fmt: skip
+            span = spans[item]
+            s = LitTriangle()
+            s.slope = wp.float64(-1.0)
+            # One tile needs no test, and tiles remembered need none again; slices still do.
+            single = box[2] == box[0] and box[3] == box[1]
+            if span[0] < span[1] or (emit == 0 and not single):
+                face = triangles[item // faces]
+                s = lit_triangle(
+                    lights[index], frame[0], item % faces, widening, pad, points[face[0]], points[face[1]],
+                    points[face[2]],
+                )  # fmt: skip
             place = scan[item] - count[item]
             for row in range(box[1], box[3] + 1):
                 number += bin_row(
-                    emit, item, s, spans[item], row, box, faces, tiles, slices, spans_all, skip_empty, columns,
-                    rows_of_tiles, stretch, ray_end, place + number, keys, values,
+                    emit, item, s, span, row, box, faces, tiles, slices, spans_all, skip_empty, extent, columns,
+                    rows_of_tiles, stretch, ray_end, masks, True, place + number, keys, values,
                 )  # fmt: skip
     if emit == 0:
         count[item] = number
@@ -305,10 +369,12 @@ def bin_rows_kernel(
     pad: wp.float64,
     lights: wp.array(dtype=wp.vec3f),
     frame: wp.array(dtype=wp.mat33d),
+    extent: wp.array(dtype=wp.float64),
     columns: wp.array(dtype=wp.vec4d),
     rows_of_tiles: wp.array(dtype=wp.vec4d),
-    stretch: wp.array(dtype=wp.float64),
+    stretch: wp.array(dtype=wp.vec2d),
     ray_end: wp.array(dtype=wp.int32),
+    masks: wp.array(dtype=wp.int32),
     points: wp.array(dtype=wp.vec3f),
     triangles: wp.array(dtype=wp.vec3i),
     boxes: wp.array(dtype=wp.vec4i),
@@ -333,7 +399,7 @@ def bin_rows_kernel(
         place = scan[offset + k] - count[offset + k]
         number = bin_row(
             emit, item, s, spans[item], rows[k][1], boxes[item], faces, tiles, slices, spans_all, skip_empty,
-            columns, rows_of_tiles, stretch, ray_end, place, keys, values,
+            extent, columns, rows_of_tiles, stretch, ray_end, masks, False, place, keys, values,
         )  # fmt: skip
     if emit == 0:
         count[offset + k] = number

@@ -206,6 +206,12 @@ def tangent_edges(low: wp.float64, high: wp.float64, flips: wp.bool) -> wp.vec4d
     return wp.vec4d(one, wp.tan(low), one, wp.tan(high))
 
 
+@wp.func
+def bulge(width: wp.float64) -> wp.float64:
+    """How much a cosine may exceed the larger of its two values ``width`` apart, where that is positive."""
+    return wp.float64(1.0) / wp.cos(wp.min(wp.float64(1.51), wp.float64(0.50001) * width))
+
+
 @wp.kernel(enable_backward=False)
 def edges_kernel(
     map: wp.int32,
@@ -213,7 +219,7 @@ def edges_kernel(
     extent: wp.array(dtype=wp.float64),
     columns: wp.array(dtype=wp.vec4d),
     rows: wp.array(dtype=wp.vec4d),
-    stretch: wp.array(dtype=wp.float64),
+    stretch: wp.array(dtype=wp.vec2d),
 ):
     """Edges of every column and row of tiles, once a frame: the corners' directions are their products.
 
@@ -235,16 +241,15 @@ def edges_kernel(
     if map == 1:
         columns[k] = tangent_edges(low_u, high_u, False)
         rows[k] = tangent_edges(low_v, high_v, True)
-        stretch[face] = one
+        stretch[face] = wp.vec2d(one, one)
     elif map == 2:
         columns[k] = wp.vec4d(one, low_u, one, high_u)
         rows[k] = wp.vec4d(one, low_v, one, high_v)
-        stretch[face] = one
+        stretch[face] = wp.vec2d(one, one)
     else:
         columns[k] = circle_edges(low_u, high_u)
         rows[k] = circle_edges(wp.max(low_v, -HALF_PI), wp.min(high_v, HALF_PI))
-        # Between two meridians half a width apart from the middle, a cosine exceeds its ends by at most this.
-        stretch[face] = one / wp.cos(wp.min(wp.float64(1.5), wp.float64(0.50001) * (high_u - low_u)))
+        stretch[face] = wp.vec2d(bulge(wide + wp.float64(2.0) * pad_u), bulge(tall + wp.float64(2.0) * pad_v))
 
 
 @wp.func
@@ -282,7 +287,7 @@ def beyond(column: wp.vec4d, row: wp.vec4d, n: wp.vec3d, stretch: wp.float64, er
 def missed(
     column: wp.vec4d,
     row: wp.vec4d,
-    stretch: wp.float64,
+    stretch: wp.vec2d,
     n0: wp.vec3d,
     n1: wp.vec3d,
     n2: wp.vec3d,
@@ -297,7 +302,30 @@ def missed(
     )
     e = error * longest
     return (
-        beyond(column, row, n0, stretch, e)
-        or beyond(column, row, n1, stretch, e)
-        or beyond(column, row, n2, stretch, e)
+        beyond(column, row, n0, stretch[0], e)
+        or beyond(column, row, n1, stretch[0], e)
+        or beyond(column, row, n2, stretch[0], e)
     )
+
+
+@wp.func
+def slope_bounds(column: wp.vec4d, row: wp.vec4d, n: wp.vec3d, stretch: wp.vec2d) -> wp.vec3d:
+    """Lowest and highest n . d in a tile, and the longest d (the shortest is 1); the last 0 where not known."""
+    zero = wp.float64(0.0)
+    two = wp.float64(2.0)
+    if column[0] > two or row[0] > two or row[0] < zero or row[2] < zero:
+        return wp.vec3d(zero, zero, zero)
+    most = along(column, n, stretch[0])
+    least = least_along(column, n)
+    high = wp.max(row[0] * most + row[1] * n[2], row[2] * most + row[3] * n[2])
+    if high > zero:
+        high = high * stretch[1]
+    low = wp.min(row[0] * least + row[1] * n[2], row[2] * least + row[3] * n[2])
+    if least < zero:
+        low = zero  # the cosines' own least may lie between the edges
+    far = wp.float64(1.0)
+    if column[0] == wp.float64(1.0) and column[2] == wp.float64(1.0) and row[0] == wp.float64(1.0):
+        x = wp.max(wp.abs(column[1]), wp.abs(column[3]))
+        y = wp.max(wp.abs(row[1]), wp.abs(row[3]))
+        far = wp.sqrt(wp.float64(1.0) + x * x + y * y)
+    return wp.vec3d(low, high, far)

@@ -42,11 +42,12 @@ def largest64(a: wp.vec3d) -> wp.float64:
 @wp.func
 def arc_elevation(bounds: wp.vec4d, p: wp.vec3d, q: wp.vec3d, n: wp.vec3d) -> wp.vec4d:
     """Widen (.., .., lowest, highest) by the extremum inside the arc p-q of the great circle with normal n."""
-    flat = length2(n[0], n[1])
     at_p = n[0] * p[1] - n[1] * p[0]
     at_q = n[0] * q[1] - n[1] * q[0]
     slack = ROUNDING * largest64(n) * wp.max(largest64(p), largest64(q))
-    peak = wp.atan2(flat, wp.abs(n[2]))
+    if (at_p > slack and at_q > slack) or (at_p < -slack and at_q < -slack):
+        return bounds
+    peak = wp.atan2(length2(n[0], n[1]), wp.abs(n[2]))
     low = bounds[2]
     high = bounds[3]
     # The elevation's slope along the arc changes sign inside it; in doubt it does.
