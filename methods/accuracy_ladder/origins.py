@@ -1,0 +1,80 @@
+"""Where a shadow ray starts: the schemes that renderers use against self-shadowing, side by side.
+
+The normal is turned to the light's side. Schemes that move the point leave nothing else to skip.
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ..common.bounds import box_high, box_low
+from ..common.offset import shadow_origin
+from ..common.triangle import to_float32, to_float64
+from .parameters import ORIGINS
+
+HIT_POINT, IDENTITY, BARYCENTRIC, RAY = (
+    wp.constant(ORIGINS.index(name)) for name in ("hit_point", "identity", "barycentric", "ray")
+)
+WACHTER_BINDER, ERROR_BOUND = (wp.constant(ORIGINS.index(name)) for name in ("wachter_binder", "error_bound"))
+EPSILON_2, EPSILON_4 = (wp.constant(ORIGINS.index(name)) for name in ("epsilon_1e-2", "epsilon_1e-4"))
+
+NEAR_ZERO = wp.constant(1.0 / 32.0)
+FLOAT_STEP = wp.constant(1.0 / 65536.0)
+INTEGER_STEP = wp.constant(256.0)
+
+
+@wp.func
+def stepped(p: wp.float32, n: wp.float32) -> wp.float32:
+    """Waechter & Binder, Ray Tracing Gems 2019, chapter 6: so many floats onward, or a fixed step near zero."""
+    if wp.abs(p) < NEAR_ZERO:
+        return p + FLOAT_STEP * n
+    steps = wp.int32(INTEGER_STEP * n)
+    if p < 0.0:
+        steps = -steps
+    return wp.cast(wp.cast(p, wp.int32) + steps, wp.float32)
+
+
+@wp.func
+def scene_radius(box: wp.array(dtype=wp.float32)) -> wp.float32:
+    return 0.5 * wp.length(box_high(box) - box_low(box))
+
+
+@wp.func
+def start_of(
+    scheme: wp.int32,
+    o: wp.vec3f,
+    d: wp.vec3f,
+    t: wp.float32,
+    u: wp.float32,
+    v: wp.float32,
+    h: wp.vec3d,
+    a: wp.vec3f,
+    b: wp.vec3f,
+    c: wp.vec3f,
+    light: wp.vec3f,
+    radius: wp.float32,
+) -> wp.vec3f:
+    """The float32 start of the shadow ray of a hit (t, u, v) on (a, b, c) whose float64 hit point is h."""
+    if scheme == HIT_POINT:
+        return to_float32(h)
+    if scheme == RAY:
+        return o + t * d
+    if scheme == ERROR_BOUND:
+        return shadow_origin(o, d, light, a, b, c, False)
+    p = (1.0 - u - v) * a + u * b + v * c
+    if scheme == IDENTITY:
+        return p
+    if scheme == BARYCENTRIC:
+        return p
+    a64 = to_float64(a)
+    n = to_float32(wp.normalize(wp.cross(to_float64(b) - a64, to_float64(c) - a64)))
+    if wp.dot(n, light - p) < 0.0:
+        n = -n
+    if scheme == WACHTER_BINDER:
+        return wp.vec3f(stepped(p[0], n[0]), stepped(p[1], n[1]), stepped(p[2], n[2]))
+    epsilon = wp.float32(1.0e-6)
+    if scheme == EPSILON_2:
+        epsilon = 1.0e-2
+    if scheme == EPSILON_4:
+        epsilon = 1.0e-4
+    return p + n * (epsilon * radius)

@@ -1,0 +1,92 @@
+"""The knobs of the ladder: each one alone changes how right, or how fast, the same tree answers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+TESTS = (
+    "moller_trumbore", "moller_trumbore_epsilon", "woop", "woop_float64", "edge_planes", "float64", "exact"
+)  # fmt: skip
+EXACT_TESTS = ("float64", "exact")
+ORIGINS = (
+    "hit_point", "identity", "barycentric", "ray", "epsilon_1e-2", "epsilon_1e-4", "epsilon_1e-6",
+    "wachter_binder", "error_bound",
+)  # fmt: skip
+PADDINGS = ("none", "rounding")
+
+TEST_ERRORS = {
+    "moller_trumbore": "a float32 triangle test that is not watertight",
+    "moller_trumbore_epsilon": "a float32 triangle test with a fixed smallest determinant",
+    "woop": "a float32 triangle test (watertight, but its signs are rounded)",
+    "woop_float64": "a float32 triangle test (watertight, undecided signs in float64)",
+    "edge_planes": "a float32 triangle test (watertight, but its signs are rounded)",
+}
+ORIGIN_ERRORS = {
+    "identity": "shadow rays from the rounded barycentric point, only their own triangle skipped",
+    "barycentric": "shadow rays from the rounded barycentric point, nothing skipped",
+    "ray": "shadow rays from o + t d in float32, nothing skipped",
+    "epsilon_1e-2": "shadow rays moved off by 1e-2 of the scene's radius",
+    "epsilon_1e-4": "shadow rays moved off by 1e-4 of the scene's radius",
+    "epsilon_1e-6": "shadow rays moved off by 1e-6 of the scene's radius",
+    "wachter_binder": "shadow rays moved off by fixed steps of integer and float",
+    "error_bound": "shadow rays moved off by a bound on their rounding",
+}
+
+
+@dataclass(frozen=True)
+class Build:
+    """How the tree is made and the kernels compiled.
+
+    padding    "none": the triangles' own boxes, as most engines have them; "rounding": padded by what the
+               roundings of Warp's slab test can amount to (the boxes of the exact tree)
+    leaf_size  triangles a leaf
+    fast_math  let the compiler reorder, contract and approximate float arithmetic
+    """
+
+    padding: str = "rounding"
+    leaf_size: int = 1
+    fast_math: bool = False
+
+    def __post_init__(self) -> None:
+        if self.padding not in PADDINGS:
+            raise ValueError(f"padding must be one of {', '.join(PADDINGS)}")
+        if self.leaf_size < 1:
+            raise ValueError("leaf_size must be 1 or more")
+
+
+@dataclass(frozen=True)
+class Trace:
+    """How rays are tested.
+
+    test    the triangle test of primary and shadow rays: "moller_trumbore" (Moeller & Trumbore 1997, float32,
+            det != 0), "moller_trumbore_epsilon" (the textbook's |det| > 1e-7), "woop" (Woop, Benthin & Wald 2013,
+            float32), "woop_float64" (the same, an edge function of zero decided in float64, as published),
+            "edge_planes" (float32, edges in weld order), "float64" (every candidate), "exact" (float32 rejects,
+            float64 decides)
+    origin  where shadow rays start and what they skip: "hit_point" (the float64 hit point; skips its own triangle
+            and, where the test is float64, all that contain the point), "identity" (the float32 barycentric point,
+            own triangle skipped), "barycentric" (that point, nothing skipped), "ray" (o + t d in float32, nothing
+            skipped), "epsilon_1e-2", "epsilon_1e-4", "epsilon_1e-6" (the barycentric point moved that share of
+            the scene's radius along the normal), "wachter_binder" (Ray Tracing Gems, chapter 6), "error_bound"
+            (moved by a bound on the rounding, Pharr, Jakob & Humphreys 2023, section 6.8)
+    """
+
+    test: str = "exact"
+    origin: str = "hit_point"
+
+    def __post_init__(self) -> None:
+        if self.test not in TESTS:
+            raise ValueError(f"test must be one of {', '.join(TESTS)}")
+        if self.origin not in ORIGINS:
+            raise ValueError(f"origin must be one of {', '.join(ORIGINS)}")
+
+
+def known_inexact(build: Build, trace: Trace) -> str | None:
+    """Why these settings may be wrong, or None where they are exact."""
+    reasons = [TEST_ERRORS.get(trace.test), ORIGIN_ERRORS.get(trace.origin)]
+    if build.padding == "none":
+        reasons.append("boxes that are not padded")
+    if build.fast_math:
+        reasons.append("float arithmetic that the compiler may change")
+    known = [reason for reason in reasons if reason]
+    return "; ".join(known) or None

@@ -1,0 +1,168 @@
+"""Triangle tests to compare: from the textbook's float32 to float64, all answering (t, u, v).
+
+A hit has t > 0 in lengths of d; (u, v) are the weights of vertices 1 and 2. A miss is t = -1. Each is written as
+its authors give it; what they get wrong is what is measured.
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ..common.triangle import NO_HIT, edge_functions, hit_distance, may_hit, to_float64
+
+MISS3 = wp.constant(wp.vec3d(-1.0, 0.0, 0.0))
+TEXTBOOK_EPSILON = wp.constant(1.0e-7)
+
+
+@wp.func
+def found3(t: wp.float32, u: wp.float32, v: wp.float32) -> wp.vec3d:
+    return wp.vec3d(wp.float64(t), wp.float64(u), wp.float64(v))
+
+
+@wp.func
+def moller_trumbore_above(
+    o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, smallest: wp.float32
+) -> wp.vec3d:
+    """Moeller & Trumbore 1997, two-sided; |det| must exceed ``smallest``."""
+    e1 = b - a
+    e2 = c - a
+    p = wp.cross(d, e2)
+    det = wp.dot(e1, p)
+    if not wp.abs(det) > smallest:
+        return MISS3
+    inverse = 1.0 / det
+    s = o - a
+    u = wp.dot(s, p) * inverse
+    if u < 0.0 or u > 1.0:
+        return MISS3
+    q = wp.cross(s, e1)
+    v = wp.dot(d, q) * inverse
+    if v < 0.0 or u + v > 1.0:
+        return MISS3
+    t = wp.dot(e2, q) * inverse
+    if not t > 0.0:
+        return MISS3
+    return found3(t, u, v)
+
+
+@wp.func
+def moller_trumbore(
+    o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i
+) -> wp.vec3d:
+    return moller_trumbore_above(o, d, a, b, c, 0.0)
+
+
+@wp.func
+def moller_trumbore_epsilon(
+    o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i
+) -> wp.vec3d:
+    return moller_trumbore_above(o, d, a, b, c, TEXTBOOK_EPSILON)
+
+
+@wp.func
+def sheared(
+    o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, decide_in_float64: wp.bool
+) -> wp.vec3d:
+    """Woop, Benthin & Wald 2013: the ray's largest axis becomes z, its direction (0, 0, 1) by a shear."""
+    kz = wp.int32(0)
+    if wp.abs(d[1]) > wp.abs(d[kz]):
+        kz = wp.int32(1)
+    if wp.abs(d[2]) > wp.abs(d[kz]):
+        kz = wp.int32(2)
+    kx = (kz + 1) % 3
+    ky = (kx + 1) % 3
+    sx = d[kx] / d[kz]
+    sy = d[ky] / d[kz]
+    sz = 1.0 / d[kz]
+    pa = a - o
+    pb = b - o
+    pc = c - o
+    ax = pa[kx] - sx * pa[kz]
+    ay = pa[ky] - sy * pa[kz]
+    bx = pb[kx] - sx * pb[kz]
+    by = pb[ky] - sy * pb[kz]
+    cx = pc[kx] - sx * pc[kz]
+    cy = pc[ky] - sy * pc[kz]
+    u = cx * by - cy * bx
+    v = ax * cy - ay * cx
+    w = bx * ay - by * ax
+    if decide_in_float64 and (u == 0.0 or v == 0.0 or w == 0.0):
+        u = wp.float32(wp.float64(cx) * wp.float64(by) - wp.float64(cy) * wp.float64(bx))
+        v = wp.float32(wp.float64(ax) * wp.float64(cy) - wp.float64(ay) * wp.float64(cx))
+        w = wp.float32(wp.float64(bx) * wp.float64(ay) - wp.float64(by) * wp.float64(ax))
+    if (u < 0.0 or v < 0.0 or w < 0.0) and (u > 0.0 or v > 0.0 or w > 0.0):
+        return MISS3
+    det = u + v + w
+    if det == 0.0:
+        return MISS3
+    t = (u * (sz * pa[kz]) + v * (sz * pb[kz]) + w * (sz * pc[kz])) / det
+    if not t > 0.0:
+        return MISS3
+    return found3(t, v / det, w / det)
+
+
+@wp.func
+def woop(o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i) -> wp.vec3d:
+    return sheared(o, d, a, b, c, False)
+
+
+@wp.func
+def woop_float64(o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i) -> wp.vec3d:
+    return sheared(o, d, a, b, c, True)
+
+
+@wp.func
+def edge_plane(
+    o: wp.vec3f, d: wp.vec3f, p: wp.vec3f, q: wp.vec3f, weld_p: wp.int32, weld_q: wp.int32
+) -> wp.float32:
+    """d . ((p - o) x (q - p)) in float32, taken from the vertex with the lower weld index."""
+    if weld_p < weld_q:
+        return wp.dot(wp.cross(p - o, q - p), d)
+    return -wp.dot(wp.cross(q - o, p - q), d)
+
+
+@wp.func
+def edge_planes(o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i) -> wp.vec3d:
+    """Edge functions in float32; both triangles at an edge compute the same number with opposite sign."""
+    e0 = edge_plane(o, d, b, c, weld[1], weld[2])
+    e1 = edge_plane(o, d, c, a, weld[2], weld[0])
+    e2 = edge_plane(o, d, a, b, weld[0], weld[1])
+    if (e0 < 0.0 or e1 < 0.0 or e2 < 0.0) and (e0 > 0.0 or e1 > 0.0 or e2 > 0.0):
+        return MISS3
+    n = wp.cross(b - a, c - a)
+    det = wp.dot(n, d)
+    if det == 0.0:
+        return MISS3
+    t = wp.dot(n, a - o) / det
+    if not t > 0.0:
+        return MISS3
+    sum = e0 + e1 + e2
+    return found3(t, e1 / sum, e2 / sum)
+
+
+@wp.func
+def float64(o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i) -> wp.vec3d:
+    t = hit_distance(o, d, a, b, c, weld)
+    if t == NO_HIT:
+        return MISS3
+    e = edge_functions(to_float64(o), to_float64(d), to_float64(a), to_float64(b), to_float64(c), weld)
+    sum = e[0] + e[1] + e[2]
+    return wp.vec3d(t, e[1] / sum, e[2] / sum)
+
+
+@wp.func
+def exact(o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i) -> wp.vec3d:
+    if may_hit(o, d, a, b, c):
+        return float64(o, d, a, b, c, weld)
+    return MISS3
+
+
+TESTS = {
+    "moller_trumbore": moller_trumbore,
+    "moller_trumbore_epsilon": moller_trumbore_epsilon,
+    "woop": woop,
+    "woop_float64": woop_float64,
+    "edge_planes": edge_planes,
+    "float64": float64,
+    "exact": exact,
+}

@@ -1,0 +1,202 @@
+"""The approximate competitor that engines use: exact primary rays, shadows from a rasterised depth map.
+
+Williams 1978; slope-scaled bias, normal offset and percentage-closer filtering as engines do them. Only the shadow
+bits are approximate: primary rays come from a rasteriser that decides every doubtful pixel in float64.
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from ...harness.errors import CapacityRejected
+from ...harness.frame import Frame
+from ...harness.method import BaseMethod
+from ...harness.passes import Pass
+from ...harness.scene import Effects, Limits
+from ..common.bounds import launch_bounds
+from ..common.misses import miss_passes
+from ..common.pairs import grown
+from ..ray_grids.queue import COUNTERS
+from ..ray_grids.streams import CameraStream, Queues
+from .lookup import lookup_kernel
+from .parameters import BIASES, SHAPES, Build, Trace
+from .projection import FACES, LightMap, fit_kernel
+from .raster import EMPTY, raster_kernel, strip_kernel
+
+MOST_TRIANGLES = 2**24
+MOST_PIXELS_ALONG = 32767
+PER_LIGHT = 2
+"""Needs of a light: strips queued, faces used."""
+
+
+class ShadowMap(BaseMethod):
+    """See the module. Lights of a frame take turns with the same texels."""
+
+    name: ClassVar[str] = "shadow_map"
+    title: ClassVar[str] = "Shadow map (rasterised)"
+    known_inexact = "shadow bits are looked up in a depth map of finite resolution"
+    Build: ClassVar[type] = Build
+    Trace: ClassVar[type] = Trace
+
+    def __init__(self, build: Any = None, trace: Any = None):
+        super().__init__(build, trace)
+        self._faces = FACES if self.build.shape == "cube" else 1
+        self._capacity: tuple[int, ...] | None = None
+        self._strip_capacity = 0
+        self._needs: wp.array | None = None
+        self._memory = 0
+
+    def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
+        if frame.triangle_count >= MOST_TRIANGLES:
+            raise ValueError(f"at most {MOST_TRIANGLES - 1:,} triangles")
+        if max(frame.width, frame.height) > MOST_PIXELS_ALONG:
+            raise ValueError(f"at most {MOST_PIXELS_ALONG} pixels along a side")
+        self._frame, self._memory = frame, limits.memory
+        self._needs = None
+        if frame.triangle_count == 0:
+            return miss_passes(frame, effects)
+        self._queued = bool(wp.get_device(frame.device).is_cuda)
+        if self._capacity is None:
+            self._capacity = (max(262144, frame.triangle_count),) * COUNTERS
+            self._strip_capacity = self.build.strip_capacity or max(262144, frame.triangle_count)
+        self._allocate(frame, len(effects.shadows))
+        camera = CameraStream(frame, Queues(frame, self._queued, self._capacity, self._needs))
+        self._hit = camera.hit
+        passes = camera.passes()
+        wanted = [i for i, wanted in enumerate(effects.shadows) if wanted]
+        if wanted:
+            passes.append(
+                Pass("scene box", "light build", ("points", "triangles"), ("box",), self._launch_box, f"shadows/{wanted[0]}")
+            )  # fmt: skip
+        for i in wanted:
+            passes += self._light_passes(i)
+        return passes
+
+    def _allocate(self, frame: Frame, lights: int) -> None:
+        side = self.build.size
+        texels = side * side * self._faces
+        if 4 * texels > self._memory:
+            raise CapacityRejected(
+                f"needs a map of {self._faces} x {side} x {side} texels, {4 * texels / 1e9:.1f} GB; "
+                "choose a smaller size"
+            )
+        with wp.ScopedDevice(frame.device):
+            self._needs = wp.zeros(COUNTERS + PER_LIGHT * lights, dtype=wp.int64)
+            self._box = wp.zeros(6, dtype=wp.float32)
+            self._map = wp.zeros(1, dtype=LightMap)
+            self._texels = wp.zeros(texels, dtype=wp.int32)
+            self._counts = wp.zeros(1, dtype=wp.int32)
+            self._strips = wp.zeros(self._strip_capacity if self._queued else 1, dtype=wp.vec4i)
+
+    def _light_passes(self, i: int) -> list[Pass]:
+        light, effect, depth = f"light/{i}", f"shadows/{i}", f"depth map/{i}"
+        scene = ("points", "triangles", light, "box")
+        return [
+            Pass(f"light {i}: clear map", "light build", ("box", light), (depth,), lambda: self._clear(i), effect),
+            Pass(f"light {i}: draw map", "light build", (*scene, depth), (depth,), lambda: self._draw(i), effect),
+            Pass(
+                f"light {i}: look up", "shadow", ("hits", light, depth), (f"visibility/{i}",),
+                lambda: self._look_up(i), effect,
+            ),
+        ]  # fmt: skip
+
+    def needs(self) -> wp.array | None:
+        return self._needs
+
+    def grow(self, needed: NDArray[np.int64]) -> bool:
+        assert self._capacity is not None
+        lights = needed[COUNTERS:].reshape(-1, PER_LIGHT)
+        before = (self._capacity, self._strip_capacity, self._faces)
+        self._capacity = tuple(
+            grown(int(need), room, self._memory, "queued work")
+            for need, room in zip(needed[:COUNTERS], self._capacity, strict=True)
+        )
+        self._strip_capacity = grown(
+            int(lights[:, 0].max(initial=0)), self._strip_capacity, self._memory, "strips of rows"
+        )
+        self._faces = max(self._faces, int(lights[:, 1].max(initial=0)))
+        return before != (self._capacity, self._strip_capacity, self._faces)
+
+    def counters(self) -> dict[str, int]:
+        """Texels kept, and of each light the faces used and the strips queued (GPU)."""
+        if self._needs is None:
+            return {}
+        result = {"texels": self.build.size**2 * self._faces}
+        for i, (strips, faces) in enumerate(self._needs.numpy()[COUNTERS:].reshape(-1, PER_LIGHT)):
+            result[f"light {i} strips"], result[f"light {i} faces"] = int(strips), int(faces)
+        return result
+
+    def built(self) -> dict[str, Any]:
+        return {
+            "maps": f"{self._faces} x {self.build.size} x {self.build.size}",
+            "bias": f"{self.trace.bias} {self.trace.bias_amount:g}",
+            "filter": self.trace.filter,
+        }
+
+    # --- launches ---
+
+    def _launch_box(self) -> None:
+        launch_bounds(self._frame, self._box)
+
+    def _clear(self, light: int) -> None:
+        frame = self._frame
+        wp.launch(
+            fit_kernel,
+            dim=1,
+            inputs=[
+                light, SHAPES.index(self.build.shape), self.build.size, frame.lights, self._box,
+                COUNTERS + PER_LIGHT * light + 1,
+            ],
+            outputs=[self._map, self._needs],
+            device=frame.device,
+        )  # fmt: skip
+        self._texels.fill_(EMPTY)
+
+    def _draw(self, light: int) -> None:
+        frame = self._frame
+        self._counts.zero_()
+        wp.launch(
+            raster_kernel,
+            dim=frame.triangle_count * self._faces,
+            inputs=[
+                frame.triangle_count, self.build.size, self._faces, self._queued, self._map, frame.points,
+                frame.triangles, frame.valid,
+            ],
+            outputs=[self._texels, self._counts, self._strips],
+            device=frame.device,
+        )  # fmt: skip
+        if self._queued:
+            threads = 132 * 2048
+            wp.launch(
+                strip_kernel,
+                dim=threads,
+                inputs=[
+                    threads, self.build.size, self._map, frame.points, frame.triangles, self._counts, self._strips,
+                    COUNTERS + PER_LIGHT * light,
+                ],
+                outputs=[self._texels, self._needs],
+                device=frame.device,
+                block_dim=128,
+            )  # fmt: skip
+
+    def _look_up(self, light: int) -> None:
+        frame, wide = self._frame, self.trace.filter == "pcf"
+        amount = self.trace.bias_amount * (3.0 if wide and self.trace.bias in ("slope", "normal") else 1.0)
+        wp.launch(
+            lookup_kernel,
+            dim=frame.pixels,
+            inputs=[
+                light, self.build.size, self._faces, BIASES.index(self.trace.bias), amount, 1 if wide else 0,
+                frame.lights, self._map, frame.points, frame.triangles, frame.answers.triangle, self._hit,
+                self._texels,
+            ],
+            outputs=[frame.answers.visibility],
+            device=frame.device,
+        )  # fmt: skip
+
+
+METHOD = ShadowMap

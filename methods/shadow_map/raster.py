@@ -1,0 +1,234 @@
+"""Triangles rasterised into a depth map: the nearest depth of every texel centre, by atomic minimum.
+
+Homogeneous rasterisation (Olano & Greer 1997): a triangle's edge planes through the light are linear over the
+texels, also where a corner lies behind the light, so nothing is clipped. Depths are kept as the bits of a float32
+that is not negative: their order is that of the integers.
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ..common.triangle import U32, largest
+from ..ray_grids.queue import reserve
+from .projection import LightMap, map_point
+
+EMPTY = 0x3F800000
+"""Bits of 1.0: nothing nearer than the end of the depth range."""
+
+STRIP_ROWS = wp.constant(8)
+INLINE_TEXELS = wp.constant(64)
+STRIPS = wp.constant(0)
+
+
+@wp.struct
+class Cover:
+    """Edge planes over (1, x, y), turned so that inside is positive; depths of the corners; first and last texels."""
+
+    n0: wp.vec3f
+    n1: wp.vec3f
+    n2: wp.vec3f
+    depth: wp.vec3f
+    bound: wp.float32
+    x0: wp.int32
+    x1: wp.int32
+    y0: wp.int32
+    y1: wp.int32
+
+
+@wp.func
+def first_texel(s: wp.float32, size: wp.int32) -> wp.int32:
+    """The first texel whose centre is at or beyond map coordinate s, with a hundredth to spare."""
+    n = wp.float32(size)
+    return wp.int32(wp.ceil(wp.clamp(0.5 * n * (s + 1.0) - 0.51, 0.0, n)))
+
+
+@wp.func
+def last_texel(s: wp.float32, size: wp.int32) -> wp.int32:
+    n = wp.float32(size)
+    return wp.int32(wp.floor(wp.clamp(0.5 * n * (s + 1.0) - 0.49, -1.0, n - 1.0)))
+
+
+@wp.func
+def cover(m: LightMap, face: wp.int32, size: wp.int32, p: wp.vec3f, q: wp.vec3f, r: wp.vec3f) -> Cover:
+    """What a triangle may cover of a face; x1 < x0 where nothing."""
+    found = Cover()
+    found.x0 = 0
+    found.x1 = -1
+    a4 = map_point(m, face, p)
+    b4 = map_point(m, face, q)
+    c4 = map_point(m, face, r)
+    a = wp.vec3f(a4[0], a4[1], a4[2])
+    b = wp.vec3f(b4[0], b4[1], b4[2])
+    c = wp.vec3f(c4[0], c4[1], c4[2])
+    if a[0] <= 0.0 and b[0] <= 0.0 and c[0] <= 0.0:
+        return found
+    if (
+        (a[1] > a[0] and b[1] > b[0] and c[1] > c[0])
+        or (-a[1] > a[0] and -b[1] > b[0] and -c[1] > c[0])
+        or (a[2] > a[0] and b[2] > b[0] and c[2] > c[0])
+        or (-a[2] > a[0] and -b[2] > b[0] and -c[2] > c[0])
+    ):
+        return found
+    found.x1 = size - 1
+    found.y0 = 0
+    found.y1 = size - 1
+    if a[0] > 1.0e-4 * largest(a) and b[0] > 1.0e-4 * largest(b) and c[0] > 1.0e-4 * largest(c):
+        ax = a[1] / a[0]
+        bx = b[1] / b[0]
+        cx = c[1] / c[0]
+        ay = a[2] / a[0]
+        by = b[2] / b[0]
+        cy = c[2] / c[0]
+        found.x0 = first_texel(wp.min(ax, wp.min(bx, cx)), size)
+        found.x1 = last_texel(wp.max(ax, wp.max(bx, cx)), size)
+        found.y0 = first_texel(wp.min(ay, wp.min(by, cy)), size)
+        found.y1 = last_texel(wp.max(ay, wp.max(by, cy)), size)
+    if found.x1 < found.x0 or found.y1 < found.y0:
+        return found
+    ab = b - a
+    bc = c - b
+    ca = a - c
+    found.n0 = wp.cross(b, bc)
+    found.n1 = wp.cross(c, ca)
+    found.n2 = wp.cross(a, ab)
+    reach = wp.max(largest(a), wp.max(largest(b), largest(c)))
+    edge = wp.max(largest(ab), wp.max(largest(bc), largest(ca)))
+    # Both sides of a shared edge take its texels, so that rounding leaves no crack.
+    found.bound = 16.0 * U32 * reach * edge
+    if wp.dot(found.n0, a) < 0.0:
+        found.n0 = -found.n0
+        found.n1 = -found.n1
+        found.n2 = -found.n2
+    found.depth = wp.vec3f(a4[3], b4[3], c4[3])
+    return found
+
+
+@wp.func
+def centre(texel: wp.int32, size: wp.int32) -> wp.float32:
+    """Map coordinate of a texel's centre, -1..1."""
+    return (2.0 * wp.float32(texel) + 1.0) / wp.float32(size) - 1.0
+
+
+@wp.func
+def draw(found: Cover, at: wp.int32, sx: wp.float32, sy: wp.float32, texels: wp.array(dtype=wp.int32)):
+    """Take a texel if its centre lies in the triangle; its depth is that of the plane there."""
+    d = wp.vec3f(1.0, sx, sy)
+    e0 = wp.dot(found.n0, d)
+    e1 = wp.dot(found.n1, d)
+    e2 = wp.dot(found.n2, d)
+    if wp.min(e0, wp.min(e1, e2)) < -found.bound:
+        return
+    sum = e0 + e1 + e2
+    if not sum > 0.0:
+        return
+    t = found.depth
+    depth = (e0 * t[0] + e1 * t[1] + e2 * t[2]) / sum
+    depth = wp.clamp(depth, wp.min(t[0], wp.min(t[1], t[2])), wp.max(t[0], wp.max(t[1], t[2])))
+    word = wp.cast(wp.clamp(depth, 0.0, 1.0), wp.int32)
+    if word < texels[at]:
+        wp.atomic_min(texels, at, word)
+
+
+@wp.func
+def row_span(found: Cover, size: wp.int32, sy: wp.float32) -> wp.vec2i:
+    """First and last texel of a row that the edge planes leave, a texel to spare on either side."""
+    first = found.x0
+    last = found.x1
+    for k in range(3):
+        n = found.n0
+        if k == 1:
+            n = found.n1
+        if k == 2:
+            n = found.n2
+        rest = n[0] + n[2] * sy + 2.0 * found.bound
+        if wp.abs(n[1]) > 1.0e-6 * wp.abs(rest):
+            if n[1] > 0.0:
+                first = wp.max(first, first_texel(-rest / n[1], size) - 1)
+            else:
+                last = wp.min(last, last_texel(-rest / n[1], size) + 1)
+        elif rest < 0.0:
+            last = -1
+    return wp.vec2i(first, last)
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def raster_kernel(
+    triangle_count: wp.int32,
+    size: wp.int32,
+    faces: wp.int32,
+    queued: wp.bool,
+    light_map: wp.array(dtype=LightMap),
+    points: wp.array(dtype=wp.vec3f),
+    triangles: wp.array(dtype=wp.vec3i),
+    valid: wp.array(dtype=wp.uint8),
+    texels: wp.array(dtype=wp.int32),
+    counts: wp.array(dtype=wp.int32),
+    strips: wp.array(dtype=wp.vec4i),
+):
+    """One thread a triangle and face. Large ones are queued in strips of rows where ``queued``."""
+    k = wp.tid()
+    face = k // triangle_count
+    i = k - face * triangle_count
+    m = light_map[0]
+    if face >= wp.min(faces, m.faces) or valid[i] == wp.uint8(0):
+        return
+    corners = triangles[i]
+    found = cover(m, face, size, points[corners[0]], points[corners[1]], points[corners[2]])
+    if found.x1 < found.x0 or found.y1 < found.y0:
+        return
+    area = wp.int64(found.x1 - found.x0 + 1) * wp.int64(found.y1 - found.y0 + 1)
+    if queued and area > wp.int64(INLINE_TEXELS):
+        number = (found.y1 - found.y0) // STRIP_ROWS + 1
+        at = reserve(counts, STRIPS, number)
+        for j in range(number):
+            if at + j < strips.shape[0]:
+                y0 = found.y0 + j * STRIP_ROWS
+                strips[at + j] = wp.vec4i(i, face, y0, wp.min(y0 + STRIP_ROWS - 1, found.y1))
+        return
+    for y in range(found.y0, found.y1 + 1):
+        sy = centre(y, size)
+        ends = wp.vec2i(found.x0, found.x1)
+        if found.x1 - found.x0 > 4:
+            ends = row_span(found, size, sy)
+        for x in range(ends[0], ends[1] + 1):
+            draw(found, (face * size + y) * size + x, centre(x, size), sy, texels)
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def strip_kernel(
+    threads: wp.int32,
+    size: wp.int32,
+    light_map: wp.array(dtype=LightMap),
+    points: wp.array(dtype=wp.vec3f),
+    triangles: wp.array(dtype=wp.vec3i),
+    counts: wp.array(dtype=wp.int32),
+    strips: wp.array(dtype=wp.vec4i),
+    slot: wp.int32,
+    texels: wp.array(dtype=wp.int32),
+    needs: wp.array(dtype=wp.int64),
+):
+    """Queued strips: 64 threads each, 32 along a row and two rows at a time. Keeps what the queue needed."""
+    k = wp.tid()
+    stop = wp.min(counts[STRIPS], strips.shape[0])
+    if k == 0:
+        needs[slot] = wp.int64(counts[STRIPS])
+    dx = k % 32
+    dy = (k % 64) // 32
+    item = k // 64
+    m = light_map[0]
+    while item < stop:
+        strip = strips[item]
+        item += threads // 64
+        corners = triangles[strip[0]]
+        face = strip[1]
+        found = cover(m, face, size, points[corners[0]], points[corners[1]], points[corners[2]])
+        y = strip[2] + dy
+        while y <= strip[3]:
+            sy = centre(y, size)
+            ends = row_span(found, size, sy)
+            x = ends[0] + dx
+            while x <= ends[1]:
+                draw(found, (face * size + y) * size + x, centre(x, size), sy, texels)
+                x += 32
+            y += 2
