@@ -55,7 +55,7 @@ EXPERIMENT = Experiment(
             deviation=0.005,
             stage_samples=10,
             rounds=3,
-            budget_s=60.0,
+            budget_s=40.0,
             timeout_s=600.0,
         ),
     },

@@ -315,6 +315,8 @@ def _core() -> Any:
 
 def resident_bytes() -> int:
     """Bytes of this process in memory now."""
+    with contextlib.suppress(OSError):
+        return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
     import psutil
 
     return int(psutil.Process().memory_info().rss)
