@@ -39,9 +39,9 @@ EXPERIMENT = Experiment(
             frames=3,
             samples=5,
             most=5,
-            stage_samples=2,
+            stage_samples=1,
             rounds=2,
-            budget_s=15.0,
+            budget_s=45.0,
             timeout_s=180.0,
         ),
         "paper": Preset(

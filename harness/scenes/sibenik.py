@@ -31,7 +31,7 @@ def scene() -> Scene:
         title="Sibenik (stand-in)",
         geometry=geometry,
         camera=Camera(eye=(-18.2, 5.0, -1.7), target=(6.0, 6.6, 0.5), fov=66.0),
-        lights=(Light((-1.0, 9.0, 1.2)),),
+        lights=(Light((-0.87, 9.05, 1.17)),),
         stand_in="procedural stand-in for the Sibenik Cathedral by Marko Dabrovic",
         notes="interior with very large, long thin and finely tessellated triangles side by side",
     )
