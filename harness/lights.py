@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -74,8 +74,7 @@ def spread(light: Light, centre: Vector, count: int, axis: Vector = (0.0, 1.0, 0
         raise ValueError(f"{count} lights: there must be at least 1")
     path = Orbit(centre, axis)
     return tuple(
-        Light(path.at((light,), i / count)[0].position, light.shadows, light.color, light.intensity / count)
-        for i in range(count)
+        replace(path.at((light,), i / count)[0], intensity=light.intensity / count) for i in range(count)
     )
 
 

@@ -198,8 +198,8 @@ class LightGrid:
             bins.items,
             [
                 f.triangle_count, self.index, self.map, b.light_faces, b.light_tiles, b.light_slices, self.widening,
-                self.pad, self.distance_pad, self.outward, self.test, f.lights, self.axes, self.extent, f.points,
-                f.triangles, f.weld, f.valid,
+                self.pad, self.distance_pad, self.outward, self.test, b.skip_empty, self.chunks.end, f.lights,
+                self.axes, self.extent, f.points, f.triangles, f.weld, f.valid,
             ],
             [bins.boxes, self.spans, self.records, bins.rows, bins.row_count],
         )  # fmt: skip
@@ -209,8 +209,7 @@ class LightGrid:
         return [
             self.index, b.light_faces, b.light_tiles, b.light_slices, b.depth_lists == "spans", b.skip_empty,
             self.widening, self.pad, f.lights, self.axes, self.extent, self.columns, self.rows, self.stretch,
-            self.chunks.end, self.masks,
-            f.points, f.triangles, self.bins.boxes, self.spans,
+            self.chunks.end, self.masks, f.points, f.triangles, self.bins.boxes, self.spans,
         ]  # fmt: skip
 
     def _pairs(self) -> list[wp.array]:

@@ -121,6 +121,18 @@ def covered(
     return result
 
 
+@wp.func
+def no_ray_in(box: wp.vec4i, side: wp.int32, tiles: wp.int32, ray_end: wp.array(dtype=wp.int32)) -> wp.bool:
+    """Whether a small box of tiles holds no shadow ray; large ones are not looked at."""
+    if (box[2] - box[0] + 1) * (box[3] - box[1] + 1) > INLINE_TILES:
+        return False
+    for row in range(box[1], box[3] + 1):
+        for column in range(box[0], box[2] + 1):
+            if ray_end[(side * tiles + row) * tiles + column] > 0:
+                return False
+    return True
+
+
 @wp.kernel(enable_backward=False)
 def bound_kernel(
     triangle_count: wp.int32,
@@ -134,6 +146,8 @@ def bound_kernel(
     distance_pad: wp.float64,
     outward: wp.float64,
     test: wp.int32,
+    skip_empty: wp.bool,
+    ray_end: wp.array(dtype=wp.int32),
     lights: wp.array(dtype=wp.vec3f),
     frame: wp.array(dtype=wp.mat33d),
     extent: wp.array(dtype=wp.float64),
@@ -191,6 +205,8 @@ def bound_kernel(
     if x[1] < x[0] or y[1] < y[0]:
         return
     box = wp.vec4i(x[0], y[0], x[1], y[1])
+    if skip_empty and no_ray_in(box, side, tiles, ray_end):
+        return
     boxes[item] = box
     far = wp.max(la, wp.max(lb, lc)) * (wp.float64(1.0) + distance_pad)
     spans[item] = wp.vec2i(

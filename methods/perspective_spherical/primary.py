@@ -82,7 +82,7 @@ def make_trace_kernel(variant: Variant) -> wp.Kernel:
     passes = RAY_PASSES[variant.test]
     decide = RAY_DECIDES[variant.test]
 
-    @wp.kernel(enable_backward=False, module="unique")
+    @wp.kernel(enable_backward=False, module="unique", grid_stride=False)
     def trace_kernel(
         width: wp.int32,
         height: wp.int32,

@@ -48,7 +48,7 @@ def make_shadow_kernel(variant: Variant) -> wp.Kernel:
     passes = SEGMENT_PASSES[variant.test]
     decide = SEGMENT_DECIDES[variant.test]
 
-    @wp.kernel(enable_backward=False, module="unique")
+    @wp.kernel(enable_backward=False, module="unique", grid_stride=False)
     def shadow_kernel(
         index: wp.int32,
         lanes: wp.int32,

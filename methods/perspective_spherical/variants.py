@@ -8,7 +8,7 @@ import warp as wp
 
 from .parameters import TRIANGLE_TESTS, Build, Trace
 
-BLOCKS = (64, 128, 256)
+BLOCKS = (32, 64, 128, 256)
 """Threads of a block on CUDA. On a CPU, blocks have one thread unless Warp is told otherwise."""
 
 
