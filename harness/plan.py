@@ -51,6 +51,7 @@ class Preset:
     budget_s       seconds a point may spend on samples, over all its frames and rounds
     timeout_s      seconds after which a silent worker is given up
     lightings      lights to put in place of each scene's own: every method on every scene under each of them
+    memory         bytes a method may take for its structures, where the call does not say
     maps           keep what each pixel cost (tests of its primary ray) as a map of each point's last frame
     """
 
@@ -68,6 +69,7 @@ class Preset:
     timeout_s: float = 300.0
     lightings: tuple[Lighting, ...] = (Lighting(),)
     maps: bool = False
+    memory: int | None = None
 
 
 @dataclass(frozen=True)
@@ -291,6 +293,7 @@ def make_point(
         "seed": seed,
         **({"lighting": scene["lighting"]} if scene.get("lighting") else {}),
         **({"maps": True} if preset.maps else {}),
+        **({"memory": preset.memory} if preset.memory else {}),
     }
     words = [scene["name"], (scene.get("lighting") or {}).get("label", ""), entry.method, entry.label]
     stem = "-".join(word for word in words if word)

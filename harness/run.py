@@ -209,7 +209,7 @@ class Run:
             "method": job.method,
             "settings": dict(job.point.entry.settings),
             "device": job.point.method["device"],
-            "memory_limit": self.options.memory_limit,
+            "memory_limit": self.options.memory_limit or self.options.preset.memory,
             "maps": self.options.preset.maps,
             "budget_s": self.options.preset.budget_s,
         }
