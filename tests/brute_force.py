@@ -59,7 +59,8 @@ def closest(prepared: Prepared, moment: Moment) -> tuple[NDArray, NDArray]:
         with np.errstate(divide="ignore", invalid="ignore"):
             t = np.where(inside & (det != 0), (n @ (a - o)) / det, np.inf)
         t[~(t > 0)] = np.inf
-        nearer = t.view(np.uint64) >> 23 < best_t.view(np.uint64) >> 23
+        with np.errstate(divide="ignore"):
+            nearer = (1 / t).view(np.uint64) >> 23 > (1 / best_t).view(np.uint64) >> 23
         best[nearer], best_t[nearer] = i, t[nearer]
     return best, best_t
 

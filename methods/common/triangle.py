@@ -134,13 +134,23 @@ def hit_distance(
 
 
 @wp.func
+def nearness_key(inverse: wp.float64) -> wp.uint64:
+    """The leading 40 bits of 1 / t > 0 (eleven of exponent, 29 of fraction): larger is nearer.
+
+    1 / t is linear in the direction for rays that share an origin, so a method that streams pixels over a triangle
+    has it without a division.
+    """
+    return wp.cast(inverse, wp.uint64) >> wp.uint64(23)
+
+
+@wp.func
 def depth_key(t: wp.float64) -> wp.uint64:
-    """The leading 40 bits of t > 0 (eleven of exponent, 29 of fraction), in the order of t.
+    """The complement of ``nearness_key(1 / t)``: 40 bits in the order of t > 0.
 
     Two hits whose keys agree (2^-29 of each other) are a tie, which the lowest index wins. So rounding never
     decides between the triangles that meet at an edge, and a hit packs into 64 bits beside its index.
     """
-    return wp.cast(t, wp.uint64) >> wp.uint64(23)
+    return wp.uint64(0xFFFFFFFFFF) - nearness_key(wp.float64(1.0) / t)
 
 
 @wp.func

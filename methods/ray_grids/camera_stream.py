@@ -1,8 +1,8 @@
 """Primary rays: one ray a pixel lies in the grid; triangles are streamed over it.
 
-The nearest hit of a pixel is kept as one 64-bit word, the complement of (40 bits of depth, 24 bits of index), by
-atomic maximum: the order in which triangles arrive does not matter. Edge functions in float32 with an error bound
-decide all but a few pixels; those, and every depth, are float64 (:mod:`..common.triangle`).
+The nearest hit of a pixel is kept as one 64-bit word, 40 bits of 1 / t and 24 of the complemented index, by atomic
+maximum: the order in which triangles arrive does not matter. Edge functions in float32 with an error bound decide
+all but a few pixels; those, and every 1 / t, are float64 (:mod:`..common.triangle`).
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from ..common.triangle import (
     FLOOR32,
     U32,
     U64,
-    depth_key,
     hit_distance,
     largest,
+    nearness_key,
     to_float64,
     weld_of,
     write_hit,
@@ -29,7 +29,6 @@ BLOCK = wp.constant(8)
 
 INLINE_PIXELS = wp.constant(16)
 FEW_BLOCKS = wp.constant(4)
-
 
 
 @wp.struct
@@ -77,35 +76,42 @@ def longest_direction(tangents: wp.array(dtype=wp.float32)) -> wp.float32:
 
 
 @wp.func
+def inverse_depth(o: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> wp.vec3d:
+    """m with 1 / t = m . d on the triangle's plane, float64; zero where the plane passes the eye."""
+    a64 = to_float64(a)
+    n = wp.cross(to_float64(b) - a64, to_float64(c) - a64)
+    height = wp.dot(n, a64 - to_float64(o))
+    if height == wp.float64(0.0):
+        return wp.vec3d()
+    return n / height
+
+
+@wp.func
 def offer(
     pixel: wp.int32,
     i: wp.int32,
     o: wp.vec3f,
     d: wp.vec3f,
     planes: Planes,
+    m: wp.vec3d,
     points: wp.array(dtype=wp.vec3f),
     triangles: wp.array(dtype=wp.vec3i),
     weld: wp.array(dtype=wp.int32),
     nearest: wp.array(dtype=wp.uint64),
 ):
-    """Test one pixel and keep the hit if it is the nearest so far."""
+    """Test one pixel, and keep the hit if it is the nearest so far (ties go to the lower index)."""
     low = wp.min(wp.dot(planes.n0, d), wp.min(wp.dot(planes.n1, d), wp.dot(planes.n2, d)))
     if low < -planes.bound:
         return
-    face = triangles[i]
-    a = points[face[0]]
-    b = points[face[1]]
-    c = points[face[2]]
-    t = wp.float64(0.0)
-    if low > planes.bound:
-        # Certainly inside: only the depth is left, by the expressions of hit_distance.
-        a64 = to_float64(a)
-        n = wp.cross(to_float64(b) - a64, to_float64(c) - a64)
-        t = wp.dot(n, a64 - to_float64(o)) / wp.dot(n, to_float64(d))
-    else:
-        t = hit_distance(o, d, a, b, c, weld_of(weld, face))
-    if t > wp.float64(0.0):
-        word = ~((depth_key(t) << wp.uint64(24)) | wp.uint64(i))
+    inverse = wp.dot(m, to_float64(d))
+    if not (low > planes.bound):
+        face = triangles[i]
+        t = hit_distance(o, d, points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face))
+        if t <= wp.float64(0.0):
+            return
+        inverse = wp.float64(1.0) / t
+    if inverse > wp.float64(0.0):
+        word = (nearness_key(inverse) << wp.uint64(24)) | wp.uint64(0xFFFFFF - i)
         if word > nearest[pixel]:
             wp.atomic_max(nearest, pixel, word)
 
@@ -127,11 +133,14 @@ def block_missed(
     y1 = row[wp.min(by * BLOCK + BLOCK, height) - 1]
     limit = -2.0 * planes.bound
     return (
-        wp.max(wp.dot(planes.n0, x0), wp.dot(planes.n0, x1)) + wp.max(wp.dot(planes.n0, y0), wp.dot(planes.n0, y1))
+        wp.max(wp.dot(planes.n0, x0), wp.dot(planes.n0, x1))
+        + wp.max(wp.dot(planes.n0, y0), wp.dot(planes.n0, y1))
         < limit
-        or wp.max(wp.dot(planes.n1, x0), wp.dot(planes.n1, x1)) + wp.max(wp.dot(planes.n1, y0), wp.dot(planes.n1, y1))
+        or wp.max(wp.dot(planes.n1, x0), wp.dot(planes.n1, x1))
+        + wp.max(wp.dot(planes.n1, y0), wp.dot(planes.n1, y1))
         < limit
-        or wp.max(wp.dot(planes.n2, x0), wp.dot(planes.n2, x1)) + wp.max(wp.dot(planes.n2, y0), wp.dot(planes.n2, y1))
+        or wp.max(wp.dot(planes.n2, x0), wp.dot(planes.n2, x1))
+        + wp.max(wp.dot(planes.n2, y0), wp.dot(planes.n2, y1))
         < limit
     )
 
@@ -148,12 +157,18 @@ def on_screen(
         flat.a = wp.vec2f(s[2] + s[0] * (a[0] / a[2]), s[3] - s[1] * (a[1] / a[2]))
         flat.b = wp.vec2f(s[2] + s[0] * (b[0] / b[2]), s[3] - s[1] * (b[1] / b[2]))
         flat.c = wp.vec2f(s[2] + s[0] * (c[0] / c[2]), s[3] - s[1] * (c[1] / c[2]))
-        flat.pad = 0.05 + 1.0e-4 * wp.float32(wp.max(width, height)) + 4.0e-6 * ((1.0 + tx) * s[0] + (1.0 + ty) * s[1])
+        flat.pad = (
+            0.05
+            + 1.0e-4 * wp.float32(wp.max(width, height))
+            + 4.0e-6 * ((1.0 + tx) * s[0] + (1.0 + ty) * s[1])
+        )
     return flat
 
 
 @wp.func
-def write_item(at: wp.int32, i: wp.int32, box: wp.vec4i, bx: wp.int32, by: wp.int32, items: wp.array(dtype=wp.vec4i)):
+def write_item(
+    at: wp.int32, i: wp.int32, box: wp.vec4i, bx: wp.int32, by: wp.int32, items: wp.array(dtype=wp.vec4i)
+):
     """An item: triangle, first pixel column and row, and last column and row packed into 16 bits each."""
     if at < items.shape[0]:
         x0 = wp.max(box[0], bx * BLOCK)
@@ -181,6 +196,7 @@ def stream_kernel(
     nearest: wp.array(dtype=wp.uint64),
     counts: wp.array(dtype=wp.int32),
     records: wp.array2d(dtype=wp.vec4f),
+    depths: wp.array(dtype=wp.vec3d),
     strips: wp.array(dtype=wp.vec4i),
     items: wp.array(dtype=wp.vec4i),
 ):
@@ -202,10 +218,11 @@ def stream_kernel(
     if box[2] < box[0] or box[3] < box[1]:
         return
     planes = edge_planes(o, a, b, c, longest_direction(tangents))
+    m = inverse_depth(o, a, b, c)
     if (box[2] - box[0] + 1) * (box[3] - box[1] + 1) <= INLINE_PIXELS:
         for y in range(box[1], box[3] + 1):
             for x in range(box[0], box[2] + 1):
-                offer(y * width + x, i, o, column[x] + row[y], planes, points, triangles, weld, nearest)
+                offer(y * width + x, i, o, column[x] + row[y], planes, m, points, triangles, weld, nearest)
         return
     bx0 = box[0] // BLOCK
     by0 = box[1] // BLOCK
@@ -217,12 +234,26 @@ def stream_kernel(
             for bx in range(bx0, bx1 + 1):
                 if not block_missed(planes, bx, by, width, height, column, row):
                     for y in range(wp.max(box[1], by * BLOCK), wp.min(box[3], by * BLOCK + BLOCK - 1) + 1):
-                        for x in range(wp.max(box[0], bx * BLOCK), wp.min(box[2], bx * BLOCK + BLOCK - 1) + 1):
-                            offer(y * width + x, i, o, column[x] + row[y], planes, points, triangles, weld, nearest)
+                        for x in range(
+                            wp.max(box[0], bx * BLOCK), wp.min(box[2], bx * BLOCK + BLOCK - 1) + 1
+                        ):
+                            offer(
+                                y * width + x,
+                                i,
+                                o,
+                                column[x] + row[y],
+                                planes,
+                                m,
+                                points,
+                                triangles,
+                                weld,
+                                nearest,
+                            )
         return
     records[i, 0] = wp.vec4f(planes.n0[0], planes.n0[1], planes.n0[2], planes.bound)
     records[i, 1] = wp.vec4f(planes.n1[0], planes.n1[1], planes.n1[2], 0.0)
     records[i, 2] = wp.vec4f(planes.n2[0], planes.n2[1], planes.n2[2], 0.0)
+    depths[i] = m
     if blocks <= FEW_BLOCKS:
         at = reserve(counts, ITEMS, blocks)
         for by in range(by0, by1 + 1):
@@ -355,6 +386,7 @@ def item_kernel(
     triangles: wp.array(dtype=wp.vec3i),
     weld: wp.array(dtype=wp.int32),
     records: wp.array2d(dtype=wp.vec4f),
+    depths: wp.array(dtype=wp.vec3d),
     counts: wp.array(dtype=wp.int32),
     items: wp.array(dtype=wp.vec4i),
     nearest: wp.array(dtype=wp.uint64),
@@ -372,7 +404,18 @@ def item_kernel(
             x = work[1] + dx
             y = work[2] + dy
             i = work[0]
-            offer(y * width + x, i, o, column[x] + row[y], recorded(records, i), points, triangles, weld, nearest)
+            offer(
+                y * width + x,
+                i,
+                o,
+                column[x] + row[y],
+                recorded(records, i),
+                depths[i],
+                points,
+                triangles,
+                weld,
+                nearest,
+            )
         item += threads // 64
 
 
@@ -407,7 +450,7 @@ def resolve_kernel(
     best = wp.int32(-1)
     t = wp.float64(0.0)
     if word != wp.uint64(0):
-        best = wp.int32(~word & wp.uint64(0xFFFFFF))
+        best = 0xFFFFFF - wp.int32(word & wp.uint64(0xFFFFFF))
         face = triangles[best]
         a64 = to_float64(points[face[0]])
         n = wp.cross(to_float64(points[face[1]]) - a64, to_float64(points[face[2]]) - a64)

@@ -67,7 +67,9 @@ def flat_box(flat: Flat, cells: wp.int32) -> wp.vec4i:
     n = wp.float32(cells)
     if x1 < 0.0 or y1 < 0.0 or x0 > n or y0 > n:
         return wp.vec4i(0, 0, -1, -1)
-    return wp.vec4i(whole_cells(x0, cells), whole_cells(y0, cells), whole_cells(x1, cells), whole_cells(y1, cells))
+    return wp.vec4i(
+        whole_cells(x0, cells), whole_cells(y0, cells), whole_cells(x1, cells), whole_cells(y1, cells)
+    )
 
 
 @wp.func

@@ -157,7 +157,11 @@ def span_of(
 
 @wp.func
 def queue_rays(
-    i: wp.int32, first: wp.int32, stop: wp.int32, counts: wp.array(dtype=wp.int32), items: wp.array(dtype=wp.vec4i)
+    i: wp.int32,
+    first: wp.int32,
+    stop: wp.int32,
+    counts: wp.array(dtype=wp.int32),
+    items: wp.array(dtype=wp.vec4i),
 ):
     """Queue rays first..stop for triangle i, 32 an item."""
     number = (stop - first + 31) // 32
@@ -297,7 +301,9 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
                                 place = reserve(counts, BLOCKS, across * down)
                                 for k in range(across * down):
                                     if place + k < blocks.shape[0]:
-                                        blocks[place + k] = wp.vec4i(i, face, bx0 + k % across, by0 + k // across)
+                                        blocks[place + k] = wp.vec4i(
+                                            i, face, bx0 + k % across, by0 + k // across
+                                        )
                             else:
                                 place = reserve(counts, STRIPS, down)
                                 for k in range(down):
@@ -308,7 +314,9 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
 
 
 @wp.func
-def corner(points: wp.array(dtype=wp.vec3f), triangles: wp.array(dtype=wp.vec3i), i: wp.int32, k: wp.int32) -> wp.vec3f:
+def corner(
+    points: wp.array(dtype=wp.vec3f), triangles: wp.array(dtype=wp.vec3i), i: wp.int32, k: wp.int32
+) -> wp.vec3f:
     return points[triangles[i][k]]
 
 

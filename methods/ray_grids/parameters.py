@@ -34,7 +34,16 @@ class Build:
     def __post_init__(self) -> None:
         if not 0 <= self.cells <= 8192 or self.cells % 8:
             raise ValueError("cells must be a multiple of 8 in 0..8192")
-        if min(self.inline_cells, self.inline_rays, self.item_capacity, self.strip_capacity, self.doubt_capacity) < 0:
+        if (
+            min(
+                self.inline_cells,
+                self.inline_rays,
+                self.item_capacity,
+                self.strip_capacity,
+                self.doubt_capacity,
+            )
+            < 0
+        ):
             raise ValueError("must not be negative")
         if max(self.item_capacity, self.strip_capacity, self.doubt_capacity) > 2**28:
             raise ValueError("must be at most 2^28")

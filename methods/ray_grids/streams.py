@@ -21,8 +21,9 @@ BLOCK_DIM = 128
 class Queues:
     """What the streams of one frame share: queues, plane records, and where needs are kept.
 
-    strips vec4i [strip_capacity], items vec4i [item_capacity]; blocks vec4i
-    [block_capacity], doubts vec2i [doubt_capacity]; counts int32 [4]; records vec4f [triangles, 5]. Without queues (CPU) all but the doubts are one element long.
+    strips vec4i [strip_capacity], items vec4i [item_capacity], blocks vec4i [block_capacity], doubts vec2i
+    [doubt_capacity]; counts int32 [4]; records vec4f [triangles, 5] and depths vec3d [triangles]: planes of queued
+    triangles. Without queues (CPU) all but the doubts are one element long.
     """
 
     def __init__(self, frame: Frame, queued: bool, capacity: tuple[int, int, int, int], needs: wp.array):
@@ -35,12 +36,15 @@ class Queues:
             self.items = wp.zeros(items, dtype=wp.vec4i)
             self.blocks = wp.zeros(blocks, dtype=wp.vec4i)
             self.doubts = wp.zeros(doubts, dtype=wp.vec2i)
+            self.depths = wp.zeros(max(1, frame.triangle_count) if queued else 1, dtype=wp.vec3d)
             self.records = wp.zeros((max(1, frame.triangle_count) if queued else 1, 5), dtype=wp.vec4f)
         self.threads = THREADS if wp.get_device(frame.device).is_cuda else 64
         self.device = frame.device
 
     def keep_needs(self, first: int) -> None:
-        wp.launch(needs_kernel, dim=COUNTERS, inputs=[self.counts], outputs=[self.needs, first], device=self.device)
+        wp.launch(
+            needs_kernel, dim=COUNTERS, inputs=[self.counts], outputs=[self.needs, first], device=self.device
+        )
 
 
 class CameraStream:
@@ -57,7 +61,13 @@ class CameraStream:
         words = ("nearest words",)
         passes = [Pass("camera: stream triangles", "trace", scene, words, self.launch_stream)]
         if self.queues.queued:
-            passes.append(Pass("camera: queued blocks", "trace", (*scene, *words), words, self.launch_queue))
+            items = ("camera items",)
+            passes.append(
+                Pass("camera: strips to blocks", "trace", (*scene, *words), items, self.launch_strips)
+            )
+            passes.append(
+                Pass("camera: queued blocks", "trace", (*scene, *words, *items), words, self.launch_items)
+            )
         return [*passes, Pass("camera: resolve", "trace", (*scene, *words), ("hits",), self.launch_resolve)]
 
     def launch_stream(self) -> None:
@@ -71,30 +81,43 @@ class CameraStream:
                 f.triangle_count, f.width, f.height, 0 if q.queued else 2**30, f.eye, f.axes, f.tangents, f.column,
                 f.row, f.points, f.triangles, f.valid, f.weld,
             ],
-            outputs=[self.nearest, q.counts, q.records, q.strips, q.items],
+            outputs=[self.nearest, q.counts, q.records, q.depths, q.strips, q.items],
             device=f.device,
             block_dim=BLOCK_DIM,
         )  # fmt: skip
 
-    def launch_queue(self) -> None:
+    def launch_strips(self) -> None:
         f, q = self.frame, self.queues
         wp.launch(
             camera_stream.strip_kernel,
             dim=q.threads,
             inputs=[
-                q.threads, f.width, f.height, f.eye, f.axes, f.tangents, f.column, f.row, f.points, f.triangles,
-                q.records, q.strips,
+                q.threads,
+                f.width,
+                f.height,
+                f.eye,
+                f.axes,
+                f.tangents,
+                f.column,
+                f.row,
+                f.points,
+                f.triangles,
+                q.records,
+                q.strips,
             ],
             outputs=[q.counts, q.items],
             device=f.device,
             block_dim=BLOCK_DIM,
         )
+
+    def launch_items(self) -> None:
+        f, q = self.frame, self.queues
         wp.launch(
             camera_stream.item_kernel,
             dim=q.threads,
             inputs=[
-                q.threads, f.width, f.eye, f.column, f.row, f.points, f.triangles, f.weld, q.records, q.counts,
-                q.items,
+                q.threads, f.width, f.eye, f.column, f.row, f.points, f.triangles, f.weld, q.records, q.depths,
+                q.counts, q.items,
             ],
             outputs=[self.nearest],
             device=f.device,
@@ -154,15 +177,40 @@ class LightStream:
         light, effect = f"light/{i}", f"shadows/{i}"
         place, rays, bits = f"ray places/{i}", f"ray cells/{i}", f"visibility/{i}"
         scene = ("points", "triangles", "hits", light, rays)
+        build = "light build"
         passes = [
-            Pass(f"light {i}: map rays", "light build", ("points", "hits", light), (place,), self.launch_map, effect),
-            Pass(f"light {i}: count and scan", "light build", (place,), (f"ray offsets/{i}",), self.launch_count, effect),
-            Pass(f"light {i}: scatter rays", "light build", ("hits", f"ray offsets/{i}"), (rays,), self.launch_scatter, effect),
+            Pass(f"light {i}: map rays", build, ("points", "hits", light), (place,), self.launch_map, effect),
+            Pass(f"light {i}: count and scan", build, (place,), (f"ray offsets/{i}",), self.launch_count, effect),
+            Pass(f"light {i}: scatter rays", build, ("hits", f"ray offsets/{i}"), (rays,), self.launch_scatter, effect),
             Pass(f"light {i}: stream triangles", "shadow", scene, (bits,), self.launch_stream, effect),
         ]  # fmt: skip
         if self.queues.queued:
-            passes.append(Pass(f"light {i}: queued blocks", "shadow", scene, (bits,), self.launch_queue, effect))
-        return [*passes, Pass(f"light {i}: doubtful pairs", "shadow", scene, (bits,), self.launch_doubts, effect)]
+            blocks, items = (f"light blocks/{i}",), (f"light items/{i}",)
+            passes += [
+                Pass(
+                    f"light {i}: strips to blocks",
+                    "shadow",
+                    (*scene, bits),
+                    blocks,
+                    self.launch_strips,
+                    effect,
+                ),
+                Pass(
+                    f"light {i}: blocks to rays",
+                    "shadow",
+                    (*scene, *blocks),
+                    items,
+                    self.launch_blocks,
+                    effect,
+                ),
+                Pass(
+                    f"light {i}: queued rays", "shadow", (*scene, *items), (bits,), self.launch_items, effect
+                ),
+            ]
+        return [
+            *passes,
+            Pass(f"light {i}: doubtful pairs", "shadow", scene, (bits,), self.launch_doubts, effect),
+        ]
 
     def launch_map(self) -> None:
         f, b = self.frame, self.bins
@@ -170,7 +218,11 @@ class LightStream:
         wp.launch(light_bins.clear_kernel, dim=6, outputs=[b.box], device=device)
         if f.vertex_count:
             wp.launch(
-                light_bins.scene_box_kernel, dim=f.vertex_count, inputs=[f.points], outputs=[b.box], device=device
+                light_bins.scene_box_kernel,
+                dim=f.vertex_count,
+                inputs=[f.points],
+                outputs=[b.box],
+                device=device,
             )
         wp.launch(
             light_bins.aim_kernel,
@@ -231,25 +283,34 @@ class LightStream:
             block_dim=BLOCK_DIM,
         )  # fmt: skip
 
-    def launch_queue(self) -> None:
-        f, b, q = self.frame, self.bins, self.queues
-        seen = [q.threads, self.index, b.cells, f.lights, b.cube, b.table, f.points, f.triangles]
+    def _seen(self) -> list[object]:
+        f, b = self.frame, self.bins
+        return [self.queues.threads, self.index, b.cells, f.lights, b.cube, b.table, f.points, f.triangles]
+
+    def launch_strips(self) -> None:
+        f, q = self.frame, self.queues
         wp.launch(
             light_stream.strip_kernel,
             dim=q.threads,
-            inputs=[*seen, q.strips],
+            inputs=[*self._seen(), q.strips],
             outputs=[q.counts, q.blocks],
             device=f.device,
             block_dim=BLOCK_DIM,
         )
+
+    def launch_blocks(self) -> None:
+        f, b, q = self.frame, self.bins, self.queues
         wp.launch(
             light_stream.block_kernel,
             dim=q.threads,
-            inputs=[*seen, b.offset, q.blocks],
+            inputs=[*self._seen(), b.offset, q.blocks],
             outputs=[q.counts, q.items],
             device=f.device,
             block_dim=BLOCK_DIM,
         )
+
+    def launch_items(self) -> None:
+        f, b, q = self.frame, self.bins, self.queues
         wp.launch(
             light_stream.item_kernel,
             dim=q.threads,
