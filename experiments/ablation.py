@@ -1,0 +1,68 @@
+"""One change at a time from the paper's configuration: which of its parts, and of ours, buys what.
+
+Culling is refused for scenes that are not declared closed, and stands there as skipped with the reason.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..harness.plan import Entry, Experiment, Preset
+from ._paper import METHOD, SCENES, faithful
+
+BASE = "paper-faithful"
+BEST = "all of ours"
+
+METHODS = (
+    faithful(BASE),
+    faithful("direct mapping, 16x16 tiles", tile="16", k="1"),
+    faithful("direct mapping, 8x8 tiles", k="1"),
+    faithful("4x4 of 4x4 tiles", tile="4", k="4"),
+    faithful("no slices", slices="1", light_slices="1"),
+    faithful("64 slices", slices="64", light_slices="64"),
+    faithful("triangles in first slice only", depth_lists="nearest"),
+    faithful("edge planes", triangle_test="edge_planes"),
+    faithful("exact test", triangle_test="exact"),
+    faithful("back faces culled, primary", cull="primary"),
+    faithful("back faces culled, lights too", cull="primary+light"),
+    faithful("azimuth-elevation", light_map="azimuth-elevation"),
+    faithful("cube map", light_map="cube"),
+    faithful("aimed at the scene", aimed="true"),
+    faithful("light not clamped", clamp="none"),
+    faithful("light clamped to hits", clamp="hits"),
+    faithful("64x64 light tiles", light_tiles="64"),
+    faithful("256x256 light tiles", light_tiles="256"),
+    faithful("pairs only where rays are", skip_empty="true"),
+    faithful("r = 32", r="32"),
+    faithful("r = 64", r="64"),
+    faithful("r = 256", r="256"),
+    faithful("no load balancing", r="65536"),
+    faithful("chunks from tile counts", balancing="direct"),
+    faithful("no shared memory", staging="none"),
+    faithful("lists in chunks of 256", triangle_chunk="256"),
+    Entry(METHOD, {}, BEST),
+)
+
+
+def draw(folder: Path, quiet: bool = False) -> list[Path]:
+    """How much of the time each change takes, a mark a scene; and CSV."""
+    from ..harness.figures import ablation
+
+    return ablation.draw(folder, quiet, BASE, [entry.label for entry in METHODS])
+
+
+EXPERIMENT = Experiment(
+    name="ablation",
+    title="Ablation: one change at a time from the paper's configuration",
+    presets={
+        "quick": Preset(
+            128, 128, ("cloth", "buddha"), METHODS, frames=1, samples=2, most=2, stage_samples=1, rounds=1,
+            budget_s=4.0,
+        ),
+        "paper": Preset(
+            1024, 1024, SCENES, METHODS, frames=1, samples=10, most=20, deviation=0.01, stage_samples=5, rounds=2,
+            budget_s=10.0, timeout_s=300.0,
+        ),
+    },
+    draw=draw,
+)  # fmt: skip
