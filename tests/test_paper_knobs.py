@@ -15,6 +15,7 @@ from shadowbench.harness.scene import Light, Limits, Spot
 from shadowbench.harness.session import Session
 from shadowbench.harness.spot import receivers, strength
 from shadowbench.methods.perspective_spherical.chunks import Chunks
+from shadowbench.methods.perspective_spherical.light_grid import make_bound_kernel
 from shadowbench.methods.perspective_spherical.parameters import (
     BALANCING,
     CLAMPS,
@@ -240,9 +241,9 @@ def test_staged_kernels_give_the_bits_of_their_twins(triangle_test, monkeypatch)
     prepared = make_scene(vertices, faces, [(0.1, 0.2, 0.3), (5.0, 4.0, 3.0)])
     for settings in (
         {"tile": "4", "k": "2", "r": "40"},
-        {"tile": "3", "k": "3", "r": "7", "triangle_chunk": "5", "light_tiles": "4"},
-        {"tile": "9", "k": "1", "r": "100", "light_tiles": "2", "slices": "1", "light_slices": "1"},
-        {"tile": "1", "k": "5", "r": "1"},
+        {"tile": "6", "k": "3", "r": "33", "triangle_chunk": "5", "light_tiles": "4"},
+        {"tile": "9", "k": "2", "r": "200", "light_tiles": "2", "slices": "1", "light_slices": "1"},
+        {"tile": "1", "k": "7", "r": "33"},
     ):
         settings["triangle_test"] = triangle_test
         if triangle_test != "exact" and "triangle_chunk" not in settings:
@@ -403,6 +404,7 @@ def test_compiled_variants_are_a_short_fixed_list(monkeypatch):
         answers_of(prepared, 17, 13, drawn(random, triangle_test=random.choice(TRIANGLE_TESTS)))
     for factory in factories:
         assert factory.cache_info().currsize <= len(VARIANTS) == 3
+    assert make_bound_kernel.cache_info().currsize <= len(LIGHT_MAPS) == 3
     assert make_staged_trace_kernel.cache_info().currsize <= len(VARIANTS) * len(BLOCKS) == 12
 
 
@@ -410,6 +412,7 @@ def test_every_cuda_kernel_compiles_without_a_gpu(tmp_path):
     kernels = [make_trace_kernel(v) for v in VARIANTS] + [make_shadow_kernel(v) for v in VARIANTS]
     kernels += [make_resolve_kernel(VARIANTS[0]), make_resolve_kernel(VARIANTS[1])]
     kernels += [make(VARIANTS[0], 64) for make in (make_staged_trace_kernel, make_staged_shadow_kernel)]
+    kernels += [make_bound_kernel(map) for map in range(len(LIGHT_MAPS))]
     package = "shadowbench.methods.perspective_spherical"
     names = (
         "camera",

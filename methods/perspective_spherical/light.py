@@ -31,6 +31,7 @@ class LightGrid:
     receiver   uint8 [pixels]: which pixels have a shadow ray
     place      vec4d [pixels]: where the ray lies in the light's rectangles, its distance, which rectangle
     extent     float64 [faces, 8]: lowest then highest coordinates and distance: the clamped rectangles
+    deepest    int32 [tiles]: last slice that a shadow ray of the tile reaches, -1 without rays
     ray_keys, ray_values  int32 [2 * pixels]: (light tile, primary ray) pairs, sorted
     columns, rows         vec4d [faces * light_tiles]: edges of the tiles
     records    vec4f [6 * triangle_count]: see :mod:`.segment_tests`
@@ -96,6 +97,7 @@ class LightGrid:
             self.place = wp.zeros(frame.pixels, dtype=wp.vec4d)
             self.ray_keys = wp.zeros(2 * frame.pixels, dtype=wp.int32)
             self.ray_values = wp.zeros(2 * frame.pixels, dtype=wp.int32)
+            self.deepest = wp.zeros(self.tile_count, dtype=wp.int32)
             self.no_tests = wp.zeros(1, dtype=wp.int32)
 
     def passes(self) -> list[Pass]:
@@ -105,7 +107,7 @@ class LightGrid:
         build, shadow = "light build", "shadow"
         rect, grid_name, ray_name = f"light rectangle/{i}", f"light grid/{i}", f"light rays/{i}"
         view = ("camera", "camera boxes") if self.build.clamp == "view" else ()
-        occupied = (ray_name,) if self.build.skip_empty else ()
+        occupied = (f"sorted rays/{i}",) if self.build.skip_empty else ()
         scene = ("points", "triangles", light, rect, *occupied)
         return [
             Pass(f"light {i}: map rays", shadow, ("hits", light, *view), (rect,), self.launch_map, effect),
@@ -179,11 +181,20 @@ class LightGrid:
 
     def launch_sort_rays(self) -> None:
         f, b = self.frame, self.build
+        self.deepest.fill_(-1)
         self._launch(
             rays.key_kernel,
             f.pixels,
-            [b.light_tiles, b.light_faces, self.receiver, self.place, self.extent],
-            [self.ray_keys, self.ray_values, f.answers.visibility, self.index],
+            [
+                b.light_tiles,
+                b.light_faces,
+                b.light_slices,
+                self.distance_pad,
+                self.receiver,
+                self.place,
+                self.extent,
+            ],
+            [self.ray_keys, self.ray_values, self.deepest, f.answers.visibility, self.index],
         )
         wp.utils.radix_sort_pairs(self.ray_keys, self.ray_values, f.pixels, 0, self.key_bits)
 
@@ -194,11 +205,11 @@ class LightGrid:
         f, b, bins = self.frame, self.build, self.bins
         bins.launch_clear()
         self._launch(
-            grid.bound_kernel,
+            grid.make_bound_kernel(self.map),
             bins.items,
             [
-                f.triangle_count, self.index, self.map, b.light_faces, b.light_tiles, b.light_slices, self.widening,
-                self.pad, self.distance_pad, self.outward, self.test, b.skip_empty, self.chunks.end, f.lights,
+                f.triangle_count, self.index, b.light_faces, b.light_tiles, b.light_slices, self.widening,
+                self.pad, self.distance_pad, self.outward, self.test, b.skip_empty, self.deepest, f.lights,
                 self.axes, self.extent, f.points, f.triangles, f.weld, f.valid,
             ],
             [bins.boxes, self.spans, self.records, bins.rows, bins.row_count],
@@ -209,7 +220,7 @@ class LightGrid:
         return [
             self.index, b.light_faces, b.light_tiles, b.light_slices, b.depth_lists == "spans", b.skip_empty,
             self.widening, self.pad, f.lights, self.axes, self.extent, self.columns, self.rows, self.stretch,
-            self.chunks.end, self.masks, f.points, f.triangles, self.bins.boxes, self.spans,
+            self.deepest, self.masks, f.points, f.triangles, self.bins.boxes, self.spans,
         ]  # fmt: skip
 
     def _pairs(self) -> list[wp.array]:

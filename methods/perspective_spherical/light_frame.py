@@ -201,15 +201,21 @@ def distance_slice(
 def key_kernel(
     tiles: wp.int32,
     faces: wp.int32,
+    slices: wp.int32,
+    distance_pad: wp.float64,
     receiver: wp.array(dtype=wp.uint8),
     place: wp.array(dtype=wp.vec4d),
     extent: wp.array(dtype=wp.float64),
     keys: wp.array(dtype=wp.int32),
     values: wp.array(dtype=wp.int32),
+    deepest: wp.array(dtype=wp.int32),
     visibility: wp.array2d(dtype=wp.uint8),
     index: wp.int32,
 ):
-    """(light tile, primary ray) pairs; no shadow ray has the key behind every tile. Resets the shadow bits."""
+    """(light tile, primary ray) pairs; no shadow ray has the key behind every tile. Resets the shadow bits.
+
+    ``deepest``: the last slice that a ray of the tile reaches, raised from -1
+    """
     pixel = wp.tid()
     visibility[index, pixel] = wp.uint8(0)
     values[pixel] = pixel
@@ -221,4 +227,8 @@ def key_kernel(
     offset = face * EXTENT
     column = tile_of(p[0], extent[offset], extent[offset + 3], tiles)
     row = tile_of(p[1], extent[offset + 1], extent[offset + 4], tiles)
-    keys[pixel] = (face * tiles + row) * tiles + column
+    tile = (face * tiles + row) * tiles + column
+    keys[pixel] = tile
+    slice = distance_slice(p[2] * (wp.float64(1.0) + distance_pad), extent, face, slices)
+    if deepest[tile] < slice:
+        wp.atomic_max(deepest, tile, slice)

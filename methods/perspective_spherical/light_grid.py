@@ -7,13 +7,15 @@ lies in it. An item is a triangle in one rectangle: item = triangle * faces + fa
 
 from __future__ import annotations
 
+import functools
+
 import warp as wp
 
 from ..common.triangle import U64, largest, to_float64, total, weld_of
 from .binning import INLINE_TILES, queue_rows
 from .culling import faces_away
 from .light_frame import EXTENT, distance_slice, tile_of
-from .light_map import face_frame, map_bounds, wraps
+from .light_map import BOUNDS, WRAPS, face_frame
 from .light_tiles import missed, slope_bounds
 from .segment_tests import segment_planes, segment_vertices
 from .sphere import ROUNDING, TWO_PI
@@ -122,107 +124,114 @@ def covered(
 
 
 @wp.func
-def no_ray_in(box: wp.vec4i, side: wp.int32, tiles: wp.int32, ray_end: wp.array(dtype=wp.int32)) -> wp.bool:
-    """Whether a small box of tiles holds no shadow ray; large ones are not looked at."""
+def no_ray_in(
+    box: wp.vec4i, slice: wp.int32, side: wp.int32, tiles: wp.int32, deepest: wp.array(dtype=wp.int32)
+) -> wp.bool:
+    """Whether no shadow ray in a small box of tiles reaches ``slice``; large boxes are not looked at."""
     if (box[2] - box[0] + 1) * (box[3] - box[1] + 1) > INLINE_TILES:
         return False
     for row in range(box[1], box[3] + 1):
         for column in range(box[0], box[2] + 1):
-            if ray_end[(side * tiles + row) * tiles + column] > 0:
+            if deepest[(side * tiles + row) * tiles + column] >= slice:
                 return False
     return True
 
 
-@wp.kernel(enable_backward=False)
-def bound_kernel(
-    triangle_count: wp.int32,
-    index: wp.int32,
-    map: wp.int32,
-    faces: wp.int32,
-    tiles: wp.int32,
-    slices: wp.int32,
-    widening: wp.float64,
-    pad: wp.float64,
-    distance_pad: wp.float64,
-    outward: wp.float64,
-    test: wp.int32,
-    skip_empty: wp.bool,
-    ray_end: wp.array(dtype=wp.int32),
-    lights: wp.array(dtype=wp.vec3f),
-    frame: wp.array(dtype=wp.mat33d),
-    extent: wp.array(dtype=wp.float64),
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    weld: wp.array(dtype=wp.int32),
-    valid: wp.array(dtype=wp.uint8),
-    boxes: wp.array(dtype=wp.vec4i),
-    spans: wp.array(dtype=wp.vec2i),
-    records: wp.array(dtype=wp.vec4f),
-    rows: wp.array(dtype=wp.vec2i),
-    row_count: wp.array(dtype=wp.int64),
-):
-    """Each item's box of tiles, span of slices and record; queue the rows of large ones.
+@functools.cache
+def make_bound_kernel(map: int) -> wp.Kernel:
+    """Bounds of triangles under one light map: compiled apart, as each takes many registers."""
+    bounds_of = BOUNDS[map]
+    wrap = WRAPS[map]
 
-    ``pad``: a ray's direction is known to this; ``distance_pad``: its distance, relative
-    """
-    item = wp.tid()
-    boxes[item] = wp.vec4i(0, 0, -1, -1)
-    i = item // faces
-    side = item % faces
-    offset = side * EXTENT
-    if i >= triangle_count or not (extent[offset + 3] >= extent[offset]):
-        return
-    if valid[i] == wp.uint8(0):
-        return
-    face = triangles[i]
-    light = lights[index]
-    a32 = points[face[0]]
-    b32 = points[face[1]]
-    c32 = points[face[2]]
-    if holds_light(light, a32, b32, c32) or faces_away(outward, light, a32, b32, c32):
-        return
-    s = lit_triangle(light, frame[0], side, widening, pad, a32, b32, c32)
-    # Nearest point: no nearer than the plane, nor than the nearest vertex less the longest edge.
-    normal = wp.cross(s.b - s.a, s.c - s.a)
-    size = wp.length(normal)
-    la = wp.length(s.a)
-    lb = wp.length(s.b)
-    lc = wp.length(s.c)
-    longest = wp.max(wp.length(s.b - s.a), wp.max(wp.length(s.c - s.b), wp.length(s.a - s.c)))
-    near = wp.max(wp.float64(0.0), wp.min(la, wp.min(lb, lc)) - longest)
-    if size > wp.float64(1.0e-9) * longest * longest:
-        plane = wp.abs(wp.dot(normal, s.a)) / size
-        near = wp.max(near, plane - wp.float64(1.0e-5) * longest)
-    near = near * (wp.float64(1.0) - distance_pad)
-    if near > extent[offset + 5]:
-        return
-    bounds = map_bounds(map, s.a, s.b, s.c, pad)
-    if not (bounds[1] >= bounds[0]):
-        return
-    wrap = wraps(map)
-    x = covered(bounds[0], bounds[1], extent[offset], extent[offset + 3], tiles, wrap[0])
-    y = covered(bounds[2], bounds[3], extent[offset + 1], extent[offset + 4], tiles, wrap[1])
-    if x[1] < x[0] or y[1] < y[0]:
-        return
-    box = wp.vec4i(x[0], y[0], x[1], y[1])
-    if skip_empty and no_ray_in(box, side, tiles, ray_end):
-        return
-    boxes[item] = box
-    far = wp.max(la, wp.max(lb, lc)) * (wp.float64(1.0) + distance_pad)
-    spans[item] = wp.vec2i(
-        distance_slice(near, extent, side, slices), distance_slice(far, extent, side, slices)
-    )
-    if (box[2] - box[0] + 1) * (box[3] - box[1] + 1) > INLINE_TILES:
-        queue_rows(item, box, rows, row_count)
-    r = segment_planes(light, a32, b32, c32, weld_of(weld, face))
-    if test == 2:  # Moeller-Trumbore
-        r = segment_vertices(light, a32, b32, c32, weld_of(weld, face))
-    records[6 * i] = r.q0
-    records[6 * i + 1] = r.q1
-    records[6 * i + 2] = r.q2
-    records[6 * i + 3] = r.q3
-    records[6 * i + 4] = r.q4
-    records[6 * i + 5] = r.q5
+    @wp.kernel(enable_backward=False, module="unique")
+    def bound_kernel(
+        triangle_count: wp.int32,
+        index: wp.int32,
+        faces: wp.int32,
+        tiles: wp.int32,
+        slices: wp.int32,
+        widening: wp.float64,
+        pad: wp.float64,
+        distance_pad: wp.float64,
+        outward: wp.float64,
+        test: wp.int32,
+        skip_empty: wp.bool,
+        deepest: wp.array(dtype=wp.int32),
+        lights: wp.array(dtype=wp.vec3f),
+        frame: wp.array(dtype=wp.mat33d),
+        extent: wp.array(dtype=wp.float64),
+        points: wp.array(dtype=wp.vec3f),
+        triangles: wp.array(dtype=wp.vec3i),
+        weld: wp.array(dtype=wp.int32),
+        valid: wp.array(dtype=wp.uint8),
+        boxes: wp.array(dtype=wp.vec4i),
+        spans: wp.array(dtype=wp.vec2i),
+        records: wp.array(dtype=wp.vec4f),
+        rows: wp.array(dtype=wp.vec2i),
+        row_count: wp.array(dtype=wp.int64),
+    ):
+        """Each item's box of tiles, span of slices and record; queue the rows of large ones.
+
+        ``pad``: a ray's direction is known to this; ``distance_pad``: its distance, relative
+        """
+        item = wp.tid()
+        boxes[item] = wp.vec4i(0, 0, -1, -1)
+        i = item // faces
+        side = item % faces
+        offset = side * EXTENT
+        if i >= triangle_count or not (extent[offset + 3] >= extent[offset]):
+            return
+        if valid[i] == wp.uint8(0):
+            return
+        face = triangles[i]
+        light = lights[index]
+        a32 = points[face[0]]
+        b32 = points[face[1]]
+        c32 = points[face[2]]
+        if holds_light(light, a32, b32, c32) or faces_away(outward, light, a32, b32, c32):
+            return
+        s = lit_triangle(light, frame[0], side, widening, pad, a32, b32, c32)
+        # Nearest point: no nearer than the plane, nor than the nearest vertex less the longest edge.
+        normal = wp.cross(s.b - s.a, s.c - s.a)
+        size = wp.length(normal)
+        la = wp.length(s.a)
+        lb = wp.length(s.b)
+        lc = wp.length(s.c)
+        longest = wp.max(wp.length(s.b - s.a), wp.max(wp.length(s.c - s.b), wp.length(s.a - s.c)))
+        near = wp.max(wp.float64(0.0), wp.min(la, wp.min(lb, lc)) - longest)
+        if size > wp.float64(1.0e-9) * longest * longest:
+            plane = wp.abs(wp.dot(normal, s.a)) / size
+            near = wp.max(near, plane - wp.float64(1.0e-5) * longest)
+        near = near * (wp.float64(1.0) - distance_pad)
+        if near > extent[offset + 5]:
+            return
+        bounds = bounds_of(s.a, s.b, s.c, pad)
+        if not (bounds[1] >= bounds[0]):
+            return
+        x = covered(bounds[0], bounds[1], extent[offset], extent[offset + 3], tiles, wp.static(wrap[0]))
+        y = covered(bounds[2], bounds[3], extent[offset + 1], extent[offset + 4], tiles, wp.static(wrap[1]))
+        if x[1] < x[0] or y[1] < y[0]:
+            return
+        box = wp.vec4i(x[0], y[0], x[1], y[1])
+        first = distance_slice(near, extent, side, slices)
+        if skip_empty and no_ray_in(box, first, side, tiles, deepest):
+            return
+        boxes[item] = box
+        far = wp.max(la, wp.max(lb, lc)) * (wp.float64(1.0) + distance_pad)
+        spans[item] = wp.vec2i(first, distance_slice(far, extent, side, slices))
+        if (box[2] - box[0] + 1) * (box[3] - box[1] + 1) > INLINE_TILES:
+            queue_rows(item, box, rows, row_count)
+        r = segment_planes(light, a32, b32, c32, weld_of(weld, face))
+        if test == 2:  # Moeller-Trumbore
+            r = segment_vertices(light, a32, b32, c32, weld_of(weld, face))
+        records[6 * i] = r.q0
+        records[6 * i + 1] = r.q1
+        records[6 * i + 2] = r.q2
+        records[6 * i + 3] = r.q3
+        records[6 * i + 4] = r.q4
+        records[6 * i + 5] = r.q5
+
+    return bound_kernel
 
 
 @wp.func
@@ -269,7 +278,7 @@ def bin_row(
     columns: wp.array(dtype=wp.vec4d),
     rows: wp.array(dtype=wp.vec4d),
     stretch: wp.array(dtype=wp.vec2d),
-    ray_end: wp.array(dtype=wp.int32),
+    deepest: wp.array(dtype=wp.int32),
     masks: wp.array(dtype=wp.int32),
     inline: wp.bool,
     place: wp.int64,
@@ -292,7 +301,7 @@ def bin_row(
         if emit != 0 and inline:
             out = (masks[item] >> bit) & 1 == 0
         else:
-            out = skip_empty and ray_end[tile] == 0
+            out = skip_empty and deepest[tile] < span[0]
             if test and not out:
                 out = missed(columns[side * tiles + column], edges, stretch[side], s.n0, s.n1, s.n2, s.error)
             if inline and not out:
@@ -304,13 +313,15 @@ def bin_row(
             last = here[0]
             if spans_all:
                 last = here[1]
+            if skip_empty:
+                last = wp.min(last, deepest[tile])
             if emit != 0:
                 for slice in range(here[0], last + 1):
                     at = place + number + wp.int64(slice - here[0])
                     if at < capacity:
                         keys[wp.int32(at)] = tile * slices + slice
                         values[wp.int32(at)] = item // faces
-            number += wp.int64(last - here[0] + 1)
+            number += wp.int64(wp.max(0, last - here[0] + 1))
     return number
 
 
@@ -331,7 +342,7 @@ def bin_triangles_kernel(
     columns: wp.array(dtype=wp.vec4d),
     rows_of_tiles: wp.array(dtype=wp.vec4d),
     stretch: wp.array(dtype=wp.vec2d),
-    ray_end: wp.array(dtype=wp.int32),
+    deepest: wp.array(dtype=wp.int32),
     masks: wp.array(dtype=wp.int32),
     points: wp.array(dtype=wp.vec3f),
     triangles: wp.array(dtype=wp.vec3i),
@@ -365,7 +376,7 @@ def bin_triangles_kernel(
             for row in range(box[1], box[3] + 1):
                 number += bin_row(
                     emit, item, s, span, row, box, faces, tiles, slices, spans_all, skip_empty, extent, columns,
-                    rows_of_tiles, stretch, ray_end, masks, True, place + number, keys, values,
+                    rows_of_tiles, stretch, deepest, masks, True, place + number, keys, values,
                 )  # fmt: skip
     if emit == 0:
         count[item] = number
@@ -389,7 +400,7 @@ def bin_rows_kernel(
     columns: wp.array(dtype=wp.vec4d),
     rows_of_tiles: wp.array(dtype=wp.vec4d),
     stretch: wp.array(dtype=wp.vec2d),
-    ray_end: wp.array(dtype=wp.int32),
+    deepest: wp.array(dtype=wp.int32),
     masks: wp.array(dtype=wp.int32),
     points: wp.array(dtype=wp.vec3f),
     triangles: wp.array(dtype=wp.vec3i),
@@ -415,7 +426,7 @@ def bin_rows_kernel(
         place = scan[offset + k] - count[offset + k]
         number = bin_row(
             emit, item, s, spans[item], rows[k][1], boxes[item], faces, tiles, slices, spans_all, skip_empty,
-            extent, columns, rows_of_tiles, stretch, ray_end, masks, False, place, keys, values,
+            extent, columns, rows_of_tiles, stretch, deepest, masks, False, place, keys, values,
         )  # fmt: skip
     if emit == 0:
         count[offset + k] = number

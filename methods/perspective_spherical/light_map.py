@@ -208,3 +208,8 @@ def wraps(map: wp.int32) -> wp.vec2i:
     if map == 2:
         return wp.vec2i(0, 0)
     return wp.vec2i(1, 0)
+
+
+BOUNDS = (spherical_bounds, two_angle_bounds, cube_bounds)
+WRAPS = ((1, 0), (1, 1), (0, 0))
+"""By map: bounds of a triangle, and which of the two coordinates have a seam."""

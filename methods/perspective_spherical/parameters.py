@@ -30,7 +30,7 @@ class Build:
                   never wrong, but far lights need more and more pairs (status ``rejected`` where they do not fit)
     clamp         rectangle of a light grid: "hits" of the hit points; "view" of the camera's frustum (Figure 5);
                   "none": all directions, or the whole spot
-    skip_empty    no pair where no shadow ray lies in the tile
+    skip_empty    no pair where no shadow ray lies in the tile, or none reaches the slice
     triangle_test "exact": float32 rejects only what is certain, float64 decides. "edge_planes": float32 planes
                   through the origin and each edge, in difference form and weld order. "moller_trumbore": float32,
                   determinant not zero, as the paper uses it. See :mod:`.ray_tests` for what the last two may lose
