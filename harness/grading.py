@@ -50,9 +50,15 @@ class Grader:
         self.effects = Effects.of(prepared.scene)
         self._judges: dict[int, Any] = {}
 
-    def grade(self, key: str, save_answers: bool, score: bool, picture: Path | None) -> list[dict[str, Any]]:
-        """For every frame its score, or the reason why there is none. The middle one is drawn on request."""
+    def grade(
+        self, key: str, save_answers: bool, score: bool, picture: Path | None, wrong_maps: bool = False
+    ) -> list[dict[str, Any]]:
+        """For every frame its score, or the reason why there is none. The middle one is drawn on request.
+
+        ``wrong_maps``: where the last frame is wrong, and how different it looks, are kept too.
+        """
         frames = []
+        last = list(self.moments)[-1]
         # Frames beyond the point's budget were left out.
         there = [frame for frame in self.moments if handed_path(self.folder, key, frame).exists()]
         for frame in there:
@@ -62,7 +68,7 @@ class Grader:
             graded: dict[str, Any] = {"frame": frame, "score": None, "unscored": "not asked for"}
             graded["shadow_rays"] = shadow_rays(answers, self.effects)
             if score:
-                graded.update(self._score(frame, answers))
+                graded.update(self._score(frame, answers, key if wrong_maps and frame == last else ""))
             if save_answers or graded["score"] is None:
                 self._keep(key, frame, answers)
             if picture is not None and frame == there[len(there) // 2]:
@@ -71,7 +77,7 @@ class Grader:
             frames.append(graded)
         return frames
 
-    def _score(self, frame: int, answers: Answers) -> dict[str, Any]:
+    def _score(self, frame: int, answers: Answers, wrong_key: str = "") -> dict[str, Any]:
         try:
             from .score import Judge
         except ImportError as error:
@@ -81,7 +87,13 @@ class Grader:
         if frame not in self._judges:
             truth = self.folder / "truth"
             self._judges[frame] = Judge(self.prepared, self.moments[frame], self.effects, truth, self.device)
-        return {"score": self._judges[frame].score(answers), "unscored": None}
+        judge = self._judges[frame]
+        if not wrong_key:
+            return {"score": judge.score(answers), "unscored": None}
+        from .looks import keep_wrong
+
+        score, looks = keep_wrong(self.folder, wrong_key, frame, judge, answers)
+        return {"score": score, "unscored": None, **looks}
 
     def _keep(self, key: str, frame: int, answers: Answers) -> None:
         try:

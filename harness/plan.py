@@ -53,6 +53,7 @@ class Preset:
     lightings      lights to put in place of each scene's own: every method on every scene under each of them
     memory         bytes a method may take for its structures, where the call does not say
     maps           keep what each pixel cost (tests of its primary ray) as a map of each point's last frame
+    wrong_maps     keep where each point's last frame is wrong, as a map of classes, and how it looks (FLIP)
     """
 
     width: int
@@ -70,16 +71,21 @@ class Preset:
     lightings: tuple[Lighting, ...] = (Lighting(),)
     maps: bool = False
     memory: int | None = None
+    wrong_maps: bool = False
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """A named declaration: what to run (a preset a name) and how to draw it (from a results folder)."""
+    """A named declaration: what to run (a preset a name) and how to draw it (from a results folder).
+
+    ``after``: untimed work of its own, told the options of the run once every point has its record.
+    """
 
     name: str
     title: str
     presets: Mapping[str, Preset]
     draw: Callable[[Path], Any] | None = None
+    after: Callable[[Any], None] | None = None
     cpu: str = "quick"
     gpu: str = "paper"
 
@@ -294,6 +300,7 @@ def make_point(
         **({"lighting": scene["lighting"]} if scene.get("lighting") else {}),
         **({"maps": True} if preset.maps else {}),
         **({"memory": preset.memory} if preset.memory else {}),
+        **({"wrong_maps": True} if preset.wrong_maps else {}),
     }
     words = [scene["name"], (scene.get("lighting") or {}).get("label", ""), entry.method, entry.label]
     stem = "-".join(word for word in words if word)

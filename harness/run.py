@@ -204,6 +204,7 @@ class Run:
         if worker.running and worker.generation == job.generation:
             return
         self._ensure_loaded(job.method, job.scene)
+        preset = self.options.preset
         spec = {
             "key": job.point.key,
             "method": job.method,
@@ -211,7 +212,8 @@ class Run:
             "device": job.point.method["device"],
             "memory_limit": self.options.memory_limit or self.options.preset.memory,
             "maps": self.options.preset.maps,
-            "budget_s": self.options.preset.budget_s,
+            "budget_s": preset.budget_s,
+            "runs": preset.rounds * (preset.samples + preset.stage_samples + 1),
         }
         reply = self._command(worker, do="prepare", point=spec, folder=str(self.options.out))
         job.generation = worker.generation
@@ -219,13 +221,13 @@ class Run:
 
     def _round(self, job: Job, where: dict[str, int]) -> None:
         preset = self.options.preset
+        frames = (job.journal.first("prepared") or {}).get("frames", ())
         sampling = {
             "samples": preset.samples,
             "most": max(preset.most, preset.samples),
             "deviation": preset.deviation,
             "stage_samples": preset.stage_samples,
-            # Whole frames and stages get the same share each.
-            "budget_s": preset.budget_s / preset.rounds / max(1, len(job.point.frames)) / 2,
+            "budget_s": preset.budget_s / preset.rounds / max(1, len(frames)),
         }
         reply = self._command(self._worker(job.method), do="round", key=job.point.key, sampling=sampling)
         self._note(job, {"event": "round", **where, **reply})
@@ -254,6 +256,7 @@ class Run:
             save_answers=self.options.save_answers,
             score=self.options.score,
             picture=None if image.exists() else str(image),
+            wrong_maps=self.options.preset.wrong_maps,
         )
 
     def _close(self, job: Job, status: str = "ok", reason: str = "") -> None:

@@ -67,10 +67,19 @@ class Judge:
     def referee(self) -> Referee:
         return Referee(self.moment.points, self.prepared.faces, self.moment.valid, self.device)
 
-    def score(self, answers: dict[str, NDArray], extra_pixels: int = 200) -> dict[str, Any]:
+    def score(
+        self, answers: dict[str, NDArray], extra_pixels: int = 200, classes: NDArray[np.int8] | None = None
+    ) -> dict[str, Any]:
         """The score of a method's answers to this moment (see :func:`score_answers`)."""
         return score_answers(
-            self.prepared, self.moment, answers, self.reference, self.referee, self.effects, extra_pixels
+            self.prepared,
+            self.moment,
+            answers,
+            self.reference,
+            self.referee,
+            self.effects,
+            extra_pixels,
+            classes=classes,
         )
 
 
@@ -84,6 +93,7 @@ def score_answers(
     extra_pixels: int = 200,
     seed: int = 0,
     judge_limit: int = JUDGE_LIMIT,
+    classes: NDArray[np.int8] | None = None,
 ) -> dict[str, Any]:
     """Counts per class of a method's answers (numpy arrays as ``Answers.to_host`` gives them); JSON-able.
 
@@ -92,7 +102,9 @@ def score_answers(
     the right triangle. ``true_errors`` sums what no rounding excuses and
     the disputed pixels left unjudged; ``excused_share`` is the share of pixels in an excused class; ``check`` is
     "ok" only with no true error and at most :data:`EXCUSED_LIMIT` excused. ``reference_errors`` are the same
-    counts for Embree's own answers over the judged pixels.
+    counts for Embree's own answers over the judged pixels. ``classes`` (int8 [pixels]), where given, is filled
+    with the class of every pixel: of its primary answer where that is wrong or excused, else the gravest of its
+    shadow bits; -1 for a disputed pixel left unjudged.
     """
     lights = len(moment.lights)
     found = check_consistency(prepared, moment, answers)
@@ -110,6 +122,8 @@ def score_answers(
     )
     shadow = _shadows(referee, moment, hits, answers, found, suspects, primary, wanted)
 
+    if classes is not None:
+        classes[:] = _gravest(primary, shadow)
     excused = np.isin(primary, EXCUSED)
     for verdicts in shadow:
         excused |= verdicts == Verdict.EDGE
@@ -209,6 +223,16 @@ def _shadows(
             verdicts[pixels] = referee.classify_shadow(hits.take(rows), light, bits[pixels])
             verdicts[found.shadow_invalid[i]] = Verdict.INVALID
         result.append(verdicts)
+    return result
+
+
+def _gravest(primary: NDArray[np.int8], shadow: Sequence[NDArray[np.int8]]) -> NDArray[np.int8]:
+    """One class a pixel: the primary answer's unless it is right, then an error of any shadow bit, then an edge."""
+    result = primary.copy()
+    right = np.isin(primary, (Verdict.OK, Verdict.TIE))
+    for kind in (Verdict.EDGE, Verdict.INVALID, Verdict.LEAK, Verdict.ACNE):
+        for verdicts in shadow:
+            result[right & (verdicts == kind)] = kind
     return result
 
 

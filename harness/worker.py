@@ -7,6 +7,7 @@ standard error. The worker ends when its input does.
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import gc
 import hashlib
@@ -108,8 +109,8 @@ class Worker:
     def prepare(self, point: dict[str, Any], folder: str) -> dict[str, Any]:
         """Plan, compile, run every frame until its capacities suffice, and hand its answers over to be graded.
 
-        Memory is counted meanwhile: it is what the method held at most, up to and with each frame. Where the first
-        frames alone use up half of the point's budget, the other frames are left out, and the reply says so.
+        Memory is counted meanwhile: it is what the method held at most, up to and with each frame. Where the samples
+        of all frames would be beyond the point's budget, some frames are left out, and the reply says which.
         """
         assert self.prepared is not None
         self.points[point["key"]] = point
@@ -131,16 +132,19 @@ class Worker:
             session = Session(method, self.prepared, *self.size, device, limits=limits)
             own = array_bytes(session.frame) + array_bytes(session.frame.answers)
             first = None
-            for frame, moment in self.moments.items():
-                answers = session.answers(moment)
+            frames = list(self.moments)
+            while len(held) < len(frames):
+                frame = frames[len(held)]
+                answers = session.answers(self.moments[frame])
                 first = first or time.perf_counter() - start
                 held[frame] = max(0, tracker.peak() - own)
                 hand_over(handed_path(Path(folder), point["key"], frame), answers)
                 counted.append({"frame": frame, "counters": plain(method.counters())})
                 if point.get("maps"):
                     keep_map(method, moment, map_path(Path(folder), point["key"], frame))
-                if time.perf_counter() - start - compiling.seconds > point["budget_s"] / 2:
-                    break
+                if len(held) == 1:
+                    seconds = time.perf_counter() - start - compiling.seconds
+                    frames = affordable_frames(frames, session, seconds, point["runs"], point["budget_s"])
         tracker.pause()
         # Structures outside Warp's allocators (a library's own) show only in how far the process grew.
         outside = device == "cpu" and max(held.values()) < tracker.growth() / 2 and not method.capturable
@@ -154,7 +158,7 @@ class Worker:
             "first_frame_s": first,
             "baseline_rss_bytes": baseline,
             "frames": counted,
-            "frames_left_out": [frame for frame in self.moments if frame not in held],
+            "frames_left_out": [frame for frame in self.moments if frame not in frames],
             "method": {
                 "built": plain(method.built()),
                 "replayed": session.replays,
@@ -207,13 +211,21 @@ class Worker:
         raise RuntimeError(f"{session.method.name}: needs of one frame change from run to run")
 
     def grade(
-        self, key: str, folder: str, device: str, save_answers: bool, score: bool, picture: str | None
+        self,
+        key: str,
+        folder: str,
+        device: str,
+        save_answers: bool,
+        score: bool,
+        picture: str | None,
+        wrong_maps: bool = False,
     ) -> dict[str, Any]:
         """Grade answers that a method's worker handed over (this command is for the grading process)."""
         assert self.prepared is not None
         if self.grader is None:
             self.grader = Grader(self.prepared, self.moments, self.scene_argument, Path(folder), device)
-        return {"frames": self.grader.grade(key, save_answers, score, Path(picture) if picture else None)}
+        image = Path(picture) if picture else None
+        return {"frames": self.grader.grade(key, save_answers, score, image, wrong_maps)}
 
     def free(self, key: str | None = None) -> dict[str, Any]:
         """Forget one point, or the scene and all of its points."""
@@ -224,7 +236,25 @@ class Worker:
             self.prepared = self.grader = None
             self.moments.clear()
         gc.collect()
+        give_back_memory()
         return {}
+
+
+def affordable_frames(
+    frames: list[int], session: Session, seconds: float, runs: int, budget_s: float
+) -> list[int]:
+    """The frames whose samples fit into a budget, spread evenly, the first among them; at least one.
+
+    ``seconds`` is how long the first took with all that comes only once; ``runs`` how often each one will run.
+    """
+    if len(frames) == 1 or seconds * runs * len(frames) <= budget_s:
+        return frames
+    start = time.perf_counter()
+    session.run()
+    wp.synchronize_device(session.device)
+    seconds = time.perf_counter() - start
+    count = int(budget_s / (seconds * runs))
+    return [frames[i] for i in spread_frames(len(frames), max(1, min(count, len(frames))))]
 
 
 def scene_facts(prepared: Prepared, moments: dict[int, Moment]) -> dict[str, Any]:
@@ -317,6 +347,12 @@ def serve(commands: IO[str], replies: IO[str]) -> None:
         if line.strip():
             replies.write(json.dumps(answer_line(worker, line)) + "\n")
             replies.flush()
+
+
+def give_back_memory() -> None:
+    """With glibc, return freed memory to the system, so that the next point's growth can be seen."""
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 def die_with_parent() -> None:

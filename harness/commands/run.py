@@ -76,6 +76,8 @@ def run(options: Options, as_json: bool = False) -> int:
     """Run, draw, and say how it went: 0 where every point was measured or skipped with a reason, 1 otherwise."""
     with Silent() if as_json else Bar() as report:
         records = Run(options, report).go()
+    if options.experiment.after is not None:
+        options.experiment.after(options)
     files: list[Path] = []
     if options.experiment.draw is not None:
         files = list(options.experiment.draw(options.out, as_json))  # type: ignore[call-arg]

@@ -1,0 +1,139 @@
+"""What accuracy costs: one safety measure at a time, the sensible combinations, and the shadow maps of engines.
+
+One plain tree (``accuracy_ladder``) carries the knobs that any tracer has, so that nothing else changes between two
+points: triangle test, start of the shadow rays, padding of boxes, float arithmetic. Beside it stand the methods as
+people use them, and shadow maps from 512 texels upward. Labels read "family: level"; a family has one colour.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..harness.plan import Entry, Experiment, Preset
+
+if TYPE_CHECKING:
+    from ..harness.run import Options
+
+SCENES = ("fairy", "sibenik", "bunny_dragon", "conference", "cloth", "buddha")
+QUICK_SCENES = ("bunny", "conference")
+
+
+def _knob(label: str, **settings: str) -> Entry:
+    return Entry("accuracy_ladder", settings, label)
+
+
+EXACT = "exact tree: every measure"
+LADDER = (
+    _knob(EXACT),
+    _knob("triangle test: Möller-Trumbore", test="moller_trumbore"),
+    _knob("triangle test: M.-T., det > 1e-7", test="moller_trumbore_epsilon"),
+    _knob("triangle test: Woop", test="woop"),
+    _knob("triangle test: Woop, zeros in float64", test="woop_float64"),
+    _knob("triangle test: edge planes", test="edge_planes"),
+    _knob("triangle test: float64", test="float64"),
+    _knob("shadow origin: own triangle skipped", origin="identity"),
+    _knob("shadow origin: barycentric, as it is", origin="barycentric"),
+    _knob("shadow origin: o + t d, as it is", origin="ray"),
+    _knob("shadow origin: 1e-2 radii", origin="epsilon_1e-2"),
+    _knob("shadow origin: 1e-4 radii", origin="epsilon_1e-4"),
+    _knob("shadow origin: 1e-6 radii", origin="epsilon_1e-6"),
+    _knob("shadow origin: Wächter-Binder", origin="wachter_binder"),
+    _knob("shadow origin: error bound", origin="error_bound"),
+    _knob("boxes: not padded", padding="none"),
+    _knob("float rules: fast math", fast_math="true"),
+    _knob(
+        "combination: float32, careful", test="woop_float64", origin="error_bound", padding="rounding"
+    ),
+    _knob(
+        "combination: float32, careless", test="moller_trumbore_epsilon", origin="epsilon_1e-4", padding="none",
+        fast_math="true",
+    ),
+)  # fmt: skip
+"""One knob at a time away from the exact tree; then all of them in float32, with care and without."""
+
+PEERS = (
+    Entry("perspective_spherical", {}, "as used: perspective and spherical grids"),
+    Entry("ray_grids", {}, "as used: ray grids"),
+    Entry("uniform_grid", {}, "as used: uniform grid"),
+    Entry("bvh", {}, "as used: Warp mesh"),
+    Entry("embree", {"threads": "1"}, "Embree: robust, 1 thread"),
+    Entry("embree", {"threads": "1", "robust": "false"}, "Embree: fast, 1 thread"),
+)
+
+
+def _map(size: int, bias: str = "slope", filter: str = "nearest") -> Entry:
+    text = (
+        f"shadow map: {size}" + (f" {bias}" if bias != "slope" else "") + (" PCF" if filter == "pcf" else "")
+    )
+    return Entry("shadow_map", {"size": str(size), "bias": bias, "filter": filter}, text)
+
+
+MAPS = (_map(512), _map(1024), _map(2048), _map(4096))
+WAYS = tuple(_map(2048, bias) for bias in ("none", "constant", "normal")) + (_map(2048, filter="pcf"),)
+LARGE = (
+    _map(8192), _map(8192, "normal"), _map(4096, "normal"), _map(1024, "normal"), _map(8192, filter="pcf"),
+    _map(4096, filter="pcf"), _map(1024, filter="pcf"),
+)  # fmt: skip
+
+MEASURES = (
+    ("float64 decides triangle tests", EXACT, "triangle test: Möller-Trumbore"),
+    ("float64 hit point, its planes excluded", EXACT, "shadow origin: own triangle skipped"),
+    ("padded boxes", EXACT, "boxes: not padded"),
+    ("strict float arithmetic", EXACT, "float rules: fast math"),
+)
+"""Safety measures of the exact tree: name, the point with it, the point without it and otherwise the same."""
+
+OTHER_MEASURES = (("robust Embree", "Embree: robust, 1 thread", "Embree: fast, 1 thread"),)
+
+SHOWN = (
+    "shadow map: 512", "shadow map: 2048", "shadow map: 2048 none", "shadow origin: 1e-2 radii",
+    "shadow origin: barycentric, as it is", EXACT,
+)  # fmt: skip
+"""Points whose wrong pixels are shown, where they were run."""
+
+GRID = (
+    _knob("float64 hit point (ours)"),
+    _knob("error bound", origin="error_bound"),
+    _knob("Wächter-Binder", origin="wachter_binder"),
+    _knob("1e-4 radii", origin="epsilon_1e-4"),
+    _knob("own triangle skipped", origin="identity"),
+    Entry("shadow_map", {"size": "1024"}, "shadow map, 1024"),
+)
+DISTANCES = (1.5, 1e1, 1e3, 1e5, 1e7)
+OFFSETS = (0.0, 1e1, 1e3, 1e5)
+GRID_SIZE = {"quick": 48, "paper": 128}
+
+
+def after(options: Options) -> None:
+    """The grid of errors over light distance and scene offset, on the run's first scene; kept until it is deleted."""
+    from ..harness.figures.accuracy_heat import keep_grid
+
+    size = GRID_SIZE.get(options.preset_name, 48)
+    keep_grid(options, GRID, DISTANCES, OFFSETS, size)
+
+
+def draw(folder: Path, quiet: bool = False) -> list[Path]:
+    """Everything that is drawn from a folder: see :mod:`..harness.figures.accuracy`."""
+    from ..harness.figures import accuracy
+
+    return accuracy.draw(folder, quiet, MEASURES, OTHER_MEASURES, SHOWN, EXACT)
+
+
+EXPERIMENT = Experiment(
+    name="accuracy",
+    title="What accuracy costs in time",
+    presets={
+        "quick": Preset(
+            width=256, height=256, scenes=QUICK_SCENES, methods=LADDER + PEERS + MAPS + WAYS, frames=3, samples=3,
+            most=3, stage_samples=1, rounds=2, budget_s=3.0, timeout_s=180.0, wrong_maps=True,
+        ),
+        "paper": Preset(
+            width=1024, height=1024, scenes=(*SCENES, "bunny"), methods=LADDER + PEERS + MAPS + WAYS + LARGE,
+            frames=3, samples=10, most=20, deviation=0.005, stage_samples=5, rounds=2, budget_s=10.0,
+            timeout_s=600.0, wrong_maps=True,
+        ),
+    },
+    draw=draw,
+    after=after,
+)  # fmt: skip

@@ -1,0 +1,125 @@
+"""The grid of errors over light distance and scene offset: kept as CSV by the run, drawn from it."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..record import write_text
+from . import points
+
+if TYPE_CHECKING:
+    from ..plan import Entry
+    from ..run import Options
+
+NAME = "accuracy_heat.csv"
+COLUMNS = (
+    "scene label method distance offset size status wrong primary_wrong acne leak excused scored pixels"
+).split()
+
+
+def keep_grid(
+    options: Options,
+    entries: Sequence[Entry],
+    distances: Sequence[float],
+    offsets: Sequence[float],
+    size: int,
+) -> Path:
+    """Compute the grid on the run's first scene and write it, unless it is there: its answers do not change."""
+    from ..moment import Prepared
+    from ..scenes.catalogue import resolve
+    from ..stability import error_grid
+
+    path = options.out / NAME
+    if path.exists():
+        return path
+    prepared = Prepared(resolve(options.preset.scenes[0], options.scene_dir))
+    rows = error_grid(prepared, entries, distances, offsets, size, options.device)
+    lines = [",".join(COLUMNS)]
+    for row in rows:
+        values = [points.plain(row.get(name)) for name in COLUMNS]
+        lines.append(",".join(f'"{value}"' if "," in str(value) else str(value) for value in values))
+    write_text(path, "\n".join(lines) + "\n")
+    return path
+
+
+def read_grid(folder: Path) -> list[dict[str, Any]]:
+    """The rows of the grid, numbers as numbers; [] where a folder has none."""
+    path = folder / NAME
+    if not path.exists():
+        return []
+    with open(path, newline="", encoding="utf-8") as file:
+        return [
+            {
+                key: float(value) if key not in ("scene", "label", "method", "status") and value else value
+                for key, value in row.items()
+            }
+            for row in csv.DictReader(file)
+        ]
+
+
+def draw(folder: Path) -> list[Path]:
+    """One panel a method: the share of shadow-scored pixels that are wrong, from white (none) to dark (all)."""
+    import matplotlib
+    from matplotlib.colors import LogNorm
+    from matplotlib.figure import Figure
+
+    rows = [row for row in read_grid(folder) if row["status"] == "ok"]
+    if not rows:
+        return []
+    labels = list(dict.fromkeys(row["label"] for row in rows))
+    distances = sorted({row["distance"] for row in rows})
+    offsets = sorted({row["offset"] for row in rows})
+    across = min(3, len(labels))
+    down = -(-len(labels) // across)
+    with matplotlib.rc_context({**points.sheet_style(), "axes.grid": False}):
+        figure = Figure(figsize=(7.0, 0.55 + 1.75 * down), layout="constrained", dpi=200)
+        panels = figure.subplots(down, across, squeeze=False, sharex=True, sharey=True)
+        shown = None
+        colours = matplotlib.colormaps["magma_r"].copy()
+        colours.set_bad("white")
+        for axes, label in zip(panels.ravel(), labels, strict=False):
+            grid, text = _cells([row for row in rows if row["label"] == label], distances, offsets)
+            shown = axes.imshow(
+                np.ma.masked_less_equal(grid, 0.0), norm=LogNorm(1e-4, 1.0), cmap=colours, origin="lower",
+                aspect="auto",
+            )  # fmt: skip
+            for (i, j), words in np.ndenumerate(text):
+                dark = np.isfinite(grid[i, j]) and grid[i, j] > 0.05
+                axes.text(
+                    j, i, words, ha="center", va="center", fontsize=5.5, color="white" if dark else "black"
+                )
+            axes.set_title(label, fontsize=7)
+            axes.set_xticks(range(len(distances)), [f"{x:g}" for x in distances])
+            axes.set_yticks(range(len(offsets)), [f"{x:g}" for x in offsets])
+            axes.tick_params(length=0)
+        for axes in panels.ravel()[len(labels) :]:
+            axes.set_axis_off()
+        figure.supxlabel("distance of the light from the middle, in scene radii", fontsize=7)
+        figure.supylabel("offset of the scene from the origin, in radii", fontsize=7)
+        assert shown is not None
+        bar = figure.colorbar(shown, ax=list(panels.ravel()), shrink=0.9, pad=0.01)
+        bar.set_label("wrong answers / pixels (white: none)", fontsize=6.5)
+        figure.suptitle(
+            f"Wrong answers (count in each cell) on {rows[0]['scene']}, {rows[0]['size']:.0f}x{rows[0]['size']:.0f}; "
+            "scene not recentred",
+            fontsize=7.5,
+        )
+        return [points.save(figure, folder / "accuracy_heat.png")]
+
+
+def _cells(
+    rows: Sequence[dict[str, Any]], distances: Sequence[float], offsets: Sequence[float]
+) -> tuple[Any, Any]:
+    """Shares of wrong pixels and their counts as text, [offset, distance]."""
+    grid = np.full((len(offsets), len(distances)), np.nan)
+    text = np.full(grid.shape, "", dtype=object)
+    for row in rows:
+        at = offsets.index(row["offset"]), distances.index(row["distance"])
+        grid[at] = row["wrong"] / row["pixels"]
+        text[at] = f"{row['wrong']:,.0f}"
+    return grid, text

@@ -1,0 +1,113 @@
+"""Where the wrong pixels are: acne, leaks, edges and wrong triangles, painted over the reference's picture in grey."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from ..looks import read_wrong, reference_path, wrong_path
+from ..referee import Verdict
+from . import points, style
+from .accuracy_rows import Row, scenes
+from .sheet import title_of
+
+PAINT: dict[str, tuple[tuple[int, ...], str]] = {
+    "acne: says shadowed, is lit": ((Verdict.ACNE,), "#D55E00"),
+    "leak: says lit, is shadowed": ((Verdict.LEAK,), "#0072B2"),
+    "wrong triangle or no answer": ((Verdict.TRUE, Verdict.INVALID, -1), "#CC79A7"),
+    "excused: edge or near tie": ((Verdict.EDGE, Verdict.NEAR_TIE), "#009E73"),
+}
+LARGEST = 512
+"""Pixels along a side of a panel: larger frames are cropped to where most is wrong."""
+
+
+def draw(folder: Path, made: Sequence[Row], shown: Sequence[str]) -> list[Path]:
+    """One row of panels a scene: the points of ``shown`` (labels) whose maps were kept."""
+    import matplotlib
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
+
+    chosen = [(scene, _kept(folder, own, shown)) for scene, own in scenes(made)]
+    chosen = [(scene, kept) for scene, kept in chosen if kept]
+    if not chosen:
+        return []
+    across = max(len(kept) for _, kept in chosen)
+    with matplotlib.rc_context({**style.axes_style(), "axes.grid": False}):
+        figure = Figure(figsize=(1.55 * across, 1.85 * len(chosen) + 0.4), layout="constrained", dpi=200)
+        panels = figure.subplots(len(chosen), across, squeeze=False)
+        for line, (_, kept) in zip(panels, chosen, strict=True):
+            for axes in line:
+                axes.set_axis_off()
+            worst = max(kept, key=lambda pair: int(_wrong(pair[1]).sum()))[1]
+            window = _window(_wrong(worst))
+            for axes, (r, classes) in zip(line, kept, strict=False):
+                axes.imshow(painted(folder, r, classes)[window], interpolation="nearest")
+                axes.set_title(f"{r['label']}\n{_counted(classes)}", fontsize=5)
+            line[0].text(-0.04, 0.5, title_of(kept[0][0]), transform=line[0].transAxes, rotation=90, ha="right",
+                         va="center", fontsize=6.5)  # fmt: skip
+        handles = [Patch(facecolor=colour, label=name) for name, (_, colour) in PAINT.items()]
+        figure.legend(handles=handles, loc="outside upper center", ncols=4, frameon=False, handlelength=1.2)
+        return [points.save(figure, folder / "accuracy_where.png")]
+
+
+def _kept(folder: Path, rows: Sequence[Row], shown: Sequence[str]) -> list[tuple[Row, NDArray[np.int64]]]:
+    by_label = {r["label"]: r for r in rows}
+    result = []
+    for label in shown:
+        if label in by_label:
+            r = by_label[label]
+            path = wrong_path(folder, r["key"], _frame(r))
+            if path.exists():
+                result.append((r, read_wrong(path)))
+    return result
+
+
+def _frame(r: Row) -> int:
+    frames: list[dict[str, Any]] = r["record"]["frames"]
+    return int(frames[-1]["frame"]) if frames else 0
+
+
+def painted(folder: Path, r: Row, classes: NDArray[np.int64]) -> NDArray[np.uint8]:
+    """The reference in light grey with every wrong or excused pixel in its class's colour. uint8 [h, w, 3]."""
+    from matplotlib.colors import to_rgb
+
+    path = reference_path(folder, r["scene"], _frame(r))
+    if path.exists():
+        with Image.open(path) as image:
+            grey = np.asarray(image.convert("L"), dtype=float)
+    else:
+        grey = np.full(classes.shape, 255.0)
+    picture = np.repeat((110 + grey * 0.55)[..., None], 3, axis=2).clip(0, 255).astype(np.uint8)
+    for kinds, colour in PAINT.values():
+        picture[np.isin(classes, kinds)] = np.round(255 * np.array(to_rgb(colour)))
+    return picture
+
+
+def _wrong(classes: NDArray[np.int64]) -> NDArray[np.bool_]:
+    return ~np.isin(classes, (Verdict.OK, Verdict.TIE))
+
+
+def _window(wrong: NDArray[np.bool_]) -> tuple[slice, slice]:
+    """Of a large frame the square with most wrong pixels, else the whole."""
+    height, width = wrong.shape
+    if max(height, width) <= LARGEST:
+        return slice(None), slice(None)
+    total = np.pad(wrong.cumsum(0).cumsum(1), ((1, 0), (1, 0)))
+    h, w = min(LARGEST, height), min(LARGEST, width)
+    inside = total[h:, w:] - total[:-h, w:] - total[h:, :-w] + total[:-h, :-w]
+    y, x = np.unravel_index(int(inside.argmax()), inside.shape)
+    return slice(int(y), int(y) + h), slice(int(x), int(x) + w)
+
+
+def _counted(classes: NDArray[np.int64]) -> str:
+    found = [
+        f"{int(np.isin(classes, kinds).sum()):,} {name.split(':')[0].split(' or')[0]}"
+        for name, (kinds, _) in PAINT.items()
+        if np.isin(classes, kinds).any()
+    ]
+    return ", ".join(found) or "nothing wrong"
