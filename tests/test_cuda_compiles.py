@@ -6,10 +6,9 @@ import importlib
 import pkgutil
 
 import pytest
-import warp as wp
-
 import shadowbench.harness
 import shadowbench.methods
+import warp as wp
 from shadowbench.methods.ray_grids import light_stream
 
 ARCH = 90
