@@ -195,11 +195,11 @@ def test_culling_is_refused_where_it_would_lose_hits():
 def test_float32_coordinates_are_never_wrong(light_map, aimed):
     random = np.random.default_rng(5)
     vertices, faces = soup(21, 60)
-    for distance in (0.3, 30.0, 1e3, 1e5):
+    for distance in (0.3, 30.0, 1e3, 1e5, 1e6):
         light = tuple(random.normal(size=3) * distance)
         prepared = make_scene(vertices, faces, [light])
         _, _, exact = answers_of(prepared, 40, 40, {})
-        settings = {"precision": "float32", "light_map": light_map, "aimed": aimed, "light_tiles": "40"}
+        settings = {"precision": "float32", "light_map": light_map, "aimed": aimed, "light_tiles": "100"}
         _, _, got = answers_of(prepared, 40, 40, settings)
         same(got, exact, (settings, distance))
 
