@@ -36,7 +36,8 @@ class Sampling:
     most           whole-frame samples at most
     deviation      relative standard error of the mean below which sampling stops, or None: stop at ``samples``
     stage_samples  samples of every pass, taken apart from the whole frames
-    budget_s       seconds a round may spend on one frame; at least one sample of each kind is always taken
+    budget_s       seconds a round may spend on one frame, three quarters of them on whole frames; at least one
+                   sample of each kind is always taken
     """
 
     samples: int = 5
@@ -71,7 +72,7 @@ def sample_frame(session: Session, sampling: Sampling) -> FrameSamples:
     result = FrameSamples(started=time.time())
     with _quiet(session):
         take = _whole_frames(session)
-        deadline = time.perf_counter() + sampling.budget_s
+        deadline = time.perf_counter() + 0.75 * sampling.budget_s
         # Warm-up: caches, clocks, lazily made graphs and scratch memory.
         cold = take(1)
         if time.perf_counter() > deadline:
@@ -83,8 +84,7 @@ def sample_frame(session: Session, sampling: Sampling) -> FrameSamples:
             done = _take_batch(take, batch, deadline, result)
             result.stopped_by = stop_reason(result.total_ms, sampling, done)
         result.passes = [{"name": p.name, "part": p.part, "ms": []} for p in session.passes]
-        # Passes get as long again as the whole frames.
-        deadline = time.perf_counter() + sampling.budget_s
+        deadline = time.perf_counter() + 0.25 * sampling.budget_s
         for _ in range(sampling.stage_samples):
             for step, ms in zip(result.passes, _stages(session), strict=True):
                 step["ms"].append(round(ms, 6))

@@ -135,7 +135,8 @@ class Worker:
             frames = list(self.moments)
             while len(held) < len(frames):
                 frame = frames[len(held)]
-                answers = session.answers(self.moments[frame])
+                moment = self.moments[frame]
+                answers = session.answers(moment)
                 first = first or time.perf_counter() - start
                 held[frame] = max(0, tracker.peak() - own)
                 hand_over(handed_path(Path(folder), point["key"], frame), answers)
