@@ -54,12 +54,15 @@ class Trial:
 
     stated      by hand, for people; a test holds it against the exact answer
     same_lights pairs of lights whose rows of bits must be the same
+    watertight  a pixel that exactly hits must hit, and one exactly shadowed must be: here no nearness of an edge
+                excuses a miss, since rays are aimed at edges that other triangles share
     """
 
     prepared: Prepared
     moment: Moment
     stated: Counts = field(default_factory=Counts)
     same_lights: tuple[tuple[int, int], ...] = ()
+    watertight: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +91,7 @@ def view(
     scale: float = 1.0,
     stated: Counts | None = None,
     same_lights: tuple[tuple[int, int], ...] = (),
+    watertight: bool = False,
     closed: bool = False,
     offset: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> Trial:
@@ -129,7 +133,7 @@ def view(
         closed=closed,
     )  # fmt: skip
     prepared = Prepared(scene)
-    return Trial(prepared, prepared.moment(0, *size), stated or Counts(), same_lights)
+    return Trial(prepared, prepared.moment(0, *size), stated or Counts(), same_lights, watertight)
 
 
 def spot_light(position: Vector, direction: Vector, angle: float, rise: float | None, up: Vector) -> Light:

@@ -54,14 +54,16 @@ def behind_the_eye() -> Trial:
 def inside_a_box() -> Trial:
     """An eye inside a closed box: every pixel hits a back face; the eye's rays meet edges and a corner of it."""
     return view(
-        box(-1, 1), [(0.5, 0.5, 0.5), (0, 0, 9)], ORIGIN, (0, 0, -1), 2.0, (17, 17), stated=Counts(289),
+        box(-1, 1), [(0.5, 0.5, 0.5), (0, 0, 9)], ORIGIN, (0, 0, -1), 2.0, (17, 17), watertight=True, stated=Counts(289),
         closed=True,
     )  # fmt: skip
 
 
 def into_a_corner() -> Trial:
     """The middle ray goes exactly through the corner of the box, where three walls meet."""
-    return view(box(-1, 1), [ORIGIN], ORIGIN, (1, 1, 1), 0.75, (17, 17), stated=Counts(289, (0,)))
+    return view(
+        box(-1, 1), [ORIGIN], ORIGIN, (1, 1, 1), 0.75, (17, 17), watertight=True, stated=Counts(289, (0,))
+    )
 
 
 def zero_components() -> Trial:
@@ -70,7 +72,7 @@ def zero_components() -> Trial:
     layers = [sheet(x / depth, x / depth, depth) for depth in (1.0, 2.0, 3.0)]
     return view(
         joined(*layers), [(0, 0, -1.5), (0.25, 0.25, 4)], ORIGIN, (0, 0, -1), 1.0, (17, 17),
-        stated=Counts(289),
+        watertight=True, stated=Counts(289),
     )  # fmt: skip
 
 

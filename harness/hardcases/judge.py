@@ -22,7 +22,7 @@ from .case import Counts, HardCase, Trial
 
 Answers = dict[str, NDArray]
 EXCUSED = ("tie", "near_tie", "edge")
-ERRORS = ("true", "invalid", "acne", "leak", "differs", "failed")
+ERRORS = ("hole", "true", "invalid", "acne", "leak", "differs", "failed")
 
 
 @dataclass
@@ -104,6 +104,11 @@ class Judged:
             for name in (*EXCUSED, *ERRORS):
                 if counts.get(name):
                     classes[name] = classes.get(name, 0) + counts[name]
+        if trial.watertight:
+            holes = self._holes(given)
+            if holes:
+                classes["hole"] = holes
+                examples.append({"kind": f"{holes} rays through closed surfaces"})
         if outside.any():
             classes["invalid"] = classes.get("invalid", 0) + int(np.count_nonzero(outside))
             examples.append({"kind": "shadowed outside its spot"})
@@ -113,6 +118,13 @@ class Judged:
                 classes["differs"] = classes.get("differs", 0) + differ
                 examples.append({"kind": f"lights {one} and {other} at one place differ"})
         return classes, examples + score["examples"]
+
+    def _holes(self, given: Answers) -> int:
+        """Misses where the exact ray hits, and lit pixels of the right triangle where the exact segment is cut."""
+        exact = self.everywhere
+        missed = (given["triangle"] == -1) & (exact.triangle >= 0)
+        lit = (given["visibility"] == 0) & (exact.visibility == 1) & (given["triangle"] == exact.triangle)
+        return int(missed.sum()) + int(lit.sum())
 
 
 def counts_of(answers: Answers, lights: int) -> Counts:

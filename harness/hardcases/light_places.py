@@ -57,7 +57,7 @@ def box_from_without() -> Trial:
     """A light inside a closed box: everything outside is dark."""
     return view(
         joined(box(-1, 1), plane(2, -2, 8)), [ORIGIN, (0.875, -0.875, 0.5)], (0, 0, -6), (0, 0, 1), 1.0,
-        stated=Counts(256, (256, 256)),
+        watertight=True, stated=Counts(256, (256, 256)),
     )  # fmt: skip
 
 
@@ -178,7 +178,20 @@ def through_vertices(unwelded: bool, every: int) -> Trial:
     covered = (16 if every == 1 else 15) ** 2
     return view(
         joined(split(mesh) if unwelded else mesh, plane(2, -4, 8)), [ORIGIN], (0, 0, -8), (0, 0, 1), 1.0,
-        stated=Counts(256, (covered,)),
+        watertight=True, stated=Counts(256, (covered,)),
+    )  # fmt: skip
+
+
+def through_border() -> Trial:
+    """A flat sheet whose border, met by the outer shadow rays, is the border of the scene along x and y.
+
+    Receivers at 3 (x, y, -1), sheet at (x, y, -1): thirds round, so that an unpadded box is missed at its face.
+    """
+    x = pixel_centres(16)
+    receivers = plane(2, -3, 3 * float(x[-1]))
+    return view(
+        joined(sheet(x, x, 1.0), receivers), [ORIGIN], (0, 0, -6), (0, 0, 1), 1.0,
+        watertight=True, stated=Counts(256, (256,)),
     )  # fmt: skip
 
 
@@ -225,5 +238,6 @@ CASES = (
     HardCase("S20", "shadow rays through edges", NO_RULE, lambda: through_vertices(False, 2)),
     HardCase("S20b", "shadow rays through split edges", "edge planes in vertex order", lambda: through_vertices(True, 2)),
     HardCase("S21", "wall on a floor that holds the light", "segments that touch an edge along a plane", wall_on_floor),
+    HardCase("S24", "shadow rays through a flat border", NO_RULE, through_border),
     HardCase("S22", "light at the eye", "acne at silhouettes", light_at_eye),
 )  # fmt: skip

@@ -65,7 +65,7 @@ def flat_sheet(every: int, unwelded: bool) -> Trial:
     covered = (16 if every == 1 else 15) ** 2
     return view(
         split(mesh) if unwelded else mesh, [(0, 0, 0.5), (0.25, 0.125, -3)], ORIGIN, (0, 0, -1), 1.0,
-        stated=Counts(covered, (0, 0)),
+        watertight=True, stated=Counts(covered, (0, 0)),
     )  # fmt: skip
 
 
@@ -78,7 +78,27 @@ def bumpy_sheet(every: int, unwelded: bool, shift: float = 0.0) -> Trial:
     covered = (16 if every == 1 else 15) ** 2
     return view(
         split(mesh) if unwelded else mesh, [(shift, shift, 0.5 + shift)], (shift,) * 3, (0, 0, -1), 1.0,
-        stated=Counts(covered),
+        watertight=True, stated=Counts(covered),
+    )  # fmt: skip
+
+
+def on_rays(towards: tuple[float, float, float], half: float, deepest: int, unwelded: bool = False) -> Trial:
+    """A sheet whose vertices lie exactly on the float32 rays of all pixels, whatever their direction.
+
+    A vertex is its pixel's direction times a power of two up to 2^deepest, so nothing is rounded but the tests'
+    own arithmetic. deepest = 0: flat, and its border is the border of the scene.
+    """
+    rays = view(plane(2, -1, 1), [], ORIGIN, towards, half).moment
+    directions = rays.directions(np.arange(256)).astype(np.float64)
+    powers = 2.0 ** np.random.default_rng(21).integers(0, deepest + 1, (256, 1))
+    _, faces = sheet(np.arange(16), np.arange(16), 1.0)
+    mesh = directions * powers, faces
+    # Far triangles behind the eye, so that the scene lies around the origin and is not recentred.
+    far = triangles(*[(s * 9, s * 9, 9 * a) for s in (-1, 1) for a in (-1, 1, 1)])
+    light = (np.asarray(towards) * -4.0).tolist()
+    return view(
+        joined(split(mesh) if unwelded else mesh, far) if deepest else mesh, [ORIGIN, tuple(light)], ORIGIN, towards,
+        half, watertight=True, stated=Counts(256),
     )  # fmt: skip
 
 
@@ -151,7 +171,7 @@ def fan(count: int) -> Trial:
     corners = [c for i in range(count) for c in ((0, 0, -1.5), around[i], around[(i + 1) % count])]
     return view(
         joined(triangles(*corners), plane(2, -3, 8)), [ORIGIN, (0, 0, 2)], (0, 0, -7), (0, 0, 1), 0.5, (17, 17),
-        stated=Counts(289),
+        watertight=True, stated=Counts(289),
     )  # fmt: skip
 
 
@@ -197,5 +217,8 @@ CASES = (
     HardCase("P24", "a fan of 96 triangles", "many candidates at one vertex", lambda: fan(96)),
     HardCase("P25", "boxes that share faces", "coplanar ties, lights on corners", touching_boxes),
     HardCase("P26", "triangles through every cell", "long lists, a hit found in another cell", through_every_cell),
+    HardCase("P28", "flat sheet, odd directions to its border", NO_THICKNESS, lambda: on_rays((0, 0, -1), 0.7, 0)),
+    HardCase("P29", "rays through vertices in odd directions", NO_RULE, lambda: on_rays((1, 0.4, -0.8), 0.7, 2)),
+    HardCase("P29b", "the same, split", NO_RULE, lambda: on_rays((-0.3, 0.9, -0.5), 0.45, 3, True)),
     HardCase("P27", "no light", "arrays of lights of length 0", no_light),
 )  # fmt: skip
