@@ -268,7 +268,7 @@ class Point:
 def make_point(
     experiment: str, preset: Preset, entry: Entry, scene: dict[str, Any], method: dict[str, Any], seed: int
 ) -> Point:
-    """The point of a method on a scene, whose facts a worker gave (see :func:`.worker.scene_facts`)."""
+    """The point of a method on a scene, whose facts a worker gave (see :func:`.facts.scene_facts`)."""
     frames = tuple(scene.get("frames") or ())
     configuration = {
         "schema": SCHEMA,

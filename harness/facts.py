@@ -1,0 +1,61 @@
+"""Facts for records: what a scene is, in hashes and numbers, and any value as JSON can hold it."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import asdict
+from typing import Any
+
+import warp as wp
+
+from .moment import Moment, Prepared
+
+
+def scene_facts(prepared: Prepared, moments: dict[int, Moment]) -> dict[str, Any]:
+    """What a record says of a scene: its source, size, and hashes of the arrays that everyone gets."""
+    scene = prepared.scene
+    arrays = hashlib.sha256()
+    views = hashlib.sha256()
+    for frame, moment in moments.items():
+        arrays.update(prepared.sha256(frame).encode())
+        for table in (moment.valid, moment.eye, moment.column, moment.row, moment.lights):
+            views.update(table.tobytes())
+    path = scene.light_path
+    return {
+        "name": scene.name,
+        "title": scene.title,
+        "stand_in": scene.stand_in,
+        "closed": scene.closed,
+        "notes": scene.notes,
+        "source": asdict(scene.source),
+        "triangles": prepared.triangle_count,
+        "invalid_triangles": int(sum((m.valid == 0).sum() for m in list(moments.values())[:1])),
+        "vertices": prepared.vertex_count,
+        "frame_count": prepared.frame_count,
+        "frames": list(moments),
+        "arrays_sha256": arrays.hexdigest(),
+        "moments_sha256": views.hexdigest(),
+        "centre": [float(x) for x in prepared.centre],
+        "radius": prepared.radius,
+        "camera": plain(asdict(scene.camera)),
+        "lights": [plain(asdict(light)) for light in scene.lights],
+        "light_path": None if path is None else {"kind": type(path).__name__, **plain(asdict(path))},  # type: ignore[call-overload]
+    }
+
+
+def plain(value: Any) -> Any:
+    """The value as JSON can hold it: numpy numbers as Python's own, tuples as lists, anything else as text."""
+    if isinstance(value, dict):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(v) for v in value]
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    if hasattr(value, "item") and getattr(value, "ndim", 1) == 0:
+        return value.item()
+    return str(value)
+
+
+def array_bytes(holder: object) -> int:
+    """Bytes of the Warp arrays among the attributes of an object."""
+    return sum(a.capacity for a in vars(holder).values() if isinstance(a, wp.array))
