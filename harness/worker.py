@@ -27,7 +27,7 @@ from .facts import array_bytes, plain, scene_facts
 from .folder import FULL
 from .grading import Grader, hand_over, handed_path
 from .lighting import Lighting
-from .maps import map_path
+from .maps import map_path, write_map
 from .moment import Moment, Prepared
 from .plan import spread_frames
 from .registry import make_method
