@@ -168,7 +168,8 @@ def made(
 ):
     """A record as a run would write it; ``passes``: (name, part, ms)."""
     passes = passes or [("build", "build", ms * 0.2), ("primary rays", "trace", ms * 0.3),
-                        ("light 0: bound", "light build", ms * 0.1), ("light 0: shadow rays", "shadow", ms * 0.4)]  # fmt: skip
+                        ("light 0: count", "light build", ms * 0.1),
+                        ("light 0: shadow rays", "shadow", ms * 0.4)]  # fmt: skip
     lighting = lighting or Lighting()
     lights = [{}] * max(1, lighting.count)
     one = {
