@@ -157,7 +157,7 @@ def decode(data: bytes) -> Example:
     source = Bytes(data)
     axis, sign = source.below(3), 1.0 - 2.0 * source.below(2)
     half = source.choice((1.0, 0.5, 2.0, 0.25))
-    size = source.choice(((8, 8), (8, 8), (8, 8), (16, 8), (8, 16), (9, 9), (11, 7), (16, 16)))
+    size = source.choice(((8, 8), (8, 8), (8, 8), (16, 8), (8, 16), (9, 9), (11, 7), (13, 10)))
     settings = {name: _settings(source, name) for name in METHODS}
     exponent = source.choice((0, 0, 0, 20, -20, 6, -6, 13))
     eye = (source.coordinates(1)[0] // 8).astype(np.float64)
@@ -269,7 +269,7 @@ def _boxes(source: Bytes) -> tuple[NDArray, NDArray]:
 def _lights(source: Bytes, points: NDArray, faces: NDArray) -> NDArray[np.float64]:
     """One or two lights: on the lattice, on a vertex, in a triangle's or an edge's middle, near or far."""
     lights = []
-    for _ in range(1 + source.below(2)):
+    for _ in range(1 + source.below(4) // 3):
         kind = source.below(8)
         corners = points[faces[source.below(len(faces))]]
         if kind == 1:
