@@ -40,8 +40,8 @@ LADDER = (
     _knob("shadow origin: 1e-6 radii", origin="epsilon_1e-6"),
     _knob("shadow origin: Wächter-Binder", origin="wachter_binder"),
     _knob("shadow origin: error bound", origin="error_bound"),
-    _knob("boxes: not padded", padding="none"),
-    _knob("float rules: fast math", fast_math="true"),
+    _knob("tree, compiler: boxes not padded", padding="none"),
+    _knob("tree, compiler: fast math", fast_math="true"),
     _knob(
         "combination: float32, careful", test="woop_float64", origin="error_bound", padding="rounding"
     ),
@@ -79,8 +79,8 @@ LARGE = (
 MEASURES = (
     ("float64 decides triangle tests", EXACT, "triangle test: Möller-Trumbore"),
     ("float64 hit point, its planes excluded", EXACT, "shadow origin: own triangle skipped"),
-    ("padded boxes", EXACT, "boxes: not padded"),
-    ("strict float arithmetic", EXACT, "float rules: fast math"),
+    ("padded boxes", EXACT, "tree, compiler: boxes not padded"),
+    ("strict float arithmetic", EXACT, "tree, compiler: fast math"),
 )
 """Safety measures of the exact tree: name, the point with it, the point without it and otherwise the same."""
 
@@ -96,8 +96,10 @@ GRID = (
     _knob("float64 hit point (ours)"),
     _knob("error bound", origin="error_bound"),
     _knob("Wächter-Binder", origin="wachter_binder"),
-    _knob("1e-4 radii", origin="epsilon_1e-4"),
     _knob("own triangle skipped", origin="identity"),
+    _knob("1e-4 radii", origin="epsilon_1e-4"),
+    _knob("1e-6 radii", origin="epsilon_1e-6"),
+    Entry("embree", {}, "Embree, robust"),
     Entry("shadow_map", {"size": "1024"}, "shadow map, 1024"),
 )
 DISTANCES = (1.5, 1e1, 1e3, 1e5, 1e7)
@@ -126,7 +128,7 @@ EXPERIMENT = Experiment(
     presets={
         "quick": Preset(
             width=256, height=256, scenes=QUICK_SCENES, methods=LADDER + PEERS + MAPS + WAYS, frames=3, samples=3,
-            most=3, stage_samples=1, rounds=2, budget_s=3.0, timeout_s=180.0, wrong_maps=True,
+            most=3, stage_samples=1, rounds=2, budget_s=6.0, timeout_s=180.0, wrong_maps=True,
         ),
         "paper": Preset(
             width=1024, height=1024, scenes=(*SCENES, "bunny"), methods=LADDER + PEERS + MAPS + WAYS + LARGE,

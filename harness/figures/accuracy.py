@@ -86,11 +86,13 @@ def found(made: Sequence[Row], equal: Sequence[dict[str, Any]], cost: Sequence[d
     sentences = [_faultless(known), *_frontier(known), _maps(equal)]
     clear = [c for c in cost if not c["within_noise"]]
     if cost:
-        most = max(cost, key=lambda c: c["share"])
-        sentences.append(
-            f"Of {len(cost)} differences with and without a safety measure, {len(clear)} are larger than the noise; "
-            f"the dearest is {most['measure']} on {most['scene_title']}: {most['share']:+.0%} of the frame."
+        sentence = (
+            f"Of {len(cost)} differences with and without a safety measure, {len(clear)} exceed the noise"
         )
+        if clear:
+            most = max(clear, key=lambda c: c["share"])
+            sentence += f"; the dearest is {most['measure']} on {most['scene_title']}: {most['share']:+.0%}"
+        sentences.append(sentence + ".")
     looks = [r for r in known if r["flip"] is not None and r["wrong_per_frame"] > 0]
     if looks:
         hidden = [r for r in looks if r["flip"] < 0.001]
@@ -165,7 +167,7 @@ def cost_table(cost: Sequence[dict[str, Any]]) -> list[str]:
             c["measure"],
             f"{c['cost_ms']:+.3g} ms",
             f"{c['share']:+.1%}",
-            f"±{style.number(c['noise_ms'])} ms",
+            "too few repeats" if c["noise_ms"] is None else f"±{style.number(c['noise_ms'])} ms",
             f"{c['wrong_with']:,.0f}",
             f"{c['wrong_without']:,.0f}",
         ]

@@ -21,6 +21,10 @@ COLUMNS = (
 ).split()
 
 
+ENOUGH = 4
+"""Repeats below which nothing is known of the noise, and no difference of times is taken for a cost."""
+
+
 def costs(made: Sequence[Row], measures: Sequence[Measure]) -> list[dict[str, Any]]:
     """One row a scene and measure of which both points were measured."""
     result = []
@@ -30,7 +34,7 @@ def costs(made: Sequence[Row], measures: Sequence[Measure]) -> list[dict[str, An
             if with_ not in by_label or without not in by_label:
                 continue
             a, b = by_label[with_], by_label[without]
-            noise = max(_spread(a), _spread(b))
+            noise = max(_spread(a), _spread(b)) if min(a["samples"], b["samples"]) >= ENOUGH else None
             cost = a["total_ms"] - b["total_ms"]
             result.append(
                 {
@@ -45,7 +49,7 @@ def costs(made: Sequence[Row], measures: Sequence[Measure]) -> list[dict[str, An
                     "cost_ms": cost,
                     "noise_ms": noise,
                     "share": cost / b["total_ms"],
-                    "within_noise": abs(cost) <= noise,
+                    "within_noise": noise is None or abs(cost) <= noise,
                     "wrong_with": a["wrong_per_frame"],
                     "wrong_without": b["wrong_per_frame"],
                 }
@@ -100,6 +104,8 @@ def draw(made: Sequence[Row], measures: Sequence[Measure], base: str, path: Path
 
 
 def _told(c: dict[str, Any], number: int) -> str:
+    if c["noise_ms"] is None:
+        return f"{number}: too few repeats to tell"
     if c["within_noise"]:
         return f"{number}: within noise (±{style.number(c['noise_ms'])} ms)"
     return f"{number}: {c['cost_ms']:+.3g} ms ({c['share']:+.1%})"

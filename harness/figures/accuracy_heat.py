@@ -63,7 +63,7 @@ def read_grid(folder: Path) -> list[dict[str, Any]]:
 
 
 def draw(folder: Path) -> list[Path]:
-    """One panel a method: the share of shadow-scored pixels that are wrong, from white (none) to dark (all)."""
+    """One panel a method: the share of pixels that differ from the exact answer, from white (none) to dark (all)."""
     import matplotlib
     from matplotlib.colors import LogNorm
     from matplotlib.figure import Figure
@@ -74,10 +74,10 @@ def draw(folder: Path) -> list[Path]:
     labels = list(dict.fromkeys(row["label"] for row in rows))
     distances = sorted({row["distance"] for row in rows})
     offsets = sorted({row["offset"] for row in rows})
-    across = min(3, len(labels))
+    across = min(4, len(labels))
     down = -(-len(labels) // across)
     with matplotlib.rc_context({**points.sheet_style(), "axes.grid": False}):
-        figure = Figure(figsize=(7.0, 0.55 + 1.75 * down), layout="constrained", dpi=200)
+        figure = Figure(figsize=(7.0, 0.55 + 1.6 * down), layout="constrained", dpi=200)
         panels = figure.subplots(down, across, squeeze=False, sharex=True, sharey=True)
         shown = None
         colours = matplotlib.colormaps["magma_r"].copy()
@@ -91,11 +91,11 @@ def draw(folder: Path) -> list[Path]:
             for (i, j), words in np.ndenumerate(text):
                 dark = np.isfinite(grid[i, j]) and grid[i, j] > 0.05
                 axes.text(
-                    j, i, words, ha="center", va="center", fontsize=5.5, color="white" if dark else "black"
+                    j, i, words, ha="center", va="center", fontsize=4.8, color="white" if dark else "black"
                 )
             axes.set_title(label, fontsize=7)
-            axes.set_xticks(range(len(distances)), [f"{x:g}" for x in distances])
-            axes.set_yticks(range(len(offsets)), [f"{x:g}" for x in offsets])
+            axes.set_xticks(range(len(distances)), [_power(x) for x in distances])
+            axes.set_yticks(range(len(offsets)), [_power(x) for x in offsets])
             axes.tick_params(length=0)
         for axes in panels.ravel()[len(labels) :]:
             axes.set_axis_off()
@@ -103,23 +103,29 @@ def draw(folder: Path) -> list[Path]:
         figure.supylabel("offset of the scene from the origin, in radii", fontsize=7)
         assert shown is not None
         bar = figure.colorbar(shown, ax=list(panels.ravel()), shrink=0.9, pad=0.01)
-        bar.set_label("wrong answers / pixels (white: none)", fontsize=6.5)
+        bar.set_label("differing answers / pixels (white: none)", fontsize=6.5)
         figure.suptitle(
-            f"Wrong answers (count in each cell) on {rows[0]['scene']}, {rows[0]['size']:.0f}x{rows[0]['size']:.0f}; "
-            "scene not recentred",
+            f"Answers that differ from the exact one on {rows[0]['scene']}, {rows[0]['size']:.0f}x"
+            f"{rows[0]['size']:.0f}, scene not recentred: wrong (+ excused: within rounding of an edge)",
             fontsize=7.5,
         )
         return [points.save(figure, folder / "accuracy_heat.png")]
 
 
+def _power(x: float) -> str:
+    """A round number as a power of ten where it is one."""
+    exponent = round(np.log10(x)) if x > 0 else 0
+    return f"$10^{{{exponent}}}$" if x >= 100 and x == 10.0**exponent else f"{x:g}"
+
+
 def _cells(
     rows: Sequence[dict[str, Any]], distances: Sequence[float], offsets: Sequence[float]
 ) -> tuple[Any, Any]:
-    """Shares of wrong pixels and their counts as text, [offset, distance]."""
+    """Shares of pixels that differ from the exact answer, and "wrong (+excused)" as text, [offset, distance]."""
     grid = np.full((len(offsets), len(distances)), np.nan)
     text = np.full(grid.shape, "", dtype=object)
     for row in rows:
         at = offsets.index(row["offset"]), distances.index(row["distance"])
-        grid[at] = row["wrong"] / row["pixels"]
-        text[at] = f"{row['wrong']:,.0f}"
+        grid[at] = (row["wrong"] + row["excused"]) / row["pixels"]
+        text[at] = f"{row['wrong']:,.0f}" + (f"\n(+{row['excused']:,.0f})" if row["excused"] else "")
     return grid, text

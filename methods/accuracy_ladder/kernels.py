@@ -22,7 +22,7 @@ from ..common.triangle import (
     weld_of,
 )
 from .origins import HIT_POINT, IDENTITY, scene_radius, start_of
-from .parameters import EXACT_TESTS
+from .parameters import EXACT_TESTS, SHEARED_TESTS
 from .tests import TESTS
 
 
@@ -66,6 +66,7 @@ def make_kernels(test: str, fast_math: bool) -> tuple[Any, Any]:
     tested = TESTS[test]
     in_float64 = test in EXACT_TESTS
     filtered = test == "exact"
+    sheared = test in SHEARED_TESTS
     options = {"fast_math": fast_math, "enable_backward": False}
 
     @wp.kernel(module="unique", module_options=options)
@@ -156,6 +157,7 @@ def make_kernels(test: str, fast_math: bool) -> tuple[Any, Any]:
         start = start_of(
             scheme, eye[0], column[pixel % width] + row[pixel // width], t_in[pixel], u_in[pixel], v_in[pixel],
             h, points[corners[0]], points[corners[1]], points[corners[2]], target, scene_radius(box),
+            wp.static(sheared),
         )  # fmt: skip
         error = wp.float32(0.0)
         size = wp.float64(0.0)

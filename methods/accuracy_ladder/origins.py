@@ -53,14 +53,18 @@ def start_of(
     c: wp.vec3f,
     light: wp.vec3f,
     radius: wp.float32,
+    sheared: wp.bool,
 ) -> wp.vec3f:
-    """The float32 start of the shadow ray of a hit (t, u, v) on (a, b, c) whose float64 hit point is h."""
+    """The float32 start of the shadow ray of a hit (t, u, v) on (a, b, c) whose float64 hit point is h.
+
+    ``sheared``: whether the test finds its distance from coordinates along the ray; the error bound depends on it.
+    """
     if scheme == HIT_POINT:
         return to_float32(h)
     if scheme == RAY:
         return o + t * d
     if scheme == ERROR_BOUND:
-        return shadow_origin(o, d, light, a, b, c, False)
+        return shadow_origin(o, d, light, a, b, c, sheared)
     p = (1.0 - u - v) * a + u * b + v * c
     if scheme == IDENTITY:
         return p

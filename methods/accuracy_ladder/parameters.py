@@ -8,6 +8,7 @@ TESTS = (
     "moller_trumbore", "moller_trumbore_epsilon", "woop", "woop_float64", "edge_planes", "float64", "exact"
 )  # fmt: skip
 EXACT_TESTS = ("float64", "exact")
+SHEARED_TESTS = ("woop", "woop_float64")
 ORIGINS = (
     "hit_point", "identity", "barycentric", "ray", "epsilon_1e-2", "epsilon_1e-4", "epsilon_1e-6",
     "wachter_binder", "error_bound",
