@@ -442,3 +442,31 @@ def test_lights_moved_between_frames_equal_fresh_ones_under_other_knobs():
     moved = session.answers(there.moment(0, 32, 32))
     same(session.answers(moment), first, "again")
     same(moved, answers_of(there, 32, 32, {})[2], "fresh")
+
+
+def test_what_float32_accepts_beside_an_edge_is_listed_in_every_tile():
+    """Hit points 1e-5 off the plane through the light and an edge, at x = 300 where float32 cannot tell.
+
+    Rounded they lie on it, and the plain planes accept them: then every grid must offer the triangle, also where
+    the border between two tiles lies between the hit points and the edge (all of these numbers of tiles but 150).
+    """
+    x = 300.0
+    vertices = [[x, -1, -1], [x, 1, -1], [x + 2, 0, -1], [x - 5, -5, -2], [x + 7, -5, -2], [x + 1, 9, -2]]
+    vertices += [[-x, 0, 9], [-x, 1, 9], [-x, 0, 8]]  # keeps the scene where it is
+    prepared = make_scene(
+        vertices,
+        [[0, 1, 2], [3, 4, 5], [6, 7, 8]],
+        [(x, 0.0, 0.0)],
+        (x, 0.3, 0.5),
+        (x - 4e-6, 0.3, -0.5),
+        0.3,
+    )
+    seen = set()
+    for tiles in (150, 156, 167, 178, 189):
+        settings = {"triangle_test": "edge_planes", "light_tiles": str(tiles), "aimed": "false"}
+        _, _, got = answers_of(prepared, 5, 5, settings)
+        assert (got["triangle"].reshape(5, 5)[:, 2] == 1).all()
+        seen.add(tuple(got["visibility"][0].reshape(5, 5)[:, 2].tolist()))
+    assert seen == {(1, 1, 1, 1, 1)}
+    _, _, exact = answers_of(prepared, 5, 5, {})
+    assert (exact["visibility"][0].reshape(5, 5)[:, 2] == 0).all()

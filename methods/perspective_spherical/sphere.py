@@ -62,12 +62,71 @@ def arc_elevation(bounds: wp.vec4d, p: wp.vec3d, q: wp.vec3d, n: wp.vec3d) -> wp
 
 
 @wp.func
+def small_arctangent(t: wp.float64) -> wp.float64:
+    """atan(t) for |t| <= 0.1, to 1e-16."""
+    s = t * t
+    sum = wp.float64(1.0 / 13.0)
+    sum = wp.float64(1.0 / 11.0) - s * sum
+    sum = wp.float64(1.0 / 9.0) - s * sum
+    sum = wp.float64(1.0 / 7.0) - s * sum
+    sum = wp.float64(1.0 / 5.0) - s * sum
+    sum = wp.float64(1.0 / 3.0) - s * sum
+    return t * (wp.float64(1.0) - s * sum)
+
+
+@wp.func
+def small_angles(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> wp.vec4d:
+    """The bounds of a triangle less than 0.1 rad of azimuth from a, away from the poles; high < low for others.
+
+    The tangent of the elevation along a great arc is K cos(azimuth - phi): inside an arc of azimuth w it exceeds
+    the larger end, if that is positive, by a factor of at most 1 / cos(w / 2) <= 1 + 0.13 w^2.
+    """
+    none = wp.vec4d(wp.float64(1.0), wp.float64(-1.0), wp.float64(0.0), wp.float64(0.0))
+    most = wp.float64(0.1)
+    steep = wp.float64(3.0)
+    ab = a[0] * b[0] + a[1] * b[1]
+    ac = a[0] * c[0] + a[1] * c[1]
+    cross_b = a[0] * b[1] - a[1] * b[0]
+    cross_c = a[0] * c[1] - a[1] * c[0]
+    if not (wp.abs(cross_b) < most * ab and wp.abs(cross_c) < most * ac):
+        return none
+    flat_a = length2(a[0], a[1])
+    flat_b = length2(b[0], b[1])
+    flat_c = length2(c[0], c[1])
+    if not (
+        wp.abs(a[2]) < steep * flat_a and wp.abs(b[2]) < steep * flat_b and wp.abs(c[2]) < steep * flat_c
+    ):
+        return none
+    to_b = small_arctangent(cross_b / ab)
+    to_c = small_arctangent(cross_c / ac)
+    first = wp.min(wp.float64(0.0), wp.min(to_b, to_c))
+    last = wp.max(wp.float64(0.0), wp.max(to_b, to_c))
+    up_a = a[2] / flat_a
+    up_b = b[2] / flat_b
+    up_c = c[2] / flat_c
+    low = wp.min(up_a, wp.min(up_b, up_c))
+    high = wp.max(up_a, wp.max(up_b, up_c))
+    bulge = wp.float64(1.0) + wp.float64(0.13) * (last - first) * (last - first)
+    if high > wp.float64(0.0):
+        high = high * bulge
+    if low < wp.float64(0.0):
+        low = low * bulge
+    at = wp.atan2(a[1], a[0])
+    # Differences and rotations off by ROUNDING of the distance, which is at most 3.2 of what is flat.
+    pad = wp.float64(32.0) * ROUNDING
+    return wp.vec4d(at + first - pad, at + last + pad, wp.atan(low) - pad, wp.atan(high) + pad)
+
+
+@wp.func
 def triangle_angles(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> wp.vec4d:
     """Bounds (azimuth low, high, elevation low, high) of a triangle whose plane does not hold the light.
 
     Azimuths are unwrapped from vertex a: high - low is at most 2 pi, and the interval may reach beyond +-pi.
     Conservative: rounding widens, never narrows. Full circle where a pole is or may be inside.
     """
+    small = small_angles(a, b, c)
+    if small[1] >= small[0]:
+        return small
     pa = angles(a)
     pb = angles(b)
     pc = angles(c)
