@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import warp as wp
 from brute_force import closest, make_scene, shadowed, soup
 from method_trials import DEVICES, assert_exact, assert_misses, box, hard_trials, lattice, trace
 from shadowbench.harness.errors import CapacityRejected, UserError
 from shadowbench.harness.registry import make_method
 from shadowbench.harness.scene import Limits
 from shadowbench.harness.session import Session
+from shadowbench.methods.accuracy_ladder.kernels import make_kernels
+from shadowbench.methods.accuracy_ladder.parameters import TESTS
 
 NAME = "shadow_map"
 TRIALS = {name: (prepared, width, height) for name, prepared, width, height in hard_trials()}
@@ -239,6 +242,13 @@ def test_origins_fail_as_they_are_known_to(origin, acne, leak):
     below = best < len(faces)
     assert bool((~bits & wanted & below).any()) == leak
     assert (make_method(LADDER, settings).known_inexact is None) == (origin == "hit_point")
+
+
+@pytest.mark.parametrize("test", TESTS)
+def test_every_rung_compiles_for_cuda(test, tmp_path):
+    for kernel in make_kernels(test, test == "exact"):
+        wp.compile_aot_module(kernel.module, arch=90, module_dir=tmp_path)
+    assert len(list(tmp_path.glob("*.cubin")) + list(tmp_path.glob("*.ptx"))) == 2
 
 
 @pytest.mark.parametrize("key", ["padding", "fast_math"])

@@ -80,8 +80,7 @@ def draw(folder: Path) -> list[Path]:
         figure = Figure(figsize=(7.0, 0.55 + 1.6 * down), layout="constrained", dpi=200)
         panels = figure.subplots(down, across, squeeze=False, sharex=True, sharey=True)
         shown = None
-        colours = matplotlib.colormaps["magma_r"].copy()
-        colours.set_bad("white")
+        colours = matplotlib.colormaps["magma_r"].with_extremes(bad="white")
         for axes, label in zip(panels.ravel(), labels, strict=False):
             grid, text = _cells([row for row in rows if row["label"] == label], distances, offsets)
             shown = axes.imshow(
@@ -89,7 +88,7 @@ def draw(folder: Path) -> list[Path]:
                 aspect="auto",
             )  # fmt: skip
             for (i, j), words in np.ndenumerate(text):
-                dark = np.isfinite(grid[i, j]) and grid[i, j] > 0.05
+                dark = np.isfinite(grid[i, j]) and grid[i, j] > 0.03
                 axes.text(
                     j, i, words, ha="center", va="center", fontsize=4.8, color="white" if dark else "black"
                 )
