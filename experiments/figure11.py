@@ -54,7 +54,7 @@ EXPERIMENT = Experiment(
         # As many rays a light tile as at 1024x1024 with the paper's 128 x 128 tiles, so that r has something to do.
         "quick": Preset(
             48, 48, ("cloth",), entries(6), frames=3, samples=1, most=1, stage_samples=1, rounds=1, budget_s=1.2,
-            timeout_s=60.0, lightings=distances(0.1, 1, 10, 1e3, 1e7), memory=256 << 20,
+            timeout_s=180.0, lightings=distances(0.1, 1, 10, 1e3, 1e7), memory=256 << 20,
         ),
         "paper": Preset(
             1024, 1024, ("cloth",), entries(128), frames=3, samples=5, most=10, deviation=0.01, stage_samples=5,

@@ -34,7 +34,7 @@ EXPERIMENT = Experiment(
     title="Several lights: Fairy with two, and time against their number",
     presets={
         "quick": Preset(
-            128, 128, ("fairy",), METHODS, frames=1, samples=2, most=2, stage_samples=1, rounds=1, budget_s=6.0,
+            96, 96, ("fairy",), METHODS, frames=1, samples=2, most=2, stage_samples=1, rounds=1, budget_s=4.0,
             lightings=lights(1, 2, 4, 8, 16),
         ),
         "paper": Preset(

@@ -293,7 +293,7 @@ def test_figure11_tells_work_from_number_format(tmp_path):
     assert "2.00 (r = 32), 3.00 (r = 64), 5.00 (r = 128), 9.00 (r = 256)" in text
     assert "clamped to the hits, world axes, float64" in text
     assert "1.00 (r = 32)" in text
-    assert "rejected from 1e+07 radii on" in text
+    assert "rejected from 1e7 radii on" in text
     assert "needs 9 pairs" in text
     drawn = (tmp_path / "figure11.svg").read_text()
     for word in (

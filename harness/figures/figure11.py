@@ -77,6 +77,20 @@ def span(rows: Sequence[dict[str, Any]], r: int, far: float, near: float = 1.0) 
     return float(np.median(out)) / line[0]["traversal_ms"] if out and line[0]["traversal_ms"] else None
 
 
+def short(distance: float) -> str:
+    """A distance as a person writes it: 0.1, 10, 1e7."""
+    return f"{distance:g}".replace("e+0", "e")
+
+
+def tests(own: Sequence[dict[str, Any]]) -> str:
+    """Counted triangle tests a shadow ray, from the nearest light to the farthest; the same for every r."""
+    line = {x["light_distance"]: x.get("shadow_tests_a_hundred_rays") for x in own}
+    known = [(d, t) for d, t in line.items() if t is not None]
+    if not known:
+        return ""
+    return "; tests a shadow ray: " + ", ".join(f"{t / 100:,.0f} at {short(d)}" for d, t in known)
+
+
 def sentences(rows: Sequence[dict[str, Any]], clamps: Sequence[str]) -> list[str]:
     """Which part of the growth with distance is work, which number format, and what r does about it."""
     done = points.measured(rows)
@@ -94,7 +108,7 @@ def sentences(rows: Sequence[dict[str, Any]], clamps: Sequence[str]) -> list[str
             if parts:
                 result.append(
                     f"{CLAMPS[clamp]}, {axes}, {PRECISE}: shadow traversal with the light 10 radii away or more, over "
-                    f"that at about one radius: {', '.join(parts)}."
+                    f"that at about one radius: {', '.join(parts)}{tests(own)}."
                 )
     result += format_sentences(rows, clamps)
     result.append(
@@ -124,11 +138,9 @@ def format_sentences(rows: Sequence[dict[str, Any]], clamps: Sequence[str]) -> l
                 pairs = slow["pairs"] / fine["pairs"] if slow.get("pairs") and fine.get("pairs") else None
                 text += f" {slow['total_ms'] / fine['total_ms']:.1f} times the frame time"
                 text += f" and {pairs:.1f} times the pairs" if pairs else ""
-                text += f" of {PRECISE} at {slow['light_distance']:g} radii"
+                text += f" of {PRECISE} at {short(slow['light_distance'])} radii"
             if lost:
-                text += (
-                    f"{',' if both else ''} {lost[0]['status']} from {lost[0]['light_distance']:g} radii on"
-                )
+                text += f"{',' if both else ''} {lost[0]['status']} from {short(lost[0]['light_distance'])} radii on"
             result.append(text + ".")
     return result
 
@@ -199,6 +211,7 @@ def threshold_picture(rows: Sequence[dict[str, Any]], clamps: Sequence[str], pat
     measures = (("traversal_ms", "shadow traversal, ms", "log"), ("chunks", "blocks, C_total", "log"),
                 ("lane_fill", "lane fill", "linear"))  # fmt: skip
     distances = points.in_order(x["light_distance"] for x in done)
+    values = points.in_order(x["r"] for x in done)
     with matplotlib.rc_context(points.sheet_style()):
         figure = Figure(figsize=(style.COLUMN_WIDTH, 4.3), layout="constrained")
         grid = figure.subplots(len(measures), len(columns), sharex=True, sharey="row", squeeze=False)
@@ -209,10 +222,11 @@ def threshold_picture(rows: Sequence[dict[str, Any]], clamps: Sequence[str], pat
                 for place, distance in enumerate(distances):
                     line = sorted((x for x in own if x["light_distance"] == distance), key=lambda x: x["r"])
                     line = [x for x in line if x.get(key) is not None]
-                    label = f"{distance:g} radii" if i == j == 0 else None
+                    label = f"{short(distance)} radii" if i == j == 0 else None
                     axes.plot([x["r"] for x in line], [x[key] for x in line], color=style.COLOURS[place % 8],
                               marker=points.MARKERS[place % 8], label=label, alpha=0.9)  # fmt: skip
                 axes.set_xscale("log", base=2)
+                axes.set_xticks(values, [str(r) for r in values])
                 axes.set_yscale(scale)
                 if scale == "linear":
                     axes.set_ylim(0, 1.02)
