@@ -15,9 +15,8 @@ __all__ = ["Counts", "HardCase", "Trial", "all_cases", "find_case"]
 
 def all_cases() -> tuple[HardCase, ...]:
     """Every case, shadows (S) before eyes and meshes (P), then the variants of scale, offset and distance (V)."""
-    primary = sorted((*eyes.CASES, *meshes.CASES), key=lambda case: case.name)
-    shadow = sorted((*light_angles.CASES, *light_places.CASES), key=lambda case: case.name)
-    return (*shadow, *primary, *variants.CASES)
+    single = (*light_angles.CASES, *light_places.CASES, *eyes.CASES, *meshes.CASES)
+    return (*sorted(single, key=lambda case: (case.name[0] == "P", case.name)), *variants.CASES)
 
 
 def find_case(name: str) -> HardCase:

@@ -102,6 +102,25 @@ def on_rays(towards: tuple[float, float, float], half: float, deepest: int, unwe
     )  # fmt: skip
 
 
+def patches(shadow: bool) -> Trial:
+    """Sixty-four flat squares apart from each other, each with its corners on four rays of an odd direction.
+
+    Every ray meets the corner of one box without thickness. ``shadow``: the rays are the shadow rays instead.
+    """
+    rays = view(plane(2, -1, 1), [], ORIGIN, (0, 0, -1), 0.7).moment
+    directions = rays.directions(np.arange(256)).astype(np.float64)
+    index = np.arange(256).reshape(16, 16)
+    a, b, c, d = index[::2, ::2], index[::2, 1::2], index[1::2, 1::2], index[1::2, ::2]
+    mesh = directions, np.concatenate([np.stack(f, axis=-1).reshape(-1, 3) for f in ((a, b, c), (a, c, d))])
+    if not shadow:
+        return view(mesh, [(0, 0, 1)], ORIGIN, (0, 0, -1), 0.7, watertight=True, stated=Counts(256, (0,)))
+    # From behind, pixels meet the plane z = -4 at four times the corners, exactly: column x and row y are the same.
+    return view(
+        joined(mesh, plane(2, -4, 8)), [ORIGIN], (0, 0, -8), (0, 0, 1), 0.7, watertight=True,
+        stated=Counts(256, (256,)),
+    )  # fmt: skip
+
+
 def one_triangle_missed() -> Trial:
     """One triangle beside the view."""
     return view(
@@ -218,6 +237,8 @@ CASES = (
     HardCase("P25", "boxes that share faces", "coplanar ties, lights on corners", touching_boxes),
     HardCase("P26", "triangles through every cell", "long lists, a hit found in another cell", through_every_cell),
     HardCase("P28", "flat sheet, odd directions to its border", NO_THICKNESS, lambda: on_rays((0, 0, -1), 0.7, 0)),
+    HardCase("P28b", "flat squares apart, met at their corners", NO_THICKNESS, lambda: patches(False)),
+    HardCase("S25", "shadow rays at the corners of flat squares", NO_THICKNESS, lambda: patches(True)),
     HardCase("P29", "rays through vertices in odd directions", NO_RULE, lambda: on_rays((1, 0.4, -0.8), 0.7, 2)),
     HardCase("P29b", "the same, split", NO_RULE, lambda: on_rays((-0.3, 0.9, -0.5), 0.45, 3, True)),
     HardCase("P27", "no light", "arrays of lights of length 0", no_light),

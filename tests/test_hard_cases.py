@@ -1,0 +1,299 @@
+"""The catalogue of hard cases: what a hand expects is what exact arithmetic says, and every exact method passes."""
+
+from __future__ import annotations
+
+import functools
+import json
+
+import numpy as np
+import pytest
+import warp as wp
+from shadowbench.harness.commands.check import check
+from shadowbench.harness.conformance import conformance, counted_allocations
+from shadowbench.harness.errors import UserError
+from shadowbench.harness.hardcases import HardCase, all_cases, find_case
+from shadowbench.harness.hardcases.case import Counts, pixel_centres, plane, sheet, view
+from shadowbench.harness.hardcases.judge import (
+    ERRORS,
+    Judged,
+    counts_of,
+    judge_case,
+    judge_method,
+    judge_refusal,
+)
+from shadowbench.harness.method import SimpleMethod
+from shadowbench.harness.registry import make_method
+
+DEVICES = ["cpu", *(["cuda:0"] if wp.is_cuda_available() else [])]
+
+EXACT = (
+    ("perspective_spherical", ()),
+    (
+        "perspective_spherical",
+        (("light_map", "cube"), ("clamp", "none"), ("balancing", "algorithm-1"), ("r", "3")),
+    ),
+    (
+        "perspective_spherical",
+        (("light_map", "two-angle"), ("aimed", "false"), ("clamp", "view"), ("tile", "5")),
+    ),
+    ("uniform_grid", ()),
+    ("uniform_grid", (("density", "100"),)),
+    ("ray_grids", (("queue", "never"),)),
+    ("ray_grids", (("queue", "always"), ("inline_cells", "0"))),
+    ("bvh", (("update", "bvh_rebuild"),)),
+)
+
+CASES = [case for case in all_cases() if not case.refused]
+
+
+@functools.cache
+def judged(name: str) -> Judged:
+    case = find_case(name)
+    return Judged(case, case.make())
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_what_is_stated_is_exact(case: HardCase) -> None:
+    one = judged(case.name)
+    exact = counts_of(one.exact, len(one.trial.moment.lights))
+    assert one.trial.stated.agrees(exact), f"stated {one.trial.stated}, exact {exact}"
+
+
+def test_catalogue() -> None:
+    names = [case.name for case in all_cases()]
+    assert len(set(names)) == len(names)
+    listed = [f"S{i:02}" for i in range(1, 18)] + [f"P{i:02}" for i in range(1, 19)]
+    assert [name for name in listed if not any(other.startswith(name) for other in names)] == []
+    assert all(case.title and case.breaks for case in all_cases())
+    stated = [case for case in CASES if judged(case.name).trial.stated != Counts()]
+    assert len(stated) > 60
+
+
+def test_structured_rays_pass_exactly_through_vertices() -> None:
+    """The pixel centres of a dyadic view are the vertices of the sheet, to the last bit."""
+    x = pixel_centres(16)
+    moment = view(sheet(x, x, 1.0), [], (0, 0, 0), (0, 0, -1)).moment
+    directions = moment.directions(np.arange(256))
+    expected = np.stack([np.tile(x, 16), np.repeat(-x, 16), -np.ones(256)], axis=1)
+    np.testing.assert_array_equal(directions, expected)
+    ties = [len(found) for found in judged("P12").referee.closest(np.zeros(3), directions).ties]
+    assert sum(n >= 6 for n in ties) >= 14 * 14  # every inner vertex belongs to six triangles
+
+
+@pytest.mark.parametrize("case", [case for case in all_cases() if case.refused], ids=lambda case: case.name)
+def test_refused(case: HardCase) -> None:
+    with pytest.raises(UserError, match="up must be finite and not parallel"):
+        case.make()
+    assert judge_refusal(case).status == "ok"
+
+
+@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize(("name", "settings"), EXACT, ids=lambda value: str(value))
+def test_exact_methods_pass_every_case(name, settings, device) -> None:
+    """No true error on any case; each case runs twice, on poisoned answers, and must give the same bits."""
+    wrong = {}
+    for case in CASES:
+        finding = judge_case(judged(case.name), make_method(name, dict(settings)), device)
+        if finding.status == "error":
+            wrong[case.name] = (finding.classes, finding.reason, finding.examples[:1])
+        elif finding.status == "outside":
+            assert case.name.startswith("S17"), finding.reason  # a spotlight
+            assert "spot" in finding.reason
+    assert wrong == {}
+
+
+@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize(("name", "settings"), EXACT, ids=lambda value: str(value))
+def test_rules_of_conduct(name, settings, device) -> None:
+    """Frames that follow one another, graph replays, no allocation in a frame after the first."""
+    found = conformance(lambda: make_method(name, dict(settings)), device)
+    assert [(one.name, one.reason) for one in found if one.status == "error"] == []
+    assert {one.name for one in found if one.status == "ok"} >= {
+        "frames",
+        "allocations",
+        "shadows not asked for",
+    }
+
+
+def test_known_weaknesses_of_others_show() -> None:
+    """Warp's Mesh loses segments through vertices of a sheet; both it and Embree shadow what touches a vertex."""
+    mesh = judge_case(judged("S19"), make_method("bvh", {}), "cpu")
+    assert mesh.status == "error"
+    assert mesh.classes["hole"] > 0
+    assert judge_case(judged("P03b"), make_method("bvh", {}), "cpu").classes["acne"] > 0
+
+
+# --- the judge itself, on methods with an error planted ----------------------------------------------------------
+
+
+class Forger(SimpleMethod):
+    """Answers a case with the exact answers and one change."""
+
+    name = "forger"
+    capturable = False
+
+    def __init__(self, answers, change):
+        super().__init__()
+        self.answers = {key: value.copy() for key, value in answers.items()}
+        change(self.answers)
+
+    def build_structure(self, frame):
+        pass
+
+    def trace_primary(self, frame):
+        for key in ("triangle", "t", "u", "v"):
+            getattr(frame.answers, key).assign(self.answers[key])
+
+    def trace_shadow(self, frame, light):
+        frame.answers.visibility[light].assign(self.answers["visibility"][light])
+
+
+def forged(name: str, change) -> dict[str, int]:
+    one = judged(name)
+    return judge_case(one, Forger(one.exact, change), "cpu").classes
+
+
+def test_the_exact_answers_pass() -> None:
+    for case in CASES:
+        if not case.name.startswith("S17"):
+            assert set(forged(case.name, lambda answers: None)) & set(ERRORS) == set(), case.name
+
+
+def change(key: str, index, value):
+    def apply(answers):
+        answers[key][index] = value
+
+    return apply
+
+
+def miss(answers):
+    answers["triangle"][40], answers["t"][40] = -1, np.inf
+    answers["u"][40] = answers["v"][40] = 0
+    answers["visibility"][:, 40] = 0
+
+
+@pytest.mark.parametrize(
+    ("name", "apply", "kind"),
+    [
+        ("S01", change("visibility", (0, 9), 0), "leak"),
+        ("S12", change("visibility", (0, 300), 1), "acne"),
+        ("S01", change("visibility", (0, 9), 77), "invalid"),
+        ("P16", change("triangle", 300, 3), "true"),
+        ("P16", change("t", 300, 1.0), "true"),
+        ("P12", miss, "hole"),
+        ("S15", change("visibility", (2, 2), 1), "differs"),
+        ("P16", change("triangle", 300, -77), "invalid"),
+    ],
+)
+def test_a_planted_error_is_found(name, apply, kind) -> None:
+    assert forged(name, apply).get(kind, 0) >= 1
+
+
+def test_a_bit_outside_a_spot_is_found() -> None:
+    class SpotForger(Forger):
+        spots = True
+
+    one = judged("S17")
+    good = judge_case(one, SpotForger(one.exact, lambda answers: None), "cpu")
+    assert good.status == "ok"
+    lit = int(np.nonzero((one.exact["visibility"][0] == 0) & (one.everywhere.visibility[0] == 1))[0][0])
+    bad = judge_case(one, SpotForger(one.exact, change("visibility", (0, lit), 1)), "cpu")
+    assert bad.classes.get("invalid") == 1
+
+
+def test_crashes_and_declared_cases() -> None:
+    class Crashes(Forger):
+        outside = {"S01": "needs more than three lights"}  # noqa: RUF012
+
+        def trace_primary(self, frame):
+            raise ArithmeticError("no answer")
+
+    one = judged("S02")
+    crashed = judge_case(one, Crashes(one.exact, lambda answers: None), "cpu")
+    assert (crashed.status, crashed.classes) == ("error", {"failed": 1})
+    declared = judge_case(judged("S01"), Crashes(one.exact, lambda answers: None), "cpu")
+    assert (declared.status, declared.reason) == ("outside", "needs more than three lights")
+
+
+def test_stale_frames_and_allocations_are_found() -> None:
+    class Stale(type(make_method("bvh", {}))):  # type: ignore[misc]
+        """Builds its tree once only, and allocates in every frame."""
+
+        def plan(self, frame, effects, limits):
+            self.capturable = True
+            passes = super().plan(frame, effects, limits)
+            first = passes[0].launch
+            done: list[bool] = []
+
+            def once():
+                self.waste = wp.zeros(100, device=frame.device)
+                if not done:
+                    done.append(True)
+                    first()
+
+            return [type(passes[0])(passes[0].name, "build", (), ("mesh",), once), *passes[1:]]
+
+    found = {one.name: one for one in conformance(lambda: Stale(), "cpu")}
+    assert found["frames"].status == "error"
+    assert found["allocations"].status == "error"
+    assert "allocations" in found["allocations"].reason
+
+
+def test_allocations_are_counted() -> None:
+    kept: list[wp.array] = []
+    assert counted_allocations(lambda: None)[0] == 0
+    assert counted_allocations(lambda: kept.append(wp.zeros(10, device="cpu")))[0] == 1
+    assert counted_allocations(lambda: wp.zeros(10, device="cpu").fill_(1.0))[0] == 1  # freed again at once
+
+
+# --- the command -------------------------------------------------------------------------------------------------
+
+
+def test_command_passes_an_exact_method_and_says_so(capsys) -> None:
+    assert check("uniform_grid", "cpu", None, ["S05", "S17", "P18"], True) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["passed"]
+    assert report["true_errors"] == 0
+    assert [case["status"] for case in report["cases"]] == ["ok", "outside", "ok"]
+    assert report["cases"][0]["expected"] == report["cases"][0]["got"] == "32 hit, 32 shadowed"
+
+
+def test_command_lists_what_is_known_of_an_inexact_method(capsys) -> None:
+    assert check("bvh", "cpu", None, ["P03b"], False) == 0
+    shown = capsys.readouterr().out
+    assert "known inexact: " in shown
+    assert "acne" in shown
+    assert "1 with true errors" in shown
+    assert check("bvh", "cpu", ["update=bvh_rebuild"], ["P03b"], False) == 0
+    assert "known inexact" not in capsys.readouterr().out
+
+
+def test_command_fails_on_a_true_error(monkeypatch, capsys) -> None:
+    exact = type(make_method("bvh", {}))
+    monkeypatch.setattr(
+        exact, "known_inexact", property(lambda self: None, lambda self, value: None), raising=False
+    )
+    assert check("bvh", "cpu", None, ["P03b"], False) == 1
+    assert "ERROR" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("uniform_grd", "cpu", None, None, False), "did you mean uniform_grid"),
+        (("uniform_grid", "cpu", ["density"], None, False), "param=value"),
+        (("uniform_grid", "cpu", ["densty=1"], None, False), "did you mean density"),
+        (("uniform_grid", "cpu", None, ["S1"], False), "no hard case 'S1'"),
+        (("uniform_grid", "tpu:0", None, None, False), "no device"),
+    ],
+)
+def test_command_refuses_wrong_calls(arguments, message) -> None:
+    with pytest.raises(UserError, match=message):
+        check(*arguments)
+
+
+def test_refused_cases_count_when_they_are_made_after_all() -> None:
+    case = HardCase("X", "x", "y", lambda: view(plane(2, 0, 1), [], (0, 0, 4), (0, 0, -1)), refused=True)
+    assert [
+        finding.status for finding in judge_method(lambda: make_method("uniform_grid", {}), "cpu", [case], {})
+    ] == ["error"]
