@@ -11,11 +11,9 @@ import warp as wp
 from brute_force import closest, make_scene, shadowed, soup
 from shadowbench.harness.errors import CapacityRejected, UserError
 from shadowbench.harness.registry import make_method
-from shadowbench.harness.scene import Light, Limits, Spot
+from shadowbench.harness.scene import Limits
 from shadowbench.harness.session import Session
-from shadowbench.harness.spot import receivers, strength
-from shadowbench.methods.perspective_spherical.chunks import Chunks
-from shadowbench.methods.perspective_spherical.light_grid import make_bound_kernel
+from shadowbench.methods.perspective_spherical.light_bounds import make_bound_kernel
 from shadowbench.methods.perspective_spherical.parameters import (
     BALANCING,
     CLAMPS,
@@ -152,44 +150,6 @@ def test_no_ray_leaks_between_welded_triangles_aimed_at_their_edges(name):
     assert (got["visibility"] == 0).all()
 
 
-def test_culling_changes_nothing_but_ties_on_a_closed_surface_seen_from_outside():
-    vertices, faces = grid_of_squares(5)
-    for wound in (faces, faces[:, ::-1]):  # inward or outward, as long as it is consistent
-        both = np.concatenate([vertices, vertices * 0.5 + [1.9, 0.4, 0.2]])
-        prepared = make_scene(
-            both, np.concatenate([wound, wound + len(vertices)]), [(4.0, 5.0, 6.0)], (2.0, 3.0, 7.0)
-        )
-        scene = dataclasses.replace(prepared.scene, closed=True)
-        _, _, off = answers_of(prepared, 61, 47, {})
-        pairs = []
-        for cull in ("off", "primary", "primary+light"):
-            method = make_method("perspective_spherical", {"cull": cull})
-            assert method.applies(scene, "cpu") is None
-            session, _, got = answers_of(prepared, 61, 47, {"cull": cull})
-            same(got, off, cull)
-            counts = session.method.counters()
-            pairs.append((counts["camera pairs"], counts["light 0 pairs"]))
-        assert pairs[1][0] < pairs[0][0]
-        assert pairs[2][1] < pairs[1][1]
-
-
-def test_culling_is_refused_where_it_would_lose_hits():
-    vertices, faces = grid_of_squares(2)
-    outside, within = (0.0, 0.0, 7.0), (0.1, 0.2, 0.3)
-
-    def reason(cull, eye, light, closed):
-        prepared = make_scene(vertices, faces, [light], eye, (5.0, 1.0, 1.0))
-        scene = dataclasses.replace(prepared.scene, closed=closed)
-        return make_method("perspective_spherical", {"cull": cull}).applies(scene, "cpu")
-
-    assert reason("primary", outside, outside, True) is None
-    assert reason("primary", outside, within, True) is None
-    assert "declared closed" in reason("primary", outside, outside, False)
-    assert "eye outside" in reason("primary", within, outside, True)
-    assert "light outside" in reason("primary+light", outside, within, True)
-    assert reason("off", within, within, False) is None
-
-
 @pytest.mark.parametrize("light_map", LIGHT_MAPS)
 @pytest.mark.parametrize("aimed", ["true", "false"])
 def test_float32_coordinates_are_never_wrong(light_map, aimed):
@@ -254,116 +214,6 @@ def test_staged_kernels_give_the_bits_of_their_twins(triangle_test, monkeypatch)
             session, _, staged = answers_of(prepared, 21, 18, {**settings, "staging": "shared"})
             assert session.method.built()["staging"] == "shared"
         same(staged, plain, settings)
-
-
-def spotted(spot, light=(0.0, 3.0, 0.0)):
-    vertices, faces = soup(40, 120, size=0.5)
-    return make_scene(vertices, faces, [Light(light, spot=spot), Light((3.0, 3.0, 3.0))])
-
-
-SPOTS = {
-    "narrow cone": (Spot((-0.2, -1.0, -0.4), 12.0), (0.4, 2.5, 1.2)),
-    "wide cone": (Spot((-0.2, -1.0, -0.4), 70.0), (0.1, 0.2, 0.9)),
-    "more than half": (Spot((0.3, 1.0, 0.1), 130.0), (0.1, 0.2, 0.9)),
-    "rectangle": (Spot((-0.2, -1.0, -0.4), 25.0, rise=8.0, up=(0.0, 0.0, 1.0)), (0.4, 2.5, 1.2)),
-    "behind the seam": (Spot((-1.0, -0.4, -0.3), 40.0, rise=30.0), (1.6, 0.5, 0.9)),
-}
-
-
-@pytest.mark.parametrize("device", DEVICES)
-@pytest.mark.parametrize("name", SPOTS)
-def test_only_what_the_spot_holds_has_a_shadow(name, device):
-    prepared = spotted(*SPOTS[name])
-    random = np.random.default_rng(len(name))
-    moment = prepared.moment(0, 47, 33)
-    best, t = closest(prepared, moment)
-    pixels = np.arange(47 * 33)
-    points = moment.eye + moment.directions(pixels).astype(np.float64) * np.where(best >= 0, t, 0)[:, None]
-    held = receivers(moment, points, 0) & (best >= 0)
-    bits = shadowed(prepared, moment, 0, best, t)
-    assert 0 < (bits & held).sum() < bits.sum()
-    for light_map in LIGHT_MAPS:
-        settings = drawn(random, light_map=light_map)
-        session, _, got = answers_of(prepared, 47, 33, settings, device)
-        assert (got["visibility"][0] == (bits & held)).all(), settings
-        assert (got["visibility"][1] == shadowed(prepared, moment, 1, best, t)).all()
-        assert session.method.counters()["light 0 rays"] == held.sum()
-
-
-def test_the_spot_rule_agrees_with_angles():
-    spot = Spot((0.0, 0.0, -2.0), 30.0, rise=10.0)
-    moment = make_scene(*soup(1, 2), [Light((0.0, 0.0, 0.0), spot=spot)]).moment(0, 4, 4)
-    for azimuth, elevation, inside in (
-        (29, 9, 1),
-        (-29, -9, 1),
-        (31, 0, 0),
-        (0, 11, 0),
-        (0, -11, 0),
-        (180, 0, 0),
-    ):
-        a, e = np.radians(azimuth), np.radians(elevation)
-        point = np.array([[np.cos(e) * np.sin(a), np.sin(e), -np.cos(e) * np.cos(a)]]) * 3.0
-        assert receivers(moment, point, 0)[0] == bool(inside), (azimuth, elevation)
-    cone = Spot((0.0, 0.0, -1.0), 30.0, falloff=2.0)
-    away = np.array([[0.0, 0.0, -5.0], [0.0, np.sin(0.4), -np.cos(0.4)], [0.0, 1.0, -1.0], [0.0, 0.0, 1.0]])
-    np.testing.assert_allclose(strength(cone, away), [1.0, np.cos(0.4) ** 2, 0.0, 0.0], atol=1e-12)
-    assert (strength(None, away) == 1).all()
-
-
-def test_methods_that_do_not_know_spots_say_so():
-    assert (
-        make_method("bvh").applies(spotted(*SPOTS["wide cone"]).scene, "cpu")
-        == "spotlights are not supported"
-    )
-    assert make_method("perspective_spherical").applies(spotted(*SPOTS["wide cone"]).scene, "cpu") is None
-
-
-@pytest.mark.parametrize(
-    "spot", [Spot((0, 0, 0), 20.0), Spot((0, 1, 0), 0.0), Spot((0, 1, 0), 20.0, rise=10.0)]
-)
-def test_spots_that_make_no_sense_are_named(spot):
-    with pytest.raises(UserError, match="spot: "):
-        spotted(spot).moment(0, 4, 4)
-
-
-def test_algorithm_1_on_the_example_of_figure_8():
-    """Nine rays in four tiles, r = 2; arrays as the figure draws them, from sorted tiles B to first rays G."""
-    tiles = [0, 0, 0, 1, 1, 3, 4, 4, 4]
-    keys = wp.array(tiles + [0] * len(tiles), dtype=wp.int32, device="cpu")
-    chunks = Chunks(len(tiles), 6, 2, "algorithm-1", "cpu")
-    chunks.launch(keys)
-    assert chunks.threadArr.numpy().tolist() == [0, 1, 2, 3, 4, 5, 6, 7, 8]
-    assert chunks.pseudoArr.numpy().tolist() == [1, 0, 0, 1, 0, 1, 1, 0, 0]
-    assert chunks.scratchArr.numpy().tolist() == [1, 2, 3, 1, 2, 1, 1, 2, 3]
-    assert chunks.validArr.numpy().tolist() == [1, 0, 1, 1, 0, 1, 1, 0, 1]
-    assert chunks.numCBlocks.numpy()[0] == 6
-    first = chunks.outArr.numpy()[:7]
-    assert first.tolist() == [0, 2, 3, 5, 6, 8, 9]
-    assert np.diff(first).tolist() == [2, 1, 2, 1, 2, 1]  # "the difference between the values" of G
-
-
-@pytest.mark.parametrize("device", DEVICES)
-@pytest.mark.parametrize("seed", range(6))
-def test_both_balancings_make_the_same_chunks(seed, device):
-    random = np.random.default_rng(seed)
-    rays, tiles = int(random.integers(1, 700)), int(random.integers(1, 60))
-    ids = np.sort(
-        random.choice(tiles + 1, rays) if seed else np.full(rays, tiles)
-    )  # seed 0: no shadow ray at all
-    keys = wp.array(np.concatenate([ids, ids]), dtype=wp.int32, device=device)
-    for r in (1, 2, 7, 64, 1000):
-        made = []
-        for balancing in BALANCING:
-            chunks = Chunks(rays, tiles, r, balancing, device)
-            chunks.launch(keys)
-            total = int(chunks.numCBlocks.numpy()[0])
-            made.append(chunks.outArr.numpy()[: total + 1].tolist())
-            assert total <= chunks.capacity
-        assert made[0] == made[1]
-        counts = np.bincount(ids[ids < tiles], minlength=tiles)
-        assert len(made[0]) - 1 == int(np.ceil(counts / r).sum())
-        assert made[0][-1] == counts.sum()
-        assert max(np.diff(made[0]), default=0) <= r
 
 
 def test_counters_add_up():

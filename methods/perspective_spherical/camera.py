@@ -8,6 +8,7 @@ from ...harness.frame import Frame
 from ...harness.passes import Pass
 from . import camera_grid as kernels
 from .binning import TileBins
+from .camera_bounds import project_kernel
 from .items import Items, count_tiles_kernel
 from .parameters import TRIANGLE_TESTS, Build, Trace
 from .primary import NO_NEAREST, make_resolve_kernel, make_trace_kernel
@@ -85,7 +86,7 @@ class CameraGrid:
         b.launch_clear()
         wp.launch(reset_range_kernel, dim=1, outputs=[self.depth_range], device=f.device)
         wp.launch(
-            kernels.project_kernel,
+            project_kernel,
             dim=b.items,
             inputs=[
                 f.triangle_count, f.width, f.height, self.build.tile, self.widening, self.outward,

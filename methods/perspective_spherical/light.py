@@ -12,6 +12,7 @@ from .binning import TileBins
 from .camera import CameraGrid
 from .chunks import Chunks
 from .items import Items, count_chunks_kernel
+from .light_bounds import make_bound_kernel
 from .light_tiles import clamp_kernel, edges_kernel
 from .parameters import CLAMPS, LIGHT_MAPS, TRIANGLE_TESTS, Build, Trace
 from .ray_tests import WIDENING
@@ -205,7 +206,7 @@ class LightGrid:
         f, b, bins = self.frame, self.build, self.bins
         bins.launch_clear()
         self._launch(
-            grid.make_bound_kernel(self.map),
+            make_bound_kernel(self.map),
             bins.items,
             [
                 f.triangle_count, self.index, b.light_faces, b.light_tiles, b.light_slices, self.widening,
