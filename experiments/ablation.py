@@ -56,7 +56,7 @@ EXPERIMENT = Experiment(
     title="Ablation: one change at a time from the paper's configuration",
     presets={
         "quick": Preset(
-            128, 128, ("cloth", "buddha"), METHODS, frames=1, samples=2, most=2, stage_samples=1, rounds=1,
+            128, 128, ("cloth", "buddha"), METHODS, frames=1, samples=1, most=1, stage_samples=1, rounds=1,
             budget_s=4.0,
         ),
         "paper": Preset(

@@ -54,7 +54,9 @@ def compare(rows: Sequence[dict[str, Any]], maps: Sequence[Counts], direct: str)
         r.update(tests_mean=float(counts.mean()), tests_median=float(np.median(seen)))
         r.update(tests_p99=float(np.percentile(seen, 99)), tests_most=int(counts.max()))
     base = next((r for r in rows if r["label"] == direct), None)
-    for r in rows if base else ():
+    if base is None:
+        return
+    for r in rows:
         r["speed_up"] = base["trace_ms"] / r["trace_ms"] - 1 if r["trace_ms"] else None
         r["most_share"] = r["tests_most"] / base["tests_most"] if base["tests_most"] else None
 
