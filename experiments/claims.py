@@ -157,7 +157,7 @@ def spherical(data: Data) -> Finding:
     found = data.ratios(
         "ablation",
         {"label": "cube map"},
-        {"label": "azimuth-elevation"},
+        {"label": BASE},
         lambda r: r["light_build_ms"] + r["shadow_ms"],
     )
     return by_ratio(

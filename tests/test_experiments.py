@@ -403,7 +403,7 @@ def test_claims_follow_the_records(tmp_path):
 
     base = "paper-faithful"
     keep(tmp_path / "ablation", [ablated(base, 10.0), ablated("light not clamped", 20.0), ablated("cube map", 8.0),
-                                 ablated("azimuth-elevation", 10.0), ablated("direct mapping, 16x16 tiles", 10.1),
+                                 ablated("two-angle map", 11.0), ablated("direct mapping, 16x16 tiles", 10.1),
                                  ablated("4x4 of 4x4 tiles", 10.2)])  # fmt: skip
     keep(tmp_path / "figure2", [made("figure2", e, "buddha", ms=ms, counters={"primary tests, most": most})
                                 for e, ms, most in zip(figure2.METHODS[:2], (14.0, 10.0), (9, 5), strict=True)])  # fmt: skip
