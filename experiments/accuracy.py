@@ -102,17 +102,28 @@ GRID = (
     Entry("embree", {}, "Embree, robust"),
     Entry("shadow_map", {"size": "1024"}, "shadow map, 1024"),
 )
+HARD = (*LADDER, *PEERS[3:])
+"""Points tried on the hard cases too: shadow maps are not, whose answers there say no more than that they are maps."""
+
+VARIANTS = "V "
+"""How the names of cases begin that are others scaled and moved; the quick preset leaves them out."""
+
 DISTANCES = (1.5, 1e1, 1e3, 1e5, 1e7)
 OFFSETS = (0.0, 1e1, 1e3, 1e5)
 GRID_SIZE = {"quick": 48, "paper": 128}
 
 
 def after(options: Options) -> None:
-    """The grid of errors over light distance and scene offset, on the run's first scene; kept until it is deleted."""
+    """Untimed: errors over light distance and scene offset on the run's first scene, and errors on the hard cases.
+
+    Both are kept as CSV and not made again until they are deleted.
+    """
+    from ..harness.figures.accuracy_hard import keep_hard
     from ..harness.figures.accuracy_heat import keep_grid
 
-    size = GRID_SIZE.get(options.preset_name, 48)
-    keep_grid(options, GRID, DISTANCES, OFFSETS, size)
+    quick = options.preset_name == "quick"
+    keep_grid(options, GRID, DISTANCES, OFFSETS, GRID_SIZE.get(options.preset_name, 48))
+    keep_hard(options, HARD, without=VARIANTS if quick else "")
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:

@@ -15,6 +15,7 @@ from shadowbench.harness import looks
 from shadowbench.harness.figures import accuracy, style
 from shadowbench.harness.figures.accuracy_cost import costs
 from shadowbench.harness.figures.accuracy_rows import families, mark_frontier, rows
+from shadowbench.harness.hardness import hard_rows
 from shadowbench.harness.plan import Entry, check_entries
 from shadowbench.harness.referee import Verdict
 from shadowbench.harness.registry import make_method
@@ -154,6 +155,14 @@ def test_the_grid_of_errors_is_zero_for_the_exact_tree_and_not_for_a_fixed_offse
     assert all(row["acne"] > 10 for row in far)
 
 
+def test_the_hard_cases_tell_a_rung_from_the_top():
+    entries = (Entry("accuracy_ladder", {}, "exact"), Entry("accuracy_ladder", {"origin": "ray"}, "o + t d"))
+    exact, rung = hard_rows(entries, "cpu", without=("V ", "S", "P2", "P0"))
+    assert exact["cases"] == rung["cases"] > 3
+    assert (exact["true_errors"], exact["cases_wrong"], exact["worst"]) == (0, 0, "")
+    assert rung["true_errors"] > rung["cases_wrong"] > 0
+
+
 # --- what is drawn ---
 
 
@@ -236,6 +245,9 @@ def test_everything_is_drawn_and_the_tables_are_in_the_text(folder, capsys):
         lines += [f'buddha,"{name}",m,{distance},0,48,ok,{wrong},0,{wrong},0,1,900,2304' for name, wrong in
                   (("ours", 0), ("theirs", 30))]  # fmt: skip
     (folder / "accuracy_heat.csv").write_text("\n".join(lines) + "\n")
+    hard = ["label,method,device,cases,cases_wrong,true_errors,worst", "a: exact,m,cpu,90,0,0,"]
+    hard.append("a: fast,m,cpu,90,3,1234,P12 700")
+    (folder / "accuracy_hard.csv").write_text("\n".join(hard) + "\n")
     measures = [("care", "a: exact", "a: fast")]
     files = accuracy.draw(folder, False, measures, [], ["b: quick"], "a: exact")
     assert {path.name for path in files} == {

@@ -12,7 +12,6 @@ from shadowbench.harness.registry import make_method
 from shadowbench.harness.scene import Limits
 from shadowbench.harness.session import Session
 from shadowbench.methods.accuracy_ladder.kernels import make_kernels
-from shadowbench.methods.accuracy_ladder.parameters import TESTS
 
 NAME = "shadow_map"
 TRIALS = {name: (prepared, width, height) for name, prepared, width, height in hard_trials()}
@@ -244,8 +243,8 @@ def test_origins_fail_as_they_are_known_to(origin, acne, leak):
     assert (make_method(LADDER, settings).known_inexact is None) == (origin == "hit_point")
 
 
-@pytest.mark.parametrize("test", TESTS)
-def test_every_rung_compiles_for_cuda(test, tmp_path):
+@pytest.mark.parametrize("test", ["exact", "woop_float64"])
+def test_the_rungs_compile_for_cuda(test, tmp_path):
     for kernel in make_kernels(test, test == "exact"):
         wp.compile_aot_module(kernel.module, arch=90, module_dir=tmp_path)
     assert len(list(tmp_path.glob("*.cubin")) + list(tmp_path.glob("*.ptx"))) == 2

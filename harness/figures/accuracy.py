@@ -1,7 +1,7 @@
 """The accuracy experiment: tables, Pareto plot, wrong pixels, costs, and the grid of errors, from a folder's records.
 
-Files: accuracy.csv (one row a point), accuracy_equal_error.csv, accuracy_costs.csv, accuracy_heat.csv (made by the
-run), accuracy.md with every table, and a drawing of each. No time stands without its error.
+Files: accuracy.csv (one row a point), accuracy_equal_error.csv, accuracy_costs.csv, accuracy_heat.csv and
+accuracy_hard.csv (made by the run), accuracy.md with every table, and a drawing of each. No time stands without its error.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from . import accuracy_cost, accuracy_heat, accuracy_pareto, accuracy_where, points, style
+from . import accuracy_cost, accuracy_hard, accuracy_heat, accuracy_pareto, accuracy_where, points, style
 from .accuracy_cost import Measure, costs
 from .accuracy_rows import COLUMNS, FEW, Row, mark_frontier, rows, scenes, usable
 from .sheet import title_of
@@ -36,6 +36,7 @@ def draw(
     made = rows(folder)
     mark_frontier(made)
     equal = equal_error(made)
+    hard = accuracy_hard.read_hard(folder)
     cost = costs(made, [*measures, *other_measures])
     files = [
         points.write_csv(made, folder / "accuracy.csv", COLUMNS),
@@ -49,7 +50,18 @@ def draw(
     sentences = found(made, equal, cost)
     files = points.report(folder, "accuracy", "What accuracy costs in time", sentences, files, made, quiet)
     with open(folder / "accuracy.md", "a", encoding="utf-8") as file:
-        file.write("\n".join(["", *equal_table(equal), *cost_table(cost), *point_tables(made)]) + "\n")
+        file.write(
+            "\n".join(
+                [
+                    "",
+                    *equal_table(equal),
+                    *cost_table(cost, hard),
+                    *accuracy_hard.table(hard),
+                    *point_tables(made),
+                ]
+            )
+            + "\n"
+        )
     return files
 
 
@@ -159,8 +171,9 @@ def equal_table(equal: Sequence[dict[str, Any]]) -> list[str]:
     return [f"## Time to fewer than {FEW} wrong answers a frame", "", *_table(head, lines)]
 
 
-def cost_table(cost: Sequence[dict[str, Any]]) -> list[str]:
-    """What each safety measure adds to the frame, and what was wrong without it."""
+def cost_table(cost: Sequence[dict[str, Any]], hard: Sequence[dict[str, Any]]) -> list[str]:
+    """What each safety measure adds to the frame, and what was wrong without it, here and on the hard cases."""
+    on_hard = {row["label"]: f"{row['true_errors']:,}" for row in hard}
     lines = [
         [
             c["scene_title"],
@@ -170,10 +183,11 @@ def cost_table(cost: Sequence[dict[str, Any]]) -> list[str]:
             "too few repeats" if c["noise_ms"] is None else f"±{style.number(c['noise_ms'])} ms",
             f"{c['wrong_with']:,.0f}",
             f"{c['wrong_without']:,.0f}",
+            f"{on_hard.get(c['with'], '-')} / {on_hard.get(c['without'], '-')}",
         ]
         for c in cost
     ]
-    head = ["scene", "measure", "cost", "share", "noise", "wrong with it", "wrong without"]
+    head = ["scene", "measure", "cost", "share", "noise", "wrong with it", "wrong without", "hard cases"]
     return ["## What each safety measure costs", "", *_table(head, lines)]
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+import io
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -38,12 +39,17 @@ def keep_grid(
     if path.exists():
         return path
     prepared = Prepared(resolve(options.preset.scenes[0], options.scene_dir))
-    rows = error_grid(prepared, entries, distances, offsets, size, options.device)
-    lines = [",".join(COLUMNS)]
+    return write_rows(path, error_grid(prepared, entries, distances, offsets, size, options.device), COLUMNS)
+
+
+def write_rows(path: Path, rows: Iterable[dict[str, Any]], columns: Sequence[str]) -> Path:
+    """Rows as CSV, whole or not at all."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, extrasaction="ignore", lineterminator="\n")
+    writer.writeheader()
     for row in rows:
-        values = [points.plain(row.get(name)) for name in COLUMNS]
-        lines.append(",".join(f'"{value}"' if "," in str(value) else str(value) for value in values))
-    write_text(path, "\n".join(lines) + "\n")
+        writer.writerow({name: points.plain(row.get(name)) for name in columns})
+    write_text(path, text.getvalue())
     return path
 
 

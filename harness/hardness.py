@@ -1,0 +1,36 @@
+"""Errors of an experiment's points on the hard cases: what a safety measure is for shows there, not on pretty scenes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from .hardcases import all_cases
+from .hardcases.judge import Judged, judge_method
+from .plan import Entry, device_for
+from .registry import make_method, method_class
+
+
+def hard_rows(
+    entries: Sequence[Entry], device: str, without: str | tuple[str, ...] = ""
+) -> Iterator[dict[str, Any]]:
+    """One row an entry: cases run, cases with a true error, true errors in all, and the cases with the most.
+
+    ``without``: cases whose names begin so are left out. The exact answers are made once and shared.
+    """
+    cases = [case for case in all_cases() if not (without and case.name.startswith(without))]
+    judged: dict[str, Judged] = {}
+    for entry in entries:
+        place = device_for(method_class(entry.method), device)
+        found = judge_method(lambda e=entry: make_method(e.method, dict(e.settings)), place, cases, judged)  # type: ignore[misc]
+        run = [finding for finding in found if finding.status != "outside"]
+        wrong = sorted((f for f in run if f.status == "error"), key=lambda f: -f.true_errors)
+        yield {
+            "label": entry.label,
+            "method": entry.method,
+            "device": place,
+            "cases": len(run),
+            "cases_wrong": len(wrong),
+            "true_errors": sum(finding.true_errors for finding in run),
+            "worst": "; ".join(f"{finding.case} {finding.true_errors}" for finding in wrong[:4]),
+        }
