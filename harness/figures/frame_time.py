@@ -1,0 +1,111 @@
+"""How many times faster one method's whole frame is than the fastest of its peers, scene by scene."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from . import points, style
+from .ablation import PARTS
+from .sheet import title_of
+
+COLUMNS = [*points.COMMON, "times_slower", "low", "high", "memory_bytes", "built"]
+
+
+def draw(
+    folder: Path | str, quiet: bool, ours: str, rebuild: Sequence[str], refit: Sequence[str]
+) -> list[Path]:
+    """CSV, ratios, bars and text. ``ours``: label of the method; the others: labels of the two kinds of peers."""
+    folder = Path(folder)
+    rows = points.rows(folder)
+    add(rows, ours)
+    files = [points.write_csv(rows, folder / "frame_time.csv", COLUMNS)]
+    done = points.measured(rows)
+    if any(r["label"] == ours for r in done):
+        files.append(picture(done, ours, folder / "frame_time.svg"))
+    said = sentences(done, ours, {"rebuild": rebuild, "refit": refit})
+    return points.report(folder, "frame_time", "Frame time against every peer", said, files, rows, quiet)
+
+
+def add(rows: Sequence[dict[str, Any]], ours: str) -> None:
+    """Add each row's time over that of ``ours`` on the same scene, and its range by the range between rounds."""
+    known = {r["scene"]: r for r in points.measured(rows) if r["label"] == ours}
+    for r in rows:
+        own = known.get(r["scene"])
+        if own is None or r.get("total_ms") is None:
+            continue
+        r["times_slower"] = r["total_ms"] / own["total_ms"]
+        half, own_half = (r.get("between_ms") or 0.0) / 2, (own.get("between_ms") or 0.0) / 2
+        r["low"] = (r["total_ms"] - half) / (own["total_ms"] + own_half)
+        r["high"] = (r["total_ms"] + half) / max(own["total_ms"] - own_half, 1e-9)
+
+
+def fastest(rows: Sequence[dict[str, Any]], scene: str, labels: Sequence[str]) -> dict[str, Any] | None:
+    """The fastest of some labels on a scene."""
+    peers = [r for r in rows if r["scene"] == scene and r["label"] in labels and r.get("times_slower")]
+    return min(peers, key=lambda r: r["total_ms"]) if peers else None
+
+
+def sentences(rows: Sequence[dict[str, Any]], ours: str, kinds: dict[str, Sequence[str]]) -> list[str]:
+    """A sentence a kind of peer: the ratio on every scene, with its range, and the least."""
+    scenes = list(dict.fromkeys(r["scene"] for r in rows if r["label"] == ours))
+    if not scenes:
+        return [f"{ours} was not measured."]
+    times = ", ".join(
+        f"{title_of(r)} {r['total_ms']:.3g} ms" for r in rows if r["label"] == ours and r["scene"] in scenes
+    )
+    result = [f"Whole frame of {ours}, everything rebuilt: {times}."]
+    for kind, labels in kinds.items():
+        found = [(s, fastest(rows, s, labels)) for s in scenes]
+        peers = [(s, r) for s, r in found if r is not None]
+        if not peers:
+            continue
+        text = ", ".join(
+            f"{title_of(r)} {r['times_slower']:.2f} ({r['low']:.2f} to {r['high']:.2f}; {r['label']})"
+            for _, r in peers
+        )
+        least = min(r["times_slower"] for _, r in peers)
+        mean = float(np.exp(np.mean([np.log(r["times_slower"]) for _, r in peers])))
+        result.append(
+            f"Times faster than the fastest {kind} peer: {text}. Least {least:.2f}, geometric mean {mean:.2f}."
+        )
+    return result
+
+
+def picture(rows: Sequence[dict[str, Any]], ours: str, path: Path) -> Path:
+    """A group of stacked bars a scene, by part of the frame; times over ours beside the bars."""
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    scenes = list(dict.fromkeys(r["scene"] for r in rows))
+    labels = list(dict.fromkeys(r["label"] for r in rows))
+    labels = [ours, *(x for x in labels if x != ours)]
+    tints = style.colours(labels)
+    height = 0.125 * len(labels) * len(scenes) + 0.28 * len(scenes) + 0.5
+    with matplotlib.rc_context({**points.sheet_style(), "axes.grid.axis": "x"}):
+        figure = Figure(figsize=(style.COLUMN_WIDTH, height), layout="constrained")
+        panels = figure.subplots(len(scenes), 1, squeeze=False)[:, 0]
+        for axes, scene in zip(panels, scenes, strict=True):
+            own = sorted((r for r in rows if r["scene"] == scene), key=lambda r: labels.index(r["label"]))
+            # A method many times slower than the rest would leave them no room: its bar is cut and says its time.
+            limit = 4.0 * float(np.median([r["total_ms"] for r in own]))
+            for k, r in enumerate(own):
+                start = 0.0
+                for n, (_, column) in enumerate(PARTS):
+                    width = min(r[column] or 0.0, limit - start)
+                    tint = style.lightened(tints[r["label"]], 0.24 * n)
+                    axes.barh(k, width, left=start, color=tint, edgecolor=tints[r["label"]], lw=0.3)
+                    start += width
+                ratio = f"  {r['total_ms']:.3g} ms" + (
+                    f", {r['times_slower']:.1f}x" if r["label"] != ours and r.get("times_slower") else ""
+                )
+                axes.text(min(max(start, r["total_ms"]), limit), k, ratio, va="center", fontsize=5.5)
+            axes.set_yticks(range(len(own)), [r["label"] for r in own])
+            axes.set_ylim(len(own) - 0.4, -0.6)
+            axes.set_xlim(0, 1.35 * min(limit, max(r["total_ms"] for r in own)))
+            axes.set_title(title_of(own[0]), loc="left", fontsize=7)
+        panels[-1].set_xlabel("ms a frame; dark to light:\nbuild, trace, light build, shadow")
+        return points.save(figure, path)
