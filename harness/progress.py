@@ -44,7 +44,7 @@ class Bar(Silent):
     def __init__(self) -> None:
         self.console = Console(stderr=True)
         columns = (
-            TextColumn("{task.description}"), BarColumn(bar_width=24), TaskProgressColumn(),
+            TextColumn("{task.description}", markup=False), BarColumn(bar_width=24), TaskProgressColumn(),
             TimeElapsedColumn(), TextColumn("left about"), TimeRemainingColumn(),
         )  # fmt: skip
         self.bar = Progress(

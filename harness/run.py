@@ -41,7 +41,6 @@ class Options:
     save_answers: bool = False
     score: bool = True
     retry: bool = False
-    memory_limit: int | None = None
 
 
 class Reporter(Protocol):
@@ -210,7 +209,7 @@ class Run:
             "method": job.method,
             "settings": dict(job.point.entry.settings),
             "device": job.point.method["device"],
-            "memory_limit": self.options.memory_limit or self.options.preset.memory,
+            "memory_limit": preset.memory,
             "maps": self.options.preset.maps,
             "budget_s": preset.budget_s,
             "runs": preset.rounds * (preset.samples + preset.stage_samples + 1),

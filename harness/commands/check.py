@@ -106,7 +106,7 @@ def _print(facts: dict[str, Any], findings: list[Finding], checks: list[Check]) 
         table.add_row("", one.name, "", "", {"error": "ERROR"}.get(one.status, one.status))
         if one.status == "error":
             notes.append(f"{one.name}: {one.reason}")
-    console = Console(width=None if sys.stdout.isatty() else 160)
+    console = Console(width=None if sys.stdout.isatty() else 160, markup=False)
     console.print(table)
     for note in notes:
         console.print(note, soft_wrap=True, highlight=False, markup=False)

@@ -184,7 +184,7 @@ def _print(facts: dict[str, Any]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    console = Console(width=None if sys.stdout.isatty() else 140, highlight=False)
+    console = Console(width=None if sys.stdout.isatty() else 140, highlight=False, markup=False)
     truth = facts["exact"]
     x, y = facts["pixel"]
     console.print(f"{facts['scene']}, frame {facts['frame']}, pixel {x},{y}")

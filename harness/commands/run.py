@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -50,8 +51,15 @@ def plan_run(
     name, chosen = find_preset(declared, preset, place)
     changes = {key: value for key, value in (overrides or {}).items() if value is not None}
     for key, value in changes.items():
-        if value <= 0:
-            raise UserError(f"--{key.removesuffix('_s')} {value:g}: must be more than 0")
+        if not (value > 0 and math.isfinite(value)):
+            finite = "" if math.isfinite(value) else " and finite"
+            raise UserError(f"--{key.removesuffix('_s')} {value:g}: must be more than 0{finite}")
+    # Part of the point: a record that was rejected under one limit says nothing about another.
+    memory = options.pop("memory_limit", None)
+    if memory is not None:
+        if memory <= 0:
+            raise UserError(f"--memory-limit {memory}: must be more than 0 bytes")
+        changes["memory"] = memory
     if size:
         changes["width"], changes["height"] = parse_size(size)
     if "samples" in changes:

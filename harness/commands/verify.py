@@ -313,7 +313,7 @@ def _print_reports(reports: list[dict[str, Any]]) -> None:
             errors["shadow"] = [{"disputed": 0, **light} for light in errors["shadow"]]
             pixels = errors["primary"]["judged"]
             table.add_row("", "", f"(reference, {pixels} judged)", *_cells(errors))
-    console = Console(width=None if sys.stdout.isatty() else 160)
+    console = Console(width=None if sys.stdout.isatty() else 160, markup=False)
     console.print(table)
     for note in dict.fromkeys(notes):
         console.print(note, soft_wrap=True, highlight=False, markup=False)
@@ -326,7 +326,7 @@ def _print_scores(rows: list[dict[str, Any]]) -> None:
     for row in rows:
         lead = (row["scene"], row["method"], str(row["frame"]), row["status"])
         table.add_row(*lead, *(_cells(row["score"]) if row["score"] else []))
-    console = Console(width=None if sys.stdout.isatty() else 160)
+    console = Console(width=None if sys.stdout.isatty() else 160, markup=False)
     console.print(table)
     for row in rows:
         if row["reason"]:

@@ -173,7 +173,7 @@ def _wide(made: Sheet) -> Table:
     table = Table(title=made.title, title_justify="left", show_lines=True, pad_edge=False)
     table.add_column("scene", no_wrap=True)
     for column in made.columns:
-        table.add_column("\n".join(textwrap.wrap(column, HEAD_WIDTH)), no_wrap=True)
+        table.add_column(Text("\n".join(textwrap.wrap(column, HEAD_WIDTH))), no_wrap=True)
     for c in paper.COLUMNS:
         table.add_column(f"{c.title}\n[dim]paper,\n{paper.GPU}[/]", no_wrap=True, style="dim")
     for line in made.lines:
@@ -193,7 +193,9 @@ def _narrow(made: Sheet) -> Table:
         for column, cell in zip(made.columns, line.cells, strict=True):
             style_ = "red" if cell.bad else "bold green" if cell.best else ""
             times, rate_and_memory = cell.lines[:2], ", ".join(cell.lines[2:])
-            table.add_row(f"  {column}", *times, *([""] * (2 - len(times))), rate_and_memory, style=style_)
+            table.add_row(
+                Text(f"  {column}"), *times, *([""] * (2 - len(times))), rate_and_memory, style=style_
+            )
         if set(line.printed) != {"-"}:
             for c, text in list(zip(paper.COLUMNS, line.printed, strict=True))[:-1]:
                 total = line.printed[-1] if c.key == "ours" else ""
