@@ -12,7 +12,7 @@ from .camera_bounds import project_kernel
 from .items import Items, count_tiles_kernel
 from .parameters import TRIANGLE_TESTS, Build, Trace
 from .primary import NO_NEAREST, make_resolve_kernel, make_trace_kernel
-from .ray_tests import WIDENING
+from .ray_tests import WIDENINGS
 from .staged import make_staged_trace_kernel
 from .variants import Variant, block_for, staged
 
@@ -42,7 +42,7 @@ class CameraGrid:
         slot: int,
     ):
         self.frame, self.build, self.trace, self.outward = frame, build, trace, outward
-        self.widening = 0.0 if build.triangle_test == "exact" else WIDENING
+        self.widening = WIDENINGS[TRIANGLE_TESTS.index(build.triangle_test)]
         self.across = -(-frame.width // build.tile)
         self.down = -(-frame.height // build.tile)
         cells = self.across * self.down * build.slices

@@ -31,6 +31,11 @@ def beside(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, plane: wp.vec3f) -> wp.bool:
 
 
 @wp.func
+def longest(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> wp.float32:
+    return wp.max(largest(b - a), wp.max(largest(c - b), largest(a - c)))
+
+
+@wp.func
 def widened(p: wp.vec3f, middle: wp.vec3f, widening: wp.float32) -> wp.vec3f:
     return p + (p - middle) * widening
 
@@ -100,8 +105,10 @@ def project_kernel(
         ay = my - ky * (a[1] / a[2])
         by = my - ky * (b[1] / b[2])
         cy = my - ky * (c[1] / c[2])
-        pad_x = 0.01 + 4.0e-6 * (1.0 + tx) * kx + 1.0e-6 * wp.float32(width)
-        pad_y = 0.01 + 4.0e-6 * (1.0 + ty) * ky + 1.0e-6 * wp.float32(height)
+        # Rounding, and the 2^-30 of its size that a closed triangle reaches beyond itself.
+        beyond = 8.0e-9 * longest(a, b, c) / wp.min(a[2], wp.min(b[2], c[2]))
+        pad_x = 0.01 + (4.0e-6 + beyond) * (1.0 + tx) * kx + 1.0e-6 * wp.float32(width)
+        pad_y = 0.01 + (4.0e-6 + beyond) * (1.0 + ty) * ky + 1.0e-6 * wp.float32(height)
         x0 = wp.int32(wp.ceil(wp.clamp(wp.min(ax, wp.min(bx, cx)) - pad_x, 0.0, wp.float32(width))))
         x1 = wp.int32(wp.floor(wp.clamp(wp.max(ax, wp.max(bx, cx)) + pad_x, -1.0, wp.float32(width - 1))))
         y0 = wp.int32(wp.ceil(wp.clamp(wp.min(ay, wp.min(by, cy)) - pad_y, 0.0, wp.float32(height))))

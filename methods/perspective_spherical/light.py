@@ -15,7 +15,7 @@ from .items import Items, count_chunks_kernel
 from .light_bounds import make_bound_kernel
 from .light_tiles import clamp_kernel, edges_kernel
 from .parameters import CLAMPS, LIGHT_MAPS, TRIANGLE_TESTS, Build, Trace
-from .ray_tests import WIDENING
+from .ray_tests import WIDENINGS
 from .shadow import make_shadow_kernel
 from .staged import make_staged_shadow_kernel
 from .variants import Variant, block_for, staged, wide
@@ -55,7 +55,7 @@ class LightGrid:
         self.outward = outward
         self.map = LIGHT_MAPS.index(build.light_map)
         self.test = TRIANGLE_TESTS.index(build.triangle_test)
-        self.widening = 0.0 if build.triangle_test == "exact" else WIDENING
+        self.widening = WIDENINGS[TRIANGLE_TESTS.index(build.triangle_test)]
         single = build.precision == "float32"
         self.pad = FLOAT32_PAD if single else FLOAT64_PAD
         self.distance_pad = FLOAT32_PAD if single else 1e-9

@@ -64,7 +64,9 @@ def packed_depth(nearest: wp.uint64) -> wp.float32:
     """A depth at or beyond that of a packed hit; infinite where there is none."""
     if nearest == NO_NEAREST:
         return wp.INF
-    return wp.float32(wp.cast(((nearest >> INDEX_BITS) + wp.uint64(1)) << wp.uint64(23), wp.float64))
+    # The key is the complement of the leading bits of 1 / t: without those that follow, 1 / t is too small.
+    inverse = (wp.uint64(0xFFFFFFFFFF) - (nearest >> INDEX_BITS)) << wp.uint64(23)
+    return wp.float32(wp.float64(1.0) / wp.cast(inverse, wp.float64))
 
 
 @wp.func

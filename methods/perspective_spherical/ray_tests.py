@@ -8,7 +8,7 @@ edge_planes      rejects by the plain signs of d . n, the planes through the eye
 moller_trumbore  rejects as Moeller & Trumbore do with det != 0; rays at an edge may be rejected by both sides
 
 What one of the last two accepts counts if the ray crosses the triangle's plane within :data:`TOLERANCE` of the
-triangle (in barycentric weights), and t is float64. The grids list triangles widened by :data:`WIDENING`, so an
+triangle (in barycentric weights), and t is float64. The grids list triangles widened by :data:`WIDENINGS`, so an
 answer depends on ray and triangle alone: no tile size, slice, map or chunk can change it.
 """
 
@@ -37,8 +37,11 @@ RECORD = wp.constant(3)
 TOLERANCE = wp.constant(wp.float64(2.0**-16))
 """Least barycentric weight that a float32 test may accept, negated."""
 
-WIDENING = 4.0 * 2.0**-16
-"""Growth of a triangle about its middle that holds every point with weights above -TOLERANCE (3 of 4 used)."""
+WIDENINGS = (4.0 * 2.0**-30, 4.0 * 2.0**-16, 4.0 * 2.0**-16)
+"""By test: growth of a triangle about its middle that holds every point it may accept, with a quarter to spare.
+
+Points with weights above -w lie in the triangle grown by 3 w; w is 2^-30 in float64 (``triangle.inside``).
+"""
 
 
 @wp.struct
