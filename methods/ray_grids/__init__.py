@@ -14,10 +14,11 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from ...harness.errors import CapacityRejected
 from ...harness.frame import Frame
 from ...harness.method import BaseMethod
 from ...harness.passes import Pass
-from ...harness.scene import Effects, Limits, Scene
+from ...harness.scene import Effects, Limits
 from ..common.pairs import grown
 from .parameters import Build
 from .queue import COUNTERS
@@ -44,14 +45,11 @@ class RayGrids(BaseMethod):
         self._memory = 0
         self._queued = False
 
-    def applies(self, scene: Scene, device: str) -> str | None:
-        return super().applies(scene, device)
-
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
         if frame.triangle_count >= MOST_TRIANGLES:
-            raise ValueError(f"at most {MOST_TRIANGLES - 1:,} triangles")
+            raise CapacityRejected(f"holds at most {MOST_TRIANGLES - 1:,} triangles")
         if max(frame.width, frame.height) > MOST_PIXELS_ALONG:
-            raise ValueError(f"at most {MOST_PIXELS_ALONG} pixels along a side")
+            raise CapacityRejected(f"holds at most {MOST_PIXELS_ALONG} pixels along a side")
         self._memory = limits.memory
         self._queued = self.build.queue == "always" or (
             self.build.queue == "auto" and wp.get_device(frame.device).is_cuda
