@@ -52,8 +52,16 @@ LADDER = (
 )  # fmt: skip
 """One knob at a time away from the exact tree; then all of them in float32, with care and without."""
 
+GRIDS = "as used: perspective and spherical grids"
+IN_GRIDS = (
+    Entry(
+        "perspective_spherical", {"triangle_test": "edge_planes"}, "as used: grids, edge planes in float32"
+    ),
+    Entry("perspective_spherical", {"triangle_test": "moller_trumbore"}, "as used: grids, Möller-Trumbore"),
+    Entry("perspective_spherical", {"precision": "float32"}, "as used: grids, float32 light frame"),
+)
 PEERS = (
-    Entry("perspective_spherical", {}, "as used: perspective and spherical grids"),
+    Entry("perspective_spherical", {}, GRIDS),
     Entry("ray_grids", {}, "as used: ray grids"),
     Entry("uniform_grid", {}, "as used: uniform grid"),
     Entry("bvh", {}, "as used: Warp mesh"),
@@ -84,7 +92,11 @@ MEASURES = (
 )
 """Safety measures of the exact tree: name, the point with it, the point without it and otherwise the same."""
 
-OTHER_MEASURES = (("robust Embree", "Embree: robust, 1 thread", "Embree: fast, 1 thread"),)
+OTHER_MEASURES = (
+    ("robust Embree", "Embree: robust, 1 thread", "Embree: fast, 1 thread"),
+    ("float64 decides, in the grids", GRIDS, "as used: grids, Möller-Trumbore"),
+    ("float64 light frame, in the grids", GRIDS, "as used: grids, float32 light frame"),
+)
 
 SHOWN = (
     "shadow map: 512", "shadow map: 2048", "shadow map: 2048 none", "shadow origin: 1e-2 radii",
@@ -102,7 +114,7 @@ GRID = (
     Entry("embree", {}, "Embree, robust"),
     Entry("shadow_map", {"size": "1024"}, "shadow map, 1024"),
 )
-HARD = (*LADDER, *PEERS[3:])
+HARD = (*LADDER, *IN_GRIDS, *PEERS[3:])
 """Points tried on the hard cases too: shadow maps are not, whose answers there say no more than that they are maps."""
 
 VARIANTS = "V "
@@ -138,11 +150,11 @@ EXPERIMENT = Experiment(
     title="What accuracy costs in time",
     presets={
         "quick": Preset(
-            width=256, height=256, scenes=QUICK_SCENES, methods=LADDER + PEERS + MAPS + WAYS, frames=3, samples=3,
+            width=256, height=256, scenes=QUICK_SCENES, methods=LADDER + PEERS + IN_GRIDS + MAPS + WAYS, frames=3, samples=3,
             most=3, stage_samples=1, rounds=2, budget_s=6.0, timeout_s=180.0, wrong_maps=True,
         ),
         "paper": Preset(
-            width=1024, height=1024, scenes=(*SCENES, "bunny"), methods=LADDER + PEERS + MAPS + WAYS + LARGE,
+            width=1024, height=1024, scenes=(*SCENES, "bunny"), methods=LADDER + PEERS + IN_GRIDS + MAPS + WAYS + LARGE,
             frames=3, samples=10, most=20, deviation=0.005, stage_samples=5, rounds=2, budget_s=10.0,
             timeout_s=600.0, wrong_maps=True,
         ),

@@ -49,7 +49,9 @@ def test_only_the_top_of_the_ladder_says_that_it_is_exact():
     ]
     assert exact == [declared.EXACT, "triangle test: float64"]
     # One knob at a time: a measure's two points differ in one setting.
-    by_label = {entry.label: dict(entry.settings) for entry in declared.LADDER + declared.PEERS}
+    by_label = {
+        entry.label: dict(entry.settings) for entry in declared.LADDER + declared.PEERS + declared.IN_GRIDS
+    }
     for _, with_, without in (*declared.MEASURES, *declared.OTHER_MEASURES):
         assert len(set(by_label[with_].items()) ^ set(by_label[without].items())) == 1
 
