@@ -211,7 +211,7 @@ def shade_row(
 def make_stream_kernel(queued: bool) -> wp.Kernel:
     """One thread a triangle: few rays are tested here; more are queued, or tested here all the same (CPU)."""
 
-    # 64 registers: a triangle waits for memory more than it reckons, so more of them at a time pays (buddha 0.25 -> 0.18 ms).
+    # 64 registers: a triangle waits for memory more than it reckons, so more of them at a time pays.
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=64)
     def stream_kernel(
         triangle_count: wp.int32,
