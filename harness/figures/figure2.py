@@ -85,7 +85,7 @@ def picture(rows: Sequence[dict[str, Any]], maps: Sequence[Counts], path: Path) 
 
     most = max(1, *(int(counts.max()) for counts in maps))
     with matplotlib.rc_context({**style.axes_style(), "axes.grid": False}):
-        figure = Figure(figsize=(style.COLUMN_WIDTH, 2.7), layout="constrained", dpi=200)
+        figure = Figure(figsize=(style.COLUMN_WIDTH, 2.5), layout="constrained", dpi=200)
         panels = figure.subplots(1, len(maps))
         for axes, r, counts in zip(panels, rows, maps, strict=True):
             shown = axes.imshow(counts, cmap="plasma", vmin=0, vmax=most, interpolation="nearest")

@@ -83,11 +83,15 @@ def picture(rows: Sequence[dict[str, Any]], path: Path) -> Path:
     with matplotlib.rc_context(points.sheet_style()):
         figure = Figure(figsize=(style.COLUMN_WIDTH, 2.7), layout="constrained")
         axes = figure.subplots()
+        drawn: list[str] = []
         for place, line in enumerate(lines(rows)):
+            # A method keeps its colour; its second configuration is dashed.
+            dashes = ("-", "--", ":", "-.")[drawn.count(line[0]["method"]) % 4]
+            drawn.append(line[0]["method"])
             axes.errorbar(
                 [r["light_count"] for r in line], [r["total_ms"] for r in line],
                 yerr=[r["iqr_ms"] / 2 for r in line], color=colours[line[0]["method"]],
-                marker=points.MARKERS[place % 8], label=line[0]["label"], elinewidth=0.7,
+                marker=points.MARKERS[place % 8], label=line[0]["label"], elinewidth=0.7, ls=dashes,
             )  # fmt: skip
         counts = points.in_order(r["light_count"] for r in rows)
         axes.set_xscale("log", base=2)
