@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from shadowbench.harness.errors import CapacityRejected
 from shadowbench.harness.hardcases.case import Counts, HardCase, Trial
-from shadowbench.harness.hardcases.judge import Judged, same_bits
+from shadowbench.harness.hardcases.judge import ERRORS, Judged, same_bits
 from shadowbench.harness.method import Method
 from shadowbench.harness.moment import Prepared
 from shadowbench.harness.registry import make_method
@@ -105,7 +105,7 @@ class Example:
         prepared = Prepared(
             Scene("lattice", "Lattice", lambda: Geometry.static(points, faces), self.camera, lights)
         )
-        return Trial(prepared, prepared.moment(0, *self.size), Counts())
+        return Trial(prepared, prepared.moment(0, *self.size), Counts(), watertight=True)
 
     def with_geometry(self, points: NDArray, faces: NDArray) -> Example:
         return replace(self, points=np.asarray(points, dtype=np.float64), faces=np.asarray(faces, np.int32))
@@ -327,7 +327,7 @@ def true_errors(example: Example, names: Sequence[str] = METHODS, device: str = 
         if all(same_bits(answers[key], exact[key]) for key in ("triangle", "t", "visibility")):
             continue
         classes, examples = judged.judge(answers)
-        wrong = {key: n for key, n in classes.items() if key in ("true", "invalid", "acne", "leak", "failed")}
+        wrong = {key: n for key, n in classes.items() if key in ERRORS}
         if wrong:
             found[name] = f"{wrong} {examples[:1]}"
     return found

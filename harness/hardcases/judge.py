@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import CapacityRejected, UserError
+from ..exact import edge_bound, plane_distance
 from ..method import Method
 from ..referee import Referee
 from ..scene import Effects
@@ -120,11 +121,25 @@ class Judged:
         return classes, examples + score["examples"]
 
     def _holes(self, given: Answers) -> int:
-        """Misses where the exact ray hits, and lit pixels of the right triangle where the exact segment is cut."""
-        exact = self.everywhere
-        missed = (given["triangle"] == -1) & (exact.triangle >= 0)
+        """Misses where the exact ray hits, and lit pixels of the right triangle where the exact segment is cut.
+
+        A segment that begins or ends within the bound of its occluder's plane may still be excused: whether that
+        plane holds the hit point is beyond float64. That it passes an edge excuses nothing here.
+        """
+        exact, moment, referee = self.everywhere, self.trial.moment, self.referee
+        holes = int(np.count_nonzero((given["triangle"] == -1) & (exact.triangle >= 0)))
         lit = (given["visibility"] == 0) & (exact.visibility == 1) & (given["triangle"] == exact.triangle)
-        return int(missed.sum()) + int(lit.sum())
+        for light, pixels in ((i, np.nonzero(row)[0]) for i, row in enumerate(lit)):
+            if not len(pixels):
+                continue
+            hits = referee.closest(moment.eye, moment.directions(pixels))
+            occluders = referee.occluders(hits, moment.lights[light])
+            corners = moment.points[self.trial.prepared.faces[occluders]].astype(np.float64)
+            points = referee.hit_points(hits)
+            ends = np.broadcast_to(moment.lights[light].astype(np.float64), points.shape)
+            away = np.minimum(plane_distance(points, corners), plane_distance(ends, corners))
+            holes += int(np.count_nonzero(away > edge_bound(points, corners)))
+        return holes
 
 
 def counts_of(answers: Answers, lights: int) -> Counts:
