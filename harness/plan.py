@@ -242,6 +242,7 @@ def describe_method(entry: Entry, device: str) -> dict[str, Any]:
             label=entry.label or cls.title or entry.method,
             parameters={name: dataclasses.asdict(getattr(method, name)) for name in ("build", "trace")},
             capturable=bool(method.capturable),
+            known_inexact=getattr(method, "known_inexact", None),
             device=place,
             source_sha256=source_hash(cls),
         )

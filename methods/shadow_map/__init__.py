@@ -45,7 +45,7 @@ class ShadowMap(BaseMethod):
     def __init__(self, build: Any = None, trace: Any = None):
         super().__init__(build, trace)
         self._faces = FACES if self.build.shape == "cube" else 1
-        self._capacity: tuple[int, ...] | None = None
+        self._capacity: Any = None  # room of each of the camera's COUNTERS queues; None before the first plan
         self._strip_capacity = 0
         self._needs: wp.array | None = None
         self._memory = 0
