@@ -8,12 +8,13 @@ STAMP := $(VENV)/.installed
 LINT_STAMP := $(VENV)/.lint-installed
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-.PHONY: help table1 test lint format clean
+.PHONY: help table1 test fuzz lint format clean
 .DEFAULT_GOAL := help
 
 help:
 	@echo "make table1   set everything up, run Table 1 on what this machine has, print it, draw the pictures"
 	@echo "make test     set everything up, run the tests"
+	@echo "make fuzz     random scenes against exact answers, for half an hour or more; failures become regression tests"
 	@echo "make lint     ruff and mypy"
 	@echo "make format   let ruff put the code in shape"
 	@echo "make clean    remove .venv and caches (results stay)"
@@ -23,6 +24,9 @@ table1: $(STAMP)
 
 test: $(STAMP)
 	$(BIN)/python -m pytest $(ARGS)
+
+fuzz: $(STAMP)
+	$(BIN)/python tests/fuzz.py --examples 100000 $(ARGS)
 
 lint: $(LINT_STAMP) build/lint/shadowbench
 	$(BIN)/ruff check .

@@ -144,7 +144,7 @@ MUTATIONS = (
             Planted(
                 triangle,
                 "hit_distance",
-                (("if not inside(edge_functions(o64, d64, a64, b64, c64, weld), bound, det):",
+                (("if not inside(edge_functions(o64, d64, a64, b64, c64, weld)):",
                   "if not inside32(o, d, a, b, c):"),),
                 exact,
             ),
@@ -155,7 +155,7 @@ MUTATIONS = (
     ),
     Mutation(
         "doubt at an edge is outside",
-        (Planted(triangle, "inside", (("bound * wp.float64(1048576.0) > wp.abs(whole)", "True"),), triangle),),
+        (Planted(triangle, "inside", (("wp.float64(9.313225746154785e-10)", "wp.float64(0.0)"),), triangle),),
         "bvh",
         EXACT_BVH,
         ("P29", "P29b"),
