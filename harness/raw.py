@@ -22,7 +22,7 @@ from .scene import Camera, Effects, Geometry, Scene
 
 SCHEMA = 1
 ARRAYS = ("triangle", "t", "u", "v", "visibility")
-TABLES = ("eye", "axes", "tangents", "column", "row", "lights")
+TABLES = ("eye", "axes", "tangents", "column", "row", "lights", "spots")
 DAMAGED = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile)
 
 
@@ -108,7 +108,8 @@ def read_raw(
     try:
         with np.load(path) as stored:
             answers = {name: stored[name] for name in ARRAYS}
-            tables = {name: stored[f"moment_{name}"] for name in TABLES}
+            # Answers kept before there were spots have no such table: no light was limited.
+            tables = {name: stored[f"moment_{name}"] for name in TABLES if f"moment_{name}" in stored}
     except DAMAGED as error:
         raise UserError(f"{path}: not a file of raw answers ({error}); run its point again") from error
     prepared = _mesh(path, facts, scene_dir)

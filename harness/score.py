@@ -8,6 +8,7 @@ by its place in the image, only by :func:`.exact.edge_bound`.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -15,11 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .consistency import Consistency, check_consistency
+from .consistency import Consistency, check_consistency, plane_numbers
 from .moment import Moment, Prepared
 from .raw import save_raw, score_raw
 from .referee import Hits, Referee, Verdict
 from .scene import Effects
+from .spot import NO_SPOT, receivers
 from .suspects import Suspects, agreement, disputed_bits, find_suspects
 from .truth import Reference, embree_installed, embree_reference, exact_reference
 
@@ -107,6 +109,9 @@ def score_answers(
     shadow bits; -1 for a disputed pixel left unjudged.
     """
     lights = len(moment.lights)
+    outside = outside_spots(prepared, moment, answers["triangle"])
+    if outside.any():
+        reference = replace(reference, visibility=np.where(outside, 0, reference.visibility).astype(np.uint8))
     found = check_consistency(prepared, moment, answers)
     wanted = _wanted(effects, lights)
     agree = agreement(answers["triangle"], reference.triangle, referee)
@@ -120,7 +125,7 @@ def score_answers(
     primary[(primary == Verdict.OK) & (answers["triangle"] != _lowest(answers["triangle"], referee))] = (
         Verdict.TIE
     )
-    shadow = _shadows(referee, moment, hits, answers, found, suspects, primary, wanted)
+    shadow = _shadows(referee, moment, hits, answers, found, suspects, primary, wanted, outside)
 
     if classes is not None:
         classes[:] = _gravest(primary, shadow)
@@ -159,9 +164,29 @@ def score_answers(
         "excused_share": share,
         "check": "ok" if true_errors == 0 and share <= EXCUSED_LIMIT else "failed",
         "examples": _examples(moment, answers, referee, hits, suspects, found, primary, shadow),
-        "reference_errors": _reference_errors(prepared, moment, referee, hits, reference, suspects, wanted),
+        "reference_errors": _reference_errors(
+            prepared, moment, referee, hits, reference, suspects, wanted, outside
+        ),
         "truth": {**reference.provenance, "random_pixels": extra_pixels, "seed": seed},
     }
+
+
+def outside_spots(prepared: Prepared, moment: Moment, triangle: NDArray[np.integer]) -> NDArray[np.bool_]:
+    """Which hits lie outside the spot of each light (:func:`.spot.receivers`), bool [lights, pixels].
+
+    ``triangle`` [pixels]: what each pixel hits; the points are float64, on the triangles' planes.
+    """
+    outside = np.zeros((len(moment.lights), len(triangle)), dtype=bool)
+    spots = [i for i, spot in enumerate(moment.spots) if spot[0] != NO_SPOT]
+    hit = np.nonzero((triangle >= 0) & (triangle < len(prepared.faces)))[0]
+    if not spots or not len(hit):
+        return outside
+    eye, directions = moment.eye.astype(np.float64), moment.directions(hit).astype(np.float64)
+    corners = moment.points[prepared.faces[triangle[hit]]].astype(np.float64)
+    t = plane_numbers(corners, eye, directions)[0]
+    for i in spots:
+        outside[i, hit] = ~receivers(moment, eye + t[:, None] * directions, i)
+    return outside
 
 
 def _wanted(effects: Effects, lights: int) -> list[bool]:
@@ -207,8 +232,12 @@ def _shadows(
     suspects: Suspects,
     primary: NDArray[np.int8],
     wanted: Sequence[bool],
+    outside: NDArray[np.bool_],
 ) -> list[NDArray[np.int8]]:
-    """For each light the class of every pixel's bit; -1 where it is not scored. int8 [pixels] each"""
+    """For each light the class of every pixel's bit; -1 where it is not scored. int8 [pixels] each
+
+    Hit points ``outside`` a spot have no shadow ray: a bit there is a shadow where none can be.
+    """
     scored = np.isin(primary, (Verdict.OK, Verdict.TIE))
     result = []
     for i, light in enumerate(moment.lights):
@@ -221,6 +250,8 @@ def _shadows(
             rows = np.nonzero(verdicts[suspects.judged] == Verdict.OK)[0]
             pixels = suspects.judged[rows]
             verdicts[pixels] = referee.classify_shadow(hits.take(rows), light, bits[pixels])
+            out = outside[i] & (verdicts >= 0)
+            verdicts[out] = np.where(bits[out] != 0, Verdict.ACNE, Verdict.OK)
             verdicts[found.shadow_invalid[i]] = Verdict.INVALID
         result.append(verdicts)
     return result
@@ -248,13 +279,14 @@ def _reference_errors(
     reference: Reference,
     suspects: Suspects,
     wanted: Sequence[bool],
+    outside: NDArray[np.bool_],
 ) -> dict[str, Any]:
     """Embree's own answers on the judged pixels, counted the same way (its t and triangle together)."""
     answers = reference.answers()
     found = check_consistency(prepared, moment, answers)
     agree = np.ones(len(reference.triangle), dtype=bool)
     primary, _ = _primary(referee, hits, reference.triangle, found, suspects, agree)
-    shadow = _shadows(referee, moment, hits, answers, found, suspects, primary, wanted)
+    shadow = _shadows(referee, moment, hits, answers, found, suspects, primary, wanted, outside)
     judged = suspects.judged
     return {
         "primary": {
