@@ -4,7 +4,8 @@ Three tests, chosen when the kernels are compiled (:class:`~.variants.Variant`):
 
 exact            rejects only what its rounding bound makes certain; float64 decides the rest
 edge_planes      rejects by the plain signs of d . n, the planes through the eye and each edge, in difference form
-                 and weld order: two triangles at an edge share a plane, so no ray is rejected by both
+                 and weld order: two triangles at an edge share a plane, so no ray is rejected by both; one exactly
+                 through a vertex may be rejected by all around it, whose planes do not quite meet there
 moller_trumbore  rejects as Moeller & Trumbore do with det != 0; rays at an edge may be rejected by both sides
 
 What one of the last two accepts counts if the ray crosses the triangle's plane within :data:`TOLERANCE` of the
