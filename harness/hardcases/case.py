@@ -83,7 +83,7 @@ def view(
     mesh: Mesh,
     lights: Sequence[Vector | Light],
     eye: Sequence[float],
-    towards: Sequence[float],
+    towards: Sequence[float] | F64,
     half: float = 1.0,
     size: tuple[int, int] = (16, 16),
     up: Sequence[float] | None = None,
@@ -93,7 +93,7 @@ def view(
     same_lights: tuple[tuple[int, int], ...] = (),
     watertight: bool = False,
     closed: bool = False,
-    offset: Sequence[float] = (0.0, 0.0, 0.0),
+    offset: Sequence[float] | F64 = (0.0, 0.0, 0.0),
 ) -> Trial:
     """A trial from plain numbers.
 

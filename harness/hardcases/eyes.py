@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from .case import (
@@ -141,7 +143,7 @@ CASES = (
     *(
         HardCase(
             f"P01{suffix}", "triangle across the eye", "a vertex behind the eye is mirrored by the division",
-            lambda turn=turn: across_the_eye(turn),
+            partial(across_the_eye, turn),
         )
         for turn, suffix in enumerate(("", "y", "z"))
     ),
@@ -156,7 +158,7 @@ CASES = (
     *(
         HardCase(
             f"P17 {w}x{h}", f"image of {w}x{h}", "partial tiles, thread guards",
-            lambda w=w, h=h: odd_image(w, h),
+            partial(odd_image, w, h),
         )
         for w, h in ((1, 1), (33, 25), (3, 257), (257, 3), (8, 9))
     ),

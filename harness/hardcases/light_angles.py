@@ -6,6 +6,7 @@ Each is given three times with the coordinates rolled, so that a seam or pole al
 from __future__ import annotations
 
 import math
+from functools import partial
 
 from .case import Counts, HardCase, Trial, joined, plane, quad, spot_light, triangles, view
 
@@ -109,7 +110,7 @@ BUILDERS = (
 )
 
 CASES = tuple(
-    HardCase(f"{name}{suffix}", title, breaks, lambda build=build, turn=turn: build(turn))  # type: ignore[misc]
+    HardCase(f"{name}{suffix}", title, breaks, partial(build, turn))
     for name, title, breaks, build in BUILDERS
     for turn, suffix in enumerate(("", "y", "z"))
 )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from ..scene import Light
@@ -215,14 +217,14 @@ CASES = (
         HardCase(
             f"S10 {distance:g}", f"light at {distance:g}",
             "v - L rounds; rays from the light that end before 1 lose every shadow",
-            lambda distance=distance: far_light(distance),
+            partial(far_light, distance),
         )
         for distance in (1e3, 1e5, 1e7)
     ),
     *(
         HardCase(
             f"S10b {distance:g}", f"light at {distance:g}, from the side", "the same off the axes",
-            lambda distance=distance: oblique_far_light(distance),
+            partial(oblique_far_light, distance),
         )
         for distance in (1e3, 1e5, 1e7)
     ),

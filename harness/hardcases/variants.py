@@ -6,6 +6,7 @@ Scales and offsets that are no powers of two round the mesh anew: the referee de
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 
@@ -72,16 +73,16 @@ def _cases() -> Iterator[HardCase]:
         for scale in SCALES:
             yield HardCase(
                 f"V {name} x{scale:.3g}", f"{title}, scale {scale:.3g}", "absolute epsilons",
-                lambda build=build, scale=scale: build(scale, 0.0),
+                partial(build, scale, 0.0),
             )  # fmt: skip
         for offset in OFFSETS:
             yield HardCase(
                 f"V {name} +{offset:g}", f"{title}, {offset:g} scene sizes from the origin", "no recentring",
-                lambda build=build, offset=offset: build(1.0, offset),
+                partial(build, 1.0, offset),
             )  # fmt: skip
         yield HardCase(
             f"V {name} x1e-6 +1e5", f"{title}, small and far off", "both at once",
-            lambda build=build: build(1e-6, 1e5),
+            partial(build, 1e-6, 1e5),
         )  # fmt: skip
     for radii in LIGHT_DISTANCES:
         for inside in (True, False):
@@ -89,7 +90,7 @@ def _cases() -> Iterator[HardCase]:
             yield HardCase(
                 f"V light {radii:g} {where}", f"light {radii:g} radii from the {where}",
                 "offsets near, rounding of v - L far",
-                lambda radii=radii, inside=inside: light_distance(radii, inside),
+                partial(light_distance, radii, inside),
             )  # fmt: skip
 
 
