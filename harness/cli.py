@@ -181,7 +181,10 @@ def render_(
     device: Device = None,
     scene_dir: SceneDir = None,
 ) -> int:
-    """Draw a scene from a method's answers, with the shadows that it found."""
+    """Draw a scene from a method's answers, with the shadows that it found.
+
+    A stand-in's picture says so in a caption below it.
+    """
     from .commands.render import render
 
     print(f"written: {render(scene, method, out, size, frame, device, scene_dir)}", file=sys.stderr)

@@ -51,15 +51,19 @@ class Grader:
         self._judges: dict[int, Any] = {}
 
     def grade(
-        self, key: str, save_answers: bool, score: bool, picture: Path | None, wrong_maps: bool = False
+        self, key: str, save_answers: bool, score: bool, picture: Path, shows: str, wrong_maps: bool = False
     ) -> list[dict[str, Any]]:
-        """For every frame its score, or the reason why there is none. The middle one is drawn on request.
+        """For every frame its score, or the reason why there is none.
 
+        The middle one is drawn as ``picture``, unless a picture is there that was made from what ``shows`` names.
         ``wrong_maps``: where the last frame is wrong, and how different it looks, are kept too.
         """
+        from .figures.shade import shown_in
+
         frames = []
         last = list(self.moments)[-1]
         # Frames beyond the point's budget were left out.
+        drawn = shown_in(picture) == shows
         there = [frame for frame in self.moments if handed_path(self.folder, key, frame).exists()]
         for frame in there:
             handed = handed_path(self.folder, key, frame)
@@ -71,8 +75,8 @@ class Grader:
                 graded.update(self._score(frame, answers, key if wrong_maps and frame == last else ""))
             if save_answers or graded["score"] is None:
                 self._keep(key, frame, answers)
-            if picture is not None and frame == there[len(there) // 2]:
-                draw_picture(self.prepared, self.moments[frame], answers, picture)
+            if not drawn and frame == there[len(there) // 2]:
+                draw_picture(self.prepared, self.moments[frame], answers, picture, shows)
             handed.unlink()
             frames.append(graded)
         return frames
@@ -112,9 +116,9 @@ def shadow_rays(answers: Answers, effects: Effects) -> int:
     return int(np.count_nonzero(answers["triangle"] >= 0)) * sum(effects.shadows)
 
 
-def draw_picture(prepared: Prepared, moment: Moment, answers: Answers, path: Path) -> None:
+def draw_picture(prepared: Prepared, moment: Moment, answers: Answers, path: Path, shows: str) -> None:
     """The frame as a picture with its shadows and a caption that says if the scene is a stand-in."""
     from .figures.gallery import scene_picture
 
     path.parent.mkdir(parents=True, exist_ok=True)
-    scene_picture(prepared, moment, answers, prepared.lights(moment.index), path)
+    scene_picture(prepared, moment, answers, prepared.lights(moment.index), path, shows)

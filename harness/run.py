@@ -17,7 +17,7 @@ from .environment import environment, keep
 from .folder import ResultsFolder
 from .lighting import Lighting
 from .plan import Entry, Experiment, Point, Preset, describe_method, make_point, orders
-from .record import Journal, make_record
+from .record import Journal, digest, make_record
 from .remote import Remote, WorkerError, WorkerLostError
 
 GRADER = "grading"
@@ -254,7 +254,9 @@ class Run:
             device=self.options.device,
             save_answers=self.options.save_answers,
             score=self.options.score,
-            picture=None if image.exists() else str(image),
+            picture=str(image),
+            # Another scene of the same name, an original for its stand-in, gets a picture of its own.
+            shows=digest([job.point.scene.get(name) for name in ("arrays_sha256", "moments_sha256")]),
             wrong_maps=self.options.preset.wrong_maps,
         )
 

@@ -217,15 +217,16 @@ class Worker:
         device: str,
         save_answers: bool,
         score: bool,
-        picture: str | None,
+        picture: str,
+        shows: str,
         wrong_maps: bool = False,
     ) -> dict[str, Any]:
         """Grade answers that a method's worker handed over (this command is for the grading process)."""
         assert self.prepared is not None
         if self.grader is None:
             self.grader = Grader(self.prepared, self.moments, self.scene_argument, Path(folder), device)
-        image = Path(picture) if picture else None
-        return {"frames": self.grader.grade(key, save_answers, score, image, wrong_maps)}
+        frames = self.grader.grade(key, save_answers, score, Path(picture), shows, wrong_maps)
+        return {"frames": frames}
 
     def free(self, key: str | None = None) -> dict[str, Any]:
         """Forget one point, or the scene and all of its points."""

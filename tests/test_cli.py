@@ -189,3 +189,21 @@ def test_render_draws_what_a_method_answers(call, scene, tmp_path):
 )
 def test_several_values_after_one_flag(given, read):
     assert spread_values(given.split()) == read.split()
+
+
+def test_two_scenes_of_one_name_are_refused(call, tmp_path):
+    files = [tmp_path / folder / "model.obj" for folder in ("a", "b")]
+    for file in files:
+        file.parent.mkdir()
+        file.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    code, _, err = call("run", "table1", "--scene", files[0], "--scene", files[1], "--out", tmp_path / "out")
+    assert code == 2
+    assert f"{files[1]}: of the same name as {files[0]}" in err
+
+
+def test_stand_ins_are_listed_as_such(call):
+    code, out, _ = call("list", "scenes", "--json")
+    assert code == 0
+    rows = {row["name"]: row for row in json.loads(out)}
+    assert "stand-in" in rows["cloth"]["stand_in"]
+    assert rows["bunny"]["stand_in"] is None

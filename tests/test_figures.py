@@ -13,7 +13,7 @@ from rich.console import Console
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.figures import bars, gallery, paper, sheet, style, table1, tidy
-from shadowbench.harness.figures.shade import pieces, png_bytes, save_png, shade
+from shadowbench.harness.figures.shade import pieces, png_bytes, save_png, shade, shown_in
 from shadowbench.harness.moment import Prepared
 from shadowbench.harness.scene import Camera, Geometry, Light, Scene
 
@@ -428,3 +428,36 @@ def test_a_bar_that_dwarfs_the_others_is_cut_and_keeps_its_number(tmp_path):
     assert ">//<" in text
     assert "12,345 ✓" in text
     assert ">10000<" not in text, "the axis is that of the other bars"
+
+
+def test_a_picture_says_what_it_was_made_from(tmp_path):
+    lights = (Light((0.0, 0.0, 6.0)),)
+    prepared = square(lights)
+    moment, answers = answers_to(prepared)
+    path = gallery.scene_picture(prepared, moment, answers, lights, tmp_path / "a.png", shows="this moment")
+    assert shown_in(path) == "this moment"
+    assert shown_in(tmp_path / "none.png") is None
+    path.write_bytes(path.read_bytes()[:20])
+    assert shown_in(path) is None
+
+
+@pytest.mark.parametrize(("width", "height"), [(1, 1), (3, 2500), (2500, 3)])
+def test_pictures_of_odd_sizes_stay_small(tmp_path, width, height):
+    flat = np.full((height, width, 3), 90, dtype=np.uint8)
+    factor_limit = max(gallery.TALLEST, height) + 200
+    prepared = square((Light((0.0, 0.0, 6.0)),))
+    moment = prepared.moment(0, width, height)
+    answers = {
+        "triangle": np.full(width * height, -1),
+        "t": np.full(width * height, np.inf),
+        "visibility": np.zeros((1, width * height), dtype=np.uint8),
+    }
+    path = gallery.scene_picture(prepared, moment, answers, (), tmp_path / "images" / "odd.png")
+    with Image.open(path) as image:
+        assert gallery.NARROWEST <= image.width <= max(2 * gallery.SMALLEST, width)
+        assert image.height <= factor_limit
+    captioned = gallery.captioned(flat, "Odd", "2 triangles", "procedural stand-in for another")
+    assert captioned.shape[1] == max(width, gallery.NARROWEST)
+    (sheet_,) = gallery.draw(tmp_path)
+    with Image.open(sheet_) as image:
+        assert image.width * image.height < 10_000_000

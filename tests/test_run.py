@@ -301,3 +301,17 @@ def test_a_folder_that_is_a_file_or_in_use_is_refused(tmp_path, scene):
         pytest.raises(UserError, match="another run is writing there"),
     ):
         Run(options(tmp_path / "used", [scene], ["steady"]), Silent()).go()
+
+
+def test_another_scene_of_the_same_name_gets_a_picture_of_its_own(tmp_path):
+    """As where an original takes the place of its stand-in in a folder that has records of the stand-in."""
+    scene, out = tmp_path / "tetra.obj", tmp_path / "out"
+    write_scene(scene)
+    picture = out / "images" / "tetra.png"
+    go(options(out, [str(scene)], ["bvh"]))
+    first, when = picture.read_bytes(), picture.stat().st_mtime_ns
+    go(options(out, [str(scene)], ["bvh", "uniform_grid"]))
+    assert picture.stat().st_mtime_ns == when
+    scene.write_text("v 0 0 0\nv 5 0 0\nv 0 1 0\nf 1 2 3\n")
+    go(options(out, [str(scene)], ["bvh"]))
+    assert picture.read_bytes() != first

@@ -71,7 +71,12 @@ def explain(
         raise UserError(f"--frame {frame}: {scene} has frames 0 to {prepared.frame_count - 1}")
     moment = prepared.moment(frame, width, height)
     judge = Judge(prepared, moment, device=place)
-    facts: dict[str, Any] = {"scene": scene, "pixel": [int(match[1]), int(match[2])], "frame": frame}
+    facts: dict[str, Any] = {
+        "scene": scene,
+        "stand_in": prepared.scene.stand_in,
+        "pixel": [int(match[1]), int(match[2])],
+        "frame": frame,
+    }
     facts["exact"] = exact_facts(judge, moment, index)
     rows: list[tuple[Any, ...]] = [("reference", "ok", "", judge.reference.answers(), None)]
     for name in dict.fromkeys(method or method_names()):
@@ -187,7 +192,8 @@ def _print(facts: dict[str, Any]) -> None:
     console = Console(width=None if sys.stdout.isatty() else 140, highlight=False, markup=False)
     truth = facts["exact"]
     x, y = facts["pixel"]
-    console.print(f"{facts['scene']}, frame {facts['frame']}, pixel {x},{y}")
+    stand_in = " (stand-in)" if facts["stand_in"] else ""
+    console.print(f"{facts['scene']}{stand_in}, frame {facts['frame']}, pixel {x},{y}")
     if truth["triangle"] < 0:
         console.print("exact: a miss")
     else:

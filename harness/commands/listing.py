@@ -9,7 +9,7 @@ from typing import Any
 from ..errors import UserError, did_you_mean
 from ..plan import experiment_names, find_experiment
 from ..registry import method_class, method_names
-from ..scenes.catalogue import TITLES, scene_names
+from ..scenes.catalogue import TITLES, resolve, scene_names
 
 KINDS = ("methods", "scenes", "experiments")
 
@@ -39,8 +39,17 @@ def methods() -> list[dict[str, Any]]:
 
 
 def scenes() -> list[dict[str, Any]]:
-    """The catalogue. Files can be given instead of a name."""
-    return [{"name": name, "title": TITLES[name]} for name in scene_names()]
+    """The catalogue, and what a stand-in stands in for. Files can be given instead of a name."""
+    rows = []
+    for name in scene_names():
+        try:
+            found = resolve(name)
+            rows.append({"name": name, "title": TITLES[name], "stand_in": found.stand_in})
+        except (
+            UserError
+        ) as error:  # a broken original, or a package that is missing, must not hide the others
+            rows.append({"name": name, "title": f"{TITLES[name]}: {error}", "stand_in": None})
+    return rows
 
 
 def experiments() -> list[dict[str, Any]]:
@@ -60,6 +69,8 @@ def as_text(rows: list[dict[str, Any]]) -> str:
     for row in rows:
         devices = f"  [{', '.join(row['devices'])}]" if row.get("devices") else ""
         lines.append(f"{row['name']:{width}}  {row['title']}{devices}")
+        if row.get("stand_in"):
+            lines.append(f"{'':{width}}    {row['stand_in']}")
         details: typing.Mapping[str, Any] = row.get("parameters") or row.get("presets") or {}
         lines += [f"{'':{width}}    {key} = {value}" for key, value in details.items()]
     return "\n".join(lines)

@@ -22,7 +22,11 @@ def render(
     scene_dir: Path | None = None,
     settings: dict[str, str] | None = None,
 ) -> Path:
-    """Draw one frame into a PNG file. Raises :class:`UserError` for whatever the caller can mend."""
+    """Draw one frame into a PNG file, with a caption under it where the scene is a stand-in.
+
+    Raises :class:`UserError` for whatever the caller can mend.
+    """
+    from ..figures.gallery import captioned
     from ..figures.shade import save_png, shade
 
     if out.suffix.lower() != ".png":
@@ -46,6 +50,9 @@ def render(
             f"{method} on {scene}: rejected: {error}; choose a smaller --size or another --method"
         ) from error
     picture = shade(prepared, moment, answers, prepared.lights(frame))
+    if described.stand_in:
+        facts = f"{prepared.triangle_count:,} triangles"
+        picture = captioned(picture, described.title, facts, described.stand_in)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         save_png(picture, out)

@@ -67,8 +67,12 @@ def plan_run(
     changes["scenes"] = tuple(dict.fromkeys(scenes)) or chosen.scenes
     changes["methods"] = parse_settings(list(settings), choose_methods(chosen.methods, list(methods)))
     where = str(scene_folder(scene_dir)) if scene_folder(scene_dir) else None
+    named: dict[str, str] = {}
     for scene in changes["scenes"]:
-        resolve(scene, where)
+        # Pictures and tables know a scene by its name.
+        other = named.setdefault(resolve(scene, where).name, scene)
+        if other != scene:
+            raise UserError(f"--scene {scene}: of the same name as {other}; rename one, or run it apart")
     return Options(
         experiment=declared,
         preset_name=name,

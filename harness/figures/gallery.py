@@ -19,6 +19,15 @@ from .shade import save_png, shade
 SMALLEST = 512
 """Pictures below this width are enlarged by a whole factor: one ray stays one square."""
 
+TALLEST = 4096
+"""Pixels beyond which no picture is enlarged."""
+
+LARGEST = 8192
+"""Pixels a side beyond which only every second, third ... row and column of a picture is kept."""
+
+NARROWEST = 256
+"""A caption's width at least."""
+
 INK, FAINT, PAPER = (32, 36, 42), (96, 102, 110), (250, 250, 248)
 WARNING = (160, 70, 0)
 
@@ -29,26 +38,36 @@ def scene_picture(
     answers: dict[str, NDArray],
     lights: Sequence[Light],
     path: Path | str,
+    shows: str = "",
 ) -> Path:
     """Shade a frame's answers, write a caption under it, save it as PNG, and return the path.
 
     The caption has the scene's title, its triangles, the frame of an animation, and, for a stand-in, what it
-    stands in for.
+    stands in for. ``shows`` is kept in the file: see :func:`.shade.shown_in`.
     """
     scene = prepared.scene
     picture = shade(prepared, moment, answers, lights)
-    factor = max(1, -(-SMALLEST // picture.shape[1]))
+    skip = -(-max(picture.shape) // LARGEST)
+    picture = picture[::skip, ::skip]
+    factor = max(1, min(-(-SMALLEST // picture.shape[1]), TALLEST // picture.shape[0]))
     picture = picture.repeat(factor, axis=0).repeat(factor, axis=1)
     facts = f"{prepared.triangle_count:,} triangles"
     if prepared.frame_count > 1:
         facts += f", frame {moment.index + 1} of {prepared.frame_count}"
-    return save_png(captioned(picture, scene.title, facts, scene.stand_in), path)
+    return save_png(captioned(picture, scene.title, facts, scene.stand_in), path, shows)
 
 
 def captioned(
     picture: NDArray[np.uint8], title: str, facts: str, stand_in: str | None = None
 ) -> NDArray[np.uint8]:
-    """The picture with a strip of text below it: title and facts, and what a stand-in stands in for."""
+    """The picture with a strip of text below it: title and facts, and what a stand-in stands in for.
+
+    A picture too narrow for text gets a margin at its right.
+    """
+    margin = max(0, NARROWEST - picture.shape[1])
+    sheet = Image.new("RGB", (margin, picture.shape[0]), PAPER)
+    if margin:
+        picture = np.concatenate([picture, np.asarray(sheet)], axis=1)
     width = picture.shape[1]
     size = max(13, width // 34)
     line = round(size * 1.35)
@@ -68,7 +87,10 @@ def captioned(
 def contact_sheet(
     pictures: Sequence[Path], path: Path | str, columns: int | None = None, width: int = 352, title: str = ""
 ) -> Path | None:
-    """All pictures on one sheet, each ``width`` pixels wide, captions and all. None where there are none."""
+    """All pictures on one sheet, captions and all. None where there are none.
+
+    Each is ``width`` pixels wide; or, where that would make it higher, four times as high.
+    """
     images: list[Image.Image] = []
     for file in pictures:
         with Image.open(file) as opened:
@@ -77,7 +99,9 @@ def contact_sheet(
         return None
     gap = width // 24
     images = [
-        i.resize((width, max(1, round(i.height * width / i.width))), Image.Resampling.LANCZOS) for i in images
+        i.resize((max(1, round(i.width * scale)), max(1, round(i.height * scale))), Image.Resampling.LANCZOS)
+        for i in images
+        for scale in [min(width / i.width, 4 * width / i.height)]
     ]
     columns = columns or (len(images) if len(images) <= 4 else 3 if len(images) in (5, 6, 9) else 4)
     rows = [images[i : i + columns] for i in range(0, len(images), columns)]

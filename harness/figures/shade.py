@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
 from ..moment import Moment, Prepared
 from ..scene import Light
@@ -42,6 +43,9 @@ HEADLIGHT = 0.05
 EXPOSURE = 1.1
 WHITE = 2.2
 """Radiance that is shown as white; what lies below is compressed as little as possible."""
+
+SHOWS = "shows"
+"""The name, in a PNG file, of the text that says what it was made from."""
 
 BLOCK = 1 << 18
 """Pixels shaded at a time, so that a large picture needs little memory."""
@@ -168,24 +172,39 @@ def pieces(prepared: Prepared) -> NDArray[np.int64]:
     return label[corners[:, 0]]
 
 
-def png_bytes(picture: NDArray[np.uint8], colours: int = 256) -> bytes:
-    """A compact PNG of uint8 [height, width, 3]: a palette of at most ``colours``, made for this picture."""
+def png_bytes(picture: NDArray[np.uint8], colours: int = 256, shows: str = "") -> bytes:
+    """A compact PNG of uint8 [height, width, 3]: a palette of at most ``colours``, made for this picture.
+
+    ``shows`` is kept in the file for :func:`shown_in`: what the picture was made from.
+    """
     image = Image.fromarray(np.ascontiguousarray(picture), "RGB")
     exact = image.getcolors(colours)
     small = image.quantize(colours, method=Image.Quantize.MEDIANCUT, kmeans=1, dither=Image.Dither.NONE)
     if exact is not None:
         small = image.convert("P", palette=Image.Palette.ADAPTIVE, colors=max(1, len(exact)))
     buffer = io.BytesIO()
-    small.save(buffer, "PNG", optimize=True)
+    facts = PngInfo()
+    if shows:
+        facts.add_text(SHOWS, shows)
+    small.save(buffer, "PNG", optimize=True, pnginfo=facts)
     return buffer.getvalue()
 
 
-def save_png(picture: NDArray[np.uint8], path: Path | str) -> Path:
+def shown_in(path: Path | str) -> str | None:
+    """What a picture says that it was made from; None where there is no such picture, or it does not say."""
+    try:
+        with Image.open(path) as image:
+            return image.info.get(SHOWS)
+    except (OSError, ValueError, SyntaxError):  # missing, or not a whole PNG
+        return None
+
+
+def save_png(picture: NDArray[np.uint8], path: Path | str, shows: str = "") -> Path:
     """Write a picture compactly (a 512x512 frame stays well below 300 kB) and return its path."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     # Whole or not at all: a run that is killed here makes the picture again, not half of it.
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    temporary.write_bytes(png_bytes(picture))
+    temporary.write_bytes(png_bytes(picture, shows=shows))
     temporary.replace(path)
     return path
