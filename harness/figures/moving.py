@@ -48,9 +48,11 @@ def sentence(r: dict[str, Any]) -> str:
     """Range of the times along the path."""
     times = [step["frame_ms"] for step in steps(r)]
     share = max(times) / min(times) - 1
+    planned = len(r["record"]["scene"].get("frames") or ())
+    left_out = f", of {planned}: the others were beyond the budget" if planned > len(times) else ""
     return (
         f"{title_of(r)}, {r['label']}: {style.number(min(times))} to {style.number(max(times))} ms over "
-        f"{len(times)} places of the light (slowest {share:+.0%} over fastest)."
+        f"{len(times)} places of the light (slowest {share:+.0%} over fastest{left_out})."
     )
 
 
