@@ -104,7 +104,7 @@ class Trace:
     k: int = 2
     r: int = 64
     balancing: str = "direct"
-    staging: str = "none"
+    staging: str = "shared"
     triangle_chunk: int = 0
 
     def __post_init__(self) -> None:
