@@ -94,25 +94,18 @@ class Judged:
         classes: dict[str, int] = {}
         examples: list[dict[str, Any]] = []
         bits = answers["visibility"][: len(trial.moment.lights)]
-        given = dict(answers)
-        outside = np.where(self.held, 0, bits)
-        # Outside a spot a bit must be 0; there the exact bit stands in, so that only receivers are scored.
-        given["visibility"] = np.where(self.held, bits, self.everywhere.visibility)
         score = score_answers(
-            trial.prepared, trial.moment, given, self.everywhere, self.referee, self.effects, extra_pixels=0
+            trial.prepared, trial.moment, answers, self.everywhere, self.referee, self.effects, extra_pixels=0
         )
         for counts in (score["primary"], *score["shadow"]):
             for name in (*EXCUSED, *ERRORS):
                 if counts.get(name):
                     classes[name] = classes.get(name, 0) + counts[name]
         if trial.watertight:
-            holes = self._holes(given)
+            holes = self._holes(answers)
             if holes:
                 classes["hole"] = holes
                 examples.append({"kind": f"{holes} rays through closed surfaces"})
-        if outside.any():
-            classes["invalid"] = classes.get("invalid", 0) + int(np.count_nonzero(outside))
-            examples.append({"kind": "shadowed outside its spot"})
         for one, other in trial.same_lights:
             differ = int(np.count_nonzero(bits[one] != bits[other]))
             if differ:
@@ -126,9 +119,11 @@ class Judged:
         A segment that begins or ends within the bound of its occluder's plane may still be excused: whether that
         plane holds the hit point is beyond float64. That it passes an edge excuses nothing here.
         """
-        exact, moment, referee = self.everywhere, self.trial.moment, self.referee
-        holes = int(np.count_nonzero((given["triangle"] == -1) & (exact.triangle >= 0)))
-        lit = (given["visibility"] == 0) & (exact.visibility == 1) & (given["triangle"] == exact.triangle)
+        exact, moment, referee = self.exact, self.trial.moment, self.referee
+        same = given["triangle"] == exact["triangle"]
+        holes = int(np.count_nonzero((given["triangle"] == -1) & ~same))
+        bits = given["visibility"][: len(moment.lights)]
+        lit = (bits == 0) & (exact["visibility"] == 1) & same
         for light, pixels in ((i, np.nonzero(row)[0]) for i, row in enumerate(lit)):
             if not len(pixels):
                 continue
