@@ -16,12 +16,16 @@ def hard_rows(
 ) -> Iterator[dict[str, Any]]:
     """One row an entry: cases run, cases with a true error, true errors in all, and the cases with the most.
 
-    ``without``: cases whose names begin so are left out. The exact answers are made once and shared.
+    Methods whose library is not installed have no row. ``without``: cases whose names begin so are left out. The
+    exact answers are made once and shared.
     """
     cases = [case for case in all_cases() if not (without and case.name.startswith(without))]
     judged: dict[str, Judged] = {}
     for entry in entries:
-        place = device_for(method_class(entry.method), device)
+        try:
+            place = device_for(method_class(entry.method), device)
+        except ImportError:  # a peer's library that is not installed: no row
+            continue
         found = judge_method(lambda e=entry: make_method(e.method, dict(e.settings)), place, cases, judged)  # type: ignore[misc]
         run = [finding for finding in found if finding.status != "outside"]
         wrong = sorted((f for f in run if f.status == "error"), key=lambda f: -f.true_errors)
