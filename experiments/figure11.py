@@ -58,7 +58,7 @@ EXPERIMENT = Experiment(
         ),
         "paper": Preset(
             1024, 1024, ("cloth",), entries(128), frames=3, samples=5, most=10, deviation=0.01, stage_samples=5,
-            rounds=2, budget_s=4.0, timeout_s=300.0, lightings=distances(0.1, 1, 3, 10, 1e2, 1e3, 1e5, 1e7),
+            rounds=2, budget_s=3.0, timeout_s=300.0, lightings=distances(0.1, 1, 10, 1e2, 1e3, 1e5, 1e7),
         ),
     },
     draw=draw,

@@ -33,8 +33,8 @@ EXPERIMENT = Experiment(
             lightings=turn(8),
         ),
         "paper": Preset(
-            1024, 1024, SCENES, METHODS, frames=16, samples=10, most=10, stage_samples=1, rounds=2, budget_s=30.0,
-            timeout_s=600.0, lightings=turn(16),
+            1024, 1024, SCENES, METHODS, frames=12, samples=10, most=10, stage_samples=1, rounds=2, budget_s=20.0,
+            timeout_s=600.0, lightings=turn(12),
         ),
     },
     draw=draw,
