@@ -18,7 +18,7 @@ from shadowbench.harness.hardcases.case import HardCase
 from shadowbench.harness.hardcases.judge import Judged, same_bits
 from shadowbench.harness.moment import Prepared
 from shadowbench.harness.referee import Referee
-from shadowbench.harness.scene import Camera, Geometry, Light, Scene
+from shadowbench.harness.scene import Camera, Geometry, Light, Scene, Spot
 from shadowbench.harness.session import Session
 
 EXAMPLES = st.binary(min_size=40, max_size=LENGTH).map(decode)
@@ -228,6 +228,28 @@ def test_lights_at_one_place_agree(example: Example, count: int) -> None:
     for name, answers in traced(together).items():
         for other in range(len(example.lights), len(together.lights)):
             np.testing.assert_array_equal(answers["visibility"][other], answers["visibility"][0], name)
+
+
+@some(20)
+@given(EXAMPLES, st.sampled_from([(1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.3, 0.2, -0.9)]))
+def test_a_spot_of_the_whole_sphere_is_a_point_light(
+    example: Example, direction: tuple[float, float, float]
+) -> None:
+    """A cone with a half-angle of 180 degrees leaves no receiver out, whatever it points at."""
+    prepared = example.trial().prepared
+    lights = prepared.scene.lights
+    spots = tuple(replace(light, spot=Spot(direction, 180.0)) for light in lights)
+    able = [name for name in METHODS if type(fresh_method(name, tuple(example.settings[name].items()))).spots]
+    assert able
+    for name in able:
+        chosen = tuple(example.settings[name].items())
+        found = []
+        for shining in (lights, spots):
+            scene = replace(prepared.scene, lights=shining)
+            session = Session(fresh_method(name, chosen), Prepared(scene), *example.size, "cpu")
+            found.append(session.answers(session.frame.prepared.moment(0, *example.size)))
+        for key, values in found[0].items():
+            assert same_bits(found[1][key], values), (name, key)
 
 
 @some(30)
