@@ -417,6 +417,19 @@ def test_claims_follow_the_records(tmp_path):
     assert "56%" in dropped["numbers"]
 
 
+def test_our_own_claim_is_judged_within_one_run(tmp_path):
+    entries = {e.label: e for e in find_experiment("frame_time").presets["paper"].methods}
+    ours = next(e for e in entries.values() if e.method == _paper.METHOD)
+    scenes = (("cloth", 1.5), ("fairy", 2.5))
+    records = [made("frame_time", ours, scene, ms=ms) for scene, ms in scenes]
+    records += [made("frame_time", entries["mesh rebuilt"], scene, ms=2.0) for scene, _ in scenes]
+    (found,) = [
+        r for text, r in judged(keep(tmp_path / "a", records).parent).items() if text.startswith("Ours")
+    ]
+    assert found["verdict"] == claims.FAILS
+    assert "1 of 2 scenes; our time over the tree's: cloth 0.75, fairy 1.25" in found["numbers"]
+
+
 def test_a_cpu_decides_nothing_about_times(tmp_path):
     records = [made("figure2", e, "buddha", ms=ms, counters={"primary tests, most": most})
                for e, ms, most in zip(figure2.METHODS[:2], (14.0, 10.0), (9, 4), strict=True)]  # fmt: skip
