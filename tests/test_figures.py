@@ -461,3 +461,21 @@ def test_pictures_of_odd_sizes_stay_small(tmp_path, width, height):
     (sheet_,) = gallery.draw(tmp_path)
     with Image.open(sheet_) as image:
         assert image.width * image.height < 10_000_000
+
+
+def test_frames_left_out_for_the_budget_are_named_and_nothing_is_best_over_different_frames(records):
+    """A mean over the first frame alone is another number than one over three."""
+    title = tidy.row(records[0])["scene_title"]
+
+    def line(made):
+        return next(line for line in made.lines if line.title.startswith(title))
+
+    whole = sheet.sheet(tidy.rows(records))
+    assert any(cell.best for cell in line(whole).cells)
+    assert not any("left out" in note for note in whole.notes)
+    records[0]["frames_left_out"] = [f["frame"] for f in records[0]["frames"][1:]]
+    del records[0]["frames"][1:]
+    short = sheet.sheet(tidy.rows(records))
+    assert not any(cell.best for cell in line(short).cells)
+    (note,) = [note for note in short.notes if "left out" in note]
+    assert "(1 of 3)" in note

@@ -78,7 +78,9 @@ def sheet(rows: Sequence[dict[str, Any]]) -> Sheet:
     lines = []
     for scene, title in scenes:
         own = {column_name(r, rows): r for r in rows if (r["scene"], r["scene_title"]) == (scene, title)}
-        right = [r["total_ms"] for r in own.values() if _faultless(r)]
+        # Means over different frames are not held against each other.
+        alike = len({r.get("frame_numbers") for r in own.values() if r.get("total_ms") is not None}) == 1
+        right = [r["total_ms"] for r in own.values() if _faultless(r)] if alike else []
         cells = []
         for column in columns:
             row = own.get(column)
@@ -96,7 +98,14 @@ def sheet(rows: Sequence[dict[str, Any]]) -> Sheet:
         frames = max((r.get("frames") or 0 for r in own.values()), default=0)
         facts += f"\n{frames} frames" if frames > 1 else ""
         lines.append(Line(title_of(first), facts, tuple(cells), paper.cells(scene)))
-    notes = [*_how_to_read(rows), *_not_measured(reasons), *_errors(rows), *_built(rows), *_stand_ins(rows)]
+    notes = [
+        *_how_to_read(rows),
+        *_left_out(rows),
+        *_not_measured(reasons),
+        *_errors(rows),
+        *_built(rows),
+        *_stand_ins(rows),
+    ]
     return Sheet(_heading(rows), columns, tuple(lines), tuple(notes))
 
 
@@ -165,6 +174,20 @@ def _how_to_read(rows: Sequence[dict[str, Any]]) -> list[str]:
             f"{abs(gap['stage_gap'] or 0.0):.1%} at most ({gap['scene']}, {gap['label']})."
         )
     return notes
+
+
+def _left_out(rows: Sequence[dict[str, Any]]) -> list[str]:
+    short = [
+        f"{r['scene']}, {column_name(r, rows)} ({r['frames']} of {r['frames'] + r['frames_left_out']})"
+        for r in rows
+        if r.get("frames_left_out") and r.get("frames")
+    ]
+    if not short:
+        return []
+    return [
+        f"Frames left out, as the point's budget would not pay for them: {'; '.join(short)}. Where methods were "
+        "measured at different frames of a scene, their times are means over different frames and none is marked best."
+    ]
 
 
 def _not_measured(reasons: list[str]) -> list[str]:

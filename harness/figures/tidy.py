@@ -20,7 +20,7 @@ COLUMNS = (
     "device device_name width height preset status reason "
     "build_ms trace_ms light_build_ms shadow_ms total_ms "
     "build_iqr_ms trace_iqr_ms light_build_iqr_ms shadow_iqr_ms iqr_ms between_ms stage_gap "
-    "frames samples primary_mrays_per_s shadow_mrays_per_s frame_mrays_per_s "
+    "frames frames_left_out samples primary_mrays_per_s shadow_mrays_per_s frame_mrays_per_s "
     "memory_bytes peak_rss_bytes true_errors pixels_scored excused_share check reference_errors known_inexact unscored "
     "regrown compile_s first_frame_s environment key"
 ).split()
@@ -54,6 +54,8 @@ def row(record: dict[str, Any]) -> dict[str, Any]:
         "built": style.settings_text(record["method"].get("built")),
     }
     frames = [frame for frame in record["frames"] if frame["total_ms"]]
+    result["frame_numbers"] = tuple(frame["frame"] for frame in frames)
+    result["frames_left_out"] = len(record.get("frames_left_out") or ())
     for part in PARTS:
         name = f"{part.replace(' ', '_')}_iqr_ms"
         result[name] = float(np.mean([_part_iqr(frame, part) for frame in frames])) if frames else None
