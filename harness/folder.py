@@ -88,8 +88,9 @@ class ResultsFolder:
             return Journal(self.path / "journal" / f"{key}.jsonl")
 
     def record(self, key: str) -> dict[str, Any] | None:
-        """The finished record of a point, or None."""
-        return _read_json(self.path / "records" / f"{key}.json")
+        """The finished record of a point; None where there is none, or a file that is no whole record."""
+        found = _read_json(self.path / "records" / f"{key}.json")
+        return found if found is not None and found.get("key") == key and "status" in found else None
 
     def keep_record(self, record: dict[str, Any], journal: Journal) -> None:
         """Write a record; its journal, and answers that nobody graded, have then done their work."""
@@ -124,6 +125,7 @@ def _scene_id(load: dict[str, Any]) -> str:
 
 def _read_json(path: Path) -> dict[str, Any] | None:
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
+    return found if isinstance(found, dict) else None
