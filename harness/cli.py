@@ -54,7 +54,13 @@ def command(name: str, example: str) -> Callable[[Callable[..., int | None]], Ca
         def checked(*args: Any, debug: bool = False, **kwargs: Any) -> None:
             if debug:
                 os.environ[DEBUG] = "1"
-            raise typer.Exit(work(*args, **kwargs) or 0)
+            try:
+                code = work(*args, **kwargs)
+            except KeyboardInterrupt:  # caught here: typer would end without a word
+                way_on = "; the same command goes on where this one stopped" if name == "run" else ""
+                print(f"shadowbench: interrupted{way_on}", file=sys.stderr)
+                raise SystemExit(INTERRUPTED) from None
+            raise typer.Exit(code or 0)
 
         # Typer reads the signature: every command has --debug as its last option.
         signature = inspect.signature(work, eval_str=True)
@@ -236,7 +242,7 @@ def main() -> None:
         print(f"shadowbench: {error}", file=sys.stderr)
         raise SystemExit(2) from None
     except KeyboardInterrupt:
-        print("shadowbench: interrupted; the same command goes on where this one stopped", file=sys.stderr)
+        print("shadowbench: interrupted", file=sys.stderr)
         raise SystemExit(INTERRUPTED) from None
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)

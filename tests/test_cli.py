@@ -95,16 +95,17 @@ def test_debug_shows_where_it_came_from(monkeypatch):
         cli.main()
 
 
-def test_interrupting_is_quiet(monkeypatch, capsys):
+def test_interrupting_says_how_to_go_on(call, monkeypatch, scene, tmp_path):
+    """Through the whole command line: typer swallows the interruption of a command."""
+
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(cli, "app", interrupted)
-    monkeypatch.setattr(sys, "argv", ["shadowbench", "list", "methods"])
-    with pytest.raises(SystemExit) as stopped:
-        cli.main()
-    assert stopped.value.code == cli.INTERRUPTED
-    assert "the same command goes on" in capsys.readouterr().err
+    monkeypatch.setattr("shadowbench.harness.commands.run.Run.go", interrupted)
+    code, out, err = call("run", "table1", "--scene", scene, "--method", "bvh", "--out", tmp_path / "out")
+    assert code == cli.INTERRUPTED
+    assert out == ""
+    assert err == "shadowbench: interrupted; the same command goes on where this one stopped\n"
 
 
 @pytest.mark.parametrize("kind", ["methods", "scenes", "experiments"])
