@@ -88,7 +88,7 @@ def test_a_record_holds_every_sample(troubled):
         ("light 0: shadow rays", "shadow", 4),
     ]
     assert frame["counters"] == {"frames": 1}
-    assert frame["unscored"] == "not asked for"
+    assert frame["unscored"].startswith("not asked for")
     assert records["steady"]["stopped_by"] == "samples"
     assert {r["place"] for r in records["steady"]["rounds"]} <= set(range(11))
 
