@@ -8,7 +8,7 @@ import warp as wp
 
 from ...harness.frame import Frame
 from ...harness.passes import Pass
-from . import camera_stream, light_bins, light_stream
+from . import camera_queue, camera_stream, light_bins, light_queue, light_stream
 from .parameters import Build
 from .queue import COUNTERS, needs_kernel
 
@@ -89,7 +89,7 @@ class CameraStream:
     def launch_strips(self) -> None:
         f, q = self.frame, self.queues
         wp.launch(
-            camera_stream.strip_kernel,
+            camera_queue.strip_kernel,
             dim=q.threads,
             inputs=[
                 q.threads,
@@ -113,7 +113,7 @@ class CameraStream:
     def launch_items(self) -> None:
         f, q = self.frame, self.queues
         wp.launch(
-            camera_stream.item_kernel,
+            camera_queue.item_kernel,
             dim=q.threads,
             inputs=[
                 q.threads, f.width, f.eye, f.column, f.row, f.points, f.triangles, f.weld, q.records, q.depths,
@@ -290,7 +290,7 @@ class LightStream:
     def launch_strips(self) -> None:
         f, q = self.frame, self.queues
         wp.launch(
-            light_stream.strip_kernel,
+            light_queue.strip_kernel,
             dim=q.threads,
             inputs=[*self._seen(), q.strips],
             outputs=[q.counts, q.blocks],
@@ -301,7 +301,7 @@ class LightStream:
     def launch_blocks(self) -> None:
         f, b, q = self.frame, self.bins, self.queues
         wp.launch(
-            light_stream.block_kernel,
+            light_queue.block_kernel,
             dim=q.threads,
             inputs=[*self._seen(), b.offset, q.blocks],
             outputs=[q.counts, q.items],
@@ -312,7 +312,7 @@ class LightStream:
     def launch_items(self) -> None:
         f, b, q = self.frame, self.bins, self.queues
         wp.launch(
-            light_stream.item_kernel,
+            light_queue.item_kernel,
             dim=q.threads,
             inputs=[q.threads, self.index, q.records, q.counts, q.items, b.rays, b.pixels],
             outputs=[f.answers.visibility, q.doubts],
@@ -323,7 +323,7 @@ class LightStream:
     def launch_doubts(self) -> None:
         f, q = self.frame, self.queues
         wp.launch(
-            light_stream.doubt_kernel,
+            light_queue.doubt_kernel,
             dim=q.threads,
             inputs=[
                 q.threads, self.index, f.width, f.lights, f.eye, f.points, f.triangles, f.weld, self.hit, q.counts,
