@@ -41,7 +41,7 @@ EXPERIMENT = Experiment(
             most=5,
             stage_samples=1,
             rounds=2,
-            budget_s=25.0,
+            budget_s=40.0,
             timeout_s=180.0,
         ),
         "paper": Preset(
