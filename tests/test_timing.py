@@ -1,6 +1,8 @@
 """Samples of a frame: how many, why no more, that passes add up, and what is counted beside them."""
 
 import gc
+import subprocess
+import sys
 import time
 from dataclasses import dataclass
 from typing import ClassVar
@@ -208,13 +210,19 @@ def test_memory_counts_what_was_held_at_once():
     assert third.size < fourth.size
 
 
-def test_peak_of_the_process_counts_from_a_reset():
-    timing.reset_peak_resident()
-    before = timing.peak_resident_bytes()
-    block = np.ones(8 << 20)
-    after = timing.peak_resident_bytes()
-    assert after - before > 30 << 20
-    assert block.nbytes == 64 << 20
+def test_peak_of_the_process_grows_with_what_it_holds():
+    """In a process of its own: not every system lets the peak of a process that once was larger be reset."""
+    code = (
+        "import numpy as np\n"
+        "from shadowbench.harness import timing\n"
+        "timing.reset_peak_resident()\n"
+        "before = timing.peak_resident_bytes()\n"
+        "block = np.ones(8 << 20)\n"
+        "print(timing.peak_resident_bytes() - before, block.nbytes)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    growth, held = map(int, done.stdout.split())
+    assert held // 2 < growth < 2 * held
 
 
 def test_clock_state_of_a_cpu_has_no_gpu():
