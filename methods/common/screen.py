@@ -40,6 +40,12 @@ def out_of_view(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, tx: wp.float32, ty: wp.fl
 
 
 @wp.func
+def longest(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> wp.float32:
+    """The longest edge, by its largest coordinate."""
+    return wp.max(largest(b - a), wp.max(largest(c - b), largest(a - c)))
+
+
+@wp.func
 def screen_scale(tx: wp.float32, ty: wp.float32, width: wp.int32, height: wp.int32) -> wp.vec4f:
     """(pixels per sx, pixels per sy, column of sx = 0, row of sy = 0); pixel centres are at whole numbers."""
     w = wp.float32(width)
@@ -54,7 +60,8 @@ def pixel_box(
     """First and last column and row of the pixel centres that may see the triangle; empty if last < first.
 
     A vertex behind the eye, or so near the eye's plane that its projection is not known, leaves the full image.
-    The pad covers four roundings of a camera-space coordinate and of the projection.
+    The pad covers four roundings of a camera-space coordinate and of the projection, and the 2^-30 of its size that
+    a closed triangle reaches beyond itself.
     """
     if not (a[2] > 1.0e-4 * largest(a) and b[2] > 1.0e-4 * largest(b) and c[2] > 1.0e-4 * largest(c)):
         return wp.vec4i(0, 0, width - 1, height - 1)
@@ -67,8 +74,9 @@ def pixel_box(
     ay = s[3] - s[1] * (a[1] / a[2])
     by = s[3] - s[1] * (b[1] / b[2])
     cy = s[3] - s[1] * (c[1] / c[2])
-    pad_x = 0.01 + 4.0e-6 * (1.0 + tx) * s[0] + 1.0e-6 * w
-    pad_y = 0.01 + 4.0e-6 * (1.0 + ty) * s[1] + 1.0e-6 * h
+    beyond = 8.0e-9 * longest(a, b, c) / wp.min(a[2], wp.min(b[2], c[2]))
+    pad_x = 0.01 + (4.0e-6 + beyond) * (1.0 + tx) * s[0] + 1.0e-6 * w
+    pad_y = 0.01 + (4.0e-6 + beyond) * (1.0 + ty) * s[1] + 1.0e-6 * h
     return wp.vec4i(
         wp.int32(wp.ceil(wp.clamp(wp.min(ax, wp.min(bx, cx)) - pad_x, 0.0, w))),
         wp.int32(wp.ceil(wp.clamp(wp.min(ay, wp.min(by, cy)) - pad_y, 0.0, h))),

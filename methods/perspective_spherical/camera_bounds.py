@@ -7,32 +7,11 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..common.triangle import U32, largest, weld_of
+from ..common.screen import camera_space, out_of_view, pixel_box
+from ..common.triangle import largest, weld_of
 from .binning import INLINE_TILES, queue_rows
 from .culling import faces_away
 from .ray_tests import plane_record, vertex_record
-
-
-@wp.func
-def camera_space(p: wp.vec3f, eye: wp.vec3f, axes: wp.array(dtype=wp.vec3f)) -> wp.vec3f:
-    v = p - eye
-    return wp.vec3f(wp.dot(axes[0], v), wp.dot(axes[1], v), wp.dot(axes[2], v))
-
-
-@wp.func
-def beside(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, plane: wp.vec3f) -> wp.bool:
-    """Whether the whole triangle lies certainly outside a plane through the eye."""
-    slack = 32.0 * U32 * (wp.abs(plane[0]) + wp.abs(plane[1]) + wp.abs(plane[2]))
-    return (
-        wp.dot(plane, a) > slack * largest(a)
-        and wp.dot(plane, b) > slack * largest(b)
-        and wp.dot(plane, c) > slack * largest(c)
-    )
-
-
-@wp.func
-def longest(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> wp.float32:
-    return wp.max(largest(b - a), wp.max(largest(c - b), largest(a - c)))
 
 
 @wp.func
@@ -81,43 +60,14 @@ def project_kernel(
     a = widened(a, middle, widening)
     b = widened(b, middle, widening)
     c = widened(c, middle, widening)
-    tx = tangents[0]
-    ty = tangents[1]
-    if beside(a, b, c, wp.vec3f(1.0, 0.0, -tx)) or beside(a, b, c, wp.vec3f(-1.0, 0.0, -tx)):
+    if out_of_view(a, b, c, tangents[0], tangents[1]):
         return
-    if beside(a, b, c, wp.vec3f(0.0, 1.0, -ty)) or beside(a, b, c, wp.vec3f(0.0, -1.0, -ty)):
-        return
-    if beside(a, b, c, wp.vec3f(0.0, 0.0, -1.0)):
-        return
-    x0 = wp.int32(0)
-    y0 = wp.int32(0)
-    x1 = width - 1
-    y1 = height - 1
-    # A vertex behind the eye, or so near its plane that its projection is not known, leaves the box at full screen.
-    if a[2] > 1.0e-4 * largest(a) and b[2] > 1.0e-4 * largest(b) and c[2] > 1.0e-4 * largest(c):
-        kx = 0.5 * wp.float32(width) / tx
-        ky = 0.5 * wp.float32(height) / ty
-        mx = 0.5 * wp.float32(width) - 0.5
-        my = 0.5 * wp.float32(height) - 0.5
-        ax = mx + kx * (a[0] / a[2])
-        bx = mx + kx * (b[0] / b[2])
-        cx = mx + kx * (c[0] / c[2])
-        ay = my - ky * (a[1] / a[2])
-        by = my - ky * (b[1] / b[2])
-        cy = my - ky * (c[1] / c[2])
-        # Rounding, and the 2^-30 of its size that a closed triangle reaches beyond itself.
-        beyond = 8.0e-9 * longest(a, b, c) / wp.min(a[2], wp.min(b[2], c[2]))
-        pad_x = 0.01 + (4.0e-6 + beyond) * (1.0 + tx) * kx + 1.0e-6 * wp.float32(width)
-        pad_y = 0.01 + (4.0e-6 + beyond) * (1.0 + ty) * ky + 1.0e-6 * wp.float32(height)
-        x0 = wp.int32(wp.ceil(wp.clamp(wp.min(ax, wp.min(bx, cx)) - pad_x, 0.0, wp.float32(width))))
-        x1 = wp.int32(wp.floor(wp.clamp(wp.max(ax, wp.max(bx, cx)) + pad_x, -1.0, wp.float32(width - 1))))
-        y0 = wp.int32(wp.ceil(wp.clamp(wp.min(ay, wp.min(by, cy)) - pad_y, 0.0, wp.float32(height))))
-        y1 = wp.int32(wp.floor(wp.clamp(wp.max(ay, wp.max(by, cy)) + pad_y, -1.0, wp.float32(height - 1))))
-    if x1 < x0 or y1 < y0:
+    seen = pixel_box(a, b, c, tangents[0], tangents[1], width, height)
+    if seen[2] < seen[0] or seen[3] < seen[1]:
         return
     if faces_away(outward, o, points[face[0]], points[face[1]], points[face[2]]):
         return
-    box = wp.vec4i(x0 // tile, y0 // tile, x1 // tile, y1 // tile)
+    box = wp.vec4i(seen[0] // tile, seen[1] // tile, seen[2] // tile, seen[3] // tile)
     boxes[i] = box
     reach = wp.max(largest(a), wp.max(largest(b), largest(c)))
     low = wp.max(0.0, wp.min(a[2], wp.min(b[2], c[2])) - 1.0e-6 * reach)

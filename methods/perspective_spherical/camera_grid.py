@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import warp as wp
 
+from ..common.screen import camera_space
 from ..common.triangle import FLOOR32, U32, largest
 from .binning import INLINE_TILES
-from .camera_bounds import camera_space, widened
+from .camera_bounds import widened
 
 
 @wp.struct

@@ -165,7 +165,6 @@ def item_kernel(
 def doubt_kernel(
     threads: wp.int32,
     index: wp.int32,
-    width: wp.int32,
     lights: wp.array(dtype=wp.vec3f),
     eye: wp.array(dtype=wp.vec3f),
     points: wp.array(dtype=wp.vec3f),

@@ -326,7 +326,7 @@ class LightStream:
             light_queue.doubt_kernel,
             dim=q.threads,
             inputs=[
-                q.threads, self.index, f.width, f.lights, f.eye, f.points, f.triangles, f.weld, self.hit, q.counts,
+                q.threads, self.index, f.lights, f.eye, f.points, f.triangles, f.weld, self.hit, q.counts,
                 q.doubts,
             ],
             outputs=[f.answers.visibility],
