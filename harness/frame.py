@@ -13,6 +13,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from .moment import Moment, Prepared
+from .scene import Effects
 from .spot import SPOT
 
 MISS = -1
@@ -56,11 +57,22 @@ class Frame:
     weld      int32 [vertex_count]      valid     uint8 [triangle_count]
     eye       vec3f [1]                 axes      vec3f [3]: right, up, forward
     tangents  float32 [2]               column    vec3f [width], row vec3f [height]
+    reach     float32 [1]: bounds every coordinate of scene and eye
     lights    vec3f [light_count]       spots  float64 [light_count, 12]: see :mod:`.spot`
+    receivers uint8 [light_count, pixels]: 1 = has a shadow ray (:mod:`.receivers`); empty unless a light is masked
     points_needed, ...: a method's own arrays are its own
     """
 
-    def __init__(self, prepared: Prepared, width: int, height: int, light_count: int, device: str):
+    def __init__(
+        self,
+        prepared: Prepared,
+        width: int,
+        height: int,
+        light_count: int,
+        device: str,
+        effects: Effects | None = None,
+    ):
+        masked = effects is not None and any(effects.masked(i) for i in range(light_count))
         self.prepared = prepared
         self.device = device
         self.width, self.height = width, height
@@ -76,11 +88,13 @@ class Frame:
             self.valid = wp.zeros(max(1, self.triangle_count), dtype=wp.uint8)
             self.eye = wp.zeros(1, dtype=wp.vec3f)
             self.axes = wp.zeros(3, dtype=wp.vec3f)
+            self.reach = wp.zeros(1, dtype=wp.float32)
             self.tangents = wp.zeros(2, dtype=wp.float32)
             self.column = wp.zeros(width, dtype=wp.vec3f)
             self.row = wp.zeros(height, dtype=wp.vec3f)
             self.lights = wp.zeros(max(1, light_count), dtype=wp.vec3f)
             self.spots = wp.zeros((max(1, light_count), SPOT), dtype=wp.float64)
+            self.receivers = wp.zeros((light_count, self.pixels) if masked else (0, 0), dtype=wp.uint8)
             self.answers = Answers(
                 wp.zeros(self.pixels, dtype=wp.int32),
                 wp.zeros(self.pixels, dtype=wp.float32),
@@ -103,6 +117,7 @@ class Frame:
             self.valid.assign(moment.valid)
         self.eye.assign(moment.eye.reshape(1, 3))
         self.axes.assign(moment.axes)
+        self.reach.assign(moment.reach)
         self.tangents.assign(moment.tangents)
         self.column.assign(moment.column)
         self.row.assign(moment.row)

@@ -8,6 +8,7 @@ discards the frame, calls :meth:`Method.grow`, plans again, and records ``regrow
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
@@ -67,8 +68,10 @@ class BaseMethod:
     title: ClassVar[str] = ""
     capturable: bool = True
     devices: ClassVar[tuple[str, ...]] = ("cpu", "cuda")
-    spots: ClassVar[bool] = False
-    """Whether it keeps to :func:`~.spot.receivers`."""
+    simulates: ClassVar[frozenset[str]] = frozenset({"shadows", "directional"})
+    """The effects (:meth:`~.scene.Effects.names`) that it takes part in; what it leaves out it says with a reason."""
+    cannot: ClassVar[Mapping[str, str]] = {}
+    """Reasons for effects that it cannot simulate, shown as they stand."""
     Build: ClassVar[type] = NoParameters
     Trace: ClassVar[type] = NoParameters
 
@@ -79,8 +82,9 @@ class BaseMethod:
     def applies(self, scene: Scene, device: str) -> str | None:
         if device.split(":")[0] not in self.devices:
             return f"runs on {' and '.join(self.devices)} only"
-        if not self.spots and any(light.spot is not None for light in scene.lights):
-            return "spotlights are not supported"
+        for effect in Effects.of(scene).names():
+            if effect not in self.simulates:
+                return f"{effect}: {self.cannot.get(effect, 'not supported')}"
         return None
 
     def needs(self) -> wp.array | None:

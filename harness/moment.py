@@ -18,6 +18,9 @@ from .scene import Camera, Geometry, Light, Scene
 
 F32 = NDArray[np.float32]
 
+INFINITELY_FAR = 2.0**56
+"""Scene radii to a directional light: beyond what 53 bits can add to a coordinate of the scene."""
+
 
 @dataclass(frozen=True, eq=False)
 class Moment:
@@ -32,6 +35,9 @@ class Moment:
              addition a component; its forward part is 1 up to rounding, so t is the depth along forward
     lights   float32 [light_count, 3]
     spots    float64 [light_count, 12]: what each light is limited to (:mod:`.spot`); no row: not limited
+    reach    float32 [1]: a power of two that no coordinate of scene and eye exceeds: what roundings grow with. It
+             stays what it is while the camera moves about the scene, so that a structure need not know the eye
+    facing   whether only hit points that face a light have a shadow ray to it
     """
 
     index: int
@@ -44,6 +50,8 @@ class Moment:
     row: F32
     lights: F32
     spots: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 12)))
+    facing: bool = False
+    reach: F32 = field(default_factory=lambda: np.ones(1, dtype=np.float32))
 
     @property
     def width(self) -> int:
@@ -117,9 +125,7 @@ class Prepared:
         if lights is None:
             lights = self.lights(frame)
         eye, axes, tangents, column, row = ray_tables(chosen, width, height, self.centre)
-        positions = (
-            np.array([light.position for light in lights], dtype=np.float64).reshape(-1, 3) - self.centre
-        )
+        positions = np.array([self.light_point(light) for light in lights]).reshape(-1, 3)
         return Moment(
             frame,
             points,
@@ -131,7 +137,27 @@ class Prepared:
             row,
             np.ascontiguousarray(positions.astype(np.float32)),
             spot_rows(lights),
+            self.scene.facing,
+            reach_of(eye, self.radius + float(np.abs(self.middle).max())),
         )
+
+    def light_point(self, light: Light) -> NDArray[np.float64]:
+        """Where a light stands, recentred, float64 [3].
+
+        A directional light stands :data:`INFINITELY_FAR` scene radii (rounded up to a power of two) along its way:
+        there ``p - light`` rounds to ``-light`` in float64 for every point p of the scene, so that whatever is
+        computed from differences is what it is in the limit, and exact arithmetic differs from the limit by less
+        than float64 can tell.
+        """
+        position = np.asarray(light.position, dtype=np.float64)
+        if not light.directional:
+            return position - self.centre
+        size = np.abs(position).max(initial=0.0)
+        if not 0.0 < size < np.inf:
+            raise UserError(f"directional light: its way {light.position} must be finite and not zero")
+        way = position / size
+        reach = 2.0 ** np.ceil(np.log2(self.radius))
+        return way / np.linalg.norm(way) * (INFINITELY_FAR * reach)
 
     def lights(self, frame: int) -> tuple[Light, ...]:
         """The scene's lights at a frame, moved along its light path."""
@@ -146,6 +172,12 @@ class Prepared:
         digest = hashlib.sha256(np.ascontiguousarray(self.points(frame)[0]).tobytes())
         digest.update(self.faces.tobytes())
         return digest.hexdigest()
+
+
+def reach_of(eye: F32, extent: float) -> F32:
+    """Float32 [1]: the least power of two from eight times ``extent`` upwards that bounds the eye's coordinates."""
+    most = max(8.0 * extent, float(np.abs(eye).max()))
+    return np.array([2.0 ** np.ceil(np.log2(min(most, 2.0**126)))], dtype=np.float32)
 
 
 def check_faces(faces: NDArray[np.int32], vertex_count: int, name: str) -> None:

@@ -64,6 +64,7 @@ def save_raw(
         "scene": scene_argument,
         "frame": moment.index,
         "shadows": list((effects or Effects.of(prepared.scene)).shadows),
+        "facing": moment.facing,
         "hashes": hashes,
         "extra": extra or {},
     }
@@ -116,7 +117,9 @@ def read_raw(
     if facts["frame"] >= prepared.frame_count:
         raise UserError(f"{path}: frame {facts['frame']}, but {facts['scene']} has {prepared.frame_count}")
     points, valid = prepared.points(facts["frame"])
-    moment = Moment(index=facts["frame"], points=points, valid=valid, **tables)
+    moment = Moment(
+        index=facts["frame"], points=points, valid=valid, facing=bool(facts.get("facing")), **tables
+    )
     pixels = moment.width * moment.height
     if any(answers[name].shape[-1] != pixels for name in ARRAYS):
         raise UserError(f"{path}: answers of another size than its {moment.width}x{moment.height} rays")

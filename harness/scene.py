@@ -12,6 +12,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from .specialise import Switches
+
 Vector = tuple[float, float, float]
 
 
@@ -47,9 +49,13 @@ class Spot:
 
 @dataclass(frozen=True)
 class Light:
-    """A point light. ``shadows``: whether it asks for shadow rays. ``color`` and ``intensity`` are for pictures only.
+    """A point light, or a directional one.
 
-    ``spot``: what it is limited to; None shines everywhere.
+    position     where it stands; of a directional light the way from the scene to it, any length
+    shadows      whether it asks for shadow rays: without, no structure is built and no ray is sorted for it
+    color, intensity  for pictures only
+    spot         what it is limited to; None shines everywhere
+    directional  the limit of a light infinitely far away: all its rays are parallel (:func:`.moment.light_point`)
     """
 
     position: Vector
@@ -57,10 +63,41 @@ class Light:
     color: Vector = (1.0, 1.0, 1.0)
     intensity: float = 1.0
     spot: Spot | None = None
+    directional: bool = False
+
+    def __post_init__(self) -> None:
+        if self.directional and self.spot is not None:
+            raise ValueError("a directional light cannot be a spot: it stands nowhere")
 
     def moved(self, position: Vector) -> Light:
         """The same light elsewhere."""
         return replace(self, position=position)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """How a mesh moves: ``kind`` is "rigid" or "deforming"; ``vertices`` first and end of what moves, None: all."""
+
+    kind: str
+    vertices: tuple[int, int] | None = None
+
+    def __post_init__(self) -> None:
+        if self.kind not in ("rigid", "deforming"):
+            raise ValueError(f"motion {self.kind!r}: it is rigid or deforming")
+
+
+@dataclass(frozen=True, eq=False)
+class AlphaMask:
+    """Triangles with holes: a hit counts only where the bitmap is opaque (:mod:`.alpha`).
+
+    triangles    uint8 [triangle_count]: 1 = masked, 0 = opaque everywhere
+    coordinates  float32 [triangle_count, 3, 2]: texture coordinates of the corners; the bitmap repeats
+    opaque       uint8 [rows, columns]: 1 = opaque, row 0 at coordinate v = 0
+    """
+
+    triangles: NDArray[np.uint8]
+    coordinates: NDArray[np.float32]
+    opaque: NDArray[np.uint8]
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,11 +107,13 @@ class Geometry:
     ``faces``: int32, shape [triangle_count, 3], indices in range (checked by :func:`validate`).
     ``positions(k)``: float64 or float32, shape [vertex_count, 3], for frame k in 0..frame_count-1. May hold
     NaN or infinite coordinates: such triangles are never hit and keep their index.
+    ``motion``: how it moves, for people and plans; None is all of it, deforming, where there are several frames.
     """
 
     faces: NDArray[np.int32]
     positions: Callable[[int], NDArray[np.floating]]
     frame_count: int = 1
+    motion: Motion | None = None
 
     @staticmethod
     def static(vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> Geometry:
@@ -106,6 +145,12 @@ class Scene:
     stand_in   None for the real thing; otherwise one line saying what it stands in for
     closed     True only if the surface is closed and consistently oriented (culling is legal then)
     light_path a path of :mod:`.lights` that moves ``lights`` over the animation, or None for fixed lights
+    camera_moves  whether the camera is to be taken as moving (what a frame may keep depends on it)
+    facing     only hit points that face a light, as the eye sees them, have a shadow ray (:mod:`.spot`)
+    alpha      makes the alpha mask of the geometry, or None: every triangle is opaque
+    mirror     makes the mirrors of the geometry, uint8 [triangle_count], or None: nothing reflects
+    bounces    how often a mirror's rays go on; 0: mirrors are seen as plain surfaces
+    outputs    what is wanted of a frame, of :data:`OUTPUTS`
     """
 
     name: str
@@ -118,21 +163,84 @@ class Scene:
     light_path: object | None = None
     source: Source = field(default_factory=Source)
     notes: str = ""
+    camera_moves: bool = False
+    facing: bool = False
+    alpha: Callable[[Geometry], AlphaMask] | None = None
+    mirror: Callable[[Geometry], NDArray[np.uint8]] | None = None
+    bounces: int = 0
+    outputs: tuple[str, ...] = ("depth", "ids", "shadows")
+
+
+OUTPUTS = ("depth", "ids", "shadows", "color", "counters")
+"""What can be wanted of a frame: t and weights; triangles; shadow bits; shaded colour; counters of the work."""
 
 
 @dataclass(frozen=True)
 class Effects:
     """What a frame must simulate, derived from a scene: nothing else is run.
 
-    shadows   one flag a light: does it ask for shadow rays
+    shadows      one flag a light: does it ask for shadow rays
+    limited      one flag a light: is it a spot; () is none
+    directional  one flag a light: is it directional; () is none
+    facing       whether only hit points that face a light have a shadow ray
+    alpha        whether triangles have holes
+    bounces      how often mirrored rays go on
+    color        whether the frame is shaded
     """
 
     shadows: tuple[bool, ...]
+    limited: tuple[bool, ...] = ()
+    directional: tuple[bool, ...] = ()
+    facing: bool = False
+    alpha: bool = False
+    bounces: int = 0
+    color: bool = False
 
     @staticmethod
     def of(scene: Scene) -> Effects:
-        """The effects that ``scene`` calls for."""
-        return Effects(shadows=tuple(light.shadows for light in scene.lights))
+        """The effects that ``scene`` calls for. Without shadow bits or colour among its outputs no light does."""
+        unknown = [name for name in scene.outputs if name not in OUTPUTS]
+        if unknown:
+            raise ValueError(f"{scene.name}: output {unknown[0]!r} is not one of {', '.join(OUTPUTS)}")
+        lit = "shadows" in scene.outputs or "color" in scene.outputs
+        return Effects(
+            shadows=tuple(lit and light.shadows for light in scene.lights),
+            limited=tuple(light.spot is not None for light in scene.lights),
+            directional=tuple(light.directional for light in scene.lights),
+            facing=scene.facing,
+            alpha=scene.alpha is not None,
+            bounces=scene.bounces if scene.mirror is not None else 0,
+            color="color" in scene.outputs,
+        )
+
+    def masked(self, light: int) -> bool:
+        """Whether only some hit points have a shadow ray to ``light``: a mask of receivers is made for it."""
+        spot = light < len(self.limited) and self.limited[light]
+        return light < len(self.shadows) and self.shadows[light] and (self.facing or spot)
+
+    def mask_reads(self, light: int) -> tuple[str, ...]:
+        """What a pass that traces shadow rays to ``light`` reads of receivers."""
+        return (f"receivers/{light}",) if self.masked(light) else ()
+
+    def switches(self, light: int | None = None) -> Switches:
+        """What kernels are compiled for: those of primary rays, or those of shadow rays to ``light``."""
+        return Switches(masked=light is not None and self.masked(light), alpha=self.alpha)
+
+    def is_directional(self, light: int) -> bool:
+        """Whether ``light`` is directional."""
+        return light < len(self.directional) and self.directional[light]
+
+    def names(self) -> tuple[str, ...]:
+        """The effects called for, as :attr:`.method.BaseMethod.simulates` names them."""
+        lights = range(len(self.shadows))
+        called = {
+            "shadows": any(self.shadows),
+            "receivers": any(self.masked(i) for i in lights),
+            "directional": any(self.shadows[i] and self.is_directional(i) for i in lights),
+            "alpha": self.alpha,
+            "mirror": self.bounces > 0,
+        }
+        return tuple(name for name, wanted in called.items() if wanted)
 
 
 @dataclass(frozen=True)

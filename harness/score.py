@@ -21,7 +21,7 @@ from .moment import Moment, Prepared
 from .raw import save_raw, score_raw
 from .referee import Hits, Referee, Verdict
 from .scene import Effects
-from .spot import NO_SPOT, receivers
+from .spot import NO_SPOT, facing, receivers
 from .suspects import Suspects, agreement, disputed_bits, find_suspects
 from .truth import Reference, embree_installed, embree_reference, exact_reference
 
@@ -109,7 +109,7 @@ def score_answers(
     shadow bits; -1 for a disputed pixel left unjudged.
     """
     lights = len(moment.lights)
-    outside = outside_spots(prepared, moment, answers["triangle"])
+    outside = not_receivers(prepared, moment, answers["triangle"])
     if outside.any():
         reference = replace(reference, visibility=np.where(outside, 0, reference.visibility).astype(np.uint8))
     found = check_consistency(prepared, moment, answers)
@@ -171,21 +171,28 @@ def score_answers(
     }
 
 
-def outside_spots(prepared: Prepared, moment: Moment, triangle: NDArray[np.integer]) -> NDArray[np.bool_]:
-    """Which hits lie outside the spot of each light (:func:`.spot.receivers`), bool [lights, pixels].
+def not_receivers(prepared: Prepared, moment: Moment, triangle: NDArray[np.integer]) -> NDArray[np.bool_]:
+    """Which hits have no shadow ray to each light (:mod:`.spot`), bool [lights, pixels].
 
     ``triangle`` [pixels]: what each pixel hits; the points are float64, on the triangles' planes.
     """
     outside = np.zeros((len(moment.lights), len(triangle)), dtype=bool)
-    spots = [i for i, spot in enumerate(moment.spots) if spot[0] != NO_SPOT]
+    limited = [
+        i
+        for i in range(len(moment.lights))
+        if moment.facing or (i < len(moment.spots) and moment.spots[i, 0] != NO_SPOT)
+    ]
     hit = np.nonzero((triangle >= 0) & (triangle < len(prepared.faces)))[0]
-    if not spots or not len(hit):
+    if not limited or not len(hit):
         return outside
     eye, directions = moment.eye.astype(np.float64), moment.directions(hit).astype(np.float64)
     corners = moment.points[prepared.faces[triangle[hit]]].astype(np.float64)
     t = plane_numbers(corners, eye, directions)[0]
-    for i in spots:
-        outside[i, hit] = ~receivers(moment, eye + t[:, None] * directions, i)
+    for i in limited:
+        wanted = receivers(moment, eye + t[:, None] * directions, i)
+        if moment.facing:
+            wanted &= facing(moment, corners, i)
+        outside[i, hit] = ~wanted
     return outside
 
 
@@ -236,7 +243,7 @@ def _shadows(
 ) -> list[NDArray[np.int8]]:
     """For each light the class of every pixel's bit; -1 where it is not scored. int8 [pixels] each
 
-    Hit points ``outside`` a spot have no shadow ray: a bit there is a shadow where none can be.
+    Hit points ``outside`` (no receivers) have no shadow ray: a bit there is a shadow where none can be.
     """
     scored = np.isin(primary, (Verdict.OK, Verdict.TIE))
     result = []

@@ -5,6 +5,7 @@ Everything that runs a method goes through a session: timing, verification, rend
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,9 @@ from numpy.typing import NDArray
 from .frame import Frame
 from .method import Method
 from .moment import Moment, Prepared
+from .pass_graph import arranged, inputs_of, live, stale, wanted_of
 from .passes import Pass, run_passes
+from .receivers import receiver_passes
 from .scene import Effects, Limits
 
 GROWTH_LIMIT = 8
@@ -24,7 +27,9 @@ GROWTH_LIMIT = 8
 class Session:
     """A method planned on a frame of a prepared scene.
 
-    ``regrown`` counts how often a capacity was exceeded, the frame discarded and run again.
+    ``all_passes``: those that what is wanted needs; ``passes``: those that :meth:`run` and :meth:`graph` launch,
+    fewer after :meth:`select`. ``regrown`` counts how often a capacity was exceeded, the frame discarded and run
+    again.
     """
 
     def __init__(
@@ -44,20 +49,43 @@ class Session:
         self.effects = effects or Effects.of(scene)
         self.limits = limits or Limits()
         count = len(scene.lights) if light_count is None else light_count
-        self.frame = Frame(prepared, width, height, count, device)
+        self.frame = Frame(prepared, width, height, count, device, self.effects)
         self.regrown = 0
         self.passes: list[Pass] = []
-        self._graphs: dict[int, Any] = {}
+        self.all_passes: list[Pass] = []
+        self._graphs: dict[tuple[Pass, ...], Any] = {}
         self._plan()
 
     def _plan(self) -> None:
         with wp.ScopedDevice(self.device):
             self._graphs.clear()
-            self.passes = self.method.plan(self.frame, self.effects, self.limits)
+            planned = self.method.plan(self.frame, self.effects, self.limits)
+        added = receiver_passes(self.frame, self.effects)
+        self.all_passes = live(arranged(planned, added), wanted_of(self.effects))
+        self.passes = self.all_passes
 
     def load(self, moment: Moment) -> None:
-        """Copy the next moment in."""
+        """Copy the next moment in; all of it runs."""
         self.frame.load(moment)
+        self.passes = self.all_passes
+
+    def select(self, changed: Collection[str]) -> None:
+        """From now on run what must be run where only ``changed`` differs from the last frame (a whole one)."""
+        self.passes = stale(self.all_passes, changed)
+
+    def advance(self, moment: Moment) -> frozenset[str]:
+        """Make the next frame from the last, running only what its changes call for; returns the changed inputs.
+
+        Where a capacity no longer suffices the whole frame is run.
+        """
+        changed = changes(self.frame.host, moment)
+        self.frame.load(moment)
+        self.select(changed)
+        self.run()
+        self.passes = self.all_passes
+        if self._grow():
+            self.settle()
+        return changed
 
     def settle(self) -> None:
         """Run the frame until every capacity suffices; after this, replays of the same moment fit.
@@ -92,12 +120,12 @@ class Session:
 
     def graph(self, upto: int | None = None) -> Any:
         """The captured graph of the first ``upto`` passes (all by default); CUDA and capturable methods only."""
-        count = len(self.passes) if upto is None else upto
-        if count not in self._graphs:
+        chosen = tuple(self.passes[:upto])
+        if chosen not in self._graphs:
             with wp.ScopedDevice(self.device), wp.ScopedCapture() as capture:
-                run_passes(self.passes[:count])
-            self._graphs[count] = capture.graph
-        return self._graphs[count]
+                run_passes(list(chosen))
+            self._graphs[chosen] = capture.graph
+        return self._graphs[chosen]
 
     @property
     def replays(self) -> bool:
@@ -121,3 +149,25 @@ class Session:
         self.settle()
         wp.synchronize_device(self.device)
         return self.frame.answers.to_host()
+
+
+def changes(before: Moment | None, after: Moment) -> frozenset[str]:
+    """The inputs, named as passes name them, in which two moments of one scene differ; all where there is no first."""
+    if before is None:
+        return frozenset(inputs_of(len(after.lights)))
+    changed = set()
+    if not (
+        np.array_equal(before.points, after.points, equal_nan=True)
+        and np.array_equal(before.valid, after.valid)
+    ):
+        changed.add("points")
+    views = ((m.eye, m.axes, m.tangents, m.column, m.row) for m in (before, after))
+    if not all(np.array_equal(a, b) for a, b in zip(*views, strict=True)):
+        changed.add("camera")
+    if before.reach != after.reach:
+        changed.add("reach")
+    for i in range(len(after.lights)):
+        pairs = ((before.lights, after.lights), (before.spots, after.spots))
+        if not all(np.array_equal(a[i : i + 1], b[i : i + 1]) for a, b in pairs):
+            changed.add(f"light/{i}")
+    return frozenset(changed)

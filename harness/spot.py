@@ -1,4 +1,7 @@
-"""Spotlights: one rule, given alike to every method and to truth, for which hit points receive a light.
+"""Receivers: one rule, given alike to every method and to truth, for which hit points have a shadow ray to a light.
+
+Two things limit them: a light may be a spot, and a scene may ask for shadow rays only where the surface, as the eye
+sees it, faces the light (:func:`facing`; elsewhere it is dark with or without a shadow).
 
 A spot is twelve float64 numbers (:func:`spot_row`): kind (0 none, 1 cone, 2 rectangle); direction, right and up,
 unit length, right-handed; then the cosine of the cone's half-angle and 0, or the half-widths in azimuth and
@@ -16,6 +19,9 @@ from .scene import Light, Spot
 
 SPOT = 12
 """Numbers of a spot."""
+
+DOUBT = 2.0**-40
+"""Share of edge times edge times distance below which the sign of a plane's side is not taken as sure."""
 
 NO_SPOT, CONE, RECTANGLE = 0.0, 1.0, 2.0
 
@@ -69,6 +75,26 @@ def receivers(moment: Moment, points: NDArray[np.floating], light: int) -> NDArr
         return (f >= 0.0) | (f * f <= square)
     r, u = v @ row[4:7], v @ row[7:10]
     return (np.abs(np.arctan2(r, f)) <= row[10]) & (np.abs(np.arctan2(u, np.hypot(f, r))) <= row[11])
+
+
+def facing(
+    moment: Moment, corners: NDArray[np.floating], light: int, eye: NDArray[np.floating] | None = None
+) -> NDArray[np.bool_]:
+    """Which triangles [n, 3, 3] may face the light as the eye sees them: both on one side of the plane, or in doubt.
+
+    ``eye``: where they are seen from, default the moment's. Doubt is :data:`DOUBT` of the terms of the product: a
+    triangle seen edge on by the light keeps its shadow rays.
+    """
+    a, b, c = (corners[:, i].astype(np.float64) for i in range(3))
+    normal = np.cross(b - a, c - a)
+    seen = (moment.eye if eye is None else eye).astype(np.float64) - a
+    lit = moment.lights[light].astype(np.float64) - a
+    with np.errstate(invalid="ignore", over="ignore"):
+        side_e, side_l = np.einsum("ij,ij->i", normal, seen), np.einsum("ij,ij->i", normal, lit)
+        size = np.abs(b - a).max(axis=1) * np.abs(c - a).max(axis=1) * DOUBT
+        sure_e = np.abs(side_e) > size * np.abs(seen).max(axis=1)
+        sure_l = np.abs(side_l) > size * np.abs(lit).max(axis=1)
+        return ~(sure_e & sure_l & ((side_e > 0.0) != (side_l > 0.0)))
 
 
 def strength(spot: Spot | None, away: NDArray[np.floating]) -> NDArray[np.float64]:

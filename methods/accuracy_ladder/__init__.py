@@ -30,6 +30,9 @@ class AccuracyLadder(BaseMethod):
 
     name: ClassVar[str] = "accuracy_ladder"
     title: ClassVar[str] = "BVH with accuracy knobs"
+    cannot: ClassVar[dict[str, str]] = dict.fromkeys(
+        ("receivers", "alpha", "mirror"), "its knobs are for whole frames of opaque triangles"
+    )
     Build: ClassVar[type] = Build
     Trace: ClassVar[type] = Trace
 
@@ -57,7 +60,7 @@ class AccuracyLadder(BaseMethod):
             self._lowers, self._uppers, constructor=self._constructor, leaf_size=self.build.leaf_size
         )
         passes = [
-            Pass("boxes", "build", ("points", "triangles", "camera"), ("boxes",), self._boxes),
+            Pass("boxes", "build", ("points", "triangles", "reach"), ("boxes",), self._boxes),
             Pass("rebuild", "build", ("boxes",), ("bvh",), self._rebuild),
             Pass("primary rays", "trace", ("bvh", "camera"), ("hits",), self._primary),
         ]
@@ -86,7 +89,7 @@ class AccuracyLadder(BaseMethod):
             dim=frame.triangle_count,
             inputs=[
                 PADDED_UNITS if self.build.padding == "rounding" else 0.0, frame.points, frame.triangles,
-                frame.valid, self._box, frame.eye,
+                frame.valid, self._box, frame.reach,
             ],
             outputs=[self._lowers, self._uppers],
             device=frame.device,

@@ -33,7 +33,7 @@ def boxes_kernel(
     triangles: wp.array(dtype=wp.vec3i),
     valid: wp.array(dtype=wp.uint8),
     box: wp.array(dtype=wp.float32),
-    eye: wp.array(dtype=wp.vec3f),
+    bound: wp.array(dtype=wp.float32),
     lowers: wp.array(dtype=wp.vec3f),
     uppers: wp.array(dtype=wp.vec3f),
 ):
@@ -52,7 +52,7 @@ def boxes_kernel(
     a = points[face[0]]
     b = points[face[1]]
     c = points[face[2]]
-    reach = wp.max(wp.max(wp.abs(low), wp.abs(box_high(box))), wp.abs(eye[0]))
+    reach = wp.max(wp.max(wp.abs(low), wp.abs(box_high(box))), wp.vec3f(bound[0], bound[0], bound[0]))
     pad = (units * U32) * reach
     if units > 0.0:
         pad = pad + wp.vec3f(1.0e-37, 1.0e-37, 1.0e-37)

@@ -2,7 +2,7 @@
 
 Warp's slab test computes a distance with three roundings, so a ray that touches a box can be told that it does not.
 Boxes are therefore padded by what those roundings can amount to (Ize 2013, "Robust BVH Ray Traversal", does the
-same in the ray): with M the largest coordinate of scene and eye along an axis, no box is further than 2 M from a
+same in the ray): with M a bound on the coordinates of scene and eye, no box is further than 2 M from a
 ray's origin, the slab is wrong by at most 3 u 2 M, the rounded box by u M, a shadow origin by u M and its direction
 by u 2 M: 10 u M in all, and 16 u M are taken.
 """
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ...harness.frame import Frame
 from ...harness.passes import Pass
 from ...harness.scene import Effects
+from ...harness.specialise import effects, specialised
 from ..common.bounds import box_high, box_low, launch_bounds
 from ..common.pixels import pixel_of, thread_count
 from ..common.triangle import (
@@ -40,7 +41,7 @@ def boxes_kernel(
     triangles: wp.array(dtype=wp.vec3i),
     valid: wp.array(dtype=wp.uint8),
     box: wp.array(dtype=wp.float32),
-    eye: wp.array(dtype=wp.vec3f),
+    bound: wp.array(dtype=wp.float32),
     lowers: wp.array(dtype=wp.vec3f),
     uppers: wp.array(dtype=wp.vec3f),
 ):
@@ -59,7 +60,7 @@ def boxes_kernel(
     a = points[face[0]]
     b = points[face[1]]
     c = points[face[2]]
-    reach = wp.max(wp.max(wp.abs(low), wp.abs(box_high(box))), wp.abs(eye[0]))
+    reach = wp.max(wp.max(wp.abs(low), wp.abs(box_high(box))), wp.vec3f(bound[0], bound[0], bound[0]))
     pad = reach * (16.0 * U32) + wp.vec3f(1.0e-37, 1.0e-37, 1.0e-37)
     lowers[i] = wp.min(a, wp.min(b, c)) - pad
     uppers[i] = wp.max(a, wp.max(b, c)) + pad
@@ -130,6 +131,7 @@ def shadow_kernel(
     valid: wp.array(dtype=wp.uint8),
     triangle: wp.array(dtype=wp.int32),
     hit: wp.array(dtype=wp.vec3d),
+    receivers: wp.array2d(dtype=wp.uint8),
     visibility: wp.array2d(dtype=wp.uint8),
     tests: wp.array(dtype=wp.int32),
 ):
@@ -141,6 +143,10 @@ def shadow_kernel(
     if own < 0:
         visibility[light, pixel] = wp.uint8(0)
         return
+    if wp.static(effects.masked):
+        if receivers[light, pixel] == wp.uint8(0):
+            visibility[light, pixel] = wp.uint8(0)
+            return
     h = hit[pixel]
     start = to_float32(h)
     target = lights[light]
@@ -204,9 +210,10 @@ class ExactBvh:
         return primary.numpy(), shadow.numpy()
 
     def passes(self, effects: Effects) -> list[Pass]:
+        self.effects = effects
         self.lights = [i for i, wanted in enumerate(effects.shadows) if wanted]
         passes = [
-            Pass("boxes", "build", ("points", "triangles", "camera"), ("boxes",), self._boxes),
+            Pass("boxes", "build", ("points", "triangles", "reach"), ("boxes",), self._boxes),
             Pass("rebuild", "build", ("boxes",), ("bvh",), self._rebuild),
             Pass("primary rays", "trace", ("bvh", "camera"), ("hits",), self._primary),
         ]
@@ -215,7 +222,7 @@ class ExactBvh:
                 Pass(
                     f"light {i}: shadow rays",
                     "shadow",
-                    ("bvh", "hits", "camera", f"light/{i}"),
+                    ("bvh", "hits", "camera", f"light/{i}", *effects.mask_reads(i)),
                     (f"visibility/{i}",),
                     lambda i=i: self._shadow(i),  # type: ignore[misc]
                     effect=f"shadows/{i}",
@@ -229,7 +236,7 @@ class ExactBvh:
         wp.launch(
             boxes_kernel,
             dim=frame.triangle_count,
-            inputs=[frame.points, frame.triangles, frame.valid, self.box, frame.eye],
+            inputs=[frame.points, frame.triangles, frame.valid, self.box, frame.reach],
             outputs=[self.lowers, self.uppers],
             device=frame.device,
         )
@@ -255,11 +262,11 @@ class ExactBvh:
         counted = self.uncounted if tests is None else tests
         frame = self.frame
         wp.launch(
-            shadow_kernel,
+            specialised(shadow_kernel, self.effects.switches(light)),
             dim=self.threads,
             inputs=[
                 self.bvh.id, frame.width, frame.height, self.swizzle, light, frame.eye, frame.lights, frame.points,
-                frame.triangles, frame.weld, frame.valid, frame.answers.triangle, self.hit,
+                frame.triangles, frame.weld, frame.valid, frame.answers.triangle, self.hit, frame.receivers,
             ],
             outputs=[frame.answers.visibility, counted],
             device=frame.device,

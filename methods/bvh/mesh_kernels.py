@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
+from ...harness.specialise import effects
 from ..common.offset import shadow_origin
 from ..common.pixels import pixel_of
 
@@ -88,11 +89,16 @@ def mesh_shadow_kernel(
     points: wp.array(dtype=wp.vec3f),
     triangles: wp.array(dtype=wp.vec3i),
     triangle: wp.array(dtype=wp.int32),
+    receivers: wp.array2d(dtype=wp.uint8),
     visibility: wp.array2d(dtype=wp.uint8),
 ):
     pixel = pixel_of(wp.tid(), width, height, blocks)
     if pixel < 0:
         return
+    if wp.static(effects.masked):
+        if receivers[light, pixel] == wp.uint8(0):
+            visibility[light, pixel] = wp.uint8(0)
+            return
     shadowed = wp.bool(False)
     best = triangle[pixel]
     if best >= 0:

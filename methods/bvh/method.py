@@ -14,6 +14,7 @@ from ...harness.frame import Frame
 from ...harness.method import BaseMethod
 from ...harness.passes import Pass
 from ...harness.scene import Effects, Limits
+from ...harness.specialise import specialised
 from ..common.misses import miss_passes, write_misses
 from ..common.offset import SHADOW_END
 from ..common.pixels import thread_count
@@ -72,6 +73,7 @@ class WarpBvh(BaseMethod):
 
     name = "bvh"
     title = "BVH (Warp)"
+    simulates = frozenset({"shadows", "receivers", "directional"})
     Build = Build
     Trace = Trace
 
@@ -90,7 +92,7 @@ class WarpBvh(BaseMethod):
         if self.build.update == "bvh_rebuild":
             self._exact = ExactBvh(frame, self._constructor, self.build.leaf_size or 1, self.trace.swizzle)
             return self._exact.passes(effects)
-        self._frame = frame
+        self._frame, self._effects = frame, effects
         self._threads = thread_count(frame.width, frame.height, self.trace.swizzle)
         self._indices = wp.zeros(3 * frame.triangle_count, dtype=wp.int32, device=frame.device)
         passes = []
@@ -107,7 +109,7 @@ class WarpBvh(BaseMethod):
                     Pass(
                         f"light {i}: shadow rays",
                         "shadow",
-                        ("mesh", "hits", "camera", f"light/{i}"),
+                        ("mesh", "hits", "camera", f"light/{i}", *effects.mask_reads(i)),
                         (f"visibility/{i}",),
                         lambda i=i: self._shadow(i),  # type: ignore[misc]
                         effect=f"shadows/{i}",
@@ -220,11 +222,12 @@ class WarpBvh(BaseMethod):
             frame.answers.visibility[light].zero_()
             return
         wp.launch(
-            mesh_shadow_kernel,
+            specialised(mesh_shadow_kernel, self._effects.switches(light)),
             dim=self._threads,
             inputs=[
                 self._mesh.id, frame.width, frame.height, self.trace.swizzle, light, SHADOW_END, frame.eye,
                 frame.column, frame.row, frame.lights, frame.points, frame.triangles, frame.answers.triangle,
+                frame.receivers,
             ],
             outputs=[frame.answers.visibility],
             device=frame.device,

@@ -69,6 +69,7 @@ class Embree(BaseMethod):
 
     name = "embree"
     title = "Embree"
+    simulates = frozenset({"shadows", "receivers", "directional"})
     capturable = False
     devices = ("cpu",)
     known_inexact = (
@@ -81,7 +82,7 @@ class Embree(BaseMethod):
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
         if frame.triangle_count == 0:
             return miss_passes(frame, effects)
-        self._frame = frame
+        self._frame, self._effects = frame, effects
         self._device = EmbreeDevice()
         self._scene: EmbreeScene | None = None
         self._faces = np.ascontiguousarray(frame.prepared.faces, dtype=np.int32)
@@ -102,7 +103,7 @@ class Embree(BaseMethod):
                     Pass(
                         f"light {i}: shadow rays",
                         "shadow",
-                        ("embree", "hits", "camera", f"light/{i}"),
+                        ("embree", "hits", "camera", f"light/{i}", *effects.mask_reads(i)),
                         (f"visibility/{i}",),
                         lambda i=i: self._shadow(i),  # type: ignore[misc]
                         effect=f"shadows/{i}",
@@ -180,10 +181,14 @@ class Embree(BaseMethod):
         origins, lit = self._origins.numpy(), frame.lights.numpy()[light]
         triangle: NDArray[np.int32] = frame.answers.triangle.numpy()
         visibility: NDArray[np.uint8] = frame.answers.visibility.numpy()[light]
+        receivers = frame.receivers.numpy()[light] if self._effects.masked(light) else None
 
         def work(block: slice) -> None:
             # embreex reads a negative distance as "occluded" and has no mask: only pixels with a hit are sent.
-            hit = np.nonzero(triangle[block] != MISS)[0]
+            wanted = triangle[block] != MISS
+            if receivers is not None:
+                wanted &= receivers[block] != 0
+            hit = np.nonzero(wanted)[0]
             shadowed = np.zeros(block.stop - block.start, dtype=np.uint8)
             if len(hit):
                 start = origins[block][hit]

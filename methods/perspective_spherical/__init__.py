@@ -33,7 +33,7 @@ class PerspectiveSpherical(BaseMethod):
 
     name: ClassVar[str] = "perspective_spherical"
     title: ClassVar[str] = "Perspective + spherical grids"
-    spots: ClassVar[bool] = True
+    simulates = frozenset({"shadows", "receivers", "directional"})
     Build: ClassVar[type] = Build
     Trace: ClassVar[type] = Trace
 
@@ -78,7 +78,16 @@ class PerspectiveSpherical(BaseMethod):
                 room, slot = self._room(1 + i, frame), SLOTS * (1 + i)
                 self.lights.append(
                     LightGrid(
-                        frame, i, self.camera, self.build, self.trace, light_outward, room, self._needs, slot
+                        frame,
+                        i,
+                        self.camera,
+                        self.build,
+                        self.trace,
+                        light_outward,
+                        room,
+                        self._needs,
+                        slot,
+                        effects,
                     )
                 )
         passes = self.camera.passes()

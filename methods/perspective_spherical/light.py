@@ -6,6 +6,8 @@ import warp as wp
 
 from ...harness.frame import Frame
 from ...harness.passes import Pass
+from ...harness.scene import Effects
+from ...harness.specialise import specialised
 from . import light_frame as rays
 from . import light_grid as grid
 from .binning import TileBins
@@ -49,7 +51,9 @@ class LightGrid:
         capacity: tuple[int, int, int],
         needs: wp.array,
         slot: int,
+        effects: Effects,
     ):
+        self.effects = effects
         self.needs, self.item_slot = needs, slot + 2
         self.frame, self.index, self.camera, self.build, self.trace = frame, index, camera, build, trace
         self.outward = outward
@@ -108,10 +112,11 @@ class LightGrid:
         build, shadow = "light build", "shadow"
         rect, grid_name, ray_name = f"light rectangle/{i}", f"light grid/{i}", f"light rays/{i}"
         view = ("camera", "camera boxes") if self.build.clamp == "view" else ()
+        seen = ("hits", light, *view, *self.effects.mask_reads(i))
         occupied = (f"sorted rays/{i}",) if self.build.skip_empty else ()
         scene = ("points", "triangles", light, rect, *occupied)
         return [
-            Pass(f"light {i}: map rays", shadow, ("hits", light, *view), (rect,), self.launch_map, effect),
+            Pass(f"light {i}: map rays", shadow, seen, (rect,), self.launch_map, effect),
             Pass(f"light {i}: sort rays", shadow, ("hits", rect), (f"sorted rays/{i}",), self.launch_sort_rays, effect),
             Pass(f"light {i}: chunks", shadow, (f"sorted rays/{i}",), (ray_name,), self.launch_chunks, effect),
             Pass(f"light {i}: bound triangles", build, scene, (f"light boxes/{i}",), self.launch_bound, effect),
@@ -136,21 +141,15 @@ class LightGrid:
         spots = f.spots
         self._launch(rays.reset_kernel, self.extent.shape[0], [], [self.box, self.extent])
         wp.launch(
-            rays.box_kernel,
+            specialised(rays.box_kernel, self.effects.switches(self.index)),
             dim=self.reduce_threads,
             inputs=[
-                f.pixels,
-                self.reduce_threads,
-                self.index,
-                f.lights,
-                spots,
-                f.answers.triangle,
-                self.camera.hit,
+                f.pixels, self.reduce_threads, self.index, f.answers.triangle, self.camera.hit, f.receivers,
             ],
             outputs=[self.receiver, self.box],
             block_dim=REDUCE_BLOCK,
             device=f.device,
-        )
+        )  # fmt: skip
         self._launch(rays.aim_kernel, 1, [self.index, b.aimed, f.lights, spots, self.box], [self.axes])
         wp.launch(
             rays.map_kernel,

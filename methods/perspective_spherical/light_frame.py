@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import warp as wp
 
+from ...harness.specialise import effects
 from ..common.triangle import to_float64
 from .light_map import ray_place, ray_place32
 
@@ -30,36 +31,14 @@ def reset_kernel(box: wp.array(dtype=wp.float64), extent: wp.array(dtype=wp.floa
         box[i] = value
 
 
-@wp.func
-def receives(spots: wp.array2d(dtype=wp.float64), index: wp.int32, v: wp.vec3d) -> wp.bool:
-    """Whether a point v away from the light lies in its spot: the harness's rule (``harness.spot``), in its words."""
-    kind = spots[index, 0]
-    if kind == wp.float64(0.0):
-        return True
-    f = spots[index, 1] * v[0] + spots[index, 2] * v[1] + spots[index, 3] * v[2]
-    if kind == wp.float64(1.0):
-        cosine = spots[index, 10]
-        square = cosine * cosine * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-        if cosine >= wp.float64(0.0):
-            return f >= wp.float64(0.0) and f * f >= square
-        return f >= wp.float64(0.0) or f * f <= square
-    r = spots[index, 4] * v[0] + spots[index, 5] * v[1] + spots[index, 6] * v[2]
-    u = spots[index, 7] * v[0] + spots[index, 8] * v[1] + spots[index, 9] * v[2]
-    return (
-        wp.abs(wp.atan2(r, f)) <= spots[index, 10]
-        and wp.abs(wp.atan2(u, wp.sqrt(f * f + r * r))) <= spots[index, 11]
-    )
-
-
 @wp.kernel(enable_backward=False)
 def box_kernel(
     pixels: wp.int32,
     threads: wp.int32,
     index: wp.int32,
-    lights: wp.array(dtype=wp.vec3f),
-    spots: wp.array2d(dtype=wp.float64),
     triangle: wp.array(dtype=wp.int32),
     hit: wp.array(dtype=wp.vec3d),
+    receivers: wp.array2d(dtype=wp.uint8),
     receiver: wp.array(dtype=wp.uint8),
     box: wp.array(dtype=wp.float64),
 ):
@@ -67,11 +46,13 @@ def box_kernel(
     k = wp.tid()
     low = wp.vec3d(wp.float64(wp.INF))
     high = -low
-    light = to_float64(lights[index])
     pixel = k
     while pixel < pixels:
         flag = wp.uint8(0)
-        if triangle[pixel] >= 0 and receives(spots, index, hit[pixel] - light):
+        wanted = triangle[pixel] >= 0
+        if wp.static(effects.masked):
+            wanted = receivers[index, pixel] != wp.uint8(0)
+        if wanted:
             flag = wp.uint8(1)
             low = wp.min(low, hit[pixel])
             high = wp.max(high, hit[pixel])

@@ -36,6 +36,7 @@ class RayGrids(BaseMethod):
 
     name: ClassVar[str] = "ray_grids"
     title: ClassVar[str] = "Ray grids (streamed)"
+    simulates = frozenset({"shadows", "receivers", "directional"})
     Build: ClassVar[type] = Build
 
     def __init__(self, build: Any = None, trace: Any = None):
@@ -69,7 +70,7 @@ class RayGrids(BaseMethod):
         bins = None
         for i, wanted in enumerate(effects.shadows):
             if wanted:
-                light = LightStream(frame, i, self.build, camera.hit, queues, bins)
+                light = LightStream(frame, i, self.build, camera.hit, queues, bins, effects)
                 bins = light.bins
                 passes += light.passes()
         return passes

@@ -11,6 +11,7 @@ from typing import Any
 
 import warp as wp
 
+from ...harness.specialise import effects
 from ..common.triangle import largest, to_float32, to_float64
 
 CELLS = wp.constant(8)
@@ -219,11 +220,12 @@ def map_kernel(
     frame: wp.array(dtype=wp.mat33d),
     triangle: wp.array(dtype=wp.int32),
     hit: wp.array(dtype=wp.vec3d),
+    receivers: wp.array2d(dtype=wp.uint8),
     place: wp.array(dtype=wp.vec3d),
     rectangle: wp.array(dtype=wp.int32),
     visibility: wp.array2d(dtype=wp.uint8),
 ):
-    """(face, u, v) of every hit point (face -1 at a miss); the rectangle of face 0 and the faces in use."""
+    """(face, u, v) of every hit point (face -1 where there is no shadow ray); the rectangle of face 0 and the faces in use."""
     pixel = wp.tid()
     visibility[index, pixel] = wp.uint8(0)
     low_u = EMPTY
@@ -231,7 +233,10 @@ def map_kernel(
     high_u = EMPTY
     high_v = EMPTY
     face = wp.int32(-1)
-    if triangle[pixel] >= 0:
+    wanted = triangle[pixel] >= 0
+    if wp.static(effects.masked):
+        wanted = receivers[index, pixel] != wp.uint8(0)
+    if wanted:
         q = frame[0] * (hit[pixel] - to_float64(lights[index]))
         face = face_of(q)
         r = on_face(q, face)

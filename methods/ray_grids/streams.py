@@ -8,6 +8,8 @@ import warp as wp
 
 from ...harness.frame import Frame
 from ...harness.passes import Pass
+from ...harness.scene import Effects
+from ...harness.specialise import specialised
 from . import camera_queue, camera_stream, light_bins, light_queue, light_stream
 from .parameters import Build
 from .queue import COUNTERS, needs_kernel
@@ -167,19 +169,28 @@ class LightStream:
     """Shadow rays of one light."""
 
     def __init__(
-        self, frame: Frame, index: int, build: Build, hit: wp.array, queues: Queues, bins: RayBins | None
+        self,
+        frame: Frame,
+        index: int,
+        build: Build,
+        hit: wp.array,
+        queues: Queues,
+        bins: RayBins | None,
+        effects: Effects,
     ):
+        self.effects = effects
         self.frame, self.index, self.build, self.hit, self.queues = frame, index, build, hit, queues
         self.bins = bins or RayBins(frame, build)
 
     def passes(self) -> list[Pass]:
         i = self.index
         light, effect = f"light/{i}", f"shadows/{i}"
+        seen = ("points", "hits", light, *self.effects.mask_reads(i))
         place, rays, bits = f"ray places/{i}", f"ray cells/{i}", f"visibility/{i}"
         scene = ("points", "triangles", "hits", light, rays)
         build = "light build"
         passes = [
-            Pass(f"light {i}: map rays", build, ("points", "hits", light), (place,), self.launch_map, effect),
+            Pass(f"light {i}: map rays", build, seen, (place,), self.launch_map, effect),
             Pass(f"light {i}: count and scan", build, (place,), (f"ray offsets/{i}",), self.launch_count, effect),
             Pass(f"light {i}: scatter rays", build, ("hits", f"ray offsets/{i}"), (rays,), self.launch_scatter, effect),
             Pass(f"light {i}: stream triangles", "shadow", scene, (bits,), self.launch_stream, effect),
@@ -232,9 +243,9 @@ class LightStream:
             device=device,
         )
         wp.launch(
-            light_bins.map_kernel,
+            specialised(light_bins.map_kernel, self.effects.switches(self.index)),
             dim=f.pixels,
-            inputs=[self.index, f.lights, b.axes, f.answers.triangle, self.hit],
+            inputs=[self.index, f.lights, b.axes, f.answers.triangle, self.hit, f.receivers],
             outputs=[b.place, b.rectangle, f.answers.visibility],
             device=device,
         )

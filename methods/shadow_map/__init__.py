@@ -17,6 +17,7 @@ from ...harness.frame import Frame
 from ...harness.method import BaseMethod
 from ...harness.passes import Pass
 from ...harness.scene import Effects, Limits
+from ...harness.specialise import specialised
 from ..common.bounds import launch_bounds
 from ..common.misses import miss_passes
 from ..common.pairs import grown
@@ -34,10 +35,11 @@ PER_LIGHT = 2
 
 
 class ShadowMap(BaseMethod):
-    """See the module. Lights of a frame take turns with the same texels."""
+    """See the module. Every light has its own map, so that one may stay while another is drawn anew."""
 
     name: ClassVar[str] = "shadow_map"
     title: ClassVar[str] = "Shadow map (rasterised)"
+    simulates = frozenset({"shadows", "receivers", "directional"})
     known_inexact = "shadow bits are looked up in a depth map of finite resolution"
     Build: ClassVar[type] = Build
     Trace: ClassVar[type] = Trace
@@ -63,11 +65,12 @@ class ShadowMap(BaseMethod):
         if self._capacity is None:
             self._capacity = (max(262144, frame.triangle_count),) * COUNTERS
             self._strip_capacity = self.build.strip_capacity or max(262144, frame.triangle_count)
-        self._allocate(frame, len(effects.shadows))
+        wanted = [i for i, wanted in enumerate(effects.shadows) if wanted]
+        self._effects = effects
+        self._allocate(frame, len(effects.shadows), wanted)
         camera = CameraStream(frame, Queues(frame, self._queued, self._capacity, self._needs))
         self._hit = camera.hit
         passes = camera.passes()
-        wanted = [i for i, wanted in enumerate(effects.shadows) if wanted]
         if wanted:
             passes.append(
                 Pass("scene box", "light build", ("points", "triangles"), ("box",), self._launch_box, f"shadows/{wanted[0]}")
@@ -76,19 +79,20 @@ class ShadowMap(BaseMethod):
             passes += self._light_passes(i)
         return passes
 
-    def _allocate(self, frame: Frame, lights: int) -> None:
+    def _allocate(self, frame: Frame, lights: int, wanted: list[int]) -> None:
         side = self.build.size
         texels = side * side * self._faces
-        if 4 * texels > self._memory:
+        if 4 * texels * len(wanted) > self._memory:
             raise CapacityRejected(
-                f"needs a map of {self._faces} x {side} x {side} texels, {4 * texels / 1e9:.1f} GB; "
+                f"needs {len(wanted)} maps of {self._faces} x {side} x {side} texels, "
+                f"{4 * texels * len(wanted) / 1e9:.1f} GB; "
                 "choose a smaller size"
             )
         with wp.ScopedDevice(frame.device):
             self._needs = wp.zeros(COUNTERS + PER_LIGHT * lights, dtype=wp.int64)
             self._box = wp.zeros(6, dtype=wp.float32)
-            self._map = wp.zeros(1, dtype=LightMap)
-            self._texels = wp.zeros(texels, dtype=wp.int32)
+            self._maps = {i: wp.zeros(1, dtype=LightMap) for i in wanted}
+            self._texels = {i: wp.zeros(texels, dtype=wp.int32) for i in wanted}
             self._counts = wp.zeros(1, dtype=wp.int32)
             self._strips = wp.zeros(self._strip_capacity if self._queued else 1, dtype=wp.vec4i)
 
@@ -99,7 +103,7 @@ class ShadowMap(BaseMethod):
             Pass(f"light {i}: clear map", "light build", ("box", light), (depth,), lambda: self._clear(i), effect),
             Pass(f"light {i}: draw map", "light build", (*scene, depth), (depth,), lambda: self._draw(i), effect),
             Pass(
-                f"light {i}: look up", "shadow", ("hits", light, depth), (f"visibility/{i}",),
+                f"light {i}: look up", "shadow", ("hits", light, depth, *self._effects.mask_reads(i)), (f"visibility/{i}",),
                 lambda: self._look_up(i), effect,
             ),
         ]  # fmt: skip
@@ -151,10 +155,10 @@ class ShadowMap(BaseMethod):
                 light, SHAPES.index(self.build.shape), self.build.size, frame.lights, self._box,
                 COUNTERS + PER_LIGHT * light + 1,
             ],
-            outputs=[self._map, self._needs],
+            outputs=[self._maps[light], self._needs],
             device=frame.device,
         )  # fmt: skip
-        self._texels.fill_(EMPTY)
+        self._texels[light].fill_(EMPTY)
 
     def _draw(self, light: int) -> None:
         frame = self._frame
@@ -163,10 +167,10 @@ class ShadowMap(BaseMethod):
             raster_kernel,
             dim=frame.triangle_count * self._faces,
             inputs=[
-                frame.triangle_count, self.build.size, self._faces, self._queued, self._map, frame.points,
+                frame.triangle_count, self.build.size, self._faces, self._queued, self._maps[light], frame.points,
                 frame.triangles, frame.valid,
             ],
-            outputs=[self._texels, self._counts, self._strips],
+            outputs=[self._texels[light], self._counts, self._strips],
             device=frame.device,
         )  # fmt: skip
         if self._queued:
@@ -175,10 +179,10 @@ class ShadowMap(BaseMethod):
                 strip_kernel,
                 dim=threads,
                 inputs=[
-                    threads, self.build.size, self._map, frame.points, frame.triangles, self._counts, self._strips,
-                    COUNTERS + PER_LIGHT * light,
+                    threads, self.build.size, self._maps[light], frame.points, frame.triangles, self._counts,
+                    self._strips, COUNTERS + PER_LIGHT * light,
                 ],
-                outputs=[self._texels, self._needs],
+                outputs=[self._texels[light], self._needs],
                 device=frame.device,
                 block_dim=128,
             )  # fmt: skip
@@ -187,12 +191,12 @@ class ShadowMap(BaseMethod):
         frame, wide = self._frame, self.trace.filter == "pcf"
         amount = self.trace.bias_amount * (3.0 if wide and self.trace.bias in ("slope", "normal") else 1.0)
         wp.launch(
-            lookup_kernel,
+            specialised(lookup_kernel, self._effects.switches(light)),
             dim=frame.pixels,
             inputs=[
                 light, self.build.size, self._faces, BIASES.index(self.trace.bias), amount, 1 if wide else 0,
-                frame.lights, self._map, frame.points, frame.triangles, frame.answers.triangle, self._hit,
-                self._texels,
+                frame.lights, self._maps[light], frame.points, frame.triangles, frame.answers.triangle, self._hit,
+                frame.receivers, self._texels[light],
             ],
             outputs=[frame.answers.visibility],
             device=frame.device,

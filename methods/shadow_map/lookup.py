@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
+from ...harness.specialise import effects
 from ..common.triangle import to_float32, to_float64
 from .projection import LightMap, face_axes, face_of, map_point
 
@@ -45,6 +46,7 @@ def lookup_kernel(
     triangles: wp.array(dtype=wp.vec3i),
     triangle: wp.array(dtype=wp.int32),
     hit: wp.array(dtype=wp.vec3d),
+    receivers: wp.array2d(dtype=wp.uint8),
     texels: wp.array(dtype=wp.int32),
     visibility: wp.array2d(dtype=wp.uint8),
 ):
@@ -54,6 +56,10 @@ def lookup_kernel(
     if best < 0:
         visibility[light, pixel] = wp.uint8(0)
         return
+    if wp.static(effects.masked):
+        if receivers[light, pixel] == wp.uint8(0):
+            visibility[light, pixel] = wp.uint8(0)
+            return
     m = light_map[0]
     if m.faces > faces:
         visibility[light, pixel] = wp.uint8(0)  # the map does not fit: the frame is repeated with room for it

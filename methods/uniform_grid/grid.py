@@ -88,7 +88,7 @@ def cell_counts(extent: wp.vec3d, cells: wp.int32) -> wp.vec3i:
 def place_grid_kernel(
     cells: wp.int32,
     box: wp.array(dtype=wp.float32),
-    eye: wp.array(dtype=wp.vec3f),
+    bound: wp.array(dtype=wp.float32),
     grid: wp.array(dtype=Grid),
 ):
     """Place the grid around ``box``; one thread. Where nothing is valid, one cell around the origin."""
@@ -109,7 +109,8 @@ def place_grid_kernel(
         count = wp.vec3d(wp.float64(g.res[0]), wp.float64(g.res[1]), wp.float64(g.res[2]))
         middle = (low + high) * half
         # How far off the eye is, in cells, is what the rays' rounding grows with.
-        distance = largest(wp.cw_mul(to_float64(eye[0]) - middle, wp.cw_div(count, extent)))
+        off = wp.float64(bound[0]) + largest(middle)
+        distance = off * largest(wp.cw_div(count, extent))
         g.slack = wp.min(FINEST_SLACK + ROUNDING * (distance + largest(count)), COARSEST_SLACK)
         # Every triangle lies further than the slack from the outer faces.
         margin = wp.float64(4.0) * g.slack

@@ -18,6 +18,7 @@ from ...harness.frame import Frame
 from ...harness.method import BaseMethod
 from ...harness.passes import Pass
 from ...harness.scene import Effects, Limits
+from ...harness.specialise import specialised
 from ..common.bounds import launch_bounds
 from ..common.misses import miss_passes
 from ..common.pairs import PairList, grown
@@ -64,6 +65,7 @@ class UniformGrid(BaseMethod):
 
     name = "uniform_grid"
     title = "Uniform grid"
+    simulates = frozenset({"shadows", "receivers", "directional"})
     Build = Build
     Trace = Trace
 
@@ -73,7 +75,7 @@ class UniformGrid(BaseMethod):
         self._need: wp.array | None = None
 
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
-        self._frame = frame
+        self._frame, self._effects = frame, effects
         self._limits = limits
         count = frame.triangle_count
         if count == 0:
@@ -98,7 +100,7 @@ class UniformGrid(BaseMethod):
         self._lights = [i for i, wanted in enumerate(effects.shadows) if wanted]
         self._pairs = PairList(count, cells, self._capacity, frame.device)
         passes = [
-            Pass("place grid", "build", ("points", "triangles", "camera"), ("grid",), self._place),
+            Pass("place grid", "build", ("points", "triangles", "reach"), ("grid",), self._place),
             Pass("count pairs", "build", ("points", "triangles", "grid"), ("pair counts",), self._count),
             Pass(
                 "emit pairs", "build", ("points", "triangles", "grid", "pair counts"), ("pairs",), self._emit
@@ -114,7 +116,7 @@ class UniformGrid(BaseMethod):
                 Pass(
                     f"light {i}: shadow rays",
                     "shadow",
-                    ("cells", "sorted pairs", "grid", "hits", f"light/{i}"),
+                    ("cells", "sorted pairs", "grid", "hits", f"light/{i}", *effects.mask_reads(i)),
                     (f"visibility/{i}",),
                     lambda i=i: self._shadow(i),  # type: ignore[misc]
                     effect=f"shadows/{i}",
@@ -165,7 +167,7 @@ class UniformGrid(BaseMethod):
         wp.launch(
             place_grid_kernel,
             dim=1,
-            inputs=[self._pairs.cells, self._box, self._frame.eye],
+            inputs=[self._pairs.cells, self._box, self._frame.reach],
             outputs=[self._grid],
             device=self._frame.device,
         )
@@ -220,12 +222,12 @@ class UniformGrid(BaseMethod):
         counted = self._uncounted if tests is None else tests
         frame, pairs = self._frame, self._pairs
         wp.launch(
-            shadow_kernel,
+            specialised(shadow_kernel, self._effects.switches(light)),
             dim=self._threads,
             inputs=[
                 frame.width, frame.height, self.trace.swizzle, light, self._grid, pairs.begin, pairs.end,
                 pairs.values, frame.eye, frame.lights, frame.points, frame.triangles, frame.weld,
-                frame.answers.triangle, self._hit,
+                frame.answers.triangle, self._hit, frame.receivers,
             ],
             outputs=[frame.answers.visibility, counted],
             device=frame.device,

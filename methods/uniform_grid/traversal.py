@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import warp as wp
 
+from ...harness.specialise import effects
 from ..common.pixels import pixel_of
 from ..common.triangle import (
     U32,
@@ -219,6 +220,7 @@ def shadow_kernel(
     weld: wp.array(dtype=wp.int32),
     triangle: wp.array(dtype=wp.int32),
     hit: wp.array(dtype=wp.vec3d),
+    receivers: wp.array2d(dtype=wp.uint8),
     visibility: wp.array2d(dtype=wp.uint8),
     tests: wp.array(dtype=wp.int32),
 ):
@@ -230,6 +232,10 @@ def shadow_kernel(
     if own < 0:
         visibility[light, pixel] = wp.uint8(0)
         return
+    if wp.static(effects.masked):
+        if receivers[light, pixel] == wp.uint8(0):
+            visibility[light, pixel] = wp.uint8(0)
+            return
     g = grid[0]
     h = hit[pixel]
     near = to_float32(h)

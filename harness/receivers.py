@@ -1,0 +1,122 @@
+"""The mask of receivers as a pass: made once a light by the harness, read by every method alike.
+
+The rule is :mod:`.spot`'s, in the same float64 words; a hit point is that of the answer's triangle, computed anew,
+so that the mask depends on no method's own numbers.
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+from .frame import Frame
+from .passes import Pass
+from .scene import Effects
+from .spot import DOUBT
+
+DOUBT64 = wp.constant(wp.float64(DOUBT))
+
+
+@wp.func
+def wide(a: wp.vec3f) -> wp.vec3d:
+    return wp.vec3d(wp.float64(a[0]), wp.float64(a[1]), wp.float64(a[2]))
+
+
+@wp.func
+def longest(a: wp.vec3d) -> wp.float64:
+    return wp.max(wp.abs(a[0]), wp.max(wp.abs(a[1]), wp.abs(a[2])))
+
+
+@wp.func
+def in_spot(spots: wp.array2d(dtype=wp.float64), index: wp.int32, v: wp.vec3d) -> wp.bool:
+    """Whether a point v away from the light lies in its spot: :func:`.spot.receivers` in its words."""
+    kind = spots[index, 0]
+    if kind == wp.float64(0.0):
+        return True
+    f = spots[index, 1] * v[0] + spots[index, 2] * v[1] + spots[index, 3] * v[2]
+    if kind == wp.float64(1.0):
+        cosine = spots[index, 10]
+        square = cosine * cosine * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+        if cosine >= wp.float64(0.0):
+            return f >= wp.float64(0.0) and f * f >= square
+        return f >= wp.float64(0.0) or f * f <= square
+    r = spots[index, 4] * v[0] + spots[index, 5] * v[1] + spots[index, 6] * v[2]
+    u = spots[index, 7] * v[0] + spots[index, 8] * v[1] + spots[index, 9] * v[2]
+    return (
+        wp.abs(wp.atan2(r, f)) <= spots[index, 10]
+        and wp.abs(wp.atan2(u, wp.sqrt(f * f + r * r))) <= spots[index, 11]
+    )
+
+
+@wp.func
+def faces(n: wp.vec3d, size: wp.float64, seen: wp.vec3d, lit: wp.vec3d) -> wp.bool:
+    """Whether eye and light, ``seen`` and ``lit`` away, may lie on one side of the plane (:func:`.spot.facing`)."""
+    side_e = wp.dot(n, seen)
+    side_l = wp.dot(n, lit)
+    sure_e = wp.abs(side_e) > size * longest(seen)
+    sure_l = wp.abs(side_l) > size * longest(lit)
+    return not (sure_e and sure_l and ((side_e > wp.float64(0.0)) != (side_l > wp.float64(0.0))))
+
+
+@wp.kernel(enable_backward=False)
+def receivers_kernel(
+    width: wp.int32,
+    light: wp.int32,
+    facing: wp.bool,
+    eye: wp.array(dtype=wp.vec3f),
+    column: wp.array(dtype=wp.vec3f),
+    row: wp.array(dtype=wp.vec3f),
+    lights: wp.array(dtype=wp.vec3f),
+    spots: wp.array2d(dtype=wp.float64),
+    points: wp.array(dtype=wp.vec3f),
+    triangles: wp.array(dtype=wp.vec3i),
+    triangle: wp.array(dtype=wp.int32),
+    receivers: wp.array2d(dtype=wp.uint8),
+):
+    """1 where a pixel's hit has a shadow ray to the light; 0 elsewhere and at a miss."""
+    pixel = wp.tid()
+    hit = triangle[pixel]
+    if hit < 0:
+        receivers[light, pixel] = wp.uint8(0)
+        return
+    face = triangles[hit]
+    a = wide(points[face[0]])
+    e = wide(points[face[1]]) - a
+    f = wide(points[face[2]]) - a
+    n = wp.cross(e, f)
+    o = wide(eye[0])
+    d = wide(column[pixel % width] + row[pixel // width])
+    l = wide(lights[light])
+    t = wp.dot(n, a - o) / wp.dot(n, d)
+    wanted = in_spot(spots, light, o + d * t - l)
+    if facing and wanted:
+        wanted = faces(n, longest(e) * longest(f) * DOUBT64, o - a, l - a)
+    receivers[light, pixel] = wp.uint8(wanted)
+
+
+def receiver_passes(frame: Frame, effects: Effects) -> list[Pass]:
+    """A pass for every light that only some hit points have a shadow ray to."""
+
+    def launch(light: int) -> None:
+        wp.launch(
+            receivers_kernel,
+            dim=frame.pixels,
+            inputs=[
+                frame.width, light, effects.facing, frame.eye, frame.column, frame.row, frame.lights, frame.spots,
+                frame.points, frame.triangles, frame.answers.triangle,
+            ],
+            outputs=[frame.receivers],
+            device=frame.device,
+        )  # fmt: skip
+
+    return [
+        Pass(
+            f"light {i}: receivers",
+            "shadow",
+            ("hits", "points", "triangles", "camera", f"light/{i}"),
+            (f"receivers/{i}",),
+            lambda i=i: launch(i),  # type: ignore[misc]
+            effect="receivers",
+        )
+        for i in range(len(effects.shadows))
+        if effects.masked(i)
+    ]
