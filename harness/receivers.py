@@ -85,11 +85,11 @@ def receivers_kernel(
     n = wp.cross(e, f)
     o = wide(eye[0])
     d = wide(column[pixel % width] + row[pixel // width])
-    l = wide(lights[light])
+    place = wide(lights[light])
     t = wp.dot(n, a - o) / wp.dot(n, d)
-    wanted = in_spot(spots, light, o + d * t - l)
+    wanted = in_spot(spots, light, o + d * t - place)
     if facing and wanted:
-        wanted = faces(n, longest(e) * longest(f) * DOUBT64, o - a, l - a)
+        wanted = faces(n, longest(e) * longest(f) * DOUBT64, o - a, place - a)
     receivers[light, pixel] = wp.uint8(wanted)
 
 

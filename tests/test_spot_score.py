@@ -10,7 +10,7 @@ import pytest
 from shadowbench.harness.lighting import Lighting
 from shadowbench.harness.registry import make_method
 from shadowbench.harness.scene import Effects
-from shadowbench.harness.score import Judge, outside_spots
+from shadowbench.harness.score import Judge, not_receivers
 from shadowbench.harness.session import Session
 
 SIZE = 32
@@ -35,7 +35,7 @@ def judged(scene):
 
 def test_a_method_that_keeps_to_the_spot_has_no_error(scene, judged):
     moment, answers, judge = judged
-    outside = outside_spots(scene, moment, answers["triangle"])[0]
+    outside = not_receivers(scene, moment, answers["triangle"])[0]
     hit = answers["triangle"] >= 0
     assert 20 < outside.sum() < hit.sum() - 20
     assert not outside[~hit].any()
@@ -45,7 +45,7 @@ def test_a_method_that_keeps_to_the_spot_has_no_error(scene, judged):
 
 def test_a_bit_outside_the_spot_is_a_true_error(scene, judged):
     moment, answers, judge = judged
-    outside = np.nonzero(outside_spots(scene, moment, answers["triangle"])[0])[0]
+    outside = np.nonzero(not_receivers(scene, moment, answers["triangle"])[0])[0]
     bits = answers["visibility"].copy()
     bits[0, outside[:7]] = 1
     score = judge.score({**answers, "visibility": bits})
@@ -56,4 +56,4 @@ def test_a_bit_outside_the_spot_is_a_true_error(scene, judged):
 def test_a_light_that_is_not_limited_holds_everything(scene, judged):
     moment, answers, _ = judged
     free = dataclasses.replace(moment, spots=np.zeros((1, 12)))
-    assert not outside_spots(scene, free, answers["triangle"]).any()
+    assert not not_receivers(scene, free, answers["triangle"]).any()

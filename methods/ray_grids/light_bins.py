@@ -225,7 +225,7 @@ def map_kernel(
     rectangle: wp.array(dtype=wp.int32),
     visibility: wp.array2d(dtype=wp.uint8),
 ):
-    """(face, u, v) of every hit point (face -1 where there is no shadow ray); the rectangle of face 0 and the faces in use."""
+    """(face, u, v) of every hit point (face -1: no shadow ray); the rectangle of face 0 and the faces in use."""
     pixel = wp.tid()
     visibility[index, pixel] = wp.uint8(0)
     low_u = EMPTY
