@@ -18,7 +18,7 @@ from shadowbench.harness.hardcases import find_case
 from shadowbench.harness.hardcases.judge import Judged, judge_case
 from shadowbench.harness.registry import make_method
 from shadowbench.methods.bvh import exact
-from shadowbench.methods.common import triangle
+from shadowbench.methods.common import bounds, triangle
 from shadowbench.methods.perspective_spherical import light_map, sphere
 
 PACKAGE = "shadowbench.methods."
@@ -87,10 +87,10 @@ MUTATIONS = (
         "an unpadded box",
         (
             Planted(
-                exact,
+                bounds,
                 "boxes_kernel",
-                (("(16.0 * U32)", "0.0"), ("wp.vec3f(1.0e-37, 1.0e-37, 1.0e-37)", "wp.vec3f(0.0, 0.0, 0.0)")),
-                exact,
+                (("(units * U32)", "0.0"), ("wp.vec3f(1.0e-37, 1.0e-37, 1.0e-37)", "wp.vec3f(0.0, 0.0, 0.0)")),
+                bounds,
             ),
         ),
         "bvh",

@@ -15,14 +15,11 @@ from ...harness.frame import Frame
 from ...harness.method import BaseMethod
 from ...harness.passes import Pass
 from ...harness.scene import Effects, Limits
-from ..common.bounds import launch_bounds
+from ..common.bounds import PADDED_UNITS, launch_boxes
 from ..common.misses import miss_passes
 from ..common.pixels import thread_count
-from .kernels import boxes_kernel, make_kernels
+from .kernels import make_kernels
 from .parameters import ORIGINS, Build, Trace, known_inexact
-
-PADDED_UNITS = 16.0
-"""Units of 2^-24 of the largest coordinate: what the roundings of Warp's slab test can amount to."""
 
 
 class AccuracyLadder(BaseMethod):
@@ -82,18 +79,8 @@ class AccuracyLadder(BaseMethod):
         return {"test": self.trace.test, "origin": self.trace.origin, "padding": self.build.padding}
 
     def _boxes(self) -> None:
-        frame = self._frame
-        launch_bounds(frame, self._box)
-        wp.launch(
-            boxes_kernel,
-            dim=frame.triangle_count,
-            inputs=[
-                PADDED_UNITS if self.build.padding == "rounding" else 0.0, frame.points, frame.triangles,
-                frame.valid, self._box, frame.reach,
-            ],
-            outputs=[self._lowers, self._uppers],
-            device=frame.device,
-        )  # fmt: skip
+        units = PADDED_UNITS if self.build.padding == "rounding" else 0.0
+        launch_boxes(self._frame, self._box, self._lowers, self._uppers, units)
 
     def _rebuild(self) -> None:
         self._bvh.rebuild(self._constructor)

@@ -8,7 +8,6 @@ from typing import Any
 import warp as wp
 
 from ..bvh.exact import SLACK
-from ..common.bounds import box_high, box_low
 from ..common.hitpoint import plane_distance
 from ..common.pixels import pixel_of
 from ..common.triangle import (
@@ -24,40 +23,6 @@ from ..common.triangle import (
 from .origins import HIT_POINT, IDENTITY, scene_radius, start_of
 from .parameters import EXACT_TESTS, SHEARED_TESTS
 from .tests import TESTS
-
-
-@wp.kernel(enable_backward=False)
-def boxes_kernel(
-    units: wp.float32,
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    valid: wp.array(dtype=wp.uint8),
-    box: wp.array(dtype=wp.float32),
-    bound: wp.array(dtype=wp.float32),
-    lowers: wp.array(dtype=wp.vec3f),
-    uppers: wp.array(dtype=wp.vec3f),
-):
-    """Boxes padded by ``units`` of 2^-24 of the largest coordinate; 0 leaves them as they are."""
-    i = wp.tid()
-    low = box_low(box)
-    if not wp.isfinite(low):
-        lowers[i] = wp.vec3f(0.0, 0.0, 0.0)
-        uppers[i] = wp.vec3f(0.0, 0.0, 0.0)
-        return
-    if valid[i] == wp.uint8(0):
-        lowers[i] = low
-        uppers[i] = low
-        return
-    face = triangles[i]
-    a = points[face[0]]
-    b = points[face[1]]
-    c = points[face[2]]
-    reach = wp.max(wp.max(wp.abs(low), wp.abs(box_high(box))), wp.vec3f(bound[0], bound[0], bound[0]))
-    pad = (units * U32) * reach
-    if units > 0.0:
-        pad = pad + wp.vec3f(1.0e-37, 1.0e-37, 1.0e-37)
-    lowers[i] = wp.min(a, wp.min(b, c)) - pad
-    uppers[i] = wp.max(a, wp.max(b, c)) + pad
 
 
 @functools.cache

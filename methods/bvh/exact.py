@@ -1,10 +1,8 @@
 """wp.Bvh rebuilt in place over padded boxes, with the shared triangle tests: exact, and capture-safe.
 
 Warp's slab test computes a distance with three roundings, so a ray that touches a box can be told that it does not.
-Boxes are therefore padded by what those roundings can amount to (Ize 2013, "Robust BVH Ray Traversal", does the
-same in the ray): with M a bound on the coordinates of scene and eye, no box is further than 2 M from a
-ray's origin, the slab is wrong by at most 3 u 2 M, the rounded box by u M, a shadow origin by u M and its direction
-by u 2 M: 10 u M in all, and 16 u M are taken.
+Boxes are therefore padded by what those roundings can amount to (:data:`..common.bounds.PADDED_UNITS`; Ize 2013,
+"Robust BVH Ray Traversal", does the same in the ray).
 """
 
 from __future__ import annotations
@@ -17,7 +15,7 @@ from ...harness.frame import Frame
 from ...harness.passes import Pass
 from ...harness.scene import Effects
 from ...harness.specialise import effects, specialised
-from ..common.bounds import box_high, box_low, launch_bounds
+from ..common.bounds import PADDED_UNITS, launch_boxes
 from ..common.pixels import pixel_of, thread_count
 from ..common.triangle import (
     U32,
@@ -33,37 +31,6 @@ from ..common.triangle import (
 )
 
 SLACK = wp.constant(1.0 + 2.0**-20)  # a box that begins just behind the best hit may hold a tie
-
-
-@wp.kernel(enable_backward=False)
-def boxes_kernel(
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    valid: wp.array(dtype=wp.uint8),
-    box: wp.array(dtype=wp.float32),
-    bound: wp.array(dtype=wp.float32),
-    lowers: wp.array(dtype=wp.vec3f),
-    uppers: wp.array(dtype=wp.vec3f),
-):
-    """Padded boxes; an invalid triangle gets the scene's low corner, or zero where nothing is valid."""
-    i = wp.tid()
-    low = box_low(box)
-    if not wp.isfinite(low):
-        lowers[i] = wp.vec3f(0.0, 0.0, 0.0)
-        uppers[i] = wp.vec3f(0.0, 0.0, 0.0)
-        return
-    if valid[i] == wp.uint8(0):
-        lowers[i] = low
-        uppers[i] = low
-        return
-    face = triangles[i]
-    a = points[face[0]]
-    b = points[face[1]]
-    c = points[face[2]]
-    reach = wp.max(wp.max(wp.abs(low), wp.abs(box_high(box))), wp.vec3f(bound[0], bound[0], bound[0]))
-    pad = reach * (16.0 * U32) + wp.vec3f(1.0e-37, 1.0e-37, 1.0e-37)
-    lowers[i] = wp.min(a, wp.min(b, c)) - pad
-    uppers[i] = wp.max(a, wp.max(b, c)) + pad
 
 
 @wp.kernel(enable_backward=False)
@@ -231,15 +198,7 @@ class ExactBvh:
         return passes
 
     def _boxes(self) -> None:
-        frame = self.frame
-        launch_bounds(frame, self.box)
-        wp.launch(
-            boxes_kernel,
-            dim=frame.triangle_count,
-            inputs=[frame.points, frame.triangles, frame.valid, self.box, frame.reach],
-            outputs=[self.lowers, self.uppers],
-            device=frame.device,
-        )
+        launch_boxes(self.frame, self.box, self.lowers, self.uppers, PADDED_UNITS)
 
     def _rebuild(self) -> None:
         self.bvh.rebuild(self.constructor)

@@ -1,4 +1,4 @@
-"""The box of a frame's valid triangles, reduced on the device each frame without a read-back."""
+"""Boxes: of all valid triangles of a frame, reduced on the device without a read-back, and of each, padded."""
 
 from __future__ import annotations
 
@@ -7,10 +7,18 @@ import math
 import warp as wp
 
 from ...harness.frame import Frame
+from .triangle import U32
 
 BLOCK = 256
 BLOCKS = 264
 """Two blocks a multiprocessor of a large GPU: enough to read at full bandwidth, few enough atomics."""
+
+PADDED_UNITS = 16.0
+"""Units of 2^-24 of the largest coordinate: what the roundings of Warp's slab test can amount to, and more.
+
+With M a bound on the coordinates of scene and eye, no box is further than 2 M from a ray's origin; the slab
+is wrong by at most 3 u 2 M, the rounded box by u M, a shadow origin by u M and its direction by u 2 M: 10 u M in all.
+"""
 
 
 @wp.kernel(enable_backward=False)
@@ -77,5 +85,54 @@ def launch_bounds(frame: Frame, box: wp.array) -> None:
         inputs=[frame.triangle_count, blocks, frame.points, frame.triangles, frame.valid],
         outputs=[box],
         block_dim=BLOCK,
+        device=frame.device,
+    )
+
+
+@wp.kernel(enable_backward=False)
+def boxes_kernel(
+    units: wp.float32,
+    points: wp.array(dtype=wp.vec3f),
+    triangles: wp.array(dtype=wp.vec3i),
+    valid: wp.array(dtype=wp.uint8),
+    box: wp.array(dtype=wp.float32),
+    bound: wp.array(dtype=wp.float32),
+    lowers: wp.array(dtype=wp.vec3f),
+    uppers: wp.array(dtype=wp.vec3f),
+):
+    """Boxes padded by ``units`` of 2^-24 of the largest coordinate of scene and eye; 0 leaves them as they are.
+
+    An invalid triangle gets the scene's low corner, or zero where nothing is valid.
+    """
+    i = wp.tid()
+    low = box_low(box)
+    if not wp.isfinite(low):
+        lowers[i] = wp.vec3f(0.0, 0.0, 0.0)
+        uppers[i] = wp.vec3f(0.0, 0.0, 0.0)
+        return
+    if valid[i] == wp.uint8(0):
+        lowers[i] = low
+        uppers[i] = low
+        return
+    face = triangles[i]
+    a = points[face[0]]
+    b = points[face[1]]
+    c = points[face[2]]
+    reach = wp.max(wp.max(wp.abs(low), wp.abs(box_high(box))), wp.vec3f(bound[0], bound[0], bound[0]))
+    pad = (units * U32) * reach
+    if units > 0.0:
+        pad = pad + wp.vec3f(1.0e-37, 1.0e-37, 1.0e-37)
+    lowers[i] = wp.min(a, wp.min(b, c)) - pad
+    uppers[i] = wp.max(a, wp.max(b, c)) + pad
+
+
+def launch_boxes(frame: Frame, box: wp.array, lowers: wp.array, uppers: wp.array, units: float) -> None:
+    """Fill ``lowers`` and ``uppers`` (vec3f [triangles]) and the frame's ``box``, as :func:`launch_bounds` does."""
+    launch_bounds(frame, box)
+    wp.launch(
+        boxes_kernel,
+        dim=frame.triangle_count,
+        inputs=[units, frame.points, frame.triangles, frame.valid, box, frame.reach],
+        outputs=[lowers, uppers],
         device=frame.device,
     )

@@ -3,7 +3,9 @@
 The origin is the float64 hit point moved off its triangle's plane, towards the light's side, by a bound on what
 the query's own float32 arithmetic can be wrong by, then rounded outward. The bound is Pharr, Jakob & Humphreys'
 (PBRT, 4th edition, section 6.8): gamma_7 = 7 u / (1 - 7 u) times the coordinates that the query subtracts and
-multiplies, projected on the normal; no fixed epsilon, so it scales with the scene.
+multiplies, projected on the normal; no fixed epsilon, so it scales with the scene. A query that finds its distance
+from edge functions (Woop's shear) rounds each of them too, which a small triangle in the query's projection
+magnifies: their errors, carried through the same formula, are the larger part of its bound.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ from .hitpoint import plane_distance
 from .triangle import hit_point, largest, to_float32, to_float64
 
 GAMMA7 = wp.constant(wp.float64(7.0 * 2.0**-24 / (1.0 - 7.0 * 2.0**-24)))
+UNIT = wp.constant(wp.float64(2.0**-24))
 FINE = wp.constant(wp.float64(2.0**-48))  # the float64 hit point's own rounding, 32 of its units
 OUTWARD = wp.constant(wp.float64(2.0**-23))  # a unit in the last place, at least, of any float32
 
@@ -40,14 +43,77 @@ def moved_out(x: wp.float64, step: wp.float64) -> wp.float64:
 
 
 @wp.func
+def edge_error(
+    px: wp.float64, py: wp.float64, qx: wp.float64, qy: wp.float64, p: wp.vec2d, q: wp.vec2d
+) -> wp.float64:
+    """What p x q in float32 may be wrong by; ``p``, ``q`` bound the errors of (px, py) and (qx, qy)."""
+    return (
+        wp.abs(px) * q[1] + p[0] * wp.abs(qy) + wp.abs(py) * q[0] + p[1] * wp.abs(qx)
+        + wp.float64(2.0) * UNIT * (wp.abs(px * qy) + wp.abs(py * qx))
+    )  # fmt: skip
+
+
+@wp.func
+def sheared_error(h: wp.vec3d, way: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> wp.float64:
+    """How far from the plane Woop's float32 distance along ``way`` may still see it from h: a bound, scene units.
+
+    The distance is sum(E_i z_i) / sum(E_i), with E_i the edge functions of the sheared corners. Each rounding of
+    corner, shear, product and sum is carried through; divided by the sum, and projected on the normal, what is
+    left is the numerator's error over twice the triangle's area.
+    """
+    kz = wp.int32(0)
+    if wp.abs(way[1]) > wp.abs(way[kz]):
+        kz = wp.int32(1)
+    if wp.abs(way[2]) > wp.abs(way[kz]):
+        kz = wp.int32(2)
+    kx = (kz + 1) % 3
+    ky = (kx + 1) % 3
+    sx = way[kx] / way[kz]
+    sy = way[ky] / way[kz]
+    pa = a - h
+    pb = b - h
+    pc = c - h
+    ax = pa[kx] - sx * pa[kz]
+    ay = pa[ky] - sy * pa[kz]
+    bx = pb[kx] - sx * pb[kz]
+    by = pb[ky] - sy * pb[kz]
+    cx = pc[kx] - sx * pc[kz]
+    cy = pc[ky] - sy * pc[kz]
+    # One rounding of the difference, three of shear and product (and of z in the product), one of the sum.
+    ea = UNIT * wp.vec2d(
+        wp.abs(pa[kx]) + wp.float64(4.0) * wp.abs(sx * pa[kz]) + wp.abs(ax),
+        wp.abs(pa[ky]) + wp.float64(4.0) * wp.abs(sy * pa[kz]) + wp.abs(ay),
+    )
+    eb = UNIT * wp.vec2d(
+        wp.abs(pb[kx]) + wp.float64(4.0) * wp.abs(sx * pb[kz]) + wp.abs(bx),
+        wp.abs(pb[ky]) + wp.float64(4.0) * wp.abs(sy * pb[kz]) + wp.abs(by),
+    )
+    ec = UNIT * wp.vec2d(
+        wp.abs(pc[kx]) + wp.float64(4.0) * wp.abs(sx * pc[kz]) + wp.abs(cx),
+        wp.abs(pc[ky]) + wp.float64(4.0) * wp.abs(sy * pc[kz]) + wp.abs(cy),
+    )
+    u = edge_error(cx, cy, bx, by, ec, eb)
+    v = edge_error(ax, ay, cx, cy, ea, ec)
+    w = edge_error(bx, by, ax, ay, eb, ea)
+    own = wp.float64(7.0) * UNIT  # of z, its product with an edge function and the sum of three
+    error = (
+        wp.abs(pa[kz]) * (u + own * wp.abs(cx * by - cy * bx))
+        + wp.abs(pb[kz]) * (v + own * wp.abs(ax * cy - ay * cx))
+        + wp.abs(pc[kz]) * (w + own * wp.abs(bx * ay - by * ax))
+    )
+    area = wp.length(wp.cross(b - a, c - a))
+    return error / area
+
+
+@wp.func
 def shadow_origin(
     o: wp.vec3f, d: wp.vec3f, light: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, sheared: wp.bool
 ) -> wp.vec3f:
     """Where the shadow ray of the pixel ray o + t d that hit the triangle (a, b, c) starts, in float32.
 
     ``sheared`` says how the query finds its distance. False: from the plane, n . (v - o) / n . d (Embree), wrong by
-    the coordinates projected on n. True: from coordinates along the ray (Woop's shear, Warp's Mesh), wrong along
-    the ray by its share of the triangle's extent, which is more where the ray is steep.
+    the coordinates projected on n. True: from coordinates along the ray (Woop's shear, Warp's Mesh): see
+    :func:`sheared_error`.
     """
     h = hit_point(o, d, plane_distance(o, d, a, b, c))
     a64 = to_float64(a)
@@ -64,7 +130,7 @@ def shadow_origin(
         + wp.abs(n[2]) * farthest(a64[2], b64[2], c64[2], h[2])
     )
     if sheared and largest(way) > wp.float64(0.0):
-        step += GAMMA7 * reach * wp.dot(n, way) / largest(way)
+        step += sheared_error(h, way, a64, b64, c64)
     return to_float32(
         wp.vec3d(moved_out(h[0], step * n[0]), moved_out(h[1], step * n[1]), moved_out(h[2], step * n[2]))
     )
