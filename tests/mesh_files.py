@@ -2,8 +2,12 @@
 
 import json
 import struct
+from pathlib import Path
 
 import numpy as np
+import pytest
+from shadowbench.harness.errors import UserError
+from shadowbench.harness.scenes.load import load
 
 QUAD = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 0.5, 1]], dtype=np.float32)
 FACES = [(0, 1, 2), (0, 2, 3), (0, 1, 4), (1, 2, 4)]
@@ -123,3 +127,22 @@ def Xform "part" {
     }
 }
 """
+
+
+def written(tmp_path, name, content) -> Path:
+    path = tmp_path / name
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return path
+
+
+def refused(path, *words) -> str:
+    """Loading fails with one line that names the file and all words."""
+    with pytest.raises(UserError) as caught:
+        load(path)
+    line = str(caught.value)
+    assert "\n" not in line
+    assert str(path) in line
+    assert "; " in line, "the line names no way out"
+    for word in words:
+        assert word in line
+    return line

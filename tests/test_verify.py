@@ -175,6 +175,27 @@ def test_the_table_shows_what_is_wrong(capsys, mesh):
     assert "reference" in text
 
 
+@pytest.mark.parametrize(
+    ("broken", "words"),
+    [
+        (slice(None), "warning: none of 12 triangles can ever be hit"),
+        (slice(0, 1), "of 12 triangles can never be hit"),
+    ],
+)
+def test_triangles_that_cannot_be_hit_are_told(tmp_path, capsys, broken, words):
+    box = trimesh.creation.box()
+    vertices = box.vertices.copy()
+    vertices[broken] = np.nan
+    path = tmp_path / "broken.obj"
+    corners = "".join("v {} {} {}\n".format(*vertex) for vertex in vertices)
+    path.write_text(corners + "".join("f {} {} {}\n".format(*face) for face in box.faces + 1))
+    assert verify([str(path)], ["right"], device="cpu", size="8x8") == 0
+    assert words in " ".join(capsys.readouterr().out.split())
+    code, report = run(capsys, "right", scenes=[str(path)])
+    assert code == 0
+    assert words in report["scenes"][0]["warning"]
+
+
 def test_every_pixel_can_be_decided(capsys, mesh):
     _, report = run(capsys, "right", scenes=[mesh], everything=True)
     assert report["scenes"][0]["methods"][0]["score"]["primary"]["judged"] == 40 * 30

@@ -155,9 +155,20 @@ def _verify_scene(
         "stand_in": described.stand_in,
         "triangles": prepared.triangle_count,
         "valid_triangles": int(moment.valid.sum()),
+        "warning": _never_hit(prepared.triangle_count, int(moment.valid.sum())),
         "sha256": prepared.sha256(frame),
         "methods": rows,
     }
+
+
+def _never_hit(triangles: int, valid: int) -> str:
+    """A warning where triangles cannot be hit, which every method then answers right by missing them; else ""."""
+    if valid == triangles:
+        return ""
+    why = "no area, or a corner that is not a finite number"
+    if valid:
+        return f"{triangles - valid:,} of {triangles:,} triangles can never be hit ({why})"
+    return f"warning: none of {triangles:,} triangles can ever be hit ({why}): this checked misses, and nothing else"
 
 
 def score(
@@ -306,6 +317,8 @@ def _print_reports(reports: list[dict[str, Any]]) -> None:
                     notes.append(f"* {row['method']} declares itself inexact: {row['known_inexact']}")
                 table.add_row(*lead, row["method"], *cells)
             lead = ("", "")
+        if report["warning"]:
+            notes.append(f"{scene}: {report['warning']}")
         judged = [row["score"] for row in report["methods"] if row["score"]]
         if judged:
             worst = max(judged, key=lambda s: s["primary"]["judged"])
