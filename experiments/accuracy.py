@@ -1,7 +1,8 @@
 """What accuracy costs: one safety measure at a time, the sensible combinations, and the shadow maps of engines.
 
 One plain tree (``accuracy_ladder``) carries the knobs that any tracer has, so that nothing else changes between two
-points: triangle test, start of the shadow rays, padding of boxes, float arithmetic. Beside it stand the methods as
+points: triangle test, start of the shadow rays, padding of boxes, float arithmetic. The paper's grids carry those of
+their own: bounds of a triangle on the light's sphere, the light's frame, culling. Beside them stand the methods as
 people use them, and shadow maps from 512 texels upward. Labels read "family: level"; a family has one colour.
 """
 
@@ -44,26 +45,38 @@ LADDER = (
     _knob("shadow origin: 1e-6 radii", origin="epsilon_1e-6"),
     _knob("shadow origin: Wächter-Binder", origin="wachter_binder"),
     _knob("shadow origin: error bound", origin="error_bound"),
-    _knob("tree, compiler: boxes not padded", padding="none"),
-    _knob("tree, compiler: fast math", fast_math="true"),
+    _knob("tree: boxes not padded", padding="none"),
+    _knob("tree: fast math", fast_math="true"),
     _knob(
-        "combination: float32, careful", test="woop_float64", origin="error_bound", padding="rounding"
+        "tree: all of it float32, careful", test="woop_float64", origin="error_bound", padding="rounding"
     ),
     _knob(
-        "combination: float32, careless", test="moller_trumbore_epsilon", origin="epsilon_1e-4", padding="none",
+        "tree: all of it float32, careless", test="moller_trumbore_epsilon", origin="epsilon_1e-4", padding="none",
         fast_math="true",
     ),
 )  # fmt: skip
 """One knob at a time away from the exact tree; then all of them in float32, with care and without."""
 
 GRIDS = "as used: perspective and spherical grids"
+
+
+def _grids(label: str, **settings: str) -> Entry:
+    return Entry("perspective_spherical", settings, f"in the grids: {label}")
+
+
 IN_GRIDS = (
-    Entry(
-        "perspective_spherical", {"triangle_test": "edge_planes"}, "as used: grids, edge planes in float32"
-    ),
-    Entry("perspective_spherical", {"triangle_test": "moller_trumbore"}, "as used: grids, Möller-Trumbore"),
-    Entry("perspective_spherical", {"precision": "float32"}, "as used: grids, float32 light frame"),
+    _grids("edge planes in float32", triangle_test="edge_planes"),
+    _grids("Möller-Trumbore", triangle_test="moller_trumbore"),
+    _grids("vertex bounds", light_bounds="vertices"),
+    _grids("vertex bounds, seam heeded", light_bounds="seam"),
+    _grids("light frame of the world", aimed="false"),
+    _grids("light frame in float32", precision="float32"),
+    _grids("light frame in float32, centred", precision="float32-centred"),
+    _grids("back faces culled", cull="primary"),
+    _grids("back faces culled, lights too", cull="primary+light"),
 )
+"""One knob at a time away from the grids as they are. Scenes that are not declared closed refuse culling."""
+
 PEERS = (
     Entry("perspective_spherical", {}, GRIDS),
     Entry("ray_grids", {}, "as used: ray grids"),
@@ -88,20 +101,24 @@ LARGE = (_map(8192), _map(8192, "normal"), _map(4096, "normal"), _map(8192, filt
 MEASURES = (
     ("float64 decides triangle tests", EXACT, "triangle test: Möller-Trumbore"),
     ("float64 hit point, its planes excluded", EXACT, "shadow origin: own triangle skipped"),
-    ("padded boxes", EXACT, "tree, compiler: boxes not padded"),
-    ("strict float arithmetic", EXACT, "tree, compiler: fast math"),
+    ("padded boxes", EXACT, "tree: boxes not padded"),
+    ("strict float arithmetic", EXACT, "tree: fast math"),
 )
 """Safety measures of the exact tree: name, the point with it, the point without it and otherwise the same."""
 
 OTHER_MEASURES = (
     ("robust Embree", "Embree: robust, 1 thread", "Embree: fast, 1 thread"),
-    ("float64 decides, in the grids", GRIDS, "as used: grids, Möller-Trumbore"),
-    ("float64 light frame, in the grids", GRIDS, "as used: grids, float32 light frame"),
+    ("float64 decides, in the grids", GRIDS, "in the grids: Möller-Trumbore"),
+    ("bounds of great arcs, in the grids", GRIDS, "in the grids: vertex bounds, seam heeded"),
+    ("bounds of arcs and seam, in the grids", GRIDS, "in the grids: vertex bounds"),
+    ("float64 light frame, in the grids", GRIDS, "in the grids: light frame in float32"),
+    ("aimed light frame, in the grids", GRIDS, "in the grids: light frame of the world"),
+    ("back faces kept, in the grids", GRIDS, "in the grids: back faces culled"),
 )
 
 SHOWN = (
     "shadow map: 512", "shadow map: 2048", "shadow map: 2048 none", "shadow origin: 1e-2 radii",
-    "shadow origin: barycentric, as it is", EXACT,
+    "shadow origin: barycentric, as it is", "in the grids: vertex bounds",
 )  # fmt: skip
 """Points whose wrong pixels are shown, where they were run."""
 
@@ -112,6 +129,8 @@ GRID = (
     _knob("own triangle skipped", origin="identity"),
     _knob("1e-4 radii", origin="epsilon_1e-4"),
     _knob("1e-6 radii", origin="epsilon_1e-6"),
+    Entry("perspective_spherical", {}, "grids (ours)"),
+    Entry("perspective_spherical", {"light_bounds": "vertices"}, "grids, vertex bounds"),
     Entry("embree", {}, "Embree, robust"),
     Entry("shadow_map", {"size": "1024"}, "shadow map, 1024"),
 )

@@ -45,9 +45,14 @@ def test_every_label_that_a_drawing_asks_for_is_run():
 
 def test_only_the_top_of_the_ladder_says_that_it_is_exact():
     exact = [
-        e.label for e in declared.LADDER if make_method(e.method, dict(e.settings)).known_inexact is None
+        e.label
+        for e in declared.LADDER + declared.IN_GRIDS
+        if make_method(e.method, dict(e.settings)).known_inexact is None
     ]
-    assert exact == [declared.EXACT, "triangle test: float64"]
+    assert exact[:2] == [declared.EXACT, "triangle test: float64"]
+    assert {label.removeprefix("in the grids: ").split(",")[0] for label in exact[2:]} == {
+        "light frame of the world", "light frame in float32", "back faces culled"
+    }  # fmt: skip
     # One knob at a time: a measure's two points differ in one setting.
     by_label = {
         entry.label: dict(entry.settings) for entry in declared.LADDER + declared.PEERS + declared.IN_GRIDS

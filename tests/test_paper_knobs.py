@@ -19,6 +19,7 @@ from shadowbench.methods.perspective_spherical.parameters import (
     CLAMPS,
     DEPTH_LISTS,
     LIGHT_MAPS,
+    PRECISIONS,
     STAGING,
     TRIANGLE_TESTS,
     Build,
@@ -52,6 +53,7 @@ def drawn(random, **fixed):
         "depth_lists": random.choice(DEPTH_LISTS),
         "light_map": random.choice(LIGHT_MAPS),
         "aimed": bool(random.integers(2)),
+        "precision": random.choice(PRECISIONS),
         "clamp": random.choice(CLAMPS),
         "skip_empty": bool(random.integers(2)),
         "k": int(random.integers(1, 5)),
@@ -61,6 +63,8 @@ def drawn(random, **fixed):
         "triangle_chunk": int(random.choice([0, 1, 3, 50])),
         **fixed,
     }
+    if settings["precision"] == "float32-centred" and not settings["aimed"]:
+        settings["precision"] = "float32"
     return {name: str(value) for name, value in settings.items()}
 
 

@@ -18,7 +18,7 @@ from .camera import CameraGrid
 from .counters import work
 from .culling import orientation, refusal
 from .light import LightGrid
-from .parameters import Build, Trace
+from .parameters import Build, Trace, known_inexact
 from .variants import staged
 
 SLOTS = 3
@@ -45,6 +45,10 @@ class PerspectiveSpherical(BaseMethod):
         self.camera: CameraGrid | None = None
         self.lights: list[LightGrid] = []
 
+    @property
+    def known_inexact(self) -> str | None:
+        return known_inexact(self.build)
+
     def applies(self, scene: Scene, device: str) -> str | None:
         reason = super().applies(scene, device)
         if reason is None and self.build.cull != "off":
@@ -52,8 +56,10 @@ class PerspectiveSpherical(BaseMethod):
         return reason
 
     def built(self) -> dict[str, Any]:
-        """The triangle test and the culling that ran: they alone may change an answer, in ties and at edges."""
+        """What ran of the parameters that may change an answer; all others never do."""
         built = {"triangle test": self.build.triangle_test, "culling": self.build.cull}
+        if self.build.light_bounds != "exact":
+            built["light bounds"] = self.build.light_bounds
         if self.camera is not None:
             in_blocks = staged(self.trace, self.camera.frame.device)
             built["staging"] = "shared" if in_blocks else "none"

@@ -33,6 +33,7 @@ class LightGrid:
 
     receiver   uint8 [pixels]: which pixels have a shadow ray
     place      vec4d [pixels]: where the ray lies in the light's rectangles, its distance, which rectangle
+    pads       float64 [2]: what a ray's direction is known to, relative to its length; see :func:`.light_frame.aim_kernel`
     extent     float64 [faces, 8]: lowest then highest coordinates and distance: the clamped rectangles
     deepest    int32 [tiles]: last slice that a shadow ray of the tile reaches, -1 without rays
     ray_keys, ray_values  int32 [2 * pixels]: (light tile, primary ray) pairs, sorted
@@ -60,9 +61,9 @@ class LightGrid:
         self.map = LIGHT_MAPS.index(build.light_map)
         self.test = TRIANGLE_TESTS.index(build.triangle_test)
         self.widening = WIDENINGS[TRIANGLE_TESTS.index(build.triangle_test)]
-        single = build.precision == "float32"
+        single = build.precision != "float64"
         self.pad = FLOAT32_PAD if single else FLOAT64_PAD
-        self.distance_pad = FLOAT32_PAD if single else 1e-9
+        self.distance_pad = FLOAT32_PAD if build.precision == "float32" else 1e-9
         n, faces = build.light_tiles, build.light_faces
         self.tile_count = build.light_tile_count
         self.bins = TileBins(
@@ -94,6 +95,7 @@ class LightGrid:
             self.box = wp.zeros(6, dtype=wp.float64)
             self.extent = wp.zeros(faces * int(rays.EXTENT), dtype=wp.float64)
             self.axes = wp.zeros(1, dtype=wp.mat33d)
+            self.pads = wp.zeros(2, dtype=wp.float64)
             self.columns = wp.zeros(faces * n, dtype=wp.vec4d)
             self.rows = wp.zeros(faces * n, dtype=wp.vec4d)
             self.stretch = wp.zeros(faces, dtype=wp.vec2d)
@@ -144,19 +146,30 @@ class LightGrid:
             specialised(rays.box_kernel, self.effects.switches(self.index)),
             dim=self.reduce_threads,
             inputs=[
-                f.pixels, self.reduce_threads, self.index, f.answers.triangle, self.camera.hit, f.receivers,
+                f.pixels,
+                self.reduce_threads,
+                self.index,
+                f.answers.triangle,
+                self.camera.hit,
+                f.receivers,
             ],
             outputs=[self.receiver, self.box],
             block_dim=REDUCE_BLOCK,
             device=f.device,
-        )  # fmt: skip
-        self._launch(rays.aim_kernel, 1, [self.index, b.aimed, f.lights, spots, self.box], [self.axes])
+        )
+        centred = b.precision == "float32-centred"
+        self._launch(
+            rays.aim_kernel,
+            1,
+            [self.index, b.aimed, f.lights, spots, self.box, centred, self.pad],
+            [self.axes, self.pads],
+        )
         wp.launch(
             rays.map_kernel,
             dim=self.reduce_threads,
             inputs=[
-                f.pixels, self.reduce_threads, self.index, self.map, b.precision == "float32", f.lights, self.axes,
-                self.receiver, self.camera.hit,
+                f.pixels, self.reduce_threads, self.index, self.map, b.precision != "float64", f.lights, self.axes,
+                self.receiver, self.camera.hit, self.box, self.pads,
             ],
             outputs=[self.place, self.extent],
             block_dim=REDUCE_BLOCK,
@@ -205,11 +218,11 @@ class LightGrid:
         f, b, bins = self.frame, self.build, self.bins
         bins.launch_clear()
         self._launch(
-            make_bound_kernel(self.map),
+            make_bound_kernel(self.map, b.light_bounds),
             bins.items,
             [
                 f.triangle_count, self.index, b.light_faces, b.light_tiles, b.light_slices, self.widening,
-                self.pad, self.distance_pad, self.outward, self.test, b.skip_empty, self.deepest, f.lights,
+                self.pads, self.distance_pad, self.outward, self.test, b.skip_empty, self.deepest, f.lights,
                 self.axes, self.extent, f.points, f.triangles, f.weld, f.valid,
             ],
             [bins.boxes, self.spans, self.records, bins.rows, bins.row_count],
@@ -219,7 +232,7 @@ class LightGrid:
         f, b = self.frame, self.build
         return [
             self.index, b.light_faces, b.light_tiles, b.light_slices, b.depth_lists == "spans", b.skip_empty,
-            self.widening, self.pad, f.lights, self.axes, self.extent, self.columns, self.rows, self.stretch,
+            self.widening, self.pads, f.lights, self.axes, self.extent, self.columns, self.rows, self.stretch,
             self.deepest, self.masks, f.points, f.triangles, self.bins.boxes, self.spans,
         ]  # fmt: skip
 

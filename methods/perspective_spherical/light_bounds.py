@@ -14,7 +14,7 @@ from ..common.triangle import U64, largest, to_float64, total, weld_of
 from .binning import INLINE_TILES, queue_rows
 from .culling import faces_away
 from .light_frame import EXTENT, distance_slice, tile_of
-from .light_map import BOUNDS, WRAPS, face_frame
+from .light_map import BOUNDS, LOOSE_BOUNDS, WRAPS, face_frame
 from .segment_tests import segment_planes, segment_vertices
 from .sphere import ROUNDING, TWO_PI
 
@@ -136,10 +136,9 @@ def no_ray_in(
 
 
 @functools.cache
-def make_bound_kernel(map: int) -> wp.Kernel:
+def make_bound_kernel(map: int, bounds: str = "exact") -> wp.Kernel:
     """Bounds of triangles under one light map: compiled apart, as each takes many registers."""
-    bounds_of = BOUNDS[map]
-    wrap = WRAPS[map]
+    bounds_of, wrap = LOOSE_BOUNDS[bounds] or (BOUNDS[map], WRAPS[map])
 
     @wp.kernel(enable_backward=False, module="unique")
     def bound_kernel(
@@ -149,7 +148,7 @@ def make_bound_kernel(map: int) -> wp.Kernel:
         tiles: wp.int32,
         slices: wp.int32,
         widening: wp.float64,
-        pad: wp.float64,
+        pads: wp.array(dtype=wp.float64),
         distance_pad: wp.float64,
         outward: wp.float64,
         test: wp.int32,
@@ -170,7 +169,7 @@ def make_bound_kernel(map: int) -> wp.Kernel:
     ):
         """Each item's box of tiles, span of slices and record; queue the rows of large ones.
 
-        ``pad``: a ray's direction is known to this; ``distance_pad``: its distance, relative
+        ``pads[0]``: a ray's direction is known to this; ``distance_pad``: its distance, relative
         """
         item = wp.tid()
         boxes[item] = wp.vec4i(0, 0, -1, -1)
@@ -188,6 +187,7 @@ def make_bound_kernel(map: int) -> wp.Kernel:
         c32 = points[face[2]]
         if holds_light(light, a32, b32, c32) or faces_away(outward, light, a32, b32, c32):
             return
+        pad = pads[0]
         s = lit_triangle(light, frame[0], side, widening, pad, a32, b32, c32)
         # Nearest point: no nearer than the plane, nor than the nearest vertex less the longest edge.
         normal = wp.cross(s.b - s.a, s.c - s.a)

@@ -10,10 +10,13 @@ import warp as wp
 
 from ...harness.specialise import effects
 from ..common.triangle import to_float64
-from .light_map import ray_place, ray_place32
+from .light_map import ray_place, ray_place32, ray_place_centred
 
 EXTENT = wp.constant(8)
 """Length of a face's extent: two coordinates and distance, lowest then highest, and two unused."""
+
+FINEST = wp.constant(wp.float64(4.0e-14))
+"""What a direction is known to in float64, relative to its length."""
 
 FACES = 6
 """Most rectangles of a light grid."""
@@ -90,9 +93,18 @@ def aim_kernel(
     lights: wp.array(dtype=wp.vec3f),
     spots: wp.array2d(dtype=wp.float64),
     box: wp.array(dtype=wp.float64),
+    centred: wp.bool,
+    pad: wp.float64,
     frame: wp.array(dtype=wp.mat33d),
+    pads: wp.array(dtype=wp.float64),
 ):
-    """The light's axes as rows: forward to the middle of the hit points, or of its spot (or +x); right; up."""
+    """The light's axes as rows: forward to the middle of the hit points, or of its spot (or +x); right; up.
+
+    ``pads``: what a ray's direction is known to, and the distance of the middle where ``centred`` rays are told from
+    it: only of an aimed light without a spot, at least twice as far as the hit points reach, else 0
+    """
+    pads[0] = pad
+    pads[1] = wp.float64(0.0)
     half = wp.float64(0.5)
     middle = wp.vec3d(half * (box[0] + box[3]), half * (box[1] + box[4]), half * (box[2] + box[5]))
     forward = middle - to_float64(lights[index])
@@ -115,6 +127,13 @@ def aim_kernel(
     right = wp.normalize(wp.cross(forward, up))
     up = wp.cross(right, forward)
     frame[0] = wp.matrix_from_rows(forward, right, up)
+    if centred:
+        distance = wp.length(middle - to_float64(lights[index]))
+        reach = wp.length(wp.vec3d(box[3] - box[0], box[4] - box[1], box[5] - box[2]))
+        if distance >= reach and distance < wp.float64(1.0e30):
+            # Rounded are coordinates no larger than half the reach; no ray is shorter than half the distance.
+            pads[0] = wp.max(FINEST, wp.float64(2.0) * pad * reach / distance)
+            pads[1] = distance
 
 
 @wp.kernel(enable_backward=False)
@@ -128,6 +147,8 @@ def map_kernel(
     frame: wp.array(dtype=wp.mat33d),
     receiver: wp.array(dtype=wp.uint8),
     hit: wp.array(dtype=wp.vec3d),
+    box: wp.array(dtype=wp.float64),
+    pads: wp.array(dtype=wp.float64),
     place: wp.array(dtype=wp.vec4d),
     extent: wp.array(dtype=wp.float64),
 ):
@@ -137,11 +158,15 @@ def map_kernel(
     high = -low
     light = to_float64(lights[index])
     axes = frame[0]
+    half = wp.float64(0.5)
+    middle = wp.vec3d(half * (box[0] + box[3]), half * (box[1] + box[4]), half * (box[2] + box[5]))
     pixel = k
     while pixel < pixels:
         if receiver[pixel] != wp.uint8(0):
             p = wp.vec4d()
-            if single:
+            if single and pads[1] > wp.float64(0.0):
+                p = ray_place_centred(map, axes, hit[pixel] - middle, pads[1], hit[pixel] - light)
+            elif single:
                 p = ray_place32(map, axes, hit[pixel] - light)
             else:
                 p = ray_place(map, axes * (hit[pixel] - light))

@@ -115,7 +115,7 @@ def bin_triangles_kernel(
     spans_all: wp.bool,
     skip_empty: wp.bool,
     widening: wp.float64,
-    pad: wp.float64,
+    pads: wp.array(dtype=wp.float64),
     lights: wp.array(dtype=wp.vec3f),
     frame: wp.array(dtype=wp.mat33d),
     extent: wp.array(dtype=wp.float64),
@@ -149,7 +149,7 @@ def bin_triangles_kernel(
             if span[0] < span[1] or (emit == 0 and not single):
                 face = triangles[item // faces]
                 s = lit_triangle(
-                    lights[index], frame[0], item % faces, widening, pad, points[face[0]], points[face[1]],
+                    lights[index], frame[0], item % faces, widening, pads[0], points[face[0]], points[face[1]],
                     points[face[2]],
                 )  # fmt: skip
             place = scan[item] - count[item]
@@ -173,7 +173,7 @@ def bin_rows_kernel(
     spans_all: wp.bool,
     skip_empty: wp.bool,
     widening: wp.float64,
-    pad: wp.float64,
+    pads: wp.array(dtype=wp.float64),
     lights: wp.array(dtype=wp.vec3f),
     frame: wp.array(dtype=wp.mat33d),
     extent: wp.array(dtype=wp.float64),
@@ -200,7 +200,7 @@ def bin_rows_kernel(
         item = rows[k][0]
         face = triangles[item // faces]
         s = lit_triangle(
-            lights[index], frame[0], item % faces, widening, pad, points[face[0]], points[face[1]],
+            lights[index], frame[0], item % faces, widening, pads[0], points[face[0]], points[face[1]],
             points[face[2]],
         )  # fmt: skip
         place = scan[offset + k] - count[offset + k]

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from .sphere import HALF_PI, PI, ROUNDING, angles, triangle_angles
+from .sphere import HALF_PI, PI, ROUNDING, angles, triangle_angles, wrapped
 
 AZIMUTH_ELEVATION, TWO_ANGLE, CUBE = 0, 1, 2
 
@@ -78,7 +78,22 @@ def ray_place32(map: wp.int32, axes: wp.mat33d, away: wp.vec3d) -> wp.vec4d:
     """The same with every operation in float32, from the difference (hit - light) rounded to float32."""
     v = wp.vec3f(wp.float32(away[0]), wp.float32(away[1]), wp.float32(away[2]))
     q = wp.matrix(axes, shape=(3, 3), dtype=wp.float32) * v
-    distance = wp.float64(wp.length(q))
+    return place32(map, q, wp.float64(wp.length(q)))
+
+
+@wp.func
+def ray_place_centred(
+    map: wp.int32, axes: wp.mat33d, beside: wp.vec3d, distance: wp.float64, away: wp.vec3d
+) -> wp.vec4d:
+    """The same from the difference (hit - middle), the middle being ``distance`` forward; the length in float64."""
+    v = wp.vec3f(wp.float32(beside[0]), wp.float32(beside[1]), wp.float32(beside[2]))
+    q = wp.matrix(axes, shape=(3, 3), dtype=wp.float32) * v
+    return place32(map, wp.vec3f(wp.float32(distance) + q[0], q[1], q[2]), wp.length(away))
+
+
+@wp.func
+def place32(map: wp.int32, q: wp.vec3f, distance: wp.float64) -> wp.vec4d:
+    """Coordinates of a float32 point in the light's frame, in float32."""
     if map == 1:
         return wp.vec4d(
             wp.float64(wp.atan2(q[1], q[0])), wp.float64(wp.atan2(q[2], q[0])), distance, wp.float64(0.0)
@@ -120,6 +135,36 @@ def spherical_bounds(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, pad: wp.float64) -> 
         return wp.vec4d(-PI, PI, low, high)
     spread = wp.float64(2.0) * pad / flattest
     return wp.vec4d(bounds[0] - spread, bounds[1] + spread, low, high)
+
+
+@wp.func
+def vertex_bounds(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, pad: wp.float64) -> wp.vec4d:
+    """Azimuth and elevation of the three vertices as they are: wrong across the seam, at poles and for large arcs."""
+    pa = angles(a)
+    pb = angles(b)
+    pc = angles(c)
+    return wp.vec4d(
+        wp.min(pa[0], wp.min(pb[0], pc[0])) - pad,
+        wp.max(pa[0], wp.max(pb[0], pc[0])) + pad,
+        wp.min(pa[1], wp.min(pb[1], pc[1])) - pad,
+        wp.max(pa[1], wp.max(pb[1], pc[1])) + pad,
+    )
+
+
+@wp.func
+def seam_bounds(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, pad: wp.float64) -> wp.vec4d:
+    """The same with azimuths unwrapped from vertex to vertex: wrong at poles and for large arcs."""
+    pa = angles(a)
+    pb = angles(b)
+    pc = angles(c)
+    az1 = pa[0] + wrapped(pb[0] - pa[0])
+    az2 = az1 + wrapped(pc[0] - pb[0])
+    return wp.vec4d(
+        wp.min(pa[0], wp.min(az1, az2)) - pad,
+        wp.max(pa[0], wp.max(az1, az2)) + pad,
+        wp.min(pa[1], wp.min(pb[1], pc[1])) - pad,
+        wp.max(pa[1], wp.max(pb[1], pc[1])) + pad,
+    )
 
 
 @wp.func
@@ -213,3 +258,6 @@ def wraps(map: wp.int32) -> wp.vec2i:
 BOUNDS = (spherical_bounds, two_angle_bounds, cube_bounds)
 WRAPS = ((1, 0), (1, 1), (0, 0))
 """By map: bounds of a triangle, and which of the two coordinates have a seam."""
+
+LOOSE_BOUNDS = {"exact": None, "seam": (seam_bounds, (1, 0)), "vertices": (vertex_bounds, (0, 0))}
+"""What may stand in place of the exact bounds of azimuth and elevation, by name."""

@@ -9,14 +9,16 @@ TRIANGLE_TESTS = ("exact", "edge_planes", "moller_trumbore")
 CULLING = ("off", "primary", "primary+light")
 LIGHT_MAPS = ("azimuth-elevation", "two-angle", "cube")
 CLAMPS = ("hits", "view", "none")
-PRECISIONS = ("float64", "float32")
+PRECISIONS = ("float64", "float32", "float32-centred")
+LIGHT_BOUNDS = ("exact", "seam", "vertices")
 STAGING = ("none", "shared")
 BALANCING = ("direct", "algorithm-1")
 
 
 @dataclass(frozen=True)
 class Build:
-    """Grid parameters. ``triangle_test`` and ``cull`` may change ties and edges; no other changes an answer.
+    """Grid parameters. ``light_bounds`` may lose shadows, ``triangle_test`` and ``cull`` may change ties and edges;
+    no other changes an answer.
 
     tile          side of a square sorting tile of the image, pixels
     slices        slices of depth in the perspective grid, linear between nearest and farthest triangle; 1: none
@@ -27,7 +29,12 @@ class Build:
                   section 4.1 words it; "cube": six faces (Hunt & Mark 2008), which the paper argues against
     aimed         the light's frame looks at the middle of the hit points, or along its spot; otherwise along +x, y up
     precision     number format of the rays' light-space coordinates. "float32" widens triangles by its rounding:
-                  never wrong, but far lights need more and more pairs (status ``rejected`` where they do not fit)
+                  never wrong, but far lights need more and more pairs (status ``rejected`` where they do not fit).
+                  "float32-centred": relative to the middle of the hit points, which lies on the axis of an aimed
+                  frame; what is rounded is then small where the light is far (distances stay in float64)
+    light_bounds  box of a triangle in azimuth and elevation. "exact": of its great arcs, and of a pole inside it.
+                  "seam": of its vertices, azimuths unwrapped. "vertices": of its vertices as they are, which is
+                  what the paper's wording suggests. The last two lose shadows; they are there to show how many
     clamp         rectangle of a light grid: "hits" of the hit points; "view" of the camera's frustum (Figure 5);
                   "none": all directions, or the whole spot
     skip_empty    no pair where no shadow ray lies in the tile, or none reaches the slice
@@ -50,6 +57,7 @@ class Build:
     light_map: str = "azimuth-elevation"
     aimed: bool = True
     precision: str = "float64"
+    light_bounds: str = "exact"
     clamp: str = "hits"
     skip_empty: bool = True
     triangle_test: str = "exact"
@@ -73,6 +81,13 @@ class Build:
         _one_of(self.depth_lists, DEPTH_LISTS)
         _one_of(self.light_map, LIGHT_MAPS)
         _one_of(self.precision, PRECISIONS)
+        _one_of(self.light_bounds, LIGHT_BOUNDS)
+        if self.precision == "float32-centred" and not self.aimed:
+            raise ValueError(
+                "precision float32-centred needs aimed=true: the middle must lie on the frame's axis"
+            )
+        if self.light_bounds != "exact" and self.light_map != "azimuth-elevation":
+            raise ValueError("light_bounds other than exact needs light_map=azimuth-elevation")
         _one_of(self.clamp, CLAMPS)
         _one_of(self.triangle_test, TRIANGLE_TESTS)
         _one_of(self.cull, CULLING)
@@ -141,3 +156,18 @@ PAPER = {
 }
 """The paper-faithful configuration at 1024x1024, as text for ``make_method``. ``cull`` is "off" on scenes that are not
 closed, or seen from inside; r is one of the four values of Figure 11, of which the paper names none as its own."""
+
+LOST_BOUNDS = {
+    "seam": "triangles bounded by their vertices on the sphere: great arcs bulge, and poles lie inside triangles",
+    "vertices": "triangles bounded by their vertices on the sphere, the seam of azimuth not heeded",
+}
+LOST_TESTS = {
+    "edge_planes": "a float32 triangle test by edge planes",
+    "moller_trumbore": "a float32 triangle test that is not watertight",
+}
+
+
+def known_inexact(build: Build) -> str | None:
+    """Why these settings may be wrong, or None where they are exact."""
+    reasons = [LOST_TESTS.get(build.triangle_test), LOST_BOUNDS.get(build.light_bounds)]
+    return "; ".join(reason for reason in reasons if reason) or None
