@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from .case import (
+    F64,
     Counts,
     HardCase,
     Mesh,
@@ -24,6 +27,7 @@ from .case import (
 
 ORIGIN = (0.0, 0.0, 0.0)
 NO_RULE = "unpadded boxes; no rule for edges"
+FAR = "float64 edge functions that cancel: rays through vertices"
 NO_THICKNESS = "a box without thickness, its upper faces"
 
 
@@ -162,21 +166,65 @@ def teapot_in_stadium() -> Trial:
     )
 
 
+def needles(middle: F64, towards: F64, seed: int) -> Mesh:
+    """Triangles 2 long and 2e-5 wide in every direction about points [n, 3], broad side to rays along ``towards``."""
+    along = np.random.default_rng(seed).normal(size=middle.shape)
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    across = np.cross(along, towards)
+    across *= 1e-5 / np.linalg.norm(across, axis=1, keepdims=True)
+    return triangles(np.stack([middle + along, middle - along + across, middle - along - across], axis=1))
+
+
+def on_segments(seed: int) -> F64:
+    """A hundred points [100, 3] on segments from the origin to pixels' hit points at 5 (x, y, -1)."""
+    random = np.random.default_rng(seed)
+    x, places = pixel_centres(16), random.permutation(256)[:100]
+    depth = random.uniform(1, 4, (100, 1))
+    return np.stack([x[places % 16], x[places // 16], -np.ones(100)], axis=1) * depth
+
+
+def shadow_slivers() -> Trial:
+    """Needles that shadow rays cross in their middle: from a light near them, and from one 1e6 away."""
+    from_near, from_far = on_segments(13), on_segments(14)
+    # Receivers at 5 (x, y, -1); below a far light the ray that ends there stays at 5 (x, y).
+    from_far[:, :2] *= 5 / -from_far[:, 2:]
+    above = np.broadcast_to([0.0, 0.0, 1.0], from_far.shape)
+    return view(
+        joined(plane(2, -5, 16), needles(from_near, from_near, 15), needles(from_far, above, 16)),
+        [ORIGIN, (0, 0, 1e6)],
+        (0, 0, -10),
+        (0, 0, 1),
+        1.0,
+    )
+
+
+def far_ball(radii: float) -> Trial:
+    """A closed ball of radius 1 seen from afar and lit from afar: its triangles are a third of a radius wide."""
+    eye = np.array([0.48, 0.64, 0.6]) * radii
+    lights = [(0.9 * radii, -0.1 * radii, 0.3 * radii), (3, 4, 5)]
+    return view(
+        ball(1.0, (0, 0, 0), 12, 18), lights, eye.tolist(), (-eye).tolist(), 1.2 / radii, (24, 24), watertight=True
+    )  # fmt: skip
+
+
+def far_from_occluder(radii: float) -> Trial:
+    """A ball half way between a light and a small floor across the way, both so many of its radii away."""
+    towards = np.array([0.48, 0.64, 0.6])
+    right = np.array([0.8, -0.6, 0.0])
+    up = np.cross(right, towards)
+    middle = -towards * radii
+    floor = [middle + 4 * (i * right + j * up) for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    return view(
+        joined(ball(1.0, (0, 0, 0), 12, 18), quad(*floor)), [(towards * radii).tolist()],
+        (middle - 8 * towards).tolist(), towards, 0.4, (24, 24),
+    )  # fmt: skip
+
+
 def slivers() -> Trial:
     """Triangles of aspect 1e5 in every direction, each met by the ray of a pixel, before a wall."""
-    random = np.random.default_rng(12)
-    x = pixel_centres(16)
-    places = random.permutation(256)[:100]
-    middle = np.stack([x[places % 16], x[places // 16], -np.ones(100)], axis=1) * random.uniform(
-        1, 4, (100, 1)
-    )
-    along = random.normal(size=(100, 3))
-    along /= np.linalg.norm(along, axis=1, keepdims=True)
-    across = np.cross(along, middle)
-    across *= 1e-5 / np.linalg.norm(across, axis=1, keepdims=True)
-    corners = np.stack([middle + along, middle - along + across, middle - along - across], axis=1)
+    middle = on_segments(12)
     return view(
-        joined(plane(2, -5, 16), triangles(corners)),
+        joined(plane(2, -5, 16), needles(middle, middle, 17)),
         [(0.5, 2, 0.5), ORIGIN, (0, 0, -4.9)],
         ORIGIN,
         (0, 0, -1),
@@ -233,6 +281,17 @@ CASES = (
     HardCase("P15", "rays through split edges", "edge planes in vertex order", lambda: bumpy_sheet(2, True, 0.375)),
     HardCase("P16", "teapot in a stadium", "one cell holds the teapot; a fixed epsilon", teapot_in_stadium),
     HardCase("P23", "slivers", "t and weights from thin triangles", slivers),
+    HardCase("S26", "slivers as occluders", "signs and planes of thin triangles", shadow_slivers),
+    *(
+        HardCase(f"P30 {radii:g}", f"a ball seen from {radii:g} radii", FAR, partial(far_ball, radii))
+        for radii in (1e3, 1e5, 1e6, 1e7)
+    ),
+    *(
+        HardCase(
+            f"S27 {radii:g}", f"a ball {radii:g} radii from light and floor", FAR, partial(far_from_occluder, radii)
+        )
+        for radii in (1e3, 1e5, 1e6, 1e7)
+    ),
     HardCase("P24", "a fan of 96 triangles", "many candidates at one vertex", lambda: fan(96)),
     HardCase("P25", "boxes that share faces", "coplanar ties, lights on corners", touching_boxes),
     HardCase("P26", "triangles through every cell", "long lists, a hit found in another cell", through_every_cell),
