@@ -191,7 +191,7 @@ def test_a_planted_error_is_found(name, apply, kind) -> None:
 
 def test_a_bit_outside_a_spot_is_found() -> None:
     class SpotForger(Forger):
-        spots = True
+        simulates = frozenset({"shadows", "receivers", "directional"})
 
     one = judged("S17")
     good = judge_case(one, SpotForger(one.exact, lambda answers: None), "cpu")
@@ -250,7 +250,7 @@ def test_allocations_are_counted() -> None:
 
 
 def test_command_passes_an_exact_method_and_says_so(capsys) -> None:
-    assert check("uniform_grid", "cpu", None, ["S05", "S17", "P18"], True) == 0
+    assert check("accuracy_ladder", "cpu", None, ["S05", "S17", "P18"], True) == 0
     report = json.loads(capsys.readouterr().out)
     assert report["passed"]
     assert report["true_errors"] == 0
