@@ -19,6 +19,7 @@ from typing import Annotated, Any
 import typer
 
 from .commands.check import check
+from .commands.plan import plan
 from .commands.verify import explain, score, verify
 from .errors import UserError
 
@@ -199,6 +200,7 @@ def render_(
 
 # These carry their own annotations: they are registered as they are.
 command("check", "shadowbench check perspective_spherical --device cpu")(check)
+command("plan", "shadowbench plan cloth --method uniform_grid")(plan)
 command("verify", "shadowbench verify cloth bunny.ply --method bvh --json")(verify)
 command("explain", "shadowbench explain cloth --pixel 120,80")(explain)
 command("score", "shadowbench score results/local/table1-quick")(score)

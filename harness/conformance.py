@@ -76,11 +76,11 @@ def conformance(make_method: Callable[[], Method], device: str) -> list[Check]:
     """Every requirement on one method."""
     prepared = moving_scene()
     reason = make_method().applies(prepared.scene, device)
-    names = ("frames", "graph replays", "allocations", "shadows not asked for")
+    names = ("frames", "graph replays", "allocations", "shadows not asked for", "partial frames")
     if reason:
         return [Check(name, "exempt", reason) for name in names]
     checks = []
-    for name, test in zip(names, (_frames, _replays, _allocations, _unasked), strict=True):
+    for name, test in zip(names, (_frames, _replays, _allocations, _unasked, _partial), strict=True):
         try:
             checks.append(test(name, make_method, prepared, device))
         except Exception as error:  # a crash is what a check is there to find
@@ -103,6 +103,38 @@ def _frames(name: str, make_method: Callable[[], Method], prepared: Prepared, de
         unlike = _unlike(session.answers(moment), _session(make_method, prepared, device).answers(moment))
         if unlike:
             return Check(name, "error", f"frame {k} differs from a fresh session in {', '.join(unlike)}")
+    return Check(name)
+
+
+def _partial(name: str, make_method: Callable[[], Method], prepared: Prepared, device: str) -> Check:
+    """A frame made from the last by running only the passes that read what changed has the bits of a whole frame.
+
+    So what passes say they read and write is true, and no buffer that outlives a frame is shared by accident.
+    """
+    session = _session(make_method, prepared, device)
+    width, height = SIZE
+    session.answers(prepared.moment(0, width, height))
+    view, lights = Camera((-2.0, 0.4, -1.5), (0.0, 0.5, 0.0)), prepared.scene.lights
+    moved = (lights[0].moved((0, 40, 3)), *lights[1:])
+    turns = [
+        ("the camera", (0, view, lights)),
+        ("light 0", (0, view, moved)),
+        ("light 1", (0, view, (moved[0], lights[1].moved((0.0, 0.05, 0.0))))),
+        ("the geometry", (1, view, moved)),
+        ("nothing", (1, view, moved)),
+        ("all", (0, None, lights)),
+    ]
+    for label, (frame, camera, placed) in turns:
+        moment = prepared.moment(frame, width, height, camera, placed)
+        session.advance(moment)
+        wp.synchronize_device(device)
+        unlike = _unlike(
+            session.frame.answers.to_host(), _session(make_method, prepared, device).answers(moment)
+        )
+        if unlike:
+            return Check(
+                name, "error", f"after {label} changed: {', '.join(unlike)} differ from a whole frame"
+            )
     return Check(name)
 
 

@@ -60,6 +60,7 @@ class Frame:
     reach     float32 [1]: bounds every coordinate of scene and eye
     lights    vec3f [light_count]       spots  float64 [light_count, 12]: see :mod:`.spot`
     receivers uint8 [light_count, pixels]: 1 = has a shadow ray (:mod:`.receivers`); empty unless a light is masked
+    reached   int32 [light_count]: not 0 where something receives the light; empty like ``receivers``
     points_needed, ...: a method's own arrays are its own
     """
 
@@ -95,6 +96,7 @@ class Frame:
             self.lights = wp.zeros(max(1, light_count), dtype=wp.vec3f)
             self.spots = wp.zeros((max(1, light_count), SPOT), dtype=wp.float64)
             self.receivers = wp.zeros((light_count, self.pixels) if masked else (0, 0), dtype=wp.uint8)
+            self.reached = wp.zeros(light_count if masked else 0, dtype=wp.int32)
             self.answers = Answers(
                 wp.zeros(self.pixels, dtype=wp.int32),
                 wp.zeros(self.pixels, dtype=wp.float32),

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import itertools
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+
+import warp as wp
 
 PARTS = ("build", "trace", "light build", "shadow")
 
@@ -19,6 +22,7 @@ class Pass:
     launch  launches only: no allocation, no read-back, no host synchronisation (unless the method says it is
             not capturable)
     effect  the effect that asks for it, or None where every frame needs it
+    given   int32 [1] on the device: launched only where it is not 0 (set by the harness, decided inside the frame)
     """
 
     name: str
@@ -27,13 +31,27 @@ class Pass:
     writes: tuple[str, ...]
     launch: Callable[[], None]
     effect: str | None = None
+    given: wp.array | None = None
 
     def __post_init__(self) -> None:
         if self.part not in PARTS:
             raise ValueError(f"pass {self.name!r}: part {self.part!r} is not one of {PARTS}")
 
+    def run(self) -> None:
+        """Launch it, if what it is given says so."""
+        run_passes([self])
 
-def run_passes(passes: list[Pass]) -> None:
-    """Launch every pass in order."""
-    for step in passes:
-        step.launch()
+
+def run_passes(passes: Sequence[Pass]) -> None:
+    """Launch every pass in order. Neighbours under one condition are one branch, also of a captured graph."""
+    for given, group in itertools.groupby(passes, key=lambda work: work.given):
+        together = list(group)
+        if given is None:
+            _launch(together)
+        else:
+            wp.capture_if(given, lambda together=together: _launch(together))
+
+
+def _launch(passes: Sequence[Pass]) -> None:
+    for work in passes:
+        work.launch()

@@ -1,10 +1,14 @@
 """The mask of receivers as a pass: made once a light by the harness, read by every method alike.
 
 The rule is :mod:`.spot`'s, in the same float64 words; a hit point is that of the answer's triangle, computed anew,
-so that the mask depends on no method's own numbers.
+so that the mask depends on no method's own numbers. The pass clears the light's row of shadow bits and says on the
+device whether anything receives the light: where nothing does, the light's other passes are not launched
+(:func:`skippable`), which a captured graph decides by itself.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import warp as wp
 
@@ -71,9 +75,12 @@ def receivers_kernel(
     triangles: wp.array(dtype=wp.vec3i),
     triangle: wp.array(dtype=wp.int32),
     receivers: wp.array2d(dtype=wp.uint8),
+    reached: wp.array(dtype=wp.int32),
+    visibility: wp.array2d(dtype=wp.uint8),
 ):
-    """1 where a pixel's hit has a shadow ray to the light; 0 elsewhere and at a miss."""
+    """1 where a pixel's hit has a shadow ray to the light; 0 elsewhere and at a miss. Clears the shadow bits."""
     pixel = wp.tid()
+    visibility[light, pixel] = wp.uint8(0)
     hit = triangle[pixel]
     if hit < 0:
         receivers[light, pixel] = wp.uint8(0)
@@ -91,12 +98,16 @@ def receivers_kernel(
     if facing and wanted:
         wanted = faces(n, longest(e) * longest(f) * DOUBT64, o - a, place - a)
     receivers[light, pixel] = wp.uint8(wanted)
+    if wanted and reached[0] == 0:
+        reached[0] = 1  # every thread that writes writes the same
 
 
 def receiver_passes(frame: Frame, effects: Effects) -> list[Pass]:
     """A pass for every light that only some hit points have a shadow ray to."""
 
     def launch(light: int) -> None:
+        reached = frame.reached[light : light + 1]
+        reached.zero_()
         wp.launch(
             receivers_kernel,
             dim=frame.pixels,
@@ -104,7 +115,7 @@ def receiver_passes(frame: Frame, effects: Effects) -> list[Pass]:
                 frame.width, light, effects.facing, frame.eye, frame.column, frame.row, frame.lights, frame.spots,
                 frame.points, frame.triangles, frame.answers.triangle,
             ],
-            outputs=[frame.receivers],
+            outputs=[frame.receivers, reached, frame.answers.visibility],
             device=frame.device,
         )  # fmt: skip
 
@@ -113,10 +124,17 @@ def receiver_passes(frame: Frame, effects: Effects) -> list[Pass]:
             f"light {i}: receivers",
             "shadow",
             ("hits", "points", "triangles", "camera", f"light/{i}"),
-            (f"receivers/{i}",),
+            (f"receivers/{i}", f"visibility/{i}"),
             lambda i=i: launch(i),  # type: ignore[misc]
             effect="receivers",
         )
         for i in range(len(effects.shadows))
         if effects.masked(i)
     ]
+
+
+def skippable(passes: list[Pass], frame: Frame, effects: Effects) -> list[Pass]:
+    """The same passes, those of a light with a mask given only that something receives it."""
+    own = {f"shadows/{i}": i for i in range(len(effects.shadows)) if effects.masked(i)}
+    reached = {i: frame.reached[i : i + 1] for i in own.values()}
+    return [replace(p, given=reached[own[p.effect]]) if p.effect in own else p for p in passes]

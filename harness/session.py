@@ -17,7 +17,7 @@ from .method import Method
 from .moment import Moment, Prepared
 from .pass_graph import arranged, inputs_of, live, stale, wanted_of
 from .passes import Pass, run_passes
-from .receivers import receiver_passes
+from .receivers import receiver_passes, skippable
 from .scene import Effects, Limits
 
 GROWTH_LIMIT = 8
@@ -27,9 +27,10 @@ GROWTH_LIMIT = 8
 class Session:
     """A method planned on a frame of a prepared scene.
 
-    ``all_passes``: those that what is wanted needs; ``passes``: those that :meth:`run` and :meth:`graph` launch,
-    fewer after :meth:`select`. ``regrown`` counts how often a capacity was exceeded, the frame discarded and run
-    again.
+    planned     the passes of the method and of the harness
+    all_passes  those of them that what is wanted needs
+    passes      those that :meth:`run` and :meth:`graph` launch: fewer after :meth:`select`
+    regrown     how often a capacity was exceeded, the frame discarded and run again
     """
 
     def __init__(
@@ -52,6 +53,7 @@ class Session:
         self.frame = Frame(prepared, width, height, count, device, self.effects)
         self.regrown = 0
         self.passes: list[Pass] = []
+        self.planned: list[Pass] = []
         self.all_passes: list[Pass] = []
         self._graphs: dict[tuple[Pass, ...], Any] = {}
         self._plan()
@@ -60,8 +62,9 @@ class Session:
         with wp.ScopedDevice(self.device):
             self._graphs.clear()
             planned = self.method.plan(self.frame, self.effects, self.limits)
-        added = receiver_passes(self.frame, self.effects)
-        self.all_passes = live(arranged(planned, added), wanted_of(self.effects))
+        self.planned = arranged(planned, receiver_passes(self.frame, self.effects))
+        self.planned = skippable(self.planned, self.frame, self.effects)
+        self.all_passes = live(self.planned, wanted_of(self.effects))
         self.passes = self.all_passes
 
     def load(self, moment: Moment) -> None:

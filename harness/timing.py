@@ -181,7 +181,7 @@ def _stages(session: Session) -> list[float]:
     device = wp.get_device(session.device)
     if not device.is_cuda:
         with wp.ScopedDevice(device):
-            return [_clock(step.launch) for step in session.passes]
+            return [_clock(step.run) for step in session.passes]
     count = len(session.passes)
     if session.replays:
         graphs = [session.graph(upto=k) for k in range(1, count + 1)]
@@ -202,7 +202,7 @@ def _stages(session: Session) -> list[float]:
         wp.synchronize_device(device)
         wp.record_event(events[0])
         for step, event in zip(session.passes, events[1:], strict=True):
-            step.launch()
+            step.run()
             wp.record_event(event)
         wp.synchronize_device(device)
         return [wp.get_event_elapsed_time(a, b, synchronize=False) for a, b in itertools.pairwise(events)]

@@ -73,7 +73,7 @@ class ShadowMap(BaseMethod):
         passes = camera.passes()
         if wanted:
             passes.append(
-                Pass("scene box", "light build", ("points", "triangles"), ("box",), self._launch_box, f"shadows/{wanted[0]}")
+                Pass("scene box", "light build", ("points", "triangles"), ("box",), self._launch_box, "shadows")
             )  # fmt: skip
         for i in wanted:
             passes += self._light_passes(i)

@@ -1,0 +1,211 @@
+"""``shadowbench plan``: which passes a frame of a scene runs, for every method, and why; nothing is launched."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ..errors import CapacityRejected, UserError
+from ..moment import Prepared
+from ..pass_graph import Step, steps, wanted_of
+from ..passes import Pass
+from ..plan import device_for, find_device, parse_size
+from ..registry import make_method, method_class, method_names
+from ..scene import Effects, Scene
+from ..scenes.catalogue import resolve
+from ..session import Session
+
+
+def plan(
+    scene: Annotated[str, typer.Argument(help="A scene's name or a file.")],
+    method: Annotated[
+        list[str] | None, typer.Option("--method", help="A method's name; again for more. Default: all.")
+    ] = None,
+    size: Annotated[str, typer.Option("--size", help="Image size.")] = "256x256",
+    device: Annotated[
+        str | None, typer.Option("--device", help="cpu or cuda:0. Default: cuda:0 where there is one.")
+    ] = None,
+    scene_dir: Annotated[
+        Path | None,
+        typer.Option(
+            "--scene-dir", help="Folder of original scenes. Default: the variable SHADOWBENCH_SCENES."
+        ),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print nothing but JSON.")] = False,
+) -> int:
+    """Say what a scene calls for and which passes run: in the first frame, where only the camera, one light or the
+    geometry moved since the last frame, and where nothing did; each with its reason."""
+    found = frame_plan(scene, method or [], size, device, scene_dir)
+    print(json.dumps(found, indent=1) if as_json else as_text(found))
+    return 0
+
+
+def frame_plan(
+    scene: str,
+    methods: list[str],
+    size: str = "256x256",
+    device: str | None = None,
+    scene_dir: Path | None = None,
+) -> dict[str, Any]:
+    """What the command prints, as JSON can hold it. Raises :class:`UserError` for a wrong name."""
+    width, height = parse_size(size)
+    place = find_device(device)
+    for name in methods:
+        method_class(name)  # a wrong name is said at once
+    described = resolve(scene, scene_dir)
+    prepared = Prepared(described)
+    effects = Effects.of(described)
+    return {
+        "scene": described.name,
+        "title": described.title,
+        "stand_in": described.stand_in,
+        "declared": declared(described, prepared),
+        "calls_for": list(effects.names()),
+        "wanted": list(wanted_of(effects)),
+        "changes": {label: sorted(changed) for label, changed in change_sets(len(described.lights)).items()},
+        "methods": [method_plan(name, prepared, width, height, place) for name in methods or method_names()],
+    }
+
+
+def declared(scene: Scene, prepared: Prepared) -> dict[str, Any]:
+    """What the scene says of itself, in words."""
+    motion = prepared.geometry.motion
+    moves = "static"
+    if prepared.frame_count > 1:
+        kind = motion.kind if motion else "deforming"
+        part = "all of it"
+        if motion and motion.vertices:
+            part = f"vertices {motion.vertices[0]} to {motion.vertices[1] - 1}"
+        moves = f"{kind} over {prepared.frame_count} frames, {part}"
+    lights = []
+    for light in scene.lights:
+        words = ["directional" if light.directional else "spot" if light.spot else "point"]
+        words.append("with shadows" if light.shadows else "without shadows")
+        words.append("moving" if scene.light_path is not None else "fixed")
+        lights.append(", ".join(words))
+    return {
+        "geometry": f"{prepared.triangle_count:,} triangles, {moves}",
+        "closed": scene.closed,
+        "camera": "moving" if scene.camera_moves else "fixed",
+        "lights": lights,
+        "shadow rays": "where the surface faces the light" if scene.facing else "at every hit point",
+        "alpha": scene.alpha is not None,
+        "mirror bounces": scene.bounces if scene.mirror is not None else 0,
+        "outputs": list(scene.outputs),
+    }
+
+
+def change_sets(light_count: int) -> dict[str, frozenset[str]]:
+    """The frames that a plan tells of: what changed since the last one, by the inputs' names."""
+    lights = {f"light {i}": frozenset({f"light/{i}"}) for i in range(light_count)}
+    return {
+        "camera": frozenset({"camera"}),
+        **lights,
+        "geometry": frozenset({"points"}),
+        "nothing": frozenset(),
+    }
+
+
+def method_plan(name: str, prepared: Prepared, width: int, height: int, device: str) -> dict[str, Any]:
+    """The passes of one method and what becomes of each after every change; or the reason why it has none."""
+    facts: dict[str, Any] = {"method": name, "cannot": None, "passes": []}
+    try:
+        method = make_method(name)
+        place = device_for(type(method), device)
+        facts["cannot"] = method.applies(prepared.scene, place)
+        if facts["cannot"]:
+            return facts
+        session = Session(method, prepared, width, height, place)
+    except UserError:
+        raise
+    except CapacityRejected as error:
+        facts["cannot"] = f"rejected: {error}"
+        return facts
+    except Exception as error:  # a stranger's method may fail in any way; the others are still told of
+        facts["cannot"] = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        return facts
+    after = {
+        label: steps(session.all_passes, changed)
+        for label, changed in change_sets(len(prepared.scene.lights)).items()
+    }
+    wanted = wanted_of(session.effects)
+    facts["device"] = place
+    facts["passes"] = [
+        {
+            "name": work.name,
+            "part": work.part,
+            "effect": work.effect,
+            "reads": list(work.reads),
+            "writes": list(work.writes),
+            "first": first_reason(work, session.all_passes, wanted),
+            "after": {label: as_json(rows[k]) for label, rows in after.items()},
+        }
+        for k, work in enumerate(session.all_passes)
+    ]
+    kept = set(session.all_passes)
+    facts["left_out"] = [work.name for work in session.planned if work not in kept]
+    return facts
+
+
+def as_json(step: Step) -> dict[str, Any]:
+    """A step's verdict."""
+    return {"runs": step.runs, "reason": step.reason}
+
+
+def first_reason(work: Pass, passes: list[Pass], wanted: tuple[str, ...]) -> str:
+    """Why a pass runs in the first frame: what is wanted of it, or which pass reads it."""
+    for name in work.writes:
+        if name in wanted:
+            return f"{name} is wanted"
+    later = passes[passes.index(work) + 1 :]
+    reader = next((other for other in later if set(other.reads) & set(work.writes)), None)
+    return f'read by "{reader.name}"' if reader else "written together with what is wanted"
+
+
+def as_text(found: dict[str, Any]) -> str:
+    """The plan for a person: one table a method; a cell says what a pass runs for, a dot that it rests."""
+    lines = [f"{found['title']}  ({found['scene']})"]
+    if found["stand_in"]:
+        lines.append(f"  {found['stand_in']}")
+    for key, value in found["declared"].items():
+        if key == "lights":
+            lines += [f"  light {i}: {words}" for i, words in enumerate(value)]
+        else:
+            shown = ", ".join(value) if isinstance(value, list) else value
+            shown = {True: "yes", False: "no"}.get(shown, shown) if isinstance(shown, bool) else shown
+            lines.append(f"  {key}: {shown}")
+    lines.append(f"  calls for: {', '.join(found['calls_for']) or 'primary rays alone'}")
+    lines += [
+        "",
+        "Columns: what alone changed since the last frame. A cell names the cause; a dot is a pass at rest.",
+    ]
+    for method in found["methods"]:
+        lines += ["", *_table(method, list(found["changes"]))]
+    return "\n".join(lines)
+
+
+def _table(method: dict[str, Any], changes: list[str]) -> list[str]:
+    if method["cannot"]:
+        return [f"{method['method']}: cannot: {method['cannot']}"]
+    count = len(method["passes"])
+    head = ["pass", "first frame", *changes]
+    rows = []
+    for work in method["passes"]:
+        cells = [_cause(work["after"][label]) for label in changes]
+        rows.append([work["name"], work["first"], *cells])
+    runs = [sum(work["after"][label]["runs"] for work in method["passes"]) for label in changes]
+    rows.append(["passes that run", str(count), *(str(number) for number in runs)])
+    widths = [max(len(row[k]) for row in [head, *rows]) for k in range(len(head))]
+    lines = [f"{method['method']} on {method['device']}"]
+    for row in [head, *rows]:
+        lines.append("  " + "  ".join(f"{cell:{w}}" for cell, w in zip(row, widths, strict=True)).rstrip())
+    if method["left_out"]:
+        lines.append(f"  left out, nobody wants what they make: {', '.join(method['left_out'])}")
+    return lines
+
+
+def _cause(verdict: dict[str, Any]) -> str:
+    return verdict["reason"].removesuffix(" changed") if verdict["runs"] else "."
