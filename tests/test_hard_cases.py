@@ -254,7 +254,7 @@ def test_command_passes_an_exact_method_and_says_so(capsys) -> None:
     report = json.loads(capsys.readouterr().out)
     assert report["passed"]
     assert report["true_errors"] == 0
-    assert [case["status"] for case in report["cases"]] == ["ok", "ok", "ok"]
+    assert [case["status"] for case in report["cases"]] == ["ok", "outside", "ok"]
     assert report["cases"][0]["expected"] == report["cases"][0]["got"] == "32 hit, 32 shadowed"
 
 
