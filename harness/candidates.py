@@ -14,7 +14,9 @@ import warp as wp
 from numpy.typing import NDArray
 
 from . import referee_kernels as kernels
+from .alpha import device_alpha
 from .referee_kernels import LEAF
+from .scene import AlphaMask
 
 BATCH = 8192
 """Rays decided at once: bounds the memory of candidate lists."""
@@ -91,12 +93,18 @@ class Candidates:
     """Finds candidates in one mesh at one moment, on a device; ``tree`` is made once."""
 
     def __init__(
-        self, points: NDArray[np.float32], faces: NDArray[np.int32], valid: NDArray, device: str
+        self,
+        points: NDArray[np.float32],
+        faces: NDArray[np.int32],
+        valid: NDArray,
+        device: str,
+        mask: AlphaMask | None = None,
     ) -> None:
         self.device = device
         self.tree = build_tree(points, faces, valid, device)
         self._points = wp.array(points, dtype=wp.vec3f, device=device)
         self._faces = wp.array(faces, dtype=wp.vec3i, device=device)
+        self._alpha = device_alpha(mask, device)
 
     def along(
         self, origins: NDArray[np.float32], directions: NDArray[np.float32], nearest: bool
@@ -161,5 +169,5 @@ class Candidates:
 
     def _launch(self, kernel: wp.Kernel, n: int, inputs: Sequence, outputs: Sequence) -> None:
         tree = self.tree
-        shared = [tree.low, tree.high, tree.order, tree.leaves, self._points, self._faces]
+        shared = [tree.low, tree.high, tree.order, tree.leaves, self._points, self._faces, self._alpha]
         wp.launch(kernel, dim=n, inputs=[*shared, *inputs], outputs=list(outputs), device=self.device)

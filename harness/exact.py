@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
 Integers = tuple[int, int, int]
+Whole = Sequence[int]
 EDGES = ((0, 1), (1, 2), (2, 0))
 
 UNIT = 2.0**-24
@@ -63,9 +64,20 @@ def _dot(p: Sequence[int], q: Sequence[int]) -> int:
     return p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
 
 
+def weights(d: Sequence[int], a: Integers, b: Integers, c: Integers) -> Integers:
+    """Numbers in the ratio of the weights of a, b and c where the line through the origin along ``d`` meets them."""
+    return _dot(d, _cross(c, b)), _dot(d, _cross(a, c)), _dot(d, _cross(b, a))
+
+
+def hit_weights(o: Sequence[int], d: Sequence[int], triangle: Sequence[int]) -> Integers:
+    """:func:`weights` of a ray from ``o`` and a triangle of nine integers in one scale."""
+    a, b, c = (_sub(triangle[j : j + 3], o) for j in (0, 3, 6))
+    return weights(d, a, b, c)
+
+
 def crosses(d: Sequence[int], a: Integers, b: Integers, c: Integers) -> bool:
     """Whether the line through the origin along ``d`` meets the closed triangle (coplanar lines may say yes)."""
-    u, v, w = _dot(d, _cross(c, b)), _dot(d, _cross(a, c)), _dot(d, _cross(b, a))
+    u, v, w = weights(d, a, b, c)
     return not ((u < 0 or v < 0 or w < 0) and (u > 0 or v > 0 or w > 0))
 
 

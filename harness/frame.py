@@ -12,6 +12,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from .alpha import device_alpha
 from .moment import Moment, Prepared
 from .scene import Effects
 from .spot import SPOT
@@ -61,6 +62,7 @@ class Frame:
     lights    vec3f [light_count]       spots  float64 [light_count, 12]: see :mod:`.spot`
     receivers uint8 [light_count, pixels]: 1 = has a shadow ray (:mod:`.receivers`); empty unless a light is masked
     reached   int32 [light_count]: not 0 where something receives the light; empty like ``receivers``
+    alpha     the scene's mask (:class:`.alpha.Alpha`), the resource "surfaces"; empty unless the effects hold alpha
     points_needed, ...: a method's own arrays are its own
     """
 
@@ -104,6 +106,7 @@ class Frame:
                 wp.zeros(self.pixels, dtype=wp.float32),
                 wp.zeros((max(1, light_count), self.pixels), dtype=wp.uint8),
             )
+        self.alpha = device_alpha(prepared.alpha if effects is not None and effects.alpha else None, device)
         self.host: Moment | None = None
         if self.triangle_count:
             self.triangles.assign(prepared.faces)

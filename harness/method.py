@@ -68,7 +68,7 @@ class BaseMethod:
     title: ClassVar[str] = ""
     capturable: bool = True
     devices: ClassVar[tuple[str, ...]] = ("cpu", "cuda")
-    simulates: ClassVar[frozenset[str]] = frozenset({"shadows", "directional"})
+    simulates: frozenset[str] = frozenset({"shadows", "directional"})
     """The effects (:meth:`~.scene.Effects.names`) that it takes part in; what it leaves out it says with a reason."""
     cannot: ClassVar[Mapping[str, str]] = {}
     """Reasons for effects that it cannot simulate, shown as they stand."""

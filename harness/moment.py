@@ -13,8 +13,9 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
+from .alpha import alpha_of
 from .errors import UserError
-from .scene import Camera, Geometry, Light, Scene
+from .scene import AlphaMask, Camera, Geometry, Light, Scene
 
 F32 = NDArray[np.float32]
 
@@ -70,8 +71,11 @@ class Prepared:
     """A scene recentred, rounded and welded: the arrays that everyone gets.
 
     ``centre`` is what was subtracted, in float64: zero when the bounding box already lies within its own size
-    of the origin (nothing would be gained, and the file's own float32 values stay as they are).
+    of the origin (nothing would be gained, and the file's own float32 values stay as they are). ``alpha`` is the
+    scene's mask, checked (:func:`.alpha.checked`).
     """
+
+    alpha: AlphaMask | None
 
     def __init__(self, scene: Scene):
         self.scene = scene
@@ -83,6 +87,7 @@ class Prepared:
         check_faces(self.faces, len(first), scene.name)
         self.centre = recentre(first)
         self.weld = weld(first - self.centre)
+        self.alpha = alpha_of(scene, self.geometry)
         low, high = finite_bounds(first - self.centre)
         self.radius = float(np.linalg.norm(high - low) / 2) or 1.0
         self.middle = (low + high) / 2

@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .alpha import arrays_of, from_arrays, mask_hash
 from .errors import UserError
 from .moment import Moment, Prepared
-from .scene import Camera, Effects, Geometry, Scene
+from .scene import AlphaMask, Camera, Effects, Geometry, Scene
 
 SCHEMA = 1
 ARRAYS = ("triangle", "t", "u", "v", "visibility")
@@ -36,12 +37,15 @@ def array_hash(*arrays: NDArray) -> str:
 
 
 def input_hashes(prepared: Prepared, moment: Moment) -> dict[str, str]:
-    """Hashes of all that an answer depends on: mesh, rays, lights."""
-    return {
+    """Hashes of all that an answer depends on: mesh, rays, lights, and the alpha mask where there is one."""
+    hashes = {
         "mesh": array_hash(moment.points, prepared.faces, moment.valid),
         "rays": array_hash(moment.eye, moment.column, moment.row),
         "lights": array_hash(moment.lights),
     }
+    if prepared.alpha is not None:
+        hashes["surfaces"] = mask_hash(prepared.alpha)
+    return hashes
 
 
 def save_raw(
@@ -55,24 +59,29 @@ def save_raw(
 ) -> None:
     """Keep a frame's answers (as ``Answers.to_host`` gives them) at ``path``, and the mesh beside it; atomically.
 
+    A mesh with an alpha mask is kept with it.
+
     ``scene_argument`` is what a person typed for the scene, a name or a file: should the mesh's file be gone, it
     is made anew from that. ``extra``: anything JSON can hold, for the reader.
     """
     hashes = input_hashes(prepared, moment)
+    effects = effects or Effects.of(prepared.scene)
     facts = {
         "schema": SCHEMA,
         "scene": scene_argument,
         "frame": moment.index,
-        "shadows": list((effects or Effects.of(prepared.scene)).shadows),
+        "shadows": list(effects.shadows),
+        "alpha": effects.alpha,
         "facing": moment.facing,
         "hashes": hashes,
         "extra": extra or {},
     }
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    mesh = _mesh_path(path, hashes["mesh"])
+    mesh = _mesh_path(path, hashes)
     if not mesh.exists():
-        _write(mesh, {"points": moment.points, "faces": prepared.faces, "valid": moment.valid})
+        kept: dict[str, NDArray] = {"points": moment.points, "faces": prepared.faces, "valid": moment.valid}
+        _write(mesh, {**kept, **arrays_of(prepared.alpha)})
     arrays = {name: answers[name] for name in ARRAYS}
     arrays |= {f"moment_{name}": getattr(moment, name) for name in TABLES}
     _write(path, {**arrays, "facts": np.array(json.dumps(facts))})
@@ -89,7 +98,8 @@ def score_raw(
     from .score import Judge
 
     prepared, moment, answers, facts = read_raw(Path(path), scene_dir)
-    return Judge(prepared, moment, Effects(tuple(facts["shadows"])), folder).score(answers)
+    effects = Effects(tuple(facts["shadows"]), alpha=bool(facts.get("alpha")))
+    return Judge(prepared, moment, effects, folder).score(answers)
 
 
 def read_facts(path: Path) -> dict[str, Any]:
@@ -124,11 +134,12 @@ def read_raw(
     if any(answers[name].shape[-1] != pixels for name in ARRAYS):
         raise UserError(f"{path}: answers of another size than its {moment.width}x{moment.height} rays")
     hashes = input_hashes(prepared, moment)
-    differ = [name for name, value in facts["hashes"].items() if hashes.get(name) != value]
+    names = {**facts["hashes"], **hashes}
+    differ = [name for name in names if hashes.get(name) != facts["hashes"].get(name)]
     if differ:
         raise UserError(
             f"{path}: {' and '.join(differ)} of {facts['scene']} differ from what was traced; "
-            f"put {_mesh_path(path, facts['hashes']['mesh']).name} back beside it, or run its point again"
+            f"put {_mesh_path(path, facts['hashes']).name} back beside it, or run its point again"
         )
     return prepared, moment, answers, facts
 
@@ -136,25 +147,37 @@ def read_raw(
 class KeptMesh(Prepared):
     """One frame of a prepared scene, read back: arrays as they were traced, with nothing made anew."""
 
-    def __init__(self, name: str, frame: int, points: NDArray, faces: NDArray, valid: NDArray):
+    def __init__(
+        self,
+        name: str,
+        frame: int,
+        points: NDArray,
+        faces: NDArray,
+        valid: NDArray,
+        mask: AlphaMask | None = None,
+    ):
         nowhere = Camera((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
         self.geometry = Geometry(faces, lambda k: points, frame + 1)
-        self.scene = Scene(name, name, lambda: self.geometry, nowhere, ())
+        alpha = None if mask is None else lambda geometry: mask
+        self.scene = Scene(name, name, lambda: self.geometry, nowhere, (), alpha=alpha)
         self.faces = faces
+        self.alpha = mask
         self._cache = (frame, points, valid)
 
 
-def _mesh_path(path: Path, mesh_hash: str) -> Path:
-    return path.parent / f"mesh-{mesh_hash[:24]}.npz"
+def _mesh_path(path: Path, hashes: dict[str, str]) -> Path:
+    mask = f"-{hashes['surfaces'][:24]}" if "surfaces" in hashes else ""
+    return path.parent / f"mesh-{hashes['mesh'][:24]}{mask}.npz"
 
 
 def _mesh(path: Path, facts: dict[str, Any], scene_dir: Path | str | None) -> Prepared:
-    beside = _mesh_path(path, facts["hashes"]["mesh"])
+    beside = _mesh_path(path, facts["hashes"])
     if beside.exists():
         try:
             with np.load(beside) as stored:
                 arrays = {name: stored[name] for name in ("points", "faces", "valid")}
-            return KeptMesh(facts["scene"], facts["frame"], **arrays)
+                mask = from_arrays(stored)
+            return KeptMesh(facts["scene"], facts["frame"], **arrays, mask=mask)
         except DAMAGED as error:
             raise UserError(f"{beside}: damaged ({error}); delete it to make the mesh anew") from error
     from .scenes.catalogue import resolve

@@ -16,6 +16,9 @@ from numpy.typing import NDArray
 
 from . import exact
 from .candidates import BATCH, Candidates
+from .decisions import Decisions, integers_of
+from .holes import Holes
+from .scene import AlphaMask
 
 
 class Verdict(IntEnum):
@@ -24,7 +27,7 @@ class Verdict(IntEnum):
     OK        the lowest index of the exact tie set, or the right shadow bit
     TIE       another member of the exact tie set
     NEAR_TIE  another triangle whose exact t is within the bound of the true one
-    EDGE      wrong only because the ray passes within the bound of an exact edge
+    EDGE      wrong only because the ray passes within the bound of an exact edge, or of the border of a hole
     TRUE      wrong
     INVALID   not an answer: poison, NaN, an index out of range, a triangle that is never hit
     ACNE      says shadowed, is lit;  LEAK  says lit, is shadowed
@@ -77,20 +80,31 @@ class Referee:
 
     points  float32 [vertex_count, 3];  faces int32 [triangle_count, 3];  valid uint8 [triangle_count]
     device  where the filter runs; the answers do not depend on it
+    mask    holes in triangles (:mod:`.alpha`), checked; None: all are opaque
     """
 
     def __init__(
-        self, points: NDArray[np.float32], faces: NDArray[np.int32], valid: NDArray, device: str = "cpu"
+        self,
+        points: NDArray[np.float32],
+        faces: NDArray[np.int32],
+        valid: NDArray,
+        device: str = "cpu",
+        mask: AlphaMask | None = None,
     ) -> None:
         self.points = np.ascontiguousarray(points, dtype=np.float32).reshape(-1, 3)
         self.faces = np.ascontiguousarray(faces, dtype=np.int32).reshape(-1, 3)
         self.valid = np.asarray(valid).astype(bool)
         self.device = device
-        self._candidates = Candidates(self.points, self.faces, self.valid, device)
+        self.holes = Holes(mask)
+        self._decisions = Decisions(self.points, self.faces, self.holes)
+        self._candidates = Candidates(self.points, self.faces, self.valid, device, mask)
 
     @cached_property
     def duplicate_of(self) -> NDArray[np.int32]:
-        """The lowest index of a valid triangle with the same three positions, int32 [triangle_count]."""
+        """The lowest index of a valid triangle with the same three positions, int32 [triangle_count].
+
+        Triangles with holes stand for themselves.
+        """
         corners = self.points[self.faces] + np.float32(0.0)  # -0 becomes +0
         bits = corners.view(np.uint32).astype(np.uint64)
         mixed = bits[..., 0] * np.uint64(0x9E3779B97F4A7C15)
@@ -106,6 +120,7 @@ class Referee:
             for k in (rows, lowest[rows])
         )
         same = (mine == theirs).all(axis=(1, 2)) & self.valid[rows] & self.valid[lowest[rows]]
+        same &= ~self.holes.masked(rows) & ~self.holes.masked(lowest[rows])
         lowest[rows[~same]] = rows[~same]  # at worst a duplicate is judged exactly instead of by this table
         return lowest
 
@@ -119,7 +134,7 @@ class Referee:
         hits = Hits(origins, directions, np.full(n, -1, np.int32), np.full(n, np.inf), [None] * n, [()] * n)
         for rows, candidates in self._candidates.along(origins, directions, nearest=True):
             for i, triangles in zip(rows, candidates, strict=True):
-                found = self._exact_hits(origins[i], directions[i], triangles)
+                found = self._decisions.hits(origins[i], directions[i], triangles)
                 if found:
                     _take_closest(hits, i, found)
         return hits
@@ -131,7 +146,7 @@ class Referee:
         result: list[list[tuple[float, int]]] = []
         for rows, candidates in self._candidates.along(origins, directions, nearest=False):
             for i, triangles in zip(rows, candidates, strict=True):
-                found = self._exact_hits(origins[i], directions[i], triangles)
+                found = self._decisions.hits(origins[i], directions[i], triangles)
                 result.append([(over / under, k) for over, under, k in found])
         return result
 
@@ -150,7 +165,7 @@ class Referee:
             result[part] = sure
             for i, certain, triangles in zip(part, sure, candidates, strict=True):
                 if certain < 0 and len(triangles):
-                    met = self._exact_between(hits, int(i), light, triangles)
+                    met = self._between(hits, int(i), light, triangles)
                     result[i] = met[0] if met else -1
         return result
 
@@ -163,7 +178,7 @@ class Referee:
         points = np.full((len(hits), 3), np.nan)
         for i, ratio in enumerate(hits.ratio):
             if ratio is not None:
-                scale, ints = self._integers(hits.origins[i], hits.directions[i])
+                scale, ints = integers_of(hits.origins[i], hits.directions[i])
                 over, under = ratio
                 shift = under << scale if scale > 0 else under
                 grow = 1 if scale > 0 else 1 << -scale
@@ -218,18 +233,22 @@ class Referee:
         possible = np.ones(len(hits), dtype=bool)
         rows = np.nonzero(given >= 0)[0]
         distance, t, bound = self.ray_to(o[rows], d[rows], given[rows])
-        for i, near, nearest_t, limit in zip(rows, distance, t, bound, strict=True):
+        opaque, _ = self.holes.within(given[rows], self._corners(given[rows]), o[rows], d[rows], bound)
+        for i, near, nearest_t, limit, seen in zip(rows, distance, t, bound, opaque, strict=True):
             exactly = [hit_t for hit_t, k in every[i] if k == given[i]]
+            if not exactly and self.holes.has(given[i]):
+                exactly = self._decisions.through(hits.origins[i], hits.directions[i], given[i])
             reached[i] = exactly[0] if exactly else nearest_t
-            possible[i] = bool(exactly) or near <= limit
+            possible[i] = (bool(exactly) or near <= limit) and seen
         pairs = [(i, k, hit_t) for i, found in enumerate(every) for hit_t, k in found if hit_t < reached[i]]
         verdicts = np.where(possible, Verdict.EDGE, Verdict.TRUE).astype(np.int8)
         if pairs:
             index, skipped, at = (np.array(column) for column in zip(*pairs, strict=True))
             distance, _, bound = self.ray_to(o[index], d[index], skipped, edges_only=True)
+            _, clear = self.holes.within(skipped, self._corners(skipped), o[index], d[index], bound)
             with np.errstate(invalid="ignore"):
                 close = np.minimum(reached[index] - at, at) * speed[index] <= bound
-            verdicts[index[~close & (distance > bound)]] = Verdict.TRUE
+            verdicts[index[~close & (distance > bound) & ~clear]] = Verdict.TRUE
         rows = np.nonzero(possible & (given >= 0) & (hits.triangle >= 0))[0]
         corners = (o[rows], self._corners(given[rows]), self._corners(hits.triangle[rows]))
         apart = np.abs(reached[rows] - hits.t[rows]) * speed[rows]
@@ -252,8 +271,13 @@ class Referee:
         if pairs:
             index, k = (np.array(column) for column in zip(*pairs, strict=True))
             far = np.broadcast_to(light.astype(np.float64), (len(index), 3))
-            distance, _ = exact.triangle_distance(p[index], far, self._corners(k))
-            verdicts[index[distance <= exact.edge_bound(p[index], self._corners(k))]] = Verdict.EDGE
+            corners = self._corners(k)
+            bound = exact.edge_bound(p[index], corners)
+            near = exact.triangle_distance(p[index], far, corners)[0] <= bound
+            for j in np.nonzero(self.holes.masked(k))[0]:
+                near[j] = near[j] or bool(self._between(hits, index[j], light, k[j : j + 1], holes=False))
+            opaque, _ = self.holes.within(k, corners, p[index], far - p[index], bound)
+            verdicts[index[near & opaque]] = Verdict.EDGE
         return verdicts
 
     def _classify_leak(self, hits: Hits, light: NDArray[np.float32]) -> NDArray[np.int8]:
@@ -263,9 +287,7 @@ class Referee:
             return verdicts
         p = self.hit_points(hits)
         candidates, _ = self._candidates.between(p, hits.triangle, light, every=True)
-        pairs = [
-            (i, k) for i, found in enumerate(candidates) for k in self._exact_between(hits, i, light, found)
-        ]
+        pairs = [(i, k) for i, found in enumerate(candidates) for k in self._between(hits, i, light, found)]
         index, k = (np.array(column) for column in zip(*pairs, strict=True))
         corners = self._corners(k)
         far = np.broadcast_to(light.astype(np.float64), (len(index), 3))
@@ -276,10 +298,24 @@ class Referee:
                 exact.plane_distance(far, corners),
             ]
         )
-        verdicts[index[distance > exact.edge_bound(p[index], corners)]] = Verdict.LEAK
+        bound = exact.edge_bound(p[index], corners)
+        _, clear = self.holes.within(k, corners, p[index], far - p[index], bound)
+        verdicts[index[(distance > bound) & ~clear]] = Verdict.LEAK
         return verdicts
 
     # --- parts ---
+
+    def _between(
+        self,
+        hits: Hits,
+        i: int,
+        light: NDArray[np.float32],
+        triangles: NDArray[np.int32],
+        holes: bool = True,
+    ) -> list[int]:
+        """Those triangles that exactly meet the open segment from hit point i to the light (:class:`.Decisions`)."""
+        o, d = hits.origins[i], hits.directions[i]
+        return self._decisions.between(o, d, hits.ratio[i], light, triangles, holes)
 
     def _corners(self, triangles: NDArray[np.integer]) -> NDArray[np.float64]:
         return self.points[self.faces[triangles]].astype(np.float64)
@@ -300,48 +336,6 @@ class Referee:
         measure = exact.edge_distance if edges_only else exact.triangle_distance
         distance, share = measure(o, o + length[:, None] * d, corners)
         return distance, share * length, exact.edge_bound(o, corners)
-
-    def _integers(
-        self, o: NDArray[np.float32], d: NDArray[np.float32], *more: NDArray[np.float32]
-    ) -> tuple[int, list[int]]:
-        """One scale for everything, and o, d, ... as a flat list of integers."""
-        values = np.concatenate([o.ravel(), d.ravel(), *(m.ravel() for m in more)])
-        scale = exact.scale_of(values)
-        return scale, exact.integers(values, scale)
-
-    def _exact_hits(
-        self, o: NDArray[np.float32], d: NDArray[np.float32], triangles: NDArray[np.int32]
-    ) -> list[tuple[int, int, int]]:
-        """Exact (numerator, denominator, triangle) of those triangles that the ray hits."""
-        if not len(triangles):
-            return []
-        _, ints = self._integers(o, d, self.points[self.faces[triangles]])
-        found = []
-        for j, k in enumerate(triangles.tolist()):
-            ratio = exact.hit(ints[0:3], ints[3:6], ints[6 + 9 * j : 15 + 9 * j])
-            if ratio is not None:
-                found.append((*ratio, k))
-        return found
-
-    def _exact_between(
-        self, hits: Hits, i: int, light: NDArray[np.float32], triangles: NDArray[np.int32]
-    ) -> list[int]:
-        """Those triangles that exactly meet the open segment from hit point i to the light."""
-        ratio = hits.ratio[i]
-        if ratio is None or not len(triangles):
-            return []
-        _, ints = self._integers(
-            hits.origins[i], hits.directions[i], light, self.points[self.faces[triangles]]
-        )
-        over, under = ratio
-        p = tuple(ints[j] * under + ints[3 + j] * over for j in range(3))
-        rest = [x * under for x in ints[6:]]
-        vertices = [tuple(rest[j : j + 3]) for j in range(0, len(rest), 3)]
-        return [
-            k
-            for j, k in enumerate(triangles.tolist())
-            if exact.between(p, vertices[0], vertices[1 + 3 * j : 4 + 3 * j])  # type: ignore[arg-type]
-        ]
 
 
 def _take_closest(hits: Hits, i: int, found: list[tuple[int, int, int]]) -> None:

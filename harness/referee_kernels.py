@@ -13,6 +13,8 @@ from __future__ import annotations
 
 import warp as wp
 
+from .alpha import Alpha, texels_near
+
 LEAF = 4
 
 ROUNDING = wp.constant(wp.float64(16.0 * 2.0**-53))
@@ -120,6 +122,37 @@ def filter_segment(
 
 
 @wp.func
+def opacity(
+    alpha: Alpha,
+    i: wp.int32,
+    d: wp.vec3d,
+    a: wp.vec3d,
+    b: wp.vec3d,
+    c: wp.vec3d,
+    ed: wp.float64,
+    e: wp.float64,
+) -> wp.int32:
+    """Of triangle i where the line along d certainly crosses it: 1 opaque, 0 transparent, 2 uncertain."""
+    if alpha.masked.shape[0] == 0:
+        return 1
+    if alpha.masked[i] == wp.uint8(0):
+        return 1
+    u = triple(d, c, b, ed, e, e)
+    v = triple(d, a, c, ed, e, e)
+    w = triple(d, b, a, ed, e, e)
+    sum = u[0] + v[0] + w[0]
+    error = u[1] + v[1] + w[1]
+    if not (wp.abs(sum) > wp.float64(2.0) * error):
+        return 2
+    # A weight of at most 1 is off by its own error and the sum's, over the least that the sum can be.
+    doubt = wp.float64(2.0) * error / (wp.abs(sum) - error) + WIDEN
+    found = texels_near(alpha, i, v[0] / sum, w[0] / sum, doubt)
+    if found == 3:
+        return 2
+    return found & 1
+
+
+@wp.func
 def slab(
     o: wp.vec3d, d: wp.vec3d, low: wp.vec3f, high: wp.vec3f, pad: wp.float64, limit: wp.float64
 ) -> wp.bool:
@@ -166,6 +199,7 @@ def find_nearest(
     leaves: wp.int32,
     points: wp.array[wp.vec3f],
     triangles: wp.array[wp.vec3i],
+    alpha: Alpha,
     origins: wp.array[wp.vec3d],
     directions: wp.array[wp.vec3d],
     best: wp.array[wp.float64],
@@ -174,6 +208,7 @@ def find_nearest(
     i = wp.tid()
     o = origins[i]
     d = directions[i]
+    zero = wp.float64(0.0)
     limit = wp.float64(1.0e300)
     node = wp.int32(1)
     while node > 0:
@@ -186,8 +221,14 @@ def find_nearest(
                 triangle = order[(node - leaves) * LEAF + k]
                 if triangle >= 0:
                     f = triangles[triangle]
-                    r = filter_ray(o, d, widen(points[f[0]]), widen(points[f[1]]), widen(points[f[2]]))
-                    if r[0] == wp.float64(1.0):
+                    a = widen(points[f[0]])
+                    b = widen(points[f[1]])
+                    c = widen(points[f[2]])
+                    r = filter_ray(o, d, a, b, c)
+                    if (
+                        r[0] == wp.float64(1.0)
+                        and opacity(alpha, triangle, d, a - o, b - o, c - o, zero, zero) == 1
+                    ):
                         limit = wp.min(limit, r[2])
             node = after(node)
     best[i] = limit
@@ -201,6 +242,7 @@ def collect_hits(
     leaves: wp.int32,
     points: wp.array[wp.vec3f],
     triangles: wp.array[wp.vec3i],
+    alpha: Alpha,
     origins: wp.array[wp.vec3d],
     directions: wp.array[wp.vec3d],
     best: wp.array[wp.float64],
@@ -213,6 +255,7 @@ def collect_hits(
     i = wp.tid()
     o = origins[i]
     d = directions[i]
+    zero = wp.float64(0.0)
     limit = best[i]
     count = wp.int32(0)
     node = wp.int32(1)
@@ -226,8 +269,14 @@ def collect_hits(
                 triangle = order[(node - leaves) * LEAF + k]
                 if triangle >= 0:
                     f = triangles[triangle]
-                    r = filter_ray(o, d, widen(points[f[0]]), widen(points[f[1]]), widen(points[f[2]]))
-                    if r[0] > wp.float64(0.0) and r[1] <= limit:
+                    a = widen(points[f[0]])
+                    b = widen(points[f[1]])
+                    c = widen(points[f[2]])
+                    r = filter_ray(o, d, a, b, c)
+                    seen = r[0] > zero and r[1] <= limit
+                    if r[0] == wp.float64(1.0) and seen:
+                        seen = opacity(alpha, triangle, d, a - o, b - o, c - o, zero, zero) != 0
+                    if seen:
                         if write == 1:
                             found[offsets[i] + count] = triangle
                         count += 1
@@ -243,6 +292,7 @@ def collect_between(
     leaves: wp.int32,
     points: wp.array[wp.vec3f],
     triangles: wp.array[wp.vec3i],
+    alpha: Alpha,
     starts: wp.array[wp.vec3d],
     errors: wp.array[wp.float64],
     light: wp.vec3d,
@@ -282,6 +332,8 @@ def collect_between(
                     b = widen(points[f[1]])
                     c = widen(points[f[2]])
                     status = filter_segment(p, light, a, b, c, errors[i])
+                    if status == 1:
+                        status = opacity(alpha, triangle, d, a - p, b - p, c - p, errors[i], errors[i])
                     if status == 1 and sure < 0:
                         sure = triangle
                     if status > 0 or wide > wp.float64(0.0):

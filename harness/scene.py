@@ -222,6 +222,10 @@ class Effects:
         """What a pass that traces shadow rays to ``light`` reads of receivers."""
         return (f"receivers/{light}",) if self.masked(light) else ()
 
+    def surface_reads(self) -> tuple[str, ...]:
+        """What a pass that decides whether a hit counts reads of surfaces."""
+        return ("surfaces",) if self.alpha else ()
+
     def switches(self, light: int | None = None) -> Switches:
         """What kernels are compiled for: those of primary rays, or those of shadow rays to ``light``."""
         return Switches(masked=light is not None and self.masked(light), alpha=self.alpha)

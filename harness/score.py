@@ -45,7 +45,7 @@ class Judge:
     """Truth of one moment, made once and shared by every method: Embree's answers and the exact referee.
 
     ``folder`` keeps Embree's answers; ``device`` is where the referee's filter runs. Where Embree is not installed
-    the referee decides every pixel itself, and the provenance says so.
+    the referee decides every pixel itself, and so it does where triangles have holes; the provenance says so.
     """
 
     def __init__(
@@ -61,13 +61,14 @@ class Judge:
 
     @cached_property
     def reference(self) -> Reference:
-        if not embree_installed():
-            return exact_reference(self.prepared, self.moment, self.referee, self.effects)
+        if self.effects.alpha or not embree_installed():
+            return exact_reference(self.prepared, self.moment, self.referee, self.effects, self.folder)
         return embree_reference(self.prepared, self.moment, self.effects, self.folder)
 
     @cached_property
     def referee(self) -> Referee:
-        return Referee(self.moment.points, self.prepared.faces, self.moment.valid, self.device)
+        mask = self.prepared.alpha if self.effects.alpha else None
+        return Referee(self.moment.points, self.prepared.faces, self.moment.valid, self.device, mask)
 
     def score(
         self, answers: dict[str, NDArray], extra_pixels: int = 200, classes: NDArray[np.int8] | None = None

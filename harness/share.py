@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from .alpha import arrays_of, from_arrays
 from .errors import UserError
 from .moment import F32, Prepared
 from .scene import Geometry, Scene
@@ -23,6 +24,7 @@ def store(path: Path, prepared: Prepared, frames: Iterable[int]) -> None:
         "middle": prepared.middle,
         "numbers": np.array([prepared.radius, prepared.frame_count]),
     }
+    arrays |= arrays_of(prepared.alpha)
     for frame in frames:
         arrays[f"points_{frame}"], arrays[f"valid_{frame}"] = prepared.points(frame)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -44,6 +46,7 @@ class Stored(Prepared):
         self.centre = arrays["centre"]
         self.middle = arrays["middle"]
         self.radius = float(arrays["numbers"][0])
+        self.alpha = from_arrays(arrays)
         self._frames = {
             int(name.split("_")[1]): (arrays[name], arrays[name.replace("points", "valid")])
             for name in arrays

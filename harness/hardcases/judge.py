@@ -60,7 +60,8 @@ class Judged:
     @cached_property
     def referee(self) -> Referee:
         trial = self.trial
-        return Referee(trial.moment.points, trial.prepared.faces, trial.moment.valid)
+        mask = trial.prepared.alpha
+        return Referee(trial.moment.points, trial.prepared.faces, trial.moment.valid, mask=mask)
 
     @cached_property
     def everywhere(self) -> Reference:

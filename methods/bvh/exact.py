@@ -11,13 +11,16 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from ...harness.alpha import Alpha
 from ...harness.frame import Frame
 from ...harness.passes import Pass
 from ...harness.scene import Effects
 from ...harness.specialise import effects, specialised
+from ..common.alpha import hit_counts, shadow_counts
 from ..common.bounds import PADDED_UNITS, launch_boxes
 from ..common.pixels import pixel_of, thread_count
 from ..common.triangle import (
+    NO_HIT,
     U32,
     hit_distance,
     largest,
@@ -46,6 +49,7 @@ def primary_kernel(
     triangles: wp.array(dtype=wp.vec3i),
     weld: wp.array(dtype=wp.int32),
     valid: wp.array(dtype=wp.uint8),
+    alpha: Alpha,
     triangle: wp.array(dtype=wp.int32),
     t: wp.array(dtype=wp.float32),
     u: wp.array(dtype=wp.float32),
@@ -74,6 +78,10 @@ def primary_kernel(
             c = points[face[2]]
             if may_hit(o, d, a, b, c):
                 distance = hit_distance(o, d, a, b, c, weld_of(weld, face))
+                if wp.static(effects.alpha):
+                    if distance > wp.float64(0.0):
+                        if not hit_counts(alpha, i, o, d, a, b, c, weld_of(weld, face)):
+                            distance = NO_HIT
                 if distance > wp.float64(0.0) and nearer(distance, i, best_t, best):
                     best = i
                     best_t = distance
@@ -99,6 +107,7 @@ def shadow_kernel(
     triangle: wp.array(dtype=wp.int32),
     hit: wp.array(dtype=wp.vec3d),
     receivers: wp.array2d(dtype=wp.uint8),
+    alpha: Alpha,
     visibility: wp.array2d(dtype=wp.uint8),
     tests: wp.array(dtype=wp.int32),
 ):
@@ -134,7 +143,10 @@ def shadow_kernel(
                 h, target, a, b, c, weld_of(weld, face), size
             ):
                 shadowed = True
-                break
+                if wp.static(effects.alpha):
+                    shadowed = shadow_counts(alpha, i, h, target, a, b, c, weld_of(weld, face))
+                if shadowed:
+                    break
     if tests.shape[0] > 0:
         tests[pixel] = tests[pixel] + number
     visibility[light, pixel] = wp.uint8(shadowed)
@@ -182,14 +194,16 @@ class ExactBvh:
         passes = [
             Pass("boxes", "build", ("points", "triangles", "reach"), ("boxes",), self._boxes),
             Pass("rebuild", "build", ("boxes",), ("bvh",), self._rebuild),
-            Pass("primary rays", "trace", ("bvh", "camera"), ("hits",), self._primary),
+            Pass(
+                "primary rays", "trace", ("bvh", "camera", *effects.surface_reads()), ("hits",), self._primary
+            ),
         ]
         for i in self.lights:
             passes.append(
                 Pass(
                     f"light {i}: shadow rays",
                     "shadow",
-                    ("bvh", "hits", "camera", f"light/{i}", *effects.mask_reads(i)),
+                    ("bvh", "hits", "camera", f"light/{i}", *effects.mask_reads(i), *effects.surface_reads()),
                     (f"visibility/{i}",),
                     lambda i=i: self._shadow(i),  # type: ignore[misc]
                     effect=f"shadows/{i}",
@@ -207,11 +221,11 @@ class ExactBvh:
         counted = self.uncounted if tests is None else tests
         frame, answers = self.frame, self.frame.answers
         wp.launch(
-            primary_kernel,
+            specialised(primary_kernel, self.effects.switches()),
             dim=self.threads,
             inputs=[
                 self.bvh.id, frame.width, frame.height, self.swizzle, frame.eye, frame.column, frame.row,
-                frame.points, frame.triangles, frame.weld, frame.valid,
+                frame.points, frame.triangles, frame.weld, frame.valid, frame.alpha,
             ],
             outputs=[answers.triangle, answers.t, answers.u, answers.v, self.hit, counted],
             device=frame.device,
@@ -226,6 +240,7 @@ class ExactBvh:
             inputs=[
                 self.bvh.id, frame.width, frame.height, self.swizzle, light, frame.eye, frame.lights, frame.points,
                 frame.triangles, frame.weld, frame.valid, frame.answers.triangle, self.hit, frame.receivers,
+                frame.alpha,
             ],
             outputs=[frame.answers.visibility, counted],
             device=frame.device,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -74,11 +75,14 @@ class WarpBvh(BaseMethod):
     name = "bvh"
     title = "BVH (Warp)"
     simulates = frozenset({"shadows", "receivers", "directional"})
+    cannot = MappingProxyType({"alpha": "a query of wp.Mesh cannot skip a hit; choose update=bvh_rebuild"})
     Build = Build
     Trace = Trace
 
     def __init__(self, build: Build | None = None, trace: Trace | None = None):
         super().__init__(build, trace)
+        if self.build.update == "bvh_rebuild":
+            self.simulates = self.simulates | {"alpha"}
         self.capturable = self.build.update != "rebuild"
         self.known_inexact = None if self.build.update == "bvh_rebuild" else MESH_INEXACT
         self._device = ""

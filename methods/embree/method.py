@@ -12,6 +12,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from importlib.metadata import version
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -70,6 +71,9 @@ class Embree(BaseMethod):
     name = "embree"
     title = "Embree"
     simulates = frozenset({"shadows", "receivers", "directional"})
+    cannot = MappingProxyType(
+        {"alpha": "Embree's Python binding has no filter functions to skip a hit in a hole"}
+    )
     capturable = False
     devices = ("cpu",)
     known_inexact = (

@@ -39,6 +39,8 @@ def refusal(scene: Scene, lights_too: bool) -> str | None:
     """Why back faces of this scene must stay, or None. ``lights_too``: the lights' back faces go as well."""
     if not scene.closed:
         return "culling needs a scene declared closed"
+    if scene.alpha is not None:
+        return "culling needs triangles without holes: back faces are seen through them"
     geometry = scene.geometry()
     frames = np.unique(np.linspace(0, geometry.frame_count - 1, FRAMES).astype(int))
     for frame in frames:

@@ -65,7 +65,7 @@ class UniformGrid(BaseMethod):
 
     name = "uniform_grid"
     title = "Uniform grid"
-    simulates = frozenset({"shadows", "receivers", "directional"})
+    simulates = frozenset({"shadows", "receivers", "directional", "alpha"})
     Build = Build
     Trace = Trace
 
@@ -108,7 +108,11 @@ class UniformGrid(BaseMethod):
             Pass("sort pairs", "build", ("pairs",), ("sorted pairs",), self._pairs.launch_sort),
             Pass("cell lists", "build", ("sorted pairs",), ("cells",), self._pairs.launch_lists),
             Pass(
-                "primary rays", "trace", ("cells", "sorted pairs", "grid", "camera"), ("hits",), self._primary
+                "primary rays",
+                "trace",
+                ("cells", "sorted pairs", "grid", "camera", *effects.surface_reads()),
+                ("hits",),
+                self._primary,
             ),
         ]
         for i in self._lights:
@@ -116,7 +120,15 @@ class UniformGrid(BaseMethod):
                 Pass(
                     f"light {i}: shadow rays",
                     "shadow",
-                    ("cells", "sorted pairs", "grid", "hits", f"light/{i}", *effects.mask_reads(i)),
+                    (
+                        "cells",
+                        "sorted pairs",
+                        "grid",
+                        "hits",
+                        f"light/{i}",
+                        *effects.mask_reads(i),
+                        *effects.surface_reads(),
+                    ),
                     (f"visibility/{i}",),
                     lambda i=i: self._shadow(i),  # type: ignore[misc]
                     effect=f"shadows/{i}",
@@ -208,11 +220,11 @@ class UniformGrid(BaseMethod):
         counted = self._uncounted if tests is None else tests
         frame, pairs, answers = self._frame, self._pairs, self._frame.answers
         wp.launch(
-            primary_kernel,
+            specialised(primary_kernel, self._effects.switches()),
             dim=self._threads,
             inputs=[
                 frame.width, frame.height, self.trace.swizzle, self._grid, pairs.begin, pairs.end, pairs.values,
-                frame.eye, frame.column, frame.row, frame.points, frame.triangles, frame.weld,
+                frame.eye, frame.column, frame.row, frame.points, frame.triangles, frame.weld, frame.alpha,
             ],
             outputs=[answers.triangle, answers.t, answers.u, answers.v, self._hit, counted],
             device=frame.device,
@@ -227,7 +239,7 @@ class UniformGrid(BaseMethod):
             inputs=[
                 frame.width, frame.height, self.trace.swizzle, light, self._grid, pairs.begin, pairs.end,
                 pairs.values, frame.eye, frame.lights, frame.points, frame.triangles, frame.weld,
-                frame.answers.triangle, self._hit, frame.receivers,
+                frame.answers.triangle, self._hit, frame.receivers, frame.alpha,
             ],
             outputs=[frame.answers.visibility, counted],
             device=frame.device,

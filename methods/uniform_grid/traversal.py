@@ -9,9 +9,12 @@ from __future__ import annotations
 
 import warp as wp
 
+from ...harness.alpha import Alpha
 from ...harness.specialise import effects
+from ..common.alpha import hit_counts, shadow_counts
 from ..common.pixels import pixel_of
 from ..common.triangle import (
+    NO_HIT,
     U32,
     hit_distance,
     largest,
@@ -159,6 +162,7 @@ def primary_kernel(
     points: wp.array(dtype=wp.vec3f),
     triangles: wp.array(dtype=wp.vec3i),
     weld: wp.array(dtype=wp.int32),
+    alpha: Alpha,
     triangle: wp.array(dtype=wp.int32),
     t: wp.array(dtype=wp.float32),
     u: wp.array(dtype=wp.float32),
@@ -189,6 +193,10 @@ def primary_kernel(
             c = points[face[2]]
             if may_hit(o, d, a, b, c):
                 distance = hit_distance(o, d, a, b, c, weld_of(weld, face))
+                if wp.static(effects.alpha):
+                    if distance > wp.float64(0.0):
+                        if not hit_counts(alpha, i, o, d, a, b, c, weld_of(weld, face)):
+                            distance = NO_HIT
                 if distance > wp.float64(0.0) and nearer(distance, i, best_t, best):
                     best = i
                     best_t = distance
@@ -221,6 +229,7 @@ def shadow_kernel(
     triangle: wp.array(dtype=wp.int32),
     hit: wp.array(dtype=wp.vec3d),
     receivers: wp.array2d(dtype=wp.uint8),
+    alpha: Alpha,
     visibility: wp.array2d(dtype=wp.uint8),
     tests: wp.array(dtype=wp.int32),
 ):
@@ -258,6 +267,9 @@ def shadow_kernel(
                 c = points[face[2]]
                 if may_occlude(near, target, a, b, c, error):
                     shadowed = occludes(h, target, a, b, c, weld_of(weld, face), size)
+                    if wp.static(effects.alpha):
+                        if shadowed:
+                            shadowed = shadow_counts(alpha, i, h, target, a, b, c, weld_of(weld, face))
         leave = next_leave(w)
         if shadowed or leave > wp.float64(1.0) + w.margin or leave == FOREVER:
             going = False
