@@ -97,7 +97,7 @@ def _check_hits(
 ) -> None:
     corners = moment.points[prepared.faces[answers["triangle"][pixels]]].astype(np.float64)
     d = moment.directions(pixels).astype(np.float64)
-    o = np.broadcast_to(moment.eye.astype(np.float64), d.shape)
+    o = moment.origins(pixels).astype(np.float64)
     exact_t, exact_u, exact_v, slope = plane_numbers(corners, o, d)
     error = np.abs(answers["t"][pixels].astype(np.float64) - exact_t)
     uv_error = np.maximum(

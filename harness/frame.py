@@ -21,6 +21,50 @@ MISS = -1
 
 
 @dataclass(eq=False)
+class Bounces:
+    """Mirrored rays and what a method says of them; row b - 1 is bounce b. No element where nothing is mirrored.
+
+    origin, direction  vec3f [bounces, pixels]: the rays, made by the harness (:mod:`.mirrors`)
+    active      uint8 [bounces, pixels]: 1 = the pixel has such a ray; it is zero elsewhere
+    triangle, t, u, v  [bounces, pixels]: the ray's closest hit as in :class:`Answers`; a miss where there is no ray
+    visibility  uint8 [bounces, light_count, pixels]: the shadow bits of those hits
+    receivers   uint8 [bounces, light_count, pixels]: which of those hits have a shadow ray; empty unless a light
+                is masked
+    """
+
+    origin: wp.array
+    direction: wp.array
+    active: wp.array
+    triangle: wp.array
+    t: wp.array
+    u: wp.array
+    v: wp.array
+    visibility: wp.array
+    receivers: wp.array
+
+    @staticmethod
+    def of(bounces: int, lights: int, pixels: int, masked: bool) -> Bounces:
+        """All of it on the current device, zero."""
+        plane = (bounces, pixels) if bounces else (0, 0)
+        bits = (bounces, max(1, lights), pixels) if bounces else (0, 0, 0)
+        return Bounces(
+            wp.zeros(plane, dtype=wp.vec3f),
+            wp.zeros(plane, dtype=wp.vec3f),
+            wp.zeros(plane, dtype=wp.uint8),
+            wp.zeros(plane, dtype=wp.int32),
+            wp.zeros(plane, dtype=wp.float32),
+            wp.zeros(plane, dtype=wp.float32),
+            wp.zeros(plane, dtype=wp.float32),
+            wp.zeros(bits, dtype=wp.uint8),
+            wp.zeros(bits if masked else (0, 0, 0), dtype=wp.uint8),
+        )
+
+
+BOUNCED = ("origin", "direction", "active", "triangle", "t", "u", "v", "visibility")
+"""What the host gets of :class:`Bounces`, each under its name with "bounce_" before it."""
+
+
+@dataclass(eq=False)
 class Answers:
     """What a method says of a frame; pixel index = row * width + column. All on the frame's device.
 
@@ -28,6 +72,7 @@ class Answers:
     t           float32 [pixels]: distance in lengths of the pixel's direction; inf at a miss
     u, v        float32 [pixels]: weights of vertices 1 and 2 (Embree's convention); 0 at a miss
     visibility  uint8 [light_count, pixels]: 1 = shadowed; 0 at a miss and for lights without shadows
+    bounces     what mirrored rays meet
     """
 
     triangle: wp.array
@@ -35,12 +80,16 @@ class Answers:
     u: wp.array
     v: wp.array
     visibility: wp.array
+    bounces: Bounces
 
     def to_host(self) -> dict[str, NDArray]:
-        """Copies of all answers as numpy arrays."""
-        return {
+        """Copies of all answers as numpy arrays; those of :data:`BOUNCED` only where something is mirrored."""
+        result = {
             name: np.array(getattr(self, name).numpy()) for name in ("triangle", "t", "u", "v", "visibility")
         }
+        if self.bounces.active.size:
+            result |= {f"bounce_{name}": np.array(getattr(self.bounces, name).numpy()) for name in BOUNCED}
+        return result
 
     def poison(self) -> None:
         """Fill with values that no method may leave behind, so that an unwritten answer shows."""
@@ -49,6 +98,10 @@ class Answers:
         self.u.fill_(-77.0)
         self.v.fill_(-77.0)
         self.visibility.fill_(77)
+        if self.bounces.active.size:
+            for name in BOUNCED:
+                array = getattr(self.bounces, name)
+                array.fill_(77 if array.dtype == wp.uint8 else -77)
 
 
 class Frame:
@@ -61,8 +114,9 @@ class Frame:
     reach     float32 [1]: bounds every coordinate of scene and eye
     lights    vec3f [light_count]       spots  float64 [light_count, 12]: see :mod:`.spot`
     receivers uint8 [light_count, pixels]: 1 = has a shadow ray (:mod:`.receivers`); empty unless a light is masked
-    reached   int32 [light_count]: not 0 where something receives the light; empty like ``receivers``
+    reached   int32 [(bounces + 1) * light_count]: not 0 where a hit of a bounce receives a light; empty like ``receivers``
     alpha     the scene's mask (:class:`.alpha.Alpha`), the resource "surfaces"; empty unless the effects hold alpha
+    mirror    uint8 [triangle_count]: 1 = a mirror; empty unless rays bounce
     points_needed, ...: a method's own arrays are its own
     """
 
@@ -76,6 +130,7 @@ class Frame:
         effects: Effects | None = None,
     ):
         masked = effects is not None and any(effects.masked(i) for i in range(light_count))
+        bounces = effects.bounces if effects is not None else 0
         self.prepared = prepared
         self.device = device
         self.width, self.height = width, height
@@ -98,20 +153,48 @@ class Frame:
             self.lights = wp.zeros(max(1, light_count), dtype=wp.vec3f)
             self.spots = wp.zeros((max(1, light_count), SPOT), dtype=wp.float64)
             self.receivers = wp.zeros((light_count, self.pixels) if masked else (0, 0), dtype=wp.uint8)
-            self.reached = wp.zeros(light_count if masked else 0, dtype=wp.int32)
+            self.reached = wp.zeros(light_count * (bounces + 1) if masked else 0, dtype=wp.int32)
             self.answers = Answers(
                 wp.zeros(self.pixels, dtype=wp.int32),
                 wp.zeros(self.pixels, dtype=wp.float32),
                 wp.zeros(self.pixels, dtype=wp.float32),
                 wp.zeros(self.pixels, dtype=wp.float32),
                 wp.zeros((max(1, light_count), self.pixels), dtype=wp.uint8),
+                Bounces.of(bounces, light_count, self.pixels, masked),
             )
+            self.mirror = wp.zeros(max(1, self.triangle_count) if bounces else 0, dtype=wp.uint8)
+            self._no_rays = [wp.zeros(0, dtype=kind) for kind in (wp.vec3f, wp.vec3f, wp.uint8)]
         self.alpha = device_alpha(prepared.alpha if effects is not None and effects.alpha else None, device)
         self.host: Moment | None = None
         if self.triangle_count:
             self.triangles.assign(prepared.faces)
         if self.vertex_count:
             self.weld.assign(prepared.weld)
+        if bounces and self.triangle_count:
+            self.mirror.assign(prepared.mirror)
+
+    def rays(self, bounce: int) -> list[wp.array]:
+        """Origin, direction, active [pixels] of the mirrored rays of a bounce from 1; arrays without elements for 0."""
+        if not bounce:
+            return self._no_rays
+        of = self.answers.bounces
+        return [array[bounce - 1] for array in (of.origin, of.direction, of.active)]
+
+    def hits(self, bounce: int) -> list[wp.array]:
+        """Triangle, t, u, v [pixels] of the rays of a bounce; of the primary rays for 0."""
+        if not bounce:
+            return [self.answers.triangle, self.answers.t, self.answers.u, self.answers.v]
+        of = self.answers.bounces
+        return [array[bounce - 1] for array in (of.triangle, of.t, of.u, of.v)]
+
+    def bits(self, bounce: int) -> wp.array:
+        """The shadow bits [light_count, pixels] of the hits of a bounce; of the primary hits for 0."""
+        return self.answers.bounces.visibility[bounce - 1] if bounce else self.answers.visibility
+
+    def masks(self, bounce: int) -> wp.array:
+        """The receivers [light_count, pixels] among the hits of a bounce; no element where no light is masked."""
+        held = self.answers.bounces.receivers
+        return held[bounce - 1] if bounce and held.size else self.receivers
 
     def load(self, moment: Moment) -> None:
         """Copy the next moment in. Outside every timing: the paper does not count transfers either."""

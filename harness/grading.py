@@ -113,8 +113,11 @@ class Grader:
 
 
 def shadow_rays(answers: Answers, effects: Effects) -> int:
-    """Shadow rays of a frame: one a light that asks for shadows and a pixel that hits something."""
-    return int(np.count_nonzero(answers["triangle"] >= 0)) * sum(effects.shadows)
+    """Shadow rays of a frame: one a light that asks for shadows and a pixel whose ray, or mirrored ray, hits something."""
+    hits = int(np.count_nonzero(answers["triangle"] >= 0))
+    if "bounce_triangle" in answers:
+        hits += int(np.count_nonzero(answers["bounce_triangle"] >= 0))
+    return hits * sum(effects.shadows)
 
 
 def draw_picture(prepared: Prepared, moment: Moment, answers: Answers, path: Path, shows: str) -> None:

@@ -17,6 +17,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from .frame import Frame
+from .mirrors import traced_bounces
 from .passes import Pass
 from .scene import Effects, Limits, Scene
 
@@ -122,6 +123,14 @@ class SimpleMethod(BaseMethod):
         """Fill row ``light`` of ``frame.answers.visibility``."""
         raise NotImplementedError
 
+    def trace_bounce(self, frame: Frame, bounce: int) -> None:
+        """Fill ``frame.hits(bounce)`` from ``frame.rays(bounce)``; asked for where ``simulates`` has "mirror"."""
+        raise NotImplementedError
+
+    def trace_bounce_shadow(self, frame: Frame, light: int, bounce: int) -> None:
+        """Fill row ``light`` of ``frame.bits(bounce)``: shadows where mirrored rays hit; with "mirror" as well."""
+        raise NotImplementedError
+
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
         self.prepare(frame)
         passes = [
@@ -144,4 +153,10 @@ class SimpleMethod(BaseMethod):
                         effect=f"shadows/{i}",
                     )
                 )
+        passes += traced_bounces(
+            effects,
+            ("structure",),
+            lambda b: self.trace_bounce(frame, b),
+            lambda i, b: self.trace_bounce_shadow(frame, i, b),
+        )
         return passes

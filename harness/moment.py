@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,6 +67,10 @@ class Moment:
         """The float32 directions [n, 3] of the given pixel indices (row * width + column)."""
         return self.column[pixels % self.width] + self.row[pixels // self.width]
 
+    def origins(self, pixels: NDArray[np.integer]) -> F32:
+        """Where the rays of the given pixel indices start, float32 [n, 3]."""
+        return np.broadcast_to(self.eye, (len(pixels), 3))
+
 
 class Prepared:
     """A scene recentred, rounded and welded: the arrays that everyone gets.
@@ -104,6 +109,19 @@ class Prepared:
     @property
     def vertex_count(self) -> int:
         return len(self.weld)
+
+    @cached_property
+    def mirror(self) -> NDArray[np.uint8]:
+        """1 for each triangle that is a mirror, uint8 [triangle_count]. Raises :class:`UserError` for another shape."""
+        made = self.scene.mirror
+        if made is None:
+            return np.zeros(self.triangle_count, dtype=np.uint8)
+        mirror = np.ascontiguousarray(made(self.geometry), dtype=np.uint8)
+        if mirror.shape != (self.triangle_count,):
+            raise UserError(
+                f"{self.scene.name}: mirrors of shape {mirror.shape}, but there are {self.triangle_count} triangles"
+            )
+        return mirror
 
     def points(self, frame: int) -> tuple[F32, NDArray[np.uint8]]:
         """Float32 positions and validity flags of a frame (the last frame asked for is kept)."""

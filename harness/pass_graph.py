@@ -28,7 +28,10 @@ class Step:
 def wanted_of(effects: Effects) -> tuple[str, ...]:
     """The resources that a frame is for."""
     bits = tuple(f"visibility/{i}" for i, wanted in enumerate(effects.shadows) if wanted)
-    bounces = tuple(f"hits/{i}" for i in range(1, effects.bounces + 1))
+    bounces: tuple[str, ...] = ()
+    for b in range(1, effects.bounces + 1):
+        bits_b = (f"visibility/{i}/{b}" for i, wanted in enumerate(effects.shadows) if wanted)
+        bounces += (f"rays/{b}", f"hits/{b}", *bits_b)
     return ("hits", *bits, *bounces, *(("color",) if effects.color else ()))
 
 

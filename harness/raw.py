@@ -18,11 +18,13 @@ from numpy.typing import NDArray
 
 from .alpha import arrays_of, from_arrays, mask_hash
 from .errors import UserError
+from .frame import BOUNCED
 from .moment import Moment, Prepared
 from .scene import AlphaMask, Camera, Effects, Geometry, Scene
 
 SCHEMA = 1
 ARRAYS = ("triangle", "t", "u", "v", "visibility")
+BOUNCES = tuple(f"bounce_{name}" for name in BOUNCED)
 TABLES = ("eye", "axes", "tangents", "column", "row", "lights", "spots")
 DAMAGED = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile)
 
@@ -73,6 +75,7 @@ def save_raw(
         "shadows": list(effects.shadows),
         "alpha": effects.alpha,
         "facing": moment.facing,
+        "bounces": effects.bounces,
         "hashes": hashes,
         "extra": extra or {},
     }
@@ -83,6 +86,8 @@ def save_raw(
         kept: dict[str, NDArray] = {"points": moment.points, "faces": prepared.faces, "valid": moment.valid}
         _write(mesh, {**kept, **arrays_of(prepared.alpha)})
     arrays = {name: answers[name] for name in ARRAYS}
+    if facts["bounces"]:
+        arrays |= {name: answers[name] for name in BOUNCES} | {"mirror": prepared.mirror}
     arrays |= {f"moment_{name}": getattr(moment, name) for name in TABLES}
     _write(path, {**arrays, "facts": np.array(json.dumps(facts))})
 
@@ -98,7 +103,9 @@ def score_raw(
     from .score import Judge
 
     prepared, moment, answers, facts = read_raw(Path(path), scene_dir)
-    effects = Effects(tuple(facts["shadows"]), alpha=bool(facts.get("alpha")))
+    effects = Effects(
+        tuple(facts["shadows"]), alpha=bool(facts.get("alpha")), bounces=facts.get("bounces", 0)
+    )
     return Judge(prepared, moment, effects, folder).score(answers)
 
 
@@ -118,7 +125,8 @@ def read_raw(
     facts = read_facts(path)
     try:
         with np.load(path) as stored:
-            answers = {name: stored[name] for name in ARRAYS}
+            mirrored = ("mirror", *BOUNCES) if facts.get("bounces") else ()
+            answers = {name: stored[name] for name in (*ARRAYS, *mirrored)}
             # Answers kept before there were spots have no such table: no light was limited.
             tables = {name: stored[f"moment_{name}"] for name in TABLES if f"moment_{name}" in stored}
     except DAMAGED as error:
@@ -130,6 +138,8 @@ def read_raw(
     moment = Moment(
         index=facts["frame"], points=points, valid=valid, facing=bool(facts.get("facing")), **tables
     )
+    if mirrored:
+        prepared.mirror = answers.pop("mirror")
     pixels = moment.width * moment.height
     if any(answers[name].shape[-1] != pixels for name in ARRAYS):
         raise UserError(f"{path}: answers of another size than its {moment.width}x{moment.height} rays")

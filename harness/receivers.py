@@ -15,6 +15,7 @@ import warp as wp
 from .frame import Frame
 from .passes import Pass
 from .scene import Effects
+from .specialise import Switches, effects, specialised
 from .spot import DOUBT
 
 DOUBT64 = wp.constant(wp.float64(DOUBT))
@@ -74,6 +75,8 @@ def receivers_kernel(
     points: wp.array(dtype=wp.vec3f),
     triangles: wp.array(dtype=wp.vec3i),
     triangle: wp.array(dtype=wp.int32),
+    origins: wp.array(dtype=wp.vec3f),
+    directions: wp.array(dtype=wp.vec3f),
     receivers: wp.array2d(dtype=wp.uint8),
     reached: wp.array(dtype=wp.int32),
     visibility: wp.array2d(dtype=wp.uint8),
@@ -92,6 +95,9 @@ def receivers_kernel(
     n = wp.cross(e, f)
     o = wide(eye[0])
     d = wide(column[pixel % width] + row[pixel // width])
+    if wp.static(effects.bounced):
+        o = wide(origins[pixel])
+        d = wide(directions[pixel])
     place = wide(lights[light])
     t = wp.dot(n, a - o) / wp.dot(n, d)
     wanted = in_spot(spots, light, o + d * t - place)
@@ -103,38 +109,66 @@ def receivers_kernel(
 
 
 def receiver_passes(frame: Frame, effects: Effects) -> list[Pass]:
-    """A pass for every light that only some hit points have a shadow ray to."""
+    """A pass for every light that only some hit points have a shadow ray to, and for every bounce."""
 
-    def launch(light: int) -> None:
-        reached = frame.reached[light : light + 1]
+    def launch(light: int, bounce: int) -> None:
+        reached = reached_by(frame, light, bounce)
         reached.zero_()
+        origins, directions, _ = frame.rays(bounce)
         wp.launch(
-            receivers_kernel,
+            specialised(receivers_kernel, Switches(bounced=bounce > 0)),
             dim=frame.pixels,
             inputs=[
                 frame.width, light, effects.facing, frame.eye, frame.column, frame.row, frame.lights, frame.spots,
-                frame.points, frame.triangles, frame.answers.triangle,
+                frame.points, frame.triangles, frame.hits(bounce)[0], origins, directions,
             ],
-            outputs=[frame.receivers, reached, frame.answers.visibility],
+            outputs=[frame.masks(bounce), reached, frame.bits(bounce)],
             device=frame.device,
         )  # fmt: skip
 
     return [
         Pass(
-            f"light {i}: receivers",
+            f"light {i}: receivers" if b == 0 else f"bounce {b}, light {i}: receivers",
             "shadow",
-            ("hits", "points", "triangles", "camera", f"light/{i}"),
-            (f"receivers/{i}", f"visibility/{i}"),
-            lambda i=i: launch(i),  # type: ignore[misc]
-            effect="receivers",
+            (
+                *(("hits", "camera") if b == 0 else (f"hits/{b}", f"rays/{b}")),
+                "points",
+                "triangles",
+                f"light/{i}",
+            ),
+            (*effects.mask_reads(i, b), f"visibility/{i}/{b}" if b else f"visibility/{i}"),
+            lambda i=i, b=b: launch(i, b),  # type: ignore[misc]
+            effect="receivers" if b == 0 else "mirror",
         )
+        for b in range(effects.bounces + 1)
         for i in range(len(effects.shadows))
         if effects.masked(i)
     ]
 
 
 def skippable(passes: list[Pass], frame: Frame, effects: Effects) -> list[Pass]:
-    """The same passes, those of a light with a mask given only that something receives it."""
-    own = {f"shadows/{i}": i for i in range(len(effects.shadows)) if effects.masked(i)}
-    reached = {i: frame.reached[i : i + 1] for i in own.values()}
-    return [replace(p, given=reached[own[p.effect]]) if p.effect in own else p for p in passes]
+    """The same passes, those of a light with a mask given only that something receives it.
+
+    Where rays bounce, what a method builds for a light serves the hits of every bounce, so that only the passes
+    that trace its rays, which read the mask of their own hits, are given.
+    """
+    given: dict[
+        str | None, wp.array
+    ] = {}  # one array a condition: neighbours under the same one are one branch
+    for i in range(len(effects.shadows)):
+        for b in range(effects.bounces + 1):
+            for mask in effects.mask_reads(i, b):
+                given[mask] = reached_by(frame, i, b)
+        if effects.masked(i) and not effects.bounces:
+            given[f"shadows/{i}"] = given[f"receivers/{i}"]
+
+    def condition(work: Pass) -> wp.array | None:
+        return next((given[name] for name in (work.effect, *work.reads) if name in given), None)
+
+    return [replace(work, given=condition(work)) for work in passes]
+
+
+def reached_by(frame: Frame, light: int, bounce: int) -> wp.array:
+    """Int32 [1]: not 0 where a hit of the bounce receives the light."""
+    at = bounce * frame.light_count + light
+    return frame.reached[at : at + 1]

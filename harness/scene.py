@@ -202,6 +202,8 @@ class Effects:
         unknown = [name for name in scene.outputs if name not in OUTPUTS]
         if unknown:
             raise ValueError(f"{scene.name}: output {unknown[0]!r} is not one of {', '.join(OUTPUTS)}")
+        if scene.bounces < 0:
+            raise ValueError(f"{scene.name}: {scene.bounces} bounces; give 0 or more")
         lit = "shadows" in scene.outputs or "color" in scene.outputs
         return Effects(
             shadows=tuple(lit and light.shadows for light in scene.lights),
@@ -218,17 +220,22 @@ class Effects:
         spot = light < len(self.limited) and self.limited[light]
         return light < len(self.shadows) and self.shadows[light] and (self.facing or spot)
 
-    def mask_reads(self, light: int) -> tuple[str, ...]:
-        """What a pass that traces shadow rays to ``light`` reads of receivers."""
-        return (f"receivers/{light}",) if self.masked(light) else ()
+    def mask_reads(self, light: int, bounce: int = 0) -> tuple[str, ...]:
+        """What a pass that traces shadow rays to ``light`` (of the hits of a bounce) reads of receivers."""
+        if not self.masked(light):
+            return ()
+        return (f"receivers/{light}/{bounce}" if bounce else f"receivers/{light}",)
 
     def surface_reads(self) -> tuple[str, ...]:
         """What a pass that decides whether a hit counts reads of surfaces."""
         return ("surfaces",) if self.alpha else ()
 
-    def switches(self, light: int | None = None) -> Switches:
-        """What kernels are compiled for: those of primary rays, or those of shadow rays to ``light``."""
-        return Switches(masked=light is not None and self.masked(light), alpha=self.alpha)
+    def switches(self, light: int | None = None, bounce: int = 0) -> Switches:
+        """What kernels are compiled for: those of primary rays, or those of shadow rays to ``light``.
+
+        ``bounce`` > 0: those of mirrored rays, or of the shadow rays of what they hit.
+        """
+        return Switches(masked=light is not None and self.masked(light), alpha=self.alpha, bounced=bounce > 0)
 
     def is_directional(self, light: int) -> bool:
         """Whether ``light`` is directional."""

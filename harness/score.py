@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .consistency import Consistency, check_consistency, plane_numbers
+from .mirror_score import Scored, score_bounces
 from .moment import Moment, Prepared
 from .raw import save_raw, score_raw
 from .referee import Hits, Referee, Verdict
@@ -39,6 +40,7 @@ PRIMARY = (Verdict.OK, Verdict.TIE, Verdict.NEAR_TIE, Verdict.EDGE, Verdict.TRUE
 SHADOW = (Verdict.OK, Verdict.EDGE, Verdict.ACNE, Verdict.LEAK, Verdict.INVALID)
 ERRORS = (Verdict.TRUE, Verdict.INVALID, Verdict.ACNE, Verdict.LEAK)
 EXCUSED = (Verdict.NEAR_TIE, Verdict.EDGE)
+RIGHT = (Verdict.OK, Verdict.TIE)
 
 
 class Judge:
@@ -107,8 +109,56 @@ def score_answers(
     "ok" only with no true error and at most :data:`EXCUSED_LIMIT` excused. ``reference_errors`` are the same
     counts for Embree's own answers over the judged pixels. ``classes`` (int8 [pixels]), where given, is filled
     with the class of every pixel: of its primary answer where that is wrong or excused, else the gravest of its
-    shadow bits; -1 for a disputed pixel left unjudged.
+    shadow bits, else of its first bounce that is; -1 for a disputed pixel left unjudged.
+
+    Where rays bounce, ``bounces`` has for each the same again for its rays (:func:`.mirror_score.score_bounces`), and
+    its errors and excuses count with the others. ``answers`` then hold the rays too.
     """
+
+    def scored(
+        rays: Moment, given: dict[str, NDArray], sample: int, known: Reference | None = None
+    ) -> Scored:
+        truth = known or reference_of(prepared, rays, referee, effects)
+        return _scored(prepared, rays, given, truth, referee, effects, sample, seed, judge_limit)
+
+    score, gravest, excused = scored(moment, answers, extra_pixels, reference)
+    bounces = score_bounces(prepared, moment, answers, effects, extra_pixels, scored)
+    for found, kinds, excuses in bounces:
+        excused |= excuses
+        right = np.isin(gravest, RIGHT)
+        gravest[right] = kinds[right]
+        score["true_errors"] += found["true_errors"]
+        score["examples"] += [{"bounce": found["bounce"], **one} for one in found.pop("examples")]
+    score["examples"] = score["examples"][:EXAMPLES]
+    if bounces:
+        score["bounces"] = [found for found, _, _ in bounces]
+    if classes is not None:
+        classes[:] = gravest
+    share = float(excused.mean()) if excused.size else 0.0
+    score["excused_share"] = share
+    score["check"] = "ok" if score["true_errors"] == 0 and share <= EXCUSED_LIMIT else "failed"
+    score["truth"] = {**reference.provenance, "random_pixels": extra_pixels, "seed": seed}
+    return score
+
+
+def reference_of(prepared: Prepared, moment: Moment, referee: Referee, effects: Effects) -> Reference:
+    """The reference for rays that only one method's answers have, so that it is not kept."""
+    if not embree_installed():
+        return exact_reference(prepared, moment, referee, effects)
+    return embree_reference(prepared, moment, effects)
+
+
+def _scored(
+    prepared: Prepared,
+    moment: Moment,
+    answers: dict[str, NDArray],
+    reference: Reference,
+    referee: Referee,
+    effects: Effects,
+    extra_pixels: int,
+    seed: int,
+    judge_limit: int,
+) -> Scored:
     lights = len(moment.lights)
     outside = not_receivers(prepared, moment, answers["triangle"])
     if outside.any():
@@ -119,7 +169,7 @@ def score_answers(
     suspects = find_suspects(
         moment, answers, reference, found, agree, wanted, extra_pixels, seed, judge_limit
     )
-    hits = referee.closest(moment.eye, moment.directions(suspects.judged))
+    hits = referee.closest(moment.origins(suspects.judged), moment.directions(suspects.judged))
 
     primary, named = _primary(referee, hits, answers["triangle"], found, suspects, agree)
     # A duplicate with a lower index exists: a tie, wherever it was not judged already.
@@ -128,8 +178,6 @@ def score_answers(
     )
     shadow = _shadows(referee, moment, hits, answers, found, suspects, primary, wanted, outside)
 
-    if classes is not None:
-        classes[:] = _gravest(primary, shadow)
     excused = np.isin(primary, EXCUSED)
     for verdicts in shadow:
         excused |= verdicts == Verdict.EDGE
@@ -137,9 +185,8 @@ def score_answers(
     true_errors = (
         int(np.isin(primary, ERRORS).sum() + sum(np.isin(v, ERRORS).sum() for v in shadow)) + unjudged
     )
-    share = float(excused.mean()) if excused.size else 0.0
     bits = disputed_bits(answers, reference, found, agree, wanted)
-    return {
+    score = {
         "primary": {
             "pixels": moment.width * moment.height,
             "disputed": int((~agree).sum()),
@@ -162,14 +209,12 @@ def score_answers(
             if wanted[i]
         ],
         "true_errors": true_errors,
-        "excused_share": share,
-        "check": "ok" if true_errors == 0 and share <= EXCUSED_LIMIT else "failed",
         "examples": _examples(moment, answers, referee, hits, suspects, found, primary, shadow),
         "reference_errors": _reference_errors(
             prepared, moment, referee, hits, reference, suspects, wanted, outside
         ),
-        "truth": {**reference.provenance, "random_pixels": extra_pixels, "seed": seed},
     }
+    return score, _gravest(primary, shadow), excused
 
 
 def not_receivers(prepared: Prepared, moment: Moment, triangle: NDArray[np.integer]) -> NDArray[np.bool_]:
@@ -186,13 +231,13 @@ def not_receivers(prepared: Prepared, moment: Moment, triangle: NDArray[np.integ
     hit = np.nonzero((triangle >= 0) & (triangle < len(prepared.faces)))[0]
     if not limited or not len(hit):
         return outside
-    eye, directions = moment.eye.astype(np.float64), moment.directions(hit).astype(np.float64)
+    origins, directions = (part(hit).astype(np.float64) for part in (moment.origins, moment.directions))
     corners = moment.points[prepared.faces[triangle[hit]]].astype(np.float64)
-    t = plane_numbers(corners, eye, directions)[0]
+    t = plane_numbers(corners, origins, directions)[0]
     for i in limited:
-        wanted = receivers(moment, eye + t[:, None] * directions, i)
+        wanted = receivers(moment, origins + t[:, None] * directions, i)
         if moment.facing:
-            wanted &= facing(moment, corners, i)
+            wanted &= facing(moment, corners, i, origins)
         outside[i, hit] = ~wanted
     return outside
 
@@ -224,7 +269,7 @@ def _primary(
     verdicts = np.full(len(given), Verdict.OK, dtype=np.int8)
     verdicts[suspects.judged] = referee.classify_primary(hits, given[suspects.judged])
     named = agree & ~found.primary_invalid
-    named[suspects.judged] = np.isin(verdicts[suspects.judged], (Verdict.OK, Verdict.TIE))
+    named[suspects.judged] = np.isin(verdicts[suspects.judged], RIGHT)
     verdicts[(found.t_wrong | found.uv_wrong) & (verdicts != Verdict.INVALID)] = Verdict.TRUE
     verdicts[found.primary_invalid] = Verdict.INVALID
     verdicts[suspects.unjudged] = -1
@@ -246,7 +291,7 @@ def _shadows(
 
     Hit points ``outside`` (no receivers) have no shadow ray: a bit there is a shadow where none can be.
     """
-    scored = np.isin(primary, (Verdict.OK, Verdict.TIE))
+    scored = np.isin(primary, RIGHT)
     result = []
     for i, light in enumerate(moment.lights):
         bits = answers["visibility"][i]
@@ -268,7 +313,7 @@ def _shadows(
 def _gravest(primary: NDArray[np.int8], shadow: Sequence[NDArray[np.int8]]) -> NDArray[np.int8]:
     """One class a pixel: the primary answer's unless it is right, then an error of any shadow bit, then an edge."""
     result = primary.copy()
-    right = np.isin(primary, (Verdict.OK, Verdict.TIE))
+    right = np.isin(primary, RIGHT)
     for kind in (Verdict.EDGE, Verdict.INVALID, Verdict.LEAK, Verdict.ACNE):
         for verdicts in shadow:
             result[right & (verdicts == kind)] = kind

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from .frame import Frame
 from .method import Method
+from .mirrors import mirror_passes
 from .moment import Moment, Prepared
 from .pass_graph import arranged, inputs_of, live, stale, wanted_of
 from .passes import Pass, run_passes
@@ -62,8 +63,8 @@ class Session:
         with wp.ScopedDevice(self.device):
             self._graphs.clear()
             planned = self.method.plan(self.frame, self.effects, self.limits)
-        self.planned = arranged(planned, receiver_passes(self.frame, self.effects))
-        self.planned = skippable(self.planned, self.frame, self.effects)
+        added = [*mirror_passes(self.frame, self.effects), *receiver_passes(self.frame, self.effects)]
+        self.planned = skippable(arranged(planned, added), self.frame, self.effects)
         self.all_passes = live(self.planned, wanted_of(self.effects))
         self.passes = self.all_passes
 
@@ -149,6 +150,8 @@ class Session:
         for i in range(self.frame.light_count):
             if i >= len(self.effects.shadows) or not self.effects.shadows[i]:
                 self.frame.answers.visibility[i].zero_()
+                for bounce in range(1, self.effects.bounces + 1):
+                    self.frame.bits(bounce)[i].zero_()
         self.settle()
         wp.synchronize_device(self.device)
         return self.frame.answers.to_host()

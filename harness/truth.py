@@ -107,12 +107,13 @@ def exact_reference(
             return stored
     pixels = np.arange(moment.width * moment.height)
     directions = moment.directions(pixels)
-    hits = referee.closest(moment.eye, directions)
+    origins = moment.origins(pixels)
+    hits = referee.closest(origins, directions)
     u, v = np.zeros(len(pixels), dtype=np.float32), np.zeros(len(pixels), dtype=np.float32)
     rows = np.nonzero(hits.triangle >= 0)[0]
     corners = moment.points[prepared.faces[hits.triangle[rows]]].astype(np.float64)
     _, u[rows], v[rows], _ = plane_numbers(
-        corners, moment.eye.astype(np.float64), directions[rows].astype(np.float64)
+        corners, origins[rows].astype(np.float64), directions[rows].astype(np.float64)
     )
     visibility = np.zeros((len(shadows), len(pixels)), dtype=np.uint8)
     for i, light in enumerate(moment.lights):
@@ -158,6 +159,8 @@ def shadow_origins(
     light: NDArray[np.float32],
 ) -> NDArray[np.float32]:
     """Starts of shadow rays [n, 3]: float64 hit points on triangles ``corners`` [n, 3, 3], moved off the surface.
+
+    ``eye`` is where the rays started, [3] or [n, 3].
 
     Moved towards the light's side by :data:`OFFSET_UNITS` of the point, and of the triangle as Embree sees it
     from there. Good to within that: this only finds suspects.
@@ -206,7 +209,7 @@ def _trace(
         # The first query commits the scene: alone, before the threads.
         scene.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32), query="OCCLUDED")
         directions = moment.directions(np.arange(pixels))
-        origins = np.broadcast_to(moment.eye, directions.shape)
+        origins = moment.origins(np.arange(pixels))
 
         def primary(block: slice) -> None:
             result = scene.run(np.ascontiguousarray(origins[block]), directions[block], output=1)
@@ -220,7 +223,7 @@ def _trace(
         for i, light in enumerate(moment.lights):
             if shadows[i] and len(hits):
                 visibility[i, hits] = _shadows(
-                    scene, prepared, moment, directions[hits], triangle[hits], light
+                    scene, prepared, moment, origins[hits], directions[hits], triangle[hits], light
                 )
     return Reference(triangle, t, u, v, visibility, provenance)
 
@@ -229,6 +232,7 @@ def _shadows(
     scene: Any,
     prepared: Prepared,
     moment: Moment,
+    origins: NDArray[np.float32],
     directions: NDArray[np.float32],
     triangles: NDArray[np.int32],
     light: NDArray[np.float32],
@@ -237,7 +241,7 @@ def _shadows(
 
     def work(block: slice) -> None:
         corners = moment.points[prepared.faces[triangles[block]]]
-        starts = shadow_origins(corners, moment.eye, directions[block], light)
+        starts = shadow_origins(corners, origins[block], directions[block], light)
         lengths = np.ones(len(starts), dtype=np.float32)
         bits[block] = scene.run(starts, light - starts, dists=lengths, query="OCCLUDED") == 0
 

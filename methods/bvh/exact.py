@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ...harness.alpha import Alpha
 from ...harness.frame import Frame
+from ...harness.mirrors import traced_bounces
 from ...harness.passes import Pass
 from ...harness.scene import Effects
 from ...harness.specialise import effects, specialised
@@ -31,6 +32,7 @@ from ..common.triangle import (
     to_float32,
     weld_of,
     write_hit,
+    write_miss,
 )
 
 SLACK = wp.constant(1.0 + 2.0**-20)  # a box that begins just behind the best hit may hold a tie
@@ -50,6 +52,9 @@ def primary_kernel(
     weld: wp.array(dtype=wp.int32),
     valid: wp.array(dtype=wp.uint8),
     alpha: Alpha,
+    origins: wp.array(dtype=wp.vec3f),
+    directions: wp.array(dtype=wp.vec3f),
+    active: wp.array(dtype=wp.uint8),
     triangle: wp.array(dtype=wp.int32),
     t: wp.array(dtype=wp.float32),
     u: wp.array(dtype=wp.float32),
@@ -63,6 +68,12 @@ def primary_kernel(
         return
     o = eye[0]
     d = column[pixel % width] + row[pixel // width]
+    if wp.static(effects.bounced):
+        if active[pixel] == wp.uint8(0):
+            write_miss(pixel, triangle, t, u, v)
+            return
+        o = origins[pixel]
+        d = directions[pixel]
     best = wp.int32(-1)
     best_t = wp.float64(wp.INF)
     limit = wp.float32(wp.INF)
@@ -108,6 +119,7 @@ def shadow_kernel(
     hit: wp.array(dtype=wp.vec3d),
     receivers: wp.array2d(dtype=wp.uint8),
     alpha: Alpha,
+    origins: wp.array(dtype=wp.vec3f),
     visibility: wp.array2d(dtype=wp.uint8),
     tests: wp.array(dtype=wp.int32),
 ):
@@ -127,6 +139,8 @@ def shadow_kernel(
     start = to_float32(h)
     target = lights[light]
     size = wp.float64(largest(eye[0]))
+    if wp.static(effects.bounced):
+        size = wp.float64(largest(origins[pixel]))
     error = U32 * largest(start)
     shadowed = wp.bool(False)
     number = wp.int32(0)
@@ -157,9 +171,10 @@ class ExactBvh:
 
     constructor  what Warp builds; on CUDA only "lbvh" can be rebuilt in place
     leaf_size    boxes a leaf
+    bounces      how often mirrored rays go on
     """
 
-    def __init__(self, frame: Frame, constructor: str, leaf_size: int, swizzle: bool):
+    def __init__(self, frame: Frame, constructor: str, leaf_size: int, swizzle: bool, bounces: int = 0):
         self.frame = frame
         self.constructor = constructor
         self.swizzle = swizzle
@@ -174,6 +189,7 @@ class ExactBvh:
             self.lowers = wp.array(corners.min(axis=1), dtype=wp.vec3f)
             self.uppers = wp.array(corners.max(axis=1), dtype=wp.vec3f)
             self.hit = wp.zeros(frame.pixels, dtype=wp.vec3d)
+            self.bounced_hit = wp.zeros((bounces, frame.pixels) if bounces else (0, 0), dtype=wp.vec3d)
             self.uncounted = wp.zeros(0, dtype=wp.int32)
         self.lights: list[int] = []
         self.bvh = wp.Bvh(self.lowers, self.uppers, constructor=constructor, leaf_size=leaf_size)
@@ -209,6 +225,12 @@ class ExactBvh:
                     effect=f"shadows/{i}",
                 )
             )
+        passes += traced_bounces(
+            effects,
+            ("bvh", "points", "triangles"),
+            lambda b: self._primary(bounce=b),
+            lambda i, b: self._shadow(i, bounce=b),
+        )
         return passes
 
     def _boxes(self) -> None:
@@ -217,31 +239,35 @@ class ExactBvh:
     def _rebuild(self) -> None:
         self.bvh.rebuild(self.constructor)
 
-    def _primary(self, tests: wp.array | None = None) -> None:
+    def _hits(self, bounce: int) -> wp.array:
+        return self.bounced_hit[bounce - 1] if bounce else self.hit
+
+    def _primary(self, tests: wp.array | None = None, bounce: int = 0) -> None:
         counted = self.uncounted if tests is None else tests
-        frame, answers = self.frame, self.frame.answers
+        frame = self.frame
         wp.launch(
-            specialised(primary_kernel, self.effects.switches()),
+            specialised(primary_kernel, self.effects.switches(bounce=bounce)),
             dim=self.threads,
             inputs=[
                 self.bvh.id, frame.width, frame.height, self.swizzle, frame.eye, frame.column, frame.row,
                 frame.points, frame.triangles, frame.weld, frame.valid, frame.alpha,
+                *frame.rays(bounce),
             ],
-            outputs=[answers.triangle, answers.t, answers.u, answers.v, self.hit, counted],
+            outputs=[*frame.hits(bounce), self._hits(bounce), counted],
             device=frame.device,
         )  # fmt: skip
 
-    def _shadow(self, light: int, tests: wp.array | None = None) -> None:
+    def _shadow(self, light: int, tests: wp.array | None = None, bounce: int = 0) -> None:
         counted = self.uncounted if tests is None else tests
         frame = self.frame
         wp.launch(
-            specialised(shadow_kernel, self.effects.switches(light)),
+            specialised(shadow_kernel, self.effects.switches(light, bounce)),
             dim=self.threads,
             inputs=[
                 self.bvh.id, frame.width, frame.height, self.swizzle, light, frame.eye, frame.lights, frame.points,
-                frame.triangles, frame.weld, frame.valid, frame.answers.triangle, self.hit, frame.receivers,
-                frame.alpha,
+                frame.triangles, frame.weld, frame.valid, frame.hits(bounce)[0], self._hits(bounce),
+                frame.masks(bounce), frame.alpha, frame.rays(bounce)[0],
             ],
-            outputs=[frame.answers.visibility, counted],
+            outputs=[frame.bits(bounce), counted],
             device=frame.device,
         )  # fmt: skip

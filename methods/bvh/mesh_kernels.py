@@ -7,6 +7,7 @@ import warp as wp
 from ...harness.specialise import effects
 from ..common.offset import shadow_origin
 from ..common.pixels import pixel_of
+from ..common.triangle import write_miss
 
 
 @wp.func
@@ -51,6 +52,9 @@ def mesh_primary_kernel(
     eye: wp.array(dtype=wp.vec3f),
     column: wp.array(dtype=wp.vec3f),
     row: wp.array(dtype=wp.vec3f),
+    origins: wp.array(dtype=wp.vec3f),
+    directions: wp.array(dtype=wp.vec3f),
+    active: wp.array(dtype=wp.uint8),
     triangle: wp.array(dtype=wp.int32),
     t: wp.array(dtype=wp.float32),
     u: wp.array(dtype=wp.float32),
@@ -59,8 +63,15 @@ def mesh_primary_kernel(
     pixel = pixel_of(wp.tid(), width, height, blocks)
     if pixel < 0:
         return
+    o = eye[0]
     d = column[pixel % width] + row[pixel // width]
-    found = wp.mesh_query_ray(mesh, eye[0], d, wp.INF)
+    if wp.static(effects.bounced):
+        if active[pixel] == wp.uint8(0):
+            write_miss(pixel, triangle, t, u, v)
+            return
+        o = origins[pixel]
+        d = directions[pixel]
+    found = wp.mesh_query_ray(mesh, o, d, wp.INF)
     if found.result:
         triangle[pixel] = found.face
         t[pixel] = found.t
@@ -68,10 +79,7 @@ def mesh_primary_kernel(
         u[pixel] = found.v
         v[pixel] = 1.0 - found.u - found.v
     else:
-        triangle[pixel] = -1
-        t[pixel] = wp.INF
-        u[pixel] = 0.0
-        v[pixel] = 0.0
+        write_miss(pixel, triangle, t, u, v)
 
 
 @wp.kernel(enable_backward=False)
@@ -90,6 +98,8 @@ def mesh_shadow_kernel(
     triangles: wp.array(dtype=wp.vec3i),
     triangle: wp.array(dtype=wp.int32),
     receivers: wp.array2d(dtype=wp.uint8),
+    origins: wp.array(dtype=wp.vec3f),
+    directions: wp.array(dtype=wp.vec3f),
     visibility: wp.array2d(dtype=wp.uint8),
 ):
     pixel = pixel_of(wp.tid(), width, height, blocks)
@@ -103,8 +113,12 @@ def mesh_shadow_kernel(
     best = triangle[pixel]
     if best >= 0:
         face = triangles[best]
+        o = eye[0]
         d = column[pixel % width] + row[pixel // width]
+        if wp.static(effects.bounced):
+            o = origins[pixel]
+            d = directions[pixel]
         target = lights[light]
-        origin = shadow_origin(eye[0], d, target, points[face[0]], points[face[1]], points[face[2]], True)
+        origin = shadow_origin(o, d, target, points[face[0]], points[face[1]], points[face[2]], True)
         shadowed = wp.mesh_query_ray_anyhit(mesh, origin, target - origin, end)
     visibility[light, pixel] = wp.uint8(shadowed)

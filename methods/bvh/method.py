@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ...harness.errors import UserError
 from ...harness.frame import Frame
 from ...harness.method import BaseMethod
+from ...harness.mirrors import traced_bounces
 from ...harness.passes import Pass
 from ...harness.scene import Effects, Limits
 from ...harness.specialise import specialised
@@ -74,7 +75,7 @@ class WarpBvh(BaseMethod):
 
     name = "bvh"
     title = "BVH (Warp)"
-    simulates = frozenset({"shadows", "receivers", "directional"})
+    simulates = frozenset({"shadows", "receivers", "directional", "mirror"})
     cannot = MappingProxyType({"alpha": "a query of wp.Mesh cannot skip a hit; choose update=bvh_rebuild"})
     Build = Build
     Trace = Trace
@@ -94,7 +95,8 @@ class WarpBvh(BaseMethod):
         if frame.triangle_count == 0:
             return miss_passes(frame, effects)
         if self.build.update == "bvh_rebuild":
-            self._exact = ExactBvh(frame, self._constructor, self.build.leaf_size or 1, self.trace.swizzle)
+            leaf_size = self.build.leaf_size or 1
+            self._exact = ExactBvh(frame, self._constructor, leaf_size, self.trace.swizzle, effects.bounces)
             return self._exact.passes(effects)
         self._frame, self._effects = frame, effects
         self._threads = thread_count(frame.width, frame.height, self.trace.swizzle)
@@ -119,6 +121,7 @@ class WarpBvh(BaseMethod):
                         effect=f"shadows/{i}",
                     )
                 )
+        passes += traced_bounces(effects, ("mesh", "points", "triangles"), self._primary, self._shadow)
         return passes
 
     @property
@@ -204,36 +207,36 @@ class WarpBvh(BaseMethod):
         self._launch_indices()
         self._mesh.refit()
 
-    def _primary(self) -> None:
+    def _primary(self, bounce: int = 0) -> None:
         frame = self._frame
         if self._mesh is None:
-            write_misses(frame)
+            write_misses(frame, bounce)
             return
-        answers = frame.answers
         wp.launch(
-            mesh_primary_kernel,
+            specialised(mesh_primary_kernel, self._effects.switches(bounce=bounce)),
             dim=self._threads,
             inputs=[
-                self._mesh.id, frame.width, frame.height, self.trace.swizzle, frame.eye, frame.column, frame.row
+                self._mesh.id, frame.width, frame.height, self.trace.swizzle, frame.eye, frame.column, frame.row,
+                *frame.rays(bounce),
             ],
-            outputs=[answers.triangle, answers.t, answers.u, answers.v],
+            outputs=frame.hits(bounce),
             device=frame.device,
         )  # fmt: skip
 
-    def _shadow(self, light: int) -> None:
+    def _shadow(self, light: int, bounce: int = 0) -> None:
         frame = self._frame
         if self._mesh is None:
-            frame.answers.visibility[light].zero_()
+            frame.bits(bounce)[light].zero_()
             return
         wp.launch(
-            specialised(mesh_shadow_kernel, self._effects.switches(light)),
+            specialised(mesh_shadow_kernel, self._effects.switches(light, bounce)),
             dim=self._threads,
             inputs=[
                 self._mesh.id, frame.width, frame.height, self.trace.swizzle, light, SHADOW_END, frame.eye,
-                frame.column, frame.row, frame.lights, frame.points, frame.triangles, frame.answers.triangle,
-                frame.receivers,
+                frame.column, frame.row, frame.lights, frame.points, frame.triangles, frame.hits(bounce)[0],
+                frame.masks(bounce), *frame.rays(bounce)[:2],
             ],
-            outputs=[frame.answers.visibility],
+            outputs=[frame.bits(bounce)],
             device=frame.device,
         )  # fmt: skip
 

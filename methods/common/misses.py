@@ -5,17 +5,18 @@ from __future__ import annotations
 import math
 
 from ...harness.frame import Frame
+from ...harness.mirrors import traced_bounces
 from ...harness.passes import Pass
 from ...harness.scene import Effects
 
 
-def write_misses(frame: Frame) -> None:
-    """Triangle -1, t = inf, u = v = 0 for every pixel."""
-    answers = frame.answers
-    answers.triangle.fill_(-1)
-    answers.t.fill_(math.inf)
-    answers.u.zero_()
-    answers.v.zero_()
+def write_misses(frame: Frame, bounce: int = 0) -> None:
+    """Triangle -1, t = inf, u = v = 0 for every pixel: of the primary rays, or of the mirrored rays of a bounce."""
+    triangle, t, u, v = frame.hits(bounce)
+    triangle.fill_(-1)
+    t.fill_(math.inf)
+    u.zero_()
+    v.zero_()
 
 
 def miss_passes(frame: Frame, effects: Effects) -> list[Pass]:
@@ -33,4 +34,7 @@ def miss_passes(frame: Frame, effects: Effects) -> list[Pass]:
                     effect=f"shadows/{i}",
                 )
             )
+    passes += traced_bounces(
+        effects, (), lambda b: write_misses(frame, b), lambda i, b: frame.bits(b)[i].zero_()
+    )
     return passes

@@ -13,6 +13,7 @@ from __future__ import annotations
 import warp as wp
 
 from ...harness.frame import Frame
+from ...harness.specialise import Switches, effects, specialised
 from .hitpoint import plane_distance
 from .triangle import hit_point, largest, to_float32, to_float64
 
@@ -148,6 +149,8 @@ def shadow_origin_kernel(
     triangles: wp.array(dtype=wp.vec3i),
     triangle: wp.array(dtype=wp.int32),
     sheared: wp.bool,
+    origins: wp.array(dtype=wp.vec3f),
+    directions: wp.array(dtype=wp.vec3f),
     origin: wp.array(dtype=wp.vec3f),
 ):
     pixel = wp.tid()
@@ -156,20 +159,24 @@ def shadow_origin_kernel(
         origin[pixel] = lights[light]
         return
     face = triangles[best]
+    o = eye[0]
     d = column[pixel % width] + row[pixel // width]
+    if wp.static(effects.bounced):
+        o = origins[pixel]
+        d = directions[pixel]
     origin[pixel] = shadow_origin(
-        eye[0], d, lights[light], points[face[0]], points[face[1]], points[face[2]], sheared
+        o, d, lights[light], points[face[0]], points[face[1]], points[face[2]], sheared
     )
 
 
-def launch_shadow_origins(frame: Frame, light: int, origin: wp.array, sheared: bool) -> None:
-    """Fill ``origin`` (vec3f [pixels]) for one light from ``frame.answers.triangle``; the light itself at a miss."""
+def launch_shadow_origins(frame: Frame, light: int, origin: wp.array, sheared: bool, bounce: int = 0) -> None:
+    """Fill ``origin`` (vec3f [pixels]) for one light from the hits of a bounce; the light itself at a miss."""
     wp.launch(
-        shadow_origin_kernel,
+        specialised(shadow_origin_kernel, Switches(bounced=bounce > 0)),
         dim=frame.pixels,
         inputs=[
             frame.width, light, frame.eye, frame.column, frame.row, frame.lights, frame.points, frame.triangles,
-            frame.answers.triangle, sheared,
+            frame.hits(bounce)[0], sheared, *frame.rays(bounce)[:2],
         ],
         outputs=[origin],
         device=frame.device,

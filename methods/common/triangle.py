@@ -291,6 +291,21 @@ def hit_point(o: wp.vec3f, d: wp.vec3f, t: wp.float64) -> wp.vec3d:
 
 
 @wp.func
+def write_miss(
+    pixel: wp.int32,
+    triangle_out: wp.array(dtype=wp.int32),
+    t_out: wp.array(dtype=wp.float32),
+    u_out: wp.array(dtype=wp.float32),
+    v_out: wp.array(dtype=wp.float32),
+):
+    """A pixel without a ray: a miss (its hit point is never read)."""
+    triangle_out[pixel] = -1
+    t_out[pixel] = wp.INF
+    u_out[pixel] = 0.0
+    v_out[pixel] = 0.0
+
+
+@wp.func
 def write_hit(
     pixel: wp.int32,
     o: wp.vec3f,

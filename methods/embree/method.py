@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from ...harness.frame import MISS, Frame
 from ...harness.method import BaseMethod
+from ...harness.mirrors import traced_bounces
 from ...harness.passes import Pass
 from ...harness.scene import Effects, Limits
 from ..common.misses import miss_passes
@@ -70,7 +71,7 @@ class Embree(BaseMethod):
 
     name = "embree"
     title = "Embree"
-    simulates = frozenset({"shadows", "receivers", "directional"})
+    simulates = frozenset({"shadows", "receivers", "directional", "mirror"})
     cannot = MappingProxyType(
         {"alpha": "Embree's Python binding has no filter functions to skip a hit in a hole"}
     )
@@ -113,6 +114,7 @@ class Embree(BaseMethod):
                         effect=f"shadows/{i}",
                     )
                 )
+        passes += traced_bounces(effects, ("embree", "points", "triangles"), self._bounced, self._shadow)
         return passes
 
     @property
@@ -157,8 +159,7 @@ class Embree(BaseMethod):
     def _primary(self) -> None:
         frame, scene = self._frame, self._scene
         assert scene is not None
-        answers = frame.answers
-        triangle, t, u, v = (getattr(answers, name).numpy() for name in ("triangle", "t", "u", "v"))
+        triangle, t, u, v = (array.numpy() for array in frame.hits(0))
         eye, column, row = frame.eye.numpy(), frame.column.numpy(), frame.row.numpy()
 
         def work(block: slice) -> None:
@@ -178,14 +179,32 @@ class Embree(BaseMethod):
 
         self._each_block(work)
 
-    def _shadow(self, light: int) -> None:
+    def _bounced(self, bounce: int) -> None:
         frame, scene = self._frame, self._scene
         assert scene is not None
-        launch_shadow_origins(frame, light, self._origins, sheared=False)
+        origins, directions, active = (array.numpy() for array in frame.rays(bounce))
+        triangle, t, u, v = (array.numpy() for array in frame.hits(bounce))
+
+        def work(block: slice) -> None:
+            triangle[block], t[block], u[block], v[block] = MISS, np.inf, 0.0, 0.0
+            rays = np.nonzero(active[block])[0]
+            if len(rays):
+                found = scene.run(origins[block][rays], directions[block][rays], query="INTERSECT", output=1)
+                met = found["primID"] >= 0
+                hit = rays[met] + block.start
+                triangle[hit], t[hit] = found["primID"][met], found["tfar"][met]
+                u[hit], v[hit] = found["u"][met], found["v"][met]
+
+        self._each_block(work)
+
+    def _shadow(self, light: int, bounce: int = 0) -> None:
+        frame, scene = self._frame, self._scene
+        assert scene is not None
+        launch_shadow_origins(frame, light, self._origins, sheared=False, bounce=bounce)
         origins, lit = self._origins.numpy(), frame.lights.numpy()[light]
-        triangle: NDArray[np.int32] = frame.answers.triangle.numpy()
-        visibility: NDArray[np.uint8] = frame.answers.visibility.numpy()[light]
-        receivers = frame.receivers.numpy()[light] if self._effects.masked(light) else None
+        triangle: NDArray[np.int32] = frame.hits(bounce)[0].numpy()
+        visibility: NDArray[np.uint8] = frame.bits(bounce).numpy()[light]
+        receivers = frame.masks(bounce).numpy()[light] if self._effects.masked(light) else None
 
         def work(block: slice) -> None:
             # embreex reads a negative distance as "occluded" and has no mask: only pixels with a hit are sent.

@@ -34,6 +34,9 @@ class PerspectiveSpherical(BaseMethod):
     name: ClassVar[str] = "perspective_spherical"
     title: ClassVar[str] = "Perspective + spherical grids"
     simulates = frozenset({"shadows", "receivers", "directional"})
+    cannot: ClassVar[dict[str, str]] = {
+        "mirror": "its camera grid holds rays that start at the eye: mirrored rays share no origin"
+    }
     Build: ClassVar[type] = Build
     Trace: ClassVar[type] = Trace
 

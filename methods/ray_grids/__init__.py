@@ -37,6 +37,9 @@ class RayGrids(BaseMethod):
     name: ClassVar[str] = "ray_grids"
     title: ClassVar[str] = "Ray grids (streamed)"
     simulates = frozenset({"shadows", "receivers", "directional"})
+    cannot: ClassVar[dict[str, str]] = {
+        "mirror": "its grids hold rays that share an origin: mirrored rays share none"
+    }
     Build: ClassVar[type] = Build
 
     def __init__(self, build: Any = None, trace: Any = None):

@@ -40,6 +40,9 @@ class ShadowMap(BaseMethod):
     name: ClassVar[str] = "shadow_map"
     title: ClassVar[str] = "Shadow map (rasterised)"
     simulates = frozenset({"shadows", "receivers", "directional"})
+    cannot: ClassVar[dict[str, str]] = {
+        "mirror": "it draws triangles from one point: mirrored rays share no origin"
+    }
     known_inexact = "shadow bits are looked up in a depth map of finite resolution"
     Build: ClassVar[type] = Build
     Trace: ClassVar[type] = Trace

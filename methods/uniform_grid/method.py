@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ...harness.errors import CapacityRejected
 from ...harness.frame import Frame
 from ...harness.method import BaseMethod
+from ...harness.mirrors import traced_bounces
 from ...harness.passes import Pass
 from ...harness.scene import Effects, Limits
 from ...harness.specialise import specialised
@@ -65,7 +66,7 @@ class UniformGrid(BaseMethod):
 
     name = "uniform_grid"
     title = "Uniform grid"
-    simulates = frozenset({"shadows", "receivers", "directional", "alpha"})
+    simulates = frozenset({"shadows", "receivers", "directional", "alpha", "mirror"})
     Build = Build
     Trace = Trace
 
@@ -95,6 +96,8 @@ class UniformGrid(BaseMethod):
             self._queue = wp.zeros(count, dtype=wp.int32)
             self._cursor = wp.zeros(count, dtype=wp.int32)
             self._hit = wp.zeros(frame.pixels, dtype=wp.vec3d)
+            bounces = effects.bounces
+            self._bounced_hit = wp.zeros((bounces, frame.pixels) if bounces else (0, 0), dtype=wp.vec3d)
             self._need = wp.zeros(1, dtype=wp.int64)
             self._uncounted = wp.zeros(0, dtype=wp.int32)
         self._lights = [i for i, wanted in enumerate(effects.shadows) if wanted]
@@ -134,6 +137,10 @@ class UniformGrid(BaseMethod):
                     effect=f"shadows/{i}",
                 )
             )
+        structure = ("cells", "sorted pairs", "grid", "points", "triangles")
+        passes += traced_bounces(
+            effects, structure, lambda b: self._primary(bounce=b), lambda i, b: self._shadow(i, bounce=b)
+        )
         return passes
 
     def needs(self) -> wp.array | None:
@@ -216,31 +223,35 @@ class UniformGrid(BaseMethod):
     def _emit(self) -> None:
         self._bin(emit=True)
 
-    def _primary(self, tests: wp.array | None = None) -> None:
+    def _hits(self, bounce: int) -> wp.array:
+        return self._bounced_hit[bounce - 1] if bounce else self._hit
+
+    def _primary(self, tests: wp.array | None = None, bounce: int = 0) -> None:
         counted = self._uncounted if tests is None else tests
-        frame, pairs, answers = self._frame, self._pairs, self._frame.answers
+        frame, pairs = self._frame, self._pairs
         wp.launch(
-            specialised(primary_kernel, self._effects.switches()),
+            specialised(primary_kernel, self._effects.switches(bounce=bounce)),
             dim=self._threads,
             inputs=[
                 frame.width, frame.height, self.trace.swizzle, self._grid, pairs.begin, pairs.end, pairs.values,
                 frame.eye, frame.column, frame.row, frame.points, frame.triangles, frame.weld, frame.alpha,
+                *frame.rays(bounce),
             ],
-            outputs=[answers.triangle, answers.t, answers.u, answers.v, self._hit, counted],
+            outputs=[*frame.hits(bounce), self._hits(bounce), counted],
             device=frame.device,
         )  # fmt: skip
 
-    def _shadow(self, light: int, tests: wp.array | None = None) -> None:
+    def _shadow(self, light: int, tests: wp.array | None = None, bounce: int = 0) -> None:
         counted = self._uncounted if tests is None else tests
         frame, pairs = self._frame, self._pairs
         wp.launch(
-            specialised(shadow_kernel, self._effects.switches(light)),
+            specialised(shadow_kernel, self._effects.switches(light, bounce)),
             dim=self._threads,
             inputs=[
                 frame.width, frame.height, self.trace.swizzle, light, self._grid, pairs.begin, pairs.end,
                 pairs.values, frame.eye, frame.lights, frame.points, frame.triangles, frame.weld,
-                frame.answers.triangle, self._hit, frame.receivers, frame.alpha,
+                frame.hits(bounce)[0], self._hits(bounce), frame.masks(bounce), frame.alpha, frame.rays(bounce)[0],
             ],
-            outputs=[frame.answers.visibility, counted],
+            outputs=[frame.bits(bounce), counted],
             device=frame.device,
         )  # fmt: skip

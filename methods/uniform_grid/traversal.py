@@ -26,6 +26,7 @@ from ..common.triangle import (
     to_float64,
     weld_of,
     write_hit,
+    write_miss,
 )
 from .grid import Grid, cell_index, cell_of, to_grid
 
@@ -163,6 +164,9 @@ def primary_kernel(
     triangles: wp.array(dtype=wp.vec3i),
     weld: wp.array(dtype=wp.int32),
     alpha: Alpha,
+    origins: wp.array(dtype=wp.vec3f),
+    directions: wp.array(dtype=wp.vec3f),
+    active: wp.array(dtype=wp.uint8),
     triangle: wp.array(dtype=wp.int32),
     t: wp.array(dtype=wp.float32),
     u: wp.array(dtype=wp.float32),
@@ -177,6 +181,12 @@ def primary_kernel(
     g = grid[0]
     o = eye[0]
     d = column[pixel % width] + row[pixel // width]
+    if wp.static(effects.bounced):
+        if active[pixel] == wp.uint8(0):
+            write_miss(pixel, triangle, t, u, v)
+            return
+        o = origins[pixel]
+        d = directions[pixel]
     best = wp.int32(-1)
     best_t = FOREVER
     number = wp.int32(0)
@@ -230,6 +240,7 @@ def shadow_kernel(
     hit: wp.array(dtype=wp.vec3d),
     receivers: wp.array2d(dtype=wp.uint8),
     alpha: Alpha,
+    origins: wp.array(dtype=wp.vec3f),
     visibility: wp.array2d(dtype=wp.uint8),
     tests: wp.array(dtype=wp.int32),
 ):
@@ -251,6 +262,8 @@ def shadow_kernel(
     target = lights[light]
     error = U32 * largest(near)
     size = wp.float64(largest(eye[0]))
+    if wp.static(effects.bounced):
+        size = wp.float64(largest(origins[pixel]))
     shadowed = wp.bool(False)
     number = wp.int32(0)
     w = enter(g, h, to_float64(target) - h, wp.float64(1.0))
