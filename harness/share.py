@@ -25,6 +25,8 @@ def store(path: Path, prepared: Prepared, frames: Iterable[int]) -> None:
         "numbers": np.array([prepared.radius, prepared.frame_count]),
     }
     arrays |= arrays_of(prepared.alpha)
+    if prepared.scene.mirror is not None:
+        arrays["mirror"] = prepared.mirror
     for frame in frames:
         arrays[f"points_{frame}"], arrays[f"valid_{frame}"] = prepared.points(frame)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -47,6 +49,8 @@ class Stored(Prepared):
         self.middle = arrays["middle"]
         self.radius = float(arrays["numbers"][0])
         self.alpha = from_arrays(arrays)
+        if "mirror" in arrays:
+            self.mirror = arrays["mirror"]
         self._frames = {
             int(name.split("_")[1]): (arrays[name], arrays[name.replace("points", "valid")])
             for name in arrays

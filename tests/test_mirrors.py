@@ -8,6 +8,7 @@ import brute_force
 import numpy as np
 import pytest
 from method_trials import DEVICES, box, hard_trials
+from shadowbench.harness.alpha import perforated
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame import BOUNCED
 from shadowbench.harness.method import SimpleMethod
@@ -15,9 +16,11 @@ from shadowbench.harness.moment import Prepared
 from shadowbench.harness.raw import save_raw, score_raw
 from shadowbench.harness.referee import Referee
 from shadowbench.harness.registry import make_method, method_class, method_names
-from shadowbench.harness.scene import Camera, Light, Spot
+from shadowbench.harness.scene import Camera, Effects, Light, Spot
 from shadowbench.harness.score import Judge
 from shadowbench.harness.session import Session
+from shadowbench.harness.share import Stored, store
+from shadowbench.harness.specialise import Switches
 from shadowbench.harness.truth import embree_installed
 
 SIZE = 24
@@ -177,6 +180,31 @@ def test_hard_cases_all_of_mirrors_have_no_error(name, plain, width, height):
         np.testing.assert_array_equal(first[key], second[key], key)
     score = Judge(prepared, moment).score(first, extra_pixels=width * height)
     assert score["true_errors"] == 0, score["examples"]
+
+
+@needs_embree
+def test_a_mirror_shows_holes_as_holes():
+    prepared = hall_of_mirrors(2)
+    scene = dataclasses.replace(prepared.scene, alpha=lambda geometry: perforated(geometry, 2, 6))
+    assert Effects.of(scene).switches(0, 1) == Switches(masked=True, alpha=True, bounced=True)
+    holed = Prepared(scene)
+    moment, answers = answered("uniform_grid", {}, holed)
+    _, other = answered("bvh", {"update": "bvh_rebuild"}, holed)
+    for key in answers:
+        np.testing.assert_array_equal(answers[key], other[key], key)
+    score = Judge(holed, moment).score(answers, extra_pixels=SIZE * SIZE)
+    assert score["true_errors"] == 0, score["examples"]
+    assert score["bounces"][0]["rays"] > 100
+    whole = answered("uniform_grid", {}, prepared)[1]
+    reached = (whole["bounce_active"][0] == 1) & (answers["triangle"] == whole["triangle"])
+    assert (answers["bounce_triangle"][0] != whole["bounce_triangle"][0])[reached].sum() > 20
+
+
+def test_mirrors_are_handed_to_other_processes(tmp_path):
+    prepared = hall_of_mirrors(1)
+    store(tmp_path / "scene.npz", prepared, [0])
+    read = Stored(tmp_path / "scene.npz", dataclasses.replace(prepared.scene, mirror=lambda g: 1 / 0))
+    np.testing.assert_array_equal(read.mirror, prepared.mirror)
 
 
 @needs_embree
