@@ -4,8 +4,8 @@ A hit on a masked triangle counts only where the bitmap of the scene's :class:`.
 texture coordinates interpolated with the barycentric weights of the hit. Texel (row, column) covers
 [column, column + 1] x [row, row + 1] of the coordinates times the bitmap's size, and the bitmap repeats. The opaque
 part is closed, as triangles are: a hit exactly on the border of two texels counts if either is opaque. So rounding
-never decides on a border, where float64 in another order would say something else: methods look a little
-(:data:`DOUBT` of the triangle's part of the bitmap) to both sides and count the hit if anything there is opaque.
+never decides on a border, where float64 in another order would say something else: methods look to both sides by the
+bound of their own rounding, and count the hit if anything there is opaque.
 """
 
 from __future__ import annotations
@@ -20,9 +20,6 @@ from numpy.typing import NDArray
 
 from .errors import UserError
 from .scene import AlphaMask, Geometry, Scene
-
-DOUBT = 2.0**-29
-"""Error of a weight that a method allows for: as much as :mod:`..methods.common.triangle` allows at an edge."""
 
 MOST_TEXELS = 2.0**30
 """Coordinates times the bitmap's size stay below this, so that a texel's number fits 32 bits."""

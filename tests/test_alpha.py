@@ -12,7 +12,9 @@ from exact_cases import inside, rational, solve
 from shadowbench.harness.alpha import checked, perforated
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.exact import edge_bound
+from shadowbench.harness.hardcases import holes
 from shadowbench.harness.hardcases.case import ball, joined, quad, soup
+from shadowbench.harness.hardcases.judge import Judged, judge_case
 from shadowbench.harness.moment import Moment, Prepared
 from shadowbench.harness.raw import save_raw, score_raw
 from shadowbench.harness.referee import Referee, Verdict
@@ -201,6 +203,18 @@ def test_transparent_triangles_are_as_if_they_were_gone(name, settings):
     gone[::3] = gone[::3, :1]  # no area: never hit, and every other triangle keeps its index
     clear_answers = answers_of(name, settings, make((points, faces), clear))
     assert not same(clear_answers, answers_of(name, settings, make((points, gone), None)))
+
+
+@cache
+def judged(case) -> Judged:
+    return Judged(case, case.make())
+
+
+@pytest.mark.parametrize(("name", "settings"), EXACT, ids=NAMES)
+def test_no_hard_case_of_holes_needs_an_excuse(name, settings):
+    for case in holes.CASES:
+        finding = judge_case(judged(case), make_method(name, settings), "cpu")
+        assert (finding.status, finding.classes) == ("ok", {}), case.name
 
 
 def test_without_masks_nothing_is_kept_or_launched():

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..moment import Moment, Prepared
-from ..scene import Camera, Geometry, Light, Scene, Spot, Vector
+from ..scene import AlphaMask, Camera, Geometry, Light, Scene, Spot, Vector
 
 F64 = NDArray[np.float64]
 Mesh = tuple[F64, NDArray[np.int64]]
@@ -94,6 +94,7 @@ def view(
     watertight: bool = False,
     closed: bool = False,
     offset: Sequence[float] | F64 = (0.0, 0.0, 0.0),
+    alpha: Callable[[Geometry], AlphaMask] | None = None,
 ) -> Trial:
     """A trial from plain numbers.
 
@@ -130,7 +131,7 @@ def view(
     camera = Camera(vector(eye), (aim[0], aim[1], aim[2]), turned(up), math.degrees(2 * math.atan(half)))
     scene = Scene(
         "case", "Case", lambda: Geometry.static(points, faces), camera, tuple(lamp(x) for x in lights),
-        closed=closed,
+        closed=closed, alpha=alpha,
     )  # fmt: skip
     prepared = Prepared(scene)
     return Trial(prepared, prepared.moment(0, *size), stated or Counts(), same_lights, watertight)

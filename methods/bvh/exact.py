@@ -158,7 +158,7 @@ def shadow_kernel(
             ):
                 shadowed = True
                 if wp.static(effects.alpha):
-                    shadowed = shadow_counts(alpha, i, h, target, a, b, c, weld_of(weld, face))
+                    shadowed = shadow_counts(alpha, i, h, target, a, b, c, weld_of(weld, face), size)
                 if shadowed:
                     break
     if tests.shape[0] > 0:

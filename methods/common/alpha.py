@@ -1,23 +1,26 @@
 """Whether a hit on a triangle with holes counts: the same float64 words for every method (:mod:`...harness.alpha`).
 
-Called under ``if wp.static(effects.alpha):`` only, for a hit that the triangle test has accepted.
+Called under ``if wp.static(effects.alpha):`` only, for a hit that the triangle test has accepted. Weights come from
+edge functions, each known to the bound of :mod:`.triangle`; what that leaves in doubt counts as opaque if anything
+there is, so that a hit on the border of two texels is decided alike in whichever order a compiler multiplies.
 """
 
 from __future__ import annotations
 
 import warp as wp
 
-from ...harness.alpha import DOUBT, Alpha, texels_near
-from .triangle import edge_functions, light_edge_functions, to_float64
+from ...harness.alpha import OPAQUE, Alpha, texels_near
+from .triangle import U64, edge_functions, largest, light_edge_functions, to_float64, total
 
-DOUBT64 = wp.constant(wp.float64(DOUBT))
+BIT = wp.constant(wp.int32(OPAQUE))
 
 
 @wp.func
-def opaque_at(alpha: Alpha, i: wp.int32, e: wp.vec3d) -> wp.bool:
-    """Whether triangle i is opaque where its edge functions are e; their sum is the weights' unit."""
+def opaque_at(alpha: Alpha, i: wp.int32, e: wp.vec3d, bound: wp.float64) -> wp.bool:
+    """Whether triangle i is opaque where its edge functions are e, each known to ``bound``."""
     sum = e[0] + e[1] + e[2]
-    return (texels_near(alpha, i, e[1] / sum, e[2] / sum, DOUBT64) & 1) != 0
+    # A weight of about 1 at most is off by its own bound and the sum's three.
+    return (texels_near(alpha, i, e[1] / sum, e[2] / sum, wp.float64(4.0) * bound / wp.abs(sum)) & BIT) != 0
 
 
 @wp.func
@@ -34,11 +37,15 @@ def hit_counts(
     """Whether the hit of ray o + t d on triangle i, corners a, b, c, is opaque."""
     if alpha.masked[i] == wp.uint8(0):
         return True
-    return opaque_at(
-        alpha,
-        i,
-        edge_functions(to_float64(o), to_float64(d), to_float64(a), to_float64(b), to_float64(c), weld),
-    )
+    o64 = to_float64(o)
+    d64 = to_float64(d)
+    a64 = to_float64(a)
+    b64 = to_float64(b)
+    c64 = to_float64(c)
+    edge = wp.max(largest(b64 - a64), wp.max(largest(c64 - b64), largest(a64 - c64)))
+    reach = wp.max(largest(a64 - o64), wp.max(largest(b64 - o64), largest(c64 - o64)))
+    bound = wp.float64(16.0) * U64 * total(d64) * reach * edge
+    return opaque_at(alpha, i, edge_functions(o64, d64, a64, b64, c64, weld), bound)
 
 
 @wp.func
@@ -51,12 +58,21 @@ def shadow_counts(
     b: wp.vec3f,
     c: wp.vec3f,
     weld: wp.vec3i,
+    origin_size: wp.float64,
 ) -> wp.bool:
-    """Whether triangle i is opaque where the segment from the hit point h to the light crosses it."""
+    """Whether triangle i is opaque where the segment from the hit point h to the light crosses it.
+
+    ``origin_size`` as in :func:`.triangle.occludes`: h itself was rounded.
+    """
     if alpha.masked[i] == wp.uint8(0):
         return True
-    return opaque_at(
-        alpha,
-        i,
-        light_edge_functions(to_float64(light), h, to_float64(a), to_float64(b), to_float64(c), weld),
-    )
+    l64 = to_float64(light)
+    a64 = to_float64(a)
+    b64 = to_float64(b)
+    c64 = to_float64(c)
+    edge = wp.max(largest(b64 - a64), wp.max(largest(c64 - b64), largest(a64 - c64)))
+    reach = wp.max(total(h - a64), wp.max(total(h - b64), total(h - c64)))
+    from_light = wp.max(largest(a64 - l64), wp.max(largest(b64 - l64), largest(c64 - l64)))
+    moved = wp.float64(64.0) * (largest(h) + origin_size)
+    bound = U64 * from_light * edge * (wp.float64(16.0) * reach + moved)
+    return opaque_at(alpha, i, light_edge_functions(l64, h, a64, b64, c64, weld), bound)

@@ -282,7 +282,7 @@ def shadow_kernel(
                     shadowed = occludes(h, target, a, b, c, weld_of(weld, face), size)
                     if wp.static(effects.alpha):
                         if shadowed:
-                            shadowed = shadow_counts(alpha, i, h, target, a, b, c, weld_of(weld, face))
+                            shadowed = shadow_counts(alpha, i, h, target, a, b, c, weld_of(weld, face), size)
         leave = next_leave(w)
         if shadowed or leave > wp.float64(1.0) + w.margin or leave == FOREVER:
             going = False

@@ -1,0 +1,106 @@
+"""Triangles with holes: rays on the borders of texels, holes in duplicates, and light that falls through.
+
+The bitmap is a chequerboard laid over x and y, so that rays through pixel centres meet texels where a case wants it:
+on their borders, or in their middle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from ..scene import AlphaMask, Geometry
+from .case import Counts, HardCase, Mesh, Trial, ball, joined, plane, quad, view
+
+Mask = Callable[[Geometry], AlphaMask]
+
+
+def chequered(mesh: Mesh, side: float, count: int, turned: int = 0) -> Mask:
+    """The first ``count`` triangles of a mesh chequered over x and y, fields ``side`` long, a corner at the origin.
+
+    ``turned``: so many of these, the last ones, have their fields swapped.
+    """
+    points, faces = mesh[0], np.asarray(mesh[1])
+    coordinates = np.zeros((len(faces), 3, 2), dtype=np.float32)
+    coordinates[:count] = points[faces[:count]][..., :2] / (2 * side)
+    coordinates[count - turned : count, :, 0] += 0.5
+    flags = (np.arange(len(faces)) < count).astype(np.uint8)
+    return lambda geometry: AlphaMask(flags, coordinates, np.eye(2, dtype=np.uint8))
+
+
+def square(z: float, half: float) -> Mesh:
+    return quad((-half, -half, z), (half, -half, z), (half, half, z), (-half, half, z))
+
+
+def on_borders(scale: float) -> Trial:
+    """Every ray meets the common corner of four texels; at a scale that is no power of two, nearly so."""
+    mesh = square(-1, 1.5)
+    return view(
+        mesh, [], (0, 0, 0), (0, 0, -1), 1.0, scale=scale, alpha=chequered(mesh, 1 / 16, 2),
+        stated=Counts(256) if scale == 1.0 else None,
+    )  # fmt: skip
+
+
+def in_duplicates() -> Trial:
+    """Two squares in one place: where one has a hole the other is opaque. Light from behind, and none falls through."""
+    mesh = joined(square(-1, 1.5), square(-1, 1.5), square(-3, 8))
+    return view(
+        mesh,
+        [(0, 0, -2)],
+        (0, 0, 0),
+        (0, 0, -1),
+        1.0,
+        alpha=chequered(mesh, 1 / 4, 4, 2),
+        stated=Counts(256, (0,)),
+    )
+
+
+def grate(side: float, shadowed: int, turn: int = 0) -> Trial:
+    """A grate between a light and receivers seen from their far side: shadow rays in the middle of texels, or not."""
+    mesh = joined(square(2, 1), plane(2, 4, 8))
+    return view(
+        mesh, [(0, 0, 0)], (0, 0, 8), (0, 0, -1), 0.5, turn=turn, alpha=chequered(mesh, side, 2),
+        stated=Counts(256, (shadowed,)),
+    )  # fmt: skip
+
+
+def caged_light(fields: int) -> Trial:
+    """A light in a ball full of holes over a floor, and one outside that shines through both walls of it."""
+    mesh = joined(ball(0.5, (0, 0.6, 0)), quad((-3, 0, -3), (3, 0, -3), (3, 0, 3), (-3, 0, 3)))
+    count = len(mesh[1])
+    corners = np.array([[0, 0], [fields / 2, 0], [0, fields / 2]], dtype=np.float32)
+    coordinates = np.broadcast_to(corners, (count, 3, 2))
+    flags = (np.arange(count) < count - 2).astype(np.uint8)
+    return view(
+        mesh, [(0.1, 0.7, 0.05), (1, 2.5, 0.5)], (0.3, 1.7, 3.1), (-0.1, -0.45, -1), 0.5,
+        alpha=lambda geometry: AlphaMask(flags, coordinates, np.eye(2, dtype=np.uint8)),
+    )  # fmt: skip
+
+
+CASES = (
+    HardCase(
+        "H01", "rays on the borders of texels",
+        "the texel of a rounded coordinate lies on either side, and differs from method to method",
+        partial(on_borders, 1.0),
+    ),
+    HardCase(
+        "H01b", "rays within rounding of borders", "coordinates interpolated in float32", partial(on_borders, 1e-3)
+    ),
+    HardCase(
+        "H02", "holes in one of two duplicates", "the tie is decided before the hole: rays pass both", in_duplicates
+    ),
+    *(
+        HardCase(
+            f"H03{suffix}", "a grate before the light", "any hit ends the search, hole or not",
+            partial(grate, 1 / 8, 128, turn),
+        )
+        for turn, suffix in enumerate(("", "y", "z"))
+    ),
+    HardCase(
+        "H04", "shadow rays on the borders of texels", "the texel of a rounded coordinate lies on either side",
+        partial(grate, 1 / 16, 256),
+    ),
+    HardCase("H05", "a light in a cage", "all of the above, seen from both sides", partial(caged_light, 6)),
+)  # fmt: skip
