@@ -1,4 +1,4 @@
-"""Lights in place of a scene's own, for experiments that sweep them: how many, how far, a spot, a path.
+"""Lights and effects in place of a scene's own, for experiments: how many, how far, a spot, a path, what it calls for.
 
 A lighting is a few plain numbers, so that an experiment can declare it, a worker can be told of it, and a record
 can say it. It is applied to a scene that is prepared, because distances are told in radii of the scene from its
@@ -8,7 +8,7 @@ middle.
 from __future__ import annotations
 
 import copy
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -17,10 +17,19 @@ from .lights import Orbit, spread
 from .moment import Prepared
 from .scene import Geometry, Light, Scene, Spot, Vector
 
+MOVED: dict[str, frozenset[str]] = {
+    "nothing": frozenset(),
+    "camera": frozenset({"camera"}),
+    "light": frozenset({"light/0"}),
+    "part": frozenset({"points"}),
+    "all": frozenset({"points", "camera", "light/0"}),
+}
+"""What can have changed since the last frame. A part of the geometry is all of it to whoever does not know parts."""
+
 
 @dataclass(frozen=True)
 class Lighting:
-    """What is changed of a scene's lights; the default changes nothing.
+    """What is changed of a scene's lights and of what it calls for; the default changes nothing.
 
     label     names it in tables and file names; "" only for the default
     count     so many lights: the scene's first one, turned evenly about the vertical through the scene's middle
@@ -29,6 +38,14 @@ class Lighting:
     angle     half-angle of the spot's cone, degrees
     turns     full turns of every light about the vertical through the middle, over the frames
     frames    places of the light over geometry that does not move: a static scene then has so many frames
+    spot      half-angle, degrees, of a spot that every light becomes, towards what the camera looks at; 0: none
+    shadows   whether lights ask for shadow rays
+    directional  every light becomes directional, shining as it does at the scene's middle
+    facing    only hit points that face a light have a shadow ray
+    color     the frame is shaded
+    alpha     every so many-th triangle has holes (:func:`.alpha.perforated`); 0: none
+    bounces   mirrored rays of the scene's largest triangles go on so often; 0: nothing reflects
+    moved     what alone changed since the last frame, of :data:`MOVED`: only what that calls for is timed; None: all
     """
 
     label: str = ""
@@ -38,17 +55,33 @@ class Lighting:
     angle: float = 20.0
     turns: float = 0.0
     frames: int = 1
+    spot: float = 0.0
+    shadows: bool = True
+    directional: bool = False
+    facing: bool = False
+    color: bool = False
+    alpha: int = 0
+    bounces: int = 0
+    moved: str | None = None
 
     def __post_init__(self) -> None:
         if not self.label and self.changes:
             raise ValueError("a lighting that changes something needs a label")
         if self.count < 0 or self.distance < 0 or self.frames < 1:
             raise ValueError(f"lighting {self.label!r}: count, distance and frames must not be negative")
+        if self.moved is not None and self.moved not in MOVED:
+            raise ValueError(f"lighting {self.label!r}: moved is one of {', '.join(MOVED)}")
 
     @property
     def changes(self) -> bool:
-        """Whether anything differs from the scene's own lights."""
-        return bool(self.count or self.distance or self.target or self.turns or self.frames > 1)
+        """Whether anything differs from the scene as it is."""
+        plain = {field.name: field.default for field in fields(Lighting) if field.name != "label"}
+        return any(getattr(self, name) != value for name, value in plain.items())
+
+    @property
+    def changed(self) -> frozenset[str] | None:
+        """The inputs that changed since the last frame, as passes name them; None: all."""
+        return None if self.moved is None else MOVED[self.moved]
 
     @staticmethod
     def read(facts: dict[str, Any] | None) -> Lighting:
@@ -93,8 +126,23 @@ class Lighting:
             lights = tuple(_at(light, middle, self.distance * prepared.radius) for light in lights)
         if self.target is not None:
             lights = tuple(_spot(light, self.target, self.angle, scene.camera.up) for light in lights)
+        if self.spot:
+            lights = tuple(_spot(light, scene.camera.target, self.spot, scene.camera.up) for light in lights)
+        if self.directional:
+            lights = tuple(_directional(light, middle) for light in lights)
+        if not self.shadows:
+            lights = tuple(replace(light, shadows=False) for light in lights)
         path = Orbit(middle, scene.camera.up, self.turns) if self.turns else scene.light_path
-        return replace(scene, lights=lights, light_path=path)
+        return replace(scene, lights=lights, light_path=path, **self._called_for(scene))
+
+    def _called_for(self, scene: Scene) -> dict[str, Any]:
+        """The scene's fields that say what it calls for, where they change."""
+        fields: dict[str, Any] = {}
+        if self.facing:
+            fields["facing"] = True
+        if self.color:
+            fields["outputs"] = (*scene.outputs, "color")
+        return fields
 
 
 def _at(light: Light, middle: Vector, distance: float) -> Light:
@@ -107,6 +155,10 @@ def _at(light: Light, middle: Vector, distance: float) -> Light:
 
 def _spot(light: Light, target: Vector, angle: float, up: Vector) -> Light:
     return replace(light, spot=Spot(_vector(np.subtract(target, light.position)), angle, up=up))
+
+
+def _directional(light: Light, middle: Vector) -> Light:
+    return replace(light, position=_vector(np.subtract(light.position, middle)), spot=None, directional=True)
 
 
 def _vector(array: Any) -> Vector:

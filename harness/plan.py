@@ -28,7 +28,10 @@ from .record import SCHEMA, digest
 from .start import start_warp
 
 PACKAGE = __name__.rsplit(".", 2)[0] + ".experiments"
-CONVENTIONS = ("frame", "method", "moment", "passes", "session", "timing", "lights", "lighting", "scene")
+CONVENTIONS = (
+    "frame", "method", "moment", "passes", "pass_graph", "receivers", "session", "specialise", "spot", "timing",
+    "lights", "lighting", "scene",
+)  # fmt: skip
 """Modules of the harness that every measurement depends on; their text is hashed into a method's source hash."""
 
 

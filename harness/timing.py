@@ -183,6 +183,8 @@ def _stages(session: Session) -> list[float]:
         with wp.ScopedDevice(device):
             return [_clock(step.run) for step in session.passes]
     count = len(session.passes)
+    if not count:
+        return []
     if session.replays:
         graphs = [session.graph(upto=k) for k in range(1, count + 1)]
         with wp.ScopedDevice(device):

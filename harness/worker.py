@@ -66,6 +66,7 @@ class Worker:
         self.points: dict[str, dict[str, Any]] = {}
         self.scene_argument = ""
         self.grader: Grader | None = None
+        self.changed: frozenset[str] | None = None
 
     def do(self, command: dict[str, Any]) -> dict[str, Any]:
         """Carry out one command and return its reply."""
@@ -91,6 +92,7 @@ class Worker:
         self.free()
         start = time.perf_counter()
         lights = Lighting.read(lighting)
+        self.changed = lights.changed
         described = lights.longer(resolve(scene, scene_dir))
         if make:
             self.prepared = lights.applied(Prepared(described))
@@ -203,8 +205,11 @@ class Worker:
         """Samples of frames that fitted: after a regrowth what was measured is thrown away and taken again."""
         for _ in range(3):
             session.load(moment)
+            if self.changed is not None:
+                session.run()  # the last frame, of which all that did not change stays
+                session.select(self.changed)
             measured = sample_frame(session, sampling)
-            # The last launch was a whole frame: what it needed is still there to be read.
+            # What the last launch needed is still there to be read.
             if not session.overflowed():
                 return measured, session.regrown
             session.settle()

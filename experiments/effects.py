@@ -1,0 +1,58 @@
+"""Only what a scene calls for: the cost of each effect, alone and together, and of a frame by what moved."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..harness.lighting import MOVED, Lighting
+from ..harness.plan import Entry, Experiment, Preset
+from ._paper import METHOD
+
+METHODS = (
+    Entry(METHOD, {}, "perspective + spherical"),
+    Entry("ray_grids"),
+    Entry("uniform_grid"),
+    Entry("bvh"),
+    Entry("bvh", {"update": "bvh_rebuild"}, "BVH rebuilt in place, exact"),
+    Entry("embree"),
+)
+
+BASE = "one light"
+SPOT = 20.0
+
+EFFECTS = (
+    Lighting("no shadows", shadows=False),
+    Lighting(BASE, count=1),
+    Lighting("two lights", count=2),
+    Lighting("a spot", spot=SPOT),
+    Lighting("facing only", facing=True),
+    Lighting("directional", directional=True),
+    Lighting("spot, facing, two", count=2, spot=SPOT, facing=True),
+)
+"""Each effect alone against one point light with shadows, then together."""
+
+CHANGES = tuple(Lighting(f"moved {what}", count=1, moved=what) for what in MOVED)
+
+
+def draw(folder: Path, quiet: bool = False) -> list[Path]:
+    """Two drawings and CSV."""
+    from ..harness.figures import effects
+
+    return effects.draw(folder, quiet, BASE)
+
+
+EXPERIMENT = Experiment(
+    name="effects",
+    title="Effects: what each costs, and a frame by what moved",
+    presets={
+        "quick": Preset(
+            128, 128, ("cloth",), METHODS, frames=1, samples=3, most=3, stage_samples=1, rounds=1, budget_s=3.0,
+            lightings=(*EFFECTS, *CHANGES),
+        ),
+        "paper": Preset(
+            1024, 1024, ("fairy", "conference"), METHODS, frames=2, samples=10, most=20, deviation=0.005,
+            stage_samples=3, rounds=2, budget_s=4.0, timeout_s=600.0, lightings=(*EFFECTS, *CHANGES),
+        ),
+    },
+    draw=draw,
+)  # fmt: skip
