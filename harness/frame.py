@@ -113,6 +113,7 @@ class Frame:
     tangents  float32 [2]               column    vec3f [width], row vec3f [height]
     reach     float32 [1]: bounds every coordinate of scene and eye
     lights    vec3f [light_count]       spots  float64 [light_count, 12]: see :mod:`.spot`
+    posts     vec3f [light_count]: what grids of a light look from (:class:`.moment.Moment`)
     receivers uint8 [light_count, pixels]: 1 = has a shadow ray (:mod:`.receivers`); empty unless a light is masked
     reached   int32 [(bounces + 1) * light_count]: not 0 where a hit of a bounce receives a light; empty like ``receivers``
     alpha     the scene's mask (:class:`.alpha.Alpha`), the resource "surfaces"; empty unless the effects hold alpha
@@ -151,6 +152,8 @@ class Frame:
             self.column = wp.zeros(width, dtype=wp.vec3f)
             self.row = wp.zeros(height, dtype=wp.vec3f)
             self.lights = wp.zeros(max(1, light_count), dtype=wp.vec3f)
+            far = effects is not None and any(effects.directional)
+            self.posts = wp.zeros_like(self.lights) if far else self.lights
             self.spots = wp.zeros((max(1, light_count), SPOT), dtype=wp.float64)
             self.receivers = wp.zeros((light_count, self.pixels) if masked else (0, 0), dtype=wp.uint8)
             self.reached = wp.zeros(light_count * (bounces + 1) if masked else 0, dtype=wp.int32)
@@ -211,6 +214,8 @@ class Frame:
         self.row.assign(moment.row)
         if self.light_count:
             self.lights.assign(moment.lights)
+            if self.posts is not self.lights:
+                self.posts.assign(moment.lights if moment.posts is None else moment.posts)
             spots = np.zeros(self.spots.shape)
             spots[: len(moment.spots)] = moment.spots
             self.spots.assign(spots)

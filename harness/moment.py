@@ -23,6 +23,9 @@ F32 = NDArray[np.float32]
 INFINITELY_FAR = 2.0**56
 """Scene radii to a directional light: beyond what 53 bits can add to a coordinate of the scene."""
 
+NEARER = 2.0**-32
+"""Share of the way to a directional light at which its post stands: 2^24 radii away."""
+
 
 @dataclass(frozen=True, eq=False)
 class Moment:
@@ -37,6 +40,10 @@ class Moment:
              addition a component; its forward part is 1 up to rounding, so t is the depth along forward
     lights   float32 [light_count, 3]
     spots    float64 [light_count, 12]: what each light is limited to (:mod:`.spot`); no row: not limited
+    posts    float32 [light_count, 3]: where a structure may look from in a light's stead: the light itself, or for
+             a directional one the point :data:`NEARER` as far along its way, from which directions can be told
+             apart (a ray of the light lies within 2^-23 of the direction that the post sees it in, relative to
+             the angle between that direction and the way to the scene's middle)
     reach    float32 [1]: a power of two that no coordinate of scene and eye exceeds: what roundings grow with. It
              stays what it is while the camera moves about the scene, so that a structure need not know the eye
     facing   whether only hit points that face a light have a shadow ray to it
@@ -54,6 +61,7 @@ class Moment:
     spots: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 12)))
     facing: bool = False
     reach: F32 = field(default_factory=lambda: np.ones(1, dtype=np.float32))
+    posts: F32 | None = None
 
     @property
     def width(self) -> int:
@@ -162,6 +170,7 @@ class Prepared:
             spot_rows(lights),
             self.scene.facing,
             reach_of(eye, self.radius + float(np.abs(self.middle).max())),
+            posts_of(positions.astype(np.float32), lights),
         )
 
     def light_point(self, light: Light) -> NDArray[np.float64]:
@@ -195,6 +204,12 @@ class Prepared:
         digest = hashlib.sha256(np.ascontiguousarray(self.points(frame)[0]).tobytes())
         digest.update(self.faces.tobytes())
         return digest.hexdigest()
+
+
+def posts_of(positions: F32, lights: tuple[Light, ...]) -> F32:
+    """Float32 [light_count, 3]: see :attr:`Moment.posts`. Scaled by a power of two: the way stays what it is."""
+    scale = [NEARER if light.directional else 1.0 for light in lights]
+    return np.ascontiguousarray(positions * np.array(scale, dtype=np.float32).reshape(-1, 1))
 
 
 def reach_of(eye: F32, extent: float) -> F32:

@@ -25,6 +25,10 @@ from .variants import Variant, block_for, staged, wide
 FLOAT64_PAD, FLOAT32_PAD = 4.0e-14, 64 * 2.0**-24
 """What a ray's direction from the light is known to, relative to its length."""
 
+PARALLEL_PAD = 2.0**-45
+"""How far the rays of a directional light turn, seen from its post 2^24 scene radii away: 2 (2^-24)^2, and twice that
+again."""
+
 REDUCE_BLOCK, REDUCE_THREADS = 256, 1 << 17
 
 
@@ -63,6 +67,8 @@ class LightGrid:
         self.widening = WIDENINGS[TRIANGLE_TESTS.index(build.triangle_test)]
         single = build.precision != "float64"
         self.pad = FLOAT32_PAD if single else FLOAT64_PAD
+        if effects.is_directional(index):
+            self.pad += PARALLEL_PAD
         self.distance_pad = FLOAT32_PAD if build.precision == "float32" else 1e-9
         n, faces = build.light_tiles, build.light_faces
         self.tile_count = build.light_tile_count
@@ -161,14 +167,14 @@ class LightGrid:
         self._launch(
             rays.aim_kernel,
             1,
-            [self.index, b.aimed, f.lights, spots, self.box, centred, self.pad],
+            [self.index, b.aimed, f.posts, spots, self.box, centred, self.pad],
             [self.axes, self.pads],
         )
         wp.launch(
             rays.map_kernel,
             dim=self.reduce_threads,
             inputs=[
-                f.pixels, self.reduce_threads, self.index, self.map, b.precision != "float64", f.lights, self.axes,
+                f.pixels, self.reduce_threads, self.index, self.map, b.precision != "float64", f.posts, self.axes,
                 self.receiver, self.camera.hit, self.box, self.pads,
             ],
             outputs=[self.place, self.extent],
@@ -180,7 +186,7 @@ class LightGrid:
                 clamp_kernel,
                 b.light_faces,
                 [
-                    self.index, self.map, b.light_faces, CLAMPS.index(b.clamp), b.aimed, 6, f.lights, spots,
+                    self.index, self.map, b.light_faces, CLAMPS.index(b.clamp), b.aimed, 6, f.posts, spots,
                     self.axes, f.eye, f.axes, f.tangents, self.camera.depth_range,
                 ],
                 [self.extent],
@@ -222,7 +228,7 @@ class LightGrid:
             bins.items,
             [
                 f.triangle_count, self.index, b.light_faces, b.light_tiles, b.light_slices, self.widening,
-                self.pads, self.distance_pad, self.outward, self.test, b.skip_empty, self.deepest, f.lights,
+                self.pads, self.distance_pad, self.outward, self.test, b.skip_empty, self.deepest, f.lights, f.posts,
                 self.axes, self.extent, f.points, f.triangles, f.weld, f.valid,
             ],
             [bins.boxes, self.spans, self.records, bins.rows, bins.row_count],
@@ -232,7 +238,7 @@ class LightGrid:
         f, b = self.frame, self.build
         return [
             self.index, b.light_faces, b.light_tiles, b.light_slices, b.depth_lists == "spans", b.skip_empty,
-            self.widening, self.pads, f.lights, self.axes, self.extent, self.columns, self.rows, self.stretch,
+            self.widening, self.pads, f.posts, self.axes, self.extent, self.columns, self.rows, self.stretch,
             self.deepest, self.masks, f.points, f.triangles, self.bins.boxes, self.spans,
         ]  # fmt: skip
 

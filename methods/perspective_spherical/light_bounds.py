@@ -155,6 +155,7 @@ def make_bound_kernel(map: int, bounds: str = "exact") -> wp.Kernel:
         skip_empty: wp.bool,
         deepest: wp.array(dtype=wp.int32),
         lights: wp.array(dtype=wp.vec3f),
+        posts: wp.array(dtype=wp.vec3f),
         frame: wp.array(dtype=wp.mat33d),
         extent: wp.array(dtype=wp.float64),
         points: wp.array(dtype=wp.vec3f),
@@ -188,7 +189,7 @@ def make_bound_kernel(map: int, bounds: str = "exact") -> wp.Kernel:
         if holds_light(light, a32, b32, c32) or faces_away(outward, light, a32, b32, c32):
             return
         pad = pads[0]
-        s = lit_triangle(light, frame[0], side, widening, pad, a32, b32, c32)
+        s = lit_triangle(posts[index], frame[0], side, widening, pad, a32, b32, c32)
         # Nearest point: no nearer than the plane, nor than the nearest vertex less the longest edge.
         normal = wp.cross(s.b - s.a, s.c - s.a)
         size = wp.length(normal)

@@ -28,7 +28,8 @@ def on_cells(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, reach: wp.float32, r: wp.vec
     """Cell coordinates of the corners on a face (corners given as along, across, up).
 
     ``reach`` bounds |p - middle|_1 of the corners: across and up are known to 8 u of it, so u = across / along to
-    (1 + |u|) 16 u reach / along, and the rounding of u itself; a thousandth of a cell covers the scaling.
+    (1 + |u|) 16 u reach / along, and the rounding of u itself; a thousandth of a cell covers the scaling. Of the
+    factor 32 taken, 2 are what the rays of a directional light turn by, seen from its post (:mod:`.light_bins`).
     """
     flat = Flat()
     nearest = wp.min(a[0], wp.min(b[0], c[0]))

@@ -238,14 +238,14 @@ class LightStream:
         wp.launch(
             light_bins.aim_kernel,
             dim=1,
-            inputs=[self.index, f.lights, b.box],
+            inputs=[self.index, f.posts, b.box],
             outputs=[b.axes, b.cube, b.rectangle],
             device=device,
         )
         wp.launch(
             specialised(light_bins.map_kernel, self.effects.switches(self.index)),
             dim=f.pixels,
-            inputs=[self.index, f.lights, b.axes, f.answers.triangle, self.hit, f.receivers],
+            inputs=[self.index, f.posts, b.axes, f.answers.triangle, self.hit, f.receivers],
             outputs=[b.place, b.rectangle, f.answers.visibility],
             device=device,
         )
