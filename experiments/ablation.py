@@ -34,6 +34,7 @@ METHODS = (
     faithful("64x64 light tiles", light_tiles="64"),
     faithful("256x256 light tiles", light_tiles="256"),
     faithful("pairs only where rays are", skip_empty="true"),
+    faithful("counting sort", sort="counting"),
     faithful("r = 32", r="32"),
     faithful("r = 64", r="64"),
     faithful("r = 256", r="256"),

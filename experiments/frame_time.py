@@ -23,7 +23,7 @@ REFIT = (
 )
 METHODS = (
     Entry("ray_grids", {}, OURS),
-    Entry(METHOD, {"depth_lists": "nearest"}, "the paper's grids"),
+    Entry(METHOD, {}, "the paper's grids"),
     *REBUILD,
     *REFIT,
     Entry("uniform_grid", {}, "uniform grid"),

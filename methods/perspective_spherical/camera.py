@@ -6,9 +6,9 @@ import warp as wp
 
 from ...harness.frame import Frame
 from ...harness.passes import Pass
-from . import camera_grid as kernels
-from .binning import TileBins
+from .binning import BIN_BLOCK, TileBins
 from .camera_bounds import project_kernel
+from .camera_grid import ImageTiles, bin_kernel
 from .items import Items, count_tiles_kernel
 from .parameters import TRIANGLE_TESTS, Build, Trace
 from .primary import NO_NEAREST, make_resolve_kernel, make_trace_kernel
@@ -49,8 +49,9 @@ class CameraGrid:
         if cells >= 2**30:
             raise ValueError(f"{cells:,} cells: choose a larger tile or fewer slices")
         self.bins = TileBins(
-            frame.triangle_count, self.across * self.down, build.slices, capacity, needs, slot, frame.device
-        )
+            frame.triangle_count, self.across * self.down, build.slices, capacity, needs, slot, build.sort,
+            frame.device,
+        )  # fmt: skip
         with wp.ScopedDevice(frame.device):
             self.depths = wp.zeros(self.bins.items, dtype=wp.vec2f)
             self.records = wp.zeros(3 * self.bins.items, dtype=wp.vec4f)
@@ -58,6 +59,11 @@ class CameraGrid:
             self.hit = wp.zeros(frame.pixels, dtype=wp.vec3d)
             self.no_tests = wp.zeros(1, dtype=wp.int32)
             self.nearest = wp.zeros(frame.pixels if trace.triangle_chunk else 1, dtype=wp.uint64)
+        self.tiles = ImageTiles()
+        self.tiles.width, self.tiles.height = frame.width, frame.height
+        self.tiles.tile, self.tiles.slices = build.tile, build.slices
+        self.tiles.spans = build.depth_lists == "spans"
+        self.tiles.tangents, self.tiles.depth_range = frame.tangents, self.depth_range
         split, sources = trace.triangle_chunk, self.across * self.down if trace.triangle_chunk else 1
         # A list of n pairs has at most one part and one for every full chunk.
         self.items = Items(sources, sources + (capacity[0] // split if split else 0), frame.device)
@@ -70,12 +76,7 @@ class CameraGrid:
         return [
             Pass("camera grid: project", "build", scene, ("camera boxes",), self.launch_project),
             Pass(
-                "camera grid: count", "build", (*scene, "camera boxes"), ("camera counts",),
-                lambda: bins.launch_count(self.launch_small, self.launch_large),
-            ),
-            Pass(
-                "camera grid: emit pairs", "build", (*scene, "camera boxes", "camera counts"), ("camera pairs",),
-                lambda: bins.launch_emit(self.launch_small, self.launch_large),
+                "camera grid: emit pairs", "build", (*scene, "camera boxes"), ("camera pairs",), self.launch_bin,
             ),
             Pass("camera grid: sort pairs", "build", ("camera pairs",), ("camera grid",), bins.launch_sort),
             Pass("primary rays", "trace", (*scene, "camera grid"), ("hits",), self.launch_trace),
@@ -83,52 +84,38 @@ class CameraGrid:
 
     def launch_project(self) -> None:
         f, b = self.frame, self.bins
-        b.launch_clear()
+        b.clear_queue()
         wp.launch(reset_range_kernel, dim=1, outputs=[self.depth_range], device=f.device)
         wp.launch(
             project_kernel,
-            dim=b.items,
+            dim=-(-b.items // BIN_BLOCK) * BIN_BLOCK,
             inputs=[
                 f.triangle_count, f.width, f.height, self.build.tile, self.widening, self.outward,
                 TRIANGLE_TESTS.index(self.build.triangle_test), f.eye, f.axes, f.tangents, f.points, f.triangles,
-                f.weld, f.valid,
+                f.weld, f.valid, b.lanes, b.slot + 1,
             ],
-            outputs=[b.boxes, self.depths, self.depth_range, self.records, b.rows, b.row_count],
+            outputs=[b.boxes, self.depths, self.depth_range, self.records, b.queue, b.needs],
+            block_dim=BIN_BLOCK,
             device=f.device,
         )  # fmt: skip
 
-    def _grid(self) -> list[object]:
-        f, spans = self.frame, self.build.depth_lists == "spans"
-        return [
-            f.width, f.height, self.build.tile, self.build.slices, spans, self.widening, f.eye, f.axes,
-            f.tangents, f.points, f.triangles, self.bins.boxes, self.depths, self.depth_range,
-        ]  # fmt: skip
-
-    def _pairs(self) -> list[wp.array]:
-        pairs = self.bins.pairs
-        return [pairs.count, pairs.scan, pairs.keys, pairs.values]
-
-    def launch_small(self, mode: int) -> None:
+    def launch_bin(self) -> None:
+        f, b = self.frame, self.bins
+        b.clear_pairs()
         wp.launch(
-            kernels.bin_triangles_kernel,
-            dim=self.bins.items,
-            inputs=[mode, *self._grid()],
-            outputs=self._pairs(),
-            device=self.frame.device,
-        )
-
-    def launch_large(self, mode: int) -> None:
-        wp.launch(
-            kernels.bin_rows_kernel,
-            dim=self.bins.rows.shape[0],
-            inputs=[mode, self.bins.items, *self._grid(), self.bins.rows, self.bins.row_count],
-            outputs=self._pairs(),
-            device=self.frame.device,
-        )
+            bin_kernel,
+            dim=b.threads,
+            inputs=[
+                self.tiles, b.lanes, self.widening, f.eye, f.axes, f.points, f.triangles, b.boxes, self.depths,
+                b.queue, b.pairs,
+            ],
+            block_dim=BIN_BLOCK,
+            device=f.device,
+        )  # fmt: skip
 
     def launch_trace(self, tests: wp.array | None = None) -> None:
         """Closest hits. ``tests`` (int32 [pixels]) receives the triangle tests of each pixel, if given."""
-        f, a, pairs, split = self.frame, self.frame.answers, self.bins.pairs, self.trace.triangle_chunk
+        f, a, pairs, split = self.frame, self.frame.answers, self.bins, self.trace.triangle_chunk
         # Of a split list a block takes one sorting tile; otherwise a tracing tile of k x k of them.
         k = 1 if split else self.trace.k
         sources = -(-self.across // k) * -(-self.down // k)

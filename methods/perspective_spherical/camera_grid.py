@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import warp as wp
 
+from ..common.reserve import reserve_many
 from ..common.screen import camera_space
 from ..common.triangle import FLOOR32, U32, largest
-from .binning import INLINE_TILES
+from .binning import PairSink, piece_of, write_pair
 from .camera_bounds import widened
 
 
@@ -101,147 +102,100 @@ def slice_scale(depth_range: wp.array(dtype=wp.float32), slices: wp.int32) -> wp
     return wp.float32(0.0)
 
 
+@wp.struct
+class ImageTiles:
+    """The grid: image size, side of a tile in pixels, slices; ``spans``: lists in every slice, not only the first."""
+
+    width: wp.int32
+    height: wp.int32
+    tile: wp.int32
+    slices: wp.int32
+    spans: wp.bool
+    tangents: wp.array(dtype=wp.float32)
+    depth_range: wp.array(dtype=wp.float32)
+
+
 @wp.func
-def bin_row(
-    emit: wp.int32,
-    i: wp.int32,
-    s: ScreenTriangle,
-    depth: wp.vec2f,
-    row: wp.int32,
-    first: wp.int32,
-    last: wp.int32,
-    width: wp.int32,
-    height: wp.int32,
-    tile: wp.int32,
-    slices: wp.int32,
-    spans: wp.bool,
-    tangents: wp.array(dtype=wp.float32),
-    depth_range: wp.array(dtype=wp.float32),
-    place: wp.int64,
-    keys: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.int32),
-) -> wp.int64:
-    """Count (or write from ``place``) the cells of triangle i in tiles first..last of one row."""
-    tx = tangents[0]
-    ty = tangents[1]
+def slices_in_tile(
+    g: ImageTiles, s: ScreenTriangle, depth: wp.vec2f, column: wp.int32, row: wp.int32
+) -> wp.vec2i:
+    """First and last slice that the triangle is listed in within a tile; last < first where it is missed."""
+    tx = g.tangents[0]
+    ty = g.tangents[1]
     pad = 4.0e-6 * (1.0 + wp.max(tx, ty))
-    per_slice = slice_scale(depth_range, slices)
-    near = depth_range[0]
-    across = (width + tile - 1) // tile
-    capacity = wp.int64(keys.shape[0] // 2)
-    top = wp.float32(row * tile)
-    bottom = wp.float32(wp.min(row * tile + tile, height) - 1)
-    y1 = (1.0 - 2.0 * (top + 0.5) / wp.float32(height)) * ty + pad
-    y0 = (1.0 - 2.0 * (bottom + 0.5) / wp.float32(height)) * ty - pad
-    number = wp.int64(0)
-    for column in range(first, last + 1):
-        left = wp.float32(column * tile)
-        right = wp.float32(wp.min(column * tile + tile, width) - 1)
-        x0 = (2.0 * (left + 0.5) / wp.float32(width) - 1.0) * tx - pad
-        x1 = (2.0 * (right + 0.5) / wp.float32(width) - 1.0) * tx + pad
-        if not tile_missed(s, x0, x1, y0, y1):
-            low = depth[0]
-            high = depth[1]
-            if s.refine:
-                inverse_high = (
-                    wp.max(s.m[0] * x0, s.m[0] * x1) + wp.max(s.m[1] * y0, s.m[1] * y1) + s.m[2] + s.m_error
-                )
-                inverse_low = (
-                    wp.min(s.m[0] * x0, s.m[0] * x1) + wp.min(s.m[1] * y0, s.m[1] * y1) + s.m[2] - s.m_error
-                )
-                if inverse_high > 0.0:
-                    low = wp.max(low, 1.0 / inverse_high)
-                if inverse_low > 0.0:
-                    high = wp.min(high, 1.0 / inverse_low)
-            s0 = slice_of(low * 0.99999, near, per_slice, slices)
-            s1 = s0
-            if spans:
-                s1 = wp.max(s0, slice_of(high * 1.00001, near, per_slice, slices))
-            if emit != 0:
-                cell = (row * across + column) * slices
-                for slice in range(s0, s1 + 1):
-                    at = place + number + wp.int64(slice - s0)
-                    if at < capacity:
-                        keys[wp.int32(at)] = cell + slice
-                        values[wp.int32(at)] = i
-            number += wp.int64(s1 - s0 + 1)
-    return number
+    left = wp.float32(column * g.tile)
+    right = wp.float32(wp.min(column * g.tile + g.tile, g.width) - 1)
+    top = wp.float32(row * g.tile)
+    bottom = wp.float32(wp.min(row * g.tile + g.tile, g.height) - 1)
+    x0 = (2.0 * (left + 0.5) / wp.float32(g.width) - 1.0) * tx - pad
+    x1 = (2.0 * (right + 0.5) / wp.float32(g.width) - 1.0) * tx + pad
+    y1 = (1.0 - 2.0 * (top + 0.5) / wp.float32(g.height)) * ty + pad
+    y0 = (1.0 - 2.0 * (bottom + 0.5) / wp.float32(g.height)) * ty - pad
+    if tile_missed(s, x0, x1, y0, y1):
+        return wp.vec2i(0, -1)
+    low = depth[0]
+    high = depth[1]
+    if s.refine:
+        inverse_high = (
+            wp.max(s.m[0] * x0, s.m[0] * x1) + wp.max(s.m[1] * y0, s.m[1] * y1) + s.m[2] + s.m_error
+        )
+        inverse_low = wp.min(s.m[0] * x0, s.m[0] * x1) + wp.min(s.m[1] * y0, s.m[1] * y1) + s.m[2] - s.m_error
+        if inverse_high > 0.0:
+            low = wp.max(low, 1.0 / inverse_high)
+        if inverse_low > 0.0:
+            high = wp.min(high, 1.0 / inverse_low)
+    per_slice = slice_scale(g.depth_range, g.slices)
+    near = g.depth_range[0]
+    first = slice_of(low * 0.99999, near, per_slice, g.slices)
+    last = first
+    if g.spans:
+        last = wp.max(first, slice_of(high * 1.00001, near, per_slice, g.slices))
+    return wp.vec2i(first, last)
 
 
-@wp.kernel(enable_backward=False)
-def bin_triangles_kernel(
-    emit: wp.int32,
-    width: wp.int32,
-    height: wp.int32,
-    tile: wp.int32,
-    slices: wp.int32,
-    spans: wp.bool,
+@wp.kernel(enable_backward=False, grid_stride=False)
+def bin_kernel(
+    g: ImageTiles,
+    lanes: wp.int32,
     widening: wp.float32,
     eye: wp.array(dtype=wp.vec3f),
     axes: wp.array(dtype=wp.vec3f),
-    tangents: wp.array(dtype=wp.float32),
     points: wp.array(dtype=wp.vec3f),
     triangles: wp.array(dtype=wp.vec3i),
     boxes: wp.array(dtype=wp.vec4i),
     depths: wp.array(dtype=wp.vec2f),
-    depth_range: wp.array(dtype=wp.float32),
-    count: wp.array(dtype=wp.int64),
-    scan: wp.array(dtype=wp.int64),
-    keys: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.int32),
+    queue: wp.array(dtype=wp.vec2i),
+    out: PairSink,
 ):
-    """Small triangles: all their tiles."""
-    i = wp.tid()
-    box = boxes[i]
-    number = wp.int64(0)
-    if box[2] >= box[0] and (box[2] - box[0] + 1) * (box[3] - box[1] + 1) <= INLINE_TILES:
-        s = screen_triangle(triangles[i], widening, eye[0], axes, tangents, points)
-        place = scan[i] - count[i]
-        for row in range(box[1], box[3] + 1):
-            number += bin_row(
-                emit, i, s, depths[i], row, box[0], box[2], width, height, tile, slices, spans, tangents,
-                depth_range, place + number, keys, values,
-            )  # fmt: skip
-    if emit == 0:
-        count[i] = number
-
-
-@wp.kernel(enable_backward=False)
-def bin_rows_kernel(
-    emit: wp.int32,
-    offset: wp.int32,
-    width: wp.int32,
-    height: wp.int32,
-    tile: wp.int32,
-    slices: wp.int32,
-    spans: wp.bool,
-    widening: wp.float32,
-    eye: wp.array(dtype=wp.vec3f),
-    axes: wp.array(dtype=wp.vec3f),
-    tangents: wp.array(dtype=wp.float32),
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    boxes: wp.array(dtype=wp.vec4i),
-    depths: wp.array(dtype=wp.vec2f),
-    depth_range: wp.array(dtype=wp.float32),
-    rows: wp.array(dtype=wp.vec2i),
-    row_count: wp.array(dtype=wp.int64),
-    count: wp.array(dtype=wp.int64),
-    scan: wp.array(dtype=wp.int64),
-    keys: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.int32),
-):
-    """Large triangles: one queued row of tiles a thread. ``offset`` is where rows begin in count and scan."""
-    k = wp.tid()
-    number = wp.int64(0)
-    if wp.int64(k) < row_count[0]:
-        i = rows[k][0]
-        box = boxes[i]
-        s = screen_triangle(triangles[i], widening, eye[0], axes, tangents, points)
-        place = scan[offset + k] - count[offset + k]
-        number = bin_row(
-            emit, i, s, depths[i], rows[k][1], box[0], box[2], width, height, tile, slices, spans, tangents,
-            depth_range, place, keys, values,
-        )  # fmt: skip
-    if emit == 0:
-        count[offset + k] = number
+    """Write the pairs of one piece of work: count them, reserve their places, find them again."""
+    p = piece_of(wp.tid(), lanes, boxes, queue, out.needs[out.slot + 1])
+    if p.item < 0:
+        return
+    s = screen_triangle(triangles[p.item], widening, eye[0], axes, g.tangents, points)
+    depth = depths[p.item]
+    across = (g.width + g.tile - 1) // g.tile
+    number = wp.int32(0)
+    hits = wp.int32(0)
+    kept_at = wp.int32(-1)
+    kept = wp.vec2i(0, -1)
+    for at in range(p.first, p.stop, p.step):
+        found = slices_in_tile(g, s, depth, p.x + at % p.w, p.y + at // p.w)
+        if found[1] >= found[0]:
+            number += found[1] - found[0] + 1
+            hits = hits | (1 << ((at - p.first) // p.step))
+            kept_at = at
+            kept = found
+    if number == 0:
+        return
+    place = reserve_many(out.needs, out.slot, number)
+    for at in range(p.first, p.stop, p.step):
+        if (hits >> ((at - p.first) // p.step)) & 1 != 0:
+            column = p.x + at % p.w
+            row = p.y + at // p.w
+            found = kept
+            if at != kept_at:
+                found = slices_in_tile(g, s, depth, column, row)
+            cell = (row * across + column) * g.slices
+            for slice in range(found[0], found[1] + 1):
+                write_pair(place, cell + slice, p.item, out)
+                place += wp.int64(1)

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..common.pairs import mark_lists_kernel
+from .binning import mark_tiles_kernel
 
 
 @wp.kernel(enable_backward=False)
@@ -164,11 +164,17 @@ class Chunks:
                 self.start = wp.zeros(rays, dtype=wp.int32)
                 self.scan = wp.zeros(rays, dtype=wp.int32)
 
-    def launch(self, tileIDArr: wp.array) -> None:
-        """``tileIDArr``: int32 [2 * rays], the first half sorted; ``tiles`` where there is no shadow ray."""
-        self.begin.zero_()
-        self.end.zero_()
-        self._launch(mark_lists_kernel, self.rays, [self.tiles, tileIDArr], [self.begin, self.end])
+    def launch(self, tileIDArr: wp.array, marked: bool = False) -> None:
+        """``tileIDArr``: int32 [rays or more], of which so many sorted; ``tiles`` where there is no shadow ray.
+
+        ``marked``: ``begin`` and ``end`` are there already
+        """
+        if not marked:
+            self.begin.zero_()
+            self.end.zero_()
+            self._launch(
+                mark_tiles_kernel, self.rays, [self.tiles, 1, self.rays, tileIDArr], [self.begin, self.end]
+            )
         if self.balancing == "direct":
             self._launch(chunk_count_kernel, self.tiles, [self.r, self.begin, self.end], [self.chunks])
             wp.utils.array_scan(self.chunks, self.scan, inclusive=True)

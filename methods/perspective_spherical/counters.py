@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from .binning import TileBins
 from .camera import CameraGrid
 from .light import LightGrid
 
@@ -22,12 +23,12 @@ def work(
         "primary tests": _sum(primary),
         "primary tests a hundred rays": _share(100 * _sum(primary), len(primary)),
         "primary tests, most": int(primary.max(initial=0)),
-        **_lists("camera", camera.bins.pairs),
+        **_lists("camera", camera.bins),
     }
     rays = 0
     for light in lights:
         name = f"light {light.index}"
-        result.update(_lists(name, light.bins.pairs))
+        result.update(_lists(name, light.bins))
         lengths = light.chunks.end.numpy() - light.chunks.begin.numpy()
         chunks = int(light.chunks.numCBlocks.numpy()[0])
         result[f"{name} rays"] = int(lengths.sum())
@@ -50,11 +51,10 @@ def _share(part: int, whole: int) -> int:
     return round(part / whole) if whole else 0
 
 
-def _lists(name: str, pairs) -> dict[str, int]:
-    lengths = pairs.end.numpy() - pairs.begin.numpy()
+def _lists(name: str, bins: TileBins) -> dict[str, int]:
+    lengths = bins.end.numpy() - bins.begin.numpy()
     lengths = lengths[lengths > 0]
-    keys = pairs.keys.numpy()[: pairs.capacity]
-    keys = keys[keys < pairs.cells]
+    keys = bins.keys.numpy()[: int(lengths.sum())]
     return {
         f"{name} pairs": len(keys),
         f"{name} occupied tiles": len(lengths),

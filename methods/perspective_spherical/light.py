@@ -9,12 +9,12 @@ from ...harness.passes import Pass
 from ...harness.scene import Effects
 from ...harness.specialise import specialised
 from . import light_frame as rays
-from . import light_grid as grid
-from .binning import TileBins
+from .binning import BIN_BLOCK, MOST_COUNTED, TileBins
 from .camera import CameraGrid
 from .chunks import Chunks
 from .items import Items, count_chunks_kernel
 from .light_bounds import make_bound_kernel
+from .light_grid import LightTiles, bin_kernel
 from .light_tiles import clamp_kernel, edges_kernel
 from .parameters import CLAMPS, LIGHT_MAPS, TRIANGLE_TESTS, Build, Trace
 from .ray_tests import WIDENINGS
@@ -39,8 +39,9 @@ class LightGrid:
     place      vec4d [pixels]: where the ray lies in the light's rectangles, its distance, which rectangle
     pads       float64 [2]: what a ray's direction is known to, relative to its length; see :func:`.light_frame.aim_kernel`
     extent     float64 [faces, 8]: lowest then highest coordinates and distance: the clamped rectangles
+    last_slice int32 [pixels]: last slice that a shadow ray reaches
     deepest    int32 [tiles]: last slice that a shadow ray of the tile reaches, -1 without rays
-    ray_keys, ray_values  int32 [2 * pixels]: (light tile, primary ray) pairs, sorted
+    ray_keys, ray_values  int32 [pixels or more]: (light tile, primary ray) pairs, sorted
     columns, rows         vec4d [faces * light_tiles]: edges of the tiles
     records    vec4f [6 * triangle_count]: see :mod:`.segment_tests`
     """
@@ -79,6 +80,7 @@ class LightGrid:
             capacity,
             needs,
             slot,
+            build.sort,
             frame.device,
         )
         self.chunks = Chunks(frame.pixels, self.tile_count, trace.r, trace.balancing, frame.device)
@@ -88,6 +90,7 @@ class LightGrid:
             capacity[2] or 2 * self.chunks.capacity if split else 1,
             frame.device,
         )
+        self.counted = build.sort == "counting" and self.tile_count <= MOST_COUNTED
         self.key_bits = self.tile_count.bit_length()
         many = wide(frame.device)
         share = 1 if many else 128
@@ -105,13 +108,25 @@ class LightGrid:
             self.columns = wp.zeros(faces * n, dtype=wp.vec4d)
             self.rows = wp.zeros(faces * n, dtype=wp.vec4d)
             self.stretch = wp.zeros(faces, dtype=wp.vec2d)
-            self.masks = wp.zeros(self.bins.items, dtype=wp.int32)
             self.receiver = wp.zeros(frame.pixels, dtype=wp.uint8)
             self.place = wp.zeros(frame.pixels, dtype=wp.vec4d)
-            self.ray_keys = wp.zeros(2 * frame.pixels, dtype=wp.int32)
-            self.ray_values = wp.zeros(2 * frame.pixels, dtype=wp.int32)
+            # A radix sort works in place, in arrays twice as long; a counting sort from one array into another.
+            length = frame.pixels if self.counted else 2 * frame.pixels
+            self.ray_keys = wp.zeros(length, dtype=wp.int32)
+            self.ray_values = wp.zeros(length, dtype=wp.int32)
+            self.pixel_keys = wp.zeros(length, dtype=wp.int32) if self.counted else self.ray_keys
+            self.pixel_values = wp.zeros(length, dtype=wp.int32) if self.counted else self.ray_values
+            self.tile_rays = wp.zeros(self.tile_count if self.counted else 1, dtype=wp.int32)
+            self.tile_end = wp.zeros(self.tile_count if self.counted else 1, dtype=wp.int32)
+            self.last_slice = wp.zeros(frame.pixels, dtype=wp.int32)
             self.deepest = wp.zeros(self.tile_count, dtype=wp.int32)
             self.no_tests = wp.zeros(1, dtype=wp.int32)
+
+        self.tiles = LightTiles()
+        self.tiles.faces, self.tiles.tiles, self.tiles.slices = faces, n, build.light_slices
+        self.tiles.spans, self.tiles.skip_empty = build.depth_lists == "spans", build.skip_empty
+        self.tiles.extent, self.tiles.columns, self.tiles.rows = self.extent, self.columns, self.rows
+        self.tiles.stretch, self.tiles.deepest = self.stretch, self.deepest
 
     def passes(self) -> list[Pass]:
         """Map and sort the rays, build the grid in their rectangle, trace."""
@@ -129,12 +144,8 @@ class LightGrid:
             Pass(f"light {i}: chunks", shadow, (f"sorted rays/{i}",), (ray_name,), self.launch_chunks, effect),
             Pass(f"light {i}: bound triangles", build, scene, (f"light boxes/{i}",), self.launch_bound, effect),
             Pass(
-                f"light {i}: count", build, (*scene, f"light boxes/{i}"), (f"light counts/{i}",),
-                lambda: bins.launch_count(self.launch_small, self.launch_large), effect,
-            ),
-            Pass(
-                f"light {i}: emit pairs", build, (*scene, f"light counts/{i}"), (f"light pairs/{i}",),
-                lambda: bins.launch_emit(self.launch_small, self.launch_large), effect,
+                f"light {i}: emit pairs", build, (*scene, f"light boxes/{i}"), (f"light pairs/{i}",), self.launch_bin,
+                effect,
             ),
             Pass(f"light {i}: sort pairs", build, (f"light pairs/{i}",), (grid_name,), bins.launch_sort, effect),
             Pass(
@@ -199,68 +210,69 @@ class LightGrid:
         )
 
     def launch_sort_rays(self) -> None:
-        f, b = self.frame, self.build
+        f, b, chunks = self.frame, self.build, self.chunks
         self.deepest.fill_(-1)
+        if self.counted:
+            self.tile_rays.zero_()
+            self.ray_keys.fill_(self.tile_count)
         self._launch(
             rays.key_kernel,
             f.pixels,
             [
-                b.light_tiles,
-                b.light_faces,
-                b.light_slices,
-                self.distance_pad,
-                self.receiver,
-                self.place,
+                b.light_tiles, b.light_faces, b.light_slices, self.distance_pad, self.receiver, self.place,
                 self.extent,
             ],
-            [self.ray_keys, self.ray_values, self.deepest, f.answers.visibility, self.index],
+            [
+                self.pixel_keys, self.pixel_values, self.last_slice, self.deepest, f.answers.visibility, self.index,
+                self.counted, self.tile_rays,
+            ],
+        )  # fmt: skip
+        if not self.counted:
+            wp.utils.radix_sort_pairs(self.ray_keys, self.ray_values, f.pixels, 0, self.key_bits)
+            return
+        wp.utils.array_scan(self.tile_rays, self.tile_end, inclusive=True)
+        self._launch(
+            rays.place_rays_kernel,
+            max(f.pixels, self.tile_count),
+            [self.tile_count, self.pixel_keys, self.pixel_values, self.tile_rays, self.tile_end],
+            [self.ray_keys, self.ray_values, chunks.begin, chunks.end],
         )
-        wp.utils.radix_sort_pairs(self.ray_keys, self.ray_values, f.pixels, 0, self.key_bits)
 
     def launch_chunks(self) -> None:
-        self.chunks.launch(self.ray_keys)
+        self.chunks.launch(self.ray_keys, self.counted)
 
     def launch_bound(self) -> None:
         f, b, bins = self.frame, self.build, self.bins
-        bins.launch_clear()
+        bins.clear_queue()
         self._launch(
             make_bound_kernel(self.map, b.light_bounds),
             bins.items,
             [
                 f.triangle_count, self.index, b.light_faces, b.light_tiles, b.light_slices, self.widening,
-                self.pads, self.distance_pad, self.outward, self.test, b.skip_empty, self.deepest, f.lights, f.posts,
-                self.axes, self.extent, f.points, f.triangles, f.weld, f.valid,
+                self.pads, self.distance_pad, self.outward, self.test, b.skip_empty, self.deepest, f.eye, self.box,
+                f.lights, f.posts, self.axes, self.extent, f.points, f.triangles, f.weld, f.valid, bins.lanes,
+                bins.slot + 1,
             ],
-            [bins.boxes, self.spans, self.records, bins.rows, bins.row_count],
+            [bins.boxes, self.spans, self.records, bins.queue, bins.needs],
         )  # fmt: skip
 
-    def _grid(self) -> list[object]:
-        f, b = self.frame, self.build
-        return [
-            self.index, b.light_faces, b.light_tiles, b.light_slices, b.depth_lists == "spans", b.skip_empty,
-            self.widening, self.pads, f.posts, self.axes, self.extent, self.columns, self.rows, self.stretch,
-            self.deepest, self.masks, f.points, f.triangles, self.bins.boxes, self.spans,
-        ]  # fmt: skip
-
-    def _pairs(self) -> list[wp.array]:
-        pairs = self.bins.pairs
-        return [pairs.count, pairs.scan, pairs.keys, pairs.values]
-
-    def launch_small(self, mode: int) -> None:
-        self._launch(grid.bin_triangles_kernel, self.bins.items, [mode, *self._grid()], self._pairs())
-
-    def launch_large(self, mode: int) -> None:
-        bins = self.bins
-        self._launch(
-            grid.bin_rows_kernel,
-            bins.rows.shape[0],
-            [mode, bins.items, *self._grid(), bins.rows, bins.row_count],
-            self._pairs(),
-        )
+    def launch_bin(self) -> None:
+        f, bins = self.frame, self.bins
+        bins.clear_pairs()
+        wp.launch(
+            bin_kernel,
+            dim=bins.threads,
+            inputs=[
+                self.tiles, bins.lanes, self.index, self.widening, self.pads, f.posts, self.axes, f.points,
+                f.triangles, bins.boxes, self.spans, bins.queue, bins.pairs,
+            ],
+            block_dim=BIN_BLOCK,
+            device=f.device,
+        )  # fmt: skip
 
     def launch_trace(self, tests: wp.array | None = None) -> None:
         """Shadow bits. ``tests`` (int32 [pixels]) is raised by the triangle tests of each pixel's ray, if given."""
-        f, pairs, chunks, split = self.frame, self.bins.pairs, self.chunks, self.trace.triangle_chunk
+        f, pairs, chunks, split = self.frame, self.bins, self.chunks, self.trace.triangle_chunk
         blocks = chunks.capacity
         if split:
             blocks = self.items.capacity
@@ -281,8 +293,8 @@ class LightGrid:
             make_staged_shadow_kernel(variant, self.block) if in_blocks else make_shadow_kernel(variant),
             dim=blocks * lanes,
             inputs=[
-                self.index, lanes, self.build.light_slices, split, self.distance_pad, f.lights, f.eye, f.points,
-                f.triangles, f.weld, f.answers.triangle, self.camera.hit, self.place, self.extent, self.ray_keys,
+                self.index, lanes, self.build.light_slices, split, f.lights, f.eye, f.points,
+                f.triangles, f.weld, f.answers.triangle, self.camera.hit, self.last_slice, self.ray_keys,
                 self.ray_values, chunks.outArr, chunks.numCBlocks, pairs.begin, pairs.end, pairs.keys, pairs.values,
                 self.records, self.items.items, self.items.scan,
             ],

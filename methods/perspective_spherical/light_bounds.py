@@ -11,12 +11,15 @@ import functools
 import warp as wp
 
 from ..common.triangle import U64, largest, to_float64, total, weld_of
-from .binning import INLINE_TILES, queue_rows
+from .binning import INLINE_TILES, queue_large
 from .culling import faces_away
 from .light_frame import EXTENT, distance_slice, tile_of
 from .light_map import BOUNDS, LOOSE_BOUNDS, WRAPS, face_frame
-from .segment_tests import segment_planes, segment_vertices
+from .segment_tests import SegmentRecord, segment_exact, segment_planes, segment_vertices
 from .sphere import ROUNDING, TWO_PI
+
+FAR_EYE = wp.constant(wp.float64(2.0**-16))
+"""What an eye far away adds to the size that rays are known to, as a share of its distance."""
 
 
 @wp.struct
@@ -135,12 +138,21 @@ def no_ray_in(
     return True
 
 
+@wp.func
+def ray_size(box: wp.array(dtype=wp.float64), eye: wp.vec3f) -> wp.float32:
+    """Bounds every coordinate of the hit points in ``box``; and what an eye far away may have rounded them by."""
+    most = wp.float64(largest(eye)) * FAR_EYE
+    for axis in range(6):
+        most = wp.max(most, wp.abs(box[axis]))
+    return wp.float32(most * wp.float64(1.000001))
+
+
 @functools.cache
 def make_bound_kernel(map: int, bounds: str = "exact") -> wp.Kernel:
     """Bounds of triangles under one light map: compiled apart, as each takes many registers."""
     bounds_of, wrap = LOOSE_BOUNDS[bounds] or (BOUNDS[map], WRAPS[map])
 
-    @wp.kernel(enable_backward=False, module="unique")
+    @wp.kernel(enable_backward=False, module="unique", cuda_max_registers=128)
     def bound_kernel(
         triangle_count: wp.int32,
         index: wp.int32,
@@ -154,6 +166,8 @@ def make_bound_kernel(map: int, bounds: str = "exact") -> wp.Kernel:
         test: wp.int32,
         skip_empty: wp.bool,
         deepest: wp.array(dtype=wp.int32),
+        eye: wp.array(dtype=wp.vec3f),
+        ray_box: wp.array(dtype=wp.float64),
         lights: wp.array(dtype=wp.vec3f),
         posts: wp.array(dtype=wp.vec3f),
         frame: wp.array(dtype=wp.mat33d),
@@ -162,13 +176,15 @@ def make_bound_kernel(map: int, bounds: str = "exact") -> wp.Kernel:
         triangles: wp.array(dtype=wp.vec3i),
         weld: wp.array(dtype=wp.int32),
         valid: wp.array(dtype=wp.uint8),
+        lanes: wp.int32,
+        slot: wp.int32,
         boxes: wp.array(dtype=wp.vec4i),
         spans: wp.array(dtype=wp.vec2i),
         records: wp.array(dtype=wp.vec4f),
-        rows: wp.array(dtype=wp.vec2i),
-        row_count: wp.array(dtype=wp.int64),
+        queue: wp.array(dtype=wp.vec2i),
+        needs: wp.array(dtype=wp.int64),
     ):
-        """Each item's box of tiles, span of slices and record; queue the rows of large ones.
+        """Each item's box of tiles, span of slices and record; queue the large ones.
 
         ``pads[0]``: a ray's direction is known to this; ``distance_pad``: its distance, relative
         """
@@ -218,16 +234,22 @@ def make_bound_kernel(map: int, bounds: str = "exact") -> wp.Kernel:
         boxes[item] = box
         far = wp.max(la, wp.max(lb, lc)) * (wp.float64(1.0) + distance_pad)
         spans[item] = wp.vec2i(first, distance_slice(far, extent, side, slices))
-        if (box[2] - box[0] + 1) * (box[3] - box[1] + 1) > INLINE_TILES:
-            queue_rows(item, box, rows, row_count)
-        r = segment_planes(light, a32, b32, c32, weld_of(weld, face))
-        if test == 2:  # Moeller-Trumbore
-            r = segment_vertices(light, a32, b32, c32, weld_of(weld, face))
+        queue_large(item, box, lanes, queue, needs, slot)
+        r = SegmentRecord()
+        weld_abc = weld_of(weld, face)
+        if test == 0:
+            r = segment_exact(light, a32, b32, c32, weld_abc, ray_size(ray_box, eye[0]))
+        elif test == 1:
+            r = segment_planes(light, a32, b32, c32, weld_abc, 0.0)
+        else:
+            r = segment_vertices(light, a32, b32, c32, weld_abc, 0.0)
         records[6 * i] = r.q0
         records[6 * i + 1] = r.q1
         records[6 * i + 2] = r.q2
-        records[6 * i + 3] = r.q3
-        records[6 * i + 4] = r.q4
-        records[6 * i + 5] = r.q5
+        if test != 2:
+            records[6 * i + 3] = r.q3
+        if test == 1:
+            records[6 * i + 4] = r.q4
+            records[6 * i + 5] = r.q5
 
     return bound_kernel

@@ -9,6 +9,7 @@ from __future__ import annotations
 import warp as wp
 
 from ...harness.specialise import effects
+from ..common.reserve import number_in, raise_to
 from ..common.triangle import to_float64
 from .light_map import ray_place, ray_place32, ray_place_centred
 
@@ -214,17 +215,23 @@ def key_kernel(
     extent: wp.array(dtype=wp.float64),
     keys: wp.array(dtype=wp.int32),
     values: wp.array(dtype=wp.int32),
+    last_slice: wp.array(dtype=wp.int32),
     deepest: wp.array(dtype=wp.int32),
     visibility: wp.array2d(dtype=wp.uint8),
     index: wp.int32,
+    counted: wp.bool,
+    tile_count: wp.array(dtype=wp.int32),
 ):
     """(light tile, primary ray) pairs; no shadow ray has the key behind every tile. Resets the shadow bits.
 
-    ``deepest``: the last slice that a ray of the tile reaches, raised from -1
+    last_slice  of each shadow ray: the last slice that it reaches
+    deepest     int32 [tiles], raised from -1: the last slice that a ray of the tile reaches
+    tile_count  int32 [tiles], raised from 0 if ``counted``: then a ray's value is its number in its tile instead
     """
     pixel = wp.tid()
     visibility[index, pixel] = wp.uint8(0)
-    values[pixel] = pixel
+    if not counted:
+        values[pixel] = pixel
     if receiver[pixel] == wp.uint8(0):
         keys[pixel] = faces * tiles * tiles
         return
@@ -235,6 +242,33 @@ def key_kernel(
     row = tile_of(p[1], extent[offset + 1], extent[offset + 4], tiles)
     tile = (face * tiles + row) * tiles + column
     keys[pixel] = tile
+    if counted:
+        values[pixel] = number_in(tile_count, tile)
+    # A triangle is listed from its nearest point on: what lies behind the ray's own slice cannot shadow it.
     slice = distance_slice(p[2] * (wp.float64(1.0) + distance_pad), extent, face, slices)
-    if deepest[tile] < slice:
-        wp.atomic_max(deepest, tile, slice)
+    last_slice[pixel] = slice
+    raise_to(deepest, tile, slice)
+
+
+@wp.kernel(enable_backward=False)
+def place_rays_kernel(
+    tiles: wp.int32,
+    keys: wp.array(dtype=wp.int32),
+    numbers: wp.array(dtype=wp.int32),
+    tile_count: wp.array(dtype=wp.int32),
+    tile_end: wp.array(dtype=wp.int32),
+    ray_keys: wp.array(dtype=wp.int32),
+    ray_values: wp.array(dtype=wp.int32),
+    begin: wp.array(dtype=wp.int32),
+    end: wp.array(dtype=wp.int32),
+):
+    """The counting sort's last step: every ray to its tile; and the run of each tile, over max(pixels, tiles)."""
+    i = wp.tid()
+    if i < tiles:
+        begin[i] = tile_end[i] - tile_count[i]
+        end[i] = tile_end[i]
+    if i < keys.shape[0] and keys[i] < tiles:
+        tile = keys[i]
+        at = tile_end[tile] - tile_count[tile] + numbers[i]
+        ray_keys[at] = tile
+        ray_values[at] = i

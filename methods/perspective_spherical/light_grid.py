@@ -8,14 +8,35 @@ from __future__ import annotations
 
 import warp as wp
 
-from .binning import INLINE_TILES
+from ..common.reserve import reserve_many
+from .binning import PairSink, piece_of, write_pair
 from .light_bounds import LitTriangle, lit_triangle
 from .light_frame import distance_slice
 from .light_tiles import missed, slope_bounds
 
 
+@wp.struct
+class LightTiles:
+    """The grid: rectangles, tiles along a side of one, slices; edges of the tiles (:mod:`.light_tiles`).
+
+    spans       lists in every slice that a triangle spans, not only in the first
+    skip_empty  no pair where no ray lies: ``deepest`` is the last slice that a ray of the tile reaches
+    """
+
+    faces: wp.int32
+    tiles: wp.int32
+    slices: wp.int32
+    spans: wp.bool
+    skip_empty: wp.bool
+    extent: wp.array(dtype=wp.float64)
+    columns: wp.array(dtype=wp.vec4d)
+    rows: wp.array(dtype=wp.vec4d)
+    stretch: wp.array(dtype=wp.vec2d)
+    deepest: wp.array(dtype=wp.int32)
+
+
 @wp.func
-def slices_in_tile(
+def narrowed(
     s: LitTriangle,
     span: wp.vec2i,
     column: wp.vec4d,
@@ -42,171 +63,98 @@ def slices_in_tile(
 
 
 @wp.func
-def bin_row(
-    emit: wp.int32,
-    item: wp.int32,
+def slices_in_tile(
+    g: LightTiles,
     s: LitTriangle,
     span: wp.vec2i,
+    side: wp.int32,
+    column: wp.int32,
     row: wp.int32,
-    box: wp.vec4i,
-    faces: wp.int32,
-    tiles: wp.int32,
-    slices: wp.int32,
-    spans_all: wp.bool,
-    skip_empty: wp.bool,
-    extent: wp.array(dtype=wp.float64),
-    columns: wp.array(dtype=wp.vec4d),
-    rows: wp.array(dtype=wp.vec4d),
-    stretch: wp.array(dtype=wp.vec2d),
-    deepest: wp.array(dtype=wp.int32),
-    masks: wp.array(dtype=wp.int32),
-    inline: wp.bool,
-    place: wp.int64,
-    keys: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.int32),
-) -> wp.int64:
-    """Count (or write from ``place``) the cells of an item in one row of its box.
+    test: wp.bool,
+) -> wp.vec2i:
+    """First and last slice that an item is listed in within a tile; last < first where it is left out.
 
-    The tiles of an ``inline`` item are remembered in its mask, so that they are tested only once.
+    test: whether the tile may miss the item, which is in doubt unless it is the only one, or was found to hold it
     """
-    capacity = wp.int64(keys.shape[0] // 2)
-    side = item % faces
-    test = s.oriented and (box[2] > box[0] or box[3] > box[1])
-    edges = rows[side * tiles + row]
-    number = wp.int64(0)
-    for column in range(box[0], box[2] + 1):
-        tile = (side * tiles + row) * tiles + column
-        bit = (row - box[1]) * (box[2] - box[0] + 1) + column - box[0]
-        out = wp.bool(False)
-        if emit != 0 and inline:
-            out = (masks[item] >> bit) & 1 == 0
-        else:
-            out = skip_empty and deepest[tile] < span[0]
-            if test and not out:
-                out = missed(columns[side * tiles + column], edges, stretch[side], s.n0, s.n1, s.n2, s.error)
-            if inline and not out:
-                masks[item] = masks[item] | (1 << bit)
-        if not out:
-            here = slices_in_tile(
-                s, span, columns[side * tiles + column], edges, stretch[side], extent, side, slices
-            )
-            last = here[0]
-            if spans_all:
-                last = here[1]
-            if skip_empty:
-                last = wp.min(last, deepest[tile])
-            if emit != 0:
-                for slice in range(here[0], last + 1):
-                    at = place + number + wp.int64(slice - here[0])
-                    if at < capacity:
-                        keys[wp.int32(at)] = tile * slices + slice
-                        values[wp.int32(at)] = item // faces
-            number += wp.int64(wp.max(0, last - here[0] + 1))
-    return number
+    tile = (side * g.tiles + row) * g.tiles + column
+    deepest = g.slices - 1
+    if g.skip_empty:
+        deepest = g.deepest[tile]
+        if deepest < span[0]:
+            return wp.vec2i(0, -1)
+    edges = g.rows[side * g.tiles + row]
+    between = g.columns[side * g.tiles + column]
+    if test and missed(between, edges, g.stretch[side], s.n0, s.n1, s.n2, s.error):
+        return wp.vec2i(0, -1)
+    here = narrowed(s, span, between, edges, g.stretch[side], g.extent, side, g.slices)
+    last = here[0]
+    if g.spans:
+        last = here[1]
+    return wp.vec2i(here[0], wp.min(last, deepest))
 
 
-@wp.kernel(enable_backward=False)
-def bin_triangles_kernel(
-    emit: wp.int32,
+@wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=80)
+def bin_kernel(
+    g: LightTiles,
+    lanes: wp.int32,
     index: wp.int32,
-    faces: wp.int32,
-    tiles: wp.int32,
-    slices: wp.int32,
-    spans_all: wp.bool,
-    skip_empty: wp.bool,
     widening: wp.float64,
     pads: wp.array(dtype=wp.float64),
     lights: wp.array(dtype=wp.vec3f),
     frame: wp.array(dtype=wp.mat33d),
-    extent: wp.array(dtype=wp.float64),
-    columns: wp.array(dtype=wp.vec4d),
-    rows_of_tiles: wp.array(dtype=wp.vec4d),
-    stretch: wp.array(dtype=wp.vec2d),
-    deepest: wp.array(dtype=wp.int32),
-    masks: wp.array(dtype=wp.int32),
     points: wp.array(dtype=wp.vec3f),
     triangles: wp.array(dtype=wp.vec3i),
     boxes: wp.array(dtype=wp.vec4i),
     spans: wp.array(dtype=wp.vec2i),
-    count: wp.array(dtype=wp.int64),
-    scan: wp.array(dtype=wp.int64),
-    keys: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.int32),
+    queue: wp.array(dtype=wp.vec2i),
+    out: PairSink,
 ):
-    """Small items: all their tiles."""
-    item = wp.tid()
-    box = boxes[item]
-    number = wp.int64(0)
-    if box[2] >= box[0] and (box[2] - box[0] + 1) * (box[3] - box[1] + 1) <= INLINE_TILES:
-        if emit == 0:
-            masks[item] = 0
-        if emit == 0 or count[item] > wp.int64(0):
-            span = spans[item]
-            s = LitTriangle()
-            s.slope = wp.float64(-1.0)
-            # One tile needs no test, and tiles remembered need none again; slices still do.
-            single = box[2] == box[0] and box[3] == box[1]
-            if span[0] < span[1] or (emit == 0 and not single):
-                face = triangles[item // faces]
-                s = lit_triangle(
-                    lights[index], frame[0], item % faces, widening, pads[0], points[face[0]], points[face[1]],
-                    points[face[2]],
-                )  # fmt: skip
-            place = scan[item] - count[item]
-            for row in range(box[1], box[3] + 1):
-                number += bin_row(
-                    emit, item, s, span, row, box, faces, tiles, slices, spans_all, skip_empty, extent, columns,
-                    rows_of_tiles, stretch, deepest, masks, True, place + number, keys, values,
-                )  # fmt: skip
-    if emit == 0:
-        count[item] = number
-
-
-@wp.kernel(enable_backward=False)
-def bin_rows_kernel(
-    emit: wp.int32,
-    offset: wp.int32,
-    index: wp.int32,
-    faces: wp.int32,
-    tiles: wp.int32,
-    slices: wp.int32,
-    spans_all: wp.bool,
-    skip_empty: wp.bool,
-    widening: wp.float64,
-    pads: wp.array(dtype=wp.float64),
-    lights: wp.array(dtype=wp.vec3f),
-    frame: wp.array(dtype=wp.mat33d),
-    extent: wp.array(dtype=wp.float64),
-    columns: wp.array(dtype=wp.vec4d),
-    rows_of_tiles: wp.array(dtype=wp.vec4d),
-    stretch: wp.array(dtype=wp.vec2d),
-    deepest: wp.array(dtype=wp.int32),
-    masks: wp.array(dtype=wp.int32),
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    boxes: wp.array(dtype=wp.vec4i),
-    spans: wp.array(dtype=wp.vec2i),
-    rows: wp.array(dtype=wp.vec2i),
-    row_count: wp.array(dtype=wp.int64),
-    count: wp.array(dtype=wp.int64),
-    scan: wp.array(dtype=wp.int64),
-    keys: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.int32),
-):
-    """Large items: one queued row of tiles a thread. ``offset`` is where rows begin in count and scan."""
-    k = wp.tid()
-    number = wp.int64(0)
-    if wp.int64(k) < row_count[0] and (emit == 0 or count[offset + k] > wp.int64(0)):
-        item = rows[k][0]
-        face = triangles[item // faces]
+    """Write the pairs of one piece of work: count them, reserve their places, find them again."""
+    p = piece_of(wp.tid(), lanes, boxes, queue, out.needs[out.slot + 1])
+    if p.item < 0:
+        return
+    span = spans[p.item]
+    triangle = p.item // g.faces
+    side = p.item % g.faces
+    single = boxes[p.item][0] == boxes[p.item][2] and boxes[p.item][1] == boxes[p.item][3]
+    s = LitTriangle()
+    s.slope = wp.float64(-1.0)
+    # One tile needs no test; one slice needs no plane.
+    if span[0] < span[1] or not single:
+        face = triangles[triangle]
         s = lit_triangle(
-            lights[index], frame[0], item % faces, widening, pads[0], points[face[0]], points[face[1]],
+            lights[index],
+            frame[0],
+            side,
+            widening,
+            pads[0],
+            points[face[0]],
+            points[face[1]],
             points[face[2]],
-        )  # fmt: skip
-        place = scan[offset + k] - count[offset + k]
-        number = bin_row(
-            emit, item, s, spans[item], rows[k][1], boxes[item], faces, tiles, slices, spans_all, skip_empty,
-            extent, columns, rows_of_tiles, stretch, deepest, masks, False, place, keys, values,
-        )  # fmt: skip
-    if emit == 0:
-        count[offset + k] = number
+        )
+    test = s.oriented and not single
+    number = wp.int32(0)
+    hits = wp.int32(0)
+    kept_at = wp.int32(-1)
+    kept = wp.vec2i(0, -1)
+    for at in range(p.first, p.stop, p.step):
+        found = slices_in_tile(g, s, span, side, p.x + at % p.w, p.y + at // p.w, test)
+        if found[1] >= found[0]:
+            number += found[1] - found[0] + 1
+            hits = hits | (1 << ((at - p.first) // p.step))
+            kept_at = at
+            kept = found
+    if number == 0:
+        return
+    place = reserve_many(out.needs, out.slot, number)
+    for at in range(p.first, p.stop, p.step):
+        if (hits >> ((at - p.first) // p.step)) & 1 != 0:
+            column = p.x + at % p.w
+            row = p.y + at // p.w
+            found = kept
+            if at != kept_at:
+                found = slices_in_tile(g, s, span, side, column, row, False)
+            cell = ((side * g.tiles + row) * g.tiles + column) * g.slices
+            for slice in range(found[0], found[1] + 1):
+                write_pair(place, cell + slice, triangle, out)
+                place += wp.int64(1)

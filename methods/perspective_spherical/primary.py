@@ -4,6 +4,9 @@ A tile's list is one run of sorted pairs, front slices first. A ray is done once
 the next pair. Thread blocks are tracing tiles of k x k sorting tiles (indirect mapping): threads of one sorting
 tile follow one another, so that lanes of a warp share a list.
 
+A ray first goes on to the next triangle that float32 cannot rule out, then decides: the lanes of a warp decide
+together, which is rare and long, instead of each holding up all others in turn.
+
 With split lists (:mod:`.items`) a block takes one part of one sorting tile's list; parts meet in ``nearest``.
 """
 
@@ -143,16 +146,20 @@ def make_trace_kernel(variant: Variant) -> wp.Kernel:
             j += part * split
             stop = wp.min(stop, j + split)
         while j < stop:
-            if depth < wp.INF:
-                here = keys[j] - place[2] * slices
-                if here != slice:
-                    slice = here
-                    if depth < slice_start(depth_range, per_slice, slice):
-                        break
-            i = values[j]
-            j += 1
-            number += 1
-            if passes(d, size, record_at(records, i)):
+            i = wp.int32(-1)
+            while j < stop and i < 0:
+                if depth < wp.INF:
+                    here = keys[j] - place[2] * slices
+                    if here != slice:
+                        slice = here
+                        if depth < slice_start(depth_range, per_slice, slice):
+                            stop = j
+                            break
+                number += 1
+                if passes(d, size, record_at(records, values[j])):
+                    i = values[j]
+                j += 1
+            if i >= 0:
                 face = triangles[i]
                 t = decide(o, d, points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face))
                 if t > wp.float64(0.0) and nearer(t, i, best_t, best):

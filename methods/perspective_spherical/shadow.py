@@ -11,8 +11,7 @@ import functools
 import warp as wp
 
 from ..common.triangle import U32, largest, to_float32, weld_of
-from .light_frame import distance_slice
-from .segment_tests import SEGMENT_DECIDES, SEGMENT_PASSES, SegmentRecord
+from .segment_tests import DOUBT, SEGMENT_DECIDES, SEGMENT_PASSES, YES, SegmentRecord
 from .variants import Variant
 
 
@@ -34,18 +33,10 @@ def hit_error(h: wp.vec3f) -> wp.float32:
     return U32 * largest(h) + 1.0e-37
 
 
-@wp.func
-def last_slice(
-    place: wp.vec4d, distance_pad: wp.float64, extent: wp.array(dtype=wp.float64), slices: wp.int32
-) -> wp.int32:
-    """A triangle is listed from its nearest point on, so what lies behind the ray's own slice cannot shadow it."""
-    return distance_slice(place[2] * (wp.float64(1.0) + distance_pad), extent, wp.int32(place[3]), slices)
-
-
 @functools.cache
 def make_shadow_kernel(variant: Variant) -> wp.Kernel:
     """``lanes`` threads a chunk, each ray by ray: on CUDA a block, on a CPU one thread for the whole chunk."""
-    passes = SEGMENT_PASSES[variant.test]
+    judge = SEGMENT_PASSES[variant.test]
     decide = SEGMENT_DECIDES[variant.test]
 
     @wp.kernel(enable_backward=False, module="unique", grid_stride=False)
@@ -54,7 +45,6 @@ def make_shadow_kernel(variant: Variant) -> wp.Kernel:
         lanes: wp.int32,
         slices: wp.int32,
         split: wp.int32,
-        distance_pad: wp.float64,
         lights: wp.array(dtype=wp.vec3f),
         eye: wp.array(dtype=wp.vec3f),
         points: wp.array(dtype=wp.vec3f),
@@ -62,8 +52,7 @@ def make_shadow_kernel(variant: Variant) -> wp.Kernel:
         weld: wp.array(dtype=wp.int32),
         triangle: wp.array(dtype=wp.int32),
         hit: wp.array(dtype=wp.vec3d),
-        place: wp.array(dtype=wp.vec4d),
-        extent: wp.array(dtype=wp.float64),
+        last_slice: wp.array(dtype=wp.int32),
         ray_tiles: wp.array(dtype=wp.int32),
         rays: wp.array(dtype=wp.int32),
         first: wp.array(dtype=wp.int32),
@@ -99,7 +88,7 @@ def make_shadow_kernel(variant: Variant) -> wp.Kernel:
             h = to_float32(h64)
             h_error = hit_error(h)
             own = triangle[pixel]
-            behind = tile * slices + last_slice(place[pixel], distance_pad, extent, slices) + 1
+            behind = tile * slices + last_slice[pixel] + 1
             number = wp.int32(0)
             shadowed = wp.bool(False)
             j = begin[tile] + part * split
@@ -108,19 +97,29 @@ def make_shadow_kernel(variant: Variant) -> wp.Kernel:
                 stop = wp.min(stop, j + split)
                 if visibility[index, pixel] != wp.uint8(0):
                     stop = j
-            while j < stop and not shadowed:
-                if keys[j] >= behind:
-                    break
-                i = values[j]
-                j += 1
-                if i != own:
-                    number += 1
-                    if passes(h, light, h_error, segment_at(records, i)):
-                        face = triangles[i]
-                        shadowed = decide(
-                            h64, light, points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face),
-                            origin_size,
-                        )  # fmt: skip
+            while j < stop:
+                i = wp.int32(-1)
+                while j < stop and i < 0:
+                    if keys[j] >= behind:
+                        stop = j
+                        break
+                    if values[j] != own:
+                        number += 1
+                        verdict = judge(h, light, h_error, segment_at(records, values[j]))
+                        if verdict == YES:
+                            shadowed = wp.bool(True)
+                            stop = j
+                        if verdict == DOUBT:
+                            i = values[j]
+                    j += 1
+                if i >= 0:
+                    face = triangles[i]
+                    shadowed = decide(
+                        h64, light, points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face),
+                        origin_size,
+                    )  # fmt: skip
+                    if shadowed:
+                        stop = j
             if shadowed:
                 visibility[index, pixel] = wp.uint8(1)
             if tests.shape[0] > 1:

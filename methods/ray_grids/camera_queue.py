@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import warp as wp
 
+from ..common.reserve import reserve
 from ..common.screen import camera_space, screen_scale
 from ..common.triangle import largest
 from .camera_stream import BLOCK, Planes, offer, write_item
-from .queue import ITEMS, STRIPS, reserve
+from .queue import ITEMS, STRIPS
 from .spans import Flat, row_span
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import warp as wp
 
+from ..common.reserve import reserve
 from ..common.screen import camera_space, out_of_view, pixel_box
 from ..common.triangle import (
     FLOOR32,
@@ -21,7 +22,7 @@ from ..common.triangle import (
     weld_of,
     write_hit,
 )
-from .queue import ITEMS, STRIPS, reserve
+from .queue import ITEMS, STRIPS
 
 BLOCK = wp.constant(8)
 """Side of a block of pixels or cells; 64 threads of the GPU share one (triangle, block) item."""

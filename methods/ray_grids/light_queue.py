@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import warp as wp
 
+from ..common.reserve import reserve
 from ..common.triangle import largest, occludes, total, weld_of
 from .light_bins import CELLS, Cube, cell_index, on_face
 from .light_cells import cube_space, on_cells, row_cells
 from .light_stream import FEW_RAYS, Occluder, shade, span_of
-from .queue import BLOCKS, DOUBTS, ITEMS, STRIPS, reserve
+from .queue import BLOCKS, DOUBTS, ITEMS, STRIPS
 from .spans import Flat
 
 

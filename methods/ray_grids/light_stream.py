@@ -12,10 +12,11 @@ import functools
 
 import warp as wp
 
+from ..common.reserve import reserve
 from ..common.triangle import U32, largest, total
 from .light_bins import CELLS, EMPTY, FACES, Cube, cell_index, on_face
 from .light_cells import beyond_face, cube_space, flat_box, on_cells, row_cells
-from .queue import BLOCKS, DOUBTS, STRIPS, reserve
+from .queue import BLOCKS, DOUBTS, STRIPS
 
 FEW_BLOCKS = wp.constant(4)
 FEW_RAYS = wp.constant(96)

@@ -15,30 +15,6 @@ items; (triangle, ray) pairs left to float64."""
 COUNTERS = 4
 
 
-# One atomic for all lanes that reserve at the same time: a hundred thousand atomics on one address cost more than
-# the work they hand out. On the CPU it is a plain addition.
-@wp.func_native("""
-#if defined(__CUDA_ARCH__)
-unsigned int active = __activemask();
-int lane = threadIdx.x & 31, before = 0, sum = 0;
-for (unsigned int left = active; left; left &= left - 1) {
-    int other = __ffs(left) - 1;
-    int value = __shfl_sync(active, number, other);
-    if (other < lane) before += value;
-    sum += value;
-}
-int leader = __ffs(active) - 1, base = 0;
-if (lane == leader) base = atomicAdd(counts.data + slot, sum);
-return __shfl_sync(active, base, leader) + before;
-#else
-int base = counts.data[slot];
-counts.data[slot] = base + number;
-return base;
-#endif
-""")
-def reserve(counts: wp.array(dtype=wp.int32), slot: wp.int32, number: wp.int32) -> wp.int32: ...
-
-
 @wp.kernel(enable_backward=False)
 def needs_kernel(counts: wp.array(dtype=wp.int32), needs: wp.array(dtype=wp.int64), first: wp.int32):
     """Keep what a stream asked of its queues, before the next stream counts anew."""

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import warp as wp
 
+from ..common.reserve import reserve
 from ..common.triangle import U32, largest
-from ..ray_grids.queue import reserve
 from .projection import LightMap, map_point
 
 EMPTY = 0x3F800000

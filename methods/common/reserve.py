@@ -1,0 +1,69 @@
+"""Places in lists that many threads write: one atomic for all lanes of a warp that want the same list.
+
+A hundred thousand atomics on one address cost more than the work they hand out. On the CPU it is a plain addition.
+Counters count on beyond a list's capacity: writers drop what does not fit, and the harness, which reads the
+counters after the frame, throws the frame away and repeats it with more room.
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+RESERVE = """
+#if defined(__CUDA_ARCH__)
+unsigned int active = __activemask();
+int lane = threadIdx.x & 31;
+{word} before = 0, sum = 0;
+for (unsigned int left = active; left; left &= left - 1) {{
+    int other = __ffs(left) - 1;
+    {word} value = __shfl_sync(active, number, other);
+    if (other < lane) before += value;
+    sum += value;
+}}
+int leader = __ffs(active) - 1;
+{word} base = 0;
+if (lane == leader) base = atomicAdd(({word}*)(counts.data + slot), sum);
+return __shfl_sync(active, base, leader) + before;
+#else
+{word} base = counts.data[slot];
+counts.data[slot] = base + number;
+return base;
+#endif
+"""
+
+
+@wp.func_native(RESERVE.format(word="int"))
+def reserve(counts: wp.array(dtype=wp.int32), slot: wp.int32, number: wp.int32) -> wp.int32: ...
+
+
+@wp.func_native(RESERVE.format(word="unsigned long long"))
+def reserve_many(counts: wp.array(dtype=wp.int64), slot: wp.int32, number: wp.int32) -> wp.int64: ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+unsigned int peers = __match_any_sync(__activemask(), slot);
+int lane = threadIdx.x & 31, leader = __ffs(peers) - 1, base = 0;
+if (lane == leader) base = atomicAdd(counts.data + slot, __popc(peers));
+return __shfl_sync(peers, base, leader) + __popc(peers & ((1u << lane) - 1u));
+#else
+return counts.data[slot]++;
+#endif
+""")
+def number_in(counts: wp.array(dtype=wp.int32), slot: wp.int32) -> wp.int32:
+    """Raise a count by one and return what it was; lanes with the same ``slot`` share an atomic."""
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 800
+unsigned int peers = __match_any_sync(__activemask(), slot);
+int most = __reduce_max_sync(peers, value);
+if ((threadIdx.x & 31) == __ffs(peers) - 1 && words.data[slot] < most) atomicMax(words.data + slot, most);
+#elif defined(__CUDA_ARCH__)
+if (words.data[slot] < value) atomicMax(words.data + slot, value);
+#else
+if (words.data[slot] < value) words.data[slot] = value;
+#endif
+""")
+def raise_to(words: wp.array(dtype=wp.int32), slot: wp.int32, value: wp.int32):
+    """Raise a word to at least ``value``; lanes with the same ``slot`` share an atomic."""
