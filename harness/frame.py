@@ -13,9 +13,11 @@ import warp as wp
 from numpy.typing import NDArray
 
 from .alpha import device_alpha
+from .lamps import LAMP, lamp_rows
 from .moment import Moment, Prepared
-from .scene import Effects
+from .scene import Effects, Light
 from .spot import SPOT
+from .surfaces import reflectances
 
 MISS = -1
 
@@ -118,6 +120,8 @@ class Frame:
     reached   int32 [(bounces + 1) * light_count]: not 0 where a hit of a bounce receives a light; empty like ``receivers``
     alpha     the scene's mask (:class:`.alpha.Alpha`), the resource "surfaces"; empty unless the effects hold alpha
     mirror    uint8 [triangle_count]: 1 = a mirror; empty unless rays bounce
+    color     vec3f [pixels]: linear colour (:mod:`.shading`); tint vec3f [triangle_count], lamps float64
+              [light_count, 5]: looks of surfaces and lights. All three are empty unless colour is wanted
     points_needed, ...: a method's own arrays are its own
     """
 
@@ -168,6 +172,11 @@ class Frame:
             self.mirror = wp.zeros(max(1, self.triangle_count) if bounces else 0, dtype=wp.uint8)
             self._no_rays = [wp.zeros(0, dtype=kind) for kind in (wp.vec3f, wp.vec3f, wp.uint8)]
         self.alpha = device_alpha(prepared.alpha if effects is not None and effects.alpha else None, device)
+        colored = effects is not None and effects.color
+        with wp.ScopedDevice(device):
+            self.color = wp.zeros(self.pixels if colored else 0, dtype=wp.vec3f)
+            self.tint = wp.zeros(max(1, self.triangle_count) if colored else 0, dtype=wp.vec3f)
+            self.lamps = wp.zeros((light_count, LAMP) if colored else (0, 0), dtype=wp.float64)
         self.host: Moment | None = None
         if self.triangle_count:
             self.triangles.assign(prepared.faces)
@@ -175,6 +184,14 @@ class Frame:
             self.weld.assign(prepared.weld)
         if bounces and self.triangle_count:
             self.mirror.assign(prepared.mirror)
+        if effects is not None and colored:
+            if self.triangle_count:
+                self.tint.assign(reflectances(prepared))
+            if light_count:
+                lights = (*prepared.scene.lights, *(Light((0.0, 0.0, 0.0)) for _ in range(light_count)))
+                self.lamps.assign(
+                    lamp_rows(lights[:light_count], (*effects.shadows, *(False,) * light_count))
+                )
 
     def rays(self, bounce: int) -> list[wp.array]:
         """Origin, direction, active [pixels] of the mirrored rays of a bounce from 1; arrays without elements for 0."""

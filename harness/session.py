@@ -20,6 +20,7 @@ from .pass_graph import arranged, inputs_of, live, stale, wanted_of
 from .passes import Pass, run_passes
 from .receivers import receiver_passes, skippable
 from .scene import Effects, Limits
+from .shading import shading_passes
 
 GROWTH_LIMIT = 8
 """A frame repeated more often than this has a method whose needs do not settle."""
@@ -63,7 +64,11 @@ class Session:
         with wp.ScopedDevice(self.device):
             self._graphs.clear()
             planned = self.method.plan(self.frame, self.effects, self.limits)
-        added = [*mirror_passes(self.frame, self.effects), *receiver_passes(self.frame, self.effects)]
+        added = [
+            *mirror_passes(self.frame, self.effects),
+            *receiver_passes(self.frame, self.effects),
+            *shading_passes(self.frame, self.effects),
+        ]
         self.planned = skippable(arranged(planned, added), self.frame, self.effects)
         self.all_passes = live(self.planned, wanted_of(self.effects))
         self.passes = self.all_passes

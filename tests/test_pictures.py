@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from PIL import Image
 from shadowbench.harness.figures import gallery
-from shadowbench.harness.figures.shade import pieces, png_bytes, save_png, shade, shown_in
+from shadowbench.harness.figures.shade import png_bytes, save_png, shade, shown_in
 from shadowbench.harness.moment import Prepared
 from shadowbench.harness.scene import Camera, Geometry, Light, Scene
+from shadowbench.harness.surfaces import pieces
 
 SIZE = 16
 
