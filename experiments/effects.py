@@ -27,6 +27,8 @@ EFFECTS = (
     Lighting("a spot", spot=SPOT),
     Lighting("facing only", facing=True),
     Lighting("directional", directional=True),
+    Lighting("alpha", alpha=4),
+    Lighting("mirror", bounces=1),
     Lighting("spot, facing, two", count=2, spot=SPOT, facing=True),
 )
 """Each effect alone against one point light with shadows, then together."""
@@ -38,7 +40,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Two drawings and CSV."""
     from ..harness.figures import effects
 
-    return effects.draw(folder, quiet, BASE)
+    return effects.draw(folder, quiet, BASE, [lighting.label for lighting in (*EFFECTS, *CHANGES)])
 
 
 EXPERIMENT = Experiment(

@@ -16,10 +16,12 @@ NEVER = 1e-3
 """Milliseconds below which a frame did nothing."""
 
 
-def draw(folder: Path | str, quiet: bool, base: str) -> list[Path]:
-    """CSV, two drawings and text. ``base``: label of the frame that effects are compared with."""
+def draw(folder: Path | str, quiet: bool, base: str, order: Sequence[str]) -> list[Path]:
+    """CSV, two drawings and text. ``base``: label of the frame that effects are compared with; ``order``: of labels."""
     folder = Path(folder)
     rows = points.rows(folder)
+    rank = {label: k for k, label in enumerate(order)}
+    rows.sort(key=lambda r: rank.get(r["light_label"], len(rank)))  # stable: methods stay in their order
     add(rows, base)
     files = [points.write_csv(rows, folder / "effects.csv", COLUMNS)]
     done = points.measured(rows)
@@ -94,7 +96,8 @@ def effects_picture(rows: Sequence[dict[str, Any]], base: str, path: Path) -> Pa
     effects = [x for x in dict.fromkeys(r["light_label"] for r in rows) if x != base]
     scenes = list(dict.fromkeys(r["scene"] for r in rows))
     labels = list(dict.fromkeys(r["label"] for r in rows))
-    colours = style.colours(r["method"] for r in rows)
+    methods = {r["label"]: r["method"] for r in rows}
+    colours = style.colours(methods.values())
     size = (style.COLUMN_WIDTH * max(1.0, 0.45 + 0.55 * len(scenes)), 0.27 * len(effects) + 1.35)
     with matplotlib.rc_context({**points.sheet_style(), "axes.grid.axis": "both"}):
         figure = Figure(figsize=size, layout="constrained")
@@ -108,8 +111,8 @@ def effects_picture(rows: Sequence[dict[str, Any]], base: str, path: Path) -> Pa
                 shift = (k - (len(labels) - 1) / 2) * 0.11
                 axes.plot(
                     [r["ratio"] for r in own], [effects.index(r["light_label"]) + shift for r in own], ls="none",
-                    marker=points.MARKERS[k % 8], ms=3.6, label=label,
-                    color=colours[next(r["method"] for r in rows if r["label"] == label)],
+                    marker=points.MARKERS[k % 8], ms=3.6, label=label, color=colours[methods[label]],
+                    mfc=None if first_of(label, methods) else "white",
                 )  # fmt: skip
             axes.set_xscale("log", base=2)
             axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
@@ -131,7 +134,8 @@ def moved_picture(rows: Sequence[dict[str, Any]], path: Path) -> Path:
 
     scenes = list(dict.fromkeys(r["scene"] for r in rows))
     labels = list(dict.fromkeys(r["label"] for r in rows))
-    colours = style.colours(r["method"] for r in rows)
+    methods = {r["label"]: r["method"] for r in rows}
+    colours = style.colours(methods.values())
     kinds = [x for x in MOVED if any(r["moved"] == x and r["passes"] for r in rows)]
     idle = all(not r["passes"] for r in rows if r["moved"] == "nothing")
     size = (style.COLUMN_WIDTH * max(1.0, 0.25 + 0.6 * len(scenes)), 2.7)
@@ -145,17 +149,23 @@ def moved_picture(rows: Sequence[dict[str, Any]], path: Path) -> Path:
                 axes.errorbar(
                     [kinds.index(x) for x in seen], [own[x]["total_ms"] for x in seen],
                     yerr=[own[x]["iqr_ms"] / 2 for x in seen], marker=points.MARKERS[k % 8], label=label,
-                    elinewidth=0.7, color=colours[next(r["method"] for r in rows if r["label"] == label)],
+                    elinewidth=0.7, color=colours[methods[label]], ls="-" if first_of(label, methods) else "--",
+                    mfc=None if first_of(label, methods) else "white",
                 )  # fmt: skip
             axes.set_yscale("log")
             axes.set_xticks(range(len(kinds)), kinds)
             axes.set_xlim(-0.3, len(kinds) - 0.7)
             axes.set_title(title_of(next(r for r in rows if r["scene"] == scene)), loc="left")
         panels[0].set_ylabel("ms a frame")
-        note = " (nothing: no kernel is launched)" if idle else ""
+        note = "\n(nothing moved: no kernel is launched)" if idle else ""
         figure.supxlabel(f"what moved since the last frame{note}", fontsize=8)
         handles, names = panels[0].get_legend_handles_labels()
         figure.legend(
             handles, names, loc="outside upper center", ncols=2 if len(scenes) < 2 else 3, frameon=False
         )
         return points.save(figure, path)
+
+
+def first_of(label: str, methods: dict[str, str]) -> bool:
+    """Whether a label is the first of its method: a second configuration keeps the colour and is drawn hollow."""
+    return next(x for x in methods if methods[x] == methods[label]) == label
