@@ -9,6 +9,7 @@ from typing import Any
 import warp as wp
 
 from .moment import Moment, Prepared
+from .scene import Effects
 
 
 def scene_facts(prepared: Prepared, moments: dict[int, Moment]) -> dict[str, Any]:
@@ -39,6 +40,7 @@ def scene_facts(prepared: Prepared, moments: dict[int, Moment]) -> dict[str, Any
         "radius": prepared.radius,
         "camera": plain(asdict(scene.camera)),
         "lights": [plain(asdict(light)) for light in scene.lights],
+        "effects": plain(asdict(Effects.of(scene))),
         "light_path": None if path is None else {"kind": type(path).__name__, **plain(asdict(path))},  # type: ignore[call-overload]
     }
 

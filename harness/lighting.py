@@ -12,12 +12,12 @@ from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .alpha import alpha_of, perforated
 from .lights import Orbit, spread
 from .moment import Prepared
 from .scene import Geometry, Light, Scene, Spot, Vector
+from .largest import largest
 
 HOLES = 4
 """Holes along a side of a triangle that has some."""
@@ -150,7 +150,7 @@ class Lighting:
         if self.alpha:
             fields["alpha"] = lambda geometry: perforated(geometry, self.alpha, HOLES)
         if self.bounces:
-            fields["mirror"], fields["bounces"] = large_triangles, self.bounces
+            fields["mirror"], fields["bounces"] = largest, self.bounces
         if self.color:
             fields["outputs"] = (*scene.outputs, "color")
         return fields
@@ -166,18 +166,6 @@ def _at(light: Light, middle: Vector, distance: float) -> Light:
 
 def _spot(light: Light, target: Vector, angle: float, up: Vector) -> Light:
     return replace(light, spot=Spot(_vector(np.subtract(target, light.position)), angle, up=up))
-
-
-def large_triangles(geometry: Geometry) -> NDArray[np.uint8]:
-    """1 for the largest triangles of the first frame, which together make half of its area; uint8 [triangle_count]."""
-    points = np.asarray(geometry.positions(0), dtype=np.float64)
-    a, b, c = (points[geometry.faces[:, i]] for i in range(3))
-    area = np.nan_to_num(np.linalg.norm(np.cross(b - a, c - a), axis=1))
-    order = np.argsort(-area, kind="stable")
-    count = int(np.searchsorted(np.cumsum(area[order]), area.sum() / 2)) + 1
-    large = np.zeros(len(area), dtype=np.uint8)
-    large[order[:count]] = 1
-    return large
 
 
 def _directional(light: Light, middle: Vector) -> Light:

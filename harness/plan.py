@@ -283,6 +283,7 @@ def make_point(
         "camera": scene.get("camera"),
         "lights": scene.get("lights"),
         "light_path": scene.get("light_path"),
+        "effects": scene.get("effects"),
         "method": entry.method,
         "label": method["label"],
         "settings": method["settings"],

@@ -17,6 +17,7 @@ from ..errors import UserError, did_you_mean
 from ..scene import Camera, Light, Scene
 from . import usd
 from .checks import Loaded
+from .declaration import SUFFIX, declared_scene
 from .load import SUFFIXES, load, load_sequence, source
 from .sequences import numbered
 from .views import Shape, inside, outside, shape_of, view
@@ -57,7 +58,7 @@ def scene_names() -> list[str]:
 
 
 def resolve(name: str | Path, scene_dir: str | Path | None = None) -> Scene:
-    """The scene of a catalogue name, a mesh file, or a folder of numbered frames.
+    """The scene of a catalogue name, a mesh file, a folder of numbered frames, or a file that declares one (TOML).
 
     The original of a name takes its stand-in's place where a file of that name lies in ``scene_dir``, or in
     the folder that the environment variable SHADOWBENCH_SCENES names. Raises :class:`UserError` for an
@@ -71,6 +72,8 @@ def resolve(name: str | Path, scene_dir: str | Path | None = None) -> Scene:
             return _from_files(files, text, TITLES[text])
         return _bunny() if text == BUNNY else importlib.import_module(f".{text}", __package__).scene()
     path = Path(text)
+    if path.suffix.lower() == SUFFIX:
+        return declared_scene(path, lambda mesh: resolve(mesh, scene_dir))
     if _exists(path) or path.suffix.lower() in SUFFIXES or path.parent != Path("."):
         known = path.stem.lower()
         return _from_files(path, known if known in NAMES else _plain(path.stem), path.name)

@@ -1,0 +1,179 @@
+"""A scene declared in a file of its own: a mesh or a catalogue scene, and what it calls for (TOML).
+
+    mesh = "room.ply"                 # a file or folder beside this one, or a scene of the catalogue
+    title = "Room at night"
+    closed = false
+    facing = true                     # shadow rays only where a surface faces the light
+    outputs = ["ids", "shadows"]      # of depth, ids, shadows, color, counters
+
+    [camera]
+    eye = [0, 1.7, 4]
+    target = [0, 1, 0]
+    fov = 50
+
+    [[lights]]
+    position = [0, 2.4, 0]
+    spot = {direction = [0, -1, 0], angle = 40}
+
+    [[lights]]
+    position = [1, 3, 0.5]            # the way to it
+    directional = true
+    shadows = false
+
+    [alpha]
+    every = 4                         # every fourth triangle has holes
+    holes = 4
+
+    [mirror]
+    share = 0.5                       # the largest triangles, which make half of the area
+    bounces = 1
+
+What is not declared stays as the mesh has it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import hashlib
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ..alpha import perforated
+from ..errors import UserError, did_you_mean
+from ..scene import OUTPUTS, Camera, Light, Scene, Spot
+from ..largest import largest
+
+SUFFIX = ".toml"
+TOP = ("mesh", "title", "closed", "facing", "outputs", "camera", "lights", "alpha", "mirror")
+
+
+def declared_scene(path: Path, resolve: Callable[[str], Scene]) -> Scene:
+    """The scene that a file declares; ``resolve`` finds its mesh. Raises :class:`UserError` for whatever is wrong."""
+    try:
+        data = path.read_bytes()
+        told = tomllib.loads(data.decode())
+    except OSError as error:
+        raise UserError(f"{path}: cannot read ({error.strerror})") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise UserError(f"{path}: not TOML: {' '.join(str(error).split())}") from error
+    _known(path, "", told, TOP)
+    mesh = told.get("mesh")
+    if not isinstance(mesh, str) or not mesh:
+        raise UserError(f'{path}: say which mesh: mesh = "FILE or scene"')
+    beside = path.parent / mesh
+    base = resolve(str(beside) if beside.exists() else mesh)
+    fields: dict[str, Any] = {
+        "name": path.stem.lower(),
+        "title": _typed(path, "title", told.get("title", f"{base.title} ({path.name})"), str),
+        "closed": _typed(path, "closed", told.get("closed", base.closed), bool),
+        "facing": _typed(path, "facing", told.get("facing", base.facing), bool),
+        "source": dataclasses.replace(
+            base.source, file=f"{path.name}: {base.source.file or base.name}", sha256=_hash(base, data)
+        ),
+    }
+    if "outputs" in told:
+        fields["outputs"] = _outputs(path, told["outputs"])
+    if "camera" in told:
+        _known(path, "camera", told["camera"], ("eye", "target", "up", "fov", "moves"))
+        given = dict(told["camera"])
+        fields["camera_moves"] = _typed(path, "camera.moves", given.pop("moves", False), bool)
+        fields["camera"] = _made(path, "camera", Camera, {**dataclasses.asdict(base.camera), **given})
+    if "lights" in told:
+        if not isinstance(told["lights"], list):
+            raise UserError(f"{path}: lights are tables of their own: write [[lights]]")
+        fields["lights"] = tuple(_light(path, i, light) for i, light in enumerate(told["lights"]))
+        fields["light_path"] = None
+    if "alpha" in told:
+        _known(path, "alpha", told["alpha"], ("every", "holes"))
+        fields["alpha"] = functools.partial(_perforated, path=path, given=dict(told["alpha"]))
+    if "mirror" in told:
+        _known(path, "mirror", told["mirror"], ("share", "bounces"))
+        share = _number(path, "mirror.share", told["mirror"].get("share", 0.5))
+        if not 0.0 < share <= 1.0:
+            raise UserError(f"{path}: mirror.share {share} must lie above 0 and not above 1")
+        fields["mirror"] = functools.partial(largest, share=share)
+        fields["bounces"] = _typed(path, "mirror.bounces", told["mirror"].get("bounces", 1), int)
+        if fields["bounces"] < 0:
+            raise UserError(f"{path}: mirror.bounces must not be negative")
+    return dataclasses.replace(base, **fields)
+
+
+def _perforated(geometry: Any, path: Path, given: dict[str, Any]) -> Any:
+    try:
+        return perforated(geometry, **given)
+    except (TypeError, ValueError) as error:
+        raise UserError(f"{path}: alpha: {error}") from error
+
+
+def _light(path: Path, index: int, told: Any) -> Light:
+    where = f"lights[{index}]"
+    _known(path, where, told, tuple(field.name for field in dataclasses.fields(Light)))
+    given = dict(told)
+    if "position" not in given:
+        raise UserError(f"{path}: {where}: say its position (of a directional light: the way to it)")
+    if "spot" in given:
+        _known(path, f"{where}.spot", given["spot"], tuple(field.name for field in dataclasses.fields(Spot)))
+        given["spot"] = _made(path, f"{where}.spot", Spot, given["spot"])
+    return _made(path, where, Light, given)
+
+
+def _made(path: Path, where: str, kind: type, given: dict[str, Any]) -> Any:
+    """A frozen dataclass of plain values, each of the kind of its field's name."""
+    values = {}
+    for name, value in given.items():
+        if name in ("eye", "target", "up", "position", "direction", "color"):
+            values[name] = _vector(path, f"{where}.{name}", value)
+        elif name in ("shadows", "directional"):
+            values[name] = _typed(path, f"{where}.{name}", value, bool)
+        elif name == "spot" or value is None:
+            values[name] = value
+        else:
+            values[name] = _number(path, f"{where}.{name}", value)
+    try:
+        return kind(**values)
+    except (TypeError, ValueError) as error:
+        raise UserError(f"{path}: {where}: {error}") from error
+
+
+def _outputs(path: Path, told: Any) -> tuple[str, ...]:
+    names = tuple(_typed(path, "outputs", told, list))
+    for name in names:
+        if name not in OUTPUTS:
+            raise UserError(f"{path}: output {name!r} is not one{did_you_mean(str(name), OUTPUTS)}")
+    return names
+
+
+def _known(path: Path, where: str, told: Any, names: tuple[str, ...]) -> None:
+    if not isinstance(told, dict):
+        raise UserError(f"{path}: {where} must be a table")
+    for name in told:
+        if name not in names:
+            spot = f"{where}: " if where else ""
+            raise UserError(f"{path}: {spot}unknown key {name!r}{did_you_mean(name, names)}")
+
+
+def _typed(path: Path, where: str, value: Any, kind: type) -> Any:
+    if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
+        raise UserError(f"{path}: {where} must be of kind {kind.__name__}, not {value!r}")
+    return value
+
+
+def _number(path: Path, where: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise UserError(f"{path}: {where} must be a number, not {value!r}")
+    return float(value)
+
+
+def _vector(path: Path, where: str, value: Any) -> tuple[float, float, float]:
+    if not isinstance(value, list | tuple) or len(value) != 3:
+        raise UserError(f"{path}: {where} must be three numbers, not {value!r}")
+    x, y, z = (_number(path, where, part) for part in value)
+    return (x, y, z)
+
+
+def _hash(base: Scene, data: bytes) -> str:
+    """Of the mesh and of what is declared about it."""
+    return hashlib.sha256(base.source.sha256.encode() + data).hexdigest()

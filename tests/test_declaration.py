@@ -1,0 +1,194 @@
+"""Scenes declared in a file: what is said holds, what is not said stays, what is wrong is told in one line."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from shadowbench.harness.commands.plan import frame_plan
+from shadowbench.harness.errors import UserError
+from shadowbench.harness.moment import Prepared
+from shadowbench.harness.scene import Effects
+from shadowbench.harness.scenes.catalogue import resolve
+from typer.testing import CliRunner
+
+MESH = """v -1 -1 0
+v 1 -1 0
+v 1 1 0
+v -1 1 0
+v 0 0 1
+f 1 2 5
+f 2 3 5
+f 3 4 5
+f 4 1 5
+f 1 3 2
+f 1 4 3
+"""
+
+FULL = """
+mesh = "roof.obj"
+title = "A roof"
+closed = true
+facing = true
+outputs = ["ids", "shadows"]
+
+[camera]
+eye = [0, 0.5, 4]
+target = [0, 0, 0]
+fov = 50
+moves = true
+
+[[lights]]
+position = [0, 2.5, 3]
+spot = {direction = [0, -2.5, -3], angle = 40, falloff = 2}
+
+[[lights]]
+position = [1, 3, 0.5]
+directional = true
+color = [1, 0.5, 0.2]
+
+[[lights]]
+position = [1, 1, 1]
+shadows = false
+
+[alpha]
+every = 2
+holes = 4
+
+[mirror]
+share = 0.4
+bounces = 2
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "roof.obj").write_text(MESH)
+    return tmp_path
+
+
+def declare(folder, text, name="scene.toml"):
+    path = folder / name
+    path.write_text(text)
+    return path
+
+
+def test_everything_declared_is_in_the_scene(folder):
+    scene = resolve(declare(folder, FULL))
+    assert (scene.name, scene.title, scene.closed, scene.facing) == ("scene", "A roof", True, True)
+    assert scene.camera.eye == (0.0, 0.5, 4.0)
+    assert scene.camera_moves
+    assert scene.lights[0].spot.angle == 40
+    assert scene.lights[1].directional
+    assert scene.lights[1].color == (1.0, 0.5, 0.2)
+    effects = Effects.of(scene)
+    assert effects.shadows == (True, True, False)
+    assert effects.names() == ("shadows", "receivers", "directional", "alpha", "mirror")
+    assert effects.bounces == 2
+    prepared = Prepared(scene)
+    assert prepared.alpha is not None
+    assert prepared.alpha.triangles.tolist() == [1, 0, 1, 0, 1, 0]
+    assert prepared.mirror.sum() == 2  # the two large ones below
+
+
+def test_what_is_not_declared_stays(folder):
+    plain, declared = resolve(folder / "roof.obj"), resolve(declare(folder, 'mesh = "roof.obj"'))
+    assert declared.camera == plain.camera
+    assert declared.lights == plain.lights
+    assert declared.title == "roof.obj (scene.toml)"
+    assert declared.source.sha256 != plain.source.sha256
+    np.testing.assert_array_equal(Prepared(declared).points(0)[0], Prepared(plain).points(0)[0])
+
+
+def test_a_scene_of_the_catalogue_can_be_declared_about(folder):
+    scene = resolve(declare(folder, 'mesh = "conference"\nfacing = true'))
+    assert scene.facing
+    assert scene.stand_in == resolve("conference").stand_in
+
+
+WRONG = {
+    "no mesh": ("facing = true", "say which mesh"),
+    "unknown mesh": ('mesh = "rof.obj"', "rof.obj"),
+    "unknown key": ('mesh = "roof.obj"\nshadow = true', "unknown key 'shadow'"),
+    "unknown key of a light": ('mesh = "roof.obj"\n[[lights]]\nplace = [0,0,0]', "unknown key 'place'"),
+    "a light without a place": ('mesh = "roof.obj"\n[[lights]]\nshadows = true', "say its position"),
+    "lights as a table": ('mesh = "roof.obj"\n[lights]\nposition = [0,0,0]', r"write \[\[lights\]\]"),
+    "two numbers": ('mesh = "roof.obj"\n[[lights]]\nposition = [0,0]', "three numbers"),
+    "a word for a number": ('mesh = "roof.obj"\n[camera]\nfov = "wide"', "must be a number"),
+    "a number for a flag": ('mesh = "roof.obj"\nfacing = 1', "must be of kind bool"),
+    "an unknown output": ('mesh = "roof.obj"\noutputs = ["colour"]', "output 'colour' is not one"),
+    "a directional spot": (
+        'mesh = "roof.obj"\n[[lights]]\nposition=[0,1,0]\ndirectional=true\nspot={direction=[0,-1,0],angle=20}',
+        "cannot be a spot",
+    ),
+    "a spot without an angle": (
+        'mesh = "roof.obj"\n[[lights]]\nposition=[0,1,0]\nspot={direction=[0,-1,0]}',
+        "angle",
+    ),
+    "too much of a mirror": ('mesh = "roof.obj"\n[mirror]\nshare = 2', "must lie above 0"),
+    "half a bounce": ('mesh = "roof.obj"\n[mirror]\nbounces = 0.5', "must be of kind int"),
+    "not TOML": ("mesh = ", "not TOML"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_what_is_wrong_is_told_in_one_line(folder, case):
+    text, message = WRONG[case]
+    with pytest.raises(UserError, match=message) as caught:
+        resolve(declare(folder, text))
+    assert "\n" not in str(caught.value)
+    assert "scene.toml" in str(caught.value) or "rof.obj" in str(caught.value)
+
+
+def test_wrong_holes_are_told_when_they_are_made(folder):
+    scene = resolve(declare(folder, 'mesh = "roof.obj"\n[alpha]\nevery = 0'))
+    with pytest.raises(UserError, match="alpha: every"):
+        Prepared(scene)
+
+
+def test_plan_of_a_declared_scene(folder):
+    path = str(declare(folder, FULL))
+    found = frame_plan(path, ["uniform_grid", "embree"], "16x16", "cpu")
+    assert found["calls_for"] == ["shadows", "receivers", "directional", "alpha", "mirror"]
+    assert found["declared"]["camera"] == "moving"
+    assert found["declared"]["mirror bounces"] == 2
+    grid, embree = found["methods"]
+    assert "holes" in embree["cannot"] or "filter" in embree["cannot"]
+    work = {step["name"]: step for step in grid["passes"]}
+    assert "light 2: shadow rays" not in work
+    assert work["light 0: receivers"]["after"]["light 0"]["runs"]
+    assert not work["light 0: receivers"]["after"]["light 1"]["runs"]
+    assert not any(step["after"]["nothing"]["runs"] for step in work.values())
+    assert all(step["first"] for step in work.values())
+
+
+def test_plan_command_prints_and_gives_json(folder):
+    from shadowbench.harness.cli import app
+
+    path = str(declare(folder, FULL))
+    shown = CliRunner().invoke(app, ["plan", path, "--method", "uniform_grid", "--size", "16x16"])
+    assert shown.exit_code == 0
+    assert "light 1: directional, with shadows, fixed" in shown.stdout
+    assert "passes that run" in shown.stdout
+    told = CliRunner().invoke(app, ["plan", path, "--method", "uniform_grid", "--size", "16x16", "--json"])
+    assert json.loads(told.stdout)["methods"][0]["method"] == "uniform_grid"
+
+
+@pytest.mark.parametrize("scene", ["fairy", "sibenik", "bunny_dragon", "conference", "cloth", "buddha"])
+def test_plan_of_the_six_scenes(scene):
+    """What a plan says is what a frame does: see also the partial frames of ``shadowbench check``."""
+    found = frame_plan(scene, ["uniform_grid", "perspective_spherical", "ray_grids"], "32x32", "cpu")
+    assert found["calls_for"] == ["shadows"]
+    for method in found["methods"]:
+        runs = {
+            label: [step["name"] for step in method["passes"] if step["after"][label]["runs"]]
+            for label in found["changes"]
+        }
+        assert runs["nothing"] == []
+        assert runs["geometry"] == [step["name"] for step in method["passes"]]
+        assert all(name.startswith("light 0") for name in runs["light 0"])
+        builds = [
+            s["name"] for s in method["passes"] if s["part"] == "build" and s["after"]["camera"]["runs"]
+        ]
+        assert bool(builds) == (method["method"] == "perspective_spherical")
