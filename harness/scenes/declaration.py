@@ -122,7 +122,7 @@ def _light(path: Path, index: int, told: Any) -> Light:
 
 def _made(path: Path, where: str, kind: type, given: dict[str, Any]) -> Any:
     """A frozen dataclass of plain values, each of the kind of its field's name."""
-    values = {}
+    values: dict[str, Any] = {}
     for name, value in given.items():
         if name in ("eye", "target", "up", "position", "direction", "color"):
             values[name] = _vector(path, f"{where}.{name}", value)
