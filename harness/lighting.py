@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from .alpha import alpha_of, perforated
+from .largest import largest
 from .lights import Orbit, spread
 from .moment import Prepared
 from .scene import Geometry, Light, Scene, Spot, Vector
-from .largest import largest
 
 HOLES = 4
 """Holes along a side of a triangle that has some."""

@@ -43,8 +43,8 @@ from typing import Any
 
 from ..alpha import perforated
 from ..errors import UserError, did_you_mean
-from ..scene import OUTPUTS, Camera, Light, Scene, Spot
 from ..largest import largest
+from ..scene import OUTPUTS, Camera, Light, Scene, Spot
 
 SUFFIX = ".toml"
 TOP = ("mesh", "title", "closed", "facing", "outputs", "camera", "lights", "alpha", "mirror")
