@@ -21,6 +21,14 @@ import shadowbench.harness
 import shadowbench.methods
 import warp as wp
 from shadowbench.harness.specialise import Switches, is_effects, named
+from shadowbench.methods.perspective_spherical.primary import make_trace_kernel
+from shadowbench.methods.perspective_spherical.shadow import make_shadow_kernel
+from shadowbench.methods.perspective_spherical.staged import (
+    make_staged_shadow_kernel,
+    make_staged_trace_kernel,
+)
+from shadowbench.methods.perspective_spherical.variants import Variant
+from shadowbench.methods.ray_grids.light_stream import make_stream_kernel
 from warp._src.context import Module
 
 ARCH = 90
@@ -123,9 +131,22 @@ def _renumbered(lines: list[str]) -> str:
     return "\n".join(number.sub(lambda m: names.setdefault(m[0], f"v{len(names)}"), line) for line in kept)
 
 
+def made_kernels() -> dict[str, wp.Kernel]:
+    """One kernel of every factory: a factory's other kernels have the same source."""
+    variant = Variant(0)
+    made = {
+        make_trace_kernel: make_trace_kernel(variant),
+        make_shadow_kernel: make_shadow_kernel(variant),
+        make_staged_trace_kernel: make_staged_trace_kernel(variant, 64),
+        make_staged_shadow_kernel: make_staged_shadow_kernel(variant, 64),
+        make_stream_kernel: make_stream_kernel(True),
+    }
+    return {f"{f.__module__.split('.', 1)[1]}.{f.__name__}": kernel for f, kernel in made.items()}
+
+
 def kernels_with_effects() -> dict[str, wp.Kernel]:
     """Every kernel of harness and methods that branches on an effect, by module and name."""
-    found = {}
+    found = {name: kernel for name, kernel in made_kernels().items() if named(kernel)}
     for package in (shadowbench.methods, shadowbench.harness):
         for entry in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
             module = importlib.import_module(entry.name)

@@ -8,6 +8,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+import warp as wp
 from exact_cases import inside, rational, solve
 from shadowbench.harness.alpha import checked, perforated
 from shadowbench.harness.errors import UserError
@@ -29,6 +30,8 @@ SIZE = (24, 18)
 EXACT = [
     ("uniform_grid", {}),
     ("bvh", {"update": "bvh_rebuild"}),
+    ("perspective_spherical", {}),
+    ("perspective_spherical", {"light_map": "cube", "clamp": "none", "triangle_chunk": "3"}),
 ]
 NAMES = ["-".join([name, *(f"{k}={v}" for k, v in settings.items())]) for name, settings in EXACT]
 
@@ -203,6 +206,14 @@ def test_transparent_triangles_are_as_if_they_were_gone(name, settings):
     gone[::3] = gone[::3, :1]  # no area: never hit, and every other triangle keeps its index
     clear_answers = answers_of(name, settings, make((points, faces), clear))
     assert not same(clear_answers, answers_of(name, settings, make((points, gone), None)))
+
+
+@pytest.mark.parametrize("chunk", ["0", "5"])
+def test_triangles_staged_in_shared_memory_have_the_same_holes(chunk, monkeypatch):
+    monkeypatch.setattr(wp.config, "enable_cpu_blocks", True)
+    settings = {"tile": "4", "k": "2", "r": "40", "staging": "shared", "triangle_chunk": chunk}
+    prepared = holed()[0]
+    assert not same(answers_of("perspective_spherical", settings, prepared), answers_of(*EXACT[0], prepared))
 
 
 @cache

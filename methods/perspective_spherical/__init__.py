@@ -33,7 +33,7 @@ class PerspectiveSpherical(BaseMethod):
 
     name: ClassVar[str] = "perspective_spherical"
     title: ClassVar[str] = "Perspective + spherical grids"
-    simulates = frozenset({"shadows", "receivers", "directional"})
+    simulates = frozenset({"shadows", "receivers", "directional", "alpha"})
     cannot: ClassVar[dict[str, str]] = {
         "mirror": "its camera grid holds rays that start at the eye: mirrored rays share no origin"
     }
@@ -80,7 +80,9 @@ class PerspectiveSpherical(BaseMethod):
         light_outward = outward if self.build.cull == "primary+light" else 0.0
         with wp.ScopedDevice(frame.device):
             self._needs = wp.zeros(SLOTS * (1 + len(effects.shadows)), dtype=wp.int64)
-        self.camera = CameraGrid(frame, self.build, self.trace, outward, self._room(0, frame), self._needs, 0)
+        self.camera = CameraGrid(
+            frame, self.build, self.trace, outward, self._room(0, frame), self._needs, 0, effects
+        )
         self.lights = []
         for i, wanted in enumerate(effects.shadows):
             if wanted:

@@ -6,6 +6,8 @@ import warp as wp
 
 from ...harness.frame import Frame
 from ...harness.passes import Pass
+from ...harness.scene import Effects
+from ...harness.specialise import specialised
 from .binning import BIN_BLOCK, TileBins
 from .camera_bounds import project_kernel
 from .camera_grid import ImageTiles, bin_kernel
@@ -40,7 +42,9 @@ class CameraGrid:
         capacity: tuple[int, ...],
         needs: wp.array,
         slot: int,
+        effects: Effects,
     ):
+        self.effects = effects
         self.frame, self.build, self.trace, self.outward = frame, build, trace, outward
         self.widening = WIDENINGS[TRIANGLE_TESTS.index(build.triangle_test)]
         self.across = -(-frame.width // build.tile)
@@ -79,7 +83,10 @@ class CameraGrid:
                 "camera grid: emit pairs", "build", (*scene, "camera boxes"), ("camera pairs",), self.launch_bin,
             ),
             Pass("camera grid: sort pairs", "build", ("camera pairs",), ("camera grid",), bins.launch_sort),
-            Pass("primary rays", "trace", (*scene, "camera grid"), ("hits",), self.launch_trace),
+            Pass(
+                "primary rays", "trace", (*scene, "camera grid", *self.effects.surface_reads()), ("hits",),
+                self.launch_trace,
+            ),
         ]  # fmt: skip
 
     def launch_project(self) -> None:
@@ -126,14 +133,15 @@ class CameraGrid:
         variant, area = Variant.of(self.build), (k * self.build.tile) ** 2
         block = block_for(area)
         in_blocks = staged(self.trace, f.device)
+        kernel = make_staged_trace_kernel(variant, block) if in_blocks else make_trace_kernel(variant)
         outputs = [a.triangle, a.t, a.u, a.v, self.hit, self.no_tests if tests is None else tests]
         wp.launch(
-            make_staged_trace_kernel(variant, block) if in_blocks else make_trace_kernel(variant),
+            specialised(kernel, self.effects.switches()),
             dim=sources * (-(-area // block) * block if in_blocks else area),
             inputs=[
                 f.width, f.height, self.build.tile, k, self.build.slices, split, f.eye, f.column, f.row, f.points,
                 f.triangles, f.weld, self.depth_range, pairs.begin, pairs.end, pairs.keys, pairs.values,
-                self.records, self.items.items, self.items.scan, self.nearest,
+                self.records, f.alpha, self.items.items, self.items.scan, self.nearest,
             ],
             outputs=outputs,
             block_dim=block,

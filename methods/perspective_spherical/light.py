@@ -149,7 +149,8 @@ class LightGrid:
             ),
             Pass(f"light {i}: sort pairs", build, (f"light pairs/{i}",), (grid_name,), bins.launch_sort, effect),
             Pass(
-                f"light {i}: shadow rays", shadow, ("points", "triangles", "hits", light, grid_name, ray_name),
+                f"light {i}: shadow rays", shadow,
+                ("points", "triangles", "hits", light, grid_name, ray_name, *self.effects.surface_reads()),
                 (f"visibility/{i}",), self.launch_trace, effect,
             ),
         ]  # fmt: skip
@@ -289,14 +290,15 @@ class LightGrid:
         variant = Variant.of(self.build)
         in_blocks = staged(self.trace, f.device)
         lanes = self.block if in_blocks else self.lanes
+        kernel = make_staged_shadow_kernel(variant, self.block) if in_blocks else make_shadow_kernel(variant)
         wp.launch(
-            make_staged_shadow_kernel(variant, self.block) if in_blocks else make_shadow_kernel(variant),
+            specialised(kernel, self.effects.switches(self.index)),
             dim=blocks * lanes,
             inputs=[
                 self.index, lanes, self.build.light_slices, split, f.lights, f.eye, f.points,
                 f.triangles, f.weld, f.answers.triangle, self.camera.hit, self.last_slice, self.ray_keys,
                 self.ray_values, chunks.outArr, chunks.numCBlocks, pairs.begin, pairs.end, pairs.keys, pairs.values,
-                self.records, self.items.items, self.items.scan,
+                self.records, f.alpha, self.items.items, self.items.scan,
             ],
             outputs=[f.answers.visibility, self.no_tests if tests is None else tests],
             block_dim=self.block,

@@ -16,7 +16,10 @@ import functools
 
 import warp as wp
 
-from ..common.triangle import depth_key, nearer, weld_of, write_hit
+from ...harness.alpha import Alpha
+from ...harness.specialise import effects
+from ..common.alpha import hit_counts
+from ..common.triangle import NO_HIT, depth_key, nearer, weld_of, write_hit
 from .camera_grid import slice_scale
 from .ray_tests import RAY_DECIDES, RAY_PASSES, RayRecord
 from .variants import Variant
@@ -107,6 +110,7 @@ def make_trace_kernel(variant: Variant) -> wp.Kernel:
         keys: wp.array(dtype=wp.int32),
         values: wp.array(dtype=wp.int32),
         records: wp.array(dtype=wp.vec4f),
+        alpha: Alpha,
         items: wp.array(dtype=wp.vec2i),
         item_scan: wp.array(dtype=wp.int64),
         nearest: wp.array(dtype=wp.uint64),
@@ -162,6 +166,11 @@ def make_trace_kernel(variant: Variant) -> wp.Kernel:
             if i >= 0:
                 face = triangles[i]
                 t = decide(o, d, points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face))
+                if wp.static(effects.alpha):
+                    if t > wp.float64(0.0) and not hit_counts(
+                        alpha, i, o, d, points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face)
+                    ):
+                        t = NO_HIT
                 if t > wp.float64(0.0) and nearer(t, i, best_t, best):
                     best = i
                     best_t = t

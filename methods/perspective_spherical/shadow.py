@@ -10,6 +10,9 @@ import functools
 
 import warp as wp
 
+from ...harness.alpha import Alpha
+from ...harness.specialise import effects
+from ..common.alpha import shadow_counts
 from ..common.triangle import U32, largest, to_float32, weld_of
 from .segment_tests import DOUBT, SEGMENT_DECIDES, SEGMENT_PASSES, YES, SegmentRecord
 from .variants import Variant
@@ -62,6 +65,7 @@ def make_shadow_kernel(variant: Variant) -> wp.Kernel:
         keys: wp.array(dtype=wp.int32),
         values: wp.array(dtype=wp.int32),
         records: wp.array(dtype=wp.vec4f),
+        alpha: Alpha,
         items: wp.array(dtype=wp.vec2i),
         item_scan: wp.array(dtype=wp.int64),
         visibility: wp.array2d(dtype=wp.uint8),
@@ -106,6 +110,9 @@ def make_shadow_kernel(variant: Variant) -> wp.Kernel:
                     if values[j] != own:
                         number += 1
                         verdict = judge(h, light, h_error, segment_at(records, values[j]))
+                        if wp.static(effects.alpha):
+                            if verdict == YES and alpha.masked[values[j]] != wp.uint8(0):
+                                verdict = DOUBT
                         if verdict == YES:
                             shadowed = wp.bool(True)
                             stop = j
@@ -118,6 +125,12 @@ def make_shadow_kernel(variant: Variant) -> wp.Kernel:
                         h64, light, points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face),
                         origin_size,
                     )  # fmt: skip
+                    if wp.static(effects.alpha):
+                        if shadowed:
+                            shadowed = shadow_counts(
+                                alpha, i, h64, light, points[face[0]], points[face[1]], points[face[2]],
+                                weld_of(weld, face), origin_size,
+                            )  # fmt: skip
                     if shadowed:
                         stop = j
             if shadowed:

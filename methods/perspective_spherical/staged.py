@@ -12,7 +12,10 @@ import functools
 
 import warp as wp
 
-from ..common.triangle import largest, nearer, to_float32, weld_of, write_hit
+from ...harness.alpha import Alpha
+from ...harness.specialise import effects
+from ..common.alpha import hit_counts, shadow_counts
+from ..common.triangle import NO_HIT, largest, nearer, to_float32, weld_of, write_hit
 from .camera_grid import slice_scale
 from .primary import indirect_pixel, packed_depth, packed_hit, record_at, slice_start
 from .ray_tests import RAY_DECIDES, RAY_PASSES, RayRecord
@@ -56,6 +59,7 @@ def make_staged_trace_kernel(variant: Variant, block: int) -> wp.Kernel:
         keys: wp.array(dtype=wp.int32),
         values: wp.array(dtype=wp.int32),
         records: wp.array(dtype=wp.vec4f),
+        alpha: Alpha,
         items: wp.array(dtype=wp.vec2i),
         item_scan: wp.array(dtype=wp.int64),
         nearest: wp.array(dtype=wp.uint64),
@@ -149,6 +153,18 @@ def make_staged_trace_kernel(variant: Variant, block: int) -> wp.Kernel:
                 if i >= 0:
                     face = triangles[i]
                     t = decide(o, d, points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face))
+                    if wp.static(effects.alpha):
+                        if t > wp.float64(0.0) and not hit_counts(
+                            alpha,
+                            i,
+                            o,
+                            d,
+                            points[face[0]],
+                            points[face[1]],
+                            points[face[2]],
+                            weld_of(weld, face),
+                        ):
+                            t = NO_HIT
                     if t > wp.float64(0.0) and nearer(t, i, best_t, best):
                         best = i
                         best_t = t
@@ -214,6 +230,7 @@ def make_staged_shadow_kernel(variant: Variant, block: int) -> wp.Kernel:
         keys: wp.array(dtype=wp.int32),
         values: wp.array(dtype=wp.int32),
         records: wp.array(dtype=wp.vec4f),
+        alpha: Alpha,
         items: wp.array(dtype=wp.vec2i),
         item_scan: wp.array(dtype=wp.int64),
         visibility: wp.array2d(dtype=wp.uint8),
@@ -310,6 +327,9 @@ def make_staged_shadow_kernel(variant: Variant, block: int) -> wp.Kernel:
                                 s.q5 = wp.tile_extract(shared5, j)
                             number += 1
                             verdict = judge(h, light, h_error, s)
+                            if wp.static(effects.alpha):
+                                if verdict == YES and alpha.masked[here[0]] != wp.uint8(0):
+                                    verdict = DOUBT
                             if verdict == YES:
                                 shadowed = wp.bool(True)
                                 active = 0
@@ -319,11 +339,17 @@ def make_staged_shadow_kernel(variant: Variant, block: int) -> wp.Kernel:
                         j += 1
                     if i >= 0:
                         face = triangles[i]
-                        if decide(
+                        shadowed = decide(
                             h64, light, points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face),
                             origin_size,
-                        ):  # fmt: skip
-                            shadowed = wp.bool(True)
+                        )  # fmt: skip
+                        if wp.static(effects.alpha):
+                            if shadowed:
+                                shadowed = shadow_counts(
+                                    alpha, i, h64, light, points[face[0]], points[face[1]], points[face[2]],
+                                    weld_of(weld, face), origin_size,
+                                )  # fmt: skip
+                        if shadowed:
                             active = 0
                             held = 0
                 load += wp.static(slots)
