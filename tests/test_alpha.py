@@ -31,6 +31,8 @@ EXACT = [
     ("uniform_grid", {}),
     ("bvh", {"update": "bvh_rebuild"}),
     ("perspective_spherical", {}),
+    ("ray_grids", {}),
+    ("ray_grids", {"queue": "always", "inline_cells": "0"}),
     ("perspective_spherical", {"light_map": "cube", "clamp": "none", "triangle_chunk": "3"}),
 ]
 NAMES = ["-".join([name, *(f"{k}={v}" for k, v in settings.items())]) for name, settings in EXACT]
@@ -212,8 +214,29 @@ def test_transparent_triangles_are_as_if_they_were_gone(name, settings):
 def test_triangles_staged_in_shared_memory_have_the_same_holes(chunk, monkeypatch):
     monkeypatch.setattr(wp.config, "enable_cpu_blocks", True)
     settings = {"tile": "4", "k": "2", "r": "40", "staging": "shared", "triangle_chunk": chunk}
-    prepared = holed()[0]
-    assert not same(answers_of("perspective_spherical", settings, prepared), answers_of(*EXACT[0], prepared))
+    prepared, moment, _ = holed()
+    session = Session(make_method("perspective_spherical", settings), prepared, *SIZE, "cpu")
+    assert not same(session.answers(moment), answers_of(*EXACT[0], prepared))
+    assert session.method.built()["staging"] == "shared"
+
+
+def test_a_shadow_map_is_drawn_with_holes():
+    """Its primary rays are exact; of its shadow bits few are wrong, and many would be without the holes."""
+    prepared, _, judge = holed()
+    exact = judge.reference.answers()
+    answers = answers_of("shadow_map", {"size": "1024"}, prepared)
+    hits = exact["triangle"] >= 0
+    assert (answers["triangle"] == exact["triangle"]).all()
+    wrong = np.count_nonzero((answers["visibility"] != exact["visibility"])[:, hits])
+    solid = replace(Effects.of(prepared.scene), alpha=False)
+    moment = prepared.moment(0, *SIZE)
+    blind = Session(
+        make_method("shadow_map", {"size": "1024"}), prepared, *SIZE, "cpu", effects=solid
+    ).answers(moment)
+    same_hits = hits & (blind["triangle"] == exact["triangle"])
+    ignored = np.count_nonzero((blind["visibility"] != exact["visibility"])[:, same_hits])
+    assert wrong < 0.05 * 2 * np.count_nonzero(hits)
+    assert ignored > 4 * wrong
 
 
 @cache

@@ -36,7 +36,7 @@ class RayGrids(BaseMethod):
 
     name: ClassVar[str] = "ray_grids"
     title: ClassVar[str] = "Ray grids (streamed)"
-    simulates = frozenset({"shadows", "receivers", "directional"})
+    simulates = frozenset({"shadows", "receivers", "directional", "alpha"})
     cannot: ClassVar[dict[str, str]] = {
         "mirror": "its grids hold rays that share an origin: mirrored rays share none"
     }
@@ -68,7 +68,7 @@ class RayGrids(BaseMethod):
         with wp.ScopedDevice(frame.device):
             self._needs = wp.zeros(COUNTERS * (1 + len(effects.shadows)), dtype=wp.int64)
         queues = Queues(frame, self._queued, self._capacity, self._needs)
-        camera = CameraStream(frame, queues)
+        camera = CameraStream(frame, queues, effects)
         passes = camera.passes()
         bins = None
         for i, wanted in enumerate(effects.shadows):

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import warp as wp
 
+from ...harness.alpha import Alpha
+from ...harness.specialise import effects
+from ..common.alpha import hit_counts
 from ..common.reserve import reserve
 from ..common.screen import camera_space, screen_scale
-from ..common.triangle import largest
-from .camera_stream import BLOCK, Planes, offer, write_item
+from ..common.triangle import largest, weld_of
+from .camera_stream import BLOCK, Planes, keep, offered, write_item
 from .queue import ITEMS, STRIPS
 from .spans import Flat, row_span
 
@@ -151,6 +154,7 @@ def item_kernel(
     depths: wp.array(dtype=wp.vec3d),
     counts: wp.array(dtype=wp.int32),
     items: wp.array(dtype=wp.vec4i),
+    alpha: Alpha,
     nearest: wp.array(dtype=wp.uint64),
 ):
     """Queued items: 64 threads each, one a pixel of the block."""
@@ -166,16 +170,14 @@ def item_kernel(
             x = work[1] + dx
             y = work[2] + dy
             i = work[0]
-            offer(
-                y * width + x,
-                i,
-                o,
-                column[x] + row[y],
-                recorded(records, i),
-                depths[i],
-                points,
-                triangles,
-                weld,
-                nearest,
-            )
+            d = column[x] + row[y]
+            word = offered(i, o, d, recorded(records, i), depths[i], points, triangles, weld)
+            if wp.static(effects.alpha):
+                if word != wp.uint64(0):
+                    face = triangles[i]
+                    if not hit_counts(
+                        alpha, i, o, d, points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face)
+                    ):
+                        word = wp.uint64(0)
+            keep(y * width + x, word, nearest)
         item += threads // 64

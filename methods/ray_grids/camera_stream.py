@@ -9,6 +9,9 @@ from __future__ import annotations
 
 import warp as wp
 
+from ...harness.alpha import Alpha
+from ...harness.specialise import effects
+from ..common.alpha import hit_counts
 from ..common.reserve import reserve
 from ..common.screen import camera_space, out_of_view, pixel_box
 from ..common.triangle import (
@@ -87,8 +90,7 @@ def inverse_depth(o: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> wp.vec3
 
 
 @wp.func
-def offer(
-    pixel: wp.int32,
+def offered(
     i: wp.int32,
     o: wp.vec3f,
     d: wp.vec3f,
@@ -97,23 +99,28 @@ def offer(
     points: wp.array(dtype=wp.vec3f),
     triangles: wp.array(dtype=wp.vec3i),
     weld: wp.array(dtype=wp.int32),
-    nearest: wp.array(dtype=wp.uint64),
-):
-    """Test one pixel, and keep the hit if it is the nearest so far (ties go to the lower index)."""
+) -> wp.uint64:
+    """Test one pixel: the word of the hit, larger where it is nearer (ties: of lower index), or 0 where there is none."""
     low = wp.min(wp.dot(planes.n0, d), wp.min(wp.dot(planes.n1, d), wp.dot(planes.n2, d)))
     if low < -planes.bound:
-        return
+        return wp.uint64(0)
     inverse = wp.dot(m, to_float64(d))
     if not (low > planes.bound):
         face = triangles[i]
         t = hit_distance(o, d, points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face))
         if t <= wp.float64(0.0):
-            return
+            return wp.uint64(0)
         inverse = wp.float64(1.0) / t
-    if inverse > wp.float64(0.0):
-        word = (nearness_key(inverse) << wp.uint64(24)) | wp.uint64(0xFFFFFF - i)
-        if word > nearest[pixel]:
-            wp.atomic_max(nearest, pixel, word)
+    if not (inverse > wp.float64(0.0)):
+        return wp.uint64(0)
+    return (nearness_key(inverse) << wp.uint64(24)) | wp.uint64(0xFFFFFF - i)
+
+
+@wp.func
+def keep(pixel: wp.int32, word: wp.uint64, nearest: wp.array(dtype=wp.uint64)):
+    """Keep a hit if it is the nearest so far."""
+    if word > nearest[pixel]:
+        wp.atomic_max(nearest, pixel, word)
 
 
 @wp.func
@@ -173,6 +180,7 @@ def stream_kernel(
     triangles: wp.array(dtype=wp.vec3i),
     valid: wp.array(dtype=wp.uint8),
     weld: wp.array(dtype=wp.int32),
+    alpha: Alpha,
     nearest: wp.array(dtype=wp.uint64),
     counts: wp.array(dtype=wp.int32),
     records: wp.array2d(dtype=wp.vec4f),
@@ -202,7 +210,12 @@ def stream_kernel(
     if (box[2] - box[0] + 1) * (box[3] - box[1] + 1) <= INLINE_PIXELS:
         for y in range(box[1], box[3] + 1):
             for x in range(box[0], box[2] + 1):
-                offer(y * width + x, i, o, column[x] + row[y], planes, m, points, triangles, weld, nearest)
+                d = column[x] + row[y]
+                word = offered(i, o, d, planes, m, points, triangles, weld)
+                if wp.static(effects.alpha):
+                    if word != wp.uint64(0) and not hit_counts(alpha, i, o, d, a, b, c, weld_of(weld, face)):
+                        word = wp.uint64(0)
+                keep(y * width + x, word, nearest)
         return
     bx0 = box[0] // BLOCK
     by0 = box[1] // BLOCK
@@ -217,18 +230,14 @@ def stream_kernel(
                         for x in range(
                             wp.max(box[0], bx * BLOCK), wp.min(box[2], bx * BLOCK + BLOCK - 1) + 1
                         ):
-                            offer(
-                                y * width + x,
-                                i,
-                                o,
-                                column[x] + row[y],
-                                planes,
-                                m,
-                                points,
-                                triangles,
-                                weld,
-                                nearest,
-                            )
+                            d = column[x] + row[y]
+                            word = offered(i, o, d, planes, m, points, triangles, weld)
+                            if wp.static(effects.alpha):
+                                if word != wp.uint64(0) and not hit_counts(
+                                    alpha, i, o, d, a, b, c, weld_of(weld, face)
+                                ):
+                                    word = wp.uint64(0)
+                            keep(y * width + x, word, nearest)
         return
     records[i, 0] = wp.vec4f(planes.n0[0], planes.n0[1], planes.n0[2], planes.bound)
     records[i, 1] = wp.vec4f(planes.n1[0], planes.n1[1], planes.n1[2], 0.0)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import warp as wp
 
+from ...harness.alpha import Alpha
+from ...harness.specialise import effects
+from ..common.alpha import shadow_counts
 from ..common.reserve import reserve
 from ..common.triangle import largest, occludes, total, weld_of
 from .light_bins import CELLS, Cube, cell_index, on_face
@@ -140,6 +143,7 @@ def item_kernel(
     items: wp.array(dtype=wp.vec4i),
     rays: wp.array(dtype=wp.vec4f),
     pixels: wp.array(dtype=wp.int32),
+    alpha: Alpha,
     visibility: wp.array2d(dtype=wp.uint8),
     doubts: wp.array(dtype=wp.vec2i),
 ):
@@ -158,7 +162,11 @@ def item_kernel(
             occluder.e2 = records[i, 2]
             occluder.plane = records[i, 3]
             occluder.bound = records[i, 4][0]
-            shade(i, at, index, occluder, rays, pixels, visibility, counts, doubts)
+            sure = occluder.bound
+            if wp.static(effects.alpha):
+                if alpha.masked[i] != wp.uint8(0):
+                    sure = wp.INF
+            shade(i, at, index, occluder, sure, rays, pixels, visibility, counts, doubts)
         item += threads // 32
 
 
@@ -174,6 +182,7 @@ def doubt_kernel(
     hit: wp.array(dtype=wp.vec3d),
     counts: wp.array(dtype=wp.int32),
     doubts: wp.array(dtype=wp.vec2i),
+    alpha: Alpha,
     visibility: wp.array2d(dtype=wp.uint8),
 ):
     """Pairs that float32 could not decide."""
@@ -185,8 +194,15 @@ def doubt_kernel(
         k += threads
         if visibility[index, pair[1]] == wp.uint8(0):
             face = triangles[pair[0]]
-            if occludes(
+            shadowed = occludes(
                 hit[pair[1]], lights[index], points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face),
                 origin_size,
-            ):  # fmt: skip
+            )  # fmt: skip
+            if wp.static(effects.alpha):
+                if shadowed:
+                    shadowed = shadow_counts(
+                        alpha, pair[0], hit[pair[1]], lights[index], points[face[0]], points[face[1]],
+                        points[face[2]], weld_of(weld, face), origin_size,
+                    )  # fmt: skip
+            if shadowed:
                 visibility[index, pair[1]] = wp.uint8(1)

@@ -12,6 +12,8 @@ import functools
 
 import warp as wp
 
+from ...harness.alpha import Alpha
+from ...harness.specialise import effects
 from ..common.reserve import reserve
 from ..common.triangle import U32, largest, total
 from .light_bins import CELLS, EMPTY, FACES, Cube, cell_index, on_face
@@ -89,6 +91,7 @@ def shade(
     at: wp.int32,
     index: wp.int32,
     occluder: Occluder,
+    sure: wp.float32,
     rays: wp.array(dtype=wp.vec4f),
     pixels: wp.array(dtype=wp.int32),
     visibility: wp.array2d(dtype=wp.uint8),
@@ -96,6 +99,8 @@ def shade(
     doubts: wp.array(dtype=wp.vec2i),
 ):
     """Test the ray at place ``at`` against the triangle: set its bit, or leave the pair to float64.
+
+    A hit beyond ``sure`` is one: the occluder's bound, or infinite where the triangle has holes.
 
     Few pairs are doubtful, but nearly every warp meets one; deciding them on the spot would hold up all its lanes.
     """
@@ -107,7 +112,7 @@ def shade(
     if side > occluder.bound or wp.cast(h[3], wp.int32) == i:
         return
     pixel = pixels[at]
-    if low > occluder.bound and side < -occluder.bound:
+    if low > sure and side < -sure:
         visibility[index, pixel] = wp.uint8(1)
     elif visibility[index, pixel] == wp.uint8(0):
         place = reserve(counts, DOUBTS, 1)
@@ -143,6 +148,7 @@ def shade_row(
     cells: wp.int32,
     index: wp.int32,
     occluder: Occluder,
+    sure: wp.float32,
     offset: wp.array(dtype=wp.int32),
     rays: wp.array(dtype=wp.vec4f),
     pixels: wp.array(dtype=wp.int32),
@@ -156,7 +162,7 @@ def shade_row(
         stop = wp.min(last, x // CELLS * CELLS + CELLS - 1)
         span = span_of(offset, face, x, stop, y, cells)
         for at in range(span[0], span[1]):
-            shade(i, at, index, occluder, rays, pixels, visibility, counts, doubts)
+            shade(i, at, index, occluder, sure, rays, pixels, visibility, counts, doubts)
         x = stop + 1
 
 
@@ -181,6 +187,7 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
         offset: wp.array(dtype=wp.int32),
         rays: wp.array(dtype=wp.vec4f),
         pixels: wp.array(dtype=wp.int32),
+        alpha: Alpha,
         visibility: wp.array2d(dtype=wp.uint8),
         counts: wp.array(dtype=wp.int32),
         records: wp.array2d(dtype=wp.vec4f),
@@ -230,18 +237,26 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
                     if number > 0:
                         if number <= inline_rays:
                             occluder = occluder_of(lights[index], a, b, c, cube.size)
+                            sure = occluder.bound
+                            if wp.static(effects.alpha):
+                                if alpha.masked[i] != wp.uint8(0):
+                                    sure = wp.INF
                             for y in range(box[1], box[3] + 1):
                                 shade_row(
-                                    i, face, box[0], box[2], y, cells, index, occluder, offset, rays, pixels,
+                                    i, face, box[0], box[2], y, cells, index, occluder, sure, offset, rays, pixels,
                                     visibility, counts, doubts,
                                 )  # fmt: skip
                         elif wp.static(not queued):
                             occluder = occluder_of(lights[index], a, b, c, cube.size)
+                            sure = occluder.bound
+                            if wp.static(effects.alpha):
+                                if alpha.masked[i] != wp.uint8(0):
+                                    sure = wp.INF
                             for y in range(box[1], box[3] + 1):
                                 ends = row_cells(flat, lights[index], cube, face, a, b, c, r, y, y, cells)
                                 shade_row(
                                     i, face, wp.max(box[0], ends[0]), wp.min(box[2], ends[1]), y, cells, index,
-                                    occluder, offset, rays, pixels, visibility, counts, doubts,
+                                    occluder, sure, offset, rays, pixels, visibility, counts, doubts,
                                 )  # fmt: skip
                         else:
                             if not recorded:

@@ -52,14 +52,14 @@ class Queues:
 class CameraStream:
     """Primary rays. nearest uint64 [pixels]; hit vec3d [pixels]: float64 hit points."""
 
-    def __init__(self, frame: Frame, queues: Queues):
-        self.frame, self.queues = frame, queues
+    def __init__(self, frame: Frame, queues: Queues, effects: Effects):
+        self.frame, self.queues, self.effects = frame, queues, effects
         with wp.ScopedDevice(frame.device):
             self.nearest = wp.zeros(frame.pixels, dtype=wp.uint64)
             self.hit = wp.zeros(frame.pixels, dtype=wp.vec3d)
 
     def passes(self) -> list[Pass]:
-        scene = ("points", "triangles", "camera")
+        scene = ("points", "triangles", "camera", *self.effects.surface_reads())
         words = ("nearest words",)
         passes = [Pass("camera: stream triangles", "trace", scene, words, self.launch_stream)]
         if self.queues.queued:
@@ -77,11 +77,11 @@ class CameraStream:
         self.nearest.zero_()
         q.counts.zero_()
         wp.launch(
-            camera_stream.stream_kernel,
+            specialised(camera_stream.stream_kernel, self.effects.switches()),
             dim=max(1, f.triangle_count),
             inputs=[
                 f.triangle_count, f.width, f.height, 0 if q.queued else 2**30, f.eye, f.axes, f.tangents, f.column,
-                f.row, f.points, f.triangles, f.valid, f.weld,
+                f.row, f.points, f.triangles, f.valid, f.weld, f.alpha,
             ],
             outputs=[self.nearest, q.counts, q.records, q.depths, q.strips, q.items],
             device=f.device,
@@ -115,11 +115,11 @@ class CameraStream:
     def launch_items(self) -> None:
         f, q = self.frame, self.queues
         wp.launch(
-            camera_queue.item_kernel,
+            specialised(camera_queue.item_kernel, self.effects.switches()),
             dim=q.threads,
             inputs=[
                 q.threads, f.width, f.eye, f.column, f.row, f.points, f.triangles, f.weld, q.records, q.depths,
-                q.counts, q.items,
+                q.counts, q.items, f.alpha,
             ],
             outputs=[self.nearest],
             device=f.device,
@@ -187,7 +187,7 @@ class LightStream:
         light, effect = f"light/{i}", f"shadows/{i}"
         seen = ("points", "hits", light, *self.effects.mask_reads(i))
         place, rays, bits = f"ray places/{i}", f"ray cells/{i}", f"visibility/{i}"
-        scene = ("points", "triangles", "hits", light, rays)
+        scene = ("points", "triangles", "hits", light, rays, *self.effects.surface_reads())
         build = "light build"
         passes = [
             Pass(f"light {i}: map rays", build, seen, (place,), self.launch_map, effect),
@@ -283,11 +283,11 @@ class LightStream:
         f, b, q = self.frame, self.bins, self.queues
         q.counts.zero_()
         wp.launch(
-            light_stream.make_stream_kernel(q.queued),
+            specialised(light_stream.make_stream_kernel(q.queued), self.effects.switches(self.index)),
             dim=max(1, f.triangle_count),
             inputs=[
                 f.triangle_count, self.index, b.cells, self.build.inline_cells, self.build.inline_rays, f.lights,
-                b.cube, b.table, f.points, f.triangles, f.valid, b.offset, b.rays, b.pixels,
+                b.cube, b.table, f.points, f.triangles, f.valid, b.offset, b.rays, b.pixels, f.alpha,
             ],
             outputs=[f.answers.visibility, q.counts, q.records, q.strips, q.blocks, q.doubts],
             device=f.device,
@@ -323,9 +323,9 @@ class LightStream:
     def launch_items(self) -> None:
         f, b, q = self.frame, self.bins, self.queues
         wp.launch(
-            light_queue.item_kernel,
+            specialised(light_queue.item_kernel, self.effects.switches(self.index)),
             dim=q.threads,
-            inputs=[q.threads, self.index, q.records, q.counts, q.items, b.rays, b.pixels],
+            inputs=[q.threads, self.index, q.records, q.counts, q.items, b.rays, b.pixels, f.alpha],
             outputs=[f.answers.visibility, q.doubts],
             device=f.device,
             block_dim=BLOCK_DIM,
@@ -334,11 +334,11 @@ class LightStream:
     def launch_doubts(self) -> None:
         f, q = self.frame, self.queues
         wp.launch(
-            light_queue.doubt_kernel,
+            specialised(light_queue.doubt_kernel, self.effects.switches(self.index)),
             dim=q.threads,
             inputs=[
                 q.threads, self.index, f.lights, f.eye, f.points, f.triangles, f.weld, self.hit, q.counts,
-                q.doubts,
+                q.doubts, f.alpha,
             ],
             outputs=[f.answers.visibility],
             device=f.device,

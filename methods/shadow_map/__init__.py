@@ -39,7 +39,7 @@ class ShadowMap(BaseMethod):
 
     name: ClassVar[str] = "shadow_map"
     title: ClassVar[str] = "Shadow map (rasterised)"
-    simulates = frozenset({"shadows", "receivers", "directional"})
+    simulates = frozenset({"shadows", "receivers", "directional", "alpha"})
     cannot: ClassVar[dict[str, str]] = {
         "mirror": "it draws triangles from one point: mirrored rays share no origin"
     }
@@ -71,7 +71,7 @@ class ShadowMap(BaseMethod):
         wanted = [i for i, wanted in enumerate(effects.shadows) if wanted]
         self._effects = effects
         self._allocate(frame, len(effects.shadows), wanted)
-        camera = CameraStream(frame, Queues(frame, self._queued, self._capacity, self._needs))
+        camera = CameraStream(frame, Queues(frame, self._queued, self._capacity, self._needs), effects)
         self._hit = camera.hit
         passes = camera.passes()
         if wanted:
@@ -101,7 +101,7 @@ class ShadowMap(BaseMethod):
 
     def _light_passes(self, i: int) -> list[Pass]:
         light, effect, depth = f"light/{i}", f"shadows/{i}", f"depth map/{i}"
-        scene = ("points", "triangles", light, "box")
+        scene = ("points", "triangles", light, "box", *self._effects.surface_reads())
         return [
             Pass(f"light {i}: clear map", "light build", ("box", light), (depth,), lambda: self._clear(i), effect),
             Pass(f"light {i}: draw map", "light build", (*scene, depth), (depth,), lambda: self._draw(i), effect),
@@ -167,11 +167,11 @@ class ShadowMap(BaseMethod):
         frame = self._frame
         self._counts.zero_()
         wp.launch(
-            raster_kernel,
+            specialised(raster_kernel, self._effects.switches(light)),
             dim=frame.triangle_count * self._faces,
             inputs=[
                 frame.triangle_count, self.build.size, self._faces, self._queued, self._maps[light], frame.points,
-                frame.triangles, frame.valid,
+                frame.triangles, frame.valid, frame.alpha,
             ],
             outputs=[self._texels[light], self._counts, self._strips],
             device=frame.device,
@@ -179,11 +179,11 @@ class ShadowMap(BaseMethod):
         if self._queued:
             threads = 132 * 2048
             wp.launch(
-                strip_kernel,
+                specialised(strip_kernel, self._effects.switches(light)),
                 dim=threads,
                 inputs=[
                     threads, self.build.size, self._maps[light], frame.points, frame.triangles, self._counts,
-                    self._strips, COUNTERS + PER_LIGHT * light,
+                    self._strips, frame.alpha, COUNTERS + PER_LIGHT * light,
                 ],
                 outputs=[self._texels[light], self._needs],
                 device=frame.device,

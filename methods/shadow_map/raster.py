@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import warp as wp
 
+from ...harness.alpha import Alpha, texels_near
+from ...harness.specialise import effects
 from ..common.reserve import reserve
 from ..common.triangle import U32, largest
 from .projection import LightMap, map_point
@@ -111,19 +113,31 @@ def centre(texel: wp.int32, size: wp.int32) -> wp.float32:
 
 
 @wp.func
-def draw(found: Cover, at: wp.int32, sx: wp.float32, sy: wp.float32, texels: wp.array(dtype=wp.int32)):
-    """Take a texel if its centre lies in the triangle; its depth is that of the plane there."""
+def edges_at(found: Cover, sx: wp.float32, sy: wp.float32) -> wp.vec3f:
+    """The edge functions at a place of the map: weights of the corners, but for their sum."""
     d = wp.vec3f(1.0, sx, sy)
-    e0 = wp.dot(found.n0, d)
-    e1 = wp.dot(found.n1, d)
-    e2 = wp.dot(found.n2, d)
-    if wp.min(e0, wp.min(e1, e2)) < -found.bound:
+    return wp.vec3f(wp.dot(found.n0, d), wp.dot(found.n1, d), wp.dot(found.n2, d))
+
+
+@wp.func
+def opaque_there(alpha: Alpha, i: wp.int32, e: wp.vec3f) -> wp.bool:
+    """Whether triangle i is opaque where its edge functions are e: one look at the bitmap, as engines do it."""
+    if alpha.masked[i] == wp.uint8(0):
+        return True
+    sum = wp.float64(e[0] + e[1] + e[2])
+    return (texels_near(alpha, i, wp.float64(e[1]) / sum, wp.float64(e[2]) / sum, wp.float64(0.0)) & 1) != 0
+
+
+@wp.func
+def draw(found: Cover, at: wp.int32, e: wp.vec3f, texels: wp.array(dtype=wp.int32)):
+    """Take a texel if its centre lies in the triangle; its depth is that of the plane there."""
+    if wp.min(e[0], wp.min(e[1], e[2])) < -found.bound:
         return
-    sum = e0 + e1 + e2
+    sum = e[0] + e[1] + e[2]
     if not sum > 0.0:
         return
     t = found.depth
-    depth = (e0 * t[0] + e1 * t[1] + e2 * t[2]) / sum
+    depth = (e[0] * t[0] + e[1] * t[1] + e[2] * t[2]) / sum
     depth = wp.clamp(depth, wp.min(t[0], wp.min(t[1], t[2])), wp.max(t[0], wp.max(t[1], t[2])))
     word = wp.cast(wp.clamp(depth, 0.0, 1.0), wp.int32)
     if word < texels[at]:
@@ -162,6 +176,7 @@ def raster_kernel(
     points: wp.array(dtype=wp.vec3f),
     triangles: wp.array(dtype=wp.vec3i),
     valid: wp.array(dtype=wp.uint8),
+    alpha: Alpha,
     texels: wp.array(dtype=wp.int32),
     counts: wp.array(dtype=wp.int32),
     strips: wp.array(dtype=wp.vec4i),
@@ -192,7 +207,12 @@ def raster_kernel(
         if found.x1 - found.x0 > 4:
             ends = row_span(found, size, sy)
         for x in range(ends[0], ends[1] + 1):
-            draw(found, (face * size + y) * size + x, centre(x, size), sy, texels)
+            e = edges_at(found, centre(x, size), sy)
+            drawn = wp.bool(True)
+            if wp.static(effects.alpha):
+                drawn = opaque_there(alpha, i, e)
+            if drawn:
+                draw(found, (face * size + y) * size + x, e, texels)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -204,6 +224,7 @@ def strip_kernel(
     triangles: wp.array(dtype=wp.vec3i),
     counts: wp.array(dtype=wp.int32),
     strips: wp.array(dtype=wp.vec4i),
+    alpha: Alpha,
     slot: wp.int32,
     texels: wp.array(dtype=wp.int32),
     needs: wp.array(dtype=wp.int64),
@@ -229,6 +250,11 @@ def strip_kernel(
             ends = row_span(found, size, sy)
             x = ends[0] + dx
             while x <= ends[1]:
-                draw(found, (face * size + y) * size + x, centre(x, size), sy, texels)
+                e = edges_at(found, centre(x, size), sy)
+                drawn = wp.bool(True)
+                if wp.static(effects.alpha):
+                    drawn = opaque_there(alpha, strip[0], e)
+                if drawn:
+                    draw(found, (face * size + y) * size + x, e, texels)
                 x += 32
             y += 2
