@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass, field
 from fractions import Fraction
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,6 +88,7 @@ class Prepared:
     """
 
     alpha: AlphaMask | None
+    _mirror: tuple[object, NDArray[np.uint8]] | None = None
 
     def __init__(self, scene: Scene):
         self.scene = scene
@@ -118,18 +118,24 @@ class Prepared:
     def vertex_count(self) -> int:
         return len(self.weld)
 
-    @cached_property
+    @property
     def mirror(self) -> NDArray[np.uint8]:
         """1 for each triangle that is a mirror, uint8 [triangle_count]. Raises :class:`UserError` for another shape."""
         made = self.scene.mirror
-        if made is None:
-            return np.zeros(self.triangle_count, dtype=np.uint8)
-        mirror = np.ascontiguousarray(made(self.geometry), dtype=np.uint8)
-        if mirror.shape != (self.triangle_count,):
+        # Kept for this scene's mirrors alone: a copy of this may be given another scene of the same geometry.
+        if self._mirror is None or self._mirror[0] is not made:
+            flags = np.zeros(self.triangle_count) if made is None else made(self.geometry)
+            self.mirror = np.ascontiguousarray(flags, dtype=np.uint8)
+        assert self._mirror is not None
+        return self._mirror[1]
+
+    @mirror.setter
+    def mirror(self, flags: NDArray[np.uint8]) -> None:
+        if flags.shape != (self.triangle_count,):
             raise UserError(
-                f"{self.scene.name}: mirrors of shape {mirror.shape}, but there are {self.triangle_count} triangles"
+                f"{self.scene.name}: mirrors of shape {flags.shape}, but there are {self.triangle_count} triangles"
             )
-        return mirror
+        self._mirror = (self.scene.mirror, flags)
 
     def points(self, frame: int) -> tuple[F32, NDArray[np.uint8]]:
         """Float32 positions and validity flags of a frame (the last frame asked for is kept)."""

@@ -95,6 +95,16 @@ WITHOUT = {
     ),
     "receivers by facing": ({"facing": True}, {}, {"receivers"}),
     "receivers of a spot": ({"lights": (SPOT, BEHIND)}, {}, {"receivers"}),
+    "mirrors": (
+        {
+            "mirror": lambda geometry: np.ones(len(geometry.faces), dtype=np.uint8),
+            "bounces": 2,
+            "facing": True,
+        },
+        {"facing": True},
+        {"mirror"},
+    ),
+    "colour": ({"outputs": ("ids", "shadows", "color")}, {"outputs": ("ids", "shadows")}, {"color"}),
     "a directional light": ({"lights": (replace(POINT, directional=True), BEHIND)}, {}, set()),
 }
 

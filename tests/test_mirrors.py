@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 
 import brute_force
@@ -381,6 +382,31 @@ def test_every_method_takes_part_or_says_why_not():
         else:
             assert reason.startswith("mirror: ")
             assert "not supported" not in reason
+
+
+@pytest.mark.parametrize(("name", "settings"), EXACT)
+def test_tests_of_mirrored_rays_are_counted(name, settings):
+    counts = []
+    for bounces in (0, 1, 3):
+        prepared = hall_of_mirrors(bounces)
+        session = Session(make_method(name, settings), prepared, SIZE, SIZE, "cpu")
+        before = session.answers(prepared.moment(0, SIZE, SIZE))
+        counts.append(session.method.counters())
+        for key, value in session.frame.answers.to_host().items():
+            np.testing.assert_array_equal(value, before[key], key)
+    assert "mirror tests" not in counts[0]
+    assert 0 < counts[1]["mirror tests"] < counts[2]["mirror tests"]
+    assert 0 < counts[1]["mirror shadow tests"] < counts[2]["mirror shadow tests"]
+    assert counts[0]["primary tests"] == counts[2]["primary tests"]
+
+
+def test_a_copy_under_another_scene_has_that_scene_s_mirrors():
+    prepared = plane_and_ball()
+    assert prepared.mirror.sum() == 2
+    other = copy.copy(prepared)
+    other.scene = dataclasses.replace(prepared.scene, mirror=None)
+    assert other.mirror.sum() == 0
+    assert prepared.mirror.sum() == 2
 
 
 @pytest.mark.parametrize("broken", [False, True])

@@ -18,6 +18,7 @@ from ...harness.passes import Pass
 from ...harness.scene import Effects
 from ...harness.specialise import effects, specialised
 from ..common.alpha import hit_counts, shadow_counts
+from ..common.bounces import bounced_tests
 from ..common.bounds import PADDED_UNITS, launch_boxes
 from ..common.pixels import pixel_of, thread_count
 from ..common.triangle import (
@@ -203,6 +204,15 @@ class ExactBvh:
         for light in self.lights:
             self._shadow(light, shadow)
         return primary.numpy(), shadow.numpy()
+
+    def counters(self) -> dict[str, int]:
+        """Triangle tests of a frame."""
+        primary, shadow = self.tests_per_pixel()
+        return {
+            "primary tests": int(primary.sum(dtype=np.int64)),
+            "shadow tests": int(shadow.sum(dtype=np.int64)),
+            **bounced_tests(self.frame, self.effects, self._primary, self._shadow),
+        }
 
     def passes(self, effects: Effects) -> list[Pass]:
         self.effects = effects

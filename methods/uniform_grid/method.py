@@ -20,6 +20,7 @@ from ...harness.mirrors import traced_bounces
 from ...harness.passes import Pass
 from ...harness.scene import Effects, Limits
 from ...harness.specialise import specialised
+from ..common.bounces import bounced_tests
 from ..common.bounds import launch_bounds
 from ..common.misses import miss_passes
 from ..common.pairs import PairList, grown
@@ -167,6 +168,7 @@ class UniformGrid(BaseMethod):
         if self._need is None:
             return {}
         primary, shadow = self.tests_per_pixel()
+        mirrored = bounced_tests(self._frame, self._effects, self._primary, self._shadow)
         lengths = self._pairs.end.numpy() - self._pairs.begin.numpy()
         return {
             "cells": int(np.prod(self._grid.numpy()["res"][0].astype(np.int64))),
@@ -176,6 +178,7 @@ class UniformGrid(BaseMethod):
             "large triangles": int(self._queue_size.numpy()[0]),
             "primary tests": int(primary.sum(dtype=np.int64)),
             "shadow tests": int(shadow.sum(dtype=np.int64)),
+            **mirrored,
         }
 
     def built(self) -> dict[str, Any]:
