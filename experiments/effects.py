@@ -10,6 +10,7 @@ from ._paper import METHOD
 
 METHODS = (
     Entry(METHOD, {}, "perspective + spherical"),
+    Entry(METHOD, {"clamp": "scene"}, "the same, clamped to the scene"),
     Entry("ray_grids"),
     Entry("uniform_grid"),
     Entry("bvh"),
@@ -29,6 +30,7 @@ EFFECTS = (
     Lighting("directional", directional=True),
     Lighting("alpha", alpha=4),
     Lighting("mirror", bounces=1),
+    Lighting("shaded", color=True),
     Lighting("spot, facing, two", count=2, spot=SPOT, facing=True),
 )
 """Each effect alone against one point light with shadows, then together."""

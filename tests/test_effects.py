@@ -29,9 +29,12 @@ BEHIND = Light((0.5, -0.2, -4.0))
 SPOT = replace(POINT, spot=Spot((-1.5, -3.0, -1.0), 12.0))
 LAMPS = {
     "bvh rebuilt in place": ("bvh", {"update": "bvh_rebuild"}),
+    "grids clamped to the scene": ("perspective_spherical", {"clamp": "scene"}),
     **{name: (name, {}) for name in method_names()},
 }
-EXACT = ["uniform_grid", "bvh rebuilt in place", "perspective_spherical", "ray_grids"]
+EXACT = [
+    "uniform_grid", "bvh rebuilt in place", "perspective_spherical", "ray_grids", "grids clamped to the scene",
+]  # fmt: skip
 
 
 def scene(lights=(POINT, BEHIND), **changed) -> Prepared:
@@ -293,6 +296,15 @@ def test_a_moving_light_rebuilds_its_own_grid_and_nothing_else(label):
 @pytest.mark.parametrize("label", ["uniform_grid", "bvh", "bvh rebuilt in place", "embree"])
 def test_a_moving_camera_rebuilds_no_world_structure(label):
     assert not builds(stale(session_of(label, scene()).all_passes, {"camera"}))
+
+
+@pytest.mark.parametrize(
+    ("clamp", "stays"), [("scene", True), ("hits", False), ("view", False), ("none", False)]
+)
+def test_a_light_grid_stays_with_a_moving_camera_only_where_it_knows_no_view(clamp, stays):
+    session = Session(make_method("perspective_spherical", {"clamp": clamp}), scene(), *SIZE, "cpu")
+    built = builds(stale(session.all_passes, {"camera"}))
+    assert (not [work for work in built if work.part == "light build"]) == stays
 
 
 def make(name, reads, writes, part="trace"):

@@ -8,6 +8,7 @@ from ...harness.frame import Frame
 from ...harness.passes import Pass
 from ...harness.scene import Effects
 from ...harness.specialise import specialised
+from ..common.bounds import launch_bounds
 from . import light_frame as rays
 from .binning import BIN_BLOCK, MOST_COUNTED, TileBins
 from .camera import CameraGrid
@@ -15,7 +16,7 @@ from .chunks import Chunks
 from .items import Items, count_chunks_kernel
 from .light_bounds import make_bound_kernel
 from .light_grid import LightTiles, bin_kernel
-from .light_tiles import clamp_kernel, edges_kernel
+from .light_tiles import clamp_kernel, edges_kernel, scene_kernel
 from .parameters import CLAMPS, LIGHT_MAPS, TRIANGLE_TESTS, Build, Trace
 from .ray_tests import WIDENINGS
 from .shadow import make_shadow_kernel
@@ -71,6 +72,7 @@ class LightGrid:
         if effects.is_directional(index):
             self.pad += PARALLEL_PAD
         self.distance_pad = FLOAT32_PAD if build.precision == "float32" else 1e-9
+        self.of_scene = build.clamp == "scene"
         n, faces = build.light_tiles, build.light_faces
         self.tile_count = build.light_tile_count
         self.bins = TileBins(
@@ -104,6 +106,10 @@ class LightGrid:
             self.box = wp.zeros(6, dtype=wp.float64)
             self.extent = wp.zeros(faces * int(rays.EXTENT), dtype=wp.float64)
             self.axes = wp.zeros(1, dtype=wp.mat33d)
+            self.eye = wp.zeros(1, dtype=wp.vec3f) if self.of_scene else frame.eye
+            self.scene_box = wp.zeros(6 if self.of_scene else 0, dtype=wp.float32)
+            self.ray_box = wp.zeros(6 if self.of_scene else 0, dtype=wp.float64)
+            self.ray_extent = wp.zeros(self.extent.shape[0] if self.of_scene else 0, dtype=wp.float64)
             self.pads = wp.zeros(2, dtype=wp.float64)
             self.columns = wp.zeros(faces * n, dtype=wp.vec4d)
             self.rows = wp.zeros(faces * n, dtype=wp.vec4d)
@@ -124,7 +130,8 @@ class LightGrid:
 
         self.tiles = LightTiles()
         self.tiles.faces, self.tiles.tiles, self.tiles.slices = faces, n, build.light_slices
-        self.tiles.spans, self.tiles.skip_empty = build.depth_lists == "spans", build.skip_empty
+        self.tiles.spans = build.depth_lists == "spans"
+        self.tiles.skip_empty = build.skip_empty and not self.of_scene
         self.tiles.extent, self.tiles.columns, self.tiles.rows = self.extent, self.columns, self.rows
         self.tiles.stretch, self.tiles.deepest = self.stretch, self.deepest
 
@@ -136,11 +143,22 @@ class LightGrid:
         rect, grid_name, ray_name = f"light rectangle/{i}", f"light grid/{i}", f"light rays/{i}"
         view = ("camera", "camera boxes") if self.build.clamp == "view" else ()
         seen = ("hits", light, *view, *self.effects.mask_reads(i))
-        occupied = (f"sorted rays/{i}",) if self.build.skip_empty else ()
+        occupied = (f"sorted rays/{i}",) if self.tiles.skip_empty else ()
         scene = ("points", "triangles", light, rect, *occupied)
+        place = rect
+        first = [Pass(f"light {i}: map rays", shadow, seen, (rect,), self.launch_map, effect)]
+        if self.of_scene:
+            # The rectangle knows nothing of the rays, so the grid stays where only the camera moves.
+            place = f"ray places/{i}"
+            around = ("points", "triangles", "reach", light)
+            first = [
+                Pass(f"light {i}: rectangle", build, around, (rect,), self.launch_rectangle, effect),
+                Pass(f"light {i}: map rays", shadow, (*seen, rect), (place,), self.launch_map_rays, effect),
+            ]
+        mapped = ("hits", rect, place)
         return [
-            Pass(f"light {i}: map rays", shadow, seen, (rect,), self.launch_map, effect),
-            Pass(f"light {i}: sort rays", shadow, ("hits", rect), (f"sorted rays/{i}",), self.launch_sort_rays, effect),
+            *first,
+            Pass(f"light {i}: sort rays", shadow, mapped, (f"sorted rays/{i}",), self.launch_sort_rays, effect),
             Pass(f"light {i}: chunks", shadow, (f"sorted rays/{i}",), (ray_name,), self.launch_chunks, effect),
             Pass(f"light {i}: bound triangles", build, scene, (f"light boxes/{i}",), self.launch_bound, effect),
             Pass(
@@ -155,11 +173,46 @@ class LightGrid:
             ),
         ]  # fmt: skip
 
+    def launch_rectangle(self) -> None:
+        """The light's axes, the rectangles around the scene and the edges of their tiles, without any ray."""
+        f, b = self.frame, self.build
+        launch_bounds(f, self.scene_box)
+        self._launch(
+            scene_kernel,
+            b.light_faces,
+            [self.index, self.map, b.aimed, f.posts, f.spots, self.scene_box, f.reach],
+            [self.box, self.eye, self.extent],
+        )
+        self._aim()
+        self._edges()
+
+    def launch_map_rays(self) -> None:
+        """Receivers and the place of every ray, in rectangles that are there."""
+        self._launch(rays.reset_kernel, self.ray_extent.shape[0], [], [self.ray_box, self.ray_extent])
+        self._box(self.ray_box)
+        self._map(self.ray_extent)
+
     def launch_map(self) -> None:
         """Receivers, the light's axes, the place of every ray, the rectangles and the edges of their tiles."""
         f, b = self.frame, self.build
-        spots = f.spots
         self._launch(rays.reset_kernel, self.extent.shape[0], [], [self.box, self.extent])
+        self._box(self.box)
+        self._aim()
+        self._map(self.extent)
+        if b.clamp != "hits":
+            self._launch(
+                clamp_kernel,
+                b.light_faces,
+                [
+                    self.index, self.map, b.light_faces, CLAMPS.index(b.clamp), b.aimed, 6, f.posts, f.spots,
+                    self.axes, f.eye, f.axes, f.tangents, self.camera.depth_range,
+                ],
+                [self.extent],
+            )  # fmt: skip
+        self._edges()
+
+    def _box(self, box: wp.array) -> None:
+        f = self.frame
         wp.launch(
             specialised(rays.box_kernel, self.effects.switches(self.index)),
             dim=self.reduce_threads,
@@ -171,17 +224,23 @@ class LightGrid:
                 self.camera.hit,
                 f.receivers,
             ],
-            outputs=[self.receiver, self.box],
+            outputs=[self.receiver, box],
             block_dim=REDUCE_BLOCK,
             device=f.device,
         )
+
+    def _aim(self) -> None:
+        f, b = self.frame, self.build
         centred = b.precision == "float32-centred"
         self._launch(
             rays.aim_kernel,
             1,
-            [self.index, b.aimed, f.posts, spots, self.box, centred, self.pad],
+            [self.index, b.aimed, f.posts, f.spots, self.box, centred, self.pad],
             [self.axes, self.pads],
         )
+
+    def _map(self, extent: wp.array) -> None:
+        f, b = self.frame, self.build
         wp.launch(
             rays.map_kernel,
             dim=self.reduce_threads,
@@ -189,20 +248,13 @@ class LightGrid:
                 f.pixels, self.reduce_threads, self.index, self.map, b.precision != "float64", f.posts, self.axes,
                 self.receiver, self.camera.hit, self.box, self.pads,
             ],
-            outputs=[self.place, self.extent],
+            outputs=[self.place, extent],
             block_dim=REDUCE_BLOCK,
             device=f.device,
         )  # fmt: skip
-        if b.clamp != "hits":
-            self._launch(
-                clamp_kernel,
-                b.light_faces,
-                [
-                    self.index, self.map, b.light_faces, CLAMPS.index(b.clamp), b.aimed, 6, f.posts, spots,
-                    self.axes, f.eye, f.axes, f.tangents, self.camera.depth_range,
-                ],
-                [self.extent],
-            )  # fmt: skip
+
+    def _edges(self) -> None:
+        b = self.build
         self._launch(
             edges_kernel,
             b.light_faces * b.light_tiles,
@@ -250,7 +302,7 @@ class LightGrid:
             bins.items,
             [
                 f.triangle_count, self.index, b.light_faces, b.light_tiles, b.light_slices, self.widening,
-                self.pads, self.distance_pad, self.outward, self.test, b.skip_empty, self.deepest, f.eye, self.box,
+                self.pads, self.distance_pad, self.outward, self.test, self.tiles.skip_empty, self.deepest, self.eye, self.box,
                 f.lights, f.posts, self.axes, self.extent, f.points, f.triangles, f.weld, f.valid, bins.lanes,
                 bins.slot + 1,
             ],

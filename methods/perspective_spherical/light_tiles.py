@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import warp as wp
 
+from ..common.bounds import box_high, box_low
 from ..common.triangle import to_float64
 from .light_frame import EXTENT
 from .light_map import face_frame, map_bounds, whole, wraps
@@ -100,14 +101,7 @@ def clamp_kernel(
         if not (bounds[1] >= bounds[0]):
             return
     elif map == 0 and aimed and spots[index, 0] != wp.float64(0.0):
-        half = wp.min(spots[index, 10], PI)
-        rise = wp.min(spots[index, 11], HALF_PI)
-        if spots[index, 0] == wp.float64(1.0):
-            half = wp.acos(spots[index, 10])
-            rise = wp.min(half, HALF_PI)
-            if half > wp.float64(1.5):
-                half = PI
-        bounds = wp.vec4d(-half, half, -rise, rise)
+        bounds = spot_bounds(spots, index)
     offset = face * EXTENT
     # No ray in this face: its own depth planes are empty, those of all rays serve.
     if not (extent[offset + 5] >= extent[offset + 2]):
@@ -117,6 +111,74 @@ def clamp_kernel(
     extent[offset + 3] = wp.max(extent[offset + 3], bounds[1])
     extent[offset + 1] = wp.min(extent[offset + 1], bounds[2])
     extent[offset + 4] = wp.max(extent[offset + 4], bounds[3])
+
+
+@wp.kernel(enable_backward=False)
+def scene_kernel(
+    index: wp.int32,
+    map: wp.int32,
+    aimed: wp.bool,
+    lights: wp.array(dtype=wp.vec3f),
+    spots: wp.array2d(dtype=wp.float64),
+    scene: wp.array(dtype=wp.float32),
+    reach: wp.array(dtype=wp.float32),
+    box: wp.array(dtype=wp.float64),
+    eye: wp.array(dtype=wp.vec3f),
+    extent: wp.array(dtype=wp.float64),
+):
+    """Rectangles that hold the sphere around the scene, whatever the camera sees; empty where it lies in no face.
+
+    ``scene``: its box, as :mod:`..common.bounds` tells it; ``box``: the same for what takes the hit points' box;
+    ``eye``: a bound on the eye's coordinates. A light in the sphere has rays in all directions, and so have maps and
+    axes that do not look along the way to the scene; a spot has its own.
+    """
+    face = wp.tid()
+    offset = face * EXTENT
+    for axis in range(3):
+        extent[offset + axis] = wp.float64(wp.INF)
+        extent[offset + 3 + axis] = wp.float64(-wp.INF)
+        if face == 0:
+            box[axis] = wp.float64(scene[axis])
+            box[3 + axis] = -wp.float64(scene[3 + axis])
+    if face == 0:
+        eye[0] = wp.vec3f(reach[0], reach[0], reach[0])
+    low = to_float64(box_low(scene))
+    high = to_float64(box_high(scene))
+    if not (low[0] <= high[0]):
+        return
+    half = wp.float64(0.5)
+    radius = half * wp.length(high - low) * wp.float64(1.0 + 1.0e-6)
+    distance = wp.length((low + high) * half - to_float64(lights[index]))
+    bounds = whole(map)
+    if spots[index, 0] != wp.float64(0.0):
+        if map == 0 and aimed:
+            bounds = spot_bounds(spots, index)
+    elif aimed and distance > wp.float64(1.5) * radius and map != 1:
+        angle = wp.asin(radius / distance)
+        if map == 2:
+            if face > 0:
+                return
+            angle = wp.tan(angle)
+        bounds = wp.vec4d(-angle, angle, -angle, angle)
+    extent[offset] = bounds[0]
+    extent[offset + 3] = bounds[1]
+    extent[offset + 1] = bounds[2]
+    extent[offset + 4] = bounds[3]
+    extent[offset + 2] = wp.max(wp.float64(0.0), distance - radius)
+    extent[offset + 5] = distance + radius
+
+
+@wp.func
+def spot_bounds(spots: wp.array2d(dtype=wp.float64), index: wp.int32) -> wp.vec4d:
+    """The rectangle of a whole spot in its own axes."""
+    half = wp.min(spots[index, 10], PI)
+    rise = wp.min(spots[index, 11], HALF_PI)
+    if spots[index, 0] == wp.float64(1.0):
+        half = wp.acos(spots[index, 10])
+        rise = wp.min(half, HALF_PI)
+        if half > wp.float64(1.5):
+            half = PI
+    return wp.vec4d(-half, half, -rise, rise)
 
 
 @wp.func

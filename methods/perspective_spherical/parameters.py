@@ -8,7 +8,7 @@ DEPTH_LISTS = ("spans", "nearest")
 TRIANGLE_TESTS = ("exact", "edge_planes", "moller_trumbore")
 CULLING = ("off", "primary", "primary+light")
 LIGHT_MAPS = ("azimuth-elevation", "two-angle", "cube")
-CLAMPS = ("hits", "view", "none")
+CLAMPS = ("hits", "view", "none", "scene")
 PRECISIONS = ("float64", "float32", "float32-centred")
 LIGHT_BOUNDS = ("exact", "seam", "vertices")
 STAGING = ("none", "shared")
@@ -37,7 +37,9 @@ class Build:
                   "seam": of its vertices, azimuths unwrapped. "vertices": of its vertices as they are, which is
                   what the paper's wording suggests. The last two lose shadows; they are there to show how many
     clamp         rectangle of a light grid: "hits" of the hit points; "view" of the camera's frustum (Figure 5);
-                  "none": all directions, or the whole spot
+                  "none": all directions, or the whole spot; "scene": of a sphere around the scene, seen from the
+                  light. The first three depend on what the camera sees, so that the grid is rebuilt where only the
+                  camera moves; the last does not (``skip_empty`` is then off: it looks at the rays)
     skip_empty    no pair where no shadow ray lies in the tile, or none reaches the slice
     triangle_test "exact": float32 rejects only what is certain, float64 decides. "edge_planes": float32 planes
                   through the origin and each edge, in difference form and weld order. "moller_trumbore": float32,
