@@ -23,6 +23,7 @@ from shadowbench.harness.hardcases.judge import (
 )
 from shadowbench.harness.method import SimpleMethod
 from shadowbench.harness.registry import make_method
+from shadowbench.harness.session import Session
 
 DEVICES = ["cpu", *(["cuda:0"] if wp.is_cuda_available() else [])]
 
@@ -97,9 +98,12 @@ def test_exact_methods_pass_every_case(name, settings, device) -> None:
         if finding.status == "error":
             wrong[case.name] = (finding.classes, finding.reason, finding.examples[:1])
         elif finding.status == "outside":
-            assert case.name.startswith("S17"), finding.reason  # a spotlight
-            assert "spot" in finding.reason
+            mirrored = case.name.startswith("M") and "mirror" in finding.reason
+            assert mirrored or (case.name.startswith("S17") and "spot" in finding.reason), finding.reason
     assert wrong == {}
+    if name in ("uniform_grid", "bvh"):
+        outside = judge_case(judged("M01"), make_method(name, dict(settings)), device)
+        assert outside.status == "ok", outside.reason
 
 
 @pytest.mark.parametrize("device", DEVICES)
@@ -155,8 +159,38 @@ def forged(name: str, change) -> dict[str, int]:
 
 def test_the_exact_answers_pass() -> None:
     for case in CASES:
-        if not case.name.startswith("S17"):
+        if not case.name.startswith(("S17", "M")):  # mirrors: below
             assert set(forged(case.name, lambda answers: None)) & set(ERRORS) == set(), case.name
+
+
+class MirrorForger(Forger):
+    """Answers a case of mirrors with another method's answers and one change."""
+
+    simulates = frozenset({"shadows", "mirror"})
+
+    def trace_bounce(self, frame, bounce):
+        for key, array in zip(("triangle", "t", "u", "v"), frame.hits(bounce), strict=True):
+            array.assign(self.answers[f"bounce_{key}"][bounce - 1])
+
+    def trace_bounce_shadow(self, frame, light, bounce):
+        frame.bits(bounce)[light].assign(self.answers["bounce_visibility"][bounce - 1][light])
+
+
+def test_errors_in_a_mirror_are_found() -> None:
+    one = judged("M05")
+    moment = one.trial.moment
+    session = Session(make_method("uniform_grid"), one.trial.prepared, moment.width, moment.height, "cpu")
+    answers = session.answers(moment)
+    shadowed = np.nonzero(answers["bounce_visibility"][0][0])[0]
+    assert len(shadowed) > 9
+
+    def found(change):
+        return judge_case(one, MirrorForger(answers, change), "cpu").classes
+
+    assert set(found(lambda a: None)) & set(ERRORS) == set()
+    assert found(change("bounce_visibility", (0, 0, shadowed[:9]), 0))["leak"] == 9
+    assert found(change("bounce_triangle", (0, 40), 0))["true"] == 1
+    assert found(change("bounce_triangle", (0, 40), 99))["invalid"] >= 1
 
 
 def change(key: str, index, value):

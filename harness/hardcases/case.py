@@ -95,6 +95,8 @@ def view(
     closed: bool = False,
     offset: Sequence[float] | F64 = (0.0, 0.0, 0.0),
     alpha: Callable[[Geometry], AlphaMask] | None = None,
+    mirror: Callable[[Geometry], NDArray[np.uint8]] | None = None,
+    bounces: int = 0,
 ) -> Trial:
     """A trial from plain numbers.
 
@@ -131,7 +133,7 @@ def view(
     camera = Camera(vector(eye), (aim[0], aim[1], aim[2]), turned(up), math.degrees(2 * math.atan(half)))
     scene = Scene(
         "case", "Case", lambda: Geometry.static(points, faces), camera, tuple(lamp(x) for x in lights),
-        closed=closed, alpha=alpha,
+        closed=closed, alpha=alpha, mirror=mirror, bounces=bounces,
     )  # fmt: skip
     prepared = Prepared(scene)
     return Trial(prepared, prepared.moment(0, *size), stated or Counts(), same_lights, watertight)

@@ -98,10 +98,15 @@ class Judged:
         score = score_answers(
             trial.prepared, trial.moment, answers, self.everywhere, self.referee, self.effects, extra_pixels=0
         )
-        for counts in (score["primary"], *score["shadow"]):
+        parts = [score, *score.get("bounces", [])]
+        for counts in (counts for part in parts for counts in (part["primary"], *part["shadow"])):
             for name in (*EXCUSED, *ERRORS):
                 if counts.get(name):
                     classes[name] = classes.get(name, 0) + counts[name]
+        wrong = sum(part.get("rays_wrong", 0) for part in parts)
+        if wrong:
+            classes["differs"] = classes.get("differs", 0) + wrong
+            examples.append({"kind": f"{wrong} mirrored rays are not those that the hits before them make"})
         if trial.watertight:
             holes = self._holes(answers)
             if holes:

@@ -79,7 +79,8 @@ class Embree(BaseMethod):
     devices = ("cpu",)
     known_inexact = (
         "float32: rays exactly through a vertex may escape, rays in the upper faces of the scene's box miss, and "
-        "shadow rays start a rounding bound away from the surface"
+        "shadow rays start a rounding bound away from the surface; a mirrored ray that starts in another triangle's plane "
+        "may meet it at t = 0"
     )
     Build = Build
     Trace = Trace

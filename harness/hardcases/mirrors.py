@@ -1,0 +1,109 @@
+"""Mirrors: rays that start on surfaces, at edges and corners, at a slant, and shadows of what is only seen in a mirror.
+
+The rays are the harness's (:mod:`..mirrors`): what is judged is whether a method finds their closest hits, and no
+more than these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..scene import Geometry
+from .case import Counts, HardCase, Trial, ball, box, joined, plane, quad, soup, view
+
+Mirrors = Callable[[Geometry], NDArray[np.uint8]]
+
+
+def first(count: int) -> Mirrors:
+    """The first ``count`` triangles are mirrors."""
+    return lambda geometry: (np.arange(len(geometry.faces)) < count).astype(np.uint8)
+
+
+def hall(half: float, turn: int = 0, scale: float = 1.0, offset: float = 0.0) -> Trial:
+    """A closed box of mirrors seen from its middle; with ``half`` 16 rays meet its edges and corners exactly.
+
+    A light outside shines on the inner side of the wall that it stands before: of 256 rays 72 meet that one.
+    """
+    return view(
+        box(-1, 1), [(0.5, 0.25, 0.75), (0, 4, 0)], (0, 0, 0), (0, 0, -1), half, turn=turn, scale=scale,
+        offset=(offset, -offset, 2 * offset), mirror=first(12), bounces=3,
+        stated=Counts(256, (0, 184)) if half == 16.0 else Counts(256, (0, 256)),
+    )  # fmt: skip
+
+
+def at_a_slant(scale: float) -> Trial:
+    """A wide mirror hardly below the eye, and balls on it that touch their reflections."""
+    mesh = joined(
+        plane(1, 0, 64),
+        ball(0.5, (0, 0.5, -4)),
+        ball(0.25, (1.25, 0.25, -3)),
+        quad((-8, -1, -16), (8, -1, -16), (8, 3, -16), (-8, 3, -16)),
+    )
+    return view(mesh, [(2, 3, -1)], (0, 1 / 64, 0), (0, 0, -1), 0.5, scale=scale, mirror=first(2), bounces=2)
+
+
+def duplicates() -> Trial:
+    """Two mirrors in one place, one wound the other way: a ray that starts on one starts on both."""
+    square = [(-3, -3, -1), (3, -3, -1), (3, 3, -1), (-3, 3, -1)]
+    mesh = joined(quad(*square), quad(*square[::-1]), plane(2, 3, 16))
+    return view(
+        mesh, [(0, 0, 2)], (0, 0, 0), (0, 0, -1), 1.0, mirror=first(4), bounces=2, stated=Counts(256, (0,))
+    )
+
+
+def behind_the_eye() -> Trial:
+    """A square that only a mirror shows, and its shadow on a wall that only the mirror shows."""
+    mesh = joined(plane(2, -1, 4), quad((-1, -1, 2), (1, -1, 2), (1, 1, 2), (-1, 1, 2)), plane(2, 4, 16))
+    return view(
+        mesh, [(0, 0, 1)], (0, 0, 0), (0, 0, -1), 0.5, mirror=first(2), bounces=1, stated=Counts(256, (0,))
+    )
+
+
+def splinters(seed: int) -> Trial:
+    """Triangles of all sizes through each other, all mirrors: rays start next to whatever crosses them."""
+    mesh = soup(seed, 200, 0.5)
+    return view(mesh, [(2, 3, 1)], (0, 0, 3), (0, 0, -1), 0.5, mirror=first(len(mesh[1])), bounces=3)
+
+
+CASES = (
+    *(
+        HardCase(
+            f"M01{suffix}", "a hall of mirrors: rays at its edges and corners",
+            "a mirrored ray finds its own mirror again, or leaves where two mirrors meet", partial(hall, 16.0, turn),
+        )
+        for turn, suffix in enumerate(("", "y", "z"))
+    ),
+    *(
+        HardCase(
+            f"M02{suffix}", f"a hall of mirrors, {what}",
+            "a start moved by a fixed epsilon: too little far from the origin, too much in a small scene",
+            partial(hall, 1.0, 0, scale, offset),
+        )
+        for suffix, scale, offset, what in (
+            ("", 1e-4, 0.0, "small"), ("b", 1e4, 0.0, "large"), ("c", 1.0, 1e3, "far from the origin")
+        )
+    ),
+    *(
+        HardCase(
+            f"M03{suffix}", f"a mirror at a slant, scaled by {scale:g}",
+            "the start lies in the mirror's plane as float32 has it, and its ray runs along it",
+            partial(at_a_slant, scale),
+        )
+        for suffix, scale in (("", 1.0), ("b", 1e-3))
+    ),
+    HardCase(
+        "M04", "two mirrors in one place",
+        "only the mirror that was named is left out, and the ray meets the other", duplicates,
+    ),
+    HardCase(
+        "M05", "a shadow that only a mirror shows", "shadow rays start at what the eye sees, not the mirror",
+        behind_the_eye,
+    ),
+    HardCase(
+        "M06", "splinters of mirrors", "surfaces that cross where a ray starts", partial(splinters, 4)
+    ),
+)  # fmt: skip
