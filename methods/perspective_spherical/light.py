@@ -302,8 +302,8 @@ class LightGrid:
             bins.items,
             [
                 f.triangle_count, self.index, b.light_faces, b.light_tiles, b.light_slices, self.widening,
-                self.pads, self.distance_pad, self.outward, self.test, self.tiles.skip_empty, self.deepest, self.eye, self.box,
-                f.lights, f.posts, self.axes, self.extent, f.points, f.triangles, f.weld, f.valid, bins.lanes,
+                self.pads, self.distance_pad, self.outward, self.test, self.tiles.skip_empty, self.deepest, self.eye,
+                self.box, f.lights, f.posts, self.axes, self.extent, f.points, f.triangles, f.weld, f.valid, bins.lanes,
                 bins.slot + 1,
             ],
             [bins.boxes, self.spans, self.records, bins.queue, bins.needs],
