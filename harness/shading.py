@@ -210,7 +210,14 @@ def shaded(
     """Linear colours float32 [n, 3] of answers on the host (:meth:`.frame.Answers.to_host`), ``block`` pixels a time.
 
     Of lights without shadows the bits do not count. ``lights`` has the looks; places and spots are the moment's.
+    On the CPU, or, where Warp cannot compile for it, on the first GPU.
     """
+    device = "cpu" if wp.is_cpu_available() else "cuda:0"
+
+    def on_device(values: NDArray, kind: type) -> wp.array:
+        scalar = {wp.vec3f: np.float32, wp.vec3i: np.int32}.get(kind) or wp.dtype_to_numpy(kind)
+        return wp.array(np.ascontiguousarray(values, dtype=scalar), dtype=kind, device=device, copy=False)
+
     pixels = moment.width * moment.height
     bits = np.asarray(answers["visibility"]).reshape(-1, pixels)
     lamps = lamp_rows(lights, [light.shadows and i < len(bits) for i, light in enumerate(lights)])
@@ -219,24 +226,24 @@ def shaded(
     spots[:given] = moment.spots[:given]
     bounces = len(answers.get("bounce_active", ()))
     mirrored = [
-        on_host(answers[f"bounce_{name}"], kind)
+        on_device(answers[f"bounce_{name}"], kind)
         if bounces
-        else wp.zeros((0,) * axes, dtype=kind, device="cpu")
+        else wp.zeros((0,) * axes, dtype=kind, device=device)
         for name, kind, axes in BOUNCED
     ]
     inputs = [
-        moment.width, moment.height, unit_up(prepared.scene.camera.up), on_host(moment.eye.reshape(1, 3), wp.vec3f),
-        on_host(moment.column, wp.vec3f), on_host(moment.row, wp.vec3f), on_host(moment.points, wp.vec3f),
-        on_host(prepared.faces, wp.vec3i), prepared.triangle_count, on_host(reflectances(prepared), wp.vec3f),
-        on_host(moment.lights, wp.vec3f), on_host(spots, wp.float64), on_host(lamps, wp.float64),
-        on_host(answers["triangle"], wp.int32), on_host(answers["t"], wp.float32), on_host(bits, wp.uint8),
+        moment.width, moment.height, unit_up(prepared.scene.camera.up), on_device(moment.eye.reshape(1, 3), wp.vec3f),
+        on_device(moment.column, wp.vec3f), on_device(moment.row, wp.vec3f), on_device(moment.points, wp.vec3f),
+        on_device(prepared.faces, wp.vec3i), prepared.triangle_count, on_device(reflectances(prepared), wp.vec3f),
+        on_device(moment.lights, wp.vec3f), on_device(spots, wp.float64), on_device(lamps, wp.float64),
+        on_device(answers["triangle"], wp.int32), on_device(answers["t"], wp.float32), on_device(bits, wp.uint8),
         bounces, *mirrored,
     ]  # fmt: skip
     kernel = specialised(color_kernel, Switches(bounced=bounces > 0))
-    color = wp.zeros(min(block, pixels), dtype=wp.vec3f, device="cpu")
+    color = wp.zeros(min(block, pixels), dtype=wp.vec3f, device=device)
     for start in range(0, pixels, block):
         count = min(block, pixels - start)
-        wp.launch(kernel, dim=count, inputs=[start, *inputs], outputs=[color], device="cpu")
+        wp.launch(kernel, dim=count, inputs=[start, *inputs], outputs=[color], device=device)
         yield slice(start, start + count), color.numpy()[:count]
 
 
@@ -245,9 +252,3 @@ BOUNCED = (
     ("triangle", wp.int32, 2), ("t", wp.float32, 2), ("visibility", wp.uint8, 3),
 )  # fmt: skip
 """What the kernel reads of mirrored rays: name, type and axes, in its order."""
-
-
-def on_host(values: NDArray, kind: type) -> wp.array:
-    """An array for the CPU, in numpy's own memory where it can be."""
-    scalar = {wp.vec3f: np.float32, wp.vec3i: np.int32}.get(kind) or wp.dtype_to_numpy(kind)
-    return wp.array(np.ascontiguousarray(values, dtype=scalar), dtype=kind, device="cpu", copy=False)
