@@ -251,6 +251,29 @@ def test_no_hard_case_of_holes_needs_an_excuse(name, settings):
         assert (finding.status, finding.classes) == ("ok", {}), case.name
 
 
+@pytest.mark.parametrize(("name", "settings"), EXACT, ids=NAMES)
+def test_holes_move_with_their_triangles(name, settings):
+    """Frame after frame as only what moved calls for, against frames made from nothing."""
+    points, faces = ball_on_floor()
+
+    def positions(frame: int):
+        moved = points.copy()
+        moved[4:] *= (1 + 0.2 * frame, 1 - 0.2 * frame, 1.0)
+        return moved
+
+    still = make((points, faces), lambda geometry: perforated(geometry, 2, 6)).scene
+    prepared = Prepared(replace(still, geometry=lambda: Geometry(faces.astype(np.int32), positions, 3)))
+    lights = tuple(light.moved((-0.5, 2.0, 0.7)) for light in still.lights)
+    moments = [prepared.moment(k, *SIZE) for k in range(3)] + [prepared.moment(2, *SIZE, lights=lights)]
+    session = Session(make_method(name, settings), prepared, *SIZE, "cpu")
+    for moment in moments:
+        changed = session.advance(moment)
+        assert ("points" in changed) == (moment is not moments[-1])
+        assert "surfaces" not in changed or moment is moments[0]
+        fresh = Session(make_method(*EXACT[0]), prepared, *SIZE, "cpu").answers(moment)
+        assert not same(session.frame.answers.to_host(), fresh)
+
+
 def test_without_masks_nothing_is_kept_or_launched():
     plain, masked = (
         Session(make_method("uniform_grid", {}), prepared, *SIZE, "cpu")

@@ -9,9 +9,12 @@ import pytest
 import shadowbench.harness
 import shadowbench.methods
 import warp as wp
+from compiled_twins import compiled, kernels_with_effects, source_of, with_source
+from shadowbench.harness.specialise import Switches, named
 from shadowbench.methods.ray_grids import light_stream
 
 ARCH = 90
+EFFECTS = kernels_with_effects()
 
 
 def modules_with_kernels() -> list[str]:
@@ -35,3 +38,10 @@ def test_streamed_variants_compile_for_cuda(queued, tmp_path):
     kernel = light_stream.make_stream_kernel(queued)
     wp.compile_aot_module(kernel.module, arch=ARCH, module_dir=tmp_path)
     assert list(tmp_path.glob("*.cubin")) or list(tmp_path.glob("*.ptx"))
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_kernels_with_every_effect_compile_for_cuda(name, tmp_path):
+    kernel = EFFECTS[name]
+    switches = Switches(**dict.fromkeys(named(kernel), True))
+    assert compiled(with_source(kernel, source_of(kernel), switches), tmp_path / "all", "cuda").binary
