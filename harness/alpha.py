@@ -144,9 +144,9 @@ def _padded(array: NDArray) -> NDArray:
 
 
 @wp.func
-def wrapped(x: wp.float64, size: wp.int32) -> wp.int32:
-    """The texel of a coordinate that counts texels; the bitmap repeats."""
-    k = wp.int32(wp.floor(x)) % size
+def wrapped(texel: wp.float64, size: wp.int32) -> wp.int32:
+    """A texel's number in the bitmap, which repeats; ``texel`` is a whole number."""
+    k = wp.int32(texel) % size
     if k < 0:
         k += size
     return k
@@ -178,10 +178,11 @@ def texels_near(alpha: Alpha, i: wp.int32, v: wp.float64, w: wp.float64, doubt: 
     # Not a number comes out here too.
     if not (reach_x < HALF and reach_y < HALF and wp.abs(x) + wp.abs(y) < wp.float64(2.0e9)):
         return 3
-    left = wrapped(x - reach_x, columns)
-    right = wrapped(x + reach_x, columns)
-    low = wrapped(y - reach_y, rows)
-    top = wrapped(y + reach_y, rows)
+    # Texels are closed: where nothing is in doubt, a border still belongs to both its sides.
+    left = wrapped(wp.ceil(x - reach_x) - wp.float64(1.0), columns)
+    right = wrapped(wp.floor(x + reach_x), columns)
+    low = wrapped(wp.ceil(y - reach_y) - wp.float64(1.0), rows)
+    top = wrapped(wp.floor(y + reach_y), rows)
     found = wp.int32(2)
     if alpha.opaque[low, left] != wp.uint8(0):
         found = 1

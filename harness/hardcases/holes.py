@@ -43,6 +43,14 @@ def on_borders(scale: float) -> Trial:
     )  # fmt: skip
 
 
+def along_a_border() -> Trial:
+    """Coordinates that never leave the border between a transparent row and an opaque one: nothing is rounded there."""
+    mesh = square(-1, 1.5)
+    flags, opaque = np.ones(2, dtype=np.uint8), np.array([[0], [1]], dtype=np.uint8)
+    mask = AlphaMask(flags, np.zeros((2, 3, 2), dtype=np.float32), opaque)
+    return view(mesh, [], (0, 0, 0), (0, 0, -1), 1.0, alpha=lambda geometry: mask, stated=Counts(256))
+
+
 def in_duplicates() -> Trial:
     """Two squares in one place: where one has a hole the other is opaque. Light from behind, and none falls through."""
     mesh = joined(square(-1, 1.5), square(-1, 1.5), square(-3, 8))
@@ -102,5 +110,6 @@ CASES = (
         "H04", "shadow rays on the borders of texels", "the texel of a rounded coordinate lies on either side",
         partial(grate, 1 / 16, 256),
     ),
+    HardCase("H06", "coordinates along a border", "a margin of the rounding is zero here", along_a_border),
     HardCase("H05", "a light in a cage", "all of the above, seen from both sides", partial(caged_light, 6)),
 )  # fmt: skip
