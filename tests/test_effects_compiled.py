@@ -113,3 +113,10 @@ def _unknown():
 def test_an_else_branch_stays():
     tree = ast.parse("if wp.static(effects.masked):\n    a()\nelse:\n    b()\n")
     assert ast.unparse(Cut("masked").visit(tree)) == "b()"
+
+
+def test_the_number_of_kernels_and_variants_in_the_docs_is_right():
+    text = (Path(__file__).resolve().parent.parent / "docs" / "effects.md").read_text()
+    variants = sum(2 ** len(named(kernel)) - 1 for kernel in KERNELS.values())
+    assert f"{len(KERNELS)} kernels branch on an effect" in text
+    assert f"at most {variants} beyond the plain kernels" in text
