@@ -46,6 +46,7 @@ LADDER = (
     _knob("shadow origin: Wächter-Binder", origin="wachter_binder"),
     _knob("shadow origin: error bound", origin="error_bound"),
     _knob("tree: boxes not padded", padding="none"),
+    _knob("tree: boxes padded by 3 ulp", padding="3_ulp"),
     _knob("tree: fast math", fast_math="true"),
     _knob(
         "tree: all of it float32, careful", test="woop_float64", origin="error_bound", padding="rounding"

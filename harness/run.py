@@ -1,71 +1,35 @@
 """From an experiment to records: scene by scene, one worker a method, rounds interleaved, killed and resumed at will.
 
 Only one worker has the token at a time: the parent asks one and waits for its reply. (Taking over a scene that was
-made is not timed; there all of them work at once.)
+made and grading answers are not timed; there several work at once.)
 """
 
 from __future__ import annotations
 
 import hashlib
+import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from .environment import environment, keep
 from .folder import ResultsFolder
+from .job import Job, Options, Reporter
 from .lighting import Lighting
-from .plan import Entry, Experiment, Point, Preset, describe_method, make_point, orders
-from .record import Journal, digest, make_record
+from .plan import Entry, describe_method, make_point, orders
+from .record import digest, make_record
 from .remote import Remote, WorkerError, WorkerLostError
 
 GRADER = "grading"
 """The name of the worker that makes scenes and grades answers (no method may be called so)."""
 
+GRADERS = max(1, min(8, (os.cpu_count() or 1) // 2))
+"""Workers that grade at once, after everything of a scene was timed. Each holds the scene."""
+
 LOAD_S = 300.0
 """Seconds a worker may take to start and to load a scene, at least: no method's doing, whatever its time limit."""
-
-
-@dataclass(frozen=True)
-class Options:
-    """One call of ``shadowbench run``, checked."""
-
-    experiment: Experiment
-    preset_name: str
-    preset: Preset
-    device: str
-    out: Path
-    scene_dir: str | None = None
-    seed: int = 0
-    save_answers: bool = False
-    score: bool = True
-    retry: bool = False
-
-
-class Reporter(Protocol):
-    """Told what goes on. A step is one command to one worker."""
-
-    def steps(self, count: int) -> None: ...
-    def doing(self, text: str) -> None: ...
-    def done(self, count: int = 1) -> None: ...
-    def point(self, record: dict[str, Any]) -> None: ...
-
-
-@dataclass(eq=False)
-class Job:
-    """A point under way: ``scene`` as it was named, the generation of the worker that prepared it, steps to come."""
-
-    point: Point
-    scene: str
-    journal: Journal
-    steps: int
-    generation: int = 0
-    record: dict[str, Any] | None = None
-
-    @property
-    def method(self) -> str:
-        return self.point.entry.method
 
 
 Described = list[tuple[Entry, dict[str, Any]]]
@@ -152,9 +116,21 @@ class Run:
                 if job.record is None and number not in job.journal.rounds() and not self._spent(job):
                     where = {"round": number, "place": place, "of": len(order)}
                     self._attempt(job, f"round {number + 1}", self._round, where)
+        self._finish_all([job for job in jobs if job.record is None])
+
+    def _finish_all(self, jobs: list[Job]) -> None:
+        """Have the answers of jobs graded and close them. The first one alone: it makes what the others find."""
+        waiting = [job for job in jobs if not job.journal.first("finished")]
+        names = [GRADER, *(f"{GRADER}-{i}" for i in range(2, GRADERS + 1))]
+        batches = [waiting[:1], *(waiting[i : i + GRADERS] for i in range(1, len(waiting), GRADERS))]
+        for batch in batches:
+            for name, job in zip(names, batch, strict=False):
+                self._attempt(job, "checking the answers", self._ask_grades, name)
+            for name, job in zip(names, batch, strict=False):
+                if job.record is None:
+                    self._take_grades(job, name)
+                    self._close(job)
         for job in jobs:
-            if job.record is None and not job.journal.first("finished"):
-                self._attempt(job, "checking the answers", self._finish)
             if job.record is None:
                 self._close(job)
 
@@ -231,23 +207,16 @@ class Run:
         reply = self._command(self._worker(job.method), do="round", key=job.point.key, sampling=sampling)
         self._note(job, {"event": "round", **where, **reply})
 
-    def _finish(self, job: Job) -> None:
-        """Grades of the answers that the method's worker handed over when it was prepared."""
-        try:
-            graded = self._grade(job)["frames"]
-        except WorkerError as error:
-            # The times stand, whatever becomes of their grades.
-            unscored = {"score": None, "unscored": f"grading failed: {error.reason}"}
-            answered = (job.journal.first("prepared") or {}).get("frames", ())
-            graded = [{"frame": frame["frame"], **unscored} for frame in answered]
-        self._note(job, {"event": "finished", "frames": graded})
-
-    def _grade(self, job: Job) -> dict[str, Any]:
-        self._ensure_loaded(GRADER, job.scene)
+    def _ask_grades(self, job: Job, grader: str) -> None:
+        """Ask for grades of the answers that the method's worker handed over when it was prepared."""
         label = self.lighting.label
         image = self.folder.image(job.point.scene["name"] + (f"-{label}" if label else ""))
-        return self._command(
-            self._worker(GRADER),
+        try:
+            self._ensure_loaded(grader, job.scene)
+        except WorkerError as error:
+            self._ungraded(job, error)
+            return
+        self._worker(grader).send(
             do="grade",
             key=job.point.key,
             folder=str(self.options.out),
@@ -259,6 +228,23 @@ class Run:
             shows=digest([job.point.scene.get(name) for name in ("arrays_sha256", "moments_sha256")]),
             wrong_maps=self.options.preset.wrong_maps,
         )
+
+    def _take_grades(self, job: Job, grader: str) -> None:
+        if job.journal.first("finished"):
+            return
+        try:
+            graded = self._reply(self._worker(grader), self.options.preset.timeout_s)["frames"]
+        except WorkerError as error:
+            self._ungraded(job, error)
+            return
+        self._note(job, {"event": "finished", "frames": graded})
+
+    def _ungraded(self, job: Job, error: WorkerError) -> None:
+        """The times stand, whatever becomes of their grades."""
+        unscored = {"score": None, "unscored": f"grading failed: {error.reason}"}
+        answered = (job.journal.first("prepared") or {}).get("frames", ())
+        graded = [{"frame": frame["frame"], **unscored} for frame in answered]
+        self._note(job, {"event": "finished", "frames": graded})
 
     def _close(self, job: Job, status: str = "ok", reason: str = "") -> None:
         """Write the record of a job."""

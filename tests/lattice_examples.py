@@ -42,6 +42,8 @@ CHOICES: dict[str, dict[str, tuple[str, ...]]] = {
         "k": ("2", "1", "3"),
         "r": ("64", "1", "5"),
         "balancing": ("direct", "algorithm-1"),
+        "sort": ("counting", "radix"),
+        "precision": ("float64", "float32", "float32-centred"),
         "triangle_chunk": (*("0",) * 14, "1", "3"),  # the chunked kernels take ten times as long
     },
     "uniform_grid": {"density": ("4.0", "0.1", "40.0", "700.0"), "swizzle": ("true", "false")},
@@ -178,6 +180,8 @@ def decode(data: bytes) -> Example:
 
 def _settings(source: Bytes, name: str) -> dict[str, str]:
     drawn = {key: source.choice(values) for key, values in CHOICES[name].items()}
+    if drawn.get("precision") == "float32-centred" and drawn["aimed"] == "false":
+        drawn["precision"] = "float32"  # nothing is centred but an aimed frame
     return {**ALWAYS.get(name, {}), **drawn}
 
 

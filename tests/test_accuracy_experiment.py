@@ -208,6 +208,13 @@ def test_the_frontier_is_what_nothing_beats(folder):
     assert {r["label"] for r in made if r["on_frontier"]} == {"a: exact", "a: fast", "b: quick"}
 
 
+def test_a_cpu_is_on_no_frontier_of_a_gpu(folder):
+    made = rows(folder)
+    next(r for r in made if r["label"] == "b: quick")["device"] = "another"
+    mark_frontier(made)
+    assert {r["label"] for r in made if r["on_frontier"]} == {"a: exact", "a: fast", "c: as wrong as quick"}
+
+
 def test_classes_are_counted_apart(folder):
     (fast,) = [r for r in rows(folder) if r["label"] == "a: fast"]
     counts = {

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from runs import install_trouble, options, write_scene
 from shadowbench.harness import record
+from shadowbench.harness import run as run_module
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.folder import ResultsFolder
 from shadowbench.harness.plan import Entry
@@ -175,6 +176,24 @@ def test_answers_are_scored_against_truth(scene, tmp_path):
     assert (tmp_path / "answers" / f"{measured['key']}-0.npz").exists()
     assert (tmp_path / "images" / "tetra.png").stat().st_size > 1000
     assert measured["frames"][0]["memory_bytes"] > 0
+
+
+def test_several_graders_give_the_scores_of_one(scene, tmp_path, monkeypatch):
+    entries = [
+        Entry("embree", {}, "e"),
+        *(Entry("accuracy_ladder", {"test": t}, t) for t in ("exact", "woop", "float64")),
+    ]
+    found = {}
+    for graders in (1, 3):
+        monkeypatch.setattr(run_module, "GRADERS", graders)
+        out = tmp_path / str(graders)
+        found[graders] = go(options(out, [scene], entries, score=True, frames=1, wrong_maps=True))
+        assert len(list((out / "logs").glob("grading*"))) == graders
+        assert len(list((out / "maps").glob("*-wrong.png"))) == len(entries)
+        assert not list((out / "journal").iterdir())
+    for label, one in found[1].items():
+        assert one["frames"][0]["score"]["check"] == "ok", label
+        assert one["frames"][0]["score"] == found[3][label]["frames"][0]["score"], label
 
 
 def test_a_slow_point_keeps_to_its_budget_and_says_so(package, tmp_path):

@@ -114,6 +114,16 @@ def found(made: Sequence[Row], equal: Sequence[dict[str, Any]], cost: Sequence[d
             f"{worst['wrong_per_frame']:,.0f} wrong answers); {len(hidden)} of {len(looks)} points with wrong answers "
             "stay below 0.001: the eye does not count."
         )
+    left = [
+        r
+        for r in known
+        if any((f.get("score") or {}).get("primary", {}).get("unjudged") for f in r["record"]["frames"])
+    ]
+    if left:
+        sentences.append(
+            f"Of {len(left)} points so many answers differ from the reference's that only a sample of them was judged; "
+            "every other one counts as wrong, in no class of its own."
+        )
     missing = sorted({r["flip_missing"] for r in known if r["flip_missing"]})
     sentences += [f"FLIP is not shown: {reason}." for reason in missing]
     return [sentence for sentence in sentences if sentence]

@@ -96,7 +96,7 @@ def _names(axes: Any, rows: Sequence[Row], frontier: Sequence[Row], heights: dic
         if r not in frontier and r["wrong_per_frame"] == 0:
             continue
         at = (math.log10(r["total_ms"]), math.log10(_height(r, heights)))
-        if any(abs(at[1] - y) < 0.16 and -0.9 < at[0] - x < 0.9 for x, y in taken):
+        if any(abs(at[1] - y) < 0.24 and -0.9 < at[0] - x < 0.9 for x, y in taken):
             continue
         taken.append(at)
         axes.annotate(

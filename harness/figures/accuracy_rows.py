@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -57,13 +58,18 @@ def usable(made: Sequence[Row]) -> list[Row]:
 
 
 def mark_frontier(made: Sequence[Row]) -> None:
-    """Mark the points of each scene and device that no other one beats in time and in error at once."""
+    """Mark the points of each scene that no other one beats in time and in error at once.
+
+    Only points on the device that most of a scene's points ran on: a CPU's times beside a GPU's are no frontier.
+    """
     for r in made:
         r["on_frontier"] = None
-    known = usable(made)
-    for r in known:
-        same = [o for o in known if (o["scene"], o["device"]) == (r["scene"], r["device"])]
-        r["on_frontier"] = not any(_beats(o, r) for o in same)
+    for _, known in scenes(usable(made)):
+        device, _ = Counter(r["device"] for r in known).most_common(1)[0]
+        for r in known:
+            r["on_frontier"] = r["device"] == device and not any(
+                _beats(o, r) for o in known if o["device"] == device
+            )
 
 
 def _beats(one: Row, other: Row) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -16,10 +17,14 @@ from . import points, style
 from .accuracy_rows import Row, scenes
 from .sheet import title_of
 
+UNJUDGED = -1
+"""Of so many disputed pixels only a sample is judged."""
+
 PAINT: dict[str, tuple[tuple[int, ...], str]] = {
     "acne: says shadowed, is lit": ((Verdict.ACNE,), "#D55E00"),
     "leak: says lit, is shadowed": ((Verdict.LEAK,), "#0072B2"),
-    "wrong triangle or no answer": ((Verdict.TRUE, Verdict.INVALID, -1), "#CC79A7"),
+    "wrong triangle or no answer": ((Verdict.TRUE, Verdict.INVALID), "#000000"),
+    "not judged: differs from the reference": ((UNJUDGED,), "#CC79A7"),
     "excused: edge or near tie": ((Verdict.EDGE, Verdict.NEAR_TIE), "#009E73"),
 }
 LARGEST = 512
@@ -38,7 +43,7 @@ def draw(folder: Path, made: Sequence[Row], shown: Sequence[str]) -> list[Path]:
         return []
     across = max(len(kept) for _, kept in chosen)
     with matplotlib.rc_context({**style.axes_style(), "axes.grid": False}):
-        figure = Figure(figsize=(1.55 * across, 1.85 * len(chosen) + 0.4), layout="constrained", dpi=200)
+        figure = Figure(figsize=(1.55 * across, 2.0 * len(chosen) + 0.4), layout="constrained", dpi=200)
         panels = figure.subplots(len(chosen), across, squeeze=False)
         for line, (_, kept) in zip(panels, chosen, strict=True):
             for axes in line:
@@ -47,11 +52,13 @@ def draw(folder: Path, made: Sequence[Row], shown: Sequence[str]) -> list[Path]:
             window = _window(_wrong(worst))
             for axes, (r, classes) in zip(line, kept, strict=False):
                 axes.imshow(painted(folder, r, classes)[window], interpolation="nearest")
-                axes.set_title(f"{r['label']}\n{_counted(classes)}", fontsize=5)
+                axes.set_title(_caption(r["label"], classes), fontsize=5)
             line[0].text(-0.04, 0.5, title_of(kept[0][0]), transform=line[0].transAxes, rotation=90, ha="right",
                          va="center", fontsize=6.5)  # fmt: skip
         handles = [Patch(facecolor=colour, label=name) for name, (_, colour) in PAINT.items()]
-        figure.legend(handles=handles, loc="outside upper center", ncols=4, frameon=False, handlelength=1.2)
+        figure.legend(
+            handles=handles, loc="outside upper center", ncols=min(5, across), frameon=False, handlelength=1.2
+        )
         return [points.save(figure, folder / "accuracy_where.png")]
 
 
@@ -102,6 +109,12 @@ def _window(wrong: NDArray[np.bool_]) -> tuple[slice, slice]:
     inside = total[h:, w:] - total[:-h, w:] - total[h:, :-w] + total[:-h, :-w]
     y, x = np.unravel_index(int(inside.argmax()), inside.shape)
     return slice(int(y), int(y) + h), slice(int(x), int(x) + w)
+
+
+def _caption(label: str, classes: NDArray[np.int64]) -> str:
+    """Label and counts, each broken into lines that stay within a panel."""
+    lines = [line for text in (label, _counted(classes)) for line in textwrap.wrap(text, 38)]
+    return "\n".join(lines)
 
 
 def _counted(classes: NDArray[np.int64]) -> str:

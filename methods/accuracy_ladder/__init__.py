@@ -15,11 +15,11 @@ from ...harness.frame import Frame
 from ...harness.method import BaseMethod
 from ...harness.passes import Pass
 from ...harness.scene import Effects, Limits
-from ..common.bounds import PADDED_UNITS, launch_boxes
+from ..common.bounds import launch_boxes
 from ..common.misses import miss_passes
 from ..common.pixels import thread_count
 from .kernels import make_kernels
-from .parameters import ORIGINS, Build, Trace, known_inexact
+from .parameters import ORIGINS, PADDED_UNITS, Build, Trace, known_inexact
 
 
 class AccuracyLadder(BaseMethod):
@@ -79,8 +79,7 @@ class AccuracyLadder(BaseMethod):
         return {"test": self.trace.test, "origin": self.trace.origin, "padding": self.build.padding}
 
     def _boxes(self) -> None:
-        units = PADDED_UNITS if self.build.padding == "rounding" else 0.0
-        launch_boxes(self._frame, self._box, self._lowers, self._uppers, units)
+        launch_boxes(self._frame, self._box, self._lowers, self._uppers, PADDED_UNITS[self.build.padding])
 
     def _rebuild(self) -> None:
         self._bvh.rebuild(self._constructor)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ..common import bounds
+
 TESTS = (
     "moller_trumbore", "moller_trumbore_epsilon", "woop", "woop_float64", "edge_planes", "float64", "exact"
 )  # fmt: skip
@@ -13,7 +15,9 @@ ORIGINS = (
     "hit_point", "identity", "barycentric", "ray", "epsilon_1e-2", "epsilon_1e-4", "epsilon_1e-6",
     "wachter_binder", "error_bound",
 )  # fmt: skip
-PADDINGS = ("none", "rounding")
+PADDINGS = ("none", "3_ulp", "rounding")
+PADDED_UNITS = {"none": 0.0, "3_ulp": 6.0, "rounding": bounds.PADDED_UNITS}
+"""Units of 2^-24 of the largest coordinate of scene and eye."""
 
 TEST_ERRORS = {
     "moller_trumbore": "a float32 triangle test that is not watertight",
@@ -38,8 +42,9 @@ ORIGIN_ERRORS = {
 class Build:
     """How the tree is made and the kernels compiled.
 
-    padding    "none": the triangles' own boxes, as most engines have them; "rounding": padded by what the
-               roundings of Warp's slab test can amount to (the boxes of the exact tree)
+    padding    "none": the triangles' own boxes, as most engines have them; "3_ulp": padded by three of the largest
+               coordinate's last places, which is what is commonly advised; "rounding": by what the roundings of
+               Warp's slab test can amount to (the boxes of the exact tree)
     leaf_size  triangles a leaf
     fast_math  let the compiler reorder, contract and approximate float arithmetic
     """
@@ -87,6 +92,8 @@ def known_inexact(build: Build, trace: Trace) -> str | None:
     reasons = [TEST_ERRORS.get(trace.test), ORIGIN_ERRORS.get(trace.origin)]
     if build.padding == "none":
         reasons.append("boxes that are not padded")
+    if build.padding == "3_ulp":
+        reasons.append("boxes padded by less than the slab test may be wrong by")
     if build.fast_math:
         reasons.append("float arithmetic that the compiler may change")
     known = [reason for reason in reasons if reason]
