@@ -17,7 +17,7 @@ from lattice_examples import LENGTH, METHODS, Example, answers_of, decode, fresh
 from shadowbench.harness.hardcases.case import HardCase
 from shadowbench.harness.hardcases.judge import Judged, same_bits
 from shadowbench.harness.moment import Prepared
-from shadowbench.harness.referee import Referee
+from shadowbench.harness.referee import Referee, Verdict
 from shadowbench.harness.scene import Camera, Geometry, Light, Scene, Spot
 from shadowbench.harness.session import Session
 
@@ -122,6 +122,40 @@ def test_mirroring_turns_the_image_over(example: Example) -> None:
         np.testing.assert_array_equal(flipped, one[name]["triangle"], name)
         bits = other[name]["visibility"].reshape(-1, height, width)[:, :, ::-1].reshape(-1, width * height)
         np.testing.assert_array_equal(bits, one[name]["visibility"], name)
+
+
+def moved(example: Example, angles: tuple[float, float], offset: float) -> Example:
+    """Turned by two angles and carried off, in float64; what comes of it is rounded to float32."""
+    (ca, cb), (sa, sb) = np.cos(angles), np.sin(angles)
+    turn = np.array([[ca, -sa, 0], [sa, ca, 0], [0, 0, 1]]) @ np.array([[1, 0, 0], [0, cb, -sb], [0, sb, cb]])
+    step = offset * np.array([0.48, 0.6, 0.64])
+    camera = example.camera
+    eye, target = (tuple((turn @ np.asarray(place) + step).tolist()) for place in (camera.eye, camera.target))
+    up = tuple((turn @ np.asarray(camera.up)).tolist())
+    return replace(
+        example, points=example.points @ turn.T + step, lights=example.lights @ turn.T + step,
+        camera=Camera(eye, target, up, camera.fov),
+    )  # fmt: skip
+
+
+@some(30)
+@given(EXAMPLES, st.tuples(st.floats(0.1, 6.0), st.floats(0.1, 6.0)), st.sampled_from([0.0, 100.0]))
+def test_turning_and_moving_changes_only_what_rounding_excuses(
+    example: Example, angles: tuple[float, float], offset: float
+) -> None:
+    """The moved scene is answered exactly; held against the exact answers from before it was moved, whatever differs
+    is a tie, or lies within the bound of an edge."""
+    other = moved(example, angles, offset)
+    assert true_errors(other) == {}
+    trial = example.trial()
+    referee = Referee(trial.moment.points, trial.prepared.faces, trial.moment.valid)
+    hits = referee.closest(
+        trial.moment.eye, trial.moment.directions(np.arange(example.size[0] * example.size[1]))
+    )
+    given_ = answers_of(other, METHODS[0])["triangle"]
+    classes = referee.classify_primary(hits, given_)
+    wrong = np.nonzero(np.isin(classes, (Verdict.TRUE, Verdict.INVALID)))[0]
+    assert not len(wrong), (wrong[:5], given_[wrong[:5]], hits.triangle[wrong[:5]])
 
 
 @some(30)
