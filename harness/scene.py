@@ -75,7 +75,7 @@ class Light:
 
 
 @dataclass(frozen=True)
-class Motion:
+class Moves:
     """How a mesh moves: ``kind`` is "rigid" or "deforming"; ``vertices`` first and end of what moves, None: all."""
 
     kind: str
@@ -113,7 +113,7 @@ class Geometry:
     faces: NDArray[np.int32]
     positions: Callable[[int], NDArray[np.floating]]
     frame_count: int = 1
-    motion: Motion | None = None
+    motion: Moves | None = None
 
     @staticmethod
     def static(vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> Geometry:

@@ -232,3 +232,23 @@ def test_swing_turns_by_weight_about_its_axis():
     half = np.sqrt(0.5)
     expected = [[0, 1, 0], [1, 0, 0], [half * (2 - 5), half * (2 + 5), 0]]
     np.testing.assert_allclose(points, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "whole"),
+    [("fairy", "deforming", False), ("cloth", "deforming", False), ("bunny_dragon", "rigid", True)],
+)
+def test_motion_is_what_is_declared(name, kind, whole):
+    geometry = {"fairy": fairy, "cloth": cloth, "bunny_dragon": bunny_dragon}[name].scene().geometry()
+    assert geometry.motion is not None
+    assert geometry.motion.kind == kind
+    assert (geometry.motion.vertices is None) == whole
+    first = geometry.positions(0)
+    moved = np.zeros(len(first), dtype=bool)
+    for k in (geometry.frame_count // 3, geometry.frame_count - 1):
+        moved |= (geometry.positions(k) != first).any(axis=1)
+    low, high = geometry.motion.vertices or (0, len(first))
+    assert not moved[:low].any()
+    assert not moved[high:].any()
+    assert moved[low]
+    assert moved[low:high].mean() > 0.05

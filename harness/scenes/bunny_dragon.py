@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from ..scene import Camera, Geometry, Light, Scene
+from ..scene import Camera, Geometry, Light, Moves, Scene
 from .bodies import Blob, Body, ball, both, chain, curve, limb, normals, scales, spread_points
 from .shapes import Mesh, join, noise
 
@@ -185,7 +185,7 @@ def _geometry() -> Geometry:
     rabbit, rabbit_piece = _broken(rabbit, 0.15, SEED)
     beast, beast_piece = _broken(beast, 0.13, SEED + 1)
     pieces = _Pieces(rabbit, rabbit_piece, beast, beast_piece)
-    return Geometry(join([rabbit, beast]).faces, pieces.positions, FRAMES)
+    return Geometry(join([rabbit, beast]).faces, pieces.positions, FRAMES, Moves("rigid"))
 
 
 _IMPACT = np.array([-0.74, 0.56, 0.04])

@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene import Camera, Geometry, Light, Scene
+from ..scene import Camera, Geometry, Light, Moves, Scene
 from .cloth_solver import ClothSettings, simulate
 
 FRAMES = 16
@@ -56,7 +56,7 @@ def _geometry() -> Geometry:
         turned[:, 2] = ball[:, 2] * np.cos(angle) - ball[:, 0] * np.sin(angle)
         return np.concatenate([_refined(_simulated()[k]), turned, ground])
 
-    return Geometry(faces, positions, FRAMES)
+    return Geometry(faces, positions, FRAMES, Moves("deforming", (0, ground_start)))
 
 
 @lru_cache(maxsize=1)

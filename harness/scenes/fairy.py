@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene import Camera, Geometry, Light, Scene
+from ..scene import Camera, Geometry, Light, Moves, Scene
 from . import forest
 from .bodies import Blob, Body, Point, ball, both, chain, curve, limb
 from .motion import Animated, Carry, Drift, Motion, Part, Sway, Swing
@@ -53,7 +53,7 @@ def _geometry() -> Geometry:
     so_far = sum(len(part.mesh.faces) for part in parts)
     parts.append(forest.leaves((TRIANGLES - so_far) // 4))
     animated = Animated(parts, FRAMES)
-    return Geometry(animated.faces, animated.positions, FRAMES)
+    return Geometry(animated.faces, animated.positions, FRAMES, Moves("deforming", animated.span))
 
 
 def _placed(parts: list[Part], place: Point, turn: float, drift: Drift) -> list[Part]:

@@ -109,6 +109,11 @@ class Animated:
                 self._moving.append((slice(start, end), part.motions))
             start = end
 
+    @property
+    def span(self) -> tuple[int, int]:
+        """First and end of the vertices that move; parts that stand still may lie between."""
+        return (self._moving[0][0].start, self._moving[-1][0].stop) if self._moving else (0, 0)
+
     def positions(self, k: int) -> F64:
         """Vertices of frame k, float64 [vertex_count, 3]."""
         points = self._rest.copy()
