@@ -250,5 +250,5 @@ def test_motion_is_what_is_declared(name, kind, whole):
     low, high = geometry.motion.vertices or (0, len(first))
     assert not moved[:low].any()
     assert not moved[high:].any()
-    assert moved[low]
+    assert moved[low : low + 8].any()  # a blade of grass stands on roots that do not move
     assert moved[low:high].mean() > 0.05
