@@ -7,6 +7,8 @@ are kept, so that ``shadowbench score DIR`` fills the score in elsewhere.
 
 from __future__ import annotations
 
+import copy
+import hashlib
 import os
 from pathlib import Path
 from typing import Any
@@ -49,6 +51,7 @@ class Grader:
         self.folder, self.device = folder, device
         self.effects = Effects.of(prepared.scene)
         self._judges: dict[int, Any] = {}
+        self._scores: dict[tuple[int, str], dict[str, Any]] = {}
 
     def grade(
         self, key: str, save_answers: bool, score: bool, picture: Path, shows: str, wrong_maps: bool = False
@@ -94,7 +97,11 @@ class Grader:
             self._judges[frame] = Judge(self.prepared, self.moments[frame], self.effects, truth, self.device)
         judge = self._judges[frame]
         if not wrong_key:
-            return {"score": judge.score(answers), "unscored": None}
+            # Methods that are exact answer bit for bit the same: what was judged once is not judged again.
+            known = (frame, digest_of(answers))
+            if known not in self._scores:
+                self._scores[known] = judge.score(answers)
+            return {"score": copy.deepcopy(self._scores[known]), "unscored": None}
         from .looks import keep_wrong
 
         score, looks = keep_wrong(self.folder, wrong_key, frame, judge, answers)
@@ -110,6 +117,16 @@ class Grader:
         path = answer_path(self.folder, key, frame)
         extra = {"key": key, "frame": frame}
         save_raw(path, self.prepared, self.moments[frame], answers, self.scene_argument, self.effects, extra)
+
+
+def digest_of(answers: Answers) -> str:
+    """Of every bit of a frame's answers, and of their names, types and shapes."""
+    summary = hashlib.blake2b(digest_size=16)
+    for name in sorted(answers):
+        values = np.ascontiguousarray(answers[name])
+        summary.update(f"{name} {values.dtype.str} {values.shape};".encode())
+        summary.update(values.tobytes())
+    return summary.hexdigest()
 
 
 def shadow_rays(answers: Answers, effects: Effects) -> int:
