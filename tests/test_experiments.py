@@ -352,6 +352,29 @@ def test_our_own_claim_is_judged_within_one_run(tmp_path):
     assert "1 of 2 scenes; our time over the tree's: cloth 0.75, fairy 1.25" in found["numbers"]
 
 
+def test_records_of_a_later_version_of_ours_stand_in_and_the_older_are_named(tmp_path):
+    entries = {e.label: e for e in find_experiment("frame_time").presets["paper"].methods}
+    ours = next(e for e in entries.values() if e.method == _paper.METHOD)
+    best = find_experiment("ablation").presets["paper"].methods[-1]
+
+    def version(record, source, started):
+        record["method"]["source_sha256"] = source
+        record["frames"][0]["started"] = [started]
+        return record
+
+    old = version(made("frame_time", ours, "cloth", ms=3.0), "old", 1.0)
+    keep(tmp_path / "a", [old, made("frame_time", entries["mesh rebuilt"], "cloth", ms=2.0)])
+    keep(tmp_path / "b", [version(made("ablation", best, "cloth", ms=1.0), "new", 2.0)])
+    (found,) = [r for text, r in judged(tmp_path).items() if text.startswith("Ours")]
+    assert found["verdict"] == claims.HOLDS
+    assert (
+        "cloth 0.50; ours of ablation, a later version than in frame_time and not of one run"
+        in found["numbers"]
+    )
+    text = (tmp_path / "claims.md").read_text()
+    assert f"Records of an earlier version of {_paper.METHOD}: frame_time." in text
+
+
 def test_a_cpu_decides_nothing_about_times(tmp_path):
     records = [made("figure2", e, "buddha", ms=ms, counters={"primary tests, most": most})
                for e, ms, most in zip(figure2.METHODS[:2], (14.0, 10.0), (9, 4), strict=True)]  # fmt: skip

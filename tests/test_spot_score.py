@@ -7,6 +7,7 @@ import dataclasses
 import brute_force
 import numpy as np
 import pytest
+from shadowbench.harness.grading import Grader, hand_over, handed_path
 from shadowbench.harness.lighting import Lighting
 from shadowbench.harness.registry import make_method
 from shadowbench.harness.scene import Effects
@@ -57,3 +58,18 @@ def test_a_light_that_is_not_limited_holds_everything(scene, judged):
     moment, answers, _ = judged
     free = dataclasses.replace(moment, spots=np.zeros((1, 12)))
     assert not not_receivers(scene, free, answers["triangle"]).any()
+
+
+def test_the_same_answers_are_judged_once_and_others_anew(scene, judged, tmp_path, monkeypatch):
+    moment, answers, _ = judged
+    asked = []
+    monkeypatch.setattr(Judge, "score", lambda self, answers: asked.append(1) or {"true_errors": len(asked)})
+    grader = Grader(scene, {0: moment}, "soup", tmp_path, "cpu")
+    other = {**answers, "visibility": answers["visibility"].copy()}
+    other["visibility"][0, 5] ^= 1
+    found = []
+    for key, given in (("a", answers), ("b", answers), ("c", other)):
+        hand_over(handed_path(tmp_path, key, 0), given)
+        (graded,) = grader.grade(key, False, True, tmp_path / "picture.png", "soup")
+        found.append(graded["score"]["true_errors"])
+    assert found == [1, 1, 2]

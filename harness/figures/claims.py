@@ -70,6 +70,17 @@ class Data:
         """Image widths that an experiment was run at, smallest first."""
         return points.in_order(r["width"] for r in self.made if r["experiment"] == experiment)
 
+    def versions(self, method: str) -> list[str]:
+        """Source hashes of a method among the records, in the order in which each was last measured."""
+        own = sorted((r["record"] for r in self.made if r["method"] == method), key=measured_at)
+        return list(dict.fromkeys(version_of(record) for record in reversed(own)))[::-1]
+
+    def earlier(self, method: str) -> list[str]:
+        """Experiments whose records of a method are not all of its last version."""
+        last = self.versions(method)[-1:]
+        own = [r for r in self.made if r["method"] == method]
+        return points.in_order(r["experiment"] for r in own if [version_of(r["record"])] != last)
+
     def ratios(
         self,
         experiment: str,
@@ -85,6 +96,16 @@ class Data:
             if a and b:
                 result[scene] = a / b
         return dict(sorted(result.items()))
+
+
+def version_of(record: Row) -> str:
+    """The hash of a method's source."""
+    return record["method"].get("source_sha256") or ""
+
+
+def measured_at(record: Row) -> float:
+    """When a record's last round began, seconds."""
+    return max((max(f["started"]) for f in record["frames"] if f.get("started")), default=0.0)
 
 
 def collect(folder: Path) -> Data:
@@ -173,6 +194,10 @@ def markdown(made: Sequence[Row], data: Data) -> list[str]:
         lines.append("| " + " | ".join(c.replace("|", "\\|") for c in cells) + " |")
     wrong = sum(1 for r in data.made if error_text(r).startswith("✗"))
     unscored = sum(1 for r in data.made if error_text(r) == "unscored")
+    for method in points.in_order(r["method"] for r in data.made):
+        old = data.earlier(method)
+        if old:
+            lines += ["", f"Records of an earlier version of {method}: {', '.join(old)}."]
     lines += [
         "",
         f"Of {len(data.made)} points measured {wrong} have wrong answers and {unscored} are unscored.",
