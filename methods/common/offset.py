@@ -13,34 +13,15 @@ from __future__ import annotations
 import warp as wp
 
 from ...harness.frame import Frame
+from ...harness.mirrors import FINE, GAMMA7, outward, spread
 from ...harness.specialise import Switches, effects, specialised
 from .hitpoint import plane_distance
 from .triangle import hit_point, largest, to_float32, to_float64
 
-GAMMA7 = wp.constant(wp.float64(7.0 * 2.0**-24 / (1.0 - 7.0 * 2.0**-24)))
 UNIT = wp.constant(wp.float64(2.0**-24))
-FINE = wp.constant(wp.float64(2.0**-48))  # the float64 hit point's own rounding, 32 of its units
-OUTWARD = wp.constant(wp.float64(2.0**-23))  # a unit in the last place, at least, of any float32
 
 SHADOW_END = 1.0 - 2.0**-22
 """Where a shadow segment from the surface (0) to the light (1) ends: a surface exactly at the light does not count."""
-
-
-@wp.func
-def farthest(a: wp.float64, b: wp.float64, c: wp.float64, x: wp.float64) -> wp.float64:
-    """|x| and the largest distance from x to a, b and c, added: what a query subtracts along one axis."""
-    return wp.abs(x) + wp.max(wp.abs(a - x), wp.max(wp.abs(b - x), wp.abs(c - x)))
-
-
-@wp.func
-def moved_out(x: wp.float64, step: wp.float64) -> wp.float64:
-    """x + step, and a unit in the last place further, so that rounding to float32 never moves it back."""
-    y = x + step
-    if step > wp.float64(0.0):
-        return y + OUTWARD * wp.abs(y)
-    if step < wp.float64(0.0):
-        return y - OUTWARD * wp.abs(y)
-    return y
 
 
 @wp.func
@@ -126,14 +107,14 @@ def shadow_origin(
         n = -n
     reach = wp.max(largest(a64 - h), wp.max(largest(b64 - h), largest(c64 - h)))
     step = FINE * (reach + largest(h) + wp.float64(largest(o))) + GAMMA7 * (
-        wp.abs(n[0]) * farthest(a64[0], b64[0], c64[0], h[0])
-        + wp.abs(n[1]) * farthest(a64[1], b64[1], c64[1], h[1])
-        + wp.abs(n[2]) * farthest(a64[2], b64[2], c64[2], h[2])
+        wp.abs(n[0]) * spread(a64[0], b64[0], c64[0], h[0])
+        + wp.abs(n[1]) * spread(a64[1], b64[1], c64[1], h[1])
+        + wp.abs(n[2]) * spread(a64[2], b64[2], c64[2], h[2])
     )
     if sheared and largest(way) > wp.float64(0.0):
         step += sheared_error(h, way, a64, b64, c64)
     return to_float32(
-        wp.vec3d(moved_out(h[0], step * n[0]), moved_out(h[1], step * n[1]), moved_out(h[2], step * n[2]))
+        wp.vec3d(outward(h[0], step * n[0]), outward(h[1], step * n[1]), outward(h[2], step * n[2]))
     )
 
 
