@@ -141,6 +141,9 @@ HARD = (*LADDER, *IN_GRIDS, *PEERS[3:])
 VARIANTS = "V "
 """How the names of cases begin that are others scaled and moved; the quick preset leaves them out."""
 
+OF_EFFECTS = ("H", "M")
+"""How those of holes and mirrors begin: most points are methods of opaque scenes."""
+
 DISTANCES = (1.5, 1e1, 1e3, 1e5, 1e7)
 OFFSETS = (0.0, 1e1, 1e3, 1e5)
 GRID_SIZE = {"quick": 48, "paper": 128}
@@ -156,7 +159,7 @@ def after(options: Options) -> None:
 
     quick = options.preset_name == "quick"
     keep_grid(options, GRID, DISTANCES, OFFSETS, GRID_SIZE.get(options.preset_name, 48))
-    keep_hard(options, HARD, without=VARIANTS if quick else "")
+    keep_hard(options, HARD, without=(*OF_EFFECTS, VARIANTS) if quick else OF_EFFECTS)
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:

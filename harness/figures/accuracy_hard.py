@@ -18,7 +18,7 @@ COLUMNS = "label method device cases cases_wrong true_errors worst".split()
 NUMBERS = ("cases", "cases_wrong", "true_errors")
 
 
-def keep_hard(options: Options, entries: Sequence[Entry], without: str) -> Path:
+def keep_hard(options: Options, entries: Sequence[Entry], without: str | tuple[str, ...]) -> Path:
     """Judge the entries on the hard cases and write a row each, unless that was done."""
     from ..hardness import hard_rows
 
