@@ -34,6 +34,8 @@ def test_equals_brute_force_under_random_knobs(seed, device):
     settings = {
         "cells": ["0", "8", "64", "200"][seed % 4],
         "queue": ["always", "never"][seed % 2],
+        "inline_pixels": str(random.integers(0, 60)),
+        "part": str(random.integers(1, 100)),
         "inline_rays": str(random.integers(0, 60)),
         "inline_cells": str(random.integers(0, 100)),
     }
@@ -59,7 +61,7 @@ def test_equals_the_papers_method_bit_for_bit(device):
     for settings in (
         {"queue": "always"},
         {"queue": "never"},
-        {"queue": "always", "inline_rays": "0", "inline_cells": "0", "cells": "8"},
+        {"queue": "always", "inline_rays": "1", "inline_cells": "0", "cells": "8"},
         {"queue": "always", "inline_rays": "1000", "inline_cells": "1000", "cells": "256"},
     ):
         _, _, got = answers_of(prepared, 93, 71, settings, device)
@@ -71,8 +73,10 @@ def test_queues_grow_and_the_frame_is_repeated():
     vertices, faces = soup(3, 60, size=2.0)
     prepared = make_scene(vertices, faces, [(2.0, 3.0, 4.0)])
     _, _, roomy = answers_of(prepared, 64, 64, {"queue": "always"})
-    tiny = {f"{name}_capacity": "1" for name in ("strip", "item", "block", "doubt")}
-    session, _, tight = answers_of(prepared, 64, 64, {"queue": "always", "inline_rays": "0", **tiny})
+    tiny = {f"{name}_capacity": "1" for name in ("item", "part", "doubt")}
+    session, _, tight = answers_of(
+        prepared, 64, 64, {"queue": "always", "inline_rays": "1", "part": "32", **tiny}
+    )
     assert session.regrown >= 1
     for name in roomy:
         assert (roomy[name] == tight[name]).all()

@@ -29,3 +29,16 @@ def thread_count(width: int, height: int, blocks: bool) -> int:
     if not blocks:
         return width * height
     return -(-width // 8) * -(-height // 4) * 32
+
+
+@wp.func
+def tile_pixel(k: wp.int32, width: wp.int32, height: wp.int32) -> wp.vec2i:
+    """Column and row of a thread's pixel, 8 x 4 pixels a warp, or -1: neighbours on the image mostly share a cell."""
+    across = (width + 7) >> 3
+    tile = k >> 5
+    down = tile // across
+    x = ((tile - down * across) << 3) | (k & 7)
+    y = (down << 2) | ((k >> 3) & 3)
+    if x >= width or y >= height:
+        return wp.vec2i(-1, -1)
+    return wp.vec2i(x, y)

@@ -84,9 +84,11 @@ def edge_function(
     o: wp.vec3d, d: wp.vec3d, p: wp.vec3d, q: wp.vec3d, weld_p: wp.int32, weld_q: wp.int32
 ) -> wp.float64:
     """d . ((p - o) x (q - p)) in float64, taken from the vertex with the lower weld index."""
-    if weld_p < weld_q:
-        return wp.dot(wp.cross(p - o, q - p), d)
-    return -wp.dot(wp.cross(q - o, p - q), d)
+    # Ends are chosen, not branches: a warp would reckon both.
+    ordered = weld_p < weld_q
+    first = wp.where(ordered, p, q)
+    value = wp.dot(wp.cross(first - o, wp.where(ordered, q, p) - first), d)
+    return wp.where(ordered, value, -value)
 
 
 @wp.func
@@ -262,9 +264,10 @@ def light_edge_function(
     light: wp.vec3d, h: wp.vec3d, p: wp.vec3d, q: wp.vec3d, weld_p: wp.int32, weld_q: wp.int32
 ) -> wp.float64:
     """(h - p) . ((p - light) x (q - p)), taken from the vertex with the lower weld index."""
-    if weld_p < weld_q:
-        return wp.dot(wp.cross(p - light, q - p), h - p)
-    return -wp.dot(wp.cross(q - light, p - q), h - q)
+    ordered = weld_p < weld_q
+    first = wp.where(ordered, p, q)
+    value = wp.dot(wp.cross(first - light, wp.where(ordered, q, p) - first), h - first)
+    return wp.where(ordered, value, -value)
 
 
 @wp.func

@@ -19,20 +19,19 @@ from ...harness.frame import Frame
 from ...harness.method import BaseMethod
 from ...harness.passes import Pass
 from ...harness.scene import Effects, Limits
-from ..common.pairs import grown
 from .parameters import Build
-from .queue import COUNTERS
-from .streams import CameraStream, LightStream, Queues
+from .queue import COUNTERS, DOUBTS, ITEMS, PARTS, Capacity, more_room
+from .streams import CameraStream, LightAims, LightStream, Queues
 
 MOST_TRIANGLES = 2**24
 """A hit packs into 64 bits with 24 for the triangle."""
 
 MOST_PIXELS_ALONG = 32767
-"""A queued strip packs two pixel coordinates into 32 bits."""
+"""A queued item packs two pixel coordinates into 32 bits."""
 
 
 class RayGrids(BaseMethod):
-    """The streamed dual. Needs: strips, items, blocks and doubts of the camera's stream, then of each light's."""
+    """The streamed dual. Needs: items, parts and doubts of the camera's stream, then of each light's."""
 
     name: ClassVar[str] = "ray_grids"
     title: ClassVar[str] = "Ray grids (streamed)"
@@ -44,8 +43,9 @@ class RayGrids(BaseMethod):
 
     def __init__(self, build: Any = None, trace: Any = None):
         super().__init__(build, trace)
-        self._capacity: tuple[int, int, int, int] | None = None
+        self._capacity: Capacity | None = None
         self._needs: wp.array | None = None
+        self._queues: Queues | None = None
         self._memory = 0
         self._queued = False
 
@@ -60,20 +60,19 @@ class RayGrids(BaseMethod):
         )
         if self._capacity is None:
             self._capacity = (
-                self.build.strip_capacity or max(65536, frame.triangle_count // 4),
                 self.build.item_capacity or max(262144, frame.triangle_count),
-                self.build.block_capacity or max(262144, frame.triangle_count),
+                self.build.part_capacity or 65536,
                 self.build.doubt_capacity or max(262144, frame.pixels // 2),
             )
-        with wp.ScopedDevice(frame.device):
-            self._needs = wp.zeros(COUNTERS * (1 + len(effects.shadows)), dtype=wp.int64)
-        queues = Queues(frame, self._queued, self._capacity, self._needs)
-        camera = CameraStream(frame, queues, effects)
+        queues = Queues(frame, self._queued, self._capacity, 1 + len(effects.shadows))
+        self._queues, self._needs = queues, queues.counts
+        aims = LightAims(frame, len(effects.shadows)) if any(effects.shadows) else None
+        camera = CameraStream(frame, self.build, queues, effects)
         passes = camera.passes()
         bins = None
         for i, wanted in enumerate(effects.shadows):
-            if wanted:
-                light = LightStream(frame, i, self.build, camera.hit, queues, bins, effects)
+            if wanted and aims:
+                light = LightStream(frame, i, self.build, camera.hit, queues, aims, bins, effects)
                 bins = light.bins
                 passes += light.passes()
         return passes
@@ -83,14 +82,8 @@ class RayGrids(BaseMethod):
 
     def grow(self, needed: NDArray[np.int64]) -> bool:
         assert self._capacity is not None
-        strips, items, blocks, doubts = before = self._capacity
-        most = needed.reshape(-1, COUNTERS).max(axis=0)
-        self._capacity = (
-            grown(int(most[0]), strips, self._memory, "rows of blocks"),
-            grown(int(most[1]), items, self._memory, "work items"),
-            grown(int(most[2]), blocks, self._memory, "(triangle, block) pairs"),
-            grown(int(most[3]), doubts, self._memory, "doubtful pairs"),
-        )
+        before = self._capacity
+        self._capacity = more_room(needed, before, self._memory)
         return self._capacity != before
 
     def counters(self) -> dict[str, int]:
@@ -99,9 +92,9 @@ class RayGrids(BaseMethod):
         result = {}
         for row, needed in enumerate(self._needs.numpy().reshape(-1, COUNTERS)):
             name = "camera" if row == 0 else f"light {row - 1}"
-            result[f"{name} strips"], result[f"{name} items"] = int(needed[0]), int(needed[1])
-            if row:
-                result[f"{name} doubtful pairs"] = int(needed[3])
+            result[f"{name} items"] = int(needed[ITEMS])
+            result[f"{name} parts"] = int(needed[PARTS])
+            result[f"{name} doubtful pairs"] = int(needed[DOUBTS])
         return result
 
     def built(self) -> dict[str, Any]:

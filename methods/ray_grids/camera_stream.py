@@ -7,46 +7,46 @@ all but a few pixels; those, and every 1 / t, are float64 (:mod:`..common.triang
 
 from __future__ import annotations
 
+import functools
+
 import warp as wp
 
 from ...harness.alpha import Alpha
 from ...harness.specialise import effects
 from ..common.alpha import hit_counts
-from ..common.reserve import reserve
+from ..common.pixels import tile_pixel
+from ..common.reserve import number_in, reserve
 from ..common.screen import camera_space, out_of_view, pixel_box
-from ..common.triangle import (
-    FLOOR32,
-    U32,
-    U64,
-    hit_distance,
-    largest,
-    nearness_key,
-    to_float64,
-    weld_of,
-    write_hit,
-)
-from .queue import ITEMS, STRIPS
+from ..common.triangle import U32, U64, hit_distance, largest, nearness_key, to_float64, weld_of, write_hit
+from .queue import DOUBTS, ITEMS
 
-BLOCK = wp.constant(8)
-"""Side of a block of pixels or cells; 64 threads of the GPU share one (triangle, block) item."""
-
-INLINE_PIXELS = wp.constant(16)
-FEW_BLOCKS = wp.constant(4)
+GROUP = wp.constant(32)
+"""Rows of a work item: the 32 lanes of the GPU's warp find a row's ends each."""
 
 
 @wp.struct
 class Planes:
-    """Edge planes through the eye, turned so that inside is positive; signs beyond ``bound`` are certain."""
+    """Edge planes through the eye, scaled so that their parts are at most 2 and turned so that inside is positive.
+
+    Signs of n . d beyond :func:`sign_bound` are certain; all three are zero where float64 must decide.
+    """
 
     n0: wp.vec3f
     n1: wp.vec3f
     n2: wp.vec3f
-    bound: wp.float32
+
+
+@wp.struct
+class Lines:
+    """The edge planes along a row of pixels: start + n . row[y] + x / inverse; inverse 0: as good as constant."""
+
+    start: wp.vec3f
+    inverse: wp.vec3f
 
 
 @wp.func
-def edge_planes(o: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, longest: wp.float32) -> Planes:
-    """``longest`` bounds |d|_1 of every pixel. A triangle seen edge-on within rounding gets an infinite bound."""
+def edge_planes(o: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> Planes:
+    """A triangle seen edge-on within rounding, or of a size that float32 does not hold, gets zeros."""
     pa = a - o
     pb = b - o
     pc = c - o
@@ -55,27 +55,30 @@ def edge_planes(o: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, longest: wp.
     ca = a - c
     reach = wp.max(largest(pa), wp.max(largest(pb), largest(pc)))
     edge = wp.max(largest(ab), wp.max(largest(bc), largest(ca)))
+    planes = Planes()
+    if not (reach * edge > 1.0e-30 and reach * edge < 1.0e30):
+        return planes
     a64 = to_float64(a)
     n = wp.cross(to_float64(b) - a64, to_float64(c) - a64)
     det = wp.dot(n, a64 - to_float64(o))
-    planes = Planes()
-    planes.n0 = wp.cross(pb, bc)
-    planes.n1 = wp.cross(pc, ca)
-    planes.n2 = wp.cross(pa, ab)
-    planes.bound = 16.0 * U32 * longest * reach * edge + FLOOR32
     if not (wp.abs(det) > wp.float64(96.0) * U64 * wp.float64(reach) * wp.float64(edge) * wp.float64(edge)):
-        planes.bound = wp.INF
+        return planes
+    scale = 1.0 / (reach * edge)
     if det < wp.float64(0.0):
-        planes.n0 = -planes.n0
-        planes.n1 = -planes.n1
-        planes.n2 = -planes.n2
+        scale = -scale
+    planes.n0 = wp.cross(pb, bc) * scale
+    planes.n1 = wp.cross(pc, ca) * scale
+    planes.n2 = wp.cross(pa, ab) * scale
     return planes
 
 
 @wp.func
-def longest_direction(tangents: wp.array(dtype=wp.float32)) -> wp.float32:
-    """A bound on |d|_1: forward, right and up have length 1, so each sums to at most sqrt 3."""
-    return 1.7321 * (1.0001 + tangents[0] + tangents[1])
+def sign_bound(tangents: wp.array(dtype=wp.float32)) -> wp.float32:
+    """Error of n . d for every pixel: 16 u |d|_1 of the sum (:mod:`..common.triangle`), 6 u |d|_1 of the scale.
+
+    Forward, right and up have length 1, so each sums to at most sqrt 3.
+    """
+    return 24.0 * U32 * 1.7321 * (1.0001 + tangents[0] + tangents[1])
 
 
 @wp.func
@@ -90,180 +93,258 @@ def inverse_depth(o: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> wp.vec3
 
 
 @wp.func
-def offered(
-    i: wp.int32,
-    o: wp.vec3f,
-    d: wp.vec3f,
-    planes: Planes,
-    m: wp.vec3d,
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    weld: wp.array(dtype=wp.int32),
-) -> wp.uint64:
-    """Test one pixel: the word of the hit, larger where it is nearer (ties: of lower index), or 0 where there is none."""
-    low = wp.min(wp.dot(planes.n0, d), wp.min(wp.dot(planes.n1, d), wp.dot(planes.n2, d)))
-    if low < -planes.bound:
-        return wp.uint64(0)
-    inverse = wp.dot(m, to_float64(d))
-    if not (low > planes.bound):
-        face = triangles[i]
-        t = hit_distance(o, d, points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face))
-        if t <= wp.float64(0.0):
-            return wp.uint64(0)
-        inverse = wp.float64(1.0) / t
-    if not (inverse > wp.float64(0.0)):
-        return wp.uint64(0)
+def hit_word(inverse: wp.float64, i: wp.int32) -> wp.uint64:
+    """A hit as one word: a larger one is nearer, or as near with a lower index."""
     return (nearness_key(inverse) << wp.uint64(24)) | wp.uint64(0xFFFFFF - i)
 
 
 @wp.func
-def keep(pixel: wp.int32, word: wp.uint64, nearest: wp.array(dtype=wp.uint64)):
-    """Keep a hit if it is the nearest so far."""
-    if word > nearest[pixel]:
-        wp.atomic_max(nearest, pixel, word)
-
-
-@wp.func
-def block_missed(
+def offer(
+    pixel: wp.int32,
+    i: wp.int32,
+    d: wp.vec3f,
     planes: Planes,
-    bx: wp.int32,
-    by: wp.int32,
-    width: wp.int32,
-    height: wp.int32,
-    column: wp.array(dtype=wp.vec3f),
-    row: wp.array(dtype=wp.vec3f),
-) -> wp.bool:
-    """Whether the block certainly misses the triangle: a plane is linear, so its highest value is at a corner."""
-    x0 = column[bx * BLOCK]
-    x1 = column[wp.min(bx * BLOCK + BLOCK, width) - 1]
-    y0 = row[by * BLOCK]
-    y1 = row[wp.min(by * BLOCK + BLOCK, height) - 1]
-    limit = -2.0 * planes.bound
-    return (
-        wp.max(wp.dot(planes.n0, x0), wp.dot(planes.n0, x1))
-        + wp.max(wp.dot(planes.n0, y0), wp.dot(planes.n0, y1))
-        < limit
-        or wp.max(wp.dot(planes.n1, x0), wp.dot(planes.n1, x1))
-        + wp.max(wp.dot(planes.n1, y0), wp.dot(planes.n1, y1))
-        < limit
-        or wp.max(wp.dot(planes.n2, x0), wp.dot(planes.n2, x1))
-        + wp.max(wp.dot(planes.n2, y0), wp.dot(planes.n2, y1))
-        < limit
-    )
+    bound: wp.float32,
+    sure: wp.float32,
+    m: wp.vec3d,
+    nearest: wp.array(dtype=wp.uint64),
+    counts: wp.array(dtype=wp.int32),
+    doubts: wp.array(dtype=wp.vec2i),
+):
+    """Test one pixel: keep the hit if it is the nearest so far, or leave the pair to float64.
+
+    A hit beyond ``sure`` is one: the bound, or infinite where the triangle has holes.
+    """
+    low = wp.min(wp.dot(planes.n0, d), wp.min(wp.dot(planes.n1, d), wp.dot(planes.n2, d)))
+    if low < -bound:
+        return
+    if low > sure:
+        inverse = wp.dot(m, to_float64(d))
+        if inverse > wp.float64(0.0):
+            word = hit_word(inverse, i)
+            if word > nearest[pixel]:
+                wp.atomic_max(nearest, pixel, word)
+    else:
+        place = number_in(counts, DOUBTS)
+        if place < doubts.shape[0]:
+            doubts[place] = wp.vec2i(i, pixel)
 
 
 @wp.func
-def write_item(
-    at: wp.int32, i: wp.int32, box: wp.vec4i, bx: wp.int32, by: wp.int32, items: wp.array(dtype=wp.vec4i)
-):
-    """An item: triangle, first pixel column and row, and last column and row packed into 16 bits each."""
-    if at < items.shape[0]:
-        x0 = wp.max(box[0], bx * BLOCK)
-        y0 = wp.max(box[1], by * BLOCK)
-        x1 = wp.min(box[2], bx * BLOCK + BLOCK - 1)
-        y1 = wp.min(box[3], by * BLOCK + BLOCK - 1)
-        items[at] = wp.vec4i(i, x0, y0, (y1 - y0) * BLOCK + (x1 - x0))
+def plane_line(n: wp.vec3f, bound: wp.float32, width: wp.int32, column: wp.array(dtype=wp.vec3f)) -> wp.vec2f:
+    """(start, inverse) of one plane. Four bounds of slack cover its own error, the table's rounding and the sum's."""
+    start = wp.dot(n, column[0])
+    slope = (wp.dot(n, column[width - 1]) - start) / wp.float32(width - 1)
+    inverse = wp.float32(0.0)
+    if wp.abs(slope) * wp.float32(width) > bound:
+        inverse = 1.0 / slope
+    return wp.vec2f(start + 4.0 * bound, inverse)
 
 
-@wp.kernel(enable_backward=False, grid_stride=False)
-def stream_kernel(
-    triangle_count: wp.int32,
+@wp.func
+def lines_of(planes: Planes, bound: wp.float32, width: wp.int32, column: wp.array(dtype=wp.vec3f)) -> Lines:
+    l0 = plane_line(planes.n0, bound, width, column)
+    l1 = plane_line(planes.n1, bound, width, column)
+    l2 = plane_line(planes.n2, bound, width, column)
+    lines = Lines()
+    lines.start = wp.vec3f(l0[0], l1[0], l2[0])
+    lines.inverse = wp.vec3f(l0[1], l1[1], l2[1])
+    return lines
+
+
+@wp.func
+def pixels_of_row(
+    planes: Planes,
+    bound: wp.float32,
+    lines: Lines,
+    d: wp.vec3f,
+    first: wp.int32,
+    last: wp.int32,
     width: wp.int32,
-    height: wp.int32,
-    inline_blocks: wp.int32,
-    eye: wp.array(dtype=wp.vec3f),
-    axes: wp.array(dtype=wp.vec3f),
-    tangents: wp.array(dtype=wp.float32),
-    column: wp.array(dtype=wp.vec3f),
-    row: wp.array(dtype=wp.vec3f),
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    valid: wp.array(dtype=wp.uint8),
-    weld: wp.array(dtype=wp.int32),
-    alpha: Alpha,
-    nearest: wp.array(dtype=wp.uint64),
+) -> wp.vec2i:
+    """First and last pixel of first..last that are not certainly outside an edge plane, in the row of direction d.
+
+    The hair covers the rounding of the quotient. A plane that is not a number cuts nothing.
+    """
+    low = wp.float32(first)
+    high = wp.float32(last)
+    hair = 0.01 + 4.0e-7 * wp.float32(width)
+    for k in range(3):
+        n = planes.n0
+        if k == 1:
+            n = planes.n1
+        if k == 2:
+            n = planes.n2
+        rest = lines.start[k] + wp.dot(n, d)
+        x = -rest * lines.inverse[k]
+        if lines.inverse[k] > 0.0:
+            if x - hair > low:
+                low = x - hair
+        elif lines.inverse[k] < 0.0:
+            if x + hair < high:
+                high = x + hair
+        elif rest + bound < 0.0:
+            high = -1.0
+    return wp.vec2i(wp.int32(wp.ceil(wp.min(low, wp.float32(width)))), wp.int32(wp.floor(wp.max(high, -1.0))))
+
+
+@wp.func
+def queue_triangle(
+    i: wp.int32,
+    box: wp.vec4i,
+    planes: Planes,
+    lines: Lines,
+    m: wp.vec3d,
     counts: wp.array(dtype=wp.int32),
     records: wp.array2d(dtype=wp.vec4f),
     depths: wp.array(dtype=wp.vec3d),
-    strips: wp.array(dtype=wp.vec4i),
     items: wp.array(dtype=wp.vec4i),
 ):
-    """One thread a triangle. Small ones test their pixels here; larger ones are queued by blocks or strips."""
-    i = wp.tid()
-    if i >= triangle_count or valid[i] == wp.uint8(0):
-        return
-    face = triangles[i]
-    o = eye[0]
-    a = points[face[0]]
-    b = points[face[1]]
-    c = points[face[2]]
+    """Queue a triangle's rows. An item is (triangle, first row and rows << 16, first column and last << 16, 0)."""
+    records[i, 0] = wp.vec4f(planes.n0[0], planes.n0[1], planes.n0[2], lines.start[0])
+    records[i, 1] = wp.vec4f(planes.n1[0], planes.n1[1], planes.n1[2], lines.start[1])
+    records[i, 2] = wp.vec4f(planes.n2[0], planes.n2[1], planes.n2[2], lines.start[2])
+    records[i, 3] = wp.vec4f(lines.inverse[0], lines.inverse[1], lines.inverse[2], 0.0)
+    depths[i] = m
+    groups = (box[3] - box[1] + GROUP) // GROUP
+    at = reserve(counts, ITEMS, groups)
+    for g in range(groups):
+        if at + g < items.shape[0]:
+            y = box[1] + g * GROUP
+            rows = wp.min(GROUP, box[3] - y + 1)
+            items[at + g] = wp.vec4i(i, y | (rows << 16), box[0] | (box[2] << 16), 0)
+
+
+@wp.func
+def box_of(
+    a: wp.vec3f,
+    b: wp.vec3f,
+    c: wp.vec3f,
+    o: wp.vec3f,
+    axes: wp.array(dtype=wp.vec3f),
+    tangents: wp.array(dtype=wp.float32),
+    width: wp.int32,
+    height: wp.int32,
+) -> wp.vec4i:
+    """First and last column and row of the pixels that may see the triangle; empty if last < first."""
     ca = camera_space(a, o, axes)
     cb = camera_space(b, o, axes)
     cc = camera_space(c, o, axes)
     if out_of_view(ca, cb, cc, tangents[0], tangents[1]):
-        return
-    box = pixel_box(ca, cb, cc, tangents[0], tangents[1], width, height)
-    if box[2] < box[0] or box[3] < box[1]:
-        return
-    planes = edge_planes(o, a, b, c, longest_direction(tangents))
-    m = inverse_depth(o, a, b, c)
-    if (box[2] - box[0] + 1) * (box[3] - box[1] + 1) <= INLINE_PIXELS:
-        for y in range(box[1], box[3] + 1):
-            for x in range(box[0], box[2] + 1):
-                d = column[x] + row[y]
-                word = offered(i, o, d, planes, m, points, triangles, weld)
-                if wp.static(effects.alpha):
-                    if word != wp.uint64(0) and not hit_counts(alpha, i, o, d, a, b, c, weld_of(weld, face)):
-                        word = wp.uint64(0)
-                keep(y * width + x, word, nearest)
-        return
-    bx0 = box[0] // BLOCK
-    by0 = box[1] // BLOCK
-    bx1 = box[2] // BLOCK
-    by1 = box[3] // BLOCK
-    blocks = (bx1 - bx0 + 1) * (by1 - by0 + 1)
-    if blocks <= inline_blocks:
-        for by in range(by0, by1 + 1):
-            for bx in range(bx0, bx1 + 1):
-                if not block_missed(planes, bx, by, width, height, column, row):
-                    for y in range(wp.max(box[1], by * BLOCK), wp.min(box[3], by * BLOCK + BLOCK - 1) + 1):
-                        for x in range(
-                            wp.max(box[0], bx * BLOCK), wp.min(box[2], bx * BLOCK + BLOCK - 1) + 1
-                        ):
-                            d = column[x] + row[y]
-                            word = offered(i, o, d, planes, m, points, triangles, weld)
-                            if wp.static(effects.alpha):
-                                if word != wp.uint64(0) and not hit_counts(
-                                    alpha, i, o, d, a, b, c, weld_of(weld, face)
-                                ):
-                                    word = wp.uint64(0)
-                            keep(y * width + x, word, nearest)
-        return
-    records[i, 0] = wp.vec4f(planes.n0[0], planes.n0[1], planes.n0[2], planes.bound)
-    records[i, 1] = wp.vec4f(planes.n1[0], planes.n1[1], planes.n1[2], 0.0)
-    records[i, 2] = wp.vec4f(planes.n2[0], planes.n2[1], planes.n2[2], 0.0)
-    depths[i] = m
-    if blocks <= FEW_BLOCKS:
-        at = reserve(counts, ITEMS, blocks)
-        for by in range(by0, by1 + 1):
-            for bx in range(bx0, bx1 + 1):
-                write_item(at, i, box, bx, by, items)
-                at += 1
-        return
-    at = reserve(counts, STRIPS, by1 - by0 + 1)
-    for by in range(by0, by1 + 1):
-        if at < strips.shape[0]:
-            y0 = wp.max(box[1], by * BLOCK)
-            y1 = wp.min(box[3], by * BLOCK + BLOCK - 1)
-            strips[at] = wp.vec4i(i, by, y0 | (y1 << 16), box[0] | (box[2] << 16))
-        at += 1
+        return wp.vec4i(0, 0, -1, -1)
+    return pixel_box(ca, cb, cc, tangents[0], tangents[1], width, height)
+
+
+@functools.cache
+def make_stream_kernel(queued: bool) -> wp.Kernel:
+    """One thread a triangle. Small ones test their pixels here; larger ones are queued, or tested all the same (CPU)."""
+
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
+    def stream_kernel(
+        triangle_count: wp.int32,
+        width: wp.int32,
+        height: wp.int32,
+        inline_pixels: wp.int32,
+        eye: wp.array(dtype=wp.vec3f),
+        axes: wp.array(dtype=wp.vec3f),
+        tangents: wp.array(dtype=wp.float32),
+        column: wp.array(dtype=wp.vec3f),
+        row: wp.array(dtype=wp.vec3f),
+        points: wp.array(dtype=wp.vec3f),
+        triangles: wp.array(dtype=wp.vec3i),
+        valid: wp.array(dtype=wp.uint8),
+        alpha: Alpha,
+        nearest: wp.array(dtype=wp.uint64),
+        counts: wp.array(dtype=wp.int32),
+        records: wp.array2d(dtype=wp.vec4f),
+        depths: wp.array(dtype=wp.vec3d),
+        items: wp.array(dtype=wp.vec4i),
+        doubts: wp.array(dtype=wp.vec2i),
+    ):
+        i = wp.tid()
+        if i >= triangle_count or valid[i] == wp.uint8(0):
+            return
+        face = triangles[i]
+        o = eye[0]
+        a = points[face[0]]
+        b = points[face[1]]
+        c = points[face[2]]
+        box = box_of(a, b, c, o, axes, tangents, width, height)
+        if box[2] < box[0] or box[3] < box[1]:
+            return
+        bound = sign_bound(tangents)
+        planes = edge_planes(o, a, b, c)
+        m = inverse_depth(o, a, b, c)
+        sure = bound
+        if wp.static(effects.alpha):
+            if alpha.masked[i] != wp.uint8(0):
+                sure = wp.INF
+        if (box[2] - box[0] + 1) * (box[3] - box[1] + 1) <= inline_pixels:
+            for y in range(box[1], box[3] + 1):
+                for x in range(box[0], box[2] + 1):
+                    offer(
+                        y * width + x, i, column[x] + row[y], planes, bound, sure, m, nearest, counts, doubts
+                    )
+            return
+        lines = lines_of(planes, bound, width, column)
+        if wp.static(not queued):
+            for y in range(box[1], box[3] + 1):
+                ends = pixels_of_row(planes, bound, lines, row[y], box[0], box[2], width)
+                for x in range(ends[0], ends[1] + 1):
+                    offer(
+                        y * width + x, i, column[x] + row[y], planes, bound, sure, m, nearest, counts, doubts
+                    )
+            return
+        queue_triangle(i, box, planes, lines, m, counts, records, depths, items)
+
+    return stream_kernel
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def doubt_kernel(
+    threads: wp.int32,
+    width: wp.int32,
+    eye: wp.array(dtype=wp.vec3f),
+    column: wp.array(dtype=wp.vec3f),
+    row: wp.array(dtype=wp.vec3f),
+    points: wp.array(dtype=wp.vec3f),
+    triangles: wp.array(dtype=wp.vec3i),
+    weld: wp.array(dtype=wp.int32),
+    counts: wp.array(dtype=wp.int32),
+    doubts: wp.array(dtype=wp.vec2i),
+    alpha: Alpha,
+    nearest: wp.array(dtype=wp.uint64),
+):
+    """(triangle, pixel) pairs that float32 could not decide."""
+    k = wp.tid()
+    stop = wp.min(counts[DOUBTS], doubts.shape[0])
+    while k < stop:
+        pair = doubts[k]
+        k += threads
+        face = triangles[pair[0]]
+        d = column[pair[1] % width] + row[pair[1] // width]
+        t = hit_distance(eye[0], d, points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face))
+        hits = t > wp.float64(0.0)
+        if wp.static(effects.alpha):
+            if hits:
+                hits = hit_counts(
+                    alpha,
+                    pair[0],
+                    eye[0],
+                    d,
+                    points[face[0]],
+                    points[face[1]],
+                    points[face[2]],
+                    weld_of(weld, face),
+                )
+        if hits:
+            wp.atomic_max(nearest, pair[1], hit_word(wp.float64(1.0) / t, pair[0]))
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def resolve_kernel(
     width: wp.int32,
     height: wp.int32,
-    across: wp.int32,
     eye: wp.array(dtype=wp.vec3f),
     column: wp.array(dtype=wp.vec3f),
     row: wp.array(dtype=wp.vec3f),
@@ -277,16 +358,14 @@ def resolve_kernel(
     v_out: wp.array(dtype=wp.float32),
     hit_out: wp.array(dtype=wp.vec3d),
 ):
-    """Answers of every pixel from its nearest word, in 8 x 4 pixel order."""
-    k = wp.tid()
-    x = (k // 32) % across * 8 + k % 8
-    y = (k // 32) // across * 4 + (k % 32) // 8
-    if x >= width or y >= height:
+    """Answers of every pixel from its nearest word."""
+    at = tile_pixel(wp.tid(), width, height)
+    if at[0] < 0:
         return
-    pixel = y * width + x
+    pixel = at[1] * width + at[0]
     word = nearest[pixel]
     o = eye[0]
-    d = column[x] + row[y]
+    d = column[at[0]] + row[at[1]]
     best = wp.int32(-1)
     t = wp.float64(0.0)
     if word != wp.uint64(0):

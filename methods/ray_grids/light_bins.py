@@ -1,4 +1,4 @@
-"""Shadow rays sorted into the cells of a cube around the light: face, block of 8 x 8 cells, cell.
+"""Shadow rays sorted into the cells of a cube around the light: face, row, cell.
 
 The cube is aimed at the middle of the scene, so that a light outside sees everything through face 0, whose
 rectangle is clamped to the rays; the other faces are whole. Light space is float64: the rays of a light at 1e7
@@ -12,18 +12,23 @@ from typing import Any
 import warp as wp
 
 from ...harness.specialise import effects
-from ..common.triangle import largest, to_float32, to_float64
+from ..common.pixels import tile_pixel
+from ..common.reserve import number_in
+from ..common.triangle import to_float32, to_float64
+from .queue import COUNTERS, RAYS
+from .warps import scan_row
 
-CELLS = wp.constant(8)
-"""Side of a block of cells."""
+SPARE = wp.constant(4)
+"""Words between two rows of cells: where a row ends, and none to keep rows on 16-byte addresses."""
 
-FIXED = wp.constant(wp.float64(1073741824.0))
-"""Steps of a face coordinate in the integer rectangle: 2^30."""
 
 FACES = wp.constant(6)
 
 
 EMPTY = wp.constant(2147483647)
+
+SAMPLES = wp.constant(16)
+"""Triangles that say where the middle of the scene is."""
 
 
 @wp.struct
@@ -31,7 +36,7 @@ class Cube:
     """The light's axes in float32, for triangles: q = (axes) (p - middle) + (distance, 0, 0).
 
     Relative to the scene's middle, directions across keep their precision at any distance of the light.
-    size bounds every coordinate of the scene's vertices, and so of every hit point.
+    size bounds every coordinate of the scene, and so of every hit point.
     """
 
     forward: wp.vec3f
@@ -48,14 +53,25 @@ class Cube:
 #if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 800
 unsigned int active = __activemask();
 int least = __reduce_min_sync(active, value);
-if ((threadIdx.x & 31) == __ffs(active) - 1 && least < words.data[slot]) atomicMin(words.data + slot, least);
+if ((threadIdx.x & 31) == __ffs(active) - 1 && least < __ldcg(words.data + slot)) atomicMin(words.data + slot, least);
 #elif defined(__CUDA_ARCH__)
-if (value < words.data[slot]) atomicMin(words.data + slot, value);
+if (value < __ldcg(words.data + slot)) atomicMin(words.data + slot, value);
 #else
 if (value < words.data[slot]) words.data[slot] = value;
 #endif
 """)
 def lower(words: wp.array(dtype=wp.int32), slot: wp.int32, value: wp.int32): ...
+
+
+# Read past the first cache, which would keep what the words were when the kernel began.
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+return __ldcg(words.data + slot);
+#else
+return words.data[slot];
+#endif
+""")
+def latest(words: wp.array(dtype=wp.int32), slot: wp.int32) -> wp.int32: ...
 
 
 @wp.func
@@ -76,69 +92,63 @@ def from_ordered(bits: wp.int32) -> wp.float32:
 
 
 @wp.kernel(enable_backward=False)
-def clear_kernel(words: wp.array(dtype=wp.int32)):
-    words[wp.tid()] = EMPTY
-
-
-@wp.kernel(enable_backward=False, grid_stride=False)
-def scene_box_kernel(points: wp.array(dtype=wp.vec3f), box: wp.array(dtype=wp.int32)):
-    """Box of the finite vertices: low corner, then the negated high corner, as ordered integers, by minimum."""
-    p = points[wp.tid()]
-    finite = wp.isfinite(p[0]) and wp.isfinite(p[1]) and wp.isfinite(p[2])
-    for axis in range(3):
-        low = EMPTY
-        high = EMPTY
-        if finite:
-            low = ordered(p[axis])
-            high = ordered(-p[axis])
-        lower(box, axis, low)
-        lower(box, 3 + axis, high)
-
-
-@wp.kernel(enable_backward=False)
 def aim_kernel(
     index: wp.int32,
+    triangle_count: wp.int32,
     lights: wp.array(dtype=wp.vec3f),
-    box: wp.array(dtype=wp.int32),
-    frame: wp.array(dtype=wp.mat33d),
-    cube: wp.array(dtype=Cube),
-    rectangle: wp.array(dtype=wp.int32),
+    points: wp.array(dtype=wp.vec3f),
+    triangles: wp.array(dtype=wp.vec3i),
+    valid: wp.array(dtype=wp.uint8),
+    reach: wp.array(dtype=wp.float32),
+    frames: wp.array(dtype=wp.mat33d),
+    cubes: wp.array(dtype=Cube),
+    rectangles: wp.array2d(dtype=wp.int32),
+    counts: wp.array(dtype=wp.int32),
 ):
-    """Axes of the cube as rows (forward to the scene's middle first); empties the rectangle.
+    """Axes of a light's cube as rows (forward to the scene's middle first); empties its rectangle and counters.
 
+    The middle is that of a few triangles: any point among the triangles serves, and a whole box would cost a pass.
     rectangle: lows of u and v on face 0, their negated highs, then the faces in use (0 where used).
     """
-    low = wp.vec3f(from_ordered(box[0]), from_ordered(box[1]), from_ordered(box[2]))
-    high = wp.vec3f(-from_ordered(box[3]), -from_ordered(box[4]), -from_ordered(box[5]))
-    if box[0] == EMPTY:
-        low = wp.vec3f(0.0)
-        high = wp.vec3f(0.0)
-    middle = 0.5 * low + 0.5 * high
+    low = wp.vec3f(wp.INF)
+    high = wp.vec3f(-wp.INF)
+    for k in range(SAMPLES):
+        i = wp.int32(wp.int64(triangle_count) * wp.int64(2 * k + 1) / wp.int64(2 * SAMPLES))
+        if i < triangle_count:
+            if valid[i] != wp.uint8(0):
+                p = points[triangles[i][0]]
+                low = wp.min(low, p)
+                high = wp.max(high, p)
+    middle = wp.vec3f(0.0)
+    if low[0] < wp.INF:
+        middle = 0.5 * low + 0.5 * high
     forward = to_float64(middle) - to_float64(lights[index])
-    reach = wp.max(wp.abs(forward[0]), wp.max(wp.abs(forward[1]), wp.abs(forward[2])))
-    if not (reach > wp.float64(0.0)) or not (reach < wp.float64(wp.INF)):
+    far = wp.max(wp.abs(forward[0]), wp.max(wp.abs(forward[1]), wp.abs(forward[2])))
+    if not (far > wp.float64(0.0)) or not (far < wp.float64(wp.INF)):
         forward = wp.vec3d(wp.float64(1.0), wp.float64(0.0), wp.float64(0.0))
-        reach = wp.float64(1.0)
-    distance = wp.length(forward / reach) * reach
-    forward = wp.normalize(forward / reach)
+        far = wp.float64(1.0)
+    distance = wp.length(forward / far) * far
+    forward = wp.normalize(forward / far)
     up = wp.vec3d(wp.float64(0.0), wp.float64(1.0), wp.float64(0.0))
     if wp.abs(forward[1]) > wp.float64(0.8):
         up = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
     right = wp.normalize(wp.cross(forward, up))
     up = wp.cross(right, forward)
-    frame[0] = wp.matrix_from_rows(forward, right, up)
+    frames[index] = wp.matrix_from_rows(forward, right, up)
     c = Cube()
     c.forward = to_float32(forward)
     c.right = to_float32(right)
     c.up = to_float32(up)
     c.middle = middle
     c.distance = wp.float32(distance)
-    c.size = wp.max(largest(low), largest(high))
+    c.size = reach[0]
     if middle == lights[index]:
         c.distance = 0.0
-    cube[0] = c
+    cubes[index] = c
     for k in range(4 + FACES):
-        rectangle[k] = EMPTY
+        rectangles[index, k] = EMPTY
+    for k in range(COUNTERS):
+        counts[k] = 0
 
 
 @wp.func
@@ -174,128 +184,186 @@ def on_face(q: Any, face: wp.int32) -> Any:
 
 
 @wp.func
-def face_rectangle(face: wp.int32, rectangle: wp.array(dtype=wp.int32), cells: wp.int32) -> wp.vec4d:
+def face_rectangle(face: wp.int32, rectangle: wp.array(dtype=wp.int32), cells: wp.int32) -> wp.vec4f:
     """(low u, low v, cells per u, cells per v) of a face."""
-    low_u = wp.float64(-1.0)
-    low_v = wp.float64(-1.0)
-    high_u = wp.float64(1.0)
-    high_v = wp.float64(1.0)
+    low_u = wp.float32(-1.0)
+    low_v = wp.float32(-1.0)
+    high_u = wp.float32(1.0)
+    high_v = wp.float32(1.0)
     if face == 0:
-        low_u = wp.float64(rectangle[0] - 1) / FIXED
-        low_v = wp.float64(rectangle[1] - 1) / FIXED
-        high_u = wp.float64(1 - rectangle[2]) / FIXED
-        high_v = wp.float64(1 - rectangle[3]) / FIXED
-    n = wp.float64(cells)
-    return wp.vec4d(low_u, low_v, n / (high_u - low_u), n / (high_v - low_v))
-
-
-@wp.kernel(enable_backward=False)
-def table_kernel(cells: wp.int32, rectangle: wp.array(dtype=wp.int32), table: wp.array(dtype=wp.vec4f)):
-    """Each face's rectangle in float32, for triangles: (low u, low v, cells per u, cells per v); zero if unused."""
-    face = wp.tid()
-    table[face] = wp.vec4f(0.0, 0.0, 0.0, 0.0)
-    if rectangle[4 + face] == 0:
-        r = face_rectangle(face, rectangle, cells)
-        table[face] = wp.vec4f(wp.float32(r[0]), wp.float32(r[1]), wp.float32(r[2]), wp.float32(r[3]))
+        low_u = from_ordered(rectangle[0])
+        low_v = from_ordered(rectangle[1])
+        high_u = -from_ordered(rectangle[2])
+        high_v = -from_ordered(rectangle[3])
+    n = wp.float32(cells)
+    hair = (
+        1.0e-6 * wp.max(wp.max(wp.abs(low_u), wp.abs(high_u)), wp.max(wp.abs(low_v), wp.abs(high_v)))
+        + 1.0e-30
+    )
+    return wp.vec4f(low_u, low_v, n / (high_u - low_u + hair), n / (high_v - low_v + hair))
 
 
 @wp.func
-def cell_along(x: wp.float64, low: wp.float64, per_unit: wp.float64, cells: wp.int32) -> wp.int32:
-    """Monotone; the same function for rays and for triangles."""
-    return wp.int32(wp.clamp((x - low) * per_unit, wp.float64(0.0), wp.float64(cells) - wp.float64(0.5)))
+def cell_along(x: wp.float32, low: wp.float32, per_unit: wp.float32, cells: wp.int32) -> wp.int32:
+    """Monotone; triangles are mapped by the same numbers, with a pad far beyond what this rounds."""
+    return wp.int32(wp.clamp((x - low) * per_unit, 0.0, wp.float32(cells) - 0.5))
 
 
 @wp.func
 def cell_index(face: wp.int32, x: wp.int32, y: wp.int32, cells: wp.int32) -> wp.int32:
-    """Cells of a block are neighbours in memory, and so are the rays in them."""
-    blocks = cells // CELLS
-    block = (face * blocks + y // CELLS) * blocks + x // CELLS
-    return block * (CELLS * CELLS) + (y % CELLS) * CELLS + x % CELLS
+    """Cells of a row are neighbours in memory, and so are the rays in them."""
+    return (face * cells + y) * (cells + SPARE) + x
 
 
-@wp.kernel(enable_backward=False, grid_stride=False)
-def map_kernel(
-    index: wp.int32,
-    lights: wp.array(dtype=wp.vec3f),
-    frame: wp.array(dtype=wp.mat33d),
-    triangle: wp.array(dtype=wp.int32),
-    hit: wp.array(dtype=wp.vec3d),
-    receivers: wp.array2d(dtype=wp.uint8),
-    place: wp.array(dtype=wp.vec3d),
-    rectangle: wp.array(dtype=wp.int32),
-    visibility: wp.array2d(dtype=wp.uint8),
-):
-    """(face, u, v) of every hit point (face -1: no shadow ray); the rectangle of face 0 and the faces in use."""
-    pixel = wp.tid()
-    visibility[index, pixel] = wp.uint8(0)
+@wp.func
+def place_of(hit: wp.vec3d, light: wp.vec3f, frame: wp.mat33d) -> wp.vec3f:
+    """(u, v, face) of a hit point; reckoned in float64, so that u and v keep a float's digits at any distance."""
+    q = frame * (hit - to_float64(light))
+    face = face_of(q)
+    r = on_face(q, face)
+    u = wp.float32(0.0)
+    v = wp.float32(0.0)
+    if r[0] > wp.float64(0.0):
+        scale = wp.float64(1.0) / r[0]
+        u = wp.float32(r[1] * scale)
+        v = wp.float32(r[2] * scale)
+    return wp.vec3f(u, v, wp.float32(face))
+
+
+@wp.func
+def note_place(
+    is_hit: wp.bool, hit: wp.vec3d, light: wp.vec3f, frame: wp.mat33d, rectangle: wp.array(dtype=wp.int32)
+) -> wp.vec3f:
+    """Where a hit point lies (face -1 at a miss); widens the rectangle of face 0, and marks the face as used."""
     low_u = EMPTY
     low_v = EMPTY
     high_u = EMPTY
     high_v = EMPTY
-    face = wp.int32(-1)
-    wanted = triangle[pixel] >= 0
-    if wp.static(effects.masked):
-        wanted = receivers[index, pixel] != wp.uint8(0)
-    if wanted:
-        q = frame[0] * (hit[pixel] - to_float64(lights[index]))
-        face = face_of(q)
-        r = on_face(q, face)
-        u = wp.float64(0.0)
-        v = wp.float64(0.0)
-        if r[0] > wp.float64(0.0):
-            u = r[1] / r[0]
-            v = r[2] / r[0]
-        place[pixel] = wp.vec3d(wp.float64(face), u, v)
+    p = wp.vec3f(0.0, 0.0, -1.0)
+    if is_hit:
+        p = place_of(hit, light, frame)
+        face = wp.int32(p[2])
         if face == 0:
-            low_u = wp.int32(wp.floor(u * FIXED))
-            low_v = wp.int32(wp.floor(v * FIXED))
-            high_u = wp.int32(wp.floor(-u * FIXED))
-            high_v = wp.int32(wp.floor(-v * FIXED))
+            low_u = ordered(p[0])
+            low_v = ordered(p[1])
+            high_u = ordered(-p[0])
+            high_v = ordered(-p[1])
         if rectangle[4 + face] != 0:
             rectangle[4 + face] = 0
-    else:
-        place[pixel] = wp.vec3d(wp.float64(-1.0), wp.float64(0.0), wp.float64(0.0))
-    lower(rectangle, 0, low_u)
-    lower(rectangle, 1, low_v)
-    lower(rectangle, 2, high_u)
-    lower(rectangle, 3, high_v)
+    # Nearly all rays lie in the rectangle of those before.
+    if (
+        low_u < latest(rectangle, 0)
+        or low_v < latest(rectangle, 1)
+        or high_u < latest(rectangle, 2)
+        or high_v < latest(rectangle, 3)
+    ):
+        lower(rectangle, 0, low_u)
+        lower(rectangle, 1, low_v)
+        lower(rectangle, 2, high_u)
+        lower(rectangle, 3, high_v)
+    return p
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def map_kernel(
+    width: wp.int32,
+    height: wp.int32,
+    index: wp.int32,
+    lights: wp.array(dtype=wp.vec3f),
+    frames: wp.array(dtype=wp.mat33d),
+    triangle: wp.array(dtype=wp.int32),
+    hits: wp.array(dtype=wp.vec3d),
+    receivers: wp.array2d(dtype=wp.uint8),
+    rectangle: wp.array(dtype=wp.int32),
+    place: wp.array(dtype=wp.vec3f),
+    point: wp.array(dtype=wp.vec4f),
+    visibility: wp.array2d(dtype=wp.uint8),
+):
+    """Places of all rays (face -1: no shadow ray), the rectangle of face 0, and the faces in use.
+
+    point: the hit in float32, and the pixel's number in the bits of the fourth.
+    """
+    at = tile_pixel(wp.tid(), width, height)
+    hit = wp.vec3d()
+    wanted = wp.bool(False)
+    pixel = at[1] * width + at[0]
+    if at[0] >= 0:
+        visibility[index, pixel] = wp.uint8(0)
+        wanted = triangle[pixel] >= 0
+        if wp.static(effects.masked):
+            wanted = receivers[index, pixel] != wp.uint8(0)
+        if wanted:
+            hit = hits[pixel]
+    p = note_place(wanted, hit, lights[index], frames[index], rectangle)
+    if at[0] >= 0:
+        place[pixel] = p
+        h = to_float32(hit)
+        point[pixel] = wp.vec4f(h[0], h[1], h[2], wp.cast(pixel, wp.float32))
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def count_kernel(
+    width: wp.int32,
+    height: wp.int32,
     cells: wp.int32,
-    place: wp.array(dtype=wp.vec3d),
+    place: wp.array(dtype=wp.vec3f),
     rectangle: wp.array(dtype=wp.int32),
     count: wp.array(dtype=wp.int32),
     slot: wp.array(dtype=wp.vec2i),
 ):
     """Cell of every ray, and its rank there. The rank depends on the order of threads; no answer does."""
-    pixel = wp.tid()
+    at = tile_pixel(wp.tid(), width, height)
+    if at[0] < 0:
+        return
+    pixel = at[1] * width + at[0]
     p = place[pixel]
-    face = wp.int32(p[0])
+    face = wp.int32(p[2])
     if face < 0:
         slot[pixel] = wp.vec2i(-1, 0)
         return
     r = face_rectangle(face, rectangle, cells)
-    cell = cell_index(face, cell_along(p[1], r[0], r[2], cells), cell_along(p[2], r[1], r[3], cells), cells)
-    slot[pixel] = wp.vec2i(cell, wp.atomic_add(count, cell, 1))
+    cell = cell_index(face, cell_along(p[0], r[0], r[2], cells), cell_along(p[1], r[1], r[3], cells), cells)
+    slot[pixel] = wp.vec2i(cell, number_in(count, cell))
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def scan_kernel(
+    cells: wp.int32,
+    rectangle: wp.array(dtype=wp.int32),
+    count: wp.array(dtype=wp.int32),
+    offset: wp.array(dtype=wp.int32),
+    counts: wp.array(dtype=wp.int32),
+    table: wp.array(dtype=wp.vec4f),
+):
+    """Where each row's rays lie (GPU: 128 threads a row, faces without rays left out), and the faces' rectangles.
+
+    table: each face's rectangle in float32, for triangles: (low u, low v, cells per u, cells per v); zero if unused.
+    """
+    k = wp.tid()
+    row = k // 128
+    if rectangle[4 + row // cells] == 0:
+        scan_row(count, offset, row * (cells + SPARE), cells, counts, RAYS)
+    if k < FACES:
+        t = wp.vec4f(0.0, 0.0, 0.0, 0.0)
+        if rectangle[4 + k] == 0:
+            t = face_rectangle(k, rectangle, cells)
+        table[k] = t
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def scatter_kernel(
-    triangle: wp.array(dtype=wp.int32),
-    hit: wp.array(dtype=wp.vec3d),
+    width: wp.int32,
+    height: wp.int32,
+    point: wp.array(dtype=wp.vec4f),
     slot: wp.array(dtype=wp.vec2i),
     offset: wp.array(dtype=wp.int32),
     rays: wp.array(dtype=wp.vec4f),
-    pixels: wp.array(dtype=wp.int32),
 ):
-    """Rays in cell order: float32 hit point and own triangle; and the pixel of each."""
-    pixel = wp.tid()
-    s = slot[pixel]
-    if s[0] < 0:
+    """Rays in cell order: float32 hit point, and the pixel's number in the bits of the fourth."""
+    at = tile_pixel(wp.tid(), width, height)
+    if at[0] < 0:
         return
-    at = offset[s[0]] + s[1]
-    h = to_float32(hit[pixel])
-    rays[at] = wp.vec4f(h[0], h[1], h[2], wp.cast(triangle[pixel], wp.float32))
-    pixels[at] = pixel
+    pixel = at[1] * width + at[0]
+    s = slot[pixel]
+    if s[0] >= 0:
+        rays[offset[s[0]] + s[1]] = point[pixel]

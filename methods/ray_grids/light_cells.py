@@ -10,7 +10,20 @@ import warp as wp
 
 from ..common.triangle import U32, largest
 from .light_bins import Cube, on_face
-from .spans import Flat, row_span
+
+
+@wp.struct
+class Flat:
+    """A triangle projected to cell coordinates of a face. ``pad`` bounds the error of a coordinate.
+
+    ``known`` is False where a corner lies behind the centre of projection, or too near its plane to be projected.
+    """
+
+    a: wp.vec2f
+    b: wp.vec2f
+    c: wp.vec2f
+    pad: wp.float32
+    known: wp.bool
 
 
 @wp.func
@@ -28,8 +41,7 @@ def on_cells(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, reach: wp.float32, r: wp.vec
     """Cell coordinates of the corners on a face (corners given as along, across, up).
 
     ``reach`` bounds |p - middle|_1 of the corners: across and up are known to 8 u of it, so u = across / along to
-    (1 + |u|) 16 u reach / along, and the rounding of u itself; a thousandth of a cell covers the scaling. Of the
-    factor 32 taken, 2 are what the rays of a directional light turn by, seen from its post (:mod:`.light_bins`).
+    (1 + |u|) 16 u reach / along, and the rounding of u itself; a thousandth of a cell covers the scaling.
     """
     flat = Flat()
     nearest = wp.min(a[0], wp.min(b[0], c[0]))
@@ -87,8 +99,63 @@ def beyond_face(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, slack: wp.float32) -> wp.
     ) and least < wp.INF
 
 
+@wp.struct
+class Sides:
+    """Lines that bound a triangle's cells: in row y, cell coordinate line[0] + (y - line[1]) line[2] is a least one
+    where line[3] > 0, a greatest one where it is < 0, and says nothing where it is 0."""
+
+    line0: wp.vec4f
+    line1: wp.vec4f
+    line2: wp.vec4f
+
+
 @wp.func
-def between_planes(
+def side_of(p: wp.vec2f, q: wp.vec2f, other: wp.vec2f, pad: wp.float32) -> wp.vec4f:
+    """The line of an edge p-q; ``other`` lies on the inner side.
+
+    A point of the triangle is a mean of corners, so it is off by no more than the pad of a corner, up and across;
+    half a row on either side belongs to the row. What rounding does to the line is small against the slack.
+    """
+    rise = q[1] - p[1]
+    if not (wp.abs(rise) > 1.0e-6 * (wp.abs(q[0] - p[0]) + 1.0)):
+        return wp.vec4f(0.0, 0.0, 0.0, 0.0)
+    slope = (q[0] - p[0]) / rise
+    side = wp.float32(1.0)
+    if other[0] < p[0] + (other[1] - p[1]) * slope:
+        side = -1.0
+    far = wp.max(wp.abs(p[0]), wp.max(wp.abs(q[0]), wp.abs(other[0])))
+    slack = pad + wp.abs(slope) * (0.502 + pad) + 1.0e-5 * wp.max(far, 1.0)
+    return wp.vec4f(p[0] - side * slack, p[1] - 0.5, slope, side)
+
+
+@wp.func
+def sides_of_flat(flat: Flat) -> Sides:
+    sides = Sides()
+    sides.line0 = side_of(flat.a, flat.b, flat.c, flat.pad)
+    sides.line1 = side_of(flat.b, flat.c, flat.a, flat.pad)
+    sides.line2 = side_of(flat.c, flat.a, flat.b, flat.pad)
+    return sides
+
+
+@wp.func
+def side_of_plane(n: wp.vec3f, error: wp.float32, r: wp.vec4f, middle: wp.float32) -> wp.vec4f:
+    """The line n0 + n1 u + n2 v >= -error in cell coordinates, taken from row ``middle``."""
+    # A line along the row is taken as a very steep one: |u| <= 1, so that is off by at most three errors.
+    across = n[1]
+    if not (wp.abs(across) > error):
+        across = 2.0 * error
+    v = r[1] + middle / r[3]
+    u = -(n[0] + n[2] * v) / across
+    slope = -(n[2] / across) * (r[2] / r[3])
+    if not (wp.abs(slope) < 1.0e9 and wp.abs(u) < 1.0e9):
+        return wp.vec4f(0.0, 0.0, 0.0, 0.0)
+    side = wp.sign(across)
+    slack = 0.1 + wp.abs(slope) * 0.52 + (4.0 * error / wp.abs(across) + 1.0e-5) * r[2]
+    return wp.vec4f((u - r[0]) * r[2] - side * slack, middle - 0.5, slope, side)
+
+
+@wp.func
+def sides_of_planes(
     light: wp.vec3f,
     cube: Cube,
     face: wp.int32,
@@ -96,16 +163,15 @@ def between_planes(
     b: wp.vec3f,
     c: wp.vec3f,
     r: wp.vec4f,
-    y0: wp.int32,
-    y1: wp.int32,
     cells: wp.int32,
-) -> wp.vec2i:
-    """First and last cell of rows y0..y1 that a triangle reaching behind the face's centre may cover.
+) -> Sides:
+    """Lines of a triangle that reaches behind the face's centre.
 
     On a face the planes through the light and the edges are lines n0 + n1 u + n2 v >= 0; they hold for triangles
     that cannot be projected, too. Such a triangle is near the light for its size, so corners relative to the
     light are precise enough.
     """
+    sides = Sides()
     qa = on_face(turned(a - light, cube), face)
     qb = on_face(turned(b - light, cube), face)
     qc = on_face(turned(c - light, cube), face)
@@ -116,52 +182,33 @@ def between_planes(
     reach = wp.max(largest(qa), wp.max(largest(qb), largest(qc)))
     edge = wp.max(largest(ab), wp.max(largest(bc), largest(ca)))
     if not (wp.abs(det) > 256.0 * U32 * edge * edge * reach):
-        return wp.vec2i(0, cells - 1)
+        return sides
     sign = wp.sign(det)
-    hair = 0.01
-    v0 = r[1] + (wp.float32(y0) - hair) / r[3]
-    v1 = r[1] + (wp.float32(y1 + 1) + hair) / r[3]
     error = 256.0 * U32 * reach * edge
-    low = wp.float32(-2.0)
-    high = wp.float32(2.0)
-    for k in range(3):
-        n = wp.cross(qb, bc) * sign
-        if k == 1:
-            n = wp.cross(qc, ca) * sign
-        if k == 2:
-            n = wp.cross(qa, ab) * sign
-        rest = n[0] + wp.max(n[2] * v0, n[2] * v1) + error
-        if wp.abs(n[1]) > error:
-            u = -rest / n[1]
-            if n[1] > 0.0:
-                low = wp.max(low, u - 1.0e-5)
-            else:
-                high = wp.min(high, u + 1.0e-5)
-        elif rest + 2.0 * error < 0.0:
-            high = wp.float32(-2.0)
-    first = wp.floor(wp.clamp((low - r[0]) * r[2] - 0.1, 0.0, wp.float32(cells)))
-    last = wp.floor(wp.clamp((high - r[0]) * r[2] + 0.1, -1.0, wp.float32(cells - 1)))
-    return wp.vec2i(wp.int32(first), wp.int32(last))
+    middle = 0.5 * wp.float32(cells)
+    sides.line0 = side_of_plane(wp.cross(qb, bc) * sign, error, r, middle)
+    sides.line1 = side_of_plane(wp.cross(qc, ca) * sign, error, r, middle)
+    sides.line2 = side_of_plane(wp.cross(qa, ab) * sign, error, r, middle)
+    return sides
 
 
 @wp.func
-def row_cells(
-    flat: Flat,
-    light: wp.vec3f,
-    cube: Cube,
-    face: wp.int32,
-    a: wp.vec3f,
-    b: wp.vec3f,
-    c: wp.vec3f,
-    r: wp.vec4f,
-    y0: wp.int32,
-    y1: wp.int32,
-    cells: wp.int32,
-) -> wp.vec2i:
-    """First and last cell of rows y0..y1 that the triangle may cover; none if last < first."""
-    if not flat.known:
-        return between_planes(light, cube, face, a, b, c, r, y0, y1, cells)
-    span = row_span(flat, wp.float32(y0), wp.float32(y1 + 1))
-    if span[1] < 0.0 or span[0] > wp.float32(cells):
-        return wp.vec2i(0, -1)
-    return wp.vec2i(whole_cells(span[0], cells), whole_cells(span[1], cells))
+def cells_of_row(sides: Sides, y: wp.int32, first: wp.int32, last: wp.int32) -> wp.vec2i:
+    """First and last cell of first..last in row y that the triangle may cover; none if last < first."""
+    low = wp.float32(first)
+    high = wp.float32(last)
+    for k in range(3):
+        line = sides.line0
+        if k == 1:
+            line = sides.line1
+        if k == 2:
+            line = sides.line2
+        x = line[0] + (wp.float32(y) - line[1]) * line[2]
+        # What is not a number cuts nothing.
+        if line[3] > 0.0 and x > low:
+            low = x
+        if line[3] < 0.0 and x < high:
+            high = x
+    return wp.vec2i(
+        wp.int32(wp.floor(wp.min(low, wp.float32(last + 1)))), wp.int32(wp.floor(wp.max(high, -1.0)))
+    )

@@ -1,6 +1,8 @@
-"""Shadow rays of larger triangles: rows of blocks, blocks, items of rays; and the pairs left to float64."""
+"""Shadow rays of larger triangles: groups of rows of cells, cut to the triangle; and the pairs left to float64."""
 
 from __future__ import annotations
+
+import functools
 
 import warp as wp
 
@@ -9,46 +11,29 @@ from ...harness.specialise import effects
 from ..common.alpha import shadow_counts
 from ..common.reserve import reserve
 from ..common.triangle import largest, occludes, total, weld_of
-from .light_bins import CELLS, Cube, cell_index, on_face
-from .light_cells import cube_space, on_cells, row_cells
-from .light_stream import FEW_RAYS, Occluder, shade, span_of
-from .queue import BLOCKS, DOUBTS, ITEMS, STRIPS
-from .spans import Flat
+from .light_bins import Cube, on_face
+from .light_cells import Sides, cells_of_row, cube_space, on_cells, sides_of_flat, sides_of_planes
+from .light_stream import Occluder, shade, sign_bound, span_of
+from .queue import DOUBTS, ITEMS, LARGE, PARTS, queue_parts
+from .warps import LANES, lane_holding, of_lane, sum_to_lane
 
 
 @wp.func
-def queue_rays(
-    i: wp.int32,
-    first: wp.int32,
-    stop: wp.int32,
-    counts: wp.array(dtype=wp.int32),
-    items: wp.array(dtype=wp.vec4i),
-):
-    """Queue rays first..stop for triangle i, 32 an item."""
-    number = (stop - first + 31) // 32
-    place = reserve(counts, ITEMS, number)
-    for k in range(number):
-        if place + k < items.shape[0]:
-            items[place + k] = wp.vec4i(i, first + 32 * k, stop, 0)
+def occluder_at(records: wp.array2d(dtype=wp.vec4f), i: wp.int32) -> Occluder:
+    occluder = Occluder()
+    occluder.e0 = records[i, 0]
+    occluder.e1 = records[i, 1]
+    occluder.e2 = records[i, 2]
+    occluder.plane = records[i, 3]
+    return occluder
 
 
-@wp.func
-def corner(
-    points: wp.array(dtype=wp.vec3f), triangles: wp.array(dtype=wp.vec3i), i: wp.int32, k: wp.int32
-) -> wp.vec3f:
-    return points[triangles[i][k]]
-
-
-@wp.func
-def flat_of(cube: Cube, face: wp.int32, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, r: wp.vec4f) -> Flat:
-    reach = wp.max(total(a - cube.middle), wp.max(total(b - cube.middle), total(c - cube.middle)))
-    qa = on_face(cube_space(a, cube), face)
-    qb = on_face(cube_space(b, cube), face)
-    return on_cells(qa, qb, on_face(cube_space(c, cube), face), reach, r)
+SPLITTERS = wp.constant(8)
+"""Threads that share the rows of one large triangle."""
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
-def strip_kernel(
+def split_kernel(
     threads: wp.int32,
     index: wp.int32,
     cells: wp.int32,
@@ -57,117 +42,174 @@ def strip_kernel(
     table: wp.array(dtype=wp.vec4f),
     points: wp.array(dtype=wp.vec3f),
     triangles: wp.array(dtype=wp.vec3i),
-    strips: wp.array(dtype=wp.vec4i),
-    counts: wp.array(dtype=wp.int32),
-    blocks: wp.array(dtype=wp.vec4i),
-):
-    """One row of blocks of a large triangle a thread: queue the blocks between its edges."""
-    k = wp.tid()
-    stop = wp.min(counts[STRIPS], strips.shape[0])
-    cube = cubes[0]
-    while k < stop:
-        strip = strips[k]
-        k += threads
-        i = strip[0]
-        face = strip[1]
-        a = corner(points, triangles, i, 0)
-        b = corner(points, triangles, i, 1)
-        c = corner(points, triangles, i, 2)
-        flat = flat_of(cube, face, a, b, c, table[face])
-        y = strip[2] * CELLS
-        ends = row_cells(flat, lights[index], cube, face, a, b, c, table[face], y, y + CELLS - 1, cells)
-        if ends[1] >= ends[0]:
-            first = ends[0] // CELLS
-            number = ends[1] // CELLS - first + 1
-            place = reserve(counts, BLOCKS, number)
-            for j in range(number):
-                if place + j < blocks.shape[0]:
-                    blocks[place + j] = wp.vec4i(i, face, first + j, strip[2])
-
-
-@wp.kernel(enable_backward=False, grid_stride=False)
-def block_kernel(
-    threads: wp.int32,
-    index: wp.int32,
-    cells: wp.int32,
-    lights: wp.array(dtype=wp.vec3f),
-    cubes: wp.array(dtype=Cube),
-    table: wp.array(dtype=wp.vec4f),
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    offset: wp.array(dtype=wp.int32),
-    blocks: wp.array(dtype=wp.vec4i),
+    large: wp.array(dtype=wp.vec4i),
     counts: wp.array(dtype=wp.int32),
     items: wp.array(dtype=wp.vec4i),
+    lines: wp.array2d(dtype=wp.vec4f),
 ):
-    """Queued blocks: all their rays where they are few, else eight threads, a cell row each, cut to the triangle."""
+    """Queue the rows of large triangles in groups, with the lines that bound them.
+
+    An item is (triangle, face and rows << 4 and first row << 16, first cell and last << 16, 0), and three lines.
+    """
     k = wp.tid()
-    stop = wp.min(counts[BLOCKS], blocks.shape[0]) * CELLS
-    cube = cubes[0]
+    stop = wp.min(counts[LARGE], large.shape[0])
+    cube = cubes[index]
+    light = lights[index]
+    first = k % SPLITTERS
+    k = k // SPLITTERS
     while k < stop:
-        block = blocks[k // CELLS]
-        row = k % CELLS
-        k += threads
-        i = block[0]
-        face = block[1]
-        start = cell_index(face, block[2] * CELLS, block[3] * CELLS, cells)
-        first = offset[start]
-        last = offset[start + CELLS * CELLS]
-        if last - first <= FEW_RAYS:
-            if row == 0 and last > first:
-                queue_rays(i, first, last, counts, items)
+        work = large[k]
+        k += threads // SPLITTERS
+        i = work[0]
+        face = work[1]
+        low = work[3] & 65535
+        high = work[3] >> 16
+        number = (high - low + LANES) // LANES - first
+        if number > 0:
+            number = (number + SPLITTERS - 1) // SPLITTERS
+            corners = triangles[i]
+            a = points[corners[0]]
+            b = points[corners[1]]
+            c = points[corners[2]]
+            reach = wp.max(total(a - cube.middle), wp.max(total(b - cube.middle), total(c - cube.middle)))
+            qa = on_face(cube_space(a, cube), face)
+            qb = on_face(cube_space(b, cube), face)
+            flat = on_cells(qa, qb, on_face(cube_space(c, cube), face), reach, table[face])
+            sides = Sides()
+            if flat.known:
+                sides = sides_of_flat(flat)
+            else:
+                sides = sides_of_planes(light, cube, face, a, b, c, table[face], cells)
+            place = reserve(counts, ITEMS, number)
+            for g in range(number):
+                if place + g < items.shape[0]:
+                    y = low + (first + g * SPLITTERS) * LANES
+                    rows = wp.min(LANES, high - y + 1)
+                    items[place + g] = wp.vec4i(i, face | (rows << 4) | (y << 16), work[2], 0)
+                    lines[place + g, 0] = sides.line0
+                    lines[place + g, 1] = sides.line1
+                    lines[place + g, 2] = sides.line2
+
+
+@wp.func
+def rays_of_row(
+    work: wp.vec4i, r: wp.int32, sides: Sides, cells: wp.int32, offset: wp.array(dtype=wp.int32)
+) -> wp.vec2i:
+    """First ray and end in row r of an item, cut to the triangle."""
+    y = (work[1] >> 16) + r
+    ends = cells_of_row(sides, y, work[2] & 65535, work[2] >> 16)
+    if ends[1] < ends[0]:
+        return wp.vec2i(0, 0)
+    return span_of(offset, work[1] & 15, ends[0], ends[1], y, cells)
+
+
+@functools.cache
+def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
+    """Queued groups of rows, a warp each on the GPU, a thread each on the CPU; ``again``: their further parts."""
+    counter = PARTS if again else ITEMS
+
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
+    def item_kernel(
+        threads: wp.int32,
+        size: wp.int32,
+        index: wp.int32,
+        cells: wp.int32,
+        records: wp.array2d(dtype=wp.vec4f),
+        offset: wp.array(dtype=wp.int32),
+        rays: wp.array(dtype=wp.vec4f),
+        cubes: wp.array(dtype=Cube),
+        triangle: wp.array(dtype=wp.int32),
+        items: wp.array(dtype=wp.vec4i),
+        lines: wp.array2d(dtype=wp.vec4f),
+        alpha: Alpha,
+        visibility: wp.array2d(dtype=wp.uint8),
+        counts: wp.array(dtype=wp.int32),
+        parts: wp.array(dtype=wp.vec2i),
+        doubts: wp.array(dtype=wp.vec2i),
+    ):
+        k = wp.tid()
+        stop = counts[wp.static(counter)]
+        if wp.static(again):
+            stop = wp.min(stop, parts.shape[0])
         else:
-            first = offset[start + row * CELLS]
-            last = offset[start + row * CELLS + CELLS]
-            if last > first:
-                a = corner(points, triangles, i, 0)
-                b = corner(points, triangles, i, 1)
-                c = corner(points, triangles, i, 2)
-                flat = flat_of(cube, face, a, b, c, table[face])
-                y = block[3] * CELLS + row
-                ends = row_cells(flat, lights[index], cube, face, a, b, c, table[face], y, y, cells)
-                x0 = wp.max(ends[0], block[2] * CELLS)
-                x1 = wp.min(ends[1], block[2] * CELLS + CELLS - 1)
-                if x1 >= x0:
-                    part = span_of(offset, face, x0, x1, y, cells)
-                    if part[1] > part[0]:
-                        queue_rays(i, part[0], part[1], counts, items)
-
-
-@wp.kernel(enable_backward=False, grid_stride=False)
-def item_kernel(
-    threads: wp.int32,
-    index: wp.int32,
-    records: wp.array2d(dtype=wp.vec4f),
-    counts: wp.array(dtype=wp.int32),
-    items: wp.array(dtype=wp.vec4i),
-    rays: wp.array(dtype=wp.vec4f),
-    pixels: wp.array(dtype=wp.int32),
-    alpha: Alpha,
-    visibility: wp.array2d(dtype=wp.uint8),
-    doubts: wp.array(dtype=wp.vec2i),
-):
-    """Queued items: 32 threads each, one a ray."""
-    k = wp.tid()
-    stop = wp.min(counts[ITEMS], items.shape[0])
-    item = k // 32
-    while item < stop:
-        work = items[item]
-        at = work[1] + k % 32
-        if at < work[2]:
+            stop = wp.min(stop, items.shape[0])
+        bound = sign_bound(cubes[index].size)
+        step = threads
+        lane = wp.int32(0)
+        if wp.static(cuda):
+            lane = k % LANES
+            k = k // LANES
+            step = threads // LANES
+        while k < stop:
+            item = k
+            part = wp.int32(0)
+            if wp.static(again):
+                item = parts[k][0]
+                part = parts[k][1]
+            k += step
+            work = items[item]
             i = work[0]
-            occluder = Occluder()
-            occluder.e0 = records[i, 0]
-            occluder.e1 = records[i, 1]
-            occluder.e2 = records[i, 2]
-            occluder.plane = records[i, 3]
-            occluder.bound = records[i, 4][0]
-            sure = occluder.bound
+            sides = Sides()
+            sides.line0 = lines[item, 0]
+            sides.line1 = lines[item, 1]
+            sides.line2 = lines[item, 2]
+            rows = (work[1] >> 4) & 63
+            sure = bound
             if wp.static(effects.alpha):
                 if alpha.masked[i] != wp.uint8(0):
                     sure = wp.INF
-            shade(i, at, index, occluder, sure, rays, pixels, visibility, counts, doubts)
-        item += threads // 32
+            number = wp.int32(0)
+            if wp.static(cuda):
+                span = wp.vec2i(0, 0)
+                if lane < rows:
+                    span = rays_of_row(work, lane, sides, cells, offset)
+                sums = sum_to_lane(span[1] - span[0])
+                number = of_lane(sums, LANES - 1)
+                base = span[1] - sums
+                at = part * size
+                end = wp.min(number, at + size)
+                if at < end:
+                    occluder = occluder_at(records, i)
+                    # Two rays at a time: one waits for memory while the other is reckoned.
+                    while at < end:
+                        element = at + lane
+                        ray = of_lane(base, lane_holding(sums, element)) + element
+                        other = of_lane(base, lane_holding(sums, element + LANES)) + element + LANES
+                        h = wp.vec4f()
+                        g = wp.vec4f()
+                        if element < end:
+                            h = rays[ray]
+                        if element + LANES < end:
+                            g = rays[other]
+                        if element < end:
+                            shade(i, h, index, occluder, bound, sure, triangle, visibility, counts, doubts)
+                        if element + LANES < end:
+                            shade(i, g, index, occluder, bound, sure, triangle, visibility, counts, doubts)
+                        at += 2 * LANES
+            else:
+                occluder = occluder_at(records, i)
+                for r in range(rows):
+                    span = rays_of_row(work, r, sides, cells, offset)
+                    for ray in range(span[0], span[1]):
+                        # A part has its share of the group's rays in order, as on the GPU.
+                        if number // size == part:
+                            shade(
+                                i,
+                                rays[ray],
+                                index,
+                                occluder,
+                                bound,
+                                sure,
+                                triangle,
+                                visibility,
+                                counts,
+                                doubts,
+                            )
+                        number += 1
+            if wp.static(not again):
+                queue_parts(item, number, size, lane, counts, parts)
+
+    return item_kernel
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)

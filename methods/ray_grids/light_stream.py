@@ -14,38 +14,40 @@ import warp as wp
 
 from ...harness.alpha import Alpha
 from ...harness.specialise import effects
-from ..common.reserve import reserve
+from ..common.reserve import number_in
 from ..common.triangle import U32, largest, total
-from .light_bins import CELLS, EMPTY, FACES, Cube, cell_index, on_face
-from .light_cells import beyond_face, cube_space, flat_box, on_cells, row_cells
-from .queue import BLOCKS, DOUBTS, STRIPS
-
-FEW_BLOCKS = wp.constant(4)
-FEW_RAYS = wp.constant(96)
-"""A block with more rays than this is queued by its cell rows, cut to the triangle."""
+from .light_bins import EMPTY, FACES, Cube, cell_index, on_face
+from .light_cells import (
+    beyond_face,
+    cells_of_row,
+    cube_space,
+    flat_box,
+    on_cells,
+    sides_of_flat,
+    sides_of_planes,
+)
+from .queue import DOUBTS, LARGE
 
 
 @wp.struct
 class Occluder:
     """Inward planes through the light and the edges, and the triangle's plane, positive on the light's side.
 
-    Each is (n, c): signs of n . p + c beyond ``bound`` are certain for every hit point p of the scene.
+    Each is (n, c): signs of n . p + c beyond :func:`sign_bound` are certain for every hit point p of the scene. All
+    are zero where float64 must decide.
     """
 
     e0: wp.vec4f
     e1: wp.vec4f
     e2: wp.vec4f
     plane: wp.vec4f
-    bound: wp.float32
 
 
 @wp.func
-def occluder_of(light: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, size: wp.float32) -> Occluder:
-    """Planes in float32. ``size`` bounds every coordinate of the hit points and of the triangle.
+def occluder_of(light: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> Occluder:
+    """Planes in float32: n = (p - light) x (q - p), scaled so that its parts are at most 2.
 
-    n = (p - light) x (q - p), scaled so that its parts are at most 2, is known to 8 u a part; over |h - p|_1 <= 6
-    size that is 48 u size, and n . h + c rounds by 78 u size more. A triangle that the light sees edge-on within
-    rounding gets an infinite bound: float64 decides all its candidates.
+    A triangle that the light sees edge-on within rounding gets zeros: float64 decides all its candidates.
     """
     la = a - light
     lb = b - light
@@ -57,10 +59,11 @@ def occluder_of(light: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, size: wp
     edge = wp.max(largest(ab), wp.max(largest(bc), largest(ca)))
     o = Occluder()
     if not (reach * edge > 1.0e-30 and reach * edge < 1.0e30 and edge * edge > 1.0e-30):
-        o.bound = wp.INF
         return o
     n = wp.cross(ca, ab) / (edge * edge)
     det = wp.dot(n, la)
+    if not (wp.abs(det) > 64.0 * U32 * reach):
+        return o
     toward = 1.0 / (reach * edge)
     # Inside is positive, and so is the light's side of the triangle.
     if det > 0.0:
@@ -74,10 +77,16 @@ def occluder_of(light: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, size: wp
     o.e1 = wp.vec4f(n1[0], n1[1], n1[2], -wp.dot(n1, c))
     o.e2 = wp.vec4f(n2[0], n2[1], n2[2], -wp.dot(n2, a))
     o.plane = wp.vec4f(n[0], n[1], n[2], -wp.dot(n, a))
-    o.bound = 128.0 * U32 * size + 1.0e-36
-    if not (wp.abs(det) > 64.0 * U32 * reach):
-        o.bound = wp.INF
     return o
+
+
+@wp.func
+def sign_bound(size: wp.float32) -> wp.float32:
+    """Error of n . h + c, where ``size`` bounds every coordinate of the hit points and of the triangle.
+
+    n is known to 8 u a part; over |h - p|_1 <= 6 size that is 48 u size, and n . h + c rounds by 78 u size more.
+    """
+    return 128.0 * U32 * size + 1.0e-36
 
 
 @wp.func
@@ -88,34 +97,33 @@ def value_at(plane: wp.vec4f, h: wp.vec4f) -> wp.float32:
 @wp.func
 def shade(
     i: wp.int32,
-    at: wp.int32,
+    h: wp.vec4f,
     index: wp.int32,
     occluder: Occluder,
+    bound: wp.float32,
     sure: wp.float32,
-    rays: wp.array(dtype=wp.vec4f),
-    pixels: wp.array(dtype=wp.int32),
+    triangle: wp.array(dtype=wp.int32),
     visibility: wp.array2d(dtype=wp.uint8),
     counts: wp.array(dtype=wp.int32),
     doubts: wp.array(dtype=wp.vec2i),
 ):
-    """Test the ray at place ``at`` against the triangle: set its bit, or leave the pair to float64.
-
-    A hit beyond ``sure`` is one: the occluder's bound, or infinite where the triangle has holes.
+    """Test a ray (hit point and pixel) against the triangle: set its bit, or leave the pair to float64.
 
     Few pairs are doubtful, but nearly every warp meets one; deciding them on the spot would hold up all its lanes.
+    A hit beyond ``sure`` is one: the bound, or infinite where the triangle has holes. A ray's own triangle passes
+    through its hit point, so it is always among the doubtful.
     """
-    h = rays[at]
     low = wp.min(value_at(occluder.e0, h), wp.min(value_at(occluder.e1, h), value_at(occluder.e2, h)))
-    if low < -occluder.bound:
+    if low < -bound:
         return
     side = value_at(occluder.plane, h)
-    if side > occluder.bound or wp.cast(h[3], wp.int32) == i:
+    if side > bound:
         return
-    pixel = pixels[at]
+    pixel = wp.cast(h[3], wp.int32)
     if low > sure and side < -sure:
         visibility[index, pixel] = wp.uint8(1)
-    elif visibility[index, pixel] == wp.uint8(0):
-        place = reserve(counts, DOUBTS, 1)
+    elif triangle[pixel] != i and visibility[index, pixel] == wp.uint8(0):
+        place = number_in(counts, DOUBTS)
         if place < doubts.shape[0]:
             doubts[place] = wp.vec2i(i, pixel)
 
@@ -124,7 +132,7 @@ def shade(
 def span_of(
     offset: wp.array(dtype=wp.int32), face: wp.int32, x0: wp.int32, x1: wp.int32, y: wp.int32, cells: wp.int32
 ) -> wp.vec2i:
-    """First ray and end of cells x0..x1 of a row; they must lie in one block."""
+    """First ray and end of cells x0..x1 of a row."""
     first = cell_index(face, x0, y, cells)
     return wp.vec2i(offset[first], offset[first + (x1 - x0) + 1])
 
@@ -135,7 +143,6 @@ def set_record(records: wp.array2d(dtype=wp.vec4f), i: wp.int32, occluder: Occlu
     records[i, 1] = occluder.e1
     records[i, 2] = occluder.e2
     records[i, 3] = occluder.plane
-    records[i, 4] = wp.vec4f(occluder.bound, 0.0, 0.0, 0.0)
 
 
 @wp.func
@@ -148,27 +155,28 @@ def shade_row(
     cells: wp.int32,
     index: wp.int32,
     occluder: Occluder,
+    bound: wp.float32,
     sure: wp.float32,
     offset: wp.array(dtype=wp.int32),
     rays: wp.array(dtype=wp.vec4f),
-    pixels: wp.array(dtype=wp.int32),
+    triangle: wp.array(dtype=wp.int32),
     visibility: wp.array2d(dtype=wp.uint8),
     counts: wp.array(dtype=wp.int32),
     doubts: wp.array(dtype=wp.vec2i),
 ):
     """Test the rays in cells first..last of a row."""
-    x = first
-    while x <= last:
-        stop = wp.min(last, x // CELLS * CELLS + CELLS - 1)
-        span = span_of(offset, face, x, stop, y, cells)
+    if last >= first:
+        span = span_of(offset, face, first, last, y, cells)
         for at in range(span[0], span[1]):
-            shade(i, at, index, occluder, sure, rays, pixels, visibility, counts, doubts)
-        x = stop + 1
+            shade(i, rays[at], index, occluder, bound, sure, triangle, visibility, counts, doubts)
 
 
 @functools.cache
 def make_stream_kernel(queued: bool) -> wp.Kernel:
-    """One thread a triangle: few rays are tested here; more are queued, or tested here all the same (CPU)."""
+    """One thread a triangle: few rays are tested here; more are queued, or tested here all the same (CPU).
+
+    A large triangle is (triangle, face, first cell and last << 16, first row and last << 16).
+    """
 
     # 64 registers: a triangle waits for memory more than it reckons, so more of them at a time pays.
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=64)
@@ -186,13 +194,12 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
         valid: wp.array(dtype=wp.uint8),
         offset: wp.array(dtype=wp.int32),
         rays: wp.array(dtype=wp.vec4f),
-        pixels: wp.array(dtype=wp.int32),
+        triangle: wp.array(dtype=wp.int32),
         alpha: Alpha,
         visibility: wp.array2d(dtype=wp.uint8),
         counts: wp.array(dtype=wp.int32),
         records: wp.array2d(dtype=wp.vec4f),
-        strips: wp.array(dtype=wp.vec4i),
-        blocks: wp.array(dtype=wp.vec4i),
+        large: wp.array(dtype=wp.vec4i),
         doubts: wp.array(dtype=wp.vec2i),
     ):
         i = wp.tid()
@@ -202,12 +209,17 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
         a = points[corners[0]]
         b = points[corners[1]]
         c = points[corners[2]]
-        cube = cubes[0]
+        cube = cubes[index]
         qa = cube_space(a, cube)
         qb = cube_space(b, cube)
         qc = cube_space(c, cube)
         reach = wp.max(total(a - cube.middle), wp.max(total(b - cube.middle), total(c - cube.middle)))
         slack = 32.0 * U32 * (reach + cube.distance)
+        bound = sign_bound(cube.size)
+        sure = bound
+        if wp.static(effects.alpha):
+            if alpha.masked[i] != wp.uint8(0):
+                sure = wp.INF
         recorded = wp.bool(False)
         face = wp.int32(-1)
         while face < FACES - 1:
@@ -228,55 +240,38 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
                         if (box[2] - box[0] + 1) * (box[3] - box[1] + 1) <= inline_cells:
                             number = wp.int32(0)
                             for y in range(box[1], box[3] + 1):
-                                x = box[0]
-                                while x <= box[2]:
-                                    stop = wp.min(box[2], x // CELLS * CELLS + CELLS - 1)
-                                    span = span_of(offset, face, x, stop, y, cells)
-                                    number += span[1] - span[0]
-                                    x = stop + 1
+                                span = span_of(offset, face, box[0], box[2], y, cells)
+                                number += span[1] - span[0]
                     if number > 0:
                         if number <= inline_rays:
-                            occluder = occluder_of(lights[index], a, b, c, cube.size)
-                            sure = occluder.bound
-                            if wp.static(effects.alpha):
-                                if alpha.masked[i] != wp.uint8(0):
-                                    sure = wp.INF
+                            occluder = occluder_of(lights[index], a, b, c)
                             for y in range(box[1], box[3] + 1):
                                 shade_row(
-                                    i, face, box[0], box[2], y, cells, index, occluder, sure, offset, rays, pixels,
+                                    i, face, box[0], box[2], y, cells, index, occluder, bound, sure, offset, rays, triangle,
                                     visibility, counts, doubts,
                                 )  # fmt: skip
-                        elif wp.static(not queued):
-                            occluder = occluder_of(lights[index], a, b, c, cube.size)
-                            sure = occluder.bound
-                            if wp.static(effects.alpha):
-                                if alpha.masked[i] != wp.uint8(0):
-                                    sure = wp.INF
-                            for y in range(box[1], box[3] + 1):
-                                ends = row_cells(flat, lights[index], cube, face, a, b, c, r, y, y, cells)
-                                shade_row(
-                                    i, face, wp.max(box[0], ends[0]), wp.min(box[2], ends[1]), y, cells, index,
-                                    occluder, sure, offset, rays, pixels, visibility, counts, doubts,
-                                )  # fmt: skip
                         else:
-                            if not recorded:
-                                set_record(records, i, occluder_of(lights[index], a, b, c, cube.size))
-                                recorded = True
-                            bx0 = box[0] // CELLS
-                            by0 = box[1] // CELLS
-                            across = box[2] // CELLS - bx0 + 1
-                            down = box[3] // CELLS - by0 + 1
-                            if across * down <= FEW_BLOCKS:
-                                place = reserve(counts, BLOCKS, across * down)
-                                for k in range(across * down):
-                                    if place + k < blocks.shape[0]:
-                                        blocks[place + k] = wp.vec4i(
-                                            i, face, bx0 + k % across, by0 + k // across
-                                        )
+                            if wp.static(not queued):
+                                if flat.known:
+                                    sides = sides_of_flat(flat)
+                                else:
+                                    sides = sides_of_planes(lights[index], cube, face, a, b, c, r, cells)
+                                occluder = occluder_of(lights[index], a, b, c)
+                                for y in range(box[1], box[3] + 1):
+                                    ends = cells_of_row(sides, y, box[0], box[2])
+                                    shade_row(
+                                        i, face, ends[0], ends[1], y, cells, index, occluder, bound, sure, offset, rays,
+                                        triangle,
+                                        visibility, counts, doubts,
+                                    )  # fmt: skip
                             else:
-                                place = reserve(counts, STRIPS, down)
-                                for k in range(down):
-                                    if place + k < strips.shape[0]:
-                                        strips[place + k] = wp.vec4i(i, face, by0 + k, 0)
+                                if not recorded:
+                                    set_record(records, i, occluder_of(lights[index], a, b, c))
+                                    recorded = True
+                                place = number_in(counts, LARGE)
+                                if place < large.shape[0]:
+                                    large[place] = wp.vec4i(
+                                        i, face, box[0] | (box[2] << 16), box[1] | (box[3] << 16)
+                                    )
 
     return stream_kernel

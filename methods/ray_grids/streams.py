@@ -10,9 +10,10 @@ from ...harness.frame import Frame
 from ...harness.passes import Pass
 from ...harness.scene import Effects
 from ...harness.specialise import specialised
+from ..common.pixels import thread_count
 from . import camera_queue, camera_stream, light_bins, light_queue, light_stream
 from .parameters import Build
-from .queue import COUNTERS, needs_kernel
+from .queue import COUNTERS, Capacity, keep_kernel
 
 THREADS = 132 * 2048
 """Threads of a kernel that empties a queue: they stride over what is there, so the count stays on the device."""
@@ -21,120 +22,141 @@ BLOCK_DIM = 128
 
 
 class Queues:
-    """What the streams of one frame share: queues, plane records, and where needs are kept.
+    """What the streams of one frame share: queues, counters, and planes of queued triangles.
 
-    strips vec4i [strip_capacity], items vec4i [item_capacity], blocks vec4i [block_capacity], doubts vec2i
-    [doubt_capacity]; counts int32 [4]; records vec4f [triangles, 5] and depths vec3d [triangles]: planes of queued
-    triangles. Without queues (CPU) all but the doubts are one element long.
+    items vec4i [item_capacity], with lines vec4f x 3 for each; large vec4i [item_capacity]; parts vec2i
+    [part_capacity]; doubts vec2i [doubt_capacity]; counts int32 [streams, 6]; nearest uint64 [pixels]; records
+    vec4f x 4 and depths vec3d [triangles]. Without queues (CPU) all but the counts, nearest and the doubts are one
+    element long.
     """
 
-    def __init__(self, frame: Frame, queued: bool, capacity: tuple[int, int, int, int], needs: wp.array):
+    def __init__(self, frame: Frame, queued: bool, capacity: Capacity, streams: int):
         self.queued = queued
-        self.needs = needs
-        strips, items, blocks, doubts = capacity if queued else (1, 1, 1, capacity[3])
+        self.device = frame.device
+        self.cuda = wp.get_device(frame.device).is_cuda
+        items, parts, doubts = capacity if queued else (1, 1, capacity[2])
+        words = COUNTERS // 2 * streams
         with wp.ScopedDevice(frame.device):
-            self.counts = wp.zeros(COUNTERS, dtype=wp.int32)
-            self.strips = wp.zeros(strips, dtype=wp.vec4i)
+            # One array for all that a frame begins by clearing: a launch costs as much as the bytes.
+            self.cleared = wp.zeros(frame.pixels + words, dtype=wp.uint64)
+            self.nearest = self.cleared[: frame.pixels]
+            self.counts = wp.array(
+                ptr=self.cleared.ptr + 8 * frame.pixels, shape=(streams, COUNTERS), dtype=wp.int32
+            )
             self.items = wp.zeros(items, dtype=wp.vec4i)
-            self.blocks = wp.zeros(blocks, dtype=wp.vec4i)
+            self.large = wp.zeros(items, dtype=wp.vec4i)
+            self.lines = wp.zeros((items, 3), dtype=wp.vec4f)
+            self.parts = wp.zeros(parts, dtype=wp.vec2i)
             self.doubts = wp.zeros(doubts, dtype=wp.vec2i)
             self.depths = wp.zeros(max(1, frame.triangle_count) if queued else 1, dtype=wp.vec3d)
-            self.records = wp.zeros((max(1, frame.triangle_count) if queued else 1, 5), dtype=wp.vec4f)
-        self.threads = THREADS if wp.get_device(frame.device).is_cuda else 64
-        self.device = frame.device
+            self.records = wp.zeros((max(1, frame.triangle_count) if queued else 1, 4), dtype=wp.vec4f)
+        self.threads = THREADS if self.cuda else 64
 
-    def keep_needs(self, first: int) -> None:
-        wp.launch(
-            needs_kernel, dim=COUNTERS, inputs=[self.counts], outputs=[self.needs, first], device=self.device
-        )
+
+class LightAims:
+    """Cubes of all lights, aimed at the middle of the scene.
+
+    Per light: axes mat33d, cubes Cube, rectangles int32 [10], tables vec4f [6].
+    """
+
+    def __init__(self, frame: Frame, lights: int):
+        faces = int(light_bins.FACES)
+        with wp.ScopedDevice(frame.device):
+            self.axes = wp.zeros(lights, dtype=wp.mat33d)
+            self.cubes = wp.zeros(lights, dtype=light_bins.Cube)
+            self.rectangles = wp.zeros((lights, 4 + faces), dtype=wp.int32)
+            self.tables = wp.zeros((lights, faces), dtype=wp.vec4f)
 
 
 class CameraStream:
-    """Primary rays. nearest uint64 [pixels]; hit vec3d [pixels]: float64 hit points."""
+    """Primary rays. hit vec3d [pixels]: float64 hit points.
 
-    def __init__(self, frame: Frame, queues: Queues, effects: Effects):
-        self.frame, self.queues, self.effects = frame, queues, effects
+    ``needs`` (int64): where another method wants the stream's counters copied to.
+    """
+
+    def __init__(
+        self, frame: Frame, build: Build, queues: Queues, effects: Effects, needs: wp.array | None = None
+    ):
+        self.frame, self.build, self.queues = frame, build, queues
+        self.effects, self.needs = effects, needs
         with wp.ScopedDevice(frame.device):
-            self.nearest = wp.zeros(frame.pixels, dtype=wp.uint64)
             self.hit = wp.zeros(frame.pixels, dtype=wp.vec3d)
 
     def passes(self) -> list[Pass]:
         scene = ("points", "triangles", "camera", *self.effects.surface_reads())
-        words = ("nearest words",)
-        passes = [Pass("camera: stream triangles", "trace", scene, words, self.launch_stream)]
+        words, items, parts = ("nearest words",), ("camera items",), ("camera parts",)
+        writes = words
+        passes = []
         if self.queues.queued:
-            items = ("camera items",)
-            passes.append(
-                Pass("camera: strips to blocks", "trace", (*scene, *words), items, self.launch_strips)
-            )
-            passes.append(
-                Pass("camera: queued blocks", "trace", (*scene, *words, *items), words, self.launch_items)
-            )
-        return [*passes, Pass("camera: resolve", "trace", (*scene, *words), ("hits",), self.launch_resolve)]
+            passes = [
+                Pass("camera: queued rows", "trace", (*scene, *words, *items), (*words, *parts), self.launch_items),
+                Pass("camera: further parts", "trace", (*scene, *words, *parts), words, self.launch_parts),
+            ]  # fmt: skip
+            writes += items
+        return [
+            Pass("camera: stream triangles", "trace", scene, writes, self.launch_stream),
+            *passes,
+            Pass("camera: doubtful pairs", "trace", (*scene, *words), words, self.launch_doubts),
+            Pass("camera: resolve", "trace", (*scene, *words), ("hits",), self.launch_resolve),
+        ]
 
     def launch_stream(self) -> None:
         f, q = self.frame, self.queues
-        self.nearest.zero_()
-        q.counts.zero_()
+        q.cleared.zero_()
         wp.launch(
-            specialised(camera_stream.stream_kernel, self.effects.switches()),
+            specialised(camera_stream.make_stream_kernel(q.queued), self.effects.switches()),
             dim=max(1, f.triangle_count),
             inputs=[
-                f.triangle_count, f.width, f.height, 0 if q.queued else 2**30, f.eye, f.axes, f.tangents, f.column,
-                f.row, f.points, f.triangles, f.valid, f.weld, f.alpha,
+                f.triangle_count, f.width, f.height, self.build.inline_pixels, f.eye, f.axes, f.tangents, f.column,
+                f.row, f.points, f.triangles, f.valid, f.alpha,
             ],
-            outputs=[self.nearest, q.counts, q.records, q.depths, q.strips, q.items],
+            outputs=[q.nearest, q.counts[0], q.records, q.depths, q.items, q.doubts],
             device=f.device,
             block_dim=BLOCK_DIM,
         )  # fmt: skip
 
-    def launch_strips(self) -> None:
+    def _launch_rows(self, again: bool) -> None:
         f, q = self.frame, self.queues
         wp.launch(
-            camera_queue.strip_kernel,
+            specialised(camera_queue.make_item_kernel(q.cuda, again), self.effects.switches()),
             dim=q.threads,
             inputs=[
-                q.threads,
-                f.width,
-                f.height,
-                f.eye,
-                f.axes,
-                f.tangents,
-                f.column,
-                f.row,
-                f.points,
-                f.triangles,
-                q.records,
-                q.strips,
+                q.threads, self.build.part, f.width, f.tangents, f.column, f.row, q.records, q.depths, q.items, f.alpha,
             ],
-            outputs=[q.counts, q.items],
+            outputs=[q.nearest, q.counts[0], q.parts, q.doubts],
             device=f.device,
             block_dim=BLOCK_DIM,
-        )
+        )  # fmt: skip
 
     def launch_items(self) -> None:
+        self._launch_rows(again=False)
+
+    def launch_parts(self) -> None:
+        self._launch_rows(again=True)
+
+    def launch_doubts(self) -> None:
         f, q = self.frame, self.queues
         wp.launch(
-            specialised(camera_queue.item_kernel, self.effects.switches()),
+            specialised(camera_stream.doubt_kernel, self.effects.switches()),
             dim=q.threads,
             inputs=[
-                q.threads, f.width, f.eye, f.column, f.row, f.points, f.triangles, f.weld, q.records, q.depths,
-                q.counts, q.items, f.alpha,
+                q.threads, f.width, f.eye, f.column, f.row, f.points, f.triangles, f.weld, q.counts[0], q.doubts,
+                f.alpha,
             ],
-            outputs=[self.nearest],
+            outputs=[q.nearest],
             device=f.device,
             block_dim=BLOCK_DIM,
         )  # fmt: skip
-        q.keep_needs(0)
+        if self.needs is not None:
+            wp.launch(keep_kernel, dim=COUNTERS, inputs=[q.counts[0]], outputs=[self.needs], device=f.device)
 
     def launch_resolve(self) -> None:
         f, a = self.frame, self.frame.answers
-        across, down = -(-f.width // 8), -(-f.height // 4)
         wp.launch(
             camera_stream.resolve_kernel,
-            dim=across * down * 32,
+            dim=thread_count(f.width, f.height, True),
             inputs=[
-                f.width, f.height, across, f.eye, f.column, f.row, f.points, f.triangles, f.weld, self.nearest,
+                f.width, f.height, f.eye, f.column, f.row, f.points, f.triangles, f.weld, self.queues.nearest,
             ],
             outputs=[a.triangle, a.t, a.u, a.v, self.hit],
             device=f.device,
@@ -143,26 +165,26 @@ class CameraStream:
 
 
 class RayBins:
-    """Cells of one light's cube and the rays in them; lights of a frame take turns with the same arrays."""
+    """Cells of one light's cube and the rays in them; lights of a frame take turns with the same arrays.
+
+    place vec3f [pixels]: (u, v, face) of each pixel's ray; point vec4f [pixels]: its hit point, and the pixel; slot
+    vec2i [pixels]: its cell and rank there; count and offset int32 [6 faces * cells rows * (cells + 4)] and one more;
+    rays vec4f [pixels]: points in cell order. On the GPU the scan leaves the counts empty.
+    """
 
     def __init__(self, frame: Frame, build: Build):
         side = math.sqrt(frame.pixels)
         if frame.triangle_count <= frame.pixels // 2:
             side /= 2
         self.cells = build.cells or min(4096, max(64, 8 * round(side / 8)))
-        number = int(light_bins.FACES) * self.cells**2
+        number = int(light_bins.FACES) * self.cells * (self.cells + int(light_bins.SPARE))
         with wp.ScopedDevice(frame.device):
-            self.box = wp.zeros(6, dtype=wp.int32)
-            self.axes = wp.zeros(1, dtype=wp.mat33d)
-            self.cube = wp.zeros(1, dtype=light_bins.Cube)
-            self.table = wp.zeros(int(light_bins.FACES), dtype=wp.vec4f)
-            self.rectangle = wp.zeros(4 + int(light_bins.FACES), dtype=wp.int32)
-            self.place = wp.zeros(frame.pixels, dtype=wp.vec3d)
+            self.place = wp.zeros(frame.pixels, dtype=wp.vec3f)
+            self.point = wp.zeros(frame.pixels, dtype=wp.vec4f)
             self.slot = wp.zeros(frame.pixels, dtype=wp.vec2i)
             self.count = wp.zeros(number, dtype=wp.int32)
             self.offset = wp.zeros(number + 1, dtype=wp.int32)
             self.rays = wp.zeros(frame.pixels, dtype=wp.vec4f)
-            self.pixels = wp.zeros(frame.pixels, dtype=wp.int32)
 
 
 class LightStream:
@@ -175,173 +197,166 @@ class LightStream:
         build: Build,
         hit: wp.array,
         queues: Queues,
+        aims: LightAims,
         bins: RayBins | None,
         effects: Effects,
     ):
-        self.effects = effects
-        self.frame, self.index, self.build, self.hit, self.queues = frame, index, build, hit, queues
+        self.frame, self.index, self.build, self.hit = frame, index, build, hit
+        self.queues, self.aims = queues, aims
         self.bins = bins or RayBins(frame, build)
+        self.switches = effects.switches(index)
+        self.effects = effects
+        self.counts = queues.counts[1 + index]
+        self.rectangle, self.table = aims.rectangles[index], aims.tables[index]
 
     def passes(self) -> list[Pass]:
         i = self.index
         light, effect = f"light/{i}", f"shadows/{i}"
-        seen = ("points", "hits", light, *self.effects.mask_reads(i))
-        place, rays, bits = f"ray places/{i}", f"ray cells/{i}", f"visibility/{i}"
-        scene = ("points", "triangles", "hits", light, rays, *self.effects.surface_reads())
+        seen = ("hits", f"light aim/{i}", *self.effects.mask_reads(i))
+        aim, place, rays, bits = f"light aim/{i}", f"ray places/{i}", f"ray cells/{i}", f"visibility/{i}"
+        offsets = f"ray offsets/{i}"
+        scene = ("points", "triangles", "hits", light, aim, rays, *self.effects.surface_reads())
         build = "light build"
+        writes = (bits, f"large triangles/{i}") if self.queues.queued else (bits,)
         passes = [
+            Pass(
+                f"light {i}: aim",
+                build,
+                ("points", "triangles", "reach", light),
+                (aim,),
+                self.launch_aim,
+                effect,
+            ),
             Pass(f"light {i}: map rays", build, seen, (place,), self.launch_map, effect),
-            Pass(f"light {i}: count and scan", build, (place,), (f"ray offsets/{i}",), self.launch_count, effect),
-            Pass(f"light {i}: scatter rays", build, ("hits", f"ray offsets/{i}"), (rays,), self.launch_scatter, effect),
-            Pass(f"light {i}: stream triangles", "shadow", scene, (bits,), self.launch_stream, effect),
-        ]  # fmt: skip
+            Pass(f"light {i}: count and scan", build, (place,), (offsets,), self.launch_count, effect),
+            Pass(f"light {i}: scatter rays", build, (place, offsets), (rays,), self.launch_scatter, effect),
+            Pass(f"light {i}: stream triangles", "shadow", scene, writes, self.launch_stream, effect),
+        ]
         if self.queues.queued:
-            blocks, items = (f"light blocks/{i}",), (f"light items/{i}",)
+            large, items, parts = (f"large triangles/{i}",), (f"light items/{i}",), (f"light parts/{i}",)
             passes += [
-                Pass(
-                    f"light {i}: strips to blocks",
-                    "shadow",
-                    (*scene, bits),
-                    blocks,
-                    self.launch_strips,
-                    effect,
-                ),
-                Pass(
-                    f"light {i}: blocks to rays",
-                    "shadow",
-                    (*scene, *blocks),
-                    items,
-                    self.launch_blocks,
-                    effect,
-                ),
-                Pass(
-                    f"light {i}: queued rays", "shadow", (*scene, *items), (bits,), self.launch_items, effect
-                ),
-            ]
+                Pass(f"light {i}: split large", "shadow", (*scene, *large), items, self.launch_split, effect),
+                Pass(f"light {i}: queued rows", "shadow", (*scene, bits, *items), (bits, *parts), self.launch_items, effect),
+                Pass(f"light {i}: further parts", "shadow", (*scene, bits, *parts), (bits,), self.launch_parts, effect),
+            ]  # fmt: skip
         return [
             *passes,
             Pass(f"light {i}: doubtful pairs", "shadow", scene, (bits,), self.launch_doubts, effect),
         ]
 
-    def launch_map(self) -> None:
-        f, b = self.frame, self.bins
-        device = f.device
-        wp.launch(light_bins.clear_kernel, dim=6, outputs=[b.box], device=device)
-        if f.vertex_count:
-            wp.launch(
-                light_bins.scene_box_kernel,
-                dim=f.vertex_count,
-                inputs=[f.points],
-                outputs=[b.box],
-                device=device,
-            )
+    def launch_aim(self) -> None:
+        f, a = self.frame, self.aims
         wp.launch(
             light_bins.aim_kernel,
             dim=1,
-            inputs=[self.index, f.posts, b.box],
-            outputs=[b.axes, b.cube, b.rectangle],
-            device=device,
+            inputs=[self.index, f.triangle_count, f.posts, f.points, f.triangles, f.valid, f.reach],
+            outputs=[a.axes, a.cubes, a.rectangles, self.counts],
+            device=f.device,
         )
+
+    def launch_map(self) -> None:
+        f, b = self.frame, self.bins
         wp.launch(
-            specialised(light_bins.map_kernel, self.effects.switches(self.index)),
-            dim=f.pixels,
-            inputs=[self.index, f.posts, b.axes, f.answers.triangle, self.hit, f.receivers],
-            outputs=[b.place, b.rectangle, f.answers.visibility],
-            device=device,
-        )
+            specialised(light_bins.map_kernel, self.switches),
+            dim=thread_count(f.width, f.height, True),
+            inputs=[
+                f.width, f.height, self.index, f.posts, self.aims.axes, f.answers.triangle, self.hit, f.receivers,
+            ],
+            outputs=[self.rectangle, b.place, b.point, f.answers.visibility],
+            device=f.device,
+        )  # fmt: skip
 
     def launch_count(self) -> None:
         f, b = self.frame, self.bins
-        b.count.zero_()
-        wp.launch(
-            light_bins.table_kernel,
-            dim=int(light_bins.FACES),
-            inputs=[b.cells, b.rectangle],
-            outputs=[b.table],
-            device=f.device,
-        )
+        if not self.queues.cuda:
+            b.count.zero_()
         wp.launch(
             light_bins.count_kernel,
-            dim=f.pixels,
-            inputs=[b.cells, b.place, b.rectangle],
+            dim=thread_count(f.width, f.height, True),
+            inputs=[f.width, f.height, b.cells, b.place, self.rectangle],
             outputs=[b.count, b.slot],
             device=f.device,
         )
-        wp.utils.array_scan(b.count, b.offset[1:], inclusive=True)
+        faces = int(light_bins.FACES)
+        wp.launch(
+            light_bins.scan_kernel,
+            dim=faces * b.cells * 128 if self.queues.cuda else faces,
+            inputs=[b.cells, self.rectangle],
+            outputs=[b.count, b.offset, self.counts, self.table],
+            device=f.device,
+            block_dim=128,
+        )
+        if not self.queues.cuda:
+            wp.utils.array_scan(b.count, b.offset[1:], inclusive=True)
 
     def launch_scatter(self) -> None:
         f, b = self.frame, self.bins
         wp.launch(
             light_bins.scatter_kernel,
-            dim=f.pixels,
-            inputs=[f.answers.triangle, self.hit, b.slot, b.offset],
-            outputs=[b.rays, b.pixels],
+            dim=thread_count(f.width, f.height, True),
+            inputs=[f.width, f.height, b.point, b.slot, b.offset],
+            outputs=[b.rays],
             device=f.device,
         )
 
     def launch_stream(self) -> None:
         f, b, q = self.frame, self.bins, self.queues
-        q.counts.zero_()
         wp.launch(
-            specialised(light_stream.make_stream_kernel(q.queued), self.effects.switches(self.index)),
+            specialised(light_stream.make_stream_kernel(q.queued), self.switches),
             dim=max(1, f.triangle_count),
             inputs=[
                 f.triangle_count, self.index, b.cells, self.build.inline_cells, self.build.inline_rays, f.lights,
-                b.cube, b.table, f.points, f.triangles, f.valid, b.offset, b.rays, b.pixels, f.alpha,
+                self.aims.cubes, self.table, f.points, f.triangles, f.valid, b.offset, b.rays, f.answers.triangle,
+                f.alpha,
             ],
-            outputs=[f.answers.visibility, q.counts, q.records, q.strips, q.blocks, q.doubts],
+            outputs=[f.answers.visibility, self.counts, q.records, q.large, q.doubts],
             device=f.device,
             block_dim=BLOCK_DIM,
         )  # fmt: skip
 
-    def _seen(self) -> list[object]:
-        f, b = self.frame, self.bins
-        return [self.queues.threads, self.index, b.cells, f.lights, b.cube, b.table, f.points, f.triangles]
-
-    def launch_strips(self) -> None:
-        f, q = self.frame, self.queues
-        wp.launch(
-            light_queue.strip_kernel,
-            dim=q.threads,
-            inputs=[*self._seen(), q.strips],
-            outputs=[q.counts, q.blocks],
-            device=f.device,
-            block_dim=BLOCK_DIM,
-        )
-
-    def launch_blocks(self) -> None:
+    def launch_split(self) -> None:
         f, b, q = self.frame, self.bins, self.queues
         wp.launch(
-            light_queue.block_kernel,
+            light_queue.split_kernel,
             dim=q.threads,
-            inputs=[*self._seen(), b.offset, q.blocks],
-            outputs=[q.counts, q.items],
+            inputs=[
+                q.threads, self.index, b.cells, f.lights, self.aims.cubes, self.table, f.points, f.triangles, q.large,
+            ],
+            outputs=[self.counts, q.items, q.lines],
             device=f.device,
             block_dim=BLOCK_DIM,
-        )
+        )  # fmt: skip
+
+    def _launch_rows(self, again: bool) -> None:
+        f, b, q = self.frame, self.bins, self.queues
+        wp.launch(
+            specialised(light_queue.make_item_kernel(q.cuda, again), self.switches),
+            dim=q.threads,
+            inputs=[
+                q.threads, self.build.part, self.index, b.cells, q.records, b.offset, b.rays, self.aims.cubes,
+                f.answers.triangle, q.items, q.lines, f.alpha,
+            ],
+            outputs=[f.answers.visibility, self.counts, q.parts, q.doubts],
+            device=f.device,
+            block_dim=BLOCK_DIM,
+        )  # fmt: skip
 
     def launch_items(self) -> None:
-        f, b, q = self.frame, self.bins, self.queues
-        wp.launch(
-            specialised(light_queue.item_kernel, self.effects.switches(self.index)),
-            dim=q.threads,
-            inputs=[q.threads, self.index, q.records, q.counts, q.items, b.rays, b.pixels, f.alpha],
-            outputs=[f.answers.visibility, q.doubts],
-            device=f.device,
-            block_dim=BLOCK_DIM,
-        )
+        self._launch_rows(again=False)
+
+    def launch_parts(self) -> None:
+        self._launch_rows(again=True)
 
     def launch_doubts(self) -> None:
         f, q = self.frame, self.queues
         wp.launch(
-            specialised(light_queue.doubt_kernel, self.effects.switches(self.index)),
+            specialised(light_queue.doubt_kernel, self.switches),
             dim=q.threads,
             inputs=[
-                q.threads, self.index, f.lights, f.eye, f.points, f.triangles, f.weld, self.hit, q.counts,
+                q.threads, self.index, f.lights, f.eye, f.points, f.triangles, f.weld, self.hit, self.counts,
                 q.doubts, f.alpha,
             ],
             outputs=[f.answers.visibility],
             device=f.device,
             block_dim=BLOCK_DIM,
         )  # fmt: skip
-        q.keep_needs(COUNTERS * (1 + self.index))

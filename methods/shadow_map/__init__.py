@@ -21,7 +21,8 @@ from ...harness.specialise import specialised
 from ..common.bounds import launch_bounds
 from ..common.misses import miss_passes
 from ..common.pairs import grown
-from ..ray_grids.queue import COUNTERS
+from ..ray_grids.parameters import Build as CameraBuild
+from ..ray_grids.queue import COUNTERS, Capacity, more_room
 from ..ray_grids.streams import CameraStream, Queues
 from .lookup import lookup_kernel
 from .parameters import BIASES, SHAPES, Build, Trace
@@ -50,7 +51,7 @@ class ShadowMap(BaseMethod):
     def __init__(self, build: Any = None, trace: Any = None):
         super().__init__(build, trace)
         self._faces = FACES if self.build.shape == "cube" else 1
-        self._capacity: Any = None  # room of each of the camera's COUNTERS queues; None before the first plan
+        self._capacity: Capacity | None = None  # room of the camera's queues; None before the first plan
         self._strip_capacity = 0
         self._needs: wp.array | None = None
         self._memory = 0
@@ -66,12 +67,14 @@ class ShadowMap(BaseMethod):
             return miss_passes(frame, effects)
         self._queued = bool(wp.get_device(frame.device).is_cuda)
         if self._capacity is None:
-            self._capacity = (max(262144, frame.triangle_count),) * COUNTERS
+            room = max(262144, frame.triangle_count)
+            self._capacity = (room, room, room)
             self._strip_capacity = self.build.strip_capacity or max(262144, frame.triangle_count)
         wanted = [i for i, wanted in enumerate(effects.shadows) if wanted]
         self._effects = effects
         self._allocate(frame, len(effects.shadows), wanted)
-        camera = CameraStream(frame, Queues(frame, self._queued, self._capacity, self._needs), effects)
+        queues = Queues(frame, self._queued, self._capacity, 1)
+        camera = CameraStream(frame, CameraBuild(), queues, effects, self._needs)
         self._hit = camera.hit
         passes = camera.passes()
         if wanted:
@@ -118,10 +121,7 @@ class ShadowMap(BaseMethod):
         assert self._capacity is not None
         lights = needed[COUNTERS:].reshape(-1, PER_LIGHT)
         before = (self._capacity, self._strip_capacity, self._faces)
-        self._capacity = tuple(
-            grown(int(need), room, self._memory, "queued work")
-            for need, room in zip(needed[:COUNTERS], self._capacity, strict=True)
-        )
+        self._capacity = more_room(needed[:COUNTERS], self._capacity, self._memory)
         self._strip_capacity = grown(
             int(lights[:, 0].max(initial=0)), self._strip_capacity, self._memory, "strips of rows"
         )

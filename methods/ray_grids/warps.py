@@ -1,0 +1,106 @@
+"""The lanes of a warp working on one item together: sums over lanes, values of other lanes.
+
+A triangle's rows differ in length. Each lane finds one row's pixels or rays; their lengths are summed up over the
+lanes, and then all lanes take the pixels or rays of all rows in turn, 32 at a time: every lane has work, however
+long or short the rows are. Warp has no words for this, so these are native snippets. They are for the GPU alone;
+kernels for the CPU walk the rows one after the other and call none of them.
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+LANES = wp.constant(32)
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+int lane = threadIdx.x & 31;
+for (int step = 1; step < 32; step <<= 1) {
+    int other = __shfl_up_sync(0xffffffffu, value, step);
+    if (lane >= step) value += other;
+}
+#endif
+return value;
+""")
+def sum_to_lane(value: wp.int32) -> wp.int32:
+    """The sum of the values of lanes 0 to this one. All lanes must call it."""
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+return __shfl_sync(0xffffffffu, value, lane);
+#else
+return value;
+#endif
+""")
+def of_lane(value: wp.int32, lane: wp.int32) -> wp.int32:
+    """The value of another lane. All lanes must call it."""
+
+
+@wp.func_native("""
+int low = 0;
+#if defined(__CUDA_ARCH__)
+for (int step = 16; step; step >>= 1)
+    if (__shfl_sync(0xffffffffu, sums, low + step - 1) <= index) low += step;
+#endif
+return low;
+""")
+def lane_holding(sums: wp.int32, index: wp.int32) -> wp.int32:
+    """The lane that holds element ``index``, given the sums of lengths up to each lane; 31 beyond the last."""
+
+
+# Rows are laid out in the order in which their blocks come by, so no block waits for another; no answer depends on
+# that order. The counts are left empty for the next frame.
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+__shared__ int sums[33];
+int thread = threadIdx.x & 127, lane = thread & 31, part = thread >> 5;
+int *from = count.data + first, *to = offset.data + first;
+int sum = 0;
+for (int x = thread * 4; x < length; x += 512) {
+    int4 v = *reinterpret_cast<const int4*>(from + x);
+    sum += v.x + v.y + v.z + v.w;
+}
+for (int step = 16; step; step >>= 1) sum += __shfl_down_sync(0xffffffffu, sum, step);
+if (lane == 0) sums[part] = sum;
+__syncthreads();
+if (thread == 0) sums[32] = atomicAdd(cursor.data + slot, sums[0] + sums[1] + sums[2] + sums[3]);
+__syncthreads();
+int base = sums[32];
+for (int start = 0; start < length; start += 512) {
+    int x = start + thread * 4;
+    int4 v = make_int4(0, 0, 0, 0);
+    if (x < length) v = *reinterpret_cast<const int4*>(from + x);
+    int own = v.x + v.y + v.z + v.w, upto = own;
+    for (int step = 1; step < 32; step <<= 1) {
+        int other = __shfl_up_sync(0xffffffffu, upto, step);
+        if (lane >= step) upto += other;
+    }
+    __syncthreads();
+    if (lane == 31) sums[part] = upto;
+    __syncthreads();
+    int before = base + upto - own;
+    for (int k = 0; k < part; k++) before += sums[k];
+    if (x < length) {
+        *reinterpret_cast<int4*>(from + x) = make_int4(0, 0, 0, 0);
+        *reinterpret_cast<int4*>(to + x) = make_int4(before, before + v.x, before + v.x + v.y, before + v.x + v.y + v.z);
+        if (x + 4 >= length) to[length] = before + own;
+    }
+    base += sums[0] + sums[1] + sums[2] + sums[3];
+}
+#endif
+""")
+def scan_row(
+    count: wp.array(dtype=wp.int32),
+    offset: wp.array(dtype=wp.int32),
+    first: wp.int32,
+    length: wp.int32,
+    cursor: wp.array(dtype=wp.int32),
+    slot: wp.int32,
+):
+    """A block of 128 threads: offsets of a row of cells from their counts, and one beyond its end. GPU only.
+
+    Reads and clears count[first : first + length] (a multiple of 4, as is ``first``); the row's place is taken from
+    ``cursor[slot]``.
+    """
