@@ -28,7 +28,7 @@ from shadowbench.methods.perspective_spherical.staged import (
     make_staged_trace_kernel,
 )
 from shadowbench.methods.perspective_spherical.variants import Variant
-from shadowbench.methods.ray_grids.light_stream import make_stream_kernel
+from shadowbench.methods.ray_grids import camera_queue, camera_stream, light_queue, light_stream
 from warp._src.context import Module
 
 ARCH = 90
@@ -139,7 +139,10 @@ def made_kernels() -> dict[str, wp.Kernel]:
         make_shadow_kernel: make_shadow_kernel(variant),
         make_staged_trace_kernel: make_staged_trace_kernel(variant, 64),
         make_staged_shadow_kernel: make_staged_shadow_kernel(variant, 64),
-        make_stream_kernel: make_stream_kernel(True),
+        camera_stream.make_stream_kernel: camera_stream.make_stream_kernel(True),
+        camera_queue.make_item_kernel: camera_queue.make_item_kernel(True, False),
+        light_stream.make_stream_kernel: light_stream.make_stream_kernel(True),
+        light_queue.make_item_kernel: light_queue.make_item_kernel(True, False),
     }
     return {f"{f.__module__.split('.', 1)[1]}.{f.__name__}": kernel for f, kernel in made.items()}
 

@@ -11,7 +11,7 @@ import shadowbench.methods
 import warp as wp
 from compiled_twins import compiled, kernels_with_effects, source_of, with_source
 from shadowbench.harness.specialise import Switches, named
-from shadowbench.methods.ray_grids import light_stream
+from shadowbench.methods.ray_grids import camera_queue, camera_stream, light_queue, light_stream
 
 ARCH = 90
 EFFECTS = kernels_with_effects()
@@ -33,10 +33,24 @@ def test_module_compiles_for_cuda(name, tmp_path):
     assert list(tmp_path.glob("*.cubin")) or list(tmp_path.glob("*.ptx"))
 
 
+STREAMED = {
+    "camera": camera_stream.make_stream_kernel,
+    "light": light_stream.make_stream_kernel,
+}
+ROWS = {"camera": camera_queue.make_item_kernel, "light": light_queue.make_item_kernel}
+
+
 @pytest.mark.parametrize("queued", [False, True])
-def test_streamed_variants_compile_for_cuda(queued, tmp_path):
-    kernel = light_stream.make_stream_kernel(queued)
-    wp.compile_aot_module(kernel.module, arch=ARCH, module_dir=tmp_path)
+@pytest.mark.parametrize("name", STREAMED)
+def test_streams_compile_for_cuda(name, queued, tmp_path):
+    wp.compile_aot_module(STREAMED[name](queued).module, arch=ARCH, module_dir=tmp_path)
+    assert list(tmp_path.glob("*.cubin")) or list(tmp_path.glob("*.ptx"))
+
+
+@pytest.mark.parametrize("again", [False, True])
+@pytest.mark.parametrize("name", ROWS)
+def test_queues_compile_for_cuda(name, again, tmp_path):
+    wp.compile_aot_module(ROWS[name](True, again).module, arch=ARCH, module_dir=tmp_path)
     assert list(tmp_path.glob("*.cubin")) or list(tmp_path.glob("*.ptx"))
 
 

@@ -85,7 +85,7 @@ class CameraStream:
     def passes(self) -> list[Pass]:
         scene = ("points", "triangles", "camera", *self.effects.surface_reads())
         words, items, parts = ("nearest words",), ("camera items",), ("camera parts",)
-        writes = words
+        writes: tuple[str, ...] = words
         passes = []
         if self.queues.queued:
             passes = [
