@@ -221,6 +221,32 @@ def may_occlude(
 
 
 @wp.func
+def stands_between(
+    h: wp.vec3d, light: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, origin_size: wp.float64
+) -> wp.bool:
+    """Whether the triangle's plane crosses the open segment from the hit point h to the light.
+
+    A plane that passes h within the rounding of h itself does not, nor does one that passes the light within rounding.
+    ``origin_size`` is the largest coordinate of the eye: h = eye + t d was rounded at that size.
+    """
+    ab = b - a
+    ac = c - a
+    n = wp.cross(ab, ac)
+    ha = h - a
+    la = light - a
+    side_h = wp.dot(n, ha)
+    side_l = wp.dot(n, la)
+    unit = U64 * largest(ab) * largest(ac)
+    if wp.abs(side_h) <= unit * (
+        wp.float64(16.0) * total(ha) + wp.float64(64.0) * (largest(h) + origin_size)
+    ):
+        return False
+    if wp.abs(side_l) <= unit * wp.float64(16.0) * total(la):
+        return False
+    return (side_h > wp.float64(0.0)) != (side_l > wp.float64(0.0))
+
+
+@wp.func
 def occludes(
     h: wp.vec3d,
     light: wp.vec3f,
@@ -232,29 +258,14 @@ def occludes(
 ) -> wp.bool:
     """Whether the triangle meets the open segment from the hit point h to the light. Float64.
 
-    A triangle whose plane passes h within the rounding of h itself contains it (its own triangle, duplicates,
-    neighbours at an edge) and does not count; nor does one whose plane passes the light within rounding.
-    ``origin_size`` is the largest coordinate of the eye: h = eye + t d was rounded at that size.
+    A triangle whose plane passes h within rounding contains it (its own triangle, duplicates, neighbours at an edge)
+    and does not count: see :func:`stands_between`.
     """
     l64 = to_float64(light)
     a64 = to_float64(a)
     b64 = to_float64(b)
     c64 = to_float64(c)
-    ab = b64 - a64
-    ac = c64 - a64
-    n = wp.cross(ab, ac)
-    ha = h - a64
-    la = l64 - a64
-    side_h = wp.dot(n, ha)
-    side_l = wp.dot(n, la)
-    unit = U64 * largest(ab) * largest(ac)
-    if wp.abs(side_h) <= unit * (
-        wp.float64(16.0) * total(ha) + wp.float64(64.0) * (largest(h) + origin_size)
-    ):
-        return False
-    if wp.abs(side_l) <= unit * wp.float64(16.0) * total(la):
-        return False
-    if (side_h > wp.float64(0.0)) == (side_l > wp.float64(0.0)):
+    if not stands_between(h, l64, a64, b64, c64, origin_size):
         return False
     return inside(light_edge_functions(l64, h, a64, b64, c64, weld))
 

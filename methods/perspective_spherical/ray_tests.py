@@ -134,13 +134,6 @@ def passes_moller_trumbore(d: wp.vec3f, size: wp.float32, r: RayRecord) -> wp.bo
 
 
 @wp.func
-def decide_exact(
-    o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i
-) -> wp.float64:
-    return hit_distance(o, d, a, b, c, weld)
-
-
-@wp.func
 def decide_near(
     o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i
 ) -> wp.float64:
@@ -177,5 +170,5 @@ def near_inside(e: wp.vec3d) -> wp.bool:
 
 RAY_RECORDS = (plane_record, plane_record, vertex_record)
 RAY_PASSES = (passes_bounded, passes_planes, passes_moller_trumbore)
-RAY_DECIDES = (decide_exact, decide_near, decide_near)
+RAY_DECIDES = (hit_distance, decide_near, decide_near)
 """By test: make the record, reject in float32, decide what is left."""

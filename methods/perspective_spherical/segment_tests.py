@@ -15,10 +15,10 @@ import warp as wp
 from ..common.triangle import (
     FLOOR32,
     U32,
-    U64,
     largest,
     light_edge_functions,
     occludes,
+    stands_between,
     to_float64,
     total,
 )
@@ -237,19 +237,6 @@ def segment_moller_trumbore(h: wp.vec3f, light: wp.vec3f, h_error: wp.float32, r
 
 
 @wp.func
-def occludes_exact(
-    h: wp.vec3d,
-    light: wp.vec3f,
-    a: wp.vec3f,
-    b: wp.vec3f,
-    c: wp.vec3f,
-    weld: wp.vec3i,
-    origin_size: wp.float64,
-) -> wp.bool:
-    return occludes(h, light, a, b, c, weld, origin_size)
-
-
-@wp.func
 def occludes_near(
     h: wp.vec3d,
     light: wp.vec3f,
@@ -264,23 +251,12 @@ def occludes_near(
     a64 = to_float64(a)
     b64 = to_float64(b)
     c64 = to_float64(c)
-    ab = b64 - a64
-    ac = c64 - a64
-    n = wp.cross(ab, ac)
-    ha = h - a64
-    la = l64 - a64
-    side_h = wp.dot(n, ha)
-    side_l = wp.dot(n, la)
-    unit = U64 * largest(ab) * largest(ac)
-    near_h = unit * (wp.float64(16.0) * total(ha) + wp.float64(64.0) * (largest(h) + origin_size))
-    if wp.abs(side_h) <= near_h or wp.abs(side_l) <= unit * wp.float64(16.0) * total(la):
-        return False
-    if (side_h > wp.float64(0.0)) == (side_l > wp.float64(0.0)):
+    if not stands_between(h, l64, a64, b64, c64, origin_size):
         return False
     return near_inside(light_edge_functions(l64, h, a64, b64, c64, weld))
 
 
 SEGMENT_RECORDS = (segment_exact, segment_planes, segment_vertices)
 SEGMENT_PASSES = (segment_bounded, segment_plain, segment_moller_trumbore)
-SEGMENT_DECIDES = (occludes_exact, occludes_near, occludes_near)
+SEGMENT_DECIDES = (occludes, occludes_near, occludes_near)
 """By test: make the record, judge in float32, decide what is left."""
