@@ -57,6 +57,7 @@ class Preset:
     memory         bytes a method may take for its structures, where the call does not say
     maps           keep what each pixel cost (tests of its primary ray) as a map of each point's last frame
     wrong_maps     keep where each point's last frame is wrong, as a map of classes, and how it looks (FLIP)
+    also           presets that are run after this one, into the same folder: other sizes, scenes, lights
     """
 
     width: int
@@ -75,6 +76,11 @@ class Preset:
     maps: bool = False
     memory: int | None = None
     wrong_maps: bool = False
+    also: tuple[Preset, ...] = ()
+
+    def parts(self) -> tuple[Preset, ...]:
+        """This preset alone, and those that come after it."""
+        return (dataclasses.replace(self, also=()), *self.also)
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ made and grading answers are not timed; there several work at once.)
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import os
 import time
@@ -18,7 +19,7 @@ from .environment import environment, keep
 from .folder import ResultsFolder
 from .job import Job, Options, Reporter
 from .lighting import Lighting
-from .plan import Entry, describe_method, make_point, orders
+from .plan import Entry, Preset, describe_method, make_point, orders
 from .record import digest, make_record
 from .remote import Remote, WorkerError, WorkerLostError
 
@@ -33,6 +34,11 @@ LOAD_S = 300.0
 
 
 Described = list[tuple[Entry, dict[str, Any]]]
+
+
+def _points(preset: Preset) -> int:
+    """Points of a preset, those that come after it left out."""
+    return len(preset.scenes) * len(preset.lightings) * len(preset.methods)
 
 
 @dataclass(eq=False)
@@ -56,14 +62,16 @@ class Run:
         with self.folder.locked():
             with self.folder.writing():
                 self.environment = keep(options.out, environment())
-            methods = [(entry, describe_method(entry, options.device)) for entry in options.preset.methods]
-            places = len(options.preset.scenes) * len(options.preset.lightings)
-            self.report.steps(places * len(methods) * self._steps_a_point())
+            parts = options.preset.parts()
+            self.report.steps(sum(_points(part) * (part.rounds + 2) for part in parts))
             records: list[dict[str, Any]] = []
             try:
-                for scene in options.preset.scenes:
-                    for self.lighting in options.preset.lightings:
-                        records += self._scene(scene, methods)
+                for part in parts:
+                    self.options = dataclasses.replace(options, preset=part)
+                    methods = [(entry, describe_method(entry, options.device)) for entry in part.methods]
+                    for scene in part.scenes:
+                        for self.lighting in part.lightings:
+                            records += self._scene(scene, methods)
             finally:
                 for worker in self.workers.values():
                     worker.stop()

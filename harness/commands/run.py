@@ -12,6 +12,7 @@ from typing import Any
 
 from ..errors import UserError
 from ..plan import (
+    Preset,
     choose_methods,
     find_device,
     find_experiment,
@@ -44,7 +45,8 @@ def plan_run(
 ) -> Options:
     """A call of ``run``, checked as far as that can be done before anything starts.
 
-    ``overrides``: fields of the preset to replace where not None. Raises :class:`UserError`.
+    ``overrides``: fields of the preset to replace where not None. Where scenes or a size are named, they are all that
+    is run, and presets that would come after (:attr:`.plan.Preset.also`) are not. Raises :class:`UserError`.
     """
     declared = find_experiment(experiment)
     place = find_device(device)
@@ -66,6 +68,17 @@ def plan_run(
         changes["most"] = max(chosen.most, changes["samples"])
     changes["scenes"] = tuple(dict.fromkeys(scenes)) or chosen.scenes
     changes["methods"] = parse_settings(list(settings), choose_methods(chosen.methods, list(methods)))
+    also: tuple[Preset, ...] = ()
+    if not (scenes or size):
+        also = tuple(
+            dataclasses.replace(
+                part,
+                **{k: v for k, v in changes.items() if k not in ("scenes", "methods")},
+                methods=parse_settings(list(settings), choose_methods(part.methods, list(methods))),
+            )
+            for part in chosen.also
+        )
+    changes["also"] = also
     where = str(scene_folder(scene_dir)) if scene_folder(scene_dir) else None
     named: dict[str, str] = {}
     for scene in changes["scenes"]:

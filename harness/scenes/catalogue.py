@@ -15,7 +15,7 @@ from pathlib import Path
 
 from ..errors import UserError, did_you_mean
 from ..scene import Camera, Light, Scene
-from . import usd
+from . import balls, usd
 from .checks import Loaded
 from .declaration import SUFFIX, declared_scene
 from .load import SUFFIXES, load, load_sequence, source
@@ -60,8 +60,9 @@ def scene_names() -> list[str]:
 def resolve(name: str | Path, scene_dir: str | Path | None = None) -> Scene:
     """The scene of a catalogue name, a mesh file, a folder of numbered frames, or a file that declares one (TOML).
 
-    The original of a name takes its stand-in's place where a file of that name lies in ``scene_dir``, or in
-    the folder that the environment variable SHADOWBENCH_SCENES names. Raises :class:`UserError` for an
+    A name such as ``balls-300k`` is a scene of so many triangles (:mod:`.balls`). The original of a name takes its
+    stand-in's place where a file of that name lies in ``scene_dir``, or in the folder that the environment variable
+    SHADOWBENCH_SCENES names. Raises :class:`UserError` for an
     unknown name, a missing folder and a file that cannot be used: a broken original is never replaced by its
     stand-in.
     """
@@ -71,6 +72,8 @@ def resolve(name: str | Path, scene_dir: str | Path | None = None) -> Scene:
         if files:
             return _from_files(files, text, TITLES[text])
         return _bunny() if text == BUNNY else importlib.import_module(f".{text}", __package__).scene()
+    if balls.count_of(text) is not None:
+        return balls.scene(text)
     path = Path(text)
     if path.suffix.lower() == SUFFIX:
         return declared_scene(path, lambda mesh: resolve(mesh, scene_dir))
