@@ -3,7 +3,15 @@
 from __future__ import annotations
 
 import pytest
-from shadowbench.harness.figures import frame_time
+from brute_force import make_scene, soup
+from shadowbench.experiments._work import ray_grids
+from shadowbench.harness.commands.show import show
+from shadowbench.harness.figures import floor, frame_time
+from shadowbench.harness.figures.floor import Machine, Work
+from shadowbench.harness.plan import Entry
+from shadowbench.harness.registry import make_method
+from shadowbench.harness.session import Session
+from test_experiments import keep, made
 
 
 def row(label: str, scene: str, total: float, between: float = 0.0) -> dict:
@@ -37,3 +45,53 @@ def test_without_our_method_nothing_is_claimed():
     rows = [row("fast", "a", 3.0)]
     frame_time.add(rows, "ours")
     assert frame_time.sentences(rows, "ours", {"rebuild": ["fast"]}) == ["ours was not measured."]
+
+
+def test_a_floor_is_the_larger_of_moving_and_testing_and_the_launches():
+    machine = Machine(bytes_per_s=1e12, tests_per_s=1e9, launch_ms=0.5)
+    assert floor.least_ms(Work(2e9, 1e6, 1), machine) == pytest.approx(2.0 + 0.5)
+    assert floor.least_ms(Work(2e9, 3e6, 2), machine) == pytest.approx(3.0 + 1.0)
+
+
+def floored(monkeypatch, folder, passes):
+    monkeypatch.setitem(floor.MACHINES, "Imaginary GPU", Machine(1e12, 1e15, 0.01))
+    record = made("frame_time", Entry("ray_grids", {}, "ray grids"), passes=passes, ms=1.0)
+    record["scene"].update(triangles=1_000_000, vertices=500_000)
+    record["frames"][0].update(shadow_rays=3000, counters={"camera items": 10, "light 0 items": 20})
+    keep(folder, [record])
+    files = show("frame_time", folder, quiet=True)
+    return {file.name for file in files}, (folder / "frame_time.md").read_text()
+
+
+def test_the_floor_is_told_stage_by_stage(monkeypatch, tmp_path):
+    passes = [("camera: resolve", "trace", 0.4), ("light 0: scatter rays", "light build", 0.6)]
+    files, text = floored(monkeypatch, tmp_path, passes)
+    assert "frame_time-stages.csv" in files
+    pixels = 64 * 64
+    resolve, scatter = pixels * 48 / 1e9 + 0.01, (pixels * 8 + 3000 * 32) / 1e9 + 0.01
+    lines = (tmp_path / "frame_time-stages.csv").read_text().splitlines()
+    assert lines[0] == ",".join(floor.COLUMNS)
+    assert f"camera: resolve,trace,0.4,{resolve:.6g},{0.4 / resolve:.6g}" in lines[1]
+    assert f"{resolve + scatter:.3f} ms" in text
+    assert "light 0: scatter rays by 0.590 ms" in text
+    assert "black tick" in (tmp_path / "frame_time.svg").read_text()
+
+
+def test_a_stage_without_a_floor_leaves_the_frame_without_one(monkeypatch, tmp_path):
+    _, text = floored(
+        monkeypatch, tmp_path, [("camera: resolve", "trace", 0.4), ("a new stage", "trace", 0.1)]
+    )
+    assert "Floor" not in text
+    lines = (tmp_path / "frame_time-stages.csv").read_text().splitlines()
+    assert lines[2].startswith("cloth,a new stage,trace,0.1,,")
+
+
+def test_every_stage_of_the_method_has_its_work():
+    """Whoever adds or renames a pass says what it must move."""
+    vertices, faces = soup(3, 20)
+    prepared = make_scene(vertices, faces, [(2.0, 3.0, 4.0), (1.0, 2.0, 3.0)])
+    session = Session(make_method("ray_grids", {"queue": "always"}), prepared, 16, 16, "cpu")
+    record = {"scene": {"triangles": 20, "vertices": 60}, "point": {"width": 16, "height": 16}}
+    frame = {"shadow_rays": 100, "counters": {}}
+    missing = [work.name for work in session.all_passes if ray_grids(record, frame, work.name) is None]
+    assert not missing

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from . import points, style
+from . import floor, points, style
 from .ablation import PARTS
 from .sheet import title_of
 
@@ -16,17 +16,28 @@ COLUMNS = [*points.COMMON, "times_slower", "low", "high", "memory_bytes", "built
 
 
 def draw(
-    folder: Path | str, quiet: bool, ours: str, rebuild: Sequence[str], refit: Sequence[str]
+    folder: Path | str,
+    quiet: bool,
+    ours: str,
+    rebuild: Sequence[str],
+    refit: Sequence[str],
+    work_of: floor.WorkOf | None = None,
 ) -> list[Path]:
-    """CSV, ratios, bars and text. ``ours``: label of the method; the others: labels of the two kinds of peers."""
+    """CSV, ratios, bars and text. ``ours``: label of the method; the others: labels of the two kinds of peers.
+
+    ``work_of``: what our stages cannot do without; with it the floor is drawn, and told stage by stage.
+    """
     folder = Path(folder)
     rows = points.rows(folder)
     add(rows, ours)
     files = [points.write_csv(rows, folder / "frame_time.csv", COLUMNS)]
     done = points.measured(rows)
+    found = floor.stages(rows, ours, work_of) if work_of is not None else []
+    if found:
+        files.append(floor.write(found, folder / "frame_time-stages.csv"))
     if any(r["label"] == ours for r in done):
-        files.append(picture(done, ours, folder / "frame_time.svg"))
-    said = sentences(done, ours, {"rebuild": rebuild, "refit": refit})
+        files.append(picture(done, ours, folder / "frame_time.svg", floor.of_frames(found)))
+    said = sentences(done, ours, {"rebuild": rebuild, "refit": refit}) + floor.sentence(rows, found, ours)
     return points.report(folder, "frame_time", "Frame time against every peer", said, files, rows, quiet)
 
 
@@ -75,8 +86,8 @@ def sentences(rows: Sequence[dict[str, Any]], ours: str, kinds: dict[str, Sequen
     return result
 
 
-def picture(rows: Sequence[dict[str, Any]], ours: str, path: Path) -> Path:
-    """A group of stacked bars a scene, by part of the frame; times over ours beside the bars."""
+def picture(rows: Sequence[dict[str, Any]], ours: str, path: Path, floors: dict[str, float]) -> Path:
+    """A group of stacked bars a scene, by part of the frame; times over ours beside the bars; a floor is a black tick."""
     import matplotlib
     from matplotlib.figure import Figure
 
@@ -84,7 +95,7 @@ def picture(rows: Sequence[dict[str, Any]], ours: str, path: Path) -> Path:
     labels = list(dict.fromkeys(r["label"] for r in rows))
     labels = [ours, *(x for x in labels if x != ours)]
     tints = style.colours(labels)
-    height = 0.125 * len(labels) * len(scenes) + 0.28 * len(scenes) + 0.5
+    height = 0.125 * len(labels) * len(scenes) + 0.28 * len(scenes) + 0.5 + 0.12 * bool(floors)
     with matplotlib.rc_context({**points.sheet_style(), "axes.grid.axis": "x"}):
         figure = Figure(figsize=(style.COLUMN_WIDTH, height), layout="constrained")
         panels = figure.subplots(len(scenes), 1, squeeze=False)[:, 0]
@@ -102,10 +113,13 @@ def picture(rows: Sequence[dict[str, Any]], ours: str, path: Path) -> Path:
                 ratio = f"  {r['total_ms']:.3g} ms" + (
                     f", {r['times_slower']:.1f}x" if r["label"] != ours and r.get("times_slower") else ""
                 )
+                if r["label"] == ours and scene in floors:
+                    axes.plot([floors[scene]] * 2, [k - 0.45, k + 0.45], color="black", lw=1.2)
                 axes.text(min(max(start, r["total_ms"]), limit), k, ratio, va="center", fontsize=5.5)
             axes.set_yticks(range(len(own)), [r["label"] for r in own])
             axes.set_ylim(len(own) - 0.4, -0.6)
             axes.set_xlim(0, 1.35 * min(limit, max(r["total_ms"] for r in own)))
             axes.set_title(title_of(own[0]), loc="left", fontsize=7)
-        panels[-1].set_xlabel("ms a frame; dark to light:\nbuild, trace, light build, shadow")
+        tick = "\nblack tick: the floor of our frame" if floors else ""
+        panels[-1].set_xlabel(f"ms a frame; dark to light:\nbuild, trace, light build, shadow{tick}")
         return points.save(figure, path)

@@ -1,0 +1,58 @@
+"""What the stages of our fastest method must at least read, write and test: the floor that frame_time draws.
+
+Each input is read once and each output written once, whatever a cache or a gather adds; each ray is tested once,
+though every triangle before or beside its first one costs a test as well.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from ..harness.figures.floor import Work
+
+TRIANGLE = 12 + 1
+"""Bytes of a triangle's indices and of whether it is valid."""
+VERTEX = 12
+WORD = 8
+"""Bytes of a pixel's nearest word."""
+ANSWER = 4 * 4
+"""Bytes of a pixel's triangle, distance and weights."""
+HIT, POINT, PLACE, SLOT = 24, 16, 12, 8
+"""Bytes of a pixel's hit point in float64, in float32, of its place and its slot in the cells."""
+ITEM, RECORD, LINES, PAIR = 16, 64, 48, 8
+"""Bytes of a queued item, of a triangle's planes, of an item's lines, of a doubtful pair."""
+
+
+def ray_grids(record: dict[str, Any], frame: dict[str, Any], name: str) -> Work | None:
+    """The work of a pass of ``ray_grids``, by its name; queues by the counters of the frame."""
+    scene, point = record["scene"], record["point"]
+    pixels = point["width"] * point["height"]
+    mesh = scene["triangles"] * TRIANGLE + scene.get("vertices", 0) * VERTEX
+    rays = frame.get("shadow_rays") or 0
+    counters = frame.get("counters") or {}
+    match = re.fullmatch(r"(camera|light \d+): (.+)", name)
+    if match is None:
+        return None
+    who, what = match.groups()
+
+    def queued(kind: str) -> float:
+        return float(counters.get(f"{who} {kind}", 0))
+
+    if what == "stream triangles":
+        # The camera clears and writes words; a light reads rays. Queued work is written.
+        own = 2.0 * pixels * WORD if who == "camera" else float(rays * POINT)
+        tests = pixels if who == "camera" else rays
+        return Work(mesh + own + queued("items") * ITEM, tests, 2 if who == "camera" else 1)
+    stages = {
+        "resolve": Work(pixels * (WORD + ANSWER + HIT)),
+        "aim": Work(0.0),
+        "map rays": Work(pixels * (HIT + 4 + PLACE + POINT + 1)),
+        "count and scan": Work(pixels * (PLACE + SLOT), 0.0, 2),
+        "scatter rays": Work(pixels * SLOT + rays * 2 * POINT),
+        "split large": Work(queued("items") * (2 * ITEM + LINES)),
+        "queued rows": Work(queued("items") * (ITEM + RECORD)),
+        "further parts": Work(queued("parts") * (PAIR + ITEM + RECORD)),
+        "doubtful pairs": Work(queued("doubtful pairs") * PAIR),
+    }
+    return stages.get(what)
