@@ -124,3 +124,13 @@ def test_a_moved_frame_equals_a_fresh_one():
     for name in first:
         assert (first[name] == again[name]).all()
         assert (fresh[name] == after[name]).all()
+
+
+def test_few_pairs_are_doubtful_however_far_the_eye():
+    """Bounds grow with the triangles' coordinates, not with the eye's: what float64 decides stays the exception."""
+    vertices, faces = soup(7, 400, size=0.2)
+    prepared = make_scene(vertices, faces, [(5.0, 4.0, 3.0)], (0.0, 0.0, 300.0), (0.0, 0.0, 0.0), 0.6)
+    session, _, got = answers_of(prepared, 64, 64, {"queue": "always"})
+    rays = int((got["triangle"] >= 0).sum())
+    assert rays > 1000
+    assert session.method.counters()["light 0 doubtful pairs"] < 0.02 * rays

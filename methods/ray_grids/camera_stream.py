@@ -15,10 +15,10 @@ from ...harness.alpha import Alpha
 from ...harness.specialise import effects
 from ..common.alpha import hit_counts
 from ..common.pixels import tile_pixel
-from ..common.reserve import number_in, reserve
+from ..common.reserve import number_in, raise_to, reserve
 from ..common.screen import camera_space, out_of_view, pixel_box
 from ..common.triangle import U32, U64, hit_distance, largest, nearness_key, to_float64, weld_of, write_hit
-from .queue import DOUBTS, ITEMS
+from .queue import DOUBTS, ITEMS, SIZE, latest
 
 GROUP = wp.constant(32)
 """Rows of a work item: the 32 lanes of the GPU's warp find a row's ends each."""
@@ -269,6 +269,9 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
         a = points[face[0]]
         b = points[face[1]]
         c = points[face[2]]
+        size = wp.cast(wp.max(largest(a), wp.max(largest(b), largest(c))), wp.int32)
+        if size > latest(counts, SIZE):
+            raise_to(counts, SIZE, size)
         box = box_of(a, b, c, o, axes, tangents, width, height)
         if box[2] < box[0] or box[3] < box[1]:
             return

@@ -15,7 +15,7 @@ from ...harness.specialise import effects
 from ..common.pixels import tile_pixel
 from ..common.reserve import number_in
 from ..common.triangle import to_float32, to_float64
-from .queue import COUNTERS, RAYS
+from .queue import COUNTERS, RAYS, SIZE, latest
 from .warps import scan_row
 
 SPARE = wp.constant(4)
@@ -63,17 +63,6 @@ if (value < words.data[slot]) words.data[slot] = value;
 def lower(words: wp.array(dtype=wp.int32), slot: wp.int32, value: wp.int32): ...
 
 
-# Read past the first cache, which would keep what the words were when the kernel began.
-@wp.func_native("""
-#if defined(__CUDA_ARCH__)
-return __ldcg(words.data + slot);
-#else
-return words.data[slot];
-#endif
-""")
-def latest(words: wp.array(dtype=wp.int32), slot: wp.int32) -> wp.int32: ...
-
-
 @wp.func
 def ordered(x: wp.float32) -> wp.int32:
     """An integer in the order of the floats."""
@@ -99,7 +88,7 @@ def aim_kernel(
     points: wp.array(dtype=wp.vec3f),
     triangles: wp.array(dtype=wp.vec3i),
     valid: wp.array(dtype=wp.uint8),
-    reach: wp.array(dtype=wp.float32),
+    camera: wp.array(dtype=wp.int32),
     frames: wp.array(dtype=wp.mat33d),
     cubes: wp.array(dtype=Cube),
     rectangles: wp.array2d(dtype=wp.int32),
@@ -108,7 +97,8 @@ def aim_kernel(
     """Axes of a light's cube as rows (forward to the scene's middle first); empties its rectangle and counters.
 
     The middle is that of a few triangles: any point among the triangles serves, and a whole box would cost a pass.
-    rectangle: lows of u and v on face 0, their negated highs, then the faces in use (0 where used).
+    rectangle: lows of u and v on face 0, their negated highs, then the faces in use (0 where used). ``camera``: the
+    counters of the camera's stream.
     """
     low = wp.vec3f(wp.INF)
     high = wp.vec3f(-wp.INF)
@@ -141,7 +131,7 @@ def aim_kernel(
     c.up = to_float32(up)
     c.middle = middle
     c.distance = wp.float32(distance)
-    c.size = reach[0]
+    c.size = wp.cast(camera[SIZE], wp.float32)
     if middle == lights[index]:
         c.distance = 0.0
     cubes[index] = c

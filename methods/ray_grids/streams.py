@@ -85,7 +85,7 @@ class CameraStream:
     def passes(self) -> list[Pass]:
         scene = ("points", "triangles", "camera", *self.effects.surface_reads())
         words, items, parts = ("nearest words",), ("camera items",), ("camera parts",)
-        writes: tuple[str, ...] = words
+        writes: tuple[str, ...] = (*words, "scene size")
         passes = []
         if self.queues.queued:
             passes = [
@@ -249,7 +249,15 @@ class LightStream:
         wp.launch(
             light_bins.aim_kernel,
             dim=1,
-            inputs=[self.index, f.triangle_count, f.posts, f.points, f.triangles, f.valid, f.reach],
+            inputs=[
+                self.index,
+                f.triangle_count,
+                f.posts,
+                f.points,
+                f.triangles,
+                f.valid,
+                self.queues.counts[0],
+            ],
             outputs=[a.axes, a.cubes, a.rectangles, self.counts],
             device=f.device,
         )
