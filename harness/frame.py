@@ -122,7 +122,6 @@ class Frame:
     mirror    uint8 [triangle_count]: 1 = a mirror; empty unless rays bounce
     color     vec3f [pixels]: linear colour (:mod:`.shading`); tint vec3f [triangle_count], lamps float64
               [light_count, 5]: looks of surfaces and lights. All three are empty unless colour is wanted
-    points_needed, ...: a method's own arrays are its own
     """
 
     def __init__(

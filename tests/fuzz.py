@@ -15,11 +15,11 @@ import random
 import sys
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
-from lattice_examples import LENGTH, METHODS, Example, decode, true_errors
+from lattice_examples import LENGTH, METHODS, Calls, Example, decode, true_errors
 from shadowbench.harness.start import start_warp
 
 REGRESSIONS = Path(__file__).parent / "regressions"
@@ -29,6 +29,11 @@ SHRINK_SECONDS = 20.0
 
 def smaller(example: Example) -> Iterator[Example]:
     """Examples with less in them: fewer lights, fewer triangles, unused vertices gone."""
+    if example.calls != Calls():
+        yield replace(example, calls=Calls())
+        for name, value in asdict(Calls()).items():
+            if getattr(example.calls, name) != value:
+                yield replace(example, calls=replace(example.calls, **{name: value}))
     lights = len(example.lights)
     for i in range(lights if lights > 1 else 0):
         yield replace(example, lights=np.delete(example.lights, i, axis=0))
@@ -79,7 +84,7 @@ def fuzz(
     source = random.Random(seed)
     began, findings, done = time.monotonic(), 0, 0
     for done in range(1, examples + 1):
-        example = decode(source.randbytes(LENGTH))
+        example = decode(source.randbytes(LENGTH), effects=True)
         for name, wrong in true_errors(example, methods, device).items():
             findings += 1
             least = shrunk(example, lambda one, name=name: bool(true_errors(one, (name,), device)))  # type: ignore[misc]

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from shadowbench.harness.alpha import perforated
 from shadowbench.harness.errors import CapacityRejected
 from shadowbench.harness.hardcases.case import Counts, HardCase, Trial
 from shadowbench.harness.hardcases.judge import ERRORS, Judged, same_bits
@@ -37,7 +38,7 @@ CHOICES: dict[str, dict[str, tuple[str, ...]]] = {
         "depth_lists": ("spans", "nearest"),
         "light_map": ("azimuth-elevation", "two-angle", "cube"),
         "aimed": ("true", "false"),
-        "clamp": ("hits", "view", "none"),
+        "clamp": ("hits", "view", "none", "scene"),
         "skip_empty": ("true", "false"),
         "k": ("2", "1", "3"),
         "r": ("64", "1", "5"),
@@ -90,6 +91,16 @@ class Bytes:
         return (points + 2**15 - 1) % (2**16 - 1) - (2**15 - 1)
 
 
+@dataclass(frozen=True)
+class Calls:
+    """What the scene calls for. ``every``: so many-th triangle has ``holes`` along a side; 0: none has."""
+
+    facing: bool = False
+    directional: bool = False
+    every: int = 0
+    holes: int = 1
+
+
 @dataclass(frozen=True, eq=False)
 class Example:
     """``points`` float64 [n, 3], exact in float32; ``lights`` [m, 3]; ``settings`` of each method."""
@@ -100,14 +111,19 @@ class Example:
     lights: NDArray[np.float64]
     size: tuple[int, int]
     settings: dict[str, dict[str, str]]
+    calls: Calls = Calls()
 
     def trial(self) -> Trial:
-        points, faces = self.points, self.faces
-        lights = tuple(Light((float(x), float(y), float(z))) for x, y, z in self.lights)
-        prepared = Prepared(
-            Scene("lattice", "Lattice", lambda: Geometry.static(points, faces), self.camera, lights)
+        points, faces, calls = self.points, self.faces, self.calls
+        lights = tuple(
+            Light((x, y, z), directional=calls.directional and (x, y, z) != (0, 0, 0))
+            for x, y, z in self.lights.tolist()
         )
-        return Trial(prepared, prepared.moment(0, *self.size), Counts(), watertight=True)
+        scene = Scene("lattice", "Lattice", lambda: Geometry.static(points, faces), self.camera, lights)
+        if calls.every:
+            scene = replace(scene, alpha=lambda geometry: perforated(geometry, calls.every, calls.holes))
+        prepared = Prepared(replace(scene, facing=calls.facing))
+        return Trial(prepared, prepared.moment(0, *self.size), Counts(), watertight=not calls.every)
 
     def with_geometry(self, points: NDArray, faces: NDArray) -> Example:
         return replace(self, points=np.asarray(points, dtype=np.float64), faces=np.asarray(faces, np.int32))
@@ -127,6 +143,7 @@ class Example:
             "lights": hexes(self.lights),
             "size": list(self.size),
             "settings": self.settings,
+            "calls": asdict(self.calls),
         }
 
     @staticmethod
@@ -140,6 +157,7 @@ class Example:
             floats(facts["lights"]).reshape(-1, 3),
             (facts["size"][0], facts["size"][1]),
             facts["settings"],
+            Calls(**facts.get("calls", {})),
         )
 
 
@@ -154,8 +172,8 @@ def floats(texts: Sequence[str]) -> NDArray[np.float64]:
 # --- decoding --------------------------------------------------------------------------------------------------
 
 
-def decode(data: bytes) -> Example:
-    """An example from bytes; every string of bytes is one."""
+def decode(data: bytes, effects: bool = False) -> Example:
+    """An example from bytes; every string of bytes is one. ``effects``: half of them call for some."""
     source = Bytes(data)
     axis, sign = source.below(3), 1.0 - 2.0 * source.below(2)
     half = source.choice((1.0, 0.5, 2.0, 0.25))
@@ -175,7 +193,16 @@ def decode(data: bytes) -> Example:
         tuple(eye.tolist()), tuple((eye + forward * 4096).tolist()), tuple(up.tolist()),
         float(np.degrees(2 * np.arctan(half))),
     )  # fmt: skip
-    return Example(points * scale, faces, camera, lights * scale, size, settings)
+    calls = _calls(source) if effects else Calls()
+    return Example(points * scale, faces, camera, lights * scale, size, settings, calls)
+
+
+def _calls(source: Bytes) -> Calls:
+    kind = source.below(16)
+    if kind < 8:
+        return Calls()
+    every, holes = source.choice((0, 1, 2, 3)), source.choice((2, 1, 4, 8))
+    return Calls(bool(kind & 1), bool(kind & 2), every, holes)
 
 
 def _settings(source: Bytes, name: str) -> dict[str, str]:

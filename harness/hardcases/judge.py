@@ -17,7 +17,7 @@ from ..referee import Referee
 from ..scene import Effects
 from ..score import score_answers
 from ..session import Session
-from ..spot import receivers
+from ..spot import facing, receivers
 from ..truth import Reference, exact_reference
 from .case import Counts, HardCase, Trial
 
@@ -65,21 +65,24 @@ class Judged:
 
     @cached_property
     def everywhere(self) -> Reference:
-        """Exact answers as if no light were a spot."""
+        """Exact answers as if every hit point had a shadow ray."""
         return exact_reference(self.trial.prepared, self.trial.moment, self.referee, self.effects)
 
     @cached_property
     def held(self) -> NDArray[np.bool_]:
-        """Which hit points each light's spot holds: bool [lights, pixels]; True for lights that are no spots."""
+        """Which hit points have a shadow ray to each light (:mod:`..spot`): bool [lights, pixels]; True at a miss."""
         moment, reference = self.trial.moment, self.everywhere
         hit = reference.triangle >= 0
         held = np.ones(reference.visibility.shape, dtype=bool)
         pixels = np.nonzero(hit)[0]
-        if len(pixels) and moment.spots.any():
+        if len(pixels) and (moment.facing or moment.spots.any()):
             hits = self.referee.closest(moment.eye, moment.directions(pixels))
             points = self.referee.hit_points(hits)
+            corners = moment.points[self.trial.prepared.faces[hits.triangle]]
             for light in range(len(held)):
                 held[light, pixels] = receivers(moment, points, light)
+                if moment.facing:
+                    held[light, pixels] &= facing(moment, corners, light)
         return held
 
     @cached_property

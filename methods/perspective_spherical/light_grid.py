@@ -53,11 +53,12 @@ def narrowed(
     first = span[0]
     last = span[1]
     if slope[2] > wp.float64(0.0):
-        near = wp.float64(0.999) * s.height / (slope[1] + slope[2] * s.slope)
+        error = slope[2] * slope[2] * s.slope  # see ``missed``
+        near = wp.float64(0.999) * s.height / (slope[1] + error)
         if slope[1] > wp.float64(0.0):
             first = wp.max(first, wp.min(last, distance_slice(near, extent, side, slices)))
-        if slope[0] > wp.float64(2.0) * slope[2] * s.slope:
-            far = wp.float64(1.001) * s.height * slope[2] / (slope[0] - slope[2] * s.slope)
+        if slope[0] > wp.float64(2.0) * error:
+            far = wp.float64(1.001) * s.height * slope[2] / (slope[0] - error)
             last = wp.max(first, wp.min(last, distance_slice(far, extent, side, slices)))
     return wp.vec2i(first, last)
 

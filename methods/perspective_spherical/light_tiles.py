@@ -355,14 +355,18 @@ def missed(
     n2: wp.vec3d,
     error: wp.float64,
 ) -> wp.bool:
-    """Whether a tile certainly misses the triangle with inward planes n0, n1, n2, known to ``error`` for unit d."""
+    """Whether a tile certainly misses the triangle with inward planes n0, n1, n2, known to ``error`` for unit d.
+
+    A ray's place is known to a pad in angle, and its direction (1, tan, tan) to that times its length squared: where
+    two tangents tell a direction near the plane x = 0 they tell it badly.
+    """
     two = wp.float64(2.0)
     if column[0] > two or row[0] > two:
         return False
     longest = wp.max(wp.abs(column[0]) + wp.abs(column[1]), wp.abs(column[2]) + wp.abs(column[3])) + wp.max(
         wp.abs(row[1]), wp.abs(row[3])
     )
-    e = error * longest
+    e = error * longest * longest
     return (
         beyond(column, row, n0, stretch[0], e)
         or beyond(column, row, n1, stretch[0], e)
