@@ -128,6 +128,39 @@ WRONG = {
     ),
     "too much of a mirror": ('mesh = "roof.obj"\n[mirror]\nshare = 2', "must lie above 0"),
     "half a bounce": ('mesh = "roof.obj"\n[mirror]\nbounces = 0.5', "must be of kind int"),
+    "half a hole": ('mesh = "roof.obj"\n[alpha]\nholes = 1.5', "must be of kind int"),
+    "no hole": ('mesh = "roof.obj"\n[alpha]\nevery = 0', "alpha.every must be at least 1"),
+    "bounces without end": ('mesh = "roof.obj"\n[mirror]\nbounces = 1000000', r"must lie in 0\.\.64"),
+    "an eye nowhere": ('mesh = "roof.obj"\n[camera]\neye = [nan, 0, 0]', "camera.eye must be finite"),
+    "an eye beyond float32": ('mesh = "roof.obj"\n[camera]\neye = [1e300, 0, 0]', "beyond what float32"),
+    "no view": (
+        'mesh = "roof.obj"\n[camera]\neye = [1, 0, 0]\ntarget = [1, 0, 0]',
+        "must be finite and different",
+    ),
+    "no field of view": ('mesh = "roof.obj"\n[camera]\nfov = 0', "must lie between 0 and 180"),
+    "a light nowhere": ('mesh = "roof.obj"\n[[lights]]\nposition = [0, nan, 0]', "must be finite"),
+    "a light at infinity": ('mesh = "roof.obj"\n[[lights]]\nposition = [0, inf, 0]', "must be finite"),
+    "a light beyond float32": (
+        'mesh = "roof.obj"\n[[lights]]\nposition = [0, 1e300, 0]',
+        "beyond what float32",
+    ),
+    "a whole number beyond float64": (
+        f'mesh = "roof.obj"\n[[lights]]\nposition = [0, 1{"0" * 400}, 0]',
+        "must be finite",
+    ),
+    "a directional light without a way": (
+        'mesh = "roof.obj"\n[[lights]]\nposition = [0, 0, 0]\ndirectional = true',
+        "must not be zero",
+    ),
+    "a spot of no angle": (
+        'mesh = "roof.obj"\n[[lights]]\nposition=[0,1,0]\nspot={direction=[0,-1,0], angle=0}',
+        "between 0 and 180",
+    ),
+    "a spot that grows outward": (
+        'mesh = "roof.obj"\n[[lights]]\nposition=[0,1,0]\nspot={direction=[0,-1,0], angle=20, falloff=-1}',
+        "falloff must not be negative",
+    ),
+    "its own mesh": ('mesh = "scene.toml"', "leads back to itself"),
     "not TOML": ("mesh = ", "not TOML"),
 }
 
@@ -141,10 +174,27 @@ def test_what_is_wrong_is_told_in_one_line(folder, case):
     assert "scene.toml" in str(caught.value) or "rof.obj" in str(caught.value)
 
 
-def test_wrong_holes_are_told_when_they_are_made(folder):
-    scene = resolve(declare(folder, 'mesh = "roof.obj"\n[alpha]\nevery = 0'))
-    with pytest.raises(UserError, match="alpha: every"):
+def test_holes_that_no_number_holds_are_told_when_they_are_made(folder):
+    scene = resolve(declare(folder, f'mesh = "roof.obj"\n[alpha]\nevery = 1{"0" * 30}'))
+    with pytest.raises(UserError, match="alpha: "):
         Prepared(scene)
+
+
+def test_a_declaration_can_be_declared_about_but_not_in_a_circle(folder):
+    declare(folder, 'mesh = "roof.obj"\nfacing = true', "inner.toml")
+    assert resolve(declare(folder, 'mesh = "inner.toml"')).facing
+    declare(folder, 'mesh = "scene.toml"', "inner.toml")
+    with pytest.raises(UserError, match="leads back to itself"):
+        resolve(folder / "scene.toml")
+
+
+def test_a_mark_before_the_text_is_passed_over(folder):
+    assert resolve(declare(folder, '\ufeffmesh = "roof.obj"\nfacing = true')).facing
+
+
+def test_a_declared_scene_never_takes_the_name_of_one_of_the_paper(folder):
+    assert resolve(declare(folder, 'mesh = "roof.obj"', "fairy.toml")).name == "fairy-declared"
+    assert resolve(declare(folder, 'mesh = "roof.obj"', "My Room.toml")).name == "my_room"
 
 
 def test_plan_of_a_declared_scene(folder):

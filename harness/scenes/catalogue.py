@@ -57,14 +57,14 @@ def scene_names() -> list[str]:
     return [*NAMES, BUNNY]
 
 
-def resolve(name: str | Path, scene_dir: str | Path | None = None) -> Scene:
+def resolve(name: str | Path, scene_dir: str | Path | None = None, within: tuple[Path, ...] = ()) -> Scene:
     """The scene of a catalogue name, a mesh file, a folder of numbered frames, or a file that declares one (TOML).
 
     A name such as ``balls-300k`` is a scene of so many triangles (:mod:`.balls`). The original of a name takes its
     stand-in's place where a file of that name lies in ``scene_dir``, or in the folder that the environment variable
     SHADOWBENCH_SCENES names. Raises :class:`UserError` for an
     unknown name, a missing folder and a file that cannot be used: a broken original is never replaced by its
-    stand-in.
+    stand-in. ``within``: the declarations whose mesh this is, so that none is its own.
     """
     text = str(name)
     if text in scene_names():
@@ -76,7 +76,13 @@ def resolve(name: str | Path, scene_dir: str | Path | None = None) -> Scene:
         return balls.scene(text)
     path = Path(text)
     if path.suffix.lower() == SUFFIX:
-        return declared_scene(path, lambda mesh: resolve(mesh, scene_dir))
+        here = path.resolve()
+        if here in within:
+            raise UserError(f"{path}: its mesh leads back to itself; name a mesh file or a scene")
+        scene = declared_scene(path, lambda mesh: resolve(mesh, scene_dir, (*within, here)))
+        # What is declared about a scene of the paper is another scene: the paper's numbers are not for it.
+        plain = _plain(path.stem)
+        return replace(scene, name=f"{plain}-declared" if plain in scene_names() else plain)
     if _exists(path) or path.suffix.lower() in SUFFIXES or path.parent != Path("."):
         known = path.stem.lower()
         return _from_files(path, known if known in NAMES else _plain(path.stem), path.name)

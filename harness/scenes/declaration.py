@@ -36,17 +36,29 @@ from __future__ import annotations
 import dataclasses
 import functools
 import hashlib
+import math
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ..alpha import perforated
 from ..errors import UserError, did_you_mean
 from ..largest import largest
+from ..moment import ray_tables
 from ..scene import OUTPUTS, Camera, Light, Scene, Spot
+from ..spot import spot_row
 
 SUFFIX = ".toml"
+
+MOST_BOUNCES = 64
+"""A frame has passes and buffers for every bounce that is declared, so that absurd numbers must end somewhere."""
+
+FARTHEST = 1e38
+"""What float32 holds, about: an eye or a light beyond it would stand at infinity."""
+
 TOP = ("mesh", "title", "closed", "facing", "outputs", "camera", "lights", "alpha", "mirror")
 
 
@@ -54,7 +66,7 @@ def declared_scene(path: Path, resolve: Callable[[str], Scene]) -> Scene:
     """The scene that a file declares; ``resolve`` finds its mesh. Raises :class:`UserError` for whatever is wrong."""
     try:
         data = path.read_bytes()
-        told = tomllib.loads(data.decode())
+        told = tomllib.loads(data.decode("utf-8-sig"))  # editors put a mark before the text
     except OSError as error:
         raise UserError(f"{path}: cannot read ({error.strerror})") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
@@ -64,9 +76,11 @@ def declared_scene(path: Path, resolve: Callable[[str], Scene]) -> Scene:
     if not isinstance(mesh, str) or not mesh:
         raise UserError(f'{path}: say which mesh: mesh = "FILE or scene"')
     beside = path.parent / mesh
-    base = resolve(str(beside) if beside.exists() else mesh)
+    try:
+        base = resolve(str(beside) if _exists(beside) else mesh)
+    except UserError as error:
+        raise UserError(f"{path}: mesh: {error}") from error
     fields: dict[str, Any] = {
-        "name": path.stem.lower(),
         "title": _typed(path, "title", told.get("title", f"{base.title} ({path.name})"), str),
         "closed": _typed(path, "closed", told.get("closed", base.closed), bool),
         "facing": _typed(path, "facing", told.get("facing", base.facing), bool),
@@ -80,7 +94,10 @@ def declared_scene(path: Path, resolve: Callable[[str], Scene]) -> Scene:
         _known(path, "camera", told["camera"], ("eye", "target", "up", "fov", "moves"))
         given = dict(told["camera"])
         fields["camera_moves"] = _typed(path, "camera.moves", given.pop("moves", False), bool)
-        fields["camera"] = _made(path, "camera", Camera, {**dataclasses.asdict(base.camera), **given})
+        camera = _made(path, "camera", Camera, {**dataclasses.asdict(base.camera), **given})
+        _near(path, "camera.eye", camera.eye)
+        _told_at_once(path, "", lambda: ray_tables(camera, 1, 1, np.zeros(3)))
+        fields["camera"] = camera
     if "lights" in told:
         if not isinstance(told["lights"], list):
             raise UserError(f"{path}: lights are tables of their own: write [[lights]]")
@@ -88,6 +105,9 @@ def declared_scene(path: Path, resolve: Callable[[str], Scene]) -> Scene:
         fields["light_path"] = None
     if "alpha" in told:
         _known(path, "alpha", told["alpha"], ("every", "holes"))
+        for name, value in told["alpha"].items():
+            if _typed(path, f"alpha.{name}", value, int) < 1:
+                raise UserError(f"{path}: alpha.{name} must be at least 1")
         fields["alpha"] = functools.partial(_perforated, path=path, given=dict(told["alpha"]))
     if "mirror" in told:
         _known(path, "mirror", told["mirror"], ("share", "bounces"))
@@ -96,15 +116,15 @@ def declared_scene(path: Path, resolve: Callable[[str], Scene]) -> Scene:
             raise UserError(f"{path}: mirror.share {share} must lie above 0 and not above 1")
         fields["mirror"] = functools.partial(largest, share=share)
         fields["bounces"] = _typed(path, "mirror.bounces", told["mirror"].get("bounces", 1), int)
-        if fields["bounces"] < 0:
-            raise UserError(f"{path}: mirror.bounces must not be negative")
+        if not 0 <= fields["bounces"] <= MOST_BOUNCES:
+            raise UserError(f"{path}: mirror.bounces {fields['bounces']} must lie in 0..{MOST_BOUNCES}")
     return dataclasses.replace(base, **fields)
 
 
 def _perforated(geometry: Any, path: Path, given: dict[str, Any]) -> Any:
     try:
         return perforated(geometry, **given)
-    except (TypeError, ValueError) as error:
+    except OverflowError as error:  # TOML's whole numbers have no end
         raise UserError(f"{path}: alpha: {error}") from error
 
 
@@ -116,12 +136,45 @@ def _light(path: Path, index: int, told: Any) -> Light:
         raise UserError(f"{path}: {where}: say its position (of a directional light: the way to it)")
     if "spot" in given:
         _known(path, f"{where}.spot", given["spot"], tuple(field.name for field in dataclasses.fields(Spot)))
-        given["spot"] = _made(path, f"{where}.spot", Spot, given["spot"])
-    return _made(path, where, Light, given)
+        spot = _made(path, f"{where}.spot", Spot, given["spot"])
+        if spot.falloff < 0.0:
+            raise UserError(f"{path}: {where}.spot.falloff must not be negative")
+        _told_at_once(path, f"{where}: ", lambda: spot_row(spot))
+        given["spot"] = spot
+    light: Light = _made(path, where, Light, given)
+    if not light.directional:
+        _near(path, f"{where}.position", light.position)
+    elif not any(light.position):
+        raise UserError(f"{path}: {where}.position: the way to a directional light must not be zero")
+    return light
+
+
+def _told_at_once(path: Path, where: str, rule: Callable[[], Any]) -> None:
+    """Try a rule that a frame goes by, so that the file is named and nothing starts before."""
+    try:
+        rule()
+    except UserError as error:
+        raise UserError(f"{path}: {where}{error}") from error
+
+
+def _near(path: Path, where: str, point: tuple[float, float, float]) -> None:
+    if max(abs(x) for x in point) > FARTHEST:
+        raise UserError(f"{path}: {where} {point} lies beyond what float32 holds")
+
+
+def _exists(path: Path) -> bool:
+    try:
+        return path.exists()
+    except (OSError, ValueError):  # too long, or no file name at all
+        return False
 
 
 def _made(path: Path, where: str, kind: type, given: dict[str, Any]) -> Any:
     """A frozen dataclass of plain values, each of the kind of its field's name."""
+    missing = dataclasses.MISSING
+    for field in dataclasses.fields(kind):
+        if field.default is missing and field.default_factory is missing and field.name not in given:
+            raise UserError(f"{path}: {where}: say its {field.name}")
     values: dict[str, Any] = {}
     for name, value in given.items():
         if name in ("eye", "target", "up", "position", "direction", "color"):
@@ -164,7 +217,13 @@ def _typed(path: Path, where: str, value: Any, kind: type) -> Any:
 def _number(path: Path, where: str, value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise UserError(f"{path}: {where} must be a number, not {value!r}")
-    return float(value)
+    try:
+        number = float(value)
+    except OverflowError:  # TOML's whole numbers have no end
+        number = math.inf
+    if not math.isfinite(number):
+        raise UserError(f"{path}: {where} must be finite, not {value!r}")
+    return number
 
 
 def _vector(path: Path, where: str, value: Any) -> tuple[float, float, float]:
