@@ -32,6 +32,7 @@ class Session:
     planned     the passes of the method and of the harness
     all_passes  those of them that what is wanted needs
     passes      those that :meth:`run` and :meth:`graph` launch: fewer after :meth:`select`
+    made        the moment whose whole frame the arrays are known to hold, which :meth:`advance` goes on from, or None
     regrown     how often a capacity was exceeded, the frame discarded and run again
     """
 
@@ -53,6 +54,8 @@ class Session:
         self.limits = limits or Limits()
         count = len(scene.lights) if light_count is None else light_count
         self.frame = Frame(prepared, width, height, count, device, self.effects)
+        self.made: Moment | None = None
+        self._owed: set[Pass] = set()
         self.regrown = 0
         self.passes: list[Pass] = []
         self.planned: list[Pass] = []
@@ -61,6 +64,8 @@ class Session:
         self._plan()
 
     def _plan(self) -> None:
+        self.made = None
+        self._owed = set()
         with wp.ScopedDevice(self.device):
             self._graphs.clear()
             planned = self.method.plan(self.frame, self.effects, self.limits)
@@ -75,6 +80,7 @@ class Session:
 
     def load(self, moment: Moment) -> None:
         """Copy the next moment in; all of it runs."""
+        self.made = None
         self.frame.load(moment)
         self.passes = self.all_passes
 
@@ -85,16 +91,43 @@ class Session:
     def advance(self, moment: Moment) -> frozenset[str]:
         """Make the next frame from the last, running only what its changes call for; returns the changed inputs.
 
-        Where a capacity no longer suffices the whole frame is run.
+        The whole frame is run where the last one is not known to be complete (the first frame, one loaded but not
+        settled, one that was rejected), and where a capacity no longer suffices.
         """
-        changed = changes(self.frame.host, moment)
-        self.frame.load(moment)
+        changed = changes(self.made, moment)
+        self.load(moment)
         self.select(changed)
+        self.select(changed | self._owed_to(self.passes))
         self.run()
+        self._note_skipped()
         self.passes = self.all_passes
         if self._grow():
             self.settle()
+        self.made = moment
         return changed
+
+    def _note_skipped(self) -> None:
+        """Keep what the last launch skipped because nothing received its light: it is of an older frame now.
+
+        Shadow bits are not: they are cleared where they are not traced.
+        """
+        wanted = set(wanted_of(self.effects))
+        for work in self.passes:
+            if work.given is None or wanted.issuperset(work.writes):
+                continue
+            if work.given.numpy()[0]:
+                self._owed.discard(work)
+            else:
+                self._owed.add(work)
+
+    def _owed_to(self, passes: Collection[Pass]) -> set[str]:
+        """What must be made up for before ``passes`` run: what was skipped for the lights that they are of."""
+        return {
+            name
+            for skipped in self._owed
+            if any(work.given is skipped.given for work in passes)
+            for name in skipped.writes
+        }
 
     def settle(self) -> None:
         """Run the frame until every capacity suffices; after this, replays of the same moment fit.
@@ -104,6 +137,9 @@ class Session:
         for _ in range(GROWTH_LIMIT):
             self.run()
             if not self._grow():
+                self._note_skipped()
+                if self.passes is self.all_passes:
+                    self.made = self.frame.host
                 return
         raise RuntimeError(f"{self.method.name}: needs still grow after {GROWTH_LIMIT} repeats of one frame")
 
@@ -152,7 +188,7 @@ class Session:
         """Load a moment, run it until it fits, and return the answers on the host (poisoned before the run)."""
         self.load(moment)
         self.frame.answers.poison()
-        for i in range(self.frame.light_count):
+        for i in range(len(self.frame.answers.visibility)):  # a frame without lights has a row too
             if i >= len(self.effects.shadows) or not self.effects.shadows[i]:
                 self.frame.answers.visibility[i].zero_()
                 for bounce in range(1, self.effects.bounces + 1):

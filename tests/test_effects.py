@@ -285,6 +285,48 @@ def test_nothing_moved_launches_nothing(label, monkeypatch):
 
 
 @pytest.mark.parametrize("label", LAMPS)
+def test_what_was_skipped_for_a_light_is_made_up_for_when_it_is_seen_again(label):
+    prepared = scene((SPOT,), facing=True)
+    session = session_of(label, prepared)
+    session.answers(prepared.moment(0, *SIZE))
+    moved = (replace(SPOT, position=(-1.5, 3.0, 0.5), spot=Spot((1.5, -3.0, -0.5), 40.0)),)
+    away = Camera(EYE.eye, (0.0, 0.6, 9.0))
+    assert session.advance(prepared.moment(0, *SIZE, camera=away, lights=moved)) == {"camera", "light/0"}
+    assert not session.frame.reached.numpy().any()
+    back = prepared.moment(0, *SIZE, lights=moved)
+    assert session.advance(back) == {"camera"}
+    whole = session_of(label, prepared).answers(back)
+    assert whole["visibility"].any()
+    for name, values in session.frame.answers.to_host().items():
+        np.testing.assert_array_equal(values, whole[name], err_msg=name)
+    kept = stale(session.all_passes, {"camera"})
+    assert session._owed_to(kept) == set()  # and only once
+
+
+@pytest.mark.parametrize("label", ["uniform_grid", "ray_grids"])
+@pytest.mark.parametrize("interrupted", ["loaded", "selected", "planned anew"])
+def test_a_frame_is_never_made_from_one_that_is_not_whole(label, interrupted):
+    prepared = scene()
+    before = prepared.moment(0, *SIZE)
+    after = prepared.moment(0, *SIZE, lights=tuple(light.moved((1.0, 5.0, 2.0)) for light in (POINT, BEHIND)))
+    session = session_of(label, prepared)
+    session.answers(before)
+    session.frame.answers.poison()
+    if interrupted != "planned anew":
+        session.load(after)
+    if interrupted == "selected":
+        session.select({"light/0"})
+        session.settle()
+    if interrupted == "planned anew":
+        session._plan()
+    session.advance(after)
+    whole = session_of(label, prepared).answers(after)
+    for name, values in session.frame.answers.to_host().items():
+        np.testing.assert_array_equal(values, whole[name], err_msg=name)
+    assert session.advance(after) == frozenset()
+
+
+@pytest.mark.parametrize("label", LAMPS)
 def test_a_moving_light_rebuilds_its_own_grid_and_nothing_else(label):
     session = session_of(label, scene())
     run = stale(session.all_passes, {"light/1"})
