@@ -216,7 +216,16 @@ class Frame:
         return held[bounce - 1] if bounce and held.size else self.receivers
 
     def load(self, moment: Moment) -> None:
-        """Copy the next moment in. Outside every timing: the paper does not count transfers either."""
+        """Copy the next moment in. Outside every timing: the paper does not count transfers either.
+
+        Raises ValueError for a moment that the frame was not planned for: another size, mesh or number of lights.
+        """
+        planned = (self.width, self.height, self.vertex_count, self.triangle_count, self.light_count)
+        told = (moment.width, moment.height, len(moment.points), len(moment.valid), len(moment.lights))
+        if planned != told:
+            names = ("width", "height", "vertices", "triangles", "lights")
+            wrong = [f"{b} {n}, not {a}" for n, a, b in zip(names, planned, told, strict=True) if a != b]
+            raise ValueError(f"this frame was not planned for that moment: {'; '.join(wrong)}")
         self.host = moment
         if self.vertex_count:
             self.points.assign(moment.points)

@@ -22,7 +22,7 @@ class Pass:
     launch  launches only: no allocation, no read-back, no host synchronisation (unless the method says it is
             not capturable)
     effect  the effect that asks for it, or None where every frame needs it
-    given   int32 [1] on the device: launched only where it is not 0 (set by the harness, decided inside the frame)
+    only_if int32 [1] on the device: launched only where it is not 0 (set by the harness, decided inside the frame)
     """
 
     name: str
@@ -31,25 +31,25 @@ class Pass:
     writes: tuple[str, ...]
     launch: Callable[[], None]
     effect: str | None = None
-    given: wp.array | None = None
+    only_if: wp.array | None = None
 
     def __post_init__(self) -> None:
         if self.part not in PARTS:
             raise ValueError(f"pass {self.name!r}: part {self.part!r} is not one of {PARTS}")
 
     def run(self) -> None:
-        """Launch it, if what it is given says so."""
+        """Launch it, if its condition says so."""
         run_passes([self])
 
 
 def run_passes(passes: Sequence[Pass]) -> None:
     """Launch every pass in order. Neighbours under one condition are one branch, also of a captured graph."""
-    for given, group in itertools.groupby(passes, key=lambda work: work.given):
+    for only_if, group in itertools.groupby(passes, key=lambda work: work.only_if):
         together = list(group)
-        if given is None:
+        if only_if is None:
             _launch(together)
         else:
-            wp.capture_if(given, lambda together=together: _launch(together))
+            wp.capture_if(only_if, lambda together=together: _launch(together))
 
 
 def _launch(passes: Sequence[Pass]) -> None:

@@ -165,7 +165,7 @@ def skippable(passes: list[Pass], frame: Frame, effects: Effects) -> list[Pass]:
     def condition(work: Pass) -> wp.array | None:
         return next((given[name] for name in (work.effect, *work.reads) if name in given), None)
 
-    return [replace(work, given=condition(work)) for work in passes]
+    return [replace(work, only_if=condition(work)) for work in passes]
 
 
 def reached_by(frame: Frame, light: int, bounce: int) -> wp.array:

@@ -113,9 +113,9 @@ class Session:
         """
         wanted = set(wanted_of(self.effects))
         for work in self.passes:
-            if work.given is None or wanted.issuperset(work.writes):
+            if work.only_if is None or wanted.issuperset(work.writes):
                 continue
-            if work.given.numpy()[0]:
+            if work.only_if.numpy()[0]:
                 self._owed.discard(work)
             else:
                 self._owed.add(work)
@@ -125,7 +125,7 @@ class Session:
         return {
             name
             for skipped in self._owed
-            if any(work.given is skipped.given for work in passes)
+            if any(work.only_if is skipped.only_if for work in passes)
             for name in skipped.writes
         }
 

@@ -26,7 +26,7 @@ class Switches:
 
     masked   only receivers have a shadow ray: the kernel reads the mask ``frame.receivers``
     alpha    triangles have holes: a hit counts where the mask is opaque
-    bounced  rays come from the arrays ``frame.bounce`` and not from the eye
+    bounced  rays are those of a mirror (``frame.rays``) and not the eye's
     """
 
     masked: bool = False

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -271,6 +272,29 @@ def test_stale_frames_and_allocations_are_found() -> None:
     assert found["frames"].status == "error"
     assert found["allocations"].status == "error"
     assert "allocations" in found["allocations"].reason
+
+
+def test_passes_that_hide_what_they_read_are_found() -> None:
+    class Hides(type(make_method("uniform_grid", {}))):  # type: ignore[misc]
+        """Does not say that its shadow rays go to a light."""
+
+        def plan(self, frame, effects, limits):
+            passes = super().plan(frame, effects, limits)
+            return [
+                replace(one, reads=tuple(name for name in one.reads if not name.startswith("light/")))
+                for one in passes
+            ]
+
+    found = {one.name: one for one in conformance(lambda: Hides(), "cpu")}
+    assert found["partial frames"].status == "error"
+    assert "light 0 moved: visibility" in found["partial frames"].reason
+
+
+def test_a_structure_that_was_skipped_and_forgotten_is_found(monkeypatch) -> None:
+    monkeypatch.setattr(Session, "_owed_to", lambda self, passes: set())
+    found = {one.name: one for one in conformance(lambda: make_method("shadow_map", {"size": "64"}), "cpu")}
+    assert found["partial frames"].status == "error"
+    assert "the camera looked back" in found["partial frames"].reason
 
 
 def test_allocations_are_counted() -> None:

@@ -141,7 +141,7 @@ def method_plan(name: str, prepared: Prepared, width: int, height: int, device: 
             "reads": list(work.reads),
             "writes": list(work.writes),
             "first": first_reason(work, session.all_passes, wanted),
-            "after": {label: as_json(rows[k]) for label, rows in after.items()},
+            "after": {label: verdict(rows[k]) for label, rows in after.items()},
         }
         for k, work in enumerate(session.all_passes)
     ]
@@ -150,7 +150,7 @@ def method_plan(name: str, prepared: Prepared, width: int, height: int, device: 
     return facts
 
 
-def as_json(step: Step) -> dict[str, Any]:
+def verdict(step: Step) -> dict[str, Any]:
     """A step's verdict."""
     return {"runs": step.runs, "reason": step.reason}
 

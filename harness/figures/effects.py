@@ -6,11 +6,23 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ..lighting import MOVED
 from . import points, style
 from .sheet import title_of
 
-COLUMNS = [*points.COMMON, "moved", "ratio", "added_ms", "passes", "builds", "memory_bytes", "compile_s"]
+COLUMNS = [
+    *points.COMMON,
+    "moved",
+    "ratio",
+    "added_ms",
+    "added_iqr_ms",
+    "passes",
+    "builds",
+    "memory_bytes",
+    "compile_s",
+]
 BUILD_PARTS = ("build", "light build")
 NEVER = 1e-3
 """Milliseconds below which a frame did nothing."""
@@ -50,6 +62,9 @@ def add(rows: Sequence[dict[str, Any]], base: str) -> None:
         if first and r.get("total_ms") is not None:
             r["ratio"] = r["total_ms"] / first["total_ms"]
             r["added_ms"] = r["total_ms"] - first["total_ms"]
+            # Half of each range, as one reads an error bar; the range between rounds where it is larger.
+            spreads = [max(x["iqr_ms"], x["between_ms"]) / 2 for x in (r, first)]
+            r["added_iqr_ms"] = float(np.hypot(*spreads))
 
 
 def effect_sentences(rows: Sequence[dict[str, Any]], base: str) -> list[str]:
@@ -57,13 +72,17 @@ def effect_sentences(rows: Sequence[dict[str, Any]], base: str) -> list[str]:
     if not rows:
         return ["No effect was measured."]
     result = [
-        f"Milliseconds that each effect adds to the frame of {base}, everything rebuilt (times its frame time):"
+        f"Milliseconds that each effect adds to the frame of {base}, everything rebuilt, +- the spread of the two "
+        "(times its frame time). Effects are measured one after another, not interleaved: what another program on the "
+        "machine did meanwhile is in the differences."
     ]
     for scene, label in dict.fromkeys((r["scene"], r["label"]) for r in rows):
         own = [r for r in rows if (r["scene"], r["label"]) == (scene, label)]
         first = next(r for r in own if r["light_label"] == base)
         parts = [
-            f"{r['light_label']} {r['added_ms']:+.3g} (x{r['ratio']:.2f})" for r in own if r is not first
+            f"{r['light_label']} {r['added_ms']:+.3g} +- {r['added_iqr_ms']:.2g} (x{r['ratio']:.2f})"
+            for r in own
+            if r is not first
         ]
         if parts:
             head = f"{title_of(first)}, {label}, {style.number(first['total_ms'])} ms: "

@@ -76,7 +76,9 @@ class WarpBvh(BaseMethod):
     name = "bvh"
     title = "BVH (Warp)"
     simulates = frozenset({"shadows", "receivers", "directional", "mirror"})
-    cannot = MappingProxyType({"alpha": "a query of wp.Mesh cannot skip a hit; choose update=bvh_rebuild"})
+    cannot = MappingProxyType(
+        {"alpha": "a query of wp.Mesh cannot skip a hit; choose --set bvh.update=bvh_rebuild"}
+    )
     Build = Build
     Trace = Trace
 
