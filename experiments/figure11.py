@@ -56,7 +56,7 @@ EXPERIMENT = Experiment(
     presets={
         # As many rays a light tile as at 1024x1024 with the paper's 128 x 128 tiles, so that r has something to do.
         "quick": Preset(
-            48, 48, ("cloth",), entries(6, VALUES), frames=3, samples=1, most=1, stage_samples=1, rounds=1, budget_s=1.2,
+            32, 32, ("cloth",), entries(4, VALUES), frames=3, samples=1, most=1, stage_samples=1, rounds=1, budget_s=1.2,
             timeout_s=180.0, lightings=distances(0.1, 1, 10, 1e3, 1e7), memory=256 << 20,
         ),
         "paper": Preset(

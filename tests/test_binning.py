@@ -120,3 +120,17 @@ def test_pairs_come_out_sorted_and_a_tile_has_its_run(sort):
     for tile in range(tiles):
         assert (keys[begin[tile] : end[tile]] // slices == tile).all()
     assert (end - begin).tolist() == np.bincount(cells // slices, minlength=tiles).tolist()
+
+
+@pytest.mark.parametrize("sort", ["counting", "radix"])
+def test_pairs_that_do_not_fit_are_no_lists(sort):
+    needs = wp.array([101, 0], dtype=wp.int64, device="cpu")
+    bins = TileBins(1, 3, 2, (100, 1, 0), needs, 0, sort, "cpu")
+    bins.pairs.keys.assign(np.zeros(bins.pairs.keys.shape[0], dtype=np.int32))
+    if sort == "counting":
+        bins.pairs.ranks.assign(np.arange(100))
+        bins.pairs.cell_count.assign([100, 0, 0, 0, 0, 0])
+    for needed, length in ((101, 0), (100, 100)):
+        needs.assign([needed, 0])
+        bins.launch_sort()
+        assert (bins.end.numpy() - bins.begin.numpy()).tolist() == [length, 0, 0]

@@ -158,19 +158,35 @@ def place_pairs_kernel(
     begin: wp.array(dtype=wp.int32),
     end: wp.array(dtype=wp.int32),
 ):
-    """The counting sort's last step: every pair to its cell; and the run of each tile."""
+    """The counting sort's last step: every pair to its cell; and the run of each tile.
+
+    Pairs that did not fit are no lists at all: the frame is thrown away, and tracing it could take very long.
+    """
     i = wp.tid()
+    needed = pairs.needs[pairs.slot]
     if i < tiles:
         first = wp.int32(0)
-        if i > 0:
-            first = cell_end[i * slices - 1]
+        last = wp.int32(0)
+        if needed <= wp.int64(pairs.capacity):
+            last = cell_end[(i + 1) * slices - 1]
+            if i > 0:
+                first = cell_end[i * slices - 1]
         begin[i] = first
-        end[i] = cell_end[(i + 1) * slices - 1]
-    if i < pairs.capacity and wp.int64(i) < pairs.needs[pairs.slot]:
+        end[i] = last
+    if i < pairs.capacity and wp.int64(i) < needed:
         cell = pairs.keys[i]
         at = cell_end[cell] - pairs.cell_count[cell] + pairs.ranks[i]
         keys[at] = cell
         values[at] = pairs.values[i]
+
+
+@wp.kernel(enable_backward=False)
+def drop_lists_kernel(pairs: PairSink, begin: wp.array(dtype=wp.int32), end: wp.array(dtype=wp.int32)):
+    """The same of pairs that a radix sort put in order."""
+    tile = wp.tid()
+    if pairs.needs[pairs.slot] > wp.int64(pairs.capacity):
+        begin[tile] = 0
+        end[tile] = 0
 
 
 @wp.kernel(enable_backward=False)
@@ -278,6 +294,13 @@ class TileBins:
             mark_tiles_kernel,
             dim=self.capacity,
             inputs=[self.tiles, self.slices, self.capacity, self.keys],
+            outputs=[self.begin, self.end],
+            device=self.device,
+        )
+        wp.launch(
+            drop_lists_kernel,
+            dim=self.tiles,
+            inputs=[self.pairs],
             outputs=[self.begin, self.end],
             device=self.device,
         )
