@@ -131,7 +131,7 @@ MUTATIONS = (
     Mutation(
         "no rule for the own triangle",
         (
-            Planted(triangle, "occludes", ((OWN_TRIANGLE, ""),), exact),
+            Planted(triangle, "stands_between", ((OWN_TRIANGLE, ""),), triangle),
             Planted(exact, "shadow_kernel", (("if i != own and valid", "if valid"),), exact),
         ),
         "bvh",
