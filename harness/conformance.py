@@ -172,12 +172,29 @@ def _in_turns(
 
 
 def _replays(name: str, make_method: Callable[[], Method], prepared: Prepared, device: str) -> Check:
-    """A captured graph gives the bits of plain launches when points, camera and lights have moved since."""
+    """A captured graph gives the bits of plain launches when points, camera and lights have moved since.
+
+    Once more under a spot, of which a graph leaves out what nothing receives.
+    """
+    found = _replayed(name, make_method, prepared, device, moments(prepared))
+    spotted = Prepared(replace(prepared.scene, lights=SPOTTED, facing=True))
+    if found.status == "ok" and make_method().applies(spotted.scene, device) is None:
+        unseen = [
+            spotted.moment(frame, *SIZE, camera, lights) for _, (frame, camera, lights) in _turns_away()
+        ]
+        found = _replayed(name, make_method, spotted, device, unseen)
+    return found
+
+
+def _replayed(
+    name: str, make_method: Callable[[], Method], prepared: Prepared, device: str, shown: list[Moment]
+) -> Check:
+    """Each moment by plain launches, then all of them again by replays."""
     session = _session(make_method, prepared, device)
     if not session.replays:
         captures = session.method.capturable
         return Check(name, "exempt", "graphs are a CUDA matter" if captures else "not capturable")
-    wanted = [(moment, session.answers(moment)) for moment in moments(prepared)]
+    wanted = [(moment, session.answers(moment)) for moment in shown]
     for k, (moment, eager) in enumerate(wanted):
         session.load(moment)
         session.frame.answers.poison()

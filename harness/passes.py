@@ -22,6 +22,8 @@ class Pass:
     launch  launches only: no allocation, no read-back, no host synchronisation (unless the method says it is
             not capturable)
     effect  the effect that asks for it, or None where every frame needs it
+    scratch whether a library in it takes memory while it runs (scans and sorts do): a branch of a captured graph cannot
+            hold such a pass, so there it is launched whether or not its neighbours are
     only_if int32 [1] on the device: launched only where it is not 0 (set by the harness, decided inside the frame)
     """
 
@@ -31,6 +33,7 @@ class Pass:
     writes: tuple[str, ...]
     launch: Callable[[], None]
     effect: str | None = None
+    scratch: bool = False
     only_if: wp.array | None = None
 
     def __post_init__(self) -> None:
@@ -44,12 +47,21 @@ class Pass:
 
 def run_passes(passes: Sequence[Pass]) -> None:
     """Launch every pass in order. Neighbours under one condition are one branch, also of a captured graph."""
-    for only_if, group in itertools.groupby(passes, key=lambda work: work.only_if):
+    for only_if, group in itertools.groupby(passes, key=_condition):
         together = list(group)
         if only_if is None:
             _launch(together)
         else:
             wp.capture_if(only_if, lambda together=together: _launch(together))
+
+
+def _condition(work: Pass) -> wp.array | None:
+    """The condition of a pass, None where it cannot stand in a branch of the graph that is being captured."""
+    if work.only_if is not None and work.scratch:
+        device = work.only_if.device
+        if device.is_cuda and device.stream.is_capturing:
+            return None
+    return work.only_if
 
 
 def _launch(passes: Sequence[Pass]) -> None:

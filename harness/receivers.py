@@ -150,7 +150,8 @@ def skippable(passes: list[Pass], frame: Frame, effects: Effects) -> list[Pass]:
     """The same passes, those of a light with a mask given only that something receives it.
 
     Where rays bounce, what a method builds for a light serves the hits of every bounce, so that only the passes
-    that trace its rays, which read the mask of their own hits, are given.
+    that trace its rays, which read the mask of their own hits, are given. In a captured graph passes that take scratch
+    memory run in any case, on what is left from the last frame that was traced: nobody reads what they then make.
     """
     given: dict[
         str | None, wp.array

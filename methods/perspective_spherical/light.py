@@ -158,18 +158,18 @@ class LightGrid:
         mapped = ("hits", rect, place)
         return [
             *first,
-            Pass(f"light {i}: sort rays", shadow, mapped, (f"sorted rays/{i}",), self.launch_sort_rays, effect),
-            Pass(f"light {i}: chunks", shadow, (f"sorted rays/{i}",), (ray_name,), self.launch_chunks, effect),
+            Pass(f"light {i}: sort rays", shadow, mapped, (f"sorted rays/{i}",), self.launch_sort_rays, effect, True),
+            Pass(f"light {i}: chunks", shadow, (f"sorted rays/{i}",), (ray_name,), self.launch_chunks, effect, True),
             Pass(f"light {i}: bound triangles", build, scene, (f"light boxes/{i}",), self.launch_bound, effect),
             Pass(
                 f"light {i}: emit pairs", build, (*scene, f"light boxes/{i}"), (f"light pairs/{i}",), self.launch_bin,
                 effect,
             ),
-            Pass(f"light {i}: sort pairs", build, (f"light pairs/{i}",), (grid_name,), bins.launch_sort, effect),
+            Pass(f"light {i}: sort pairs", build, (f"light pairs/{i}",), (grid_name,), bins.launch_sort, effect, True),
             Pass(
                 f"light {i}: shadow rays", shadow,
                 ("points", "triangles", "hits", light, grid_name, ray_name, *self.effects.surface_reads()),
-                (f"visibility/{i}",), self.launch_trace, effect,
+                (f"visibility/{i}",), self.launch_trace, effect, self.trace.triangle_chunk > 0,
             ),
         ]  # fmt: skip
 
