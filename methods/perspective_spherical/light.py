@@ -16,7 +16,8 @@ from .chunks import Chunks
 from .items import Items, count_chunks_kernel
 from .light_bounds import make_bound_kernel
 from .light_grid import LightTiles, bin_kernel
-from .light_tiles import clamp_kernel, edges_kernel, scene_kernel
+from .light_rectangle import clamp_kernel, scene_kernel
+from .light_tiles import edges_kernel
 from .parameters import CLAMPS, LIGHT_MAPS, TRIANGLE_TESTS, Build, Trace
 from .ray_tests import WIDENINGS
 from .shadow import make_shadow_kernel
