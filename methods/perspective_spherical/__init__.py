@@ -144,7 +144,8 @@ class PerspectiveSpherical(BaseMethod):
             shadow = wp.zeros(max(2, frame.pixels), dtype=wp.int32)
         self.camera.launch_trace(primary)
         for light in self.lights:
-            light.launch_trace(shadow)
+            if light.traced():
+                light.launch_trace(shadow)
         return primary.numpy()[: frame.pixels], shadow.numpy()[: frame.pixels]
 
     def counters(self) -> dict[str, int]:

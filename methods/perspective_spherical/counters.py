@@ -28,9 +28,10 @@ def work(
     rays = 0
     for light in lights:
         name = f"light {light.index}"
-        result.update(_lists(name, light.bins))
-        lengths = light.chunks.end.numpy() - light.chunks.begin.numpy()
-        chunks = int(light.chunks.numCBlocks.numpy()[0])
+        traced = light.traced()
+        result.update(_lists(name, light.bins, traced))
+        lengths = (light.chunks.end.numpy() - light.chunks.begin.numpy()) * traced
+        chunks = int(light.chunks.numCBlocks.numpy()[0]) * traced
         result[f"{name} rays"] = int(lengths.sum())
         result[f"{name} tiles with rays"] = int((lengths > 0).sum())
         result[f"{name} most rays in a tile"] = int(lengths.max())
@@ -51,8 +52,8 @@ def _share(part: int, whole: int) -> int:
     return round(part / whole) if whole else 0
 
 
-def _lists(name: str, bins: TileBins) -> dict[str, int]:
-    lengths = bins.end.numpy() - bins.begin.numpy()
+def _lists(name: str, bins: TileBins, made: bool = True) -> dict[str, int]:
+    lengths = (bins.end.numpy() - bins.begin.numpy()) * made
     lengths = lengths[lengths > 0]
     keys = bins.keys.numpy()[: int(lengths.sum())]
     return {

@@ -157,6 +157,13 @@ class LightGrid:
                 Pass(f"light {i}: map rays", shadow, (*seen, rect), (place,), self.launch_map_rays, effect),
             ]
         mapped = ("hits", rect, place)
+        parts: tuple[str, ...] = ()
+        split = []
+        if self.trace.triangle_chunk:
+            # Apart from tracing: it takes scratch memory, and bits may not be set where nothing receives the light.
+            parts = (f"list parts/{i}",)
+            reads = (grid_name, ray_name)
+            split = [Pass(f"light {i}: split lists", shadow, reads, parts, self.launch_split, effect, True)]
         return [
             *first,
             Pass(f"light {i}: sort rays", shadow, mapped, (f"sorted rays/{i}",), self.launch_sort_rays, effect, True),
@@ -167,10 +174,13 @@ class LightGrid:
                 effect,
             ),
             Pass(f"light {i}: sort pairs", build, (f"light pairs/{i}",), (grid_name,), bins.launch_sort, effect, True),
+            *split,
             Pass(
                 f"light {i}: shadow rays", shadow,
-                ("points", "triangles", "hits", light, grid_name, ray_name, *self.effects.surface_reads()),
-                (f"visibility/{i}",), self.launch_trace, effect, self.trace.triangle_chunk > 0,
+                (
+                    "points", "triangles", "hits", light, grid_name, ray_name, *parts, *self.effects.surface_reads(),
+                ),
+                (f"visibility/{i}",), self.launch_trace, effect,
             ),
         ]  # fmt: skip
 
@@ -324,18 +334,28 @@ class LightGrid:
             device=f.device,
         )  # fmt: skip
 
+    def traced(self) -> bool:
+        """Whether the last frame traced rays to this light; else what is here is of an older frame. Reads back."""
+        return not self.effects.masked(self.index) or bool(self.frame.reached.numpy()[self.index])
+
+    def launch_split(self) -> None:
+        """The parts of lists that are tested apart."""
+        pairs, chunks = self.bins, self.chunks
+        self.items.launch(
+            count_chunks_kernel,
+            [
+                self.trace.triangle_chunk, self.ray_keys, chunks.outArr, chunks.numCBlocks, pairs.begin, pairs.end,
+            ],
+            self.needs,
+            self.item_slot,
+        )  # fmt: skip
+
     def launch_trace(self, tests: wp.array | None = None) -> None:
         """Shadow bits. ``tests`` (int32 [pixels]) is raised by the triangle tests of each pixel's ray, if given."""
         f, pairs, chunks, split = self.frame, self.bins, self.chunks, self.trace.triangle_chunk
         blocks = chunks.capacity
         if split:
             blocks = self.items.capacity
-            self.items.launch(
-                count_chunks_kernel,
-                [split, self.ray_keys, chunks.outArr, chunks.numCBlocks, pairs.begin, pairs.end],
-                self.needs,
-                self.item_slot,
-            )
             if tests is not None:
                 f.answers.visibility[
                     self.index
