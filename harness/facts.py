@@ -58,6 +58,7 @@ def plain(value: Any) -> Any:
     return str(value)
 
 
-def array_bytes(holder: object) -> int:
-    """Bytes of the Warp arrays among the attributes of an object."""
-    return sum(a.capacity for a in vars(holder).values() if isinstance(a, wp.array))
+def array_bytes(*holders: object) -> int:
+    """Bytes of the Warp arrays among the attributes of some objects, one that has two names counted once."""
+    arrays = {id(a): a for holder in holders for a in vars(holder).values() if isinstance(a, wp.array)}
+    return sum(a.capacity for a in arrays.values())

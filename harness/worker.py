@@ -131,7 +131,8 @@ class Worker:
         with CompileClock() as compiling:
             limits = Limits(**({"memory": point["memory_limit"]} if point.get("memory_limit") else {}))
             session = Session(method, self.prepared, *self.size, device, limits=limits)
-            own = array_bytes(session.frame) + array_bytes(session.frame.answers)
+            given = session.frame
+            own = array_bytes(given, given.answers, given.answers.bounces, given.alpha)
             first = None
             frames = list(self.moments)
             while len(held) < len(frames):

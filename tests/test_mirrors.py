@@ -11,7 +11,8 @@ import pytest
 from method_trials import DEVICES, box, hard_trials
 from shadowbench.harness.alpha import perforated
 from shadowbench.harness.errors import UserError
-from shadowbench.harness.frame import BOUNCED
+from shadowbench.harness.facts import array_bytes
+from shadowbench.harness.frame import BOUNCED, Frame
 from shadowbench.harness.method import SimpleMethod
 from shadowbench.harness.moment import Prepared
 from shadowbench.harness.raw import save_raw, score_raw
@@ -22,6 +23,7 @@ from shadowbench.harness.score import Judge
 from shadowbench.harness.session import Session
 from shadowbench.harness.share import Stored, store
 from shadowbench.harness.specialise import Switches
+from shadowbench.harness.timing import Memory
 from shadowbench.harness.truth import embree_installed
 
 SIZE = 24
@@ -135,6 +137,42 @@ def test_exact_methods_agree_bit_for_bit_and_have_no_error(device):
     for light in range(3):
         assert 5 < bits[0][light].sum() < (first["bounce_triangle"][0] >= 0).sum() - 20
     assert not bits[:, 3].any(), "a light without shadows has none in a mirror either"
+
+
+@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize(("name", "settings"), EXACT)
+def test_a_replay_with_every_effect_has_the_bits_of_plain_launches(name, settings, device):
+    """Holes, mirrors, receivers, directional lights and colour; also the moments that come after the capture."""
+    plain = hall_of_mirrors(2).scene
+    prepared = Prepared(
+        dataclasses.replace(
+            plain, alpha=lambda geometry: perforated(geometry, 2, 6), outputs=("ids", "shadows", "color")
+        )
+    )
+    moved = (
+        plain.lights[0].moved((0.2, -0.4, 0.1)),
+        *plain.lights[1:2],
+        plain.lights[2].moved((-1.0, 1.0, 0.5)),
+    )
+    moments = [
+        prepared.moment(0, SIZE, SIZE),
+        prepared.moment(0, SIZE, SIZE, lights=(*moved, plain.lights[3])),
+        prepared.moment(0, SIZE, SIZE, camera=Camera((0.1, 0.2, 0.8), (0.0, 0.0, -0.4))),
+    ]
+    session = Session(make_method(name, settings), prepared, SIZE, SIZE, device)
+    eager = []
+    for moment in moments:
+        answers = session.answers(moment)
+        eager.append({**answers, "color": session.frame.color.numpy().copy()})
+    assert (eager[0]["color"] != eager[1]["color"]).any()
+    for moment, wanted in zip(moments, eager, strict=True):
+        session.load(moment)
+        session.frame.color.zero_()
+        session.replay()
+        assert not session.overflowed()
+        for key, values in session.frame.answers.to_host().items():
+            np.testing.assert_array_equal(values, wanted[key], key)
+        np.testing.assert_array_equal(session.frame.color.numpy(), wanted["color"])
 
 
 @needs_embree
@@ -398,6 +436,21 @@ def test_tests_of_mirrored_rays_are_counted(name, settings):
     assert 0 < counts[1]["mirror tests"] < counts[2]["mirror tests"]
     assert 0 < counts[1]["mirror shadow tests"] < counts[2]["mirror shadow tests"]
     assert counts[0]["primary tests"] == counts[2]["primary tests"]
+
+
+def test_what_the_harness_gives_to_everybody_is_not_a_method_s_memory():
+    plain = hall_of_mirrors(2).scene
+    prepared = Prepared(
+        dataclasses.replace(plain, alpha=lambda geometry: perforated(geometry, 2, 6), outputs=("color",))
+    )
+    memory = Memory()
+    memory.start()
+    frame = Frame(prepared, SIZE, SIZE, len(plain.lights), "cpu", Effects.of(prepared.scene))
+    held = memory.peak()
+    memory.pause()
+    given = array_bytes(frame, frame.answers, frame.answers.bounces, frame.alpha)
+    assert held == pytest.approx(given, rel=0.02)
+    assert array_bytes(frame, frame.answers) < 0.8 * held
 
 
 def test_a_copy_under_another_scene_has_that_scene_s_mirrors():

@@ -115,6 +115,22 @@ def test_passes_add_up_to_the_whole_frame(device, capturable):
     assert parts[2] / parts[0] == pytest.approx(2.0, rel=0.3)
 
 
+@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize("capturable", [True, False])
+@pytest.mark.parametrize(
+    ("changed", "names"), [(set(), []), ({"light/0"}, ["light 0: shadow rays"])], ids=["nothing", "a light"]
+)
+def test_a_frame_in_part_is_sampled(changed, names, capturable, device):
+    """Also one of no pass at all, which is an empty graph where frames are captured."""
+    method = Spinner()
+    method.capturable = capturable
+    made = session(method, device)
+    made.select(changed)
+    measured = sample_frame(made, Sampling(samples=3, most=3, stage_samples=2))
+    assert len(measured.total_ms) == 3
+    assert [(p["name"], len(p["ms"])) for p in measured.passes] == [(name, 2) for name in names]
+
+
 def test_whole_frames_and_passes_are_timed_apart():
     made = session()
     made.method.launches.clear()
