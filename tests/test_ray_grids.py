@@ -10,6 +10,8 @@ from shadowbench.harness.errors import CapacityRejected
 from shadowbench.harness.registry import make_method
 from shadowbench.harness.scene import Limits
 from shadowbench.harness.session import Session
+from shadowbench.methods.common.reserve import BEYOND, number_in, reserve
+from shadowbench.methods.ray_grids.queue import COUNTERS, DOUBTS, more_room
 
 DEVICES = ["cpu", *(["cuda:0"] if wp.is_cuda_available() else [])]
 
@@ -89,6 +91,32 @@ def test_a_need_beyond_the_memory_limit_is_rejected():
     session = Session(method, prepared, 64, 64, "cpu", limits=Limits(memory=64))
     with pytest.raises(CapacityRejected, match="needs"):
         session.answers(prepared.moment(0, 64, 64))
+
+
+@wp.kernel(enable_backward=False)
+def places_kernel(counts: wp.array(dtype=wp.int32), places: wp.array(dtype=wp.int32)):
+    places[0] = number_in(counts, 0)
+    places[1] = reserve(counts, 1, 3)
+
+
+@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize(
+    ("before", "place"),
+    [(7, 7), (BEYOND - 1, BEYOND - 1), (2**31 - 9, BEYOND), (-(2**31), BEYOND), (-5, BEYOND)],
+)
+def test_what_a_counter_past_31_bits_hands_out_lies_in_no_list(before, place, device):
+    counts = wp.array([before, before], dtype=wp.int32, device=device)
+    places = wp.zeros(2, dtype=wp.int32, device=device)
+    wp.launch(places_kernel, dim=1, inputs=[counts], outputs=[places], device=device)
+    assert places.numpy().tolist() == [place, place]
+    assert counts.numpy().tolist() == [before + 1, before + 3]
+
+
+def test_a_counter_past_31_bits_is_no_small_need():
+    needed = np.zeros((2, COUNTERS), dtype=np.int64)
+    needed[1, DOUBTS] = np.int32(-(2**31) + 5)
+    with pytest.raises(CapacityRejected, match="2,147,483,653 doubtful pairs"):
+        more_room(needed, (1, 1, 1), 2**40)
 
 
 @pytest.mark.parametrize("queue", ["always", "never"])

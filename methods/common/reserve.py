@@ -2,12 +2,23 @@
 
 A hundred thousand atomics on one address cost more than the work they hand out. On the CPU it is a plain addition.
 Counters count on beyond a list's capacity: writers drop what does not fit, and the harness, which reads the
-counters after the frame, throws the frame away and repeats it with more room.
+counters after the frame, throws the frame away and repeats it with more room. A counter of 32 bits that passes 2^31
+goes on among the negative numbers: what it hands out from 2^30 on begins at :data:`BEYOND`, which no list reaches,
+and :func:`counted` reads it.
 """
 
 from __future__ import annotations
 
+import numpy as np
 import warp as wp
+from numpy.typing import NDArray
+
+BEYOND = 2**30
+"""The place of everything from here on: no list of 32-bit places has more room (:func:`.pairs.grown`)."""
+
+# As unsigned numbers, so that what has turned negative is beyond as well: written, it would be before the list. On the
+# GPU by the one lane that counts: after the shuffle, it made the compiler unroll the loops around it.
+WITHIN = f"base = (unsigned int)base < {BEYOND}u ? base : {BEYOND};"
 
 RESERVE = """
 #if defined(__CUDA_ARCH__)
@@ -22,34 +33,46 @@ for (unsigned int left = active; left; left &= left - 1) {{
 }}
 int leader = __ffs(active) - 1;
 {word} base = 0;
-if (lane == leader) base = atomicAdd(({word}*)(counts.data + slot), sum);
+if (lane == leader) {{
+    base = atomicAdd(({word}*)(counts.data + slot), sum);
+    {within}
+}}
 return __shfl_sync(active, base, leader) + before;
 #else
 {word} base = counts.data[slot];
 counts.data[slot] = base + number;
+{within}
 return base;
 #endif
 """
 
 
-@wp.func_native(RESERVE.format(word="int"))
+@wp.func_native(RESERVE.format(word="int", within=WITHIN))
 def reserve(counts: wp.array(dtype=wp.int32), slot: wp.int32, number: wp.int32) -> wp.int32: ...
 
 
-@wp.func_native(RESERVE.format(word="unsigned long long"))
+@wp.func_native(RESERVE.format(word="unsigned long long", within=""))
 def reserve_many(counts: wp.array(dtype=wp.int64), slot: wp.int32, number: wp.int32) -> wp.int64: ...
 
 
-@wp.func_native("""
+NUMBER_IN = """
 #if defined(__CUDA_ARCH__)
 unsigned int peers = __match_any_sync(__activemask(), slot);
 int lane = threadIdx.x & 31, leader = __ffs(peers) - 1, base = 0;
-if (lane == leader) base = atomicAdd(counts.data + slot, __popc(peers));
+if (lane == leader) {{
+    base = atomicAdd(counts.data + slot, __popc(peers));
+    {within}
+}}
 return __shfl_sync(peers, base, leader) + __popc(peers & ((1u << lane) - 1u));
 #else
-return counts.data[slot]++;
+int base = counts.data[slot]++;
+{within}
+return base;
 #endif
-""")
+"""
+
+
+@wp.func_native(NUMBER_IN.format(within=WITHIN))
 def number_in(counts: wp.array(dtype=wp.int32), slot: wp.int32) -> wp.int32:
     """Raise a count by one and return what it was; lanes with the same ``slot`` share an atomic."""
 
@@ -67,3 +90,8 @@ if (words.data[slot] < value) words.data[slot] = value;
 """)
 def raise_to(words: wp.array(dtype=wp.int32), slot: wp.int32, value: wp.int32):
     """Raise a word to at least ``value``; lanes with the same ``slot`` share an atomic."""
+
+
+def counted(needed: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Counters of 32 bits as the numbers that were counted, up to 2^32: a counter passes 2^31 into the negative."""
+    return needed & 0xFFFFFFFF

@@ -11,7 +11,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from ..common.pairs import grown
-from ..common.reserve import reserve
+from ..common.reserve import counted, reserve
 
 ITEMS, PARTS, DOUBTS, LARGE = 0, 1, 2, 3
 """Counters of one stream: groups of rows of a larger triangle; further parts of groups with many rays; (triangle,
@@ -68,7 +68,7 @@ Capacity = tuple[int, int, int]
 
 def more_room(needed: NDArray[np.int64], before: Capacity, memory: int) -> Capacity:
     """What the queues must hold, given the counters of one or more streams."""
-    most = needed.reshape(-1, COUNTERS).max(axis=0)
+    most = counted(needed).reshape(-1, COUNTERS).max(axis=0)
     items, parts, doubts = before
     return (
         grown(int(max(most[ITEMS], most[LARGE])), items, memory, "work items"),

@@ -21,6 +21,7 @@ from ...harness.specialise import specialised
 from ..common.bounds import launch_bounds
 from ..common.misses import miss_passes
 from ..common.pairs import grown
+from ..common.reserve import counted
 from ..ray_grids.parameters import Build as CameraBuild
 from ..ray_grids.queue import COUNTERS, Capacity, more_room
 from ..ray_grids.streams import CameraStream, Queues
@@ -58,9 +59,9 @@ class ShadowMap(BaseMethod):
 
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
         if frame.triangle_count >= MOST_TRIANGLES:
-            raise ValueError(f"at most {MOST_TRIANGLES - 1:,} triangles")
+            raise CapacityRejected(f"holds at most {MOST_TRIANGLES - 1:,} triangles")
         if max(frame.width, frame.height) > MOST_PIXELS_ALONG:
-            raise ValueError(f"at most {MOST_PIXELS_ALONG} pixels along a side")
+            raise CapacityRejected(f"holds at most {MOST_PIXELS_ALONG} pixels along a side")
         self._frame, self._memory = frame, limits.memory
         self._needs = None
         if frame.triangle_count == 0:
@@ -119,7 +120,7 @@ class ShadowMap(BaseMethod):
 
     def grow(self, needed: NDArray[np.int64]) -> bool:
         assert self._capacity is not None
-        lights = needed[COUNTERS:].reshape(-1, PER_LIGHT)
+        lights = counted(needed)[COUNTERS:].reshape(-1, PER_LIGHT)
         before = (self._capacity, self._strip_capacity, self._faces)
         self._capacity = more_room(needed[:COUNTERS], self._capacity, self._memory)
         self._strip_capacity = grown(
