@@ -84,7 +84,7 @@ def make_kernels(test: str, fast_math: bool) -> tuple[Any, Any]:
         corners = triangles[best]
         # The shadow's origin never depends on the test: one knob at a time.
         t = plane_distance(o, d, points[corners[0]], points[corners[1]], points[corners[2]])
-        hit[pixel] = hit_point(o, d, t)
+        hit[pixel] = hit_point(o, d, t, points[corners[0]], points[corners[1]], points[corners[2]])
 
     @wp.kernel(module="unique", module_options=options)
     def shadow_kernel(

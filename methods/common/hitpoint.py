@@ -35,7 +35,10 @@ def hit_point_kernel(
     face = triangles[best]
     o = eye[0]
     d = column[pixel % width] + row[pixel // width]
-    hit[pixel] = hit_point(o, d, plane_distance(o, d, points[face[0]], points[face[1]], points[face[2]]))
+    a = points[face[0]]
+    b = points[face[1]]
+    c = points[face[2]]
+    hit[pixel] = hit_point(o, d, plane_distance(o, d, a, b, c), a, b, c)
 
 
 def launch_hit_points(frame: Frame, hit: wp.array) -> None:

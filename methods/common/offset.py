@@ -97,7 +97,7 @@ def shadow_origin(
     the coordinates projected on n. True: from coordinates along the ray (Woop's shear, Warp's Mesh): see
     :func:`sheared_error`.
     """
-    h = hit_point(o, d, plane_distance(o, d, a, b, c))
+    h = hit_point(o, d, plane_distance(o, d, a, b, c), a, b, c)
     a64 = to_float64(a)
     b64 = to_float64(b)
     c64 = to_float64(c)

@@ -11,7 +11,8 @@ weights of vertices 1 and 2; the shadow segment is open at the hit point and at 
 Bounds: u32 = 2^-24 and u64 = 2^-53 are the unit roundoffs. For e = d . ((p - o) x (q - p)) with exact inputs,
 every difference carries one rounding, every product one, and at most three additions follow, so that
 |error| <= 8 u * sum_i |d_i| (|P_j Q_k| + |P_k Q_j|) <= 16 u |d|_1 |P|_max |Q|_max. Fused multiply-adds only round
-less. FLOOR covers underflow. A comparison with NaN is false, so an overflow is never "certain".
+less. FLOOR covers underflow. Where a product of lengths nears float32's largest number (OVERFLOW) nothing is certain:
+an infinity of the wrong sign would be.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import warp as wp
 U32 = wp.constant(5.9604645e-08)  # 2^-24
 U64 = wp.constant(wp.float64(1.1102230246251565e-16))  # 2^-53
 FLOOR32 = wp.constant(1.0e-35)
+OVERFLOW = wp.constant(1.0e37)
 NO_HIT = wp.constant(wp.float64(-1.0))
 
 
@@ -73,7 +75,10 @@ def may_hit(o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> 
     ca = a - c
     reach = wp.max(largest(pa), wp.max(largest(pb), largest(pc)))
     edge = wp.max(largest(ab), wp.max(largest(bc), largest(ca)))
-    bound = 16.0 * U32 * total(d) * reach * edge + FLOOR32
+    product = total(d) * reach * edge
+    if not (product < OVERFLOW):
+        return True
+    bound = 16.0 * U32 * product + FLOOR32
     return not certainly_outside(
         wp.dot(wp.cross(pb, bc), d), wp.dot(wp.cross(pc, ca), d), wp.dot(wp.cross(pa, ab), d), bound
     )
@@ -204,6 +209,8 @@ def may_occlude(
     edge = wp.max(largest(ab), wp.max(largest(bc), largest(ca)))
     reach = wp.max(total(ha), wp.max(total(hb), total(hc)))
     from_light = wp.max(largest(la), wp.max(largest(lb), largest(lc)))
+    if not (from_light * edge * reach < OVERFLOW):
+        return True
     bound = from_light * edge * (16.0 * U32 * reach + 8.0 * h_error) + FLOOR32
     if certainly_outside(
         wp.dot(wp.cross(lb, bc), hb), wp.dot(wp.cross(lc, ca), hc), wp.dot(wp.cross(la, ab), ha), bound
@@ -299,9 +306,25 @@ def weld_of(weld: wp.array(dtype=wp.int32), face: wp.vec3i) -> wp.vec3i:
 
 
 @wp.func
-def hit_point(o: wp.vec3f, d: wp.vec3f, t: wp.float64) -> wp.vec3d:
-    """o + t d in float64: the shadow origin, by one function for everyone."""
-    return to_float64(o) + to_float64(d) * t
+def hit_point(o: wp.vec3f, d: wp.vec3f, t: wp.float64, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> wp.vec3d:
+    """o + t d in float64, led back onto the triangle's plane: the shadow origin, by one function for everyone.
+
+    t is as uncertain as the way from o to the corner that it was computed from is long, and more so the flatter the
+    ray: of a large triangle that may be far more than the hit point's own rounding. One step of Newton's from the
+    corner nearest to the point leaves what its distance to that corner accounts for.
+    """
+    d64 = to_float64(d)
+    a64 = to_float64(a)
+    b64 = to_float64(b)
+    c64 = to_float64(c)
+    p = to_float64(o) + d64 * t
+    near = a64
+    if total(p - b64) < total(p - near):
+        near = b64
+    if total(p - c64) < total(p - near):
+        near = c64
+    n = wp.cross(b64 - a64, c64 - a64)
+    return p - d64 * (wp.dot(n, p - near) / wp.dot(n, d64))
 
 
 @wp.func
@@ -344,8 +367,11 @@ def write_hit(
         hit_out[pixel] = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
         return
     face = triangles[best]
-    uv = hit_weights(o, d, points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face))
+    a = points[face[0]]
+    b = points[face[1]]
+    c = points[face[2]]
+    uv = hit_weights(o, d, a, b, c, weld_of(weld, face))
     t_out[pixel] = wp.float32(t)
     u_out[pixel] = uv[0]
     v_out[pixel] = uv[1]
-    hit_out[pixel] = hit_point(o, d, t)
+    hit_out[pixel] = hit_point(o, d, t, a, b, c)
