@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from .scene import Geometry
 
 
-def largest(geometry: Geometry, share: float = 0.5) -> NDArray[np.uint8]:
+def largest_triangles(geometry: Geometry, share: float = 0.5) -> NDArray[np.uint8]:
     """1 for the largest triangles of the first frame that together make ``share`` of its area, uint8 [triangles]."""
     points = np.asarray(geometry.positions(0), dtype=np.float64)
     a, b, c = (points[geometry.faces[:, i]] for i in range(3))

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from .alpha import alpha_of, perforated
-from .largest import largest
+from .largest import largest_triangles
 from .lights import Orbit, spread
 from .moment import Prepared
 from .scene import Geometry, Light, Scene, Spot, Vector
@@ -150,7 +150,7 @@ class Lighting:
         if self.alpha:
             fields["alpha"] = lambda geometry: perforated(geometry, self.alpha, HOLES)
         if self.bounces:
-            fields["mirror"], fields["bounces"] = largest, self.bounces
+            fields["mirror"], fields["bounces"] = largest_triangles, self.bounces
         if self.color:
             fields["outputs"] = (*scene.outputs, "color")
         return fields

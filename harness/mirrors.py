@@ -14,9 +14,9 @@ import warp as wp
 
 from .frame import Frame
 from .passes import Pass
-from .receivers import longest, wide
 from .scene import Effects
 from .specialise import Switches, effects, specialised
+from .vectors import largest, to_float32, to_float64
 
 GAMMA7 = wp.constant(wp.float64(7.0 * 2.0**-24 / (1.0 - 7.0 * 2.0**-24)))
 """What seven float32 roundings amount to (Pharr, Jakob & Humphreys, PBRT, 4th edition, section 6.8)."""
@@ -55,21 +55,16 @@ def left_surface(
     multiplies, projected on the normal; and, where it measures along the ray, that ray's share of the triangle's
     extent. ``size`` is the largest coordinate that h was made from.
     """
-    reach = wp.max(longest(a - h), wp.max(longest(b - h), longest(c - h)))
-    step = FINE * (reach + longest(h) + size) + GAMMA7 * (
+    reach = wp.max(largest(a - h), wp.max(largest(b - h), largest(c - h)))
+    step = FINE * (reach + largest(h) + size) + GAMMA7 * (
         wp.abs(side[0]) * spread(a[0], b[0], c[0], h[0])
         + wp.abs(side[1]) * spread(a[1], b[1], c[1], h[1])
         + wp.abs(side[2]) * spread(a[2], b[2], c[2], h[2])
-        + reach * wp.abs(wp.dot(side, way)) / longest(way)
+        + reach * wp.abs(wp.dot(side, way)) / largest(way)
     )
     return wp.vec3d(
         outward(h[0], step * side[0]), outward(h[1], step * side[1]), outward(h[2], step * side[2])
     )
-
-
-@wp.func
-def narrow(a: wp.vec3d) -> wp.vec3f:
-    return wp.vec3f(wp.float32(a[0]), wp.float32(a[1]), wp.float32(a[2]))
 
 
 @wp.kernel(enable_backward=False)
@@ -98,15 +93,15 @@ def mirror_kernel(
         return
     if mirror[hit] == wp.uint8(0):
         return
-    o = wide(eye[0])
-    d = wide(column[pixel % width] + row[pixel // width])
+    o = to_float64(eye[0])
+    d = to_float64(column[pixel % width] + row[pixel // width])
     if wp.static(effects.bounced):
-        o = wide(origins[pixel])
-        d = wide(directions[pixel])
+        o = to_float64(origins[pixel])
+        d = to_float64(directions[pixel])
     face = triangles[hit]
-    a = wide(points[face[0]])
-    b = wide(points[face[1]])
-    c = wide(points[face[2]])
+    a = to_float64(points[face[0]])
+    b = to_float64(points[face[1]])
+    c = to_float64(points[face[2]])
     n = wp.cross(b - a, c - a)
     slope = wp.dot(n, d)
     h = o + d * (wp.dot(n, a - o) / slope)
@@ -114,8 +109,8 @@ def mirror_kernel(
     side = wp.normalize(n)
     if slope > wp.float64(0.0):
         side = -side
-    start = narrow(left_surface(h, side, way, a, b, c, longest(o)))
-    onward = narrow(way)
+    start = to_float32(left_surface(h, side, way, a, b, c, largest(o)))
+    onward = to_float32(way)
     # A ray in the mirror's plane, which only an answer without a hit can name, leads nowhere.
     if wp.isfinite(start) and wp.isfinite(onward):
         origin[pixel] = start

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-from .passes import Pass
+from .passes import BUILD_PARTS, Pass
 from .scene import Effects
 
 INPUTS = ("points", "triangles", "camera", "reach", "surfaces")
@@ -99,4 +99,4 @@ def steps(passes: Sequence[Pass], changed: Collection[str]) -> list[Step]:
 
 def builds(passes: Sequence[Pass]) -> list[Pass]:
     """The passes that build structures."""
-    return [work for work in passes if work.part in ("build", "light build")]
+    return [work for work in passes if work.part in BUILD_PARTS]

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import warp as wp
 
 PARTS = ("build", "trace", "light build", "shadow")
+BUILD_PARTS = ("build", "light build")
 
 
 @dataclass(frozen=True, eq=False)

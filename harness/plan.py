@@ -30,7 +30,7 @@ from .start import start_warp
 PACKAGE = __name__.rsplit(".", 2)[0] + ".experiments"
 CONVENTIONS = (
     "frame", "method", "moment", "passes", "pass_graph", "receivers", "session", "specialise", "spot", "timing",
-    "lights", "lighting", "scene",
+    "lights", "lighting", "scene", "vectors",
 )  # fmt: skip
 """Modules of the harness that every measurement depends on; their text is hashed into a method's source hash."""
 

@@ -17,18 +17,9 @@ from .passes import Pass
 from .scene import Effects
 from .specialise import Switches, effects, specialised
 from .spot import DOUBT
+from .vectors import largest, to_float64
 
 DOUBT64 = wp.constant(wp.float64(DOUBT))
-
-
-@wp.func
-def wide(a: wp.vec3f) -> wp.vec3d:
-    return wp.vec3d(wp.float64(a[0]), wp.float64(a[1]), wp.float64(a[2]))
-
-
-@wp.func
-def longest(a: wp.vec3d) -> wp.float64:
-    return wp.max(wp.abs(a[0]), wp.max(wp.abs(a[1]), wp.abs(a[2])))
 
 
 @wp.func
@@ -57,8 +48,8 @@ def faces(n: wp.vec3d, size: wp.float64, seen: wp.vec3d, lit: wp.vec3d) -> wp.bo
     """Whether eye and light, ``seen`` and ``lit`` away, may lie on one side of the plane (:func:`.spot.facing`)."""
     side_e = wp.dot(n, seen)
     side_l = wp.dot(n, lit)
-    sure_e = wp.abs(side_e) > size * longest(seen)
-    sure_l = wp.abs(side_l) > size * longest(lit)
+    sure_e = wp.abs(side_e) > size * largest(seen)
+    sure_l = wp.abs(side_l) > size * largest(lit)
     return not (sure_e and sure_l and ((side_e > wp.float64(0.0)) != (side_l > wp.float64(0.0))))
 
 
@@ -89,20 +80,20 @@ def receivers_kernel(
         receivers[light, pixel] = wp.uint8(0)
         return
     face = triangles[hit]
-    a = wide(points[face[0]])
-    e = wide(points[face[1]]) - a
-    f = wide(points[face[2]]) - a
+    a = to_float64(points[face[0]])
+    e = to_float64(points[face[1]]) - a
+    f = to_float64(points[face[2]]) - a
     n = wp.cross(e, f)
-    o = wide(eye[0])
-    d = wide(column[pixel % width] + row[pixel // width])
+    o = to_float64(eye[0])
+    d = to_float64(column[pixel % width] + row[pixel // width])
     if wp.static(effects.bounced):
-        o = wide(origins[pixel])
-        d = wide(directions[pixel])
-    place = wide(lights[light])
+        o = to_float64(origins[pixel])
+        d = to_float64(directions[pixel])
+    place = to_float64(lights[light])
     t = wp.dot(n, a - o) / wp.dot(n, d)
     wanted = in_spot(spots, light, o + d * t - place)
     if facing and wanted:
-        wanted = faces(n, longest(e) * longest(f) * DOUBT64, o - a, place - a)
+        wanted = faces(n, largest(e) * largest(f) * DOUBT64, o - a, place - a)
     receivers[light, pixel] = wp.uint8(wanted)
     if wanted and reached[0] == 0:
         reached[0] = 1  # every thread that writes writes the same
@@ -153,9 +144,8 @@ def skippable(passes: list[Pass], frame: Frame, effects: Effects) -> list[Pass]:
     that trace its rays, which read the mask of their own hits, are given. In a captured graph passes that take scratch
     memory run in any case, on what is left from the last frame that was traced: nobody reads what they then make.
     """
-    given: dict[
-        str | None, wp.array
-    ] = {}  # one array a condition: neighbours under the same one are one branch
+    # One array a condition: neighbours under the same one are one branch.
+    given: dict[str | None, wp.array] = {}
     for i in range(len(effects.shadows)):
         for b in range(effects.bounces + 1):
             for mask in effects.mask_reads(i, b):

@@ -112,10 +112,13 @@ class Session:
         Shadow bits are not: they are cleared where they are not traced.
         """
         wanted = set(wanted_of(self.effects))
+        launched: dict[wp.array, bool] = {}  # neighbours share a condition: each is read back once
         for work in self.passes:
             if work.only_if is None or wanted.issuperset(work.writes):
                 continue
-            if work.only_if.numpy()[0]:
+            if work.only_if not in launched:
+                launched[work.only_if] = bool(work.only_if.numpy()[0])
+            if launched[work.only_if]:
                 self._owed.discard(work)
             else:
                 self._owed.add(work)

@@ -22,11 +22,12 @@ from .frame import Frame
 from .lamps import lamp_rows
 from .moment import Moment, Prepared
 from .passes import Pass
-from .receivers import in_spot, wide
+from .receivers import in_spot
 from .scene import Effects, Light
 from .specialise import Switches, effects, specialised
 from .spot import SPOT
 from .surfaces import reflectances
+from .vectors import to_float64
 
 AMBIENT = wp.constant(wp.float64(0.22))
 HEADLIGHT = wp.constant(wp.float64(0.05))
@@ -74,8 +75,8 @@ def radiance(
 ) -> wp.vec3d:
     """What the surface of triangle ``hit`` sends back along the ray."""
     face = triangles[hit]
-    a = wide(points[face[0]])
-    n = wp.normalize(wp.cross(wide(points[face[1]]) - a, wide(points[face[2]]) - a))
+    a = to_float64(points[face[0]])
+    n = wp.normalize(wp.cross(to_float64(points[face[1]]) - a, to_float64(points[face[2]]) - a))
     if not wp.isfinite(n):
         n = wp.vec3d(ZERO, ZERO, ZERO)
     facing = -wp.dot(n, wp.normalize(d))
@@ -85,7 +86,7 @@ def radiance(
     grey = AMBIENT * (wp.float64(0.72) + wp.float64(0.28) * wp.dot(n, up)) + HEADLIGHT * wp.abs(facing)
     total = SKYLIGHT * grey
     for i in range(lamps.shape[0]):
-        way = wide(lights[i]) - place
+        way = to_float64(lights[i]) - place
         cosine = wp.dot(n, wp.normalize(way))
         if lamps[i, 4] != ZERO and visibility[i, pixel] != wp.uint8(0):
             cosine = ZERO
@@ -94,7 +95,7 @@ def radiance(
                 forward = wp.vec3d(spots[i, 1], spots[i, 2], spots[i, 3])
                 cosine *= wp.pow(wp.max(-wp.dot(forward, wp.normalize(way)), ZERO), lamps[i, 3])
             total += wp.vec3d(lamps[i, 0], lamps[i, 1], lamps[i, 2]) * cosine
-    return wp.cw_mul(total, wide(tint[hit]))
+    return wp.cw_mul(total, to_float64(tint[hit]))
 
 
 @wp.kernel(enable_backward=False)
@@ -132,9 +133,9 @@ def color_kernel(
     # An answer that names no triangle of this scene is shown as a miss; the score is what reports it.
     seen = sky(wp.float64(y) / wp.float64(wp.max(1, height - 1)))
     if hit >= 0 and hit < count and wp.isfinite(t[pixel]):
-        d = wide(column[pixel % width] + row[y])
+        d = to_float64(column[pixel % width] + row[y])
         seen = radiance(
-            wide(eye[0]), d, t[pixel], hit, pixel, up, points, triangles, tint, lights, spots, lamps, visibility
+            to_float64(eye[0]), d, t[pixel], hit, pixel, up, points, triangles, tint, lights, spots, lamps, visibility
         )  # fmt: skip
     if wp.static(effects.bounced):
         weight = wp.float64(1.0)
@@ -144,12 +145,12 @@ def color_kernel(
             if going and active[b, pixel] == wp.uint8(1):
                 total += seen * (weight * (ONE - REFLECTANCE))
                 weight *= REFLECTANCE
-                way = wide(directions[b, pixel])
+                way = to_float64(directions[b, pixel])
                 seen = sky_along(way, up)
                 met = mirrored[b, pixel]
                 if met >= 0 and met < count and wp.isfinite(mirrored_t[b, pixel]):
                     seen = radiance(
-                        wide(origins[b, pixel]), way, mirrored_t[b, pixel], met, pixel, up, points, triangles, tint,
+                        to_float64(origins[b, pixel]), way, mirrored_t[b, pixel], met, pixel, up, points, triangles, tint,
                         lights, spots, lamps, mirrored_bits[b],
                     )  # fmt: skip
             else:

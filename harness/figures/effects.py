@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..lighting import MOVED
+from ..passes import BUILD_PARTS
 from . import points, style
 from .sheet import title_of
 
@@ -23,7 +24,6 @@ COLUMNS = [
     "memory_bytes",
     "compile_s",
 ]
-BUILD_PARTS = ("build", "light build")
 NEVER = 1e-3
 """Milliseconds below which a frame did nothing."""
 

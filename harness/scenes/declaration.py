@@ -46,7 +46,7 @@ import numpy as np
 
 from ..alpha import perforated
 from ..errors import UserError, did_you_mean
-from ..largest import largest
+from ..largest import largest_triangles
 from ..moment import ray_tables
 from ..scene import OUTPUTS, Camera, Light, Scene, Spot
 from ..spot import spot_row
@@ -114,7 +114,7 @@ def declared_scene(path: Path, resolve: Callable[[str], Scene]) -> Scene:
         share = _number(path, "mirror.share", told["mirror"].get("share", 0.5))
         if not 0.0 < share <= 1.0:
             raise UserError(f"{path}: mirror.share {share} must lie above 0 and not above 1")
-        fields["mirror"] = functools.partial(largest, share=share)
+        fields["mirror"] = functools.partial(largest_triangles, share=share)
         fields["bounces"] = _typed(path, "mirror.bounces", told["mirror"].get("bounces", 1), int)
         if not 0 <= fields["bounces"] <= MOST_BOUNCES:
             raise UserError(f"{path}: mirror.bounces {fields['bounces']} must lie in 0..{MOST_BOUNCES}")

@@ -19,31 +19,15 @@ from __future__ import annotations
 
 import warp as wp
 
+from ...harness.vectors import largest as largest  # methods take them from here
+from ...harness.vectors import to_float32 as to_float32
+from ...harness.vectors import to_float64 as to_float64
+
 U32 = wp.constant(5.9604645e-08)  # 2^-24
 U64 = wp.constant(wp.float64(1.1102230246251565e-16))  # 2^-53
 FLOOR32 = wp.constant(1.0e-35)
 OVERFLOW = wp.constant(1.0e37)
 NO_HIT = wp.constant(wp.float64(-1.0))
-
-
-@wp.func
-def to_float64(a: wp.vec3f) -> wp.vec3d:
-    return wp.vec3d(wp.float64(a[0]), wp.float64(a[1]), wp.float64(a[2]))
-
-
-@wp.func
-def to_float32(a: wp.vec3d) -> wp.vec3f:
-    return wp.vec3f(wp.float32(a[0]), wp.float32(a[1]), wp.float32(a[2]))
-
-
-@wp.func
-def largest(a: wp.vec3f) -> wp.float32:
-    return wp.max(wp.abs(a[0]), wp.max(wp.abs(a[1]), wp.abs(a[2])))
-
-
-@wp.func
-def largest(a: wp.vec3d) -> wp.float64:
-    return wp.max(wp.abs(a[0]), wp.max(wp.abs(a[1]), wp.abs(a[2])))
 
 
 @wp.func

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import warp as wp
 
+from ..common.triangle import largest
+
 PI = wp.constant(wp.float64(3.141592653589793))
 TWO_PI = wp.constant(wp.float64(6.283185307179586))
 HALF_PI = wp.constant(wp.float64(1.5707963267948966))
@@ -35,16 +37,11 @@ def wrapped(delta: wp.float64) -> wp.float64:
 
 
 @wp.func
-def largest64(a: wp.vec3d) -> wp.float64:
-    return wp.max(wp.abs(a[0]), wp.max(wp.abs(a[1]), wp.abs(a[2])))
-
-
-@wp.func
 def arc_elevation(bounds: wp.vec4d, p: wp.vec3d, q: wp.vec3d, n: wp.vec3d) -> wp.vec4d:
     """Widen (.., .., lowest, highest) by the extremum inside the arc p-q of the great circle with normal n."""
     at_p = n[0] * p[1] - n[1] * p[0]
     at_q = n[0] * q[1] - n[1] * q[0]
-    slack = ROUNDING * largest64(n) * wp.max(largest64(p), largest64(q))
+    slack = ROUNDING * largest(n) * wp.max(largest(p), largest(q))
     if (at_p > slack and at_q > slack) or (at_p < -slack and at_q < -slack):
         return bounds
     peak = wp.atan2(length2(n[0], n[1]), wp.abs(n[2]))
@@ -155,11 +152,11 @@ def triangle_angles(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> wp.vec4d:
         wp.abs(dab + dbc + dca) > PI or widest > PI - wp.float64(1.0e-6) - doubt or axis < wp.float64(1.0e-12)
     )
     # All three planes have the poles' axis on one side (zeros allowed): a pole is inside.
-    slack_a = ROUNDING * largest64(a) * largest64(b - a)
-    slack_b = ROUNDING * largest64(b) * largest64(c - b)
-    slack_c = ROUNDING * largest64(c) * largest64(a - c)
+    slack_a = ROUNDING * largest(a) * largest(b - a)
+    slack_b = ROUNDING * largest(b) * largest(c - b)
+    slack_c = ROUNDING * largest(c) * largest(a - c)
     reaches = wp.max(wp.abs(bounds[2]), wp.abs(bounds[3])) + wp.float64(1.6) * wp.max(
-        largest64(b - a), wp.max(largest64(c - b), largest64(a - c))
+        largest(b - a), wp.max(largest(c - b), largest(a - c))
     ) * wp.float64(1.75) / wp.min(pa[2], wp.min(pb[2], pc[2]))
     if reaches >= HALF_PI:
         if (na[2] >= -slack_a and nb[2] >= -slack_b and nc[2] >= -slack_c) or (
@@ -169,7 +166,7 @@ def triangle_angles(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> wp.vec4d:
     if pole:
         normal = wp.cross(b - a, c - a)
         side = wp.dot(normal, a)
-        flat_normal = wp.abs(normal[2]) <= ROUNDING * largest64(b - a) * largest64(c - a)
+        flat_normal = wp.abs(normal[2]) <= ROUNDING * largest(b - a) * largest(c - a)
         low_b = bounds[2]
         high_b = bounds[3]
         if side * normal[2] > wp.float64(0.0) or flat_normal:
