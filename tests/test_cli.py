@@ -123,6 +123,8 @@ def test_run_show_and_json(call, scene, tmp_path):
     out_folder = tmp_path / "out"
     arguments = ["run", "table1", "--scene", scene, "--method", "bvh", "embree", "--set", "embree.threads=1"]
     arguments += [
+        "--preset",
+        "quick",
         "--size",
         "16x12",
         "--rounds",

@@ -224,6 +224,8 @@ def test_kill_9_loses_at_most_one_round(package, tmp_path):
         "shadowbench.harness.cli",
         "run",
         "table1",
+        "--preset",
+        "quick",
         "--size",
         "8x8",
         "--no-score",
