@@ -17,6 +17,9 @@ from shadowbench.harness.moment import Prepared
 from shadowbench.harness.raw import save_raw
 from shadowbench.harness.referee import Referee
 from shadowbench.harness.scenes.catalogue import resolve
+from shadowbench.harness.start import start_warp
+
+start_warp()  # as the commands do: what it has to say must not end up in a test's output
 
 
 class Right(SimpleMethod):
@@ -253,6 +256,22 @@ def test_explain_shows_every_answer_and_the_exact_one(capsys, mesh):
     text = capsys.readouterr().out
     assert f"exact: triangle {truth['triangle']}" in text
     assert "0 leak" in text
+
+
+def test_explain_follows_a_mirrored_ray(capsys, mesh, tmp_path):
+    declared = tmp_path / "mirrors.toml"
+    declared.write_text(f'mesh = "{mesh}"\n[mirror]\nshare = 1.0\nbounces = 2\n')
+    x, y = shadowed_pixel(mesh)
+    names = ["uniform_grid", "ray_grids"]
+    assert explain(str(declared), f"{x},{y}", names, "cpu", "40x30", as_json=True) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert [found["bounce"] for found in facts["bounces"]] == [1, 2]
+    (row,) = facts["bounces"][0]["answers"]
+    assert row["method"] == "uniform_grid"  # the other holds no mirrored rays
+    assert (row["triangle"], row["class"]) == (row["exact"]["triangle"], "ok")
+    assert row["triangle"] != facts["exact"]["triangle"]
+    assert explain(str(declared), f"{x},{y}", names, "cpu", "40x30") == 0
+    assert "bounce 1, each method's own ray:" in capsys.readouterr().out
 
 
 def test_explain_a_miss(capsys, mesh):

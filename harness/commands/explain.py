@@ -15,7 +15,7 @@ from ..errors import UserError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ..moment import Moment
+    from ..moment import Moment, Prepared
     from ..score import Judge
 
 
@@ -83,12 +83,16 @@ def explain(
         found = answer(name, {}, prepared, moment, place)
         rows.append((name, found.status, found.reason, found.answers, found.known_inexact))
     facts["answers"] = [_row(judge, moment, index, *row) for row in rows]
+    facts["bounces"] = [
+        {"bounce": bounce, "answers": _bounced(judge, prepared, moment, index, rows, bounce)}
+        for bounce in range(1, judge.effects.bounces + 1)
+    ]
     if as_json:
         print(json.dumps(facts, indent=1))
     else:
         _print(facts)
-    wrong = [row for row in facts["answers"][1:] if row["wrong"] and not row["known_inexact"]]
-    return 1 if wrong else 0
+    rows_shown = facts["answers"][1:] + [row for found in facts["bounces"] for row in found["answers"]]
+    return 1 if any(row["wrong"] and not row["known_inexact"] for row in rows_shown) else 0
 
 
 def exact_facts(judge: Judge, moment: Moment, index: int) -> dict[str, Any]:
@@ -98,7 +102,8 @@ def exact_facts(judge: Judge, moment: Moment, index: int) -> dict[str, Any]:
     from .. import exact
 
     referee = judge.referee
-    hits = referee.closest(moment.eye, moment.directions(np.array([index])))
+    pixels = np.array([index])
+    hits = referee.closest(moment.origins(pixels), moment.directions(pixels))
     ratio = hits.ratio[0]
     if ratio is None:
         return {"triangle": -1, "ties": [], "t": None, "shadows": []}
@@ -127,6 +132,27 @@ def exact_facts(judge: Judge, moment: Moment, index: int) -> dict[str, Any]:
     }
 
 
+def _bounced(
+    judge: Judge, prepared: Prepared, moment: Moment, index: int, rows: list[tuple[Any, ...]], bounce: int
+) -> list[dict[str, Any]]:
+    """What each method says of the pixel's mirrored ray, beside the exact answer to that very ray.
+
+    A ray is made from what the method itself hit before, so methods that differ there have rays of their own.
+    """
+    from ..mirror_score import answers_of, mirrored
+
+    found = []
+    for name, status, reason, answers, known_inexact in rows:
+        if answers is None or "bounce_active" not in answers:
+            continue
+        if answers["bounce_active"][bounce - 1][index] != 1:
+            continue
+        rays = mirrored(prepared, moment, answers, bounce)
+        row = _row(judge, rays, index, name, status, reason, answers_of(answers, bounce), known_inexact)
+        found.append({**row, "exact": exact_facts(judge, rays, index)})
+    return found
+
+
 def _row(
     judge: Judge,
     moment: Moment,
@@ -149,7 +175,8 @@ def _row(
     found = check_consistency(
         judge.prepared, moment, {**answers, "visibility": answers["visibility"][: len(moment.lights)]}
     )
-    hits = judge.referee.closest(moment.eye, moment.directions(np.array([index])))
+    pixels = np.array([index])
+    hits = judge.referee.closest(moment.origins(pixels), moment.directions(pixels))
     verdict = Verdict(int(judge.referee.classify_primary(hits, answers["triangle"][[index]])[0]))
     if found.primary_invalid[index]:
         verdict = Verdict.INVALID
@@ -187,7 +214,6 @@ def _number(value: Any) -> float | str:
 
 def _print(facts: dict[str, Any]) -> None:
     from rich.console import Console
-    from rich.table import Table
 
     console = Console(width=None if sys.stdout.isatty() else 140, highlight=False, markup=False)
     truth = facts["exact"]
@@ -206,10 +232,22 @@ def _print(facts: dict[str, Any]) -> None:
                 console.print(f"light {light['light']}: shadowed, by triangle {light['occluder']}; {where}")
             else:
                 console.print(f"light {light['light']}: lit")
+    console.print(_table(facts["answers"]))
+    for found in facts["bounces"]:
+        if found["answers"]:
+            console.print(f"bounce {found['bounce']}, each method's own ray:")
+            console.print(_table(found["answers"]))
+
+
+def _table(rows: list[dict[str, Any]]) -> Any:
+    """Answers, one row a method; the exact triangle too, where each has a ray of its own."""
+    from rich.table import Table
+
     table = Table(box=None, pad_edge=False, header_style="bold")
-    for name in ("method", "triangle", "t", "u", "v", "class", "shadows"):
+    bounced = any("exact" in row for row in rows)
+    for name in ("method", "triangle", "t", "u", "v", "class", "shadows", *(("exact",) if bounced else ())):
         table.add_column(name)
-    for row in facts["answers"]:
+    for row in rows:
         if "class" not in row:
             table.add_row(row["method"], f"{row['status']}: {row['reason']}")
             continue
@@ -220,5 +258,6 @@ def _print(facts: dict[str, Any]) -> None:
         numbers = [
             f"{row[part]:.9g}" if isinstance(row[part], float) else row[part] for part in ("t", "u", "v")
         ]
-        table.add_row(row["method"], str(row["triangle"]), *numbers, row["class"], ", ".join(shadows))
-    console.print(table)
+        cells = [row["method"], str(row["triangle"]), *numbers, row["class"], ", ".join(shadows)]
+        table.add_row(*cells, *((str(row["exact"]["triangle"]),) if bounced else ()))
+    return table
