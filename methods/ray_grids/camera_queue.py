@@ -8,7 +8,8 @@ import warp as wp
 
 from ...harness.alpha import Alpha
 from ...harness.specialise import effects
-from .camera_stream import Lines, Planes, offer, pixels_of_row, sign_bound
+from .camera_pixels import Planes, offer, sign_bound
+from .camera_stream import Lines, pixels_of_row
 from .queue import ITEMS, PARTS, queue_parts
 from .warps import LANES, lane_holding, of_lane, sum_to_lane
 

@@ -1,0 +1,112 @@
+"""One pixel of the image against one triangle: edge planes in float32, and nearest hits as words.
+
+The nearest hit of a pixel is kept as one 64-bit word, 40 bits of 1 / t and 24 of the complemented index, by atomic
+maximum: the order in which triangles arrive does not matter. Edge functions in float32 with an error bound decide
+all but a few pixels; those, and every 1 / t, are float64 (:mod:`..common.triangle`).
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ..common.reserve import number_in
+from ..common.triangle import U32, U64, largest, nearness_key, to_float64
+from .queue import DOUBTS
+
+
+@wp.struct
+class Planes:
+    """Edge planes through the eye, scaled so that their parts are at most 2 and turned so that inside is positive.
+
+    Signs of n . d beyond :func:`sign_bound` are certain; all three are zero where float64 must decide.
+    """
+
+    n0: wp.vec3f
+    n1: wp.vec3f
+    n2: wp.vec3f
+
+
+@wp.func
+def edge_planes(o: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> Planes:
+    """A triangle seen edge-on within rounding, or of a size that float32 does not hold, gets zeros."""
+    pa = a - o
+    pb = b - o
+    pc = c - o
+    ab = b - a
+    bc = c - b
+    ca = a - c
+    reach = wp.max(largest(pa), wp.max(largest(pb), largest(pc)))
+    edge = wp.max(largest(ab), wp.max(largest(bc), largest(ca)))
+    planes = Planes()
+    if not (reach * edge > 1.0e-30 and reach * edge < 1.0e30):
+        return planes
+    a64 = to_float64(a)
+    n = wp.cross(to_float64(b) - a64, to_float64(c) - a64)
+    det = wp.dot(n, a64 - to_float64(o))
+    if not (wp.abs(det) > wp.float64(96.0) * U64 * wp.float64(reach) * wp.float64(edge) * wp.float64(edge)):
+        return planes
+    scale = 1.0 / (reach * edge)
+    if det < wp.float64(0.0):
+        scale = -scale
+    planes.n0 = wp.cross(pb, bc) * scale
+    planes.n1 = wp.cross(pc, ca) * scale
+    planes.n2 = wp.cross(pa, ab) * scale
+    return planes
+
+
+@wp.func
+def sign_bound(tangents: wp.array(dtype=wp.float32)) -> wp.float32:
+    """Error of n . d for every pixel: 16 u |d|_1 of the sum (:mod:`..common.triangle`), 6 u |d|_1 of the scale.
+
+    Forward, right and up have length 1, so each sums to at most sqrt 3.
+    """
+    return 24.0 * U32 * 1.7321 * (1.0001 + tangents[0] + tangents[1])
+
+
+@wp.func
+def inverse_depth(o: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> wp.vec3d:
+    """m with 1 / t = m . d on the triangle's plane, float64; zero where the plane passes the eye."""
+    a64 = to_float64(a)
+    n = wp.cross(to_float64(b) - a64, to_float64(c) - a64)
+    height = wp.dot(n, a64 - to_float64(o))
+    if height == wp.float64(0.0):
+        return wp.vec3d()
+    return n / height
+
+
+@wp.func
+def hit_word(inverse: wp.float64, i: wp.int32) -> wp.uint64:
+    """A hit as one word: a larger one is nearer, or as near with a lower index."""
+    return (nearness_key(inverse) << wp.uint64(24)) | wp.uint64(0xFFFFFF - i)
+
+
+@wp.func
+def offer(
+    pixel: wp.int32,
+    i: wp.int32,
+    d: wp.vec3f,
+    planes: Planes,
+    bound: wp.float32,
+    sure: wp.float32,
+    m: wp.vec3d,
+    nearest: wp.array(dtype=wp.uint64),
+    counts: wp.array(dtype=wp.int32),
+    doubts: wp.array(dtype=wp.vec2i),
+):
+    """Test one pixel: keep the hit if it is the nearest so far, or leave the pair to float64.
+
+    A hit beyond ``sure`` is one: the bound, or infinite where the triangle has holes.
+    """
+    low = wp.min(wp.dot(planes.n0, d), wp.min(wp.dot(planes.n1, d), wp.dot(planes.n2, d)))
+    if low < -bound:
+        return
+    if low > sure:
+        inverse = wp.dot(m, to_float64(d))
+        if inverse > wp.float64(0.0):
+            word = hit_word(inverse, i)
+            if word > nearest[pixel]:
+                wp.atomic_max(nearest, pixel, word)
+    else:
+        place = number_in(counts, DOUBTS)
+        if place < doubts.shape[0]:
+            doubts[place] = wp.vec2i(i, pixel)
