@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..common.reserve import number_in
+from ..common.reserve import number_in, reserve
 from ..common.triangle import U32, U64, largest, nearness_key, to_float64
 from .queue import DOUBTS
 
@@ -81,6 +81,22 @@ def hit_word(inverse: wp.float64, i: wp.int32) -> wp.uint64:
 
 
 @wp.func
+def keep(pixel: wp.int32, i: wp.int32, d: wp.vec3f, m: wp.vec3d, nearest: wp.array(dtype=wp.uint64)):
+    """Keep a certain hit if it is the nearest of its pixel so far."""
+    inverse = wp.dot(m, to_float64(d))
+    if inverse > wp.float64(0.0):
+        word = hit_word(inverse, i)
+        if word > nearest[pixel]:
+            wp.atomic_max(nearest, pixel, word)
+
+
+@wp.func
+def least_edge(planes: Planes, d: wp.vec3f) -> wp.float32:
+    """The least of the three edge functions of direction d."""
+    return wp.min(wp.dot(planes.n0, d), wp.min(wp.dot(planes.n1, d), wp.dot(planes.n2, d)))
+
+
+@wp.func
 def offer(
     pixel: wp.int32,
     i: wp.int32,
@@ -97,16 +113,86 @@ def offer(
 
     A hit beyond ``sure`` is one: the bound, or infinite where the triangle has holes.
     """
-    low = wp.min(wp.dot(planes.n0, d), wp.min(wp.dot(planes.n1, d), wp.dot(planes.n2, d)))
+    low = least_edge(planes, d)
     if low < -bound:
         return
     if low > sure:
-        inverse = wp.dot(m, to_float64(d))
-        if inverse > wp.float64(0.0):
-            word = hit_word(inverse, i)
-            if word > nearest[pixel]:
-                wp.atomic_max(nearest, pixel, word)
+        keep(pixel, i, d, m, nearest)
     else:
         place = number_in(counts, DOUBTS)
         if place < doubts.shape[0]:
             doubts[place] = wp.vec2i(i, pixel)
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+return __ffs(bits) - 1;
+#else
+return __builtin_ctz(bits);
+#endif
+""")
+def lowest_bit(bits: wp.uint32) -> wp.int32:
+    """The place of the lowest bit that is set, of a word that is not zero."""
+
+
+@wp.func
+def pixel_in(box: wp.vec4i, k: wp.int32) -> wp.vec2i:
+    """Column and row of the k-th pixel of a box."""
+    across = box[2] - box[0] + 1
+    down = k // across
+    return wp.vec2i(box[0] + k - down * across, box[1] + down)
+
+
+@wp.func
+def offer_box(
+    i: wp.int32,
+    box: wp.vec4i,
+    planes: Planes,
+    bound: wp.float32,
+    sure: wp.float32,
+    m: wp.vec3d,
+    width: wp.int32,
+    column: wp.array(dtype=wp.vec3f),
+    row: wp.array(dtype=wp.vec3f),
+    nearest: wp.array(dtype=wp.uint64),
+    counts: wp.array(dtype=wp.int32),
+    doubts: wp.array(dtype=wp.vec2i),
+):
+    """Offer every pixel of a small box, 32 at a time: all are tested first, then those kept that passed.
+
+    A warp waits for its lane with most to do. Tests are short and read only the pixels' directions; what takes long
+    (the word that was there, a place among the doubts) is left to the few pixels that need it, and every lane goes
+    through its own, whatever the shape of its box.
+    """
+    number = (box[2] - box[0] + 1) * (box[3] - box[1] + 1)
+    first = wp.int32(0)
+    x = box[0]
+    y = box[1]
+    while first < number:
+        hits = wp.uint32(0)
+        unsure = wp.uint32(0)
+        bit = wp.uint32(1)
+        for _ in range(wp.min(32, number - first)):
+            low = least_edge(planes, column[x] + row[y])
+            if low > sure:
+                hits |= bit
+            elif not (low < -bound):
+                unsure |= bit
+            bit <<= wp.uint32(1)
+            x += 1
+            if x > box[2]:
+                x = box[0]
+                y += 1
+        while hits != wp.uint32(0):
+            at = pixel_in(box, first + lowest_bit(hits))
+            hits &= hits - wp.uint32(1)
+            keep(at[1] * width + at[0], i, column[at[0]] + row[at[1]], m, nearest)
+        if unsure != wp.uint32(0):
+            place = reserve(counts, DOUBTS, wp.int32(wp.bit_count(unsure)))
+            while unsure != wp.uint32(0):
+                at = pixel_in(box, first + lowest_bit(unsure))
+                unsure &= unsure - wp.uint32(1)
+                if place < doubts.shape[0]:
+                    doubts[place] = wp.vec2i(i, at[1] * width + at[0])
+                place += 1
+        first += 32

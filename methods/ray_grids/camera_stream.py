@@ -16,7 +16,7 @@ from ..common.pixels import tile_pixel
 from ..common.reserve import raise_to, reserve
 from ..common.screen import camera_space, out_of_view, pixel_box
 from ..common.triangle import hit_distance, largest, to_float64, weld_of, write_hit
-from .camera_pixels import Planes, edge_planes, hit_word, inverse_depth, offer, sign_bound
+from .camera_pixels import Planes, edge_planes, hit_word, inverse_depth, offer, offer_box, sign_bound
 from .queue import DOUBTS, ITEMS, SIZE, latest
 
 GROUP = wp.constant(32)
@@ -184,11 +184,7 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
             if alpha.masked[i] != wp.uint8(0):
                 sure = wp.INF
         if (box[2] - box[0] + 1) * (box[3] - box[1] + 1) <= inline_pixels:
-            for y in range(box[1], box[3] + 1):
-                for x in range(box[0], box[2] + 1):
-                    offer(
-                        y * width + x, i, column[x] + row[y], planes, bound, sure, m, nearest, counts, doubts
-                    )
+            offer_box(i, box, planes, bound, sure, m, width, column, row, nearest, counts, doubts)
             return
         lines = lines_of(planes, bound, width, column)
         if wp.static(not queued):
