@@ -11,6 +11,7 @@ import warp as wp
 
 from ..common.reserve import number_in, reserve
 from ..common.triangle import U32, U64, largest, nearness_key, to_float64
+from .entries import entry, raise_entry
 from .queue import DOUBTS
 
 
@@ -85,9 +86,7 @@ def keep(pixel: wp.int32, i: wp.int32, d: wp.vec3f, m: wp.vec3d, nearest: wp.arr
     """Keep a certain hit if it is the nearest of its pixel so far."""
     inverse = wp.dot(m, to_float64(d))
     if inverse > wp.float64(0.0):
-        word = hit_word(inverse, i)
-        if word > nearest[pixel]:
-            wp.atomic_max(nearest, pixel, word)
+        raise_entry(nearest, pixel, hit_word(inverse, i))
 
 
 @wp.func
@@ -139,7 +138,7 @@ def lowest_bit(bits: wp.uint32) -> wp.int32:
 def pixel_in(box: wp.vec4i, k: wp.int32) -> wp.vec2i:
     """Column and row of the k-th pixel of a box."""
     across = box[2] - box[0] + 1
-    down = k // across
+    down = wp.int32(wp.uint32(k) // wp.uint32(across))
     return wp.vec2i(box[0] + k - down * across, box[1] + down)
 
 
@@ -173,7 +172,7 @@ def offer_box(
         unsure = wp.uint32(0)
         bit = wp.uint32(1)
         for _ in range(wp.min(32, number - first)):
-            low = least_edge(planes, column[x] + row[y])
+            low = least_edge(planes, entry(column, x) + entry(row, y))
             if low > sure:
                 hits |= bit
             elif not (low < -bound):
@@ -186,7 +185,7 @@ def offer_box(
         while hits != wp.uint32(0):
             at = pixel_in(box, first + lowest_bit(hits))
             hits &= hits - wp.uint32(1)
-            keep(at[1] * width + at[0], i, column[at[0]] + row[at[1]], m, nearest)
+            keep(at[1] * width + at[0], i, entry(column, at[0]) + entry(row, at[1]), m, nearest)
         if unsure != wp.uint32(0):
             place = reserve(counts, DOUBTS, wp.int32(wp.bit_count(unsure)))
             while unsure != wp.uint32(0):

@@ -10,6 +10,7 @@ from ...harness.alpha import Alpha
 from ...harness.specialise import effects
 from .camera_pixels import Planes, offer, sign_bound
 from .camera_stream import Lines, pixels_of_row
+from .entries import entry, entry_of_four
 from .queue import ITEMS, PARTS, queue_parts
 from .warps import LANES, lane_holding, of_lane, sum_to_lane
 
@@ -17,9 +18,9 @@ from .warps import LANES, lane_holding, of_lane, sum_to_lane
 @wp.func
 def planes_at(records: wp.array2d(dtype=wp.vec4f), i: wp.int32) -> Planes:
     planes = Planes()
-    r0 = records[i, 0]
-    r1 = records[i, 1]
-    r2 = records[i, 2]
+    r0 = entry_of_four(records, i, 0)
+    r1 = entry_of_four(records, i, 1)
+    r2 = entry_of_four(records, i, 2)
     planes.n0 = wp.vec3f(r0[0], r0[1], r0[2])
     planes.n1 = wp.vec3f(r1[0], r1[1], r1[2])
     planes.n2 = wp.vec3f(r2[0], r2[1], r2[2])
@@ -29,8 +30,10 @@ def planes_at(records: wp.array2d(dtype=wp.vec4f), i: wp.int32) -> Planes:
 @wp.func
 def lines_at(records: wp.array2d(dtype=wp.vec4f), i: wp.int32) -> Lines:
     lines = Lines()
-    r3 = records[i, 3]
-    lines.start = wp.vec3f(records[i, 0][3], records[i, 1][3], records[i, 2][3])
+    r3 = entry_of_four(records, i, 3)
+    lines.start = wp.vec3f(
+        entry_of_four(records, i, 0)[3], entry_of_four(records, i, 1)[3], entry_of_four(records, i, 2)[3]
+    )
     lines.inverse = wp.vec3f(r3[0], r3[1], r3[2])
     return lines
 
@@ -77,7 +80,7 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                 item = parts[k][0]
                 part = parts[k][1]
             k += step
-            work = items[item]
+            work = entry(items, item)
             i = work[0]
             planes = planes_at(records, i)
             lines = lines_at(records, i)
@@ -92,7 +95,7 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                 ends = wp.vec2i(0, -1)
                 if lane < rows:
                     ends = pixels_of_row(
-                        planes, bound, lines, row[first + lane], work[2] & 65535, work[2] >> 16, width
+                        planes, bound, lines, entry(row, first + lane), work[2] & 65535, work[2] >> 16, width
                     )
                 length = wp.max(0, ends[1] - ends[0] + 1)
                 sums = sum_to_lane(length)
@@ -101,7 +104,7 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                 at = part * size
                 end = wp.min(number, at + size)
                 if at < end:
-                    m = depths[i]
+                    m = entry(depths, i)
                     while at < end:
                         element = at + lane
                         at += LANES
@@ -112,7 +115,7 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                             offer(
                                 y * width + x,
                                 i,
-                                column[x] + row[y],
+                                entry(column, x) + entry(row, y),
                                 planes,
                                 bound,
                                 sure,
@@ -122,17 +125,19 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                                 doubts,
                             )
             else:
-                m = depths[i]
+                m = entry(depths, i)
                 for r in range(rows):
                     y = first + r
-                    ends = pixels_of_row(planes, bound, lines, row[y], work[2] & 65535, work[2] >> 16, width)
+                    ends = pixels_of_row(
+                        planes, bound, lines, entry(row, y), work[2] & 65535, work[2] >> 16, width
+                    )
                     for x in range(ends[0], ends[1] + 1):
                         # A part has its share of the group's pixels in order, as on the GPU.
                         if number // size == part:
                             offer(
                                 y * width + x,
                                 i,
-                                column[x] + row[y],
+                                entry(column, x) + entry(row, y),
                                 planes,
                                 bound,
                                 sure,

@@ -17,6 +17,7 @@ from ..common.reserve import raise_to, reserve
 from ..common.screen import camera_space, out_of_view, pixel_box
 from ..common.triangle import hit_distance, largest, to_float64, weld_of, write_hit
 from .camera_pixels import Planes, edge_planes, hit_word, inverse_depth, offer, offer_box, sign_bound
+from .entries import entry
 from .queue import DOUBTS, ITEMS, SIZE, latest
 
 GROUP = wp.constant(32)
@@ -165,11 +166,11 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
         i = wp.tid()
         if i >= triangle_count or valid[i] == wp.uint8(0):
             return
-        face = triangles[i]
-        o = eye[0]
-        a = points[face[0]]
-        b = points[face[1]]
-        c = points[face[2]]
+        face = entry(triangles, i)
+        o = entry(eye, 0)
+        a = entry(points, face[0])
+        b = entry(points, face[1])
+        c = entry(points, face[2])
         size = wp.cast(wp.max(largest(a), wp.max(largest(b), largest(c))), wp.int32)
         if size > latest(counts, SIZE):
             raise_to(counts, SIZE, size)
@@ -189,10 +190,19 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
         lines = lines_of(planes, bound, width, column)
         if wp.static(not queued):
             for y in range(box[1], box[3] + 1):
-                ends = pixels_of_row(planes, bound, lines, row[y], box[0], box[2], width)
+                ends = pixels_of_row(planes, bound, lines, entry(row, y), box[0], box[2], width)
                 for x in range(ends[0], ends[1] + 1):
                     offer(
-                        y * width + x, i, column[x] + row[y], planes, bound, sure, m, nearest, counts, doubts
+                        y * width + x,
+                        i,
+                        entry(column, x) + entry(row, y),
+                        planes,
+                        bound,
+                        sure,
+                        m,
+                        nearest,
+                        counts,
+                        doubts,
                     )
             return
         queue_triangle(i, box, planes, lines, m, counts, records, depths, items)

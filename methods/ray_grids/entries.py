@@ -1,0 +1,48 @@
+"""Entries of contiguous arrays, read where they lie.
+
+Warp's own index wraps below zero and multiplies by a stride that it is told at the launch: eight instructions an
+access, of the fifty that a pixel's test takes. Arrays of the frame and of the queues are contiguous, and their indices
+within: one instruction does. Nothing is checked here.
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+READ = "return values.data[i];"
+
+
+@wp.func_native(READ)
+def entry(values: wp.array(dtype=wp.int32), i: wp.int32) -> wp.int32: ...
+
+
+@wp.func_native(READ)
+def entry(values: wp.array(dtype=wp.vec3i), i: wp.int32) -> wp.vec3i: ...
+
+
+@wp.func_native(READ)
+def entry(values: wp.array(dtype=wp.vec4i), i: wp.int32) -> wp.vec4i: ...
+
+
+@wp.func_native(READ)
+def entry(values: wp.array(dtype=wp.vec3f), i: wp.int32) -> wp.vec3f: ...
+
+
+@wp.func_native(READ)
+def entry(values: wp.array(dtype=wp.vec3d), i: wp.int32) -> wp.vec3d: ...
+
+
+@wp.func_native("return values.data[4 * i + k];")
+def entry_of_four(values: wp.array2d(dtype=wp.vec4f), i: wp.int32, k: wp.int32) -> wp.vec4f:
+    """values[i, k] of an array of four columns."""
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+if (value > values.data[i]) atomicMax((unsigned long long*)(values.data + i), (unsigned long long)value);
+#else
+if (value > values.data[i]) values.data[i] = value;
+#endif
+""")
+def raise_entry(values: wp.array(dtype=wp.uint64), i: wp.int32, value: wp.uint64):
+    """Raise an entry to at least ``value``. What is read first may be old: it only spares the atomic."""
