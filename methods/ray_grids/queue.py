@@ -47,8 +47,8 @@ def queue_parts(
     parts: wp.array(dtype=wp.vec2i),
 ):
     """Queue what an item of ``number`` elements has beyond its first ``size``: (item, part), by one lane."""
-    further = (number - 1) // size
     if number > size and lane == 0:
+        further = (number - 1) // size
         place = reserve(counts, PARTS, further)
         for part in range(further):
             if place + part < parts.shape[0]:
