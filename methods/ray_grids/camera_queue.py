@@ -15,27 +15,27 @@ from .queue import ITEMS, PARTS, queue_parts
 from .warps import LANES, lane_holding, of_lane, sum_to_lane
 
 
+@wp.struct
+class Record:
+    """What a queued triangle's rows are tested with."""
+
+    planes: Planes
+    lines: Lines
+
+
 @wp.func
-def planes_at(records: wp.array2d(dtype=wp.vec4f), i: wp.int32) -> Planes:
-    planes = Planes()
+def record_at(records: wp.array2d(dtype=wp.vec4f), i: wp.int32) -> Record:
     r0 = entry_of_four(records, i, 0)
     r1 = entry_of_four(records, i, 1)
     r2 = entry_of_four(records, i, 2)
-    planes.n0 = wp.vec3f(r0[0], r0[1], r0[2])
-    planes.n1 = wp.vec3f(r1[0], r1[1], r1[2])
-    planes.n2 = wp.vec3f(r2[0], r2[1], r2[2])
-    return planes
-
-
-@wp.func
-def lines_at(records: wp.array2d(dtype=wp.vec4f), i: wp.int32) -> Lines:
-    lines = Lines()
     r3 = entry_of_four(records, i, 3)
-    lines.start = wp.vec3f(
-        entry_of_four(records, i, 0)[3], entry_of_four(records, i, 1)[3], entry_of_four(records, i, 2)[3]
-    )
-    lines.inverse = wp.vec3f(r3[0], r3[1], r3[2])
-    return lines
+    record = Record()
+    record.planes.n0 = wp.vec3f(r0[0], r0[1], r0[2])
+    record.planes.n1 = wp.vec3f(r1[0], r1[1], r1[2])
+    record.planes.n2 = wp.vec3f(r2[0], r2[1], r2[2])
+    record.lines.start = wp.vec3f(r0[3], r1[3], r2[3])
+    record.lines.inverse = wp.vec3f(r3[0], r3[1], r3[2])
+    return record
 
 
 @functools.cache
@@ -82,8 +82,9 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
             k += step
             work = entry(items, item)
             i = work[0]
-            planes = planes_at(records, i)
-            lines = lines_at(records, i)
+            record = record_at(records, i)
+            planes = record.planes
+            lines = record.lines
             first = work[1] & 65535
             rows = work[1] >> 16
             sure = bound

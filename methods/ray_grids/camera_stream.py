@@ -17,7 +17,7 @@ from ..common.reserve import raise_to, reserve
 from ..common.screen import camera_space, out_of_view, pixel_box
 from ..common.triangle import hit_distance, largest, to_float64, weld_of, write_hit
 from .camera_pixels import Planes, edge_planes, hit_word, inverse_depth, offer, offer_box, sign_bound
-from .entries import entry
+from .entries import entry, set_entry, set_entry_of_four
 from .queue import DOUBTS, ITEMS, SIZE, latest
 
 GROUP = wp.constant(32)
@@ -103,10 +103,10 @@ def queue_triangle(
     items: wp.array(dtype=wp.vec4i),
 ):
     """Queue a triangle's rows. An item is (triangle, first row and rows << 16, first column and last << 16, 0)."""
-    records[i, 0] = wp.vec4f(planes.n0[0], planes.n0[1], planes.n0[2], lines.start[0])
-    records[i, 1] = wp.vec4f(planes.n1[0], planes.n1[1], planes.n1[2], lines.start[1])
-    records[i, 2] = wp.vec4f(planes.n2[0], planes.n2[1], planes.n2[2], lines.start[2])
-    records[i, 3] = wp.vec4f(lines.inverse[0], lines.inverse[1], lines.inverse[2], 0.0)
+    set_entry_of_four(records, i, 0, wp.vec4f(planes.n0[0], planes.n0[1], planes.n0[2], lines.start[0]))
+    set_entry_of_four(records, i, 1, wp.vec4f(planes.n1[0], planes.n1[1], planes.n1[2], lines.start[1]))
+    set_entry_of_four(records, i, 2, wp.vec4f(planes.n2[0], planes.n2[1], planes.n2[2], lines.start[2]))
+    set_entry_of_four(records, i, 3, wp.vec4f(lines.inverse[0], lines.inverse[1], lines.inverse[2], 0.0))
     depths[i] = m
     groups = (box[3] - box[1] + GROUP) // GROUP
     at = reserve(counts, ITEMS, groups)
@@ -114,7 +114,7 @@ def queue_triangle(
         if at + g < items.shape[0]:
             y = box[1] + g * GROUP
             rows = wp.min(GROUP, box[3] - y + 1)
-            items[at + g] = wp.vec4i(i, y | (rows << 16), box[0] | (box[2] << 16), 0)
+            set_entry(items, at + g, wp.vec4i(i, y | (rows << 16), box[0] | (box[2] << 16), 0))
 
 
 @wp.func

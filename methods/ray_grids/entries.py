@@ -20,8 +20,16 @@ def entry(values: wp.array(dtype=wp.int32), i: wp.int32) -> wp.int32: ...
 def entry(values: wp.array(dtype=wp.vec3i), i: wp.int32) -> wp.vec3i: ...
 
 
-@wp.func_native(READ)
-def entry(values: wp.array(dtype=wp.vec4i), i: wp.int32) -> wp.vec4i: ...
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+int4 v = reinterpret_cast<const int4*>(values.data)[i];
+return {v.x, v.y, v.z, v.w};
+#else
+return values.data[i];
+#endif
+""")
+def entry(values: wp.array(dtype=wp.vec4i), i: wp.int32) -> wp.vec4i:
+    """All four at once: Warp's vectors of four words may lie anywhere, but the arrays begin at multiples of 256."""
 
 
 @wp.func_native(READ)
@@ -32,9 +40,38 @@ def entry(values: wp.array(dtype=wp.vec3f), i: wp.int32) -> wp.vec3f: ...
 def entry(values: wp.array(dtype=wp.vec3d), i: wp.int32) -> wp.vec3d: ...
 
 
-@wp.func_native("return values.data[4 * i + k];")
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+float4 v = reinterpret_cast<const float4*>(values.data)[4 * i + k];
+return {v.x, v.y, v.z, v.w};
+#else
+return values.data[4 * i + k];
+#endif
+""")
 def entry_of_four(values: wp.array2d(dtype=wp.vec4f), i: wp.int32, k: wp.int32) -> wp.vec4f:
-    """values[i, k] of an array of four columns."""
+    """values[i, k] of an array of four columns, all four words at once."""
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+reinterpret_cast<int4*>(values.data)[i] = make_int4(value[0], value[1], value[2], value[3]);
+#else
+values.data[i] = value;
+#endif
+""")
+def set_entry(values: wp.array(dtype=wp.vec4i), i: wp.int32, value: wp.vec4i):
+    """values[i] = value, all four words at once."""
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+reinterpret_cast<float4*>(values.data)[4 * i + k] = make_float4(value[0], value[1], value[2], value[3]);
+#else
+values.data[4 * i + k] = value;
+#endif
+""")
+def set_entry_of_four(values: wp.array2d(dtype=wp.vec4f), i: wp.int32, k: wp.int32, value: wp.vec4f):
+    """values[i, k] = value of an array of four columns, all four words at once."""
 
 
 @wp.func_native("""
