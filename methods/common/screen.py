@@ -54,6 +54,12 @@ def screen_scale(tx: wp.float32, ty: wp.float32, width: wp.int32, height: wp.int
 
 
 @wp.func
+def in_front(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> wp.bool:
+    """Whether every vertex lies so far before the eye's plane that its projection is known."""
+    return a[2] > 1.0e-4 * largest(a) and b[2] > 1.0e-4 * largest(b) and c[2] > 1.0e-4 * largest(c)
+
+
+@wp.func
 def pixel_box(
     a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, tx: wp.float32, ty: wp.float32, width: wp.int32, height: wp.int32
 ) -> wp.vec4i:
@@ -63,7 +69,7 @@ def pixel_box(
     The pad covers four roundings of a camera-space coordinate and of the projection, and the 2^-30 of its size that
     a closed triangle reaches beyond itself.
     """
-    if not (a[2] > 1.0e-4 * largest(a) and b[2] > 1.0e-4 * largest(b) and c[2] > 1.0e-4 * largest(c)):
+    if not in_front(a, b, c):
         return wp.vec4i(0, 0, width - 1, height - 1)
     w = wp.float32(width)
     h = wp.float32(height)

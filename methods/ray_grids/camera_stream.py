@@ -14,7 +14,7 @@ from ...harness.specialise import effects
 from ..common.alpha import hit_counts
 from ..common.pixels import tile_pixel
 from ..common.reserve import raise_to, reserve
-from ..common.screen import camera_space, out_of_view, pixel_box
+from ..common.screen import camera_space, in_front, out_of_view, pixel_box
 from ..common.triangle import hit_distance, largest, to_float64, weld_of, write_hit
 from .camera_pixels import Planes, edge_planes, hit_word, inverse_depth, offer, offer_box, sign_bound
 from .entries import entry, set_entry, set_entry_of_four
@@ -132,8 +132,10 @@ def box_of(
     ca = camera_space(a, o, axes)
     cb = camera_space(b, o, axes)
     cc = camera_space(c, o, axes)
-    if out_of_view(ca, cb, cc, tangents[0], tangents[1]):
-        return wp.vec4i(0, 0, -1, -1)
+    # What lies in front of the eye and beside the view has an empty box.
+    if not in_front(ca, cb, cc):
+        if out_of_view(ca, cb, cc, tangents[0], tangents[1]):
+            return wp.vec4i(0, 0, -1, -1)
     return pixel_box(ca, cb, cc, tangents[0], tangents[1], width, height)
 
 
