@@ -23,6 +23,9 @@ from .queue import DOUBTS, ITEMS, SIZE, latest
 GROUP = wp.constant(32)
 """Rows of a work item: the 32 lanes of the GPU's warp find a row's ends each."""
 
+REGISTERS = 64
+"""Registers a thread of the kernel that sees every triangle: eight blocks of 128 a multiprocessor."""
+
 
 @wp.struct
 class Lines:
@@ -143,7 +146,7 @@ def box_of(
 def make_stream_kernel(queued: bool) -> wp.Kernel:
     """One thread a triangle. Small ones test their pixels here; larger ones are queued, or tested all the same (CPU)."""
 
-    @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=REGISTERS)
     def stream_kernel(
         triangle_count: wp.int32,
         width: wp.int32,
