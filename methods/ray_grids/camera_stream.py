@@ -169,18 +169,21 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
         doubts: wp.array(dtype=wp.vec2i),
     ):
         i = wp.tid()
-        if i >= triangle_count or valid[i] == wp.uint8(0):
+        if i >= triangle_count:
             return
+        # No branch before all is asked for that a box needs: memory answers one load as soon as many.
         face = entry(triangles, i)
+        known = latest(counts, SIZE)
+        counted = entry(valid, i) != wp.uint8(0)
         o = entry(eye, 0)
         a = entry(points, face[0])
         b = entry(points, face[1])
         c = entry(points, face[2])
-        size = wp.cast(wp.max(largest(a), wp.max(largest(b), largest(c))), wp.int32)
-        if size > latest(counts, SIZE):
-            raise_to(counts, SIZE, size)
         box = box_of(a, b, c, o, axes, tangents, width, height)
-        if box[2] < box[0] or box[3] < box[1]:
+        size = wp.where(counted, wp.cast(wp.max(largest(a), wp.max(largest(b), largest(c))), wp.int32), 0)
+        if size > known:
+            raise_to(counts, SIZE, size)
+        if not counted or box[2] < box[0] or box[3] < box[1]:
             return
         bound = sign_bound(tangents)
         planes = edge_planes(o, a, b, c)

@@ -13,6 +13,10 @@ READ = "return values.data[i];"
 
 
 @wp.func_native(READ)
+def entry(values: wp.array(dtype=wp.uint8), i: wp.int32) -> wp.uint8: ...
+
+
+@wp.func_native(READ)
 def entry(values: wp.array(dtype=wp.int32), i: wp.int32) -> wp.int32: ...
 
 
