@@ -12,7 +12,7 @@ from .camera_pixels import Planes, offer, sign_bound
 from .camera_stream import Lines, pixels_of_row
 from .entries import entry, entry_of_four
 from .queue import ITEMS, PARTS, queue_parts
-from .warps import LANES, lane_holding, of_lane, sum_to_lane
+from .warps import LANES, filled_lane, lane_at, of_lane, sum_to_lane
 
 
 @wp.struct
@@ -98,21 +98,26 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                     ends = pixels_of_row(
                         planes, bound, lines, entry(row, first + lane), work[2] & 65535, work[2] >> 16, width
                     )
+                # From here on a lane has a row that holds pixels, as long as there are any.
                 length = wp.max(0, ends[1] - ends[0] + 1)
+                own = filled_lane(length)
+                length = wp.where(own < LANES, of_lane(length, own), 0)
                 sums = sum_to_lane(length)
                 number = of_lane(sums, LANES - 1)
-                base = ends[0] - sums + length
+                start = sums - length
+                base = of_lane(ends[0], own) - start
+                own += first
                 at = part * size
                 end = wp.min(number, at + size)
                 if at < end:
                     m = entry(depths, i)
                     while at < end:
                         element = at + lane
-                        at += LANES
-                        r = lane_holding(sums, element)
+                        r = lane_at(start, at)
                         x = of_lane(base, r) + element
+                        y = of_lane(own, r)
+                        at += LANES
                         if element < end:
-                            y = first + r
                             offer(
                                 y * width + x,
                                 i,

@@ -50,6 +50,48 @@ def lane_holding(sums: wp.int32, index: wp.int32) -> wp.int32:
     """The lane that holds element ``index``, given the sums of lengths up to each lane; 31 beyond the last."""
 
 
+# Lanes are sent through shared memory: a shuffle only fetches.
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+__shared__ int lanes[1024];
+int lane = threadIdx.x & 31, *mine = lanes + (threadIdx.x & ~31);
+unsigned int filled = __ballot_sync(0xffffffffu, value > 0);
+if (value > 0) mine[__popc(filled & ((1u << lane) - 1u))] = lane;
+__syncwarp();
+int found = mine[lane];
+__syncwarp();
+return lane < __popc(filled) ? found : 32;
+#else
+return 0;
+#endif
+""")
+def filled_lane(value: wp.int32) -> wp.int32:
+    """The lanes whose value is positive, in order, one a lane; 32 beyond the last. All lanes must call it."""
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+int lane = threadIdx.x & 31;
+unsigned int place = start - at, bit = place < 32u ? 1u << place : 0u;
+#if __CUDA_ARCH__ >= 800
+unsigned int starts = __reduce_or_sync(0xffffffffu, bit);
+#else
+unsigned int starts = bit;
+for (int step = 16; step; step >>= 1) starts |= __shfl_xor_sync(0xffffffffu, starts, step);
+#endif
+return __popc(__ballot_sync(0xffffffffu, start < at)) + __popc(starts & ((2u << lane) - 1u)) - 1;
+#else
+return 0;
+#endif
+""")
+def lane_at(start: wp.int32, at: wp.int32) -> wp.int32:
+    """The lane that holds element ``at`` + this lane, given where each lane's elements start.
+
+    Starts grow from lane to lane, from 0, and no two are equal but those of lanes that hold nothing, after all
+    others. All lanes must call it.
+    """
+
+
 # Rows are laid out in the order in which their blocks come by, so no block waits for another; no answer depends on
 # that order. The counts are left empty for the next frame.
 @wp.func_native("""
