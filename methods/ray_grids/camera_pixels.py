@@ -11,7 +11,7 @@ import warp as wp
 
 from ..common.reserve import number_in, reserve
 from ..common.triangle import U32, U64, largest, nearness_key, to_float64
-from .entries import entry, raise_entry
+from .entries import entry, entry_now, raise_entry
 from .queue import DOUBTS
 
 
@@ -82,11 +82,20 @@ def hit_word(inverse: wp.float64, i: wp.int32) -> wp.uint64:
 
 
 @wp.func
-def keep(pixel: wp.int32, i: wp.int32, d: wp.vec3f, m: wp.vec3d, nearest: wp.array(dtype=wp.uint64)):
-    """Keep a certain hit if it is the nearest of its pixel so far."""
+def keep(
+    pixel: wp.int32,
+    i: wp.int32,
+    d: wp.vec3f,
+    m: wp.vec3d,
+    known: wp.uint64,
+    nearest: wp.array(dtype=wp.uint64),
+):
+    """Keep a certain hit if it is nearer than what is known of its pixel: a word that was there, which spares most."""
     inverse = wp.dot(m, to_float64(d))
     if inverse > wp.float64(0.0):
-        raise_entry(nearest, pixel, hit_word(inverse, i))
+        word = hit_word(inverse, i)
+        if word > known:
+            raise_entry(nearest, pixel, word)
 
 
 @wp.func
@@ -112,11 +121,12 @@ def offer(
 
     A hit beyond ``sure`` is one: the bound, or infinite where the triangle has holes.
     """
+    known = entry_now(nearest, pixel)
     low = least_edge(planes, d)
     if low < -bound:
         return
     if low > sure:
-        keep(pixel, i, d, m, nearest)
+        keep(pixel, i, d, m, known, nearest)
     else:
         place = number_in(counts, DOUBTS)
         if place < doubts.shape[0]:
@@ -185,7 +195,9 @@ def offer_box(
         while hits != wp.uint32(0):
             at = pixel_in(box, first + lowest_bit(hits))
             hits &= hits - wp.uint32(1)
-            keep(at[1] * width + at[0], i, entry(column, at[0]) + entry(row, at[1]), m, nearest)
+            pixel = at[1] * width + at[0]
+            known = entry_now(nearest, pixel)
+            keep(pixel, i, entry(column, at[0]) + entry(row, at[1]), m, known, nearest)
         if unsure != wp.uint32(0):
             place = reserve(counts, DOUBTS, wp.int32(wp.bit_count(unsure)))
             while unsure != wp.uint32(0):
