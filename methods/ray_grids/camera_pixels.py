@@ -196,8 +196,8 @@ def offer_box(
             at = pixel_in(box, first + lowest_bit(hits))
             hits &= hits - wp.uint32(1)
             pixel = at[1] * width + at[0]
-            known = entry_now(nearest, pixel)
-            keep(pixel, i, entry(column, at[0]) + entry(row, at[1]), m, known, nearest)
+            # Nothing waits for an atomic without an answer; the word that was there would take a thread longer.
+            keep(pixel, i, entry(column, at[0]) + entry(row, at[1]), m, wp.uint64(0), nearest)
         if unsure != wp.uint32(0):
             place = reserve(counts, DOUBTS, wp.int32(wp.bit_count(unsure)))
             while unsure != wp.uint32(0):
