@@ -105,6 +105,29 @@ def least_edge(planes: Planes, d: wp.vec3f) -> wp.float32:
 
 
 @wp.func
+def test_pixel(
+    pixel: wp.int32,
+    i: wp.int32,
+    d: wp.vec3f,
+    planes: Planes,
+    bound: wp.float32,
+    sure: wp.float32,
+    m: wp.vec3d,
+    nearest: wp.array(dtype=wp.uint64),
+) -> wp.bool:
+    """Keep a certain hit if it is the nearest of its pixel so far; whether float64 must decide.
+
+    A hit beyond ``sure`` is one: the bound, or infinite where the triangle has holes.
+    """
+    known = entry_now(nearest, pixel)
+    low = least_edge(planes, d)
+    if low > sure:
+        keep(pixel, i, d, m, known, nearest)
+        return False
+    return not (low < -bound)
+
+
+@wp.func
 def offer(
     pixel: wp.int32,
     i: wp.int32,
@@ -117,17 +140,8 @@ def offer(
     counts: wp.array(dtype=wp.int32),
     doubts: wp.array(dtype=wp.vec2i),
 ):
-    """Test one pixel: keep the hit if it is the nearest so far, or leave the pair to float64.
-
-    A hit beyond ``sure`` is one: the bound, or infinite where the triangle has holes.
-    """
-    known = entry_now(nearest, pixel)
-    low = least_edge(planes, d)
-    if low < -bound:
-        return
-    if low > sure:
-        keep(pixel, i, d, m, known, nearest)
-    else:
+    """Test one pixel, and leave the pair to the queue of doubts where float64 must decide."""
+    if test_pixel(pixel, i, d, planes, bound, sure, m, nearest):
         place = number_in(counts, DOUBTS)
         if place < doubts.shape[0]:
             doubts[place] = wp.vec2i(i, pixel)

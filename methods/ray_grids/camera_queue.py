@@ -8,11 +8,14 @@ import warp as wp
 
 from ...harness.alpha import Alpha
 from ...harness.specialise import effects
-from .camera_pixels import Planes, offer, sign_bound
+from .camera_pixels import Planes, offer, sign_bound, test_pixel
 from .camera_stream import Lines, pixels_of_row
 from .entries import entry, entry_of_four
-from .queue import ITEMS, PARTS, queue_parts
-from .warps import LANES, filled_lane, lane_at, of_lane, sum_to_lane
+from .queue import DOUBTS, ITEMS, PARTS, queue_parts
+from .warps import LANES, filled_lane, gather, lane_at, of_lane, sum_to_lane
+
+REGISTERS = 56
+"""Registers a thread: nine blocks of 128 a multiprocessor."""
 
 
 @wp.struct
@@ -43,7 +46,7 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
     """Queued groups of rows, a warp each on the GPU, a thread each on the CPU; ``again``: their further parts."""
     counter = PARTS if again else ITEMS
 
-    @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=REGISTERS)
     def item_kernel(
         threads: wp.int32,
         size: wp.int32,
@@ -73,6 +76,7 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
             lane = k % LANES
             k = k // LANES
             step = threads // LANES
+        held = wp.int32(0)
         while k < stop:
             item = k
             part = wp.int32(0)
@@ -117,19 +121,12 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                         x = of_lane(base, r) + element
                         y = of_lane(own, r)
                         at += LANES
+                        unsure = wp.bool(False)
+                        pixel = y * width + x
                         if element < end:
-                            offer(
-                                y * width + x,
-                                i,
-                                entry(column, x) + entry(row, y),
-                                planes,
-                                bound,
-                                sure,
-                                m,
-                                nearest,
-                                counts,
-                                doubts,
-                            )
+                            d = entry(column, x) + entry(row, y)
+                            unsure = test_pixel(pixel, i, d, planes, bound, sure, m, nearest)
+                        held = gather(unsure, i, pixel, held, False, counts, DOUBTS, doubts)
             else:
                 m = entry(depths, i)
                 for r in range(rows):
@@ -155,5 +152,7 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                         number += 1
             if wp.static(not again):
                 queue_parts(item, number, size, lane, counts, parts)
+        if wp.static(cuda):
+            gather(False, 0, 0, held, True, counts, DOUBTS, doubts)
 
     return item_kernel

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import warp as wp
 
+from ..common.reserve import WITHIN
+
 LANES = wp.constant(32)
 
 
@@ -89,6 +91,48 @@ def lane_at(start: wp.int32, at: wp.int32) -> wp.int32:
 
     Starts grow from lane to lane, from 0, and no two are equal but those of lanes that hold nothing, after all
     others. All lanes must call it.
+    """
+
+
+# Shared memory for blocks of 128 threads: a warp writes its pairs out when it holds more than 32, or at its end. Each
+# asking for its own place would wait for the one address that all of them raise.
+@wp.func_native(f"""
+#if defined(__CUDA_ARCH__)
+unsigned int among = __ballot_sync(0xffffffffu, wanted);
+if (!among && !last) return held;
+__shared__ int2 pairs[256];
+int lane = threadIdx.x & 31;
+int2 *mine = pairs + 2 * (threadIdx.x & 96);
+if (wanted) mine[held + __popc(among & ((1u << lane) - 1u))] = make_int2(first, second);
+held += __popc(among);
+if (held <= 32 && !last) return held;
+__syncwarp();
+int base = 0;
+if (lane == 0 && held) {{
+    base = atomicAdd(counts.data + slot, held);
+    {WITHIN}
+}}
+base = __shfl_sync(0xffffffffu, base, 0);
+#pragma unroll 1
+for (int k = lane; k < held; k += 32)
+    if (base + k < list.shape[0]) reinterpret_cast<int2*>(list.data)[base + k] = mine[k];
+__syncwarp();
+#endif
+return 0;
+""")
+def gather(
+    wanted: wp.bool,
+    first: wp.int32,
+    second: wp.int32,
+    held: wp.int32,
+    last: wp.bool,
+    counts: wp.array(dtype=wp.int32),
+    slot: wp.int32,
+    list: wp.array(dtype=wp.vec2i),
+) -> wp.int32:
+    """Add the pairs of lanes that want it to a list whose length is ``counts[slot]``; how many the warp still holds.
+
+    ``held`` is what the last call returned, at first 0; the ``last`` call leaves none. All lanes must call it.
     """
 
 
