@@ -1,4 +1,4 @@
-"""Primary rays of larger triangles: groups of rows, cut to the triangle row by row, pixel by pixel."""
+"""Primary rays of larger triangles: groups of rows (of tall ones: columns), cut to the triangle, pixel by pixel."""
 
 from __future__ import annotations
 
@@ -41,6 +41,16 @@ def record_at(records: wp.array2d(dtype=wp.vec4f), i: wp.int32) -> Record:
     return record
 
 
+@wp.func
+def line_direction(
+    tall: wp.bool, line: wp.int32, column: wp.array(dtype=wp.vec3f), row: wp.array(dtype=wp.vec3f)
+) -> wp.vec3f:
+    """What all pixels of a row share of their directions; of a column."""
+    if tall:
+        return entry(column, line)
+    return entry(row, line)
+
+
 @functools.cache
 def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
     """Queued groups of rows, a warp each on the GPU, a thread each on the CPU; ``again``: their further parts."""
@@ -51,6 +61,7 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
         threads: wp.int32,
         size: wp.int32,
         width: wp.int32,
+        height: wp.int32,
         tangents: wp.array(dtype=wp.float32),
         column: wp.array(dtype=wp.vec3f),
         row: wp.array(dtype=wp.vec3f),
@@ -91,6 +102,10 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
             lines = record.lines
             first = work[1] & 65535
             rows = work[1] >> 16
+            low = work[2] & 65535
+            high = work[2] >> 16
+            tall = work[3] != 0
+            extent = wp.where(tall, height, width)
             sure = bound
             if wp.static(effects.alpha):
                 if alpha.masked[i] != wp.uint8(0):
@@ -99,9 +114,8 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
             if wp.static(cuda):
                 ends = wp.vec2i(0, -1)
                 if lane < rows:
-                    ends = pixels_of_row(
-                        planes, bound, lines, entry(row, first + lane), work[2] & 65535, work[2] >> 16, width
-                    )
+                    direction = line_direction(tall, first + lane, column, row)
+                    ends = pixels_of_row(planes, bound, lines, direction, low, high, extent)
                 # From here on a lane has a row that holds pixels, as long as there are any.
                 length = wp.max(0, ends[1] - ends[0] + 1)
                 own = filled_lane(length)
@@ -118,8 +132,10 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                     while at < end:
                         element = at + lane
                         r = lane_at(start, at)
-                        x = of_lane(base, r) + element
-                        y = of_lane(own, r)
+                        along = of_lane(base, r) + element
+                        line = of_lane(own, r)
+                        x = wp.where(tall, line, along)
+                        y = wp.where(tall, along, line)
                         at += LANES
                         unsure = wp.bool(False)
                         pixel = y * width + x
@@ -129,26 +145,16 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                         held = gather(unsure, i, pixel, held, False, counts, DOUBTS, doubts)
             else:
                 m = entry(depths, i)
-                for r in range(rows):
-                    y = first + r
-                    ends = pixels_of_row(
-                        planes, bound, lines, entry(row, y), work[2] & 65535, work[2] >> 16, width
-                    )
-                    for x in range(ends[0], ends[1] + 1):
+                for line in range(first, first + rows):
+                    direction = line_direction(tall, line, column, row)
+                    ends = pixels_of_row(planes, bound, lines, direction, low, high, extent)
+                    for along in range(ends[0], ends[1] + 1):
                         # A part has its share of the group's pixels in order, as on the GPU.
                         if number // size == part:
-                            offer(
-                                y * width + x,
-                                i,
-                                entry(column, x) + entry(row, y),
-                                planes,
-                                bound,
-                                sure,
-                                m,
-                                nearest,
-                                counts,
-                                doubts,
-                            )
+                            x = wp.where(tall, line, along)
+                            y = wp.where(tall, along, line)
+                            d = entry(column, x) + entry(row, y)
+                            offer(y * width + x, i, d, planes, bound, sure, m, nearest, counts, doubts)
                         number += 1
             if wp.static(not again):
                 queue_parts(item, number, size, lane, counts, parts)

@@ -21,7 +21,10 @@ from .entries import entry, set_entry, set_entry_of_four
 from .queue import DOUBTS, ITEMS, SIZE, latest
 
 GROUP = wp.constant(32)
-"""Rows of a work item: the 32 lanes of the GPU's warp find a row's ends each."""
+"""Rows or columns of a work item: the 32 lanes of the GPU's warp find the ends of one each."""
+
+TALL = wp.constant(2)
+"""A queued box so many times as high as wide is cut in columns: fewer of them, and longer ones."""
 
 REGISTERS = 64
 """Registers a thread of the kernel that sees every triangle: eight blocks of 128 a multiprocessor."""
@@ -29,28 +32,32 @@ REGISTERS = 64
 
 @wp.struct
 class Lines:
-    """The edge planes along a row of pixels: start + n . row[y] + x / inverse; inverse 0: as good as constant."""
+    """The edge planes along a row of pixels: start + n . row[y] + x / inverse; inverse 0: as good as constant.
+
+    Along a column likewise: start + n . column[x] + y / inverse.
+    """
 
     start: wp.vec3f
     inverse: wp.vec3f
 
 
 @wp.func
-def plane_line(n: wp.vec3f, bound: wp.float32, width: wp.int32, column: wp.array(dtype=wp.vec3f)) -> wp.vec2f:
+def plane_line(n: wp.vec3f, bound: wp.float32, first: wp.vec3f, last: wp.vec3f, length: wp.int32) -> wp.vec2f:
     """(start, inverse) of one plane. Four bounds of slack cover its own error, the table's rounding and the sum's."""
-    start = wp.dot(n, column[0])
-    slope = (wp.dot(n, column[width - 1]) - start) / wp.float32(width - 1)
+    start = wp.dot(n, first)
+    slope = (wp.dot(n, last) - start) / wp.float32(length - 1)
     inverse = wp.float32(0.0)
-    if wp.abs(slope) * wp.float32(width) > bound:
+    if wp.abs(slope) * wp.float32(length) > bound:
         inverse = 1.0 / slope
     return wp.vec2f(start + 4.0 * bound, inverse)
 
 
 @wp.func
-def lines_of(planes: Planes, bound: wp.float32, width: wp.int32, column: wp.array(dtype=wp.vec3f)) -> Lines:
-    l0 = plane_line(planes.n0, bound, width, column)
-    l1 = plane_line(planes.n1, bound, width, column)
-    l2 = plane_line(planes.n2, bound, width, column)
+def lines_of(planes: Planes, bound: wp.float32, first: wp.vec3f, last: wp.vec3f, length: wp.int32) -> Lines:
+    """Along rows, given the first and last column's part of a direction and their number; or along columns."""
+    l0 = plane_line(planes.n0, bound, first, last, length)
+    l1 = plane_line(planes.n1, bound, first, last, length)
+    l2 = plane_line(planes.n2, bound, first, last, length)
     lines = Lines()
     lines.start = wp.vec3f(l0[0], l1[0], l2[0])
     lines.inverse = wp.vec3f(l0[1], l1[1], l2[1])
@@ -65,15 +72,16 @@ def pixels_of_row(
     d: wp.vec3f,
     first: wp.int32,
     last: wp.int32,
-    width: wp.int32,
+    length: wp.int32,
 ) -> wp.vec2i:
     """First and last pixel of first..last that are not certainly outside an edge plane, in the row of direction d.
 
+    Or in the column; ``length``: pixels along the whole of it.
     The hair covers the rounding of the quotient. A plane that is not a number cuts nothing.
     """
     low = wp.float32(first)
     high = wp.float32(last)
-    hair = 0.01 + 4.0e-7 * wp.float32(width)
+    hair = 0.01 + 4.0e-7 * wp.float32(length)
     for k in range(3):
         n = planes.n0
         if k == 1:
@@ -90,13 +98,16 @@ def pixels_of_row(
                 high = x + hair
         elif rest + bound < 0.0:
             high = -1.0
-    return wp.vec2i(wp.int32(wp.ceil(wp.min(low, wp.float32(width)))), wp.int32(wp.floor(wp.max(high, -1.0))))
+    return wp.vec2i(
+        wp.int32(wp.ceil(wp.min(low, wp.float32(length)))), wp.int32(wp.floor(wp.max(high, -1.0)))
+    )
 
 
 @wp.func
 def queue_triangle(
     i: wp.int32,
     box: wp.vec4i,
+    tall: wp.bool,
     planes: Planes,
     lines: Lines,
     m: wp.vec3d,
@@ -105,19 +116,29 @@ def queue_triangle(
     depths: wp.array(dtype=wp.vec3d),
     items: wp.array(dtype=wp.vec4i),
 ):
-    """Queue a triangle's rows. An item is (triangle, first row and rows << 16, first column and last << 16, 0)."""
+    """Queue a triangle's rows. An item is (triangle, first row and rows << 16, first column and last << 16, 0).
+
+    Of a tall one its columns: (triangle, first column and columns << 16, first row and last << 16, 1).
+    """
     set_entry_of_four(records, i, 0, wp.vec4f(planes.n0[0], planes.n0[1], planes.n0[2], lines.start[0]))
     set_entry_of_four(records, i, 1, wp.vec4f(planes.n1[0], planes.n1[1], planes.n1[2], lines.start[1]))
     set_entry_of_four(records, i, 2, wp.vec4f(planes.n2[0], planes.n2[1], planes.n2[2], lines.start[2]))
     set_entry_of_four(records, i, 3, wp.vec4f(lines.inverse[0], lines.inverse[1], lines.inverse[2], 0.0))
     depths[i] = m
-    groups = (box[3] - box[1] + GROUP) // GROUP
+    first = box[1]
+    last = box[3]
+    along = box[0] | (box[2] << 16)
+    if tall:
+        first = box[0]
+        last = box[2]
+        along = box[1] | (box[3] << 16)
+    groups = (last - first + GROUP) // GROUP
     at = reserve(counts, ITEMS, groups)
     for g in range(groups):
         if at + g < items.shape[0]:
-            y = box[1] + g * GROUP
-            rows = wp.min(GROUP, box[3] - y + 1)
-            set_entry(items, at + g, wp.vec4i(i, y | (rows << 16), box[0] | (box[2] << 16), 0))
+            y = first + g * GROUP
+            rows = wp.min(GROUP, last - y + 1)
+            set_entry(items, at + g, wp.vec4i(i, y | (rows << 16), along, wp.int32(tall)))
 
 
 @wp.func
@@ -195,7 +216,17 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
         if (box[2] - box[0] + 1) * (box[3] - box[1] + 1) <= inline_pixels:
             offer_box(i, box, planes, bound, sure, m, width, column, row, nearest, counts, doubts)
             return
-        lines = lines_of(planes, bound, width, column)
+        tall = wp.bool(False)
+        if wp.static(queued):
+            tall = box[3] - box[1] >= TALL * (box[2] - box[0] + 1)
+        start = entry(column, 0)
+        end = entry(column, width - 1)
+        length = width
+        if tall:
+            start = entry(row, 0)
+            end = entry(row, height - 1)
+            length = height
+        lines = lines_of(planes, bound, start, end, length)
         if wp.static(not queued):
             for y in range(box[1], box[3] + 1):
                 ends = pixels_of_row(planes, bound, lines, entry(row, y), box[0], box[2], width)
@@ -213,7 +244,7 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
                         doubts,
                     )
             return
-        queue_triangle(i, box, planes, lines, m, counts, records, depths, items)
+        queue_triangle(i, box, tall, planes, lines, m, counts, records, depths, items)
 
     return stream_kernel
 

@@ -121,7 +121,8 @@ class CameraStream:
             specialised(camera_queue.make_item_kernel(q.cuda, again), self.effects.switches()),
             dim=q.threads,
             inputs=[
-                q.threads, self.build.part, f.width, f.tangents, f.column, f.row, q.records, q.depths, q.items, f.alpha,
+                q.threads, self.build.part, f.width, f.height, f.tangents, f.column, f.row, q.records, q.depths,
+                q.items, f.alpha,
             ],
             outputs=[q.nearest, q.counts[0], q.parts, q.doubts],
             device=f.device,
