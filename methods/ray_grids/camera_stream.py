@@ -12,10 +12,9 @@ import warp as wp
 from ...harness.alpha import Alpha
 from ...harness.specialise import effects
 from ..common.alpha import hit_counts
-from ..common.pixels import tile_pixel
 from ..common.reserve import raise_to, reserve
 from ..common.screen import camera_space, in_front, out_of_view, pixel_box
-from ..common.triangle import hit_distance, largest, to_float64, weld_of, write_hit
+from ..common.triangle import hit_distance, largest, weld_of
 from .camera_pixels import Planes, edge_planes, hit_word, inverse_depth, offer, offer_box, sign_bound
 from .entries import entry, set_entry, set_entry_of_four
 from .queue import DOUBTS, ITEMS, SIZE, latest
@@ -288,39 +287,3 @@ def doubt_kernel(
                 )
         if hits:
             wp.atomic_max(nearest, pair[1], hit_word(wp.float64(1.0) / t, pair[0]))
-
-
-@wp.kernel(enable_backward=False, grid_stride=False)
-def resolve_kernel(
-    width: wp.int32,
-    height: wp.int32,
-    eye: wp.array(dtype=wp.vec3f),
-    column: wp.array(dtype=wp.vec3f),
-    row: wp.array(dtype=wp.vec3f),
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    weld: wp.array(dtype=wp.int32),
-    nearest: wp.array(dtype=wp.uint64),
-    triangle_out: wp.array(dtype=wp.int32),
-    t_out: wp.array(dtype=wp.float32),
-    u_out: wp.array(dtype=wp.float32),
-    v_out: wp.array(dtype=wp.float32),
-    hit_out: wp.array(dtype=wp.vec3d),
-):
-    """Answers of every pixel from its nearest word."""
-    at = tile_pixel(wp.tid(), width, height)
-    if at[0] < 0:
-        return
-    pixel = at[1] * width + at[0]
-    word = nearest[pixel]
-    o = eye[0]
-    d = column[at[0]] + row[at[1]]
-    best = wp.int32(-1)
-    t = wp.float64(0.0)
-    if word != wp.uint64(0):
-        best = 0xFFFFFF - wp.int32(word & wp.uint64(0xFFFFFF))
-        face = triangles[best]
-        a64 = to_float64(points[face[0]])
-        n = wp.cross(to_float64(points[face[1]]) - a64, to_float64(points[face[2]]) - a64)
-        t = wp.dot(n, a64 - to_float64(o)) / wp.dot(n, to_float64(d))
-    write_hit(pixel, o, d, best, t, points, triangles, weld, triangle_out, t_out, u_out, v_out, hit_out)

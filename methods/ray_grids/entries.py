@@ -10,6 +10,7 @@ from __future__ import annotations
 import warp as wp
 
 READ = "return values.data[i];"
+WRITE = "values.data[i] = value;"
 
 
 @wp.func_native(READ)
@@ -18,6 +19,10 @@ def entry(values: wp.array(dtype=wp.uint8), i: wp.int32) -> wp.uint8: ...
 
 @wp.func_native(READ)
 def entry(values: wp.array(dtype=wp.int32), i: wp.int32) -> wp.int32: ...
+
+
+@wp.func_native(READ)
+def entry(values: wp.array(dtype=wp.uint64), i: wp.int32) -> wp.uint64: ...
 
 
 @wp.func_native(READ)
@@ -54,6 +59,18 @@ return values.data[4 * i + k];
 """)
 def entry_of_four(values: wp.array2d(dtype=wp.vec4f), i: wp.int32, k: wp.int32) -> wp.vec4f:
     """values[i, k] of an array of four columns, all four words at once."""
+
+
+@wp.func_native(WRITE)
+def set_entry(values: wp.array(dtype=wp.int32), i: wp.int32, value: wp.int32): ...
+
+
+@wp.func_native(WRITE)
+def set_entry(values: wp.array(dtype=wp.float32), i: wp.int32, value: wp.float32): ...
+
+
+@wp.func_native(WRITE)
+def set_entry(values: wp.array(dtype=wp.vec3d), i: wp.int32, value: wp.vec3d): ...
 
 
 @wp.func_native("""

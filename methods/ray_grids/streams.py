@@ -11,7 +11,7 @@ from ...harness.passes import Pass
 from ...harness.scene import Effects
 from ...harness.specialise import specialised
 from ..common.pixels import thread_count
-from . import camera_queue, camera_stream, light_bins, light_queue, light_stream
+from . import camera_queue, camera_resolve, camera_stream, light_bins, light_queue, light_stream
 from .parameters import Build
 from .queue import COUNTERS, Capacity, keep_kernel
 
@@ -154,7 +154,7 @@ class CameraStream:
     def launch_resolve(self) -> None:
         f, a = self.frame, self.frame.answers
         wp.launch(
-            camera_stream.resolve_kernel,
+            camera_resolve.resolve_kernel,
             dim=thread_count(f.width, f.height, True),
             inputs=[
                 f.width, f.height, f.eye, f.column, f.row, f.points, f.triangles, f.weld, self.queues.nearest,
