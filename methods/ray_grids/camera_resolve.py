@@ -9,8 +9,11 @@ from ..common.pixels import tile_pixel
 from ..common.triangle import hit_point, hit_weights
 from .entries import entry, set_entry
 
+REGISTERS = 72
+"""Registers a thread: seven blocks of 128 a multiprocessor; 64 spill."""
 
-@wp.kernel(enable_backward=False, grid_stride=False)
+
+@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
 def resolve_kernel(
     width: wp.int32,
     height: wp.int32,

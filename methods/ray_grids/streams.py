@@ -161,7 +161,7 @@ class CameraStream:
             ],
             outputs=[a.triangle, a.t, a.u, a.v, self.hit],
             device=f.device,
-            block_dim=256,
+            block_dim=BLOCK_DIM,
         )  # fmt: skip
 
 
