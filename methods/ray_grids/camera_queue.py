@@ -10,7 +10,7 @@ from ...harness.alpha import Alpha
 from ...harness.specialise import effects
 from .camera_pixels import Planes, offer, sign_bound, test_pixel
 from .camera_stream import Lines, pixels_of_row
-from .entries import entry, entry_of_four
+from .entries import entry, entry_now, entry_of_four
 from .queue import DOUBTS, ITEMS, PARTS, queue_parts
 from .warps import LANES, filled_lane, gather, lane_at, of_lane, sum_to_lane
 
@@ -98,6 +98,7 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
             work = entry(items, item)
             i = work[0]
             record = record_at(records, i)
+            m = entry_now(depths, i)
             planes = record.planes
             lines = record.lines
             first = work[1] & 65535
@@ -128,7 +129,6 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                 at = part * size
                 end = wp.min(number, at + size)
                 if at < end:
-                    m = entry(depths, i)
                     while at < end:
                         element = at + lane
                         r = lane_at(start, at)
@@ -144,7 +144,6 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                             unsure = test_pixel(pixel, i, d, planes, bound, sure, m, nearest)
                         held = gather(unsure, i, pixel, held, False, counts, DOUBTS, doubts)
             else:
-                m = entry(depths, i)
                 for line in range(first, first + rows):
                     direction = line_direction(tall, line, column, row)
                     ends = pixels_of_row(planes, bound, lines, direction, low, high, extent)

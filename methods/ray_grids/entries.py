@@ -111,6 +111,20 @@ def entry_now(values: wp.array(dtype=wp.uint64), i: wp.int32) -> wp.uint64:
 
 @wp.func_native("""
 #if defined(__CUDA_ARCH__)
+double x, y, z;
+asm volatile("ld.relaxed.gpu.global.f64 %0, [%1];" : "=d"(x) : "l"((unsigned long long)(values.data + i)));
+asm volatile("ld.relaxed.gpu.global.f64 %0, [%1 + 8];" : "=d"(y) : "l"((unsigned long long)(values.data + i)));
+asm volatile("ld.relaxed.gpu.global.f64 %0, [%1 + 16];" : "=d"(z) : "l"((unsigned long long)(values.data + i)));
+return {x, y, z};
+#else
+return values.data[i];
+#endif
+""")
+def entry_now(values: wp.array(dtype=wp.vec3d), i: wp.int32) -> wp.vec3d: ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
 atomicMax((unsigned long long*)(values.data + i), (unsigned long long)value);
 #else
 if (value > values.data[i]) values.data[i] = value;
