@@ -94,6 +94,51 @@ def value_at(plane: wp.vec4f, h: wp.vec4f) -> wp.float32:
     return plane[0] * h[0] + plane[1] * h[1] + plane[2] * h[2] + plane[3]
 
 
+NO, YES, DOUBTFUL = wp.constant(0), wp.constant(1), wp.constant(2)
+"""Verdicts of float32 on a (triangle, ray) pair."""
+
+
+@wp.func
+def verdict(h: wp.vec4f, occluder: Occluder, bound: wp.float32, sure: wp.float32) -> wp.int32:
+    """What float32 says of a ray (hit point and pixel) and a triangle.
+
+    A hit beyond ``sure`` is one: the bound, or infinite where the triangle has holes. A ray's own triangle passes
+    through its hit point, so it is always among the doubtful.
+    """
+    low = wp.min(value_at(occluder.e0, h), wp.min(value_at(occluder.e1, h), value_at(occluder.e2, h)))
+    side = value_at(occluder.plane, h)
+    said = wp.int32(DOUBTFUL)
+    if low < -bound or side > bound:
+        said = NO
+    elif low > sure and side < -sure:
+        said = YES
+    return said
+
+
+@wp.func
+def settle(
+    said: wp.int32,
+    i: wp.int32,
+    h: wp.vec4f,
+    index: wp.int32,
+    triangle: wp.array(dtype=wp.int32),
+    visibility: wp.array2d(dtype=wp.uint8),
+    counts: wp.array(dtype=wp.int32),
+    doubts: wp.array(dtype=wp.vec2i),
+):
+    """Act on a verdict that is not NO: set the ray's bit, or leave the pair to float64.
+
+    Few pairs are doubtful, but nearly every warp meets one; deciding them on the spot would hold up all its lanes.
+    """
+    pixel = wp.cast(h[3], wp.int32)
+    if said == YES:
+        visibility[index, pixel] = wp.uint8(1)
+    elif triangle[pixel] != i and visibility[index, pixel] == wp.uint8(0):
+        place = number_in(counts, DOUBTS)
+        if place < doubts.shape[0]:
+            doubts[place] = wp.vec2i(i, pixel)
+
+
 @wp.func
 def shade(
     i: wp.int32,
@@ -107,25 +152,10 @@ def shade(
     counts: wp.array(dtype=wp.int32),
     doubts: wp.array(dtype=wp.vec2i),
 ):
-    """Test a ray (hit point and pixel) against the triangle: set its bit, or leave the pair to float64.
-
-    Few pairs are doubtful, but nearly every warp meets one; deciding them on the spot would hold up all its lanes.
-    A hit beyond ``sure`` is one: the bound, or infinite where the triangle has holes. A ray's own triangle passes
-    through its hit point, so it is always among the doubtful.
-    """
-    low = wp.min(value_at(occluder.e0, h), wp.min(value_at(occluder.e1, h), value_at(occluder.e2, h)))
-    if low < -bound:
-        return
-    side = value_at(occluder.plane, h)
-    if side > bound:
-        return
-    pixel = wp.cast(h[3], wp.int32)
-    if low > sure and side < -sure:
-        visibility[index, pixel] = wp.uint8(1)
-    elif triangle[pixel] != i and visibility[index, pixel] == wp.uint8(0):
-        place = number_in(counts, DOUBTS)
-        if place < doubts.shape[0]:
-            doubts[place] = wp.vec2i(i, pixel)
+    """Test a ray against the triangle and act on what float32 says."""
+    said = verdict(h, occluder, bound, sure)
+    if said != NO:
+        settle(said, i, h, index, triangle, visibility, counts, doubts)
 
 
 @wp.func
@@ -169,6 +199,55 @@ def shade_row(
         span = span_of(offset, face, first, last, y, cells)
         for at in range(span[0], span[1]):
             shade(i, rays[at], index, occluder, bound, sure, triangle, visibility, counts, doubts)
+
+
+@wp.func
+def shade_box(
+    i: wp.int32,
+    face: wp.int32,
+    box: wp.vec4i,
+    cells: wp.int32,
+    index: wp.int32,
+    occluder: Occluder,
+    bound: wp.float32,
+    sure: wp.float32,
+    offset: wp.array(dtype=wp.int32),
+    rays: wp.array(dtype=wp.vec4f),
+    triangle: wp.array(dtype=wp.int32),
+    visibility: wp.array2d(dtype=wp.uint8),
+    counts: wp.array(dtype=wp.int32),
+    doubts: wp.array(dtype=wp.vec2i),
+):
+    """Test the rays in a box of cells.
+
+    One loop over the rays of all rows, two at a time: in a loop of its own for each row, the lanes of a warp would
+    wait for the longest row every time, and for memory at every ray.
+    """
+    y = wp.int32(box[1])
+    span = span_of(offset, face, box[0], box[2], y, cells)
+    at = wp.int32(span[0])
+    end = wp.int32(span[1])
+    while at < end or y < box[3]:
+        if at >= end:
+            y += 1
+            span = span_of(offset, face, box[0], box[2], y, cells)
+            at = span[0]
+            end = span[1]
+        if at < end:
+            h = rays[at]
+            g = wp.vec4f()
+            two = at + 1 < end
+            if two:
+                g = rays[at + 1]
+            at += 2
+            said = verdict(h, occluder, bound, sure)
+            other = wp.int32(NO)
+            if two:
+                other = verdict(g, occluder, bound, sure)
+            if said != NO:
+                settle(said, i, h, index, triangle, visibility, counts, doubts)
+            if other != NO:
+                settle(other, i, g, index, triangle, visibility, counts, doubts)
 
 
 @functools.cache
@@ -245,11 +324,10 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
                     if number > 0:
                         if number <= inline_rays:
                             occluder = occluder_of(lights[index], a, b, c)
-                            for y in range(box[1], box[3] + 1):
-                                shade_row(
-                                    i, face, box[0], box[2], y, cells, index, occluder, bound, sure, offset, rays, triangle,
-                                    visibility, counts, doubts,
-                                )  # fmt: skip
+                            shade_box(
+                                i, face, box, cells, index, occluder, bound, sure, offset, rays, triangle, visibility,
+                                counts, doubts,
+                            )  # fmt: skip
                         else:
                             if wp.static(not queued):
                                 if flat.known:
