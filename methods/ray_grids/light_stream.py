@@ -299,7 +299,11 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
         if wp.static(effects.alpha):
             if alpha.masked[i] != wp.uint8(0):
                 sure = wp.INF
-        recorded = wp.bool(False)
+        # What is tested here is tested after the loop, by all lanes at once whichever their faces. Few triangles have
+        # little to do on two faces: the second is queued.
+        here = wp.int32(-1)
+        box_here = wp.vec4i()
+        queued_too = wp.bool(False)
         face = wp.int32(-1)
         while face < FACES - 1:
             face += 1
@@ -322,14 +326,18 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
                                 span = span_of(offset, face, box[0], box[2], y, cells)
                                 number += span[1] - span[0]
                     if number > 0:
-                        if number <= inline_rays:
-                            occluder = occluder_of(lights[index], a, b, c)
-                            shade_box(
-                                i, face, box, cells, index, occluder, bound, sure, offset, rays, triangle, visibility,
-                                counts, doubts,
-                            )  # fmt: skip
+                        if number <= inline_rays and here < 0:
+                            here = face
+                            box_here = box
                         else:
-                            if wp.static(not queued):
+                            if wp.static(queued):
+                                queued_too = True
+                                place = number_in(counts, LARGE)
+                                if place < large.shape[0]:
+                                    large[place] = wp.vec4i(
+                                        i, face, box[0] | (box[2] << 16), box[1] | (box[3] << 16)
+                                    )
+                            else:
                                 if flat.known:
                                     sides = sides_of_flat(flat)
                                 else:
@@ -339,17 +347,20 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
                                     ends = cells_of_row(sides, y, box[0], box[2])
                                     shade_row(
                                         i, face, ends[0], ends[1], y, cells, index, occluder, bound, sure, offset, rays,
-                                        triangle,
-                                        visibility, counts, doubts,
+                                        triangle, visibility, counts, doubts,
                                     )  # fmt: skip
-                            else:
-                                if not recorded:
-                                    set_record(records, i, occluder_of(lights[index], a, b, c))
-                                    recorded = True
-                                place = number_in(counts, LARGE)
-                                if place < large.shape[0]:
-                                    large[place] = wp.vec4i(
-                                        i, face, box[0] | (box[2] << 16), box[1] | (box[3] << 16)
-                                    )
+        if here >= 0 or queued_too:
+            # Corners are read again: kept, they would take the registers of the loop.
+            face_here = triangles[i]
+            occluder = occluder_of(
+                lights[index], points[face_here[0]], points[face_here[1]], points[face_here[2]]
+            )
+            if queued_too:
+                set_record(records, i, occluder)
+            if here >= 0:
+                shade_box(
+                    i, here, box_here, cells, index, occluder, bound, sure, offset, rays, triangle, visibility, counts,
+                    doubts,
+                )  # fmt: skip
 
     return stream_kernel
