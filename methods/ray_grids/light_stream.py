@@ -201,6 +201,10 @@ def shade_row(
             shade(i, rays[at], index, occluder, bound, sure, triangle, visibility, counts, doubts)
 
 
+INLINE_ROWS = wp.constant(16)
+"""A triangle of more rows of cells is queued: its thread would look them up one after the other."""
+
+
 @wp.func
 def shade_box(
     i: wp.int32,
@@ -320,7 +324,8 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
                     number = wp.int32(0)
                     if box[2] >= box[0]:
                         number = wp.int32(EMPTY)
-                        if (box[2] - box[0] + 1) * (box[3] - box[1] + 1) <= inline_cells:
+                        rows = box[3] - box[1] + 1
+                        if (box[2] - box[0] + 1) * rows <= inline_cells and rows <= INLINE_ROWS:
                             number = wp.int32(0)
                             for y in range(box[1], box[3] + 1):
                                 span = span_of(offset, face, box[0], box[2], y, cells)
