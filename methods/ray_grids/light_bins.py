@@ -15,6 +15,7 @@ from ...harness.specialise import effects
 from ..common.pixels import tile_pixel
 from ..common.reserve import number_in
 from ..common.triangle import to_float32, to_float64
+from ..common.wide import read_wide, write_wide
 from .queue import COUNTERS, RAYS, SIZE, latest
 from .warps import scan_row
 
@@ -288,7 +289,7 @@ def map_kernel(
     if at[0] >= 0:
         place[pixel] = p
         h = to_float32(hit)
-        point[pixel] = wp.vec4f(h[0], h[1], h[2], wp.cast(pixel, wp.float32))
+        write_wide(point, pixel, wp.vec4f(h[0], h[1], h[2], wp.cast(pixel, wp.float32)))
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -309,11 +310,11 @@ def count_kernel(
     p = place[pixel]
     face = wp.int32(p[2])
     if face < 0:
-        slot[pixel] = wp.vec2i(-1, 0)
+        write_wide(slot, pixel, wp.vec2i(-1, 0))
         return
     r = face_rectangle(face, rectangle, cells)
     cell = cell_index(face, cell_along(p[0], r[0], r[2], cells), cell_along(p[1], r[1], r[3], cells), cells)
-    slot[pixel] = wp.vec2i(cell, number_in(count, cell))
+    write_wide(slot, pixel, wp.vec2i(cell, number_in(count, cell)))
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -354,6 +355,6 @@ def scatter_kernel(
     if at[0] < 0:
         return
     pixel = at[1] * width + at[0]
-    s = slot[pixel]
+    s = read_wide(slot, pixel)
     if s[0] >= 0:
-        rays[offset[s[0]] + s[1]] = point[pixel]
+        write_wide(rays, offset[s[0]] + s[1], read_wide(point, pixel))

@@ -11,6 +11,7 @@ from ...harness.specialise import effects
 from ..common.alpha import shadow_counts
 from ..common.reserve import reserve
 from ..common.triangle import largest, occludes, total, weld_of
+from ..common.wide import read_wide, write_wide
 from .light_bins import Cube, on_face
 from .light_cells import Sides, cells_of_row, cube_space, on_cells, sides_of_flat, sides_of_planes
 from .light_stream import Occluder, shade, sign_bound, span_of
@@ -21,10 +22,10 @@ from .warps import LANES, lane_holding, of_lane, sum_to_lane
 @wp.func
 def occluder_at(records: wp.array2d(dtype=wp.vec4f), i: wp.int32) -> Occluder:
     occluder = Occluder()
-    occluder.e0 = records[i, 0]
-    occluder.e1 = records[i, 1]
-    occluder.e2 = records[i, 2]
-    occluder.plane = records[i, 3]
+    occluder.e0 = read_wide(records, i, 0)
+    occluder.e1 = read_wide(records, i, 1)
+    occluder.e2 = read_wide(records, i, 2)
+    occluder.plane = read_wide(records, i, 3)
     return occluder
 
 
@@ -58,7 +59,7 @@ def split_kernel(
     first = k % SPLITTERS
     k = k // SPLITTERS
     while k < stop:
-        work = large[k]
+        work = read_wide(large, k)
         k += threads // SPLITTERS
         i = work[0]
         face = work[1]
@@ -85,10 +86,10 @@ def split_kernel(
                 if place + g < items.shape[0]:
                     y = low + (first + g * SPLITTERS) * LANES
                     rows = wp.min(LANES, high - y + 1)
-                    items[place + g] = wp.vec4i(i, face | (rows << 4) | (y << 16), work[2], 0)
-                    lines[place + g, 0] = sides.line0
-                    lines[place + g, 1] = sides.line1
-                    lines[place + g, 2] = sides.line2
+                    write_wide(items, place + g, wp.vec4i(i, face | (rows << 4) | (y << 16), work[2], 0))
+                    write_wide(lines, place + g, 0, sides.line0)
+                    write_wide(lines, place + g, 1, sides.line1)
+                    write_wide(lines, place + g, 2, sides.line2)
 
 
 @wp.func
@@ -144,15 +145,16 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
             item = k
             part = wp.int32(0)
             if wp.static(again):
-                item = parts[k][0]
-                part = parts[k][1]
+                further = read_wide(parts, k)
+                item = further[0]
+                part = further[1]
             k += step
-            work = items[item]
+            work = read_wide(items, item)
             i = work[0]
             sides = Sides()
-            sides.line0 = lines[item, 0]
-            sides.line1 = lines[item, 1]
-            sides.line2 = lines[item, 2]
+            sides.line0 = read_wide(lines, item, 0)
+            sides.line1 = read_wide(lines, item, 1)
+            sides.line2 = read_wide(lines, item, 2)
             rows = (work[1] >> 4) & 63
             sure = bound
             if wp.static(effects.alpha):
@@ -178,9 +180,9 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                         h = wp.vec4f()
                         g = wp.vec4f()
                         if element < end:
-                            h = rays[ray]
+                            h = read_wide(rays, ray)
                         if element + LANES < end:
-                            g = rays[other]
+                            g = read_wide(rays, other)
                         if element < end:
                             shade(i, h, index, occluder, bound, sure, triangle, visibility, counts, doubts)
                         if element + LANES < end:
@@ -195,7 +197,7 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                         if number // size == part:
                             shade(
                                 i,
-                                rays[ray],
+                                read_wide(rays, ray),
                                 index,
                                 occluder,
                                 bound,
@@ -232,7 +234,7 @@ def doubt_kernel(
     stop = wp.min(counts[DOUBTS], doubts.shape[0])
     origin_size = wp.float64(largest(eye[0]))
     while k < stop:
-        pair = doubts[k]
+        pair = read_wide(doubts, k)
         k += threads
         if visibility[index, pair[1]] == wp.uint8(0):
             face = triangles[pair[0]]

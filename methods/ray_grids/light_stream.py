@@ -16,6 +16,7 @@ from ...harness.alpha import Alpha
 from ...harness.specialise import effects
 from ..common.reserve import number_in
 from ..common.triangle import U32, largest, total
+from ..common.wide import read_wide, write_wide
 from .light_bins import EMPTY, FACES, Cube, cell_index, on_face
 from .light_cells import (
     beyond_face,
@@ -136,7 +137,7 @@ def settle(
     elif triangle[pixel] != i and visibility[index, pixel] == wp.uint8(0):
         place = number_in(counts, DOUBTS)
         if place < doubts.shape[0]:
-            doubts[place] = wp.vec2i(i, pixel)
+            write_wide(doubts, place, wp.vec2i(i, pixel))
 
 
 @wp.func
@@ -169,10 +170,10 @@ def span_of(
 
 @wp.func
 def set_record(records: wp.array2d(dtype=wp.vec4f), i: wp.int32, occluder: Occluder):
-    records[i, 0] = occluder.e0
-    records[i, 1] = occluder.e1
-    records[i, 2] = occluder.e2
-    records[i, 3] = occluder.plane
+    write_wide(records, i, 0, occluder.e0)
+    write_wide(records, i, 1, occluder.e1)
+    write_wide(records, i, 2, occluder.e2)
+    write_wide(records, i, 3, occluder.plane)
 
 
 @wp.func
@@ -198,7 +199,7 @@ def shade_row(
     if last >= first:
         span = span_of(offset, face, first, last, y, cells)
         for at in range(span[0], span[1]):
-            shade(i, rays[at], index, occluder, bound, sure, triangle, visibility, counts, doubts)
+            shade(i, read_wide(rays, at), index, occluder, bound, sure, triangle, visibility, counts, doubts)
 
 
 INLINE_ROWS = wp.constant(16)
@@ -238,11 +239,11 @@ def shade_box(
             at = span[0]
             end = span[1]
         if at < end:
-            h = rays[at]
+            h = read_wide(rays, at)
             g = wp.vec4f()
             two = at + 1 < end
             if two:
-                g = rays[at + 1]
+                g = read_wide(rays, at + 1)
             at += 2
             said = verdict(h, occluder, bound, sure)
             other = wp.int32(NO)
@@ -311,7 +312,7 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
         face = wp.int32(-1)
         while face < FACES - 1:
             face += 1
-            r = table[face]
+            r = read_wide(table, face)
             if r[2] > 0.0:
                 fa = on_face(qa, face)
                 fb = on_face(qb, face)
@@ -339,9 +340,8 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
                                 queued_too = True
                                 place = number_in(counts, LARGE)
                                 if place < large.shape[0]:
-                                    large[place] = wp.vec4i(
-                                        i, face, box[0] | (box[2] << 16), box[1] | (box[3] << 16)
-                                    )
+                                    work = wp.vec4i(i, face, box[0] | (box[2] << 16), box[1] | (box[3] << 16))
+                                    write_wide(large, place, work)
                             else:
                                 if flat.known:
                                     sides = sides_of_flat(flat)
