@@ -16,6 +16,7 @@ from ..common.pixels import tile_pixel
 from ..common.reserve import number_in
 from ..common.triangle import to_float32, to_float64
 from ..common.wide import read_wide, write_wide
+from .light_reach import note_receiver
 from .queue import COUNTERS, RAYS, SIZE, latest
 from .warps import scan_row
 
@@ -207,30 +208,35 @@ def cell_index(face: wp.int32, x: wp.int32, y: wp.int32, cells: wp.int32) -> wp.
 
 
 @wp.func
-def place_of(hit: wp.vec3d, light: wp.vec3f, frame: wp.mat33d) -> wp.vec3f:
-    """(u, v, face) of a hit point; reckoned in float64, so that u and v keep a float's digits at any distance."""
+def place_of(hit: wp.vec3d, light: wp.vec3f, frame: wp.mat33d) -> wp.vec4f:
+    """(u, v, face, depth) of a hit point; reckoned in float64, so that u and v keep a float's digits at any distance.
+
+    The depth is taken along the face's axis; infinite where the point is the light.
+    """
     q = frame * (hit - to_float64(light))
     face = face_of(q)
     r = on_face(q, face)
     u = wp.float32(0.0)
     v = wp.float32(0.0)
+    depth = wp.float32(wp.INF)
     if r[0] > wp.float64(0.0):
         scale = wp.float64(1.0) / r[0]
         u = wp.float32(r[1] * scale)
         v = wp.float32(r[2] * scale)
-    return wp.vec3f(u, v, wp.float32(face))
+        depth = wp.float32(r[0])
+    return wp.vec4f(u, v, wp.float32(face), depth)
 
 
 @wp.func
 def note_place(
     is_hit: wp.bool, hit: wp.vec3d, light: wp.vec3f, frame: wp.mat33d, rectangle: wp.array(dtype=wp.int32)
-) -> wp.vec3f:
+) -> wp.vec4f:
     """Where a hit point lies (face -1 at a miss); widens the rectangle of face 0, and marks the face as used."""
     low_u = EMPTY
     low_v = EMPTY
     high_u = EMPTY
     high_v = EMPTY
-    p = wp.vec3f(0.0, 0.0, -1.0)
+    p = wp.vec4f(0.0, 0.0, -1.0, 0.0)
     if is_hit:
         p = place_of(hit, light, frame)
         face = wp.int32(p[2])
@@ -266,14 +272,19 @@ def map_kernel(
     hits: wp.array(dtype=wp.vec3d),
     receivers: wp.array2d(dtype=wp.uint8),
     rectangle: wp.array(dtype=wp.int32),
-    place: wp.array(dtype=wp.vec3f),
+    place: wp.array(dtype=wp.vec4f),
     point: wp.array(dtype=wp.vec4f),
     visibility: wp.array2d(dtype=wp.uint8),
+    farthest: wp.array(dtype=wp.int32),
 ):
-    """Places of all rays (face -1: no shadow ray), the rectangle of face 0, and the faces in use.
+    """Places of all rays (face -1: no shadow ray), the rectangle of face 0, and the faces in use; empties ``farthest``.
 
     point: the hit in float32, and the pixel's number in the bits of the fourth.
     """
+    tile = wp.tid()
+    while tile < farthest.shape[0]:
+        farthest[tile] = 0
+        tile += ((width + 7) >> 3) * ((height + 3) >> 2) * 32
     at = tile_pixel(wp.tid(), width, height)
     hit = wp.vec3d()
     wanted = wp.bool(False)
@@ -287,7 +298,7 @@ def map_kernel(
             hit = hits[pixel]
     p = note_place(wanted, hit, lights[index], frames[index], rectangle)
     if at[0] >= 0:
-        place[pixel] = p
+        write_wide(place, pixel, p)
         h = to_float32(hit)
         write_wide(point, pixel, wp.vec4f(h[0], h[1], h[2], wp.cast(pixel, wp.float32)))
 
@@ -297,24 +308,29 @@ def count_kernel(
     width: wp.int32,
     height: wp.int32,
     cells: wp.int32,
-    place: wp.array(dtype=wp.vec3f),
+    place: wp.array(dtype=wp.vec4f),
     rectangle: wp.array(dtype=wp.int32),
     count: wp.array(dtype=wp.int32),
     slot: wp.array(dtype=wp.vec2i),
+    farthest: wp.array(dtype=wp.int32),
 ):
-    """Cell of every ray, and its rank there. The rank depends on the order of threads; no answer does."""
+    """Cell of every ray, and its rank there; the farthest receivers. Ranks depend on the order of threads; no answer
+    does."""
     at = tile_pixel(wp.tid(), width, height)
     if at[0] < 0:
         return
     pixel = at[1] * width + at[0]
-    p = place[pixel]
+    p = read_wide(place, pixel)
     face = wp.int32(p[2])
     if face < 0:
         write_wide(slot, pixel, wp.vec2i(-1, 0))
         return
     r = face_rectangle(face, rectangle, cells)
-    cell = cell_index(face, cell_along(p[0], r[0], r[2], cells), cell_along(p[1], r[1], r[3], cells), cells)
+    x = cell_along(p[0], r[0], r[2], cells)
+    y = cell_along(p[1], r[1], r[3], cells)
+    cell = cell_index(face, x, y, cells)
     write_wide(slot, pixel, wp.vec2i(cell, number_in(count, cell)))
+    note_receiver(farthest, face, x, y, p[3], cells)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)

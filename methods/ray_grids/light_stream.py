@@ -27,6 +27,7 @@ from .light_cells import (
     sides_of_flat,
     sides_of_planes,
 )
+from .light_reach import all_end_before
 from .queue import DOUBTS, LARGE
 
 
@@ -278,6 +279,7 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
         valid: wp.array(dtype=wp.uint8),
         offset: wp.array(dtype=wp.int32),
         rays: wp.array(dtype=wp.vec4f),
+        farthest: wp.array(dtype=wp.int32),
         triangle: wp.array(dtype=wp.int32),
         alpha: Alpha,
         visibility: wp.array2d(dtype=wp.uint8),
@@ -323,7 +325,9 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
                     if flat.known:
                         box = flat_box(flat, cells)
                     number = wp.int32(0)
-                    if box[2] >= box[0]:
+                    # Depths of corners are known to 8 u reach, and receivers' to u of theirs.
+                    least = wp.min(fa[0], wp.min(fb[0], fc[0])) - slack
+                    if box[2] >= box[0] and not all_end_before(least, farthest, face, box, cells):
                         number = wp.int32(EMPTY)
                         rows = box[3] - box[1] + 1
                         if (box[2] - box[0] + 1) * rows <= inline_cells and rows <= INLINE_ROWS:

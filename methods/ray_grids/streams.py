@@ -11,7 +11,7 @@ from ...harness.passes import Pass
 from ...harness.scene import Effects
 from ...harness.specialise import specialised
 from ..common.pixels import thread_count
-from . import camera_queue, camera_resolve, camera_stream, light_bins, light_queue, light_stream
+from . import camera_queue, camera_resolve, camera_stream, light_bins, light_queue, light_reach, light_stream
 from .parameters import Build
 from .queue import COUNTERS, Capacity, keep_kernel
 
@@ -168,9 +168,10 @@ class CameraStream:
 class RayBins:
     """Cells of one light's cube and the rays in them; lights of a frame take turns with the same arrays.
 
-    place vec3f [pixels]: (u, v, face) of each pixel's ray; point vec4f [pixels]: its hit point, and the pixel; slot
+    place vec4f [pixels]: (u, v, face, depth) of each pixel's ray; point vec4f [pixels]: its hit point, and the pixel; slot
     vec2i [pixels]: its cell and rank there; count and offset int32 [6 faces * cells rows * (cells + 4)] and one more;
-    rays vec4f [pixels]: points in cell order. On the GPU the scan leaves the counts empty.
+    rays vec4f [pixels]: points in cell order; farthest int32 [6 faces * tiles of 8 x 8 cells]: bits of the greatest
+    depth. On the GPU the scan leaves the counts empty.
     """
 
     def __init__(self, frame: Frame, build: Build):
@@ -180,12 +181,14 @@ class RayBins:
         self.cells = build.cells or min(4096, max(64, 8 * round(side / 8)))
         number = int(light_bins.FACES) * self.cells * (self.cells + int(light_bins.SPARE))
         with wp.ScopedDevice(frame.device):
-            self.place = wp.zeros(frame.pixels, dtype=wp.vec3f)
+            self.place = wp.zeros(frame.pixels, dtype=wp.vec4f)
             self.point = wp.zeros(frame.pixels, dtype=wp.vec4f)
             self.slot = wp.zeros(frame.pixels, dtype=wp.vec2i)
             self.count = wp.zeros(number, dtype=wp.int32)
             self.offset = wp.zeros(number + 1, dtype=wp.int32)
             self.rays = wp.zeros(frame.pixels, dtype=wp.vec4f)
+            tiles = self.cells >> int(light_reach.TILE_SHIFT)
+            self.farthest = wp.zeros(int(light_bins.FACES) * tiles * tiles, dtype=wp.int32)
 
 
 class LightStream:
@@ -271,7 +274,7 @@ class LightStream:
             inputs=[
                 f.width, f.height, self.index, f.posts, self.aims.axes, f.answers.triangle, self.hit, f.receivers,
             ],
-            outputs=[self.rectangle, b.place, b.point, f.answers.visibility],
+            outputs=[self.rectangle, b.place, b.point, f.answers.visibility, b.farthest],
             device=f.device,
         )  # fmt: skip
 
@@ -283,7 +286,7 @@ class LightStream:
             light_bins.count_kernel,
             dim=thread_count(f.width, f.height, True),
             inputs=[f.width, f.height, b.cells, b.place, self.rectangle],
-            outputs=[b.count, b.slot],
+            outputs=[b.count, b.slot, b.farthest],
             device=f.device,
         )
         faces = int(light_bins.FACES)
@@ -315,8 +318,8 @@ class LightStream:
             dim=max(1, f.triangle_count),
             inputs=[
                 f.triangle_count, self.index, b.cells, self.build.inline_cells, self.build.inline_rays, f.lights,
-                self.aims.cubes, self.table, f.points, f.triangles, f.valid, b.offset, b.rays, f.answers.triangle,
-                f.alpha,
+                self.aims.cubes, self.table, f.points, f.triangles, f.valid, b.offset, b.rays, b.farthest,
+                f.answers.triangle, f.alpha,
             ],
             outputs=[f.answers.visibility, self.counts, q.records, q.large, q.doubts],
             device=f.device,
