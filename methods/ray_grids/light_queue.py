@@ -14,9 +14,9 @@ from ..common.triangle import largest, occludes, total, weld_of
 from ..common.wide import read_wide, write_wide
 from .light_bins import Cube, on_face
 from .light_cells import Sides, cells_of_row, cube_space, on_cells, sides_of_flat, sides_of_planes
-from .light_stream import Occluder, shade, sign_bound, span_of
+from .light_stream import NO, Occluder, left_open, shade, sign_bound, span_of, verdict
 from .queue import DOUBTS, ITEMS, LARGE, PARTS, queue_parts
-from .warps import LANES, lane_holding, of_lane, sum_to_lane
+from .warps import LANES, filled_lane, gather, lane_at, of_lane, sum_to_lane
 
 
 @wp.func
@@ -141,6 +141,7 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
             lane = k % LANES
             k = k // LANES
             step = threads // LANES
+        held = wp.int32(0)
         while k < stop:
             item = k
             part = wp.int32(0)
@@ -165,9 +166,14 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                 span = wp.vec2i(0, 0)
                 if lane < rows:
                     span = rays_of_row(work, lane, sides, cells, offset)
-                sums = sum_to_lane(span[1] - span[0])
+                # From here on a lane has a row that holds rays, as long as there are any.
+                length = span[1] - span[0]
+                own = filled_lane(length)
+                length = wp.where(own < LANES, of_lane(length, own), 0)
+                sums = sum_to_lane(length)
                 number = of_lane(sums, LANES - 1)
-                base = span[1] - sums
+                start = sums - length
+                base = of_lane(span[0], own) - start
                 at = part * size
                 end = wp.min(number, at + size)
                 if at < end:
@@ -175,19 +181,27 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                     # Two rays at a time: one waits for memory while the other is reckoned.
                     while at < end:
                         element = at + lane
-                        ray = of_lane(base, lane_holding(sums, element)) + element
-                        other = of_lane(base, lane_holding(sums, element + LANES)) + element + LANES
+                        ray = of_lane(base, lane_at(start, at)) + element
+                        other = of_lane(base, lane_at(start, at + LANES)) + element + LANES
+                        at += 2 * LANES
                         h = wp.vec4f()
                         g = wp.vec4f()
                         if element < end:
                             h = read_wide(rays, ray)
                         if element + LANES < end:
                             g = read_wide(rays, other)
-                        if element < end:
-                            shade(i, h, index, occluder, bound, sure, triangle, visibility, counts, doubts)
-                        if element + LANES < end:
-                            shade(i, g, index, occluder, bound, sure, triangle, visibility, counts, doubts)
-                        at += 2 * LANES
+                        said = verdict(h, occluder, bound, sure)
+                        said_other = verdict(g, occluder, bound, sure)
+                        unsure = wp.bool(False)
+                        unsure_other = wp.bool(False)
+                        pixel = wp.cast(h[3], wp.int32)
+                        pixel_other = wp.cast(g[3], wp.int32)
+                        if element < end and said != NO:
+                            unsure = left_open(said, i, pixel, index, triangle, visibility)
+                        if element + LANES < end and said_other != NO:
+                            unsure_other = left_open(said_other, i, pixel_other, index, triangle, visibility)
+                        held = gather(unsure, i, pixel, held, False, counts, DOUBTS, doubts)
+                        held = gather(unsure_other, i, pixel_other, held, False, counts, DOUBTS, doubts)
             else:
                 occluder = occluder_at(records, i)
                 for r in range(rows):
@@ -210,6 +224,8 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                         number += 1
             if wp.static(not again):
                 queue_parts(item, number, size, lane, counts, parts)
+        if wp.static(cuda):
+            gather(False, 0, 0, held, True, counts, DOUBTS, doubts)
 
     return item_kernel
 

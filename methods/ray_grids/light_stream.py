@@ -17,6 +17,7 @@ from ...harness.specialise import effects
 from ..common.reserve import number_in
 from ..common.triangle import U32, largest, total
 from ..common.wide import read_wide, write_wide
+from .entries import entry
 from .light_bins import EMPTY, FACES, Cube, cell_index, on_face
 from .light_cells import (
     beyond_face,
@@ -118,6 +119,22 @@ def verdict(h: wp.vec4f, occluder: Occluder, bound: wp.float32, sure: wp.float32
 
 
 @wp.func
+def left_open(
+    said: wp.int32,
+    i: wp.int32,
+    pixel: wp.int32,
+    index: wp.int32,
+    triangle: wp.array(dtype=wp.int32),
+    visibility: wp.array2d(dtype=wp.uint8),
+) -> wp.bool:
+    """Act on a verdict that is not NO: set the ray's bit, or say that the pair is to be left to float64."""
+    if said == YES:
+        visibility[index, pixel] = wp.uint8(1)
+        return False
+    return entry(triangle, pixel) != i and visibility[index, pixel] == wp.uint8(0)
+
+
+@wp.func
 def settle(
     said: wp.int32,
     i: wp.int32,
@@ -133,9 +150,7 @@ def settle(
     Few pairs are doubtful, but nearly every warp meets one; deciding them on the spot would hold up all its lanes.
     """
     pixel = wp.cast(h[3], wp.int32)
-    if said == YES:
-        visibility[index, pixel] = wp.uint8(1)
-    elif triangle[pixel] != i and visibility[index, pixel] == wp.uint8(0):
+    if left_open(said, i, pixel, index, triangle, visibility):
         place = number_in(counts, DOUBTS)
         if place < doubts.shape[0]:
             write_wide(doubts, place, wp.vec2i(i, pixel))
@@ -166,7 +181,7 @@ def span_of(
 ) -> wp.vec2i:
     """First ray and end of cells x0..x1 of a row."""
     first = cell_index(face, x0, y, cells)
-    return wp.vec2i(offset[first], offset[first + (x1 - x0) + 1])
+    return wp.vec2i(entry(offset, first), entry(offset, first + (x1 - x0) + 1))
 
 
 @wp.func
