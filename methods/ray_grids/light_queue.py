@@ -29,6 +29,9 @@ def occluder_at(records: wp.array2d(dtype=wp.vec4f), i: wp.int32) -> Occluder:
     return occluder
 
 
+REGISTERS = 56
+"""Registers a thread that empties a queue: nine blocks of 128 a multiprocessor."""
+
 SPLITTERS = wp.constant(8)
 """Threads that share the rows of one large triangle."""
 
@@ -109,7 +112,7 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
     """Queued groups of rows, a warp each on the GPU, a thread each on the CPU; ``again``: their further parts."""
     counter = PARTS if again else ITEMS
 
-    @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=REGISTERS)
     def item_kernel(
         threads: wp.int32,
         size: wp.int32,
