@@ -208,6 +208,19 @@ def cell_index(face: wp.int32, x: wp.int32, y: wp.int32, cells: wp.int32) -> wp.
 
 
 @wp.func
+def cells_in_use(rectangle: wp.array(dtype=wp.int32), cells: wp.vec2i) -> wp.int32:
+    """Cells along a face: the first number where rays lie on several faces, the second where all lie on face 0.
+
+    Fewer rays of other triangles share a finer cell, but every face in use has its cells cleared and summed up.
+    """
+    chosen = cells[1]
+    for k in range(1, FACES):
+        if rectangle[4 + k] == 0:
+            chosen = cells[0]
+    return chosen
+
+
+@wp.func
 def place_of(hit: wp.vec3d, light: wp.vec3f, frame: wp.mat33d) -> wp.vec4f:
     """(u, v, face, depth) of a hit point; reckoned in float64, so that u and v keep a float's digits at any distance.
 
@@ -307,7 +320,7 @@ def map_kernel(
 def count_kernel(
     width: wp.int32,
     height: wp.int32,
-    cells: wp.int32,
+    cells_either: wp.vec2i,
     place: wp.array(dtype=wp.vec4f),
     rectangle: wp.array(dtype=wp.int32),
     count: wp.array(dtype=wp.int32),
@@ -325,6 +338,7 @@ def count_kernel(
     if face < 0:
         write_wide(slot, pixel, wp.vec2i(-1, 0))
         return
+    cells = cells_in_use(rectangle, cells_either)
     r = face_rectangle(face, rectangle, cells)
     x = cell_along(p[0], r[0], r[2], cells)
     y = cell_along(p[1], r[1], r[3], cells)
@@ -335,7 +349,7 @@ def count_kernel(
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def scan_kernel(
-    cells: wp.int32,
+    cells_either: wp.vec2i,
     rectangle: wp.array(dtype=wp.int32),
     count: wp.array(dtype=wp.int32),
     offset: wp.array(dtype=wp.int32),
@@ -345,9 +359,11 @@ def scan_kernel(
     """Where each row's rays lie (GPU: 128 threads a row, faces without rays left out), and the faces' rectangles.
 
     table: each face's rectangle in float32, for triangles: (low u, low v, cells per u, cells per v); zero if unused.
+    After them, cells along a face.
     """
     k = wp.tid()
     row = k // 128
+    cells = cells_in_use(rectangle, cells_either)
     if rectangle[4 + row // cells] == 0:
         scan_row(count, offset, row * (cells + SPARE), cells, counts, RAYS)
     if k < FACES:
@@ -355,6 +371,14 @@ def scan_kernel(
         if rectangle[4 + k] == 0:
             t = face_rectangle(k, rectangle, cells)
         table[k] = t
+    if k == FACES:
+        table[k] = wp.vec4f(wp.float32(cells), 0.0, 0.0, 0.0)
+
+
+@wp.func
+def cells_of(table: wp.array(dtype=wp.vec4f)) -> wp.int32:
+    """Cells along a face, as the scan left them."""
+    return wp.int32(table[FACES][0])
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)

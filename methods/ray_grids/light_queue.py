@@ -12,7 +12,7 @@ from ..common.alpha import shadow_counts
 from ..common.reserve import reserve
 from ..common.triangle import largest, occludes, total, weld_of
 from ..common.wide import read_wide, write_wide
-from .light_bins import Cube, on_face
+from .light_bins import Cube, cells_of, on_face
 from .light_cells import Sides, cells_of_row, cube_space, on_cells, sides_of_flat, sides_of_planes
 from .light_stream import NO, Occluder, left_open, shade, sign_bound, span_of, verdict
 from .queue import DOUBTS, ITEMS, LARGE, PARTS, queue_parts
@@ -40,7 +40,6 @@ SPLITTERS = wp.constant(8)
 def split_kernel(
     threads: wp.int32,
     index: wp.int32,
-    cells: wp.int32,
     lights: wp.array(dtype=wp.vec3f),
     cubes: wp.array(dtype=Cube),
     table: wp.array(dtype=wp.vec4f),
@@ -58,6 +57,7 @@ def split_kernel(
     k = wp.tid()
     stop = wp.min(counts[LARGE], large.shape[0])
     cube = cubes[index]
+    cells = cells_of(table)
     light = lights[index]
     first = k % SPLITTERS
     k = k // SPLITTERS
@@ -117,7 +117,7 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
         threads: wp.int32,
         size: wp.int32,
         index: wp.int32,
-        cells: wp.int32,
+        table: wp.array(dtype=wp.vec4f),
         records: wp.array2d(dtype=wp.vec4f),
         offset: wp.array(dtype=wp.int32),
         rays: wp.array(dtype=wp.vec4f),
@@ -138,6 +138,7 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
         else:
             stop = wp.min(stop, items.shape[0])
         bound = sign_bound(cubes[index].size)
+        cells = cells_of(table)
         step = threads
         lane = wp.int32(0)
         if wp.static(cuda):

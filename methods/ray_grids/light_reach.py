@@ -13,6 +13,8 @@ from ..common.reserve import raise_to
 TILE_SHIFT = wp.constant(3)
 """A tile is 8 cells wide and high: the number of cells along a face is a multiple of that."""
 
+TILE_CELLS = wp.constant(64)
+
 MOST_TILES = wp.constant(16)
 """A triangle over more tiles is not asked about: its thread looks them up one after the other."""
 

@@ -18,7 +18,7 @@ from ..common.reserve import number_in
 from ..common.triangle import U32, largest, total
 from ..common.wide import read_wide, write_wide
 from .entries import entry
-from .light_bins import EMPTY, FACES, Cube, cell_index, on_face
+from .light_bins import EMPTY, FACES, Cube, cell_index, cells_of, on_face
 from .light_cells import (
     beyond_face,
     cells_of_row,
@@ -283,7 +283,6 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
     def stream_kernel(
         triangle_count: wp.int32,
         index: wp.int32,
-        cells: wp.int32,
         inline_cells: wp.int32,
         inline_rays: wp.int32,
         lights: wp.array(dtype=wp.vec3f),
@@ -311,6 +310,7 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
         b = points[corners[1]]
         c = points[corners[2]]
         cube = cubes[index]
+        cells = cells_of(table)
         qa = cube_space(a, cube)
         qb = cube_space(b, cube)
         qc = cube_space(c, cube)

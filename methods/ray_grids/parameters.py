@@ -12,7 +12,7 @@ class Build:
     """Ray grid parameters.
 
     cells          cells along a face of the light's cube, a multiple of 8; 0 chooses: as many as pixels along an
-                   image side where triangles rival pixels, else half as many
+                   image side where triangles rival pixels or one face holds all rays, else half as many
     inline_pixels  a triangle whose box on the image holds at most so many pixels tests them in its own thread
     inline_cells   a triangle whose box covers at most so many cells looks up how many rays they hold
     inline_rays    and tests them in its own thread if they are at most so many

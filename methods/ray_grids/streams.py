@@ -56,7 +56,7 @@ class Queues:
 class LightAims:
     """Cubes of all lights, aimed at the middle of the scene.
 
-    Per light: axes mat33d, cubes Cube, rectangles int32 [10], tables vec4f [6].
+    Per light: axes mat33d, cubes Cube, rectangles int32 [10], tables vec4f [7].
     """
 
     def __init__(self, frame: Frame, lights: int):
@@ -65,7 +65,7 @@ class LightAims:
             self.axes = wp.zeros(lights, dtype=wp.mat33d)
             self.cubes = wp.zeros(lights, dtype=light_bins.Cube)
             self.rectangles = wp.zeros((lights, 4 + faces), dtype=wp.int32)
-            self.tables = wp.zeros((lights, faces), dtype=wp.vec4f)
+            self.tables = wp.zeros((lights, faces + 1), dtype=wp.vec4f)
 
 
 class CameraStream:
@@ -176,10 +176,12 @@ class RayBins:
 
     def __init__(self, frame: Frame, build: Build):
         side = math.sqrt(frame.pixels)
-        if frame.triangle_count <= frame.pixels // 2:
-            side /= 2
-        self.cells = build.cells or min(4096, max(64, 8 * round(side / 8)))
-        number = int(light_bins.FACES) * self.cells * (self.cells + int(light_bins.SPARE))
+        fine, coarse = (min(4096, max(64, 8 * round(x / 8))) for x in (side, side / 2))
+        many = frame.triangle_count > frame.pixels // 2
+        # Along a face: where rays lie on several faces, and where one holds them all.
+        self.cells = wp.vec2i(build.cells or (fine if many else coarse), build.cells or fine)
+        number = int(light_bins.FACES) * self.cells[0] * (self.cells[0] + int(light_bins.SPARE))
+        number = max(number, self.cells[1] * (self.cells[1] + int(light_bins.SPARE)))
         with wp.ScopedDevice(frame.device):
             self.place = wp.zeros(frame.pixels, dtype=wp.vec4f)
             self.point = wp.zeros(frame.pixels, dtype=wp.vec4f)
@@ -187,8 +189,7 @@ class RayBins:
             self.count = wp.zeros(number, dtype=wp.int32)
             self.offset = wp.zeros(number + 1, dtype=wp.int32)
             self.rays = wp.zeros(frame.pixels, dtype=wp.vec4f)
-            tiles = self.cells >> int(light_reach.TILE_SHIFT)
-            self.farthest = wp.zeros(int(light_bins.FACES) * tiles * tiles, dtype=wp.int32)
+            self.farthest = wp.zeros(-(-number // int(light_reach.TILE_CELLS)), dtype=wp.int32)
 
 
 class LightStream:
@@ -290,9 +291,10 @@ class LightStream:
             device=f.device,
         )
         faces = int(light_bins.FACES)
+        rows = max(faces * b.cells[0], b.cells[1])
         wp.launch(
             light_bins.scan_kernel,
-            dim=faces * b.cells * 128 if self.queues.cuda else faces,
+            dim=128 * rows if self.queues.cuda else faces + 1,
             inputs=[b.cells, self.rectangle],
             outputs=[b.count, b.offset, self.counts, self.table],
             device=f.device,
@@ -317,7 +319,7 @@ class LightStream:
             specialised(light_stream.make_stream_kernel(q.queued), self.switches),
             dim=max(1, f.triangle_count),
             inputs=[
-                f.triangle_count, self.index, b.cells, self.build.inline_cells, self.build.inline_rays, f.lights,
+                f.triangle_count, self.index, self.build.inline_cells, self.build.inline_rays, f.lights,
                 self.aims.cubes, self.table, f.points, f.triangles, f.valid, b.offset, b.rays, b.farthest,
                 f.answers.triangle, f.alpha,
             ],
@@ -327,12 +329,12 @@ class LightStream:
         )  # fmt: skip
 
     def launch_split(self) -> None:
-        f, b, q = self.frame, self.bins, self.queues
+        f, q = self.frame, self.queues
         wp.launch(
             light_queue.split_kernel,
             dim=q.threads,
             inputs=[
-                q.threads, self.index, b.cells, f.lights, self.aims.cubes, self.table, f.points, f.triangles, q.large,
+                q.threads, self.index, f.lights, self.aims.cubes, self.table, f.points, f.triangles, q.large,
             ],
             outputs=[self.counts, q.items, q.lines],
             device=f.device,
@@ -345,7 +347,7 @@ class LightStream:
             specialised(light_queue.make_item_kernel(q.cuda, again), self.switches),
             dim=q.threads,
             inputs=[
-                q.threads, self.build.part, self.index, b.cells, q.records, b.offset, b.rays, self.aims.cubes,
+                q.threads, self.build.part, self.index, self.table, q.records, b.offset, b.rays, self.aims.cubes,
                 f.answers.triangle, q.items, q.lines, f.alpha,
             ],
             outputs=[f.answers.visibility, self.counts, q.parts, q.doubts],
