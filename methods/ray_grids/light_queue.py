@@ -107,6 +107,26 @@ def rays_of_row(
     return span_of(offset, work[1] & 15, ends[0], ends[1], y, cells)
 
 
+@wp.func
+def ray_of(
+    base: wp.int32,
+    start: wp.int32,
+    at: wp.int32,
+    lane: wp.int32,
+    end: wp.int32,
+    rays: wp.array(dtype=wp.vec4f),
+) -> wp.vec4f:
+    """Element ``at`` + lane of the rows of a warp's lanes, if that is before ``end``. All lanes must call it.
+
+    ``base``, ``start``: where a lane's row lies among the rays less where its elements start, and where they start.
+    """
+    ray = of_lane(base, lane_at(start, at)) + at + lane
+    h = wp.vec4f()
+    if at + lane < end:
+        h = read_wide(rays, ray)
+    return h
+
+
 @functools.cache
 def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
     """Queued groups of rows, a warp each on the GPU, a thread each on the CPU; ``again``: their further parts."""
@@ -182,27 +202,27 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                 end = wp.min(number, at + size)
                 if at < end:
                     occluder = occluder_at(records, i)
-                    # Two rays at a time: one waits for memory while the other is reckoned.
+                    # Two rays at a time, and the next two asked for before these are settled: memory is far.
+                    h = ray_of(base, start, at, lane, end, rays)
+                    g = ray_of(base, start, at + LANES, lane, end, rays)
                     while at < end:
-                        element = at + lane
-                        ray = of_lane(base, lane_at(start, at)) + element
-                        other = of_lane(base, lane_at(start, at + LANES)) + element + LANES
-                        at += 2 * LANES
-                        h = wp.vec4f()
-                        g = wp.vec4f()
-                        if element < end:
-                            h = read_wide(rays, ray)
-                        if element + LANES < end:
-                            g = read_wide(rays, other)
-                        said = verdict(h, occluder, bound, sure)
-                        said_other = verdict(g, occluder, bound, sure)
-                        unsure = wp.bool(False)
-                        unsure_other = wp.bool(False)
+                        said = wp.int32(NO)
+                        said_other = wp.int32(NO)
+                        if at + lane < end:
+                            said = verdict(h, occluder, bound, sure)
+                        if at + LANES + lane < end:
+                            said_other = verdict(g, occluder, bound, sure)
                         pixel = wp.cast(h[3], wp.int32)
                         pixel_other = wp.cast(g[3], wp.int32)
-                        if element < end and said != NO:
+                        at += 2 * LANES
+                        if at < end:
+                            h = ray_of(base, start, at, lane, end, rays)
+                            g = ray_of(base, start, at + LANES, lane, end, rays)
+                        unsure = wp.bool(False)
+                        unsure_other = wp.bool(False)
+                        if said != NO:
                             unsure = left_open(said, i, pixel, index, triangle, visibility)
-                        if element + LANES < end and said_other != NO:
+                        if said_other != NO:
                             unsure_other = left_open(said_other, i, pixel_other, index, triangle, visibility)
                         held = gather(unsure, i, pixel, held, False, counts, DOUBTS, doubts)
                         held = gather(unsure_other, i, pixel_other, held, False, counts, DOUBTS, doubts)
