@@ -32,7 +32,7 @@ def occluder_at(records: wp.array2d(dtype=wp.vec4f), i: wp.int32) -> Occluder:
 REGISTERS = 56
 """Registers a thread that empties a queue: nine blocks of 128 a multiprocessor."""
 
-SPLITTERS = wp.constant(8)
+SPLITTERS = wp.constant(2)
 """Threads that share the rows of one large triangle."""
 
 
