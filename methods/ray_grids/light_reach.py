@@ -15,7 +15,7 @@ TILE_SHIFT = wp.constant(3)
 
 TILE_CELLS = wp.constant(64)
 
-MOST_TILES = wp.constant(16)
+MOST_TILES = wp.constant(32)
 """A triangle over more tiles is not asked about: its thread looks them up one after the other."""
 
 
