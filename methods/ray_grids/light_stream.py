@@ -303,12 +303,14 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
         doubts: wp.array(dtype=wp.vec2i),
     ):
         i = wp.tid()
-        if i >= triangle_count or valid[i] == wp.uint8(0):
+        if i >= triangle_count:
             return
-        corners = triangles[i]
-        a = points[corners[0]]
-        b = points[corners[1]]
-        c = points[corners[2]]
+        # Asked for together, no branch between: what is invalid has corners, too, but no face is large enough for it.
+        smallest = wp.where(entry(valid, i) != wp.uint8(0), wp.float32(0.0), wp.INF)
+        corners = entry(triangles, i)
+        a = entry(points, corners[0])
+        b = entry(points, corners[1])
+        c = entry(points, corners[2])
         cube = cubes[index]
         cells = cells_of(table)
         qa = cube_space(a, cube)
@@ -330,7 +332,7 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
         while face < FACES - 1:
             face += 1
             r = read_wide(table, face)
-            if r[2] > 0.0:
+            if r[2] > smallest:
                 fa = on_face(qa, face)
                 fb = on_face(qb, face)
                 fc = on_face(qc, face)
@@ -375,9 +377,9 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
                                     )  # fmt: skip
         if here >= 0 or queued_too:
             # Corners are read again: kept, they would take the registers of the loop.
-            face_here = triangles[i]
+            again = entry(triangles, i)
             occluder = occluder_of(
-                lights[index], points[face_here[0]], points[face_here[1]], points[face_here[2]]
+                lights[index], entry(points, again[0]), entry(points, again[1]), entry(points, again[2])
             )
             if queued_too:
                 set_record(records, i, occluder)
