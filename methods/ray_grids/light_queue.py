@@ -274,7 +274,7 @@ def doubt_kernel(
     stop = wp.min(counts[DOUBTS], doubts.shape[0])
     origin_size = wp.float64(largest(eye[0]))
     while k < stop:
-        pair = read_wide(doubts, k)
+        pair = doubts[k]
         k += threads
         if visibility[index, pair[1]] == wp.uint8(0):
             face = triangles[pair[0]]
