@@ -18,7 +18,7 @@ from ..common.triangle import to_float32, to_float64
 from ..common.wide import read_wide, write_wide
 from .light_reach import note_receiver
 from .queue import COUNTERS, RAYS, SIZE, latest
-from .warps import scan_row
+from .warps import least_of_lanes, scan_row
 
 SPARE = wp.constant(4)
 """Words between two rows of cells: where a row ends, and none to keep rows on 16-byte addresses."""
@@ -82,8 +82,9 @@ def from_ordered(bits: wp.int32) -> wp.float32:
     return wp.cast(word, wp.float32)
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def aim_kernel(
+    threads: wp.int32,
     index: wp.int32,
     triangle_count: wp.int32,
     lights: wp.array(dtype=wp.vec3f),
@@ -99,18 +100,24 @@ def aim_kernel(
     """Axes of a light's cube as rows (forward to the scene's middle first); empties its rectangle and counters.
 
     The middle is that of a few triangles: any point among the triangles serves, and a whole box would cost a pass.
+    The lanes of a warp fetch them at once (``threads`` is 32, or 1 on the CPU); the first does the rest.
     rectangle: lows of u and v on face 0, their negated highs, then the faces in use (0 where used). ``camera``: the
     counters of the camera's stream.
     """
     low = wp.vec3f(wp.INF)
     high = wp.vec3f(-wp.INF)
-    for k in range(SAMPLES):
+    lane = wp.tid()
+    for k in range(lane, SAMPLES, threads):
         i = wp.int32(wp.int64(triangle_count) * wp.int64(2 * k + 1) / wp.int64(2 * SAMPLES))
         if i < triangle_count:
             if valid[i] != wp.uint8(0):
                 p = points[triangles[i][0]]
                 low = wp.min(low, p)
                 high = wp.max(high, p)
+    low = wp.vec3f(least_of_lanes(low[0]), least_of_lanes(low[1]), least_of_lanes(low[2]))
+    high = -wp.vec3f(least_of_lanes(-high[0]), least_of_lanes(-high[1]), least_of_lanes(-high[2]))
+    if lane > 0:
+        return
     middle = wp.vec3f(0.0)
     if low[0] < wp.INF:
         middle = 0.5 * low + 0.5 * high

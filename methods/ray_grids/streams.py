@@ -14,6 +14,7 @@ from ..common.pixels import thread_count
 from . import camera_queue, camera_resolve, camera_stream, light_bins, light_queue, light_reach, light_stream
 from .parameters import Build
 from .queue import COUNTERS, Capacity, keep_kernel
+from .warps import LANES
 
 THREADS = 132 * 2048
 """Threads of a kernel that empties a queue: they stride over what is there, so the count stays on the device."""
@@ -251,10 +252,12 @@ class LightStream:
 
     def launch_aim(self) -> None:
         f, a = self.frame, self.aims
+        threads = int(LANES) if self.queues.cuda else 1
         wp.launch(
             light_bins.aim_kernel,
-            dim=1,
+            dim=threads,
             inputs=[
+                threads,
                 self.index,
                 f.triangle_count,
                 f.posts,
@@ -265,6 +268,7 @@ class LightStream:
             ],
             outputs=[a.axes, a.cubes, a.rectangles, self.counts],
             device=f.device,
+            block_dim=int(LANES),
         )
 
     def launch_map(self) -> None:

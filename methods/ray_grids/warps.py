@@ -31,6 +31,16 @@ def sum_to_lane(value: wp.int32) -> wp.int32:
 
 @wp.func_native("""
 #if defined(__CUDA_ARCH__)
+for (int step = 16; step; step >>= 1) value = fminf(value, __shfl_xor_sync(0xffffffffu, value, step));
+#endif
+return value;
+""")
+def least_of_lanes(value: wp.float32) -> wp.float32:
+    """The least of the values of all lanes. All lanes must call it."""
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
 return __shfl_sync(0xffffffffu, value, lane);
 #else
 return value;
