@@ -12,12 +12,12 @@ import warp as wp
 from ...harness.alpha import Alpha
 from ...harness.specialise import effects
 from ..common.alpha import hit_counts
-from ..common.reserve import raise_to, reserve
+from ..common.reserve import reserve
 from ..common.screen import camera_space, in_front, out_of_view, pixel_box
-from ..common.triangle import hit_distance, largest, weld_of
+from ..common.triangle import hit_distance, weld_of
 from .camera_pixels import Planes, edge_planes, hit_word, inverse_depth, offer, offer_box, sign_bound
 from .entries import entry, set_entry, set_entry_of_four
-from .queue import DOUBTS, ITEMS, SIZE, latest
+from .queue import DOUBTS, ITEMS
 
 GROUP = wp.constant(32)
 """Rows or columns of a work item: the 32 lanes of the GPU's warp find the ends of one each."""
@@ -193,16 +193,12 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
             return
         # No branch before all is asked for that a box needs: memory answers one load as soon as many.
         face = entry(triangles, i)
-        known = latest(counts, SIZE)
         counted = entry(valid, i) != wp.uint8(0)
         o = entry(eye, 0)
         a = entry(points, face[0])
         b = entry(points, face[1])
         c = entry(points, face[2])
         box = box_of(a, b, c, o, axes, tangents, width, height)
-        size = wp.where(counted, wp.cast(wp.max(largest(a), wp.max(largest(b), largest(c))), wp.int32), 0)
-        if size > known:
-            raise_to(counts, SIZE, size)
         if not counted or box[2] < box[0] or box[3] < box[1]:
             return
         bound = sign_bound(tangents)

@@ -14,10 +14,10 @@ import warp as wp
 from ...harness.specialise import effects
 from ..common.pixels import tile_pixel
 from ..common.reserve import number_in
-from ..common.triangle import to_float32, to_float64
+from ..common.triangle import largest, to_float32, to_float64
 from ..common.wide import read_wide, write_wide
 from .light_reach import note_receiver
-from .queue import COUNTERS, RAYS, SIZE, latest
+from .queue import COUNTERS, RAYS
 from .warps import least_of_lanes, scan_row
 
 SPARE = wp.constant(4)
@@ -38,7 +38,6 @@ class Cube:
     """The light's axes in float32, for triangles: q = (axes) (p - middle) + (distance, 0, 0).
 
     Relative to the scene's middle, directions across keep their precision at any distance of the light.
-    size bounds every coordinate of the scene, and so of every hit point.
     """
 
     forward: wp.vec3f
@@ -46,23 +45,71 @@ class Cube:
     up: wp.vec3f
     middle: wp.vec3f
     distance: wp.float32
-    size: wp.float32
 
 
-# The lanes of a warp agree on their minimum before one of them touches the shared word: an atomic a thread would
-# cost several times the pass it serves. On the CPU it is a plain minimum.
+LARGEST = wp.constant(10)
+"""Of a rectangle's words: the largest coordinate of a hit point."""
+
+
+# A block agrees before one thread a word asks the words that all blocks share: a look at them by every warp would be
+# as many requests to one address of the second cache, and cost several times the pass it serves.
 @wp.func_native("""
-#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 800
-unsigned int active = __activemask();
-int least = __reduce_min_sync(active, value);
-if ((threadIdx.x & 31) == __ffs(active) - 1 && least < __ldcg(words.data + slot)) atomicMin(words.data + slot, least);
-#elif defined(__CUDA_ARCH__)
-if (value < __ldcg(words.data + slot)) atomicMin(words.data + slot, value);
+#if defined(__CUDA_ARCH__)
+__shared__ int agreed[6];
+if (threadIdx.x < 6) agreed[threadIdx.x] = threadIdx.x < 4 ? 0x7fffffff : 0;
+__syncthreads();
+int used = face < 0 ? 0 : 1 << face;
+#if __CUDA_ARCH__ >= 800
+low_u = __reduce_min_sync(0xffffffffu, low_u);
+low_v = __reduce_min_sync(0xffffffffu, low_v);
+high_u = __reduce_min_sync(0xffffffffu, high_u);
+high_v = __reduce_min_sync(0xffffffffu, high_v);
+used = __reduce_or_sync(0xffffffffu, used);
+largest = __reduce_max_sync(0xffffffffu, largest);
+if ((threadIdx.x & 31) == 0 && used)
 #else
-if (value < words.data[slot]) words.data[slot] = value;
+if (used)
+#endif
+{
+    atomicMin(agreed, low_u);
+    atomicMin(agreed + 1, low_v);
+    atomicMin(agreed + 2, high_u);
+    atomicMin(agreed + 3, high_v);
+    atomicOr(agreed + 4, used);
+    atomicMax(agreed + 5, largest);
+}
+__syncthreads();
+int k = threadIdx.x, *word = words.data + k;
+if (k < 4) {
+    if (agreed[k] < __ldcg(word)) atomicMin(word, agreed[k]);
+} else if (k < 10) {
+    if (agreed[4] >> (k - 4) & 1 && __ldcg(word)) *word = 0;
+} else if (k == 10) {
+    if (agreed[5] > __ldcg(word)) atomicMax(word, agreed[5]);
+}
+#else
+if (face < 0) return;
+if (low_u < words.data[0]) words.data[0] = low_u;
+if (low_v < words.data[1]) words.data[1] = low_v;
+if (high_u < words.data[2]) words.data[2] = high_u;
+if (high_v < words.data[3]) words.data[3] = high_v;
+words.data[4 + face] = 0;
+if (largest > words.data[10]) words.data[10] = largest;
 #endif
 """)
-def lower(words: wp.array(dtype=wp.int32), slot: wp.int32, value: wp.int32): ...
+def note_rays(
+    words: wp.array(dtype=wp.int32),
+    low_u: wp.int32,
+    low_v: wp.int32,
+    high_u: wp.int32,
+    high_v: wp.int32,
+    face: wp.int32,
+    largest: wp.int32,
+):
+    """Lower a rectangle's sides, mark the face as used (-1: no ray), raise the largest coordinate.
+
+    All threads of a block, full warps of it, must call it.
+    """
 
 
 @wp.func
@@ -91,7 +138,6 @@ def aim_kernel(
     points: wp.array(dtype=wp.vec3f),
     triangles: wp.array(dtype=wp.vec3i),
     valid: wp.array(dtype=wp.uint8),
-    camera: wp.array(dtype=wp.int32),
     frames: wp.array(dtype=wp.mat33d),
     cubes: wp.array(dtype=Cube),
     rectangles: wp.array2d(dtype=wp.int32),
@@ -101,8 +147,8 @@ def aim_kernel(
 
     The middle is that of a few triangles: any point among the triangles serves, and a whole box would cost a pass.
     The lanes of a warp fetch them at once (``threads`` is 32, or 1 on the CPU); the first does the rest.
-    rectangle: lows of u and v on face 0, their negated highs, then the faces in use (0 where used). ``camera``: the
-    counters of the camera's stream.
+    rectangle: lows of u and v on face 0, their negated highs, then the faces in use (0 where used), then the bits of
+    the largest coordinate of a hit point.
     """
     low = wp.vec3f(wp.INF)
     high = wp.vec3f(-wp.INF)
@@ -140,12 +186,12 @@ def aim_kernel(
     c.up = to_float32(up)
     c.middle = middle
     c.distance = wp.float32(distance)
-    c.size = wp.cast(camera[SIZE], wp.float32)
     if middle == lights[index]:
         c.distance = 0.0
     cubes[index] = c
     for k in range(4 + FACES):
         rectangles[index, k] = EMPTY
+    rectangles[index, LARGEST] = 0
     for k in range(COUNTERS):
         counts[k] = 0
 
@@ -251,33 +297,24 @@ def place_of(hit: wp.vec3d, light: wp.vec3f, frame: wp.mat33d) -> wp.vec4f:
 def note_place(
     is_hit: wp.bool, hit: wp.vec3d, light: wp.vec3f, frame: wp.mat33d, rectangle: wp.array(dtype=wp.int32)
 ) -> wp.vec4f:
-    """Where a hit point lies (face -1 at a miss); widens the rectangle of face 0, and marks the face as used."""
+    """Where a hit point lies (face -1 at a miss), noted among all rays' (:func:`note_rays`)."""
     low_u = EMPTY
     low_v = EMPTY
     high_u = EMPTY
     high_v = EMPTY
+    face = wp.int32(-1)
+    size = wp.int32(0)
     p = wp.vec4f(0.0, 0.0, -1.0, 0.0)
     if is_hit:
         p = place_of(hit, light, frame)
+        size = wp.cast(largest(to_float32(hit)), wp.int32)
         face = wp.int32(p[2])
         if face == 0:
             low_u = ordered(p[0])
             low_v = ordered(p[1])
             high_u = ordered(-p[0])
             high_v = ordered(-p[1])
-        if rectangle[4 + face] != 0:
-            rectangle[4 + face] = 0
-    # Nearly all rays lie in the rectangle of those before.
-    if (
-        low_u < latest(rectangle, 0)
-        or low_v < latest(rectangle, 1)
-        or high_u < latest(rectangle, 2)
-        or high_v < latest(rectangle, 3)
-    ):
-        lower(rectangle, 0, low_u)
-        lower(rectangle, 1, low_v)
-        lower(rectangle, 2, high_u)
-        lower(rectangle, 3, high_v)
+    note_rays(rectangle, low_u, low_v, high_u, high_v, face, size)
     return p
 
 
@@ -366,7 +403,7 @@ def scan_kernel(
     """Where each row's rays lie (GPU: 128 threads a row, faces without rays left out), and the faces' rectangles.
 
     table: each face's rectangle in float32, for triangles: (low u, low v, cells per u, cells per v); zero if unused.
-    After them, cells along a face.
+    After them, cells along a face and the largest coordinate of a hit point.
     """
     k = wp.tid()
     row = k // 128
@@ -379,13 +416,19 @@ def scan_kernel(
             t = face_rectangle(k, rectangle, cells)
         table[k] = t
     if k == FACES:
-        table[k] = wp.vec4f(wp.float32(cells), 0.0, 0.0, 0.0)
+        table[k] = wp.vec4f(wp.float32(cells), wp.cast(rectangle[LARGEST], wp.float32), 0.0, 0.0)
 
 
 @wp.func
 def cells_of(table: wp.array(dtype=wp.vec4f)) -> wp.int32:
     """Cells along a face, as the scan left them."""
     return wp.int32(table[FACES][0])
+
+
+@wp.func
+def reach_of(table: wp.array(dtype=wp.vec4f)) -> wp.float32:
+    """The largest coordinate of a hit point, likewise."""
+    return table[FACES][1]
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)

@@ -12,7 +12,7 @@ from ..common.alpha import shadow_counts
 from ..common.reserve import reserve
 from ..common.triangle import largest, occludes, total, weld_of
 from ..common.wide import read_wide, write_wide
-from .light_bins import Cube, cells_of, on_face
+from .light_bins import Cube, cells_of, on_face, reach_of
 from .light_cells import Sides, cells_of_row, cube_space, on_cells, sides_of_flat, sides_of_planes
 from .light_stream import NO, Occluder, left_open, shade, sign_bound, span_of, verdict
 from .queue import DOUBTS, ITEMS, LARGE, PARTS, queue_parts
@@ -52,7 +52,8 @@ def split_kernel(
 ):
     """Queue the rows of large triangles in groups, with the lines that bound them.
 
-    An item is (triangle, face and rows << 4 and first row << 16, first cell and last << 16, 0), and three lines.
+    An item is (triangle, face and rows << 4 and first row << 16, first cell and last << 16, bits of the triangle's
+    bound), and three lines.
     """
     k = wp.tid()
     stop = wp.min(counts[LARGE], large.shape[0])
@@ -84,12 +85,14 @@ def split_kernel(
                 sides = sides_of_flat(flat)
             else:
                 sides = sides_of_planes(light, cube, face, a, b, c, table[face], cells)
+            bound = sign_bound(wp.max(reach_of(table), wp.max(largest(a), wp.max(largest(b), largest(c)))))
             place = reserve(counts, ITEMS, number)
             for g in range(number):
                 if place + g < items.shape[0]:
                     y = low + (first + g * SPLITTERS) * LANES
                     rows = wp.min(LANES, high - y + 1)
-                    write_wide(items, place + g, wp.vec4i(i, face | (rows << 4) | (y << 16), work[2], 0))
+                    which = face | (rows << 4) | (y << 16)
+                    write_wide(items, place + g, wp.vec4i(i, which, work[2], wp.cast(bound, wp.int32)))
                     write_wide(lines, place + g, 0, sides.line0)
                     write_wide(lines, place + g, 1, sides.line1)
                     write_wide(lines, place + g, 2, sides.line2)
@@ -141,7 +144,6 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
         records: wp.array2d(dtype=wp.vec4f),
         offset: wp.array(dtype=wp.int32),
         rays: wp.array(dtype=wp.vec4f),
-        cubes: wp.array(dtype=Cube),
         triangle: wp.array(dtype=wp.int32),
         items: wp.array(dtype=wp.vec4i),
         lines: wp.array2d(dtype=wp.vec4f),
@@ -157,7 +159,6 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
             stop = wp.min(stop, parts.shape[0])
         else:
             stop = wp.min(stop, items.shape[0])
-        bound = sign_bound(cubes[index].size)
         cells = cells_of(table)
         step = threads
         lane = wp.int32(0)
@@ -181,6 +182,7 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
             sides.line1 = read_wide(lines, item, 1)
             sides.line2 = read_wide(lines, item, 2)
             rows = (work[1] >> 4) & 63
+            bound = wp.cast(work[3], wp.float32)
             sure = bound
             if wp.static(effects.alpha):
                 if alpha.masked[i] != wp.uint8(0):

@@ -18,7 +18,7 @@ from ..common.reserve import number_in
 from ..common.triangle import U32, largest, total
 from ..common.wide import read_wide, write_wide
 from .entries import entry
-from .light_bins import EMPTY, FACES, Cube, cell_index, cells_of, on_face
+from .light_bins import EMPTY, FACES, Cube, cell_index, cells_of, on_face, reach_of
 from .light_cells import (
     beyond_face,
     cells_of_row,
@@ -318,7 +318,7 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
         qc = cube_space(c, cube)
         reach = wp.max(total(a - cube.middle), wp.max(total(b - cube.middle), total(c - cube.middle)))
         slack = 32.0 * U32 * (reach + cube.distance)
-        bound = sign_bound(cube.size)
+        bound = sign_bound(wp.max(reach_of(table), wp.max(largest(a), wp.max(largest(b), largest(c)))))
         sure = bound
         if wp.static(effects.alpha):
             if alpha.masked[i] != wp.uint8(0):

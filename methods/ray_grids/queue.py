@@ -20,21 +20,8 @@ ray) pairs left to float64; larger triangles on a face of a light's cube."""
 RAYS = 4
 """In the same row, no queue: where the next row of cells puts its rays."""
 
-SIZE = 5
-"""In the camera's row, no queue either: the largest coordinate of a valid triangle, in the order of its bits."""
-
 COUNTERS = 6
-
-
-# Read past the first cache, which would keep what the words were when the kernel began.
-@wp.func_native("""
-#if defined(__CUDA_ARCH__)
-return __ldcg(words.data + slot);
-#else
-return words.data[slot];
-#endif
-""")
-def latest(words: wp.array(dtype=wp.int32), slot: wp.int32) -> wp.int32: ...
+"""Words of a row: an even number, since all rows are cleared with the 64-bit words of the pixels."""
 
 
 @wp.func

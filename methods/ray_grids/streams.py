@@ -57,7 +57,7 @@ class Queues:
 class LightAims:
     """Cubes of all lights, aimed at the middle of the scene.
 
-    Per light: axes mat33d, cubes Cube, rectangles int32 [10], tables vec4f [7].
+    Per light: axes mat33d, cubes Cube, rectangles int32 [11], tables vec4f [7].
     """
 
     def __init__(self, frame: Frame, lights: int):
@@ -65,7 +65,7 @@ class LightAims:
         with wp.ScopedDevice(frame.device):
             self.axes = wp.zeros(lights, dtype=wp.mat33d)
             self.cubes = wp.zeros(lights, dtype=light_bins.Cube)
-            self.rectangles = wp.zeros((lights, 4 + faces), dtype=wp.int32)
+            self.rectangles = wp.zeros((lights, 5 + faces), dtype=wp.int32)
             self.tables = wp.zeros((lights, faces + 1), dtype=wp.vec4f)
 
 
@@ -86,7 +86,7 @@ class CameraStream:
     def passes(self) -> list[Pass]:
         scene = ("points", "triangles", "camera", *self.effects.surface_reads())
         words, items, parts = ("nearest words",), ("camera items",), ("camera parts",)
-        writes: tuple[str, ...] = (*words, "scene size")
+        writes: tuple[str, ...] = words
         passes = []
         if self.queues.queued:
             passes = [
@@ -264,7 +264,6 @@ class LightStream:
                 f.points,
                 f.triangles,
                 f.valid,
-                self.queues.counts[0],
             ],
             outputs=[a.axes, a.cubes, a.rectangles, self.counts],
             device=f.device,
@@ -351,7 +350,7 @@ class LightStream:
             specialised(light_queue.make_item_kernel(q.cuda, again), self.switches),
             dim=q.threads,
             inputs=[
-                q.threads, self.build.part, self.index, self.table, q.records, b.offset, b.rays, self.aims.cubes,
+                q.threads, self.build.part, self.index, self.table, q.records, b.offset, b.rays,
                 f.answers.triangle, q.items, q.lines, f.alpha,
             ],
             outputs=[f.answers.visibility, self.counts, q.parts, q.doubts],
