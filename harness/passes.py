@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import warp as wp
 
@@ -25,6 +26,7 @@ class Pass:
     effect  the effect that asks for it, or None where every frame needs it
     scratch whether a library in it takes memory while it runs (scans and sorts do): a branch of a captured graph cannot
             hold such a pass, so there it is launched whether or not its neighbours are
+    ahead   whether no pass makes what it reads: a captured graph then runs it beside the passes that come before it
     only_if int32 [1] on the device: launched only where it is not 0 (set by the harness, decided inside the frame)
     """
 
@@ -35,6 +37,7 @@ class Pass:
     launch: Callable[[], None]
     effect: str | None = None
     scratch: bool = False
+    ahead: bool = False
     only_if: wp.array | None = None
 
     def __post_init__(self) -> None:
@@ -54,6 +57,29 @@ def run_passes(passes: Sequence[Pass]) -> None:
             _launch(together)
         else:
             wp.capture_if(only_if, lambda together=together: _launch(together))
+
+
+def capture_passes(passes: Sequence[Pass], device: str) -> Any:
+    """The passes as a graph (CUDA). Those that may run ahead are a branch of their own, joined where they stand.
+
+    Raises ValueError where one of these reads what a pass of the frame makes.
+    """
+    made = {name for work in passes for name in work.writes}
+    early = [work for work in passes if work.ahead and work.only_if is None]
+    for work in early:
+        if not made.isdisjoint(work.reads):
+            raise ValueError(f"pass {work.name!r} cannot run ahead: it reads what the frame makes")
+    place = passes.index(early[0]) if early else len(passes)
+    with wp.ScopedDevice(device), wp.ScopedCapture() as capture:
+        if early:
+            with wp.ScopedStream(wp.Stream(device)) as branch:
+                _launch(early)
+                done = branch.record_event()
+        run_passes(passes[:place])
+        if early:
+            wp.wait_event(done)
+        run_passes([work for work in passes[place:] if work not in early])
+    return capture.graph
 
 
 def _condition(work: Pass) -> wp.array | None:

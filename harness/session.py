@@ -17,7 +17,7 @@ from .method import Method
 from .mirrors import mirror_passes
 from .moment import Moment, Prepared
 from .pass_graph import arranged, inputs_of, live, stale, wanted_of
-from .passes import Pass, run_passes
+from .passes import Pass, capture_passes, run_passes
 from .receivers import receiver_passes, skippable
 from .scene import Effects, Limits
 from .shading import shading_passes
@@ -170,9 +170,7 @@ class Session:
         """The captured graph of the first ``upto`` passes (all by default); CUDA and capturable methods only."""
         chosen = tuple(self.passes[:upto])
         if chosen not in self._graphs:
-            with wp.ScopedDevice(self.device), wp.ScopedCapture() as capture:
-                run_passes(list(chosen))
-            self._graphs[chosen] = capture.graph
+            self._graphs[chosen] = capture_passes(chosen, self.device)
         return self._graphs[chosen]
 
     @property

@@ -26,7 +26,7 @@ class Build:
     cells: int = 0
     inline_pixels: int = 40
     inline_cells: int = 64
-    inline_rays: int = 48
+    inline_rays: int = 32
     part: int = 256
     queue: str = "auto"
     item_capacity: int = 0

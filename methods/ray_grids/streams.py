@@ -16,8 +16,9 @@ from .parameters import Build
 from .queue import COUNTERS, Capacity, keep_kernel
 from .warps import LANES
 
-THREADS = 132 * 2048
-"""Threads of a kernel that empties a queue: they stride over what is there, so the count stays on the device."""
+THREADS = 9 * 128
+"""Threads a multiprocessor of a kernel that empties a queue: as many as fit, since they stride over what is there. The
+count stays on the device."""
 
 BLOCK_DIM = 128
 
@@ -34,7 +35,8 @@ class Queues:
     def __init__(self, frame: Frame, queued: bool, capacity: Capacity, streams: int):
         self.queued = queued
         self.device = frame.device
-        self.cuda = wp.get_device(frame.device).is_cuda
+        device = wp.get_device(frame.device)
+        self.cuda = device.is_cuda
         items, parts, doubts = capacity if queued else (1, 1, capacity[2])
         words = COUNTERS // 2 * streams
         with wp.ScopedDevice(frame.device):
@@ -51,7 +53,7 @@ class Queues:
             self.doubts = wp.zeros(doubts, dtype=wp.vec2i)
             self.depths = wp.zeros(max(1, frame.triangle_count) if queued else 1, dtype=wp.vec3d)
             self.records = wp.zeros((max(1, frame.triangle_count) if queued else 1, 4), dtype=wp.vec4f)
-        self.threads = THREADS if self.cuda else 64
+        self.threads = THREADS * device.sm_count if self.cuda else 64
 
 
 class LightAims:
@@ -232,6 +234,7 @@ class LightStream:
                 (aim,),
                 self.launch_aim,
                 effect,
+                ahead=True,
             ),
             Pass(f"light {i}: map rays", build, seen, (place,), self.launch_map, effect),
             Pass(f"light {i}: count and scan", build, (place,), (offsets,), self.launch_count, effect),
