@@ -58,6 +58,20 @@ def test_what_was_skipped_for_a_light_is_made_up_for_when_it_is_seen_again(label
     assert session._owed_to(kept) == set()  # and only once
 
 
+@pytest.mark.parametrize("makers", [("camera",), ("camera", "light 0: late")])
+def test_a_pass_that_reads_what_the_frame_makes_cannot_run_ahead(makers):
+    """Refused by its name before anything is captured or launched, wherever in the frame that is made."""
+    launched = []
+    given = [
+        Pass(name, "trace", ("points",), (f"made by {name}",), lambda: launched.append(1)) for name in makers
+    ]
+    reads = ("points", f"made by {makers[-1]}")
+    early = Pass("light 0: aim", "light build", reads, ("aim",), lambda: launched.append(1), ahead=True)
+    with pytest.raises(ValueError, match="pass 'light 0: aim' cannot run ahead"):
+        passes.capture_passes([given[0], early, *given[1:]], "cpu")
+    assert not launched
+
+
 @pytest.mark.parametrize("label", ["uniform_grid", "ray_grids"])
 @pytest.mark.parametrize("interrupted", ["loaded", "selected", "planned anew"])
 def test_a_frame_is_never_made_from_one_that_is_not_whole(label, interrupted):
