@@ -54,6 +54,8 @@ def hot_modules() -> dict[str, wp.Module | str]:
         "ray_grids camera: rows": camera_queue.make_item_kernel(True, False).module,
         "ray_grids camera": "shadowbench.methods.ray_grids.camera_stream",
         "ray_grids camera: resolve": "shadowbench.methods.ray_grids.camera_resolve",
+        "ray_grids light: aim": "shadowbench.methods.ray_grids.light_aim",
+        "ray_grids light: places": "shadowbench.methods.ray_grids.light_places",
         "ray_grids light: bins": "shadowbench.methods.ray_grids.light_bins",
         "ray_grids light: stream": light_stream.make_stream_kernel(True).module,
         "ray_grids light: rows": light_queue.make_item_kernel(True, False).module,

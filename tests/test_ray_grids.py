@@ -11,7 +11,7 @@ from shadowbench.harness.registry import make_method
 from shadowbench.harness.scene import Limits
 from shadowbench.harness.session import Session
 from shadowbench.methods.common.reserve import BEYOND, number_in, reserve
-from shadowbench.methods.ray_grids.queue import COUNTERS, DOUBTS, more_room
+from shadowbench.methods.ray_grids.queues import COUNTERS, DOUBTS, more_room
 
 DEVICES = ["cpu", *(["cuda:0"] if wp.is_cuda_available() else [])]
 

@@ -19,9 +19,10 @@ from ...harness.frame import Frame
 from ...harness.method import BaseMethod
 from ...harness.passes import Pass
 from ...harness.scene import Effects, Limits
+from .camera_passes import CameraStream
+from .light_passes import LightAims, LightStream
 from .parameters import Build
-from .queue import COUNTERS, DOUBTS, ITEMS, PARTS, Capacity, more_room
-from .streams import CameraStream, LightAims, LightStream, Queues
+from .queues import COUNTERS, DOUBTS, ITEMS, PARTS, Capacity, Queues, more_room
 
 MOST_TRIANGLES = 2**24
 """A hit packs into 64 bits with 24 for the triangle."""

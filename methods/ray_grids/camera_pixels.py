@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import warp as wp
 
+from ..common.entries import entry, entry_now, raise_entry
 from ..common.reserve import number_in, reserve
 from ..common.triangle import U32, U64, largest, nearness_key, to_float64
-from .entries import entry, entry_now, raise_entry
-from .queue import DOUBTS
+from .queues import DOUBTS
 
 
 @wp.struct

@@ -8,10 +8,10 @@ import warp as wp
 
 from ...harness.alpha import Alpha
 from ...harness.specialise import effects
+from ..common.entries import entry, entry_now, entry_of_four
 from .camera_pixels import Planes, offer, sign_bound, test_pixel
 from .camera_stream import Lines, pixels_of_row
-from .entries import entry, entry_now, entry_of_four
-from .queue import DOUBTS, ITEMS, PARTS, queue_parts
+from .queues import DOUBTS, ITEMS, PARTS, queue_parts
 from .warps import LANES, filled_lane, gather, lane_at, of_lane, sum_to_lane
 
 REGISTERS = 56

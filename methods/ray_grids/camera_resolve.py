@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import warp as wp
 
+from ..common.entries import entry, set_entry
 from ..common.hitpoint import plane_distance
 from ..common.pixels import tile_pixel
 from ..common.triangle import hit_point, hit_weights
-from .entries import entry, set_entry
 
 REGISTERS = 72
 """Registers a thread: seven blocks of 128 a multiprocessor; 64 spill."""

@@ -12,12 +12,12 @@ import warp as wp
 from ...harness.alpha import Alpha
 from ...harness.specialise import effects
 from ..common.alpha import hit_counts
+from ..common.entries import entry, set_entry, set_entry_of_four
 from ..common.reserve import reserve
 from ..common.screen import camera_space, in_front, out_of_view, pixel_box
 from ..common.triangle import hit_distance, weld_of
 from .camera_pixels import Planes, edge_planes, hit_word, inverse_depth, offer, offer_box, sign_bound
-from .entries import entry, set_entry, set_entry_of_four
-from .queue import DOUBTS, ITEMS
+from .queues import DOUBTS, ITEMS
 
 GROUP = wp.constant(32)
 """Rows or columns of a work item: the 32 lanes of the GPU's warp find the ends of one each."""

@@ -9,7 +9,8 @@ from __future__ import annotations
 import warp as wp
 
 from ..common.triangle import U32, largest
-from .light_bins import Cube, on_face
+from .light_aim import Cube
+from .light_places import on_face
 
 
 @wp.struct

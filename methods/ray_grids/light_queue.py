@@ -9,25 +9,16 @@ import warp as wp
 from ...harness.alpha import Alpha
 from ...harness.specialise import effects
 from ..common.alpha import shadow_counts
+from ..common.entries import entry, set_entry
 from ..common.reserve import reserve
 from ..common.triangle import largest, occludes, total, weld_of
-from ..common.wide import read_wide, write_wide
-from .light_bins import Cube, cells_of, on_face, reach_of
+from .light_aim import Cube
+from .light_bins import cells_of, reach_of, span_of
 from .light_cells import Sides, cells_of_row, cube_space, on_cells, sides_of_flat, sides_of_planes
-from .light_stream import NO, Occluder, left_open, shade, sign_bound, span_of, verdict
-from .queue import DOUBTS, ITEMS, LARGE, PARTS, queue_parts
+from .light_places import on_face
+from .light_rays import NO, left_open, occluder_at, shade, sign_bound, verdict
+from .queues import DOUBTS, ITEMS, LARGE, PARTS, queue_parts
 from .warps import LANES, filled_lane, gather, lane_at, of_lane, sum_to_lane
-
-
-@wp.func
-def occluder_at(records: wp.array2d(dtype=wp.vec4f), i: wp.int32) -> Occluder:
-    occluder = Occluder()
-    occluder.e0 = read_wide(records, i, 0)
-    occluder.e1 = read_wide(records, i, 1)
-    occluder.e2 = read_wide(records, i, 2)
-    occluder.plane = read_wide(records, i, 3)
-    return occluder
-
 
 REGISTERS = 56
 """Registers a thread that empties a queue: nine blocks of 128 a multiprocessor."""
@@ -63,7 +54,7 @@ def split_kernel(
     first = k % SPLITTERS
     k = k // SPLITTERS
     while k < stop:
-        work = read_wide(large, k)
+        work = entry(large, k)
         k += threads // SPLITTERS
         i = work[0]
         face = work[1]
@@ -92,10 +83,10 @@ def split_kernel(
                     y = low + (first + g * SPLITTERS) * LANES
                     rows = wp.min(LANES, high - y + 1)
                     which = face | (rows << 4) | (y << 16)
-                    write_wide(items, place + g, wp.vec4i(i, which, work[2], wp.cast(bound, wp.int32)))
-                    write_wide(lines, place + g, 0, sides.line0)
-                    write_wide(lines, place + g, 1, sides.line1)
-                    write_wide(lines, place + g, 2, sides.line2)
+                    set_entry(items, place + g, wp.vec4i(i, which, work[2], wp.cast(bound, wp.int32)))
+                    set_entry(lines, place + g, 0, sides.line0)
+                    set_entry(lines, place + g, 1, sides.line1)
+                    set_entry(lines, place + g, 2, sides.line2)
 
 
 @wp.func
@@ -126,7 +117,7 @@ def ray_of(
     ray = of_lane(base, lane_at(start, at)) + at + lane
     h = wp.vec4f()
     if at + lane < end:
-        h = read_wide(rays, ray)
+        h = entry(rays, ray)
     return h
 
 
@@ -171,16 +162,16 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
             item = k
             part = wp.int32(0)
             if wp.static(again):
-                further = read_wide(parts, k)
+                further = entry(parts, k)
                 item = further[0]
                 part = further[1]
             k += step
-            work = read_wide(items, item)
+            work = entry(items, item)
             i = work[0]
             sides = Sides()
-            sides.line0 = read_wide(lines, item, 0)
-            sides.line1 = read_wide(lines, item, 1)
-            sides.line2 = read_wide(lines, item, 2)
+            sides.line0 = entry(lines, item, 0)
+            sides.line1 = entry(lines, item, 1)
+            sides.line2 = entry(lines, item, 2)
             rows = (work[1] >> 4) & 63
             bound = wp.cast(work[3], wp.float32)
             sure = bound
@@ -237,7 +228,7 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                         if number // size == part:
                             shade(
                                 i,
-                                read_wide(rays, ray),
+                                entry(rays, ray),
                                 index,
                                 occluder,
                                 bound,

@@ -12,15 +12,18 @@ class Build:
     """Ray grid parameters.
 
     cells          cells along a face of the light's cube, a multiple of 8; 0 chooses: as many as pixels along an
-                   image side where triangles rival pixels or one face holds all rays, else half as many
+                   image side where triangles rival pixels, or (seen on the device, each frame) where one face holds
+                   all rays; else half as many
     inline_pixels  a triangle whose box on the image holds at most so many pixels tests them in its own thread
-    inline_cells   a triangle whose box covers at most so many cells looks up how many rays they hold
-    inline_rays    and tests them in its own thread if they are at most so many
-    part           pixels or rays of a queued group of rows that one warp tests; groups with more are taken in parts
+    inline_cells   a triangle whose box on a face covers at most so many cells (in at most 16 rows) looks up how many
+                   rays they hold
+    inline_rays    and tests them in its own thread if they are at most so many, on one face; a second one is queued
+    part           pixels or rays of a queued group of 32 rows that one warp tests at a time: groups with more are cut in
+                   parts
     queue          larger triangles go through queues: "auto" on the GPU only, "always", "never"
-    item_capacity  initial room for queued work items; 0 chooses; grows as needed
-    part_capacity  initial room for further parts of items with many rays; 0 chooses; grows as needed
-    doubt_capacity initial room for (triangle, ray) pairs left to float64; 0 chooses; grows as needed
+    item_capacity  initial room for queued work items, and for triangles waiting to become some; 0 chooses; grows as needed
+    part_capacity  initial room for further parts of items with many pixels or rays; 0 chooses; grows as needed
+    doubt_capacity initial room for (triangle, pixel or ray) pairs left to float64; 0 chooses; grows as needed
     """
 
     cells: int = 0

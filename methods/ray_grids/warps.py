@@ -2,8 +2,9 @@
 
 A triangle's rows differ in length. Each lane finds one row's pixels or rays; their lengths are summed up over the
 lanes, and then all lanes take the pixels or rays of all rows in turn, 32 at a time: every lane has work, however
-long or short the rows are. Warp has no words for this, so these are native snippets. They are for the GPU alone;
-kernels for the CPU walk the rows one after the other and call none of them.
+long or short the rows are. Warp has no words for this, so these are native snippets. They are for the GPU: kernels for
+the CPU walk the rows one after the other. What they call there all the same is of a thread alone
+(:func:`least_of_lanes`) or does nothing (:func:`scan_row`).
 """
 
 from __future__ import annotations
@@ -48,18 +49,6 @@ return value;
 """)
 def of_lane(value: wp.int32, lane: wp.int32) -> wp.int32:
     """The value of another lane. All lanes must call it."""
-
-
-@wp.func_native("""
-int low = 0;
-#if defined(__CUDA_ARCH__)
-for (int step = 16; step; step >>= 1)
-    if (__shfl_sync(0xffffffffu, sums, low + step - 1) <= index) low += step;
-#endif
-return low;
-""")
-def lane_holding(sums: wp.int32, index: wp.int32) -> wp.int32:
-    """The lane that holds element ``index``, given the sums of lengths up to each lane; 31 beyond the last."""
 
 
 # Lanes are sent through shared memory: a shuffle only fetches.

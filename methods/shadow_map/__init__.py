@@ -22,9 +22,9 @@ from ..common.bounds import launch_bounds
 from ..common.misses import miss_passes
 from ..common.pairs import grown
 from ..common.reserve import counted
+from ..ray_grids.camera_passes import CameraStream
 from ..ray_grids.parameters import Build as CameraBuild
-from ..ray_grids.queue import COUNTERS, Capacity, more_room
-from ..ray_grids.streams import CameraStream, Queues
+from ..ray_grids.queues import COUNTERS, Capacity, Queues, more_room
 from .lookup import lookup_kernel
 from .parameters import BIASES, SHAPES, Build, Trace
 from .projection import FACES, LightMap, fit_kernel

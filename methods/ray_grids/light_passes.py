@@ -1,4 +1,4 @@
-"""Host side of the streams: arrays and launches of the camera's pass over the pixels and a light's over its rays."""
+"""A light's passes: arrays and launches of placing its rays and of the stream of triangles over them."""
 
 from __future__ import annotations
 
@@ -11,49 +11,10 @@ from ...harness.passes import Pass
 from ...harness.scene import Effects
 from ...harness.specialise import specialised
 from ..common.pixels import thread_count
-from . import camera_queue, camera_resolve, camera_stream, light_bins, light_queue, light_reach, light_stream
+from . import light_aim, light_bins, light_places, light_queue, light_reach, light_stream
 from .parameters import Build
-from .queue import COUNTERS, Capacity, keep_kernel
+from .queues import BLOCK_DIM, Queues
 from .warps import LANES
-
-THREADS = 9 * 128
-"""Threads a multiprocessor of a kernel that empties a queue: as many as fit, since they stride over what is there. The
-count stays on the device."""
-
-BLOCK_DIM = 128
-
-
-class Queues:
-    """What the streams of one frame share: queues, counters, and planes of queued triangles.
-
-    items vec4i [item_capacity], with lines vec4f x 3 for each; large vec4i [item_capacity]; parts vec2i
-    [part_capacity]; doubts vec2i [doubt_capacity]; counts int32 [streams, 6]; nearest uint64 [pixels]; records
-    vec4f x 4 and depths vec3d [triangles]. Without queues (CPU) all but the counts, nearest and the doubts are one
-    element long.
-    """
-
-    def __init__(self, frame: Frame, queued: bool, capacity: Capacity, streams: int):
-        self.queued = queued
-        self.device = frame.device
-        device = wp.get_device(frame.device)
-        self.cuda = device.is_cuda
-        items, parts, doubts = capacity if queued else (1, 1, capacity[2])
-        words = COUNTERS // 2 * streams
-        with wp.ScopedDevice(frame.device):
-            # One array for all that a frame begins by clearing: a launch costs as much as the bytes.
-            self.cleared = wp.zeros(frame.pixels + words, dtype=wp.uint64)
-            self.nearest = self.cleared[: frame.pixels]
-            self.counts = wp.array(
-                ptr=self.cleared.ptr + 8 * frame.pixels, shape=(streams, COUNTERS), dtype=wp.int32
-            )
-            self.items = wp.zeros(items, dtype=wp.vec4i)
-            self.large = wp.zeros(items, dtype=wp.vec4i)
-            self.lines = wp.zeros((items, 3), dtype=wp.vec4f)
-            self.parts = wp.zeros(parts, dtype=wp.vec2i)
-            self.doubts = wp.zeros(doubts, dtype=wp.vec2i)
-            self.depths = wp.zeros(max(1, frame.triangle_count) if queued else 1, dtype=wp.vec3d)
-            self.records = wp.zeros((max(1, frame.triangle_count) if queued else 1, 4), dtype=wp.vec4f)
-        self.threads = THREADS * device.sm_count if self.cuda else 64
 
 
 class LightAims:
@@ -63,109 +24,12 @@ class LightAims:
     """
 
     def __init__(self, frame: Frame, lights: int):
-        faces = int(light_bins.FACES)
+        faces = int(light_aim.FACES)
         with wp.ScopedDevice(frame.device):
             self.axes = wp.zeros(lights, dtype=wp.mat33d)
-            self.cubes = wp.zeros(lights, dtype=light_bins.Cube)
-            self.rectangles = wp.zeros((lights, 5 + faces), dtype=wp.int32)
+            self.cubes = wp.zeros(lights, dtype=light_aim.Cube)
+            self.rectangles = wp.zeros((lights, int(light_aim.RECTANGLE_WORDS)), dtype=wp.int32)
             self.tables = wp.zeros((lights, faces + 1), dtype=wp.vec4f)
-
-
-class CameraStream:
-    """Primary rays. hit vec3d [pixels]: float64 hit points.
-
-    ``needs`` (int64): where another method wants the stream's counters copied to.
-    """
-
-    def __init__(
-        self, frame: Frame, build: Build, queues: Queues, effects: Effects, needs: wp.array | None = None
-    ):
-        self.frame, self.build, self.queues = frame, build, queues
-        self.effects, self.needs = effects, needs
-        with wp.ScopedDevice(frame.device):
-            self.hit = wp.zeros(frame.pixels, dtype=wp.vec3d)
-
-    def passes(self) -> list[Pass]:
-        scene = ("points", "triangles", "camera", *self.effects.surface_reads())
-        words, items, parts = ("nearest words",), ("camera items",), ("camera parts",)
-        writes: tuple[str, ...] = words
-        passes = []
-        if self.queues.queued:
-            passes = [
-                Pass("camera: queued rows", "trace", (*scene, *words, *items), (*words, *parts), self.launch_items),
-                Pass("camera: further parts", "trace", (*scene, *words, *parts), words, self.launch_parts),
-            ]  # fmt: skip
-            writes += items
-        return [
-            Pass("camera: stream triangles", "trace", scene, writes, self.launch_stream),
-            *passes,
-            Pass("camera: doubtful pairs", "trace", (*scene, *words), words, self.launch_doubts),
-            Pass("camera: resolve", "trace", (*scene, *words), ("hits",), self.launch_resolve),
-        ]
-
-    def launch_stream(self) -> None:
-        f, q = self.frame, self.queues
-        q.cleared.zero_()
-        wp.launch(
-            specialised(camera_stream.make_stream_kernel(q.queued), self.effects.switches()),
-            dim=max(1, f.triangle_count),
-            inputs=[
-                f.triangle_count, f.width, f.height, self.build.inline_pixels, f.eye, f.axes, f.tangents, f.column,
-                f.row, f.points, f.triangles, f.valid, f.alpha,
-            ],
-            outputs=[q.nearest, q.counts[0], q.records, q.depths, q.items, q.doubts],
-            device=f.device,
-            block_dim=BLOCK_DIM,
-        )  # fmt: skip
-
-    def _launch_rows(self, again: bool) -> None:
-        f, q = self.frame, self.queues
-        wp.launch(
-            specialised(camera_queue.make_item_kernel(q.cuda, again), self.effects.switches()),
-            dim=q.threads,
-            inputs=[
-                q.threads, self.build.part, f.width, f.height, f.tangents, f.column, f.row, q.records, q.depths,
-                q.items, f.alpha,
-            ],
-            outputs=[q.nearest, q.counts[0], q.parts, q.doubts],
-            device=f.device,
-            block_dim=BLOCK_DIM,
-        )  # fmt: skip
-
-    def launch_items(self) -> None:
-        self._launch_rows(again=False)
-
-    def launch_parts(self) -> None:
-        self._launch_rows(again=True)
-
-    def launch_doubts(self) -> None:
-        f, q = self.frame, self.queues
-        wp.launch(
-            specialised(camera_stream.doubt_kernel, self.effects.switches()),
-            dim=q.threads,
-            inputs=[
-                q.threads, f.width, f.eye, f.column, f.row, f.points, f.triangles, f.weld, q.counts[0], q.doubts,
-                f.alpha,
-            ],
-            outputs=[q.nearest],
-            device=f.device,
-            block_dim=BLOCK_DIM,
-        )  # fmt: skip
-        if self.needs is not None:
-            wp.launch(keep_kernel, dim=COUNTERS, inputs=[q.counts[0]], outputs=[self.needs], device=f.device)
-
-    def launch_resolve(self) -> None:
-        f, a = self.frame, self.frame.answers
-        wp.launch(
-            camera_resolve.resolve_kernel,
-            dim=thread_count(f.width, f.height, True),
-            inputs=[
-                f.width, f.height, f.eye, f.column, f.row, f.points, f.triangles, f.weld, self.queues.nearest,
-            ],
-            outputs=[a.triangle, a.t, a.u, a.v, self.hit],
-            device=f.device,
-            block_dim=BLOCK_DIM,
-        )  # fmt: skip
 
 
 class RayBins:
@@ -183,7 +47,7 @@ class RayBins:
         many = frame.triangle_count > frame.pixels // 2
         # Along a face: where rays lie on several faces, and where one holds them all.
         self.cells = wp.vec2i(build.cells or (fine if many else coarse), build.cells or fine)
-        number = int(light_bins.FACES) * self.cells[0] * (self.cells[0] + int(light_bins.SPARE))
+        number = int(light_aim.FACES) * self.cells[0] * (self.cells[0] + int(light_bins.SPARE))
         number = max(number, self.cells[1] * (self.cells[1] + int(light_bins.SPARE)))
         with wp.ScopedDevice(frame.device):
             self.place = wp.zeros(frame.pixels, dtype=wp.vec4f)
@@ -257,7 +121,7 @@ class LightStream:
         f, a = self.frame, self.aims
         threads = int(LANES) if self.queues.cuda else 1
         wp.launch(
-            light_bins.aim_kernel,
+            light_aim.aim_kernel,
             dim=threads,
             inputs=[
                 threads,
@@ -276,7 +140,7 @@ class LightStream:
     def launch_map(self) -> None:
         f, b = self.frame, self.bins
         wp.launch(
-            specialised(light_bins.map_kernel, self.switches),
+            specialised(light_places.map_kernel, self.switches),
             dim=thread_count(f.width, f.height, True),
             inputs=[
                 f.width, f.height, self.index, f.posts, self.aims.axes, f.answers.triangle, self.hit, f.receivers,
@@ -296,7 +160,7 @@ class LightStream:
             outputs=[b.count, b.slot, b.farthest],
             device=f.device,
         )
-        faces = int(light_bins.FACES)
+        faces = int(light_aim.FACES)
         rows = max(faces * b.cells[0], b.cells[1])
         wp.launch(
             light_bins.scan_kernel,

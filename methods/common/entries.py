@@ -1,0 +1,156 @@
+"""Entries of contiguous arrays, read and written where they lie, 8 or 16 bytes at once.
+
+Warp's own index wraps below zero and multiplies by a stride that it is told at the launch: eight instructions an
+access, of the fifty that a pixel's test takes. Arrays of the frame and of the queues are contiguous, and their indices
+within: one instruction does. Nothing is checked here.
+
+Warp's vectors promise no more alignment than their components have, so the compiler moves them one component at a
+time: four times the instructions, and where a warp's lanes lie apart four times the traffic with the second cache.
+Arrays begin on at least 64 bytes, so that elements of 16 or 8 bytes are aligned where the array is no slice of a
+narrower one and rows follow one another without gaps: those are moved at once.
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+READ = "return values.data[i];"
+WRITE = "values.data[i] = value;"
+
+READ_WIDE = """
+#if defined(__CUDA_ARCH__)
+{wide} v = *reinterpret_cast<const {wide}*>(values.data + {place});
+return {{{parts}}};
+#else
+return values.data[{place}];
+#endif
+"""
+
+WRITE_WIDE = """
+#if defined(__CUDA_ARCH__)
+*reinterpret_cast<{wide}*>(values.data + {place}) = make_{wide}({parts});
+#else
+values.data[{place}] = value;
+#endif
+"""
+
+ROW = "row * values.shape[1] + column"
+"""Place of an entry of an array in rows, if they follow one another without gaps."""
+
+ROW_OF_FOUR = "4 * row + column"
+
+FOUR, TWO = "v.x, v.y, v.z, v.w", "v.x, v.y"
+FOUR_OF, TWO_OF = "value[0], value[1], value[2], value[3]", "value[0], value[1]"
+
+
+@wp.func_native(READ)
+def entry(values: wp.array(dtype=wp.uint8), i: wp.int32) -> wp.uint8: ...
+
+
+@wp.func_native(READ)
+def entry(values: wp.array(dtype=wp.int32), i: wp.int32) -> wp.int32: ...
+
+
+@wp.func_native(READ)
+def entry(values: wp.array(dtype=wp.uint64), i: wp.int32) -> wp.uint64: ...
+
+
+@wp.func_native(READ)
+def entry(values: wp.array(dtype=wp.vec3i), i: wp.int32) -> wp.vec3i: ...
+
+
+@wp.func_native(READ)
+def entry(values: wp.array(dtype=wp.vec3f), i: wp.int32) -> wp.vec3f: ...
+
+
+@wp.func_native(READ_WIDE.format(wide="int2", place="i", parts=TWO))
+def entry(values: wp.array(dtype=wp.vec2i), i: wp.int32) -> wp.vec2i: ...
+
+
+@wp.func_native(READ_WIDE.format(wide="int4", place="i", parts=FOUR))
+def entry(values: wp.array(dtype=wp.vec4i), i: wp.int32) -> wp.vec4i: ...
+
+
+@wp.func_native(READ_WIDE.format(wide="float4", place="i", parts=FOUR))
+def entry(values: wp.array(dtype=wp.vec4f), i: wp.int32) -> wp.vec4f: ...
+
+
+@wp.func_native(READ_WIDE.format(wide="float4", place=ROW, parts=FOUR))
+def entry(values: wp.array2d(dtype=wp.vec4f), row: wp.int32, column: wp.int32) -> wp.vec4f: ...
+
+
+@wp.func_native(READ_WIDE.format(wide="float4", place=ROW_OF_FOUR, parts=FOUR))
+def entry_of_four(values: wp.array2d(dtype=wp.vec4f), row: wp.int32, column: wp.int32) -> wp.vec4f:
+    """An entry of an array that is known to have four columns."""
+
+
+@wp.func_native(WRITE)
+def set_entry(values: wp.array(dtype=wp.int32), i: wp.int32, value: wp.int32): ...
+
+
+@wp.func_native(WRITE)
+def set_entry(values: wp.array(dtype=wp.float32), i: wp.int32, value: wp.float32): ...
+
+
+@wp.func_native(WRITE)
+def set_entry(values: wp.array(dtype=wp.vec3d), i: wp.int32, value: wp.vec3d): ...
+
+
+@wp.func_native(WRITE_WIDE.format(wide="int2", place="i", parts=TWO_OF))
+def set_entry(values: wp.array(dtype=wp.vec2i), i: wp.int32, value: wp.vec2i): ...
+
+
+@wp.func_native(WRITE_WIDE.format(wide="int4", place="i", parts=FOUR_OF))
+def set_entry(values: wp.array(dtype=wp.vec4i), i: wp.int32, value: wp.vec4i): ...
+
+
+@wp.func_native(WRITE_WIDE.format(wide="float4", place="i", parts=FOUR_OF))
+def set_entry(values: wp.array(dtype=wp.vec4f), i: wp.int32, value: wp.vec4f): ...
+
+
+@wp.func_native(WRITE_WIDE.format(wide="float4", place=ROW, parts=FOUR_OF))
+def set_entry(values: wp.array2d(dtype=wp.vec4f), row: wp.int32, column: wp.int32, value: wp.vec4f): ...
+
+
+@wp.func_native(WRITE_WIDE.format(wide="float4", place=ROW_OF_FOUR, parts=FOUR_OF))
+def set_entry_of_four(values: wp.array2d(dtype=wp.vec4f), row: wp.int32, column: wp.int32, value: wp.vec4f):
+    """Set an entry of an array that is known to have four columns."""
+
+
+# Relaxed and volatile: a plain load is put off by the compiler until something needs the value.
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+unsigned long long value;
+asm volatile("ld.relaxed.gpu.global.u64 %0, [%1];" : "=l"(value) : "l"((unsigned long long)(values.data + i)));
+return value;
+#else
+return values.data[i];
+#endif
+""")
+def entry_now(values: wp.array(dtype=wp.uint64), i: wp.int32) -> wp.uint64:
+    """values[i], asked for here, so that it comes while other things are reckoned. Read past the first cache."""
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+double x, y, z;
+asm volatile("ld.relaxed.gpu.global.f64 %0, [%1];" : "=d"(x) : "l"((unsigned long long)(values.data + i)));
+asm volatile("ld.relaxed.gpu.global.f64 %0, [%1 + 8];" : "=d"(y) : "l"((unsigned long long)(values.data + i)));
+asm volatile("ld.relaxed.gpu.global.f64 %0, [%1 + 16];" : "=d"(z) : "l"((unsigned long long)(values.data + i)));
+return {x, y, z};
+#else
+return values.data[i];
+#endif
+""")
+def entry_now(values: wp.array(dtype=wp.vec3d), i: wp.int32) -> wp.vec3d: ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+atomicMax((unsigned long long*)(values.data + i), (unsigned long long)value);
+#else
+if (value > values.data[i]) values.data[i] = value;
+#endif
+""")
+def raise_entry(values: wp.array(dtype=wp.uint64), i: wp.int32, value: wp.uint64):
+    """Raise an entry to at least ``value``."""

@@ -1,0 +1,129 @@
+"""A cube around the light, and where it is aimed: at the middle of the scene.
+
+So a light outside the scene sees everything through face 0, whose rectangle is clamped to the rays; the other faces
+are whole. Light space is float64: the rays of a light at 1e7 scene radii still spread over all cells.
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ..common.triangle import to_float32, to_float64
+from .queues import COUNTERS
+from .warps import least_of_lanes
+
+FACES = wp.constant(6)
+
+SAMPLES = wp.constant(16)
+"""Triangles that say where the middle of the scene is."""
+
+LOW_U, LOW_V, HIGH_U, HIGH_V = wp.constant(0), wp.constant(1), wp.constant(2), wp.constant(3)
+"""A light's rectangle is int32 [:data:`RECTANGLE_WORDS`]. Its first words are the sides of what the rays cover of face
+0, :func:`ordered`: the least u and v, and the least -u and -v. Without a ray they are :data:`EMPTY`."""
+
+FACE = wp.constant(4)
+"""From this word on, one for each face: 0 where rays lie on it, else :data:`EMPTY`."""
+
+LARGEST = wp.constant(10)
+"""After the faces: bits of the largest coordinate of a hit point, as float32; 0 without a ray."""
+
+RECTANGLE_WORDS = wp.constant(11)
+
+EMPTY = wp.constant(2147483647)
+
+
+@wp.struct
+class Cube:
+    """The light's axes in float32, for triangles: q = (axes) (p - middle) + (distance, 0, 0).
+
+    Relative to the scene's middle, directions across keep their precision at any distance of the light.
+    """
+
+    forward: wp.vec3f
+    right: wp.vec3f
+    up: wp.vec3f
+    middle: wp.vec3f
+    distance: wp.float32
+
+
+@wp.func
+def ordered(x: wp.float32) -> wp.int32:
+    """An integer in the order of the floats, so that atomics find the least."""
+    bits = wp.cast(x, wp.int32)
+    if bits < 0:
+        bits = bits ^ 2147483647
+    return bits
+
+
+@wp.func
+def from_ordered(bits: wp.int32) -> wp.float32:
+    """The float of an integer made by :func:`ordered`."""
+    word = bits
+    if word < 0:
+        word = word ^ 2147483647
+    return wp.cast(word, wp.float32)
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def aim_kernel(
+    threads: wp.int32,
+    index: wp.int32,
+    triangle_count: wp.int32,
+    lights: wp.array(dtype=wp.vec3f),
+    points: wp.array(dtype=wp.vec3f),
+    triangles: wp.array(dtype=wp.vec3i),
+    valid: wp.array(dtype=wp.uint8),
+    frames: wp.array(dtype=wp.mat33d),
+    cubes: wp.array(dtype=Cube),
+    rectangles: wp.array2d(dtype=wp.int32),
+    counts: wp.array(dtype=wp.int32),
+):
+    """Axes of a light's cube as rows (forward to the scene's middle first); empties its rectangle and counters.
+
+    The middle is that of a few triangles: any point among the triangles serves, and a whole box would cost a pass.
+    The lanes of a warp fetch them at once (``threads`` is 32, or 1 on the CPU); the first does the rest.
+    """
+    low = wp.vec3f(wp.INF)
+    high = wp.vec3f(-wp.INF)
+    lane = wp.tid()
+    for k in range(lane, SAMPLES, threads):
+        i = wp.int32(wp.int64(triangle_count) * wp.int64(2 * k + 1) / wp.int64(2 * SAMPLES))
+        if i < triangle_count:
+            if valid[i] != wp.uint8(0):
+                p = points[triangles[i][0]]
+                low = wp.min(low, p)
+                high = wp.max(high, p)
+    low = wp.vec3f(least_of_lanes(low[0]), least_of_lanes(low[1]), least_of_lanes(low[2]))
+    high = -wp.vec3f(least_of_lanes(-high[0]), least_of_lanes(-high[1]), least_of_lanes(-high[2]))
+    if lane > 0:
+        return
+    middle = wp.vec3f(0.0)
+    if low[0] < wp.INF:
+        middle = 0.5 * low + 0.5 * high
+    forward = to_float64(middle) - to_float64(lights[index])
+    far = wp.max(wp.abs(forward[0]), wp.max(wp.abs(forward[1]), wp.abs(forward[2])))
+    if not (far > wp.float64(0.0)) or not (far < wp.float64(wp.INF)):
+        forward = wp.vec3d(wp.float64(1.0), wp.float64(0.0), wp.float64(0.0))
+        far = wp.float64(1.0)
+    distance = wp.length(forward / far) * far
+    forward = wp.normalize(forward / far)
+    up = wp.vec3d(wp.float64(0.0), wp.float64(1.0), wp.float64(0.0))
+    if wp.abs(forward[1]) > wp.float64(0.8):
+        up = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
+    right = wp.normalize(wp.cross(forward, up))
+    up = wp.cross(right, forward)
+    frames[index] = wp.matrix_from_rows(forward, right, up)
+    c = Cube()
+    c.forward = to_float32(forward)
+    c.right = to_float32(right)
+    c.up = to_float32(up)
+    c.middle = middle
+    c.distance = wp.float32(distance)
+    if middle == lights[index]:
+        c.distance = 0.0
+    cubes[index] = c
+    for k in range(LARGEST):
+        rectangles[index, k] = EMPTY
+    rectangles[index, LARGEST] = 0
+    for k in range(COUNTERS):
+        counts[k] = 0
