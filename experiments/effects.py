@@ -22,15 +22,15 @@ BASE = "one light"
 SPOT = 20.0
 
 EFFECTS = (
-    Lighting("no shadows", shadows=False),
+    Lighting("no shadows", count=1, shadows=False),
     Lighting(BASE, count=1),
     Lighting("two lights", count=2),
-    Lighting("a spot", spot=SPOT),
-    Lighting("facing only", facing=True),
-    Lighting("directional", directional=True),
-    Lighting("alpha", alpha=4),
-    Lighting("mirror", bounces=1),
-    Lighting("shaded", color=True),
+    Lighting("a spot", count=1, spot=SPOT),
+    Lighting("facing only", count=1, facing=True),
+    Lighting("directional", count=1, directional=True),
+    Lighting("alpha", count=1, alpha=4),
+    Lighting("mirror", count=1, bounces=1),
+    Lighting("shaded", count=1, color=True),
     Lighting("spot, facing, two", count=2, spot=SPOT, facing=True),
 )
 """Each effect alone against one point light with shadows, then together."""

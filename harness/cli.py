@@ -185,6 +185,9 @@ def render_(
     out: Annotated[Path, typer.Option("--out", help="The picture to write, .png.")],
     size: Annotated[str, typer.Option("--size", help="Image size.")] = "512x512",
     frame: Annotated[int, typer.Option("--frame", help="Frame of an animated scene, from 0.")] = 0,
+    setting: Annotated[
+        list[str] | None, typer.Option("--set", help="method.param=value; again for more.")
+    ] = None,
     device: Device = None,
     scene_dir: SceneDir = None,
 ) -> int:
@@ -193,8 +196,11 @@ def render_(
     A stand-in's picture says so in a caption below it.
     """
     from .commands.render import render
+    from .plan import Entry, parse_settings
 
-    print(f"written: {render(scene, method, out, size, frame, device, scene_dir)}", file=sys.stderr)
+    (entry,) = parse_settings(setting or [], (Entry(method),))
+    picture = render(scene, method, out, size, frame, device, scene_dir, dict(entry.settings))
+    print(f"written: {picture}", file=sys.stderr)
     return 0
 
 

@@ -131,6 +131,8 @@ class Lighting:
             lights = spread(lights[0], middle, self.count, scene.camera.up)
         if self.distance:
             lights = tuple(_at(light, middle, self.distance * prepared.radius) for light in lights)
+        if self.target is not None or self.spot:
+            lights = tuple(_standing(light, middle, prepared.radius) for light in lights)
         if self.target is not None:
             lights = tuple(_spot(light, self.target, self.angle, scene.camera.up) for light in lights)
         if self.spot:
@@ -158,10 +160,19 @@ class Lighting:
 
 def _at(light: Light, middle: Vector, distance: float) -> Light:
     """The light at a distance from the middle, in the direction where it stands; above where it stands there."""
+    light = _standing(light, middle, distance)
     away = np.subtract(light.position, middle)
     length = float(np.linalg.norm(away))
     direction = away / length if length > 0 else np.array([0.0, 1.0, 0.0])
     return light.moved(_vector(np.asarray(middle) + direction * distance))
+
+
+def _standing(light: Light, middle: Vector, radius: float) -> Light:
+    """A directional light as a point two radii along the way to it; any other as it is."""
+    if not light.directional:
+        return light
+    way = np.asarray(light.position) / np.linalg.norm(light.position)
+    return replace(light, position=_vector(np.asarray(middle) + 2.0 * radius * way), directional=False)
 
 
 def _spot(light: Light, target: Vector, angle: float, up: Vector) -> Light:

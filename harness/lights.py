@@ -38,13 +38,15 @@ class Orbit:
         angle = 2 * math.pi * self.turns * share
         moved = []
         for light in lights:
-            arm = np.asarray(light.position, dtype=np.float64) - self.centre
+            # A directional light's position is the way to it: it turns about the axis alone.
+            centre = np.zeros(3) if light.directional else np.asarray(self.centre)
+            arm = np.asarray(light.position, dtype=np.float64) - centre
             turned = (
                 arm * math.cos(angle)
                 + np.cross(axis, arm) * math.sin(angle)
                 + axis * float(arm @ axis) * (1 - math.cos(angle))
             )
-            moved.append(light.moved(_vector(turned + self.centre)))
+            moved.append(light.moved(_vector(turned + centre)))
         return tuple(moved)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .moment import Prepared
+from .scenes.catalogue import scene_names
 
 HUES = np.array(
     [
@@ -19,12 +20,15 @@ HUES = np.array(
         [0.66, 0.61, 0.66],  # heather
     ]
 )
-"""Linear reflectances. A scene always gets the same one; its separate pieces vary around it."""
+"""Linear reflectances. A scene, or a mesh, always gets the same one; its separate pieces vary around it."""
 
 
 def reflectances(prepared: Prepared) -> NDArray[np.float32]:
     """Linear reflectance of each triangle, float32 [triangle_count, 3]."""
-    digest = hashlib.sha256(prepared.scene.name.encode()).digest()
+    # A scene declared in a file is one by its mesh: two declarations of it can be compared.
+    known = prepared.scene.name in scene_names()
+    told = prepared.scene.name.encode() if known else np.sort(prepared.faces, axis=1).tobytes()
+    digest = hashlib.sha256(told).digest()
     base = HUES[digest[0] % len(HUES)]
     piece = pieces(prepared)
     # A multiplicative hash spreads neighbouring piece numbers; two of its bytes vary value and warmth.

@@ -11,6 +11,7 @@ from shadowbench.harness.errors import UserError
 from shadowbench.harness.moment import Prepared
 from shadowbench.harness.scene import Effects
 from shadowbench.harness.scenes.catalogue import resolve
+from shadowbench.harness.surfaces import reflectances
 from typer.testing import CliRunner
 
 MESH = """v -1 -1 0
@@ -129,7 +130,34 @@ WRONG = {
     "too much of a mirror": ('mesh = "roof.obj"\n[mirror]\nshare = 2', "must lie above 0"),
     "half a bounce": ('mesh = "roof.obj"\n[mirror]\nbounces = 0.5', "must be of kind int"),
     "half a hole": ('mesh = "roof.obj"\n[alpha]\nholes = 1.5', "must be of kind int"),
-    "no hole": ('mesh = "roof.obj"\n[alpha]\nevery = 0', "alpha.every must be at least 1"),
+    "no hole": ('mesh = "roof.obj"\n[alpha]\nevery = 0', r"alpha.every must lie in 1\.\.2147483647"),
+    "holes beyond a number": (f'mesh = "roof.obj"\n[alpha]\nevery = 1{"0" * 30}', "alpha.every must lie in"),
+    "more holes than texels": (
+        'mesh = "roof.obj"\n[alpha]\nholes = 1000000000',
+        r"alpha.holes must lie in 1\.\.1048576",
+    ),
+    "digits without end": (f'mesh = "roof.obj"\n[camera]\nfov = {"1" * 5000}', "not TOML"),
+    "arrays without end": (f'mesh = "roof.obj"\nx = {"[" * 5000}', "not TOML"),
+    "a light that takes away": (
+        'mesh = "roof.obj"\n[[lights]]\nposition = [1, 1, 1]\ncolor = [-1, 0, 0]',
+        r"lights\[0\].color must lie in 0",
+    ),
+    "a light beyond all": (
+        'mesh = "roof.obj"\n[[lights]]\nposition = [1, 1, 1]\nintensity = 1e300',
+        "intensity must lie in",
+    ),
+    "no output": ('mesh = "roof.obj"\noutputs = []', "name at least one of"),
+    "an output twice": ('mesh = "roof.obj"\noutputs = ["ids", "ids"]', "each once"),
+    "two lines of title": ('mesh = "roof.obj"\ntitle = "A\\nB"', "title must be one line"),
+    "no title": ('mesh = "roof.obj"\ntitle = " "', "title must be one line"),
+    "an orbit about nothing": (
+        'mesh = "roof.obj"\n[orbit]\ncentre = [0, 0, 0]\naxis = [0, 0, 0]',
+        "orbit.axis must not be zero",
+    ),
+    "an orbit without frames": (
+        'mesh = "roof.obj"\n[orbit]\ncentre = [0, 0, 0]\nframes = 0',
+        "orbit.frames must lie in",
+    ),
     "bounces without end": ('mesh = "roof.obj"\n[mirror]\nbounces = 1000000', r"must lie in 0\.\.64"),
     "an eye nowhere": ('mesh = "roof.obj"\n[camera]\neye = [nan, 0, 0]', "camera.eye must be finite"),
     "an eye beyond float32": ('mesh = "roof.obj"\n[camera]\neye = [1e300, 0, 0]', "beyond what float32"),
@@ -174,10 +202,41 @@ def test_what_is_wrong_is_told_in_one_line(folder, case):
     assert "scene.toml" in str(caught.value) or "rof.obj" in str(caught.value)
 
 
-def test_holes_that_no_number_holds_are_told_when_they_are_made(folder):
-    scene = resolve(declare(folder, f'mesh = "roof.obj"\n[alpha]\nevery = 1{"0" * 30}'))
-    with pytest.raises(UserError, match="alpha: "):
-        Prepared(scene)
+def test_a_link_to_itself_and_a_folder_are_no_declaration(folder):
+    loop = folder / "loop.toml"
+    loop.symlink_to(loop)
+    with pytest.raises(UserError, match="cannot read"):
+        resolve(loop)
+    (folder / "room.toml").mkdir()
+    with pytest.raises(UserError, match="is not a file"):
+        resolve(folder / "room.toml")
+
+
+def test_lights_on_an_orbit_move_over_frames_of_their_own(folder):
+    told = 'mesh = "roof.obj"\n[[lights]]\nposition = [2, 3, 0]\n[[lights]]\nposition = [1, 1, 0]\ndirectional = true\n'
+    path = declare(folder, told + "[orbit]\ncentre = [0, 1, 0]\nturns = 0.5\nframes = 3")
+    prepared = Prepared(resolve(path))
+    assert prepared.frame_count == 3
+    first, sun = prepared.lights(2)
+    assert np.allclose(first.position, (-2, 3, 0))
+    assert np.allclose(sun.position, (-1, 1, 0))  # the way to it turns about the axis, wherever that stands
+    found = frame_plan(str(path), ["uniform_grid"], "16x16", "cpu")
+    assert all("moving" in words for words in found["declared"]["lights"])
+
+
+def test_a_mesh_has_one_hue_whatever_is_declared_about_it(folder):
+    one = reflectances(Prepared(resolve(declare(folder, 'mesh = "roof.obj"', "one.toml"))))
+    other = reflectances(Prepared(resolve(declare(folder, 'mesh = "roof.obj"\nfacing = true', "other.toml"))))
+    assert np.array_equal(one, other)
+
+
+def test_plan_takes_settings(folder):
+    path = str(declare(folder, 'mesh = "roof.obj"\n[alpha]\nevery = 2'))
+    (plain,) = frame_plan(path, ["bvh"], "16x16", "cpu")["methods"]
+    assert "bvh.update=bvh_rebuild" in plain["cannot"]
+    (chosen,) = frame_plan(path, ["bvh"], "16x16", "cpu", settings=["bvh.update=bvh_rebuild"])["methods"]
+    assert not chosen["cannot"]
+    assert chosen["settings"] == {"update": "bvh_rebuild"}
 
 
 def test_a_declaration_can_be_declared_about_but_not_in_a_circle(folder):

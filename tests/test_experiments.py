@@ -277,6 +277,16 @@ def test_moving_has_a_row_a_frame(tmp_path):
     assert "turns of the light" in (tmp_path / "moving.svg").read_text()
 
 
+def test_what_a_stopped_run_did_not_come_to_is_told(tmp_path):
+    entries = find_experiment("ablation").presets["quick"].methods[:3]
+    records = [made("ablation", e, "cloth", ms=10.0) for e in entries]
+    keep(tmp_path, [*records, *(made("ablation", e, "buddha", ms=10.0) for e in entries[:1])])
+    show("ablation", tmp_path, quiet=True)
+    text = (tmp_path / "ablation.md").read_text()
+    assert f"no record of {entries[1].label}, {entries[2].label}" in text
+    assert text.count("no record of") == 1
+
+
 def test_ablation_compares_with_its_base_on_the_same_scene(tmp_path):
     declared = find_experiment("ablation")
     entries = declared.presets["quick"].methods

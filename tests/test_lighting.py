@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import dataclasses
 import json
 
 import numpy as np
@@ -56,6 +58,17 @@ def test_a_spot_looks_at_its_target(prepared):
     assert light.spot.angle == 7.0
     assert np.allclose(np.add(light.position, light.spot.direction), (0.1, 0.2, 0.3))
     assert lit.moment(0, 4, 4).spots[0, 0] != 0
+
+
+def test_a_directional_light_that_becomes_a_spot_stands_somewhere(prepared):
+    sun = dataclasses.replace(prepared.scene.lights[0], position=(0.0, 3.0, 4.0), directional=True, spot=None)
+    sunny = copy.copy(prepared)
+    sunny.scene = dataclasses.replace(prepared.scene, lights=(sun,))
+    (light,) = Lighting("spot", spot=20.0).applied(sunny).scene.lights
+    assert not light.directional
+    assert light.spot is not None
+    away = np.subtract(light.position, prepared.middle + prepared.centre)
+    assert np.allclose(away, np.array([0.0, 0.6, 0.8]) * 2 * prepared.radius)
 
 
 def test_a_static_scene_gets_a_frame_for_every_place_of_the_light(prepared):

@@ -45,6 +45,9 @@ def explain(
     ] = None,
     size: Annotated[str, typer.Option("--size", help="Image size that the pixel belongs to.")] = "256x256",
     frame: Annotated[int, typer.Option("--frame", help="Frame of an animated scene, from 0.")] = 0,
+    setting: Annotated[
+        list[str] | None, typer.Option("--set", help="method.param=value; again for more.")
+    ] = None,
     scene_dir: Annotated[Path | None, typer.Option("--scene-dir", help="Folder of original scenes.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print nothing but JSON.")] = False,
 ) -> int:
@@ -54,7 +57,7 @@ def explain(
     Exit code 1 where a method that does not declare itself inexact is wrong beyond that.
     """
     from ..moment import Prepared
-    from ..plan import find_device, parse_size
+    from ..plan import Entry, find_device, parse_settings, parse_size
     from ..registry import method_names
     from ..scenes.catalogue import resolve
     from ..score import Judge
@@ -66,6 +69,8 @@ def explain(
         raise UserError(f"--pixel {pixel!r}: write it as X,Y with 0 <= X < {width} and 0 <= Y < {height}")
     index = int(match[2]) * width + int(match[1])
     place = find_device(device)
+    names = tuple(Entry(name) for name in dict.fromkeys(method or method_names()))
+    entries = parse_settings(setting or [], names)
     prepared = Prepared(resolve(scene, scene_dir))
     if not 0 <= frame < prepared.frame_count:
         raise UserError(f"--frame {frame}: {scene} has frames 0 to {prepared.frame_count - 1}")
@@ -79,9 +84,9 @@ def explain(
     }
     facts["exact"] = exact_facts(judge, moment, index)
     rows: list[tuple[Any, ...]] = [("reference", "ok", "", judge.reference.answers(), None)]
-    for name in dict.fromkeys(method or method_names()):
-        found = answer(name, {}, prepared, moment, place)
-        rows.append((name, found.status, found.reason, found.answers, found.known_inexact))
+    for entry in entries:
+        found = answer(entry.method, dict(entry.settings), prepared, moment, place)
+        rows.append((entry.method, found.status, found.reason, found.answers, found.known_inexact))
     facts["answers"] = [_row(judge, moment, index, *row) for row in rows]
     facts["bounces"] = [
         {"bounce": bounce, "answers": _bounced(judge, prepared, moment, index, rows, bounce)}

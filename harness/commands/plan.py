@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,8 +13,8 @@ from ..errors import CapacityRejected, UserError
 from ..moment import Prepared
 from ..pass_graph import Step, steps, wanted_of
 from ..passes import Pass
-from ..plan import device_for, find_device, parse_size
-from ..registry import make_method, method_class, method_names
+from ..plan import Entry, device_for, find_device, parse_settings, parse_size
+from ..registry import make_method, method_names
 from ..scene import Effects, Scene
 from ..scenes.catalogue import resolve
 from ..session import Session
@@ -23,6 +24,9 @@ def plan(
     scene: Annotated[str, typer.Argument(help="A scene's name or a file.")],
     method: Annotated[
         list[str] | None, typer.Option("--method", help="A method's name; again for more. Default: all.")
+    ] = None,
+    setting: Annotated[
+        list[str] | None, typer.Option("--set", help="method.param=value; again for more.")
     ] = None,
     size: Annotated[str, typer.Option("--size", help="Image size.")] = "256x256",
     device: Annotated[
@@ -38,7 +42,7 @@ def plan(
 ) -> int:
     """Say what a scene calls for and which passes run: in the first frame, where only the camera, one light or the
     geometry moved since the last frame, and where nothing did; each with its reason."""
-    found = frame_plan(scene, method or [], size, device, scene_dir)
+    found = frame_plan(scene, method or [], size, device, scene_dir, setting or [])
     print(json.dumps(found, indent=1) if as_json else as_text(found))
     return 0
 
@@ -49,12 +53,12 @@ def frame_plan(
     size: str = "256x256",
     device: str | None = None,
     scene_dir: Path | None = None,
+    settings: Sequence[str] = (),
 ) -> dict[str, Any]:
     """What the command prints, as JSON can hold it. Raises :class:`UserError` for a wrong name."""
     width, height = parse_size(size)
     place = find_device(device)
-    for name in methods:
-        method_class(name)  # a wrong name is said at once
+    entries = parse_settings(list(settings), tuple(Entry(name) for name in methods or method_names()))
     described = resolve(scene, scene_dir)
     prepared = Prepared(described)
     effects = Effects.of(described)
@@ -63,10 +67,10 @@ def frame_plan(
         "title": described.title,
         "stand_in": described.stand_in,
         "declared": declared(described, prepared),
-        "calls_for": list(effects.names()),
+        "calls_for": [*effects.names(), *(("color",) if effects.color else ())],
         "wanted": list(wanted_of(effects)),
         "changes": {label: sorted(changed) for label, changed in change_sets(len(described.lights)).items()},
-        "methods": [method_plan(name, prepared, width, height, place) for name in methods or method_names()],
+        "methods": [method_plan(entry, prepared, width, height, place) for entry in entries],
     }
 
 
@@ -91,11 +95,21 @@ def declared(scene: Scene, prepared: Prepared) -> dict[str, Any]:
         "closed": scene.closed,
         "camera": "moving" if scene.camera_moves else "fixed",
         "lights": lights,
-        "shadow rays": "where the surface faces the light" if scene.facing else "at every hit point",
+        "shadow rays": shadow_rays(scene),
         "alpha": scene.alpha is not None,
         "mirror bounces": scene.bounces if scene.mirror is not None else 0,
         "outputs": list(scene.outputs),
     }
+
+
+def shadow_rays(scene: Scene) -> str:
+    """Where shadow rays start, in words."""
+    where = "where the surface faces the light" if scene.facing else "at every hit point"
+    if any(light.spot for light in scene.lights if light.shadows):
+        where += ", of a spot those that its cone holds"
+    if scene.facing or any(light.spot for light in scene.lights if light.shadows):
+        where += "; passes of a light that reaches none are skipped on the device"
+    return where
 
 
 def change_sets(light_count: int) -> dict[str, frozenset[str]]:
@@ -109,11 +123,12 @@ def change_sets(light_count: int) -> dict[str, frozenset[str]]:
     }
 
 
-def method_plan(name: str, prepared: Prepared, width: int, height: int, device: str) -> dict[str, Any]:
+def method_plan(entry: Entry, prepared: Prepared, width: int, height: int, device: str) -> dict[str, Any]:
     """The passes of one method and what becomes of each after every change; or the reason why it has none."""
-    facts: dict[str, Any] = {"method": name, "cannot": None, "passes": []}
+    settings = dict(entry.settings)
+    facts: dict[str, Any] = {"method": entry.method, "settings": settings, "cannot": None, "passes": []}
     try:
-        method = make_method(name)
+        method = make_method(entry.method, settings)
         place = device_for(type(method), device)
         facts["cannot"] = method.applies(prepared.scene, place)
         if facts["cannot"]:
@@ -189,7 +204,7 @@ def as_text(found: dict[str, Any]) -> str:
 
 def _table(method: dict[str, Any], changes: list[str]) -> list[str]:
     if method["cannot"]:
-        return [f"{method['method']}: cannot: {method['cannot']}"]
+        return [f"{_called(method)}: cannot: {method['cannot']}"]
     count = len(method["passes"])
     head = ["pass", "first frame", *changes]
     rows = []
@@ -199,12 +214,18 @@ def _table(method: dict[str, Any], changes: list[str]) -> list[str]:
     runs = [sum(work["after"][label]["runs"] for work in method["passes"]) for label in changes]
     rows.append(["passes that run", str(count), *(str(number) for number in runs)])
     widths = [max(len(row[k]) for row in [head, *rows]) for k in range(len(head))]
-    lines = [f"{method['method']} on {method['device']}"]
+    lines = [f"{_called(method)} on {method['device']}"]
     for row in [head, *rows]:
         lines.append("  " + "  ".join(f"{cell:{w}}" for cell, w in zip(row, widths, strict=True)).rstrip())
     if method["left_out"]:
         lines.append(f"  left out, nobody wants what they make: {', '.join(method['left_out'])}")
     return lines
+
+
+def _called(method: dict[str, Any]) -> str:
+    """A method's name with what is set of it."""
+    given = ", ".join(f"{key}={value}" for key, value in method["settings"].items())
+    return f"{method['method']} ({given})" if given else method["method"]
 
 
 def _cause(verdict: dict[str, Any]) -> str:

@@ -64,7 +64,8 @@ def add(rows: Sequence[dict[str, Any]], base: str) -> None:
             r["added_ms"] = r["total_ms"] - first["total_ms"]
             # Half of each range, as one reads an error bar; the range between rounds where it is larger.
             spreads = [max(x["iqr_ms"], x["between_ms"]) / 2 for x in (r, first)]
-            r["added_iqr_ms"] = float(np.hypot(*spreads))
+            # One sample says nothing of its own spread.
+            r["added_iqr_ms"] = float(np.hypot(*spreads)) if min(r["samples"], first["samples"]) > 1 else None
 
 
 def effect_sentences(rows: Sequence[dict[str, Any]], base: str) -> list[str]:
@@ -80,7 +81,7 @@ def effect_sentences(rows: Sequence[dict[str, Any]], base: str) -> list[str]:
         own = [r for r in rows if (r["scene"], r["label"]) == (scene, label)]
         first = next(r for r in own if r["light_label"] == base)
         parts = [
-            f"{r['light_label']} {r['added_ms']:+.3g} +- {r['added_iqr_ms']:.2g} (x{r['ratio']:.2f})"
+            f"{r['light_label']} {r['added_ms']:+.3g} {spread_of(r)} (x{r['ratio']:.2f})"
             for r in own
             if r is not first
         ]
@@ -90,19 +91,27 @@ def effect_sentences(rows: Sequence[dict[str, Any]], base: str) -> list[str]:
     return result
 
 
+def spread_of(row: dict[str, Any]) -> str:
+    """The spread of what an effect adds, as it is printed."""
+    return "(one sample)" if row["added_iqr_ms"] is None else f"+- {row['added_iqr_ms']:.2g}"
+
+
 def moved_sentences(rows: Sequence[dict[str, Any]]) -> list[str]:
     """For each scene and method the frame by what moved, and how many builds it launched."""
     if not rows:
         return []
-    result = ["A frame by what alone moved since the last one, in ms (passes that build structures):"]
+    result = [
+        "A frame by what alone moved since the last one, in ms (passes that build structures). What moves is told by its "
+        "inputs: to methods that do not know parts of a mesh, a part that moves is all of it."
+    ]
     for scene, label in dict.fromkeys((r["scene"], r["label"]) for r in rows):
         own = {r["moved"]: r for r in rows if (r["scene"], r["label"]) == (scene, label)}
         parts = []
         for moved in MOVED:
             if moved in own:
                 time = own[moved]["total_ms"]
-                shown = "nothing is launched" if not own[moved]["passes"] else style.number(time)
-                parts.append(f"{moved} {shown} ({own[moved]['builds']})")
+                shown = style.number(time) if own[moved]["passes"] else "no launch"
+                parts.append(f"{moved}: {shown} ({own[moved]['builds']})")
         result.append(f"{title_of(next(iter(own.values())))}, {label}: {', '.join(parts)}.")
     return result
 

@@ -107,14 +107,41 @@ def where(made: Sequence[Row]) -> str:
     return f"{' and '.join(sizes)} on {' and '.join(devices)}"
 
 
+def effort(made: Sequence[Row]) -> str:
+    """How long the points were sampled, where they say so, as a sentence."""
+    asked = dict.fromkeys(
+        (r["record"]["point"].get("rounds"), r["record"]["point"].get("budget_s")) for r in made
+    )
+    told = [
+        f"{rounds} round{'s' * (rounds > 1)}, at most {budget:g} s of samples a point"
+        for rounds, budget in asked
+        if rounds and budget
+    ]
+    return f"{' and '.join(told)}." if told else ""
+
+
 def not_measured(made: Sequence[Row]) -> list[str]:
-    """One line for every point without a time."""
+    """One line for every point without a time, and one for every group of points of which some have no record.
+
+    A run that was stopped leaves no trace of what it did not come to: it is told by what others have.
+    """
     done = {r["key"] for r in measured(made)}
-    return [
+    lines = [
         f"{title_of(r)}, {name(r)}: {r['status']}: {r['reason'] or 'no reason given'}"
         for r in made
         if r["key"] not in done
     ]
+    labels = dict.fromkeys(r["label"] for r in made)
+    groups: dict[tuple[Any, ...], list[Row]] = {}
+    for r in made:
+        groups.setdefault((r["scene"], r["light_label"], r["width"], r["height"]), []).append(r)
+    for rows_of in groups.values():
+        missing = [label for label in labels if label not in {r["label"] for r in rows_of}]
+        if missing:
+            first = rows_of[0]
+            lights = f", {first['light_label']}" if first["light_label"] else ""
+            lines.append(f"{title_of(first)}{lights}: no record of {', '.join(missing)}")
+    return lines
 
 
 def name(r: Row) -> str:
@@ -138,7 +165,7 @@ def report(
 ) -> list[Path]:  # fmt: skip
     """Write ``EXPERIMENT.md`` with what was found, print it unless ``quiet``; return every file written."""
     lines = [f"# {title}", "", *(f"{sentence}\n" for sentence in sentences)]
-    lines += [f"{where(made)}. {errors(made)}", ""] if made else []
+    lines += [" ".join(x for x in (f"{where(made)}.", effort(made), errors(made)) if x), ""] if made else []
     missing = not_measured(made)
     if missing:
         lines += ["Not measured:", "", *(f"- {line}" for line in missing), ""]

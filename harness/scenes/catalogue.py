@@ -76,7 +76,10 @@ def resolve(name: str | Path, scene_dir: str | Path | None = None, within: tuple
         return balls.scene(text)
     path = Path(text)
     if path.suffix.lower() == SUFFIX:
-        here = path.resolve()
+        try:
+            here = path.resolve()
+        except (OSError, RuntimeError) as error:  # a link that leads to itself
+            raise UserError(f"{path}: cannot read ({' '.join(str(error).split())})") from error
         if here in within:
             raise UserError(f"{path}: its mesh leads back to itself; name a mesh file or a scene")
         scene = declared_scene(path, lambda mesh: resolve(mesh, scene_dir, (*within, here)))

@@ -20,6 +20,11 @@
     directional = true
     shadows = false
 
+    [orbit]                           # every light turns about an axis, over the frames
+    centre = [0, 1, 0]
+    turns = 1
+    frames = 12                       # of a mesh that does not move itself
+
     [alpha]
     every = 4                         # every fourth triangle has holes
     holes = 4
@@ -47,8 +52,9 @@ import numpy as np
 from ..alpha import perforated
 from ..errors import UserError, did_you_mean
 from ..largest import largest_triangles
+from ..lights import Orbit
 from ..moment import ray_tables
-from ..scene import OUTPUTS, Camera, Light, Scene, Spot
+from ..scene import OUTPUTS, Camera, Geometry, Light, Scene, Spot
 from ..spot import spot_row
 
 SUFFIX = ".toml"
@@ -59,17 +65,27 @@ MOST_BOUNCES = 64
 FARTHEST = 1e38
 """What float32 holds, about: an eye or a light beyond it would stand at infinity."""
 
-TOP = ("mesh", "title", "closed", "facing", "outputs", "camera", "lights", "alpha", "mirror")
+BRIGHTEST = 1e12
+"""Intensity and colour end somewhere: float32 holds their product."""
+
+MOST = 2**31 - 1
+
+MOST_HOLES = 2**20
+"""More along a side of a triangle are no picture any more, and soon beyond what texels can be told by."""
+
+TOP = ("mesh", "title", "closed", "facing", "outputs", "camera", "lights", "orbit", "alpha", "mirror")
 
 
 def declared_scene(path: Path, resolve: Callable[[str], Scene]) -> Scene:
     """The scene that a file declares; ``resolve`` finds its mesh. Raises :class:`UserError` for whatever is wrong."""
+    if path.exists() and not path.is_file():
+        raise UserError(f"{path}: is not a file")
     try:
         data = path.read_bytes()
         told = tomllib.loads(data.decode("utf-8-sig"))  # editors put a mark before the text
     except OSError as error:
         raise UserError(f"{path}: cannot read ({error.strerror})") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # of TOML, of its text, of a number's digits, of its depth
         raise UserError(f"{path}: not TOML: {' '.join(str(error).split())}") from error
     _known(path, "", told, TOP)
     mesh = told.get("mesh")
@@ -81,7 +97,7 @@ def declared_scene(path: Path, resolve: Callable[[str], Scene]) -> Scene:
     except UserError as error:
         raise UserError(f"{path}: mesh: {error}") from error
     fields: dict[str, Any] = {
-        "title": _typed(path, "title", told.get("title", f"{base.title} ({path.name})"), str),
+        "title": _title(path, told.get("title", f"{base.title} ({path.name})")),
         "closed": _typed(path, "closed", told.get("closed", base.closed), bool),
         "facing": _typed(path, "facing", told.get("facing", base.facing), bool),
         "source": dataclasses.replace(
@@ -103,12 +119,20 @@ def declared_scene(path: Path, resolve: Callable[[str], Scene]) -> Scene:
             raise UserError(f"{path}: lights are tables of their own: write [[lights]]")
         fields["lights"] = tuple(_light(path, i, light) for i, light in enumerate(told["lights"]))
         fields["light_path"] = None
+    if "orbit" in told:
+        _known(path, "orbit", told["orbit"], ("centre", "axis", "turns", "frames"))
+        given = dict(told["orbit"])
+        frames = _whole(path, "orbit.frames", given.pop("frames", 1))
+        orbit = _made(path, "orbit", Orbit, given)
+        if not any(orbit.axis):
+            raise UserError(f"{path}: orbit.axis must not be zero")
+        fields["light_path"] = orbit
+        fields["geometry"] = functools.partial(_lasting, base.geometry, frames)
     if "alpha" in told:
         _known(path, "alpha", told["alpha"], ("every", "holes"))
         for name, value in told["alpha"].items():
-            if _typed(path, f"alpha.{name}", value, int) < 1:
-                raise UserError(f"{path}: alpha.{name} must be at least 1")
-        fields["alpha"] = functools.partial(_perforated, path=path, given=dict(told["alpha"]))
+            _whole(path, f"alpha.{name}", value, MOST_HOLES if name == "holes" else MOST)
+        fields["alpha"] = functools.partial(perforated, **told["alpha"])
     if "mirror" in told:
         _known(path, "mirror", told["mirror"], ("share", "bounces"))
         share = _number(path, "mirror.share", told["mirror"].get("share", 0.5))
@@ -121,11 +145,10 @@ def declared_scene(path: Path, resolve: Callable[[str], Scene]) -> Scene:
     return dataclasses.replace(base, **fields)
 
 
-def _perforated(geometry: Any, path: Path, given: dict[str, Any]) -> Any:
-    try:
-        return perforated(geometry, **given)
-    except OverflowError as error:  # TOML's whole numbers have no end
-        raise UserError(f"{path}: alpha: {error}") from error
+def _lasting(geometry: Callable[[], Geometry], frames: int) -> Geometry:
+    """The mesh with so many frames, where it has but one: only the lights move over them."""
+    made = geometry()
+    return made if made.frame_count > 1 else dataclasses.replace(made, frame_count=frames)
 
 
 def _light(path: Path, index: int, told: Any) -> Light:
@@ -142,6 +165,9 @@ def _light(path: Path, index: int, told: Any) -> Light:
         _told_at_once(path, f"{where}: ", lambda: spot_row(spot))
         given["spot"] = spot
     light: Light = _made(path, where, Light, given)
+    for name, values in (("color", light.color), ("intensity", (light.intensity,))):
+        if not 0.0 <= min(values) <= max(values) <= BRIGHTEST:
+            raise UserError(f"{path}: {where}.{name} must lie in 0..{BRIGHTEST:g}")
     if not light.directional:
         _near(path, f"{where}.position", light.position)
     elif not any(light.position):
@@ -177,7 +203,7 @@ def _made(path: Path, where: str, kind: type, given: dict[str, Any]) -> Any:
             raise UserError(f"{path}: {where}: say its {field.name}")
     values: dict[str, Any] = {}
     for name, value in given.items():
-        if name in ("eye", "target", "up", "position", "direction", "color"):
+        if name in ("eye", "target", "up", "position", "direction", "color", "centre", "axis"):
             values[name] = _vector(path, f"{where}.{name}", value)
         elif name in ("shadows", "directional"):
             values[name] = _typed(path, f"{where}.{name}", value, bool)
@@ -196,7 +222,22 @@ def _outputs(path: Path, told: Any) -> tuple[str, ...]:
     for name in names:
         if name not in OUTPUTS:
             raise UserError(f"{path}: output {name!r} is not one{did_you_mean(str(name), OUTPUTS)}")
+    if not names or len(set(names)) < len(names):
+        raise UserError(f"{path}: outputs: name at least one of {', '.join(OUTPUTS)}, each once")
     return names
+
+
+def _title(path: Path, told: Any) -> str:
+    title: str = _typed(path, "title", told, str)
+    if not title.strip() or not title.isprintable():
+        raise UserError(f"{path}: title must be one line of text")
+    return title
+
+
+def _whole(path: Path, where: str, value: Any, most: int = MOST) -> int:
+    if not 1 <= _typed(path, where, value, int) <= most:
+        raise UserError(f"{path}: {where} must lie in 1..{most}")
+    return int(value)
 
 
 def _known(path: Path, where: str, told: Any, names: tuple[str, ...]) -> None:
