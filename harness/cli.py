@@ -19,6 +19,7 @@ from typing import Annotated, Any
 import typer
 
 from .commands.check import check
+from .commands.options import Device, Json, SceneDir, Settings
 from .commands.plan import plan
 from .commands.verify import explain, score, verify
 from .errors import UserError
@@ -36,14 +37,6 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-Device = Annotated[
-    str | None, typer.Option("--device", help="cpu or cuda:0. Default: cuda:0 where there is one.")
-]
-SceneDir = Annotated[
-    Path | None,
-    typer.Option("--scene-dir", help="Folder of original scenes. Default: the variable SHADOWBENCH_SCENES."),
-]
-Json = Annotated[bool, typer.Option("--json", help="Print nothing but JSON.")]
 Debug = Annotated[bool, typer.Option("--debug", help="Show a traceback with an error.")]
 
 
@@ -91,9 +84,7 @@ def run_(
     method: Annotated[
         list[str] | None, typer.Option("--method", help="A method's name; again for more.")
     ] = None,
-    setting: Annotated[
-        list[str] | None, typer.Option("--set", help="method.param=value; again for more.")
-    ] = None,
+    setting: Settings = None,
     scene_dir: SceneDir = None,
     out: Annotated[
         Path | None, typer.Option("--out", help="Results folder. A second run goes on in it.")
@@ -185,9 +176,7 @@ def render_(
     out: Annotated[Path, typer.Option("--out", help="The picture to write, .png.")],
     size: Annotated[str, typer.Option("--size", help="Image size.")] = "512x512",
     frame: Annotated[int, typer.Option("--frame", help="Frame of an animated scene, from 0.")] = 0,
-    setting: Annotated[
-        list[str] | None, typer.Option("--set", help="method.param=value; again for more.")
-    ] = None,
+    setting: Settings = None,
     device: Device = None,
     scene_dir: SceneDir = None,
 ) -> int:

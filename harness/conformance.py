@@ -113,8 +113,8 @@ def _partial(name: str, make_method: Callable[[], Method], prepared: Prepared, d
     more under a spot that nothing receives for a while: what was skipped must be made up for.
     """
     found = _in_turns(name, make_method, prepared, device, _turns(prepared))
-    spotted = Prepared(replace(prepared.scene, lights=SPOTTED, facing=True))
-    if found.status == "ok" and make_method().applies(spotted.scene, device) is None:
+    spotted = _spotted(make_method, prepared, device)
+    if found.status == "ok" and spotted is not None:
         found = _in_turns(name, make_method, spotted, device, _turns_away())
     return found
 
@@ -122,6 +122,12 @@ def _partial(name: str, make_method: Callable[[], Method], prepared: Prepared, d
 Turn = tuple[str, tuple[int, Camera | None, tuple[Light, ...]]]
 
 SPOTTED = (Light((1.0, 2.5, 0.5), spot=Spot((-1.0, -2.0, -0.5), 40.0)), Light((-0.7, 0.3, 0.9)))
+
+
+def _spotted(make_method: Callable[[], Method], prepared: Prepared, device: str) -> Prepared | None:
+    """The scene under a spot, with shadow rays only where surfaces face a light; None for a method without."""
+    scene = replace(prepared.scene, lights=SPOTTED, facing=True)
+    return Prepared(scene) if make_method().applies(scene, device) is None else None
 
 
 def _turns(prepared: Prepared) -> list[Turn]:
@@ -177,8 +183,8 @@ def _replays(name: str, make_method: Callable[[], Method], prepared: Prepared, d
     Once more under a spot, of which a graph leaves out what nothing receives.
     """
     found = _replayed(name, make_method, prepared, device, moments(prepared))
-    spotted = Prepared(replace(prepared.scene, lights=SPOTTED, facing=True))
-    if found.status == "ok" and make_method().applies(spotted.scene, device) is None:
+    spotted = _spotted(make_method, prepared, device)
+    if found.status == "ok" and spotted is not None:
         unseen = [
             spotted.moment(frame, *SIZE, camera, lights) for _, (frame, camera, lights) in _turns_away()
         ]

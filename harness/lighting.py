@@ -17,7 +17,7 @@ from .alpha import alpha_of, perforated
 from .largest import largest_triangles
 from .lights import Orbit, spread
 from .moment import Prepared
-from .scene import Geometry, Light, Scene, Spot, Vector
+from .scene import Light, Scene, Spot, Vector
 
 HOLES = 4
 """Holes along a side of a triangle that has some."""
@@ -104,14 +104,7 @@ class Lighting:
         """The scene with as many frames as the light has places, where its geometry does not move."""
         if self.frames == 1:
             return scene
-
-        def geometry() -> Geometry:
-            made = scene.geometry()
-            if made.frame_count > 1:
-                return made
-            return Geometry(made.faces, lambda k: made.positions(0), self.frames)
-
-        return replace(scene, geometry=geometry)
+        return replace(scene, geometry=lambda: scene.geometry().lasting(self.frames))
 
     def applied(self, prepared: Prepared) -> Prepared:
         """The prepared scene (one whose scene :meth:`longer` gave) under these lights; geometry is shared."""
@@ -129,10 +122,10 @@ class Lighting:
         lights = scene.lights
         if self.count and lights:
             lights = spread(lights[0], middle, self.count, scene.camera.up)
+        if self.distance or self.target is not None or self.spot:
+            lights = tuple(_standing(light, middle, prepared.radius) for light in lights)
         if self.distance:
             lights = tuple(_at(light, middle, self.distance * prepared.radius) for light in lights)
-        if self.target is not None or self.spot:
-            lights = tuple(_standing(light, middle, prepared.radius) for light in lights)
         if self.target is not None:
             lights = tuple(_spot(light, self.target, self.angle, scene.camera.up) for light in lights)
         if self.spot:
@@ -160,7 +153,6 @@ class Lighting:
 
 def _at(light: Light, middle: Vector, distance: float) -> Light:
     """The light at a distance from the middle, in the direction where it stands; above where it stands there."""
-    light = _standing(light, middle, distance)
     away = np.subtract(light.position, middle)
     length = float(np.linalg.norm(away))
     direction = away / length if length > 0 else np.array([0.0, 1.0, 0.0])

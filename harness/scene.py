@@ -115,6 +115,12 @@ class Geometry:
     frame_count: int = 1
     motion: Moves | None = None
 
+    def lasting(self, frames: int) -> Geometry:
+        """The same over so many frames, where it does not move itself."""
+        if self.frame_count > 1:
+            return self
+        return Geometry(self.faces, lambda k: self.positions(0), frames)
+
     @staticmethod
     def static(vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> Geometry:
         """A mesh that does not move."""

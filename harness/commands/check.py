@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from .options import Device, Json
+
 if TYPE_CHECKING:
     from ..conformance import Check
     from ..hardcases.judge import Finding
@@ -15,14 +17,12 @@ if TYPE_CHECKING:
 
 def check(
     method: Annotated[str, typer.Argument(help="A method's name; see shadowbench list methods.")],
-    device: Annotated[
-        str | None, typer.Option("--device", help="cpu or cuda:0. Default: cuda:0 where there is one.")
-    ] = None,
+    device: Device = None,
     setting: Annotated[list[str] | None, typer.Option("--set", help="param=value; again for more.")] = None,
     case: Annotated[
         list[str] | None, typer.Option("--case", help="A hard case's name; again for more. Default: all.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print nothing but JSON.")] = False,
+    as_json: Json = False,
 ) -> int:
     """Run the hard cases and the rules of conduct on one method, and judge every answer exactly.
 

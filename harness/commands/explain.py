@@ -5,51 +5,31 @@ from __future__ import annotations
 import json
 import re
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ..errors import UserError
+from .options import Device, Frame, Json, Methods, SceneDir, Settings
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ..moment import Moment, Prepared
+    from ..moment import Moment
+    from ..referee import Hits
     from ..score import Judge
-
-
-Methods = Annotated[
-    list[str] | None, typer.Option("--method", help="A method; again for more. Default: all.")
-]
-Device = Annotated[
-    str | None, typer.Option("--device", help="cpu or cuda:0. Default: cuda:0 where there is one.")
-]
-Size = Annotated[str, typer.Option("--size", help="Image size.")]
-Frame = Annotated[int, typer.Option("--frame", help="Frame of an animated scene, from 0.")]
-SceneDir = Annotated[
-    Path | None,
-    typer.Option("--scene-dir", help="Folder of original scenes. Default: the variable SHADOWBENCH_SCENES."),
-]
-Json = Annotated[bool, typer.Option("--json", help="Print nothing but JSON.")]
 
 
 def explain(
     scene: Annotated[str, typer.Argument(help="A scene's name or a mesh file.")],
     pixel: Annotated[str, typer.Option("--pixel", help="Column and row of the pixel, from 0: X,Y.")],
-    method: Annotated[
-        list[str] | None, typer.Option("--method", help="A method; again for more. Default: all.")
-    ] = None,
-    device: Annotated[
-        str | None, typer.Option("--device", help="cpu or cuda:0. Default: cuda:0 where there is one.")
-    ] = None,
+    method: Methods = None,
+    device: Device = None,
     size: Annotated[str, typer.Option("--size", help="Image size that the pixel belongs to.")] = "256x256",
-    frame: Annotated[int, typer.Option("--frame", help="Frame of an animated scene, from 0.")] = 0,
-    setting: Annotated[
-        list[str] | None, typer.Option("--set", help="method.param=value; again for more.")
-    ] = None,
-    scene_dir: Annotated[Path | None, typer.Option("--scene-dir", help="Folder of original scenes.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print nothing but JSON.")] = False,
+    frame: Frame = 0,
+    setting: Settings = None,
+    scene_dir: SceneDir = None,
+    as_json: Json = False,
 ) -> int:
     """Show one pixel: every method's answer, Embree's, and the exact one with its tie set and its nearest edge.
 
@@ -89,7 +69,7 @@ def explain(
         rows.append((entry.method, found.status, found.reason, found.answers, found.known_inexact))
     facts["answers"] = [_row(judge, moment, index, *row) for row in rows]
     facts["bounces"] = [
-        {"bounce": bounce, "answers": _bounced(judge, prepared, moment, index, rows, bounce)}
+        {"bounce": bounce, "answers": _bounced(judge, moment, index, rows, bounce)}
         for bounce in range(1, judge.effects.bounces + 1)
     ]
     if as_json:
@@ -100,6 +80,14 @@ def explain(
     return 1 if any(row["wrong"] and not row["known_inexact"] for row in rows_shown) else 0
 
 
+def exact_hit(judge: Judge, moment: Moment, index: int) -> Hits:
+    """The exact closest hit of a pixel's ray: of the moment's primary one, or of its mirrored one."""
+    import numpy as np
+
+    pixels = np.array([index])
+    return judge.referee.closest(moment.origins(pixels), moment.directions(pixels))
+
+
 def exact_facts(judge: Judge, moment: Moment, index: int) -> dict[str, Any]:
     """The exact answer at a pixel: tie set, t, the nearest edge in units of the bound, and each shadow."""
     import numpy as np
@@ -107,8 +95,7 @@ def exact_facts(judge: Judge, moment: Moment, index: int) -> dict[str, Any]:
     from .. import exact
 
     referee = judge.referee
-    pixels = np.array([index])
-    hits = referee.closest(moment.origins(pixels), moment.directions(pixels))
+    hits = exact_hit(judge, moment, index)
     ratio = hits.ratio[0]
     if ratio is None:
         return {"triangle": -1, "ties": [], "t": None, "shadows": []}
@@ -138,7 +125,7 @@ def exact_facts(judge: Judge, moment: Moment, index: int) -> dict[str, Any]:
 
 
 def _bounced(
-    judge: Judge, prepared: Prepared, moment: Moment, index: int, rows: list[tuple[Any, ...]], bounce: int
+    judge: Judge, moment: Moment, index: int, rows: list[tuple[Any, ...]], bounce: int
 ) -> list[dict[str, Any]]:
     """What each method says of the pixel's mirrored ray, beside the exact answer to that very ray.
 
@@ -148,11 +135,13 @@ def _bounced(
 
     found = []
     for name, status, reason, answers, known_inexact in rows:
-        if answers is None or "bounce_active" not in answers:
+        if (
+            answers is None
+            or "bounce_active" not in answers
+            or answers["bounce_active"][bounce - 1][index] != 1
+        ):
             continue
-        if answers["bounce_active"][bounce - 1][index] != 1:
-            continue
-        rays = mirrored(prepared, moment, answers, bounce)
+        rays = mirrored(judge.prepared, moment, answers, bounce)
         row = _row(judge, rays, index, name, status, reason, answers_of(answers, bounce), known_inexact)
         found.append({**row, "exact": exact_facts(judge, rays, index)})
     return found
@@ -169,7 +158,6 @@ def _row(
     known_inexact: str | None,
 ) -> dict[str, Any]:
     """One method's answer at the pixel, and the class of each part of it."""
-    import numpy as np
 
     from ..consistency import check_consistency
     from ..referee import Verdict
@@ -180,8 +168,7 @@ def _row(
     found = check_consistency(
         judge.prepared, moment, {**answers, "visibility": answers["visibility"][: len(moment.lights)]}
     )
-    pixels = np.array([index])
-    hits = judge.referee.closest(moment.origins(pixels), moment.directions(pixels))
+    hits = exact_hit(judge, moment, index)
     verdict = Verdict(int(judge.referee.classify_primary(hits, answers["triangle"][[index]])[0]))
     if found.primary_invalid[index]:
         verdict = Verdict.INVALID

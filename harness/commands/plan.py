@@ -18,27 +18,17 @@ from ..registry import make_method, method_names
 from ..scene import Effects, Scene
 from ..scenes.catalogue import resolve
 from ..session import Session
+from .options import Device, Json, Methods, SceneDir, Settings, Size
 
 
 def plan(
     scene: Annotated[str, typer.Argument(help="A scene's name or a file.")],
-    method: Annotated[
-        list[str] | None, typer.Option("--method", help="A method's name; again for more. Default: all.")
-    ] = None,
-    setting: Annotated[
-        list[str] | None, typer.Option("--set", help="method.param=value; again for more.")
-    ] = None,
-    size: Annotated[str, typer.Option("--size", help="Image size.")] = "256x256",
-    device: Annotated[
-        str | None, typer.Option("--device", help="cpu or cuda:0. Default: cuda:0 where there is one.")
-    ] = None,
-    scene_dir: Annotated[
-        Path | None,
-        typer.Option(
-            "--scene-dir", help="Folder of original scenes. Default: the variable SHADOWBENCH_SCENES."
-        ),
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print nothing but JSON.")] = False,
+    method: Methods = None,
+    setting: Settings = None,
+    size: Size = "256x256",
+    device: Device = None,
+    scene_dir: SceneDir = None,
+    as_json: Json = False,
 ) -> int:
     """Say what a scene calls for and which passes run: in the first frame, where only the camera, one light or the
     geometry moved since the last frame, and where nothing did; each with its reason."""
@@ -105,9 +95,10 @@ def declared(scene: Scene, prepared: Prepared) -> dict[str, Any]:
 def shadow_rays(scene: Scene) -> str:
     """Where shadow rays start, in words."""
     where = "where the surface faces the light" if scene.facing else "at every hit point"
-    if any(light.spot for light in scene.lights if light.shadows):
+    spots = any(light.spot for light in scene.lights if light.shadows)
+    if spots:
         where += ", of a spot those that its cone holds"
-    if scene.facing or any(light.spot for light in scene.lights if light.shadows):
+    if scene.facing or spots:
         where += "; passes of a light that reaches none are skipped on the device"
     return where
 

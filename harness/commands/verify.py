@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import CapacityRejected, UserError
-from .explain import Json, SceneDir, explain
+from .explain import explain
+from .options import Device, Frame, Json, Methods, SceneDir, Settings, Size
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -65,17 +66,11 @@ def answer(name: str, settings: dict[str, str], prepared: Prepared, moment: Mome
 
 def verify(
     scene: Annotated[list[str], typer.Argument(help="Names of scenes, or mesh files.")],
-    method: Annotated[
-        list[str] | None, typer.Option("--method", help="A method; again for more. Default: all.")
-    ] = None,
-    setting: Annotated[
-        list[str] | None, typer.Option("--set", help="method.param=value; again for more.")
-    ] = None,
-    device: Annotated[
-        str | None, typer.Option("--device", help="cpu or cuda:0. Default: cuda:0 where there is one.")
-    ] = None,
-    size: Annotated[str, typer.Option("--size", help="Image size.")] = "256x256",
-    frame: Annotated[int, typer.Option("--frame", help="Frame of an animated scene, from 0.")] = 0,
+    method: Methods = None,
+    setting: Settings = None,
+    device: Device = None,
+    size: Size = "256x256",
+    frame: Frame = 0,
     everything: Annotated[
         bool, typer.Option("--every-pixel", help="Let the exact referee decide every pixel.")
     ] = False,

@@ -135,10 +135,11 @@ def not_measured(made: Sequence[Row]) -> list[str]:
     groups: dict[tuple[Any, ...], list[Row]] = {}
     for r in made:
         groups.setdefault((r["scene"], r["light_label"], r["width"], r["height"]), []).append(r)
-    for rows_of in groups.values():
-        missing = [label for label in labels if label not in {r["label"] for r in rows_of}]
+    for group in groups.values():
+        there = {r["label"] for r in group}
+        missing = [label for label in labels if label not in there]
         if missing:
-            first = rows_of[0]
+            first = group[0]
             lights = f", {first['light_label']}" if first["light_label"] else ""
             lines.append(f"{title_of(first)}{lights}: no record of {', '.join(missing)}")
     return lines

@@ -16,7 +16,7 @@ from pathlib import Path
 from ..errors import UserError, did_you_mean
 from ..scene import Camera, Light, Scene
 from . import balls, usd
-from .checks import Loaded
+from .checks import Loaded, exists
 from .declaration import SUFFIX, declared_scene
 from .load import SUFFIXES, load, load_sequence, source
 from .sequences import numbered
@@ -86,17 +86,10 @@ def resolve(name: str | Path, scene_dir: str | Path | None = None, within: tuple
         # What is declared about a scene of the paper is another scene: the paper's numbers are not for it.
         plain = _plain(path.stem)
         return replace(scene, name=f"{plain}-declared" if plain in scene_names() else plain)
-    if _exists(path) or path.suffix.lower() in SUFFIXES or path.parent != Path("."):
+    if exists(path) or path.suffix.lower() in SUFFIXES or path.parent != Path("."):
         known = path.stem.lower()
         return _from_files(path, known if known in NAMES else _plain(path.stem), path.name)
     raise UserError(f"no scene or file {text!r}{did_you_mean(text, scene_names())}")
-
-
-def _exists(path: Path) -> bool:
-    try:
-        return path.exists()
-    except (OSError, ValueError):  # too long, or no file name at all
-        return False
 
 
 def folder(scene_dir: str | Path | None = None) -> Path | None:

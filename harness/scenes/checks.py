@@ -82,6 +82,14 @@ def guarded(path: Path, what: str) -> Iterator[None]:
         log.setLevel(level)
 
 
+def exists(path: Path) -> bool:
+    """Whether something is there; no error for what no file could be called."""
+    try:
+        return path.exists()
+    except (OSError, ValueError):  # too long, or no file name at all
+        return False
+
+
 def read_bytes(path: Path) -> bytes:
     """The whole file. Raises :class:`UserError` where it is missing, a folder or unreadable."""
     try:

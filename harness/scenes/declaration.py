@@ -54,8 +54,9 @@ from ..errors import UserError, did_you_mean
 from ..largest import largest_triangles
 from ..lights import Orbit
 from ..moment import ray_tables
-from ..scene import OUTPUTS, Camera, Geometry, Light, Scene, Spot
+from ..scene import OUTPUTS, Camera, Light, Scene, Spot
 from ..spot import spot_row
+from .checks import exists
 
 SUFFIX = ".toml"
 
@@ -78,7 +79,7 @@ TOP = ("mesh", "title", "closed", "facing", "outputs", "camera", "lights", "orbi
 
 def declared_scene(path: Path, resolve: Callable[[str], Scene]) -> Scene:
     """The scene that a file declares; ``resolve`` finds its mesh. Raises :class:`UserError` for whatever is wrong."""
-    if path.exists() and not path.is_file():
+    if exists(path) and not path.is_file():
         raise UserError(f"{path}: is not a file")
     try:
         data = path.read_bytes()
@@ -93,7 +94,7 @@ def declared_scene(path: Path, resolve: Callable[[str], Scene]) -> Scene:
         raise UserError(f'{path}: say which mesh: mesh = "FILE or scene"')
     beside = path.parent / mesh
     try:
-        base = resolve(str(beside) if _exists(beside) else mesh)
+        base = resolve(str(beside) if exists(beside) else mesh)
     except UserError as error:
         raise UserError(f"{path}: mesh: {error}") from error
     fields: dict[str, Any] = {
@@ -127,7 +128,7 @@ def declared_scene(path: Path, resolve: Callable[[str], Scene]) -> Scene:
         if not any(orbit.axis):
             raise UserError(f"{path}: orbit.axis must not be zero")
         fields["light_path"] = orbit
-        fields["geometry"] = functools.partial(_lasting, base.geometry, frames)
+        fields["geometry"] = lambda: base.geometry().lasting(frames)
     if "alpha" in told:
         _known(path, "alpha", told["alpha"], ("every", "holes"))
         for name, value in told["alpha"].items():
@@ -143,12 +144,6 @@ def declared_scene(path: Path, resolve: Callable[[str], Scene]) -> Scene:
         if not 0 <= fields["bounces"] <= MOST_BOUNCES:
             raise UserError(f"{path}: mirror.bounces {fields['bounces']} must lie in 0..{MOST_BOUNCES}")
     return dataclasses.replace(base, **fields)
-
-
-def _lasting(geometry: Callable[[], Geometry], frames: int) -> Geometry:
-    """The mesh with so many frames, where it has but one: only the lights move over them."""
-    made = geometry()
-    return made if made.frame_count > 1 else dataclasses.replace(made, frame_count=frames)
 
 
 def _light(path: Path, index: int, told: Any) -> Light:
@@ -186,13 +181,6 @@ def _told_at_once(path: Path, where: str, rule: Callable[[], Any]) -> None:
 def _near(path: Path, where: str, point: tuple[float, float, float]) -> None:
     if max(abs(x) for x in point) > FARTHEST:
         raise UserError(f"{path}: {where} {point} lies beyond what float32 holds")
-
-
-def _exists(path: Path) -> bool:
-    try:
-        return path.exists()
-    except (OSError, ValueError):  # too long, or no file name at all
-        return False
 
 
 def _made(path: Path, where: str, kind: type, given: dict[str, Any]) -> Any:
