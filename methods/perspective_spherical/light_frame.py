@@ -9,8 +9,9 @@ from __future__ import annotations
 import warp as wp
 
 from ...harness.specialise import effects
+from ..common.axes import axes_along
 from ..common.reserve import number_in, raise_to
-from ..common.triangle import to_float64
+from ..common.triangle import largest, to_float64
 from .light_map import ray_place, ray_place32, ray_place_centred
 
 EXTENT = wp.constant(8)
@@ -116,18 +117,11 @@ def aim_kernel(
             wp.vec3d(spots[index, 7], spots[index, 8], spots[index, 9]),
         )
         return
-    size = wp.max(wp.abs(forward[0]), wp.max(wp.abs(forward[1]), wp.abs(forward[2])))
+    size = largest(forward)
     if not aimed or not (size > wp.float64(0.0)) or not (size < wp.float64(wp.INF)):
         forward = wp.vec3d(wp.float64(1.0), wp.float64(0.0), wp.float64(0.0))
         size = wp.float64(1.0)
-    forward = wp.normalize(forward / size)
-    # Any axis far from parallel to forward serves as "up"; world axes keep y up as the paper's figure does.
-    up = wp.vec3d(wp.float64(0.0), wp.float64(1.0), wp.float64(0.0))
-    if wp.abs(forward[1]) > wp.float64(0.8):
-        up = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
-    right = wp.normalize(wp.cross(forward, up))
-    up = wp.cross(right, forward)
-    frame[0] = wp.matrix_from_rows(forward, right, up)
+    frame[0] = axes_along(wp.normalize(forward / size))
     if centred:
         distance = wp.length(middle - to_float64(lights[index]))
         reach = wp.length(wp.vec3d(box[3] - box[0], box[4] - box[1], box[5] - box[2]))

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..common.triangle import to_float32, to_float64
+from ..common.axes import axes_along
+from ..common.triangle import largest, to_float32, to_float64
 from .queues import COUNTERS
 from .warps import least_of_lanes
 
@@ -101,22 +102,17 @@ def aim_kernel(
     if low[0] < wp.INF:
         middle = 0.5 * low + 0.5 * high
     forward = to_float64(middle) - to_float64(lights[index])
-    far = wp.max(wp.abs(forward[0]), wp.max(wp.abs(forward[1]), wp.abs(forward[2])))
+    far = largest(forward)
     if not (far > wp.float64(0.0)) or not (far < wp.float64(wp.INF)):
         forward = wp.vec3d(wp.float64(1.0), wp.float64(0.0), wp.float64(0.0))
         far = wp.float64(1.0)
     distance = wp.length(forward / far) * far
-    forward = wp.normalize(forward / far)
-    up = wp.vec3d(wp.float64(0.0), wp.float64(1.0), wp.float64(0.0))
-    if wp.abs(forward[1]) > wp.float64(0.8):
-        up = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
-    right = wp.normalize(wp.cross(forward, up))
-    up = wp.cross(right, forward)
-    frames[index] = wp.matrix_from_rows(forward, right, up)
+    axes = axes_along(wp.normalize(forward / far))
+    frames[index] = axes
     c = Cube()
-    c.forward = to_float32(forward)
-    c.right = to_float32(right)
-    c.up = to_float32(up)
+    c.forward = to_float32(axes[0])
+    c.right = to_float32(axes[1])
+    c.up = to_float32(axes[2])
     c.middle = middle
     c.distance = wp.float32(distance)
     if middle == lights[index]:

@@ -13,10 +13,10 @@ from ..common.entries import entry, set_entry
 from ..common.reserve import reserve
 from ..common.triangle import largest, occludes, total, weld_of
 from .light_aim import Cube
-from .light_bins import cells_of, reach_of, span_of
+from .light_bins import cells_of, span_of
 from .light_cells import Sides, cells_of_row, cube_space, on_cells, sides_of_flat, sides_of_planes
 from .light_places import on_face
-from .light_rays import NO, left_open, occluder_at, shade, sign_bound, verdict
+from .light_rays import NO, bound_of, left_open, occluder_at, shade, verdict
 from .queues import DOUBTS, ITEMS, LARGE, PARTS, queue_parts
 from .warps import LANES, filled_lane, gather, lane_at, of_lane, sum_to_lane
 
@@ -76,7 +76,7 @@ def split_kernel(
                 sides = sides_of_flat(flat)
             else:
                 sides = sides_of_planes(light, cube, face, a, b, c, table[face], cells)
-            bound = sign_bound(wp.max(reach_of(table), wp.max(largest(a), wp.max(largest(b), largest(c)))))
+            bound = bound_of(table, a, b, c)
             place = reserve(counts, ITEMS, number)
             for g in range(number):
                 if place + g < items.shape[0]:

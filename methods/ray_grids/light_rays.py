@@ -12,7 +12,7 @@ import warp as wp
 from ..common.entries import entry, set_entry
 from ..common.reserve import number_in
 from ..common.triangle import U32, largest
-from .light_bins import span_of
+from .light_bins import reach_of, span_of
 from .queues import DOUBTS
 
 
@@ -74,6 +74,12 @@ def sign_bound(size: wp.float32) -> wp.float32:
     n is known to 8 u a part; over |h - p|_1 <= 6 size that is 48 u size, and n . h + c rounds by 78 u size more.
     """
     return 128.0 * U32 * size + 1.0e-36
+
+
+@wp.func
+def bound_of(table: wp.array(dtype=wp.vec4f), a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> wp.float32:
+    """:func:`sign_bound` of a triangle and every hit point of a light."""
+    return sign_bound(wp.max(reach_of(table), wp.max(largest(a), wp.max(largest(b), largest(c)))))
 
 
 @wp.func

@@ -14,9 +14,9 @@ from ...harness.alpha import Alpha
 from ...harness.specialise import effects
 from ..common.entries import entry, set_entry
 from ..common.reserve import number_in
-from ..common.triangle import U32, largest, total
+from ..common.triangle import U32, total
 from .light_aim import FACES, Cube
-from .light_bins import cells_of, reach_of, span_of
+from .light_bins import cells_of, span_of
 from .light_cells import (
     beyond_face,
     cells_of_row,
@@ -27,7 +27,7 @@ from .light_cells import (
     sides_of_planes,
 )
 from .light_places import on_face
-from .light_rays import occluder_of, set_record, shade_box, shade_row, sign_bound
+from .light_rays import bound_of, occluder_of, set_record, shade_box, shade_row
 from .light_reach import all_end_before
 from .queues import LARGE
 
@@ -85,7 +85,7 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
         qc = cube_space(c, cube)
         reach = wp.max(total(a - cube.middle), wp.max(total(b - cube.middle), total(c - cube.middle)))
         slack = 32.0 * U32 * (reach + cube.distance)
-        bound = sign_bound(wp.max(reach_of(table), wp.max(largest(a), wp.max(largest(b), largest(c)))))
+        bound = bound_of(table, a, b, c)
         sure = bound
         if wp.static(effects.alpha):
             if alpha.masked[i] != wp.uint8(0):
