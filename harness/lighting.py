@@ -172,6 +172,9 @@ def _spot(light: Light, target: Vector, angle: float, up: Vector) -> Light:
 
 
 def _directional(light: Light, middle: Vector) -> Light:
+    """The light as it shines at the middle, from infinitely far; one that does so already as it is."""
+    if light.directional:
+        return light
     return replace(light, position=_vector(np.subtract(light.position, middle)), spot=None, directional=True)
 
 

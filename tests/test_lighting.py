@@ -60,6 +60,15 @@ def test_a_spot_looks_at_its_target(prepared):
     assert lit.moment(0, 4, 4).spots[0, 0] != 0
 
 
+def test_a_light_becomes_directional_once(prepared):
+    lighting = Lighting("sun", directional=True)
+    (first,) = lighting.applied(prepared).scene.lights
+    assert first.directional
+    again = copy.copy(prepared)
+    again.scene = dataclasses.replace(prepared.scene, lights=(first,))
+    assert lighting.applied(again).scene.lights == (first,)
+
+
 def test_a_directional_light_that_becomes_a_spot_stands_somewhere(prepared):
     sun = dataclasses.replace(prepared.scene.lights[0], position=(0.0, 3.0, 4.0), directional=True, spot=None)
     sunny = copy.copy(prepared)
