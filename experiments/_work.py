@@ -18,8 +18,8 @@ WORD = 8
 """Bytes of a pixel's nearest word."""
 ANSWER = 4 * 4
 """Bytes of a pixel's triangle, distance and weights."""
-HIT, POINT, PLACE, SLOT = 24, 16, 12, 8
-"""Bytes of a pixel's hit point in float64, in float32, of its place and its slot in the cells."""
+HIT, POINT, PLACE, SLOT = 24, 16, 16, 8
+"""Bytes of a pixel's hit point in float64, in float32, of its place (with its depth) and its slot in the cells."""
 ITEM, RECORD, LINES, PAIR = 16, 64, 48, 8
 """Bytes of a queued item, of a triangle's planes, of an item's lines, of a doubtful pair."""
 
