@@ -72,6 +72,22 @@ def test_a_pass_that_reads_what_the_frame_makes_cannot_run_ahead(makers):
     assert not launched
 
 
+@pytest.mark.parametrize("shared", ["reads", "writes"])
+def test_passes_that_share_what_one_writes_cannot_run_beside_each_other(shared):
+    """Refused by name before anything is captured or launched; what both only read may be shared."""
+    launched = []
+
+    def light(i, **names):
+        given = {"reads": ("hits",), "writes": (f"bits/{i}",)} | names
+        return Pass(f"light {i}", "shadow", launch=lambda: launched.append(i), branch=1 + i, **given)
+
+    with pytest.raises(ValueError, match="pass 'light 1' cannot run beside 'light 0'"):
+        passes.capture_passes([light(0), light(1, **{shared: ("bits/0",)})], "cpu")
+    assert not launched
+    groups = passes._side_by_side([make("trace", "camera", "hits"), light(0), light(1), light(0)])
+    assert [[len(branch) for branch in group] for group in groups] == [[1], [2, 1]]
+
+
 @pytest.mark.parametrize("label", ["uniform_grid", "ray_grids"])
 @pytest.mark.parametrize("interrupted", ["loaded", "selected", "planned anew"])
 def test_a_frame_is_never_made_from_one_that_is_not_whole(label, interrupted):

@@ -40,8 +40,9 @@ def test_equals_brute_force_under_random_knobs(seed, device):
         "part": str(random.integers(1, 100)),
         "inline_rays": str(random.integers(0, 60)),
         "inline_cells": str(random.integers(0, 100)),
+        "beside": str(1 + seed % 4),
     }
-    _, moment, got = answers_of(prepared, width, height, settings, device)
+    session, moment, got = answers_of(prepared, width, height, settings, device)
     best, t = closest(prepared, moment)
     assert (got["triangle"] == best).all()
     hit = best >= 0
@@ -49,6 +50,10 @@ def test_equals_brute_force_under_random_knobs(seed, device):
     assert np.isinf(got["t"][~hit]).all()
     for light in range(len(lights)):
         assert (got["visibility"][light] == shadowed(prepared, moment, light, best, t)).all(), light
+    session.frame.answers.poison()
+    session.replay()  # on the GPU a graph, in which lights run beside each other
+    for name, values in session.frame.answers.to_host().items():
+        np.testing.assert_array_equal(values, got[name], err_msg=name)
 
 
 @pytest.mark.parametrize("device", DEVICES)

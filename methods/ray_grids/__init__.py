@@ -20,7 +20,7 @@ from ...harness.method import BaseMethod
 from ...harness.passes import Pass
 from ...harness.scene import Effects, Limits
 from .camera_passes import CameraStream
-from .light_passes import LightAims, LightStream
+from .light_passes import LightAims, LightStream, RayBins
 from .parameters import Build
 from .queues import COUNTERS, DOUBTS, ITEMS, PARTS, Capacity, Queues, more_room
 
@@ -67,15 +67,17 @@ class RayGrids(BaseMethod):
             )
         queues = Queues(frame, self._queued, self._capacity, 1 + len(effects.shadows))
         self._queues, self._needs = queues, queues.counts
-        aims = LightAims(frame, len(effects.shadows)) if any(effects.shadows) else None
+        aims = LightAims(frame, len(effects.shadows))
         camera = CameraStream(frame, self.build, queues, effects)
         passes = camera.passes()
-        bins = None
-        for i, wanted in enumerate(effects.shadows):
-            if wanted and aims:
-                light = LightStream(frame, i, self.build, camera.hit, queues, aims, bins, effects)
-                bins = light.bins
-                passes += light.passes()
+        wanted = [i for i, wanted in enumerate(effects.shadows) if wanted]
+        lanes = [(queues, RayBins(frame, self.build))] if wanted else []
+        for _ in range(1, min(len(wanted), self.build.beside) if queues.cuda else 1):
+            lanes.append((queues.beside(frame, self._capacity), RayBins(frame, self.build)))
+        for number, i in enumerate(wanted):
+            lane = number % len(lanes)
+            light = LightStream(frame, i, self.build, camera.hit, *lanes[lane], aims, effects)
+            passes += light.passes(branch=1 + lane)
         return passes
 
     def needs(self) -> wp.array | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import warp as wp
 
@@ -33,7 +34,7 @@ class LightAims:
 
 
 class RayBins:
-    """Cells of one light's cube and the rays in them; lights of a frame take turns with the same arrays.
+    """Cells of one light's cube and the rays in them; lights of one branch take turns with the same arrays.
 
     place vec4f [pixels]: (u, v, face, depth) of each pixel's ray; point vec4f [pixels]: its hit point, and the pixel; slot
     vec2i [pixels]: its cell and rank there; count and offset int32 [6 faces * cells rows * (cells + 4)] and one more;
@@ -69,19 +70,19 @@ class LightStream:
         build: Build,
         hit: wp.array,
         queues: Queues,
+        bins: RayBins,
         aims: LightAims,
-        bins: RayBins | None,
         effects: Effects,
     ):
         self.frame, self.index, self.build, self.hit = frame, index, build, hit
-        self.queues, self.aims = queues, aims
-        self.bins = bins or RayBins(frame, build)
+        self.queues, self.bins, self.aims = queues, bins, aims
         self.switches = effects.switches(index)
         self.effects = effects
         self.counts = queues.counts[1 + index]
         self.rectangle, self.table = aims.rectangles[index], aims.tables[index]
 
-    def passes(self) -> list[Pass]:
+    def passes(self, branch: int = 0) -> list[Pass]:
+        """The light's passes, in the graph's ``branch`` where they run beside those of another light."""
         i = self.index
         light, effect = f"light/{i}", f"shadows/{i}"
         seen = ("hits", f"light aim/{i}", *self.effects.mask_reads(i))
@@ -112,10 +113,10 @@ class LightStream:
                 Pass(f"light {i}: queued rows", "shadow", (*scene, bits, *items), (bits, *parts), self.launch_items, effect),
                 Pass(f"light {i}: further parts", "shadow", (*scene, bits, *parts), (bits,), self.launch_parts, effect),
             ]  # fmt: skip
-        return [
-            *passes,
-            Pass(f"light {i}: doubtful pairs", "shadow", scene, (bits,), self.launch_doubts, effect),
-        ]
+        passes.append(
+            Pass(f"light {i}: doubtful pairs", "shadow", scene, (bits,), self.launch_doubts, effect)
+        )
+        return [replace(work, branch=branch) for work in passes]
 
     def launch_aim(self) -> None:
         f, a = self.frame, self.aims

@@ -6,6 +6,8 @@ frame that lost an item is discarded, the queue grown, and the frame repeated. N
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
@@ -85,7 +87,7 @@ class Queues:
         self.device = frame.device
         device = wp.get_device(frame.device)
         self.cuda = device.is_cuda
-        items, parts, doubts = capacity if queued else (1, 1, capacity[2])
+        self.threads = THREADS * device.sm_count if self.cuda else 64
         words = COUNTERS // 2 * streams
         with wp.ScopedDevice(frame.device):
             # One array for all that a frame begins by clearing: a launch costs as much as the bytes.
@@ -94,11 +96,22 @@ class Queues:
             self.counts = wp.array(
                 ptr=self.cleared.ptr + 8 * frame.pixels, shape=(streams, COUNTERS), dtype=wp.int32
             )
+        self._allocate(frame, capacity)
+
+    def _allocate(self, frame: Frame, capacity: Capacity) -> None:
+        items, parts, doubts = capacity if self.queued else (1, 1, capacity[2])
+        triangles = max(1, frame.triangle_count) if self.queued else 1
+        with wp.ScopedDevice(frame.device):
             self.items = wp.zeros(items, dtype=wp.vec4i)
             self.large = wp.zeros(items, dtype=wp.vec4i)
             self.lines = wp.zeros((items, 3), dtype=wp.vec4f)
             self.parts = wp.zeros(parts, dtype=wp.vec2i)
             self.doubts = wp.zeros(doubts, dtype=wp.vec2i)
-            self.depths = wp.zeros(max(1, frame.triangle_count) if queued else 1, dtype=wp.vec3d)
-            self.records = wp.zeros((max(1, frame.triangle_count) if queued else 1, 4), dtype=wp.vec4f)
-        self.threads = THREADS * device.sm_count if self.cuda else 64
+            self.depths = wp.zeros(triangles, dtype=wp.vec3d)
+            self.records = wp.zeros((triangles, 4), dtype=wp.vec4f)
+
+    def beside(self, frame: Frame, capacity: Capacity) -> Queues:
+        """The same counters with queues of their own, for a stream that runs beside those of this one."""
+        other = copy.copy(self)
+        other._allocate(frame, capacity)
+        return other
