@@ -60,7 +60,7 @@ EXPERIMENT = Experiment(
             timeout_s=180.0, lightings=distances(0.1, 1, 10, 1e3, 1e7), memory=256 << 20,
         ),
         "paper": Preset(
-            1024, 1024, ("cloth",), entries(128, LARGE), frames=1, samples=3, most=10, deviation=0.01, stage_samples=2,
+            1024, 1024, ("cloth",), entries(128, LARGE), frames=1, samples=3, most=10, deviation=0.01, stage_samples=5,
             rounds=2, budget_s=1.0, timeout_s=120.0, lightings=distances(0.1, 1, 10, 1e2, 1e3, 1e5, 1e7),
             memory=2 << 30,
         ),
