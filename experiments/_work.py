@@ -31,20 +31,22 @@ def ray_grids(record: dict[str, Any], frame: dict[str, Any], name: str) -> Work 
     mesh = scene["triangles"] * TRIANGLE + scene.get("vertices", 0) * VERTEX
     rays = frame.get("shadow_rays") or 0
     counters = frame.get("counters") or {}
-    match = re.fullmatch(r"(camera|light \d+): (.+)", name)
+    match = re.fullmatch(r"(camera|light \d+): (.+?)(?:, share \d+ of (\d+))?", name)
     if match is None:
         return None
-    who, what = match.groups()
+    who, what, shares = match.groups()
+    share = 1.0 / int(shares or 1)
 
     def queued(kind: str) -> float:
-        return float(counters.get(f"{who} {kind}", 0))
+        return share * counters.get(f"{who} {kind}", 0)
 
     if what == "stream triangles":
-        # The camera clears and writes words; a light reads rays. Queued work is written.
-        own = 2.0 * pixels * WORD if who == "camera" else float(rays * POINT)
+        # The camera writes words; a light reads rays. Queued work is written.
+        own = pixels * WORD if who == "camera" else rays * POINT
         tests = pixels if who == "camera" else rays
-        return Work(mesh + own + queued("items") * ITEM, tests, 2 if who == "camera" else 1)
+        return Work(share * (mesh + own) + queued("items") * ITEM, share * tests)
     stages = {
+        "clear": Work(pixels * WORD),
         "resolve": Work(pixels * (WORD + ANSWER + HIT)),
         "aim": Work(0.0),
         "map rays": Work(pixels * (HIT + 4 + PLACE + POINT + 1)),

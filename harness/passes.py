@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,8 +27,9 @@ class Pass:
     scratch whether a library in it takes memory while it runs (scans and sorts do): what a captured graph launches under
             a condition cannot hold such a pass, so there it is launched whether or not its neighbours are
     ahead   whether no pass makes what it reads: a captured graph then runs it beside the passes that come before it
-    branch  neighbours that have one are run branch by branch beside each other in a captured graph, each branch in order;
-            elsewhere, and where a pass has a condition, one after another. 0: none
+    branch  neighbours that have one run beside each other in a captured graph, each branch in order, and may fork again
+            at the next number; elsewhere, and where a pass has a condition, all run one after another. (): none
+    adds    whether it only adds to what it writes (atomics, bits that stay set), so that another may do so at once
     only_if int32 [1] on the device: launched only where it is not 0 (set by the harness, decided inside the frame)
     """
 
@@ -40,7 +41,8 @@ class Pass:
     effect: str | None = None
     scratch: bool = False
     ahead: bool = False
-    branch: int = 0
+    branch: tuple[int, ...] = ()
+    adds: bool = False
     only_if: wp.array | None = None
 
     def __post_init__(self) -> None:
@@ -65,8 +67,8 @@ def run_passes(passes: Sequence[Pass]) -> None:
 def capture_passes(passes: Sequence[Pass], device: str) -> Any:
     """The passes as a graph (CUDA). Those that may run ahead are a branch of their own, joined where they stand.
 
-    Raises ValueError where one of these reads what a pass of the frame makes, and where passes of two branches that run
-    beside each other share what one of them writes.
+    Raises ValueError where one of these reads what a pass of the frame makes, and where passes that would run beside each
+    other share what one of them writes.
     """
     made = {name for work in passes for name in work.writes}
     early = [work for work in passes if work.ahead and work.only_if is None]
@@ -74,49 +76,57 @@ def capture_passes(passes: Sequence[Pass], device: str) -> Any:
         if not made.isdisjoint(work.reads):
             raise ValueError(f"pass {work.name!r} cannot run ahead: it reads what the frame makes")
     place = passes.index(early[0]) if early else len(passes)
-    before, after = (
-        _side_by_side(passes[:place]),
-        _side_by_side([w for w in passes[place:] if w not in early]),
-    )
+    _refuse_shared(passes)
     with wp.ScopedDevice(device), wp.ScopedCapture() as capture:
         if early:
             with wp.ScopedStream(wp.Stream(device)) as branch:
                 _launch(early)
                 done = branch.record_event()
-        _capture(before, device)
+        _capture(passes[:place], device)
         if early:
             wp.wait_event(done)
-        _capture(after, device)
+        _capture([work for work in passes[place:] if work not in early], device)
     return capture.graph
 
 
-def _side_by_side(passes: Sequence[Pass]) -> list[list[list[Pass]]]:
-    """The passes in the order of their launch: groups, one after another, of branches that run beside each other."""
-    groups: list[list[list[Pass]]] = []
-    for forked, group in itertools.groupby(passes, key=lambda work: work.branch > 0 and work.only_if is None):
-        together = list(group)
-        numbers = sorted({work.branch for work in together}) if forked else []
-        branches = [[work for work in together if work.branch == number] for number in numbers] or [together]
-        groups.append(branches)
+def _forks(passes: Sequence[Pass], depth: int) -> Iterator[tuple[bool, list[list[Pass]]]]:
+    """Groups to run one after another: whether the group forks at ``depth``, and its branches (one, where it does not)."""
+
+    def forks(work: Pass) -> bool:
+        return len(work.branch) > depth and work.only_if is None
+
+    for forked, group in itertools.groupby(passes, key=forks):
+        branches: dict[int, list[Pass]] = {}
+        for work in group:
+            branches.setdefault(work.branch[depth] if forked else 0, []).append(work)
+        yield forked, list(branches.values())
+
+
+def _refuse_shared(passes: Sequence[Pass], depth: int = 0) -> None:
+    for forked, branches in _forks(passes, depth):
         for one, other in itertools.permutations(branches, 2):
-            written = {name for work in one for name in work.writes}
-            for work in other:
-                if not written.isdisjoint((*work.reads, *work.writes)):
+            for work, beside in itertools.product(one, other):
+                shared = {*work.reads, *work.writes}.intersection(beside.writes)
+                if shared and not (work.adds and beside.adds):
                     raise ValueError(
-                        f"pass {work.name!r} cannot run beside {one[0].name!r}: they share what is written"
+                        f"pass {work.name!r} cannot run beside {beside.name!r}, which writes {min(shared)}"
                     )
-    return groups
+        for branch in branches if forked else ():
+            _refuse_shared(branch, depth + 1)
 
 
-def _capture(groups: Sequence[Sequence[Sequence[Pass]]], device: str) -> None:
-    for branches in groups:
-        if len(branches) == 1:
+def _capture(passes: Sequence[Pass], device: str, depth: int = 0) -> None:
+    for forked, branches in _forks(passes, depth):
+        if not forked:
             run_passes(branches[0])
+            continue
+        if len(branches) == 1:
+            _capture(branches[0], device, depth + 1)
             continue
         ends = []
         for branch in branches:
-            with wp.ScopedStream(wp.Stream(device)) as stream:  # begins where the frame's own stream is
-                _launch(branch)
+            with wp.ScopedStream(wp.Stream(device)) as stream:  # begins where the frame is
+                _capture(branch, device, depth + 1)
                 ends.append(stream.record_event())
         for end in ends:
             wp.wait_event(end)

@@ -72,20 +72,46 @@ def test_a_pass_that_reads_what_the_frame_makes_cannot_run_ahead(makers):
     assert not launched
 
 
-@pytest.mark.parametrize("shared", ["reads", "writes"])
-def test_passes_that_share_what_one_writes_cannot_run_beside_each_other(shared):
-    """Refused by name before anything is captured or launched; what both only read may be shared."""
+def beside(*branch, adds=False, launch=lambda: None, **names):
+    given = {"reads": ("hits",), "writes": (f"bits/{branch}",)} | names
+    return Pass(f"light {branch}", "shadow", launch=launch, branch=branch, adds=adds, **given)
+
+
+@pytest.mark.parametrize(
+    "given", [{"reads": ("bits",)}, {"writes": ("bits",)}, {"writes": ("bits",), "adds": True}]
+)
+@pytest.mark.parametrize("place", [(), (3,)])
+def test_passes_that_share_what_one_writes_cannot_run_beside_each_other(given, place):
+    """Refused by name before anything is captured or launched, in a fork within a branch too."""
     launched = []
-
-    def light(i, **names):
-        given = {"reads": ("hits",), "writes": (f"bits/{i}",)} | names
-        return Pass(f"light {i}", "shadow", launch=lambda: launched.append(i), branch=1 + i, **given)
-
-    with pytest.raises(ValueError, match="pass 'light 1' cannot run beside 'light 0'"):
-        passes.capture_passes([light(0), light(1, **{shared: ("bits/0",)})], "cpu")
+    first = beside(*place, 0, writes=("bits",), launch=lambda: launched.append(0))
+    other = beside(*place, 1, launch=lambda: launched.append(1), **given)
+    with pytest.raises(ValueError, match=r"cannot run beside .*, which writes bits"):
+        passes.capture_passes([first, other], "cpu")
     assert not launched
-    groups = passes._side_by_side([make("trace", "camera", "hits"), light(0), light(1), light(0)])
-    assert [[len(branch) for branch in group] for group in groups] == [[1], [2, 1]]
+
+
+def test_passes_that_may_run_beside_each_other():
+    passes._refuse_shared([beside(0, writes=("bits",), adds=True), beside(1, writes=("bits",), adds=True)])
+    passes._refuse_shared([beside(0), beside(1)])  # both only read the hits
+    passes._refuse_shared([beside(0, writes=("bits",)), beside(0, reads=("bits",))])  # one after the other
+
+
+def test_branches_fork_where_passes_are_neighbours():
+    """What has no branch, or a condition, parts those before it from those after it."""
+    condition = wp.zeros(1, dtype=wp.int32, device="cpu")
+    given = [
+        make("trace", "camera", "hits"),
+        *(beside(0), beside(1), beside(0, 0), beside(0, 1)),
+        make("shade", "hits", "picture"),
+        *(beside(1), replace(beside(0), only_if=condition)),
+    ]
+    groups = [(forked, [len(branch) for branch in branches]) for forked, branches in passes._forks(given, 0)]
+    assert groups == [(False, [1]), (True, [3, 1]), (False, [1]), (True, [1]), (False, [1])]
+    inner = [
+        (forked, [len(b) for b in branches]) for forked, branches in passes._forks([given[1], *given[3:5]], 1)
+    ]
+    assert inner == [(False, [1]), (True, [1, 1])]
 
 
 @pytest.mark.parametrize("label", ["uniform_grid", "ray_grids"])

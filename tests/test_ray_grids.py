@@ -41,6 +41,7 @@ def test_equals_brute_force_under_random_knobs(seed, device):
         "inline_rays": str(random.integers(0, 60)),
         "inline_cells": str(random.integers(0, 100)),
         "beside": str(1 + seed % 4),
+        "shares": str(1 + seed // 4 % 3),
     }
     session, moment, got = answers_of(prepared, width, height, settings, device)
     best, t = closest(prepared, moment)

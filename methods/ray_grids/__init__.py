@@ -65,19 +65,20 @@ class RayGrids(BaseMethod):
                 self.build.part_capacity or 65536,
                 self.build.doubt_capacity or max(262144, frame.pixels // 2),
             )
-        queues = Queues(frame, self._queued, self._capacity, 1 + len(effects.shadows))
+        shares, beside = (self.build.shares, self.build.beside) if self._queued else (1, 1)
+        queues = Queues(frame, self._queued, self._capacity, 1 + len(effects.shadows), shares)
         self._queues, self._needs = queues, queues.counts
         aims = LightAims(frame, len(effects.shadows))
         camera = CameraStream(frame, self.build, queues, effects)
         passes = camera.passes()
         wanted = [i for i, wanted in enumerate(effects.shadows) if wanted]
         lanes = [(queues, RayBins(frame, self.build))] if wanted else []
-        for _ in range(1, min(len(wanted), self.build.beside) if queues.cuda else 1):
+        for _ in range(1, min(len(wanted), beside)):
             lanes.append((queues.beside(frame, self._capacity), RayBins(frame, self.build)))
         for number, i in enumerate(wanted):
             lane = number % len(lanes)
             light = LightStream(frame, i, self.build, camera.hit, *lanes[lane], aims, effects)
-            passes += light.passes(branch=1 + lane)
+            passes += light.passes(lane)
         return passes
 
     def needs(self) -> wp.array | None:
@@ -93,7 +94,9 @@ class RayGrids(BaseMethod):
         """Queued work of the last frame, and pairs that were left to float64."""
         assert self._needs is not None
         result = {}
-        for row, needed in enumerate(self._needs.numpy().reshape(-1, COUNTERS)):
+        assert self._queues is not None
+        rows = self._needs.numpy().reshape(-1, self._queues.shares, COUNTERS).sum(axis=1)
+        for row, needed in enumerate(rows):
             name = "camera" if row == 0 else f"light {row - 1}"
             result[f"{name} items"] = int(needed[ITEMS])
             result[f"{name} parts"] = int(needed[PARTS])

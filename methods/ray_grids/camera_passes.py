@@ -11,7 +11,7 @@ from ...harness.specialise import specialised
 from ..common.pixels import thread_count
 from . import camera_queue, camera_resolve, camera_stream
 from .parameters import Build
-from .queues import BLOCK_DIM, COUNTERS, Queues, keep_kernel
+from .queues import BLOCK_DIM, COUNTERS, Queues, Step, in_shares, keep_kernel
 
 
 class CameraStream:
@@ -29,65 +29,65 @@ class CameraStream:
             self.hit = wp.zeros(frame.pixels, dtype=wp.vec3d)
 
     def passes(self) -> list[Pass]:
+        """Clear, stream the triangles in shares beside each other, and resolve."""
         scene = ("points", "triangles", "camera", *self.effects.surface_reads())
-        words, items, parts = ("nearest words",), ("camera items",), ("camera parts",)
-        writes: tuple[str, ...] = words
-        passes = []
+        words = ("nearest words",)
+        passes = [Pass("camera: clear", "trace", scene, words, self.queues.cleared.zero_)]
+        steps: list[Step] = [("stream triangles", (), ("items",), self.launch_stream)]
         if self.queues.queued:
-            passes = [
-                Pass("camera: queued rows", "trace", (*scene, *words, *items), (*words, *parts), self.launch_items),
-                Pass("camera: further parts", "trace", (*scene, *words, *parts), words, self.launch_parts),
-            ]  # fmt: skip
-            writes += items
-        return [
-            Pass("camera: stream triangles", "trace", scene, writes, self.launch_stream),
-            *passes,
-            Pass("camera: doubtful pairs", "trace", (*scene, *words), words, self.launch_doubts),
-            Pass("camera: resolve", "trace", (*scene, *words), ("hits",), self.launch_resolve),
-        ]
+            steps += [
+                ("queued rows", ("items",), ("parts",), self.launch_items),
+                ("further parts", ("parts",), (), self.launch_parts),
+            ]
+        steps.append(("doubtful pairs", (), (), self.launch_doubts))
+        passes += in_shares("camera", "trace", steps, self.queues.shares, (*scene, *words), words)
+        passes.append(Pass("camera: resolve", "trace", (*scene, *words), ("hits",), self.launch_resolve))
+        return passes
 
-    def launch_stream(self) -> None:
+    def launch_stream(self, share: int) -> None:
         f, q = self.frame, self.queues
-        q.cleared.zero_()
+        room = q.rooms[share]
         wp.launch(
             specialised(camera_stream.make_stream_kernel(q.queued), self.effects.switches()),
-            dim=max(1, f.triangle_count),
+            dim=q.blocks(f.triangle_count),
             inputs=[
-                f.triangle_count, f.width, f.height, self.build.inline_pixels, f.eye, f.axes, f.tangents, f.column,
-                f.row, f.points, f.triangles, f.valid, f.alpha,
+                f.triangle_count, share, q.shares, f.width, f.height, self.build.inline_pixels, f.eye, f.axes, f.tangents,
+                f.column, f.row, f.points, f.triangles, f.valid, f.alpha,
             ],
-            outputs=[q.nearest, q.counts[0], q.records, q.depths, q.items, q.doubts],
+            outputs=[q.nearest, q.counters(0)[share], q.records, q.depths, room.items, room.doubts],
             device=f.device,
             block_dim=BLOCK_DIM,
         )  # fmt: skip
 
-    def _launch_rows(self, again: bool) -> None:
+    def _launch_rows(self, share: int, again: bool) -> None:
         f, q = self.frame, self.queues
+        room = q.rooms[share]
         wp.launch(
             specialised(camera_queue.make_item_kernel(q.cuda, again), self.effects.switches()),
             dim=q.threads,
             inputs=[
                 q.threads, self.build.part, f.width, f.height, f.tangents, f.column, f.row, q.records, q.depths,
-                q.items, f.alpha,
+                room.items, f.alpha,
             ],
-            outputs=[q.nearest, q.counts[0], q.parts, q.doubts],
+            outputs=[q.nearest, q.counters(0)[share], room.parts, room.doubts],
             device=f.device,
             block_dim=BLOCK_DIM,
         )  # fmt: skip
 
-    def launch_items(self) -> None:
-        self._launch_rows(again=False)
+    def launch_items(self, share: int) -> None:
+        self._launch_rows(share, again=False)
 
-    def launch_parts(self) -> None:
-        self._launch_rows(again=True)
+    def launch_parts(self, share: int) -> None:
+        self._launch_rows(share, again=True)
 
-    def launch_doubts(self) -> None:
+    def launch_doubts(self, share: int) -> None:
         f, q = self.frame, self.queues
+        counts = q.counters(0)[share]
         wp.launch(
             specialised(camera_stream.doubt_kernel, self.effects.switches()),
             dim=q.threads,
             inputs=[
-                q.threads, f.width, f.eye, f.column, f.row, f.points, f.triangles, f.weld, q.counts[0], q.doubts,
+                q.threads, f.width, f.eye, f.column, f.row, f.points, f.triangles, f.weld, counts, q.rooms[share].doubts,
                 f.alpha,
             ],
             outputs=[q.nearest],
@@ -95,7 +95,7 @@ class CameraStream:
             block_dim=BLOCK_DIM,
         )  # fmt: skip
         if self.needs is not None:
-            wp.launch(keep_kernel, dim=COUNTERS, inputs=[q.counts[0]], outputs=[self.needs], device=f.device)
+            wp.launch(keep_kernel, dim=COUNTERS, inputs=[counts], outputs=[self.needs], device=f.device)
 
     def launch_resolve(self) -> None:
         f, a = self.frame, self.frame.answers

@@ -17,7 +17,7 @@ from ..common.reserve import reserve
 from ..common.screen import camera_space, in_front, out_of_view, pixel_box
 from ..common.triangle import hit_distance, weld_of
 from .camera_pixels import Planes, edge_planes, hit_word, inverse_depth, offer, offer_box, sign_bound
-from .queues import DOUBTS, ITEMS
+from .queues import DOUBTS, ITEMS, triangle_of
 
 GROUP = wp.constant(32)
 """Rows or columns of a work item: the 32 lanes of the GPU's warp find the ends of one each."""
@@ -169,6 +169,8 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=REGISTERS)
     def stream_kernel(
         triangle_count: wp.int32,
+        share: wp.int32,
+        shares: wp.int32,
         width: wp.int32,
         height: wp.int32,
         inline_pixels: wp.int32,
@@ -188,7 +190,7 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
         items: wp.array(dtype=wp.vec4i),
         doubts: wp.array(dtype=wp.vec2i),
     ):
-        i = wp.tid()
+        i = triangle_of(wp.tid(), share, shares)
         if i >= triangle_count:
             return
         # No branch before all is asked for that a box needs: memory answers one load as soon as many.

@@ -10,7 +10,6 @@ import warp as wp
 
 from ..common.axes import axes_along
 from ..common.triangle import largest, to_float32, to_float64
-from .queues import COUNTERS
 from .warps import least_of_lanes
 
 FACES = wp.constant(6)
@@ -87,6 +86,8 @@ def aim_kernel(
     low = wp.vec3f(wp.INF)
     high = wp.vec3f(-wp.INF)
     lane = wp.tid()
+    for k in range(lane, counts.shape[0], threads):
+        counts[k] = 0
     for k in range(lane, SAMPLES, threads):
         i = wp.int32(wp.int64(triangle_count) * wp.int64(2 * k + 1) / wp.int64(2 * SAMPLES))
         if i < triangle_count:
@@ -121,5 +122,3 @@ def aim_kernel(
     for k in range(LARGEST):
         rectangles[index, k] = EMPTY
     rectangles[index, LARGEST] = 0
-    for k in range(COUNTERS):
-        counts[k] = 0

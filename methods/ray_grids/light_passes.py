@@ -14,7 +14,7 @@ from ...harness.specialise import specialised
 from ..common.pixels import thread_count
 from . import light_aim, light_bins, light_places, light_queue, light_reach, light_stream
 from .parameters import Build
-from .queues import BLOCK_DIM, Queues
+from .queues import BLOCK_DIM, Queues, Step, in_shares
 from .warps import LANES
 
 
@@ -78,22 +78,21 @@ class LightStream:
         self.queues, self.bins, self.aims = queues, bins, aims
         self.switches = effects.switches(index)
         self.effects = effects
-        self.counts = queues.counts[1 + index]
+        self.counts = queues.counters(1 + index)
         self.rectangle, self.table = aims.rectangles[index], aims.tables[index]
 
-    def passes(self, branch: int = 0) -> list[Pass]:
-        """The light's passes, in the graph's ``branch`` where they run beside those of another light."""
+    def passes(self, lane: int = 0) -> list[Pass]:
+        """The light's passes, in a branch of their own beside those of lights on another ``lane``."""
         i = self.index
+        who, build = f"light {i}", "light build"
         light, effect = f"light/{i}", f"shadows/{i}"
         seen = ("hits", f"light aim/{i}", *self.effects.mask_reads(i))
         aim, place, rays, bits = f"light aim/{i}", f"ray places/{i}", f"ray cells/{i}", f"visibility/{i}"
         offsets = f"ray offsets/{i}"
         scene = ("points", "triangles", "hits", light, aim, rays, *self.effects.surface_reads())
-        build = "light build"
-        writes = (bits, f"large triangles/{i}") if self.queues.queued else (bits,)
         passes = [
             Pass(
-                f"light {i}: aim",
+                f"{who}: aim",
                 build,
                 ("points", "triangles", "reach", light),
                 (aim,),
@@ -101,22 +100,20 @@ class LightStream:
                 effect,
                 ahead=True,
             ),
-            Pass(f"light {i}: map rays", build, seen, (place,), self.launch_map, effect),
-            Pass(f"light {i}: count and scan", build, (place,), (offsets,), self.launch_count, effect),
-            Pass(f"light {i}: scatter rays", build, (place, offsets), (rays,), self.launch_scatter, effect),
-            Pass(f"light {i}: stream triangles", "shadow", scene, writes, self.launch_stream, effect),
+            Pass(f"{who}: map rays", build, seen, (place, bits), self.launch_map, effect),
+            Pass(f"{who}: count and scan", build, (place,), (offsets,), self.launch_count, effect),
+            Pass(f"{who}: scatter rays", build, (place, offsets), (rays,), self.launch_scatter, effect),
         ]
+        steps: list[Step] = [("stream triangles", (), ("large triangles",), self.launch_stream)]
         if self.queues.queued:
-            large, items, parts = (f"large triangles/{i}",), (f"light items/{i}",), (f"light parts/{i}",)
-            passes += [
-                Pass(f"light {i}: split large", "shadow", (*scene, *large), items, self.launch_split, effect),
-                Pass(f"light {i}: queued rows", "shadow", (*scene, bits, *items), (bits, *parts), self.launch_items, effect),
-                Pass(f"light {i}: further parts", "shadow", (*scene, bits, *parts), (bits,), self.launch_parts, effect),
-            ]  # fmt: skip
-        passes.append(
-            Pass(f"light {i}: doubtful pairs", "shadow", scene, (bits,), self.launch_doubts, effect)
-        )
-        return [replace(work, branch=branch) for work in passes]
+            steps += [
+                ("split large", ("large triangles",), ("items",), self.launch_split),
+                ("queued rows", ("items",), ("parts",), self.launch_items),
+                ("further parts", ("parts",), (), self.launch_parts),
+            ]
+        steps.append(("doubtful pairs", (), (), self.launch_doubts))
+        passes += in_shares(who, "shadow", steps, self.queues.shares, (*scene, bits), (bits,), effect)
+        return [replace(work, branch=(lane, *work.branch)) for work in passes]
 
     def launch_aim(self) -> None:
         f, a = self.frame, self.aims
@@ -133,7 +130,7 @@ class LightStream:
                 f.triangles,
                 f.valid,
             ],
-            outputs=[a.axes, a.cubes, a.rectangles, self.counts],
+            outputs=[a.axes, a.cubes, a.rectangles, self.counts.flatten()],
             device=f.device,
             block_dim=int(LANES),
         )
@@ -167,7 +164,7 @@ class LightStream:
             light_bins.scan_kernel,
             dim=128 * rows if self.queues.cuda else faces + 1,
             inputs=[b.cells, self.rectangle],
-            outputs=[b.count, b.offset, self.counts, self.table],
+            outputs=[b.count, b.offset, self.counts[0], self.table],
             device=f.device,
             block_dim=128,
         )
@@ -184,62 +181,65 @@ class LightStream:
             device=f.device,
         )
 
-    def launch_stream(self) -> None:
+    def launch_stream(self, share: int) -> None:
         f, b, q = self.frame, self.bins, self.queues
+        room = q.rooms[share]
         wp.launch(
             specialised(light_stream.make_stream_kernel(q.queued), self.switches),
-            dim=max(1, f.triangle_count),
+            dim=q.blocks(f.triangle_count),
             inputs=[
-                f.triangle_count, self.index, self.build.inline_cells, self.build.inline_rays, f.lights,
+                f.triangle_count, share, q.shares, self.index, self.build.inline_cells, self.build.inline_rays, f.lights,
                 self.aims.cubes, self.table, f.points, f.triangles, f.valid, b.offset, b.rays, b.farthest,
                 f.answers.triangle, f.alpha,
             ],
-            outputs=[f.answers.visibility, self.counts, q.records, q.large, q.doubts],
+            outputs=[f.answers.visibility, self.counts[share], q.records, room.large, room.doubts],
             device=f.device,
             block_dim=BLOCK_DIM,
         )  # fmt: skip
 
-    def launch_split(self) -> None:
+    def launch_split(self, share: int) -> None:
         f, q = self.frame, self.queues
+        room = q.rooms[share]
         wp.launch(
             light_queue.split_kernel,
             dim=q.threads,
             inputs=[
-                q.threads, self.index, f.lights, self.aims.cubes, self.table, f.points, f.triangles, q.large,
+                q.threads, self.index, f.lights, self.aims.cubes, self.table, f.points, f.triangles, room.large,
             ],
-            outputs=[self.counts, q.items, q.lines],
+            outputs=[self.counts[share], room.items, room.lines],
             device=f.device,
             block_dim=BLOCK_DIM,
         )  # fmt: skip
 
-    def _launch_rows(self, again: bool) -> None:
+    def _launch_rows(self, share: int, again: bool) -> None:
         f, b, q = self.frame, self.bins, self.queues
+        room = q.rooms[share]
         wp.launch(
             specialised(light_queue.make_item_kernel(q.cuda, again), self.switches),
             dim=q.threads,
             inputs=[
                 q.threads, self.build.part, self.index, self.table, q.records, b.offset, b.rays,
-                f.answers.triangle, q.items, q.lines, f.alpha,
+                f.answers.triangle, room.items, room.lines, f.alpha,
             ],
-            outputs=[f.answers.visibility, self.counts, q.parts, q.doubts],
+            outputs=[f.answers.visibility, self.counts[share], room.parts, room.doubts],
             device=f.device,
             block_dim=BLOCK_DIM,
         )  # fmt: skip
 
-    def launch_items(self) -> None:
-        self._launch_rows(again=False)
+    def launch_items(self, share: int) -> None:
+        self._launch_rows(share, again=False)
 
-    def launch_parts(self) -> None:
-        self._launch_rows(again=True)
+    def launch_parts(self, share: int) -> None:
+        self._launch_rows(share, again=True)
 
-    def launch_doubts(self) -> None:
+    def launch_doubts(self, share: int) -> None:
         f, q = self.frame, self.queues
         wp.launch(
             specialised(light_queue.doubt_kernel, self.switches),
             dim=q.threads,
             inputs=[
-                q.threads, self.index, f.lights, f.eye, f.points, f.triangles, f.weld, self.hit, self.counts,
-                q.doubts, f.alpha,
+                q.threads, self.index, f.lights, f.eye, f.points, f.triangles, f.weld, self.hit, self.counts[share],
+                q.rooms[share].doubts, f.alpha,
             ],
             outputs=[f.answers.visibility],
             device=f.device,

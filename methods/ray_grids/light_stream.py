@@ -29,7 +29,7 @@ from .light_cells import (
 from .light_places import on_face
 from .light_rays import bound_of, occluder_of, set_record, shade_box, shade_row
 from .light_reach import all_end_before
-from .queues import LARGE
+from .queues import LARGE, triangle_of
 
 INLINE_ROWS = wp.constant(16)
 """A triangle of more rows of cells is queued: its thread would look them up one after the other."""
@@ -49,6 +49,8 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=64)
     def stream_kernel(
         triangle_count: wp.int32,
+        share: wp.int32,
+        shares: wp.int32,
         index: wp.int32,
         inline_cells: wp.int32,
         inline_rays: wp.int32,
@@ -69,7 +71,7 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
         large: wp.array(dtype=wp.vec4i),
         doubts: wp.array(dtype=wp.vec2i),
     ):
-        i = wp.tid()
+        i = triangle_of(wp.tid(), share, shares)
         if i >= triangle_count:
             return
         # Asked for together, no branch between: what is invalid has corners, too, but no face is large enough for it.

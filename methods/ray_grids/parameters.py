@@ -20,7 +20,8 @@ class Build:
     inline_rays    and tests them in its own thread if they are at most so many, on one face; a second one is queued
     part           pixels or rays of a queued group of 32 rows that one warp tests at a time: groups with more are cut in
                    parts
-    beside         lights whose passes run beside each other on the GPU, each with queues and rays of its own
+    beside         with queues: lights that the GPU sees to at once, each with queues and rays of its own
+    shares         with queues: parts of the triangles that the GPU streams at once, each with queues of its own
     queue          larger triangles go through queues: "auto" on the GPU only, "always", "never"
     item_capacity  initial room for queued work items, and for triangles waiting to become some; 0 chooses; grows as needed
     part_capacity  initial room for further parts of items with many pixels or rays; 0 chooses; grows as needed
@@ -33,6 +34,7 @@ class Build:
     inline_rays: int = 32
     part: int = 256
     beside: int = 2
+    shares: int = 1
     queue: str = "auto"
     item_capacity: int = 0
     part_capacity: int = 0
@@ -46,8 +48,8 @@ class Build:
             raise ValueError("must not be negative")
         if self.part < 1:
             raise ValueError("part must be at least 1")
-        if not 1 <= self.beside <= 16:
-            raise ValueError("beside must be in 1..16")
+        if not (1 <= self.beside <= 16 and 1 <= self.shares <= 16):
+            raise ValueError("beside and shares must be in 1..16")
         if max(room) > 2**28:
             raise ValueError("must be at most 2^28")
         if self.queue not in QUEUES:
