@@ -34,7 +34,7 @@ class Build:
     inline_rays: int = 32
     part: int = 256
     beside: int = 2
-    shares: int = 1
+    shares: int = 2
     queue: str = "auto"
     item_capacity: int = 0
     part_capacity: int = 0
