@@ -53,6 +53,8 @@ CHOICES: dict[str, dict[str, tuple[str, ...]]] = {
         "cells": ("0", "8", "16", "64"),
         "inline_cells": ("64", "0", "4"),
         "inline_rays": ("48", "0", "3"),
+        "shares": ("1", "2", "3"),
+        "beside": ("1", "2"),
     },
     "bvh": {"leaf_size": ("0", "2", "8"), "swizzle": ("true", "false")},
 }
