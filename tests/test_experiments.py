@@ -362,6 +362,29 @@ def test_our_own_claim_is_judged_within_one_run(tmp_path):
     assert "1 of 2 scenes; our time over the tree's: cloth 0.75, fairy 1.25" in found["numbers"]
 
 
+def test_scenes_of_one_name_are_told_apart_and_the_run_of_more_frames_is_taken(tmp_path):
+    """A real mesh beside the stand-in of its name; another run of fewer frames, though it came later."""
+    entries = {e.label: e for e in find_experiment("frame_time").presets["paper"].methods}
+    ours = next(e for e in entries.values() if e.method == _paper.METHOD)
+
+    def pair(ms, scene="cloth", title="", frames=1, started=0.0):
+        records = [
+            made("frame_time", entry, scene, ms=m)
+            for entry, m in ((ours, ms), (entries["mesh rebuilt"], 2.0))
+        ]
+        for record in records:
+            record["scene"]["title"] = title or record["scene"]["title"]
+            record["frames"][0]["started"] = [started]
+            record["frames"] = [{**record["frames"][0], "frame": k} for k in range(frames)]
+        return records
+
+    keep(tmp_path / "a", [*pair(1.0, frames=2, started=1.0), *pair(1.2, "sibenik")])
+    keep(tmp_path / "b", pair(1.6, started=2.0))
+    keep(tmp_path / "c", pair(1.8, "sibenik", "sibenik.ply"))
+    (found,) = [r for text, r in judged(tmp_path).items() if text.startswith("Ours")]
+    assert "Sibenik (stand-in) 0.60, cloth 0.50, sibenik.ply 0.90" in found["numbers"]
+
+
 def test_records_of_a_later_version_of_ours_stand_in_and_the_older_are_named(tmp_path):
     entries = {e.label: e for e in find_experiment("frame_time").presets["paper"].methods}
     ours = next(e for e in entries.values() if e.method == _paper.METHOD)

@@ -6,6 +6,7 @@ accuracy_hard.csv (made by the run), accuracy.md with every table, and a drawing
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -104,6 +105,13 @@ def found(made: Sequence[Row], equal: Sequence[dict[str, Any]], cost: Sequence[d
         if clear:
             most = max(clear, key=lambda c: c["share"])
             sentence += f"; the dearest is {most['measure']} on {most['scene_title']}: {most['share']:+.0%}"
+            faster = [c for c in clear if c["share"] < 0]
+            if faster:
+                least = min(faster, key=lambda c: c["share"])
+                sentence += (
+                    f"; {len(faster)} are faster with the measure than without (most of all {least['measure']} on "
+                    f"{least['scene_title']}: {least['share']:+.0%})"
+                )
         sentences.append(sentence + ".")
     looks = [r for r in known if r["flip"] is not None and r["wrong_per_frame"] > 0]
     if looks:
@@ -124,8 +132,10 @@ def found(made: Sequence[Row], equal: Sequence[dict[str, Any]], cost: Sequence[d
             f"Of {len(left)} points so many answers differ from the reference's that only a sample of them was judged; "
             "every other one counts as wrong, in no class of its own."
         )
-    missing = sorted({r["flip_missing"] for r in known if r["flip_missing"]})
-    sentences += [f"FLIP is not shown: {reason}." for reason in missing]
+    reasons = Counter(r["flip_missing"] for r in known if r["flip_missing"])
+    sentences += [
+        f"FLIP is missing at {count} points: {reason}." for reason, count in sorted(reasons.items())
+    ]
     return [sentence for sentence in sentences if sentence]
 
 

@@ -58,8 +58,13 @@ class Data:
         return [r for r in own if all(r.get(k) == v for k, v in wanted.items())]
 
     def by_scene(self, experiment: str, **wanted: Any) -> dict[str, Row]:
-        """One row a scene (the last, where there are several)."""
-        return {r["scene"]: r for r in self.rows(experiment, **wanted)}
+        """One row a scene, by its name; by its title where another scene has that name.
+
+        Where there are several rows: the one with the most frames, and of those the one measured last.
+        """
+        rows = sorted(self.rows(experiment, **wanted), key=lambda r: (r["frames"], measured_at(r["record"])))
+        titles = {r["scene"]: {x["scene_title"] for x in rows if x["scene"] == r["scene"]} for r in rows}
+        return {r["scene"] if len(titles[r["scene"]]) == 1 else r["scene_title"]: r for r in rows}
 
     @property
     def gpu(self) -> bool:
