@@ -8,10 +8,11 @@ agree. The long random mode is ``make fuzz``.
 from __future__ import annotations
 
 from dataclasses import replace
+from random import Random
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from lattice_examples import LENGTH, METHODS, Example, answers_of, decode, fresh_method, true_errors
 from shadowbench.harness.hardcases.case import HardCase
@@ -158,22 +159,40 @@ def test_turning_and_moving_changes_only_what_rounding_excuses(
     assert not len(wrong), (wrong[:5], given_[wrong[:5]], hits.triangle[wrong[:5]])
 
 
+PINHOLE = decode(
+    b"\x00\x00\x01\x05"
+    + bytes(29)
+    + b"\x08\x03\x02\x01\x02\x03\x01\x01"
+    + bytes(11)
+    + b"\x01"
+    + bytes(8)
+    + b"\x01"
+)
+"""A ray leaves the mesh beside a vertex by 4e-16: two equal triangles are hit in float64, none in exact arithmetic."""
+
+
 @some(30)
 @given(EXAMPLES, st.randoms(use_true_random=False))
-def test_permuting_triangles_changes_ids_up_to_ties(example: Example, random) -> None:
-    """t and shadow bits stay as they are, bit for bit; an id may change among triangles hit at the same t."""
-    order = np.array(random.sample(range(len(example.faces)), len(example.faces)))
-    permuted = replace(example, faces=example.faces[order])
-    one, other = traced(example), traced(permuted)
-    trial = example.trial()
+@example(PINHOLE, Random(0))
+def test_permuting_triangles_changes_ids_up_to_ties(drawn: Example, random) -> None:
+    """t and shadow bits stay as they are, bit for bit; an id may change among triangles hit at the same t.
+
+    Where a ray passes an edge within rounding those triangles may be equal without being hit in exact arithmetic.
+    """
+    order = np.array(random.sample(range(len(drawn.faces)), len(drawn.faces)))
+    permuted = replace(drawn, faces=drawn.faces[order])
+    one, other = traced(drawn), traced(permuted)
+    trial = drawn.trial()
     referee = Referee(trial.moment.points, trial.prepared.faces, trial.moment.valid)
-    pixels = np.arange(example.size[0] * example.size[1])
-    ties = referee.closest(trial.moment.eye, trial.moment.directions(pixels)).ties
+    pixels = np.arange(drawn.size[0] * drawn.size[1])
+    hits = referee.closest(trial.moment.eye, trial.moment.directions(pixels))
     for name in METHODS:
         np.testing.assert_allclose(other[name]["t"], one[name]["t"], rtol=2**-28, err_msg=name)
         ids = np.where(other[name]["triangle"] >= 0, order[other[name]["triangle"]], -1)
         changed = ids != one[name]["triangle"]
-        assert all(len(ties[i]) > 1 for i in np.nonzero(changed)[0]), name
+        at_edge = referee.classify_primary(hits, one[name]["triangle"]) == Verdict.EDGE
+        at_edge &= (ids >= 0) & (referee.duplicate_of[ids] == referee.duplicate_of[one[name]["triangle"]])
+        assert all(len(hits.ties[i]) > 1 or at_edge[i] for i in np.nonzero(changed)[0]), name
         same = ~changed
         np.testing.assert_array_equal(
             other[name]["visibility"][:, same], one[name]["visibility"][:, same], name
