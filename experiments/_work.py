@@ -36,6 +36,7 @@ def ray_grids(record: dict[str, Any], frame: dict[str, Any], name: str) -> Work 
         return None
     who, what, shares = match.groups()
     share = 1.0 / int(shares or 1)
+    stage = f"{who}: {what}"
 
     def queued(kind: str) -> float:
         return share * counters.get(f"{who} {kind}", 0)
@@ -44,7 +45,7 @@ def ray_grids(record: dict[str, Any], frame: dict[str, Any], name: str) -> Work 
         # The camera writes words; a light reads rays. Queued work is written.
         own = pixels * WORD if who == "camera" else rays * POINT
         tests = pixels if who == "camera" else rays
-        return Work(share * (mesh + own) + queued("items") * ITEM, share * tests)
+        return Work(share * (mesh + own) + queued("items") * ITEM, share * tests, stage=stage)
     stages = {
         "clear": Work(pixels * WORD),
         "resolve": Work(pixels * (WORD + ANSWER + HIT)),
@@ -52,9 +53,9 @@ def ray_grids(record: dict[str, Any], frame: dict[str, Any], name: str) -> Work 
         "map rays": Work(pixels * (HIT + 4 + PLACE + POINT + 1)),
         "count and scan": Work(pixels * (PLACE + SLOT), 0.0, 2),
         "scatter rays": Work(pixels * SLOT + rays * 2 * POINT),
-        "split large": Work(queued("items") * (2 * ITEM + LINES)),
-        "queued rows": Work(queued("items") * (ITEM + RECORD)),
-        "further parts": Work(queued("parts") * (PAIR + ITEM + RECORD)),
-        "doubtful pairs": Work(queued("doubtful pairs") * PAIR),
+        "split large": Work(queued("items") * (2 * ITEM + LINES), stage=stage),
+        "queued rows": Work(queued("items") * (ITEM + RECORD), stage=stage),
+        "further parts": Work(queued("parts") * (PAIR + ITEM + RECORD), stage=stage),
+        "doubtful pairs": Work(queued("doubtful pairs") * PAIR, stage=stage),
     }
     return stages.get(what)

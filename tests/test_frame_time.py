@@ -77,6 +77,19 @@ def test_the_floor_is_told_stage_by_stage(monkeypatch, tmp_path):
     assert "black tick" in (tmp_path / "frame_time.svg").read_text()
 
 
+def test_shares_of_a_stage_are_one_stage_with_one_launch(monkeypatch, tmp_path):
+    """They run beside each other: times, bytes and tests are summed, and one kernel's start is counted."""
+    name = "light 0: queued rows, share {} of 2"
+    _, text = floored(
+        monkeypatch, tmp_path, [(name.format(k), "shadow", ms) for k, ms in ((1, 0.7), (2, 0.2))]
+    )
+    lines = (tmp_path / "frame_time-stages.csv").read_text().splitlines()
+    queued = 20 * 80 / 1e9 + 0.01
+    assert lines[1].startswith(f"cloth,light 0: queued rows,shadow,0.9,{queued:.6g},")
+    assert len(lines) == 2
+    assert "light 0: queued rows by 0.890 ms" in text
+
+
 def test_a_stage_without_a_floor_leaves_the_frame_without_one(monkeypatch, tmp_path):
     _, text = floored(
         monkeypatch, tmp_path, [("camera: resolve", "trace", 0.4), ("a new stage", "trace", 0.1)]
@@ -93,5 +106,8 @@ def test_every_stage_of_the_method_has_its_work():
     session = Session(make_method("ray_grids", {"queue": "always"}), prepared, 16, 16, "cpu")
     record = {"scene": {"triangles": 20, "vertices": 60}, "point": {"width": 16, "height": 16}}
     frame = {"shadow_rays": 100, "counters": {}}
-    missing = [work.name for work in session.all_passes if ray_grids(record, frame, work.name) is None]
-    assert not missing
+    works = {work.name: ray_grids(record, frame, work.name) for work in session.all_passes}
+    assert not [name for name, work in works.items() if work is None]
+    shared = {work.stage for name, work in works.items() if ", share 2 of 2" in name}
+    assert len(shared) == 3 * 4 + 2  # of the camera four steps, of each light five
+    assert "" not in shared

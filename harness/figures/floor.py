@@ -20,11 +20,20 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True)
 class Work:
-    """What a stage cannot do without: bytes read and written once, ray-triangle tests, kernels one after another."""
+    """What a stage cannot do without: bytes read and written once, ray-triangle tests, kernels one after another.
+
+    stage  what it is a share of, where passes beside each other make up a stage; empty where the pass is all of it
+    """
 
     bytes: float = 0.0
     tests: float = 0.0
     launches: int = 1
+    stage: str = ""
+
+    def beside(self, other: Work) -> Work:
+        """Both shares of a stage: their kernels run at once."""
+        launches = max(self.launches, other.launches)
+        return Work(self.bytes + other.bytes, self.tests + other.tests, launches, self.stage)
 
 
 @dataclass(frozen=True)
@@ -63,25 +72,41 @@ def stages(rows: Sequence[Row], ours: str, work_of: WorkOf) -> list[Row]:
         if r["label"] != ours or machine is None:
             continue
         frames = [f for f in r["record"]["frames"] if f["total_ms"]]
-        for k, step in enumerate(frames[0]["passes"]):
-            times = [float(np.median(f["passes"][k]["ms"])) for f in frames if f["passes"][k]["ms"]]
-            works = [work_of(r["record"], f, step["name"]) for f in frames]
-            row = {
-                "scene": r["scene"],
-                "stage": step["name"],
-                "part": step["part"],
-                "ms": float(np.mean(times)) if times else None,
-            }
-            known = [work for work in works if work is not None]
-            if len(known) == len(frames):
-                row["floor_ms"] = float(np.mean([least_ms(work, machine) for work in known]))
-                row["bytes_mb"] = float(np.mean([work.bytes for work in known])) / 1e6
-                row["tests_m"] = float(np.mean([work.tests for work in known])) / 1e6
-                row["launches"] = known[0].launches
-                if row["ms"] is not None:
-                    row["times"] = row["ms"] / row["floor_ms"]
-            result.append(row)
+        result += [{"scene": r["scene"], **row} for row in _stages_of(r["record"], frames, machine, work_of)]
     return result
+
+
+def _stages_of(record: Row, frames: Sequence[Row], machine: Machine, work_of: WorkOf) -> list[Row]:
+    works: dict[str, list[Work | None]] = {}
+    times: dict[str, list[float | None]] = {}
+    parts: dict[str, str] = {}
+    for n, frame in enumerate(frames):
+        for step in frame["passes"]:
+            work = work_of(record, frame, step["name"])
+            ms = float(np.median(step["ms"])) if step["ms"] else None
+            stage = work.stage if work and work.stage else step["name"]
+            parts.setdefault(stage, step["part"])
+            if len(works.setdefault(stage, [])) == n:
+                works[stage].append(work)
+                times.setdefault(stage, []).append(ms)
+            else:  # another share of the same stage
+                last, known = works[stage][n], times[stage][n]
+                works[stage][n] = last.beside(work) if last and work else None
+                times[stage][n] = None if known is None or ms is None else known + ms
+    rows = []
+    for stage, part in parts.items():
+        measured = [ms for ms in times[stage] if ms is not None]
+        row: Row = {"stage": stage, "part": part, "ms": float(np.mean(measured)) if measured else None}
+        known_works = [work for work in works[stage] if work is not None]
+        if len(known_works) == len(frames):
+            row["floor_ms"] = float(np.mean([least_ms(work, machine) for work in known_works]))
+            row["bytes_mb"] = float(np.mean([work.bytes for work in known_works])) / 1e6
+            row["tests_m"] = float(np.mean([work.tests for work in known_works])) / 1e6
+            row["launches"] = known_works[0].launches
+            if row["ms"] is not None:
+                row["times"] = row["ms"] / row["floor_ms"]
+        rows.append(row)
+    return rows
 
 
 def of_frames(found: Sequence[Row]) -> dict[str, float]:

@@ -59,13 +59,13 @@ class RayGrids(BaseMethod):
         self._queued = self.build.queue == "always" or (
             self.build.queue == "auto" and wp.get_device(frame.device).is_cuda
         )
-        if self._capacity is None:
-            self._capacity = (
-                self.build.item_capacity or max(262144, frame.triangle_count),
-                self.build.part_capacity or 65536,
-                self.build.doubt_capacity or max(262144, frame.pixels // 2),
-            )
         shares, beside = (self.build.shares, self.build.beside) if self._queued else (1, 1)
+        if self._capacity is None:  # of each share
+            self._capacity = (
+                self.build.item_capacity or max(262144, frame.triangle_count // shares),
+                self.build.part_capacity or 65536,
+                self.build.doubt_capacity or max(262144, frame.pixels // (2 * shares)),
+            )
         queues = Queues(frame, self._queued, self._capacity, 1 + len(effects.shadows), shares)
         self._queues, self._needs = queues, queues.counts
         aims = LightAims(frame, len(effects.shadows))

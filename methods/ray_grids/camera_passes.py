@@ -49,7 +49,7 @@ class CameraStream:
         room = q.rooms[share]
         wp.launch(
             specialised(camera_stream.make_stream_kernel(q.queued), self.effects.switches()),
-            dim=q.blocks(f.triangle_count),
+            dim=q.share_threads(f.triangle_count),
             inputs=[
                 f.triangle_count, share, q.shares, f.width, f.height, self.build.inline_pixels, f.eye, f.axes, f.tangents,
                 f.column, f.row, f.points, f.triangles, f.valid, f.alpha,

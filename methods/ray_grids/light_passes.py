@@ -186,7 +186,7 @@ class LightStream:
         room = q.rooms[share]
         wp.launch(
             specialised(light_stream.make_stream_kernel(q.queued), self.switches),
-            dim=q.blocks(f.triangle_count),
+            dim=q.share_threads(f.triangle_count),
             inputs=[
                 f.triangle_count, share, q.shares, self.index, self.build.inline_cells, self.build.inline_rays, f.lights,
                 self.aims.cubes, self.table, f.points, f.triangles, f.valid, b.offset, b.rays, b.farthest,

@@ -133,7 +133,7 @@ class Queues:
         """int32 [shares, 6]: rows of a stream, the camera's (0) or light i's (1 + i)."""
         return self.counts[stream * self.shares : (stream + 1) * self.shares]
 
-    def blocks(self, triangles: int) -> int:
+    def share_threads(self, triangles: int) -> int:
         """Threads that stream one share of the triangles."""
         blocks = -(-triangles // BLOCK_DIM)
         return BLOCK_DIM * max(1, -(-blocks // self.shares))
