@@ -95,11 +95,16 @@ def picture(rows: Sequence[dict[str, Any]], ours: str, path: Path, floors: dict[
     labels = list(dict.fromkeys(r["label"] for r in rows))
     labels = [ours, *(x for x in labels if x != ours)]
     tints = style.colours(labels)
-    height = 0.125 * len(labels) * len(scenes) + 0.28 * len(scenes) + 0.5 + 0.12 * bool(floors)
+    across = 1 if len(scenes) <= 3 else 2
+    down = -(-len(scenes) // across)
+    height = (0.125 * len(labels) + 0.28) * down + 0.5 + 0.12 * bool(floors)
     with matplotlib.rc_context({**points.sheet_style(), "axes.grid.axis": "x"}):
-        figure = Figure(figsize=(style.COLUMN_WIDTH, height), layout="constrained")
-        panels = figure.subplots(len(scenes), 1, squeeze=False)[:, 0]
-        for axes, scene in zip(panels, scenes, strict=True):
+        figure = Figure(figsize=(style.COLUMN_WIDTH * (0.35 + 0.65 * across), height), layout="constrained")
+        panels = figure.subplots(down, across, squeeze=False).flatten()
+        for axes in panels[len(scenes) :]:
+            axes.set_axis_off()
+        named: list[str] = []
+        for place, (axes, scene) in enumerate(zip(panels, scenes, strict=False)):
             own = sorted((r for r in rows if r["scene"] == scene), key=lambda r: labels.index(r["label"]))
             # A method many times slower than the rest would leave them no room: its bar is cut and says its time.
             limit = 4.0 * float(np.median([r["total_ms"] for r in own]))
@@ -110,16 +115,25 @@ def picture(rows: Sequence[dict[str, Any]], ours: str, path: Path, floors: dict[
                     tint = style.lightened(tints[r["label"]], 0.24 * n)
                     axes.barh(k, width, left=start, color=tint, edgecolor=tints[r["label"]], lw=0.3)
                     start += width
-                ratio = f"  {r['total_ms']:.3g} ms" + (
+                ratio = f"{r['total_ms']:.3g} ms" + (
                     f", {r['times_slower']:.1f}x" if r["label"] != ours and r.get("times_slower") else ""
                 )
                 if r["label"] == ours and scene in floors:
                     axes.plot([floors[scene]] * 2, [k - 0.45, k + 0.45], color="black", lw=1.2)
-                axes.text(min(max(start, r["total_ms"]), limit), k, ratio, va="center", fontsize=5.5)
-            axes.set_yticks(range(len(own)), [r["label"] for r in own])
+                if r["total_ms"] > limit:
+                    axes.text(limit, k, "//", ha="center", va="center", fontsize=9)
+                    start += 0.04 * limit
+                axes.annotate(ratio, (min(max(start, r["total_ms"]), 1.04 * limit), k), (2, 0),
+                              textcoords="offset points", va="center", fontsize=5.5)  # fmt: skip
+            names = [r["label"] for r in own]
+            shown = place % across == 0 or names != named
+            axes.set_yticks(range(len(own)), names if shown else [""] * len(own))
+            named = names
             axes.set_ylim(len(own) - 0.4, -0.6)
             axes.set_xlim(0, 1.35 * min(limit, max(r["total_ms"] for r in own)))
             axes.set_title(title_of(own[0]), loc="left", fontsize=7)
         tick = "\nblack tick: the floor of our frame" if floors else ""
-        panels[-1].set_xlabel(f"ms a frame; dark to light:\nbuild, trace, light build, shadow{tick}")
+        between = "\n" if across == 1 else " "
+        said = f"ms a frame; dark to light:{between}build, trace, light build, shadow"
+        figure.supxlabel(f"{said}{tick}", fontsize=7)
         return points.save(figure, path)
