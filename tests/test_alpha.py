@@ -1,4 +1,4 @@
-"""Triangles with holes: the rule against rational brute force, the referee's classes, and every method that can."""
+"""Triangles with holes: the rule against rational brute force, and every method that can."""
 
 from __future__ import annotations
 
@@ -10,66 +10,18 @@ import numpy as np
 import pytest
 import warp as wp
 from exact_cases import inside, rational, solve
-from shadowbench.harness.alpha import checked, perforated
-from shadowbench.harness.errors import UserError
-from shadowbench.harness.exact import edge_bound
+from holed_scenes import EXACT, NAMES, SIZE, answers_of, ball_on_floor, holed, make, same
+from shadowbench.harness.alpha import perforated
 from shadowbench.harness.hardcases import holes
-from shadowbench.harness.hardcases.case import ball, joined, quad, soup
+from shadowbench.harness.hardcases.case import ball, quad, soup
 from shadowbench.harness.hardcases.judge import Judged, judge_case
 from shadowbench.harness.moment import Moment, Prepared
-from shadowbench.harness.raw import save_raw, score_raw
-from shadowbench.harness.referee import Referee, Verdict
+from shadowbench.harness.referee import Referee
 from shadowbench.harness.registry import make_method
 from shadowbench.harness.scene import AlphaMask, Camera, Effects, Geometry, Light, Scene
 from shadowbench.harness.score import Judge
 from shadowbench.harness.session import Session
-from shadowbench.harness.share import Stored, store
 from shadowbench.methods.perspective_spherical.culling import refusal
-
-SIZE = (24, 18)
-EXACT = [
-    ("uniform_grid", {}),
-    ("bvh", {"update": "bvh_rebuild"}),
-    ("perspective_spherical", {}),
-    ("ray_grids", {}),
-    ("ray_grids", {"queue": "always", "inline_cells": "0"}),
-    ("perspective_spherical", {"light_map": "cube", "clamp": "none", "triangle_chunk": "3"}),
-]
-NAMES = ["-".join([name, *(f"{k}={v}" for k, v in settings.items())]) for name, settings in EXACT]
-
-
-def make(
-    mesh, alpha, lights=((1.0, 2.5, 0.5), (0.1, 0.7, 0.05)), eye=(0.3, 1.7, 3.1), target=(0.2, 0.25, 0.1)
-):
-    points, faces = np.asarray(mesh[0], dtype=np.float64), np.asarray(mesh[1], dtype=np.int32)
-    return Prepared(
-        Scene(
-            "holes", "Holes", lambda: Geometry.static(points, faces), Camera(eye, target),
-            tuple(Light(tuple(light)) for light in lights), alpha=alpha,
-        )
-    )  # fmt: skip
-
-
-def ball_on_floor():
-    return joined(quad((-3, 0, -3), (3, 0, -3), (3, 0, 3), (-3, 0, 3)), ball(0.5, (0, 0.6, 0)))
-
-
-@cache
-def holed() -> tuple[Prepared, Moment, Judge]:
-    """A chequered ball on a half chequered floor, one light outside, one inside the ball."""
-    prepared = make(ball_on_floor(), lambda geometry: perforated(geometry, 2, 6))
-    moment = prepared.moment(0, *SIZE)
-    return prepared, moment, Judge(prepared, moment)
-
-
-def answers_of(name: str, settings: dict, prepared: Prepared, size=SIZE, device="cpu"):
-    moment = prepared.moment(0, *size)
-    return Session(make_method(name, settings), prepared, *size, device).answers(moment)
-
-
-def same(one, other) -> list[str]:
-    return [name for name in one if one[name].tobytes() != other[name].tobytes()]
-
 
 # --- the rule -------------------------------------------------------------------------------------------------
 
@@ -299,142 +251,3 @@ def test_culling_is_refused_where_back_faces_are_seen_through_holes():
     solid = replace(make(ball(0.5, (0, 0, 0)), None).scene, closed=True)
     assert refusal(solid, lights_too=True) is None
     assert "holes" in (refusal(replace(solid, alpha=perforated), lights_too=True) or "")
-
-
-# --- truth and classes ----------------------------------------------------------------------------------------
-
-
-def test_truth_is_the_referee_and_says_why():
-    _, _, judge = holed()
-    assert judge.reference.provenance["reference"] == "exact referee"
-    assert "filter functions" in judge.reference.provenance["why"]
-
-
-def test_ignoring_holes_is_a_true_error():
-    _, _, judge = holed()
-    blind = answers_of("uniform_grid", {}, make(ball_on_floor(), None))
-    score = judge.score(blind)
-    wrong = np.count_nonzero(blind["triangle"] != judge.reference.triangle)
-    assert wrong > 20
-    assert score["primary"]["true"] == wrong
-    assert score["primary"]["edge"] == score["primary"]["near_tie"] == 0
-    right = {**judge.reference.answers()}
-    right["visibility"] = 1 - right["visibility"]
-    right["visibility"][:, right["triangle"] < 0] = 0
-    bits = judge.score(right)["shadow"]
-    assert sum(light["acne"] + light["leak"] for light in bits) == 2 * np.count_nonzero(
-        right["triangle"] >= 0
-    )
-
-
-@pytest.mark.parametrize(("bounds", "verdict"), [(0.5, Verdict.EDGE), (3.0, Verdict.TRUE)])
-def test_a_border_excuses_within_the_bound_only(bounds, verdict):
-    """A ray straight down on a half opaque triangle, so many bounds inside the opaque half."""
-    points = np.array(
-        [(-1, 0, -1), (3, 0, -1), (-1, 0, 3), (-9, -1, -9), (9, -1, -9), (0, -1, 9)], np.float32
-    )
-    faces = np.array([(0, 1, 2), (3, 4, 5)], np.int32)
-    coordinates = points[faces][..., [0, 2]] / 16 + 0.5
-    mask = checked(AlphaMask([1, 0], coordinates, np.array([[1, 0]])), 2, "half")
-    referee = Referee(points, faces, np.ones(2), mask=mask)
-    bound = float(edge_bound(np.float32([[0, 2, 0]]), points[faces[:1]])[0])
-    origins = np.float32([(-bounds * bound, 2, 0.25), (bounds * bound, 2, 0.25)])
-    down = np.float32([(0, -1, 0), (0, -1, 0)])
-    hits = referee.closest(origins, down)
-    assert hits.triangle.tolist() == [0, 1]
-    assert referee.classify_primary(hits, np.array([1, 0])).tolist() == [verdict, verdict]
-    # From the plane below, a light above sees the same border.
-    up = referee.closest(np.float32([(x, -2, 0.25) for x in origins[:, 0]]), np.float32([(0, 1, 0)] * 2))
-    assert up.triangle.tolist() == [1, 1]
-    light = np.float32([0, 2.0**20, 0.25])
-    truth = referee.occluded(up, light)
-    assert truth.tolist() == [1, 0]
-    said = referee.classify_shadow(up, light, 1 - truth)
-    wrong = [Verdict.LEAK, Verdict.ACNE]
-    assert said.tolist() == ([Verdict.EDGE] * 2 if verdict == Verdict.EDGE else wrong)
-
-
-def test_duplicates_with_different_holes_are_not_one():
-    points, faces = ball_on_floor()
-    prepared = make((points, np.concatenate([faces, faces])), lambda g: perforated(g, 2, 6))
-    moment = prepared.moment(0, *SIZE)
-    referee = Judge(prepared, moment).referee
-    masked = prepared.alpha.triangles != 0
-    assert (referee.duplicate_of[masked] == np.nonzero(masked)[0]).all()
-    assert (referee.duplicate_of[~masked] < len(faces)).all()
-
-
-# --- declaration and files ------------------------------------------------------------------------------------
-
-
-def broken(**changes):
-    def mask(geometry):
-        return replace(perforated(geometry, 2, 2), **changes)
-
-    return mask
-
-
-@pytest.mark.parametrize(
-    ("changes", "says"),
-    [
-        ({"triangles": np.zeros(3, np.uint8)}, "one flag a triangle"),
-        ({"coordinates": np.zeros((3, 3, 2), np.float32)}, "texture coordinates have shape"),
-        ({"coordinates": np.full((1, 3, 2), np.nan, np.float32)}, "not finite"),
-        ({"coordinates": np.full((1, 3, 2), 1e10, np.float32)}, "too often"),
-        ({"opaque": np.zeros((0, 4), np.uint8)}, "at least one texel"),
-        ({"opaque": np.zeros(4, np.uint8)}, "rows first"),
-    ],
-)
-def test_a_mask_that_does_not_fit_is_refused(changes, says):
-    with pytest.raises(UserError, match=says):
-        make(([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)]), broken(**changes))
-
-
-def test_perforated_masks_every_nth_triangle():
-    geometry = Geometry.static(*ball_on_floor())
-    assert np.nonzero(perforated(geometry, 5).triangles)[0].tolist() == list(range(0, len(geometry.faces), 5))
-    with pytest.raises(ValueError, match="at least 1"):
-        perforated(geometry, 0)
-
-
-def test_raw_answers_keep_the_mask(tmp_path):
-    prepared, moment, judge = holed()
-    answers = answers_of("uniform_grid", {}, prepared)
-    path = tmp_path / "a.npz"
-    save_raw(path, prepared, moment, answers, "nowhere")
-    score = score_raw(path)
-    assert score["true_errors"] == 0
-    assert score["truth"]["surfaces"] == judge.reference.provenance["surfaces"]
-    kept = next(tmp_path.glob("mesh-*.npz"))
-    with np.load(kept) as stored:
-        arrays = {name: stored[name] for name in stored.files}
-    arrays["alpha_opaque"] = 1 - arrays["alpha_opaque"]
-    np.savez(kept, **arrays)
-    with pytest.raises(UserError, match="surfaces of nowhere differ"):
-        score_raw(path)
-
-
-def test_truth_and_scenes_with_masks_are_kept_and_read_back(tmp_path):
-    prepared, moment, judge = holed()
-    one = Judge(prepared, moment, folder=tmp_path).reference
-    two = Judge(prepared, moment, folder=tmp_path).reference
-    assert len(list(tmp_path.glob("truth-*.npz"))) == 1
-    assert not same(one.answers(), two.answers())
-    assert not same(one.answers(), judge.reference.answers())
-    store(tmp_path / "scene.npz", prepared, [0])
-    again = Stored(tmp_path / "scene.npz", prepared.scene).alpha
-    assert again is not None
-    assert all(
-        (getattr(again, n) == getattr(prepared.alpha, n)).all()
-        for n in ("triangles", "coordinates", "opaque")
-    )
-
-
-def test_effects_without_alpha_see_solid_triangles():
-    prepared, moment, _ = holed()
-    effects = replace(Effects.of(prepared.scene), alpha=False)
-    answers = Session(make_method("uniform_grid", {}), prepared, *SIZE, "cpu", effects=effects).answers(
-        moment
-    )
-    assert not same(answers, answers_of("uniform_grid", {}, make(ball_on_floor(), None)))
-    assert Judge(prepared, moment, effects).score(answers)["true_errors"] == 0

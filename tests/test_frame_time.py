@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from brute_force import make_scene, soup
+from made_records import keep, made
 from shadowbench.experiments._work import ray_grids
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.figures import floor, frame_time
@@ -11,7 +12,6 @@ from shadowbench.harness.figures.floor import Machine, Work
 from shadowbench.harness.plan import Entry
 from shadowbench.harness.registry import make_method
 from shadowbench.harness.session import Session
-from test_experiments import keep, made
 
 
 def row(label: str, scene: str, total: float, between: float = 0.0) -> dict:

@@ -7,6 +7,7 @@ import itertools
 
 import numpy as np
 import pytest
+from made_records import keep, made
 from shadowbench.experiments import scaling as experiment
 from shadowbench.harness.commands.run import plan_run
 from shadowbench.harness.commands.show import show
@@ -18,7 +19,6 @@ from shadowbench.harness.progress import Silent
 from shadowbench.harness.run import Options, Run
 from shadowbench.harness.scenes import balls
 from shadowbench.harness.scenes.catalogue import resolve
-from test_experiments import keep, made
 
 # --- the scene ----------------------------------------------------------------------------------------------
 

@@ -1,0 +1,200 @@
+"""What experiments draw and say, from made-up records."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from made_records import keep, made
+from PIL import Image
+from shadowbench.experiments import _paper, figure2, figure11
+from shadowbench.harness.commands.show import show
+from shadowbench.harness.errors import UserError
+from shadowbench.harness.figures import ablation, points, stages, two_lights
+from shadowbench.harness.figures import figure11 as figure11_drawing
+from shadowbench.harness.maps import map_path, write_map
+from shadowbench.harness.plan import find_experiment
+
+
+def test_figure2_says_how_much_the_most_drops(tmp_path):
+    records = [
+        made("figure2", e, "buddha", ms=ms, counters={"primary tests, most": most})
+        for e, ms, most in zip(figure2.METHODS, (14.0, 10.0, 9.0), (1000, 400, 200), strict=True)
+    ]
+    keep(tmp_path, records)
+    for r, most in zip(records, (1000, 400, 200), strict=True):
+        write_map(map_path(tmp_path, r["key"], 0), np.array([[0, most], [most // 2, 1]]))
+    files = show("figure2", tmp_path, quiet=True)
+    text = (tmp_path / "figure2.md").read_text()
+    assert "at most 400 triangles for a pixel against 1,000" in text
+    assert "40% of it" in text
+    assert "40% faster" in text
+    assert all(file.exists() for file in files)
+    with Image.open(tmp_path / "figure2-buddha.png") as image:
+        assert image.width > 400
+        # The one colour scale makes the direct map's hottest pixel brighter than any of the indirect one.
+        pixels = np.asarray(image.convert("RGB")).astype(int)
+    yellow = (pixels[..., 0] > 200) & (pixels[..., 1] > 200) & (pixels[..., 2] < 80)
+    half = pixels.shape[1] // 2
+    maps = yellow[: int(pixels.shape[0] * 0.7)]
+    assert maps[:, :half].sum() > 100
+    assert maps[:, half:].sum() == 0
+
+
+def test_figure2_without_its_maps_says_so(tmp_path):
+    keep(tmp_path, [made("figure2", figure2.METHODS[0], "buddha")])
+    with pytest.raises(UserError, match="run figure2 again"):
+        show("figure2", tmp_path, quiet=True)
+
+
+def staged(scene, rearranged):
+    passes = [("camera grid: sort pairs", "build", 1.0), ("primary rays", "trace", 2.0),
+              ("light 0: map rays", "shadow", rearranged / 2), ("light 0: sort rays", "shadow", rearranged / 2),
+              ("light 0: count", "light build", 1.5), ("light 0: shadow rays", "shadow", 3.0)]  # fmt: skip
+    entry = _paper.faithful("paper-faithful")
+    return made("figure10", entry, scene, ms=7.5 + rearranged, passes=passes, counters={"light 0 rays": 1000})
+
+
+def test_figure10_counts_every_pass_once_and_judges_the_spread(tmp_path):
+    keep(tmp_path, [staged(scene, 1.0 + 0.01 * i) for i, scene in enumerate(("fairy", "sibenik", "cloth"))])
+    show("figure10", tmp_path, quiet=True)
+    text = (tmp_path / "figure10.md").read_text()
+    assert 'for all models" holds here' in text
+    assert "longer than primary traversal on 3 of 3" in text
+    rows = [points.row(json.loads(p.read_text())) for p in sorted((tmp_path / "records").glob("*.json"))]
+    from shadowbench.experiments.figure10 import STAGES
+
+    for r in rows:
+        stages.add(r, STAGES)
+        assert r["other_ms"] == pytest.approx(0.0, abs=1e-9)
+        assert r["shadow_traversal_ms"] == pytest.approx(3.0)
+    keep(tmp_path, [staged(scene, 1.0 + 4.0 * i) for i, scene in enumerate(("fairy", "sibenik", "cloth"))])
+    show("figure10", tmp_path, quiet=True)
+    assert "does not hold here" in (tmp_path / "figure10.md").read_text()
+
+
+def distance_records():
+    preset = find_experiment("figure11").presets["quick"]
+    records = []
+    for lighting in preset.lightings:
+        for e in preset.methods:
+            lost = e.settings["precision"] == "float32" and lighting.distance > 1e4
+            grows = e.settings["clamp"] == "none" and lighting.distance >= 10
+            ms = 10.0 * (1.0 + grows * int(e.settings["r"]) / 32)
+            counted = {"light 0 pairs": 1000, "light 0 chunks": 50, "light 0 lanes": 50 * int(e.settings["r"]),
+                       "light 0 rays": 1600}  # fmt: skip
+            records.append(
+                made(
+                    "figure11",
+                    e,
+                    lighting=lighting,
+                    ms=ms,
+                    counters=counted,
+                    status="rejected" if lost else "ok",
+                )
+            )
+    return records
+
+
+def test_figure11_tells_work_from_number_format(tmp_path):
+    keep(tmp_path, distance_records())
+    files = show("figure11", tmp_path, quiet=True)
+    text = (tmp_path / "figure11.md").read_text()
+    assert (
+        "unclamped, aimed, float64: shadow traversal with the light 10 radii away or more, over that" in text
+    )
+    assert "2.00 (r = 32), 3.00 (r = 64), 5.00 (r = 128), 9.00 (r = 256)" in text
+    assert "clamped to the hits, world axes, float64" in text
+    assert "1.00 (r = 32)" in text
+    assert "rejected from 1e7 radii on" in text
+    assert "needs 9 pairs" in text
+    drawn = (tmp_path / "figure11.svg").read_text()
+    for word in (
+        "r = 32",
+        "r = 256",
+        "float32",
+        "not measured",
+        "scene radii",
+        "shadow traversal, ms",
+        "stand-in",
+    ):
+        assert word in drawn, word
+    assert "lane fill" in (tmp_path / "figure11-r.svg").read_text()
+    assert all(file.stat().st_size < 300_000 for file in files)
+    lines = (tmp_path / "figure11.csv").read_text().splitlines()
+    assert len(lines) == 1 + 100
+    assert {"lane_fill", "chunks", "traversal_ms", "light_distance"} <= set(lines[0].split(","))
+
+
+def test_lane_fill_is_rays_over_lanes():
+    r = points.row(distance_records()[0])
+    figure11_drawing.add(r, figure11.TRAVERSAL)
+    assert r["lane_fill"] == pytest.approx(1600 / (50 * r["r"]))
+    assert r["axes"] in figure11_drawing.AXES.values()
+
+
+def test_two_lights_states_frames_a_second_and_the_slope(tmp_path):
+    preset = find_experiment("two_lights").presets["quick"]
+    keep(tmp_path, [
+        made("two_lights", e, "fairy", x, ms=4.0 + 6.0 * x.count) for e in preset.methods for x in preset.lightings
+    ])  # fmt: skip
+    show("two_lights", tmp_path, quiet=True)
+    text = (tmp_path / "two_lights.md").read_text()
+    assert "two lights 16.2 ms, 61.9 frames a second (+60% for the second light)" in text
+    assert "from 1 to 16 lights each adds 6.06 ms" in text
+    assert "7.6 frames a second against 5.26" in text
+    assert "number of lights" in (tmp_path / "two_lights-fairy.svg").read_text()
+    rows = [{"light_count": n, "total_ms": 3.0 + 2.0 * n} for n in (1, 2, 8)]
+    assert two_lights.slope(rows) == pytest.approx(2.0)
+
+
+def test_moving_has_a_row_a_frame(tmp_path):
+    preset = find_experiment("moving").presets["quick"]
+    records = [
+        made("moving", e, s, preset.lightings[0], frames=8)
+        for e in preset.methods
+        for s in ("cloth", "fairy")
+    ]
+    for i, frame in enumerate(records[0]["frames"]):
+        frame["total_ms"] = [10.0 + i] * 2
+    keep(tmp_path, records)
+    show("moving", tmp_path, quiet=True)
+    lines = (tmp_path / "moving.csv").read_text().splitlines()
+    assert len(lines) == 1 + 8 * len(records)
+    assert (
+        "10.0 to 17.0 ms over 8 places of the light (slowest +70% over fastest)"
+        in (tmp_path / "moving.md").read_text()
+    )
+    assert "turns of the light" in (tmp_path / "moving.svg").read_text()
+
+
+def test_what_a_stopped_run_did_not_come_to_is_told(tmp_path):
+    entries = find_experiment("ablation").presets["quick"].methods[:3]
+    records = [made("ablation", e, "cloth", ms=10.0) for e in entries]
+    keep(tmp_path, [*records, *(made("ablation", e, "buddha", ms=10.0) for e in entries[:1])])
+    show("ablation", tmp_path, quiet=True)
+    text = (tmp_path / "ablation.md").read_text()
+    assert f"no record of {entries[1].label}, {entries[2].label}" in text
+    assert text.count("no record of") == 1
+
+
+def test_ablation_compares_with_its_base_on_the_same_scene(tmp_path):
+    declared = find_experiment("ablation")
+    entries = declared.presets["quick"].methods
+    records = []
+    for scene, base in (("cloth", 10.0), ("buddha", 40.0)):
+        for i, e in enumerate(entries):
+            lost = "culled" in e.label and scene == "cloth"
+            records.append(
+                made("ablation", e, scene, ms=base * (1 + 0.1 * i), status="skipped" if lost else "ok")
+            )
+    keep(tmp_path, records)
+    show("ablation", tmp_path, quiet=True)
+    text = (tmp_path / "ablation.md").read_text()
+    assert "direct mapping, 16x16 tiles 1.10 (2 scenes)" in text
+    assert "back faces culled, primary 1.90 (1 scene)" in text
+    assert "Not measured" in text
+    assert len((tmp_path / "ablation.csv").read_text().splitlines()) == 1 + len(records)
+    rows = [{"label": "a", "ratio": 0.5, "scene": "x"}, {"label": "a", "ratio": 2.0, "scene": "y"}]
+    assert ablation.mean_ratios(rows)["a"] == pytest.approx(1.0)
