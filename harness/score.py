@@ -25,6 +25,17 @@ from .scene import Effects
 from .spot import NO_SPOT, facing, receivers
 from .suspects import Suspects, agreement, disputed_bits, find_suspects
 from .truth import Reference, embree_installed, embree_reference, exact_reference
+from .verdicts import (
+    ERRORS,
+    EXCUSED,
+    PRIMARY,
+    RIGHT,
+    SHADOW,
+    gravest_of,
+    lowest_ids,
+    primary_verdicts,
+    shadow_verdicts,
+)
 
 __all__ = ["Judge", "save_raw", "score_answers", "score_raw"]
 
@@ -35,12 +46,6 @@ JUDGE_LIMIT = 100_000
 """Disputed pixels judged; beyond it a seeded sample is judged and every other one counts as a true error."""
 
 EXAMPLES = 10
-
-PRIMARY = (Verdict.OK, Verdict.TIE, Verdict.NEAR_TIE, Verdict.EDGE, Verdict.TRUE, Verdict.INVALID)
-SHADOW = (Verdict.OK, Verdict.EDGE, Verdict.ACNE, Verdict.LEAK, Verdict.INVALID)
-ERRORS = (Verdict.TRUE, Verdict.INVALID, Verdict.ACNE, Verdict.LEAK)
-EXCUSED = (Verdict.NEAR_TIE, Verdict.EDGE)
-RIGHT = (Verdict.OK, Verdict.TIE)
 
 
 class Judge:
@@ -171,12 +176,12 @@ def _scored(
     )
     hits = referee.closest(moment.origins(suspects.judged), moment.directions(suspects.judged))
 
-    primary, named = _primary(referee, hits, answers["triangle"], found, suspects, agree)
+    primary, named = primary_verdicts(referee, hits, answers["triangle"], found, suspects, agree)
     # A duplicate with a lower index exists: a tie, wherever it was not judged already.
-    primary[(primary == Verdict.OK) & (answers["triangle"] != _lowest(answers["triangle"], referee))] = (
+    primary[(primary == Verdict.OK) & (answers["triangle"] != lowest_ids(answers["triangle"], referee))] = (
         Verdict.TIE
     )
-    shadow = _shadows(referee, moment, hits, answers, found, suspects, primary, wanted, outside)
+    shadow = shadow_verdicts(referee, moment, hits, answers, found, suspects, primary, wanted, outside)
 
     excused = np.isin(primary, EXCUSED)
     for verdicts in shadow:
@@ -214,7 +219,7 @@ def _scored(
             prepared, moment, referee, hits, reference, suspects, wanted, outside
         ),
     }
-    return score, _gravest(primary, shadow), excused
+    return score, gravest_of(primary, shadow), excused
 
 
 def not_receivers(prepared: Prepared, moment: Moment, triangle: NDArray[np.integer]) -> NDArray[np.bool_]:
@@ -246,80 +251,6 @@ def _wanted(effects: Effects, lights: int) -> list[bool]:
     return [i < len(effects.shadows) and bool(effects.shadows[i]) for i in range(lights)]
 
 
-def _lowest(given: NDArray, referee: Referee) -> NDArray:
-    known = (given >= 0) & (given < len(referee.faces))
-    return np.where(known, referee.duplicate_of[np.where(known, given, 0)], given) if known.any() else given
-
-
-# --- classes ------------------------------------------------------------------------------------------------
-
-
-def _primary(
-    referee: Referee,
-    hits: Hits,
-    given: NDArray,
-    found: Consistency,
-    suspects: Suspects,
-    agree: NDArray[np.bool_],
-) -> tuple[NDArray[np.int8], NDArray[np.bool_]]:
-    """The class of every pixel's answer, -1 where a disputed one was left unjudged; and where the triangle is right.
-
-    int8 and bool [pixels]. A right triangle with a wrong t, u or v is a true error all the same.
-    """
-    verdicts = np.full(len(given), Verdict.OK, dtype=np.int8)
-    verdicts[suspects.judged] = referee.classify_primary(hits, given[suspects.judged])
-    named = agree & ~found.primary_invalid
-    named[suspects.judged] = np.isin(verdicts[suspects.judged], RIGHT)
-    verdicts[(found.t_wrong | found.uv_wrong) & (verdicts != Verdict.INVALID)] = Verdict.TRUE
-    verdicts[found.primary_invalid] = Verdict.INVALID
-    verdicts[suspects.unjudged] = -1
-    return verdicts, named
-
-
-def _shadows(
-    referee: Referee,
-    moment: Moment,
-    hits: Hits,
-    answers: dict[str, NDArray],
-    found: Consistency,
-    suspects: Suspects,
-    primary: NDArray[np.int8],
-    wanted: Sequence[bool],
-    outside: NDArray[np.bool_],
-) -> list[NDArray[np.int8]]:
-    """For each light the class of every pixel's bit; -1 where it is not scored. int8 [pixels] each
-
-    Hit points ``outside`` (no receivers) have no shadow ray: a bit there is a shadow where none can be.
-    """
-    scored = np.isin(primary, RIGHT)
-    result = []
-    for i, light in enumerate(moment.lights):
-        bits = answers["visibility"][i]
-        if not wanted[i]:
-            # A light that asks for no shadows: every bit must be 0.
-            verdicts = np.where(bits != 0, Verdict.INVALID, -1).astype(np.int8)
-        else:
-            verdicts = np.where(scored & (answers["triangle"] >= 0), Verdict.OK, -1).astype(np.int8)
-            rows = np.nonzero(verdicts[suspects.judged] == Verdict.OK)[0]
-            pixels = suspects.judged[rows]
-            verdicts[pixels] = referee.classify_shadow(hits.take(rows), light, bits[pixels])
-            out = outside[i] & (verdicts >= 0)
-            verdicts[out] = np.where(bits[out] != 0, Verdict.ACNE, Verdict.OK)
-            verdicts[found.shadow_invalid[i]] = Verdict.INVALID
-        result.append(verdicts)
-    return result
-
-
-def _gravest(primary: NDArray[np.int8], shadow: Sequence[NDArray[np.int8]]) -> NDArray[np.int8]:
-    """One class a pixel: the primary answer's unless it is right, then an error of any shadow bit, then an edge."""
-    result = primary.copy()
-    right = np.isin(primary, RIGHT)
-    for kind in (Verdict.EDGE, Verdict.INVALID, Verdict.LEAK, Verdict.ACNE):
-        for verdicts in shadow:
-            result[right & (verdicts == kind)] = kind
-    return result
-
-
 def _counts(verdicts: NDArray[np.int8], classes: Sequence[Verdict]) -> dict[str, int]:
     return {verdict.name.lower(): int((verdicts == verdict).sum()) for verdict in classes}
 
@@ -338,8 +269,8 @@ def _reference_errors(
     answers = reference.answers()
     found = check_consistency(prepared, moment, answers)
     agree = np.ones(len(reference.triangle), dtype=bool)
-    primary, _ = _primary(referee, hits, reference.triangle, found, suspects, agree)
-    shadow = _shadows(referee, moment, hits, answers, found, suspects, primary, wanted, outside)
+    primary, _ = primary_verdicts(referee, hits, reference.triangle, found, suspects, agree)
+    shadow = shadow_verdicts(referee, moment, hits, answers, found, suspects, primary, wanted, outside)
     judged = suspects.judged
     return {
         "primary": {
