@@ -23,10 +23,8 @@ import warp as wp
 from shadowbench.harness.specialise import Switches, is_effects, named
 from shadowbench.methods.perspective_spherical.primary import make_trace_kernel
 from shadowbench.methods.perspective_spherical.shadow import make_shadow_kernel
-from shadowbench.methods.perspective_spherical.staged import (
-    make_staged_shadow_kernel,
-    make_staged_trace_kernel,
-)
+from shadowbench.methods.perspective_spherical.staged_shadow import make_staged_shadow_kernel
+from shadowbench.methods.perspective_spherical.staged_trace import make_staged_trace_kernel
 from shadowbench.methods.perspective_spherical.variants import Variant
 from shadowbench.methods.ray_grids import camera_queue, camera_stream, light_queue, light_stream
 from warp._src.context import Module

@@ -42,10 +42,8 @@ class Use:
 
 def hot_modules() -> dict[str, wp.Module | str]:
     """Modules of the kernels in which frames spend their time, by the package they belong to."""
-    from shadowbench.methods.perspective_spherical.staged import (
-        make_staged_shadow_kernel,
-        make_staged_trace_kernel,
-    )
+    from shadowbench.methods.perspective_spherical.staged_shadow import make_staged_shadow_kernel
+    from shadowbench.methods.perspective_spherical.staged_trace import make_staged_trace_kernel
     from shadowbench.methods.perspective_spherical.variants import Variant
     from shadowbench.methods.ray_grids import camera_queue, camera_stream, light_queue, light_stream
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import warp as wp
-from shadowbench.methods.common.triangle import hit_distance, may_hit, may_occlude, occludes
+from shadowbench.methods.common.segment import may_occlude, occludes
+from shadowbench.methods.common.triangle import hit_distance, may_hit
 
 FAN = 6
 COUNT = 20_000

@@ -28,10 +28,8 @@ from shadowbench.methods.perspective_spherical.parameters import (
 )
 from shadowbench.methods.perspective_spherical.primary import make_resolve_kernel, make_trace_kernel
 from shadowbench.methods.perspective_spherical.shadow import make_shadow_kernel
-from shadowbench.methods.perspective_spherical.staged import (
-    make_staged_shadow_kernel,
-    make_staged_trace_kernel,
-)
+from shadowbench.methods.perspective_spherical.staged_shadow import make_staged_shadow_kernel
+from shadowbench.methods.perspective_spherical.staged_trace import make_staged_trace_kernel
 from shadowbench.methods.perspective_spherical.variants import BLOCKS, VARIANTS
 
 DEVICES = ["cpu", *(["cuda:0"] if wp.is_cuda_available() else [])]

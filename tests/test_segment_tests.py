@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import warp as wp
-from shadowbench.methods.common.triangle import largest, occludes, to_float32
+from shadowbench.methods.common.segment import occludes
+from shadowbench.methods.common.triangle import largest, to_float32
 from shadowbench.methods.perspective_spherical.segment_tests import (
     DOUBT,
     NO,

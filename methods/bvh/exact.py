@@ -21,15 +21,14 @@ from ..common.alpha import hit_counts, shadow_counts
 from ..common.bounces import bounced_tests
 from ..common.bounds import PADDED_UNITS, launch_boxes
 from ..common.pixels import pixel_of, thread_count
+from ..common.segment import may_occlude, occludes
 from ..common.triangle import (
     NO_HIT,
     U32,
     hit_distance,
     largest,
     may_hit,
-    may_occlude,
     nearer,
-    occludes,
     to_float32,
     weld_of,
     write_hit,

@@ -10,7 +10,8 @@ from __future__ import annotations
 import warp as wp
 
 from ...harness.alpha import OPAQUE, Alpha, texels_near
-from .triangle import U64, edge_functions, largest, light_edge_functions, to_float64, total
+from .segment import light_edge_functions
+from .triangle import U64, edge_functions, largest, to_float64, total
 
 BIT = wp.constant(wp.int32(OPAQUE))
 
@@ -62,7 +63,7 @@ def shadow_counts(
 ) -> wp.bool:
     """Whether triangle i is opaque where the segment from the hit point h to the light crosses it.
 
-    ``origin_size`` as in :func:`.triangle.occludes`: h itself was rounded.
+    ``origin_size`` as in :func:`.segment.occludes`: h itself was rounded.
     """
     if alpha.masked[i] == wp.uint8(0):
         return True

@@ -15,7 +15,7 @@ from .items import Items, count_tiles_kernel
 from .parameters import TRIANGLE_TESTS, Build, Trace
 from .primary import NO_NEAREST, make_resolve_kernel, make_trace_kernel
 from .ray_tests import WIDENINGS
-from .staged import make_staged_trace_kernel
+from .staged_trace import make_staged_trace_kernel
 from .variants import Variant, block_for, staged
 
 

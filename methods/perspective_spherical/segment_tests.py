@@ -12,16 +12,8 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..common.triangle import (
-    FLOOR32,
-    U32,
-    largest,
-    light_edge_functions,
-    occludes,
-    stands_between,
-    to_float64,
-    total,
-)
+from ..common.segment import light_edge_functions, occludes, stands_between
+from ..common.triangle import FLOOR32, U32, largest, to_float64, total
 from .ray_tests import dot3, near_inside
 
 RECORD = wp.constant(6)

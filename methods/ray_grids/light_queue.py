@@ -11,7 +11,8 @@ from ...harness.specialise import effects
 from ..common.alpha import shadow_counts
 from ..common.entries import entry, set_entry
 from ..common.reserve import reserve
-from ..common.triangle import largest, occludes, total, weld_of
+from ..common.segment import occludes
+from ..common.triangle import largest, total, weld_of
 from .light_aim import Cube
 from .light_bins import cells_of, span_of
 from .light_cells import Sides, cells_of_row, cube_space, on_cells, sides_of_flat, sides_of_planes

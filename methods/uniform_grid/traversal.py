@@ -13,15 +13,14 @@ from ...harness.alpha import Alpha
 from ...harness.specialise import effects
 from ..common.alpha import hit_counts, shadow_counts
 from ..common.pixels import pixel_of
+from ..common.segment import may_occlude, occludes
 from ..common.triangle import (
     NO_HIT,
     U32,
     hit_distance,
     largest,
     may_hit,
-    may_occlude,
     nearer,
-    occludes,
     to_float32,
     to_float64,
     weld_of,

@@ -1,0 +1,124 @@
+"""The shadow test that every method of ours shares: float32 rejects, float64 decides, as :mod:`.triangle` does for rays.
+
+A shadow ray is the open segment from a hit point to a light. It is tested against planes through the light and each
+edge, since all shadow rays of a light meet there, evaluated relative to an end of the edge: right at any distance of
+the light. The hit point is float64 and rounded; what the bounds allow for it is said with each test.
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+from .triangle import FLOOR32, OVERFLOW, U32, U64, certainly_outside, inside, largest, to_float64, total
+
+
+@wp.func
+def may_occlude(
+    h: wp.vec3f, light: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, h_error: wp.float32
+) -> wp.bool:
+    """False only if the open segment h-light certainly misses the triangle.
+
+    Planes through the light and each edge, evaluated relative to an end of the edge: right at any distance of
+    the light. ``h_error`` bounds |h - the float64 hit point| in each coordinate.
+    """
+    la = a - light
+    lb = b - light
+    lc = c - light
+    ab = b - a
+    bc = c - b
+    ca = a - c
+    ha = h - a
+    hb = h - b
+    hc = h - c
+    edge = wp.max(largest(ab), wp.max(largest(bc), largest(ca)))
+    reach = wp.max(total(ha), wp.max(total(hb), total(hc)))
+    from_light = wp.max(largest(la), wp.max(largest(lb), largest(lc)))
+    if not (from_light * edge * reach < OVERFLOW):
+        return True
+    bound = from_light * edge * (16.0 * U32 * reach + 8.0 * h_error) + FLOOR32
+    if certainly_outside(
+        wp.dot(wp.cross(lb, bc), hb), wp.dot(wp.cross(lc, ca), hc), wp.dot(wp.cross(la, ab), ha), bound
+    ):
+        return False
+    # Both ends certainly on the same side of the triangle's plane.
+    n = wp.cross(ab, ca)
+    side_h = wp.dot(n, ha)
+    side_l = -wp.dot(n, la)
+    bound_h = edge * edge * (16.0 * U32 * reach + 8.0 * h_error) + FLOOR32
+    bound_l = edge * edge * 48.0 * U32 * from_light + FLOOR32
+    if (side_h > bound_h and side_l > bound_l) or (side_h < -bound_h and side_l < -bound_l):
+        return False
+    return True
+
+
+@wp.func
+def stands_between(
+    h: wp.vec3d, light: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, origin_size: wp.float64
+) -> wp.bool:
+    """Whether the triangle's plane crosses the open segment from the hit point h to the light.
+
+    A plane that passes h within the rounding of h itself does not, nor does one that passes the light within rounding.
+    ``origin_size`` is the largest coordinate of the eye: h = eye + t d was rounded at that size.
+    """
+    ab = b - a
+    ac = c - a
+    n = wp.cross(ab, ac)
+    ha = h - a
+    la = light - a
+    side_h = wp.dot(n, ha)
+    side_l = wp.dot(n, la)
+    unit = U64 * largest(ab) * largest(ac)
+    if wp.abs(side_h) <= unit * (
+        wp.float64(16.0) * total(ha) + wp.float64(64.0) * (largest(h) + origin_size)
+    ):
+        return False
+    if wp.abs(side_l) <= unit * wp.float64(16.0) * total(la):
+        return False
+    return (side_h > wp.float64(0.0)) != (side_l > wp.float64(0.0))
+
+
+@wp.func
+def occludes(
+    h: wp.vec3d,
+    light: wp.vec3f,
+    a: wp.vec3f,
+    b: wp.vec3f,
+    c: wp.vec3f,
+    weld: wp.vec3i,
+    origin_size: wp.float64,
+) -> wp.bool:
+    """Whether the triangle meets the open segment from the hit point h to the light. Float64.
+
+    A triangle whose plane passes h within rounding contains it (its own triangle, duplicates, neighbours at an edge)
+    and does not count: see :func:`stands_between`.
+    """
+    l64 = to_float64(light)
+    a64 = to_float64(a)
+    b64 = to_float64(b)
+    c64 = to_float64(c)
+    if not stands_between(h, l64, a64, b64, c64, origin_size):
+        return False
+    return inside(light_edge_functions(l64, h, a64, b64, c64, weld))
+
+
+@wp.func
+def light_edge_function(
+    light: wp.vec3d, h: wp.vec3d, p: wp.vec3d, q: wp.vec3d, weld_p: wp.int32, weld_q: wp.int32
+) -> wp.float64:
+    """(h - p) . ((p - light) x (q - p)), taken from the vertex with the lower weld index."""
+    ordered = weld_p < weld_q
+    first = wp.where(ordered, p, q)
+    value = wp.dot(wp.cross(first - light, wp.where(ordered, q, p) - first), h - first)
+    return wp.where(ordered, value, -value)
+
+
+@wp.func
+def light_edge_functions(
+    light: wp.vec3d, h: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, weld: wp.vec3i
+) -> wp.vec3d:
+    """The planes through the light and the edges opposite to a, b and c, evaluated at h."""
+    return wp.vec3d(
+        light_edge_function(light, h, b, c, weld[1], weld[2]),
+        light_edge_function(light, h, c, a, weld[2], weld[0]),
+        light_edge_function(light, h, a, b, weld[0], weld[1]),
+    )
