@@ -18,7 +18,7 @@ from shadowbench.harness.hardcases import find_case
 from shadowbench.harness.hardcases.judge import Judged, judge_case
 from shadowbench.harness.registry import make_method
 from shadowbench.methods.bvh import exact
-from shadowbench.methods.common import bounds, triangle
+from shadowbench.methods.common import bounds, segment, triangle
 from shadowbench.methods.perspective_spherical import light_map, sphere
 
 PACKAGE = "shadowbench.methods."
@@ -131,7 +131,7 @@ MUTATIONS = (
     Mutation(
         "no rule for the own triangle",
         (
-            Planted(triangle, "stands_between", ((OWN_TRIANGLE, ""),), triangle),
+            Planted(segment, "stands_between", ((OWN_TRIANGLE, ""),), segment),
             Planted(exact, "shadow_kernel", (("if i != own and valid", "if valid"),), exact),
         ),
         "bvh",
