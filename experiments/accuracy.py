@@ -144,7 +144,7 @@ VARIANTS = "V "
 OF_EFFECTS = ("H", "M")
 """How those of holes and mirrors begin: most points are methods of opaque scenes."""
 
-DISTANCES = (1.5, 1e1, 1e3, 1e5, 1e7)
+DISTANCES = (1e-4, 1e-1, 1.5, 1e1, 1e3, 1e5, 1e7)
 OFFSETS = (0.0, 1e1, 1e3, 1e5)
 GRID_SIZE = {"quick": 48, "paper": 128}
 

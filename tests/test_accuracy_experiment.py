@@ -266,7 +266,7 @@ def test_everything_is_drawn_and_the_tables_are_in_the_text(folder, capsys):
     files = accuracy.draw(folder, False, measures, [], ["b: quick"], "a: exact")
     assert {path.name for path in files} == {
         "accuracy.csv", "accuracy_equal_error.csv", "accuracy_costs.csv", "accuracy_pareto.svg",
-        "accuracy_costs.svg", "accuracy_where.png", "accuracy_heat.png", "accuracy.md",
+        "accuracy_costs.svg", "accuracy_where-buddha.png", "accuracy_heat.png", "accuracy.md",
     }  # fmt: skip
     assert all(path.stat().st_size > 100 for path in files)
     text = (folder / "accuracy.md").read_text()

@@ -27,39 +27,50 @@ PAINT: dict[str, tuple[tuple[int, ...], str]] = {
     "not judged: differs from the reference": ((UNJUDGED,), "#CC79A7"),
     "excused: edge or near tie": ((Verdict.EDGE, Verdict.NEAR_TIE), "#009E73"),
 }
+ACROSS = 3
+"""Panels beside one another."""
+
 LARGEST = 512
 """Pixels along a side of a panel: larger frames are cropped to where most is wrong."""
 
 
 def draw(folder: Path, made: Sequence[Row], shown: Sequence[str]) -> list[Path]:
-    """One row of panels a scene: the points of ``shown`` (labels) whose maps were kept."""
+    """A picture a scene: panels of the points of ``shown`` (labels) whose maps were kept.
+
+    Maps are large, and a folder that travels may have left them out: its pictures of an earlier drawing stay.
+    """
+    for scene, own in scenes(made):
+        kept = _kept(folder, own, shown)
+        if kept:
+            _panels(folder, kept, folder / f"accuracy_where-{scene}.png")
+    return sorted(folder.glob("accuracy_where*.png"))
+
+
+def _panels(folder: Path, kept: Sequence[tuple[Row, NDArray[np.int64]]], path: Path) -> None:
+    """One scene's panels, all of the same part of the image."""
     import matplotlib
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 
-    chosen = [(scene, _kept(folder, own, shown)) for scene, own in scenes(made)]
-    chosen = [(scene, kept) for scene, kept in chosen if kept]
-    if not chosen:
-        return []
-    across = max(len(kept) for _, kept in chosen)
+    across = min(ACROSS, len(kept))
+    down = -(-len(kept) // across)
+    worst = max(kept, key=lambda pair: int(_wrong(pair[1]).sum()))[1]
+    window = _window(_wrong(worst))
     with matplotlib.rc_context({**style.axes_style(), "axes.grid": False}):
-        figure = Figure(figsize=(1.55 * across, 2.0 * len(chosen) + 0.4), layout="constrained", dpi=200)
-        panels = figure.subplots(len(chosen), across, squeeze=False)
-        for line, (_, kept) in zip(panels, chosen, strict=True):
-            for axes in line:
-                axes.set_axis_off()
-            worst = max(kept, key=lambda pair: int(_wrong(pair[1]).sum()))[1]
-            window = _window(_wrong(worst))
-            for axes, (r, classes) in zip(line, kept, strict=False):
-                axes.imshow(painted(folder, r, classes)[window], interpolation="nearest")
-                axes.set_title(_caption(r["label"], classes), fontsize=5)
-            line[0].text(-0.04, 0.5, title_of(kept[0][0]), transform=line[0].transAxes, rotation=90, ha="right",
-                         va="center", fontsize=6.5)  # fmt: skip
+        figure = Figure(figsize=(2.2 * across, 2.6 * down + 0.7), layout="constrained", dpi=200)
+        panels = figure.subplots(down, across, squeeze=False).ravel()
+        for axes in panels:
+            axes.set_axis_off()
+        for axes, (r, classes) in zip(panels, kept, strict=False):
+            axes.imshow(painted(folder, r, classes)[window], interpolation="nearest")
+            axes.set_title(_caption(r["label"], classes), fontsize=6)
         handles = [Patch(facecolor=colour, label=name) for name, (_, colour) in PAINT.items()]
         figure.legend(
-            handles=handles, loc="outside upper center", ncols=min(5, across), frameon=False, handlelength=1.2
-        )
-        return [points.save(figure, folder / "accuracy_where.png")]
+            handles=handles, loc="outside lower center", ncols=min(across, len(handles)), frameon=False,
+            handlelength=1.2, fontsize=6,
+        )  # fmt: skip
+        figure.suptitle(f"Where the wrong pixels are: {title_of(kept[0][0])}", fontsize=7.5)
+        points.save(figure, path)
 
 
 def _kept(folder: Path, rows: Sequence[Row], shown: Sequence[str]) -> list[tuple[Row, NDArray[np.int64]]]:
@@ -113,7 +124,7 @@ def _window(wrong: NDArray[np.bool_]) -> tuple[slice, slice]:
 
 def _caption(label: str, classes: NDArray[np.int64]) -> str:
     """Label and counts, each broken into lines that stay within a panel."""
-    lines = [line for text in (label, _counted(classes)) for line in textwrap.wrap(text, 38)]
+    lines = [line for text in (label, _counted(classes)) for line in textwrap.wrap(text, 44)]
     return "\n".join(lines)
 
 
