@@ -57,7 +57,7 @@ def _panels(folder: Path, kept: Sequence[tuple[Row, NDArray[np.int64]]], path: P
     worst = max(kept, key=lambda pair: int(_wrong(pair[1]).sum()))[1]
     window = _window(_wrong(worst))
     with matplotlib.rc_context({**style.axes_style(), "axes.grid": False}):
-        figure = Figure(figsize=(2.2 * across, 2.6 * down + 0.7), layout="constrained", dpi=200)
+        figure = Figure(figsize=(2.2 * across, 2.45 * down + 0.6), layout="constrained", dpi=200)
         panels = figure.subplots(down, across, squeeze=False).ravel()
         for axes in panels:
             axes.set_axis_off()
