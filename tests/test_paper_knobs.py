@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import warp as wp
 from brute_force import closest, make_scene, shadowed, soup
+from closed_meshes import grid_of_squares
 from shadowbench.harness.errors import CapacityRejected, UserError
 from shadowbench.harness.registry import make_method
 from shadowbench.harness.scene import Limits
@@ -122,24 +123,6 @@ def test_inexact_tests_differ_from_the_exact_one_at_edges_only():
         assert session.method.built()["triangle test"] == name
         for answer in ("triangle", "visibility"):
             assert (got[answer] != exact[answer]).mean() < 1e-3, (name, answer)
-
-
-def grid_of_squares(n):
-    """A closed unit cube of n x n squares a side: many rays through shared edges and vertices."""
-    side = np.linspace(-1.0, 1.0, n + 1)
-    u, v = (x.ravel() for x in np.meshgrid(side, side, indexing="ij"))
-    vertices, faces = [], []
-    for axis in range(3):
-        for sign in (-1.0, 1.0):
-            corners = np.empty((len(u), 3))
-            corners[:, axis] = sign
-            corners[:, (axis + 1) % 3], corners[:, (axis + 2) % 3] = u, v * sign
-            base = sum(len(c) for c in vertices)
-            vertices.append(corners)
-            i, j = (x.ravel() for x in np.meshgrid(np.arange(n), np.arange(n), indexing="ij"))
-            a, b = i * (n + 1) + j, (i + 1) * (n + 1) + j
-            faces += [np.stack(t, axis=1) + base for t in ((a, b, b + 1), (a, b + 1, a + 1))]
-    return np.concatenate(vertices), np.concatenate(faces)
 
 
 @pytest.mark.parametrize("name", ["exact", "edge_planes"])
