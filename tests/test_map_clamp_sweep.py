@@ -26,7 +26,7 @@ REAL = Path(__file__).resolve().parents[2] / "shared" / "scenes"
 MESHES = sorted(REAL.glob("*.ply"))
 
 SIZE = 16
-SMALL = 15_000
+SMALL = 10_000
 """Triangles up to which every combination is traced."""
 
 LARGE = 500_000
