@@ -37,13 +37,20 @@ def smaller(example: Example) -> Iterator[Example]:
     lights = len(example.lights)
     for i in range(lights if lights > 1 else 0):
         yield replace(example, lights=np.delete(example.lights, i, axis=0))
+    if example.culls():  # the rest must stay closed
+        yield example.with_settings("perspective_spherical", cull="off")
+        assert example.bodies is not None
+        for body in np.unique(example.bodies):
+            kept = example.bodies != body
+            if (example.bodies[kept] >= 0).any():
+                yield replace(example, faces=example.faces[kept], bodies=example.bodies[kept])
     count = len(example.faces)
-    part = count // 2
+    part = 0 if example.culls() else count // 2
     while part >= 1:
         for start in range(0, count, part):
             rest = np.delete(example.faces, slice(start, start + part), axis=0)
             if len(rest):
-                yield replace(example, faces=rest)
+                yield replace(example, faces=rest, bodies=None)
         part //= 2
     used = np.unique(example.faces)
     if len(used) < len(example.points):
@@ -84,7 +91,7 @@ def fuzz(
     source = random.Random(seed)
     began, findings, done = time.monotonic(), 0, 0
     for done in range(1, examples + 1):
-        example = decode(source.randbytes(LENGTH), effects=True)
+        example = decode(source.randbytes(LENGTH), effects=True, culled=True)
         for name, wrong in true_errors(example, methods, device).items():
             findings += 1
             least = shrunk(example, lambda one, name=name: bool(true_errors(one, (name,), device)))  # type: ignore[misc]

@@ -1,8 +1,8 @@
 """Examples for property tests and fuzzing, decoded from bytes: a mesh, a camera, lights and settings of every method.
 
-Coordinates are integers below 2^15 times a power of two, and coarse more often than not: rays of the pixels then
-meet vertices, edges and cell boundaries exactly, again and again. Shorter bytes and smaller bytes give simpler
-examples, so that a failure shrinks; bytes beyond the end read as 0.
+Meshes are drawn by :mod:`lattice_meshes`. Coordinates are integers below 2^15 times a power of two, and coarse more
+often than not: rays of the pixels then meet vertices, edges and cell boundaries exactly, again and again. Shorter
+bytes and smaller bytes give simpler examples, so that a failure shrinks; bytes beyond the end read as 0.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
+from lattice_meshes import Bytes, draw_mesh, is_outside
 from numpy.typing import NDArray
 from shadowbench.harness.alpha import perforated
 from shadowbench.harness.errors import CapacityRejected
@@ -28,6 +29,9 @@ LENGTH = 400
 """Bytes that an example reads at most."""
 
 UNIT = 2.0**-12
+
+BEYOND = 2.0**17
+"""A step from anywhere on the lattice that leads out of every mesh."""
 
 CHOICES: dict[str, dict[str, tuple[str, ...]]] = {
     "perspective_spherical": {
@@ -63,34 +67,10 @@ CHOICES: dict[str, dict[str, tuple[str, ...]]] = {
 ALWAYS = {"bvh": {"update": "bvh_rebuild"}}
 """What makes a method exact."""
 
+CULLING = ("off", "primary", "primary+light")
+"""Drawn apart, where it is legal: it may answer a tie by the other triangle."""
+
 METHODS = tuple(CHOICES)
-
-
-class Bytes:
-    """Reads numbers from bytes; zeros beyond the end."""
-
-    def __init__(self, data: bytes):
-        self.data, self.place = data, 0
-
-    def take(self, count: int) -> NDArray[np.int64]:
-        part = self.data[self.place : self.place + count]
-        self.place += count
-        return np.frombuffer(part.ljust(count, b"\0"), dtype=np.uint8).astype(np.int64)
-
-    def below(self, limit: int) -> int:
-        return int(self.take(1)[0]) % limit
-
-    def choice(self, values: Sequence[Any]) -> Any:
-        return values[self.below(len(values))]
-
-    def coordinates(self, count: int) -> NDArray[np.int64]:
-        """Lattice points [count, 3], |k| < 2^15: multiples of a coarse step, with a finer part now and then."""
-        step, fine = self.choice((2048, 4096, 1024, 512, 8192, 256)), self.below(8)
-        coarse = (self.take(3 * count) + 128) % 256 - 128  # 0 stays 0
-        points = coarse.reshape(count, 3) * step
-        if fine == 7:
-            points += self.take(3 * count).reshape(count, 3) - 128
-        return (points + 2**15 - 1) % (2**16 - 1) - (2**15 - 1)
 
 
 @dataclass(frozen=True)
@@ -105,7 +85,10 @@ class Calls:
 
 @dataclass(frozen=True, eq=False)
 class Example:
-    """``points`` float64 [n, 3], exact in float32; ``lights`` [m, 3]; ``settings`` of each method."""
+    """``points`` float64 [n, 3], exact in float32; ``lights`` [m, 3]; ``settings`` of each method.
+
+    ``bodies``: of a mesh of closed convex bodies, the body of each triangle, see :class:`lattice_meshes.Mesh`.
+    """
 
     points: NDArray[np.float64]
     faces: NDArray[np.int32]
@@ -114,6 +97,7 @@ class Example:
     size: tuple[int, int]
     settings: dict[str, dict[str, str]]
     calls: Calls = Calls()
+    bodies: NDArray[np.int32] | None = None
 
     def trial(self) -> Trial:
         points, faces, calls = self.points, self.faces, self.calls
@@ -124,11 +108,29 @@ class Example:
         scene = Scene("lattice", "Lattice", lambda: Geometry.static(points, faces), self.camera, lights)
         if calls.every:
             scene = replace(scene, alpha=lambda geometry: perforated(geometry, calls.every, calls.holes))
-        prepared = Prepared(replace(scene, facing=calls.facing))
+        prepared = Prepared(replace(scene, facing=calls.facing, closed=self.bodies is not None))
         return Trial(prepared, prepared.moment(0, *self.size), Counts(), watertight=not calls.every)
 
     def with_geometry(self, points: NDArray, faces: NDArray) -> Example:
-        return replace(self, points=np.asarray(points, dtype=np.float64), faces=np.asarray(faces, np.int32))
+        points = np.asarray(points, dtype=np.float64)
+        return replace(self, points=points, faces=np.asarray(faces, np.int32), bodies=None)
+
+    def with_settings(self, name: str, **changes: str) -> Example:
+        """With other settings of one method."""
+        return replace(self, settings={**self.settings, name: {**self.settings[name], **changes}})
+
+    def culls(self) -> bool:
+        """Whether back faces are left out."""
+        return self.settings.get("perspective_spherical", {}).get("cull", "off") != "off"
+
+    def seen_from_outside(self) -> tuple[bool, bool]:
+        """Whether a mesh of closed bodies is seen from outside, and whether it is lit from outside as well."""
+        if self.bodies is None or self.calls.every:
+            return False, False
+        moment = self.trial().moment
+        places = [moment.eye, *moment.lights]
+        outside = [is_outside(moment.points, self.faces, self.bodies, at) for at in places]
+        return outside[0], all(outside)
 
     def frozen(self) -> dict[str, Any]:
         """As JSON holds it: floats in hexadecimal."""
@@ -146,12 +148,14 @@ class Example:
             "size": list(self.size),
             "settings": self.settings,
             "calls": asdict(self.calls),
+            "bodies": None if self.bodies is None else self.bodies.tolist(),
         }
 
     @staticmethod
     def thawed(facts: dict[str, Any]) -> Example:
         camera = facts["camera"]
         eye, target, up = (tuple(floats(camera[name]).tolist()) for name in ("eye", "target", "up"))
+        bodies = facts.get("bodies")
         return Example(
             floats(facts["points"]).reshape(-1, 3),
             np.array(facts["faces"], dtype=np.int32).reshape(-1, 3),
@@ -160,6 +164,7 @@ class Example:
             (facts["size"][0], facts["size"][1]),
             facts["settings"],
             Calls(**facts.get("calls", {})),
+            None if bodies is None else np.array(bodies, dtype=np.int32),
         )
 
 
@@ -174,8 +179,12 @@ def floats(texts: Sequence[str]) -> NDArray[np.float64]:
 # --- decoding --------------------------------------------------------------------------------------------------
 
 
-def decode(data: bytes, effects: bool = False) -> Example:
-    """An example from bytes; every string of bytes is one. ``effects``: half of them call for some."""
+def decode(data: bytes, effects: bool = False, culled: bool = False, closed: bool = False) -> Example:
+    """An example from bytes; every string of bytes is one.
+
+    ``effects``: half of them call for some. ``culled``: where it is legal, back faces are culled. ``closed``: a mesh of
+    closed bodies, with eye and lights outside.
+    """
     source = Bytes(data)
     axis, sign = source.below(3), 1.0 - 2.0 * source.below(2)
     half = source.choice((1.0, 0.5, 2.0, 0.25))
@@ -183,8 +192,14 @@ def decode(data: bytes, effects: bool = False) -> Example:
     settings = {name: _settings(source, name) for name in METHODS}
     exponent = source.choice((0, 0, 0, 20, -20, 6, -6, 13))
     eye = (source.coordinates(1)[0] // 8).astype(np.float64)
-    points, faces = _mesh(source, eye, axis, sign, half, size)
-    lights = _lights(source, points, faces)
+    mesh = draw_mesh(source, eye, axis, sign, half, size, closed)
+    lights = _lights(source, mesh.points, mesh.faces)
+    if closed:
+        assert mesh.bodies is not None
+        eye[axis] -= 0.0 if is_outside(mesh.points, mesh.faces, mesh.bodies, eye) else sign * BEYOND
+        for light in lights:
+            light[axis] -= 0.0 if is_outside(mesh.points, mesh.faces, mesh.bodies, light) else sign * BEYOND
+        lights = lights.astype(np.float32).astype(np.float64)
     scale = UNIT * 2.0**exponent
     forward = np.zeros(3)
     forward[axis] = sign * scale
@@ -196,7 +211,15 @@ def decode(data: bytes, effects: bool = False) -> Example:
         float(np.degrees(2 * np.arctan(half))),
     )  # fmt: skip
     calls = _calls(source) if effects else Calls()
-    return Example(points * scale, faces, camera, lights * scale, size, settings, calls)
+    lights = lights * scale
+    example = Example(mesh.points * scale, mesh.faces, camera, lights, size, settings, calls, mesh.bodies)
+    return _culled(source, example) if culled else example
+
+
+def _culled(source: Bytes, example: Example) -> Example:
+    """With back faces culled, from the eye or from lights too, where nothing but ties may change by it."""
+    legal = CULLING[: 1 + sum(example.seen_from_outside())]
+    return example.with_settings("perspective_spherical", cull=legal[source.below(3) % len(legal)])
 
 
 def _calls(source: Bytes) -> Calls:
@@ -212,91 +235,6 @@ def _settings(source: Bytes, name: str) -> dict[str, str]:
     if drawn.get("precision") == "float32-centred" and drawn["aimed"] == "false":
         drawn["precision"] = "float32"  # nothing is centred but an aimed frame
     return {**ALWAYS.get(name, {}), **drawn}
-
-
-def _mesh(
-    source: Bytes, eye: NDArray, axis: int, sign: float, half: float, size: tuple[int, int]
-) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    kind = source.below(8)
-    if kind in (0, 1):
-        points, faces = _ahead(source, *_soup(source), eye, axis, sign)
-    elif kind in (2, 3, 4):
-        points, faces = _sheet(source, eye, axis, sign, half, size)
-    elif kind == 5:
-        points, faces = _ahead(source, *_boxes(source), eye, axis, sign)
-    else:
-        one = _ahead(source, *_soup(source), eye, axis, sign)
-        two = _sheet(source, eye, axis, sign, half, size)
-        points = np.concatenate([one[0], two[0]])
-        faces = np.concatenate([one[1], two[1] + len(one[0])])
-    twist = source.below(8)
-    if twist == 1:  # duplicates, in another vertex order
-        faces = np.concatenate([faces, faces[:, [1, 2, 0]]])
-    elif twist == 2:  # every triangle has vertices of its own
-        points, faces = points[faces].reshape(-1, 3), np.arange(3 * len(faces)).reshape(-1, 3)
-    elif twist == 3:  # points and lines among them
-        faces = np.concatenate([faces[:, [0, 0, 1]], faces, faces[:, [2, 2, 2]]])
-    elif twist == 4:  # slivers: all but flattened along one axis
-        points = points.copy()
-        points[:, source.below(3)] /= 4096.0
-    elif twist == 5:
-        faces = faces[::-1]
-    return points.astype(np.float64), np.ascontiguousarray(faces, dtype=np.int32)
-
-
-def _soup(source: Bytes) -> tuple[NDArray, NDArray]:
-    """A few lattice vertices, and triangles among them: they share vertices and edges, and cross."""
-    vertices = 3 + source.below(14)
-    points = source.coordinates(vertices).astype(np.float64)
-    faces = source.take(3 * (1 + source.below(20))).reshape(-1, 3)
-    return points, (faces + [0, 1, 2]) % vertices
-
-
-def _ahead(
-    source: Bytes, points: NDArray, faces: NDArray, eye: NDArray, axis: int, sign: float
-) -> tuple[NDArray, NDArray]:
-    """Most meshes are folded to lie before the eye, where it sees more of them; the others may surround it."""
-    if source.below(4):
-        points = points.copy()
-        points[:, axis] = eye[axis] + sign * np.abs(points[:, axis] - eye[axis])
-    return points, faces
-
-
-def _sheet(
-    source: Bytes, eye: NDArray, axis: int, sign: float, half: float, size: tuple[int, int]
-) -> tuple[NDArray, NDArray]:
-    """A grid whose vertices lie on rays of pixels, at mixed depths: seen from the eye it has no holes."""
-    every, across, along = 1 + source.below(4), 2 + source.below(4), 2 + source.below(4)
-    width, height = size
-    start = source.below(max(1, width // 2)), source.below(max(1, height // 2))
-    pixel = half / height
-    x = (2 * (start[0] + every * np.arange(across)) + 1 - width) * pixel
-    y = (2 * (start[1] + every * np.arange(along)) + 1 - height) * pixel
-    depth = 4096.0 * (1 + source.take(across * along).reshape(along, across) % 8)
-    up = np.zeros(3)
-    up[(axis + 1) % 3] = 1.0
-    forward = np.zeros(3)
-    forward[axis] = sign
-    right = np.cross(forward, up)
-    rays = forward + x[None, :, None] * right - y[:, None, None] * up
-    points = (eye + rays * depth[..., None]).reshape(-1, 3)
-    index = np.arange(across * along).reshape(along, across)
-    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
-    faces = np.concatenate([np.stack(f, axis=-1).reshape(-1, 3) for f in ((a, b, c), (a, c, d))])
-    return points.astype(np.float32).astype(np.float64), faces
-
-
-def _boxes(source: Bytes) -> tuple[NDArray, NDArray]:
-    """One or two closed boxes on the lattice, which may touch or cross."""
-    corners = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
-    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    one = np.array([t for a, b, c, d in sides for t in ((a, b, c), (a, c, d))])
-    points, faces = [], []
-    for i in range(1 + source.below(2)):
-        low, high = source.coordinates(2)
-        points.append(low + corners * (high - low))
-        faces.append(one + 8 * i)
-    return np.concatenate(points).astype(np.float64), np.concatenate(faces)
 
 
 def _lights(source: Bytes, points: NDArray, faces: NDArray) -> NDArray[np.float64]:

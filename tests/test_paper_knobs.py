@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import warp as wp
 from brute_force import closest, make_scene, shadowed, soup
+from closed_meshes import grid_of_squares
 from shadowbench.harness.errors import CapacityRejected, UserError
 from shadowbench.harness.registry import make_method
 from shadowbench.harness.scene import Limits
@@ -30,7 +31,7 @@ from shadowbench.methods.perspective_spherical.primary import make_resolve_kerne
 from shadowbench.methods.perspective_spherical.shadow import make_shadow_kernel
 from shadowbench.methods.perspective_spherical.staged_shadow import make_staged_shadow_kernel
 from shadowbench.methods.perspective_spherical.staged_trace import make_staged_trace_kernel
-from shadowbench.methods.perspective_spherical.variants import BLOCKS, VARIANTS
+from shadowbench.methods.perspective_spherical.variants import VARIANTS
 
 DEVICES = ["cpu", *(["cuda:0"] if wp.is_cuda_available() else [])]
 
@@ -122,24 +123,6 @@ def test_inexact_tests_differ_from_the_exact_one_at_edges_only():
         assert session.method.built()["triangle test"] == name
         for answer in ("triangle", "visibility"):
             assert (got[answer] != exact[answer]).mean() < 1e-3, (name, answer)
-
-
-def grid_of_squares(n):
-    """A closed unit cube of n x n squares a side: many rays through shared edges and vertices."""
-    side = np.linspace(-1.0, 1.0, n + 1)
-    u, v = (x.ravel() for x in np.meshgrid(side, side, indexing="ij"))
-    vertices, faces = [], []
-    for axis in range(3):
-        for sign in (-1.0, 1.0):
-            corners = np.empty((len(u), 3))
-            corners[:, axis] = sign
-            corners[:, (axis + 1) % 3], corners[:, (axis + 2) % 3] = u, v * sign
-            base = sum(len(c) for c in vertices)
-            vertices.append(corners)
-            i, j = (x.ravel() for x in np.meshgrid(np.arange(n), np.arange(n), indexing="ij"))
-            a, b = i * (n + 1) + j, (i + 1) * (n + 1) + j
-            faces += [np.stack(t, axis=1) + base for t in ((a, b, b + 1), (a, b + 1, a + 1))]
-    return np.concatenate(vertices), np.concatenate(faces)
 
 
 @pytest.mark.parametrize("name", ["exact", "edge_planes"])
@@ -247,19 +230,6 @@ def test_counters_add_up():
             )
     assert found[0]["light 0 pairs"] < found[1]["light 0 pairs"]
     assert found[2]["camera pairs"] > found[0]["camera pairs"]
-
-
-def test_compiled_variants_are_a_short_fixed_list(monkeypatch):
-    """Sizes, slices, r, maps and rectangles are run-time values: kernels are made for the triangle test alone."""
-    random = np.random.default_rng(77)
-    prepared = make_scene(*soup(60, 30), [(2.0, 3.0, 4.0)])
-    factories = (make_trace_kernel, make_resolve_kernel, make_shadow_kernel)
-    for _ in range(12):
-        answers_of(prepared, 17, 13, drawn(random, triangle_test=random.choice(TRIANGLE_TESTS)))
-    for factory in factories:
-        assert factory.cache_info().currsize <= len(VARIANTS) == 3
-    assert make_bound_kernel.cache_info().currsize <= len(LIGHT_MAPS) == 3
-    assert make_staged_trace_kernel.cache_info().currsize <= len(VARIANTS) * len(BLOCKS) == 12
 
 
 def test_every_cuda_kernel_compiles_without_a_gpu(tmp_path):

@@ -7,12 +7,15 @@ agree. The long random mode is ``make fuzz``.
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 from random import Random
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, example, given, settings
+from drawn_examples import CULLED, EXAMPLES, assert_same, some, traced
+from hypothesis import example, given
 from hypothesis import strategies as st
 from lattice_examples import LENGTH, METHODS, Example, answers_of, decode, fresh_method, true_errors
 from shadowbench.harness.hardcases.case import HardCase
@@ -22,31 +25,9 @@ from shadowbench.harness.referee import Referee, Verdict
 from shadowbench.harness.scene import Camera, Geometry, Light, Scene, Spot
 from shadowbench.harness.session import Session
 
-EXAMPLES = st.binary(min_size=40, max_size=LENGTH).map(decode)
-"""Short strings of bytes are padded with zeros, which are the plainest choices."""
-
-
-def some(count: int):
-    """Settings of a test of ``count`` examples: the same ones in every run."""
-    checks = [HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.large_base_example]
-    return settings(
-        max_examples=count, derandomize=True, deadline=None, database=None, suppress_health_check=checks
-    )
-
-
-def traced(example: Example) -> dict[str, dict[str, np.ndarray]]:
-    trial = example.trial()
-    return {name: answers_of(example, name, trial) for name in METHODS}
-
-
-def assert_same(some: dict, others: dict, keys=("triangle", "t", "u", "v", "visibility")) -> None:
-    for name in METHODS:
-        for key in keys:
-            assert same_bits(some[name][key], others[name][key]), (name, key)
-
 
 @some(100)
-@given(EXAMPLES)
+@given(CULLED)
 def test_every_method_answers_exactly(example: Example) -> None:
     """Under drawn settings no method has a true error; a knob meant for speed therefore changes no answer."""
     assert example.size[0] * example.size[1] >= 64
@@ -159,15 +140,7 @@ def test_turning_and_moving_changes_only_what_rounding_excuses(
     assert not len(wrong), (wrong[:5], given_[wrong[:5]], hits.triangle[wrong[:5]])
 
 
-PINHOLE = decode(
-    b"\x00\x00\x01\x05"
-    + bytes(29)
-    + b"\x08\x03\x02\x01\x02\x03\x01\x01"
-    + bytes(11)
-    + b"\x01"
-    + bytes(8)
-    + b"\x01"
-)
+PINHOLE = Example.thawed(json.loads((Path(__file__).parent / "examples" / "pinhole.json").read_text()))
 """A ray leaves the mesh beside a vertex by 4e-16: two equal triangles are hit in float64, none in exact arithmetic."""
 
 
@@ -346,11 +319,13 @@ def test_examples_are_worth_drawing() -> None:
     assert 0.1 * hits < shadowed < 2 * hits
 
 
+@pytest.mark.parametrize("closed", [False, True])
 @pytest.mark.parametrize(
     "data", [b"", b"\xff" * LENGTH, bytes(range(256)) * 2], ids=["zeros", "ones", "count"]
 )
-def test_any_bytes_are_an_example_and_freeze_exactly(data: bytes) -> None:
-    example = decode(data)
+def test_any_bytes_are_an_example_and_freeze_exactly(data: bytes, closed: bool) -> None:
+    example = decode(data, closed=closed)
+    assert (example.bodies is not None) or not closed
     assert np.isfinite(example.points).all()
     assert (np.abs(example.points) < 2.0**60).all()
     np.testing.assert_array_equal(example.points.astype(np.float32).astype(np.float64), example.points)
@@ -360,3 +335,4 @@ def test_any_bytes_are_an_example_and_freeze_exactly(data: bytes) -> None:
     np.testing.assert_array_equal(again.lights, example.lights)
     assert again.camera == example.camera
     assert (again.size, again.settings) == (example.size, example.settings)
+    assert again.bodies is None or again.bodies.tolist() == example.bodies.tolist()

@@ -8,35 +8,16 @@ from dataclasses import replace
 import exact_cases as cases
 import numpy as np
 import pytest
+from scored_case import HEIGHT, WIDTH, Case, ball_case, floor_pixel, plant_hole, sky_pixel
 from shadowbench.harness.consistency import check_consistency
-from shadowbench.harness.errors import UserError
 from shadowbench.harness.moment import Prepared
 from shadowbench.harness.scene import Camera, Effects, Light
-from shadowbench.harness.score import Judge, save_raw, score_answers, score_raw
-
-WIDTH, HEIGHT = 60, 45
-
-
-class Case:
-    def __init__(self, scene):
-        self.prepared = Prepared(scene)
-        self.moment = self.prepared.moment(0, WIDTH, HEIGHT)
-        self.judge = Judge(self.prepared, self.moment)
-        self.right = cases.exact_answers(self.prepared, self.moment, self.judge.referee)
-
-    def answers(self) -> dict[str, np.ndarray]:
-        return {name: value.copy() for name, value in self.right.items()}
-
-    def pixel(self, test) -> int:
-        """The middle one of the pixels for which ``test`` holds."""
-        found = np.nonzero(test)[0]
-        assert len(found) > 10
-        return int(found[len(found) // 2])
+from shadowbench.harness.score import Judge, score_answers
 
 
 @pytest.fixture(scope="module")
 def ball() -> Case:
-    return Case(cases.ball_on_floor(lights=2))
+    return ball_case()
 
 
 def test_right_answers_pass(ball):
@@ -55,28 +36,12 @@ def test_right_answers_pass(ball):
     json.dumps(score, allow_nan=False)
 
 
-def floor_pixel(case: Case) -> int:
-    return case.pixel(case.right["triangle"] == 0)
-
-
-def sky_pixel(case: Case) -> int:
-    return case.pixel(case.right["triangle"] == -1)
-
-
 def ball_pixel(case: Case) -> int:
     """A pixel whose neighbours all see the ball: far from its outline."""
     inner = (case.right["triangle"] > 1).reshape(HEIGHT, WIDTH)
     for axis in (0, 1):
         inner = inner & np.roll(inner, 1, axis) & np.roll(inner, -1, axis)
     return case.pixel(inner.ravel())
-
-
-def plant_hole(case, answers):
-    pixel = floor_pixel(case)
-    answers["triangle"][pixel], answers["t"][pixel] = -1, np.inf
-    answers["u"][pixel] = answers["v"][pixel] = 0
-    answers["visibility"][:, pixel] = 0
-    return pixel
 
 
 def plant_floor_seen_through_the_ball(case, answers):
@@ -356,48 +321,3 @@ def test_slivers_and_grazing_rays_get_a_wider_tolerance_of_t_but_squares_do_not(
         answers["u"][middle], answers["v"][middle] = float(u), float(v)
         results[triangle] = check_consistency(prepared, moment, answers).t_wrong[middle]
     assert results == {0: False, 1: True}
-
-
-# --- answers made elsewhere ---------------------------------------------------------------------------------
-
-
-def test_raw_answers_score_the_same_elsewhere(ball, tmp_path):
-    answers = ball.answers()
-    plant_hole(ball, answers)
-    here = ball.judge.score(answers)
-    path = tmp_path / "answers" / "point-0.npz"
-    save_raw(path, ball.prepared, ball.moment, answers, "no such scene", extra={"key": "point"})
-    there = score_raw(path, folder=tmp_path / "truth")
-    assert there == here
-    assert list((tmp_path / "truth").glob("*.npz"))
-    save_raw(
-        tmp_path / "answers" / "other-0.npz", ball.prepared, ball.moment, ball.answers(), "no such scene"
-    )
-    assert len(list((tmp_path / "answers").glob("mesh-*.npz"))) == 1
-
-
-def test_raw_answers_without_their_mesh_need_the_scene(ball, tmp_path):
-    path = tmp_path / "point-0.npz"
-    save_raw(path, ball.prepared, ball.moment, ball.answers(), "no_such_scene")
-    next(tmp_path.glob("mesh-*.npz")).unlink()
-    with pytest.raises(UserError, match="no_such_scene"):
-        score_raw(path)
-
-
-def test_a_changed_mesh_is_refused(ball, tmp_path):
-    path = tmp_path / "point-0.npz"
-    save_raw(path, ball.prepared, ball.moment, ball.answers(), "ball")
-    mesh = next(tmp_path.glob("mesh-*.npz"))
-    with np.load(mesh) as stored:
-        arrays = {name: stored[name] for name in stored.files}
-    arrays["points"][0, 0] += 1
-    np.savez(mesh.open("wb"), **arrays)
-    with pytest.raises(UserError, match="mesh of ball differ"):
-        score_raw(path)
-
-
-def test_a_file_that_is_none_is_one_line(tmp_path):
-    path = tmp_path / "point-0.npz"
-    path.write_bytes(b"PK\x03\x04 not really")
-    with pytest.raises(UserError, match="not a file of raw answers"):
-        score_raw(path)

@@ -16,7 +16,7 @@ from ...harness.scene import Effects, Limits, Scene
 from .binning import grown_bins
 from .camera import CameraGrid
 from .counters import work
-from .culling import orientation, refusal
+from .culling import loses_hits, orientation, refusal
 from .light import LightGrid
 from .parameters import Build, Trace, known_inexact
 from .variants import staged
@@ -55,7 +55,9 @@ class PerspectiveSpherical(BaseMethod):
     def applies(self, scene: Scene, device: str) -> str | None:
         reason = super().applies(scene, device)
         if reason is None and self.build.cull != "off":
-            reason = refusal(scene, self.build.cull == "primary+light")
+            reason = loses_hits(self.build.triangle_test) or refusal(
+                scene, self.build.cull == "primary+light"
+            )
         return reason
 
     def built(self) -> dict[str, Any]:

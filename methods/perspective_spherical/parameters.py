@@ -18,8 +18,8 @@ SORTS = ("counting", "radix")
 
 @dataclass(frozen=True)
 class Build:
-    """Grid parameters. ``light_bounds`` may lose shadows, ``triangle_test`` and ``cull`` may change ties and edges;
-    no other changes an answer.
+    """Grid parameters. ``light_bounds`` may lose shadows, ``triangle_test`` may lose hits at edges and vertices, ``cull``
+    may answer a tie by the other triangle; no other changes an answer.
 
     tile          side of a square sorting tile of the image, pixels
     slices        slices of depth in the perspective grid, linear between nearest and farthest triangle; 1: none
@@ -45,9 +45,9 @@ class Build:
                   through the origin and each edge, in difference form and weld order. "moller_trumbore": float32,
                   determinant not zero, as the paper uses it. See :mod:`.ray_tests` for what the last two may lose
     cull          back faces left out: "off", "primary" (from the eye's grid), "primary+light" (from the lights'
-                  too). Refused unless the scene is declared closed and eye (and lights) are outside. "primary" is
-                  what paper-faithful means on closed scenes (section 3 names it for the perspective grid alone);
-                  on others it is "off"
+                  too). Refused unless the scene is declared closed, eye (and lights) are outside in every frame, and
+                  the triangle test is exact: rays that slip between front faces of the others are lost behind.
+                  "primary" is what section 3 names for the perspective grid alone
     sort          of pairs by cell and of shadow rays by tile: "radix" (the paper's), or "counting", with a count of
                   each cell (radix where cells are more than 4 million)
     pair_capacity initial room for (triangle, cell) pairs; 0 chooses; grows as needed
@@ -154,7 +154,7 @@ PAPER = {
     "clamp": "view",
     "skip_empty": "false",
     "triangle_test": "moller_trumbore",
-    "cull": "primary",
+    "cull": "off",
     "sort": "radix",
     "k": "2",
     "r": "128",
@@ -162,8 +162,9 @@ PAPER = {
     "staging": "shared",
     "triangle_chunk": "0",
 }
-"""The paper-faithful configuration at 1024x1024, as text for ``make_method``. ``cull`` is "off" on scenes that are not
-closed, or seen from inside; r is one of the four values of Figure 11, of which the paper names none as its own."""
+"""The paper-faithful configuration at 1024x1024, as text for ``make_method``. ``cull``, which section 3 offers, is off:
+it would lose hits with the paper's own triangle test. r is one of the four values of Figure 11, of which the paper
+names none as its own."""
 
 LOST_BOUNDS = {
     "seam": "triangles bounded by their vertices on the sphere: great arcs bulge, and poles lie inside triangles",

@@ -1,0 +1,65 @@
+"""Every kernel of this method that is compiled in variants: a short fixed list, whatever sizes and settings are chosen.
+
+What is no argument of a factory here, and no switch, is a run-time value: image, tiles, slices, r, k, rectangles, clamp,
+chunks. Kernels that are not listed are compiled once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from itertools import combinations
+from typing import Any, NamedTuple
+
+import warp as wp
+
+from .light_bounds import make_bound_kernel
+from .light_frame import box_kernel
+from .parameters import LIGHT_BOUNDS, LIGHT_MAPS
+from .primary import make_resolve_kernel, make_trace_kernel
+from .shadow import make_shadow_kernel
+from .staged_shadow import make_staged_shadow_kernel
+from .staged_trace import make_staged_trace_kernel
+from .variants import BLOCKS, VARIANTS
+
+
+class Compiled(NamedTuple):
+    """A kernel: the name of its factory (or its own), what the factory was given, and the effects it is compiled for."""
+
+    name: str
+    arguments: tuple[Any, ...]
+    effects: tuple[str, ...] = ()
+
+
+TESTS = tuple((variant,) for variant in VARIANTS)
+TESTS_IN_BLOCKS = tuple((variant, block) for variant in VARIANTS for block in BLOCKS)
+BOUNDS = (
+    *((map, "exact") for map in range(len(LIGHT_MAPS))),
+    *((LIGHT_MAPS.index("azimuth-elevation"), bounds) for bounds in LIGHT_BOUNDS if bounds != "exact"),
+)
+
+FACTORIES: dict[Callable[..., wp.Kernel], tuple[tuple[tuple[Any, ...], ...], tuple[str, ...]]] = {
+    make_trace_kernel: (TESTS, ("alpha",)),
+    make_staged_trace_kernel: (TESTS_IN_BLOCKS, ("alpha",)),
+    make_resolve_kernel: (TESTS, ()),
+    make_shadow_kernel: (TESTS, ("alpha",)),
+    make_staged_shadow_kernel: (TESTS_IN_BLOCKS, ("alpha",)),
+    make_bound_kernel: (BOUNDS, ()),
+}
+"""By factory: all that it is given, and the effects that its kernels branch on."""
+
+WITHOUT_FACTORY: dict[wp.Kernel, tuple[str, ...]] = {box_kernel: ("masked",)}
+"""The other kernels that branch on effects, and on which."""
+
+
+def compiled_variants() -> Iterator[Compiled]:
+    """All there are; those for plain scenes first, of each factory."""
+    for factory, (given, effects) in FACTORIES.items():
+        for on in _sets(effects):
+            yield from (Compiled(factory.__name__, arguments, on) for arguments in given)
+    for kernel, effects in WITHOUT_FACTORY.items():
+        yield from (Compiled(kernel.key, (), on) for on in _sets(effects))
+
+
+def _sets(effects: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
+    for count in range(len(effects) + 1):
+        yield from combinations(effects, count)
