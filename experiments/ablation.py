@@ -13,7 +13,7 @@ from ._paper import FAITHFUL, METHOD, SCENES, faithful
 
 BASE = "paper-faithful"
 BEST = "all of ours"
-TREE = "Warp's tree, rebuilt"
+TREE = "Warp's tree rebuilt"
 EXACT = "exact test"
 CULLED = "exact test, back faces culled"
 
@@ -35,7 +35,7 @@ TAKEN_BACK = {
 
 def without(label: str) -> Entry:
     """Our best configuration with one of its changes taken back."""
-    return Entry(METHOD, {key: FAITHFUL[key] for key in TAKEN_BACK[label]}, f"ours, but {label}")
+    return Entry(METHOD, {key: FAITHFUL[key] for key in TAKEN_BACK[label]}, f"ours with {label}")
 
 
 LEFT_OUT = tuple(without(label) for label in TAKEN_BACK)

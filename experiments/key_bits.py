@@ -33,7 +33,7 @@ EXPERIMENT = Experiment(
     name="key_bits",
     title="Key bits: what a sort costs by the bits of its keys",
     presets={
-        "quick": Preset(512, 512, (), (), frames=1, samples=5, most=5, stage_samples=9, rounds=2, budget_s=4.0),
+        "quick": Preset(512, 512, (), (), frames=1, samples=5, most=5, stage_samples=20, rounds=3, budget_s=6.0),
         "paper": replace(PAPER, also=(replace(PAPER, width=2048, height=2048),)),
     },
     draw=draw,

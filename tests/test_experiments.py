@@ -73,7 +73,7 @@ CUT = {
     "figure11": (lambda e: e.settings["r"] == "64" and e.settings["clamp"] == "none", 2),
     "ablation": (
         lambda e: (
-            e.label in ("paper-faithful", "cube map", CULLED, "all of ours", TREE, "ours, but radix sort")
+            e.label in ("paper-faithful", "cube map", CULLED, "all of ours", TREE, "ours with radix sort")
         ),
         1,
     ),

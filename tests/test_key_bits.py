@@ -52,7 +52,7 @@ def test_the_same_random_keys_and_pairs_for_all_numbers_of_bits():
 
 
 def test_key_bits_runs_draws_goes_on_and_is_read(tmp_path):
-    options = tiny(tmp_path / "out", samples=2, most=2, stage_samples=1)
+    options = tiny(tmp_path / "out", samples=2, most=2, stage_samples=1, rounds=2)
     measure = EXPERIMENT.measure
     records = measure(options, Silent())
     assert [r["point"]["bits"] for r in records] == list(BITS)

@@ -52,17 +52,24 @@ def draw(
 
 
 def add(rows: Sequence[dict[str, Any]], base: str, best: str) -> None:
-    """Add each row's time over that of ``base`` and over that of ``best`` on the same scene, and its work."""
+    """Add each row's time over that of ``base`` and over that of ``best`` on the same scene in the same run, and its
+    work. Runs in one folder are told apart by the environments that they were made in.
+    """
     for column, label in (("ratio", base), ("ratio_to_best", best)):
-        known = {r["scene"]: r["total_ms"] for r in points.measured(rows) if r["label"] == label}
+        known = {place(r): r["total_ms"] for r in points.measured(rows) if r["label"] == label}
         for r in rows:
-            if r.get("total_ms") is not None and r["scene"] in known:
-                r[column] = r["total_ms"] / known[r["scene"]]
+            if r.get("total_ms") is not None and place(r) in known:
+                r[column] = r["total_ms"] / known[place(r)]
     for r in rows:
         counted = r["counters"]
         r["pairs"] = sum(v for k, v in counted.items() if k.endswith(" pairs")) or None
         r["primary_tests_per_ray"] = _hundredth(counted.get("primary tests a hundred rays"))
         r["shadow_tests_per_ray"] = _hundredth(counted.get("shadow tests a hundred rays"))
+
+
+def place(r: dict[str, Any]) -> tuple[str, str]:
+    """What rows must have in common to be compared: the scene, and the environment."""
+    return r["scene"], r["environment"]
 
 
 def _hundredth(value: float | None) -> float | None:
@@ -98,10 +105,10 @@ def sentences(rows: Sequence[dict[str, Any]], base: str) -> list[str]:
 
 def against_tree(rows: Sequence[dict[str, Any]], best: str, base: str, tree: str) -> list[str]:
     """Our best configuration's frame time over the tree's of the same run on each scene, and that of ``base``."""
-    known = {(r["scene"], r["label"]): r for r in rows}
+    known = {(*place(r), r["label"]): r for r in rows}
     parts, slower = [], []
-    for scene in dict.fromkeys(r["scene"] for r in rows):
-        own, other, first = (known.get((scene, label)) for label in (best, tree, base))
+    for where in dict.fromkeys(map(place, rows)):
+        own, other, first = (known.get((*where, label)) for label in (best, tree, base))
         if own is None or other is None:
             continue
         ratio = own["total_ms"] / other["total_ms"]
@@ -109,9 +116,9 @@ def against_tree(rows: Sequence[dict[str, Any]], best: str, base: str, tree: str
         parts.append(text + (f"; {base} {first['total_ms'] / other['total_ms']:.2f})" if first else ")"))
         slower += [title_of(own)] * (ratio > 1)
     if not parts:
-        return [f"{best} and {tree} were not both measured on any scene."]
+        return [f"{best} and {tree} were not both measured in one run on any scene."]
     verdict = f"slower on {', '.join(slower)}" if slower else f"no slower on any of {len(parts)} scenes"
-    return [f"{best} over {tree}, same run: {', '.join(parts)}: {verdict}."]
+    return [f"Frame time of {best} over that of {tree}, same run: {', '.join(parts)}: {verdict}."]
 
 
 def taken_back(rows: Sequence[dict[str, Any]], best: str, left_out: Sequence[str]) -> list[str]:
