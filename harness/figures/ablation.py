@@ -154,7 +154,7 @@ def picture(
         ticks = [t for t in (0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20) if _within(t, [r[column] for r in rows])]
         axes.set_xticks(ticks, [f"{t:g}" for t in ticks])
         axes.minorticks_off()
-        axes.set_xlabel(f"frame time over that of {base}")
+        axes.set_xlabel(f"frame time over that of {base}", loc="right")  # longer than the axes are wide
         figure.legend(
             loc="outside upper center", ncols=2, frameon=False, handletextpad=0.3, columnspacing=1.0
         )

@@ -22,7 +22,7 @@ def draw(folder: Path | str, quiet: bool = False) -> list[Path]:
     rows = points.rows(folder)
     for r in points.measured(rows):
         r["frames_per_s"] = 1000.0 / r["total_ms"]
-        r["ms_per_light"] = sum(r[key] for key in LIGHTS_MS) / r["light_count"]
+        r["ms_per_light"] = light_ms(r) / r["light_count"]
         r["shadow_rays"] = r["record"]["frames"][-1].get("shadow_rays")
     files: list[Path] = []
     sentences = []
@@ -48,16 +48,24 @@ def lines(rows: Sequence[dict[str, Any]]) -> list[list[dict[str, Any]]]:
 
 
 def add_further(line: Sequence[dict[str, Any]]) -> None:
-    """Add to a method's rows what each light after the first adds to a frame, in ms and over what the first costs.
+    """Add to a method's rows what each light after the first adds, in ms and over what the first costs.
 
-    The first light costs its grid and its shadow rays; both are measured in the frame with one light.
+    A light costs its grid and its shadow rays: those passes are compared, with one light and with more. (Whole frames'
+    differences would hold the noise of the build and of the primary rays, which can be more than a light.)
     """
     one = next((r for r in line if r["light_count"] == 1), None)
+    if one is None:
+        return
+    first = light_ms(one)
     for r in line:
-        if one is not None and r["light_count"] > 1:
-            r["further_ms"] = (r["total_ms"] - one["total_ms"]) / (r["light_count"] - 1)
-            first = sum(one[key] for key in LIGHTS_MS)
-            r["further_over_first"] = r["further_ms"] / first if first else None
+        if r["light_count"] > 1 and first:
+            r["further_ms"] = (light_ms(r) - first) / (r["light_count"] - 1)
+            r["further_over_first"] = r["further_ms"] / first
+
+
+def light_ms(r: dict[str, Any]) -> float:
+    """What all lights of a frame cost, ms."""
+    return float(sum(r[key] for key in LIGHTS_MS))
 
 
 def sentence(line: Sequence[dict[str, Any]]) -> str:
@@ -76,11 +84,11 @@ def sentence(line: Sequence[dict[str, Any]]) -> str:
         )
     further = [r for r in line if r.get("further_over_first")]
     if further:
-        first = sum(by_count[1][key] for key in LIGHTS_MS)
         each = ", ".join(f"{r['further_over_first']:.2f} (of {r['light_count']})" for r in further)
+        one = by_count[1]
         parts.append(
-            f"the first light costs {style.number(first)} of {style.number(by_count[1]['total_ms'])} ms; each further "
-            f"one, over the first: {each}"
+            f"the first light costs {style.number(light_ms(one))} of {style.number(one['total_ms'])} ms; each further one, "
+            f"over the first: {each}"
         )
     return f"{title_of(line[0])}, {line[0]['label']}: {'; '.join(parts) or 'one number of lights alone'}."
 
