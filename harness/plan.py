@@ -87,7 +87,8 @@ class Preset:
 class Experiment:
     """A named declaration: what to run (a preset a name) and how to draw it (from a results folder).
 
-    ``after``: untimed work of its own, told the options of the run once every point has its record.
+    ``after``: untimed work of its own, told the options of the run once every point has its record. ``measure``: what it
+    measures where that is no method on a scene; told the options and whom to report to, it returns its records.
     """
 
     name: str
@@ -95,6 +96,7 @@ class Experiment:
     presets: Mapping[str, Preset]
     draw: Callable[[Path], Any] | None = None
     after: Callable[[Any], None] | None = None
+    measure: Callable[[Any, Any], list[dict[str, Any]]] | None = None
     cpu: str = "quick"
     gpu: str = "paper"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import numpy as np
@@ -9,12 +10,14 @@ import pytest
 from made_records import keep, made
 from PIL import Image
 from shadowbench.experiments import _paper, figure2, figure11
+from shadowbench.experiments import ablation as declared_ablation
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.figures import ablation, points, stages, two_lights
 from shadowbench.harness.figures import figure11 as figure11_drawing
 from shadowbench.harness.maps import map_path, write_map
 from shadowbench.harness.plan import find_experiment
+from shadowbench.methods.perspective_spherical import parameters
 
 
 def test_figure2_says_how_much_the_most_drops(tmp_path):
@@ -72,6 +75,31 @@ def test_figure10_counts_every_pass_once_and_judges_the_spread(tmp_path):
     keep(tmp_path, [staged(scene, 1.0 + 4.0 * i) for i, scene in enumerate(("fairy", "sibenik", "cloth"))])
     show("figure10", tmp_path, quiet=True)
     assert "does not hold here" in (tmp_path / "figure10.md").read_text()
+
+
+def test_figure10_draws_the_largest_size_and_tells_how_rearrangement_grows(tmp_path):
+    scenes = ("fairy", "sibenik", "cloth")
+    small = [staged(scene, 1.0) for scene in scenes]
+    for r in small:
+        r["point"].update(width=32, height=32)
+        r["key"] += "-small"
+    keep(tmp_path, [*(staged(scene, 1.6) for scene in scenes), *small])
+    show("figure10", tmp_path, quiet=True)
+    text = (tmp_path / "figure10.md").read_text()
+    assert (
+        "From 32x32 to 64x64, 4 times the pixels, ray mapping and rearrangement takes 1.6 times as long"
+        in text
+    )
+    assert "geometric mean of 3 scenes" in text
+    assert "primary traversal 1.0" in text
+    assert "1.60 to 1.60 ms over 3 scenes" in text
+    assert (tmp_path / "figure10.svg").read_text().count("Cloth (stand-in)") == 1
+    # Other frames at the other size: nothing is said of it.
+    for r in small:
+        r["frames"][0]["frame"] = 5
+    keep(tmp_path, small)
+    show("figure10", tmp_path, quiet=True)
+    assert "times the pixels" not in (tmp_path / "figure10.md").read_text()
 
 
 def distance_records():
@@ -134,19 +162,78 @@ def test_lane_fill_is_rays_over_lanes():
     assert r["axes"] in figure11_drawing.AXES.values()
 
 
-def test_two_lights_states_frames_a_second_and_the_slope(tmp_path):
+def test_two_lights_states_frames_a_second_and_what_each_further_light_costs(tmp_path):
     preset = find_experiment("two_lights").presets["quick"]
-    keep(tmp_path, [
-        made("two_lights", e, "fairy", x, ms=4.0 + 6.0 * x.count) for e in preset.methods for x in preset.lightings
-    ])  # fmt: skip
+
+    def lit(e, lighting):
+        """4 ms for what every frame needs, 8 for the first light, 2 less for each further one."""
+        light = 8.0 + 6.0 * (lighting.count - 1)
+        passes = [("build", "build", 1.0), ("primary rays", "trace", 3.0), ("light 0: count", "light build", light / 4),
+                  ("light 0: shadow rays", "shadow", light * 0.75)]  # fmt: skip
+        return made("two_lights", e, "fairy", lighting, ms=(4.0 + light) / 1.01, passes=passes)
+
+    keep(tmp_path, [lit(e, x) for e in preset.methods for x in preset.lightings])
     show("two_lights", tmp_path, quiet=True)
     text = (tmp_path / "two_lights.md").read_text()
-    assert "two lights 16.2 ms, 61.9 frames a second (+60% for the second light)" in text
-    assert "from 1 to 16 lights each adds 6.06 ms" in text
+    assert "two lights 18.0 ms, 55.6 frames a second (+50% for the second light)" in text
+    assert (
+        "the first light costs 8.00 of 12.0 ms; each further one, over the first: 0.75 (of 2), 0.75 (of 4)"
+        in text
+    )
+    assert "0.75 (of 16)" in text
     assert "7.6 frames a second against 5.26" in text
     assert "number of lights" in (tmp_path / "two_lights-fairy.svg").read_text()
-    rows = [{"light_count": n, "total_ms": 3.0 + 2.0 * n} for n in (1, 2, 8)]
-    assert two_lights.slope(rows) == pytest.approx(2.0)
+    header = (tmp_path / "two_lights.csv").read_text().splitlines()[0].split(",")
+    assert {"further_ms", "further_over_first"} <= set(header)
+    # The frames' noise is no light's.
+    line = [
+        {"light_count": n, "total_ms": 90.0 - n, "light_build_ms": 1.0 * n, "shadow_ms": 2.0 + n}
+        for n in (1, 2, 8)
+    ]
+    two_lights.add_further(line)
+    assert [r.get("further_over_first") for r in line] == [None, pytest.approx(0.5), pytest.approx(0.5)]
+    keep(tmp_path / "one", [lit(preset.methods[0], preset.lightings[1])])
+    show("two_lights", tmp_path / "one", quiet=True)
+    assert "over the first" not in (tmp_path / "one" / "two_lights.md").read_text()
+
+
+def test_ablation_holds_ours_against_the_tree_and_takes_each_change_back(tmp_path):
+    declared = find_experiment("ablation").presets["quick"].methods
+    known = {e.label: e for e in declared}
+    times = {
+        "paper-faithful": 4.0,
+        "all of ours": 1.0,
+        "Warp's tree rebuilt": 2.0,
+        "ours with radix sort": 1.5,
+    }
+    records = [made("ablation", known[label], "buddha", ms=ms) for label, ms in times.items()]
+    slow = {**times, "all of ours": 3.0}
+    records += [made("ablation", known[label], "cloth", ms=ms) for label, ms in slow.items()]
+    keep(tmp_path, records)
+    files = show("ablation", tmp_path, quiet=True)
+    text = (tmp_path / "ablation.md").read_text()
+    assert "Buddha (stand-in) 0.50 (1.01 of 2.02 ms; paper-faithful 2.00)" in text
+    assert "Cloth (stand-in) 1.50 (3.03 of 2.02 ms; paper-faithful 2.00)" in text
+    assert ": slower on Cloth (stand-in)." in text
+    assert "with one of its changes taken back: ours with radix sort 0.87" in text
+    assert tmp_path / "ablation-ours.svg" in files
+    drawn = (tmp_path / "ablation-ours.svg").read_text()
+    for word in ("Warp's tree rebuilt", "ours with radix sort", "frame time over that of all of ours"):
+        assert word in drawn, word
+    records[2]["environment"] = "another run"
+    keep(tmp_path / "old", records[:3])
+    show("ablation", tmp_path / "old", quiet=True)
+    assert "were not both measured" in (tmp_path / "old" / "ablation.md").read_text()
+    assert not (tmp_path / "old" / "ablation-ours.svg").exists()
+
+
+def test_ablation_takes_back_every_setting_in_which_ours_differs_from_the_papers():
+    ours = dataclasses.asdict(parameters.Build()) | dataclasses.asdict(parameters.Trace())
+    differ = {key for key, text in _paper.FAITHFUL.items() if str(ours[key]).lower() != text}
+    taken = [key for keys in declared_ablation.TAKEN_BACK.values() for key in keys]
+    assert sorted(taken) == sorted(differ)
+    for entry in declared_ablation.LEFT_OUT:
+        assert entry.settings.items() <= _paper.FAITHFUL.items()
 
 
 def test_moving_has_a_row_a_frame(tmp_path):
@@ -193,8 +280,12 @@ def test_ablation_compares_with_its_base_on_the_same_scene(tmp_path):
     show("ablation", tmp_path, quiet=True)
     text = (tmp_path / "ablation.md").read_text()
     assert "direct mapping, 16x16 tiles 1.10 (2 scenes)" in text
-    assert "back faces culled, primary 1.90 (1 scene)" in text
+    assert "exact test, back faces culled 1.90 (1 scene)" in text
     assert "Not measured" in text
+    # Neither the tree nor what is taken back from ours is a change to the paper's configuration.
+    changes = text[: text.index("of all of ours over")]
+    assert "Warp's tree" not in changes
+    assert "ours with" not in changes
     assert len((tmp_path / "ablation.csv").read_text().splitlines()) == 1 + len(records)
     rows = [{"label": "a", "ratio": 0.5, "scene": "x"}, {"label": "a", "ratio": 2.0, "scene": "y"}]
     assert ablation.mean_ratios(rows)["a"] == pytest.approx(1.0)

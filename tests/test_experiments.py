@@ -7,6 +7,7 @@ import dataclasses
 import pytest
 from runs import write_scene
 from shadowbench.experiments import _paper, figure2
+from shadowbench.experiments.ablation import CULLED, TREE
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.plan import check_entries, experiment_names, find_experiment, find_preset
@@ -70,7 +71,12 @@ def test_an_experiment_without_presets_says_what_to_do():
 CUT = {
     "figure10": (lambda e: True, 1),
     "figure11": (lambda e: e.settings["r"] == "64" and e.settings["clamp"] == "none", 2),
-    "ablation": (lambda e: e.label in ("paper-faithful", "cube map", "back faces culled, primary"), 1),
+    "ablation": (
+        lambda e: (
+            e.label in ("paper-faithful", "cube map", CULLED, "all of ours", TREE, "ours with radix sort")
+        ),
+        1,
+    ),
     "two_lights": (lambda e: e.label.endswith("best") or e.method == "bvh", 2),
     "moving": (lambda e: e.method in (_paper.METHOD, "bvh"), 1),
 }
@@ -87,8 +93,11 @@ def test_each_experiment_runs_and_draws(name, tmp_path):
         rounds=1, methods=tuple(e for e in quick.methods if wanted(e)), lightings=quick.lightings[:count],
     )  # fmt: skip
     out = tmp_path / "out"
+    tiny = dataclasses.replace(
+        tiny, also=tuple(dataclasses.replace(tiny, width=8, height=8, also=()) for _ in quick.also)
+    )
     records = Run(Options(declared, "quick", tiny, "cpu", out, score=False), Silent()).go()
-    assert len(records) == len(tiny.methods) * len(tiny.lightings)
+    assert len(records) == len(tiny.methods) * len(tiny.lightings) * len(tiny.parts())
     assert {r["status"] for r in records} <= {"ok", "skipped"}, [r["reason"] for r in records]
     assert sum(r["status"] == "ok" for r in records) >= len(records) - 2
     files = show(name, out, quiet=True)

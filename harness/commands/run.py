@@ -100,7 +100,8 @@ def plan_run(
 def run(options: Options, as_json: bool = False) -> int:
     """Run, draw, and say how it went: 0 where every point was measured or skipped with a reason, 1 otherwise."""
     with Silent() if as_json else Bar() as report:
-        records = Run(options, report).go()
+        measure = options.experiment.measure
+        records = measure(options, report) if measure is not None else Run(options, report).go()
     if options.experiment.after is not None:
         options.experiment.after(options)
     files: list[Path] = []

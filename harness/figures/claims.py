@@ -1,7 +1,7 @@
 """Claims, one by one: what was measured, and whether it holds, does not hold, or cannot be told from the records.
 
-A claim is declared by an experiment as a sentence and a function of :class:`Data`; the verdict is computed from the
-records of all experiments in a folder, so that it changes with them.
+A claim is declared by an experiment as a sentence and a function of :class:`.evidence.Evidence`, rows that may be
+compared; the verdict is computed from the records of all experiments in a folder, so that it changes with them.
 """
 
 from __future__ import annotations
@@ -10,120 +10,41 @@ import csv
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from ..errors import UserError
 from . import points
+from .evidence import Data, Evidence, Row, collect
 from .sheet import error_text
 
 HOLDS, FAILS, OPEN = "holds", "does not hold", "can't tell"
 
-Row = dict[str, Any]
-
 
 @dataclass(frozen=True)
 class Finding:
-    """A verdict, and the numbers that it rests on."""
+    """A verdict, and the numbers that it rests on. ``lacking``: the evidence does not have what decides."""
 
     verdict: str
     numbers: str
+    lacking: bool = False
 
 
 @dataclass(frozen=True)
 class Claim:
     """A sentence of the paper (or of ours), where it stands, and what decides it.
 
-    ``counted``: it is about counted work, the same on every device; all others are about times on a GPU.
+    experiments  whose records may decide it; the last versions of the methods come first, then this order
+    judge        told one piece of evidence at a time, until one has all that it needs: it never sees two
+    beside       (experiment, phrase): what another experiment says of the same thing; it decides nothing
+    counted      it is about counted work, the same on every device; all others are about times on a GPU
     """
 
     text: str
     section: str
-    judge: Callable[[Data], Finding]
+    experiments: tuple[str, ...]
+    judge: Callable[[Evidence], Finding]
+    beside: tuple[str, Callable[[Evidence], str]] | None = None
     counted: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class Data:
-    """The measured rows of every experiment below a folder."""
-
-    made: tuple[Row, ...]
-
-    def rows(self, experiment: str, **wanted: Any) -> list[Row]:
-        """Rows of an experiment whose columns have these values, of its largest image size."""
-        own = [r for r in self.made if r["experiment"] == experiment]
-        if "width" not in wanted and own:
-            own = [r for r in own if r["width"] == max(x["width"] for x in own)]
-        return [r for r in own if all(r.get(k) == v for k, v in wanted.items())]
-
-    def by_scene(self, experiment: str, **wanted: Any) -> dict[str, Row]:
-        """One row a scene, by its name; by its title where another scene has that name.
-
-        Where there are several rows: the one with the most frames, and of those the one measured last.
-        """
-        rows = sorted(self.rows(experiment, **wanted), key=lambda r: (r["frames"], measured_at(r["record"])))
-        titles = {r["scene"]: {x["scene_title"] for x in rows if x["scene"] == r["scene"]} for r in rows}
-        return {r["scene"] if len(titles[r["scene"]]) == 1 else r["scene_title"]: r for r in rows}
-
-    @property
-    def gpu(self) -> bool:
-        """Whether anything was measured on a GPU; then CPU rows are left out."""
-        return any(str(r["device"]).startswith("cuda") for r in self.made)
-
-    def sizes(self, experiment: str) -> list[int]:
-        """Image widths that an experiment was run at, smallest first."""
-        return points.in_order(r["width"] for r in self.made if r["experiment"] == experiment)
-
-    def versions(self, method: str) -> list[str]:
-        """Source hashes of a method among the records, in the order in which each was last measured."""
-        own = sorted((r["record"] for r in self.made if r["method"] == method), key=measured_at)
-        return list(dict.fromkeys(version_of(record) for record in reversed(own)))[::-1]
-
-    def earlier(self, method: str) -> list[str]:
-        """Experiments whose records of a method are not all of its last version."""
-        last = self.versions(method)[-1:]
-        own = [r for r in self.made if r["method"] == method]
-        return points.in_order(r["experiment"] for r in own if [version_of(r["record"])] != last)
-
-    def ratios(
-        self,
-        experiment: str,
-        one: Row | dict[str, Any],
-        other: Row | dict[str, Any],
-        measure: Callable[[Row], Any],
-    ) -> dict[str, float]:
-        """Measure of the rows chosen by ``one`` over that of those chosen by ``other``, for each scene that has both."""
-        first, second = self.by_scene(experiment, **one), self.by_scene(experiment, **other)
-        result = {}
-        for scene in first.keys() & second.keys():
-            a, b = measure(first[scene]), measure(second[scene])
-            if a and b:
-                result[scene] = a / b
-        return dict(sorted(result.items()))
-
-
-def version_of(record: Row) -> str:
-    """The hash of a method's source."""
-    return record["method"].get("source_sha256") or ""
-
-
-def measured_at(record: Row) -> float:
-    """When a record's last round began, seconds."""
-    return max((max(f["started"]) for f in record["frames"] if f.get("started")), default=0.0)
-
-
-def collect(folder: Path) -> Data:
-    """Every record in the folder and the folders in it. Raises :class:`UserError` where there is none."""
-    places = [path.parent for path in sorted([*folder.glob("records"), *folder.glob("*/records")])]
-    made = []
-    for place in places:
-        if any((place / "records").glob("*.json")):
-            made += points.measured(points.rows(place))
-    if not made:
-        raise UserError(f"{folder}: no records in it or in its folders; name a folder of results")
-    on_gpu = [r for r in made if str(r["device"]).startswith("cuda")]
-    return Data(tuple(on_gpu or made))
 
 
 def geometric(values: Sequence[float]) -> float:
@@ -136,31 +57,66 @@ def each(values: dict[str, float], form: str = "{:.2f}") -> str:
     return ", ".join(f"{name} {form.format(value)}" for name, value in values.items())
 
 
-def missing(experiment: str, more: str = "") -> Finding:
-    """Not measured: what to run."""
-    return Finding(OPEN, f"not measured; run {experiment}{more}")
+def lacking(what: str, numbers: str = "") -> Finding:
+    """The evidence does not have what decides: what is not there, and the numbers that are."""
+    return Finding(OPEN, f"{what} is not measured" + (f"; {numbers}" if numbers else ""), lacking=True)
 
 
-def by_ratio(values: dict[str, float], experiment: str, what: str, more: bool = True) -> Finding:
-    """Holds where the geometric mean of ratios lies above 1 (below, with ``more`` False) by over 3 %."""
+def by_ratio(values: dict[str, float], what: str) -> Finding:
+    """Holds where the geometric mean of ratios lies above 1 by over 3 %."""
     if not values:
-        return missing(experiment)
+        return lacking("either of the two")
     mean = geometric(list(values.values()))
-    away = mean if more else 1 / mean
-    verdict = HOLDS if away > 1.03 else FAILS if away < 0.97 else OPEN
+    verdict = HOLDS if mean > 1.03 else FAILS if mean < 0.97 else OPEN
     return Finding(verdict, f"{what} {mean:.2f} (geometric mean; {each(values)})")
+
+
+def decide(claim: Claim, data: Data) -> tuple[Finding, str]:
+    """What the first evidence that has all that is needed says, and its folders.
+
+    Where none has: what the first one lacks, what there is that cannot be put together, and what to run.
+    """
+    found = data.evidence(*claim.experiments)
+    run = f"run {claim.experiments[0]}"
+    told = [(claim.judge(one), one) for one in found]
+    chosen = next(((f, e) for f, e in told if not f.lacking), None)
+    if chosen is None and not told:
+        result, source = Finding(OPEN, f"not measured; {run}", lacking=True), ""
+    elif chosen is None:
+        first, source = told[0][0], ""
+        apart = [e.described() for e in found]
+        mixed = f"; of different runs or versions, and not to be mixed: {'; '.join(apart)}" * (len(apart) > 1)
+        result = Finding(OPEN, f"{first.numbers}{mixed}; {run}", lacking=True)
+    else:
+        result, source = chosen[0], origin(chosen[1], data)
+    if claim.beside:
+        experiment, phrase = claim.beside
+        others = [(phrase(e), e) for e in data.evidence(experiment)]
+        text = next((f"{words} ({origin(e, data)})" for words, e in others if words), "")
+        result = Finding(result.verdict, f"{result.numbers}{f'; {text}' if text else ''}", result.lacking)
+    return result, source
+
+
+def origin(evidence: Evidence, data: Data) -> str:
+    """The folders of evidence, and the methods in it of which there are records of a later version."""
+    old = [m for m, version in evidence.versions.items() if data.versions(m)[-1] != version]
+    earlier = f", an earlier version of {' and '.join(sorted(old))}" if old else ""
+    return " and ".join(evidence.folders) + earlier
 
 
 def judge_all(claims: Sequence[Claim], data: Data) -> list[Row]:
     """One row a claim."""
     made = []
     for number, claim in enumerate(claims, 1):
-        found = claim.judge(data)
+        found, source = decide(claim, data)
         if not claim.counted and not data.gpu and found.verdict != OPEN:
             found = Finding(OPEN, f"on a CPU, which does not decide it: {found.numbers}")
         made.append({"number": number, "claim": claim.text, "section": claim.section, "verdict": found.verdict,
-                     "numbers": found.numbers})  # fmt: skip
+                     "numbers": found.numbers, "judged_from": source})  # fmt: skip
     return made
+
+
+COLUMNS = ("number", "claim", "section", "verdict", "numbers", "judged_from")
 
 
 def draw(folder: Path | str, quiet: bool, claims: Sequence[Claim]) -> list[Path]:
@@ -168,9 +124,8 @@ def draw(folder: Path | str, quiet: bool, claims: Sequence[Claim]) -> list[Path]
     folder = Path(folder)
     data = collect(folder)
     made = judge_all(claims, data)
-    columns = ("number", "claim", "section", "verdict", "numbers")
     with open(folder / "claims.csv", "w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, columns, lineterminator="\n")
+        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         writer.writeheader()
         writer.writerows(made)
     text = "\n".join(markdown(made, data))
@@ -189,13 +144,21 @@ def markdown(made: Sequence[Row], data: Data) -> list[str]:
         "",
         f"{counts[HOLDS]} hold, {counts[FAILS]} do not hold, {counts[OPEN]} cannot be told from these records. "
         f"{points.where(data.made)}. Scenes are stand-ins where their title says so; the paper's own numbers come from a "
-        "GTX 280.",
+        "GTX 280. A ratio is taken within one run, over the same frames; where there are several runs, that of the last "
+        "versions of the methods counts.",
         "",
-        "| | claim | section | verdict | measured |",
-        "|---|---|---|---|---|",
+        "| | claim | section | verdict | measured | judged from |",
+        "|---|---|---|---|---|---|",
     ]
     for r in made:
-        cells = [str(r["number"]), r["claim"], r["section"], f"**{r['verdict']}**", r["numbers"]]
+        cells = [
+            str(r["number"]),
+            r["claim"],
+            r["section"],
+            f"**{r['verdict']}**",
+            r["numbers"],
+            r["judged_from"],
+        ]
         lines.append("| " + " | ".join(c.replace("|", "\\|") for c in cells) + " |")
     wrong = sum(1 for r in data.made if error_text(r).startswith("✗"))
     unscored = sum(1 for r in data.made if error_text(r) == "unscored")

@@ -35,7 +35,10 @@ class Stage:
 
 
 def draw(folder: Path | str, quiet: bool, stages: Sequence[Stage], rearrangement: str) -> list[Path]:
-    """CSV, drawing and text. ``rearrangement``: key of the stage that the paper says no model changes."""
+    """CSV, drawing and text. ``rearrangement``: key of the stage that the paper says no model changes.
+
+    The largest size is drawn; the text holds the smallest against it.
+    """
     folder = Path(folder)
     rows = points.rows(folder)
     done = points.measured(rows)
@@ -43,15 +46,16 @@ def draw(folder: Path | str, quiet: bool, stages: Sequence[Stage], rearrangement
         add(r, stages)
     columns = [*points.COMMON, *(f"{s.key}_ms" for s in stages), "other_ms", "shadow_rays"]
     files = [points.write_csv(rows, folder / "figure10.csv", columns)]
-    if done:
-        files.append(picture(done, stages, folder / "figure10.svg"))
+    widest = [r for r in done if r["width"] == max(x["width"] for x in done)]
+    if widest:
+        files.append(picture(widest, stages, folder / "figure10.svg"))
     title = "Figure 10: time of each stage of a frame"
-    sentences = spread_sentences(done, stages, rearrangement)
+    sentences = spread_sentences(widest, stages, rearrangement) + size_sentences(done, stages, rearrangement)
     return points.report(folder, "figure10", title, sentences, files, rows, quiet)
 
 
-def add(r: dict[str, Any], stages: Sequence[Stage]) -> None:
-    """Add the stages' times to a row, in ms, what no stage holds, and the number of shadow rays."""
+def add(r: dict[str, Any], stages: Sequence[Stage]) -> dict[str, Any]:
+    """The row, with the stages' times in ms, what no stage holds, and the number of shadow rays."""
     for stage in stages:
         r[f"{stage.key}_ms"] = points.pass_ms(r["record"], stage.part, stage.pattern)
     parts = sum(
@@ -61,6 +65,7 @@ def add(r: dict[str, Any], stages: Sequence[Stage]) -> None:
     r["shadow_rays"] = (
         sum(v for k, v in r["counters"].items() if k.startswith("light ") and k.endswith(" rays")) or None
     )
+    return r
 
 
 def variation(values: Sequence[float]) -> float:
@@ -99,6 +104,46 @@ def spread_sentences(
         f"scenes; the paper: almost always."
     )
     return sentences
+
+
+def growth(
+    rows: Sequence[dict[str, Any]], column: str
+) -> tuple[dict[str, float], tuple[dict[str, Any], dict[str, Any]] | None]:
+    """A column's value at the largest size over that at the smallest, by scene; and rows of the two sizes.
+
+    Only of scenes that have the same frames at both.
+    """
+    rows = sorted(rows, key=lambda r: r["width"])
+    if not rows or rows[0]["width"] == rows[-1]["width"]:
+        return {}, None
+    low, high = (
+        {(r["scene"], r["frame_numbers"]): r for r in rows if r["width"] == end["width"]}
+        for end in (rows[0], rows[-1])
+    )
+    found = {key[0]: high[key][column] / low[key][column] for key in low if key in high and low[key][column]}
+    return found, (rows[0], rows[-1])
+
+
+def size_sentences(rows: Sequence[dict[str, Any]], stages: Sequence[Stage], rearrangement: str) -> list[str]:
+    """How rearrangement and the other stages grow from the smallest size to the largest, over the scenes."""
+    grown = {s.key: growth(rows, f"{s.key}_ms") for s in stages}
+    own, ends = grown[rearrangement]
+    if ends is None or not own:
+        return []
+    means = {
+        s.title: float(np.exp(np.mean(np.log(list(grown[s.key][0].values())))))
+        for s in stages
+        if grown[s.key][0]
+    }
+    (title,) = (s.title for s in stages if s.key == rearrangement)
+    others = ", ".join(f"{name} {mean:.1f}" for name, mean in means.items() if name != title)
+    small, large = ends
+    pixels = large["width"] * large["height"] / (small["width"] * small["height"])
+    return [
+        f"From {small['width']}x{small['height']} to {large['width']}x{large['height']}, {pixels:.0f} times the pixels, "
+        f"{title} takes {means[title]:.1f} times as long (geometric mean of {len(own)} scenes, same frames; {others}). "
+        f"The paper: it depends on the resolution."
+    ]
 
 
 def picture(rows: Sequence[dict[str, Any]], stages: Sequence[Stage], path: Path) -> Path:

@@ -6,15 +6,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from . import points, style
 from .sheet import title_of
 
 PAPER_FRAMES = {"the paper's method": 7.6, "its kd-tree peer [HSZ*09]": 5.26}
 """Frames a second on Fairy with two lights (section 5): GTX 280, 1024x1024."""
 
-COLUMNS = [*points.COMMON, "frames_per_s", "ms_per_light", "shadow_rays"]
+COLUMNS = [*points.COMMON, "frames_per_s", "ms_per_light", "further_ms", "further_over_first", "shadow_rays"]
 LIGHTS_MS = ("light_build_ms", "shadow_ms")
 
 
@@ -24,18 +22,21 @@ def draw(folder: Path | str, quiet: bool = False) -> list[Path]:
     rows = points.rows(folder)
     for r in points.measured(rows):
         r["frames_per_s"] = 1000.0 / r["total_ms"]
-        r["ms_per_light"] = sum(r[key] for key in LIGHTS_MS) / r["light_count"]
+        r["ms_per_light"] = light_ms(r) / r["light_count"]
         r["shadow_rays"] = r["record"]["frames"][-1].get("shadow_rays")
-    files = [points.write_csv(rows, folder / "two_lights.csv", COLUMNS)]
+    files: list[Path] = []
     sentences = []
     for scene in dict.fromkeys(r["scene"] for r in points.measured(rows)):
         own = [r for r in points.measured(rows) if r["scene"] == scene]
+        for line in lines(own):
+            add_further(line)
         files.append(picture(own, folder / f"two_lights-{scene}.svg"))
         sentences += [text for line in lines(own) for text in [sentence(line)] if text]
     sentences.append(
         "The paper: Fairy with two lights at 7.6 frames a second against 5.26 of its kd-tree peer; with one light "
         "82.18 ms, so that the second light added about 49 ms (60 %)."
     )
+    files.insert(0, points.write_csv(rows, folder / "two_lights.csv", COLUMNS))
     title = "Several lights: time against their number"
     return points.report(folder, "two_lights", title, sentences, files, rows, quiet)
 
@@ -46,32 +47,50 @@ def lines(rows: Sequence[dict[str, Any]]) -> list[list[dict[str, Any]]]:
     return [sorted((r for r in rows if r["label"] == x), key=lambda r: r["light_count"]) for x in labels]
 
 
-def slope(line: Sequence[dict[str, Any]]) -> float | None:
-    """Milliseconds that a further light adds: least squares."""
-    if len({r["light_count"] for r in line}) < 2:
-        return None
-    return float(np.polyfit([r["light_count"] for r in line], [r["total_ms"] for r in line], 1)[0])
+def add_further(line: Sequence[dict[str, Any]]) -> None:
+    """Add to a method's rows what each light after the first adds, in ms and over what the first costs.
+
+    A light costs its grid and its shadow rays: those passes are compared, with one light and with more. (Whole frames'
+    differences would hold the noise of the build and of the primary rays, which can be more than a light.)
+    """
+    one = next((r for r in line if r["light_count"] == 1), None)
+    if one is None:
+        return
+    first = light_ms(one)
+    for r in line:
+        if r["light_count"] > 1 and first:
+            r["further_ms"] = (light_ms(r) - first) / (r["light_count"] - 1)
+            r["further_over_first"] = r["further_ms"] / first
+
+
+def light_ms(r: dict[str, Any]) -> float:
+    """What all lights of a frame cost, ms."""
+    return float(sum(r[key] for key in LIGHTS_MS))
 
 
 def sentence(line: Sequence[dict[str, Any]]) -> str:
-    """Two lights, and what a further one costs."""
+    """Two lights in frames a second, and what each further light costs relative to the first."""
     by_count = {r["light_count"]: r for r in line}
-    first = line[0]
-    text = f"{title_of(first)}, {first['label']}:"
+    parts = []
     if 2 in by_count:
         two = by_count[2]
-        text += f" two lights {style.number(two['total_ms'])} ms, {two['frames_per_s']:,.1f} frames a second"
-        if 1 in by_count:
-            text += f" ({two['total_ms'] / by_count[1]['total_ms'] - 1:+.0%} for the second light)"
-        text += ";"
-    added = slope(line)
-    if added is None:
-        return text.rstrip(";") + "."
-    return (
-        text
-        + f" from {first['light_count']} to {line[-1]['light_count']} lights each adds {style.number(added)} ms "
-        f"to {style.number(first['build_ms'] + first['trace_ms'])} ms for build and primary rays."
-    )
+        more = (
+            f" ({two['total_ms'] / by_count[1]['total_ms'] - 1:+.0%} for the second light)"
+            if 1 in by_count
+            else ""
+        )
+        parts.append(
+            f"two lights {style.number(two['total_ms'])} ms, {two['frames_per_s']:,.1f} frames a second{more}"
+        )
+    further = [r for r in line if r.get("further_over_first")]
+    if further:
+        each = ", ".join(f"{r['further_over_first']:.2f} (of {r['light_count']})" for r in further)
+        one = by_count[1]
+        parts.append(
+            f"the first light costs {style.number(light_ms(one))} of {style.number(one['total_ms'])} ms; each further one, "
+            f"over the first: {each}"
+        )
+    return f"{title_of(line[0])}, {line[0]['label']}: {'; '.join(parts) or 'one number of lights alone'}."
 
 
 def picture(rows: Sequence[dict[str, Any]], path: Path) -> Path:
