@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..harness.plan import Entry, Experiment, Preset
-from ._paper import FAITHFUL, METHOD, SCENES, faithful
+from ._paper import METHOD, PAPER, SCENES, faithful
 
 BASE = "paper-faithful"
 BEST = "all of ours"
@@ -35,7 +35,7 @@ TAKEN_BACK = {
 
 def without(label: str) -> Entry:
     """Our best configuration with one of its changes taken back."""
-    return Entry(METHOD, {key: FAITHFUL[key] for key in TAKEN_BACK[label]}, f"ours with {label}")
+    return Entry(METHOD, {key: PAPER[key] for key in TAKEN_BACK[label]}, f"ours with {label}")
 
 
 LEFT_OUT = tuple(without(label) for label in TAKEN_BACK)

@@ -229,11 +229,11 @@ def test_ablation_holds_ours_against_the_tree_and_takes_each_change_back(tmp_pat
 
 def test_ablation_takes_back_every_setting_in_which_ours_differs_from_the_papers():
     ours = dataclasses.asdict(parameters.Build()) | dataclasses.asdict(parameters.Trace())
-    differ = {key for key, text in _paper.FAITHFUL.items() if str(ours[key]).lower() != text}
+    differ = {key for key, text in _paper.PAPER.items() if str(ours[key]).lower() != text}
     taken = [key for keys in declared_ablation.TAKEN_BACK.values() for key in keys]
     assert sorted(taken) == sorted(differ)
     for entry in declared_ablation.LEFT_OUT:
-        assert entry.settings.items() <= _paper.FAITHFUL.items()
+        assert entry.settings.items() <= _paper.PAPER.items()
 
 
 def test_moving_has_a_row_a_frame(tmp_path):
