@@ -2,50 +2,81 @@
 
 from __future__ import annotations
 
+import csv
 import json
 
 import numpy as np
 import pytest
 from made_records import keep, made
 from PIL import Image
-from shadowbench.experiments import _paper, figure2, figure11
+from shadowbench.experiments import _paper, figure2, figure6, figure11
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.figures import ablation, points, stages, two_lights
+from shadowbench.harness.figures import figure2 as figure2_drawing
 from shadowbench.harness.figures import figure11 as figure11_drawing
 from shadowbench.harness.maps import map_path, write_map
 from shadowbench.harness.plan import find_experiment
 
 
 def test_figure2_says_how_much_the_most_drops(tmp_path):
-    records = [
-        made("figure2", e, "buddha", ms=ms, counters={"primary tests, most": most})
-        for e, ms, most in zip(figure2.METHODS, (14.0, 10.0, 9.0), (1000, 400, 200), strict=True)
-    ]
-    keep(tmp_path, records)
-    for r, most in zip(records, (1000, 400, 200), strict=True):
-        write_map(map_path(tmp_path, r["key"], 0), np.array([[0, most], [most // 2, 1]]))
+    counted = {figure2.DIRECT: (14.0, 1000), figure2.INDIRECT: (10.0, 400), figure2.DIRECT_SMALL: (8.0, 500)}
+    for e in figure2.METHODS:
+        ms, most = counted.get(e.label, (9.0, 200))
+        r = made("figure2", e, "buddha", ms=ms, counters={"primary tests, most": most})
+        keep(tmp_path, [r])
+        write_map(map_path(tmp_path, r["key"], 0), np.array([[0, 0, 0], [0, 0, most], [0, most // 2, 1]]))
     files = show("figure2", tmp_path, quiet=True)
     text = (tmp_path / "figure2.md").read_text()
-    assert "at most 400 triangles for a pixel against 1,000" in text
-    assert "40% of it" in text
-    assert "40% faster" in text
+    assert "indirect, 2x2 of 8x8 (at most 400 triangles for a pixel" in text
+    large, small = (text.index(f"Against {label}") for label in (figure2.DIRECT, figure2.DIRECT_SMALL))
+    assert "40% of the maximum, and primary rays are traced 40% faster" in text[large:small]
+    assert "80% of the maximum, and primary rays are traced 20% slower" in text[small:]
+    table = list(csv.DictReader((tmp_path / "figure2.csv").open()))
+    (ours,) = (r for r in table if r["label"] == figure2.INDIRECT)
+    assert [float(ours[f"{x}_same_tiles"]) for x in ("speed_up", "most_share")] == pytest.approx([-0.2, 0.8])
     assert all(file.exists() for file in files)
     with Image.open(tmp_path / "figure2-buddha.png") as image:
         assert image.width > 400
-        # The one colour scale makes the direct map's hottest pixel brighter than any of the indirect one.
+        # The one colour scale makes the first map's hottest pixel brighter than any of the others.
         pixels = np.asarray(image.convert("RGB")).astype(int)
     yellow = (pixels[..., 0] > 200) & (pixels[..., 1] > 200) & (pixels[..., 2] < 80)
-    half = pixels.shape[1] // 2
+    third = pixels.shape[1] // 3
     maps = yellow[: int(pixels.shape[0] * 0.7)]
-    assert maps[:, :half].sum() > 100
-    assert maps[:, half:].sum() == 0
+    assert maps[:, :third].sum() > 100
+    assert maps[:, third:].sum() == 0
+    # Nothing is checked in the first row and column of any map: they are cut off.
+    part = figure2_drawing.occupied([np.array([[0, 0, 0], [0, 0, 7]]), np.array([[0, 0, 0], [0, 5, 0]])])
+    assert part == (slice(1, 2), slice(1, 3))
+    assert figure2_drawing.occupied([np.zeros((2, 3))]) == (slice(0, 2), slice(0, 3))
 
 
 def test_figure2_without_its_maps_says_so(tmp_path):
     keep(tmp_path, [made("figure2", figure2.METHODS[0], "buddha")])
     with pytest.raises(UserError, match="run figure2 again"):
         show("figure2", tmp_path, quiet=True)
+
+
+def test_figure6_has_a_captioned_panel_for_each_light(tmp_path):
+    counted = {"": 1000, "cone": 250, "rectangle": 300, "cone-fall-off": 400}
+    for lighting in figure6.LIGHTINGS:
+        rays = {"light 0 rays": counted[lighting.label]}
+        keep(tmp_path, [made("figure6", figure6.METHODS[0], "fairy", lighting, counters=rays)])
+        name = f"fairy-{lighting.label}" if lighting.label else "fairy"
+        (tmp_path / "images").mkdir(exist_ok=True)
+        # A square picture with a caption below it, which the sheet has but once.
+        Image.new("RGB", (512, 560), (200, 30, 30)).save(tmp_path / "images" / f"{name}.png")
+    show("figure6", tmp_path, quiet=True)
+    text = (tmp_path / "figure6.md").read_text()
+    order = ["cone of 12 degrees: 250 of 1,000 hit points (25%)", "rectangle of 18 x 8 degrees: 300 of 1,000",
+             "cone of 20 degrees, falling off to 10%: 400 of 1,000"]  # fmt: skip
+    assert [text.index(words) for words in order] == sorted(text.index(words) for words in order)
+    with Image.open(tmp_path / "figure6-fairy.png") as image:
+        red = (np.asarray(image.convert("RGB")).astype(int) - (200, 30, 30) == 0).all(axis=2)
+    assert red.sum() == 4 * 420 * 420
+    table = list(csv.DictReader((tmp_path / "figure6.csv").open()))
+    assert [r["spot"] for r in table] == ["", "cone", "rectangle", "cone"]
+    assert [r["spot_rise"] for r in table] == ["", "", "4", ""]
 
 
 def staged(scene, rearranged):
