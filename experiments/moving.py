@@ -25,7 +25,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Time of each frame along the path, CSV, and what the slowest frames did more of than others."""
     from ..harness.figures import moving
 
-    return moving.draw(folder, quiet)
+    return moving.draw(folder, quiet, (*ANIMATED, *STATIC))
 
 
 EXPERIMENT = Experiment(
@@ -33,12 +33,12 @@ EXPERIMENT = Experiment(
     title="A moving light: time of each frame along its path",
     presets={
         "quick": Preset(
-            128, 128, (*ANIMATED, "conference"), METHODS, frames=8, samples=3, most=3, stage_samples=1, rounds=1, budget_s=10.0,
-            lightings=turn(8),
+            128, 128, (*ANIMATED, "conference"), METHODS, frames=8, samples=3, most=3, stage_samples=1, rounds=1,
+            budget_s=10.0, lightings=turn(8),
         ),
         "paper": Preset(
-            1024, 1024, (*ANIMATED, *STATIC), METHODS, frames=12, samples=10, most=10, stage_samples=1, rounds=2, budget_s=20.0,
-            timeout_s=600.0, lightings=turn(12),
+            1024, 1024, (*ANIMATED, *STATIC), METHODS, frames=12, samples=10, most=10, stage_samples=1, rounds=2,
+            budget_s=20.0, timeout_s=600.0, lightings=turn(12),
         ),
     },
     draw=draw,

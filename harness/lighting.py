@@ -131,8 +131,10 @@ class Lighting:
         if self.distance:
             lights = tuple(_at(light, middle, self.distance * prepared.radius) for light in lights)
         if self.target is not None:
-            shape = {"rise": self.rise, "falloff": self.falloff}
-            lights = tuple(_spot(x, self.target, self.angle, scene.camera.up, **shape) for x in lights)
+            lights = tuple(
+                _spot(light, self.target, self.angle, scene.camera.up, self.rise, self.falloff)
+                for light in lights
+            )
         if self.spot:
             lights = tuple(_spot(light, scene.camera.target, self.spot, scene.camera.up) for light in lights)
         if self.directional:

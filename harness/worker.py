@@ -262,7 +262,9 @@ def affordable_frames(
     seconds = time.perf_counter() - start
     count = int(budget_s / (seconds * runs))
     # The first one ran already.
-    return frames[:1] if count < 2 else [frames[i] for i in spread_frames(len(frames), min(count, len(frames)))]
+    return (
+        frames[:1] if count < 2 else [frames[i] for i in spread_frames(len(frames), min(count, len(frames)))]
+    )
 
 
 def keep_map(method: Any, moment: Moment, path: Path) -> None:

@@ -112,9 +112,12 @@ def distance_records():
         for e in preset.methods:
             lost = e.settings["precision"] == "float32" and lighting.distance > 1e4
             grows = e.settings["clamp"] == "none" and lighting.distance >= 10
-            ms = 10.0 * (1.0 + grows * int(e.settings["r"]) / 32)
-            counted = {"light 0 pairs": 1000, "light 0 chunks": 50, "light 0 lanes": 50 * int(e.settings["r"]),
-                       "light 0 rays": 1600}  # fmt: skip
+            r = int(e.settings["r"])
+            ms = 10.0 * (1.0 + grows * (20 if r == 65536 else r / 32))
+            ms *= 1.1 if e.settings["precision"] == "float32-centred" else 1.0
+            tiles = 4 if grows else 900
+            counted = {"light 0 pairs": 1000, "light 0 chunks": 50, "light 0 lanes": 50 * r,
+                       "light 0 rays": 1600, "light 0 tiles with rays": tiles}  # fmt: skip
             records.append(
                 made(
                     "figure11",
@@ -135,27 +138,54 @@ def test_figure11_tells_work_from_number_format(tmp_path):
     assert (
         "unclamped, aimed, float64: shadow traversal with the light 10 radii away or more, over that" in text
     )
-    assert "2.00 (r = 32), 3.00 (r = 64), 5.00 (r = 128), 9.00 (r = 256)" in text
+    assert "2.00 (r = 32), 3.00 (r = 64), 9.00 (r = 256), 21.00 (r = 65536)" in text
+    assert "tiles that hold rays: 900 at 0.1, 900 at 1, 4 at 10, 4 at 1000, 4 at 1e7" in text
+    without = "without load balancing (r = 65536), over the fastest r: 1.00 at 0.1, 1.00 at 1, 10.50 at 10"
+    assert without in text
     assert "clamped to the hits, world axes, float64" in text
     assert "1.00 (r = 32)" in text
-    assert "rejected from 1e7 radii on" in text
+    assert "clamped to the hits, world axes: in float32 1.0 times the frame time" in text
+    assert "; rejected at 1e7 radii." in text
+    assert "unclamped, aimed: in float32-centred 1.1 times the frame time and 1.0 times the pairs" in text
+    assert (
+        "workload alone, times 2.00 unclamped and 1.00 clamped to the hits; what changes at the same place and workload "
+        "is number format: in float32 frames take 1.00 times as long or are rejected (from 1e7 radii on); in "
+        "float32-centred frames take 1.10 times as long, none is rejected." in text
+    )
     assert "needs 9 pairs" in text
     drawn = (tmp_path / "figure11.svg").read_text()
     for word in (
         "r = 32",
-        "r = 256",
-        "float32",
-        "not measured",
+        "r = 65536 (no balancing)",
+        "float32, r = 64",
+        "float32-centred, r = 64",
+        "rejected (float32)",
         "scene radii",
         "shadow traversal, ms",
         "stand-in",
     ):
         assert word in drawn, word
+    assert "not measured" not in drawn
     assert "lane fill" in (tmp_path / "figure11-r.svg").read_text()
+    tiles = (tmp_path / "figure11-tiles.svg").read_text()
+    for word in (
+        "tiles that hold rays",
+        "world axes, float32",
+        "aimed, float32-centred",
+        "rejected (float32)",
+    ):
+        assert word in tiles, word
     assert all(file.stat().st_size < 300_000 for file in files)
     lines = (tmp_path / "figure11.csv").read_text().splitlines()
-    assert len(lines) == 1 + 100
-    assert {"lane_fill", "chunks", "traversal_ms", "light_distance"} <= set(lines[0].split(","))
+    assert len(lines) == 1 + 110
+    assert {
+        "lane_fill",
+        "chunks",
+        "traversal_ms",
+        "light_distance",
+        "tiles_with_rays",
+        "without_balancing",
+    } <= set(lines[0].split(","))
 
 
 def test_lane_fill_is_rays_over_lanes():
@@ -198,6 +228,29 @@ def test_moving_has_a_row_a_frame(tmp_path):
         in (tmp_path / "moving.md").read_text()
     )
     assert "turns of the light" in (tmp_path / "moving.svg").read_text()
+
+
+def test_moving_explains_a_slow_place_from_its_counters(tmp_path):
+    preset = find_experiment("moving").presets["quick"]
+    ours, _, tree = preset.methods
+    slow, uncounted = (made("moving", e, "sibenik", preset.lightings[0], frames=8) for e in (ours, tree))
+    even = made("moving", ours, "fairy", preset.lightings[0], frames=8)
+    for r in (slow, uncounted):
+        r["frames"][3]["total_ms"] = [30.0, 30.0]
+        r["frames"][3]["passes"] = [{"name": "light 0: shadow rays", "part": "shadow", "ms": [24.0]}]
+    for i, frame in enumerate(slow["frames"]):
+        frame["counters"] = {"shadow tests a hundred rays": 9000 if i == 3 else 2000,
+                             "light 0 tiles with rays": 50 if i == 3 else 120}  # fmt: skip
+    keep(tmp_path, [slow, uncounted, even])
+    show("moving", tmp_path, quiet=True)
+    lines = (tmp_path / "moving.md").read_text().split("\n\n")
+    animated, tree_line, ours_line = lines[1:4]
+    assert animated.startswith("Fairy"), "animated scenes come first"
+    assert "Slowest at" not in animated
+    assert "Slowest at 0.43 turns, 3.0 times the median of the path: shadow took 24.0 ms there" in tree_line
+    assert tree_line.endswith("its work was not counted.")
+    assert "tests a shadow ray 90 (median 20), tiles with rays 50 (median 120)." in ours_line
+    assert "fewer tiles with longer lists" in ours_line
 
 
 def test_what_a_stopped_run_did_not_come_to_is_told(tmp_path):

@@ -69,7 +69,9 @@ def compare(rows: Sequence[dict[str, Any]], maps: Sequence[Counts], direct: tupl
         r.update(tests_p99=float(np.percentile(seen, 99)), tests_most=int(counts.max()))
     for label, ending in zip(direct, ("", "_same_tiles"), strict=True):
         base = next((r for r in rows if r["label"] == label), None)
-        for r in rows if base else ():
+        if base is None:
+            continue
+        for r in rows:
             r[f"speed_up{ending}"] = base["trace_ms"] / r["trace_ms"] - 1 if r["trace_ms"] else None
             r[f"most_share{ending}"] = r["tests_most"] / base["tests_most"] if base["tests_most"] else None
 
