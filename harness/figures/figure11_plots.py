@@ -150,11 +150,10 @@ def threshold_picture(rows: Sequence[dict[str, Any]], clamps: Sequence[str], pat
     measures = (("traversal_ms", "shadow traversal, ms", "log"), ("chunks", "blocks, C_total", "log"),
                 ("lane_fill", "lane fill", "linear"))  # fmt: skip
     values = points.in_order(x["r"] for x in exact)
-    # A distance at which one r was measured makes no line.
-    distances = [
-        d for d in points.in_order(x["light_distance"] for x in exact)
-        if len({x["r"] for x in exact if x["light_distance"] == d}) > 1
-    ]  # fmt: skip
+    everywhere = points.in_order(x["light_distance"] for x in exact)
+    # A distance at which one r was measured makes no line beside those that do.
+    several = [d for d in everywhere if len({x["r"] for x in exact if x["light_distance"] == d}) > 1]
+    distances = several or everywhere
     with matplotlib.rc_context(points.sheet_style()):
         figure = Figure(figsize=(style.COLUMN_WIDTH, 4.3), layout="constrained")
         grid = figure.subplots(len(measures), len(columns), sharex=True, sharey="row", squeeze=False)
