@@ -138,7 +138,7 @@ def test_figure11_tells_work_from_number_format(tmp_path):
     assert (
         "unclamped, aimed, float64: shadow traversal with the light 10 radii away or more, over that" in text
     )
-    assert "2.00 (r = 32), 3.00 (r = 64), 9.00 (r = 256), 21.00 (r = 65536)" in text
+    assert "2.00 (r = 32), 3.00 (r = 64), 5.00 (r = 128), 21.00 (r = 65536)" in text
     assert "tiles that hold rays: 900 at 0.1, 900 at 1, 4 at 10, 4 at 1000, 4 at 1e7" in text
     without = "without load balancing (r = 65536), over the fastest r: 1.00 at 0.1, 1.00 at 1, 10.50 at 10"
     assert without in text
