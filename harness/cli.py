@@ -90,7 +90,9 @@ def run_(
         Path | None, typer.Option("--out", help="Results folder. A second run goes on in it.")
     ] = None,
     size: Annotated[str | None, typer.Option("--size", help="Image size, such as 256x256.")] = None,
-    frames: Annotated[int | None, typer.Option("--frames", help="Frames of an animated scene.")] = None,
+    frames: Annotated[
+        int | None, typer.Option("--frames", help="Frames of an animated scene; 1: its middle one.")
+    ] = None,
     samples: Annotated[
         int | None, typer.Option("--samples", help="Samples a frame and round, at least.")
     ] = None,

@@ -40,7 +40,9 @@ class Lighting:
     count     so many lights: the scene's first one, turned evenly about the vertical through the scene's middle
     distance  of every light from the scene's middle, in radii of the scene, in the direction where it stands
     target    a point, in the scene's coordinates, that every light is turned into a spot towards
-    angle     half-angle of the spot's cone, degrees
+    angle     half-angle of the spot's cone, degrees; or half-width of its rectangle in azimuth
+    rise      half-width of the spot's rectangle in elevation, degrees; None: a cone
+    falloff   exponent of the cosine from the spot's direction, for pictures
     turns     full turns of every light about the vertical through the middle, over the frames
     frames    places of the light over geometry that does not move: a static scene then has so many frames
     spot      half-angle, degrees, of a spot that every light becomes, towards what the camera looks at; 0: none
@@ -58,6 +60,8 @@ class Lighting:
     distance: float = 0.0
     target: Vector | None = None
     angle: float = 20.0
+    rise: float | None = None
+    falloff: float = 0.0
     turns: float = 0.0
     frames: int = 1
     spot: float = 0.0
@@ -127,7 +131,10 @@ class Lighting:
         if self.distance:
             lights = tuple(_at(light, middle, self.distance * prepared.radius) for light in lights)
         if self.target is not None:
-            lights = tuple(_spot(light, self.target, self.angle, scene.camera.up) for light in lights)
+            lights = tuple(
+                _spot(light, self.target, self.angle, scene.camera.up, self.rise, self.falloff)
+                for light in lights
+            )
         if self.spot:
             lights = tuple(_spot(light, scene.camera.target, self.spot, scene.camera.up) for light in lights)
         if self.directional:
@@ -167,8 +174,11 @@ def _standing(light: Light, middle: Vector, radius: float) -> Light:
     return replace(light, position=_vector(np.asarray(middle) + 2.0 * radius * way), directional=False)
 
 
-def _spot(light: Light, target: Vector, angle: float, up: Vector) -> Light:
-    return replace(light, spot=Spot(_vector(np.subtract(target, light.position)), angle, up=up))
+def _spot(
+    light: Light, target: Vector, angle: float, up: Vector, rise: float | None = None, falloff: float = 0.0
+) -> Light:
+    direction = _vector(np.subtract(target, light.position))
+    return replace(light, spot=Spot(direction, angle, rise=rise, up=up, falloff=falloff))
 
 
 def _directional(light: Light, middle: Vector) -> Light:

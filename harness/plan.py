@@ -48,7 +48,8 @@ class Entry:
 class Preset:
     """One size of an experiment.
 
-    frames         frames of an animated scene, spread evenly from its first to its last; a static scene has one
+    frames         frames of an animated scene, spread evenly from its first to its last, or its middle one; a static
+                   scene has one
     samples        whole-frame samples a frame and round at least, ``most`` at most (see :class:`.timing.Sampling`)
     rounds         how often every point is measured anew, interleaved with the others in balanced random order
     budget_s       seconds a point may spend on samples, over all its frames and rounds
@@ -191,10 +192,15 @@ def parse_size(text: str) -> tuple[int, int]:
 
 
 def spread_frames(frame_count: int, wanted: int) -> list[int]:
-    """``wanted`` frames spread evenly from the first to the last; all of them where there are fewer."""
+    """``wanted`` frames spread evenly from the first to the last; all of them where there are fewer; one: the middle.
+
+    An animation's first frame is often its simplest, such as a cloth before it falls.
+    """
     if wanted < 1:
         raise UserError(f"frames {wanted}: at least 1")
     count = min(wanted, frame_count)
+    if count == 1:
+        return [round((frame_count - 1) / 2)]
     return sorted({round(float(x)) for x in np.linspace(0, frame_count - 1, count)})
 
 

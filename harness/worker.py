@@ -261,7 +261,10 @@ def affordable_frames(
     wp.synchronize_device(session.device)
     seconds = time.perf_counter() - start
     count = int(budget_s / (seconds * runs))
-    return [frames[i] for i in spread_frames(len(frames), max(1, min(count, len(frames))))]
+    # The first one ran already.
+    return (
+        frames[:1] if count < 2 else [frames[i] for i in spread_frames(len(frames), min(count, len(frames)))]
+    )
 
 
 def keep_map(method: Any, moment: Moment, path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import dataclasses
 import json
 
@@ -9,11 +10,12 @@ import numpy as np
 import pytest
 from made_records import keep, made
 from PIL import Image
-from shadowbench.experiments import _paper, figure2, figure11
+from shadowbench.experiments import _paper, figure2, figure6, figure11
 from shadowbench.experiments import ablation as declared_ablation
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.figures import ablation, points, stages, two_lights
+from shadowbench.harness.figures import figure2 as figure2_drawing
 from shadowbench.harness.figures import figure11 as figure11_drawing
 from shadowbench.harness.maps import map_path, write_map
 from shadowbench.harness.plan import find_experiment
@@ -21,34 +23,63 @@ from shadowbench.methods.perspective_spherical import parameters
 
 
 def test_figure2_says_how_much_the_most_drops(tmp_path):
-    records = [
-        made("figure2", e, "buddha", ms=ms, counters={"primary tests, most": most})
-        for e, ms, most in zip(figure2.METHODS, (14.0, 10.0, 9.0), (1000, 400, 200), strict=True)
-    ]
-    keep(tmp_path, records)
-    for r, most in zip(records, (1000, 400, 200), strict=True):
-        write_map(map_path(tmp_path, r["key"], 0), np.array([[0, most], [most // 2, 1]]))
+    counted = {figure2.DIRECT: (14.0, 1000), figure2.INDIRECT: (10.0, 400), figure2.DIRECT_SMALL: (8.0, 500)}
+    for e in figure2.METHODS:
+        ms, most = counted.get(e.label, (9.0, 200))
+        r = made("figure2", e, "buddha", ms=ms, counters={"primary tests, most": most})
+        keep(tmp_path, [r])
+        write_map(map_path(tmp_path, r["key"], 0), np.array([[0, 0, 0], [0, 0, most], [0, most // 2, 1]]))
     files = show("figure2", tmp_path, quiet=True)
     text = (tmp_path / "figure2.md").read_text()
-    assert "at most 400 triangles for a pixel against 1,000" in text
-    assert "40% of it" in text
-    assert "40% faster" in text
+    assert "indirect, 2x2 of 8x8 (at most 400 triangles for a pixel" in text
+    large, small = (text.index(f"Against {label}") for label in (figure2.DIRECT, figure2.DIRECT_SMALL))
+    assert "40% of the maximum, and primary rays are traced 40% faster" in text[large:small]
+    assert "80% of the maximum, and primary rays are traced 20% slower" in text[small:]
+    table = list(csv.DictReader((tmp_path / "figure2.csv").open()))
+    (ours,) = (r for r in table if r["label"] == figure2.INDIRECT)
+    assert [float(ours[f"{x}_same_tiles"]) for x in ("speed_up", "most_share")] == pytest.approx([-0.2, 0.8])
     assert all(file.exists() for file in files)
     with Image.open(tmp_path / "figure2-buddha.png") as image:
         assert image.width > 400
-        # The one colour scale makes the direct map's hottest pixel brighter than any of the indirect one.
+        # The one colour scale makes the first map's hottest pixel brighter than any of the others.
         pixels = np.asarray(image.convert("RGB")).astype(int)
     yellow = (pixels[..., 0] > 200) & (pixels[..., 1] > 200) & (pixels[..., 2] < 80)
-    half = pixels.shape[1] // 2
+    third = pixels.shape[1] // 3
     maps = yellow[: int(pixels.shape[0] * 0.7)]
-    assert maps[:, :half].sum() > 100
-    assert maps[:, half:].sum() == 0
+    assert maps[:, :third].sum() > 100
+    assert maps[:, third:].sum() == 0
+    # Nothing is checked in the first row and column of any map: they are cut off.
+    part = figure2_drawing.occupied([np.array([[0, 0, 0], [0, 0, 7]]), np.array([[0, 0, 0], [0, 5, 0]])])
+    assert part == (slice(1, 2), slice(1, 3))
+    assert figure2_drawing.occupied([np.zeros((2, 3))]) == (slice(0, 2), slice(0, 3))
 
 
 def test_figure2_without_its_maps_says_so(tmp_path):
     keep(tmp_path, [made("figure2", figure2.METHODS[0], "buddha")])
     with pytest.raises(UserError, match="run figure2 again"):
         show("figure2", tmp_path, quiet=True)
+
+
+def test_figure6_has_a_captioned_panel_for_each_light(tmp_path):
+    counted = {"": 1000, "cone": 250, "rectangle": 300, "cone-fall-off": 400}
+    for lighting in figure6.LIGHTINGS:
+        rays = {"light 0 rays": counted[lighting.label]}
+        keep(tmp_path, [made("figure6", figure6.METHODS[0], "fairy", lighting, counters=rays)])
+        name = f"fairy-{lighting.label}" if lighting.label else "fairy"
+        (tmp_path / "images").mkdir(exist_ok=True)
+        # A square picture with a caption below it, which the sheet has but once.
+        Image.new("RGB", (512, 560), (200, 30, 30)).save(tmp_path / "images" / f"{name}.png")
+    show("figure6", tmp_path, quiet=True)
+    text = (tmp_path / "figure6.md").read_text()
+    order = ["cone of 12 degrees: 250 of 1,000 hit points (25%)", "rectangle of 18 x 8 degrees: 300 of 1,000",
+             "cone of 20 degrees, falling off to 10%: 400 of 1,000"]  # fmt: skip
+    assert [text.index(words) for words in order] == sorted(text.index(words) for words in order)
+    with Image.open(tmp_path / "figure6-fairy.png") as image:
+        red = (np.asarray(image.convert("RGB")).astype(int) - (200, 30, 30) == 0).all(axis=2)
+    assert red.sum() == 4 * 420 * 420
+    table = list(csv.DictReader((tmp_path / "figure6.csv").open()))
+    assert [r["spot"] for r in table] == ["", "cone", "rectangle", "cone"]
+    assert [r["spot_rise"] for r in table] == ["", "", "4", ""]
 
 
 def staged(scene, rearranged):
@@ -109,9 +140,12 @@ def distance_records():
         for e in preset.methods:
             lost = e.settings["precision"] == "float32" and lighting.distance > 1e4
             grows = e.settings["clamp"] == "none" and lighting.distance >= 10
-            ms = 10.0 * (1.0 + grows * int(e.settings["r"]) / 32)
-            counted = {"light 0 pairs": 1000, "light 0 chunks": 50, "light 0 lanes": 50 * int(e.settings["r"]),
-                       "light 0 rays": 1600}  # fmt: skip
+            r = int(e.settings["r"])
+            ms = 10.0 * (1.0 + grows * (20 if r == 65536 else r / 32))
+            ms *= 1.1 if e.settings["precision"] == "float32-centred" else 1.0
+            tiles = 4 if grows else 900
+            counted = {"light 0 pairs": 1000, "light 0 chunks": 50, "light 0 lanes": 50 * r,
+                       "light 0 rays": 1600, "light 0 tiles with rays": tiles}  # fmt: skip
             records.append(
                 made(
                     "figure11",
@@ -132,27 +166,54 @@ def test_figure11_tells_work_from_number_format(tmp_path):
     assert (
         "unclamped, aimed, float64: shadow traversal with the light 10 radii away or more, over that" in text
     )
-    assert "2.00 (r = 32), 3.00 (r = 64), 5.00 (r = 128), 9.00 (r = 256)" in text
+    assert "2.00 (r = 32), 3.00 (r = 64), 5.00 (r = 128), 21.00 (r = 65536)" in text
+    assert "tiles that hold rays: 900 at 0.1, 900 at 1, 4 at 10, 4 at 1000, 4 at 1e7" in text
+    without = "without load balancing (r = 65536), over the fastest r: 1.00 at 0.1, 1.00 at 1, 10.50 at 10"
+    assert without in text
     assert "clamped to the hits, world axes, float64" in text
     assert "1.00 (r = 32)" in text
-    assert "rejected from 1e7 radii on" in text
+    assert "clamped to the hits, world axes: in float32 1.0 times the frame time" in text
+    assert "; rejected at 1e7 radii." in text
+    assert "unclamped, aimed: in float32-centred 1.1 times the frame time and 1.0 times the pairs" in text
+    assert (
+        "workload alone, times 2.00 unclamped and 1.00 clamped to the hits; what changes at the same place and workload "
+        "is number format: in float32 frames take 1.00 times as long or are rejected (from 1e7 radii on); in "
+        "float32-centred frames take 1.10 times as long, none is rejected." in text
+    )
     assert "needs 9 pairs" in text
     drawn = (tmp_path / "figure11.svg").read_text()
     for word in (
         "r = 32",
-        "r = 256",
-        "float32",
-        "not measured",
+        "r = 65536 (no balancing)",
+        "float32, r = 64",
+        "float32-centred, r = 64",
+        "rejected (float32)",
         "scene radii",
         "shadow traversal, ms",
         "stand-in",
     ):
         assert word in drawn, word
+    assert "not measured" not in drawn
     assert "lane fill" in (tmp_path / "figure11-r.svg").read_text()
+    tiles = (tmp_path / "figure11-tiles.svg").read_text()
+    for word in (
+        "tiles that hold rays",
+        "world axes, float32",
+        "aimed, float32-centred",
+        "rejected (float32)",
+    ):
+        assert word in tiles, word
     assert all(file.stat().st_size < 300_000 for file in files)
     lines = (tmp_path / "figure11.csv").read_text().splitlines()
-    assert len(lines) == 1 + 100
-    assert {"lane_fill", "chunks", "traversal_ms", "light_distance"} <= set(lines[0].split(","))
+    assert len(lines) == 1 + 110
+    assert {
+        "lane_fill",
+        "chunks",
+        "traversal_ms",
+        "light_distance",
+        "tiles_with_rays",
+        "without_balancing",
+    } <= set(lines[0].split(","))
 
 
 def test_lane_fill_is_rays_over_lanes():
@@ -254,6 +315,29 @@ def test_moving_has_a_row_a_frame(tmp_path):
         in (tmp_path / "moving.md").read_text()
     )
     assert "turns of the light" in (tmp_path / "moving.svg").read_text()
+
+
+def test_moving_explains_a_slow_place_from_its_counters(tmp_path):
+    preset = find_experiment("moving").presets["quick"]
+    ours, _, tree = preset.methods
+    slow, uncounted = (made("moving", e, "sibenik", preset.lightings[0], frames=8) for e in (ours, tree))
+    even = made("moving", ours, "fairy", preset.lightings[0], frames=8)
+    for r in (slow, uncounted):
+        r["frames"][3]["total_ms"] = [30.0, 30.0]
+        r["frames"][3]["passes"] = [{"name": "light 0: shadow rays", "part": "shadow", "ms": [24.0]}]
+    for i, frame in enumerate(slow["frames"]):
+        frame["counters"] = {"shadow tests a hundred rays": 9000 if i == 3 else 2000,
+                             "light 0 tiles with rays": 50 if i == 3 else 120}  # fmt: skip
+    keep(tmp_path, [slow, uncounted, even])
+    show("moving", tmp_path, quiet=True)
+    lines = (tmp_path / "moving.md").read_text().split("\n\n")
+    animated, tree_line, ours_line = lines[1:4]
+    assert animated.startswith("Fairy"), "animated scenes come first"
+    assert "Slowest at" not in animated
+    assert "Slowest at 0.43 turns, 3.0 times the median of the path: shadow took 24.0 ms there" in tree_line
+    assert tree_line.endswith("its work was not counted.")
+    assert "tests a shadow ray 90 (median 20), tiles with rays 50 (median 120)." in ours_line
+    assert "fewer tiles with longer lists" in ours_line
 
 
 def test_what_a_stopped_run_did_not_come_to_is_told(tmp_path):

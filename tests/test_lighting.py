@@ -14,6 +14,7 @@ from shadowbench.harness.maps import read_map, write_map
 from shadowbench.harness.moment import Prepared
 from shadowbench.harness.scene import Light, Scene
 from shadowbench.harness.scenes.catalogue import resolve
+from shadowbench.harness.spot import CONE, RECTANGLE, spot_row
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +58,16 @@ def test_a_spot_looks_at_its_target(prepared):
     light = lit.scene.lights[0]
     assert light.spot.angle == 7.0
     assert np.allclose(np.add(light.position, light.spot.direction), (0.1, 0.2, 0.3))
-    assert lit.moment(0, 4, 4).spots[0, 0] != 0
+    assert lit.moment(0, 4, 4).spots[0, 0] == CONE
+
+
+def test_a_spot_may_be_a_rectangle_or_fall_off(prepared):
+    lighting = Lighting("spot", target=(0.1, 0.2, 0.3), angle=7.0, rise=3.0, falloff=9.0)
+    (light,) = Lighting.read(json.loads(json.dumps(lighting.facts()))).applied(prepared).scene.lights
+    assert (light.spot.angle, light.spot.rise, light.spot.falloff) == (7.0, 3.0, 9.0)
+    row = spot_row(light.spot)
+    assert row[0] == RECTANGLE
+    assert np.degrees(row[10:]) == pytest.approx([7.0, 3.0])
 
 
 def test_a_light_becomes_directional_once(prepared):

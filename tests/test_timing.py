@@ -258,7 +258,8 @@ def test_orders_are_balanced_random_and_repeatable():
 
 
 @pytest.mark.parametrize(
-    ("count", "wanted", "frames"), [(1, 3, [0]), (16, 3, [0, 8, 15]), (2, 5, [0, 1]), (100, 1, [0])]
+    ("count", "wanted", "frames"),
+    [(1, 3, [0]), (16, 3, [0, 8, 15]), (2, 5, [0, 1]), (16, 1, [8]), (21, 1, [10])],
 )
 def test_frames_are_spread_over_the_whole_length(count, wanted, frames):
     assert spread_frames(count, wanted) == frames

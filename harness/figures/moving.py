@@ -1,4 +1,4 @@
-"""A moving light: time of each frame along its path, a panel a scene, a line a method."""
+"""A moving light: time of each frame along its path, a panel a scene, a line a method; and what a slow place costs."""
 
 from __future__ import annotations
 
@@ -8,16 +8,35 @@ from typing import Any
 
 import numpy as np
 
+from ..passes import PARTS
+from ..record import part_ms
 from . import points, style
 from .sheet import title_of
 
-COLUMNS = [*points.COMMON, "frame", "turn", "frame_ms", "frame_iqr_ms"]
+SPIKE = 1.5
+"""A place is slow where its frame takes so many times the median of the path: the text says what was done there."""
+
+WORK = {
+    "tests a shadow ray": ("shadow tests a hundred rays", 0.01),
+    "tiles with rays": ("light 0 tiles with rays", 1.0),
+    "most rays in a tile": ("light 0 most rays in a tile", 1.0),
+    "longest list": ("light 0 list, longest", 1.0),
+    "pairs of the light": ("light 0 pairs", 1.0),
+}
+"""What explains a slow place: what it is called, the work counter, and what that is multiplied by."""
+
+COLUMNS = [
+    *points.COMMON, "frame", "turn", "frame_ms", "frame_iqr_ms", *(f"frame_{part.replace(' ', '_')}_ms" for part in PARTS),
+    *(name.replace(" ", "_") for name in WORK),
+]  # fmt: skip
 
 
-def draw(folder: Path | str, quiet: bool = False) -> list[Path]:
-    """CSV (one row a frame), a drawing, and text."""
+def draw(folder: Path | str, quiet: bool = False, order: Sequence[str] = ()) -> list[Path]:
+    """CSV (one row a frame), a drawing, and text. ``order``: scenes, those that are not among them last."""
     folder = Path(folder)
     rows = points.rows(folder)
+    rank = {scene: i for i, scene in enumerate(order)}
+    rows.sort(key=lambda r: rank.get(r["scene"], len(rank)))  # stable: methods stay in their order
     table = [step for r in points.measured(rows) for step in steps(r)]
     files = [points.write_csv(table, folder / "moving.csv", COLUMNS)]
     if table:
@@ -41,19 +60,57 @@ def steps(r: dict[str, Any]) -> list[dict[str, Any]]:
             turn = frame["frame"] / last * (r["light_turns"] or 0.0)
             made.append({**r, "frame": frame["frame"], "turn": turn, "frame_ms": float(middle)})
             made[-1]["frame_iqr_ms"] = float(high - low)
+            made[-1].update({f"frame_{part.replace(' ', '_')}_ms": part_ms(frame, part) for part in PARTS})
+            counted = frame.get("counters") or {}
+            for name, (counter, scale) in WORK.items():
+                known = counted.get(counter)
+                made[-1][name.replace(" ", "_")] = None if known is None else known * scale
     return made
 
 
 def sentence(r: dict[str, Any]) -> str:
-    """Range of the times along the path."""
-    times = [step["frame_ms"] for step in steps(r)]
+    """Range of the times along the path, and why the slowest is slow where it is."""
+    line = steps(r)
+    times = [step["frame_ms"] for step in line]
     share = max(times) / min(times) - 1
     planned = len(r["record"]["scene"].get("frames") or ())
     left_out = f", of {planned}: the others were beyond the budget" if planned > len(times) else ""
     return (
         f"{title_of(r)}, {r['label']}: {style.number(min(times))} to {style.number(max(times))} ms over "
-        f"{len(times)} places of the light (slowest {share:+.0%} over fastest{left_out})."
+        f"{len(times)} places of the light (slowest {share:+.0%} over fastest{left_out}).{spike(line)}"
     )
+
+
+def spike(line: Sequence[dict[str, Any]]) -> str:
+    """What was done more at the slowest place of a path, beside the median over its places; "" where none is slow."""
+    slow = max(line, key=lambda step: step["frame_ms"])
+
+    def usual(key: str) -> float:
+        return float(np.median([step[key] for step in line]))
+
+    if slow["frame_ms"] < SPIKE * usual("frame_ms"):
+        return ""
+    parts = {part: f"frame_{part.replace(' ', '_')}_ms" for part in PARTS}
+    more = {part: slow[key] - usual(key) for part, key in parts.items()}
+    part = max(more, key=lambda name: more[name])
+    text = (
+        f" Slowest at {slow['turn']:.2f} turns, {slow['frame_ms'] / usual('frame_ms'):.1f} times the median of the path: "
+        f"{part} took {style.number(slow[parts[part]])} ms there and {style.number(usual(parts[part]))} at the median"
+    )
+    keys = {name: name.replace(" ", "_") for name in WORK}
+    counted = {name: key for name, key in keys.items() if all(step[key] is not None for step in line)}
+    if not counted:
+        return f"{text}; its work was not counted."
+    told = [f"{name} {slow[key]:,.0f} (median {usual(key):,.0f})" for name, key in counted.items()]
+    text += f"; {', '.join(told)}."
+    tiles, tests = keys["tiles with rays"], keys["tests a shadow ray"]
+    known = {tiles, tests} <= set(counted.values())
+    if known and slow[tiles] < usual(tiles) and slow[tests] > SPIKE * usual(tests):
+        text += (
+            " The rays crowd into fewer tiles with longer lists, as where the light stands amid what is seen and the one "
+            "rectangle around all rays has coarse tiles."
+        )
+    return text
 
 
 def picture(rows: Sequence[dict[str, Any]], path: Path) -> Path:
@@ -79,8 +136,10 @@ def picture(rows: Sequence[dict[str, Any]], path: Path) -> Path:
                 )  # fmt: skip
                 axes.set_title(title_of(r), fontsize=6.5)
             axes.set_ylim(bottom=0)
-        for axes in grid[len(scenes) :]:
-            axes.set_visible(False)
+        for i, axes in enumerate(grid):
+            axes.set_visible(i < len(scenes))
+            # The lowest panel that is seen of a column has the numbers.
+            axes.tick_params(labelbottom=i + across >= len(scenes))
         figure.supxlabel("turns of the light about the scene", fontsize=7)
         figure.supylabel("ms a frame, everything rebuilt", fontsize=7)
         figure.legend(
