@@ -1,4 +1,4 @@
-"""Disputes of others: what a reference gets wrong is charged to every method that says the same, whoever asked."""
+"""Disputes of others: what a reference gets wrong is charged to every method that says the same."""
 
 from __future__ import annotations
 
@@ -10,90 +10,19 @@ from dataclasses import replace
 import exact_cases as cases
 import numpy as np
 import pytest
-from runs import install_trouble, options, write_scene
-from shadowbench.harness import looks
+from court import WIDTH, Court, lose
 from shadowbench.harness import score as scoring
-from shadowbench.harness.commands.verify import score as score_command
 from shadowbench.harness.disputes import settle
-from shadowbench.harness.grading import Grader, hand_over, handed_path
+from shadowbench.harness.hardcases import find_case
+from shadowbench.harness.hardcases.judge import ERRORS, Judged
 from shadowbench.harness.moment import Prepared
-from shadowbench.harness.progress import Silent
-from shadowbench.harness.raw import save_raw
-from shadowbench.harness.referee import Verdict
-from shadowbench.harness.run import Run
+from shadowbench.harness.registry import make_method
 from shadowbench.harness.scene import Camera, Light
-from shadowbench.harness.score import Judge, score_answers
-from shadowbench.harness.settlement import kept_path, read_disputes, settle_folder
+from shadowbench.harness.score import Judge
+from shadowbench.harness.session import Session
 from shadowbench.harness.truth import Reference, embree_installed
 
-WIDTH, HEIGHT = 60, 45
-
 pytestmark = pytest.mark.skipif(not embree_installed(), reason="an exact reference has no errors to settle")
-
-
-class Court:
-    """A scene, its exact answers, and a reference that is wrong in some pixels."""
-
-    def __init__(self, scene=None):
-        self.prepared = Prepared(scene or cases.ball_on_floor(lights=2))
-        self.moment = self.prepared.moment(0, WIDTH, HEIGHT)
-        self.judge = Judge(self.prepared, self.moment)
-        self.right = cases.exact_answers(self.prepared, self.moment, self.judge.referee)
-        self.wrong = self.answers()
-        right, floor = self.right, self.right["triangle"] == 0
-        self.lost = pixel_of(floor)
-        self.acne = pixel_of((right["triangle"] == 1) & (right["visibility"][0] == 0))
-        self.leak = pixel_of((right["triangle"] <= 1) & (right["visibility"][1] == 1))
-        lose(self.wrong, self.lost)
-        self.wrong["visibility"][0, self.acne] = 1
-        self.wrong["visibility"][1, self.leak] = 0
-
-    def answers(self):
-        return {name: value.copy() for name, value in self.right.items()}
-
-    @property
-    def reference(self) -> Reference:
-        arrays = {name: value.copy() for name, value in self.wrong.items()}
-        return Reference(**arrays, provenance=self.judge.reference.provenance)
-
-    def score(self, answers, sample: int = 0):
-        """A score against the wrong reference, and what it leaves to others."""
-        left: list = []
-        judge = self.judge
-        score = score_answers(
-            self.prepared,
-            self.moment,
-            answers,
-            self.reference,
-            judge.referee,
-            judge.effects,
-            sample,
-            disputes=left,
-        )
-        return score, left
-
-    def counts(self, score):
-        """What must come out the same whoever asked."""
-        asked = ("disputed", "judged", "t_max_relative_error", "uv_max_error")
-        primary = {name: n for name, n in score["primary"].items() if name not in asked}
-        shadow = [{name: n for name, n in light.items() if name != "disputed"} for light in score["shadow"]]
-        return primary, shadow, score["true_errors"], score["excused_share"], score["check"]
-
-    def whole(self, answers):
-        """The counts where the referee decides every pixel."""
-        return self.counts(self.score(answers, WIDTH * HEIGHT)[0])
-
-
-def pixel_of(test) -> int:
-    found = np.nonzero(test)[0]
-    assert len(found) > 10
-    return int(found[len(found) // 2])
-
-
-def lose(answers, pixel):
-    answers["triangle"][pixel], answers["t"][pixel] = -1, np.inf
-    answers["u"][pixel] = answers["v"][pixel] = 0
-    answers["visibility"][:, pixel] = 0
 
 
 @pytest.fixture(scope="module")
@@ -184,6 +113,7 @@ def test_ties_and_edges_keep_their_classes():
     court.moment = replace(court.prepared.moment(0, 33, 33), column=column, row=row)
     court.judge = Judge(court.prepared, court.moment)
     court.right = cases.exact_answers(court.prepared, court.moment, court.judge.referee)
+    court.provenance = court.judge.reference.provenance
     middle = 16 * 33 + 16
     inside = 16 * 33 + 20  # in the first triangle, away from its edges
     assert court.right["triangle"][inside] == 0
@@ -205,114 +135,59 @@ def test_ties_and_edges_keep_their_classes():
     assert rows[1][0]["check"] == "failed"
 
 
-# --- folders ---------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("name", ["P03", "P12"])
+def test_embrees_own_row_is_charged_where_another_method_is_right(name):
+    """Embree is both a method and the reference: alone, its own errors are found near its few disputes only."""
+    case = find_case(name)
+    one = Judged(case, case.make())
+    prepared, moment = one.trial.prepared, one.trial.moment
+    judge = Judge(prepared, moment)
+    rows = []
+    for method in ("embree", "ray_grids"):
+        answers = Session(make_method(method), prepared, moment.width, moment.height, "cpu").answers(moment)
+        left: list = []
+        rows.append((judge.score(answers, extra_pixels=0, disputes=left), left))
+        if method == "embree":
+            truth = sum(n for kind, n in one.judge(answers)[0].items() if kind in ERRORS)
+    assert rows[0][0]["true_errors"] < truth
+    settle(rows)
+    assert (rows[0][0]["true_errors"], rows[1][0]["true_errors"]) == (truth, 0)
 
 
-def record_of(key: str, graded: list[dict]) -> dict:
-    return {"key": key, "method": {"name": "embree", "settings": {}}, "frames": graded}
-
-
-def grade(court, folder, key, answers, wrong_maps=False):
-    """One point scored by a grader of its own, as where a run goes on after it was stopped."""
-    hand_over(handed_path(folder, key, 0), answers)
-    grader = Grader(court.prepared, {0: court.moment}, "ball", folder, "cpu")
-    graded = grader.grade(key, False, True, folder / "picture.png", "ball", wrong_maps)
-    (folder / "records").mkdir(exist_ok=True)
-    (folder / "records" / f"{key}.json").write_text(json.dumps(record_of(key, graded)))
-
-
-@pytest.fixture
-def blind(court, monkeypatch):
-    """Every judge takes the wrong reference, and samples no pixels."""
-    monkeypatch.setattr(scoring, "embree_reference", lambda *arguments: court.reference)
-    plain = Judge.score
-    monkeypatch.setattr(
-        Judge,
-        "score",
-        lambda self, answers, extra_pixels=0, **more: plain(self, answers, extra_pixels, **more),
+def test_mirrored_rays_that_are_the_same_are_settled_too(monkeypatch):
+    case = find_case("M05")
+    trial = case.make()
+    moment = trial.moment
+    judge = Judge(trial.prepared, moment)
+    right = Session(make_method("uniform_grid"), trial.prepared, moment.width, moment.height, "cpu").answers(
+        moment
     )
+    pixel = int(np.nonzero(right["bounce_visibility"][0][0])[0][40])
+    plain = scoring.reference_of
 
+    def blind_to_one(prepared, rays, referee, effects):
+        """Embree's answers to mirrored rays, but for everyone's right ones and one shadow that is lost."""
+        reference = plain(prepared, rays, referee, effects)
+        given = {
+            name: right[f"bounce_{name}"][0].copy() for name in ("triangle", "t", "u", "v", "visibility")
+        }
+        given["visibility"][0, pixel] = 0
+        return Reference(**given, provenance=reference.provenance)
 
-def errors(folder, key):
-    return json.loads((folder / "records" / f"{key}.json").read_text())["frames"][0]["score"]["true_errors"]
-
-
-def test_a_folder_is_settled_when_it_goes_on_and_only_then_rewritten(court, blind, tmp_path):
-    grade(court, tmp_path, "b", court.wrong, wrong_maps=True)
-    settle_folder(tmp_path)
-    assert errors(tmp_path, "b") == 0
-    grade(court, tmp_path, "a", court.right, wrong_maps=True)
-    changed = settle_folder(tmp_path)
-    assert set(changed) == {"a", "b"}
-    assert changed["b"]["frames"][0]["score"]["settled"]["true_errors"] == 3
-    assert (errors(tmp_path, "a"), errors(tmp_path, "b")) == (0, 3)
-    classes = looks.read_wrong(looks.wrong_path(tmp_path, "b", 0)).ravel()
-    assert classes[court.lost] == Verdict.TRUE
-    assert (classes[court.acne], classes[court.leak]) == (Verdict.ACNE, Verdict.LEAK)
-    assert (classes > Verdict.TIE).sum() == 3
-    assert (looks.read_wrong(looks.wrong_path(tmp_path, "a", 0)) > Verdict.TIE).sum() == 0
-    before = {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in tmp_path.glob("[rm]*/*")}
-    assert settle_folder(tmp_path) == {}
-    assert {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in before} == before
-    assert all(path.stat().st_size < 4000 for path in (tmp_path / "truth").glob("disputes-*"))
-
-
-def test_a_torn_file_of_disputes_costs_its_own_point_only(court, blind, tmp_path):
-    for key, answers in (("a", court.right), ("b", court.wrong), ("c", court.wrong)):
-        grade(court, tmp_path, key, answers)
-    kept_path(tmp_path, "c", 0).write_bytes(b"PK\x03\x04 torn")
-    assert read_disputes(kept_path(tmp_path, "c", 0)) is None
-    settle_folder(tmp_path)
-    assert (errors(tmp_path, "b"), errors(tmp_path, "c")) == (3, 0)
-
-
-def test_answers_scored_later_are_settled_with_those_scored_before(court, blind, tmp_path, capsys):
-    kept = {"b": court.wrong, "a": court.right}
-    for key, answers in kept.items():
-        path = tmp_path / "answers" / f"{key}-0.npz"
-        save_raw(path, court.prepared, court.moment, answers, "ball", extra={"key": key})
-        (tmp_path / "records").mkdir(exist_ok=True)
-        record = record_of(key, [{"frame": 0, "score": None, "unscored": "no truth there"}])
-        (tmp_path / "records" / f"{key}.json").write_text(json.dumps(record))
-    held_back = tmp_path / "answers" / "a-0.npz"
-    held_back.rename(tmp_path / "a-0.npz")
-    score_command(tmp_path, as_json=True)
-    (row,) = json.loads(capsys.readouterr().out)["answers"]
-    assert (row["score"]["true_errors"], row["counts_against"]) == (0, False)
-    (tmp_path / "a-0.npz").rename(held_back)
-    score_command(tmp_path, as_json=True)
-    rows = {row["answers"][-7]: row for row in json.loads(capsys.readouterr().out)["answers"]}
-    assert (rows["b"]["status"], rows["b"]["score"]["true_errors"]) == ("had a score", 3)
-    assert (errors(tmp_path, "a"), errors(tmp_path, "b")) == (0, 3)
-
-
-def test_a_run_that_goes_on_charges_what_it_scored_before(tmp_path, monkeypatch):
-    """Embree's answers on the disk say that everything misses; so does the method measured first."""
-    monkeypatch.setenv("PYTHONPATH", install_trouble(tmp_path / "packages"))
-    monkeypatch.syspath_prepend(str(tmp_path / "packages"))
-    scene = write_scene(tmp_path / "tetra.obj")
-    size = {"width": 32, "height": 32, "frames": 1, "score": True}
-    (honest,) = Run(options(tmp_path / "first", [scene], ["uniform_grid"], **size), Silent()).go()
-    (path,) = (tmp_path / "first" / "truth").glob("truth-*.npz")
-    with np.load(path) as stored:
-        arrays = {name: stored[name].copy() for name in stored.files}
-    hits = int((arrays["triangle"] >= 0).sum())
-    assert hits > 200
-    for pixel in np.nonzero(arrays["triangle"] >= 0)[0]:
-        lose(arrays, pixel)
-    out = tmp_path / "out"
-    (out / "truth").mkdir(parents=True)
-    np.savez(out / "truth" / path.name, **arrays)
-    (steady,) = Run(options(out, [scene], ["steady"], **size), Silent()).go()
-    alone = steady["frames"][0]["score"]
-    assert 0 < alone["true_errors"] < hits  # what a random sample of pixels finds
-    both = Run(options(out, [scene], ["steady", "uniform_grid"], **size), Silent()).go()
-    found = {record["method"]["name"]: record["frames"][0]["score"] for record in both}
-    assert found["uniform_grid"]["true_errors"] == 0
-    assert found["steady"]["true_errors"] == hits
-    assert found["steady"]["settled"]["true_errors"] == hits - alone["true_errors"]
-    assert {key: both[0][key] for key in ("frames", "rounds")} == {
-        key: json.loads((out / "records" / f"{both[0]['key']}.json").read_text())[key]
-        for key in ("frames", "rounds")
-    }
-    assert honest["frames"][0]["score"]["true_errors"] == 0
+    monkeypatch.setattr(scoring, "reference_of", blind_to_one)
+    wrong = {name: value.copy() for name, value in right.items()}
+    wrong["bounce_visibility"][0, 0, pixel] = 0
+    moved = {name: value.copy() for name, value in wrong.items()}
+    moved["bounce_direction"][0, pixel] *= np.float32(1 + 2.0**-22)  # other rays: nothing is known of them
+    rows = []
+    for answers in (right, wrong, moved):
+        left: list = []
+        rows.append((judge.score(answers, extra_pixels=0, disputes=left), left))
+    assert [score["bounces"][0]["shadow"][0]["leak"] for score, _ in rows] == [0, 0, 0]
+    settle(rows)
+    assert [score["bounces"][0]["shadow"][0]["leak"] for score, _ in rows] == [0, 1, 0]
+    assert [score["bounces"][0]["true_errors"] for score, _ in rows][:2] == [0, 1]
+    assert [score["true_errors"] for score, _ in rows][:2] == [0, 1]
+    assert {
+        (one["bounce"], one["kind"], one["light"]) for one in rows[1][0]["examples"] if one.get("settled")
+    } == {(1, "leak", 0)}
