@@ -100,6 +100,16 @@ class ResultsFolder:
                 path.unlink()
             journal.remove()
 
+    def settled(self, records: list[dict[str, Any]]) -> list[dict[str, Any]]:
+        """The records, and their files, with what other points' disputes showed of their answers."""
+        if not any((self.path / "truth").glob("disputes-*.npz")):
+            return records
+        from .settlement import settle_folder
+
+        with self.writing():
+            changed = settle_folder(self.path)
+        return [changed.get(record["key"], record) for record in records]
+
     # --- facts of scenes, kept so that a finished run need not make its scenes again ---
 
     def known_scene(self, load: dict[str, Any]) -> dict[str, Any] | None:

@@ -51,7 +51,7 @@ class Grader:
         self.folder, self.device = folder, device
         self.effects = Effects.of(prepared.scene)
         self._judges: dict[int, Any] = {}
-        self._scores: dict[tuple[int, str], dict[str, Any]] = {}
+        self._scores: dict[tuple[int, str], tuple[dict[str, Any], list[Any]]] = {}
 
     def grade(
         self, key: str, save_answers: bool, score: bool, picture: Path, shows: str, wrong_maps: bool = False
@@ -76,7 +76,7 @@ class Grader:
             graded: dict[str, Any] = {"frame": frame, "score": None, "unscored": unscored}
             graded["shadow_rays"] = shadow_rays(answers, self.effects)
             if score:
-                graded.update(self._score(frame, answers, key if wrong_maps and frame == last else ""))
+                graded.update(self._score(key, frame, answers, wrong_maps and frame == last))
             if save_answers or graded["score"] is None:
                 self._keep(key, frame, answers)
             if not drawn and frame == there[len(there) // 2]:
@@ -85,9 +85,11 @@ class Grader:
             frames.append(graded)
         return frames
 
-    def _score(self, frame: int, answers: Answers, wrong_key: str = "") -> dict[str, Any]:
+    def _score(self, key: str, frame: int, answers: Answers, wrong_map: bool) -> dict[str, Any]:
         try:
+            from .looks import keep_wrong
             from .score import Judge
+            from .settlement import keep_disputes
         except ImportError as error:
             missing = error.name or str(error)
             reason = f"no truth here, {missing} is not installed; shadowbench score fills it in where it is"
@@ -96,16 +98,19 @@ class Grader:
             truth = self.folder / "truth"
             self._judges[frame] = Judge(self.prepared, self.moments[frame], self.effects, truth, self.device)
         judge = self._judges[frame]
-        if not wrong_key:
+        looks: dict[str, Any] = {}
+        if wrong_map:
+            disputes: list[Any] = []
+            score, looks = keep_wrong(self.folder, key, frame, judge, answers, disputes)
+        else:
             # Methods that are exact answer bit for bit the same: what was judged once is not judged again.
             known = (frame, digest_of(answers))
             if known not in self._scores:
-                self._scores[known] = judge.score(answers)
-            return {"score": copy.deepcopy(self._scores[known]), "unscored": None}
-        from .looks import keep_wrong
-
-        score, looks = keep_wrong(self.folder, wrong_key, frame, judge, answers)
-        return {"score": score, "unscored": None, **looks}
+                found: list[Any] = []
+                self._scores[known] = judge.score(answers, disputes=found), found
+            score, disputes = self._scores[known]
+        keep_disputes(self.folder, key, frame, disputes)
+        return {"score": copy.deepcopy(score), "unscored": None, **looks}
 
     def _keep(self, key: str, frame: int, answers: Answers) -> None:
         try:

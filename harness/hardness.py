@@ -16,8 +16,9 @@ def hard_rows(
 ) -> Iterator[dict[str, Any]]:
     """One row an entry: cases run, cases with a true error, true errors in all, and the cases with the most.
 
-    Methods whose library is not installed have no row. ``without``: cases whose names begin so are left out. The
-    exact answers are made once and shared.
+    Shadow bits count also where a method declares them to lie outside what it can do. Methods whose library is not
+    installed have no row. ``without``: cases whose names begin so are left out. The exact answers are made once and
+    shared.
     """
     cases = [case for case in all_cases() if not (without and case.name.startswith(without))]
     judged: dict[str, Judged] = {}
@@ -26,7 +27,8 @@ def hard_rows(
             place = device_for(method_class(entry.method), device)
         except ImportError:  # a peer's library that is not installed: no row
             continue
-        found = judge_method(lambda e=entry: make_method(e.method, dict(e.settings)), place, cases, judged)  # type: ignore[misc]
+        method = lambda e=entry: make_method(e.method, dict(e.settings))  # type: ignore[misc]  # noqa: E731
+        found = judge_method(method, place, cases, judged, every_bit=True)
         run = [finding for finding in found if finding.status != "outside"]
         wrong = sorted((f for f in run if f.status == "error"), key=lambda f: -f.true_errors)
         yield {

@@ -14,9 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from .disputes import Disputes
 from .figures.shade import shade
 from .maps import read_map, write_map
 from .score import Judge
+from .verdicts import RIGHT
 
 FLIP_MISSING = "flip-evaluator is not installed; pip install shadowbench[flip]"
 OFFSET = 1
@@ -38,13 +40,33 @@ def read_wrong(path: Path) -> NDArray[np.int64]:
     return read_map(path) - OFFSET
 
 
+def mark_wrong(path: Path, pixels: NDArray[np.integer], classes: NDArray[np.int8]) -> None:
+    """Set pixels of a map of classes that were counted as right; nothing where there is no map or nothing changes."""
+    if not (len(pixels) and path.exists()):
+        return
+    known = read_wrong(path)
+    marked = known.ravel().copy()
+    rows = np.isin(marked[pixels], RIGHT)
+    marked[pixels[rows][::-1]] = classes[rows][::-1]  # the first one of a pixel counts
+    if (marked != known.ravel()).any():
+        write_map(path, marked.reshape(known.shape) + OFFSET)
+
+
 def keep_wrong(
-    folder: Path, key: str, frame: int, judge: Judge, answers: dict[str, NDArray]
+    folder: Path,
+    key: str,
+    frame: int,
+    judge: Judge,
+    answers: dict[str, NDArray],
+    disputes: list[Disputes] | None = None,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The score of a frame's answers, its map of classes written; and its FLIP, or the reason why there is none."""
+    """The score of a frame's answers, its map of classes written; and its FLIP, or the reason why there is none.
+
+    ``disputes`` as in :func:`.score.score_answers`.
+    """
     moment = judge.moment
     classes = np.zeros(moment.width * moment.height, dtype=np.int8)
-    score = judge.score(answers, classes=classes)
+    score = judge.score(answers, classes=classes, disputes=disputes)
     shape = (moment.height, moment.width)
     write_map(wrong_path(folder, key, frame), classes.reshape(shape).astype(np.int64) + OFFSET)
     right, given = (picture(judge, one) for one in (judge.reference.answers(), answers))

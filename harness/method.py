@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
@@ -73,6 +74,9 @@ class BaseMethod:
     """The effects (:meth:`~.scene.Effects.names`) that it takes part in; what it leaves out it says with a reason."""
     cannot: ClassVar[Mapping[str, str]] = {}
     """Reasons for effects that it cannot simulate, shown as they stand."""
+    outside: Mapping[str, str] = MappingProxyType({})
+    """Hard cases that lie outside what it can do, each with the reason, which ``shadowbench check`` shows: they are not
+    run. Under "shadows" the reason why no shadow bit is held against it; everything else still is."""
     Build: ClassVar[type] = NoParameters
     Trace: ClassVar[type] = NoParameters
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .disputes import Disputes
 from .moment import F32, Moment, Prepared
 from .scene import Effects
 
@@ -128,8 +129,9 @@ def _dots(p: F64, q: F64) -> F64:
     return np.einsum("ij,ij->i", p, q)
 
 
-Scored = tuple[dict[str, Any], NDArray[np.int8], NDArray[np.bool_]]
-"""A score, the gravest class of each pixel, and which pixels are excused (:func:`.score.score_answers`)."""
+Scored = tuple[dict[str, Any], NDArray[np.int8], NDArray[np.bool_], list[Disputes]]
+"""A score, the gravest class of each pixel, which pixels are excused (:func:`.score.score_answers`), and what of its
+reference is left to be settled with other methods' scores (:mod:`.disputes`)."""
 
 
 def score_bounces(
@@ -150,9 +152,9 @@ def score_bounces(
         rays = mirrored(prepared, moment, answers, bounce)
         count = int(rays.active.sum())
         sample = min(len(rays.active), extra_pixels * len(rays.active) // max(1, count))
-        found, classes, excused = score(rays, answers_of(answers, bounce), sample)
+        found, classes, excused, left = score(rays, answers_of(answers, bounce), sample)
         wrong = int(wrong_rays(prepared, moment, answers, bounce).sum())
         found = {"bounce": bounce, "rays": count, "rays_wrong": wrong, **found}
         found["true_errors"] += wrong
-        result.append((found, classes, excused))
+        result.append((found, classes, excused, left))
     return result

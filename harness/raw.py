@@ -11,7 +11,7 @@ import json
 import os
 import zipfile
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,9 @@ from .errors import UserError
 from .frame import BOUNCED
 from .moment import Moment, Prepared
 from .scene import AlphaMask, Camera, Effects, Geometry, Scene
+
+if TYPE_CHECKING:
+    from .disputes import Disputes
 
 SCHEMA = 1
 ARRAYS = ("triangle", "t", "u", "v", "visibility")
@@ -93,9 +96,12 @@ def save_raw(
 
 
 def score_raw(
-    path: Path | str, scene_dir: Path | str | None = None, folder: Path | str | None = None
+    path: Path | str,
+    scene_dir: Path | str | None = None,
+    folder: Path | str | None = None,
+    disputes: list[Disputes] | None = None,
 ) -> dict[str, Any]:
-    """The score of answers kept by :func:`save_raw`, as :func:`.score.score_answers` gives it.
+    """The score of answers kept by :func:`save_raw`, as :func:`.score.score_answers` gives it; ``disputes`` too.
 
     Raises :class:`UserError` for a file that is no such file, or a mesh that is not the one traced.
     ``scene_dir``: where originals of the catalogue's scenes lie. ``folder``: keeps Embree's answers.
@@ -106,7 +112,7 @@ def score_raw(
     effects = Effects(
         tuple(facts["shadows"]), alpha=bool(facts.get("alpha")), bounces=facts.get("bounces", 0)
     )
-    return Judge(prepared, moment, effects, folder).score(answers)
+    return Judge(prepared, moment, effects, folder).score(answers, disputes=disputes)
 
 
 def read_facts(path: Path) -> dict[str, Any]:

@@ -76,7 +76,8 @@ class Run:
                 for worker in self.workers.values():
                     worker.stop()
                 self.folder.shared_scene.unlink(missing_ok=True)
-        return records
+            self.report.doing("settling what several methods were asked about")
+            return self.folder.settled(records)
 
     def _steps_a_point(self) -> int:
         return self.options.preset.rounds + 2

@@ -16,7 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .consistency import Consistency, check_consistency, plane_numbers
+from .consistency import check_consistency, plane_numbers
+from .disputes import Disputes, find_disputes
+from .examples import EXAMPLES, examples_of
 from .mirror_score import Scored, score_bounces
 from .moment import Moment, Prepared
 from .raw import save_raw, score_raw
@@ -28,6 +30,7 @@ from .truth import Reference, embree_installed, embree_reference, exact_referenc
 from .verdicts import (
     ERRORS,
     EXCUSED,
+    EXCUSED_LIMIT,
     PRIMARY,
     RIGHT,
     SHADOW,
@@ -39,13 +42,8 @@ from .verdicts import (
 
 __all__ = ["Judge", "save_raw", "score_answers", "score_raw"]
 
-EXCUSED_LIMIT = 0.001
-"""A check fails where a larger share of the pixels had to be excused."""
-
 JUDGE_LIMIT = 100_000
 """Disputed pixels judged; beyond it a seeded sample is judged and every other one counts as a true error."""
-
-EXAMPLES = 10
 
 
 class Judge:
@@ -78,7 +76,11 @@ class Judge:
         return Referee(self.moment.points, self.prepared.faces, self.moment.valid, self.device, mask)
 
     def score(
-        self, answers: dict[str, NDArray], extra_pixels: int = 200, classes: NDArray[np.int8] | None = None
+        self,
+        answers: dict[str, NDArray],
+        extra_pixels: int = 200,
+        classes: NDArray[np.int8] | None = None,
+        disputes: list[Disputes] | None = None,
     ) -> dict[str, Any]:
         """The score of a method's answers to this moment (see :func:`score_answers`)."""
         return score_answers(
@@ -90,6 +92,7 @@ class Judge:
             self.effects,
             extra_pixels,
             classes=classes,
+            disputes=disputes,
         )
 
 
@@ -104,6 +107,7 @@ def score_answers(
     seed: int = 0,
     judge_limit: int = JUDGE_LIMIT,
     classes: NDArray[np.int8] | None = None,
+    disputes: list[Disputes] | None = None,
 ) -> dict[str, Any]:
     """Counts per class of a method's answers (numpy arrays as ``Answers.to_host`` gives them); JSON-able.
 
@@ -114,7 +118,9 @@ def score_answers(
     "ok" only with no true error and at most :data:`EXCUSED_LIMIT` excused. ``reference_errors`` are the same
     counts for Embree's own answers over the judged pixels. ``classes`` (int8 [pixels]), where given, is filled
     with the class of every pixel: of its primary answer where that is wrong or excused, else the gravest of its
-    shadow bits, else of its first bounce that is; -1 for a disputed pixel left unjudged.
+    shadow bits, else of its first bounce that is; -1 for a disputed pixel left unjudged. ``disputes``, where given,
+    gets what :func:`.disputes.settle` needs once other methods' answers to the same moment are scored too; an exact
+    reference leaves nothing to settle.
 
     Where rays bounce, ``bounces`` has for each the same again for its rays (:func:`.mirror_score.score_bounces`), and
     its errors and excuses count with the others. ``answers`` then hold the rays too.
@@ -126,9 +132,13 @@ def score_answers(
         truth = known or reference_of(prepared, rays, referee, effects)
         return _scored(prepared, rays, given, truth, referee, effects, sample, seed, judge_limit)
 
-    score, gravest, excused = scored(moment, answers, extra_pixels, reference)
+    score, gravest, excused, left = scored(moment, answers, extra_pixels, reference)
     bounces = score_bounces(prepared, moment, answers, effects, extra_pixels, scored)
-    for found, kinds, excuses in bounces:
+    for place, (_, _, _, more) in enumerate(bounces):
+        left += [replace(one, place=f"bounces/{place}/") for one in more]
+    if disputes is not None:
+        disputes += left
+    for found, kinds, excuses, _ in bounces:
         excused |= excuses
         right = np.isin(gravest, RIGHT)
         gravest[right] = kinds[right]
@@ -136,7 +146,7 @@ def score_answers(
         score["examples"] += [{"bounce": found["bounce"], **one} for one in found.pop("examples")]
     score["examples"] = score["examples"][:EXAMPLES]
     if bounces:
-        score["bounces"] = [found for found, _, _ in bounces]
+        score["bounces"] = [found for found, *_ in bounces]
     if classes is not None:
         classes[:] = gravest
     share = float(excused.mean()) if excused.size else 0.0
@@ -165,6 +175,7 @@ def _scored(
     judge_limit: int,
 ) -> Scored:
     lights = len(moment.lights)
+    own_reference = reference
     outside = not_receivers(prepared, moment, answers["triangle"])
     if outside.any():
         reference = replace(reference, visibility=np.where(outside, 0, reference.visibility).astype(np.uint8))
@@ -191,6 +202,12 @@ def _scored(
         int(np.isin(primary, ERRORS).sum() + sum(np.isin(v, ERRORS).sum() for v in shadow)) + unjudged
     )
     bits = disputed_bits(answers, reference, found, agree, wanted)
+    reference_errors, of_reference = _reference_errors(
+        prepared, moment, referee, hits, own_reference, suspects, wanted
+    )
+    left: list[Disputes] = []
+    if not reference.exact:
+        left.append(find_disputes(moment, reference, referee, hits, suspects, primary, of_reference))
     score = {
         "primary": {
             "pixels": moment.width * moment.height,
@@ -214,12 +231,10 @@ def _scored(
             if wanted[i]
         ],
         "true_errors": true_errors,
-        "examples": _examples(moment, answers, referee, hits, suspects, found, primary, shadow),
-        "reference_errors": _reference_errors(
-            prepared, moment, referee, hits, reference, suspects, wanted, outside
-        ),
+        "examples": examples_of(moment, answers, referee, hits, suspects, found, primary, shadow),
+        "reference_errors": reference_errors,
     }
-    return score, gravest_of(primary, shadow), excused
+    return score, gravest_of(primary, shadow), excused, left
 
 
 def not_receivers(prepared: Prepared, moment: Moment, triangle: NDArray[np.integer]) -> NDArray[np.bool_]:
@@ -263,16 +278,25 @@ def _reference_errors(
     reference: Reference,
     suspects: Suspects,
     wanted: Sequence[bool],
-    outside: NDArray[np.bool_],
-) -> dict[str, Any]:
-    """Embree's own answers on the judged pixels, counted the same way (its t and triangle together)."""
+) -> tuple[dict[str, Any], list[NDArray[np.int8]]]:
+    """Embree's own answers on the judged pixels, counted the same way (its t and triangle together).
+
+    Also, of each light that asks for shadows, the classes of its bits there, whatever its t: int8 [judged].
+    """
     answers = reference.answers()
+    outside = not_receivers(prepared, moment, reference.triangle)
+    answers["visibility"] = np.where(outside, 0, answers["visibility"]).astype(np.uint8)
     found = check_consistency(prepared, moment, answers)
     agree = np.ones(len(reference.triangle), dtype=bool)
-    primary, _ = primary_verdicts(referee, hits, reference.triangle, found, suspects, agree)
-    shadow = shadow_verdicts(referee, moment, hits, answers, found, suspects, primary, wanted, outside)
+    primary, named = primary_verdicts(referee, hits, reference.triangle, found, suspects, agree)
+    right = np.where(named, np.int8(Verdict.OK), primary)
+    shadow = shadow_verdicts(referee, moment, hits, answers, found, suspects, right, wanted, outside)
     judged = suspects.judged
-    return {
+    bits = [verdicts[judged] for i, verdicts in enumerate(shadow) if wanted[i]]
+    unscored = ~np.isin(primary, RIGHT)
+    for i in np.nonzero(np.array(wanted))[0]:
+        shadow[i][unscored & (shadow[i] != Verdict.INVALID)] = -1
+    counts = {
         "primary": {
             "judged": len(judged),
             **_counts(primary[judged], PRIMARY),
@@ -285,46 +309,4 @@ def _reference_errors(
             if wanted[i]
         ],
     }
-
-
-def _examples(
-    moment: Moment,
-    answers: dict[str, NDArray],
-    referee: Referee,
-    hits: Hits,
-    suspects: Suspects,
-    found: Consistency,
-    primary: NDArray[np.int8],
-    shadow: Sequence[NDArray[np.int8]],
-) -> list[dict[str, Any]]:
-    """Up to :data:`EXAMPLES` judged pixels: errors first, then excused ones."""
-    row_of = {int(pixel): row for row, pixel in enumerate(suspects.judged)}
-    chosen: list[tuple[int, str, int | None]] = []
-    for classes in (ERRORS, EXCUSED):
-        for light, verdicts in ((None, primary), *enumerate(shadow)):
-            for pixel in np.nonzero(np.isin(verdicts, classes))[0][:EXAMPLES].tolist():
-                chosen.append((pixel, Verdict(int(verdicts[pixel])).name.lower(), light))
-    result = []
-    for pixel, kind, light in chosen[:EXAMPLES]:
-        row = row_of.get(pixel)
-        entry: dict[str, Any] = {"pixel": [pixel % moment.width, pixel // moment.width], "kind": kind}
-        if light is None:
-            if kind == "true" and (found.t_wrong[pixel] or found.uv_wrong[pixel]):
-                entry["kind"] = "true (t)" if found.t_wrong[pixel] else "true (u, v)"
-            entry["got"] = {n: _plain(answers[n][pixel]) for n in ("triangle", "t", "u", "v")}
-            if row is not None:
-                entry["exact"] = {"triangle": list(hits.ties[row]) or [-1], "t": _plain(hits.t[row])}
-        else:
-            entry["light"] = light
-            entry["got"] = int(answers["visibility"][light][pixel])
-            if row is not None:
-                occluder = int(referee.occluders(hits.take(np.array([row])), moment.lights[light])[0])
-                entry["exact"] = {"bit": int(occluder >= 0), "occluder": occluder}
-        result.append(entry)
-    return result
-
-
-def _plain(value: Any) -> int | float | str:
-    """A number that JSON can hold; infinities and NaN as text."""
-    number = value.item()
-    return number if isinstance(number, int) or np.isfinite(number) else str(number)
+    return counts, bits

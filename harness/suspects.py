@@ -69,7 +69,7 @@ def find_suspects(
     if len(pixels) > judge_limit:
         shuffled = random.permutation(pixels)
         pixels, unjudged = np.sort(shuffled[:judge_limit]), np.sort(shuffled[judge_limit:])
-    near = _neighbours(pixels, moment.width, moment.height)
+    near = neighbours(pixels, moment.width, moment.height)
     near = near[~disputed[near]]
     if len(near) > NEIGHBOUR_LIMIT:
         near = random.choice(near, NEIGHBOUR_LIMIT, replace=False)
@@ -79,7 +79,7 @@ def find_suspects(
     return Suspects(disputed, np.unique(np.concatenate([pixels, near, sample])), unjudged)
 
 
-def _neighbours(pixels: NDArray[np.intp], width: int, height: int) -> NDArray[np.intp]:
+def neighbours(pixels: NDArray[np.intp], width: int, height: int) -> NDArray[np.intp]:
     """The pixels of the 3 x 3 blocks around the given ones, inside the image."""
     x, y = pixels % width, pixels // width
     steps = (-1, 0, 1)

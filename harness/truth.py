@@ -37,6 +37,9 @@ OFFSET_UNITS = 8 * 2.0**-24
 """How far a shadow ray starts off its surface, relative to the coordinates and the triangle that it leaves."""
 
 
+EXACT = "exact referee"
+"""What the provenance of a reference says that holds the referee's own answers."""
+
 NO_FILTER = "triangles have holes, and Embree's Python binding has no filter functions to skip a hit in one"
 
 
@@ -54,6 +57,11 @@ class Reference:
     v: NDArray[np.float32]
     visibility: NDArray[np.uint8]
     provenance: dict[str, Any]
+
+    @property
+    def exact(self) -> bool:
+        """Whether these are the referee's own answers: then nothing in them can be wrong."""
+        return self.provenance.get("reference") == EXACT
 
     def answers(self) -> dict[str, NDArray]:
         """As a method gives them."""
@@ -93,7 +101,7 @@ def exact_reference(
     """
     shadows = _shadow_flags(prepared, moment, effects)
     provenance: dict[str, Any] = {
-        "reference": "exact referee",
+        "reference": EXACT,
         "shadows": list(shadows),
         **input_hashes(prepared, moment),
     }

@@ -19,6 +19,9 @@ ERRORS = (Verdict.TRUE, Verdict.INVALID, Verdict.ACNE, Verdict.LEAK)
 EXCUSED = (Verdict.NEAR_TIE, Verdict.EDGE)
 RIGHT = (Verdict.OK, Verdict.TIE)
 
+EXCUSED_LIMIT = 0.001
+"""A score fails where a larger share of the pixels had to be excused."""
+
 
 def lowest_ids(given: NDArray, referee: Referee) -> NDArray:
     """Given triangles, of duplicates the one with the lowest index; what is no triangle stays. [n]"""

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import functools
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import warp as wp
-from shadowbench.harness.commands.check import check
 from shadowbench.harness.conformance import conformance, counted_allocations
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.hardcases import HardCase, all_cases, find_case
@@ -92,11 +90,11 @@ def test_refused(case: HardCase) -> None:
 @pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize(("name", "settings"), EXACT, ids=lambda value: str(value))
 def test_exact_methods_pass_every_case(name, settings, device) -> None:
-    """No true error on any case; each case runs twice, on poisoned answers, and must give the same bits."""
+    """No true error on any case, little excused; each case runs twice, on poisoned answers, and must give the same bits."""
     wrong = {}
     for case in CASES:
         finding = judge_case(judged(case.name), make_method(name, dict(settings)), device)
-        if finding.status == "error":
+        if finding.status in ("error", "excused"):
             wrong[case.name] = (finding.classes, finding.reason, finding.examples[:1])
         elif finding.status == "outside":
             mirrored = case.name.startswith("M") and "mirror" in finding.reason
@@ -302,52 +300,6 @@ def test_allocations_are_counted() -> None:
     assert counted_allocations(lambda: None)[0] == 0
     assert counted_allocations(lambda: kept.append(wp.zeros(10, device="cpu")))[0] == 1
     assert counted_allocations(lambda: wp.zeros(10, device="cpu").fill_(1.0))[0] == 1  # freed again at once
-
-
-# --- the command -------------------------------------------------------------------------------------------------
-
-
-def test_command_passes_an_exact_method_and_says_so(capsys) -> None:
-    assert check("accuracy_ladder", "cpu", None, ["S05", "S17", "P18"], True) == 0
-    report = json.loads(capsys.readouterr().out)
-    assert report["passed"]
-    assert report["true_errors"] == 0
-    assert [case["status"] for case in report["cases"]] == ["ok", "outside", "ok"]
-    assert report["cases"][0]["expected"] == report["cases"][0]["got"] == "32 hit, 32 shadowed"
-
-
-def test_command_lists_what_is_known_of_an_inexact_method(capsys) -> None:
-    assert check("bvh", "cpu", None, ["P03b"], False) == 0
-    shown = capsys.readouterr().out
-    assert "known inexact: " in shown
-    assert "acne" in shown
-    assert "1 with true errors" in shown
-    assert check("bvh", "cpu", ["update=bvh_rebuild"], ["P03b"], False) == 0
-    assert "known inexact" not in capsys.readouterr().out
-
-
-def test_command_fails_on_a_true_error(monkeypatch, capsys) -> None:
-    exact = type(make_method("bvh", {}))
-    monkeypatch.setattr(
-        exact, "known_inexact", property(lambda self: None, lambda self, value: None), raising=False
-    )
-    assert check("bvh", "cpu", None, ["P03b"], False) == 1
-    assert "ERROR" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("uniform_grd", "cpu", None, None, False), "did you mean uniform_grid"),
-        (("uniform_grid", "cpu", ["density"], None, False), "param=value"),
-        (("uniform_grid", "cpu", ["densty=1"], None, False), "did you mean density"),
-        (("uniform_grid", "cpu", None, ["S1"], False), "no hard case 'S1'"),
-        (("uniform_grid", "tpu:0", None, None, False), "no device"),
-    ],
-)
-def test_command_refuses_wrong_calls(arguments, message) -> None:
-    with pytest.raises(UserError, match=message):
-        check(*arguments)
 
 
 def test_refused_cases_count_when_they_are_made_after_all() -> None:

@@ -63,7 +63,8 @@ def test_a_light_that_is_not_limited_holds_everything(scene, judged):
 def test_the_same_answers_are_judged_once_and_others_anew(scene, judged, tmp_path, monkeypatch):
     moment, answers, _ = judged
     asked = []
-    monkeypatch.setattr(Judge, "score", lambda self, answers: asked.append(1) or {"true_errors": len(asked)})
+    count = lambda self, answers, disputes: asked.append(1) or {"true_errors": len(asked)}  # noqa: E731
+    monkeypatch.setattr(Judge, "score", count)
     grader = Grader(scene, {0: moment}, "soup", tmp_path, "cpu")
     other = {**answers, "visibility": answers["visibility"].copy()}
     other["visibility"][0, 5] ^= 1

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ..errors import UserError
 from .options import Device, Json
 
 if TYPE_CHECKING:
@@ -26,33 +27,40 @@ def check(
 ) -> int:
     """Run the hard cases and the rules of conduct on one method, and judge every answer exactly.
 
-    A tie, a near-tie or an edge is excused (rounding of float32 inputs' own tests explains it); anything else is
-    a true error and the exit code is 1. A method may declare cases that lie outside what it can do, with the
-    reason, in its class attribute ``outside = {case: reason}``: they are shown and not run. A method that
-    declares itself inexact (``known_inexact``) has its errors listed with that reason, and exit code 0; its
-    crashes and its broken rules still count.
+    A near-tie or an edge is excused (the rounding of a float32 test explains it), but only so many a case; anything
+    else that is wrong is a true error. Exit code 1 where a case has a true error or too much to excuse, or a rule is
+    broken, also for a method that says of itself that it is inexact. A method may declare what lies outside what it
+    can do, with the reason, in its attribute ``outside``: {case: reason} is shown and not run, {"shadows": reason} is
+    shown and no shadow bit is held against it.
     """
     from ..conformance import conformance
     from ..hardcases import all_cases, find_case
-    from ..hardcases.judge import judge_method
+    from ..hardcases.judge import SHADOWS, judge_method, outside_of
     from ..plan import device_for, find_device
     from ..registry import make_method, method_class
 
     settings = _settings(method, setting or [])
     place = device_for(method_class(method), find_device(device))
     cases = [find_case(name) for name in case] if case else list(all_cases())
-    known_inexact = getattr(make_method(method, settings), "known_inexact", None)
+    made = make_method(method, settings)
+    outside = dict(outside_of(made))
+    unknown = sorted(set(outside) - {one.name for one in all_cases()} - {SHADOWS})
+    if unknown:
+        raise UserError(f"{method} declares {unknown[0]!r} to lie outside, which is no hard case")
     findings = judge_method(lambda: make_method(method, settings), place, cases, {})
     checks = [] if case else conformance(lambda: make_method(method, settings), place)
-    passed = not any(_counts_against(finding, known_inexact) for finding in findings)
-    passed = passed and all(one.status != "error" for one in checks)
+    statuses = [*(finding.status for finding in findings), *(one.status for one in checks)]
+    passed = not any(status in ("error", "excused") for status in statuses)
     facts = {
         "method": method,
         "settings": settings,
         "device": place,
-        "known_inexact": known_inexact,
+        "known_inexact": getattr(made, "known_inexact", None),
+        "outside": outside,
         "passed": passed,
         "true_errors": sum(finding.true_errors for finding in findings),
+        "excused": sum(finding.excused for finding in findings),
+        "rays": sum(finding.rays for finding in findings),
     }
     if as_json:
         report = {
@@ -67,8 +75,6 @@ def check(
 
 
 def _settings(method: str, texts: list[str]) -> dict[str, str]:
-    from ..errors import UserError
-
     settings = {}
     for text in texts:
         name, equals, value = text.partition("=")
@@ -78,45 +84,57 @@ def _settings(method: str, texts: list[str]) -> dict[str, str]:
     return settings
 
 
-def _counts_against(finding: Finding, known_inexact: str | None) -> bool:
-    """Whether a finding fails the check: what a method knows to be inexact does not, a crash always does."""
-    if finding.status != "error":
-        return False
-    crashed = any(finding.classes.get(name) for name in ("failed", "differs"))
-    return crashed or not known_inexact
-
-
 def _print(facts: dict[str, Any], findings: list[Finding], checks: list[Check]) -> None:
     from rich.console import Console
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False, header_style="bold")
-    for name in ("case", "what", "expected", "got", "class"):
+    for name in ("case", "what", "expected", "got", "excused", "class"):
         table.add_column(name, overflow="fold")
     notes = []
     for finding in findings:
         classes = ", ".join(f"{count} {name.replace('_', '-')}" for name, count in finding.classes.items())
-        verdict = {"ok": classes or "ok", "outside": "outside", "error": f"ERROR: {classes}"}[finding.status]
-        table.add_row(finding.case, finding.title, finding.expected, finding.got, verdict)
+        if finding.bits_outside:
+            classes += f"{', ' if classes else ''}{finding.bits_outside} shadow bits outside"
+        verdict = {
+            "ok": classes or "ok",
+            "outside": "outside",
+            "error": f"ERROR: {classes}",
+            "excused": f"TOO MUCH EXCUSED: {classes}",
+        }[finding.status]
+        excused = f"{finding.excused} of {finding.rays}" if finding.excused else ""
+        table.add_row(finding.case, finding.title, finding.expected, finding.got, excused, verdict)
         if finding.reason and finding.status != "ok":
             notes.append(f"{finding.case}: {finding.reason}")
         if finding.status == "error":
             notes += [f"{finding.case}: {_example(example)}" for example in finding.examples[:2]]
     for one in checks:
-        table.add_row("", one.name, "", "", {"error": "ERROR"}.get(one.status, one.status))
+        table.add_row("", one.name, "", "", "", {"error": "ERROR"}.get(one.status, one.status))
         if one.status == "error":
             notes.append(f"{one.name}: {one.reason}")
     console = Console(width=None if sys.stdout.isatty() else 160, markup=False)
     console.print(table)
     for note in notes:
         console.print(note, soft_wrap=True, highlight=False, markup=False)
-    wrong = sum(finding.status == "error" for finding in findings)
-    if facts["known_inexact"] and wrong:
-        text = f"known inexact: {facts['known_inexact']}"
+    count = {
+        name: sum(finding.status == name for finding in findings) for name in ("error", "excused", "outside")
+    }
+    bits = sum(finding.bits_outside for finding in findings)
+    says = []
+    if facts["known_inexact"] and (count["error"] or count["excused"]):
+        says.append(f"{facts['method']} says that it is inexact: {facts['known_inexact']}")
+    if bits:
+        says.append(
+            f"{bits} wrong shadow bits lie outside what {facts['method']} can do: {facts['outside']['shadows']}"
+        )
+    summary = (
+        f"{facts['method']} on {facts['device']}: {len(findings)} cases, {count['error']} with true errors"
+    )
+    summary += f", {count['excused']} with too much excused" if count["excused"] else ""
+    summary += f", {count['outside']} outside" if count["outside"] else ""
+    says.append(f"{summary}; {facts['excused']} of {facts['rays']:,} answers excused")
+    for text in says:
         console.print(text, soft_wrap=True, highlight=False, markup=False)
-    outside = sum(finding.status == "outside" for finding in findings)
-    summary = f"{facts['method']} on {facts['device']}: {len(findings)} cases, {wrong} with true errors"
-    console.print(summary + (f", {outside} outside" if outside else ""), highlight=False)
 
 
 def _example(example: dict[str, Any]) -> str:

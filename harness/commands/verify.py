@@ -17,12 +17,12 @@ import typer
 from ..errors import CapacityRejected, UserError
 from .explain import explain
 from .options import Device, Frame, Json, Methods, SceneDir, Settings, Size
+from .verify_tables import print_reports, print_scores
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
-    from rich.table import Table
 
     from ..moment import Moment, Prepared
 
@@ -77,7 +77,7 @@ def verify(
     scene_dir: SceneDir = None,
     as_json: Json = False,
 ) -> int:
-    """Compare every answer of every method with Embree, and decide each disputed pixel exactly.
+    """Compare every answer of every method with Embree, and decide each pixel exactly that any two disagree on.
 
     Exit code 1 where a method has a true error, fails, or needs more than 0.1 % of the pixels excused; a method
     that declares itself inexact, with its reason, is reported and does not change the exit code.
@@ -101,7 +101,7 @@ def verify(
         facts = {"size": [width, height], "frame": frame, "device": place, "passed": passed}
         print(json.dumps({**facts, "scenes": reports}, indent=1))
     else:
-        _print_reports(reports)
+        print_reports(reports)
     return 0 if passed else 1
 
 
@@ -116,6 +116,7 @@ def _verify_scene(
     everything: bool,
     quiet: bool,
 ) -> dict[str, Any]:
+    from ..disputes import Disputes, settle
     from ..moment import Prepared
     from ..score import Judge
 
@@ -124,7 +125,8 @@ def _verify_scene(
         raise UserError(f"--frame {frame}: {name} has frames 0 to {prepared.frame_count - 1}")
     moment = prepared.moment(frame, width, height)
     judge = Judge(prepared, moment, device=device)
-    rows = []
+    rows: list[dict[str, Any]] = []
+    disputes: list[list[Disputes]] = []
     for entry in entries:
         if not quiet and sys.stderr.isatty():
             print(f"{name}: {entry.method} ...", file=sys.stderr)
@@ -140,10 +142,13 @@ def _verify_scene(
         }
         if outcome.answers is not None:
             extra = width * height if everything else 200
-            row["score"] = judge.score(outcome.answers, extra_pixels=extra)
-        wrong = row["score"] is not None and row["score"]["check"] != "ok"
-        row["counts_against"] = outcome.status == "failed" or (wrong and not outcome.known_inexact)
+            disputes.append([])
+            row["score"] = judge.score(outcome.answers, extra_pixels=extra, disputes=disputes[-1])
         rows.append(row)
+    settle(list(zip((row["score"] for row in rows if row["score"]), disputes, strict=True)))
+    for row in rows:
+        wrong = row["score"] is not None and row["score"]["check"] != "ok"
+        row["counts_against"] = row["status"] == "failed" or (wrong and not row["known_inexact"])
     return {
         "scene": name,
         "title": described.title,
@@ -191,20 +196,25 @@ def score(
         row = _score_file(path, folder, again, scene_dir)
         if row.pop("changed"):
             write_atomic(row["record_path"], row["record"])
+        rows.append(row)
+    _settle(rows, {path.parent.parent for path in files})
+    for row in rows:
+        inexact = _known_inexact(row)
+        row["counts_against"] = row["score"] is None or (row["score"]["check"] != "ok" and not inexact)
         row["record_path"] = str(row["record_path"] or "")
         row.pop("record")
-        rows.append(row)
     passed = all(not row["counts_against"] for row in rows)
     if as_json:
         print(json.dumps({"passed": passed, "answers": rows}, indent=1))
     else:
-        _print_scores(rows)
+        print_scores(rows)
     return 0 if passed else 1
 
 
 def _score_file(path: Path, folder: Path, again: bool, scene_dir: Path | None) -> dict[str, Any]:
     """Score one file of raw answers, and put the score into its record where there is one."""
     from ..raw import read_facts, score_raw
+    from ..settlement import keep_disputes
 
     row: dict[str, Any] = {
         "answers": str(path),
@@ -214,7 +224,6 @@ def _score_file(path: Path, folder: Path, again: bool, scene_dir: Path | None) -
         "status": "scored",
         "reason": "",
         "score": None,
-        "counts_against": True,
         "changed": False,
         "record": None,
         "record_path": None,
@@ -232,13 +241,26 @@ def _score_file(path: Path, folder: Path, again: bool, scene_dir: Path | None) -
         if frame.get("score") and not again:
             row["status"], row["score"] = "had a score", frame["score"]
         else:
-            row["score"] = score_raw(path, scene_dir, folder / "truth")
+            disputes: list[Any] = []
+            row["score"] = score_raw(path, scene_dir, folder / "truth", disputes)
             if frame:
                 frame["score"], frame["unscored"], row["changed"] = row["score"], None, True
-        row["counts_against"] = row["score"]["check"] != "ok" and not _known_inexact(row)
+                keep_disputes(path.parent.parent, record["key"], frame["frame"], disputes)
     except UserError as error:
         row["status"], row["reason"] = "not scored", str(error)
     return row
+
+
+def _settle(rows: list[dict[str, Any]], folders: set[Path]) -> None:
+    """Settle the records of results folders with each other's disputes; rows show their scores as they are then."""
+    from ..settlement import settle_folder
+
+    for folder in sorted(folders):
+        changed = settle_folder(folder)
+        for row in rows:
+            if row["record"] is not None and row["record_path"].parent.parent == folder:
+                frames = changed.get(row["record"]["key"], {}).get("frames", ())
+                row["score"] = next((f["score"] for f in frames if f["frame"] == row["frame"]), row["score"])
 
 
 def _known_inexact(row: dict[str, Any]) -> str | None:
@@ -252,90 +274,3 @@ def _known_inexact(row: dict[str, Any]) -> str | None:
     except (UserError, ImportError):
         return None  # answers of a method that is not installed here: judged like any other
     return getattr(method, "known_inexact", None)
-
-
-# --- tables -------------------------------------------------------------------------------------------------
-
-COLUMNS = ("disputed", "tie", "near-tie", "edge", "true", "acne", "leak", "worst t", "excused", "check")
-
-
-def _cells(found: dict[str, Any]) -> list[str]:
-    """The columns of a score."""
-    primary, shadow = found["primary"], found["shadow"]
-    total = {
-        name: sum(light[name] for light in shadow) for name in ("disputed", "edge", "acne", "leak", "invalid")
-    }
-    true = primary["true"] + primary["invalid"] + total["invalid"] + primary.get("unjudged", 0)
-    worst = primary.get("t_max_relative_error")
-    share = found.get("excused_share")
-    return [
-        str(primary["disputed"] + total["disputed"]) if "disputed" in primary else "",
-        str(primary["tie"]),
-        str(primary["near_tie"]),
-        str(primary["edge"] + total["edge"]),
-        str(true),
-        str(total["acne"]),
-        str(total["leak"]),
-        "" if worst is None else f"{worst:.1e}",
-        "" if share is None else f"{100 * share:.3f} %",
-        found.get("check", ""),
-    ]
-
-
-def _table(*first: str) -> Table:
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for name in first:
-        table.add_column(name, overflow="fold")
-    for name in COLUMNS:
-        table.add_column(name, justify="right")
-    return table
-
-
-def _print_reports(reports: list[dict[str, Any]]) -> None:
-    from rich.console import Console
-
-    table = _table("scene", "triangles", "method")
-    notes: list[str] = []
-    for report in reports:
-        scene = Path(report["scene"]).name + (" (stand-in)" if report["stand_in"] else "")
-        lead = (scene, f"{report['triangles']:,}")
-        for row in report["methods"]:
-            if row["score"] is None:
-                table.add_row(*lead, row["method"], *[""] * (len(COLUMNS) - 1), row["status"])
-                notes.append(f"{row['method']} on {scene}: {row['status']}: {row['reason']}")
-            else:
-                cells = _cells(row["score"])
-                if row["known_inexact"] and row["score"]["check"] != "ok":
-                    cells[-1] += " *"
-                    notes.append(f"* {row['method']} declares itself inexact: {row['known_inexact']}")
-                table.add_row(*lead, row["method"], *cells)
-            lead = ("", "")
-        if report["warning"]:
-            notes.append(f"{scene}: {report['warning']}")
-        judged = [row["score"] for row in report["methods"] if row["score"]]
-        if judged:
-            worst = max(judged, key=lambda s: s["primary"]["judged"])
-            errors = {**worst["reference_errors"], "shadow": worst["reference_errors"]["shadow"]}
-            errors["shadow"] = [{"disputed": 0, **light} for light in errors["shadow"]]
-            pixels = errors["primary"]["judged"]
-            table.add_row("", "", f"(reference, {pixels} judged)", *_cells(errors))
-    console = Console(width=None if sys.stdout.isatty() else 160, markup=False)
-    console.print(table)
-    for note in dict.fromkeys(notes):
-        console.print(note, soft_wrap=True, highlight=False, markup=False)
-
-
-def _print_scores(rows: list[dict[str, Any]]) -> None:
-    from rich.console import Console
-
-    table = _table("scene", "method", "frame", "")
-    for row in rows:
-        lead = (row["scene"], row["method"], str(row["frame"]), row["status"])
-        table.add_row(*lead, *(_cells(row["score"]) if row["score"] else []))
-    console = Console(width=None if sys.stdout.isatty() else 160, markup=False)
-    console.print(table)
-    for row in rows:
-        if row["reason"]:
-            console.print(row["reason"], soft_wrap=True, highlight=False, markup=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import Any
@@ -22,15 +22,25 @@ from ..truth import Reference, exact_reference
 from .case import Counts, HardCase, Trial
 
 Answers = dict[str, NDArray]
-EXCUSED = ("tie", "near_tie", "edge")
+EXCUSED = ("near_tie", "edge")
 ERRORS = ("hole", "true", "invalid", "acne", "leak", "differs", "failed")
+
+
+OF_BITS = ("edge", "acne", "leak")
+"""Classes of a shadow bit that is one, but not the right one."""
+
+SHADOWS = "shadows"
+"""What a method names in ``outside`` where all of its shadow bits lie outside what it can do."""
 
 
 @dataclass
 class Finding:
-    """What came of one case. ``status``: ok, outside (declared, or does not apply), or error.
+    """What came of one case.
 
-    ``classes`` counts answers that are not ok; ``examples`` are some of them as :mod:`..score` describes them.
+    ``status``: ok; outside (declared, or does not apply); error; or excused (more answers than the case allows had to
+    be, :attr:`.case.HardCase.excusable`). ``classes`` counts answers that are not ok; ``examples`` are some of them as
+    :mod:`..score` describes them. ``excused`` of ``rays`` answers are wrong, but pass an edge within rounding;
+    ``bits_outside`` are wrong shadow bits of a method that declares them to lie outside what it can do.
     """
 
     case: str
@@ -41,6 +51,9 @@ class Finding:
     classes: dict[str, int] = field(default_factory=dict)
     reason: str = ""
     examples: list[dict[str, Any]] = field(default_factory=list)
+    excused: int = 0
+    rays: int = 0
+    bits_outside: int = 0
 
     @property
     def true_errors(self) -> int:
@@ -92,8 +105,19 @@ class Judged:
         answers["visibility"] = np.where(self.held, answers["visibility"], 0).astype(np.uint8)
         return answers
 
-    def judge(self, answers: Answers) -> tuple[dict[str, int], list[dict[str, Any]]]:
-        """Counts of the classes other than ok, and examples."""
+    @cached_property
+    def rays(self) -> int:
+        """Rays of the case: one a pixel, and one from each hit to each light that asks for shadows."""
+        triangle = self.everywhere.triangle
+        return len(triangle) + int((triangle >= 0).sum()) * sum(self.effects.shadows)
+
+    def judge(
+        self, answers: Answers, shadows: bool = True
+    ) -> tuple[dict[str, int], list[dict[str, Any]], int]:
+        """Counts of the classes other than ok, examples, and wrong shadow bits that are not held against it.
+
+        ``shadows``: whether they are.
+        """
         trial = self.trial
         classes: dict[str, int] = {}
         examples: list[dict[str, Any]] = []
@@ -102,27 +126,35 @@ class Judged:
             trial.prepared, trial.moment, answers, self.everywhere, self.referee, self.effects, extra_pixels=0
         )
         parts = [score, *score.get("bounces", [])]
-        for counts in (counts for part in parts for counts in (part["primary"], *part["shadow"])):
-            for name in (*EXCUSED, *ERRORS):
-                if counts.get(name):
-                    classes[name] = classes.get(name, 0) + counts[name]
+        bits_outside = 0
+        for part in parts:
+            for counts in (part["primary"], *part["shadow"]):
+                bits_are_outside = counts is not part["primary"] and not shadows
+                for name in ("tie", *EXCUSED, *ERRORS):
+                    if bits_are_outside and name in OF_BITS:
+                        bits_outside += counts.get(name, 0)
+                    elif counts.get(name):
+                        classes[name] = classes.get(name, 0) + counts[name]
         wrong = sum(part.get("rays_wrong", 0) for part in parts)
         if wrong:
             classes["differs"] = classes.get("differs", 0) + wrong
             examples.append({"kind": f"{wrong} mirrored rays are not those that the hits before them make"})
         if trial.watertight:
-            holes = self._holes(answers)
+            holes = self._holes(answers, shadows)
             if holes:
                 classes["hole"] = holes
                 examples.append({"kind": f"{holes} rays through closed surfaces"})
-        for one, other in trial.same_lights:
+        for one, other in trial.same_lights if shadows else ():
             differ = int(np.count_nonzero(bits[one] != bits[other]))
             if differ:
                 classes["differs"] = classes.get("differs", 0) + differ
                 examples.append({"kind": f"lights {one} and {other} at one place differ"})
-        return classes, examples + score["examples"]
+        shown = [
+            one for one in score["examples"] if shadows or "light" not in one or one["kind"] not in OF_BITS
+        ]
+        return classes, examples + shown, bits_outside
 
-    def _holes(self, given: Answers) -> int:
+    def _holes(self, given: Answers, shadows: bool) -> int:
         """Misses where the exact ray hits, and lit pixels of the right triangle where the exact segment is cut.
 
         A segment that begins or ends within the bound of its occluder's plane may still be excused: whether that
@@ -132,7 +164,7 @@ class Judged:
         same = given["triangle"] == exact["triangle"]
         holes = int(np.count_nonzero((given["triangle"] == -1) & ~same))
         bits = given["visibility"][: len(moment.lights)]
-        lit = (bits == 0) & (exact["visibility"] == 1) & same
+        lit = (bits == 0) & (exact["visibility"] == 1) & same & shadows
         for light, pixels in ((i, np.nonzero(row)[0]) for i, row in enumerate(lit)):
             if not len(pixels):
                 continue
@@ -152,12 +184,15 @@ def counts_of(answers: Answers, lights: int) -> Counts:
     return Counts(int((answers["triangle"] >= 0).sum()), shadowed)
 
 
-def judge_case(judged: Judged, method: Method, device: str) -> Finding:
-    """Run a method on a case, twice: the classes of its answers, and whether both runs gave the same bits."""
+def judge_case(judged: Judged, method: Method, device: str, every_bit: bool = False) -> Finding:
+    """Run a method on a case, twice: the classes of its answers, and whether both runs gave the same bits.
+
+    ``every_bit``: wrong shadow bits count also where the method declares that they lie outside what it can do.
+    """
     case, trial = judged.case, judged.trial
     lights = len(trial.moment.lights)
     finding = Finding(case.name, case.title, str(counts_of(judged.exact, lights)))
-    outside = getattr(method, "outside", None) or {}
+    outside = outside_of(method)
     reason = outside.get(case.name) or method.applies(trial.prepared.scene, device)
     if reason:
         finding.status, finding.reason = "outside", reason
@@ -175,14 +210,27 @@ def judge_case(judged: Judged, method: Method, device: str) -> Finding:
         finding.got = finding.reason = f"{type(error).__name__}: {error}"
         return finding
     finding.got = str(counts_of(answers, lights))
-    finding.classes, finding.examples = judged.judge(answers)
+    finding.classes, finding.examples, finding.bits_outside = judged.judge(
+        answers, every_bit or SHADOWS not in outside
+    )
+    finding.excused = sum(finding.classes.get(name, 0) for name in EXCUSED)
+    finding.rays = judged.rays
     unlike = [name for name in answers if not same_bits(answers[name], again[name])]
     if unlike:
         finding.classes["differs"] = finding.classes.get("differs", 0) + 1
         finding.reason = f"two runs differ in {', '.join(unlike)}"
     if finding.true_errors:
         finding.status = "error"
+    elif finding.excused > case.excusable * finding.rays:
+        finding.status = "excused"
+        most = f"{finding.excused / finding.rays:.1%} of its rays excused, {case.excusable:.1%} are allowed"
+        finding.reason = f"{finding.reason}; {most}" if finding.reason else most
     return finding
+
+
+def outside_of(method: Method) -> Mapping[str, str]:
+    """What a method declares to lie outside what it can do: names of cases, or :data:`SHADOWS`, each with a reason."""
+    return getattr(method, "outside", None) or {}
 
 
 def judge_refusal(case: HardCase) -> Finding:
@@ -203,9 +251,13 @@ def same_bits(a: NDArray, b: NDArray) -> bool:
 
 
 def judge_method(
-    make_method: Callable[[], Method], device: str, cases: Sequence[HardCase], judged: dict[str, Judged]
+    make_method: Callable[[], Method],
+    device: str,
+    cases: Sequence[HardCase],
+    judged: dict[str, Judged],
+    every_bit: bool = False,
 ) -> list[Finding]:
-    """Every case on one method. ``judged`` keeps exact answers between methods."""
+    """Every case on one method. ``judged`` keeps exact answers between methods; ``every_bit`` as in :func:`judge_case`."""
     findings = []
     for case in cases:
         if case.refused:
@@ -213,5 +265,5 @@ def judge_method(
             continue
         if case.name not in judged:
             judged[case.name] = Judged(case, case.make())
-        findings.append(judge_case(judged[case.name], make_method(), device))
+        findings.append(judge_case(judged[case.name], make_method(), device, every_bit))
     return findings

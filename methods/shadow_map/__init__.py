@@ -6,6 +6,7 @@ bits are approximate: primary rays come from a rasteriser that decides every dou
 
 from __future__ import annotations
 
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
@@ -46,6 +47,7 @@ class ShadowMap(BaseMethod):
         "mirror": "it draws triangles from one point: mirrored rays share no origin"
     }
     known_inexact = "shadow bits are looked up in a depth map of finite resolution"
+    outside = MappingProxyType({"shadows": known_inexact})
     Build: ClassVar[type] = Build
     Trace: ClassVar[type] = Trace
 
