@@ -45,6 +45,9 @@ EXACT = (
     ("bvh", (("update", "bvh_rebuild"),)),
 )
 
+EXCUSED = ("V sheet x1e-06", "V sheet x0.001")
+"""Where an answer of ours may be excused by rounding: vertices that were rounded anew lie beside their rays."""
+
 CASES = [case for case in all_cases() if not case.refused]
 
 
@@ -96,7 +99,8 @@ def test_exact_methods_pass_every_case(name, settings, device) -> None:
     wrong = {}
     for case in CASES:
         finding = judge_case(judged(case.name), make_method(name, dict(settings)), device)
-        if finding.status == "error":
+        excused = set(finding.classes) - {"tie"}
+        if finding.status == "error" or (excused and not case.name.startswith(EXCUSED)):
             wrong[case.name] = (finding.classes, finding.reason, finding.examples[:1])
         elif finding.status == "outside":
             mirrored = case.name.startswith("M") and "mirror" in finding.reason

@@ -7,7 +7,7 @@ can say it, the case says it too. ``shadowbench check METHOD`` runs them all.
 from __future__ import annotations
 
 from ..errors import UserError, did_you_mean
-from . import closed, eyes, holes, images, light_angles, light_places, meshes, mirrors, variants
+from . import closed, eyes, found, holes, images, light_angles, light_places, meshes, mirrors, variants
 from .case import Counts, HardCase, Trial
 
 __all__ = ["Counts", "HardCase", "Trial", "all_cases", "find_case"]
@@ -20,6 +20,7 @@ def all_cases() -> tuple[HardCase, ...]:
         *light_angles.CASES,
         *light_places.CASES,
         *eyes.CASES,
+        *found.CASES,
         *images.CASES,
         *meshes.CASES,
         *holes.CASES,
