@@ -30,6 +30,7 @@ from .case import (
 
 ORIGIN = (0.0, 0.0, 0.0)
 NO_RULE = "unpadded boxes; no rule for edges"
+NEIGHBOURS = "neighbours taken for occluders"
 UNWELDED = "edge planes in vertex order"
 FAR = "float64 edge functions that cancel: rays through vertices"
 
@@ -126,9 +127,8 @@ def through_rim() -> Trial:
     Receivers at 3 (x, y, -1), sheet at (x, y, -1): thirds round, so that an unpadded box is missed at its face.
     """
     x = pixel_centres(16)
-    receivers = plane(2, -3, 3 * float(x[-1]))
     return view(
-        joined(closed_behind(sheet(x, x, 1.0), (0, 0, 1)), receivers), [ORIGIN], (0, 0, -6), (0, 0, 1), 1.0,
+        joined(closed_behind(sheet(x, x, 1.0), (0, 0, 1)), plane(2, -3, 4)), [ORIGIN], (0, 0, -6), (0, 0, 1), 1.0,
         watertight=True, stated=Counts(256, (256,)),
     )  # fmt: skip
 
@@ -207,8 +207,8 @@ CASES = (
     HardCase("P29", "rays through vertices in odd directions", NO_RULE, partial(odd_vertices, ODD[0], 0.7, 2)),
     HardCase("P29b", "the same, split", NO_RULE, partial(odd_vertices, ODD[1], 0.45, 3, True)),
     HardCase("P29c", "the same, shallow", NO_RULE, partial(odd_vertices, ODD[2], 0.6, 1)),
-    HardCase("P29d", "lights on rays through vertices", "neighbours taken for occluders", partial(odd_lights, ODD[0], 0.7, 2)),
-    HardCase("P29e", "the same, deeper", "neighbours taken for occluders", partial(odd_lights, ODD[1], 0.45, 3)),
+    HardCase("P29d", "lights on rays through vertices", NEIGHBOURS, partial(odd_lights, ODD[0], 0.7, 2)),
+    HardCase("P29e", "the same, deeper", NEIGHBOURS, partial(odd_lights, ODD[1], 0.45, 3)),
     *(
         HardCase(f"P31 {radii:g}", f"within a shell {radii:g} long", FAR, partial(far_inside, radii))
         for radii in (1e3, 1e5, 1e6, 1e7)

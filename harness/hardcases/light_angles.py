@@ -8,8 +8,6 @@ from __future__ import annotations
 import math
 from functools import partial
 
-import numpy as np
-
 from .case import Counts, HardCase, Trial, joined, plane, quad, spot_light, triangles, view
 
 ORIGIN = (0.0, 0.0, 0.0)
@@ -81,12 +79,12 @@ def spot_over_seam(turn: int = 0, seam: bool = True) -> Trial:
 
     ``seam`` False: all of it turned by half a circle, exactly: from -10 to 10 degrees, and the same picture.
     """
-    half_turn = np.array((-1.0, -1.0, 1.0) if not seam else (1.0, 1.0, 1.0))
-    wall = np.array([(-2, -1, -1), (-2, 0.25, -1), (-2, 0.25, 1), (-2, -1, 1)]) * half_turn
-    side = -1 if seam else 1
+    side = -1.0 if seam else 1.0
+    wall = quad((-2, -1, -1), (-2, 0.25, -1), (-2, 0.25, 1), (-2, -1, 1))
+    points, faces = joined(wall, plane(0, -4, 8))
     light = spot_light(ORIGIN, (side, 0, 0), 10.0, 10.0, (0, 0, 1))
     return view(
-        joined(quad(*wall), plane(0, 4 * side, 8)), [light], (8 * side, 0, 0), (-side, 0, 0), 0.25, up=(0, 0, 1),
+        (points * (-side, -side, 1), faces), [light], (8 * side, 0, 0), (-side, 0, 0), 0.25, up=(0, 0, 1),
         turn=turn, stated=Counts(256, (120,)),
     )  # fmt: skip
 
