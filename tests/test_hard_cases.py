@@ -42,7 +42,7 @@ EXACT = (
     ("bvh", (("update", "bvh_rebuild"),)),
 )
 
-EXCUSED = ("V sheet x1e-06", "V sheet x0.001")
+EXCUSED = ("V sheet x1e-06", "V sheet x0.001", "V sheet x1e-6 ")
 """Where an answer of ours may be excused by rounding: vertices that were rounded anew lie beside their rays."""
 
 

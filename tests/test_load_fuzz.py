@@ -14,7 +14,7 @@ from shadowbench.harness.errors import UserError
 from shadowbench.harness.moment import Prepared
 from shadowbench.harness.scene import Scene
 from shadowbench.harness.scenes import usd
-from shadowbench.harness.scenes.load import load
+from shadowbench.harness.scenes.load import Loaded, load
 from shadowbench.harness.scenes.views import shape_of, view
 
 MIXED = [(0, 1, 2, 3), (0, 1, 4), (0, 1, 2, 3, 4)]
@@ -89,26 +89,35 @@ ROOM = 1 << 19
 """What a reader may hold beside ten times the file: its own tables and buffers, whatever the file."""
 
 
+def measured(path) -> tuple[Loaded | UserError, int]:
+    """What comes of loading a file, and the most memory that it took."""
+    tracemalloc.start()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", RuntimeWarning)
+            return load(path), tracemalloc.get_traced_memory()[1]
+    except UserError as error:
+        return error, tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
 def check(path) -> bool:
     """Load a file; True where it is a valid mesh that can be prepared and looked at, False where it is refused.
 
     Either way within ten times the memory of the file.
     """
-    tracemalloc.start()
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", RuntimeWarning)
-            loaded = load(path)
-    except UserError as error:
-        line = str(error)
+    loaded, peak = measured(path)
+    limit = 10 * path.stat().st_size + ROOM
+    if peak > limit:  # again: what a first call imports for damage of this kind is not the file's
+        loaded, peak = measured(path)
+    assert peak <= limit, f"{peak} bytes for a file of {path.stat().st_size}"
+    if isinstance(loaded, UserError):
+        line = str(loaded)
         assert "\n" not in line
         assert len(line) < 600
         assert path.name in line
         return False
-    finally:
-        peak = tracemalloc.get_traced_memory()[1]
-        tracemalloc.stop()
-        assert peak <= 10 * path.stat().st_size + ROOM, f"{peak} bytes for a file of {path.stat().st_size}"
     assert len(loaded.faces)
     assert loaded.faces.dtype == np.int32
     for frame in loaded.frames:
