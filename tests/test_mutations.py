@@ -20,7 +20,7 @@ from shadowbench.harness.registry import make_method
 from shadowbench.methods.bvh import exact
 from shadowbench.methods.common import bounds, segment, triangle
 from shadowbench.methods.perspective_spherical import camera_grid, light_frame, light_map, sphere
-from shadowbench.methods.ray_grids import camera_pixels, camera_stream
+from shadowbench.methods.ray_grids import camera_pixels, camera_stream, light_cells, light_queue, light_stream
 from shadowbench.methods.uniform_grid import grid
 from shadowbench.methods.uniform_grid import method as uniform_grid
 
@@ -221,6 +221,21 @@ MUTATIONS = (
         "ray_grids",
         (("queue", "never"),),
         ("P29b",),
+    ),
+    Mutation(
+        "cells of the light without a pad",
+        tuple(
+            Planted(
+                light_cells,
+                "on_cells",
+                (("32.0 * U32 * ((1.0 + widest) * reach / nearest + widest) * wp.max(per_u, per_v) + 1.0e-3", "0.0"),),
+                user,
+            )
+            for user in (light_stream, light_queue)
+        ),
+        "ray_grids",
+        (),
+        ("S34", "S34b"),
     ),
 )  # fmt: skip
 

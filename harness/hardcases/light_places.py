@@ -192,6 +192,28 @@ def one_tile() -> Trial:
     )  # fmt: skip
 
 
+def beyond_the_rays(light: tuple[float, float, float]) -> Trial:
+    """Sixty small triangles, each touching one of the outermost shadow rays with a vertex, from outside.
+
+    The vertex is half way to the receiver, exactly; the light lies beside the middle, so that its frame is turned
+    and rounds vertex and receiver each in its own way. All of the triangle but that vertex lies outside the
+    rectangle of the rays: where the vertex rounds outwards, a grid without a pad leaves the triangle out.
+    """
+    x = 4 * pixel_centres(16)
+    across, along = (places.ravel() for places in np.meshgrid(x, x))
+    receivers = np.stack([across, along, np.full(256, -4.0)], axis=1)
+    outwards = np.sign(receivers) * (np.abs(receivers) == x[-1])
+    rim = outwards.any(axis=1)
+    receivers, outwards = receivers[rim], outwards[rim]
+    aside = outwards[:, [1, 0, 2]] * (-1, 1, 0) / 64
+    touching = (np.array(light) + receivers) / 2
+    further = touching + outwards / 16
+    return view(
+        joined(triangles(np.stack([touching, further + aside, further - aside], axis=1)), plane(2, -4, 8)), [light],
+        (0, 0, -8), (0, 0, 1), 1.0, stated=Counts(256, (60,)),
+    )  # fmt: skip
+
+
 def light_at_eye() -> Trial:
     """A light at the eye: every hit is the first surface the light meets, so none is shadowed."""
     floor = quad((-3, 0, -3), (3, 0, -3), (3, 0, 3), (-3, 0, 3))
@@ -247,6 +269,15 @@ CASES = (
     HardCase("S14", "receiver at the light", "a ray of length 0: NaN tile", receiver_at_light),
     HardCase("S15", "two lights at one place", "a grid kept by light, not by content", same_place),
     HardCase("S16", "all shadow rays in one tile", "chunk counts, short counters, empty tiles", one_tile),
+    *(
+        HardCase(
+            f"S34{suffix}", "triangles that touch the outermost shadow rays", "a grid around the rays without a pad",
+            partial(beyond_the_rays, light),
+        )
+        for suffix, light in (
+            ("", (1.796875, -1.8671875, -0.71484375)), ("b", (1.2890625, 1.7890625, -0.50390625))
+        )
+    ),
     HardCase("S21", "wall on a floor that holds the light", "segments that touch an edge along a plane", wall_on_floor),
     HardCase("S22", "light at the eye", "acne at silhouettes", light_at_eye),
 )  # fmt: skip
