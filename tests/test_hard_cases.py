@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import functools
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import warp as wp
+from judged_cases import CASES, judged
 from shadowbench.harness.conformance import conformance, counted_allocations
-from shadowbench.harness.errors import UserError
-from shadowbench.harness.hardcases import HardCase, all_cases, find_case
-from shadowbench.harness.hardcases.case import Counts, pixel_centres, plane, sheet, view
+from shadowbench.harness.hardcases import HardCase
+from shadowbench.harness.hardcases.case import plane, view
 from shadowbench.harness.hardcases.judge import (
     ERRORS,
-    Judged,
-    counts_of,
     judge_case,
     judge_method,
-    judge_refusal,
 )
 from shadowbench.harness.method import SimpleMethod
 from shadowbench.harness.registry import make_method
@@ -43,48 +39,20 @@ EXACT = (
     ("bvh", (("update", "bvh_rebuild"),)),
 )
 
-CASES = [case for case in all_cases() if not case.refused]
+EXCUSED = ("V sheet x1e-06", "V sheet x0.001", "V sheet x1e-6 ")
+"""Where an answer of ours may be excused by rounding: vertices that were rounded anew lie beside their rays."""
 
 
-@functools.cache
-def judged(name: str) -> Judged:
-    case = find_case(name)
-    return Judged(case, case.make())
-
-
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
-def test_what_is_stated_is_exact(case: HardCase) -> None:
-    one = judged(case.name)
-    exact = counts_of(one.exact, len(one.trial.moment.lights))
-    assert one.trial.stated.agrees(exact), f"stated {one.trial.stated}, exact {exact}"
-
-
-def test_catalogue() -> None:
-    names = [case.name for case in all_cases()]
-    assert len(set(names)) == len(names)
-    listed = [f"S{i:02}" for i in range(1, 18)] + [f"P{i:02}" for i in range(1, 19)]
-    assert [name for name in listed if not any(other.startswith(name) for other in names)] == []
-    assert all(case.title and case.breaks for case in all_cases())
-    stated = [case for case in CASES if judged(case.name).trial.stated != Counts()]
-    assert len(stated) > 60
-
-
-def test_structured_rays_pass_exactly_through_vertices() -> None:
-    """The pixel centres of a dyadic view are the vertices of the sheet, to the last bit."""
-    x = pixel_centres(16)
-    moment = view(sheet(x, x, 1.0), [], (0, 0, 0), (0, 0, -1)).moment
-    directions = moment.directions(np.arange(256))
-    expected = np.stack([np.tile(x, 16), np.repeat(-x, 16), -np.ones(256)], axis=1)
-    np.testing.assert_array_equal(directions, expected)
-    ties = [len(found) for found in judged("P12").referee.closest(np.zeros(3), directions).ties]
-    assert sum(n >= 6 for n in ties) >= 14 * 14  # every inner vertex belongs to six triangles
-
-
-@pytest.mark.parametrize("case", [case for case in all_cases() if case.refused], ids=lambda case: case.name)
-def test_refused(case: HardCase) -> None:
-    with pytest.raises(UserError, match="up must be finite and not parallel"):
-        case.make()
-    assert judge_refusal(case).status == "ok"
+@pytest.mark.parametrize(("name", "settings"), EXACT, ids=lambda value: str(value))
+def test_exact_methods_name_the_lowest_of_equal_triangles(name, settings) -> None:
+    """P06: the index itself, not only a member of the tie."""
+    one = judged("P06")
+    moment = one.trial.moment
+    session = Session(
+        make_method(name, dict(settings)), one.trial.prepared, moment.width, moment.height, "cpu"
+    )
+    np.testing.assert_array_equal(session.answers(moment)["triangle"], one.exact["triangle"])
+    assert one.exact["triangle"].max() < len(one.trial.prepared.faces) / 3
 
 
 @pytest.mark.parametrize("device", DEVICES)
@@ -94,7 +62,8 @@ def test_exact_methods_pass_every_case(name, settings, device) -> None:
     wrong = {}
     for case in CASES:
         finding = judge_case(judged(case.name), make_method(name, dict(settings)), device)
-        if finding.status in ("error", "excused"):
+        excused = set(finding.classes) - {"tie"}
+        if finding.status in ("error", "excused") or (excused and not case.name.startswith(EXCUSED)):
             wrong[case.name] = (finding.classes, finding.reason, finding.examples[:1])
         elif finding.status == "outside":
             mirrored = case.name.startswith("M") and "mirror" in finding.reason
@@ -119,10 +88,19 @@ def test_rules_of_conduct(name, settings, device) -> None:
 
 
 def test_known_weaknesses_of_others_show() -> None:
-    """Warp's Mesh loses segments through vertices of a sheet; both it and Embree shadow what touches a vertex."""
-    mesh = judge_case(judged("S19"), make_method("bvh", {}), "cpu")
-    assert mesh.status == "error"
-    assert mesh.classes["hole"] > 0
+    """Warp's Mesh and Embree lose rays and segments through vertices of closed surfaces seen from within; Embree
+    loses those in the upper faces of the scene's box, not in the lower; both shadow what touches a vertex.
+    """
+    for method in ("bvh", "embree"):
+        for name in ("P29", "S19c"):
+            found = judge_case(judged(name), make_method(method, {}), "cpu")
+            assert found.status == "error"
+            assert found.classes["hole"] > 0
+    for suffix in ("", "y", "z"):
+        upper = judge_case(judged(f"P08d{suffix}"), make_method("embree", {}), "cpu")
+        assert (upper.status, upper.classes["hole"]) == ("error", 17)
+        lower = judge_case(judged(f"P08e{suffix}"), make_method("embree", {}), "cpu")
+        assert (lower.status, lower.classes.get("hole", 0)) == ("ok", 0)
     assert judge_case(judged("P03b"), make_method("bvh", {}), "cpu").classes["acne"] > 0
 
 

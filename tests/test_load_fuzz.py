@@ -2,6 +2,7 @@
 
 import io
 import struct
+import tracemalloc
 import warnings
 
 import mesh_files as files
@@ -13,7 +14,7 @@ from shadowbench.harness.errors import UserError
 from shadowbench.harness.moment import Prepared
 from shadowbench.harness.scene import Scene
 from shadowbench.harness.scenes import usd
-from shadowbench.harness.scenes.load import load
+from shadowbench.harness.scenes.load import Loaded, load
 from shadowbench.harness.scenes.views import shape_of, view
 
 MIXED = [(0, 1, 2, 3), (0, 1, 4), (0, 1, 2, 3, 4)]
@@ -84,14 +85,35 @@ def damaged(blob: bytes, steps) -> bytes:
     return blob
 
 
-def check(path) -> bool:
-    """Load a file; True where it is a valid mesh that can be prepared and looked at, False where it is refused."""
+ROOM = 1 << 19
+"""What a reader may hold beside ten times the file: its own tables and buffers, whatever the file."""
+
+
+def measured(path) -> tuple[Loaded | UserError, int]:
+    """What comes of loading a file, and the most memory that it took."""
+    tracemalloc.start()
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", RuntimeWarning)
-            loaded = load(path)
+            return load(path), tracemalloc.get_traced_memory()[1]
     except UserError as error:
-        line = str(error)
+        return error, tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+def check(path) -> bool:
+    """Load a file; True where it is a valid mesh that can be prepared and looked at, False where it is refused.
+
+    Either way within ten times the memory of the file.
+    """
+    loaded, peak = measured(path)
+    limit = 10 * path.stat().st_size + ROOM
+    if peak > limit:  # again: what a first call imports for damage of this kind is not the file's
+        loaded, peak = measured(path)
+    assert peak <= limit, f"{peak} bytes for a file of {path.stat().st_size}"
+    if isinstance(loaded, UserError):
+        line = str(loaded)
         assert "\n" not in line
         assert len(line) < 600
         assert path.name in line
@@ -106,6 +128,15 @@ def check(path) -> bool:
     assert np.isfinite(moment.eye).all()
     assert np.isfinite(moment.lights).all()
     return True
+
+
+@pytest.fixture(scope="module", autouse=True)
+def imported(tmp_path_factory) -> None:
+    """Whatever is imported on the first call is not a file's memory."""
+    for name, blob in SEEDS.items():
+        path = tmp_path_factory.mktemp("first") / name
+        path.write_bytes(blob)
+        load(path)
 
 
 @pytest.mark.parametrize("name", SEEDS)
@@ -147,6 +178,65 @@ def test_every_truncation_is_read_or_refused(tmp_path, name):
     for length in range(0, len(blob), 1 if len(blob) < 400 else 3):
         path.write_bytes(blob[:length])
         assert not check(path) or length >= enough
+
+
+SIDE = 40
+GRID = np.random.default_rng(0).random((SIDE * SIDE, 3)).astype(np.float32)
+CORNERS = (np.arange(SIDE - 1)[:, None] * SIDE + np.arange(SIDE - 1)).ravel()
+TRIANGLES = np.stack([CORNERS, CORNERS + 1, CORNERS + SIDE], axis=1).tolist()
+POINT_COUNT, FACE_COUNT = str(len(GRID)).encode(), str(len(TRIANGLES)).encode()
+HUGE = (10**5, 10**7, 2**31 - 1, 2**32 - 1, 10**12)
+
+
+def large_npz() -> bytes:
+    stream = io.BytesIO()
+    np.savez(stream, V=np.stack([GRID, GRID + 1]), F=np.array(TRIANGLES))
+    return stream.getvalue()
+
+
+def counted(old: bytes, fields: bytes):
+    """A change of a count in a text: ``fields`` with the new number in place of %d, for ``old``."""
+    return lambda blob, n: blob.replace(old, fields % n)
+
+
+def word_at(place: int):
+    """A change of the 32 bits at a place."""
+    return lambda blob, n: blob[:place] + struct.pack("<I", min(n, 2**32 - 1)) + blob[place + 4 :]
+
+
+def shaped(blob: bytes, n: int) -> bytes:
+    """Another number of vertices in the header of an array, whose length stays what it is."""
+    new = b"(2, %d, 3), }" % n
+    return blob.replace(b"(2, 1600, 3), }".ljust(len(new)), new)
+
+
+PROMISES = {
+    "vertices.ply": (files.ply_binary(GRID, TRIANGLES), counted(b"vertex " + POINT_COUNT, b"vertex %d")),
+    "faces.ply": (files.ply_binary(GRID, TRIANGLES), counted(b"face " + FACE_COUNT, b"face %d")),
+    "vertices_ascii.ply": (files.ply_ascii(GRID, TRIANGLES), counted(b"vertex " + POINT_COUNT, b"vertex %d")),
+    "faces_ascii.ply": (files.ply_ascii(GRID, TRIANGLES), counted(b"face " + FACE_COUNT, b"face %d")),
+    "corners_ascii.ply": (files.ply_ascii(GRID, TRIANGLES), counted(b"\n3 0 1 40\n", b"\n%d 0 1 40\n")),
+    "index.obj": (files.obj(GRID, TRIANGLES), counted(b"\nf 1 2 41\n", b"\nf 1 2 %d\n")),
+    "facets.stl": (files.stl_binary(GRID, TRIANGLES), word_at(80)),
+    "length.glb": (files.glb(GRID, TRIANGLES), word_at(8)),
+    "json.glb": (files.glb(GRID, TRIANGLES), word_at(12)),
+    "count.glb": (files.glb(GRID, TRIANGLES), counted(b'"count": ' + POINT_COUNT, b'"count": %d')),
+    "shape.npz": (large_npz(), shaped),
+}
+"""Files of which one number promises more than there is: the file, and how to write the number."""
+
+
+@pytest.mark.parametrize("name", PROMISES)
+def test_promises_take_no_memory(tmp_path, name):
+    """A count that the file does not hold is refused before room is made for it."""
+    blob, promise = PROMISES[name]
+    path = tmp_path / name
+    path.write_bytes(blob)
+    assert check(path)
+    for huge in HUGE:
+        path.write_bytes(promise(blob, huge))
+        assert path.read_bytes() != blob
+        assert not check(path)
 
 
 numbers = st.sampled_from(

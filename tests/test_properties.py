@@ -191,34 +191,6 @@ def test_adding_triangles_brings_nothing_to_light(example: Example, more: Exampl
 
 
 @some(25)
-@given(EXAMPLES)
-def test_any_hit_if_and_only_if_closest_hit(example: Example) -> None:
-    """A shadow bit is set exactly if some triangle is hit by the ray from the hit point before the light.
-
-    Asked of the referee's rays, not of its segments, where hit point and direction are exact in float32.
-    """
-    trial = example.trial()
-    if trial.prepared.centre.any():
-        return
-    every_method = {name: answers_of(example, name, trial) for name in METHODS}
-    pixels = np.nonzero(every_method["bvh"]["triangle"] >= 0)[0][:6]
-    light = trial.moment.lights[0].astype(np.float64)
-    referee = Referee(trial.moment.points, trial.prepared.faces, trial.moment.valid)
-    hits = referee.closest(trial.moment.eye, trial.moment.directions(pixels))
-    points = referee.hit_points(hits)
-    for i, pixel in enumerate(pixels):
-        if not (points[i].astype(np.float32) == points[i]).all() or (points[i] == light).all():
-            continue  # an eye elsewhere by rounding sees something else
-        way = (light - points[i]).astype(np.float32)
-        every = referee.all_hits(points[i : i + 1].astype(np.float32), way[None])[0]
-        if not (way.astype(np.float64) == light - points[i]).all():
-            continue
-        cut = any(0 < t < 1 for t, _ in every)
-        for name, answers in every_method.items():
-            assert answers["visibility"][0][pixel] == int(cut), (name, pixel)
-
-
-@some(25)
 @given(EXAMPLES, st.lists(st.binary(min_size=20, max_size=80), min_size=1, max_size=2))
 def test_a_frame_built_again_equals_a_fresh_scene(example: Example, others: list[bytes]) -> None:
     """Frames of other geometry, eyes and lights run before it leave nothing behind."""

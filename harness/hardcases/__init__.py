@@ -7,7 +7,7 @@ can say it, the case says it too. ``shadowbench check METHOD`` runs them all.
 from __future__ import annotations
 
 from ..errors import UserError, did_you_mean
-from . import eyes, holes, light_angles, light_places, meshes, mirrors, variants
+from . import closed, eyes, found, holes, images, light_angles, light_places, meshes, mirrors, variants
 from .case import Counts, HardCase, Trial
 
 __all__ = ["Counts", "HardCase", "Trial", "all_cases", "find_case"]
@@ -16,9 +16,12 @@ __all__ = ["Counts", "HardCase", "Trial", "all_cases", "find_case"]
 def all_cases() -> tuple[HardCase, ...]:
     """Holes (H), mirrors (M), shadows (S), eyes and meshes (P), then the variants of scale, offset and distance (V)."""
     single = (
+        *closed.CASES,
         *light_angles.CASES,
         *light_places.CASES,
         *eyes.CASES,
+        *found.CASES,
+        *images.CASES,
         *meshes.CASES,
         *holes.CASES,
         *mirrors.CASES,

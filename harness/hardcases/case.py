@@ -59,7 +59,8 @@ class Trial:
     stated      by hand, for people; a test holds it against the exact answer
     same_lights pairs of lights whose rows of bits must be the same
     watertight  a pixel that exactly hits must hit, and one exactly shadowed must be: here no nearness of an edge
-                excuses a miss, since rays are aimed at edges that other triangles share
+                excuses a miss. Every edge that a ray meets is shared by triangles on both of its sides; or (P08)
+                it is the border of a flat sheet, and all that decides is exact in float32
     """
 
     prepared: Prepared
@@ -213,6 +214,16 @@ def sheet(x: Any, y: Any, depth: Any) -> Mesh:
     return points, faces
 
 
+def closed_behind(mesh: Mesh, tip: Any) -> Mesh:
+    """A mesh with its border closed by a cone to ``tip``: the surface that an eye between the two sees all around."""
+    points, faces = mesh
+    edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    count = len(points)
+    border = edges[~np.isin(edges[:, 0] * count + edges[:, 1], edges[:, 1] * count + edges[:, 0])]
+    cone = np.concatenate([border[:, ::-1], np.full((len(border), 1), count)], axis=1)
+    return np.concatenate([points, [tip]]), np.concatenate([faces, cone])
+
+
 def split(mesh: Mesh) -> Mesh:
     """The same triangles with vertices of their own: what a file without shared vertices gives."""
     points, faces = mesh
@@ -245,6 +256,29 @@ def ball(radius: float, centre: Any, rings: int = 6, sectors: int = 9) -> Mesh:
             faces += [(p, q, p + sectors), (q, q + sectors, p + sectors)]
     faces += [(last, top + j, top + (j + 1) % sectors) for j in range(sectors)]
     return points, np.array(faces)
+
+
+def icosphere(times: int) -> Mesh:
+    """The unit sphere as an icosahedron whose triangles are cut in four so many times."""
+    g = (1 + 5**0.5) / 2
+    points = [p for a in (-1.0, 1.0) for b in (-g, g) for p in ((0, a, b), (a, b, 0), (b, 0, a))]
+    corners = np.array(points) / np.hypot(1, g)
+    near = np.linalg.norm(corners[:, None] - corners, axis=-1) < 1.1  # an edge is 1.05 long
+    faces = [
+        (i, j, k) if np.linalg.det(corners[[i, j, k]]) > 0 else (i, k, j)
+        for i in range(12) for j in range(i + 1, 12) for k in range(j + 1, 12) if near[i, j] and near[j, k] and near[k, i]
+    ]  # fmt: skip
+    whole, triangles = corners, np.array(faces)
+    for _ in range(times):
+        edges = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        unique, middle = np.unique(edges, axis=0, return_inverse=True)
+        middles = whole[unique].sum(axis=1)
+        ab, bc, ca = (middle.reshape(-1, 3) + len(whole)).T
+        whole = np.concatenate([whole, middles / np.linalg.norm(middles, axis=1, keepdims=True)])
+        a, b, c = triangles.T
+        parts = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
+        triangles = np.concatenate([np.stack(part, axis=-1) for part in parts])
+    return whole, triangles
 
 
 def soup(seed: int, count: int, size: float = 0.4, spread: float = 1.0) -> Mesh:

@@ -74,14 +74,23 @@ def around_the_light(turn: int = 0) -> Trial:
     )  # fmt: skip
 
 
-def spot_over_seam(turn: int = 0) -> Trial:
-    """S01 under a spot whose rectangle of azimuth runs from 170 to 190 degrees, over the seam."""
+def spot_over_seam(turn: int = 0, seam: bool = True) -> Trial:
+    """S01 under a spot whose rectangle of azimuth runs from 170 to 190 degrees, over the seam.
+
+    ``seam`` False: all of it turned by half a circle, exactly: from -10 to 10 degrees, and the same picture.
+    """
+    side = -1.0 if seam else 1.0
     wall = quad((-2, -1, -1), (-2, 0.25, -1), (-2, 0.25, 1), (-2, -1, 1))
-    light = spot_light(ORIGIN, (-1, 0, 0), 10.0, 10.0, (0, 0, 1))
+    points, faces = joined(wall, plane(0, -4, 8))
+    light = spot_light(ORIGIN, (side, 0, 0), 10.0, 10.0, (0, 0, 1))
     return view(
-        joined(wall, plane(0, -4, 8)), [light], (-8, 0, 0), (1, 0, 0), 0.25, up=(0, 0, 1), turn=turn,
-        stated=Counts(256, (120,)),
+        (points * (-side, -side, 1), faces), [light], (8 * side, 0, 0), (-side, 0, 0), 0.25, up=(0, 0, 1),
+        turn=turn, stated=Counts(256, (120,)),
     )  # fmt: skip
+
+
+def spot_ahead(turn: int = 0) -> Trial:
+    return spot_over_seam(turn, seam=False)
 
 
 BUILDERS = (
@@ -101,6 +110,7 @@ BUILDERS = (
     ("S04", "edge through the pole", "azimuths differ by exactly pi: either way round", edge_through_pole),
     ("S05", "bulge of a great circle", "the box of the vertices loses every ray", bulge),
     ("S17", "spot over the seam", "a rectangle stored as (min, max) has min > max", spot_over_seam),
+    ("S17r", "the same spot, away from the seam", "the other half of a comparison: one picture", spot_ahead),
     (
         "S18",
         "walls all around the light",

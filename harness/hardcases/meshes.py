@@ -26,7 +26,6 @@ from .case import (
 )
 
 ORIGIN = (0.0, 0.0, 0.0)
-NO_RULE = "unpadded boxes; no rule for edges"
 FAR = "float64 edge functions that cancel: rays through vertices"
 NO_THICKNESS = "a box without thickness, its upper faces"
 
@@ -54,7 +53,11 @@ def broken_triangles(only: bool) -> Trial:
 
 
 def three_of_each() -> Trial:
-    """Every triangle three times, in three vertex orders; shadows from and onto duplicates."""
+    """Every triangle three times, in three vertex orders; shadows from and onto duplicates.
+
+    Which of the three is named is a convention, the lowest index, and only where a method's own t ties: to name
+    another is classed a tie and no error. Of our methods a test expects the exact index.
+    """
     points, faces = ball(0.5, (0, 0.6, 0))
     floor, floor_faces = quad((-3, 0, -3), (3, 0, -3), (3, 0, 3), (-3, 0, 3))
     points, faces = joined((floor, floor_faces), (points, faces))
@@ -73,37 +76,27 @@ def flat_sheet(every: int, unwelded: bool) -> Trial:
     )  # fmt: skip
 
 
-def bumpy_sheet(every: int, unwelded: bool, shift: float = 0.0) -> Trial:
-    """A sheet whose vertices lie at mixed depths on the pixels' rays: watertight seen from the eye."""
-    x = pixel_centres(16)[::every]
-    depth = 1 + np.random.default_rng(9).integers(0, 16, (len(x), len(x))) / 16
-    points, faces = sheet(x, x, depth)
-    mesh = points + shift, faces
-    covered = (16 if every == 1 else 15) ** 2
+def beside_the_eye(turn: int, upper: bool) -> Trial:
+    """A flat sheet that ends at the eye's own x: the middle column of rays lies in the upper (or lower) face of its box.
+
+    Their x is 0 and so is the border's: nothing that decides is rounded. The border belongs to the closed triangles.
+    """
+    y = np.arange(-8, 9) / 4.0
+    x = np.arange(-8, 1) / 4.0
+    light = (-1.0, 0.0, 3.0) if upper else (1.0, 0.0, 3.0)
     return view(
-        split(mesh) if unwelded else mesh, [(shift, shift, 0.5 + shift)], (shift,) * 3, (0, 0, -1), 1.0,
-        watertight=True, stated=Counts(covered),
+        sheet(x if upper else -x[::-1], y, 2.0), [light], ORIGIN, (0, 0, -1), 1.0, (17, 17), turn=turn,
+        watertight=True, stated=Counts(9 * 17, (0,)),
     )  # fmt: skip
 
 
-def on_rays(towards: tuple[float, float, float], half: float, deepest: int, unwelded: bool = False) -> Trial:
-    """A sheet whose vertices lie exactly on the float32 rays of all pixels, whatever their direction.
-
-    A vertex is its pixel's direction times a power of two up to 2^deepest, so nothing is rounded but the tests'
-    own arithmetic. deepest = 0: flat, and its border is the border of the scene.
-    """
+def on_odd_rays(towards: tuple[float, float, float], half: float) -> Trial:
+    """A flat sheet with a vertex exactly on the float32 ray of every pixel: its border is the border of the scene."""
     rays = view(plane(2, -1, 1), [], ORIGIN, towards, half).moment
     directions = rays.directions(np.arange(256)).astype(np.float64)
-    powers = 2.0 ** np.random.default_rng(21).integers(0, deepest + 1, (256, 1))
     _, faces = sheet(np.arange(16), np.arange(16), 1.0)
-    mesh = directions * powers, faces
-    # Far triangles behind the eye, so that the scene lies around the origin and is not recentred.
-    far = triangles(*[(s * 9, s * 9, 9 * a) for s in (-1, 1) for a in (-1, 1, 1)])
     light = (np.asarray(towards) * -4.0).tolist()
-    return view(
-        joined(split(mesh) if unwelded else mesh, far) if deepest else mesh, [ORIGIN, tuple(light)], ORIGIN, towards,
-        half, watertight=True, stated=Counts(256),
-    )  # fmt: skip
+    return view((directions, faces), [ORIGIN, tuple(light)], ORIGIN, towards, half, stated=Counts(256))
 
 
 def patches(shadow: bool) -> Trial:
@@ -117,10 +110,10 @@ def patches(shadow: bool) -> Trial:
     a, b, c, d = index[::2, ::2], index[::2, 1::2], index[1::2, 1::2], index[1::2, ::2]
     mesh = directions, np.concatenate([np.stack(f, axis=-1).reshape(-1, 3) for f in ((a, b, c), (a, c, d))])
     if not shadow:
-        return view(mesh, [(0, 0, 1)], ORIGIN, (0, 0, -1), 0.7, watertight=True, stated=Counts(256, (0,)))
+        return view(mesh, [(0, 0, 1)], ORIGIN, (0, 0, -1), 0.7, stated=Counts(256, (0,)))
     # From behind, pixels meet the plane z = -4 at four times the corners, exactly: column x and row y are the same.
     return view(
-        joined(mesh, plane(2, -4, 8)), [ORIGIN], (0, 0, -8), (0, 0, 1), 0.7, watertight=True,
+        joined(mesh, plane(2, -4, 8)), [ORIGIN], (0, 0, -8), (0, 0, 1), 0.7,
         stated=Counts(256, (256,)),
     )  # fmt: skip
 
@@ -203,7 +196,7 @@ def far_ball(radii: float) -> Trial:
     eye = np.array([0.48, 0.64, 0.6]) * radii
     lights = [(0.9 * radii, -0.1 * radii, 0.3 * radii), (3, 4, 5)]
     return view(
-        ball(1.0, (0, 0, 0), 12, 18), lights, eye.tolist(), (-eye).tolist(), 1.2 / radii, (24, 24), watertight=True
+        ball(1.0, (0, 0, 0), 12, 18), lights, eye.tolist(), (-eye).tolist(), 1.2 / radii, (24, 24)
     )  # fmt: skip
 
 
@@ -272,13 +265,17 @@ CASES = (
     HardCase("P08", "flat sheet, rays to its border", NO_THICKNESS, lambda: flat_sheet(1, False)),
     HardCase("P08b", "flat sheet, rays through edges", NO_THICKNESS, lambda: flat_sheet(2, False)),
     HardCase("P08c", "flat sheet with split vertices", "edges without a rule", lambda: flat_sheet(2, True)),
+    *(
+        HardCase(
+            f"P08{'d' if upper else 'e'}{suffix}", f"rays in the {'upper' if upper else 'lower'} face of the scene's box",
+            "0 times infinity: the ray leaves the box before it enters", partial(beside_the_eye, turn, upper),
+        )
+        for upper in (True, False)
+        for turn, suffix in enumerate(("", "y", "z"))
+    ),
     HardCase("P11", "one triangle, all miss", "arrays of length 0", one_triangle_missed),
     HardCase("P11b", "empty scene", "an inverted box, arrays of length 0", lambda: empty(0)),
     HardCase("P11c", "vertices but no triangles", "an inverted box, arrays of length 0", lambda: empty(4)),
-    HardCase("P12", "rays through vertices", NO_RULE, lambda: bumpy_sheet(1, False)),
-    HardCase("P13", "rays through edges", NO_RULE, lambda: bumpy_sheet(2, False)),
-    HardCase("P14", "rays through split vertices", "edge planes in vertex order", lambda: bumpy_sheet(1, True)),
-    HardCase("P15", "rays through split edges", "edge planes in vertex order", lambda: bumpy_sheet(2, True, 0.375)),
     HardCase("P16", "teapot in a stadium", "one cell holds the teapot; a fixed epsilon", teapot_in_stadium),
     HardCase("P23", "slivers", "t and weights from thin triangles", slivers),
     HardCase("S26", "slivers as occluders", "signs and planes of thin triangles", shadow_slivers),
@@ -295,10 +292,8 @@ CASES = (
     HardCase("P24", "a fan of 96 triangles", "many candidates at one vertex", lambda: fan(96)),
     HardCase("P25", "boxes that share faces", "coplanar ties, lights on corners", touching_boxes),
     HardCase("P26", "triangles through every cell", "long lists, a hit found in another cell", through_every_cell),
-    HardCase("P28", "flat sheet, odd directions to its border", NO_THICKNESS, lambda: on_rays((0, 0, -1), 0.7, 0)),
+    HardCase("P28", "flat sheet, odd directions to its border", NO_THICKNESS, lambda: on_odd_rays((0, 0, -1), 0.7)),
     HardCase("P28b", "flat squares apart, met at their corners", NO_THICKNESS, lambda: patches(False)),
     HardCase("S25", "shadow rays at the corners of flat squares", NO_THICKNESS, lambda: patches(True)),
-    HardCase("P29", "rays through vertices in odd directions", NO_RULE, lambda: on_rays((1, 0.4, -0.8), 0.7, 2)),
-    HardCase("P29b", "the same, split", NO_RULE, lambda: on_rays((-0.3, 0.9, -0.5), 0.45, 3, True)),
     HardCase("P27", "no light", "arrays of lights of length 0", no_light),
 )  # fmt: skip

@@ -1,0 +1,226 @@
+"""P12i, P29-P31, S19, S20, S31 and more: rays exactly through vertices and edges of closed surfaces, from within.
+
+Seen from within there is no silhouette: every vertex has a closed fan of neighbours around the ray, so a ray that
+hits nothing went through the surface, whatever was rounded. Sheets are closed by a cone behind the eye
+(:func:`~.case.closed_behind`); the eye, or the light, lies inside.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from .case import (
+    F64,
+    Counts,
+    HardCase,
+    Mesh,
+    Trial,
+    closed_behind,
+    icosphere,
+    joined,
+    pixel_centres,
+    plane,
+    quad,
+    sheet,
+    split,
+    view,
+)
+
+ORIGIN = (0.0, 0.0, 0.0)
+NO_RULE = "unpadded boxes; no rule for edges"
+NEIGHBOURS = "neighbours taken for occluders"
+UNWELDED = "edge planes in vertex order"
+FAR = "float64 edge functions that cancel: rays through vertices"
+
+SIDE = 64
+"""Rays along a side of the image, where many are needed: holes are rare."""
+
+ODD = ((1.0, 0.4, -0.8), (-0.3, 0.9, -0.5), (0.2, -0.1, 1.0))
+"""Views along no axis: directions with all bits of float32."""
+
+
+def bumpy(every: int, unwelded: bool, shift: float = 0.0) -> Trial:
+    """A sheet whose vertices lie at mixed depths on the pixels' rays; coordinates are small dyadic numbers.
+
+    ``every``: 1 vertices only, 2 vertices, edges and diagonals.
+    """
+    x = pixel_centres(16)[::every]
+    depth = 1 + np.random.default_rng(9).integers(0, 16, (len(x), len(x))) / 16
+    points, faces = closed_behind(sheet(x, x, depth), (0, 0, 2))
+    mesh = points + shift, faces
+    return view(
+        split(mesh) if unwelded else mesh, [(shift, shift, 0.5 + shift)], (shift,) * 3, (0, 0, -1), 1.0,
+        watertight=True, stated=Counts(256),
+    )  # fmt: skip
+
+
+def directions(towards: tuple[float, float, float], half: float, side: int) -> F64:
+    """The float32 directions [side * side, 3] of all pixels from the origin, as float64."""
+    rays = view(plane(2, -1, 1), [], ORIGIN, towards, half, (side, side)).moment
+    return rays.directions(np.arange(side * side)).astype(np.float64)
+
+
+def on_rays(towards: tuple[float, float, float], half: float, deepest: int, side: int = SIDE) -> Mesh:
+    """A closed surface with a vertex exactly on the float32 ray of every pixel, whatever its direction.
+
+    A vertex is its pixel's direction times a power of two up to 2^deepest, so nothing is rounded but the tests'
+    own arithmetic. The cone's tip lies as far behind the eye as the deepest vertex may lie before it.
+    """
+    depth = 2.0 ** np.random.default_rng(21).integers(0, deepest + 1, (side * side, 1))
+    _, faces = sheet(np.arange(side), np.arange(side), 1.0)
+    points = directions(towards, half, side) * depth
+    return closed_behind((points, faces), -np.asarray(towards) * 2.0 ** (deepest + 1))
+
+
+def odd_vertices(
+    towards: tuple[float, float, float], half: float, deepest: int, unwelded: bool = False
+) -> Trial:
+    """Every ray of the image meets a vertex of :func:`on_rays`. No light: see :func:`odd_lights`."""
+    mesh = on_rays(towards, half, deepest)
+    return view(
+        split(mesh) if unwelded else mesh, [], ORIGIN, towards, half, (SIDE, SIDE),
+        watertight=True, stated=Counts(SIDE * SIDE),
+    )  # fmt: skip
+
+
+def odd_lights(towards: tuple[float, float, float], half: float, deepest: int) -> Trial:
+    """The same with fewer rays, a light at the eye, which sees what the eye sees, and one behind the eye."""
+    light = (-np.asarray(towards)).tolist()
+    return view(
+        on_rays(towards, half, deepest, 16), [ORIGIN, tuple(light)], ORIGIN, towards, half, watertight=True,
+        stated=Counts(256, (0, None)),
+    )  # fmt: skip
+
+
+def odd_shadow_vertices(half: float) -> Trial:
+    """Every shadow ray meets a vertex of :func:`on_rays`, which holds the light; receivers lie beyond it.
+
+    From behind, pixels meet the plane z = -8 at eight times their directions from the light, exactly.
+    """
+    mesh = on_rays((0, 0, -1), half, 2)
+    return view(
+        joined(mesh, plane(2, -8, 16)), [ORIGIN], (0, 0, -16), (0, 0, 1), half, (SIDE, SIDE), watertight=True,
+        stated=Counts(SIDE * SIDE, (SIDE * SIDE,)),
+    )  # fmt: skip
+
+
+def through_vertices(unwelded: bool, every: int) -> Trial:
+    """Shadow rays exactly through the vertices (every = 1) or vertices, edges and diagonals (2) of a bumpy sheet.
+
+    The light is where an eye would be: a receiver at 4 (x, y, -1) is shadowed through the vertex on that ray.
+    """
+    x = pixel_centres(16)[::every]
+    bumps = 1 + np.random.default_rng(5).integers(0, 8, (len(x), len(x))) / 8
+    mesh = closed_behind(sheet(x, x, bumps), (0, 0, 2))
+    # From behind the plane z = -4, at 4 from it: the same half width, so pixels meet it at 4 (x, y).
+    return view(
+        joined(split(mesh) if unwelded else mesh, plane(2, -4, 8)), [ORIGIN], (0, 0, -8), (0, 0, 1), 1.0,
+        watertight=True, stated=Counts(256, (256,)),
+    )  # fmt: skip
+
+
+def through_rim() -> Trial:
+    """A flat sheet whose rim, met by the outer shadow rays, lies in faces of a box of its own; walls behind it.
+
+    Receivers at 3 (x, y, -1), sheet at (x, y, -1): thirds round, so that an unpadded box is missed at its face.
+    """
+    x = pixel_centres(16)
+    return view(
+        joined(closed_behind(sheet(x, x, 1.0), (0, 0, 1)), plane(2, -3, 4)), [ORIGIN], (0, 0, -6), (0, 0, 1), 1.0,
+        watertight=True, stated=Counts(256, (256,)),
+    )  # fmt: skip
+
+
+def snapped_sphere(eye: tuple[float, float, float]) -> Mesh:
+    """An icosphere on a grid of 2^-12 whose vertices before the eye lie exactly on rays of pixels.
+
+    Each vertex before the eye moves to the nearest ray of an even column and row, at a depth on the grid: pixels
+    meet it exactly, and the pixel half way between two of them meets their edge. Nothing is rounded.
+    """
+    points, faces = icosphere(3)
+    arms = np.round(points * 4096) / 4096 - eye
+    depth = np.round(-arms[:, 2:] * 64) / 64
+    x = pixel_centres(SIDE)
+    before = (depth[:, 0] > 0) & (np.abs(arms[:, :2]) < 63 / 64 * depth).all(axis=1)
+    # Even places of a row of pixels: x[0], x[2], ...
+    place = np.clip(
+        np.round((arms[before, :2] / depth[before] - x[0]) / (2 * (x[1] - x[0]))), 0, SIDE // 2 - 1
+    )
+    on_ray = x[2 * place.astype(int)]
+    arms[before] = np.concatenate([on_ray, -np.ones((len(on_ray), 1))], axis=1) * depth[before]
+    return arms + eye, faces
+
+
+def inside_sphere(eye: tuple[float, float, float]) -> Trial:
+    """An icosphere seen from a point inside it, and a light at another."""
+    return view(
+        snapped_sphere(eye), [(-0.125, 0.25, 0.0)], eye, (0, 0, -1), 1.0, (SIDE, SIDE), watertight=True,
+        stated=Counts(SIDE * SIDE, (0,) if eye == ORIGIN else None),
+    )  # fmt: skip
+
+
+AXES = np.array([(0.48, 0.64, 0.6), (0.8, -0.6, 0.0), (0.36, 0.48, -0.8)])
+"""Towards the far eye or light, and across."""
+
+
+def far_shell(radii: float) -> Mesh:
+    """A bumpy patch of the size of a unit across the way to a point so many units off, closed behind that point."""
+    x = np.linspace(-1, 1, 19)
+    bumps = np.random.default_rng(17).uniform(-0.05, 0.05, (19, 19)).ravel()
+    flat, faces = sheet(x, x, 1.0)
+    points = bumps[:, None] * AXES[0] + flat[:, :1] * AXES[1] - flat[:, 1:2] * AXES[2]
+    return closed_behind((points, faces), AXES[0] * radii * 1.25)
+
+
+def far_inside(radii: float) -> Trial:
+    """The patch seen from within its shell, from afar: the rays' own rounding is larger than its triangles."""
+    eye = AXES[0] * radii
+    light = tuple((eye * 0.5).tolist())
+    return view(
+        far_shell(radii), [light], eye.tolist(), (-eye).tolist(), 0.9 / radii, (24, 24), up=AXES[2].tolist(),
+        watertight=True, stated=Counts(576),
+    )  # fmt: skip
+
+
+def far_light_inside(radii: float) -> Trial:
+    """A far light within the shell, and a floor beyond the patch, seen from behind: all of it is dark."""
+    floor = [
+        (-2.0 * AXES[0] + 0.75 * (i * AXES[1] + j * AXES[2])) for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+    ]
+    return view(
+        joined(far_shell(radii), quad(*floor)), [tuple((AXES[0] * radii).tolist())], (AXES[0] * -4).tolist(),
+        AXES[0].tolist(), 0.25, (24, 24), up=AXES[2].tolist(), watertight=True, stated=Counts(576, (576,)),
+    )  # fmt: skip
+
+
+CASES = (
+    HardCase("P12", "rays through vertices", NO_RULE, partial(bumpy, 1, False)),
+    HardCase("P12i", "rays through an icosphere's vertices and edges", NO_RULE, partial(inside_sphere, ORIGIN)),
+    HardCase(
+        "P12j", "the same from another point within", NO_RULE, partial(inside_sphere, (0.25, -0.125, 0.375))
+    ),
+    HardCase("P13", "rays through edges", NO_RULE, partial(bumpy, 2, False)),
+    HardCase("P14", "rays through split vertices", UNWELDED, partial(bumpy, 1, True)),
+    HardCase("P15", "rays through split edges", UNWELDED, partial(bumpy, 2, True, 0.375)),
+    HardCase("P29", "rays through vertices in odd directions", NO_RULE, partial(odd_vertices, ODD[0], 0.7, 2)),
+    HardCase("P29b", "the same, split", NO_RULE, partial(odd_vertices, ODD[1], 0.45, 3, True)),
+    HardCase("P29c", "the same, shallow", NO_RULE, partial(odd_vertices, ODD[2], 0.6, 1)),
+    HardCase("P29d", "lights on rays through vertices", NEIGHBOURS, partial(odd_lights, ODD[0], 0.7, 2)),
+    HardCase("P29e", "the same, deeper", NEIGHBOURS, partial(odd_lights, ODD[1], 0.45, 3)),
+    *(
+        HardCase(f"P31 {radii:g}", f"within a shell {radii:g} long", FAR, partial(far_inside, radii))
+        for radii in (1e3, 1e5, 1e6, 1e7)
+    ),
+    HardCase("S19", "shadow rays through vertices", NO_RULE, partial(through_vertices, False, 1)),
+    HardCase("S19b", "shadow rays through split vertices", UNWELDED, partial(through_vertices, True, 1)),
+    HardCase("S19c", "shadow rays through vertices in odd directions", NO_RULE, partial(odd_shadow_vertices, 0.7)),
+    HardCase("S20", "shadow rays through edges", NO_RULE, partial(through_vertices, False, 2)),
+    HardCase("S20b", "shadow rays through split edges", UNWELDED, partial(through_vertices, True, 2)),
+    HardCase("S24", "shadow rays through a flat rim", NO_RULE, through_rim),
+    *(
+        HardCase(f"S31 {radii:g}", f"a light in a shell {radii:g} long", FAR, partial(far_light_inside, radii))
+        for radii in (1e3, 1e5, 1e6, 1e7)
+    ),
+)  # fmt: skip

@@ -1,0 +1,85 @@
+"""P32, P33, S32, S33: what random examples found on methods without one of their pads, kept as they were found.
+
+Each is a few triangles of small dyadic numbers whose borders rays meet exactly, seen by a tile of one pixel, or by
+one cell: no other case depends on these pads. With default settings they are ordinary; tests run them with those
+settings under which the pad decides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..moment import Prepared
+from ..scene import Camera, Geometry, Light, Scene, Vector
+from .case import HardCase, Trial
+
+
+def found(
+    points: Sequence[Vector],
+    faces: Sequence[Sequence[int]],
+    camera: Camera,
+    light: Light,
+    size: tuple[int, int],
+) -> Trial:
+    """A trial from numbers, to the last bit."""
+    mesh = np.array(points), np.array(faces)
+    prepared = Prepared(Scene("found", "Found", lambda: Geometry.static(*mesh), camera, (light,)))
+    return Trial(prepared, prepared.moment(0, *size))
+
+
+def leaning_away() -> Trial:
+    """A triangle met at a corner and along its edges: all that tiles of a pixel see of it lies on their border."""
+    return found(
+        [(1.3177083730697632, 2.625, 0.468505859375), (1.2065972089767456, 1.625, 0.1907280832529068),
+         (2.3177082538604736, 3.625, -0.5870497226715088)], [(0, 2, 1)],
+        Camera((0.984375, -0.375, 0.968505859375), (0.984375, 0.625, 0.968505859375), (0, 0, 1), 28.072486935852957),
+        Light((0.8732638955116272, 0.625, 1.0240614414215088)), (9, 9),
+    )  # fmt: skip
+
+
+def in_one_cell() -> Trial:
+    """A triangle whose edge lies in the face of its box, where rays enter the grid; many cells."""
+    return found(
+        [(-0.0263671875, 0.000972747802734375, -0.01416015625), (-0.0263671875, 0.000972747802734375, -0.01806640625),
+         (-0.0732421875, -0.013187408447265625, -0.0283203125)], [(0, 1, 2)],
+        Camera(
+            (-0.0107421875, 0.000484466552734375, -0.0146484375), (-0.0263671875, 0.000484466552734375, -0.0146484375),
+            (0, 1, 0), 53.13010235415598,
+        ),
+        Light((262112.0, -393088.0, -130992.0)), (8, 16),
+    )  # fmt: skip
+
+
+def along_the_light() -> Trial:
+    """Directional light that two triangles share a vertex under: float32 places the rays beside their bounds."""
+    return found(
+        [(-0.102294921875, -0.096923828125, -0.078125), (-0.121826171875, -0.112548828125, -0.19921875),
+         (-0.125732421875, -0.065673828125, -0.1171875), (-0.063232421875, -0.065673828125, -0.1796875),
+         (-0.266357421875, -0.128173828125, -0.3515625)], [(0, 2, 1), (1, 4, 3)],
+        Camera(
+            (0.014892578125, -0.003173828125, -0.0078125), (0.014892578125, -0.018798828125, -0.0078125), (0, 0, 1),
+            126.86989764584402,
+        ),
+        Light((-0.005855560302734375, -0.009761810302734375, -0.09179306030273438), directional=True), (8, 8),
+    )  # fmt: skip
+
+
+def far_light() -> Trial:
+    """A far light whose rays to three triangles differ by less than float32 tells."""
+    return found(
+        [(-1.749755859375, -1.249755859375, -7.75), (-1.749755859375, -1.249755859375, -6.25),
+         (0.249755859375, -1.249755859375, -7.75), (0.249755859375, -1.249755859375, -6.25),
+         (0.249755859375, -2.0, -6.25)], [(1, 3, 4), (0, 3, 1), (0, 2, 3)],
+        Camera((0.125, 0.0, -0.625244140625), (0.125, 0.0, -1.625244140625), (1, 0, 0), 28.072486935852957),
+        Light((2096128.0, 3146496.0, -4194560.0)), (13, 10),
+    )  # fmt: skip
+
+
+CASES = (
+    HardCase("P32", "a triangle on the borders of tiles", "tiles without a pad", leaning_away),
+    HardCase("P33", "a triangle in the face of its box", "cells that do not overlap", in_one_cell),
+    HardCase("S32", "directional light along edges", "bounds of the light's tiles without a pad", along_the_light),
+    HardCase("S33", "rays of a far light that float32 cannot tell apart", "bounds without a pad", far_light),
+)  # fmt: skip

@@ -1,0 +1,46 @@
+"""P17: images whose sides divide by nothing, small, narrow and large."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from .case import HardCase, Trial, ball, joined, quad, triangles, view
+
+
+def odd_image(width: int, height: int) -> Trial:
+    """A ball on a floor in an image whose sides divide by nothing."""
+    floor = quad((-3, 0, -3), (3, 0, -3), (3, 0, 3), (-3, 0, 3))
+    return view(
+        joined(floor, ball(0.5, (0, 0.6, 0))), [(1, 2.5, 0.5)], (0.3, 1.7, 3.1), (-0.1, -0.45, -1),
+        0.5 * min(1.0, height / width * 4), (width, height),
+    )  # fmt: skip
+
+
+def large_image(width: int, height: int) -> Trial:
+    """Small triangles at the corners, along the sides and in the middle of a large image, before nothing.
+
+    Most pixels miss, which costs the judge little; where tiles are partial, and at the last pixel, something is hit.
+    """
+    half, reach = 1.0, width / height
+    places = [(x, y) for x in (-1, -0.5, 0, 0.5, 1) for y in (-1, -0.5, 0, 0.5, 1) if x or y]
+    size = 12.0 / max(width, height) * max(1.0, reach)
+    corners = [
+        (x * reach * half + size * a, y * half + size * b, -1.0)
+        for x, y in places for a, b in ((-1.1, -1.0), (1.2, -0.9), (0.1, 1.3))
+    ]  # fmt: skip
+    mesh = joined(triangles(*corners), triangles(*(np.array(corners) * 0.5)))
+    return view(mesh, [(0, 0, 0), (0, 0, -0.75)], (0, 0, 0), (0, 0, -1), half, (width, height))
+
+
+CASES = (
+    *(
+        HardCase(f"P17 {w}x{h}", f"image of {w}x{h}", "partial tiles, thread guards", partial(odd_image, w, h))
+        for w, h in ((1, 1), (33, 25), (3, 257), (257, 3), (8, 9))
+    ),
+    *(
+        HardCase(f"P17 {w}x{h}", f"image of {w}x{h}", "partial tiles, thread guards", partial(large_image, w, h))
+        for w, h in ((1023, 769), (7, 5000))
+    ),
+)  # fmt: skip
