@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image
 
 from . import gallery, points, style
-from .shade import save_png
+from .shade import opened, save_png
 from .sheet import title_of
 
 COLUMNS = [*points.COMMON, "hit_pixels", "shadow_rays", "shadow_ray_share"]
@@ -81,9 +80,9 @@ def side_by_side(rows: Sequence[dict[str, Any]], folder: Path, path: Path) -> Pa
     made = []
     for label in dict.fromkeys(r["light_label"] for r in rows):
         file = folder / "images" / (f"{rows[0]['scene']}-{label}.png" if label else f"{rows[0]['scene']}.png")
-        if file.exists():
-            with Image.open(file) as image:
-                pixels = np.asarray(image.convert("RGB"))
+        image = opened(file)
+        if image is not None:
+            pixels = np.asarray(image.convert("RGB"))
             made.append(gallery.captioned(pixels, "", f"Light: {label or 'everywhere'}"))
     if not made:
         return None
