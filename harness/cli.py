@@ -87,7 +87,8 @@ def run_(
     setting: Settings = None,
     scene_dir: SceneDir = None,
     out: Annotated[
-        Path | None, typer.Option("--out", help="Results folder. A second run goes on in it.")
+        Path | None,
+        typer.Option("--out", help="Results folder, made where there is none. A second run goes on in it."),
     ] = None,
     size: Annotated[str | None, typer.Option("--size", help="Image size, such as 256x256.")] = None,
     frames: Annotated[
@@ -175,7 +176,10 @@ def list_(
 def render_(
     scene: Annotated[str, typer.Argument(help="A scene's name or a file.")],
     method: Annotated[str, typer.Option("--method", help="The method whose answers are shown.")],
-    out: Annotated[Path, typer.Option("--out", help="The picture to write, .png.")],
+    out: Annotated[
+        Path,
+        typer.Option("--out", help="The picture to write, .png; its folder is made where there is none."),
+    ],
     size: Annotated[str, typer.Option("--size", help="Image size.")] = "512x512",
     frame: Annotated[int, typer.Option("--frame", help="Frame of an animated scene, from 0.")] = 0,
     setting: Settings = None,
@@ -239,6 +243,12 @@ def main() -> None:
         if debug:
             raise
         print(f"shadowbench: {error}", file=sys.stderr)
+        raise SystemExit(2) from None
+    except MemoryError as error:
+        if debug:
+            raise
+        reason = " ".join(str(error).split()) or "no more to be had"
+        print(f"shadowbench: not enough memory ({reason}); choose a smaller --size", file=sys.stderr)
         raise SystemExit(2) from None
     except KeyboardInterrupt:
         print("shadowbench: interrupted", file=sys.stderr)

@@ -7,6 +7,7 @@ import hashlib
 import importlib.metadata
 import os
 import platform
+import re
 import shutil
 import subprocess
 import sys
@@ -30,7 +31,6 @@ PACKAGES = (
 )
 GPU_FIELDS = (
     "name",
-    "uuid",
     "driver_version",
     "memory.total",
     "clocks.max.sm",
@@ -49,7 +49,7 @@ def environment() -> dict[str, Any]:
             "flags": cpu_flags(),
         },
         "memory_bytes": total_memory(),
-        "os": platform.platform(),
+        "os": system(),
         "python": platform.python_version(),
         "implementation": platform.python_implementation(),
         "warp": wp.__version__,
@@ -71,6 +71,12 @@ def keep(folder: Path, facts: dict[str, Any]) -> str:
     if not path.exists():
         write_atomic(path, facts)
     return str(facts["id"])
+
+
+def system() -> str:
+    """Kind of system, version number of its kernel, machine: not the name that somebody gave a build of it."""
+    number = re.match(r"\d+(\.\d+)*", platform.release())
+    return "-".join((platform.system(), number[0] if number else "unknown", platform.machine()))
 
 
 @functools.cache
@@ -117,23 +123,25 @@ def gpus() -> list[dict[str, Any]]:
         {
             "alias": device.alias,
             "name": device.name,
-            "uuid": device.uuid,
             "arch": device.arch,
             "sms": device.sm_count,
         }
         for device in wp.get_cuda_devices()
     ]
     if found and shutil.which("nvidia-smi"):
-        query = ["nvidia-smi", f"--query-gpu={','.join(GPU_FIELDS)}", "--format=csv,noheader,nounits"]
+        # The device's own number pairs the two lists and is not kept: it names one card, not a kind of machine.
+        fields = ("uuid", *GPU_FIELDS)
+        query = ["nvidia-smi", f"--query-gpu={','.join(fields)}", "--format=csv,noheader,nounits"]
         try:
             lines = subprocess.run(
                 query, capture_output=True, text=True, timeout=20, check=True
             ).stdout.splitlines()
         except (OSError, subprocess.SubprocessError):
             lines = []
-        rows = [dict(zip(GPU_FIELDS, (v.strip() for v in line.split(",")), strict=False)) for line in lines]
-        for entry in found:
-            entry["smi"] = next((row for row in rows if row.get("uuid") == entry["uuid"]), None)
+        rows = [dict(zip(fields, (v.strip() for v in line.split(",")), strict=False)) for line in lines]
+        by_number = {row.pop("uuid", ""): row for row in rows}
+        for entry, device in zip(found, wp.get_cuda_devices(), strict=True):
+            entry["smi"] = by_number.get(device.uuid)
     return found
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import difflib
+import functools
+import sys
 from collections.abc import Iterable
 
 
@@ -12,6 +14,12 @@ class UserError(Exception):
 
 class CapacityRejected(Exception):
     """A frame needs more than a method may take. Becomes the status ``rejected`` with this text as reason."""
+
+
+@functools.cache
+def warn(text: str) -> None:
+    """Say on standard error, once a process, what a person should know and nothing stops at."""
+    print(f"shadowbench: warning: {text}", file=sys.stderr)
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

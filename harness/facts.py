@@ -45,6 +45,16 @@ def scene_facts(prepared: Prepared, moments: dict[int, Moment]) -> dict[str, Any
     }
 
 
+def never_hit(triangles: int, valid: int) -> str:
+    """A warning where triangles cannot be hit, which every method then answers right by missing them; else ""."""
+    if valid == triangles:
+        return ""
+    why = "no area, or a corner that is not a finite number"
+    if valid:
+        return f"{triangles - valid:,} of {triangles:,} triangles can never be hit ({why})"
+    return f"warning: none of {triangles:,} triangles can ever be hit ({why}): this checked misses, and nothing else"
+
+
 def plain(value: Any) -> Any:
     """The value as JSON can hold it: numpy numbers as Python's own, tuples as lists, anything else as text."""
     if isinstance(value, dict):

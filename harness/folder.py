@@ -16,6 +16,7 @@ import numpy as np
 
 from .errors import UserError
 from .record import Journal, write_atomic
+from .record_shape import fault
 from .scenes.catalogue import resolve
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
@@ -90,7 +91,7 @@ class ResultsFolder:
     def record(self, key: str) -> dict[str, Any] | None:
         """The finished record of a point; None where there is none, or a file that is no whole record."""
         found = _read_json(self.path / "records" / f"{key}.json")
-        return found if found is not None and found.get("key") == key and "status" in found else None
+        return found if found is not None and found.get("key") == key and not fault(found) else None
 
     def keep_record(self, record: dict[str, Any], journal: Journal) -> None:
         """Write a record; its journal, and answers that nobody graded, have then done their work."""

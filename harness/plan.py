@@ -34,6 +34,9 @@ CONVENTIONS = (
 )  # fmt: skip
 """Modules of the harness that every measurement depends on; their text is hashed into a method's source hash."""
 
+MOST_PIXELS = 2**31 - 1
+"""Pixels of an image at most: they are counted with int32."""
+
 
 @dataclass(frozen=True)
 class Entry:
@@ -184,11 +187,16 @@ def choose_methods(entries: tuple[Entry, ...], names: list[str] | None) -> tuple
 
 
 def parse_size(text: str) -> tuple[int, int]:
-    """Width and height of ``256x256``."""
+    """Width and height of ``256x256``. Raises :class:`UserError` for more pixels than an int32 can count."""
     match = re.fullmatch(r"([1-9]\d{0,4})x([1-9]\d{0,4})", text)
     if not match:
         raise UserError(f"--size {text!r}: write it as WIDTHxHEIGHT, each 1 to 99999, such as 256x256")
-    return int(match[1]), int(match[2])
+    width, height = int(match[1]), int(match[2])
+    if width * height > MOST_PIXELS:
+        raise UserError(
+            f"--size {text}: {width * height:,} pixels are more than the {MOST_PIXELS:,} that can be indexed; give fewer"
+        )
+    return width, height
 
 
 def spread_frames(frame_count: int, wanted: int) -> list[int]:

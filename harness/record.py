@@ -17,9 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from .errors import UserError
+from .record_shape import SCHEMA, read_record, record_paths
 
-SCHEMA = 1
 STATUSES = ("ok", "skipped", "failed", "timeout", "rejected")
 """What may become of a point. Every planned point yields exactly one record with one of these."""
 
@@ -203,22 +202,7 @@ def _join_rounds(rounds: list[dict[str, Any]]) -> dict[int, dict[str, Any]]:
 
 def read_records(folder: Path | str) -> list[dict[str, Any]]:
     """Every finished record of a results folder, by key. Raises :class:`UserError` where there is none."""
-    place = Path(folder) / "records"
-    paths = sorted(place.glob("*.json")) if place.is_dir() else []
-    if not paths:
-        raise UserError(f"{folder}: no records here; name a folder that `shadowbench run` wrote")
-    records = []
-    for path in paths:
-        try:
-            record = json.loads(path.read_text(encoding="utf-8"))
-        except ValueError as error:
-            raise UserError(f"{path}: not a record ({error}); remove it and run again") from error
-        if record.get("schema") != SCHEMA:
-            raise UserError(
-                f"{path}: schema {record.get('schema')}, this version reads {SCHEMA}; run again into a new folder"
-            )
-        records.append(record)
-    return records
+    return [read_record(path) for path in record_paths(folder)]
 
 
 def identity(record: dict[str, Any]) -> dict[str, Any]:

@@ -15,22 +15,21 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from .asking import LOAD_S, grade_command, load_command, prepare_command
 from .environment import environment, keep
 from .folder import ResultsFolder
 from .job import Job, Options, Reporter
 from .lighting import Lighting
 from .plan import Entry, Preset, describe_method, make_point, orders
-from .record import digest, make_record
+from .record import make_record
 from .remote import Remote, WorkerError, WorkerLostError
+from .repaint import repaint
 
 GRADER = "grading"
 """The name of the worker that makes scenes and grades answers (no method may be called so)."""
 
 GRADERS = max(1, min(8, (os.cpu_count() or 1) // 2))
 """Workers that grade at once, after everything of a scene was timed. Each holds the scene."""
-
-LOAD_S = 300.0
-"""Seconds a worker may take to start and to load a scene, at least: no method's doing, whatever its time limit."""
 
 
 Described = list[tuple[Entry, dict[str, Any]]]
@@ -108,6 +107,7 @@ class Run:
                 if job.method in lost and job.record is None:
                     self._close(job, lost[job.method].status, lost[job.method].reason)
         self._measure([job for job in jobs if job.record is None])
+        repaint(self.options, self.folder, self.lighting, jobs)
         for worker in self.workers.values():
             if worker.running:
                 self._tell(worker, do="free")
@@ -188,18 +188,7 @@ class Run:
         if worker.running and worker.generation == job.generation:
             return
         self._ensure_loaded(job.method, job.scene)
-        preset = self.options.preset
-        spec = {
-            "key": job.point.key,
-            "method": job.method,
-            "settings": dict(job.point.entry.settings),
-            "device": job.point.method["device"],
-            "memory_limit": preset.memory,
-            "maps": self.options.preset.maps,
-            "budget_s": preset.budget_s,
-            "runs": preset.rounds * (preset.samples + preset.stage_samples + 1),
-        }
-        reply = self._command(worker, do="prepare", point=spec, folder=str(self.options.out))
+        reply = self._command(worker, **prepare_command(self.options, job))
         job.generation = worker.generation
         self._note(job, {"event": "prepared", **reply})
 
@@ -218,25 +207,13 @@ class Run:
 
     def _ask_grades(self, job: Job, grader: str) -> None:
         """Ask for grades of the answers that the method's worker handed over when it was prepared."""
-        label = self.lighting.label
-        image = self.folder.image(job.point.scene["name"] + (f"-{label}" if label else ""))
         try:
             self._ensure_loaded(grader, job.scene)
         except WorkerError as error:
             self._ungraded(job, error)
             return
-        self._worker(grader).send(
-            do="grade",
-            key=job.point.key,
-            folder=str(self.options.out),
-            device=self.options.device,
-            save_answers=self.options.save_answers,
-            score=self.options.score,
-            picture=str(image),
-            # Another scene of the same name, an original for its stand-in, gets a picture of its own.
-            shows=digest([job.point.scene.get(name) for name in ("arrays_sha256", "moments_sha256")]),
-            wrong_maps=self.options.preset.wrong_maps,
-        )
+        command = grade_command(self.options, self.folder, self.lighting, job)
+        self._worker(grader).send(**command, wrong_maps=self.options.preset.wrong_maps)
 
     def _take_grades(self, job: Job, grader: str) -> None:
         if job.journal.first("finished"):
@@ -312,19 +289,7 @@ class Run:
             self.loaded[name] = worker.generation
 
     def _load_command(self, scene: str, make: bool = False) -> dict[str, Any]:
-        """What has a worker load the scene: ``make`` it, or take the one that was made."""
-        preset = self.options.preset
-        return {
-            "do": "load",
-            "scene": scene,
-            "scene_dir": self.options.scene_dir,
-            "frames": preset.frames,
-            "width": preset.width,
-            "height": preset.height,
-            "shared": str(self.folder.shared_scene),
-            "lighting": self.lighting.facts(),
-            "make": make,
-        }
+        return load_command(self.options, self.folder, self.lighting, scene, make)
 
     def _load(self, name: str, methods: set[str]) -> tuple[dict[str, Any] | None, dict[str, WorkerError]]:
         """Have one worker make the scene and the others take it: its facts (None where it failed), and who failed."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import csv
 import importlib.util
+import itertools
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from brute_force import make_scene, soup
 from fake_records import record, write
 from shadowbench.experiments import accuracy as declared
 from shadowbench.harness import looks
-from shadowbench.harness.figures import accuracy, style
+from shadowbench.harness.figures import accuracy, accuracy_heat, accuracy_pareto, style
 from shadowbench.harness.figures.accuracy_cost import costs
 from shadowbench.harness.figures.accuracy_rows import families, mark_frontier, rows
 from shadowbench.harness.hardness import hard_rows
@@ -282,6 +283,47 @@ def test_everything_is_drawn_and_the_tables_are_in_the_text(folder, capsys):
         table = list(csv.DictReader(file))
     assert len(table) == 5
     assert {r["label"]: r["on_frontier"] for r in table}["b: beaten"] == "False"
+
+
+def test_names_in_the_pareto_plot_cover_neither_one_another_nor_a_marker():
+    """Many points close together: some names are left out, none is drawn over anything."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    random = np.random.default_rng(1)
+    rows = [
+        {
+            "family": f"{i % 3}", "level": f"a long name {i}", "scene_title": "S", "scene": "s", "width": 8, "height": 8,
+            "total_ms": float(ms), "wrong_per_frame": float(wrong), "on_frontier": i == 0, "quartiles": (ms, ms),
+        }
+        for i, (ms, wrong) in enumerate(zip(random.uniform(1, 3, 40), random.integers(0, 90, 40), strict=True))
+    ]  # fmt: skip
+    figure = Figure(figsize=(3.6, 2.2), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots()
+    looks = families(rows)
+    accuracy_pareto._panel(axes, rows, looks)
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    accuracy_pareto._names(axes, rows, accuracy_pareto._heights(looks))
+    boxes = [accuracy_pareto._box(text) for text in axes.texts]
+    assert 4 < len(boxes) < 41
+    assert not any(accuracy_pareto._meet(a, b) for a, b in itertools.combinations(boxes, 2))
+    for r in rows:
+        x, y = axes.transData.transform(
+            (r["total_ms"], accuracy_pareto._height(r, accuracy_pareto._heights(looks)))
+        )
+        assert not any(accuracy_pareto._meet((x - 1, y - 1, x + 1, y + 1), box) for box in boxes), r["level"]
+
+
+def test_the_ink_on_a_colour_is_the_one_that_stands_out():
+    import matplotlib
+
+    colours = matplotlib.colormaps["magma_r"].with_extremes(bad="white")
+    assert accuracy_heat._ink(colours, 0.0) == "black", "pale yellow"
+    assert accuracy_heat._ink(colours, 0.6) == "white", "purple"
+    assert accuracy_heat._ink(colours, 1.0) == "white"
+    assert accuracy_heat._ink(colours, np.ma.masked) == accuracy_heat._ink(colours, float("nan")) == "black"
 
 
 def test_a_folder_without_scores_says_so(tmp_path):

@@ -62,6 +62,19 @@ def test_no_command_shows_help(call):
             "'bhv' is not among the methods run; did you mean bvh?",
         ),
         (["run", "table1", "--size", "256"], "--size '256': write it as WIDTHxHEIGHT"),
+        *(
+            (
+                [*command.split(), "--size", "99999x99999"],
+                "more than the 2,147,483,647 that can be indexed; give fewer",
+            )
+            for command in (
+                "run table1",
+                "plan cloth",
+                "verify cloth",
+                "explain cloth --pixel 1,1",
+                "render cloth --method bvh --out a.png",
+            )
+        ),
         (["run", "table1", "--size", "0x9"], "--size '0x9': write it as WIDTHxHEIGHT"),
         (["run", "table1", "--rounds", "0"], "--rounds 0: must be more than 0"),
         (["run", "table1", "--budget", "-1"], "--budget -1: must be more than 0"),

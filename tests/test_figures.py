@@ -10,7 +10,7 @@ from fake_records import METHODS, SCENES, record, score, write
 from rich.console import Console
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.errors import UserError
-from shadowbench.harness.figures import bars, paper, sheet, style, table1, tidy
+from shadowbench.harness.figures import bars, paper, points, sheet, style, table1, tidy
 
 
 def test_the_papers_numbers_are_as_printed():
@@ -256,6 +256,28 @@ def test_show_draws_again_and_says_what_is_wrong_with_a_folder(records, tmp_path
         show("table1", tmp_path / "elsewhere")
     with pytest.raises(UserError, match="no records"):
         show("table1", tmp_path / "records")
+
+
+def test_a_scene_that_nothing_can_hit_is_told_beside_its_tick(tmp_path, capsys):
+    """Misses are then the right answer, and a plain tick would say more than was checked."""
+    blind, partly = (record(scene, "bvh") for scene in ("cloth", "fairy"))
+    blind["scene"]["invalid_triangles"] = blind["scene"]["triangles"]
+    partly["scene"]["invalid_triangles"] = 4
+    write(tmp_path, [blind, partly])
+    table1.draw(tmp_path)
+    for text in (" ".join(capsys.readouterr().out.split()), (tmp_path / "table1.md").read_text()):
+        assert "Cloth (stand-in): warning: none of 92,210 triangles can ever be hit" in text
+        assert "4 of 174,117 triangles can never be hit" in text
+    said = points.errors([points.row(blind)])
+    assert "warning: none of 92,210 triangles" in said
+
+
+def test_records_of_another_experiment_are_not_drawn(tmp_path):
+    write(tmp_path, [record("cloth", "bvh")])
+    with pytest.raises(
+        UserError, match=r"its records are of table1, not of figure2; shadowbench show table1 "
+    ):
+        show("figure2", tmp_path)
 
 
 def test_a_bar_that_dwarfs_the_others_is_cut_and_keeps_its_number(tmp_path):

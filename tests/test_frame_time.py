@@ -74,7 +74,7 @@ def test_the_floor_is_told_stage_by_stage(monkeypatch, tmp_path):
     assert f"camera: resolve,trace,0.4,{resolve:.6g},{0.4 / resolve:.6g}" in lines[1]
     assert f"{resolve + scatter:.3f} ms" in text
     assert "light 0: scatter rays by 0.590 ms" in text
-    assert "black tick" in (tmp_path / "frame_time.svg").read_text()
+    assert "floor of ray grids" in (tmp_path / "frame_time.svg").read_text()
 
 
 def test_shares_of_a_stage_are_one_stage_with_one_launch(monkeypatch, tmp_path):
@@ -111,3 +111,30 @@ def test_every_stage_of_the_method_has_its_work():
     shared = {work.stage for name, work in works.items() if ", share 2 of 2" in name}
     assert len(shared) == 3 * 4 + 2  # of the camera four steps, of each light five
     assert "" not in shared
+
+
+def test_a_bar_says_three_digits_and_what_is_wrong_of_it():
+    """No time without its error: a mark and a count where answers are wrong, a word where nothing is known."""
+    right = {**row("fast", "a", 6.678), "times_slower": 6.68, "true_errors": 0, "check": "ok"}
+    assert frame_time.beside(right, "ours") == "6.68 ms, 6.68x"
+    assert frame_time.beside({**right, "true_errors": 4}, "ours") == "6.68 ms, 6.68x  ✗ 4"
+    assert frame_time.beside({**right, "true_errors": None}, "fast") == "6.68 ms  unscored"
+    assert [frame_time.digits(x) for x in (0.3091, 5.0, 30.12, 1234.0, 0.0)] == [
+        "0.309",
+        "5.00",
+        "30.1",
+        "1,234",
+        "0.00",
+    ]
+
+
+def test_the_picture_marks_wrong_answers_and_explains_its_parts(tmp_path):
+    wrong = made("frame_time", Entry("bvh", {}, "mesh rebuilt"), ms=3.0)
+    wrong["frames"][0]["score"] = {**wrong["frames"][0]["score"], "true_errors": 4}
+    keep(tmp_path, [made("frame_time", Entry("ray_grids", {}, "ray grids"), ms=1.0), wrong])
+    show("frame_time", tmp_path, quiet=True)
+    text = (tmp_path / "frame_time.svg").read_text()
+    assert "✗ 4" in text
+    assert "n wrong pixels and shadow bits" in text
+    assert "twice the time of ray grids" in text
+    assert all(f">{part}<" in text for part in ("build", "trace", "light build", "shadow"))

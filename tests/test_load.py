@@ -253,6 +253,7 @@ def test_npz_sequence(tmp_path):
         ({"V": files.QUAD[None, :, :2], "F": np.array(files.FACES)}, "save V as floats"),
         ({"V": np.zeros((0, 5, 3)), "F": np.array(files.FACES)}, "no frames"),
         ({"V": files.QUAD[None], "F": np.zeros((0, 3), int)}, "no triangles"),
+        ({"V": np.zeros((0, 3)), "F": np.zeros((0, 3), int)}, "no triangles"),
         ({"V": np.array([{"a": 1}], dtype=object), "F": np.array(files.FACES)}, "V.npy"),
     ],
 )

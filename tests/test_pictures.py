@@ -171,6 +171,21 @@ def test_the_contact_sheet_holds_every_picture(tmp_path):
     assert {0, 60, 120, 180} <= set(np.unique(sheet_).tolist())
 
 
+def test_a_damaged_picture_is_left_out_of_the_sheet_and_told(tmp_path, capsys):
+    whole = save_png(np.zeros((40, 60, 3), dtype=np.uint8), tmp_path / "images" / "a.png", "it")
+    half = tmp_path / "images" / "b.png"
+    half.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
+    (tmp_path / "images" / "c.png").write_bytes(b"no picture")
+    assert shown_in(whole) == "it"
+    assert shown_in(half) is None
+    (sheet,) = gallery.draw(tmp_path)
+    assert sheet.name == "gallery.png"
+    said = capsys.readouterr().err
+    assert [f"{name}.png: not a whole picture" in said for name in "abc"] == [False, True, True]
+    whole.unlink()
+    assert gallery.draw(tmp_path) == []
+
+
 def test_a_picture_says_what_it_was_made_from(tmp_path):
     lights = (Light((0.0, 0.0, 6.0)),)
     prepared = square(lights)

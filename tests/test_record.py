@@ -188,6 +188,38 @@ def test_reading_says_what_is_wrong(tmp_path):
         record.read_records(tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (lambda r: [], "all of it is [], not an object"),
+        (lambda r: {**r, "point": {**r["point"], "width": "abc"}}, "point.width is 'abc', not a whole number"),
+        (lambda r: {**r, "frames": [{**r["frames"][0], "total_ms": [1.0, None]}]}, "frames[0].total_ms[1] is None"),
+        (lambda r: {**r, "scene": None}, "scene is None, not an object"),
+        (lambda r: {k: v for k, v in r.items() if k != "method"}, "it has no method"),
+    ],
+)  # fmt: skip
+def test_a_record_of_wrong_shape_is_told_by_its_file_and_field(tmp_path, damage, said):
+    whole = made([round_event(0, [1.0]), finished_event()])
+    record.write_atomic(tmp_path / "records" / "k.json", damage(whole))
+    with pytest.raises(UserError) as refused:
+        record.read_records(tmp_path)
+    assert f"records/k.json: not a record ({said}" in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_what_cannot_be_read_is_not_called_unwritten(tmp_path, monkeypatch):
+    (tmp_path / "records" / "dir.json").mkdir(parents=True)
+    with pytest.raises(UserError, match=r"dir\.json: cannot be read \(Is a directory\)"):
+        record.read_records(tmp_path)
+
+    def locked(self):
+        raise PermissionError(errno.EACCES, "Permission denied", str(self))
+
+    monkeypatch.setattr(type(tmp_path), "iterdir", locked)
+    with pytest.raises(UserError, match=r"records: cannot be read \(Permission denied\)"):
+        record.read_records(tmp_path)
+
+
 def test_equal_configurations_have_equal_hashes():
     assert record.digest({"a": 1, "b": [1.5]}) == record.digest({"b": [1.5], "a": 1})
     assert record.digest([-1]) != record.digest([1])

@@ -336,13 +336,3 @@ def test_another_scene_of_the_same_name_gets_a_picture_of_its_own(tmp_path):
     scene.write_text("v 0 0 0\nv 5 0 0\nv 0 1 0\nf 1 2 3\n")
     go(options(out, [str(scene)], ["bvh"]))
     assert picture.read_bytes() != first
-
-
-@pytest.mark.parametrize("text", ["", "{", "[]", "[1]", "{}", '{"status": "ok"}'])
-def test_what_is_no_whole_record_is_measured_again(tmp_path, text):
-    path = tmp_path / "records" / "a.json"
-    path.parent.mkdir()
-    path.write_text(text)
-    assert ResultsFolder(tmp_path).record("a") is None
-    path.write_text('{"key": "a", "status": "ok"}')
-    assert ResultsFolder(tmp_path).record("a") == {"key": "a", "status": "ok"}

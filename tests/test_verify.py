@@ -9,11 +9,13 @@ import exact_cases as cases
 import numpy as np
 import pytest
 import trimesh
+from made_records import made
 from shadowbench.harness import registry
 from shadowbench.harness.commands.verify import explain, score, verify
 from shadowbench.harness.errors import CapacityRejected, UserError
 from shadowbench.harness.method import SimpleMethod
 from shadowbench.harness.moment import Prepared
+from shadowbench.harness.plan import Entry
 from shadowbench.harness.raw import save_raw
 from shadowbench.harness.referee import Referee
 from shadowbench.harness.scenes.catalogue import resolve
@@ -299,11 +301,8 @@ def folder(tmp_path, mesh):
         cls().spoil(answers)
         key = f"point-{cls.name}"
         save_raw(tmp_path / "answers" / f"{key}-0.npz", prepared, moment, answers, mesh, extra={"key": key})
-        record = {
-            "key": key,
-            "method": {"name": cls.name, "settings": {}},
-            "frames": [{"frame": 0, "total_ms": [1.25], "score": None, "unscored": "no Embree there"}],
-        }
+        record = {**made("table1", Entry(cls.name)), "key": key}
+        record["frames"][0].update(total_ms=[1.25], score=None, unscored="no Embree there")
         (tmp_path / "records").mkdir(exist_ok=True)
         (tmp_path / "records" / f"{key}.json").write_text(json.dumps(record))
     return tmp_path

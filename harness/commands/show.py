@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ..errors import UserError
 from ..plan import find_experiment
+from ..record_shape import read_record, record_paths
 
 
 def show(experiment: str, folder: Path | str, quiet: bool = False) -> list[Path]:
@@ -22,9 +23,27 @@ def show(experiment: str, folder: Path | str, quiet: bool = False) -> list[Path]
     if declared.draw is None:
         raise UserError(f"{experiment}: has nothing to draw; its records are in {folder / 'records'}")
     draw: Callable[..., list[Path]] = declared.draw
+    if declared.presets:
+        refuse_others(experiment, folder)
     try:
         return list(draw(folder, quiet))
     except OSError as error:
+        reason = error.strerror or " ".join(str(error).split())
         raise UserError(
-            f"{error.filename or folder}: cannot write ({error.strerror}); free or change it"
+            f"{error.filename or folder}: cannot be read or written ({reason}); free or change it"
         ) from error
+
+
+def refuse_others(experiment: str, folder: Path) -> None:
+    """Raise :class:`UserError` where all records of a folder are another experiment's: whose, and what shows them."""
+    whose: list[str] = []
+    for path in record_paths(folder):
+        name = read_record(path)["experiment"]
+        if name == experiment:
+            return
+        whose.append(name)
+    names = list(dict.fromkeys(whose))
+    raise UserError(
+        f"{folder}: its records are of {' and '.join(names)}, not of {experiment}; "
+        f"shadowbench show {names[0]} {folder}"
+    )

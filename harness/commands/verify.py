@@ -117,6 +117,7 @@ def _verify_scene(
     quiet: bool,
 ) -> dict[str, Any]:
     from ..disputes import Disputes, settle
+    from ..facts import never_hit
     from ..moment import Prepared
     from ..score import Judge
 
@@ -155,20 +156,10 @@ def _verify_scene(
         "stand_in": described.stand_in,
         "triangles": prepared.triangle_count,
         "valid_triangles": int(moment.valid.sum()),
-        "warning": _never_hit(prepared.triangle_count, int(moment.valid.sum())),
+        "warning": never_hit(prepared.triangle_count, int(moment.valid.sum())),
         "sha256": prepared.sha256(frame),
         "methods": rows,
     }
-
-
-def _never_hit(triangles: int, valid: int) -> str:
-    """A warning where triangles cannot be hit, which every method then answers right by missing them; else ""."""
-    if valid == triangles:
-        return ""
-    why = "no area, or a corner that is not a finite number"
-    if valid:
-        return f"{triangles - valid:,} of {triangles:,} triangles can never be hit ({why})"
-    return f"warning: none of {triangles:,} triangles can ever be hit ({why}): this checked misses, and nothing else"
 
 
 def score(
@@ -214,6 +205,7 @@ def score(
 def _score_file(path: Path, folder: Path, again: bool, scene_dir: Path | None) -> dict[str, Any]:
     """Score one file of raw answers, and put the score into its record where there is one."""
     from ..raw import read_facts, score_raw
+    from ..record_shape import read_record
     from ..settlement import keep_disputes
 
     row: dict[str, Any] = {
@@ -234,7 +226,7 @@ def _score_file(path: Path, folder: Path, again: bool, scene_dir: Path | None) -
         record_path = path.parent.parent / "records" / f"{facts['extra'].get('key', '')}.json"
         frame: dict[str, Any] = {}
         if record_path.is_file():
-            record = json.loads(record_path.read_text())
+            record = read_record(record_path)
             row["record"], row["record_path"] = record, record_path
             row["method"] = record["method"]["name"]
             frame = next((f for f in record["frames"] if f["frame"] == facts["frame"]), {})

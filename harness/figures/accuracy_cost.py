@@ -72,10 +72,12 @@ def draw(made: Sequence[Row], measures: Sequence[Measure], base: str, path: Path
     if not found:
         return []
     names = [name for name, _, _ in measures if any(c["measure"] == name for c in found)]
+    number = {name: i + 1 for i, name in enumerate(names)}
     colour = {name: style.COLOURS[i % len(style.COLOURS)] for i, name in enumerate(names)}
     bars = list(dict.fromkeys((c["scene"], c["scene_title"]) for c in found))
+    seen: set[str] = set()
     with matplotlib.rc_context(style.axes_style()):
-        figure = Figure(figsize=(5.6, 0.5 * len(bars) + 1.1), layout="constrained")
+        figure = Figure(figsize=(7.0, 0.62 * len(bars) + 1.3), layout="constrained")
         axes = figure.subplots()
         for place, (scene, _) in enumerate(bars):
             own = [c for c in found if c["scene"] == scene]
@@ -83,22 +85,34 @@ def draw(made: Sequence[Row], measures: Sequence[Measure], base: str, path: Path
             added = {c["measure"]: 0.0 if c["within_noise"] else max(0.0, c["cost_ms"]) for c in own}
             rest = max(0.0, total - sum(added.values()))
             axes.barh(
-                place, 100 * rest / total, height=0.5, color="#cccccc", edgecolor="#888888", linewidth=0.4
+                place, 100 * rest / total, height=0.36, color="#cccccc", edgecolor="#888888", linewidth=0.4
             )
             left = rest
             for name in names:
                 width = added.get(name, 0.0)
-                axes.barh(place, 100 * width / total, left=100 * left / total, height=0.5, color=colour[name])
+                if width > 0:
+                    seen.add(name)
+                    axes.barh(
+                        place, 100 * width / total, left=100 * left / total, height=0.36, color=colour[name]
+                    )
                 left += width
-            told = "; ".join(_told(c, i + 1) for i, c in enumerate(own))
-            axes.text(0, place + 0.42, f"{style.number(total)} ms.  {told}", fontsize=5.2, va="center")
+            told = ";  ".join(_told(c, number[c["measure"]]) for c in own)
+            axes.text(0.6, place + 0.36, f"{style.number(total)} ms.  {told}", fontsize=6.5, va="center",
+                      bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6})  # fmt: skip
         axes.set_yticks(range(len(bars)), [title for _, title in bars])
-        axes.set_ylim(len(bars) - 0.3, -0.45)
+        axes.set_ylim(len(bars) - 0.4, -0.35)
         axes.set_xlim(0, 100.5)
         axes.tick_params(axis="y", length=0)
         axes.set_xlabel("share of the exact tree's frame, %")
         handles = [Patch(facecolor="#cccccc", edgecolor="#888888", linewidth=0.4, label="all else")]
-        handles += [Patch(facecolor=colour[name], label=f"{i + 1}: {name}") for i, name in enumerate(names)]
+        handles += [
+            Patch(facecolor=colour[name], label=f"{number[name]}: {name}")
+            if name in seen
+            else Patch(
+                facecolor="none", edgecolor="none", label=f"{number[name]}: {name} (no bar: adds no time)"
+            )
+            for name in names
+        ]
         figure.legend(handles=handles, loc="outside upper center", ncols=2, frameon=False, handlelength=1.2)
         return [points.save(figure, path)]
 

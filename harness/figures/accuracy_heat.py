@@ -85,18 +85,23 @@ def draw(folder: Path) -> list[Path]:
     with matplotlib.rc_context({**points.sheet_style(), "axes.grid": False}):
         figure = Figure(figsize=(7.0, 0.55 + 1.6 * down), layout="constrained", dpi=200)
         panels = figure.subplots(down, across, squeeze=False, sharex=True, sharey=True)
-        shown = None
+        shown, shade = None, LogNorm(1e-4, 1.0)
         colours = matplotlib.colormaps["magma_r"].with_extremes(bad="white")
         for axes, label in zip(panels.ravel(), labels, strict=False):
             grid, text = _cells([row for row in rows if row["label"] == label], distances, offsets)
             shown = axes.imshow(
-                np.ma.masked_less_equal(grid, 0.0), norm=LogNorm(1e-4, 1.0), cmap=colours, origin="lower",
+                np.ma.masked_less_equal(grid, 0.0), norm=shade, cmap=colours, origin="lower",
                 aspect="auto",
             )  # fmt: skip
             for (i, j), words in np.ndenumerate(text):
-                dark = np.isfinite(grid[i, j]) and grid[i, j] > 0.03
                 axes.text(
-                    j, i, words, ha="center", va="center", fontsize=4.8, color="white" if dark else "black"
+                    j,
+                    i,
+                    words,
+                    ha="center",
+                    va="center",
+                    fontsize=4.8,
+                    color=_ink(colours, shade(grid[i, j])),
                 )
             axes.set_title(label, fontsize=7)
             axes.set_xticks(range(len(distances)), [_power(x) for x in distances])
@@ -115,6 +120,16 @@ def draw(folder: Path) -> list[Path]:
             fontsize=7.5,
         )
         return [points.save(figure, folder / "accuracy_heat.png")]
+
+
+def _ink(colours: Any, level: Any) -> str:
+    """Black or white, whichever stands out more from the colour at a level (masked or not a number: none, white)."""
+    if np.ma.is_masked(level) or not np.isfinite(level):
+        return "black"
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in colours(float(level))[:3]]
+    luminance = float(np.dot(linear, (0.2126, 0.7152, 0.0722)))
+    # Where the contrast with white, 1.05 / (L + 0.05), equals that with black, (L + 0.05) / 0.05.
+    return "white" if luminance < 0.179 else "black"
 
 
 def _power(x: float) -> str:

@@ -14,7 +14,18 @@ from .sheet import title_of
 FLOOR = 0.5
 """Where zero wrong pixels stand on the logarithmic axis: every count is raised by one half."""
 
-BOTTOM = 0.06
+MARKER, NAME_SIZE = 4, 6.5
+"""Points: of a marker's side, and of the type of names."""
+
+SIDES = (
+    ((4, 0), "left", "center"), ((4, 2), "left", "bottom"), ((4, -2), "left", "top"), ((-4, 0), "right", "center"),
+    ((-4, 2), "right", "bottom"), ((-4, -2), "right", "top"),
+)  # fmt: skip
+"""Where a name may stand beside its point, in points, the best place first: its offset, and which side of it is there."""
+ABOVE_BELOW = (((0, 4), "center", "bottom"), ((0, -4), "center", "top"))
+"""And where one of the frontier may stand besides."""
+
+BOTTOM = 0.015
 """Lower end of the band in which points without a wrong answer are spread out, a height for each family."""
 
 
@@ -31,7 +42,7 @@ def draw(made: Sequence[Row], path: Path) -> list[Path]:
     across = min(2, len(panels))
     down = -(-len(panels) // across)
     with matplotlib.rc_context(points.sheet_style()):
-        figure = Figure(figsize=(3.5 * across, 2.9 * down + 0.75), layout="constrained")
+        figure = Figure(figsize=(3.6 * across, 2.2 * down + 0.75), layout="constrained")
         axes = figure.subplots(down, across, squeeze=False).ravel()
         for place, (_, own) in zip(axes, panels, strict=False):
             _panel(place, own, looks)
@@ -40,6 +51,10 @@ def draw(made: Sequence[Row], path: Path) -> list[Path]:
         figure.supxlabel("ms a frame (bars: quartiles of repeats)", fontsize=7)
         figure.supylabel("wrong answers a frame + ½", fontsize=7)
         _legend(figure, {r["family"] for r in known}, looks)
+        figure.draw_without_rendering()  # the layout, from which the room for names follows
+        figure.set_layout_engine("none")
+        for place, (_, own) in zip(axes, panels, strict=False):
+            _names(place, own, _heights(looks))
         return [points.save(figure, path)]
 
 
@@ -50,7 +65,7 @@ def _panel(axes: Any, rows: Sequence[Row], looks: dict[str, tuple[str, str]]) ->
     axes.set_yscale("log")
     axes.axhspan(BOTTOM, FLOOR * 1.2, color="#e8f2e8", zorder=0)
     axes.text(0.99, FLOOR * 1.1, "no wrong answer (one height a family)", transform=axes.get_yaxis_transform(),
-              ha="right", va="top", fontsize=5.5, color="#446644")  # fmt: skip
+              ha="right", va="top", fontsize=NAME_SIZE, color="#446644")  # fmt: skip
     heights = _heights(looks)
     line = sorted((r for r in rows if r["on_frontier"]), key=lambda r: r["total_ms"])
     axes.step(
@@ -62,16 +77,15 @@ def _panel(axes: Any, rows: Sequence[Row], looks: dict[str, tuple[str, str]]) ->
         low, high = r["quartiles"]
         ends = [[max(0.0, r["total_ms"] - low)], [max(0.0, high - r["total_ms"])]]
         axes.errorbar(
-            r["total_ms"], _height(r, heights), xerr=ends, fmt=marker, color=colour, ms=4,
+            r["total_ms"], _height(r, heights), xerr=ends, fmt=marker, color=colour, ms=MARKER,
             mec="black" if r["on_frontier"] else colour, mew=0.7 if r["on_frontier"] else 0.3, elinewidth=0.7,
             alpha=0.9,
         )  # fmt: skip
-    _names(axes, rows, line, heights)
     axes.set_title(f"{title_of(rows[0])}, {rows[0]['width']}x{rows[0]['height']}", loc="left")
     axes.set_ylim(BOTTOM, max(r["wrong_per_frame"] for r in rows) * 4 + 2)
     low = min(r["total_ms"] for r in rows)
     high = max(r["total_ms"] for r in rows)
-    axes.set_xlim(low * 0.8, high * 2.2)
+    axes.set_xlim(low * 0.5, high * 2.2)
     axes.set_yticks([10.0**k for k in range(int(math.log10(axes.get_ylim()[1])) + 1)])
     axes.yaxis.set_minor_locator(matplotlib.ticker.NullLocator())
 
@@ -88,21 +102,45 @@ def _height(r: Row, heights: dict[str, float]) -> float:
     return r["wrong_per_frame"] + FLOOR if r["wrong_per_frame"] else heights[r["family"]]
 
 
-def _names(axes: Any, rows: Sequence[Row], frontier: Sequence[Row], heights: dict[str, float]) -> None:
-    """Names beside points that have room: those of the frontier and those with errors, where no name stands yet."""
-    taken: list[tuple[float, float]] = []
-    wanted = [*frontier, *sorted(rows, key=lambda r: -r["wrong_per_frame"])]
-    for r in wanted:
-        if r not in frontier and r["wrong_per_frame"] == 0:
+def _names(axes: Any, rows: Sequence[Row], heights: dict[str, float]) -> None:
+    """Names beside points, where one has room that neither a marker nor another name takes.
+
+    First those of the frontier, then those with errors, the most wrong first; a name without room is left out. To be
+    called once the layout stands: room is measured in what is drawn.
+    """
+    figure = axes.figure
+    unit = figure.dpi / 72
+    half = 0.5 * MARKER * unit
+    at = [axes.transData.transform((r["total_ms"], _height(r, heights))) for r in rows]
+    taken = [(x - half, y - half, x + half, y + half) for x, y in at]
+    taken += [_box(text) for text in axes.texts]
+    frame = axes.get_window_extent()
+    order = sorted(range(len(rows)), key=lambda k: (not rows[k]["on_frontier"], -rows[k]["wrong_per_frame"]))
+    for k in order:
+        r = rows[k]
+        if not r["on_frontier"] and r["wrong_per_frame"] == 0:
             continue
-        at = (math.log10(r["total_ms"]), math.log10(_height(r, heights)))
-        if any(abs(at[1] - y) < 0.24 and -0.9 < at[0] - x < 0.9 for x, y in taken):
-            continue
-        taken.append(at)
-        axes.annotate(
-            r["level"], (r["total_ms"], _height(r, heights)), xytext=(4, 2.5), textcoords="offset points",
-            fontsize=5,
-        )  # fmt: skip
+        for (right, up), across, along in (*SIDES, *(ABOVE_BELOW if r["on_frontier"] else ())):
+            name = axes.annotate(
+                r["level"], (r["total_ms"], _height(r, heights)), xytext=(right, up), textcoords="offset points",
+                fontsize=NAME_SIZE, ha=across, va=along,
+            )  # fmt: skip
+            box = _box(name)
+            inside = box[0] >= frame.x0 and box[2] <= frame.x1 and box[1] >= frame.y0 and box[3] <= frame.y1
+            if inside and not any(_meet(box, other) for other in taken):
+                taken.append(box)
+                break
+            name.remove()
+
+
+def _box(text: Any) -> tuple[float, float, float, float]:
+    """Left, bottom, right and top of a text as it is drawn, in pixels."""
+    found = text.get_window_extent()
+    return (found.x0, found.y0, found.x1, found.y1)
+
+
+def _meet(a: tuple[float, float, float, float], b: tuple[float, float, float, float]) -> bool:
+    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
 
 
 def _legend(figure: Any, present: set[str], looks: dict[str, tuple[str, str]]) -> None:

@@ -47,7 +47,11 @@ def _figure(rows: Sequence[dict[str, Any]]) -> Any:
     colours = style.colours(row["method"] for row in rows)
     for axes, own in zip(panels, scenes.values(), strict=True):
         _panel(axes, own, [column_name(row, rows) for row in own], colours)
-    figure.supxlabel("ms a frame; whiskers: interquartile range of repeats", fontsize=7)
+    figure.supxlabel(
+        "ms a frame. Bar: its parts, measured one by one, added up.\n"
+        "Black tick and number: the whole frame, measured apart;\nwhisker: interquartile range of repeats",
+        fontsize=6.5,
+    )
     _legend(figure)
     return figure
 

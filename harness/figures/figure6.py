@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from . import gallery, points, style
-from .shade import save_png
+from .shade import opened, save_png
 from .sheet import title_of
 
 COLUMNS = [
@@ -110,11 +110,11 @@ def panels(rows: Sequence[dict[str, Any]], folder: Path, path: Path) -> Path | N
     made = []
     for r in {r["light_label"]: r for r in rows}.values():
         name = f"{r['scene']}-{r['light_label']}" if r["light_label"] else r["scene"]
-        file = folder / "images" / f"{name}.png"
-        if file.exists():
+        kept = opened(folder / "images" / f"{name}.png")
+        if kept is not None:
             share = r.get("shadow_ray_share")
             held = f"; shadow rays: {share:.0%}" if r["spot"] and share is not None else ""
-            made.append(captioned(picture_in(file, r), f"{spot_text(r).capitalize()}{held}"))
+            made.append(captioned(picture_in(kept, r), f"{spot_text(r).capitalize()}{held}"))
     if not made:
         return None
     across = min(2, len(made))
@@ -136,10 +136,9 @@ def panels(rows: Sequence[dict[str, Any]], folder: Path, path: Path) -> Path | N
     return save_png(np.asarray(sheet), path)
 
 
-def picture_in(file: Path, r: dict[str, Any]) -> Image.Image:
+def picture_in(kept: Image.Image, r: dict[str, Any]) -> Image.Image:
     """A kept picture without the caption that stands below it."""
-    with Image.open(file) as image:
-        whole = image.convert("RGB")
+    whole = kept.convert("RGB")
     return whole.crop((0, 0, whole.width, min(whole.height, round(whole.width * r["height"] / r["width"]))))
 
 

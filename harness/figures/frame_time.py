@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import numpy as np
 
 from . import floor, points, style
 from .ablation import PARTS
-from .sheet import title_of
+from .sheet import error_text, title_of
 
 COLUMNS = [*points.COMMON, "times_slower", "low", "high", "memory_bytes", "built"]
 
@@ -87,9 +88,13 @@ def sentences(rows: Sequence[dict[str, Any]], ours: str, kinds: dict[str, Sequen
 
 
 def picture(rows: Sequence[dict[str, Any]], ours: str, path: Path, floors: dict[str, float]) -> Path:
-    """A group of stacked bars a scene, by part of the frame; times over ours beside the bars; a floor is a black tick."""
+    """A group of stacked bars a scene, by part of the frame, beside each its time, its time over ours, and its wrong
+    answers; a floor is a black tick.
+    """
     import matplotlib
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
 
     scenes = list(dict.fromkeys(r["scene"] for r in rows))
     labels = list(dict.fromkeys(r["label"] for r in rows))
@@ -97,13 +102,14 @@ def picture(rows: Sequence[dict[str, Any]], ours: str, path: Path, floors: dict[
     tints = style.colours(labels)
     across = 1 if len(scenes) <= 3 else 2
     down = -(-len(scenes) // across)
-    height = (0.125 * len(labels) + 0.28) * down + 0.5 + 0.12 * bool(floors)
+    height = (0.125 * len(labels) + 0.28) * down + 0.75 + 0.12 * (across == 1)
     with matplotlib.rc_context({**points.sheet_style(), "axes.grid.axis": "x"}):
         figure = Figure(figsize=(style.COLUMN_WIDTH * (0.35 + 0.65 * across), height), layout="constrained")
         panels = figure.subplots(down, across, squeeze=False).flatten()
         for axes in panels[len(scenes) :]:
             axes.set_axis_off()
         named: list[str] = []
+        cut = False
         for place, (axes, scene) in enumerate(zip(panels, scenes, strict=False)):
             own = sorted((r for r in rows if r["scene"] == scene), key=lambda r: labels.index(r["label"]))
             # A method many times slower than the rest would leave them no room: its bar is cut and says its time.
@@ -115,25 +121,53 @@ def picture(rows: Sequence[dict[str, Any]], ours: str, path: Path, floors: dict[
                     tint = style.lightened(tints[r["label"]], 0.24 * n)
                     axes.barh(k, width, left=start, color=tint, edgecolor=tints[r["label"]], lw=0.3)
                     start += width
-                ratio = f"{r['total_ms']:.3g} ms" + (
-                    f", {r['times_slower']:.1f}x" if r["label"] != ours and r.get("times_slower") else ""
-                )
                 if r["label"] == ours and scene in floors:
                     axes.plot([floors[scene]] * 2, [k - 0.45, k + 0.45], color="black", lw=1.2)
                 if r["total_ms"] > limit:
+                    cut = True
                     axes.text(limit, k, "//", ha="center", va="center", fontsize=9)
                     start += 0.04 * limit
-                axes.annotate(ratio, (min(max(start, r["total_ms"]), 1.04 * limit), k), (2, 0),
+                end = min(max(start, r["total_ms"]), 1.04 * limit)
+                axes.annotate(beside(r, ours), (end, k), (2, 0), color="#B00000" if r.get("true_errors") else "black",
                               textcoords="offset points", va="center", fontsize=5.5)  # fmt: skip
             names = [r["label"] for r in own]
             shown = place % across == 0 or names != named
             axes.set_yticks(range(len(own)), names if shown else [""] * len(own))
             named = names
             axes.set_ylim(len(own) - 0.4, -0.6)
-            axes.set_xlim(0, 1.35 * min(limit, max(r["total_ms"] for r in own)))
+            axes.set_xlim(0, 1.5 * min(limit, max(r["total_ms"] for r in own)))
             axes.set_title(title_of(own[0]), loc="left", fontsize=7)
-        tick = "\nblack tick: the floor of our frame" if floors else ""
-        between = "\n" if across == 1 else " "
-        said = f"ms a frame; dark to light:{between}build, trace, light build, shadow"
-        figure.supxlabel(f"{said}{tick}", fontsize=7)
+        grey = "#333333"
+        keys: list[Any] = [
+            Patch(facecolor=style.lightened(grey, 0.24 * n), edgecolor=grey, lw=0.3, label=part)
+            for n, (part, _) in enumerate(PARTS)
+        ]
+        if floors:
+            keys.append(
+                Line2D([], [], color="black", lw=1.2, marker="|", ls="", ms=6, label=f"floor of {ours}")
+            )
+        figure.legend(handles=keys, loc="outside upper center", ncols=5 if across == 2 else 3, frameon=False,
+                      handlelength=1.2, columnspacing=1.0)  # fmt: skip
+        wrong = (
+            f"{style.WRONG} n: n wrong pixels and shadow bits"
+            if any(r.get("true_errors") for r in rows)
+            else ""
+        )
+        said = [f"ms a frame; 2.0x: twice the time of {ours}", wrong, "//: cut off" if cut else ""]
+        figure.supxlabel(("\n" if across == 1 else "; ").join(text for text in said if text), fontsize=7)
         return points.save(figure, path)
+
+
+def beside(r: dict[str, Any], ours: str) -> str:
+    """What stands at a bar's end: three digits of its time, how often ours fits into it, what is wrong of its answers."""
+    text = f"{digits(r['total_ms'])} ms"
+    if r["label"] != ours and r.get("times_slower"):
+        text += f", {digits(r['times_slower'])}x"
+    told = error_text(r)
+    return text if told == style.OK else f"{text}  {told.removesuffix(' wrong')}"
+
+
+def digits(value: float) -> str:
+    """A number with three digits, whatever its size: 0.312, 5.00, 61.3, 1,234."""
+    places = max(0, 2 - math.floor(math.log10(abs(value)))) if value else 2
+    return f"{value:,.{places}f}"

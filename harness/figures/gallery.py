@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from ..errors import warn
 from ..moment import Moment, Prepared
 from ..scene import Light
-from .shade import save_png, shade
+from .shade import opened, save_png, shade
 
 SMALLEST = 512
 """Pictures below this width are enlarged by a whole factor: one ray stays one square."""
@@ -87,14 +88,17 @@ def captioned(
 def contact_sheet(
     pictures: Sequence[Path], path: Path | str, columns: int | None = None, width: int = 352, title: str = ""
 ) -> Path | None:
-    """All pictures on one sheet, captions and all. None where there are none.
+    """All pictures on one sheet, captions and all. None where there are none; a damaged one is left out, and told.
 
     Each is ``width`` pixels wide; or, where that would make it higher, four times as high.
     """
     images: list[Image.Image] = []
     for file in pictures:
-        with Image.open(file) as opened:
-            images.append(opened.convert("RGB"))
+        image = opened(file)
+        if image is None:
+            warn(f"{file}: not a whole picture, left out; the same `shadowbench run` draws it again")
+        else:
+            images.append(image.convert("RGB"))
     if not images:
         return None
     gap = width // 24

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..record import part_ms
 from . import style, tidy
-from .sheet import error_text, title_of
+from .sheet import error_text, never_hit_notes, title_of
 
 Row = dict[str, Any]
 
@@ -153,6 +153,7 @@ def name(r: Row) -> str:
 def errors(made: Sequence[Row]) -> str:
     """What is known of the answers behind the times: a sentence."""
     bad = [f"{title_of(r)}, {name(r)}: {error_text(r)}" for r in measured(made) if error_text(r) != style.OK]
+    bad += [text for text in never_hit_notes(made) if "warning" in text]
     if not bad:
         return "Every answer behind these times was found right."
     if len(bad) > 6:
@@ -170,14 +171,24 @@ def report(
     missing = not_measured(made)
     if missing:
         lines += ["Not measured:", "", *(f"- {line}" for line in missing), ""]
-    lines += [f"![{file.stem}]({file.name})" for file in files if file.suffix in (".svg", ".png")]
     path = folder / f"{experiment}.md"
+    shown = [file.name for file in files if file.suffix in (".svg", ".png")]
+    shown += [name for name in linked(path) if name not in shown]
+    lines += [f"![{Path(name).stem}]({name})" for name in shown]
     path.write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
     if not quiet:
         print(title)
         for sentence in [*sentences, *(["Not measured: " + "; ".join(missing)] if missing else [])]:
             print(f"  {sentence}")
     return [*files, path]
+
+
+def linked(path: Path) -> list[str]:
+    """Pictures that a report shows and that are still there: kept where what they were drawn from is not."""
+    if not path.is_file():
+        return []
+    names = re.findall(r"^!\[[^\]]*\]\(([^)/]+)\)$", path.read_text(encoding="utf-8"), re.MULTILINE)
+    return [name for name in names if (path.parent / name).is_file()]
 
 
 def save(figure: Any, path: Path) -> Path:

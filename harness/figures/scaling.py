@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from . import points, style
+from .sheet import title_of
 
 COLUMNS = [*points.COMMON, "pixels", "sweep", "memory_bytes"]
 
@@ -28,6 +29,11 @@ SWEEPS = (
     Sweep("pixels", "pixels", "pixels"),
     Sweep("lights", "light_count", "lights"),
 )
+
+
+PROPORTION = "dotted line"
+PROPORTION_MEANS = "time in proportion, exponent 1"
+"""What the grey line of each panel is: a legend and a report say the same."""
 
 
 @dataclass(frozen=True)
@@ -57,9 +63,16 @@ def draw(folder: Path | str, quiet: bool, ours: str) -> list[Path]:
                 r["sweep"] = " ".join(dict.fromkeys([*str(r.get("sweep") or "").split(), name]))
     files = [points.write_csv(rows, folder / "scaling.csv", COLUMNS)]
     if done:
-        files.append(picture(lines, ours, folder / "scaling.svg"))
+        files.append(picture(lines, ours, folder / "scaling.svg", scenes_of(done)))
     said = [text for sweep in SWEEPS[:2] for text in sentences(lines[sweep.name], sweep, ours)]
     said += further_lights(lines["lights"], ours)
+    if done:
+        said.append(
+            f"Scenes: {scenes_of(done)}. {PROPORTION[:1].upper()}{PROPORTION[1:]}: {PROPORTION_MEANS}."
+        )
+    said += [
+        f"Not measured: time against {sweep.axis}." for sweep in SWEEPS if done and not swept(lines, sweep)
+    ]
     return points.report(
         folder, "scaling", "Scaling: time against triangles, pixels and lights", said, files, rows, quiet
     )
@@ -139,20 +152,37 @@ def short(value: float) -> str:
     return f"{value:g}"
 
 
-def picture(lines: dict[str, dict[str, list[dict[str, Any]]]], ours: str, path: Path) -> Path:
-    """Three panels on logarithmic axes; a thin grey line in each shows time in proportion."""
+def swept(lines: dict[str, dict[str, list[dict[str, Any]]]], sweep: Sweep) -> bool:
+    """Whether any method was measured at more than one value of what is swept."""
+    return any(len(line) > 1 for line in lines[sweep.name].values())
+
+
+def scenes_of(rows: Sequence[dict[str, Any]]) -> str:
+    """The scenes of rows by title, fewest triangles first; of many the first and the last."""
+    titles = list(dict.fromkeys(title_of(r) for r in sorted(rows, key=lambda r: r["triangles"] or 0)))
+    return (
+        titles[0]
+        if len(titles) == 1
+        else f"{titles[0]} to {titles[-1]}"
+        if len(titles) > 3
+        else ", ".join(titles)
+    )
+
+
+def picture(lines: dict[str, dict[str, list[dict[str, Any]]]], ours: str, path: Path, scenes: str) -> Path:
+    """A panel a sweep on logarithmic axes, one that was not measured said to be so; a dotted line shows proportion."""
     import matplotlib
     from matplotlib.figure import Figure
     from matplotlib.ticker import NullLocator
 
-    drawn = [sweep for sweep in SWEEPS if any(len(line) > 1 for line in lines[sweep.name].values())]
-    drawn = drawn or [SWEEPS[0]]
+    drawn = [sweep for sweep in SWEEPS if swept(lines, sweep)] or [SWEEPS[0]]
+    missing = [sweep.axis for sweep in SWEEPS if not swept(lines, sweep)]
     labels = list(dict.fromkeys(label for sweep in drawn for label in lines[sweep.name]))
     labels.sort(key=lambda label: label != ours)
     colours = style.colours(labels)
     every = [r["total_ms"] for sweep in drawn for line in lines[sweep.name].values() for r in line]
     with matplotlib.rc_context(points.sheet_style()):
-        figure = Figure(figsize=(2 * style.COLUMN_WIDTH, 2.6), layout="constrained")
+        figure = Figure(figsize=(2 * style.COLUMN_WIDTH, 2.9), layout="constrained")
         panels = figure.subplots(1, len(drawn), sharey=True, squeeze=False)[0]
         for axes, sweep in zip(panels, drawn, strict=True):
             for place, label in enumerate(labels):
@@ -169,8 +199,9 @@ def picture(lines: dict[str, dict[str, list[dict[str, Any]]]], ours: str, path: 
                     [values[0], values[-1]],
                     [start, start * values[-1] / values[0]],
                     color="0.7",
-                    lw=0.7,
+                    lw=0.9,
                     ls=":",
+                    label=f"{PROPORTION}: {PROPORTION_MEANS}",
                 )
             axes.set_xscale("log")
             axes.set_yscale("log")
@@ -182,5 +213,12 @@ def picture(lines: dict[str, dict[str, list[dict[str, Any]]]], ours: str, path: 
             axes.set_xlabel(sweep.axis)
         panels[0].set_ylabel("ms a frame, everything rebuilt")
         handles, names = panels[0].get_legend_handles_labels()
-        figure.legend(handles, names, loc="outside upper center", ncols=len(labels), frameon=False)
+        named = dict(
+            sorted(zip(names, handles, strict=True), key=lambda entry: entry[0].startswith(PROPORTION))
+        )
+        figure.legend(
+            list(named.values()), list(named), loc="outside upper center", ncols=len(named), frameon=False
+        )
+        absent = f"; against {' and '.join(missing)}: not measured" if missing else ""
+        figure.supxlabel(f"{scenes}{absent}", fontsize=7)
         return points.save(figure, path)

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import io
 import os
+import struct
+import zlib
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -27,6 +29,17 @@ WHITE = 2.2
 
 SHOWS = "shows"
 """The name, in a PNG file, of the text that says what it was made from."""
+
+UNREADABLE = (
+    OSError,
+    ValueError,
+    SyntaxError,
+    EOFError,
+    struct.error,
+    zlib.error,
+    Image.DecompressionBombError,
+)
+"""What Pillow raises for a file that is no whole picture."""
 
 BLOCK = 1 << 18
 """Pixels displayed at a time, so that a large picture needs little memory."""
@@ -75,13 +88,20 @@ def png_bytes(picture: NDArray[np.uint8], colours: int = 256, shows: str = "") -
     return buffer.getvalue()
 
 
-def shown_in(path: Path | str) -> str | None:
-    """What a picture says that it was made from; None where there is no such picture, or it does not say."""
+def opened(path: Path | str) -> Image.Image | None:
+    """The picture in a file, read to its end; None where there is none, or not a whole one."""
     try:
         with Image.open(path) as image:
-            return image.info.get(SHOWS)
-    except (OSError, ValueError, SyntaxError):  # missing, or not a whole PNG
+            image.load()
+            return image
+    except UNREADABLE:
         return None
+
+
+def shown_in(path: Path | str) -> str | None:
+    """What a picture says that it was made from; None where there is no whole picture, or it does not say."""
+    image = opened(path)
+    return None if image is None else image.info.get(SHOWS)
 
 
 def save_png(picture: NDArray[np.uint8], path: Path | str, shows: str = "") -> Path:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ..facts import never_hit
 from . import paper, style
 
 
@@ -102,6 +103,7 @@ def sheet(rows: Sequence[dict[str, Any]]) -> Sheet:
         *_how_to_read(rows),
         *_left_out(rows),
         *_not_measured(reasons),
+        *never_hit_notes(rows),
         *_errors(rows),
         *_built(rows),
         *_stand_ins(rows),
@@ -218,6 +220,17 @@ def _errors(rows: Sequence[dict[str, Any]]) -> list[str]:
     if grown:
         notes.append(f"Capacities grew, and the frame was repeated, before timing: {'; '.join(grown)}.")
     return notes
+
+
+def never_hit_notes(rows: Sequence[dict[str, Any]]) -> list[str]:
+    """What `verify` says of triangles that nothing can hit: right answers there are misses."""
+    told = {}
+    for r in rows:
+        total = r.get("triangles") or 0
+        text = never_hit(total, total - r.get("invalid_triangles", 0))
+        if text:
+            told[title_of(r)] = f"{title_of(r)}: {text}."
+    return list(told.values())
 
 
 def _built(rows: Sequence[dict[str, Any]]) -> list[str]:

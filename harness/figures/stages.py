@@ -61,7 +61,8 @@ def add(r: dict[str, Any], stages: Sequence[Stage]) -> dict[str, Any]:
     parts = sum(
         points.pass_ms(r["record"], part) or 0.0 for part in ("build", "trace", "light build", "shadow")
     )
-    r["other_ms"] = parts - sum(r[f"{s.key}_ms"] for s in stages)
+    # Sums of the same numbers in another order: what differs by a rounding is nothing, and never minus zero.
+    r["other_ms"] = round(parts - sum(r[f"{s.key}_ms"] for s in stages), 9) + 0.0
     r["shadow_rays"] = (
         sum(v for k, v in r["counters"].items() if k.startswith("light ") and k.endswith(" rays")) or None
     )

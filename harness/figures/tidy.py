@@ -55,6 +55,7 @@ def row(record: dict[str, Any]) -> dict[str, Any]:
     }
     frames = [frame for frame in record["frames"] if frame["total_ms"]]
     result["frame_numbers"] = tuple(frame["frame"] for frame in frames)
+    result["invalid_triangles"] = record["scene"].get("invalid_triangles") or 0
     result["frames_left_out"] = len(record.get("frames_left_out") or ())
     for part in PARTS:
         name = f"{part.replace(' ', '_')}_iqr_ms"

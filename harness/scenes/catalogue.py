@@ -13,10 +13,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from ..errors import UserError, did_you_mean
+from ..errors import UserError, did_you_mean, warn
 from ..scene import Camera, Light, Scene
 from . import balls, usd
-from .checks import Loaded, exists
+from .checks import Loaded, exists, is_file, within_range
 from .declaration import SUFFIX, declared_scene
 from .load import SUFFIXES, load, load_sequence, source
 from .sequences import numbered
@@ -107,26 +107,39 @@ def folder(scene_dir: str | Path | None = None) -> Path | None:
 def original(name: str, scene_dir: str | Path | None = None) -> Path | list[Path] | None:
     """What takes a stand-in's place, or None: ``name.npz``, ``name.ply`` and the other formats in the order
     of :data:`~.load.SUFFIXES`, then numbered frames ``name_001.ply ...``, then a folder ``name`` of such
-    frames.
+    frames. Warns of what bears the name and is no file, and where there is more than one, says which is taken.
     """
     where = folder(scene_dir)
     if where is None:
         return None
-    entries = {entry.name.lower(): entry for entry in sorted(where.iterdir(), reverse=True)}
-    for suffix in SUFFIXES:
-        entry = entries.get(name + suffix)
-        if entry is not None and entry.is_file():
-            return entry
-    frames = numbered(where, name)
-    if frames:
-        return frames
+    try:
+        entries = {entry.name.lower(): entry for entry in sorted(where.iterdir(), reverse=True)}
+    except OSError as error:
+        raise UserError(f"{where}: cannot be read ({error.strerror}); mend its rights") from error
+    named = [entries[name + suffix] for suffix in SUFFIXES if name + suffix in entries]
+    files = [entry for entry in named if is_file(entry)]
+    frames = [] if files else numbered(where, name)
     entry = entries.get(name)
-    return entry if entry is not None and entry.is_dir() else None
+    found: list[Path | list[Path]] = [*files, *([frames] if frames else [])]
+    found += [entry] if entry is not None and entry.is_dir() else []
+    taken = f"{_called(found[0])} is taken" if found else "the stand-in is taken, where there is one"
+    for other in (entry for entry in named if entry not in files):
+        what = "a folder" if other.is_dir() else "a link that leads nowhere, or no plain file"
+        warn(f"{other}: {what}, not a mesh; {taken}")
+    if len(found) > 1:
+        warn(f"{where}: {' and '.join(map(_called, found))} are all {name}; {taken}")
+    return found[0] if found else None
+
+
+def _called(files: Path | list[Path]) -> str:
+    """A file, a folder or a sequence in a few words."""
+    return f"{files[0].name} ... {files[-1].name}" if isinstance(files, list) else files.name
 
 
 def _from_files(files: Path | list[Path], name: str, title: str) -> Scene:
     """A scene of what was loaded now (a broken file is reported here), with a view chosen from its shape."""
     loaded: Loaded = load_sequence(files) if isinstance(files, list) else load(files)
+    within_range(loaded)
     camera, lights = VIEWS.get(name, view)(shape_of(loaded))
     return Scene(
         name, title, loaded.geometry, camera, lights, source=source(loaded.files), notes=loaded.notes

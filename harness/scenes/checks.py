@@ -26,6 +26,14 @@ MAX_TRIANGLES = 1 << 27
 """Triangles a scene may have: the methods index corners with int32."""
 
 
+SMALLEST, LARGEST = 1e-38, 1e37
+"""What a mesh must extend at least, unless it is one point, and what none of its coordinates may exceed.
+
+Beyond, float32 has too few bits left for what the methods' rounding bounds assume (it rounds what is small to
+multiples of 1.4e-45), or rays from a camera beside the mesh overflow.
+"""
+
+
 @dataclass(frozen=True, eq=False)
 class Mesh:
     """What a reader returns for one file.
@@ -90,6 +98,14 @@ def exists(path: Path) -> bool:
         return False
 
 
+def is_file(path: Path) -> bool:
+    """Whether a file is there; a link that leads back to itself is none."""
+    try:
+        return path.is_file()
+    except (OSError, RuntimeError, ValueError):
+        return False
+
+
 def read_bytes(path: Path) -> bytes:
     """The whole file. Raises :class:`UserError` where it is missing, a folder or unreadable."""
     try:
@@ -100,6 +116,26 @@ def read_bytes(path: Path) -> bytes:
         raise UserError(
             f"{path}: cannot be read ({error.strerror or error}); check the path and its rights"
         ) from None
+
+
+def within_range(loaded: Loaded) -> None:
+    """Raise :class:`UserError` where vertices that faces use lie outside :data:`SMALLEST` to :data:`LARGEST`.
+
+    What float32 holds as infinite, or is not a number, does not count: such triangles are never hit.
+    """
+    used = np.unique(loaded.faces)
+    way_out = f"scale it to coordinates between {SMALLEST:g} and {LARGEST:g}"
+    for k, points in enumerate(loaded.frames):
+        points = points[used].astype(np.float64)
+        finite = points[(np.abs(points) <= np.finfo(np.float32).max).all(axis=1)]
+        if not len(finite):
+            continue
+        path = loaded.files[min(k, len(loaded.files) - 1)]
+        most, extent = np.abs(finite).max(), np.ptp(finite, axis=0).max()
+        if most > LARGEST:
+            raise broken(path, f"has coordinates of {most:.3g}, too large for float32 rays", way_out)
+        if 0.0 < extent < SMALLEST:
+            raise broken(path, f"extends {extent:.3g} only, too little for float32", way_out)
 
 
 def fan(counts: NDArray[np.integer], corners: NDArray[np.integer]) -> NDArray[np.int32]:

@@ -75,7 +75,7 @@ def load_npz(path: Path) -> Loaded:
         raise broken(
             path, f"F has shape {faces.shape} and type {faces.dtype}", "save F as integers [triangles, 3]"
         )
-    stack = vertices.reshape(-1, *vertices.shape[-2:])
+    stack = vertices if vertices.ndim == 3 else vertices[None]
     if not len(stack):
         raise broken(path, "V has no frames")
     mesh = checked(path, stack[0], faces)
