@@ -297,7 +297,7 @@ def true_errors(example: Example, names: Sequence[str] = METHODS, device: str = 
             continue
         if all(same_bits(answers[key], exact[key]) for key in ("triangle", "t", "visibility")):
             continue
-        classes, examples = judged.judge(answers)
+        classes, examples, _ = judged.judge(answers)
         wrong = {key: n for key, n in classes.items() if key in ERRORS}
         if wrong:
             found[name] = f"{wrong} {examples[:1]}"

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import warp as wp
-from shadowbench.methods.perspective_spherical.light import FLOAT32_PAD, FLOAT64_PAD
 from shadowbench.methods.perspective_spherical.light_map import map_bounds, ray_place, ray_place32
+from shadowbench.methods.perspective_spherical.light_places import FLOAT32_PAD, FLOAT64_PAD
 from shadowbench.methods.perspective_spherical.light_tiles import edges_kernel, missed, slope_bounds
 from shadowbench.methods.perspective_spherical.parameters import LIGHT_MAPS
 

@@ -7,11 +7,13 @@ import json
 import numpy as np
 import pytest
 from court import Court, lose
+from made_records import made
 from runs import install_trouble, options, write_scene
 from shadowbench.harness import looks
 from shadowbench.harness import score as scoring
 from shadowbench.harness.commands.verify import score as score_command
 from shadowbench.harness.grading import Grader, hand_over, handed_path
+from shadowbench.harness.plan import Entry
 from shadowbench.harness.progress import Silent
 from shadowbench.harness.raw import save_raw
 from shadowbench.harness.referee import Verdict
@@ -29,7 +31,9 @@ def court() -> Court:
 
 
 def record_of(key: str, graded: list[dict]) -> dict:
-    return {"key": key, "method": {"name": "embree", "settings": {}}, "frames": graded}
+    record = made("table1", Entry("embree", {}, key))
+    (frame,) = record["frames"]
+    return {**record, "key": key, "frames": [{**frame, **one} for one in graded]}
 
 
 def grade(court, folder, key, answers, wrong_maps=False):
