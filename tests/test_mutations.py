@@ -157,6 +157,13 @@ MUTATIONS = (
         ("P29", "P29b"),
     ),
     Mutation(
+        "flat hit points off by their rounding, and along by the angle",
+        (Planted(triangle, "hit_point", (("wp.float64(0.125) * total(n)", "wp.float64(0.0) * total(n)"),), triangle),),
+        "bvh",
+        EXACT_BVH,
+        ("S35", "S35b"),
+    ),
+    Mutation(
         "doubt at an edge is outside",
         (Planted(triangle, "inside", (("wp.float64(9.313225746154785e-10)", "wp.float64(0.0)"),), triangle),),
         "bvh",

@@ -22,6 +22,7 @@ import warp as wp
 from ...harness.vectors import largest as largest  # methods take them from here
 from ...harness.vectors import to_float32 as to_float32
 from ...harness.vectors import to_float64 as to_float64
+from .flat_hit import flat_hit_point
 
 U32 = wp.constant(5.9604645e-08)  # 2^-24
 U64 = wp.constant(wp.float64(1.1102230246251565e-16))  # 2^-53
@@ -183,20 +184,24 @@ def hit_point(o: wp.vec3f, d: wp.vec3f, t: wp.float64, a: wp.vec3f, b: wp.vec3f,
 
     t is as uncertain as the way from o to the corner that it was computed from is long, and more so the flatter the
     ray: of a large triangle that may be far more than the hit point's own rounding. One step of Newton's from the
-    corner nearest to the point leaves what its distance to that corner accounts for.
+    corner nearest to the point leaves what its distance to that corner accounts for, unless the ray is flat.
     """
+    o64 = to_float64(o)
     d64 = to_float64(d)
     a64 = to_float64(a)
     b64 = to_float64(b)
     c64 = to_float64(c)
-    p = to_float64(o) + d64 * t
+    p = o64 + d64 * t
     near = a64
     if total(p - b64) < total(p - near):
         near = b64
     if total(p - c64) < total(p - near):
         near = c64
     n = wp.cross(b64 - a64, c64 - a64)
-    return p - d64 * (wp.dot(n, p - near) / wp.dot(n, d64))
+    along = wp.dot(n, d64)
+    if wp.abs(along) < wp.float64(0.125) * total(n) * total(d64):
+        return flat_hit_point(o64, d64, t, near, b64 - a64, c64 - a64)
+    return p - d64 * (wp.dot(n, p - near) / along)
 
 
 @wp.func
