@@ -7,7 +7,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 import warp as wp
-from shadowbench.methods.common.triangle import hit_point
+from shadowbench.methods.common.hitpoint import hit_point
 
 U64 = 2.0**-53
 DEVICES = ["cpu", *(["cuda:0"] if wp.is_cuda_available() else [])]
