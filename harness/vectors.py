@@ -1,4 +1,4 @@
-"""What kernels of harness and methods alike do to a vector: casts, and the largest coordinate."""
+"""What kernels of harness and methods alike do to a vector: casts, the largest coordinate, the sum of all."""
 
 from __future__ import annotations
 
@@ -23,3 +23,13 @@ def largest(a: wp.vec3f) -> wp.float32:
 @wp.func
 def largest(a: wp.vec3d) -> wp.float64:
     return wp.max(wp.abs(a[0]), wp.max(wp.abs(a[1]), wp.abs(a[2])))
+
+
+@wp.func
+def total(a: wp.vec3f) -> wp.float32:
+    return wp.abs(a[0]) + wp.abs(a[1]) + wp.abs(a[2])
+
+
+@wp.func
+def total(a: wp.vec3d) -> wp.float64:
+    return wp.abs(a[0]) + wp.abs(a[1]) + wp.abs(a[2])

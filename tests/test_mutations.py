@@ -18,7 +18,7 @@ from shadowbench.harness.hardcases import find_case
 from shadowbench.harness.hardcases.judge import Judged, judge_case
 from shadowbench.harness.registry import make_method
 from shadowbench.methods.bvh import exact
-from shadowbench.methods.common import bounds, segment, triangle
+from shadowbench.methods.common import bounds, hitpoint, segment, triangle
 from shadowbench.methods.perspective_spherical import camera_grid, light_frame, light_map, sphere
 from shadowbench.methods.ray_grids import camera_pixels, camera_stream, light_cells, light_queue, light_stream
 from shadowbench.methods.uniform_grid import grid
@@ -155,6 +155,13 @@ MUTATIONS = (
         "bvh",
         EXACT_BVH,
         ("P29", "P29b"),
+    ),
+    Mutation(
+        "flat hit points off by their rounding, and along by the angle",
+        (Planted(hitpoint, "is_flat", (("wp.float64(0.125)", "wp.float64(0.0)"),), hitpoint),),
+        "bvh",
+        EXACT_BVH,
+        ("S35", "S35b"),
     ),
     Mutation(
         "doubt at an edge is outside",

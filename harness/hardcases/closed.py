@@ -31,6 +31,7 @@ from .case import (
 ORIGIN = (0.0, 0.0, 0.0)
 NO_RULE = "unpadded boxes; no rule for edges"
 NEIGHBOURS = "neighbours taken for occluders"
+FLAT = "hit points off their ray by their rounding, and far along it where it meets the triangle flat"
 UNWELDED = "edge planes in vertex order"
 FAR = "float64 edge functions that cancel: rays through vertices"
 
@@ -77,7 +78,7 @@ def on_rays(towards: tuple[float, float, float], half: float, deepest: int, side
 def odd_vertices(
     towards: tuple[float, float, float], half: float, deepest: int, unwelded: bool = False
 ) -> Trial:
-    """Every ray of the image meets a vertex of :func:`on_rays`. No light: see :func:`odd_lights`."""
+    """Every ray of the image meets a vertex of :func:`on_rays`. No light, to keep hits apart: see :func:`odd_lights`."""
     mesh = on_rays(towards, half, deepest)
     return view(
         split(mesh) if unwelded else mesh, [], ORIGIN, towards, half, (SIDE, SIDE),
@@ -85,12 +86,16 @@ def odd_vertices(
     )  # fmt: skip
 
 
-def odd_lights(towards: tuple[float, float, float], half: float, deepest: int) -> Trial:
-    """The same with fewer rays, a light at the eye, which sees what the eye sees, and one behind the eye."""
+def odd_lights(towards: tuple[float, float, float], half: float, deepest: int, side: int) -> Trial:
+    """The same with a light at the eye, which sees what the eye sees, and one behind the eye.
+
+    The deeper the surface, the flatter some rays meet the triangle that is named: where a hit point is off along such a
+    ray by more than its rounding, a neighbour that faces the ray shadows it.
+    """
     light = (-np.asarray(towards)).tolist()
     return view(
-        on_rays(towards, half, deepest, 16), [ORIGIN, tuple(light)], ORIGIN, towards, half, watertight=True,
-        stated=Counts(256, (0, None)),
+        on_rays(towards, half, deepest, side), [ORIGIN, tuple(light)], ORIGIN, towards, half, (side, side),
+        watertight=True, stated=Counts(side * side, (0, None)),
     )  # fmt: skip
 
 
@@ -207,8 +212,8 @@ CASES = (
     HardCase("P29", "rays through vertices in odd directions", NO_RULE, partial(odd_vertices, ODD[0], 0.7, 2)),
     HardCase("P29b", "the same, split", NO_RULE, partial(odd_vertices, ODD[1], 0.45, 3, True)),
     HardCase("P29c", "the same, shallow", NO_RULE, partial(odd_vertices, ODD[2], 0.6, 1)),
-    HardCase("P29d", "lights on rays through vertices", NEIGHBOURS, partial(odd_lights, ODD[0], 0.7, 2)),
-    HardCase("P29e", "the same, deeper", NEIGHBOURS, partial(odd_lights, ODD[1], 0.45, 3)),
+    HardCase("P29d", "lights on rays through vertices", NEIGHBOURS, partial(odd_lights, ODD[0], 0.7, 2, 16)),
+    HardCase("P29e", "the same, deeper", NEIGHBOURS, partial(odd_lights, ODD[1], 0.45, 3, 16)),
     *(
         HardCase(f"P31 {radii:g}", f"within a shell {radii:g} long", FAR, partial(far_inside, radii))
         for radii in (1e3, 1e5, 1e6, 1e7)
@@ -218,6 +223,8 @@ CASES = (
     HardCase("S19c", "shadow rays through vertices in odd directions", NO_RULE, partial(odd_shadow_vertices, 0.7)),
     HardCase("S20", "shadow rays through edges", NO_RULE, partial(through_vertices, False, 2)),
     HardCase("S20b", "shadow rays through split edges", UNWELDED, partial(through_vertices, True, 2)),
+    HardCase("S35", "lights on flat rays through vertices", FLAT, partial(odd_lights, ODD[0], 0.7, 2, SIDE)),
+    HardCase("S35b", "the same, deeper", FLAT, partial(odd_lights, ODD[1], 0.45, 3, SIDE)),
     HardCase("S24", "shadow rays through a flat rim", NO_RULE, through_rim),
     *(
         HardCase(f"S31 {radii:g}", f"a light in a shell {radii:g} long", FAR, partial(far_light_inside, radii))

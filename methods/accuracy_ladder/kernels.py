@@ -8,10 +8,10 @@ from typing import Any
 import warp as wp
 
 from ..bvh.exact import SLACK
-from ..common.hitpoint import plane_distance
+from ..common.hitpoint import hit_point, plane_distance
 from ..common.pixels import pixel_of
 from ..common.segment import may_occlude, occludes
-from ..common.triangle import U32, hit_point, largest, nearer, to_float64, weld_of
+from ..common.triangle import U32, largest, nearer, to_float64, weld_of
 from .origins import HIT_POINT, IDENTITY, scene_radius, start_of
 from .parameters import EXACT_TESTS, SHEARED_TESTS
 from .tests import TESTS

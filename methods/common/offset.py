@@ -15,8 +15,8 @@ import warp as wp
 from ...harness.frame import Frame
 from ...harness.mirrors import FINE, GAMMA7, outward, spread
 from ...harness.specialise import Switches, effects, specialised
-from .hitpoint import plane_distance
-from .triangle import hit_point, largest, to_float32, to_float64
+from .hitpoint import hit_point, plane_distance
+from .triangle import largest, to_float32, to_float64
 
 UNIT = wp.constant(wp.float64(2.0**-24))
 

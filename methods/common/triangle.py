@@ -22,22 +22,14 @@ import warp as wp
 from ...harness.vectors import largest as largest  # methods take them from here
 from ...harness.vectors import to_float32 as to_float32
 from ...harness.vectors import to_float64 as to_float64
+from ...harness.vectors import total as total
+from .hitpoint import hit_point
 
 U32 = wp.constant(5.9604645e-08)  # 2^-24
 U64 = wp.constant(wp.float64(1.1102230246251565e-16))  # 2^-53
 FLOOR32 = wp.constant(1.0e-35)
 OVERFLOW = wp.constant(1.0e37)
 NO_HIT = wp.constant(wp.float64(-1.0))
-
-
-@wp.func
-def total(a: wp.vec3f) -> wp.float32:
-    return wp.abs(a[0]) + wp.abs(a[1]) + wp.abs(a[2])
-
-
-@wp.func
-def total(a: wp.vec3d) -> wp.float64:
-    return wp.abs(a[0]) + wp.abs(a[1]) + wp.abs(a[2])
 
 
 @wp.func
@@ -175,28 +167,6 @@ def hit_weights(o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f,
 @wp.func
 def weld_of(weld: wp.array(dtype=wp.int32), face: wp.vec3i) -> wp.vec3i:
     return wp.vec3i(weld[face[0]], weld[face[1]], weld[face[2]])
-
-
-@wp.func
-def hit_point(o: wp.vec3f, d: wp.vec3f, t: wp.float64, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> wp.vec3d:
-    """o + t d in float64, led back onto the triangle's plane: the shadow origin, by one function for everyone.
-
-    t is as uncertain as the way from o to the corner that it was computed from is long, and more so the flatter the
-    ray: of a large triangle that may be far more than the hit point's own rounding. One step of Newton's from the
-    corner nearest to the point leaves what its distance to that corner accounts for.
-    """
-    d64 = to_float64(d)
-    a64 = to_float64(a)
-    b64 = to_float64(b)
-    c64 = to_float64(c)
-    p = to_float64(o) + d64 * t
-    near = a64
-    if total(p - b64) < total(p - near):
-        near = b64
-    if total(p - c64) < total(p - near):
-        near = c64
-    n = wp.cross(b64 - a64, c64 - a64)
-    return p - d64 * (wp.dot(n, p - near) / wp.dot(n, d64))
 
 
 @wp.func

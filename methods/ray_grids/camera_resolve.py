@@ -5,9 +5,9 @@ from __future__ import annotations
 import warp as wp
 
 from ..common.entries import entry, set_entry
-from ..common.hitpoint import plane_distance
+from ..common.hitpoint import flat_hit_point, is_flat, plane_distance, steep_hit_point
 from ..common.pixels import tile_pixel
-from ..common.triangle import hit_point, hit_weights
+from ..common.triangle import hit_weights
 
 REGISTERS = 72
 """Registers a thread: seven blocks of 128 a multiprocessor; 64 spill."""
@@ -40,6 +40,7 @@ def resolve_kernel(
     t = wp.float32(wp.INF)
     uv = wp.vec2f()
     hit = wp.vec3d()
+    flat = wp.bool(False)
     # Nothing is written before all is reckoned: after a store the compiler would read and widen the corners again.
     if word != wp.uint64(0):
         best = 0xFFFFFF - wp.int32(word & wp.uint64(0xFFFFFF))
@@ -53,9 +54,19 @@ def resolve_kernel(
         distance = plane_distance(o, d, a, b, c)
         t = wp.float32(distance)
         uv = hit_weights(o, d, a, b, c, same)
-        hit = hit_point(o, d, distance, a, b, c)
+        hit = steep_hit_point(o, d, distance, a, b, c)
+        flat = is_flat(d, a, b, c)
     set_entry(triangle_out, pixel, best)
     set_entry(t_out, pixel, t)
     set_entry(u_out, pixel, uv[0])
     set_entry(v_out, pixel, uv[1])
     set_entry(hit_out, pixel, hit)
+    # Flat rays are few, and long to reckon: from corners that are read again, so that nothing is held for them till here.
+    if flat:
+        again = entry(triangles, best)
+        a = entry(points, again[0])
+        b = entry(points, again[1])
+        c = entry(points, again[2])
+        o = entry(eye, 0)
+        d = entry(column, at[0]) + entry(row, at[1])
+        set_entry(hit_out, pixel, flat_hit_point(o, d, plane_distance(o, d, a, b, c), a, b, c))

@@ -1,0 +1,86 @@
+"""The shadow origin against rational arithmetic: near the exact hit, however flat the ray meets the triangle."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+import warp as wp
+from shadowbench.methods.common.hitpoint import hit_point
+
+U64 = 2.0**-53
+DEVICES = ["cpu", *(["cuda:0"] if wp.is_cuda_available() else [])]
+COUNT = 400
+
+
+@wp.kernel(enable_backward=False)
+def point_kernel(
+    o: wp.array(dtype=wp.vec3f), d: wp.array(dtype=wp.vec3f), t: wp.array(dtype=wp.float64),
+    a: wp.array(dtype=wp.vec3f), b: wp.array(dtype=wp.vec3f), c: wp.array(dtype=wp.vec3f), h: wp.array(dtype=wp.vec3d),
+):  # fmt: skip
+    i = wp.tid()
+    h[i] = hit_point(o[i], d[i], t[i], a[i], b[i], c[i])
+
+
+def rational(vector) -> list[Fraction]:
+    return [Fraction(float(x)) for x in vector]
+
+
+def dot(a, b) -> Fraction:
+    return sum((x * y for x, y in zip(a, b, strict=True)), Fraction(0))
+
+
+def exact_hit(o, d, a, b, c) -> tuple[list[Fraction], Fraction, float]:
+    """The hit, its t, and the sine of the angle between ray and plane."""
+    o, d, a, b, c = (rational(v) for v in (o, d, a, b, c))
+    e, f = [x - y for x, y in zip(b, a, strict=True)], [x - y for x, y in zip(c, a, strict=True)]
+    n = [e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]]
+    t = dot(n, [x - y for x, y in zip(a, o, strict=True)]) / dot(n, d)
+    sine = abs(float(dot(n, d))) / np.sqrt(float(dot(n, n)) * float(dot(d, d)))
+    return [x + t * y for x, y in zip(o, d, strict=True)], t, sine
+
+
+def rays(slope: float, size: float, random: np.random.Generator):
+    """Triangles of a size, and rays from about 1 away that meet them at a corner, on an edge or within, this flat."""
+    result = []
+    while len(result) < COUNT:
+        a, b, c = (random.normal(0, 1, 3) * size + random.normal(0, 0.5, 3) * (k == 0) for k in range(3))
+        b, c = a + b, a + c
+        a, b, c = (v.astype(np.float32) for v in (a, b, c))
+        weights = ([1, 0, 0], [0.5, 0.5, 0], random.dirichlet([1, 1, 1]))[len(result) % 3]
+        target = weights @ np.array([a, b, c], dtype=np.float64)
+        n = np.cross(b.astype(float) - a, c.astype(float) - a)
+        n /= np.linalg.norm(n)
+        along = np.cross(n, random.normal(0, 1, 3))
+        way = along / np.linalg.norm(along) + n * slope
+        o = (target - way).astype(np.float32)
+        d = (target - o.astype(np.float64)).astype(np.float32)
+        hit, t, sine = exact_hit(o, d, a, b, c)
+        if t > 0:
+            result.append((o, d, float(t), a, b, c, hit, sine))
+    return result
+
+
+@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize("size", [1.0, 1e-3])
+@pytest.mark.parametrize("slope", [1.0, 0.2, 1e-2, 1e-3, 1e-5])
+def test_a_hit_point_is_rounded_not_displaced(slope, size, device):
+    """t is given with an error of as many units as dividing by the slope makes of one."""
+    random = np.random.default_rng(round(-np.log2(slope * size)))
+    made = rays(slope, size, random)
+    columns = [np.array(column) for column in list(zip(*made, strict=True))[:6]]
+    columns[2] = columns[2] * (1 + random.uniform(-4, 4, COUNT) * U64 / slope)
+    with wp.ScopedDevice(device):
+        kinds = (wp.vec3f, wp.vec3f, wp.float64, wp.vec3f, wp.vec3f, wp.vec3f)
+        given = [wp.array(column, dtype=kind) for column, kind in zip(columns, kinds, strict=True)]
+        out = wp.zeros(COUNT, dtype=wp.vec3d)
+        wp.launch(point_kernel, dim=COUNT, inputs=given, outputs=[out])
+        got = out.numpy()
+    worst = 0.0
+    for h, (o, _, _, _, _, _, hit, sine) in zip(got, made, strict=True):
+        off = max(abs(float(Fraction(float(x)) - y)) for x, y in zip(h, hit, strict=True))
+        largest = max(*(abs(float(y)) for y in hit), float(np.abs(o).max()))
+        # Flat rays are carried exactly and rounded once; of others the angle leaves a little more.
+        worst = max(worst, off / (U64 * largest) / (1.0 if sine < 0.12 else 8.0))
+    assert 0.0 < worst <= 1.0
