@@ -26,7 +26,8 @@ WORK = {
 """What explains a slow place: what it is called, the work counter, and what that is multiplied by."""
 
 COLUMNS = [
-    *points.COMMON, "frame", "turn", "frame_ms", "frame_iqr_ms", *(f"frame_{part.replace(' ', '_')}_ms" for part in PARTS),
+    *points.COMMON, "frame", "turn", "frame_ms", "frame_iqr_ms", "frame_true_errors",
+    *(f"frame_{part.replace(' ', '_')}_ms" for part in PARTS),
     *(name.replace(" ", "_") for name in WORK),
 ]  # fmt: skip
 
@@ -60,6 +61,7 @@ def steps(r: dict[str, Any]) -> list[dict[str, Any]]:
             turn = frame["frame"] / last * (r["light_turns"] or 0.0)
             made.append({**r, "frame": frame["frame"], "turn": turn, "frame_ms": float(middle)})
             made[-1]["frame_iqr_ms"] = float(high - low)
+            made[-1]["frame_true_errors"] = (frame.get("score") or {}).get("true_errors")
             made[-1].update({f"frame_{part.replace(' ', '_')}_ms": part_ms(frame, part) for part in PARTS})
             counted = frame.get("counters") or {}
             for name, (counter, scale) in WORK.items():
@@ -117,12 +119,14 @@ def picture(rows: Sequence[dict[str, Any]], path: Path) -> Path:
     """One panel a scene; whiskers are the interquartile range of repeats."""
     import matplotlib
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
     scenes = list(dict.fromkeys(r["scene"] for r in rows))
     labels = list(dict.fromkeys(r["label"] for r in rows))
     colours = style.colours(r["method"] for r in rows)
     down = -(-len(scenes) // 2)
     across = min(2, len(scenes))
+    erring = 0
     with matplotlib.rc_context(points.sheet_style()):
         figure = Figure(figsize=(style.COLUMN_WIDTH, 1.25 * down + 0.9), layout="constrained")
         grid = figure.subplots(down, across, squeeze=False, sharex=True).ravel()
@@ -134,6 +138,12 @@ def picture(rows: Sequence[dict[str, Any]], path: Path) -> Path:
                     yerr=[s["frame_iqr_ms"] / 2 for s in line], color=colours[r["method"]],
                     marker=points.MARKERS[place % 8], ms=2.5, elinewidth=0.6,
                 )  # fmt: skip
+                wrong = [step for step in line if step["frame_true_errors"]]
+                erring += len(wrong)
+                axes.plot(
+                    [s["turn"] for s in wrong], [s["frame_ms"] for s in wrong], color="black", marker="x", ls="", ms=5,
+                    mew=0.9,
+                )  # fmt: skip
                 axes.set_title(title_of(r), fontsize=6.5)
             axes.set_ylim(bottom=0)
         for i, axes in enumerate(grid):
@@ -142,9 +152,11 @@ def picture(rows: Sequence[dict[str, Any]], path: Path) -> Path:
             axes.tick_params(labelbottom=i + across >= len(scenes))
         figure.supxlabel("turns of the light about the scene", fontsize=7)
         figure.supylabel("ms a frame, everything rebuilt", fontsize=7)
-        figure.legend(
-            _handles(rows, labels, colours), labels, loc="outside upper center", ncols=2, frameon=False
-        )
+        handles, names = _handles(rows, labels, colours), list(labels)
+        if erring:
+            handles.append(Line2D([], [], color="black", marker="x", ls="", ms=5, mew=0.9))
+            names.append("a frame with wrong answers")
+        figure.legend(handles, names, loc="outside upper center", ncols=2, frameon=False)
         return points.save(figure, path)
 
 
