@@ -5,6 +5,8 @@ PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+# Tests run side by side: processes, one for each of the two cores that are asked for.
+JOBS ?= 2
 LINT_STAMP := $(VENV)/.lint-installed
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
@@ -13,7 +15,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 help:
 	@echo "make table1   set everything up, run Table 1 on what this machine has, print it, draw the pictures"
-	@echo "make test     set everything up, run the tests"
+	@echo "make test     set everything up, run the tests (a quarter of an hour on two cores; JOBS=8 where there are more)"
 	@echo "make fuzz     random scenes against exact answers, for half an hour or more; failures become regression tests"
 	@echo "make lint     ruff and mypy"
 	@echo "make format   let ruff put the code in shape"
@@ -23,7 +25,7 @@ table1: $(STAMP)
 	$(BIN)/shadowbench run table1 $(ARGS)
 
 test: $(STAMP)
-	$(BIN)/python -m pytest $(ARGS)
+	$(BIN)/python -m pytest -n $(JOBS) $(ARGS)
 
 fuzz: $(STAMP)
 	$(BIN)/python tests/fuzz.py --examples 100000 $(ARGS)
