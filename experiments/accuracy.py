@@ -141,6 +141,10 @@ HARD = (*LADDER, *IN_GRIDS, *PEERS[3:])
 VARIANTS = "V "
 """How the names of cases begin that are others scaled and moved; the quick preset leaves them out."""
 
+LONG = ("P17", "P29", "P31", "S16", "S19c", "S31", "S35")
+"""How those begin that take the judge a second or more a point: many rays, or many exactly through vertices. The quick
+preset leaves them out too."""
+
 OF_EFFECTS = ("H", "M")
 """How those of holes and mirrors begin: most points are methods of opaque scenes."""
 
@@ -159,7 +163,7 @@ def after(options: Options) -> None:
 
     quick = options.preset_name == "quick"
     keep_grid(options, GRID, DISTANCES, OFFSETS, GRID_SIZE.get(options.preset_name, 48))
-    keep_hard(options, HARD, without=(*OF_EFFECTS, VARIANTS) if quick else OF_EFFECTS)
+    keep_hard(options, HARD, without=(*OF_EFFECTS, VARIANTS, *LONG) if quick else OF_EFFECTS)
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:

@@ -86,16 +86,18 @@ def odd_vertices(
     )  # fmt: skip
 
 
-def odd_lights(towards: tuple[float, float, float], half: float, deepest: int, side: int) -> Trial:
-    """The same with a light at the eye, which sees what the eye sees, and one behind the eye.
+def odd_lights(
+    towards: tuple[float, float, float], half: float, deepest: int, side: int, behind: bool = True
+) -> Trial:
+    """The same with a light at the eye, which sees what the eye sees, and one behind the eye where ``behind`` is set.
 
     The deeper the surface, the flatter some rays meet the triangle that is named: where a hit point is off along such a
     ray by more than its rounding, a neighbour that faces the ray shadows it.
     """
-    light = (-np.asarray(towards)).tolist()
+    lights = [ORIGIN, tuple((-np.asarray(towards)).tolist())][: 1 + behind]
     return view(
-        on_rays(towards, half, deepest, side), [ORIGIN, tuple(light)], ORIGIN, towards, half, (side, side),
-        watertight=True, stated=Counts(side * side, (0, None)),
+        on_rays(towards, half, deepest, side), lights, ORIGIN, towards, half, (side, side), watertight=True,
+        stated=Counts(side * side, (0, None)[: 1 + behind]),
     )  # fmt: skip
 
 
@@ -223,8 +225,8 @@ CASES = (
     HardCase("S19c", "shadow rays through vertices in odd directions", NO_RULE, partial(odd_shadow_vertices, 0.7)),
     HardCase("S20", "shadow rays through edges", NO_RULE, partial(through_vertices, False, 2)),
     HardCase("S20b", "shadow rays through split edges", UNWELDED, partial(through_vertices, True, 2)),
-    HardCase("S35", "lights on flat rays through vertices", FLAT, partial(odd_lights, ODD[0], 0.7, 2, SIDE)),
-    HardCase("S35b", "the same, deeper", FLAT, partial(odd_lights, ODD[1], 0.45, 3, SIDE)),
+    HardCase("S35", "lights on flat rays through vertices", FLAT, partial(odd_lights, ODD[0], 0.15, 6, 32, False)),
+    HardCase("S35b", "the same, shallower", FLAT, partial(odd_lights, ODD[1], 0.3, 4, 32, False)),
     HardCase("S24", "shadow rays through a flat rim", NO_RULE, through_rim),
     *(
         HardCase(f"S31 {radii:g}", f"a light in a shell {radii:g} long", FAR, partial(far_light_inside, radii))
