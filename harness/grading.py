@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import copy
 import hashlib
-import os
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .moment import Moment, Prepared
+from .npz import write_arrays
 from .scene import Effects
 
 Answers = dict[str, NDArray]
@@ -24,11 +24,7 @@ Answers = dict[str, NDArray]
 
 def hand_over(path: Path, answers: Answers) -> None:
     """Write a frame's answers for the grader: plain .npz, atomically."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    with temporary.open("wb") as stream:
-        np.savez(stream, **answers)  # type: ignore[arg-type]
-    temporary.replace(path)
+    write_arrays(path, answers, compressed=False)
 
 
 def answer_path(folder: Path, key: str, frame: int) -> Path:

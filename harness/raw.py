@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +19,7 @@ from .alpha import arrays_of, from_arrays, mask_hash
 from .errors import UserError
 from .frame import BOUNCED
 from .moment import Moment, Prepared
+from .npz import write_arrays
 from .scene import AlphaMask, Camera, Effects, Geometry, Scene
 
 if TYPE_CHECKING:
@@ -87,12 +87,12 @@ def save_raw(
     mesh = _mesh_path(path, hashes)
     if not mesh.exists():
         kept: dict[str, NDArray] = {"points": moment.points, "faces": prepared.faces, "valid": moment.valid}
-        _write(mesh, {**kept, **arrays_of(prepared.alpha)})
+        write_arrays(mesh, {**kept, **arrays_of(prepared.alpha)})
     arrays = {name: answers[name] for name in ARRAYS}
     if facts["bounces"]:
         arrays |= {name: answers[name] for name in BOUNCES} | {"mirror": prepared.mirror}
     arrays |= {f"moment_{name}": getattr(moment, name) for name in TABLES}
-    _write(path, {**arrays, "facts": np.array(json.dumps(facts))})
+    write_arrays(path, {**arrays, "facts": np.array(json.dumps(facts))})
 
 
 def score_raw(
@@ -199,10 +199,3 @@ def _mesh(path: Path, facts: dict[str, Any], scene_dir: Path | str | None) -> Pr
     from .scenes.catalogue import resolve
 
     return Prepared(resolve(facts["scene"], scene_dir))
-
-
-def _write(path: Path, arrays: dict[str, NDArray]) -> None:
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    with temporary.open("wb") as stream:
-        np.savez_compressed(stream, **arrays)  # type: ignore[arg-type]
-    temporary.replace(path)

@@ -9,7 +9,6 @@ needed again where more points are scored in the same folder.
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -19,6 +18,7 @@ import numpy as np
 
 from .disputes import Disputes, charge, charged_pixels, pooled
 from .looks import mark_wrong, wrong_path
+from .npz import write_arrays
 from .raw import DAMAGED
 from .record import write_atomic
 
@@ -34,17 +34,13 @@ def kept_path(folder: Path, key: str, frame: int) -> Path:
 def keep_disputes(folder: Path, key: str, frame: int, disputes: Sequence[Disputes]) -> None:
     """Keep what a frame's score leaves to others; atomically. About a hundredth of the frame's answers."""
     path = kept_path(folder, key, frame)
-    path.parent.mkdir(parents=True, exist_ok=True)
     facts = {
         "key": key,
         "frame": frame,
         "of": [{name: getattr(one, name) for name in FACTS} for one in disputes],
     }
     arrays = {f"{i}_{name}": getattr(one, name) for i, one in enumerate(disputes) for name in ARRAYS}
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    with temporary.open("wb") as stream:
-        np.savez_compressed(stream, facts=np.array(json.dumps(facts)), **arrays)  # type: ignore[arg-type]
-    temporary.replace(path)
+    write_arrays(path, {"facts": np.array(json.dumps(facts)), **arrays})
 
 
 def read_disputes(path: Path, state: bool = True) -> tuple[str, int, list[Disputes]] | None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from .alpha import arrays_of, from_arrays
 from .errors import UserError
 from .moment import F32, Prepared
+from .npz import write_arrays
 from .scene import Geometry, Scene
 
 
@@ -29,11 +29,7 @@ def store(path: Path, prepared: Prepared, frames: Iterable[int]) -> None:
         arrays["mirror"] = prepared.mirror
     for frame in frames:
         arrays[f"points_{frame}"], arrays[f"valid_{frame}"] = prepared.points(frame)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    with temporary.open("wb") as stream:
-        np.savez(stream, **arrays)  # type: ignore[arg-type]
-    temporary.replace(path)
+    write_arrays(path, arrays, compressed=False)
 
 
 class Stored(Prepared):

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from .consistency import plane_numbers
 from .moment import Moment, Prepared
+from .npz import write_arrays
 from .raw import DAMAGED, input_hashes
 from .referee import Referee
 from .scene import Effects
@@ -291,12 +292,8 @@ def _provenance(prepared: Prepared, moment: Moment, shadows: Sequence[bool]) -> 
 
 
 def _write(path: Path, reference: Reference) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
     facts = np.array(json.dumps(reference.provenance, sort_keys=True))
-    with temporary.open("wb") as stream:
-        np.savez_compressed(stream, **reference.answers(), provenance=facts)  # type: ignore[arg-type]
-    temporary.replace(path)
+    write_arrays(path, {**reference.answers(), "provenance": facts})
 
 
 def _read(path: Path, provenance: dict[str, Any]) -> Reference | None:

@@ -1,0 +1,20 @@
+"""Arrays in a file, whole or not at all."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def write_arrays(path: Path, arrays: Mapping[str, NDArray], compressed: bool = True) -> None:
+    """Write arrays by name as .npz, atomically, and the folder if there is none."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    save = np.savez_compressed if compressed else np.savez
+    with temporary.open("wb") as stream:
+        save(stream, **arrays)  # type: ignore[arg-type]
+    temporary.replace(path)
