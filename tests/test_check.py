@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from exact_method import ExactMethod
 from shadowbench.harness import registry
 from shadowbench.harness.commands.check import check
 from shadowbench.harness.errors import UserError
@@ -14,37 +15,10 @@ from shadowbench.harness.hardcases import HardCase, find_case
 from shadowbench.harness.hardcases.case import joined, plane, view
 from shadowbench.harness.hardcases.judge import Judged, judge_case
 from shadowbench.harness.hardness import hard_rows
-from shadowbench.harness.method import SimpleMethod
 from shadowbench.harness.plan import Entry
-from shadowbench.harness.referee import Referee
-from shadowbench.harness.truth import exact_reference
 
 
-class Exact(SimpleMethod):
-    """Asks the referee, and then changes what ``spoil`` changes."""
-
-    name = title = "exact"
-    capturable = False
-    devices = ("cpu",)
-
-    def build_structure(self, frame):
-        moment = frame.host
-        referee = Referee(moment.points, frame.prepared.faces, moment.valid)
-        self.answers = exact_reference(frame.prepared, moment, referee).answers()
-        self.spoil(self.answers)
-
-    def spoil(self, answers):
-        pass
-
-    def trace_primary(self, frame):
-        for part in ("triangle", "t", "u", "v"):
-            getattr(frame.answers, part).assign(self.answers[part])
-
-    def trace_shadow(self, frame, light):
-        frame.answers.visibility[light].assign(self.answers["visibility"][light])
-
-
-class NoShadows(Exact):
+class NoShadows(ExactMethod):
     """Says that everything is lit."""
 
     name = title = "no_shadows"
@@ -80,12 +54,12 @@ class NoBits(Declared):
         pass
 
 
-class Misspelt(Exact):
+class Misspelt(ExactMethod):
     name = title = "misspelt"
     outside = {"S1": "no such case"}  # noqa: RUF012
 
 
-class Behind(Exact):
+class Behind(ExactMethod):
     """Names the second of two sheets."""
 
     name = title = "behind"
@@ -104,7 +78,7 @@ class Point:
         return self.cls
 
 
-OWN = (Exact, NoShadows, Declared, LosesPixels, NoBits, Misspelt)
+OWN = (ExactMethod, NoShadows, Declared, LosesPixels, NoBits, Misspelt)
 
 
 @pytest.fixture
@@ -205,7 +179,7 @@ def test_too_much_excused_fails_a_case() -> None:
     assert (found.status, found.excused, found.rays) == ("excused", 256, 512)
     assert found.true_errors == 0
     assert found.reason == "50.0% of its rays excused, 2.0% are allowed"
-    assert judge_case(two_sheets(), Exact(), "cpu").status == "ok"
+    assert judge_case(two_sheets(), ExactMethod(), "cpu").status == "ok"
 
 
 def test_a_case_may_allow_more() -> None:

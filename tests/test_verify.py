@@ -9,11 +9,11 @@ import exact_cases as cases
 import numpy as np
 import pytest
 import trimesh
+from exact_method import ExactMethod
 from made_records import made
 from shadowbench.harness import registry
 from shadowbench.harness.commands.verify import explain, score, verify
 from shadowbench.harness.errors import CapacityRejected, UserError
-from shadowbench.harness.method import SimpleMethod
 from shadowbench.harness.moment import Prepared
 from shadowbench.harness.plan import Entry
 from shadowbench.harness.raw import save_raw
@@ -24,28 +24,13 @@ from shadowbench.harness.start import start_warp
 start_warp()  # as the commands do: what it has to say must not end up in a test's output
 
 
-class Right(SimpleMethod):
-    """Answers from exact arithmetic, through the contract of a method."""
+class Right(ExactMethod):
+    """Answers from exact arithmetic of the tests' own."""
 
     name = title = "right"
-    capturable = False
-    devices = ("cpu",)
 
-    def build_structure(self, frame):
-        moment = frame.host
-        referee = Referee(moment.points, frame.prepared.faces, moment.valid)
-        self.answers = cases.exact_answers(frame.prepared, moment, referee)
-        self.spoil(self.answers)
-
-    def spoil(self, answers):
-        pass
-
-    def trace_primary(self, frame):
-        for part in ("triangle", "t", "u", "v"):
-            getattr(frame.answers, part).assign(self.answers[part])
-
-    def trace_shadow(self, frame, light):
-        frame.answers.visibility[light].assign(self.answers["visibility"][light])
+    def exact(self, prepared, moment, referee):
+        return cases.exact_answers(prepared, moment, referee)
 
 
 class Wrong(Right):
