@@ -12,6 +12,7 @@ from ..harness.figures import key_bits as bits_drawing
 from ..harness.figures import points, stages, style
 from ..harness.figures.claims import FAILS, HOLDS, OPEN, Finding, by_ratio, each, geometric, lacking
 from ..harness.figures.evidence import Evidence, Row, ratio
+from ._paper import UNBALANCED
 from .ablation import BASE, CULLED, EXACT
 from .figure2 import DIRECT, INDIRECT
 from .figure10 import STAGES
@@ -25,9 +26,6 @@ GRID = {"method": "uniform_grid", "settings": "-"}
 
 LARGE, SMALL = ("fairy", "sibenik", "conference"), ("bunny_dragon", "cloth", "buddha")
 """Scenes with large triangles, and scenes of small ones only (but for a ground)."""
-
-UNBALANCED = 65536
-"""An r that no tile's rays reach: one block a tile, which is no load balancing."""
 
 
 def total(r: Row) -> float:
@@ -149,8 +147,8 @@ def gains(evidence: Evidence, clamp: str) -> dict[float, tuple[float, float]]:
     found = {}
     for place in points.in_order(r["light_distance"] for r in rows):
         own = [r for r in distance.panel(rows, clamp, distance.AXES[True]) if r["light_distance"] == place]
-        plain = [r for r in own if r["r"] == UNBALANCED]
-        balanced = [r for r in own if r["r"] < UNBALANCED]
+        plain = [r for r in own if r["r"] == int(UNBALANCED)]
+        balanced = [r for r in own if r["r"] < int(UNBALANCED)]
         if plain and balanced:
             best = min(balanced, key=lambda r: r["traversal_ms"])
             gain = ratio(plain[0], best, lambda r: placed(r)["traversal_ms"])

@@ -16,6 +16,9 @@ METHOD = "perspective_spherical"
 SCENES = ("fairy", "sibenik", "bunny_dragon", "conference", "cloth", "buddha")
 """The paper's, in its order."""
 
+UNBALANCED = "65536"
+"""r of which hardly a tile has more rays, but where a far light leaves few tiles: no load balancing."""
+
 
 def faithful(label: str, **changes: str) -> Entry:
     """The paper's configuration with some settings changed."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..harness.plan import Entry, Experiment, Preset
-from ._paper import METHOD, PAPER, SCENES, faithful
+from ._paper import METHOD, PAPER, SCENES, UNBALANCED, faithful
 
 BASE = "paper-faithful"
 BEST = "all of ours"
@@ -65,7 +65,7 @@ METHODS = (
     faithful("r = 32", r="32"),
     faithful("r = 64", r="64"),
     faithful("r = 256", r="256"),
-    faithful("no load balancing", r="65536"),
+    faithful("no load balancing", r=UNBALANCED),
     faithful("chunks from tile counts", balancing="direct"),
     faithful("no shared memory", staging="none"),
     faithful("lists in chunks of 256", triangle_chunk="256"),

@@ -12,15 +12,12 @@ from pathlib import Path
 
 from ..harness.lighting import Lighting
 from ..harness.plan import Entry, Experiment, Preset
-from ._paper import faithful
+from ._paper import UNBALANCED, faithful
 
 CLAMPS = ("none", "hits")
 VALUES = ("32", "64", "128")
 LARGE = ("32", "64", "128", "256", "1024")
 """At 1024x1024 a tile may hold thousands of rays: what happens where r hardly cuts them up."""
-
-UNBALANCED = "65536"
-"""r of which no tile here has more rays, but for the few of a far light: no load balancing."""
 
 FORMAT_R = "64"
 """The r at which number formats are compared."""
