@@ -7,6 +7,7 @@ is quick.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import inspect
 import json
@@ -23,6 +24,7 @@ from .commands.options import Device, Json, SceneDir, Settings
 from .commands.plan import plan
 from .commands.verify import explain, score, verify
 from .errors import UserError
+from .turn import TURN
 
 DEBUG = "SHADOWBENCH_DEBUG"
 INTERRUPTED = 130
@@ -40,6 +42,14 @@ app = typer.Typer(
 Debug = Annotated[bool, typer.Option("--debug", help="Show a traceback with an error.")]
 
 
+WORKING = ("run", "render", "check", "verify", "explain", "score")
+"""Commands that keep the machine busy: none of them works while another run takes its samples."""
+
+
+def _to_stderr(text: str) -> None:
+    print(f"shadowbench: {text}", file=sys.stderr)
+
+
 def command(name: str, example: str) -> Callable[[Callable[..., int | None]], Callable[..., int | None]]:
     """Register a command: its exit code is what it returns; its help ends with an example."""
 
@@ -49,7 +59,8 @@ def command(name: str, example: str) -> Callable[[Callable[..., int | None]], Ca
             if debug:
                 os.environ[DEBUG] = "1"
             try:
-                code = work(*args, **kwargs)
+                with TURN.shared(_to_stderr) if name in WORKING else contextlib.nullcontext():
+                    code = work(*args, **kwargs)
             except KeyboardInterrupt:  # caught here: typer would end without a word
                 way_on = "; the same command goes on where this one stopped" if name == "run" else ""
                 print(f"shadowbench: interrupted{way_on}", file=sys.stderr)

@@ -1,7 +1,8 @@
 """From an experiment to records: scene by scene, one worker a method, rounds interleaved, killed and resumed at will.
 
 Only one worker has the token at a time: the parent asks one and waits for its reply. (Taking over a scene that was
-made and grading answers are not timed; there several work at once.)
+made and grading answers are not timed; there several work at once.) Runs beside this one wait while it takes samples,
+and it for them: see :mod:`.turn`.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from .plan import Entry, Preset, describe_method, make_point, orders
 from .record import make_record
 from .remote import Remote, WorkerError, WorkerLostError
 from .repaint import repaint
+from .turn import TURN
 
 GRADER = "grading"
 """The name of the worker that makes scenes and grades answers (no method may be called so)."""
@@ -58,7 +60,7 @@ class Run:
     def go(self) -> list[dict[str, Any]]:
         """Run what has no record yet. Raises :class:`~.errors.UserError` where the folder cannot be written."""
         options = self.options
-        with self.folder.locked():
+        with self.folder.locked(), TURN.shared(self.report.doing):
             with self.folder.writing():
                 self.environment = keep(options.out, environment())
             parts = options.preset.parts()
@@ -116,15 +118,17 @@ class Run:
     def _measure(self, jobs: list[Job]) -> None:
         """Prepare the jobs, take their rounds interleaved, and finish them."""
         for job in jobs:
+            TURN.give_way(self.report.doing)
             if not job.journal.first("finished"):
                 self._attempt(job, "compiling and warming up")
         jobs = [job for job in jobs if job.record is None]
-        for number, order in enumerate(orders(len(jobs), self.options.preset.rounds, self._seed(jobs))):
-            for place, index in enumerate(order):
-                job = jobs[index]
-                if job.record is None and number not in job.journal.rounds() and not self._spent(job):
-                    where = {"round": number, "place": place, "of": len(order)}
-                    self._attempt(job, f"round {number + 1}", self._round, where)
+        with TURN.alone(self.report.doing):
+            for number, order in enumerate(orders(len(jobs), self.options.preset.rounds, self._seed(jobs))):
+                for place, index in enumerate(order):
+                    job = jobs[index]
+                    if job.record is None and number not in job.journal.rounds() and not self._spent(job):
+                        where = {"round": number, "place": place, "of": len(order)}
+                        self._attempt(job, f"round {number + 1}", self._round, where)
         self._finish_all([job for job in jobs if job.record is None])
 
     def _finish_all(self, jobs: list[Job]) -> None:
@@ -133,6 +137,7 @@ class Run:
         names = [GRADER, *(f"{GRADER}-{i}" for i in range(2, GRADERS + 1))]
         batches = [waiting[:1], *(waiting[i : i + GRADERS] for i in range(1, len(waiting), GRADERS))]
         for batch in batches:
+            TURN.give_way(self.report.doing)
             for name, job in zip(names, batch, strict=False):
                 self._attempt(job, "checking the answers", self._ask_grades, name)
             for name, job in zip(names, batch, strict=False):

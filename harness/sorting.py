@@ -24,6 +24,7 @@ from .plan import Preset, device_title, orders
 from .record import SCHEMA, Journal, digest, make_record
 from .session import Session
 from .timing import Sampling, clock_state, peak_resident_bytes, sample_frame
+from .turn import TURN
 
 NAME, SORT = "radix_sort_pairs", "sort pairs"
 
@@ -74,7 +75,7 @@ def measure(options: Options, report: Reporter, bits: Sequence[int]) -> list[dic
         raise UserError(f"{options.experiment.name} sorts random keys; it takes no --scene and no --method")
     folder = ResultsFolder(options.out)
     parts = options.preset.parts()
-    with folder.locked():
+    with folder.locked(), TURN.shared(report.doing):
         with folder.writing():
             made_in = keep(options.out, environment())
         report.steps(sum(len(bits) * part.rounds for part in parts))
@@ -96,14 +97,15 @@ def _measured(
     for i in todo:
         report.doing(f"{pairs:,} pairs, {bits[i]} bits: warming up")
         _note(folder, journals[i], _prepared(trials[i], journals[i]))
-    for number, order in enumerate(orders(len(todo), preset.rounds, options.seed)):
-        for place, index in enumerate(order):
-            i = todo[index]
-            report.doing(f"{pairs:,} pairs, {bits[i]} bits: round {number + 1}")
-            if number not in journals[i].rounds():
-                where = {"event": "round", "round": number, "place": place, "of": len(order)}
-                _note(folder, journals[i], {**where, **_round(trials[i], preset)})
-            report.done()
+    with TURN.alone(report.doing):
+        for number, order in enumerate(orders(len(todo), preset.rounds, options.seed)):
+            for place, index in enumerate(order):
+                i = todo[index]
+                report.doing(f"{pairs:,} pairs, {bits[i]} bits: round {number + 1}")
+                if number not in journals[i].rounds():
+                    where = {"event": "round", "round": number, "place": place, "of": len(order)}
+                    _note(folder, journals[i], {**where, **_round(trials[i], preset)})
+                report.done()
     for i in todo:
         record = make_record(keys[i], facts[i]["point"], facts[i]["scene"], facts[i]["method"], made_in,
                              journals[i].events)  # fmt: skip

@@ -19,6 +19,7 @@ from .plan import Entry, device_for
 from .registry import make_method
 from .score import Judge
 from .session import Session
+from .turn import TURN
 
 DIRECTION = np.array([0.48, 0.6, 0.64])
 """Of the offset: no axis, so that no coordinate stays small. Unit length."""
@@ -55,6 +56,7 @@ def error_grid(
             moment = lit.moment(0, size, size)
             judge = Judge(lit, moment, device=device)
             for entry in entries:
+                TURN.give_way()
                 row: dict[str, Any] = {"scene": lit.scene.name, "label": entry.label, "method": entry.method}
                 row |= {"distance": distance, "offset": offset, "size": size}
                 try:

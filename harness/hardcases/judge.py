@@ -19,6 +19,7 @@ from ..score import score_answers
 from ..session import Session
 from ..spot import facing, receivers
 from ..truth import Reference, exact_reference
+from ..turn import TURN
 from .case import Counts, HardCase, Trial
 
 Answers = dict[str, NDArray]
@@ -260,6 +261,7 @@ def judge_method(
     """Every case on one method. ``judged`` keeps exact answers between methods; ``every_bit`` as in :func:`judge_case`."""
     findings = []
     for case in cases:
+        TURN.give_way()
         if case.refused:
             findings.append(judge_refusal(case))
             continue
