@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 from lattice_examples import LENGTH, METHODS, Calls, Example, decode, true_errors
 from shadowbench.harness.start import start_warp
+from shadowbench.harness.turn import TURN
 
 REGRESSIONS = Path(__file__).parent / "regressions"
 MOST_FINDINGS = 20
@@ -92,6 +93,7 @@ def fuzz(
     began, findings, done = time.monotonic(), 0, 0
     for done in range(1, examples + 1):
         example = decode(source.randbytes(LENGTH), effects=True, culled=True)
+        TURN.give_way()
         for name, wrong in true_errors(example, methods, device).items():
             findings += 1
             least = shrunk(example, lambda one, name=name: bool(true_errors(one, (name,), device)))  # type: ignore[misc]
@@ -121,7 +123,8 @@ def main() -> int:
     start_warp()
     print(f"seed {given.seed}", flush=True)
     methods = tuple(given.method or METHODS)
-    return int(fuzz(given.examples, given.seed, given.seconds, given.folder, methods, given.device) > 0)
+    with TURN.shared():
+        return int(fuzz(given.examples, given.seed, given.seconds, given.folder, methods, given.device) > 0)
 
 
 if __name__ == "__main__":

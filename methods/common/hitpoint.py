@@ -22,6 +22,24 @@ LEADING = wp.constant(wp.uint64(0xFFFFFFFFE0000000))
 def fused(a: wp.float64, b: wp.float64, c: wp.float64) -> wp.float64: ...
 
 
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    return __dmul_rn(a, b);
+#else
+    return a * b;
+#endif
+""")
+def rounded(a: wp.float64, b: wp.float64) -> wp.float64:
+    """a b rounded by itself. A GPU's compiler fuses a product with the sum that it goes into, unless it is told not to:
+    then that sum is not the one whose loss is reckoned."""
+    ...
+
+
+@wp.func
+def rounded_product(a: wp.vec3d, b: wp.vec3d) -> wp.vec3d:
+    return wp.vec3d(rounded(a[0], b[0]), rounded(a[1], b[1]), rounded(a[2], b[2]))
+
+
 @wp.func
 def lost_in_sum(a: wp.vec3d, b: wp.vec3d, sum: wp.vec3d) -> wp.vec3d:
     """a + b - sum, where sum is a + b rounded."""
@@ -31,7 +49,7 @@ def lost_in_sum(a: wp.vec3d, b: wp.vec3d, sum: wp.vec3d) -> wp.vec3d:
 
 @wp.func
 def lost_in_product(a: wp.vec3d, b: wp.vec3d, product: wp.vec3d) -> wp.vec3d:
-    """a b - product, component by component, where product is a b rounded."""
+    """a b - product, component by component, where product is :func:`rounded_product`."""
     return wp.vec3d(
         fused(a[0], b[0], -product[0]), fused(a[1], b[1], -product[1]), fused(a[2], b[2], -product[2])
     )
@@ -108,14 +126,14 @@ def flat_hit_point(
     ab_zxy = wp.vec3d(ab[2], ab[0], ab[1])
     ac_yzx = wp.vec3d(ac[1], ac[2], ac[0])
     ac_zxy = wp.vec3d(ac[2], ac[0], ac[1])
-    left = wp.cw_mul(ab_yzx, ac_zxy)
-    right = wp.cw_mul(ab_zxy, ac_yzx)
+    left = rounded_product(ab_yzx, ac_zxy)
+    right = rounded_product(ab_zxy, ac_yzx)
     n = left - right
     n_lost = lost_in_sum(left, -right, n) + (
         lost_in_product(ab_yzx, ac_zxy, left) - lost_in_product(ab_zxy, ac_yzx, right)
     )
     # n . w, likewise.
-    products = wp.cw_mul(n, w)
+    products = rounded_product(n, w)
     terms = lost_in_product(n, w, products)
     first = products[0] + products[1]
     height = first + products[2]
