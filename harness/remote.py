@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import queue
+import signal
 import subprocess
 import sys
 import threading
@@ -39,6 +40,7 @@ class Remote:
         self._process: subprocess.Popen[str] | None = None
         self._replies: queue.Queue[str | None] = queue.Queue()
         self._asked = 0.0
+        self._paused: float | None = None
         self.generation = 0
 
     @property
@@ -67,14 +69,18 @@ class Remote:
             pass  # it is dead: receive() finds the end of its output and says so
 
     def receive(self, timeout: float) -> dict[str, Any]:
-        """The reply to the last command."""
-        try:
-            line = self._replies.get(timeout=max(0.0, self._asked + timeout - time.monotonic()))
-        except queue.Empty:
-            self.stop()
-            raise WorkerLostError(
-                "timeout", f"no answer within {timeout:g} s; the worker was stopped"
-            ) from None
+        """The reply to the last command. While the worker is paused, ``timeout`` stands still."""
+        while True:
+            try:
+                line = self._replies.get(timeout=max(0.05, self._asked + timeout - time.monotonic()))
+                break
+            except queue.Empty:
+                if self._paused is not None or time.monotonic() < self._asked + timeout:
+                    continue
+                self.stop()
+                raise WorkerLostError(
+                    "timeout", f"no answer within {timeout:g} s; the worker was stopped"
+                ) from None
         if line is None:
             raise WorkerLostError("failed", self._epitaph())
         try:
@@ -102,6 +108,7 @@ class Remote:
                 start_new_session=True,
             )
         self.generation += 1
+        self._paused = None
         self._replies = queue.Queue()
         assert self._process.stdout is not None
         threading.Thread(target=_pump, args=(self._process.stdout, self._replies), daemon=True).start()
@@ -115,6 +122,21 @@ class Remote:
         last = next((line.strip() for line in reversed(lines) if line.strip()), "")
         how = f"was killed by signal {-code}" if code < 0 else f"exited with code {code}"
         return f"the worker {how}" + (f": {last[:200]}" if last else "")
+
+    def pause(self) -> None:
+        """Halt the process until :meth:`resume`."""
+        process = self._process
+        if process is not None and self._paused is None:
+            self._paused = time.monotonic()
+            process.send_signal(signal.SIGSTOP)
+
+    def resume(self) -> None:
+        """Let a halted process go on."""
+        process, since = self._process, self._paused
+        if process is not None and since is not None:
+            process.send_signal(signal.SIGCONT)
+            self._asked += time.monotonic() - since
+        self._paused = None
 
     def stop(self) -> None:
         """End the process, at once."""

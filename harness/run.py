@@ -132,21 +132,36 @@ class Run:
         self._finish_all([job for job in jobs if job.record is None])
 
     def _finish_all(self, jobs: list[Job]) -> None:
-        """Have the answers of jobs graded and close them. The first one alone: it makes what the others find."""
+        """Have the answers of jobs graded and close them. The first one alone: it makes what the others find.
+
+        That takes long: where another run on this machine wants to measure, the graders are halted.
+        """
         waiting = [job for job in jobs if not job.journal.first("finished")]
         names = [GRADER, *(f"{GRADER}-{i}" for i in range(2, GRADERS + 1))]
         batches = [waiting[:1], *(waiting[i : i + GRADERS] for i in range(1, len(waiting), GRADERS))]
-        for batch in batches:
-            TURN.give_way(self.report.doing)
-            for name, job in zip(names, batch, strict=False):
-                self._attempt(job, "checking the answers", self._ask_grades, name)
-            for name, job in zip(names, batch, strict=False):
-                if job.record is None:
-                    self._take_grades(job, name)
-                    self._close(job)
+        with TURN.pausing(self._pause_graders, self._resume_graders) as starting:
+            for batch in batches:
+                with starting:
+                    for name, job in zip(names, batch, strict=False):
+                        self._attempt(job, "checking the answers", self._ask_grades, name)
+                for name, job in zip(names, batch, strict=False):
+                    if job.record is None:
+                        self._take_grades(job, name)
+                        self._close(job)
         for job in jobs:
             if job.record is None:
                 self._close(job)
+
+    def _graders(self) -> list[Remote]:
+        return [worker for name, worker in self.workers.items() if name.startswith(GRADER)]
+
+    def _pause_graders(self) -> None:
+        for grader in self._graders():
+            grader.pause()
+
+    def _resume_graders(self) -> None:
+        for grader in self._graders():
+            grader.resume()
 
     def _spent(self, job: Job) -> bool:
         """Whether one more round as long as those so far would be beyond the point's budget: then it is left out."""

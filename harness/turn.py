@@ -12,10 +12,15 @@ import contextlib
 import fcntl
 import os
 import tempfile
+import threading
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 Said = Callable[[str], None]
+
+POLL_S = 0.05
+"""How often it is asked whether somebody wants to measure, seconds."""
 
 WAITING = "waiting until another run on this machine has taken its samples"
 
@@ -56,6 +61,35 @@ class Turn:
             self._take(fcntl.LOCK_SH, say)
 
     @contextlib.contextmanager
+    def pausing(self, stop: Callable[[], None], go: Callable[[], None]) -> Iterator[threading.Lock]:
+        """Long work that other processes do for this one: ``stop`` halts them while somebody measures, ``go`` ends that.
+
+        Both are called by another thread, never while the lock that this yields is held: for starting processes.
+        """
+        starting, ended = threading.Lock(), threading.Event()
+
+        def watch() -> None:
+            while not ended.wait(POLL_S):
+                if self._wanted():
+                    with starting:
+                        stop()
+                        try:
+                            self.give_way()
+                        finally:
+                            go()
+
+        if not self.sharing:
+            yield starting
+            return
+        watching = threading.Thread(target=watch, daemon=True)
+        watching.start()
+        try:
+            yield starting
+        finally:
+            ended.set()
+            watching.join()
+
+    @contextlib.contextmanager
     def alone(self, say: Said = _unsaid) -> Iterator[None]:
         """Measure: the others have come to the end of a step, and begin none. Shared again afterwards if it was before."""
         shared, self.sharing = self.sharing, False
@@ -77,13 +111,14 @@ class Turn:
         if files is None:
             return
         gate, turn = files
-        for file, how in ((gate, fcntl.LOCK_EX), (turn, kind)):
-            try:
-                fcntl.flock(file, how | fcntl.LOCK_NB)
-            except BlockingIOError:
-                say(WAITING)
-                fcntl.flock(file, how)
+        _lock(gate, kind, say)
+        _lock(turn, kind, say)
         fcntl.flock(gate, fcntl.LOCK_UN)
+
+    def _wanted(self) -> bool:
+        """Whether somebody is at the gate who wants to measure."""
+        files = self._open()
+        return files is not None and not _locked(files[0], fcntl.LOCK_SH, keep=False)
 
     def _leave(self) -> None:
         if self._files is not None:
@@ -92,10 +127,34 @@ class Turn:
     def _open(self) -> tuple[int, int] | None:
         if self._files is None:
             try:
-                self._files = _opened(self.folder / "shadowbench-gate"), _opened(self.folder / "shadowbench-turn")
+                self._files = (
+                    _opened(self.folder / "shadowbench-gate"),
+                    _opened(self.folder / "shadowbench-turn"),
+                )
             except OSError:
                 return None
         return self._files
+
+
+def _locked(file: int, kind: int, keep: bool = True) -> bool:
+    """Whether the file could be locked at once."""
+    try:
+        fcntl.flock(file, kind | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    if not keep:
+        fcntl.flock(file, fcntl.LOCK_UN)
+    return True
+
+
+def _lock(file: int, kind: int, say: Said) -> None:
+    """Lock the file, and say so if that takes longer than others take to pass."""
+    for _ in range(5):
+        if _locked(file, kind):
+            return
+        time.sleep(POLL_S / 5)
+    say(WAITING)
+    fcntl.flock(file, kind)
 
 
 def _opened(path: Path) -> int:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 import textwrap
+import threading
 import time
 from pathlib import Path
 
 import pytest
-
 from shadowbench.harness import run as run_module
+from shadowbench.harness.remote import Remote
 from shadowbench.harness.turn import WAITING, Turn
 
 STEP_S = 0.02
@@ -128,6 +130,52 @@ def test_where_no_lock_file_can_be_had_nobody_waits(tmp_path: Path) -> None:
     turn = Turn(tmp_path / "is not there")
     with turn.shared(), turn.alone():
         turn.give_way()
+
+
+def test_what_others_do_for_a_process_stands_still_while_somebody_measures(tmp_path: Path) -> None:
+    ticks, measured = tmp_path / "ticks", tmp_path / "measured"
+    ticking = other(tmp_path, ticks, "while True:\n    note('tick')\n    time.sleep(0.005)")
+    turn = Turn(tmp_path)
+    try:
+        until(lambda: ticks.exists() and len(ticks.read_text().splitlines()) > 3)
+        with (
+            turn.shared(),
+            turn.pausing(
+                lambda: ticking.send_signal(signal.SIGSTOP), lambda: ticking.send_signal(signal.SIGCONT)
+            ),
+        ):
+            body = "with turn.alone():\n    note('measure'); time.sleep(0.4); note('measure')"
+            assert other(tmp_path, measured, body).wait(30) == 0
+            count = len(ticks.read_text().splitlines())
+            until(lambda: len(ticks.read_text().splitlines()) > count + 3)
+        assert turn._wanted() is False
+    finally:
+        ticking.kill()
+        ticking.wait(10)
+    ((start, end),) = spans(measured, "measure")
+    times = [float(line.split()[0]) for line in ticks.read_text().splitlines() if line.endswith("tick")]
+    assert not [time for time in times if start < time < end]
+    assert min(times) < start
+    assert max(times) > end
+
+
+def test_a_worker_that_is_paused_is_not_too_slow(tmp_path: Path) -> None:
+    worker = Remote("any", tmp_path / "log")
+    try:
+        worker.ask(60.0, do="free")
+        worker.pause()
+        worker.send(do="free")
+        threading.Timer(1.5, worker.resume).start()
+        began = time.monotonic()
+        assert worker.receive(0.5) == {"ok": True}
+        assert time.monotonic() - began > 1.0
+        worker.pause()
+        worker.resume()
+        worker.send(do="free")
+        assert worker.receive(60.0) == {"ok": True}
+        assert worker.generation == 1
+    finally:
+        worker.stop()
 
 
 def test_a_run_takes_its_rounds_alone_and_does_the_rest_shared(tmp_path, monkeypatch) -> None:

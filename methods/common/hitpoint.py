@@ -32,7 +32,6 @@ def fused(a: wp.float64, b: wp.float64, c: wp.float64) -> wp.float64: ...
 def rounded(a: wp.float64, b: wp.float64) -> wp.float64:
     """a b rounded by itself. A GPU's compiler fuses a product with the sum that it goes into, unless it is told not to:
     then that sum is not the one whose loss is reckoned."""
-    ...
 
 
 @wp.func
