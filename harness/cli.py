@@ -20,6 +20,7 @@ from typing import Annotated, Any
 import typer
 
 from .commands.check import check
+from .commands.keep import keep
 from .commands.options import Device, Json, SceneDir, Settings
 from .commands.plan import plan
 from .commands.verify import explain, score, verify
@@ -216,6 +217,7 @@ command("plan", "shadowbench plan cloth --method uniform_grid")(plan)
 command("verify", "shadowbench verify cloth bunny.ply --method bvh --json")(verify)
 command("explain", "shadowbench explain cloth --pixel 120,80")(explain)
 command("score", "shadowbench score results/local/table1-quick")(score)
+command("keep", "shadowbench keep results/local/table1-quick --out results/my-machine/table1")(keep)
 
 
 SEVERAL = ("--scene", "--method", "--set")

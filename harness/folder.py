@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import fcntl
+import functools
 import glob
 import hashlib
 import json
@@ -16,7 +17,7 @@ import numpy as np
 
 from .errors import UserError
 from .record import Journal, write_atomic
-from .record_shape import fault
+from .record_shape import ARCHIVE, fault, read_archive
 from .scenes.catalogue import resolve
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
@@ -90,8 +91,13 @@ class ResultsFolder:
 
     def record(self, key: str) -> dict[str, Any] | None:
         """The finished record of a point; None where there is none, or a file that is no whole record."""
-        found = _read_json(self.path / "records" / f"{key}.json")
+        found = _read_json(self.path / "records" / f"{key}.json") or self._archived.get(key)
         return found if found is not None and found.get("key") == key and not fault(found) else None
+
+    @functools.cached_property
+    def _archived(self) -> dict[str, dict[str, Any]]:
+        archive = self.path / "records" / ARCHIVE
+        return {record["key"]: record for record in read_archive(archive)} if archive.exists() else {}
 
     def keep_record(self, record: dict[str, Any], journal: Journal) -> None:
         """Write a record; its journal, and answers that nobody graded, have then done their work."""

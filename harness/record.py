@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from .record_shape import SCHEMA, read_record, record_paths
+from .record_shape import SCHEMA
 
 STATUSES = ("ok", "skipped", "failed", "timeout", "rejected")
 """What may become of a point. Every planned point yields exactly one record with one of these."""
@@ -198,11 +198,6 @@ def _join_rounds(rounds: list[dict[str, Any]]) -> dict[int, dict[str, Any]]:
             count = len(part["passes"][0]["ms"]) if part["passes"] else 0
             frame["stage_round"] += [event["round"]] * count
     return frames
-
-
-def read_records(folder: Path | str) -> list[dict[str, Any]]:
-    """Every finished record of a results folder, by key. Raises :class:`UserError` where there is none."""
-    return [read_record(path) for path in record_paths(folder)]
 
 
 def identity(record: dict[str, Any]) -> dict[str, Any]:

@@ -7,6 +7,8 @@ by whatever comes of it later.
 from __future__ import annotations
 
 import json
+import lzma
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +16,10 @@ from typing import Any
 from .errors import UserError
 
 SCHEMA = 1
+
+ARCHIVE = "kept.jsonl.xz"
+"""All records of a folder that is kept, in its ``records/``: one a line, a seventh of what they take apart."""
+
 NUMBER = (int, float)
 
 
@@ -124,33 +130,77 @@ CALLED = {str: "text", int: "a whole number", NUMBER: "a number", list: "a list"
 """What a person calls the types of JSON."""
 
 
-def record_paths(folder: Path | str) -> list[Path]:
-    """The files of a results folder's finished records, by key. Raises :class:`UserError` where there is none."""
+def read_records(folder: Path | str) -> list[dict[str, Any]]:
+    """Every finished record of a results folder, by key. Raises :class:`UserError` where there is none.
+
+    A folder that is kept has them in one file (:data:`ARCHIVE`); what was measured in it since has a file each.
+    """
     place = Path(folder) / "records"
     try:
-        paths = sorted(path for path in place.iterdir() if path.suffix == ".json" and path.name[0] != ".")
+        paths = sorted(path for path in place.iterdir() if path.name[0] != ".")
     except (FileNotFoundError, NotADirectoryError):
         paths = []
     except OSError as error:
         raise UserError(f"{place}: cannot be read ({error.strerror}); mend its rights") from error
-    if not paths:
+    found = {}
+    if place / ARCHIVE in paths:
+        found = {record["key"]: record for record in read_archive(place / ARCHIVE)}
+    for path in paths:
+        if path.suffix == ".json":
+            record = read_record(path)
+            found[record["key"]] = record
+    if not found:
         raise UserError(f"{folder}: no records here; name a folder that `shadowbench run` wrote")
-    return paths
+    return [found[key] for key in sorted(found)]
 
 
 def read_record(path: Path) -> dict[str, Any]:
     """A finished record. Raises :class:`UserError`, one line that names the file, for what is none."""
     try:
-        record = json.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
     except OSError as error:
         raise UserError(f"{path}: cannot be read ({error.strerror}); remove it and run again") from error
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise UserError(f"{path}: not a record ({error}); remove it and run again") from error
+    return _record_in(text, str(path))
+
+
+def read_archive(path: Path) -> list[dict[str, Any]]:
+    """The records of a kept folder, one a line. Raises :class:`UserError` as :func:`read_record` does."""
+    try:
+        with lzma.open(path, "rt", encoding="utf-8") as file:
+            lines = file.read().splitlines()
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise UserError(f"{path}: cannot be read ({reason}); fetch it again") from error
+    except (lzma.LZMAError, EOFError, ValueError) as error:
+        raise UserError(f"{path}: damaged ({error}); fetch it again") from error
+    return [_record_in(line, f"{path}, line {number}") for number, line in enumerate(lines, 1)]
+
+
+def write_archive(path: Path, records: Iterable[dict[str, Any]]) -> None:
+    """Records as one compressed file, whole or not at all; the same records give the same bytes."""
+    ordered = sorted(records, key=lambda record: str(record["key"]))
+    text = "".join(json.dumps(record, sort_keys=True, allow_nan=False) + "\n" for record in ordered)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(f".{path.name}.part")
+    try:
+        part.write_bytes(lzma.compress(text.encode(), preset=9 | lzma.PRESET_EXTREME))
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _record_in(text: str, where: str) -> dict[str, Any]:
+    try:
+        record = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise UserError(f"{where}: not a record ({error}); remove it and run again") from error
     if isinstance(record, dict) and record.get("schema") != SCHEMA:
         raise UserError(
-            f"{path}: schema {record.get('schema')}, this version reads {SCHEMA}; run again into a new folder"
+            f"{where}: schema {record.get('schema')}, this version reads {SCHEMA}; run again into a new folder"
         )
     wrong = fault(record)
     if wrong:
-        raise UserError(f"{path}: not a record ({wrong}); remove it and run again")
+        raise UserError(f"{where}: not a record ({wrong}); remove it and run again")
     return record

@@ -16,7 +16,10 @@ from .scene import Geometry, Scene
 
 
 def store(path: Path, prepared: Prepared, frames: Iterable[int]) -> None:
-    """Keep a prepared scene and the positions of some of its frames in one .npz file, written atomically."""
+    """Keep a prepared scene and the positions of some of its frames in one .npz file, written atomically.
+
+    The first frame is always kept: trees that are refitted are built there.
+    """
     arrays: dict[str, NDArray] = {
         "faces": prepared.faces,
         "weld": prepared.weld,
@@ -27,7 +30,7 @@ def store(path: Path, prepared: Prepared, frames: Iterable[int]) -> None:
     arrays |= arrays_of(prepared.alpha)
     if prepared.scene.mirror is not None:
         arrays["mirror"] = prepared.mirror
-    for frame in frames:
+    for frame in sorted({0, *frames}):
         arrays[f"points_{frame}"], arrays[f"valid_{frame}"] = prepared.points(frame)
     write_arrays(path, arrays, compressed=False)
 

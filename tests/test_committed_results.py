@@ -14,7 +14,7 @@ from types import SimpleNamespace
 import pytest
 from shadowbench.harness import environment
 from shadowbench.harness.commands.show import show
-from shadowbench.harness.record_shape import read_record
+from shadowbench.harness.record_shape import read_records
 
 RESULTS = Path(__file__).resolve().parents[1] / "results"
 FOLDERS = sorted(path.parent for path in RESULTS.glob("*/*/records"))
@@ -36,7 +36,7 @@ def texts(folder: Path) -> dict[str, str]:
 
 
 def experiment_of(folder: Path) -> str:
-    return read_record(next((folder / "records").glob("*.json")))["experiment"]
+    return read_records(folder)[0]["experiment"]
 
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: path.name)

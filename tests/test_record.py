@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from shadowbench.harness import record
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.record import Journal, make_record
+from shadowbench.harness.record_shape import read_records
 
 
 def round_event(number, times, frames=(0,), stages=2):
@@ -174,18 +175,18 @@ def test_not_a_number_is_never_written(tmp_path):
 
 def test_reading_says_what_is_wrong(tmp_path):
     with pytest.raises(UserError, match="no records here"):
-        record.read_records(tmp_path)
+        read_records(tmp_path)
     folder = tmp_path / "records"
     folder.mkdir()
     whole = made([round_event(0, [1.0]), finished_event()])
     record.write_atomic(folder / "k.json", whole)
-    assert record.read_records(tmp_path) == [whole]
+    assert read_records(tmp_path) == [whole]
     record.write_atomic(folder / "old.json", {**whole, "schema": 0})
     with pytest.raises(UserError, match=r"old.json: schema 0, this version reads 1"):
-        record.read_records(tmp_path)
+        read_records(tmp_path)
     (folder / "old.json").write_text("{")
     with pytest.raises(UserError, match=r"old.json: not a record"):
-        record.read_records(tmp_path)
+        read_records(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -202,7 +203,7 @@ def test_a_record_of_wrong_shape_is_told_by_its_file_and_field(tmp_path, damage,
     whole = made([round_event(0, [1.0]), finished_event()])
     record.write_atomic(tmp_path / "records" / "k.json", damage(whole))
     with pytest.raises(UserError) as refused:
-        record.read_records(tmp_path)
+        read_records(tmp_path)
     assert f"records/k.json: not a record ({said}" in str(refused.value)
     assert "\n" not in str(refused.value)
 
@@ -210,14 +211,14 @@ def test_a_record_of_wrong_shape_is_told_by_its_file_and_field(tmp_path, damage,
 def test_what_cannot_be_read_is_not_called_unwritten(tmp_path, monkeypatch):
     (tmp_path / "records" / "dir.json").mkdir(parents=True)
     with pytest.raises(UserError, match=r"dir\.json: cannot be read \(Is a directory\)"):
-        record.read_records(tmp_path)
+        read_records(tmp_path)
 
     def locked(self):
         raise PermissionError(errno.EACCES, "Permission denied", str(self))
 
     monkeypatch.setattr(type(tmp_path), "iterdir", locked)
     with pytest.raises(UserError, match=r"records: cannot be read \(Permission denied\)"):
-        record.read_records(tmp_path)
+        read_records(tmp_path)
 
 
 def test_equal_configurations_have_equal_hashes():

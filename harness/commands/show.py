@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ..errors import UserError
 from ..plan import find_experiment
-from ..record_shape import read_record, record_paths
+from ..record_shape import read_records
 
 
 def show(experiment: str, folder: Path | str, quiet: bool = False) -> list[Path]:
@@ -37,8 +37,8 @@ def show(experiment: str, folder: Path | str, quiet: bool = False) -> list[Path]
 def refuse_others(experiment: str, folder: Path) -> None:
     """Raise :class:`UserError` where all records of a folder are another experiment's: whose, and what shows them."""
     whose: list[str] = []
-    for path in record_paths(folder):
-        name = read_record(path)["experiment"]
+    for record in read_records(folder):
+        name = record["experiment"]
         if name == experiment:
             return
         whose.append(name)

@@ -203,7 +203,7 @@ def collect(folder: Path) -> Data:
     places = [path.parent for path in sorted([*folder.glob("records"), *folder.glob("*/records")])]
     made = []
     for place in places:
-        if any((place / "records").glob("*.json")):
+        if any((place / "records").glob("*.json*")):
             rows = points.measured(points.rows(place))
             made += [{**r, "run": (place.name, r["environment"])} for r in rows]
     if not made:

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from ..passes import PARTS
-from ..record import identity, part_ms, read_records, summarise
+from ..record import identity, part_ms, summarise
+from ..record_shape import read_records
 from . import paper, style
 
 COLUMNS = (
