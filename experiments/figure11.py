@@ -53,7 +53,8 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Time against distance and against r, tiles that hold rays, CSV, and what is work and what number format."""
     from ..harness.figures import figure11
 
-    return figure11.draw(folder, quiet, TRAVERSAL, CLAMPS, int(UNBALANCED))
+    apart = [lighting.label for lighting in FORMATS.lightings]
+    return figure11.draw(folder, quiet, TRAVERSAL, CLAMPS, int(UNBALANCED), apart)
 
 
 # Between 1e3 and 1e7 radii only number formats differ: at 1e5 each is measured at one r. One round of few samples: an

@@ -13,10 +13,12 @@ from shadowbench.experiments import _paper, figure2, figure6, figure11
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.figures import figure2 as figure2_drawing
+from shadowbench.harness.figures import figure6 as figure6_drawing
 from shadowbench.harness.figures import figure11 as figure11_drawing
 from shadowbench.harness.figures import points, stages, two_lights
+from shadowbench.harness.lighting import Lighting
 from shadowbench.harness.maps import map_path, write_map
-from shadowbench.harness.plan import find_experiment
+from shadowbench.harness.plan import Entry, find_experiment
 
 
 def test_figure2_says_how_much_the_most_drops(tmp_path):
@@ -73,7 +75,7 @@ def test_figure6_has_a_captioned_panel_for_each_light(tmp_path):
     assert [text.index(words) for words in order] == sorted(text.index(words) for words in order)
     with Image.open(tmp_path / "figure6-fairy.png") as image:
         red = (np.asarray(image.convert("RGB")).astype(int) - (200, 30, 30) == 0).all(axis=2)
-    assert red.sum() == 4 * 420 * 420
+    assert red.sum() == 4 * figure6_drawing.PANEL**2
     table = list(csv.DictReader((tmp_path / "figure6.csv").open()))
     assert [r["spot"] for r in table] == ["", "cone", "rectangle", "cone"]
     assert [r["spot_rise"] for r in table] == ["", "", "4", ""]
@@ -263,3 +265,13 @@ def test_what_a_stopped_run_did_not_come_to_is_told(tmp_path):
     text = (tmp_path / "ablation.md").read_text()
     assert f"no record of {entries[1].label}, {entries[2].label}" in text
     assert text.count("no record of") == 1
+
+
+def test_lightings_with_points_of_their_own_are_missed_by_nobody_and_miss_none(tmp_path):
+    few, many = [Entry("bvh", {}, "a")], [Entry("bvh", {}, "a"), Entry("ray_grids", {}, "b")]
+    near, far = Lighting("near", distance=1.0), Lighting("far", distance=9.0)
+    keep(tmp_path, [made("figure11", e, lighting=near) for e in many])
+    keep(tmp_path, [made("figure11", e, lighting=far) for e in few])
+    rows = points.rows(tmp_path)
+    assert points.not_measured(rows) == ["Cloth (stand-in), far: no record of b"]
+    assert points.not_measured(rows, apart=["far"]) == []

@@ -80,7 +80,7 @@ def draw(folder: Path) -> list[Path]:
     labels = list(dict.fromkeys(row["label"] for row in rows))
     distances = sorted({row["distance"] for row in rows})
     offsets = sorted({row["offset"] for row in rows})
-    across = min(4, len(labels))
+    across = min(3, len(labels))
     down = -(-len(labels) // across)
     with matplotlib.rc_context({**points.sheet_style(), "axes.grid": False}):
         figure = Figure(figsize=(7.0, 0.55 + 1.6 * down), layout="constrained", dpi=200)
@@ -109,6 +109,8 @@ def draw(folder: Path) -> list[Path]:
             axes.tick_params(length=0)
         for axes in panels.ravel()[len(labels) :]:
             axes.set_axis_off()
+        for axes in panels.ravel()[max(0, len(labels) - across) : len(labels)]:
+            axes.tick_params(labelbottom=True)  # the lowest of its column, also where a row below is not full
         figure.supxlabel("distance of the light from the middle, in scene radii", fontsize=7)
         figure.supylabel("offset of the scene from the origin, in radii", fontsize=7)
         assert shown is not None
@@ -119,7 +121,7 @@ def draw(folder: Path) -> list[Path]:
             f"{rows[0]['size']:.0f}, scene not recentred: wrong (+ excused: within rounding of an edge)",
             fontsize=7.5,
         )
-        return [points.save(figure, folder / "accuracy_heat.png")]
+        return [points.save(figure, folder / "accuracy_heat.png", colours=160)]
 
 
 def _ink(colours: Any, level: Any) -> str:
@@ -135,7 +137,8 @@ def _ink(colours: Any, level: Any) -> str:
 def _power(x: float) -> str:
     """A round number as a power of ten where it is one."""
     exponent = round(np.log10(x)) if x > 0 else 0
-    return f"$10^{{{exponent}}}$" if x >= 100 and x == 10.0**exponent else f"{x:g}"
+    plain = x == 0 or 0.01 <= x < 100 or x != 10.0**exponent
+    return f"{x:g}" if plain else f"$10^{{{exponent}}}$"
 
 
 def _cells(

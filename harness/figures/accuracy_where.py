@@ -30,7 +30,7 @@ PAINT: dict[str, tuple[tuple[int, ...], str]] = {
 ACROSS = 3
 """Panels beside one another."""
 
-LARGEST = 512
+LARGEST = 320
 """Pixels along a side of a panel: larger frames are cropped to where most is wrong."""
 
 
@@ -57,7 +57,7 @@ def _panels(folder: Path, kept: Sequence[tuple[Row, NDArray[np.int64]]], path: P
     worst = max(kept, key=lambda pair: int(_wrong(pair[1]).sum()))[1]
     window = _window(_wrong(worst))
     with matplotlib.rc_context({**style.axes_style(), "axes.grid": False}):
-        figure = Figure(figsize=(2.2 * across, 2.45 * down + 0.6), layout="constrained", dpi=200)
+        figure = Figure(figsize=(2.2 * across, 2.45 * down + 0.6), layout="constrained", dpi=150)
         panels = figure.subplots(down, across, squeeze=False).ravel()
         for axes in panels:
             axes.set_axis_off()
@@ -70,7 +70,7 @@ def _panels(folder: Path, kept: Sequence[tuple[Row, NDArray[np.int64]]], path: P
             handlelength=1.2, fontsize=6,
         )  # fmt: skip
         figure.suptitle(f"Where the wrong pixels are: {title_of(kept[0][0])}", fontsize=7.5)
-        points.save(figure, path)
+        points.save(figure, path, inks=[colour for _, colour in PAINT.values()])
 
 
 def _kept(folder: Path, rows: Sequence[Row], shown: Sequence[str]) -> list[tuple[Row, NDArray[np.int64]]]:

@@ -30,13 +30,19 @@ REJECTED = ("rejected", "timeout", "failed")
 
 
 def draw(
-    folder: Path | str, quiet: bool, traversal: str, clamps: Sequence[str], unbalanced: int
+    folder: Path | str,
+    quiet: bool,
+    traversal: str,
+    clamps: Sequence[str],
+    unbalanced: int,
+    apart: Sequence[str],
 ) -> list[Path]:
     """CSV, three drawings and text.
 
     traversal   pattern of the passes that trace
     clamps      rows of panels
     unbalanced  the r that stands for no load balancing
+    apart       labels of distances at which only number formats are compared
     """
     from . import figure11_plots as plots
 
@@ -51,7 +57,9 @@ def draw(
         files.append(plots.threshold_picture(rows, clamps, folder / "figure11-r.svg"))
         files.append(plots.tiles_picture(rows, clamps, folder / "figure11-tiles.svg"))
     title = "Figure 11: time against the distance of the light"
-    return points.report(folder, "figure11", title, sentences(rows, clamps, unbalanced), files, rows, quiet)
+    return points.report(
+        folder, "figure11", title, sentences(rows, clamps, unbalanced), files, rows, quiet, apart
+    )
 
 
 def add(r: dict[str, Any], traversal: str) -> None:

@@ -140,7 +140,7 @@ def picture(rows: Sequence[dict[str, Any]], maps: Sequence[Counts], path: Path) 
         bar.set_label(
             f"triangles checked for the pixel's primary ray (grey: none)\n{title_of(rows[0])}", fontsize=6.5
         )
-        return points.save(figure, path)
+        return points.save(figure, path, colours=128)
 
 
 def occupied(maps: Sequence[Counts]) -> tuple[slice, slice]:

@@ -17,7 +17,7 @@ from .sheet import title_of
 COLUMNS = [
     *points.COMMON, "spot", "spot_angle", "spot_rise", "spot_falloff", "hit_pixels", "shadow_rays", "shadow_ray_share",
 ]  # fmt: skip
-PANEL, GAP = 420, 10
+PANEL, GAP = 330, 8
 """Pixels across one of the pictures side by side, and between them: two across fill a page's column."""
 
 
@@ -124,7 +124,7 @@ def panels(rows: Sequence[dict[str, Any]], folder: Path, path: Path) -> Path | N
     about = [f"{title_of(first)}, {points.where(rows)}"]
     if first["stand_in"]:
         about.append(gallery.stand_in_text(first["stand_in"]))
-    line = 26
+    line = 22
     size = (across * PANEL + (across - 1) * GAP, down * (high + GAP) + line * len(about))
     sheet = Image.new("RGB", size, gallery.PAPER)
     for i, m in enumerate(made):
@@ -132,8 +132,8 @@ def panels(rows: Sequence[dict[str, Any]], folder: Path, path: Path) -> Path | N
     draw = ImageDraw.Draw(sheet)
     for i, text in enumerate(about):
         ink = gallery.WARNING if i else gallery.INK
-        draw.text((4, down * (high + GAP) + i * line), text, fill=ink, font=gallery.font(20))
-    return save_png(np.asarray(sheet), path)
+        draw.text((4, down * (high + GAP) + i * line), text, fill=ink, font=gallery.font(17))
+    return save_png(np.asarray(sheet), path, colours=40)
 
 
 def picture_in(kept: Image.Image, r: dict[str, Any]) -> Image.Image:
@@ -146,8 +146,8 @@ def captioned(picture: Image.Image, text: str) -> Image.Image:
     """The picture, :data:`PANEL` pixels wide, with one line under it."""
     height = max(1, round(picture.height * PANEL / picture.width))
     small: NDArray[np.uint8] = np.asarray(picture.resize((PANEL, height), Image.Resampling.LANCZOS))
-    face = gallery.fitted(text, gallery.font(22), PANEL - 8)
-    panel = Image.new("RGB", (PANEL, height + 32), gallery.PAPER)
+    face = gallery.fitted(text, gallery.font(18), PANEL - 8)
+    panel = Image.new("RGB", (PANEL, height + 26), gallery.PAPER)
     panel.paste(Image.fromarray(small), (0, 0))
     ImageDraw.Draw(panel).text((4, height + 3), text, fill=gallery.INK, font=face)
     return panel

@@ -7,14 +7,16 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from PIL import Image
 
 from ..record import part_ms
 from . import style, tidy
+from .shade import inked_png_bytes, png_bytes
 from .sheet import error_text, never_hit_notes, title_of
 
 Row = dict[str, Any]
@@ -120,10 +122,11 @@ def effort(made: Sequence[Row]) -> str:
     return f"{' and '.join(told)}." if told else ""
 
 
-def not_measured(made: Sequence[Row]) -> list[str]:
+def not_measured(made: Sequence[Row], apart: Collection[str] = ()) -> list[str]:
     """One line for every point without a time, and one for every group of points of which some have no record.
 
-    A run that was stopped leaves no trace of what it did not come to: it is told by what others have.
+    A run that was stopped leaves no trace of what it did not come to: it is told by what others have. ``apart``: labels
+    of lightings that have points of their own, which say nothing of others' and of which others say nothing.
     """
     done = {r["key"] for r in measured(made)}
     lines = [
@@ -138,7 +141,7 @@ def not_measured(made: Sequence[Row]) -> list[str]:
     for group in groups.values():
         there = {r["label"] for r in group}
         missing = [label for label in labels if label not in there]
-        if missing:
+        if missing and group[0]["light_label"] not in apart:
             first = group[0]
             lights = f", {first['light_label']}" if first["light_label"] else ""
             lines.append(f"{title_of(first)}{lights}: no record of {', '.join(missing)}")
@@ -163,12 +166,15 @@ def errors(made: Sequence[Row]) -> str:
 
 def report(
     folder: Path, experiment: str, title: str, sentences: Sequence[str], files: Sequence[Path], made: Sequence[Row],
-    quiet: bool,
+    quiet: bool, apart: Collection[str] = (),
 ) -> list[Path]:  # fmt: skip
-    """Write ``EXPERIMENT.md`` with what was found, print it unless ``quiet``; return every file written."""
+    """Write ``EXPERIMENT.md`` with what was found, print it unless ``quiet``; return every file written.
+
+    ``apart``: see :func:`not_measured`.
+    """
     lines = [f"# {title}", "", *(f"{sentence}\n" for sentence in sentences)]
     lines += [" ".join(x for x in (f"{where(made)}.", effort(made), errors(made)) if x), ""] if made else []
-    missing = not_measured(made)
+    missing = not_measured(made, apart)
     if missing:
         lines += ["Not measured:", "", *(f"- {line}" for line in missing), ""]
     path = folder / f"{experiment}.md"
@@ -191,9 +197,17 @@ def linked(path: Path) -> list[str]:
     return [name for name in names if (path.parent / name).is_file()]
 
 
-def save(figure: Any, path: Path) -> Path:
-    """Write a figure without a date in it: the same records give the same bytes."""
+def save(figure: Any, path: Path, colours: int = 0, inks: Sequence[str] = ()) -> Path:
+    """Write a figure without a date in it: the same records give the same bytes.
+
+    ``colours``: of a picture with few, keep no more than so many, for a quarter of its bytes; 0: all. ``inks``: of a
+    grey picture keep these colours, that mean something, and greys.
+    """
     figure.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None)
+    if colours or inks:
+        with Image.open(path) as whole:
+            picture = np.asarray(whole.convert("RGB"))
+        path.write_bytes(inked_png_bytes(picture, inks) if inks else png_bytes(picture, colours))
     return path
 
 

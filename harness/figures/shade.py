@@ -88,6 +88,24 @@ def png_bytes(picture: NDArray[np.uint8], colours: int = 256, shows: str = "") -
     return buffer.getvalue()
 
 
+GREYS = 40
+"""Of a picture that has greys and a few inks."""
+
+
+def inked_png_bytes(picture: NDArray[np.uint8], inks: Sequence[str]) -> bytes:
+    """A compact PNG of uint8 [height, width, 3] in greys and the given colours ("#rrggbb"), none of them ever merged."""
+    greys = np.round(np.linspace(0, 255, GREYS)).astype(int)
+    own = [int(ink[i : i + 2], 16) for ink in inks for i in (1, 3, 5)]
+    palette = Image.new("P", (1, 1))
+    palette.putpalette([*own, *(value for grey in greys for value in (grey, grey, grey))])
+    small = Image.fromarray(np.ascontiguousarray(picture), "RGB").quantize(
+        palette=palette, dither=Image.Dither.NONE
+    )
+    buffer = io.BytesIO()
+    small.save(buffer, "PNG", optimize=True)
+    return buffer.getvalue()
+
+
 def opened(path: Path | str) -> Image.Image | None:
     """The picture in a file, read to its end; None where there is none, or not a whole one."""
     try:
@@ -104,12 +122,12 @@ def shown_in(path: Path | str) -> str | None:
     return None if image is None else image.info.get(SHOWS)
 
 
-def save_png(picture: NDArray[np.uint8], path: Path | str, shows: str = "") -> Path:
+def save_png(picture: NDArray[np.uint8], path: Path | str, shows: str = "", colours: int = 256) -> Path:
     """Write a picture compactly (a 512x512 frame stays well below 300 kB) and return its path."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     # Whole or not at all: a run that is killed here makes the picture again, not half of it.
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    temporary.write_bytes(png_bytes(picture, shows=shows))
+    temporary.write_bytes(png_bytes(picture, colours, shows))
     temporary.replace(path)
     return path
