@@ -23,6 +23,7 @@ POLL_S = 0.05
 """How often it is asked whether somebody wants to measure, seconds."""
 
 WAITING = "waiting until another run on this machine has taken its samples"
+HALTING = "waiting until the other runs on this machine come to the end of a step"
 
 
 def _unsaid(text: str) -> None: ...
@@ -111,9 +112,9 @@ class Turn:
         if files is None:
             return
         gate, turn = files
-        _lock(gate, kind, say)
-        _lock(turn, kind, say)
-        fcntl.flock(gate, fcntl.LOCK_UN)
+        _lock(gate, kind, say, WAITING)
+        _lock(turn, kind, say, WAITING if kind == fcntl.LOCK_SH else HALTING)
+        _unlock(gate)
 
     def _wanted(self) -> bool:
         """Whether somebody is at the gate who wants to measure."""
@@ -122,7 +123,7 @@ class Turn:
 
     def _leave(self) -> None:
         if self._files is not None:
-            fcntl.flock(self._files[1], fcntl.LOCK_UN)
+            _unlock(self._files[1])
 
     def _open(self) -> tuple[int, int] | None:
         if self._files is None:
@@ -137,23 +138,30 @@ class Turn:
 
 
 def _locked(file: int, kind: int, keep: bool = True) -> bool:
-    """Whether the file could be locked at once."""
+    """Whether the file could be locked at once. On a disk that has no locks everything can."""
     try:
         fcntl.flock(file, kind | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
+    except OSError:
+        return True
     if not keep:
-        fcntl.flock(file, fcntl.LOCK_UN)
+        _unlock(file)
     return True
 
 
-def _lock(file: int, kind: int, say: Said) -> None:
+def _unlock(file: int) -> None:
+    with contextlib.suppress(OSError):
+        fcntl.flock(file, fcntl.LOCK_UN)
+
+
+def _lock(file: int, kind: int, say: Said, waiting: str) -> None:
     """Lock the file, and say so if that takes longer than others take to pass."""
     for _ in range(5):
         if _locked(file, kind):
             return
         time.sleep(POLL_S / 5)
-    say(WAITING)
+    say(waiting)
     fcntl.flock(file, kind)
 
 

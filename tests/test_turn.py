@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import signal
 import subprocess
 import sys
@@ -13,7 +14,7 @@ from pathlib import Path
 import pytest
 from shadowbench.harness import run as run_module
 from shadowbench.harness.remote import Remote
-from shadowbench.harness.turn import WAITING, Turn
+from shadowbench.harness.turn import HALTING, WAITING, Turn
 
 STEP_S = 0.02
 
@@ -84,7 +85,7 @@ def test_who_waits_to_measure_is_let_in_before_those_who_go_on_working(tmp_path:
     mine = Turn(tmp_path)
     with mine.shared():
         process = other(tmp_path, log, "with turn.alone(note):\n    note('measuring')")
-        until(lambda: log.exists() and WAITING in log.read_text())
+        until(lambda: log.exists() and HALTING in log.read_text())
         assert "measuring" not in log.read_text()
         mine.give_way()
         assert "measuring" in log.read_text()
@@ -130,6 +131,17 @@ def test_where_no_lock_file_can_be_had_nobody_waits(tmp_path: Path) -> None:
     turn = Turn(tmp_path / "is not there")
     with turn.shared(), turn.alone():
         turn.give_way()
+
+
+def test_on_a_disk_without_locks_nobody_waits(tmp_path: Path, monkeypatch) -> None:
+    def none_here(file, kind):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr("shadowbench.harness.turn.fcntl.flock", none_here)
+    turn, said = Turn(tmp_path), []
+    with turn.shared(said.append), turn.alone(said.append):
+        turn.give_way(said.append)
+    assert not said
 
 
 def test_what_others_do_for_a_process_stands_still_while_somebody_measures(tmp_path: Path) -> None:
