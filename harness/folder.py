@@ -9,7 +9,7 @@ import glob
 import hashlib
 import json
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +52,22 @@ class ResultsFolder:
                 raise UserError(
                     f"{self.path}: another run is writing there; wait or choose another --out"
                 ) from error
+            yield
+
+    @contextmanager
+    def idle(self) -> Iterator[None]:
+        """Hold a folder that is there, so that no run writes to it. Raises :class:`UserError` where one does.
+
+        A folder without a lock file is nobody's, and none is made in it: it may be one that can only be read.
+        """
+        with ExitStack() as held:
+            try:
+                file = held.enter_context(open(self.path / ".lock", encoding="utf-8"))
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except FileNotFoundError:
+                pass
+            except BlockingIOError as error:
+                raise UserError(f"{self.path}: a run is writing there; wait for its end") from error
             yield
 
     @contextmanager

@@ -31,6 +31,9 @@ class Silent:
     def doing(self, text: str) -> None:
         """A step begins."""
 
+    def note(self, text: str) -> None:
+        """Something that a person should know of, also where no bar is shown."""
+
     def done(self, count: int = 1) -> None:
         """Steps have been done."""
 
@@ -67,6 +70,9 @@ class Bar(Silent):
 
     def doing(self, text: str) -> None:
         self.bar.update(self.task, description=text[:60])
+
+    def note(self, text: str) -> None:
+        self.console.print(text, markup=False, highlight=False, soft_wrap=True)
 
     def done(self, count: int = 1) -> None:
         self.at += count

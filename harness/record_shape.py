@@ -175,13 +175,15 @@ def read_archive(path: Path) -> list[dict[str, Any]]:
         raise UserError(f"{path}: cannot be read ({reason}); fetch it again") from error
     except (lzma.LZMAError, EOFError, ValueError) as error:
         raise UserError(f"{path}: damaged ({error}); fetch it again") from error
-    return [_record_in(line, f"{path}, line {number}") for number, line in enumerate(lines, 1)]
+    return [
+        _record_in(line, f"{path}, line {number}", "fetch it again") for number, line in enumerate(lines, 1)
+    ]
 
 
 def write_archive(path: Path, records: Iterable[dict[str, Any]]) -> None:
     """Records as one compressed file, whole or not at all; the same records give the same bytes."""
     ordered = sorted(records, key=lambda record: str(record["key"]))
-    text = "".join(json.dumps(record, sort_keys=True, allow_nan=False) + "\n" for record in ordered)
+    text = "".join(json.dumps(record, allow_nan=False) + "\n" for record in ordered)
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f".{path.name}.part")
     try:
@@ -191,16 +193,16 @@ def write_archive(path: Path, records: Iterable[dict[str, Any]]) -> None:
         part.unlink(missing_ok=True)
 
 
-def _record_in(text: str, where: str) -> dict[str, Any]:
+def _record_in(text: str, where: str, remedy: str = "remove it and run again") -> dict[str, Any]:
     try:
         record = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise UserError(f"{where}: not a record ({error}); remove it and run again") from error
+        raise UserError(f"{where}: not a record ({error}); {remedy}") from error
     if isinstance(record, dict) and record.get("schema") != SCHEMA:
         raise UserError(
             f"{where}: schema {record.get('schema')}, this version reads {SCHEMA}; run again into a new folder"
         )
     wrong = fault(record)
     if wrong:
-        raise UserError(f"{where}: not a record ({wrong}); remove it and run again")
+        raise UserError(f"{where}: not a record ({wrong}); {remedy}")
     return record

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import queue
 import signal
@@ -11,6 +12,9 @@ import threading
 import time
 from pathlib import Path
 from typing import IO, Any
+
+GRACE_S = 0.5
+"""How long a reply may be on its way after its time, seconds."""
 
 PACKAGE = __name__.rsplit(".", 1)[0]
 
@@ -41,6 +45,7 @@ class Remote:
         self._replies: queue.Queue[str | None] = queue.Queue()
         self._asked = 0.0
         self._paused: float | None = None
+        self._log_start = 0
         self.generation = 0
 
     @property
@@ -77,6 +82,10 @@ class Remote:
             except queue.Empty:
                 if self._paused is not None or time.monotonic() < self._asked + timeout:
                     continue
+                # This process may itself have been halted, and the reply be here all the while.
+                with contextlib.suppress(queue.Empty):
+                    line = self._replies.get(timeout=GRACE_S)
+                    break
                 self.stop()
                 raise WorkerLostError(
                     "timeout", f"no answer within {timeout:g} s; the worker was stopped"
@@ -97,6 +106,7 @@ class Remote:
     def _start(self) -> subprocess.Popen[str]:
         self.log.parent.mkdir(parents=True, exist_ok=True)
         with open(self.log, "ab") as log:
+            self._log_start = log.tell()
             self._process = subprocess.Popen(
                 [sys.executable, "-m", f"{PACKAGE}.worker"],
                 stdin=subprocess.PIPE,
@@ -118,7 +128,7 @@ class Remote:
         assert self._process is not None
         code = self._process.wait()
         self._process = None
-        lines = self.log.read_text(encoding="utf-8", errors="replace").split("\n")
+        lines = self.log.read_bytes()[self._log_start :].decode("utf-8", errors="replace").split("\n")
         last = next((line.strip() for line in reversed(lines) if line.strip()), "")
         how = f"was killed by signal {-code}" if code < 0 else f"exited with code {code}"
         return f"the worker {how}" + (f": {last[:200]}" if last else "")

@@ -60,7 +60,7 @@ class Run:
     def go(self) -> list[dict[str, Any]]:
         """Run what has no record yet. Raises :class:`~.errors.UserError` where the folder cannot be written."""
         options = self.options
-        with self.folder.locked(), TURN.shared(self.report.doing):
+        with self.folder.locked(), TURN.shared(self.report.note):
             with self.folder.writing():
                 self.environment = keep(options.out, environment())
             parts = options.preset.parts()
@@ -118,11 +118,11 @@ class Run:
     def _measure(self, jobs: list[Job]) -> None:
         """Prepare the jobs, take their rounds interleaved, and finish them."""
         for job in jobs:
-            TURN.give_way(self.report.doing)
+            TURN.give_way(self.report.note)
             if not job.journal.first("finished"):
                 self._attempt(job, "compiling and warming up")
         jobs = [job for job in jobs if job.record is None]
-        with TURN.alone(self.report.doing):
+        with TURN.alone(self.report.note):
             for number, order in enumerate(orders(len(jobs), self.options.preset.rounds, self._seed(jobs))):
                 for place, index in enumerate(order):
                     job = jobs[index]

@@ -75,7 +75,7 @@ def measure(options: Options, report: Reporter, bits: Sequence[int]) -> list[dic
         raise UserError(f"{options.experiment.name} sorts random keys; it takes no --scene and no --method")
     folder = ResultsFolder(options.out)
     parts = options.preset.parts()
-    with folder.locked(), TURN.shared(report.doing):
+    with folder.locked(), TURN.shared(report.note):
         with folder.writing():
             made_in = keep(options.out, environment())
         report.steps(sum(len(bits) * part.rounds for part in parts))
@@ -97,7 +97,7 @@ def _measured(
     for i in todo:
         report.doing(f"{pairs:,} pairs, {bits[i]} bits: warming up")
         _note(folder, journals[i], _prepared(trials[i], journals[i]))
-    with TURN.alone(report.doing):
+    with TURN.alone(report.note):
         for number, order in enumerate(orders(len(todo), preset.rounds, options.seed)):
             for place, index in enumerate(order):
                 i = todo[index]

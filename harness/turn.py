@@ -2,7 +2,8 @@
 
 A run that makes scenes, compiles or grades would falsify what another one measures beside it. So a process that works
 holds the machine's turn together with all others, gives way where somebody waits to measure, and measures alone. The
-turn is a lock on a file in the system's folder of temporary files: it goes with the process that held it, however that
+turn is a lock on a file in the system's folder of temporary files, or in the one that the environment names
+(``SHADOWBENCH_TURNS``: for containers that share a machine). It goes with the process that held it, however that
 ended. Where no such file can be had, nobody waits.
 """
 
@@ -18,6 +19,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 Said = Callable[[str], None]
+
+FOLDER = "SHADOWBENCH_TURNS"
+"""The variable of the environment that names the folder of lock files."""
 
 POLL_S = 0.05
 """How often it is asked whether somebody wants to measure, seconds."""
@@ -36,7 +40,7 @@ class Turn:
     """
 
     def __init__(self, folder: Path | None = None):
-        self.folder = folder or Path(tempfile.gettempdir())
+        self.folder = folder
         self.sharing = False
         self.measuring = False
         self._files: tuple[int, int] | None = None
@@ -65,17 +69,20 @@ class Turn:
     def pausing(self, stop: Callable[[], None], go: Callable[[], None]) -> Iterator[threading.Lock]:
         """Long work that other processes do for this one: ``stop`` halts them while somebody measures, ``go`` ends that.
 
-        Both are called by another thread, never while the lock that this yields is held: for starting processes.
+        Both are called by another thread, never while the lock that this yields is held: for starting processes. Inside,
+        the turn is that thread's: nothing else of this class may be called.
         """
         starting, ended = threading.Lock(), threading.Event()
+        here = [True]
 
         def watch() -> None:
             while not ended.wait(POLL_S):
-                if self._wanted():
+                if self._somebody_wants_to_measure():
                     with starting:
                         stop()
                         try:
-                            self.give_way()
+                            self._leave()
+                            here[0] = self._take(fcntl.LOCK_SH, _unsaid, ended)
                         finally:
                             go()
 
@@ -89,10 +96,16 @@ class Turn:
         finally:
             ended.set()
             watching.join()
+        # Not where an error ends it all (Ctrl-C, say): that does not wait for anybody.
+        if not here[0]:
+            self._take(fcntl.LOCK_SH, _unsaid)
 
     @contextlib.contextmanager
     def alone(self, say: Said = _unsaid) -> Iterator[None]:
         """Measure: the others have come to the end of a step, and begin none. Shared again afterwards if it was before."""
+        if self.measuring:
+            yield
+            return
         shared, self.sharing = self.sharing, False
         if shared:
             self._leave()
@@ -107,17 +120,20 @@ class Turn:
                 self._take(fcntl.LOCK_SH, say)
                 self.sharing = True
 
-    def _take(self, kind: int, say: Said) -> None:
+    def _take(self, kind: int, say: Said, ended: threading.Event | None = None) -> bool:
+        """Wait for the turn; False where ``ended`` was set before it came."""
         files = self._open()
         if files is None:
-            return
+            return True
         gate, turn = files
-        _lock(gate, kind, say, WAITING)
-        _lock(turn, kind, say, WAITING if kind == fcntl.LOCK_SH else HALTING)
-        _unlock(gate)
+        try:
+            return _lock(gate, kind, say, WAITING, ended) and _lock(
+                turn, kind, say, WAITING if kind == fcntl.LOCK_SH else HALTING, ended
+            )
+        finally:
+            _unlock(gate)
 
-    def _wanted(self) -> bool:
-        """Whether somebody is at the gate who wants to measure."""
+    def _somebody_wants_to_measure(self) -> bool:
         files = self._open()
         return files is not None and not _locked(files[0], fcntl.LOCK_SH, keep=False)
 
@@ -127,10 +143,11 @@ class Turn:
 
     def _open(self) -> tuple[int, int] | None:
         if self._files is None:
+            folder = self.folder or Path(os.environ.get(FOLDER) or tempfile.gettempdir())
             try:
                 self._files = (
-                    _opened(self.folder / "shadowbench-gate"),
-                    _opened(self.folder / "shadowbench-turn"),
+                    _opened(folder / "shadowbench-gate"),
+                    _opened(folder / "shadowbench-turn"),
                 )
             except OSError:
                 return None
@@ -155,14 +172,20 @@ def _unlock(file: int) -> None:
         fcntl.flock(file, fcntl.LOCK_UN)
 
 
-def _lock(file: int, kind: int, say: Said, waiting: str) -> None:
-    """Lock the file, and say so if that takes longer than others take to pass."""
+def _lock(file: int, kind: int, say: Said, waiting: str, ended: threading.Event | None) -> bool:
+    """Lock the file, and say so if that takes longer than others take to pass. False where ``ended`` came first."""
     for _ in range(5):
         if _locked(file, kind):
-            return
+            return True
         time.sleep(POLL_S / 5)
     say(waiting)
-    fcntl.flock(file, kind)
+    if ended is None:
+        fcntl.flock(file, kind)
+        return True
+    while not ended.wait(POLL_S):
+        if _locked(file, kind):
+            return True
+    return False
 
 
 def _opened(path: Path) -> int:

@@ -71,8 +71,50 @@ def test_pictures_and_maps_come_along_where_asked_for(tmp_path: Path) -> None:
     run = run_folder(tmp_path / "run")
     keep([run], tmp_path / "out", ["images", "maps"])
     assert {"images/cloth.png", "maps/a.png"} <= files(tmp_path / "out")
-    keep([run], tmp_path / "out", ["maps"])
+    keep([run], tmp_path / "out", ["maps"], replace=True)
     assert "images/cloth.png" not in files(tmp_path / "out"), "what was kept before is replaced"
+
+
+def test_what_is_there_already_is_never_lost_unasked(tmp_path: Path) -> None:
+    run, other = run_folder(tmp_path / "run"), run_folder(tmp_path / "other", name="table1")
+    before = {path: path.read_bytes() for path in other.rglob("*") if path.is_file()}
+    with pytest.raises(UserError, match=r"there is something already; name another, or give --replace"):
+        keep([run], other)
+    # Nor where what is made comes to nothing.
+    (run / "records" / "bad.json").write_text("{")
+    with pytest.raises(UserError, match=r"bad\.json"):
+        keep([run], other, replace=True)
+    assert {path: path.read_bytes() for path in other.rglob("*") if path.is_file()} == before
+    (run / "records" / "bad.json").unlink()
+    keep([run], other, replace=True)
+    assert read_records(other) == read_records(run)
+    assert not [name for name in files(other) if name.startswith(("answers", "records/table1", "images"))]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["other", "run"], "nothing half made is left"
+
+
+def test_a_folder_that_a_run_writes_to_is_left_alone(tmp_path: Path) -> None:
+    run, busy = run_folder(tmp_path / "run"), run_folder(tmp_path / "busy")
+    with ResultsFolder(busy).locked():
+        for sources, out in (([run], busy), ([busy], tmp_path / "out")):
+            with pytest.raises(UserError, match="a run is writing there; wait for its end"):
+                keep(sources, out, replace=True)
+    keep([busy], tmp_path / "out")
+
+
+def test_a_failure_takes_nothing_from_what_was_measured(tmp_path: Path) -> None:
+    good, failed = run_folder(tmp_path / "good"), run_folder(tmp_path / "failed", status="failed")
+    keep([good, failed], tmp_path / "a")
+    keep([failed, good], tmp_path / "b")
+    assert {r["status"] for r in read_records(tmp_path / "a") + read_records(tmp_path / "b")} == {"ok"}
+
+
+def test_what_somebody_laid_beside_the_records_comes_along(tmp_path: Path, capsys) -> None:
+    run = run_folder(tmp_path / "run")
+    (run / "ncu.md").write_text("what the profiler said")
+    (run / "images" / "more").mkdir()
+    keep([run], tmp_path / "out")
+    assert "ncu.md" in files(tmp_path / "out")
+    assert "1 answers that nobody scored" in capsys.readouterr().err
 
 
 def test_what_was_kept_can_be_kept_again(tmp_path: Path) -> None:
@@ -103,7 +145,8 @@ def test_wrong_calls_are_one_line_each(tmp_path: Path) -> None:
         ([run], run, [], "is one of the folders to keep"),
         ([run], tmp_path / "out", ["answers"], "--with answers: choose of images, maps"),
         ([tmp_path], tmp_path / "out", [], "no records here"),
-        ([run], run / "scenes.json", [], "cannot be read or written"),
+        ([run], run / "scenes.json", [], "there is something already"),
+        ([run], run / "scenes.json" / "in", [], "cannot be read or written"),
     ):
         with pytest.raises(UserError, match=said) as refused:
             keep(sources, out, take)

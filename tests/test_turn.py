@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 from shadowbench.harness import run as run_module
-from shadowbench.harness.remote import Remote
-from shadowbench.harness.turn import HALTING, WAITING, Turn
+from shadowbench.harness.remote import Remote, WorkerLostError
+from shadowbench.harness.turn import FOLDER, HALTING, WAITING, Turn
 
 STEP_S = 0.02
 
@@ -133,6 +133,12 @@ def test_where_no_lock_file_can_be_had_nobody_waits(tmp_path: Path) -> None:
         turn.give_way()
 
 
+def test_the_environment_names_the_folder_in_common(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setenv(FOLDER, str(tmp_path))
+    with Turn().shared():
+        assert {path.name for path in tmp_path.iterdir()} == {"shadowbench-gate", "shadowbench-turn"}
+
+
 def test_on_a_disk_without_locks_nobody_waits(tmp_path: Path, monkeypatch) -> None:
     def none_here(file, kind):
         raise OSError(errno.ENOLCK, "No locks available")
@@ -160,7 +166,7 @@ def test_what_others_do_for_a_process_stands_still_while_somebody_measures(tmp_p
             assert other(tmp_path, measured, body).wait(30) == 0
             count = len(ticks.read_text().splitlines())
             until(lambda: len(ticks.read_text().splitlines()) > count + 3)
-        assert turn._wanted() is False
+        assert turn._somebody_wants_to_measure() is False
     finally:
         ticking.kill()
         ticking.wait(10)
@@ -169,6 +175,66 @@ def test_what_others_do_for_a_process_stands_still_while_somebody_measures(tmp_p
     assert not [time for time in times if start < time < end]
     assert min(times) < start
     assert max(times) > end
+
+
+def test_an_interrupted_run_does_not_wait_for_whoever_measures(tmp_path: Path) -> None:
+    log, halted = tmp_path / "log", threading.Event()
+    turn = Turn(tmp_path)
+    interrupted = []
+
+    def grading() -> None:
+        with turn.shared(), turn.pausing(halted.set, lambda: None):
+            body = "with turn.alone():\n    note('measuring')\n    time.sleep(60)"
+            interrupted.append(other(tmp_path, log, body))
+            until(lambda: halted.is_set() and log.exists() and "measuring" in log.read_text())
+            interrupted.append(time.monotonic())
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        grading()
+    process, began = interrupted
+    assert time.monotonic() - began < 5
+    process.kill()
+    process.wait(10)
+
+
+def test_measuring_within_measuring_gives_nothing_up(tmp_path: Path) -> None:
+    turn, log = Turn(tmp_path), tmp_path / "log"
+    with turn.alone():
+        with turn.alone():
+            pass
+        process = other(tmp_path, log, "with turn.shared(note):\n    note('in')")
+        until(lambda: log.exists() and WAITING in log.read_text())
+        assert "in\n" not in log.read_text()
+    assert process.wait(20) == 0
+
+
+def test_a_reply_that_came_while_this_process_stood_still_counts(tmp_path: Path, monkeypatch) -> None:
+    worker = Remote("any", tmp_path / "log")
+    try:
+        worker.ask(60.0, do="free")
+        worker.send(do="free")
+        worker._asked -= 100.0  # so long ago
+        assert worker.receive(1.0) == {"ok": True}
+    finally:
+        worker.stop()
+
+
+def test_the_last_words_of_a_worker_are_its_own(tmp_path: Path) -> None:
+    (tmp_path / "log").write_text("a line of an earlier run\n")
+    worker = Remote("any", tmp_path / "log")
+    try:
+        worker.ask(60.0, do="free")
+        (process,) = [worker._process]
+        assert process is not None
+        process.kill()
+        process.wait(10)
+        worker.send(do="free")
+        with pytest.raises(WorkerLostError) as lost:
+            worker.receive(10.0)
+        assert "earlier run" not in lost.value.reason
+    finally:
+        worker.stop()
 
 
 def test_a_worker_that_is_paused_is_not_too_slow(tmp_path: Path) -> None:
@@ -205,6 +271,7 @@ def test_a_run_takes_its_rounds_alone_and_does_the_rest_shared(tmp_path, monkeyp
     class Quiet:
         def steps(self, count): ...
         def doing(self, text): ...
+        def note(self, text): ...
         def done(self, count=1): ...
         def point(self, record): ...
 

@@ -2,68 +2,108 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from contextlib import ExitStack
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from ..errors import UserError
+from ..folder import ResultsFolder
 from ..record_shape import ARCHIVE, read_records, write_archive
 from .show import show
 
 BULKY = ("images", "maps")
-"""Folders that are taken only where they are asked for: pictures of scenes, and what each pixel cost or got wrong."""
+"""Folders that are left out unless they are asked for: pictures of scenes, and what each pixel cost or got wrong."""
+
+DRAWN = (".csv", ".md", ".svg", ".png")
+"""What lies beside the records and comes along: drawings, tables, and what somebody wrote about them."""
 
 Sources = Annotated[list[Path], typer.Argument(help="Folders that run wrote, of one experiment.")]
-Out = Annotated[Path, typer.Option("--out", help="The folder to make; what it keeps already is replaced.")]
+Out = Annotated[Path, typer.Option("--out", help="The folder to make.")]
 With = Annotated[
     list[str] | None,
     typer.Option("--with", help="images or maps, which are left out otherwise; again for both."),
 ]
+Replace = Annotated[
+    bool, typer.Option("--replace", help="What is in --out already gives way to what is made.")
+]
 
 
-def keep(sources: Sources, out: Out, take: With = None) -> int:
+def keep(sources: Sources, out: Out, extras: With = None, replace: Replace = False) -> int:
     """Keep what runs measured: all records in one compressed file, their environments, and the drawings made again.
 
-    Of a point that several folders have, the record of the last one named is taken. Answers, journals, logs and what
-    can be computed again are left behind.
+    Of a point that several folders have, the record of the last one named is taken that is no failure. Journals, logs,
+    answers and what can be computed again are left behind. The folder is made beside ``--out`` and put there whole.
     """
-    unknown = [name for name in take or () if name not in BULKY]
+    unknown = [name for name in extras or () if name not in BULKY]
     if unknown:
         raise UserError(f"--with {unknown[0]}: choose of {', '.join(BULKY)}")
-    made = [record for source in sources for record in read_records(source)]
-    experiments = sorted({record["experiment"] for record in made})
-    if len(experiments) > 1:
-        raise UserError(f"records of {' and '.join(experiments)}; keep each in a folder of its own")
     if out.resolve() in [source.resolve() for source in sources]:
         raise UserError(f"--out {out}: is one of the folders to keep; name another")
+    if out.exists() and (not out.is_dir() or any(out.iterdir())) and not replace:
+        raise UserError(f"--out {out}: there is something already; name another, or give --replace")
+    found = [record for source in sources for record in read_records(source)]
+    experiments = sorted({record["experiment"] for record in found})
+    if len(experiments) > 1:
+        raise UserError(f"records of {' and '.join(experiments)}; keep each in a folder of its own")
+    records = chosen(found)
+    unscored = sum(1 for source in sources for _ in (source / "answers").glob("*.npz"))
+    if unscored:
+        print(
+            f"left behind: {unscored} answers that nobody scored; `shadowbench score` first", file=sys.stderr
+        )
+    fresh = out.with_name(f".{out.name}.{os.getpid()}")
     try:
-        write_archive(out / "records" / ARCHIVE, {record["key"]: record for record in made}.values())
-        for path in (out / "records").glob("*.json"):
-            path.unlink()
-        _copy(sources, out, {f"{record['environment']}.json" for record in made})
+        with ExitStack() as held:
+            for place in [*sources, *([out] if out.is_dir() else [])]:
+                held.enter_context(ResultsFolder(place).idle())
+            _fill(fresh, sources, records)
+            show(experiments[0], fresh, quiet=True)
+            for name in set(BULKY) - set(extras or ()):  # drawings are made from them, and stay
+                shutil.rmtree(fresh / name, ignore_errors=True)
+            _put(fresh, out)
     except OSError as error:
         reason = error.strerror or str(error)
         raise UserError(f"{error.filename or out}: cannot be read or written ({reason})") from error
-    for path in show(experiments[0], out):
-        print(f"written: {path}", file=sys.stderr)
-    for name in set(BULKY) - set(take or ()):  # drawings are made from them, and stay
-        shutil.rmtree(out / name, ignore_errors=True)
+    finally:
+        shutil.rmtree(fresh, ignore_errors=True)
+    print(f"kept: {len(records)} records of {experiments[0]} in {out}", file=sys.stderr)
     return 0
 
 
-def _copy(sources: Sequence[Path], out: Path, environments: set[str]) -> None:
-    """Environments that records name, bulky folders, and tables that a run makes beside its records."""
-    for name in ("environments", *BULKY):
-        shutil.rmtree(out / name, ignore_errors=True)
-        for source in sources:
-            for path in (source / name).glob("*"):
-                if name in BULKY or path.name in environments:
-                    (out / name).mkdir(exist_ok=True)
-                    shutil.copyfile(path, out / name / path.name)
+def chosen(records: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
+    """One record a point: the last that is no failure, else the last."""
+    best: dict[str, dict[str, Any]] = {}
+    for record in records:
+        failed = record["status"] in ("failed", "timeout")
+        if record["key"] not in best or not failed or best[record["key"]]["status"] in ("failed", "timeout"):
+            best[record["key"]] = record
+    return list(best.values())
+
+
+def _fill(fresh: Path, sources: Sequence[Path], records: Sequence[dict[str, Any]]) -> None:
+    write_archive(fresh / "records" / ARCHIVE, records)
+    named = {f"{record['environment']}.json" for record in records}
     for source in sources:
-        for path in source.glob("*.csv"):
-            shutil.copyfile(path, out / path.name)
+        for name in ("environments", *BULKY):
+            for path in (source / name).glob("*"):
+                if path.is_file() and (name in BULKY or path.name in named):
+                    (fresh / name).mkdir(exist_ok=True)
+                    shutil.copyfile(path, fresh / name / path.name)
+        for path in source.iterdir():
+            if path.is_file() and path.suffix in DRAWN:
+                shutil.copyfile(path, fresh / path.name)
+
+
+def _put(fresh: Path, out: Path) -> None:
+    """The new folder in the place of the old one; the old one is gone only once the new one is there."""
+    old = out.with_name(f".{out.name}.{os.getpid()}.old")
+    if out.exists():
+        out.rename(old)
+    fresh.rename(out)
+    shutil.rmtree(old, ignore_errors=True)
