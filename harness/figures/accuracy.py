@@ -46,9 +46,10 @@ def draw(
     ]
     files += accuracy_pareto.draw(made, folder / "accuracy_pareto.svg")
     files += accuracy_cost.draw(made, measures, base, folder / "accuracy_costs.svg")
-    files += accuracy_where.draw(folder, made, shown)
+    where = accuracy_where.draw(folder, made, shown)
+    files += where
     files += accuracy_heat.draw(folder)
-    sentences = found(made, equal, cost)
+    sentences = [*found(made, equal, cost), *([accuracy_where.ABOUT] if where else [])]
     files = points.report(folder, "accuracy", "What accuracy costs in time", sentences, files, made, quiet)
     with open(folder / "accuracy.md", "a", encoding="utf-8") as file:
         file.write(

@@ -27,6 +27,11 @@ PAINT: dict[str, tuple[tuple[int, ...], str]] = {
     "not judged: differs from the reference": ((UNJUDGED,), "#CC79A7"),
     "excused: edge or near tie": ((Verdict.EDGE, Verdict.NEAR_TIE), "#009E73"),
 }
+ABOUT = (
+    "accuracy_where-SCENE.png show of large frames the part where most is wrong in any of a picture's panels; the "
+    "numbers above a panel count the whole frame."
+)
+
 ACROSS = 3
 """Panels beside one another."""
 

@@ -68,5 +68,5 @@ def picture(rows: Sequence[dict[str, Any]], here: int, path: Path) -> Path:
         axes.set_ylim(bottom=0)
         axes.set_xlabel("bits of the key")
         axes.set_ylabel("sort, ns a pair")
-        figure.legend(loc="outside upper center", ncols=3, frameon=False)
+        figure.legend(loc="outside upper center", ncols=2, frameon=False)
         return points.save(figure, path)

@@ -10,8 +10,9 @@ import numpy as np
 
 from ..passes import PARTS
 
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#6F6F6F", "#8C564B")
-"""Okabe and Ito's colours (told apart by every common kind of colour vision), then a grey and a brown."""
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255", "#8C564B")
+"""Okabe and Ito's colours (told apart by every common kind of colour vision), then a wine red and a brown. Greys stand
+for parts of a frame."""
 
 PART_SHARE = dict(zip(PARTS, (0.0, 0.40, 0.68, 0.88), strict=True))
 """How far each part of a frame is lightened from its method's colour: steps that a grey print keeps apart."""
