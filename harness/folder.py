@@ -17,7 +17,7 @@ import numpy as np
 
 from .errors import UserError
 from .record import Journal, write_atomic
-from .record_shape import ARCHIVE, fault, read_archive
+from .record_shape import archived, fault
 from .scenes.catalogue import resolve
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
@@ -112,8 +112,7 @@ class ResultsFolder:
 
     @functools.cached_property
     def _archived(self) -> dict[str, dict[str, Any]]:
-        archive = self.path / "records" / ARCHIVE
-        return {record["key"]: record for record in read_archive(archive)} if archive.exists() else {}
+        return archived(self.path / "records")
 
     def keep_record(self, record: dict[str, Any], journal: Journal) -> None:
         """Write a record; its journal, and answers that nobody graded, have then done their work."""

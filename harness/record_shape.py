@@ -20,6 +20,9 @@ SCHEMA = 1
 ARCHIVE = "kept.jsonl.xz"
 """All records of a folder that is kept, in its ``records/``: one a line, a seventh of what they take apart."""
 
+ARCHIVES = "*.jsonl.xz"
+"""All files of that kind: what is measured for a kept folder later can be laid beside what is there."""
+
 NUMBER = (int, float)
 
 
@@ -142,9 +145,7 @@ def read_records(folder: Path | str) -> list[dict[str, Any]]:
         paths = []
     except OSError as error:
         raise UserError(f"{place}: cannot be read ({error.strerror}); mend its rights") from error
-    found = {}
-    if place / ARCHIVE in paths:
-        found = {record["key"]: record for record in read_archive(place / ARCHIVE)}
+    found = archived(place)
     for path in paths:
         if path.suffix == ".json":
             record = read_record(path)
@@ -152,6 +153,12 @@ def read_records(folder: Path | str) -> list[dict[str, Any]]:
     if not found:
         raise UserError(f"{folder}: no records here; name a folder that `shadowbench run` wrote")
     return [found[key] for key in sorted(found)]
+
+
+def archived(place: Path) -> dict[str, dict[str, Any]]:
+    """By key the records in the archives of a folder ``records/``; of two that have one, the later name's."""
+    paths = sorted(place.glob(ARCHIVES))
+    return {record["key"]: record for path in paths for record in read_archive(path)}
 
 
 def read_record(path: Path) -> dict[str, Any]:

@@ -137,6 +137,16 @@ def test_a_run_into_a_kept_folder_goes_on_from_its_records(tmp_path: Path) -> No
     assert len(read_records(tmp_path / "kept")) == 3
 
 
+def test_archives_beside_one_another_are_one_folder(tmp_path: Path) -> None:
+    keep([run_folder(tmp_path / "run")], tmp_path / "out")
+    keep([run_folder(tmp_path / "later", scenes=("fairy",))], tmp_path / "more")
+    (tmp_path / "more" / "records" / ARCHIVE).rename(tmp_path / "out" / "records" / "later.jsonl.xz")
+    both = read_records(tmp_path / "out")
+    assert {record["scene"]["name"] for record in both} == {"cloth", "fairy"}
+    assert len(both) == 6
+    assert ResultsFolder(tmp_path / "out").record(both[-1]["key"]) == both[-1]
+
+
 def test_wrong_calls_are_one_line_each(tmp_path: Path) -> None:
     run = run_folder(tmp_path / "run")
     other = run_folder(tmp_path / "other", name="table1")
