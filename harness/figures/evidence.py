@@ -7,7 +7,7 @@ nothing else, and :func:`ratio` refuses all else, so that a claim cannot mix run
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -38,16 +38,6 @@ def scene_of(row: Row) -> tuple[str, str, str]:
     return row["scene"], row["scene_title"], row["record"]["scene"].get("arrays_sha256") or ""
 
 
-def of_frames(row: Row, frames: Iterable[int]) -> Row:
-    """The row of some of its frames."""
-    wanted = set(frames)
-    if set(row["frame_numbers"]) == wanted:
-        return row
-    record = row["record"]
-    fewer = points.row({**record, "frames": [f for f in record["frames"] if f["frame"] in wanted]})
-    return {**fewer, "run": row["run"]}
-
-
 def ratio(one: Row, other: Row, measure: Measure, sizes: bool = False) -> float | None:
     """``measure`` of one row over that of another, over the frames that both have; None where either has no value.
 
@@ -70,7 +60,7 @@ def ratio(one: Row, other: Row, measure: Measure, sizes: bool = False) -> float 
     common = set(one["frame_numbers"]) & set(other["frame_numbers"])
     if not common:
         raise MixedError(f"other frames: {one['frame_numbers']} and {other['frame_numbers']}")
-    a, b = (measure(of_frames(r, common)) for r in (one, other))
+    a, b = (measure(points.of_frames(r, common)) for r in (one, other))
     return a / b if a and b else None
 
 

@@ -148,6 +148,16 @@ def not_measured(made: Sequence[Row], apart: Collection[str] = ()) -> list[str]:
     return lines
 
 
+def of_frames(r: Row, frames: Iterable[int]) -> Row:
+    """The row of some of its frames."""
+    wanted = set(frames)
+    if set(r["frame_numbers"]) == wanted:
+        return r
+    record = r["record"]
+    fewer = row({**record, "frames": [f for f in record["frames"] if f["frame"] in wanted]})
+    return {**fewer, "run": r["run"]} if "run" in r else fewer
+
+
 def name(r: Row) -> str:
     """Label of a point, with its lights where the experiment placed them."""
     return f"{r['label']}, {r['light_label']}" if r["light_label"] else r["label"]

@@ -108,26 +108,29 @@ def spread_sentences(
 
 
 def growth(
-    rows: Sequence[dict[str, Any]], column: str
+    rows: Sequence[dict[str, Any]], column: str, stages: Sequence[Stage]
 ) -> tuple[dict[str, float], tuple[dict[str, Any], dict[str, Any]] | None]:
     """A column's value at the largest size over that at the smallest, by scene; and rows of the two sizes.
 
-    Only of scenes that have the same frames at both.
+    Over the frames that a scene has at both.
     """
     rows = sorted(rows, key=lambda r: r["width"])
     if not rows or rows[0]["width"] == rows[-1]["width"]:
         return {}, None
-    low, high = (
-        {(r["scene"], r["frame_numbers"]): r for r in rows if r["width"] == end["width"]}
-        for end in (rows[0], rows[-1])
-    )
-    found = {key[0]: high[key][column] / low[key][column] for key in low if key in high and low[key][column]}
+    low, high = ({r["scene"]: r for r in rows if r["width"] == end["width"]} for end in (rows[0], rows[-1]))
+    found = {}
+    for scene in low:
+        common = set(low[scene]["frame_numbers"]) & set(high.get(scene, {}).get("frame_numbers", ()))
+        if common:
+            small, large = (add(points.of_frames(r[scene], common), stages)[column] for r in (low, high))
+            if small:
+                found[scene] = large / small
     return found, (rows[0], rows[-1])
 
 
 def size_sentences(rows: Sequence[dict[str, Any]], stages: Sequence[Stage], rearrangement: str) -> list[str]:
     """How rearrangement and the other stages grow from the smallest size to the largest, over the scenes."""
-    grown = {s.key: growth(rows, f"{s.key}_ms") for s in stages}
+    grown = {s.key: growth(rows, f"{s.key}_ms", stages) for s in stages}
     own, ends = grown[rearrangement]
     if ends is None or not own:
         return []
