@@ -275,3 +275,16 @@ def test_lightings_with_points_of_their_own_are_missed_by_nobody_and_miss_none(t
     rows = points.rows(tmp_path)
     assert points.not_measured(rows) == ["Cloth (stand-in), far: no record of b"]
     assert points.not_measured(rows, apart=["far"]) == []
+
+
+@pytest.mark.filterwarnings("error::UserWarning")
+def test_stages_that_add_up_to_more_than_the_frame_stay_within_the_drawing(tmp_path):
+    (entry,) = find_experiment("figure10").presets["quick"].methods
+    passes = [
+        ("build", "build", 400.0),
+        ("primary rays", "trace", 900.0),
+        ("light 0: shadow rays", "shadow", 900.0),
+    ]
+    keep(tmp_path, [made("figure10", entry, "cloth", ms=10.0, passes=passes, counters={"light 0 rays": 9})])
+    show("figure10", tmp_path, quiet=True)
+    assert (tmp_path / "figure10.svg").stat().st_size > 0

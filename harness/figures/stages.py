@@ -158,6 +158,9 @@ def picture(rows: Sequence[dict[str, Any]], stages: Sequence[Stage], path: Path)
     with matplotlib.rc_context(style.axes_style()):
         figure = Figure(figsize=(style.COLUMN_WIDTH, 0.26 * len(rows) + 1.25), layout="constrained")
         axes = figure.subplots()
+        widest = (
+            0.0  # stages are measured apart: on a busy machine they may add up to more than the whole frame
+        )
         for place, r in enumerate(rows):
             left = 0.0
             for stage in stages:
@@ -165,6 +168,7 @@ def picture(rows: Sequence[dict[str, Any]], stages: Sequence[Stage], path: Path)
                 axes.barh(place, width, left=left, height=0.7, color=stage.colour, edgecolor="#444444", linewidth=0.3,
                           label=stage.title if place == 0 else None)  # fmt: skip
                 left += width
+            widest = max(widest, left, r["total_ms"])
             axes.text(
                 max(left, r["total_ms"]) * 1.01,
                 place,
@@ -176,7 +180,7 @@ def picture(rows: Sequence[dict[str, Any]], stages: Sequence[Stage], path: Path)
         names = [title_of(r) if len(labels) == 1 else f"{title_of(r)}, {r['label']}" for r in rows]
         axes.set_yticks(range(len(rows)), names)
         axes.set_ylim(len(rows) - 0.4, -0.6)
-        axes.set_xlim(0, max(r["total_ms"] for r in rows) * 1.2)
+        axes.set_xlim(0, widest * 1.2)
         axes.set_xlabel("ms a frame; number: the whole frame")
         figure.legend(loc="outside upper center", ncols=2, frameon=False, handlelength=1.2, columnspacing=1.0)
         return points.save(figure, path)
