@@ -9,7 +9,6 @@ from .hardcases import all_cases
 from .hardcases.judge import Judged, judge_method
 from .plan import Entry, device_for
 from .registry import make_method, method_class
-from .turn import TURN
 
 
 def hard_rows(
@@ -24,7 +23,6 @@ def hard_rows(
     cases = [case for case in all_cases() if not (without and case.name.startswith(without))]
     judged: dict[str, Judged] = {}
     for entry in entries:
-        TURN.give_way()
         try:
             place = device_for(method_class(entry.method), device)
         except ImportError:  # a peer's library that is not installed: no row

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import lzma
 import os
 import tempfile
 from collections.abc import Iterable
@@ -20,6 +21,8 @@ import numpy as np
 from .record_shape import SCHEMA
 
 STATUSES = ("ok", "skipped", "failed", "timeout", "rejected")
+FAILURES = ("failed", "timeout")
+"""Those that nothing was decided by: ``--retry`` measures such a point again."""
 """What may become of a point. Every planned point yields exactly one record with one of these."""
 
 
@@ -39,12 +42,17 @@ def write_atomic(path: Path, value: Any) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file atomically: a temporary file beside it, on the disk, then put in its place."""
+    """Write a text file as :func:`write_bytes` does."""
+    write_bytes(path, text.encode("utf-8"))
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file atomically: a temporary file beside it, on the disk, then put in its place."""
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
             file.flush()
             os.fsync(file.fileno())
         os.chmod(temporary, 0o644)
@@ -52,6 +60,16 @@ def write_text(path: Path, text: str) -> None:
     except BaseException:
         Path(temporary).unlink(missing_ok=True)
         raise
+
+
+def write_archive(path: Path, records: Iterable[dict[str, Any]]) -> None:
+    """Records as one compressed file, by key, as :func:`.record_shape.read_archive` reads it.
+
+    The same records give the same bytes.
+    """
+    ordered = sorted(records, key=lambda record: str(record["key"]))
+    text = "".join(json.dumps(record, allow_nan=False) + "\n" for record in ordered)
+    write_bytes(path, lzma.compress(text.encode(), preset=9 | lzma.PRESET_EXTREME))
 
 
 class Journal:

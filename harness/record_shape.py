@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import lzma
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -185,19 +184,6 @@ def read_archive(path: Path) -> list[dict[str, Any]]:
     return [
         _record_in(line, f"{path}, line {number}", "fetch it again") for number, line in enumerate(lines, 1)
     ]
-
-
-def write_archive(path: Path, records: Iterable[dict[str, Any]]) -> None:
-    """Records as one compressed file, whole or not at all; the same records give the same bytes."""
-    ordered = sorted(records, key=lambda record: str(record["key"]))
-    text = "".join(json.dumps(record, allow_nan=False) + "\n" for record in ordered)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f".{path.name}.part")
-    try:
-        part.write_bytes(lzma.compress(text.encode(), preset=9 | lzma.PRESET_EXTREME))
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def _record_in(text: str, where: str, remedy: str = "remove it and run again") -> dict[str, Any]:

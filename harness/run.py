@@ -22,7 +22,7 @@ from .folder import ResultsFolder
 from .job import Job, Options, Reporter
 from .lighting import Lighting
 from .plan import Entry, Preset, describe_method, make_point, orders
-from .record import make_record
+from .record import FAILURES, make_record
 from .remote import Remote, WorkerError, WorkerLostError
 from .repaint import repaint
 from .turn import TURN
@@ -178,7 +178,7 @@ class Run:
             point = make_point(options.experiment.name, options.preset, entry, facts, method, options.seed)
             job = Job(point, scene, self.folder.journal(point.key), self._steps_a_point())
             kept = self.folder.record(point.key)
-            if kept and not (options.retry and kept["status"] in ("failed", "timeout")):
+            if kept and not (options.retry and kept["status"] in FAILURES):
                 job.record = kept
                 self.report.done(job.steps)
             jobs.append(job)

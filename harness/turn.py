@@ -73,16 +73,17 @@ class Turn:
         the turn is that thread's: nothing else of this class may be called.
         """
         starting, ended = threading.Lock(), threading.Event()
-        here = [True]
+        shared = True
 
         def watch() -> None:
+            nonlocal shared
             while not ended.wait(POLL_S):
                 if self._somebody_wants_to_measure():
                     with starting:
                         stop()
                         try:
                             self._leave()
-                            here[0] = self._take(fcntl.LOCK_SH, _unsaid, ended)
+                            shared = self._take(fcntl.LOCK_SH, _unsaid, ended)
                         finally:
                             go()
 
@@ -97,7 +98,7 @@ class Turn:
             ended.set()
             watching.join()
         # Not where an error ends it all (Ctrl-C, say): that does not wait for anybody.
-        if not here[0]:
+        if not shared:
             self._take(fcntl.LOCK_SH, _unsaid)
 
     @contextlib.contextmanager

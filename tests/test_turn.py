@@ -225,7 +225,7 @@ def test_the_last_words_of_a_worker_are_its_own(tmp_path: Path) -> None:
     worker = Remote("any", tmp_path / "log")
     try:
         worker.ask(60.0, do="free")
-        (process,) = [worker._process]
+        process = worker._process
         assert process is not None
         process.kill()
         process.wait(10)

@@ -14,7 +14,8 @@ import typer
 
 from ..errors import UserError
 from ..folder import ResultsFolder
-from ..record_shape import ARCHIVE, read_records, write_archive
+from ..record import FAILURES, write_archive
+from ..record_shape import ARCHIVE, read_records
 from .show import show
 
 BULKY = ("images", "maps")
@@ -78,12 +79,8 @@ def keep(sources: Sources, out: Out, extras: With = None, replace: Replace = Fal
 
 def chosen(records: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
     """One record a point: the last that is no failure, else the last."""
-    best: dict[str, dict[str, Any]] = {}
-    for record in records:
-        failed = record["status"] in ("failed", "timeout")
-        if record["key"] not in best or not failed or best[record["key"]]["status"] in ("failed", "timeout"):
-            best[record["key"]] = record
-    return list(best.values())
+    failures_first = sorted(records, key=lambda record: record["status"] not in FAILURES)
+    return list({record["key"]: record for record in failures_first}.values())
 
 
 def _fill(fresh: Path, sources: Sequence[Path], records: Sequence[dict[str, Any]]) -> None:

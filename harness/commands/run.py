@@ -21,7 +21,7 @@ from ..plan import (
     parse_size,
 )
 from ..progress import Bar, Silent
-from ..record import summarise
+from ..record import FAILURES, summarise
 from ..run import Options, Run
 from ..scenes.catalogue import folder as scene_folder
 from ..scenes.catalogue import resolve
@@ -107,7 +107,7 @@ def run(options: Options, as_json: bool = False) -> int:
     files: list[Path] = []
     if options.experiment.draw is not None:
         files = list(options.experiment.draw(options.out, as_json))  # type: ignore[call-arg]
-    bad = [record for record in records if record["status"] in ("failed", "timeout")]
+    bad = [record for record in records if record["status"] in FAILURES]
     if as_json:
         print(json.dumps(report_json(options, records, files), indent=1))
     else:
