@@ -18,7 +18,8 @@ from .scene import Geometry, Scene
 def store(path: Path, prepared: Prepared, frames: Iterable[int]) -> None:
     """Keep a prepared scene and the positions of some of its frames in one .npz file, written atomically.
 
-    The first frame is always kept: trees that are refitted are built there.
+    The first frame is always kept: trees that are refitted are built there. Its positions are kept as they are, too:
+    rules that choose triangles (:mod:`.largest`) look at it, and must choose alike in every process.
     """
     arrays: dict[str, NDArray] = {
         "faces": prepared.faces,
@@ -26,6 +27,7 @@ def store(path: Path, prepared: Prepared, frames: Iterable[int]) -> None:
         "centre": prepared.centre,
         "middle": prepared.middle,
         "numbers": np.array([prepared.radius, prepared.frame_count]),
+        "first": np.asarray(prepared.geometry.positions(0), dtype=np.float64).reshape(-1, 3),
     }
     arrays |= arrays_of(prepared.alpha)
     if prepared.scene.mirror is not None:
@@ -36,7 +38,10 @@ def store(path: Path, prepared: Prepared, frames: Iterable[int]) -> None:
 
 
 class Stored(Prepared):
-    """A prepared scene read back. It has the frames that were stored, and raises :class:`UserError` for others."""
+    """A prepared scene read back. It has the frames that were stored, and raises :class:`UserError` for others.
+
+    Positions of frames after the first are those of float32.
+    """
 
     def __init__(self, path: Path, scene: Scene):
         with np.load(path) as kept:
@@ -55,11 +60,12 @@ class Stored(Prepared):
             for name in arrays
             if name.startswith("points_")
         }
+        self._first = arrays["first"]
         self.geometry = Geometry(self.faces, self._positions, int(arrays["numbers"][1]))
         self._cache = None
 
     def _positions(self, frame: int) -> NDArray[np.float64]:
-        return self.points(frame)[0].astype(np.float64) + self.centre
+        return self._first if frame == 0 else self.points(frame)[0].astype(np.float64) + self.centre
 
     def points(self, frame: int) -> tuple[F32, NDArray[np.uint8]]:
         """Float32 positions and validity flags, as they were stored."""
