@@ -7,6 +7,7 @@ import io
 
 import pytest
 from fake_records import METHODS, SCENES, record, score, write
+from matplotlib.figure import Figure
 from rich.console import Console
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.errors import UserError
@@ -306,3 +307,15 @@ def test_frames_left_out_for_the_budget_are_named_and_nothing_is_best_over_diffe
     assert not any(cell.best for cell in line(short).cells)
     (note,) = [note for note in short.notes if "left out" in note]
     assert "(1 of 3)" in note
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "labels"), [(0.3, 6.0, ["0.5", "1", "2", "5"]), (0.2, 400.0, ["1", "10", "100"])]
+)
+def test_logarithmic_axes_have_plain_numbers(low: float, high: float, labels: list[str]) -> None:
+    axes = Figure().subplots()
+    axes.plot([1, 2], [low, high])
+    style.plain_log(axes)
+    bottom, top = axes.get_ylim()
+    shown = [label.get_text() for label in axes.get_yticklabels() if bottom <= label.get_position()[1] <= top]
+    assert shown == labels

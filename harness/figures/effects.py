@@ -180,7 +180,7 @@ def moved_picture(rows: Sequence[dict[str, Any]], path: Path) -> Path:
                     elinewidth=0.7, color=colours[methods[label]], ls="-" if first_of(label, methods) else "--",
                     mfc=None if first_of(label, methods) else "white",
                 )  # fmt: skip
-            axes.set_yscale("log")
+            style.plain_log(axes)
             axes.set_xticks(range(len(kinds)), kinds)
             axes.set_xlim(-0.3, len(kinds) - 0.7)
             axes.set_title(title_of(next(r for r in rows if r["scene"] == scene)), loc="left")

@@ -204,12 +204,12 @@ def picture(lines: dict[str, dict[str, list[dict[str, Any]]]], ours: str, path: 
                     label=f"{PROPORTION}: {PROPORTION_MEANS}",
                 )
             axes.set_xscale("log")
-            axes.set_yscale("log")
             axes.set_xticks(
                 values, [short(v) for v in values], rotation=45, ha="right", rotation_mode="anchor"
             )
             axes.xaxis.set_minor_locator(NullLocator())
             axes.set_ylim(0.7 * min(every), 1.4 * max(every))
+            style.plain_log(axes)
             axes.set_xlabel(sweep.axis)
         panels[0].set_ylabel("ms a frame, everything rebuilt")
         handles, names = panels[0].get_legend_handles_labels()

@@ -82,3 +82,18 @@ def axes_style() -> dict[str, Any]:
         "font.family": "DejaVu Sans",
         "figure.dpi": 150,
     }
+
+
+def plain_log(axes: Any) -> None:
+    """A logarithmic vertical axis whose labels are plain numbers: 1, 2 and 5 of each power where there are few of them.
+
+    Called when everything is drawn, since it depends on the limits.
+    """
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axes.set_yscale("log")
+    low, high = axes.get_ylim()
+    few = math.log10(high / low) < 2.0
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,)))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.yaxis.set_minor_formatter(NullFormatter())

@@ -114,7 +114,7 @@ def picture(rows: Sequence[dict[str, Any]], path: Path) -> Path:
             )  # fmt: skip
         counts = points.in_order(r["light_count"] for r in rows)
         axes.set_xscale("log", base=2)
-        axes.set_yscale("log")
+        style.plain_log(axes)
         axes.set_xticks(counts, [str(n) for n in counts])
         axes.set_xlabel("number of lights")
         axes.set_ylabel("ms a frame, everything rebuilt")
