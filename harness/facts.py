@@ -8,6 +8,7 @@ from typing import Any
 
 import warp as wp
 
+from .alpha import mask_hash
 from .moment import Moment, Prepared
 from .scene import Effects
 
@@ -41,8 +42,24 @@ def scene_facts(prepared: Prepared, moments: dict[int, Moment]) -> dict[str, Any
         "camera": plain(asdict(scene.camera)),
         "lights": [plain(asdict(light)) for light in scene.lights],
         "effects": plain(asdict(Effects.of(scene))),
+        **surface_facts(prepared),
         "light_path": None if path is None else {"kind": type(path).__name__, **plain(asdict(path))},  # type: ignore[call-overload]
     }
+
+
+def contents(facts: dict[str, Any]) -> list[str | None]:
+    """What scenes of one name differ in, as :func:`scene_facts` gave it: the hashes of what everyone gets."""
+    return [facts.get(name) for name in ("arrays_sha256", "moments_sha256", "surfaces_sha256")]
+
+
+def surface_facts(prepared: Prepared) -> dict[str, str]:
+    """A hash of which triangles are mirrors and of the mask of holes; {} where a scene has neither.
+
+    A rule may choose them, and what it chooses by need not be among the arrays that everyone gets.
+    """
+    chosen = [prepared.mirror.tobytes()] if prepared.scene.mirror is not None else []
+    chosen += [mask_hash(prepared.alpha).encode()] if prepared.alpha is not None else []
+    return {"surfaces_sha256": hashlib.sha256(b"".join(chosen)).hexdigest()} if chosen else {}
 
 
 def never_hit(triangles: int, valid: int) -> str:

@@ -25,8 +25,8 @@ FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
 
 UNWRITABLE = (*FULL, errno.EACCES, errno.EPERM, errno.EIO, errno.ENOTDIR, errno.EISDIR)
 
-MAKERS = ("moment", "lights", "lighting", "scene")
-"""Modules of the harness that, beside those of the scenes, decide what arrays a scene has."""
+MAKERS = ("moment", "lights", "lighting", "scene", "alpha", "largest", "facts")
+"""Modules of the harness that, beside those of the scenes, decide what arrays a scene has and what is told of it."""
 
 
 class ResultsFolder:

@@ -324,7 +324,7 @@ def make_point(
         "rounds": preset.rounds,
         "budget_s": preset.budget_s,
         "seed": seed,
-        **({"lighting": scene["lighting"]} if scene.get("lighting") else {}),
+        **{name: scene[name] for name in ("lighting", "surfaces_sha256") if scene.get(name)},
         **({"maps": True} if preset.maps else {}),
         **({"memory": preset.memory} if preset.memory else {}),
         **({"wrong_maps": True} if preset.wrong_maps else {}),

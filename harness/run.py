@@ -18,6 +18,7 @@ from typing import Any
 
 from .asking import LOAD_S, grade_command, load_command, prepare_command
 from .environment import environment, keep
+from .facts import contents
 from .folder import ResultsFolder
 from .job import Job, Options, Reporter
 from .lighting import Lighting
@@ -101,7 +102,7 @@ class Run:
                     "source": {"kind": "", "file": name},
                     "lighting": self.lighting.facts(),
                 }
-            elif facts is None or fresh["arrays_sha256"] != facts["arrays_sha256"]:
+            elif facts is None or contents(fresh) != contents(facts):
                 facts, jobs = fresh, []
                 self.folder.learn_scene(command, facts)
             jobs = jobs or self._jobs(name, facts, methods)

@@ -135,8 +135,9 @@ def test_another_configuration_is_another_point(troubled, scene, tmp_path, chang
     method = describe_method(entry, "cpu")
     assert make_point("trial", plain, entry, facts, method, 0).key == records["steady"]["key"]
     assert make_point("trial", other, entry, facts, method, 0).key != records["steady"]["key"]
-    moved = {**facts, "arrays_sha256": "0" * 64}
-    assert make_point("trial", plain, entry, moved, method, 0).key != records["steady"]["key"]
+    for name in ("arrays_sha256", "surfaces_sha256"):
+        changed = {**facts, name: "0" * 64}
+        assert make_point("trial", plain, entry, changed, method, 0).key != records["steady"]["key"]
     rewritten = {**method, "source_sha256": "0" * 64}
     assert make_point("trial", plain, entry, facts, rewritten, 0).key != records["steady"]["key"]
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from shadowbench.harness.commands.run import plan_run
 from shadowbench.harness.errors import UserError
+from shadowbench.harness.facts import contents, scene_facts
 from shadowbench.harness.lighting import Lighting
 from shadowbench.harness.moment import Prepared
 from shadowbench.harness.plan import Entry
@@ -48,6 +49,28 @@ def test_rules_choose_the_same_triangles_in_every_process(tmp_path: Path) -> Non
     mirror = lighting.applied(made).mirror
     assert 0 < mirror.sum() < len(mirror)
     np.testing.assert_array_equal(lighting.applied(Stored(tmp_path / "scene.npz", scene)).mirror, mirror)
+
+
+def test_other_mirrors_or_holes_are_another_point(tmp_path: Path) -> None:
+    """Which triangles a rule chooses is in none of the arrays that everyone gets: a record says it apart."""
+    (tmp_path / "grid.obj").write_text(
+        "".join(f"v {x} {y} 0\n" for x in (0, 1, 3, 6) for y in (0, 1))
+        + "".join(f"f {2 * k + 1} {2 * k + 3} {2 * k + 2}\n" for k in range(3))
+    )
+    told = []
+    for surfaces in (
+        "",
+        "[mirror]\nshare = 0.5\n",
+        "[mirror]\nshare = 0.9\n",
+        "[alpha]\nevery = 1\n",
+        "[alpha]\nevery = 2\n",
+    ):
+        (tmp_path / "scene.toml").write_text('mesh = "grid.obj"\n' + surfaces)
+        prepared = Prepared(resolve(tmp_path / "scene.toml"))
+        told.append(scene_facts(prepared, {0: prepared.moment(0, 8, 8)}))
+    assert len({facts["arrays_sha256"] for facts in told}) == 1
+    assert "surfaces_sha256" not in told[0]
+    assert len({tuple(contents(facts)) for facts in told}) == len(told)
 
 
 def test_every_tree_is_measured_where_only_a_middle_frame_is_asked_for(tmp_path: Path) -> None:
