@@ -310,12 +310,22 @@ def test_frames_left_out_for_the_budget_are_named_and_nothing_is_best_over_diffe
 
 
 @pytest.mark.parametrize(
-    ("low", "high", "labels"), [(0.3, 6.0, ["0.5", "1", "2", "5"]), (0.2, 400.0, ["1", "10", "100"])]
+    ("low", "high", "labels"),
+    [
+        (0.3, 6.0, ["0.5", "1", "2", "5"]),
+        (0.3, 40.0, ["0.5", "1", "2", "5", "10", "20", "50"]),
+        (0.2, 400.0, ["1", "10", "100"]),
+        (2e-7, 5e-4, ["0.000001", "0.00001", "0.0001"]),
+        (0.0, 0.0, None),
+    ],
 )
-def test_logarithmic_axes_have_plain_numbers(low: float, high: float, labels: list[str]) -> None:
+def test_logarithmic_axes_have_plain_numbers(low: float, high: float, labels: list[str] | None) -> None:
     axes = Figure().subplots()
     axes.plot([1, 2], [low, high])
     style.plain_log(axes)
     bottom, top = axes.get_ylim()
+    assert axes.get_yscale() == ("log" if labels else "linear")
+    if not labels:
+        return
     shown = [label.get_text() for label in axes.get_yticklabels() if bottom <= label.get_position()[1] <= top]
     assert shown == labels

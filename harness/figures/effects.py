@@ -44,7 +44,7 @@ def draw(folder: Path | str, quiet: bool, base: str, order: Sequence[str]) -> li
     if moved:
         files.append(moved_picture(moved, folder / "effects-moved.svg"))
     title = "What each effect costs, and what a frame costs by what moved"
-    sentences = [*effect_sentences(effects, base), *moved_sentences(moved)]
+    sentences = [*effect_sentences(effects, base, again(moved)), *moved_sentences(moved)]
     return points.report(folder, "effects", title, sentences, files, rows, quiet)
 
 
@@ -68,14 +68,22 @@ def add(rows: Sequence[dict[str, Any]], base: str) -> None:
             r["added_iqr_ms"] = float(np.hypot(*spreads)) if min(r["samples"], first["samples"]) > 1 else None
 
 
-def effect_sentences(rows: Sequence[dict[str, Any]], base: str) -> list[str]:
-    """For each scene and method what the effects add to the frame ``base``."""
+def again(moved: Sequence[dict[str, Any]]) -> dict[tuple[str, str], float]:
+    """Of each scene and method the frame in which all moved, ms: the work of the base frame, measured another time."""
+    return {(r["scene"], r["label"]): r["total_ms"] for r in moved if r["moved"] == "all"}
+
+
+def effect_sentences(
+    rows: Sequence[dict[str, Any]], base: str, repeated: dict[tuple[str, str], float]
+) -> list[str]:
+    """For each scene and method what the effects add to the frame ``base``; ``repeated``: see :func:`again`."""
     if not rows:
         return ["No effect was measured."]
     result = [
         f"Milliseconds that each effect adds to the frame of {base}, everything rebuilt, +- the spread of the two "
         "(times its frame time). Effects are measured one after another, not interleaved: what another program on the "
-        "machine did meanwhile is in the differences."
+        "machine did meanwhile is in the differences. How far they can be trusted: the same frame measured once more, "
+        "as the one in which all moved."
     ]
     for scene, label in dict.fromkeys((r["scene"], r["label"]) for r in rows):
         own = [r for r in rows if (r["scene"], r["label"]) == (scene, label)]
@@ -86,7 +94,9 @@ def effect_sentences(rows: Sequence[dict[str, Any]], base: str) -> list[str]:
             if r is not first
         ]
         if parts:
-            head = f"{title_of(first)}, {label}, {style.number(first['total_ms'])} ms: "
+            time = repeated.get((scene, label))
+            once_more = f" (once more {style.number(time)})" if time else ""
+            head = f"{title_of(first)}, {label}, {style.number(first['total_ms'])} ms{once_more}: "
             result.append(head + "; ".join(parts) + ".")
     return result
 
@@ -111,6 +121,7 @@ def moved_sentences(rows: Sequence[dict[str, Any]]) -> list[str]:
             if moved in own:
                 time = own[moved]["total_ms"]
                 shown = style.number(time) if own[moved]["passes"] else "no launch"
+                shown += " (one sample)" if own[moved]["samples"] == 1 else ""
                 parts.append(f"{moved}: {shown} ({own[moved]['builds']})")
         result.append(f"{title_of(next(iter(own.values())))}, {label}: {', '.join(parts)}.")
     return result

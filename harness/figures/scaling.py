@@ -208,7 +208,8 @@ def picture(lines: dict[str, dict[str, list[dict[str, Any]]]], ours: str, path: 
                 values, [short(v) for v in values], rotation=45, ha="right", rotation_mode="anchor"
             )
             axes.xaxis.set_minor_locator(NullLocator())
-            axes.set_ylim(0.7 * min(every), 1.4 * max(every))
+            if min(every) > 0.0:
+                axes.set_ylim(0.7 * min(every), 1.4 * max(every))
             style.plain_log(axes)
             axes.set_xlabel(sweep.axis)
         panels[0].set_ylabel("ms a frame, everything rebuilt")

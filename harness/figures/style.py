@@ -84,16 +84,23 @@ def axes_style() -> dict[str, Any]:
     }
 
 
-def plain_log(axes: Any) -> None:
-    """A logarithmic vertical axis whose labels are plain numbers: 1, 2 and 5 of each power where there are few of them.
+def plain_number(value: float, _: int = 0) -> str:
+    """A label of an axis, without an exponent however small or large."""
+    return np.format_float_positional(float(f"{value:.6g}"), trim="-")
 
-    Called when everything is drawn, since it depends on the limits.
+
+def plain_log(axes: Any) -> None:
+    """A logarithmic vertical axis whose labels are plain numbers: 1, 2 and 5 of each power where few powers lie on it.
+
+    Called when everything is drawn, since it depends on the limits. An axis with nothing above zero stays as it is.
     """
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+    if not axes.dataLim.y1 > 0.0:
+        return
     axes.set_yscale("log")
     low, high = axes.get_ylim()
-    few = math.log10(high / low) < 2.0
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,)))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    powers = math.floor(math.log10(high)) - math.ceil(math.log10(low)) + 1
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if powers < 3 else (1.0,), numticks=99))
+    axes.yaxis.set_major_formatter(FuncFormatter(plain_number))
     axes.yaxis.set_minor_formatter(NullFormatter())
