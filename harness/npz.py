@@ -15,6 +15,11 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray], compressed: bool = T
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     save = np.savez_compressed if compressed else np.savez
-    with temporary.open("wb") as stream:
-        save(stream, **arrays)  # type: ignore[arg-type]
-    temporary.replace(path)
+    try:
+        with temporary.open("wb") as stream:
+            save(stream, **arrays)  # type: ignore[arg-type]
+        temporary.replace(path)
+    except BaseException:
+        # What a full disk left of it would fill the disk.
+        temporary.unlink(missing_ok=True)
+        raise

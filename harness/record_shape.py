@@ -89,6 +89,7 @@ RECORD = {
         "built": Maybe(dict),
     },
     "environment": str,
+    "asked": Maybe(NUMBER),
     "compile_s": Maybe(NUMBER),
     "first_frame_s": Maybe(NUMBER),
     "peak_rss_bytes": Maybe(NUMBER),

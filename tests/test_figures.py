@@ -329,3 +329,11 @@ def test_logarithmic_axes_have_plain_numbers(low: float, high: float, labels: li
         return
     shown = [label.get_text() for label in axes.get_yticklabels() if bottom <= label.get_position()[1] <= top]
     assert shown == labels
+
+
+def test_one_round_says_nothing_of_the_time_between_rounds(records):
+    rows = tidy.rows(records)
+    assert "at most (" in sheet.between_rounds(rows)
+    assert (
+        sheet.between_rounds([{**r, "rounds": 1} for r in rows]) == "Between rounds: not known of one round."
+    )

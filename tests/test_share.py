@@ -7,11 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shadowbench.harness.commands.run import plan_run
+from shadowbench.harness.commands.run import plan_run, run
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.facts import contents, scene_facts
+from shadowbench.harness.figures.tidy import newest
 from shadowbench.harness.lighting import Lighting
 from shadowbench.harness.moment import Prepared
+from shadowbench.harness.npz import write_arrays
 from shadowbench.harness.plan import Entry
 from shadowbench.harness.progress import Silent
 from shadowbench.harness.run import Run
@@ -89,3 +91,31 @@ def test_every_tree_is_measured_where_only_a_middle_frame_is_asked_for(tmp_path:
         (entry.label, "ok") for entry in entries
     ]
     assert all(record["frames"][0]["frame"] > 0 for record in records)
+
+
+def test_a_run_shows_the_scene_it_was_asked_for(tmp_path: Path) -> None:
+    """Declared one way, another way, and the first way again: the third run measures nothing, and shows the first."""
+    (tmp_path / "grid.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 4 0 0\nf 1 2 3\nf 2 4 3\n")
+    out, shown = tmp_path / "out", []
+    for share in (0.5, 0.99, 0.5):
+        (tmp_path / "scene.toml").write_text(f'mesh = "grid.obj"\n[mirror]\nshare = {share}\n')
+        options = plan_run(
+            "table1", "quick", "cpu", [str(tmp_path / "scene.toml")], ["uniform_grid"], out=out, size="8x8",
+            overrides={"frames": 1, "rounds": 1, "samples": 1, "budget_s": 0.1}, score=False,
+        )  # fmt: skip
+        assert run(options, as_json=True) == 0
+        records, older = newest(out)
+        shown.append(records[0]["key"])
+        assert (len(records), older) == (1, len(set(shown)) - 1)
+    assert shown[0] == shown[2] != shown[1]
+    assert len(list((out / "records").glob("*.json"))) == 2
+
+
+def test_what_could_not_be_written_leaves_nothing(tmp_path: Path) -> None:
+    class Refusing:
+        def __array__(self, *_: object, **__: object) -> np.ndarray:
+            raise OSError(28, "No space left on device")
+
+    with pytest.raises(OSError, match="No space left"):
+        write_arrays(tmp_path / "a.npz", {"first": np.zeros(1000), "second": Refusing()})  # type: ignore[dict-item]
+    assert list(tmp_path.iterdir()) == []

@@ -11,6 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import UserError
+from ..figures.tidy import prefer
+from ..folder import ResultsFolder
 from ..plan import (
     Preset,
     choose_methods,
@@ -106,6 +108,8 @@ def run(options: Options, as_json: bool = False) -> int:
         options.experiment.after(options)
     files: list[Path] = []
     if options.experiment.draw is not None:
+        with ResultsFolder(options.out).writing():
+            prefer(options.out, records)
         files = list(options.experiment.draw(options.out, as_json))  # type: ignore[call-arg]
     bad = [record for record in records if record["status"] in FAILURES]
     if as_json:

@@ -82,8 +82,8 @@ def effect_sentences(
     result = [
         f"Milliseconds that each effect adds to the frame of {base}, everything rebuilt, +- the spread of the two "
         "(times its frame time). Effects are measured one after another, not interleaved: what another program on the "
-        "machine did meanwhile is in the differences. How far they can be trusted: the same frame measured once more, "
-        "as the one in which all moved."
+        "machine did meanwhile is in the differences, and not in the spread. Two hints of how much that is: the same frame "
+        "measured once more, as the one in which all moved, and frames that take longer without shadows."
     ]
     for scene, label in dict.fromkeys((r["scene"], r["label"]) for r in rows):
         own = [r for r in rows if (r["scene"], r["label"]) == (scene, label)]

@@ -162,12 +162,11 @@ def _how_to_read(rows: Sequence[dict[str, Any]]) -> list[str]:
     measured = [r for r in rows if r.get("total_ms")]
     if measured:
         spread = [r["iqr_ms"] / r["total_ms"] for r in measured]
-        between = max(measured, key=lambda r: r["between_ms"] / r["total_ms"])
+        fewest = min(r["samples"] for r in measured)
         notes.append(
-            f"Medians of at least {min(r['samples'] for r in measured)} repeats; where a scene moves, the mean of its "
+            f"Medians of at least {fewest} repeat{'s' * (fewest != 1)}; where a scene moves, the mean of its "
             f"frames' medians. Interquartile range of repeats: {np.median(spread):.1%} in the middle, "
-            f"{max(spread):.1%} at most. Between rounds: {between['between_ms'] / between['total_ms']:.1%} at most "
-            f"({between['scene']}, {between['label']})."
+            f"{max(spread):.1%} at most. {between_rounds(measured)}"
         )
         gap = max(measured, key=lambda r: abs(r["stage_gap"] or 0.0))
         notes.append(
@@ -251,3 +250,13 @@ def _built(rows: Sequence[dict[str, Any]]) -> list[str]:
 def _stand_ins(rows: Sequence[dict[str, Any]]) -> list[str]:
     known = {r["scene_title"]: r["stand_in"] for r in rows if r.get("stand_in")}
     return [f"{title}: {text}." for title, text in known.items()]
+
+
+def between_rounds(rows: Sequence[dict[str, Any]]) -> str:
+    """How far the medians of rounds lie apart, at most; of points with one round that is not known."""
+    several = [r for r in rows if r["rounds"] > 1]
+    if not several:
+        return "Between rounds: not known of one round."
+    worst = max(several, key=lambda r: r["between_ms"] / r["total_ms"])
+    share = worst["between_ms"] / worst["total_ms"]
+    return f"Between rounds: {share:.1%} at most ({worst['scene']}, {worst['label']})."

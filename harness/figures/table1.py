@@ -39,7 +39,9 @@ def draw(folder: Path | str, quiet: bool = False) -> list[Path]:
     rows = tidy.rows(records)
     made = sheet(rows)
     if older:
-        made = replace(made, notes=(*made.notes, f"Not shown: {older} older records of the same points."))
+        others = f"{older} older record{'s' * (older != 1)}"
+        note = f"Not shown: {others} of these points, or of other scenes of the same names."
+        made = replace(made, notes=(*made.notes, note))
     files = [write_csv(rows, folder / "table1.csv"), write_markdown(made, rows, folder / "table1.md")]
     files += bars.draw(rows, folder / "table1.svg")
     files += gallery.draw(folder, list(dict.fromkeys(r["scene"] for r in rows)), made.title)

@@ -5,13 +5,14 @@ Statistics are computed here and in :mod:`..record`, on reading; nothing here is
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..passes import PARTS
-from ..record import identity, part_ms, summarise
+from ..record import identity, part_ms, summarise, write_atomic
 from ..record_shape import read_records
 from . import paper, style
 
@@ -29,7 +30,7 @@ COLUMNS = (
 
 
 SAME = ("scene", "scene_title", "lighting", "method", "label", "device", "width", "height")
-"""Two records that agree in these and in their settings are of one entry of a table: the newer one is shown."""
+"""Two records that agree in these and in their settings are of one entry of a table: the one asked for last is shown."""
 
 ERROR_CLASSES = ("true", "invalid", "acne", "leak")
 """The classes of a score that no rounding excuses."""
@@ -57,6 +58,7 @@ def row(record: dict[str, Any]) -> dict[str, Any]:
     frames = [frame for frame in record["frames"] if frame["total_ms"]]
     result["frame_numbers"] = tuple(frame["frame"] for frame in frames)
     result["invalid_triangles"] = record["scene"].get("invalid_triangles") or 0
+    result["rounds"] = len({number for frame in frames for number in frame.get("round") or ()})
     result["frames_left_out"] = len(record.get("frames_left_out") or ())
     for part in PARTS:
         name = f"{part.replace(' ', '_')}_iqr_ms"
@@ -67,9 +69,10 @@ def row(record: dict[str, Any]) -> dict[str, Any]:
 
 
 def newest(folder: Path | str) -> tuple[list[dict[str, Any]], int]:
-    """A folder's records, of each entry of a table the one measured last; and how many others there are.
+    """A folder's records, of each entry of a table the one asked for last; and how many others there are.
 
-    A changed method or scene has another key, and its older records stay in the folder.
+    A changed method or scene has another key, and its older records stay in the folder. A record is asked for when it is
+    measured, and when a run takes it from the folder though another has come since (:func:`prefer`).
     """
     chosen: dict[tuple[Any, ...], tuple[float, dict[str, Any]]] = {}
     records = read_records(folder)
@@ -79,9 +82,18 @@ def newest(folder: Path | str) -> tuple[list[dict[str, Any]], int]:
         path = Path(folder) / "records" / f"{record['key']}.json"
         noted = [entry["noted"] for entry in record.get("rounds", ()) if "noted" in entry]
         when = max(noted, default=path.stat().st_mtime if path.exists() else 0.0)
+        when = max(when, record.get("asked") or 0.0)
         if point not in chosen or when >= chosen[point][0]:
             chosen[point] = (when, record)
     return [record for _, record in chosen.values()], len(records) - len(chosen)
+
+
+def prefer(folder: Path | str, records: list[dict[str, Any]]) -> None:
+    """Have what a run was asked for shown, not what came into its folder in between, such as a scene declared otherwise."""
+    shown = {record["key"] for record in newest(folder)[0]}
+    for record in records:
+        if record["key"] not in shown:
+            write_atomic(Path(folder) / "records" / f"{record['key']}.json", {**record, "asked": time.time()})
 
 
 def rows(records: list[dict[str, Any]]) -> list[dict[str, Any]]:
