@@ -10,7 +10,6 @@ bound of their own rounding, and count the hit if anything there is opaque.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import fields
 
@@ -85,15 +84,6 @@ def from_arrays(arrays: Mapping[str, NDArray]) -> AlphaMask | None:
     if "alpha_opaque" not in arrays:
         return None
     return AlphaMask(**{field.name: arrays[f"alpha_{field.name}"] for field in fields(AlphaMask)})
-
-
-def mask_hash(mask: AlphaMask) -> str:
-    """SHA-256 of a checked mask."""
-    digest = hashlib.sha256()
-    for array in (mask.triangles, mask.coordinates, mask.opaque):
-        digest.update(f"{array.dtype.str}{array.shape}".encode())
-        digest.update(array.tobytes())
-    return digest.hexdigest()
 
 
 def perforated(geometry: Geometry, every: int = 2, holes: int = 4) -> AlphaMask:

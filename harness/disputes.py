@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from .examples import EXAMPLES
 from .moment import Moment
-from .raw import array_hash
+from .npz import array_hash
 from .referee import Hits, Referee, Verdict
 from .suspects import Suspects
 from .truth import Reference

@@ -8,8 +8,9 @@ from typing import Any
 
 import warp as wp
 
-from .alpha import mask_hash
+from .alpha import arrays_of
 from .moment import Moment, Prepared
+from .npz import array_hash
 from .scene import Effects
 
 
@@ -57,9 +58,9 @@ def surface_facts(prepared: Prepared) -> dict[str, str]:
 
     A rule may choose them, and what it chooses by need not be among the arrays that everyone gets.
     """
-    chosen = [prepared.mirror.tobytes()] if prepared.scene.mirror is not None else []
-    chosen += [mask_hash(prepared.alpha).encode()] if prepared.alpha is not None else []
-    return {"surfaces_sha256": hashlib.sha256(b"".join(chosen)).hexdigest()} if chosen else {}
+    mirror = [prepared.mirror] if prepared.scene.mirror is not None else []
+    chosen = [*mirror, *arrays_of(prepared.alpha).values()]
+    return {"surfaces_sha256": array_hash(*chosen)} if chosen else {}
 
 
 def never_hit(triangles: int, valid: int) -> str:

@@ -1,7 +1,8 @@
-"""Arrays in a file, whole or not at all."""
+"""Arrays in a file, whole or not at all; and the hash of arrays."""
 
 from __future__ import annotations
 
+import hashlib
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -23,3 +24,12 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray], compressed: bool = T
         # What a full disk left of it would fill the disk.
         temporary.unlink(missing_ok=True)
         raise
+
+
+def array_hash(*arrays: NDArray) -> str:
+    """SHA-256 of the types, shapes and bytes of arrays."""
+    digest = hashlib.sha256()
+    for array in arrays:
+        digest.update(f"{array.dtype.str}{array.shape}".encode())
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()

@@ -6,7 +6,6 @@ it in a file of its own, named by its hash and shared by every method. Needs not
 
 from __future__ import annotations
 
-import hashlib
 import json
 import zipfile
 from pathlib import Path
@@ -15,11 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .alpha import arrays_of, from_arrays, mask_hash
+from .alpha import arrays_of, from_arrays
 from .errors import UserError
 from .frame import BOUNCED
 from .moment import Moment, Prepared
-from .npz import write_arrays
+from .npz import array_hash, write_arrays
 from .scene import AlphaMask, Camera, Effects, Geometry, Scene
 
 if TYPE_CHECKING:
@@ -32,15 +31,6 @@ TABLES = ("eye", "axes", "tangents", "column", "row", "lights", "spots")
 DAMAGED = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile)
 
 
-def array_hash(*arrays: NDArray) -> str:
-    """SHA-256 of the types, shapes and bytes of arrays."""
-    digest = hashlib.sha256()
-    for array in arrays:
-        digest.update(f"{array.dtype.str}{array.shape}".encode())
-        digest.update(np.ascontiguousarray(array).tobytes())
-    return digest.hexdigest()
-
-
 def input_hashes(prepared: Prepared, moment: Moment) -> dict[str, str]:
     """Hashes of all that an answer depends on: mesh, rays, lights, and the alpha mask where there is one."""
     hashes = {
@@ -49,7 +39,7 @@ def input_hashes(prepared: Prepared, moment: Moment) -> dict[str, str]:
         "lights": array_hash(moment.lights),
     }
     if prepared.alpha is not None:
-        hashes["surfaces"] = mask_hash(prepared.alpha)
+        hashes["surfaces"] = array_hash(*arrays_of(prepared.alpha).values())
     return hashes
 
 

@@ -21,9 +21,10 @@ import numpy as np
 from .record_shape import SCHEMA
 
 STATUSES = ("ok", "skipped", "failed", "timeout", "rejected")
+"""What may become of a point. Every planned point yields exactly one record with one of these."""
+
 FAILURES = ("failed", "timeout")
 """Those that nothing was decided by: ``--retry`` measures such a point again."""
-"""What may become of a point. Every planned point yields exactly one record with one of these."""
 
 
 def canonical(value: Any) -> str:

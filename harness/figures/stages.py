@@ -158,9 +158,8 @@ def picture(rows: Sequence[dict[str, Any]], stages: Sequence[Stage], path: Path)
     with matplotlib.rc_context(style.axes_style()):
         figure = Figure(figsize=(style.COLUMN_WIDTH, 0.26 * len(rows) + 1.25), layout="constrained")
         axes = figure.subplots()
-        widest = (
-            0.0  # stages are measured apart: on a busy machine they may add up to more than the whole frame
-        )
+        # Stages are measured apart: on a busy machine they may add up to more than the whole frame.
+        widest = 0.0
         for place, r in enumerate(rows):
             left = 0.0
             for stage in stages:
