@@ -28,7 +28,7 @@ test: $(STAMP)
 	$(BIN)/python -m pytest -n $(JOBS) $(ARGS)
 
 fuzz: $(STAMP)
-	$(BIN)/python tests/fuzz.py --examples 100000 $(ARGS)
+	$(BIN)/python tests/tools/fuzz.py --examples 100000 $(ARGS)
 
 lint: $(LINT_STAMP) build/lint/shadowbench
 	$(BIN)/ruff check .

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import itertools
 
-from ..harness.figures import figure11 as distance
-from ..harness.figures import key_bits as bits_drawing
-from ..harness.figures import points, stages, style
-from ..harness.figures.claims import FAILS, HOLDS, OPEN, Finding, by_ratio, each, geometric, lacking
-from ..harness.figures.evidence import Evidence, Row, ratio
+from ..harness.report import points, style
+from ..harness.report.claims import FAILS, HOLDS, OPEN, Finding, by_ratio, each, geometric, lacking
+from ..harness.report.evidence import Evidence, Row, ratio
+from ._figures import figure10 as stages
+from ._figures import figure11 as distance
+from ._figures import key_bits as bits_drawing
 from ._paper import UNBALANCED
 from .ablation import BASE, CULLED, EXACT
 from .figure2 import DIRECT, INDIRECT

@@ -8,7 +8,7 @@ exact triangle test: with the paper's a ray may slip between two front faces and
 
 from __future__ import annotations
 
-from ..harness.plan import Entry
+from ..harness.runner.experiment import Entry
 from ..methods.perspective_spherical.parameters import PAPER
 
 METHOD = "perspective_spherical"

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from ..harness.figures.floor import Work
+from ..harness.report.roofline import Work
 
 TRIANGLE = 12 + 1
 """Bytes of a triangle's indices and of whether it is valid."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..harness.plan import Entry, Experiment, Preset
+from ..harness.runner.experiment import Entry, Experiment, Preset
 from ._paper import METHOD, PAPER, SCENES, UNBALANCED, faithful
 
 BASE = "paper-faithful"
@@ -77,7 +77,7 @@ METHODS = (
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """How much of the time each change takes, a mark a scene: a drawing from each end; and CSV."""
-    from ..harness.figures import ablation
+    from ._figures import ablation
 
     order = [entry.label for entry in METHODS]
     return ablation.draw(folder, quiet, BASE, BEST, TREE, order, [entry.label for entry in LEFT_OUT])

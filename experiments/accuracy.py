@@ -12,10 +12,10 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..harness.plan import Entry, Experiment, Preset
+from ..harness.runner.experiment import Entry, Experiment, Preset
 
 if TYPE_CHECKING:
-    from ..harness.run import Options
+    from ..harness.runner.runner import Options
 
 SCENES = ("fairy", "sibenik", "bunny_dragon", "conference", "cloth", "buddha")
 REAL = ("bunny",) if find_spec("pxr") else ()
@@ -158,8 +158,8 @@ def after(options: Options) -> None:
 
     Both are kept as CSV and not made again until they are deleted.
     """
-    from ..harness.figures.accuracy_hard import keep_hard
-    from ..harness.figures.accuracy_heat import keep_grid
+    from ._figures.accuracy_hard import keep_hard
+    from ._figures.accuracy_heat import keep_grid
 
     quick = options.preset_name == "quick"
     keep_grid(options, GRID, DISTANCES, OFFSETS, GRID_SIZE.get(options.preset_name, 48))
@@ -167,8 +167,8 @@ def after(options: Options) -> None:
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
-    """Everything that is drawn from a folder: see :mod:`..harness.figures.accuracy`."""
-    from ..harness.figures import accuracy
+    """Everything that is drawn from a folder: see :mod:`._figures.accuracy`."""
+    from ._figures import accuracy
 
     return accuracy.draw(folder, quiet, MEASURES, OTHER_MEASURES, SHOWN, EXACT)
 

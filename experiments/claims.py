@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..harness.figures.claims import Claim
-from ..harness.plan import Experiment
+from ..harness.report.claims import Claim
+from ..harness.runner.experiment import Experiment
 from . import _judges as judge
 
 CLAIMS = (
@@ -78,7 +78,7 @@ CLAIMS = (
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Every claim with its verdict and numbers, as markdown and CSV."""
-    from ..harness.figures import claims
+    from ..harness.report import claims
 
     return claims.draw(folder, quiet, CLAIMS)
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..harness.lighting import MOVED, Lighting
-from ..harness.plan import Entry, Experiment, Preset
+from ..harness.runner.experiment import Entry, Experiment, Preset
+from ..harness.scene.overrides import MOVED, Lighting
 from ._paper import METHOD
 
 METHODS = (
@@ -44,7 +44,7 @@ LIGHTINGS = (*EFFECTS[:PLAIN], *CHANGES, *EFFECTS[PLAIN:])
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Two drawings and CSV."""
-    from ..harness.figures import effects
+    from ._figures import effects
 
     return effects.draw(folder, quiet, BASE, [lighting.label for lighting in (*EFFECTS, *CHANGES)])
 

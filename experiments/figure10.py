@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from ..harness.figures.stages import Stage
-from ..harness.plan import Experiment, Preset
+from ..harness.runner.experiment import Experiment, Preset
+from ._figures.figure10 import Stage
 from ._paper import SCENES, faithful
 
 STAGES = (
@@ -39,7 +39,7 @@ def with_half(base: Preset) -> Preset:
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Stacked bars, CSV, and whether rearrangement depends on the model and on the resolution."""
-    from ..harness.figures import stages
+    from ._figures import figure10 as stages
 
     return stages.draw(folder, quiet, STAGES, "rearrangement")
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..harness.lighting import Lighting
-from ..harness.plan import Entry, Experiment, Preset
+from ..harness.runner.experiment import Entry, Experiment, Preset
+from ..harness.scene.overrides import Lighting
 from ._paper import UNBALANCED, faithful
 
 CLAMPS = ("none", "hits")
@@ -51,7 +51,7 @@ def distances(*radii: float) -> tuple[Lighting, ...]:
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Time against distance and against r, tiles that hold rays, CSV, and what is work and what number format."""
-    from ..harness.figures import figure11
+    from ._figures import figure11
 
     apart = [lighting.label for lighting in FORMATS.lightings]
     return figure11.draw(folder, quiet, TRAVERSAL, CLAMPS, int(UNBALANCED), apart)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..harness.plan import Experiment, Preset
+from ..harness.runner.experiment import Experiment, Preset
 from ._paper import faithful
 
 DIRECT, INDIRECT = "direct, 16x16 tiles", "indirect, 2x2 of 8x8"
@@ -25,7 +25,7 @@ METHODS = (
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """The maps side by side, the CSV, and what they show."""
-    from ..harness.figures import figure2
+    from ._figures import figure2
 
     return figure2.draw(folder, quiet, (DIRECT, DIRECT_SMALL), INDIRECT)
 

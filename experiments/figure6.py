@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..harness.lighting import Lighting
-from ..harness.plan import Entry, Experiment, Preset
+from ..harness.runner.experiment import Entry, Experiment, Preset
+from ..harness.scene.overrides import Lighting
 from ._paper import METHOD
 
 FAIRY = (0.05, 1.25, 0.0)
@@ -28,7 +28,7 @@ METHODS = (Entry(METHOD),)
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """The scene without and with each spot, and what the spot saves."""
-    from ..harness.figures import figure6
+    from ._figures import figure6
 
     return figure6.draw(folder, quiet)
 

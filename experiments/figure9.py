@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..harness.plan import Entry, Experiment, Preset
+from ..harness.runner.experiment import Entry, Experiment, Preset
 from ._paper import METHOD, SCENES
 
 METHODS = (Entry(METHOD),)
@@ -12,7 +12,7 @@ METHODS = (Entry(METHOD),)
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """The gallery, and triangle counts beside the paper's."""
-    from ..harness.figures import figure9
+    from ._figures import figure9
 
     return figure9.draw(folder, quiet)
 

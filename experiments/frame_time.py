@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..harness.plan import Entry, Experiment, Preset
+from ..harness.runner.experiment import Entry, Experiment, Preset
 from ._paper import METHOD, SCENES
 from ._work import ray_grids
 
@@ -33,7 +33,7 @@ METHODS = (
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Ratios to the fastest peer of each kind, with the rounds' range; bars by stage; the floor; CSV."""
-    from ..harness.figures import frame_time
+    from ._figures import frame_time
 
     return frame_time.draw(
         folder, quiet, OURS, [entry.label for entry in REBUILD], [entry.label for entry in REFIT], ray_grids

@@ -10,8 +10,8 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from ..harness.plan import Experiment, Preset
-from ..harness.sorting import measure
+from ..harness.runner.experiment import Experiment, Preset
+from ._sorting import measure
 
 BITS = (8, 12, 16, 18, 20, 24, 32)
 HERE = 18
@@ -24,7 +24,7 @@ PAPER = Preset(
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Time against bits, CSV, and what 18 bits save against 32."""
-    from ..harness.figures import key_bits
+    from ._figures import key_bits
 
     return key_bits.draw(folder, quiet, HERE)
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..harness.lighting import Lighting
-from ..harness.plan import Entry, Experiment, Preset
+from ..harness.runner.experiment import Entry, Experiment, Preset
+from ..harness.scene.overrides import Lighting
 from ._paper import METHOD, SCENES
 
 METHODS = (Entry(METHOD, {}, "perspective + spherical"), Entry("ray_grids"), Entry("bvh"))
@@ -23,7 +23,7 @@ def turn(places: int) -> tuple[Lighting, ...]:
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Time of each frame along the path, CSV, and what the slowest frames did more of than others."""
-    from ..harness.figures import moving
+    from ._figures import moving
 
     return moving.draw(folder, quiet, (*ANIMATED, *STATIC))
 

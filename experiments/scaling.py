@@ -1,6 +1,6 @@
 """How the whole frame's time grows: with triangles, with pixels, and with lights; everything rebuilt every frame.
 
-The scene holds the same surfaces at every triangle count (:mod:`..harness.scenes.balls`), so that rays meet the same
+The scene holds the same surfaces at every triangle count (:mod:`.scene.standins.balls`), so that rays meet the same
 things. One sweep follows the other, each from one common point: 300,000 triangles, 1024x1024, one light.
 """
 
@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from ..harness.lighting import Lighting
-from ..harness.plan import Entry, Experiment, Preset
+from ..harness.runner.experiment import Entry, Experiment, Preset
+from ..harness.scene.overrides import Lighting
 from ._paper import METHOD
 
 OURS = "ray grids"
@@ -36,7 +36,7 @@ def sweeps(base: Preset, scenes: tuple[str, ...], sides: tuple[int, ...], counts
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Three drawings side by side, growth exponents with intervals, CSV."""
-    from ..harness.figures import scaling
+    from ._figures import scaling
 
     return scaling.draw(folder, quiet, OURS)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from importlib.util import find_spec
 from pathlib import Path
 
-from ..harness.plan import Entry, Experiment, Preset
+from ..harness.runner.experiment import Entry, Experiment, Preset
 
 SCENES = ("fairy", "sibenik", "bunny_dragon", "conference", "cloth", "buddha")
 """The paper's, in its order."""
@@ -22,7 +22,7 @@ METHODS = (Entry("perspective_spherical"), Entry("uniform_grid"), Entry("bvh"), 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Table, drawing and gallery from the records in a folder; printed too unless ``quiet``."""
-    from ..harness.figures import table1
+    from ._figures import table1
 
     return table1.draw(folder, quiet)
 

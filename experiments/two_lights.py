@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..harness.lighting import Lighting
-from ..harness.plan import Entry, Experiment, Preset
+from ..harness.runner.experiment import Entry, Experiment, Preset
+from ..harness.scene.overrides import Lighting
 from ._paper import METHOD, faithful
 
 GRIDS = (
@@ -28,7 +28,7 @@ def lights(*counts: int) -> tuple[Lighting, ...]:
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Time against the number of lights, CSV, and frames a second with two."""
-    from ..harness.figures import two_lights
+    from ._figures import two_lights
 
     return two_lights.draw(folder, quiet)
 

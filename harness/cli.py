@@ -25,7 +25,7 @@ from .commands.options import Device, Json, SceneDir, Settings
 from .commands.plan import plan
 from .commands.verify import explain, score, verify
 from .errors import UserError
-from .turn import TURN
+from .runner.machine_lock import TURN
 
 DEBUG = "SHADOWBENCH_DEBUG"
 INTERRUPTED = 130
@@ -203,7 +203,7 @@ def render_(
     A stand-in's picture says so in a caption below it.
     """
     from .commands.render import render
-    from .plan import Entry, parse_settings
+    from .runner.experiment import Entry, parse_settings
 
     (entry,) = parse_settings(setting or [], (Entry(method),))
     picture = render(scene, method, out, size, frame, device, scene_dir, dict(entry.settings))

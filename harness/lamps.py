@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .scene import Light
+from .scene.scene import Light
 
 LAMP = 5
 """Numbers of a light's look: red, green and blue, fall-off, and whether its shadow bits count."""

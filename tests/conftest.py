@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 
-from shadowbench.harness.turn import FOLDER
+from shadowbench.harness.runner.machine_lock import FOLDER
 
 _turns = tempfile.TemporaryDirectory(prefix="shadowbench-turns-")
 os.environ[FOLDER] = _turns.name

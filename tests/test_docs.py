@@ -9,12 +9,12 @@ import sys
 import tomllib
 from pathlib import Path
 
-import brute_force
 import numpy as np
 import pytest
-from shadowbench.harness.plan import experiment_names
-from shadowbench.harness.registry import method_names
-from shadowbench.harness.session import Session
+from helpers import brute_force
+from shadowbench.harness.frame.registry import method_names
+from shadowbench.harness.frame.session import Session
+from shadowbench.harness.runner.experiment import experiment_names
 
 ROOT = Path(__file__).resolve().parent.parent
 GUIDE = ROOT / "docs" / "adding-a-method.md"

@@ -12,7 +12,7 @@ from ..errors import UserError
 from .options import Device, Json
 
 if TYPE_CHECKING:
-    from ..conformance import Check
+    from ..hardcases.conformance import Check
     from ..hardcases.judge import Finding
 
 
@@ -33,11 +33,11 @@ def check(
     can do, with the reason, in its attribute ``outside``: {case: reason} is shown and not run, {"shadows": reason} is
     shown and no shadow bit is held against it.
     """
-    from ..conformance import conformance
+    from ..frame.registry import make_method, method_class
     from ..hardcases import all_cases, find_case
+    from ..hardcases.conformance import conformance
     from ..hardcases.judge import SHADOWS, judge_method, outside_of
-    from ..plan import device_for, find_device
-    from ..registry import make_method, method_class
+    from ..runner.experiment import device_for, find_device
 
     settings = _settings(method, setting or [])
     place = device_for(method_class(method), find_device(device))

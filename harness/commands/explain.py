@@ -15,9 +15,9 @@ from .options import Device, Frame, Json, Methods, SceneDir, Settings
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ..moment import Moment
-    from ..referee import Hits
-    from ..score import Judge
+    from ..judge.referee import Hits
+    from ..judge.score import Judge
+    from ..scene.prepared import Moment
 
 
 def explain(
@@ -36,11 +36,11 @@ def explain(
     Distances are given in units of the bound that excuses: below 1, a float32 triangle test may be wrong there.
     Exit code 1 where a method that does not declare itself inexact is wrong beyond that.
     """
-    from ..moment import Prepared
-    from ..plan import Entry, find_device, parse_settings, parse_size
-    from ..registry import method_names
-    from ..scenes.catalogue import resolve
-    from ..score import Judge
+    from ..frame.registry import method_names
+    from ..judge.score import Judge
+    from ..runner.experiment import Entry, find_device, parse_settings, parse_size
+    from ..scene.catalogue import resolve
+    from ..scene.prepared import Prepared
     from .verify import answer
 
     width, height = parse_size(size)
@@ -92,7 +92,7 @@ def exact_facts(judge: Judge, moment: Moment, index: int) -> dict[str, Any]:
     """The exact answer at a pixel: tie set, t, the nearest edge in units of the bound, and each shadow."""
     import numpy as np
 
-    from .. import exact
+    from ..judge import arithmetic as exact
 
     referee = judge.referee
     hits = exact_hit(judge, moment, index)
@@ -131,7 +131,7 @@ def _bounced(
 
     A ray is made from what the method itself hit before, so methods that differ there have rays of their own.
     """
-    from ..mirror_score import answers_of, mirrored
+    from ..judge.bounces import answers_of, mirrored
 
     found = []
     for name, status, reason, answers, known_inexact in rows:
@@ -159,8 +159,8 @@ def _row(
 ) -> dict[str, Any]:
     """One method's answer at the pixel, and the class of each part of it."""
 
-    from ..consistency import check_consistency
-    from ..referee import Verdict
+    from ..judge.consistency import check_consistency
+    from ..judge.referee import Verdict
 
     row: dict[str, Any] = {"method": name, "status": status, "reason": reason, "known_inexact": known_inexact}
     if answers is None:

@@ -13,9 +13,9 @@ from typing import Annotated, Any
 import typer
 
 from ..errors import UserError
-from ..folder import ResultsFolder
-from ..record import FAILURES, write_archive
-from ..record_shape import ARCHIVE, read_records
+from ..results.folder import ResultsFolder
+from ..results.record import FAILURES, write_archive
+from ..results.schema import ARCHIVE, read_records
 from .show import show
 
 BULKY = ("images", "maps")

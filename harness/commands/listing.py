@@ -7,9 +7,9 @@ import typing
 from typing import Any
 
 from ..errors import UserError, did_you_mean
-from ..plan import experiment_names, find_experiment
-from ..registry import method_class, method_names
-from ..scenes.catalogue import TITLES, resolve, scene_names
+from ..frame.registry import method_class, method_names
+from ..runner.experiment import experiment_names, find_experiment
+from ..scene.catalogue import TITLES, resolve, scene_names
 
 KINDS = ("methods", "scenes", "experiments")
 

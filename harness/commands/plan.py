@@ -10,14 +10,14 @@ from typing import Annotated, Any
 import typer
 
 from ..errors import CapacityRejected, UserError
-from ..moment import Prepared
-from ..pass_graph import Step, steps, wanted_of
-from ..passes import Pass
-from ..plan import Entry, device_for, find_device, parse_settings, parse_size
-from ..registry import make_method, method_names
-from ..scene import Effects, Scene
-from ..scenes.catalogue import resolve
-from ..session import Session
+from ..frame.passes import Pass
+from ..frame.registry import make_method, method_names
+from ..frame.schedule import Step, steps, wanted_of
+from ..frame.session import Session
+from ..runner.experiment import Entry, device_for, find_device, parse_settings, parse_size
+from ..scene.catalogue import resolve
+from ..scene.prepared import Prepared
+from ..scene.scene import Effects, Scene
 from .options import Device, Json, Methods, SceneDir, Settings, Size
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..errors import CapacityRejected, UserError
-from ..moment import Prepared
-from ..plan import device_for, find_device, parse_size
-from ..registry import make_method
-from ..scenes.catalogue import resolve
-from ..session import Session
+from ..frame.registry import make_method
+from ..frame.session import Session
+from ..runner.experiment import device_for, find_device, parse_size
+from ..scene.catalogue import resolve
+from ..scene.prepared import Prepared
 
 
 def render(
@@ -26,8 +26,8 @@ def render(
 
     Raises :class:`UserError` for whatever the caller can mend.
     """
-    from ..figures.gallery import captioned
-    from ..figures.shade import save_png, shade
+    from ..report.gallery import captioned
+    from ..report.picture import save_png, shade
 
     if out.suffix.lower() != ".png":
         raise UserError(f"--out {out}: pictures are PNG files; give a name ending in .png")

@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import UserError
-from ..figures.tidy import prefer
-from ..folder import ResultsFolder
-from ..plan import (
+from ..report.tidy import prefer
+from ..results.folder import ResultsFolder
+from ..results.record import FAILURES, summarise
+from ..runner.experiment import (
     Preset,
     choose_methods,
     find_device,
@@ -22,11 +23,10 @@ from ..plan import (
     parse_settings,
     parse_size,
 )
-from ..progress import Bar, Silent
-from ..record import FAILURES, summarise
-from ..run import Options, Run
-from ..scenes.catalogue import folder as scene_folder
-from ..scenes.catalogue import resolve
+from ..runner.progress import Bar, Silent
+from ..runner.runner import Options, Run
+from ..scene.catalogue import folder as scene_folder
+from ..scene.catalogue import resolve
 
 RESULTS = Path("results/local")
 """Where results go unless ``--out`` says otherwise."""

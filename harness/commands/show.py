@@ -6,8 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ..errors import UserError
-from ..plan import find_experiment
-from ..record_shape import read_records
+from ..results.schema import read_records
+from ..runner.experiment import find_experiment
 
 
 def show(experiment: str, folder: Path | str, quiet: bool = False) -> list[Path]:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from ..moment import Moment, Prepared
+    from ..scene.prepared import Moment, Prepared
 
 __all__ = ["answer", "explain", "score", "verify"]
 
@@ -43,9 +43,9 @@ class Outcome:
 
 def answer(name: str, settings: dict[str, str], prepared: Prepared, moment: Moment, device: str) -> Outcome:
     """The answers of a method to a moment; or skipped, rejected or failed, with the reason. Never raises for one."""
-    from ..plan import device_for
-    from ..registry import make_method
-    from ..session import Session
+    from ..frame.registry import make_method
+    from ..frame.session import Session
+    from ..runner.experiment import device_for
 
     method = make_method(name, settings)
     place = device_for(type(method), device)
@@ -82,9 +82,9 @@ def verify(
     Exit code 1 where a method has a true error, fails, or needs more than 0.1 % of the pixels excused; a method
     that declares itself inexact, with its reason, is reported and does not change the exit code.
     """
-    from ..plan import Entry, find_device, parse_settings, parse_size
-    from ..registry import method_names
-    from ..scenes.catalogue import resolve
+    from ..frame.registry import method_names
+    from ..runner.experiment import Entry, find_device, parse_settings, parse_size
+    from ..scene.catalogue import resolve
 
     place = find_device(device)
     width, height = parse_size(size)
@@ -116,10 +116,10 @@ def _verify_scene(
     everything: bool,
     quiet: bool,
 ) -> dict[str, Any]:
-    from ..disputes import Disputes, settle
-    from ..facts import never_hit
-    from ..moment import Prepared
-    from ..score import Judge
+    from ..judge.score import Judge
+    from ..judge.shared_errors import Disputes, settle
+    from ..scene.facts import never_hit
+    from ..scene.prepared import Prepared
 
     prepared = Prepared(described)
     if not 0 <= frame < prepared.frame_count:
@@ -172,8 +172,8 @@ def score(
 
     Exit code 1 where answers cannot be scored, or a method that does not declare itself inexact has true errors.
     """
-    from ..record import write_atomic
-    from ..start import start_warp
+    from ..frame.warp_init import start_warp
+    from ..results.record import write_atomic
 
     start_warp()
     files = sorted(path for path in folder.glob("**/*.npz") if path.parent.name == "answers")
@@ -204,9 +204,9 @@ def score(
 
 def _score_file(path: Path, folder: Path, again: bool, scene_dir: Path | None) -> dict[str, Any]:
     """Score one file of raw answers, and put the score into its record where there is one."""
-    from ..raw import read_facts, score_raw
-    from ..record_shape import read_record
-    from ..settlement import keep_disputes
+    from ..judge.answer_files import read_facts, score_raw
+    from ..results.schema import read_record
+    from ..results.settle import keep_disputes
 
     row: dict[str, Any] = {
         "answers": str(path),
@@ -245,7 +245,7 @@ def _score_file(path: Path, folder: Path, again: bool, scene_dir: Path | None) -
 
 def _settle(rows: list[dict[str, Any]], folders: set[Path]) -> None:
     """Settle the records of results folders with each other's disputes; rows show their scores as they are then."""
-    from ..settlement import settle_folder
+    from ..results.settle import settle_folder
 
     for folder in sorted(folders):
         changed = settle_folder(folder)
@@ -257,7 +257,7 @@ def _settle(rows: list[dict[str, Any]], folders: set[Path]) -> None:
 
 def _known_inexact(row: dict[str, Any]) -> str | None:
     """The reason why the method of a record declares itself inexact, with the settings it ran with."""
-    from ..registry import make_method
+    from ..frame.registry import make_method
 
     if row["record"] is None:
         return None

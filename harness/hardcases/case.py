@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..moment import Moment, Prepared
-from ..scene import AlphaMask, Camera, Geometry, Light, Scene, Spot, Vector
+from ..scene.prepared import Moment, Prepared
+from ..scene.scene import AlphaMask, Camera, Geometry, Light, Scene, Spot, Vector
 
 F64 = NDArray[np.float64]
 Mesh = tuple[F64, NDArray[np.int64]]

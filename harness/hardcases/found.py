@@ -11,8 +11,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..moment import Prepared
-from ..scene import Camera, Geometry, Light, Scene, Vector
+from ..scene.prepared import Prepared
+from ..scene.scene import Camera, Geometry, Light, Scene, Vector
 from .case import HardCase, Trial
 
 

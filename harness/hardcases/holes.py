@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from ..scene import AlphaMask, Geometry
+from ..scene.scene import AlphaMask, Geometry
 from .case import Counts, HardCase, Mesh, Trial, ball, joined, plane, quad, view
 
 Mask = Callable[[Geometry], AlphaMask]

@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import CapacityRejected, UserError
-from ..exact import edge_bound, plane_distance
-from ..method import Method
-from ..referee import Referee
-from ..scene import Effects
-from ..score import score_answers
-from ..session import Session
-from ..spot import facing, receivers
-from ..truth import Reference, exact_reference
-from ..turn import TURN
+from ..frame.method import Method
+from ..frame.session import Session
+from ..judge.arithmetic import edge_bound, plane_distance
+from ..judge.receivers import facing, receivers
+from ..judge.referee import Referee
+from ..judge.reference import Reference, exact_reference
+from ..judge.score import score_answers
+from ..runner.machine_lock import TURN
+from ..scene.scene import Effects
 from .case import Counts, HardCase, Trial
 
 Answers = dict[str, NDArray]
@@ -40,7 +40,7 @@ class Finding:
 
     ``status``: ok; outside (declared, or does not apply); error; or excused (more answers than the case allows had to
     be, :attr:`.case.HardCase.excusable`). ``classes`` counts answers that are not ok; ``examples`` are some of them as
-    :mod:`..score` describes them. ``excused`` of ``rays`` answers are wrong, but pass an edge within rounding;
+    :mod:`.judge.score` describes them. ``excused`` of ``rays`` answers are wrong, but pass an edge within rounding;
     ``bits_outside`` are wrong shadow bits of a method that declares them to lie outside what it can do.
     """
 
@@ -84,7 +84,7 @@ class Judged:
 
     @cached_property
     def held(self) -> NDArray[np.bool_]:
-        """Which hit points have a shadow ray to each light (:mod:`..spot`): bool [lights, pixels]; True at a miss."""
+        """Which hit points have a shadow ray to each light (``judge.receivers``): bool [lights, pixels]; True at a miss."""
         moment, reference = self.trial.moment, self.everywhere
         hit = reference.triangle >= 0
         held = np.ones(reference.visibility.shape, dtype=bool)

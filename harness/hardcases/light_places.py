@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from ..scene import Light
+from ..scene.scene import Light
 from .case import (
     Counts,
     HardCase,

@@ -1,6 +1,6 @@
 """Mirrors: rays that start on surfaces, at edges and corners, at a slant, and shadows of what is only seen in a mirror.
 
-The rays are the harness's (:mod:`..mirrors`): what is judged is whether a method finds their closest hits, and no
+The rays are the harness's (:mod:`.frame.mirrors`): what is judged is whether a method finds their closest hits, and no
 more than these.
 """
 
@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene import Geometry
+from ..scene.scene import Geometry
 from .case import Counts, HardCase, Trial, ball, box, joined, plane, quad, soup, view
 
 Mirrors = Callable[[Geometry], NDArray[np.uint8]]

@@ -11,10 +11,10 @@ from typing import Any, ClassVar
 
 import warp as wp
 
-from ...harness.frame import Frame
-from ...harness.method import BaseMethod
-from ...harness.passes import Pass
-from ...harness.scene import Effects, Limits
+from ...harness.frame.frame import Frame
+from ...harness.frame.method import BaseMethod
+from ...harness.frame.passes import Pass
+from ...harness.scene.scene import Effects, Limits
 from ..common.bounds import launch_boxes
 from ..common.misses import miss_passes
 from ..common.pixels import thread_count

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from ...harness.specialise import effects
+from ...harness.frame.specialise import effects
 from ..common.offset import shadow_origin
 from ..common.pixels import pixel_of
 from ..common.triangle import write_miss

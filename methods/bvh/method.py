@@ -11,12 +11,12 @@ import warp as wp
 from numpy.typing import NDArray
 
 from ...harness.errors import UserError
-from ...harness.frame import Frame
-from ...harness.method import BaseMethod
-from ...harness.mirrors import traced_bounces
-from ...harness.passes import Pass
-from ...harness.scene import Effects, Limits
-from ...harness.specialise import specialised
+from ...harness.frame.frame import Frame
+from ...harness.frame.method import BaseMethod
+from ...harness.frame.mirrors import traced_bounces
+from ...harness.frame.passes import Pass
+from ...harness.frame.specialise import specialised
+from ...harness.scene.scene import Effects, Limits
 from ..common.misses import miss_passes, write_misses
 from ..common.offset import SHADOW_END
 from ..common.pixels import thread_count

@@ -1,4 +1,4 @@
-"""Whether a hit on a triangle with holes counts: the same float64 words for every method (:mod:`...harness.alpha`).
+"""Whether a hit on a triangle with holes counts: the same float64 words for every method (:mod:`.scene.alpha`).
 
 Called under ``if wp.static(effects.alpha):`` only, for a hit that the triangle test has accepted. Weights come from
 edge functions, each known to the bound of :mod:`.triangle`; what that leaves in doubt counts as opaque if anything
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from ...harness.alpha import OPAQUE, Alpha, texels_near
+from ...harness.scene.alpha import OPAQUE, Alpha, texels_near
 from .segment import light_edge_functions
 from .triangle import U64, edge_functions, largest, to_float64, total
 

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import warp as wp
 
-from ...harness.frame import Frame
-from ...harness.scene import Effects
+from ...harness.frame.frame import Frame
+from ...harness.scene.scene import Effects
 
 
 def bounced_tests(

@@ -6,7 +6,7 @@ import math
 
 import warp as wp
 
-from ...harness.frame import Frame
+from ...harness.frame.frame import Frame
 from .triangle import U32
 
 BLOCK = 256

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from ...harness.vectors import to_float64, total
+from ...harness.frame.vectors import to_float64, total
 
 LEADING = wp.constant(wp.uint64(0xFFFFFFFFE0000000))
 """Of a float64 the sign, the exponent and 23 bits of the fraction: times a float32 it is exact."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from ...harness.frame import Frame
-from ...harness.mirrors import traced_bounces
-from ...harness.passes import Pass
-from ...harness.scene import Effects
+from ...harness.frame.frame import Frame
+from ...harness.frame.mirrors import traced_bounces
+from ...harness.frame.passes import Pass
+from ...harness.scene.scene import Effects
 
 
 def write_misses(frame: Frame, bounce: int = 0) -> None:

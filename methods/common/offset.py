@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import warp as wp
 
-from ...harness.frame import Frame
-from ...harness.mirrors import FINE, GAMMA7, outward, spread
-from ...harness.specialise import Switches, effects, specialised
+from ...harness.frame.frame import Frame
+from ...harness.frame.mirrors import FINE, GAMMA7, outward, spread
+from ...harness.frame.specialise import Switches, effects, specialised
 from .hitpoint import hit_point, plane_distance
 from .triangle import largest, to_float32, to_float64
 

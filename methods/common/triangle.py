@@ -19,10 +19,10 @@ from __future__ import annotations
 
 import warp as wp
 
-from ...harness.vectors import largest as largest  # methods take them from here
-from ...harness.vectors import to_float32 as to_float32
-from ...harness.vectors import to_float64 as to_float64
-from ...harness.vectors import total as total
+from ...harness.frame.vectors import largest as largest
+from ...harness.frame.vectors import to_float32 as to_float32
+from ...harness.frame.vectors import to_float64 as to_float64
+from ...harness.frame.vectors import total as total
 from .hitpoint import hit_point
 
 U32 = wp.constant(5.9604645e-08)  # 2^-24

@@ -22,11 +22,11 @@ from embreex.rtcore import EmbreeDevice
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
-from ...harness.frame import MISS, Frame
-from ...harness.method import BaseMethod
-from ...harness.mirrors import traced_bounces
-from ...harness.passes import Pass
-from ...harness.scene import Effects, Limits
+from ...harness.frame.frame import MISS, Frame
+from ...harness.frame.method import BaseMethod
+from ...harness.frame.mirrors import traced_bounces
+from ...harness.frame.passes import Pass
+from ...harness.scene.scene import Effects, Limits
 from ..common.misses import miss_passes
 from ..common.offset import SHADOW_END, launch_shadow_origins
 

@@ -9,15 +9,15 @@ import warp as wp
 from numpy.typing import NDArray
 
 from ...harness.errors import UserError
-from ...harness.frame import Frame
-from ...harness.method import BaseMethod
-from ...harness.passes import Pass
-from ...harness.scene import Effects, Limits, Scene
-from .binning import grown_bins
-from .camera import CameraGrid
+from ...harness.frame.frame import Frame
+from ...harness.frame.method import BaseMethod
+from ...harness.frame.passes import Pass
+from ...harness.scene.scene import Effects, Limits, Scene
+from .camera.grid import CameraGrid
 from .counters import work
 from .culling import loses_hits, orientation, refusal
-from .light import LightGrid
+from .light.grid import LightGrid
+from .lists.binning import grown_bins
 from .parameters import Build, Trace, known_inexact
 from .variants import staged
 

@@ -12,13 +12,13 @@ from typing import Any, NamedTuple
 
 import warp as wp
 
-from .light_bounds import make_bound_kernel
-from .light_frame import box_kernel
+from .camera.trace import make_resolve_kernel, make_trace_kernel
+from .camera.trace_staged import make_staged_trace_kernel
+from .light.bounds import make_bound_kernel
+from .light.frame import box_kernel
+from .light.trace import make_shadow_kernel
+from .light.trace_staged import make_staged_shadow_kernel
 from .parameters import LIGHT_BOUNDS, LIGHT_MAPS
-from .primary import make_resolve_kernel, make_trace_kernel
-from .shadow import make_shadow_kernel
-from .staged_shadow import make_staged_shadow_kernel
-from .staged_trace import make_staged_trace_kernel
 from .variants import BLOCKS, VARIANTS
 
 

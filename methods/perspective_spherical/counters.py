@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .binning import TileBins
-from .camera import CameraGrid
-from .light import LightGrid
+from .camera.grid import CameraGrid
+from .light.grid import LightGrid
+from .lists.binning import TileBins
 
 
 def work(

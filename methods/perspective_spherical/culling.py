@@ -17,8 +17,8 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from ...harness.moment import recentre
-from ...harness.scene import Scene, Vector
+from ...harness.scene.prepared import recentre
+from ...harness.scene.scene import Scene, Vector
 from ..common.triangle import U64, largest, to_float64, total
 
 NEAR = 1e-6

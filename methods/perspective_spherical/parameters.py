@@ -43,7 +43,7 @@ class Build:
     skip_empty    no pair where no shadow ray lies in the tile, or none reaches the slice
     triangle_test "exact": float32 rejects only what is certain, float64 decides. "edge_planes": float32 planes
                   through the origin and each edge, in difference form and weld order. "moller_trumbore": float32,
-                  determinant not zero, as the paper uses it. See :mod:`.ray_tests` for what the last two may lose
+                  determinant not zero, as the paper uses it. See :mod:`.camera.ray_tests` for what the last two may lose
     cull          back faces left out: "off", "primary" (from the eye's grid), "primary+light" (from the lights'
                   too). Refused unless the scene is declared closed, eye (and lights) are outside in every frame, and
                   the triangle test is exact: rays that slip between front faces of the others are lost behind.

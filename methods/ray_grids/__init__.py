@@ -15,12 +15,12 @@ import warp as wp
 from numpy.typing import NDArray
 
 from ...harness.errors import CapacityRejected
-from ...harness.frame import Frame
-from ...harness.method import BaseMethod
-from ...harness.passes import Pass
-from ...harness.scene import Effects, Limits
-from .camera_passes import CameraStream
-from .light_passes import LightAims, LightStream, RayBins
+from ...harness.frame.frame import Frame
+from ...harness.frame.method import BaseMethod
+from ...harness.frame.passes import Pass
+from ...harness.scene.scene import Effects, Limits
+from .camera.passes import CameraStream
+from .light.passes import LightAims, LightStream, RayBins
 from .parameters import Build
 from .queues import COUNTERS, DOUBTS, ITEMS, PARTS, Capacity, Queues, more_room
 

@@ -14,8 +14,8 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from ...harness.frame import Frame
-from ...harness.passes import Pass
+from ...harness.frame.frame import Frame
+from ...harness.frame.passes import Pass
 from ..common.pairs import grown
 from ..common.reserve import counted, reserve
 

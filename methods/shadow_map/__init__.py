@@ -14,16 +14,16 @@ import warp as wp
 from numpy.typing import NDArray
 
 from ...harness.errors import CapacityRejected
-from ...harness.frame import Frame
-from ...harness.method import BaseMethod
-from ...harness.passes import Pass
-from ...harness.scene import Effects, Limits
-from ...harness.specialise import specialised
+from ...harness.frame.frame import Frame
+from ...harness.frame.method import BaseMethod
+from ...harness.frame.passes import Pass
+from ...harness.frame.specialise import specialised
+from ...harness.scene.scene import Effects, Limits
 from ..common.bounds import launch_bounds
 from ..common.misses import miss_passes
 from ..common.pairs import grown
 from ..common.reserve import counted
-from ..ray_grids.camera_passes import CameraStream
+from ..ray_grids.camera.passes import CameraStream
 from ..ray_grids.parameters import Build as CameraBuild
 from ..ray_grids.queues import COUNTERS, Capacity, Queues, more_room
 from .lookup import lookup_kernel

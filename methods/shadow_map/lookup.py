@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from ...harness.specialise import effects
+from ...harness.frame.specialise import effects
 from ..common.triangle import to_float32, to_float64
 from .projection import LightMap, face_axes, face_of, map_point
 

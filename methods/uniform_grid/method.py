@@ -14,12 +14,12 @@ import warp as wp
 from numpy.typing import NDArray
 
 from ...harness.errors import CapacityRejected
-from ...harness.frame import Frame
-from ...harness.method import BaseMethod
-from ...harness.mirrors import traced_bounces
-from ...harness.passes import Pass
-from ...harness.scene import Effects, Limits
-from ...harness.specialise import specialised
+from ...harness.frame.frame import Frame
+from ...harness.frame.method import BaseMethod
+from ...harness.frame.mirrors import traced_bounces
+from ...harness.frame.passes import Pass
+from ...harness.frame.specialise import specialised
+from ...harness.scene.scene import Effects, Limits
 from ..common.bounces import bounced_tests
 from ..common.bounds import launch_bounds
 from ..common.misses import miss_passes

@@ -1,0 +1,186 @@
+"""What sorting pairs costs by the bits of their keys: so many random pairs, the same number for each, timed as frames are.
+
+A trial is a frame of two passes: the unsorted pairs are copied in, and sorted. So :mod:`.runner.timing` measures it by
+its own rules (whole frames, passes apart, graphs on a GPU), in interleaved rounds; the order is checked against
+NumPy's.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from ..harness.errors import UserError
+from ..harness.frame.passes import Pass
+from ..harness.frame.session import Session
+from ..harness.results.folder import ResultsFolder
+from ..harness.results.record import SCHEMA, Journal, digest, make_record
+from ..harness.runner.experiment import Preset, device_title, orders
+from ..harness.runner.job import Options, Reporter
+from ..harness.runner.machine import environment, keep
+from ..harness.runner.machine_lock import TURN
+from ..harness.runner.timing import Sampling, clock_state, peak_resident_bytes, sample_frame
+
+NAME, SORT = "radix_sort_pairs", "sort pairs"
+
+
+class Trial(Session):
+    """``pairs`` int32 keys of ``bits`` random bits and their int32 places, sorted by those bits."""
+
+    def __init__(self, pairs: int, bits: int, device: str, seed: int):
+        # No method and no scene: of a session only what launches and captures passes is used.
+        self.device, self.pairs, self.bits = device, pairs, bits
+        self._graphs = {}
+        random = np.random.default_rng(seed).integers(0, 2**32, pairs, dtype=np.uint32)
+        self.unsorted = (random >> np.uint32(32 - bits)).view(np.int32)
+        with wp.ScopedDevice(device):
+            self._given = wp.array(self.unsorted, dtype=wp.int32), wp.array(np.arange(pairs), dtype=wp.int32)
+            # The sort takes the second half as its scratch.
+            self._sorted = wp.zeros(2 * pairs, dtype=wp.int32), wp.zeros(2 * pairs, dtype=wp.int32)
+        self.passes = self.all_passes = self.planned = [
+            Pass("copy pairs", "build", (), ("pairs",), self._copy),
+            Pass(SORT, "build", ("pairs",), ("sorted",), self._sort, scratch=True),
+        ]
+
+    @property
+    def replays(self) -> bool:
+        return bool(wp.get_device(self.device).is_cuda)
+
+    def _copy(self) -> None:
+        for target, source in zip(self._sorted, self._given, strict=True):
+            wp.copy(target, source, count=self.pairs)
+
+    def _sort(self) -> None:
+        wp.utils.radix_sort_pairs(*self._sorted, self.pairs, 0, self.bits)
+
+    def wrong(self) -> int:
+        """How many places of the last order are not those of a stable sort."""
+        wp.synchronize_device(self.device)
+        places = self._sorted[1].numpy()[: self.pairs]
+        return int((places != np.argsort(self.unsorted, kind="stable")).sum())
+
+
+def measure(options: Options, report: Reporter, bits: Sequence[int]) -> list[dict[str, Any]]:
+    """The record of each number of key bits, at as many pairs as the preset's image has pixels (and those after it).
+
+    What has a record is not measured again. Raises :class:`UserError` where scenes or methods are named, and where the
+    folder cannot be written.
+    """
+    if options.preset.scenes or options.preset.methods:
+        raise UserError(f"{options.experiment.name} sorts random keys; it takes no --scene and no --method")
+    folder = ResultsFolder(options.out)
+    parts = options.preset.parts()
+    with folder.locked(), TURN.shared(report.note):
+        with folder.writing():
+            made_in = keep(options.out, environment())
+        report.steps(sum(len(bits) * part.rounds for part in parts))
+        return [
+            record for part in parts for record in _measured(options, part, report, bits, folder, made_in)
+        ]
+
+
+def _measured(
+    options: Options, preset: Preset, report: Reporter, bits: Sequence[int], folder: ResultsFolder, made_in: str
+) -> list[dict[str, Any]]:  # fmt: skip
+    facts = [_facts(options, preset, count) for count in bits]
+    keys = [f"{f['point']['bits']}-bits-{preset.width}x{preset.height}-{digest(f)[:16]}" for f in facts]
+    kept = [folder.record(key) for key in keys]
+    todo = [i for i, record in enumerate(kept) if record is None]
+    journals = {i: folder.journal(keys[i]) for i in todo}
+    pairs = preset.width * preset.height
+    trials = {i: Trial(pairs, bits[i], options.device, options.seed) for i in todo}
+    for i in todo:
+        report.doing(f"{pairs:,} pairs, {bits[i]} bits: warming up")
+        _note(folder, journals[i], _prepared(trials[i], journals[i]))
+    with TURN.alone(report.note):
+        for number, order in enumerate(orders(len(todo), preset.rounds, options.seed)):
+            for place, index in enumerate(order):
+                i = todo[index]
+                report.doing(f"{pairs:,} pairs, {bits[i]} bits: round {number + 1}")
+                if number not in journals[i].rounds():
+                    where = {"event": "round", "round": number, "place": place, "of": len(order)}
+                    _note(folder, journals[i], {**where, **_round(trials[i], preset)})
+                report.done()
+    for i in todo:
+        record = make_record(keys[i], facts[i]["point"], facts[i]["scene"], facts[i]["method"], made_in,
+                             journals[i].events)  # fmt: skip
+        folder.keep_record(record, journals[i])
+        report.point(record)
+        kept[i] = record
+    report.done((len(bits) - len(todo)) * preset.rounds)
+    return [record for record in kept if record is not None]
+
+
+def _prepared(trial: Trial, journal: Journal) -> dict[str, Any] | None:
+    """Sort once and judge the order; nothing where an earlier run did."""
+    start = time.perf_counter()
+    trial.run()
+    wrong = trial.wrong()
+    if journal.first("prepared"):
+        return None
+    pixels = {"pixels": trial.pairs, "ok": trial.pairs - wrong, "true": wrong}
+    check = "failed" if wrong else "ok"
+    score = {"true_errors": wrong, "excused_share": 0.0, "check": check, "primary": pixels, "shadow": ()}
+    frame = {"frame": 0, "counters": {"pairs": trial.pairs}, "score": score, "unscored": None}
+    return {
+        "event": "prepared",
+        "compile_s": 0.0,
+        "first_frame_s": time.perf_counter() - start,
+        "frames": [frame],
+    }
+
+
+def _round(trial: Trial, preset: Preset) -> dict[str, Any]:
+    """One round of samples."""
+    budget = preset.budget_s / preset.rounds
+    sampling = Sampling(
+        preset.samples, max(preset.most, preset.samples), preset.deviation, preset.stage_samples, budget
+    )
+    started = time.time()
+    found = sample_frame(trial, sampling)
+    frame = {"frame": 0, "started": found.started, "total_ms": found.total_ms, "wall_ms": found.wall_ms,
+             "passes": found.passes, "stopped_by": found.stopped_by, "regrown": 0,
+             "memory_bytes": 6 * 4 * trial.pairs, "memory_source": "arrays"}  # fmt: skip
+    return {"started": started, "spent_s": time.time() - started, "clock": clock_state(trial.device),
+            "frames": [frame], "peak_rss_bytes": peak_resident_bytes()}  # fmt: skip
+
+
+def _note(folder: ResultsFolder, journal: Journal, event: dict[str, Any] | None) -> None:
+    if event is not None:
+        with folder.writing():
+            journal.append({**event, "noted": time.time()})
+
+
+def _facts(options: Options, preset: Preset, bits: int) -> dict[str, Any]:
+    """What a record says of a trial: its point, what stands for a scene, and what for a method."""
+    harness = Path(str(sys.modules[ResultsFolder.__module__].__file__)).parents[1]
+    source = hashlib.sha256(
+        b"".join(
+            path.read_bytes()
+            for path in (Path(__file__), harness / "runner/timing.py", harness / "frame/session.py")
+        )
+    )
+    pairs = preset.width * preset.height
+    point = {
+        "schema": SCHEMA, "experiment": options.experiment.name, "preset": options.preset_name, "bits": bits,
+        "pairs": pairs, "width": preset.width, "height": preset.height, "samples": preset.samples, "most": preset.most,
+        "deviation": preset.deviation, "stage_samples": preset.stage_samples, "rounds": preset.rounds,
+        "budget_s": preset.budget_s, "seed": options.seed, "warp": wp.__version__,
+    }  # fmt: skip
+    scene = {
+        "name": "random pairs", "title": f"{pairs:,} random pairs", "stand_in": None, "triangles": None, "lights": (),
+        "source": {"kind": "procedural"},
+    }  # fmt: skip
+    method = {
+        "name": NAME, "title": "Warp's radix sort", "label": f"{bits} bits", "settings": {"bits": str(bits)},
+        "parameters": {}, "built": {}, "device": options.device, "device_name": device_title(options.device),
+        "source_sha256": source.hexdigest(),
+    }  # fmt: skip
+    return {"point": point, "scene": scene, "method": method}

@@ -1,1 +1,0 @@
-"""Tables and drawings: pure functions of the records."""

@@ -1,0 +1,246 @@
+"""What a method sees of one moment: device arrays at fixed addresses, and the answers it fills.
+
+Whatever may differ between frames lives in an array whose address never changes, because a captured graph
+freezes its arguments. :meth:`Frame.load` copies the next moment in.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from ..judge.receivers import SPOT
+from ..lamps import LAMP, lamp_rows
+from ..scene.alpha import device_alpha
+from ..scene.prepared import Moment, Prepared
+from ..scene.scene import Effects, Light
+from .materials import reflectances
+
+MISS = -1
+
+
+@dataclass(eq=False)
+class Bounces:
+    """Mirrored rays and what a method says of them; row b - 1 is bounce b. No element where nothing is mirrored.
+
+    origin, direction  vec3f [bounces, pixels]: the rays, made by the harness (:mod:`.frame.mirrors`)
+    active      uint8 [bounces, pixels]: 1 = the pixel has such a ray; it is zero elsewhere
+    triangle, t, u, v  [bounces, pixels]: the ray's closest hit as in :class:`Answers`; a miss where there is no ray
+    visibility  uint8 [bounces, light_count, pixels]: the shadow bits of those hits
+    receivers   uint8 [bounces, light_count, pixels]: which of those hits have a shadow ray; empty unless a light
+                is masked
+    """
+
+    origin: wp.array
+    direction: wp.array
+    active: wp.array
+    triangle: wp.array
+    t: wp.array
+    u: wp.array
+    v: wp.array
+    visibility: wp.array
+    receivers: wp.array
+
+    @staticmethod
+    def of(bounces: int, lights: int, pixels: int, masked: bool) -> Bounces:
+        """All of it on the current device, zero."""
+        plane = (bounces, pixels) if bounces else (0, 0)
+        bits = (bounces, max(1, lights), pixels) if bounces else (0, 0, 0)
+        return Bounces(
+            wp.zeros(plane, dtype=wp.vec3f),
+            wp.zeros(plane, dtype=wp.vec3f),
+            wp.zeros(plane, dtype=wp.uint8),
+            wp.zeros(plane, dtype=wp.int32),
+            wp.zeros(plane, dtype=wp.float32),
+            wp.zeros(plane, dtype=wp.float32),
+            wp.zeros(plane, dtype=wp.float32),
+            wp.zeros(bits, dtype=wp.uint8),
+            wp.zeros(bits if masked else (0, 0, 0), dtype=wp.uint8),
+        )
+
+
+BOUNCED = ("origin", "direction", "active", "triangle", "t", "u", "v", "visibility")
+"""What the host gets of :class:`Bounces`, each under its name with "bounce_" before it."""
+
+
+@dataclass(eq=False)
+class Answers:
+    """What a method says of a frame; pixel index = row * width + column. All on the frame's device.
+
+    triangle    int32 [pixels]: the closest triangle, ties to the lowest index; -1 at a miss
+    t           float32 [pixels]: distance in lengths of the pixel's direction; inf at a miss
+    u, v        float32 [pixels]: weights of vertices 1 and 2 (Embree's convention); 0 at a miss
+    visibility  uint8 [light_count, pixels]: 1 = shadowed; 0 at a miss and for lights without shadows
+    bounces     what mirrored rays meet
+    """
+
+    triangle: wp.array
+    t: wp.array
+    u: wp.array
+    v: wp.array
+    visibility: wp.array
+    bounces: Bounces
+
+    def to_host(self) -> dict[str, NDArray]:
+        """Copies of all answers as numpy arrays; those of :data:`BOUNCED` only where something is mirrored."""
+        result = {
+            name: np.array(getattr(self, name).numpy()) for name in ("triangle", "t", "u", "v", "visibility")
+        }
+        if self.bounces.active.size:
+            result |= {f"bounce_{name}": np.array(getattr(self.bounces, name).numpy()) for name in BOUNCED}
+        return result
+
+    def poison(self) -> None:
+        """Fill with values that no method may leave behind, so that an unwritten answer shows."""
+        self.triangle.fill_(-77)
+        self.t.fill_(-77.0)
+        self.u.fill_(-77.0)
+        self.v.fill_(-77.0)
+        self.visibility.fill_(77)
+        if self.bounces.active.size:
+            for name in BOUNCED:
+                array = getattr(self.bounces, name)
+                array.fill_(77 if array.dtype == wp.uint8 else -77)
+
+
+class Frame:
+    """Device arrays of one moment, and the answers.
+
+    points    vec3f [vertex_count]      triangles vec3i [triangle_count]
+    weld      int32 [vertex_count]      valid     uint8 [triangle_count]
+    eye       vec3f [1]                 axes      vec3f [3]: right, up, forward
+    tangents  float32 [2]               column    vec3f [width], row vec3f [height]
+    reach     float32 [1]: bounds every coordinate of scene and eye
+    lights    vec3f [light_count]       spots  float64 [light_count, 12]: see :mod:`.judge.receivers`
+    posts     vec3f [light_count]: what grids of a light look from (:class:`.scene.prepared.Moment`)
+    receivers uint8 [light_count, pixels]: 1 = has a shadow ray (:mod:`.frame.receivers`); empty unless a light is masked
+    reached   int32 [(bounces + 1) * light_count]: not 0 where a hit of a bounce receives a light; empty like ``receivers``
+    alpha     the scene's mask (:class:`.scene.alpha.Alpha`), the resource "surfaces"; empty unless the effects hold alpha
+    mirror    uint8 [triangle_count]: 1 = a mirror; empty unless rays bounce
+    color     vec3f [pixels]: linear colour (:mod:`.frame.shading`); tint vec3f [triangle_count], lamps float64
+              [light_count, 5]: looks of surfaces and lights. All three are empty unless colour is wanted
+    """
+
+    def __init__(
+        self,
+        prepared: Prepared,
+        width: int,
+        height: int,
+        light_count: int,
+        device: str,
+        effects: Effects | None = None,
+    ):
+        masked = effects is not None and any(effects.masked(i) for i in range(light_count))
+        bounces = effects.bounces if effects is not None else 0
+        self.prepared = prepared
+        self.device = device
+        self.width, self.height = width, height
+        self.pixels = width * height
+        self.light_count = light_count
+        self.triangle_count = prepared.triangle_count
+        self.vertex_count = prepared.vertex_count
+        with wp.ScopedDevice(device):
+            # At least one element each, so that an empty mesh has addresses too.
+            self.points = wp.zeros(max(1, self.vertex_count), dtype=wp.vec3f)
+            self.triangles = wp.zeros(max(1, self.triangle_count), dtype=wp.vec3i)
+            self.weld = wp.zeros(max(1, self.vertex_count), dtype=wp.int32)
+            self.valid = wp.zeros(max(1, self.triangle_count), dtype=wp.uint8)
+            self.eye = wp.zeros(1, dtype=wp.vec3f)
+            self.axes = wp.zeros(3, dtype=wp.vec3f)
+            self.reach = wp.zeros(1, dtype=wp.float32)
+            self.tangents = wp.zeros(2, dtype=wp.float32)
+            self.column = wp.zeros(width, dtype=wp.vec3f)
+            self.row = wp.zeros(height, dtype=wp.vec3f)
+            self.lights = wp.zeros(max(1, light_count), dtype=wp.vec3f)
+            far = effects is not None and any(effects.directional)
+            self.posts = wp.zeros_like(self.lights) if far else self.lights
+            self.spots = wp.zeros((max(1, light_count), SPOT), dtype=wp.float64)
+            self.receivers = wp.zeros((light_count, self.pixels) if masked else (0, 0), dtype=wp.uint8)
+            self.reached = wp.zeros(light_count * (bounces + 1) if masked else 0, dtype=wp.int32)
+            self.answers = Answers(
+                wp.zeros(self.pixels, dtype=wp.int32),
+                wp.zeros(self.pixels, dtype=wp.float32),
+                wp.zeros(self.pixels, dtype=wp.float32),
+                wp.zeros(self.pixels, dtype=wp.float32),
+                wp.zeros((max(1, light_count), self.pixels), dtype=wp.uint8),
+                Bounces.of(bounces, light_count, self.pixels, masked),
+            )
+            self.mirror = wp.zeros(max(1, self.triangle_count) if bounces else 0, dtype=wp.uint8)
+            self._no_rays = [wp.zeros(0, dtype=kind) for kind in (wp.vec3f, wp.vec3f, wp.uint8)]
+        self.alpha = device_alpha(prepared.alpha if effects is not None and effects.alpha else None, device)
+        colored = effects is not None and effects.color
+        with wp.ScopedDevice(device):
+            self.color = wp.zeros(self.pixels if colored else 0, dtype=wp.vec3f)
+            self.tint = wp.zeros(max(1, self.triangle_count) if colored else 0, dtype=wp.vec3f)
+            self.lamps = wp.zeros((light_count, LAMP) if colored else (0, 0), dtype=wp.float64)
+        self.host: Moment | None = None
+        if self.triangle_count:
+            self.triangles.assign(prepared.faces)
+        if self.vertex_count:
+            self.weld.assign(prepared.weld)
+        if bounces and self.triangle_count:
+            self.mirror.assign(prepared.mirror)
+        if effects is not None and colored:
+            if self.triangle_count:
+                self.tint.assign(reflectances(prepared))
+            if light_count:
+                lights = (*prepared.scene.lights, *(Light((0.0, 0.0, 0.0)) for _ in range(light_count)))
+                self.lamps.assign(
+                    lamp_rows(lights[:light_count], (*effects.shadows, *(False,) * light_count))
+                )
+
+    def rays(self, bounce: int) -> list[wp.array]:
+        """Origin, direction, active [pixels] of the mirrored rays of a bounce from 1; arrays without elements for 0."""
+        if not bounce:
+            return self._no_rays
+        of = self.answers.bounces
+        return [array[bounce - 1] for array in (of.origin, of.direction, of.active)]
+
+    def hits(self, bounce: int) -> list[wp.array]:
+        """Triangle, t, u, v [pixels] of the rays of a bounce; of the primary rays for 0."""
+        if not bounce:
+            return [self.answers.triangle, self.answers.t, self.answers.u, self.answers.v]
+        of = self.answers.bounces
+        return [array[bounce - 1] for array in (of.triangle, of.t, of.u, of.v)]
+
+    def bits(self, bounce: int) -> wp.array:
+        """The shadow bits [light_count, pixels] of the hits of a bounce; of the primary hits for 0."""
+        return self.answers.bounces.visibility[bounce - 1] if bounce else self.answers.visibility
+
+    def masks(self, bounce: int) -> wp.array:
+        """The receivers [light_count, pixels] among the hits of a bounce; no element where no light is masked."""
+        held = self.answers.bounces.receivers
+        return held[bounce - 1] if bounce and held.size else self.receivers
+
+    def load(self, moment: Moment) -> None:
+        """Copy the next moment in. Outside every timing: the paper does not count transfers either.
+
+        Raises ValueError for a moment that the frame was not planned for: another size, mesh or number of lights.
+        """
+        planned = (self.width, self.height, self.vertex_count, self.triangle_count, self.light_count)
+        told = (moment.width, moment.height, len(moment.points), len(moment.valid), len(moment.lights))
+        if planned != told:
+            names = ("width", "height", "vertices", "triangles", "lights")
+            wrong = [f"{b} {n}, not {a}" for n, a, b in zip(names, planned, told, strict=True) if a != b]
+            raise ValueError(f"this frame was not planned for that moment: {'; '.join(wrong)}")
+        self.host = moment
+        if self.vertex_count:
+            self.points.assign(moment.points)
+        if self.triangle_count:
+            self.valid.assign(moment.valid)
+        self.eye.assign(moment.eye.reshape(1, 3))
+        self.axes.assign(moment.axes)
+        self.reach.assign(moment.reach)
+        self.tangents.assign(moment.tangents)
+        self.column.assign(moment.column)
+        self.row.assign(moment.row)
+        if self.light_count:
+            self.lights.assign(moment.lights)
+            if self.posts is not self.lights:
+                self.posts.assign(moment.lights if moment.posts is None else moment.posts)
+            spots = np.zeros(self.spots.shape)
+            spots[: len(moment.spots)] = moment.spots
+            self.spots.assign(spots)

@@ -1,0 +1,192 @@
+"""Mirrored rays: made once by the harness from the hits of the bounce before, and given alike to every method and truth.
+
+The rays ARE the definition of what is mirrored: float32 arrays, so that the closest hit with t > 0 needs no rule that
+leaves a triangle out. A direction is reflected at the geometric normal in float64 and rounded once. A start is the
+hit point on its triangle's plane, computed anew in float64, moved off the surface to the side that the ray came
+from by :func:`left_surface`'s bound and rounded outward, so that no query in float32 finds the mirror again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import warp as wp
+
+from ..scene.scene import Effects
+from .frame import Frame
+from .passes import Pass
+from .specialise import Switches, effects, specialised
+from .vectors import largest, to_float32, to_float64
+
+GAMMA7 = wp.constant(wp.float64(7.0 * 2.0**-24 / (1.0 - 7.0 * 2.0**-24)))
+"""What seven float32 roundings amount to (Pharr, Jakob & Humphreys, PBRT, 4th edition, section 6.8)."""
+
+FINE = wp.constant(wp.float64(2.0**-48))
+"""The float64 hit point's own rounding, 32 of its units."""
+
+OUTWARD = wp.constant(wp.float64(2.0**-23))
+"""A unit in the last place, at least, of any float32."""
+
+
+@wp.func
+def spread(a: wp.float64, b: wp.float64, c: wp.float64, x: wp.float64) -> wp.float64:
+    """|x| and the largest distance from x to a, b and c: what a query subtracts along one axis."""
+    return wp.abs(x) + wp.max(wp.abs(a - x), wp.max(wp.abs(b - x), wp.abs(c - x)))
+
+
+@wp.func
+def outward(x: wp.float64, step: wp.float64) -> wp.float64:
+    """x + step, and a unit in the last place further, so that rounding to float32 never moves it back."""
+    y = x + step
+    if step > wp.float64(0.0):
+        return y + OUTWARD * wp.abs(y)
+    if step < wp.float64(0.0):
+        return y - OUTWARD * wp.abs(y)
+    return y
+
+
+@wp.func
+def left_surface(
+    h: wp.vec3d, side: wp.vec3d, way: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, size: wp.float64
+) -> wp.vec3d:
+    """Where a ray along ``way`` starts that leaves the triangle (a, b, c) at h, on the side of the unit normal ``side``.
+
+    Moved by what a float32 query may be wrong by across the surface: the coordinates that it subtracts and
+    multiplies, projected on the normal; and, where it measures along the ray, that ray's share of the triangle's
+    extent. ``size`` is the largest coordinate that h was made from.
+    """
+    reach = wp.max(largest(a - h), wp.max(largest(b - h), largest(c - h)))
+    step = FINE * (reach + largest(h) + size) + GAMMA7 * (
+        wp.abs(side[0]) * spread(a[0], b[0], c[0], h[0])
+        + wp.abs(side[1]) * spread(a[1], b[1], c[1], h[1])
+        + wp.abs(side[2]) * spread(a[2], b[2], c[2], h[2])
+        + reach * wp.abs(wp.dot(side, way)) / largest(way)
+    )
+    return wp.vec3d(
+        outward(h[0], step * side[0]), outward(h[1], step * side[1]), outward(h[2], step * side[2])
+    )
+
+
+@wp.kernel(enable_backward=False)
+def mirror_kernel(
+    width: wp.int32,
+    eye: wp.array(dtype=wp.vec3f),
+    column: wp.array(dtype=wp.vec3f),
+    row: wp.array(dtype=wp.vec3f),
+    points: wp.array(dtype=wp.vec3f),
+    triangles: wp.array(dtype=wp.vec3i),
+    mirror: wp.array(dtype=wp.uint8),
+    triangle: wp.array(dtype=wp.int32),
+    origins: wp.array(dtype=wp.vec3f),
+    directions: wp.array(dtype=wp.vec3f),
+    origin: wp.array(dtype=wp.vec3f),
+    direction: wp.array(dtype=wp.vec3f),
+    active: wp.array(dtype=wp.uint8),
+):
+    """The mirrored ray of each pixel whose hit is a mirror; zero and not active elsewhere."""
+    pixel = wp.tid()
+    origin[pixel] = wp.vec3f(0.0, 0.0, 0.0)
+    direction[pixel] = wp.vec3f(0.0, 0.0, 0.0)
+    active[pixel] = wp.uint8(0)
+    hit = triangle[pixel]
+    if hit < 0:
+        return
+    if mirror[hit] == wp.uint8(0):
+        return
+    o = to_float64(eye[0])
+    d = to_float64(column[pixel % width] + row[pixel // width])
+    if wp.static(effects.bounced):
+        o = to_float64(origins[pixel])
+        d = to_float64(directions[pixel])
+    face = triangles[hit]
+    a = to_float64(points[face[0]])
+    b = to_float64(points[face[1]])
+    c = to_float64(points[face[2]])
+    n = wp.cross(b - a, c - a)
+    slope = wp.dot(n, d)
+    h = o + d * (wp.dot(n, a - o) / slope)
+    way = d - n * (wp.float64(2.0) * slope / wp.dot(n, n))
+    side = wp.normalize(n)
+    if slope > wp.float64(0.0):
+        side = -side
+    start = to_float32(left_surface(h, side, way, a, b, c, largest(o)))
+    onward = to_float32(way)
+    # A ray in the mirror's plane, which only an answer without a hit can name, leads nowhere.
+    if wp.isfinite(start) and wp.isfinite(onward):
+        origin[pixel] = start
+        direction[pixel] = onward
+        active[pixel] = wp.uint8(1)
+
+
+def mirror_passes(frame: Frame, effects: Effects) -> list[Pass]:
+    """The passes that make the rays of each bounce from the hits of the one before."""
+
+    def launch(bounce: int) -> None:
+        before = bounce - 1
+        wp.launch(
+            specialised(mirror_kernel, Switches(bounced=before > 0)),
+            dim=frame.pixels,
+            inputs=[
+                frame.width, frame.eye, frame.column, frame.row, frame.points, frame.triangles, frame.mirror,
+                frame.hits(before)[0], *frame.rays(before)[:2],
+            ],
+            outputs=frame.rays(bounce),
+            device=frame.device,
+        )  # fmt: skip
+
+    return [
+        Pass(
+            f"bounce {b}: rays",
+            "trace",
+            (
+                "points",
+                "triangles",
+                "surfaces",
+                *(("hits", "camera") if b == 1 else (f"hits/{b - 1}", f"rays/{b - 1}")),
+            ),
+            (f"rays/{b}",),
+            lambda b=b: launch(b),  # type: ignore[misc]
+            effect="mirror",
+        )
+        for b in range(1, effects.bounces + 1)
+    ]
+
+
+def traced_bounces(
+    effects: Effects,
+    structure: tuple[str, ...],
+    trace: Callable[[int], None],
+    shadow: Callable[[int, int], None],
+) -> list[Pass]:
+    """A method's own passes for mirrored rays, after those of its primary rays.
+
+    structure  what tracing reads of the method's resources (and of the harness's, where it needs more than surfaces)
+    trace      trace(bounce) fills ``frame.hits(bounce)`` from ``frame.rays(bounce)``, a miss where there is no ray
+    shadow     shadow(light, bounce) fills row ``light`` of ``frame.bits(bounce)`` for those hits
+    """
+    passes = []
+    structure = (*structure, *effects.surface_reads())
+    for b in range(1, effects.bounces + 1):
+        passes.append(
+            Pass(
+                f"bounce {b}: mirrored rays",
+                "trace",
+                (*structure, f"rays/{b}"),
+                (f"hits/{b}",),
+                lambda b=b: trace(b),  # type: ignore[misc]
+                effect="mirror",
+            )
+        )
+        for i, wanted in enumerate(effects.shadows):
+            if wanted:
+                passes.append(
+                    Pass(
+                        f"bounce {b}, light {i}: shadow rays",
+                        "shadow",
+                        (*structure, f"rays/{b}", f"hits/{b}", f"light/{i}", *effects.mask_reads(i, b)),
+                        (f"visibility/{i}/{b}",),
+                        lambda i=i, b=b: shadow(i, b),  # type: ignore[misc]
+                        effect="mirror",
+                    )
+                )
+    return passes

@@ -1,0 +1,165 @@
+"""The mask of receivers as a pass: made once a light by the harness, read by every method alike.
+
+The rule is :mod:`.judge.receivers`'s, in the same float64 words; a hit point is that of the answer's triangle, computed
+anew, so that the mask depends on no method's own numbers. The pass clears the light's row of shadow bits and says on
+the device whether anything receives the light: where nothing does, the light's other passes are not launched
+(:func:`skippable`), which a captured graph decides by itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import warp as wp
+
+from ..judge.receivers import DOUBT
+from ..scene.scene import Effects
+from .frame import Frame
+from .passes import Pass
+from .specialise import Switches, effects, specialised
+from .vectors import largest, to_float64
+
+DOUBT64 = wp.constant(wp.float64(DOUBT))
+
+
+@wp.func
+def in_spot(spots: wp.array2d(dtype=wp.float64), index: wp.int32, v: wp.vec3d) -> wp.bool:
+    """Whether a point v away from the light lies in its spot: :func:`.judge.receivers.receivers` in its words."""
+    kind = spots[index, 0]
+    if kind == wp.float64(0.0):
+        return True
+    f = spots[index, 1] * v[0] + spots[index, 2] * v[1] + spots[index, 3] * v[2]
+    if kind == wp.float64(1.0):
+        cosine = spots[index, 10]
+        square = cosine * cosine * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+        if cosine >= wp.float64(0.0):
+            return f >= wp.float64(0.0) and f * f >= square
+        return f >= wp.float64(0.0) or f * f <= square
+    r = spots[index, 4] * v[0] + spots[index, 5] * v[1] + spots[index, 6] * v[2]
+    u = spots[index, 7] * v[0] + spots[index, 8] * v[1] + spots[index, 9] * v[2]
+    return (
+        wp.abs(wp.atan2(r, f)) <= spots[index, 10]
+        and wp.abs(wp.atan2(u, wp.sqrt(f * f + r * r))) <= spots[index, 11]
+    )
+
+
+@wp.func
+def faces(n: wp.vec3d, size: wp.float64, seen: wp.vec3d, lit: wp.vec3d) -> wp.bool:
+    """Whether eye and light, ``seen`` and ``lit`` away, may lie on one side of the plane (``judge.receivers.facing``)."""
+    side_e = wp.dot(n, seen)
+    side_l = wp.dot(n, lit)
+    sure_e = wp.abs(side_e) > size * largest(seen)
+    sure_l = wp.abs(side_l) > size * largest(lit)
+    return not (sure_e and sure_l and ((side_e > wp.float64(0.0)) != (side_l > wp.float64(0.0))))
+
+
+@wp.kernel(enable_backward=False)
+def receivers_kernel(
+    width: wp.int32,
+    light: wp.int32,
+    facing: wp.bool,
+    eye: wp.array(dtype=wp.vec3f),
+    column: wp.array(dtype=wp.vec3f),
+    row: wp.array(dtype=wp.vec3f),
+    lights: wp.array(dtype=wp.vec3f),
+    spots: wp.array2d(dtype=wp.float64),
+    points: wp.array(dtype=wp.vec3f),
+    triangles: wp.array(dtype=wp.vec3i),
+    triangle: wp.array(dtype=wp.int32),
+    origins: wp.array(dtype=wp.vec3f),
+    directions: wp.array(dtype=wp.vec3f),
+    receivers: wp.array2d(dtype=wp.uint8),
+    reached: wp.array(dtype=wp.int32),
+    visibility: wp.array2d(dtype=wp.uint8),
+):
+    """1 where a pixel's hit has a shadow ray to the light; 0 elsewhere and at a miss. Clears the shadow bits."""
+    pixel = wp.tid()
+    visibility[light, pixel] = wp.uint8(0)
+    hit = triangle[pixel]
+    if hit < 0:
+        receivers[light, pixel] = wp.uint8(0)
+        return
+    face = triangles[hit]
+    a = to_float64(points[face[0]])
+    e = to_float64(points[face[1]]) - a
+    f = to_float64(points[face[2]]) - a
+    n = wp.cross(e, f)
+    o = to_float64(eye[0])
+    d = to_float64(column[pixel % width] + row[pixel // width])
+    if wp.static(effects.bounced):
+        o = to_float64(origins[pixel])
+        d = to_float64(directions[pixel])
+    place = to_float64(lights[light])
+    t = wp.dot(n, a - o) / wp.dot(n, d)
+    wanted = in_spot(spots, light, o + d * t - place)
+    if facing and wanted:
+        wanted = faces(n, largest(e) * largest(f) * DOUBT64, o - a, place - a)
+    receivers[light, pixel] = wp.uint8(wanted)
+    if wanted and reached[0] == 0:
+        reached[0] = 1  # every thread that writes writes the same
+
+
+def receiver_passes(frame: Frame, effects: Effects) -> list[Pass]:
+    """A pass for every light that only some hit points have a shadow ray to, and for every bounce."""
+
+    def launch(light: int, bounce: int) -> None:
+        reached = reached_by(frame, light, bounce)
+        reached.zero_()
+        origins, directions, _ = frame.rays(bounce)
+        wp.launch(
+            specialised(receivers_kernel, Switches(bounced=bounce > 0)),
+            dim=frame.pixels,
+            inputs=[
+                frame.width, light, effects.facing, frame.eye, frame.column, frame.row, frame.lights, frame.spots,
+                frame.points, frame.triangles, frame.hits(bounce)[0], origins, directions,
+            ],
+            outputs=[frame.masks(bounce), reached, frame.bits(bounce)],
+            device=frame.device,
+        )  # fmt: skip
+
+    return [
+        Pass(
+            f"light {i}: receivers" if b == 0 else f"bounce {b}, light {i}: receivers",
+            "shadow",
+            (
+                *(("hits", "camera") if b == 0 else (f"hits/{b}", f"rays/{b}")),
+                "points",
+                "triangles",
+                f"light/{i}",
+            ),
+            (*effects.mask_reads(i, b), f"visibility/{i}/{b}" if b else f"visibility/{i}"),
+            lambda i=i, b=b: launch(i, b),  # type: ignore[misc]
+            effect="receivers" if b == 0 else "mirror",
+        )
+        for b in range(effects.bounces + 1)
+        for i in range(len(effects.shadows))
+        if effects.masked(i)
+    ]
+
+
+def skippable(passes: list[Pass], frame: Frame, effects: Effects) -> list[Pass]:
+    """The same passes, those of a light with a mask given only that something receives it.
+
+    Where rays bounce, what a method builds for a light serves the hits of every bounce, so that only the passes
+    that trace its rays, which read the mask of their own hits, are given. In a captured graph passes that take scratch
+    memory run in any case, on what is left from the last frame that was traced: nobody reads what they then make.
+    """
+    # One array a condition: neighbours under the same one are one branch.
+    given: dict[str | None, wp.array] = {}
+    for i in range(len(effects.shadows)):
+        for b in range(effects.bounces + 1):
+            for mask in effects.mask_reads(i, b):
+                given[mask] = reached_by(frame, i, b)
+        if effects.masked(i) and not effects.bounces:
+            given[f"shadows/{i}"] = given[f"receivers/{i}"]
+
+    def condition(work: Pass) -> wp.array | None:
+        return next((given[name] for name in (work.effect, *work.reads) if name in given), None)
+
+    return [replace(work, only_if=condition(work)) for work in passes]
+
+
+def reached_by(frame: Frame, light: int, bounce: int) -> wp.array:
+    """Int32 [1]: not 0 where a hit of the bounce receives the light."""
+    at = bounce * frame.light_count + light
+    return frame.reached[at : at + 1]

@@ -1,0 +1,255 @@
+"""Shading: linear colour of each pixel from its hits, shadow bits and mirrored hits. One kernel for frames and pictures.
+
+Surfaces are diffuse and two-sided: the geometric normal is turned to where the ray came from. A light adds its colour
+times intensity times the cosine, times what its spot sends that way (nothing outside, cos^falloff inside); it does not
+grow weaker with distance, so that a scene looks the same at any scale. A light behind the side that is seen, and one
+whose bit says shadowed, add nothing. With the geometric normal this leaves no terminator to hide: a triangle is dark
+by the cosine exactly where its own plane would shadow it, and no triangle shadows its own plane. A mirror shows
+:data:`REFLECTANCE` of what its ray meets over the rest of its own surface.
+
+What is shown is what a method answered: the triangle decides the normal, t the place. A wrong answer is seen as one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from ..judge.receivers import SPOT
+from ..lamps import lamp_rows
+from ..scene.prepared import Moment, Prepared
+from ..scene.scene import Effects, Light
+from .frame import Frame
+from .materials import reflectances
+from .passes import Pass
+from .receivers import in_spot
+from .specialise import Switches, effects, specialised
+from .vectors import to_float64
+
+AMBIENT = wp.constant(wp.float64(0.22))
+HEADLIGHT = wp.constant(wp.float64(0.05))
+SKYLIGHT = wp.constant(wp.vec3d(0.96, 0.99, 1.04))
+"""Colour of the ambient light: light from the sky is a little blue."""
+
+SKY_TOP = wp.constant(wp.vec3d(0.60085957, 0.70707411, 0.84391996))
+SKY_BOTTOM = wp.constant(wp.vec3d(0.93063122, 0.95278825, 0.97524999))
+"""Linear radiance of the background: the colours (0.80, 0.86, 0.93) and (0.96, 0.97, 0.98) once displayed."""
+
+REFLECTANCE = wp.constant(wp.float64(0.85))
+"""Share of a mirror's colour that is what it reflects; the rest is its own surface."""
+
+ZERO = wp.constant(wp.float64(0.0))
+ONE = wp.constant(wp.float64(1.0))
+
+
+@wp.func
+def sky(share: wp.float64) -> wp.vec3d:
+    """The background, 0 at the top to 1 at the bottom."""
+    return SKY_TOP * (ONE - share) + SKY_BOTTOM * share
+
+
+@wp.func
+def sky_along(d: wp.vec3d, up: wp.vec3d) -> wp.vec3d:
+    """What a mirrored ray sees that meets nothing."""
+    return sky((ONE - wp.dot(wp.normalize(d), up)) * wp.float64(0.5))
+
+
+@wp.func
+def radiance(
+    o: wp.vec3d,
+    d: wp.vec3d,
+    t: wp.float32,
+    hit: wp.int32,
+    pixel: wp.int32,
+    up: wp.vec3d,
+    points: wp.array(dtype=wp.vec3f),
+    triangles: wp.array(dtype=wp.vec3i),
+    tint: wp.array(dtype=wp.vec3f),
+    lights: wp.array(dtype=wp.vec3f),
+    spots: wp.array2d(dtype=wp.float64),
+    lamps: wp.array2d(dtype=wp.float64),
+    visibility: wp.array2d(dtype=wp.uint8),
+) -> wp.vec3d:
+    """What the surface of triangle ``hit`` sends back along the ray."""
+    face = triangles[hit]
+    a = to_float64(points[face[0]])
+    n = wp.normalize(wp.cross(to_float64(points[face[1]]) - a, to_float64(points[face[2]]) - a))
+    if not wp.isfinite(n):
+        n = wp.vec3d(ZERO, ZERO, ZERO)
+    facing = -wp.dot(n, wp.normalize(d))
+    if facing < ZERO:
+        n = -n
+    place = o + d * wp.float64(t)
+    grey = AMBIENT * (wp.float64(0.72) + wp.float64(0.28) * wp.dot(n, up)) + HEADLIGHT * wp.abs(facing)
+    total = SKYLIGHT * grey
+    for i in range(lamps.shape[0]):
+        way = to_float64(lights[i]) - place
+        cosine = wp.dot(n, wp.normalize(way))
+        if lamps[i, 4] != ZERO and visibility[i, pixel] != wp.uint8(0):
+            cosine = ZERO
+        if cosine > ZERO and in_spot(spots, i, -way):
+            if lamps[i, 3] != ZERO:
+                forward = wp.vec3d(spots[i, 1], spots[i, 2], spots[i, 3])
+                cosine *= wp.pow(wp.max(-wp.dot(forward, wp.normalize(way)), ZERO), lamps[i, 3])
+            total += wp.vec3d(lamps[i, 0], lamps[i, 1], lamps[i, 2]) * cosine
+    return wp.cw_mul(total, to_float64(tint[hit]))
+
+
+@wp.kernel(enable_backward=False)
+def color_kernel(
+    start: wp.int32,
+    width: wp.int32,
+    height: wp.int32,
+    up: wp.vec3d,
+    eye: wp.array(dtype=wp.vec3f),
+    column: wp.array(dtype=wp.vec3f),
+    row: wp.array(dtype=wp.vec3f),
+    points: wp.array(dtype=wp.vec3f),
+    triangles: wp.array(dtype=wp.vec3i),
+    count: wp.int32,
+    tint: wp.array(dtype=wp.vec3f),
+    lights: wp.array(dtype=wp.vec3f),
+    spots: wp.array2d(dtype=wp.float64),
+    lamps: wp.array2d(dtype=wp.float64),
+    triangle: wp.array(dtype=wp.int32),
+    t: wp.array(dtype=wp.float32),
+    visibility: wp.array2d(dtype=wp.uint8),
+    bounces: wp.int32,
+    origins: wp.array2d(dtype=wp.vec3f),
+    directions: wp.array2d(dtype=wp.vec3f),
+    active: wp.array2d(dtype=wp.uint8),
+    mirrored: wp.array2d(dtype=wp.int32),
+    mirrored_t: wp.array2d(dtype=wp.float32),
+    mirrored_bits: wp.array3d(dtype=wp.uint8),
+    color: wp.array(dtype=wp.vec3f),
+):
+    """The linear colour of pixel ``start`` + thread, written at the thread's own place."""
+    pixel = start + wp.tid()
+    y = pixel // width
+    hit = triangle[pixel]
+    # An answer that names no triangle of this scene is shown as a miss; the score is what reports it.
+    seen = sky(wp.float64(y) / wp.float64(wp.max(1, height - 1)))
+    if hit >= 0 and hit < count and wp.isfinite(t[pixel]):
+        d = to_float64(column[pixel % width] + row[y])
+        seen = radiance(
+            to_float64(eye[0]), d, t[pixel], hit, pixel, up, points, triangles, tint, lights, spots, lamps, visibility
+        )  # fmt: skip
+    if wp.static(effects.bounced):
+        weight = wp.float64(1.0)
+        total = wp.vec3d(ZERO, ZERO, ZERO)
+        going = wp.bool(True)
+        for b in range(bounces):
+            if going and active[b, pixel] == wp.uint8(1):
+                total += seen * (weight * (ONE - REFLECTANCE))
+                weight *= REFLECTANCE
+                way = to_float64(directions[b, pixel])
+                seen = sky_along(way, up)
+                met = mirrored[b, pixel]
+                if met >= 0 and met < count and wp.isfinite(mirrored_t[b, pixel]):
+                    seen = radiance(
+                        to_float64(origins[b, pixel]), way, mirrored_t[b, pixel], met, pixel, up, points, triangles, tint,
+                        lights, spots, lamps, mirrored_bits[b],
+                    )  # fmt: skip
+            else:
+                going = wp.bool(False)
+        seen = total + seen * weight
+    color[wp.tid()] = wp.vec3f(wp.float32(seen[0]), wp.float32(seen[1]), wp.float32(seen[2]))
+
+
+def unit_up(up: Sequence[float]) -> wp.vec3d:
+    """A camera's up direction, unit length; zero where it has none."""
+    vector = np.asarray(up, dtype=np.float64)
+    return wp.vec3d(*(vector / (np.linalg.norm(vector) or 1.0)))
+
+
+def shading_passes(frame: Frame, effects: Effects) -> list[Pass]:
+    """The pass that fills ``frame.color``, where colour is wanted."""
+    if not effects.color:
+        return []
+    answers, of = frame.answers, frame.answers.bounces
+    up = unit_up(frame.prepared.scene.camera.up)
+
+    def launch() -> None:
+        wp.launch(
+            specialised(color_kernel, Switches(bounced=effects.bounces > 0)),
+            dim=frame.pixels,
+            inputs=[
+                0, frame.width, frame.height, up, frame.eye, frame.column, frame.row, frame.points, frame.triangles,
+                frame.triangle_count, frame.tint, frame.lights, frame.spots, frame.lamps, answers.triangle, answers.t,
+                answers.visibility, effects.bounces, of.origin, of.direction, of.active, of.triangle, of.t,
+                of.visibility,
+            ],
+            outputs=[frame.color],
+            device=frame.device,
+        )  # fmt: skip
+
+    lit = [i for i, wanted in enumerate(effects.shadows) if wanted]
+    reads = [
+        "hits",
+        "camera",
+        "points",
+        "triangles",
+        "surfaces",
+        *(f"light/{i}" for i in range(frame.light_count)),
+    ]
+    reads += [f"visibility/{i}" for i in lit]
+    for b in range(1, effects.bounces + 1):
+        reads += [f"rays/{b}", f"hits/{b}", *(f"visibility/{i}/{b}" for i in lit)]
+    return [Pass("shade", "trace", tuple(reads), ("color",), launch, effect="color")]
+
+
+def shaded(
+    prepared: Prepared,
+    moment: Moment,
+    answers: dict[str, NDArray],
+    lights: Sequence[Light],
+    block: int,
+) -> Iterator[tuple[slice, NDArray[np.float32]]]:
+    """Linear colours float32 [n, 3] of answers on the host (:meth:`.frame.frame.Answers.to_host`), ``block`` pixels a time.
+
+    Of lights without shadows the bits do not count. ``lights`` has the looks; places and spots are the moment's.
+    On the CPU, or, where Warp cannot compile for it, on the first GPU.
+    """
+    device = "cpu" if wp.is_cpu_available() else "cuda:0"
+
+    def on_device(values: NDArray, kind: type) -> wp.array:
+        scalar = {wp.vec3f: np.float32, wp.vec3i: np.int32}.get(kind) or wp.dtype_to_numpy(kind)
+        return wp.array(np.ascontiguousarray(values, dtype=scalar), dtype=kind, device=device, copy=False)
+
+    pixels = moment.width * moment.height
+    bits = np.asarray(answers["visibility"]).reshape(-1, pixels)
+    lamps = lamp_rows(lights, [light.shadows and i < len(bits) for i, light in enumerate(lights)])
+    spots = np.zeros((max(1, len(lights)), SPOT))
+    given = min(len(spots), len(moment.spots))
+    spots[:given] = moment.spots[:given]
+    bounces = len(answers.get("bounce_active", ()))
+    mirrored = [
+        on_device(answers[f"bounce_{name}"], kind)
+        if bounces
+        else wp.zeros((0,) * axes, dtype=kind, device=device)
+        for name, kind, axes in BOUNCED
+    ]
+    inputs = [
+        moment.width, moment.height, unit_up(prepared.scene.camera.up), on_device(moment.eye.reshape(1, 3), wp.vec3f),
+        on_device(moment.column, wp.vec3f), on_device(moment.row, wp.vec3f), on_device(moment.points, wp.vec3f),
+        on_device(prepared.faces, wp.vec3i), prepared.triangle_count, on_device(reflectances(prepared), wp.vec3f),
+        on_device(moment.lights, wp.vec3f), on_device(spots, wp.float64), on_device(lamps, wp.float64),
+        on_device(answers["triangle"], wp.int32), on_device(answers["t"], wp.float32), on_device(bits, wp.uint8),
+        bounces, *mirrored,
+    ]  # fmt: skip
+    kernel = specialised(color_kernel, Switches(bounced=bounces > 0))
+    color = wp.zeros(min(block, pixels), dtype=wp.vec3f, device=device)
+    for start in range(0, pixels, block):
+        count = min(block, pixels - start)
+        wp.launch(kernel, dim=count, inputs=[start, *inputs], outputs=[color], device=device)
+        yield slice(start, start + count), color.numpy()[:count]
+
+
+BOUNCED = (
+    ("origin", wp.vec3f, 2), ("direction", wp.vec3f, 2), ("active", wp.uint8, 2),
+    ("triangle", wp.int32, 2), ("t", wp.float32, 2), ("visibility", wp.uint8, 3),
+)  # fmt: skip
+"""What the kernel reads of mirrored rays: name, type and axes, in its order."""

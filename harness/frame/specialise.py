@@ -1,0 +1,87 @@
+"""Kernels compiled for the effects that a frame calls for, and for nothing else.
+
+A kernel says what an effect adds in a branch under ``if wp.static(effects.NAME):``, where ``effects`` is this
+module's :data:`effects`, with everything off. :func:`specialised` makes the same kernel anew with other switches on;
+Warp leaves a branch out of the code where its condition is off, so that what is not asked for costs nothing, which
+``tests/frame/test_effects_compiled.py`` proves on the machine code. The variants are made when they are first asked for
+and kept.
+"""
+
+from __future__ import annotations
+
+import ast
+import functools
+import inspect
+import textwrap
+import types
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+
+import warp as wp
+
+
+@dataclass(frozen=True)
+class Switches:
+    """What a kernel can be compiled for.
+
+    masked   only receivers have a shadow ray: the kernel reads the mask ``frame.receivers``
+    alpha    triangles have holes: a hit counts where the mask is opaque
+    bounced  rays are those of a mirror (``frame.rays``) and not the eye's
+    """
+
+    masked: bool = False
+    alpha: bool = False
+    bounced: bool = False
+
+
+NAMES = tuple(field.name for field in fields(Switches))
+
+effects = Switches()
+"""What a kernel is compiled for unless it is specialised: nothing."""
+
+
+@functools.cache
+def named(kernel: wp.Kernel) -> tuple[str, ...]:
+    """The switches that a kernel's source branches on."""
+    tree = ast.parse(textwrap.dedent(inspect.getsource(kernel.func)))
+    used = {
+        node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute) and is_effects(node.value)
+    }
+    unknown = used - set(NAMES)
+    if unknown:
+        raise ValueError(f"{kernel.key} names an effect that there is not: {', '.join(sorted(unknown))}")
+    return tuple(name for name in NAMES if name in used)
+
+
+def is_effects(node: ast.AST) -> bool:
+    """Whether a syntax node is the name ``effects``."""
+    return isinstance(node, ast.Name) and node.id == "effects"
+
+
+def specialised(kernel: wp.Kernel, switches: Switches) -> wp.Kernel:
+    """``kernel`` compiled with ``switches``: itself where it names none of those that are on."""
+    on = tuple(name for name in named(kernel) if getattr(switches, name))
+    return _made(kernel, on) if on else kernel
+
+
+@functools.cache
+def _made(kernel: wp.Kernel, on: tuple[str, ...]) -> wp.Kernel:
+    function = kernel.func
+    space = {**function.__globals__, "effects": Switches(**dict.fromkeys(on, True))}
+    copy = types.FunctionType(
+        function.__code__, space, function.__name__, function.__defaults__, function.__closure__
+    )
+    copy.__annotations__ = function.__annotations__
+    copy.__module__, copy.__qualname__, copy.__doc__ = (
+        function.__module__,
+        function.__qualname__,
+        function.__doc__,
+    )
+    return wp.kernel(copy, module="unique", **kernel.options)
+
+
+def switch_sets(kernel: wp.Kernel) -> Iterator[Switches]:
+    """Every set of switches that makes another kernel of this one, the plain one first."""
+    names = named(kernel)
+    for bits in range(1 << len(names)):
+        yield Switches(**{name: bool(bits >> i & 1) for i, name in enumerate(names)})

@@ -1,0 +1,261 @@
+"""What every method must hold to whatever it answers: frames that follow one another, replays, and no allocation.
+
+Run by ``shadowbench check`` beside the hard cases, which look at single frames (right answers, every answer
+written, two runs alike).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from ..frame.method import Method
+from ..frame.session import Session
+from ..scene.prepared import Moment, Prepared
+from ..scene.scene import Camera, Effects, Geometry, Light, Scene, Spot
+from .case import ball, joined, quad
+from .judge import same_bits
+
+SIZE = (33, 26)
+FRAMES = 4
+
+
+@dataclass
+class Check:
+    """One requirement. ``status``: ok, exempt (with the reason), or error."""
+
+    name: str
+    status: str = "ok"
+    reason: str = ""
+
+    def as_json(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+def moving_scene() -> Prepared:
+    """A ball that falls onto a floor and is squashed, and flies off in the last frame; two lights."""
+    points, faces = joined(quad((-3, 0, -3), (3, 0, -3), (3, 0, 3), (-3, 0, 3)), ball(0.5, (0, 0.6, 0)))
+
+    def positions(frame: int) -> NDArray[np.float64]:
+        result = points.copy()
+        result[4:] *= (1 + 0.3 * frame, 1 - 0.25 * frame, 1 + 0.1 * frame)
+        result[4:] += (0.2 * frame, 0.4 if frame == 1 else 0.0, -0.3 * frame)
+        if frame == FRAMES - 1:
+            result[4:] *= 40.0  # capacities must follow
+        return result
+
+    lights = (Light((1.0, 2.5, 0.5)), Light((-0.7, 0.3, 0.9)))
+    scene = Scene(
+        "moving", "Moving", lambda: Geometry(faces.astype(np.int32), positions, FRAMES),
+        Camera((0.3, 1.7, 3.1), (0.2, 1.25, 2.1)), lights,
+    )  # fmt: skip
+    return Prepared(scene)
+
+
+def moments(prepared: Prepared) -> list[Moment]:
+    """Every frame of the mesh, then one with camera and lights moved too, then the first one again."""
+    width, height = SIZE
+    found = [prepared.moment(k, width, height) for k in range(FRAMES)]
+    elsewhere = prepared.moment(
+        1,
+        width,
+        height,
+        Camera((-2.0, 0.4, -1.5), (0.0, 0.5, 0.0)),
+        (Light((0, 40, 3)), Light((0.0, 0.05, 0.0))),
+    )
+    return [*found, elsewhere, found[0]]
+
+
+def conformance(make_method: Callable[[], Method], device: str) -> list[Check]:
+    """Every requirement on one method."""
+    prepared = moving_scene()
+    reason = make_method().applies(prepared.scene, device)
+    names = ("frames", "graph replays", "allocations", "shadows not asked for", "partial frames")
+    if reason:
+        return [Check(name, "exempt", reason) for name in names]
+    checks = []
+    for name, test in zip(names, (_frames, _replays, _allocations, _unasked, _partial), strict=True):
+        try:
+            checks.append(test(name, make_method, prepared, device))
+        except Exception as error:  # a crash is what a check is there to find
+            checks.append(Check(name, "error", f"{type(error).__name__}: {error}"))
+    return checks
+
+
+def _session(make_method: Callable[[], Method], prepared: Prepared, device: str) -> Session:
+    return Session(make_method(), prepared, *SIZE, device)
+
+
+def _unlike(some: dict[str, NDArray], others: dict[str, NDArray]) -> list[str]:
+    return [name for name in some if not same_bits(some[name], others[name])]
+
+
+def _frames(name: str, make_method: Callable[[], Method], prepared: Prepared, device: str) -> Check:
+    """Frame k of one session has the bits of a fresh session's only frame: nothing stale is left in a buffer."""
+    session = _session(make_method, prepared, device)
+    for k, moment in enumerate(moments(prepared)):
+        unlike = _unlike(session.answers(moment), _session(make_method, prepared, device).answers(moment))
+        if unlike:
+            return Check(name, "error", f"frame {k} differs from a fresh session in {', '.join(unlike)}")
+    return Check(name)
+
+
+def _partial(name: str, make_method: Callable[[], Method], prepared: Prepared, device: str) -> Check:
+    """A frame made from the last by running only the passes that read what changed has the bits of a whole frame.
+
+    So what passes say they read and write is true, and no buffer that outlives a frame is shared by accident. Once
+    more under a spot that nothing receives for a while: what was skipped must be made up for.
+    """
+    found = _in_turns(name, make_method, prepared, device, _turns(prepared))
+    spotted = _spotted(make_method, prepared, device)
+    if found.status == "ok" and spotted is not None:
+        found = _in_turns(name, make_method, spotted, device, _turns_away())
+    return found
+
+
+Turn = tuple[str, tuple[int, Camera | None, tuple[Light, ...]]]
+
+SPOTTED = (Light((1.0, 2.5, 0.5), spot=Spot((-1.0, -2.0, -0.5), 40.0)), Light((-0.7, 0.3, 0.9)))
+
+
+def _spotted(make_method: Callable[[], Method], prepared: Prepared, device: str) -> Prepared | None:
+    """The scene under a spot, with shadow rays only where surfaces face a light; None for a method without."""
+    scene = replace(prepared.scene, lights=SPOTTED, facing=True)
+    return Prepared(scene) if make_method().applies(scene, device) is None else None
+
+
+def _turns(prepared: Prepared) -> list[Turn]:
+    """What moves, one thing after another: (frame, camera, lights)."""
+    view, lights = Camera((-2.0, 0.4, -1.5), (0.0, 0.5, 0.0)), prepared.scene.lights
+    moved = (lights[0].moved((0, 40, 3)), *lights[1:])
+    return [
+        ("the camera moved", (0, view, lights)),
+        ("light 0 moved", (0, view, moved)),
+        ("light 1 moved", (0, view, (moved[0], lights[1].moved((0.0, 0.05, 0.0))))),
+        ("the mesh moved", (1, view, moved)),
+        ("nothing moved", (1, view, moved)),
+        ("everything moved", (0, None, lights)),
+    ]
+
+
+def _turns_away() -> list[Turn]:
+    """The spot moves, and so does the mesh, while the camera looks where the spot reaches nothing; then it looks back."""
+    away = Camera((0.3, 1.7, 3.1), (0.3, 30.0, 3.2))
+    moved = (SPOTTED[0].moved((0.8, 2.8, 0.7)), SPOTTED[1])
+    return [
+        ("the camera looked away", (0, away, SPOTTED)),
+        ("the spot moved unseen", (0, away, moved)),
+        ("the camera looked back", (0, None, moved)),
+        ("the camera looked away again", (0, away, moved)),
+        ("the mesh moved unseen", (1, away, moved)),
+        ("the camera looked back again", (1, None, moved)),
+    ]
+
+
+def _in_turns(
+    name: str, make_method: Callable[[], Method], prepared: Prepared, device: str, turns: list[Turn]
+) -> Check:
+    """Frames in part, one after another, against whole frames of fresh sessions."""
+    session = _session(make_method, prepared, device)
+    width, height = SIZE
+    session.answers(prepared.moment(0, width, height))
+    for label, (frame, camera, placed) in turns:
+        moment = prepared.moment(frame, width, height, camera, placed)
+        session.advance(moment)
+        wp.synchronize_device(device)
+        unlike = _unlike(
+            session.frame.answers.to_host(), _session(make_method, prepared, device).answers(moment)
+        )
+        if unlike:
+            return Check(name, "error", f"after {label}: {', '.join(unlike)} differ from a whole frame")
+    return Check(name)
+
+
+def _replays(name: str, make_method: Callable[[], Method], prepared: Prepared, device: str) -> Check:
+    """A captured graph gives the bits of plain launches when points, camera and lights have moved since.
+
+    Once more under a spot, of which a graph leaves out what nothing receives.
+    """
+    found = _replayed(name, make_method, prepared, device, moments(prepared))
+    spotted = _spotted(make_method, prepared, device)
+    if found.status == "ok" and spotted is not None:
+        unseen = [
+            spotted.moment(frame, *SIZE, camera, lights) for _, (frame, camera, lights) in _turns_away()
+        ]
+        found = _replayed(name, make_method, spotted, device, unseen)
+    return found
+
+
+def _replayed(
+    name: str, make_method: Callable[[], Method], prepared: Prepared, device: str, shown: list[Moment]
+) -> Check:
+    """Each moment by plain launches, then all of them again by replays."""
+    session = _session(make_method, prepared, device)
+    if not session.replays:
+        captures = session.method.capturable
+        return Check(name, "exempt", "graphs are a CUDA matter" if captures else "not capturable")
+    wanted = [(moment, session.answers(moment)) for moment in shown]
+    for k, (moment, eager) in enumerate(wanted):
+        session.load(moment)
+        session.frame.answers.poison()
+        session.replay()
+        if session.overflowed():
+            return Check(
+                name, "error", f"frame {k}: capacities that had sufficed were exceeded by its replay"
+            )
+        wp.synchronize_device(device)
+        unlike = _unlike(session.frame.answers.to_host(), eager)
+        if unlike:
+            return Check(name, "error", f"frame {k} as a graph differs in {', '.join(unlike)}")
+    return Check(name)
+
+
+def _allocations(name: str, make_method: Callable[[], Method], prepared: Prepared, device: str) -> Check:
+    """A frame that runs again, as it is timed, allocates nothing through Warp, on any device.
+
+    On CUDA that is a replay of its graph: a scan or a sort launched eagerly takes scratch memory each time, while
+    a graph owns what it captured.
+    """
+    session = _session(make_method, prepared, device)
+    if not session.method.capturable:
+        return Check(name, "exempt", "not capturable")
+    session.answers(moments(prepared)[0])
+    session.replay()
+    count, text = counted_allocations(session.replay)
+    if count:
+        return Check(name, "error", f"{count} allocations in a frame after the first: {text}")
+    return Check(name)
+
+
+def _unasked(name: str, make_method: Callable[[], Method], prepared: Prepared, device: str) -> Check:
+    """Lights that ask for no shadows change no closest hit and get bits of 0."""
+    moment = moments(prepared)[0]
+    both = _session(make_method, prepared, device).answers(moment)
+    one = Session(make_method(), prepared, *SIZE, device, effects=Effects(shadows=(False, True))).answers(
+        moment
+    )
+    both["visibility"][0] = 0
+    unlike = _unlike(one, both)
+    return (
+        Check(name, "error", f"without light 0's shadows {', '.join(unlike)} differ")
+        if unlike
+        else Check(name)
+    )
+
+
+def counted_allocations(work: Callable[[], None]) -> tuple[int, str]:
+    """How often ``work`` allocates through Warp, its own native code included, and by what."""
+    reports: list[str] = []
+    with wp.ScopedMemoryTracker("frame", report_func=reports.append) as tracker:
+        tracker.clear()
+        work()
+    totals = reports[-1].partition("Total allocations:")[2].partition("Peak usage:")[0]
+    count = sum(int(number) for number in re.findall(r"^\s+\S+\s+(\d+) \(", totals, re.MULTILINE))
+    places = re.findall(r"^\s+[\d.]+ \w+ : \S+ : (.+)$", reports[-1], re.MULTILINE)
+    return count, "; ".join(places[:3]) or "freed again"

@@ -1,0 +1,1 @@
+"""What is right: the Embree reference, the exact referee, classes of answers, and scores."""

@@ -1,0 +1,191 @@
+"""Raw answers kept for scoring elsewhere: made where a method runs, scored where Embree is.
+
+One .npz a frame with the answers, the rays and lights as they were traced, and a few facts; the mesh lies beside
+it in a file of its own, named by its hash and shared by every method. Needs nothing but numpy to write.
+"""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import UserError
+from ..files import array_hash, write_arrays
+from ..frame.frame import BOUNCED
+from ..scene.alpha import arrays_of, from_arrays
+from ..scene.prepared import Moment, Prepared
+from ..scene.scene import AlphaMask, Camera, Effects, Geometry, Scene
+
+if TYPE_CHECKING:
+    from .shared_errors import Disputes
+
+SCHEMA = 1
+ARRAYS = ("triangle", "t", "u", "v", "visibility")
+BOUNCES = tuple(f"bounce_{name}" for name in BOUNCED)
+TABLES = ("eye", "axes", "tangents", "column", "row", "lights", "spots")
+DAMAGED = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile)
+
+
+def input_hashes(prepared: Prepared, moment: Moment) -> dict[str, str]:
+    """Hashes of all that an answer depends on: mesh, rays, lights, and the alpha mask where there is one."""
+    hashes = {
+        "mesh": array_hash(moment.points, prepared.faces, moment.valid),
+        "rays": array_hash(moment.eye, moment.column, moment.row),
+        "lights": array_hash(moment.lights),
+    }
+    if prepared.alpha is not None:
+        hashes["surfaces"] = array_hash(*arrays_of(prepared.alpha).values())
+    return hashes
+
+
+def save_raw(
+    path: Path | str,
+    prepared: Prepared,
+    moment: Moment,
+    answers: dict[str, NDArray],
+    scene_argument: str,
+    effects: Effects | None = None,
+    extra: dict[str, Any] | None = None,
+) -> None:
+    """Keep a frame's answers (as ``Answers.to_host`` gives them) at ``path``, and the mesh beside it; atomically.
+
+    A mesh with an alpha mask is kept with it.
+
+    ``scene_argument`` is what a person typed for the scene, a name or a file: should the mesh's file be gone, it
+    is made anew from that. ``extra``: anything JSON can hold, for the reader.
+    """
+    hashes = input_hashes(prepared, moment)
+    effects = effects or Effects.of(prepared.scene)
+    facts = {
+        "schema": SCHEMA,
+        "scene": scene_argument,
+        "frame": moment.index,
+        "shadows": list(effects.shadows),
+        "alpha": effects.alpha,
+        "facing": moment.facing,
+        "bounces": effects.bounces,
+        "hashes": hashes,
+        "extra": extra or {},
+    }
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    mesh = _mesh_path(path, hashes)
+    if not mesh.exists():
+        kept: dict[str, NDArray] = {"points": moment.points, "faces": prepared.faces, "valid": moment.valid}
+        write_arrays(mesh, {**kept, **arrays_of(prepared.alpha)})
+    arrays = {name: answers[name] for name in ARRAYS}
+    if facts["bounces"]:
+        arrays |= {name: answers[name] for name in BOUNCES} | {"mirror": prepared.mirror}
+    arrays |= {f"moment_{name}": getattr(moment, name) for name in TABLES}
+    write_arrays(path, {**arrays, "facts": np.array(json.dumps(facts))})
+
+
+def score_raw(
+    path: Path | str,
+    scene_dir: Path | str | None = None,
+    folder: Path | str | None = None,
+    disputes: list[Disputes] | None = None,
+) -> dict[str, Any]:
+    """The score of answers kept by :func:`save_raw`, as :func:`.judge.score.score_answers` gives it; ``disputes`` too.
+
+    Raises :class:`UserError` for a file that is no such file, or a mesh that is not the one traced.
+    ``scene_dir``: where originals of the catalogue's scenes lie. ``folder``: keeps Embree's answers.
+    """
+    from .score import Judge
+
+    prepared, moment, answers, facts = read_raw(Path(path), scene_dir)
+    effects = Effects(
+        tuple(facts["shadows"]), alpha=bool(facts.get("alpha")), bounces=facts.get("bounces", 0)
+    )
+    return Judge(prepared, moment, effects, folder).score(answers, disputes=disputes)
+
+
+def read_facts(path: Path) -> dict[str, Any]:
+    """The facts that :func:`save_raw` wrote: scene, frame, shadows, hashes, extra."""
+    try:
+        with np.load(path) as stored:
+            return json.loads(str(stored["facts"]))
+    except DAMAGED as error:
+        raise UserError(f"{path}: not a file of raw answers ({error}); run its point again") from error
+
+
+def read_raw(
+    path: Path, scene_dir: Path | str | None = None
+) -> tuple[Prepared, Moment, dict[str, NDArray], dict[str, Any]]:
+    """Scene, moment, answers and facts of a file of raw answers, its hashes checked."""
+    facts = read_facts(path)
+    try:
+        with np.load(path) as stored:
+            mirrored = ("mirror", *BOUNCES) if facts.get("bounces") else ()
+            answers = {name: stored[name] for name in (*ARRAYS, *mirrored)}
+            # Answers kept before there were spots have no such table: no light was limited.
+            tables = {name: stored[f"moment_{name}"] for name in TABLES if f"moment_{name}" in stored}
+    except DAMAGED as error:
+        raise UserError(f"{path}: not a file of raw answers ({error}); run its point again") from error
+    prepared = _mesh(path, facts, scene_dir)
+    if facts["frame"] >= prepared.frame_count:
+        raise UserError(f"{path}: frame {facts['frame']}, but {facts['scene']} has {prepared.frame_count}")
+    points, valid = prepared.points(facts["frame"])
+    moment = Moment(
+        index=facts["frame"], points=points, valid=valid, facing=bool(facts.get("facing")), **tables
+    )
+    if mirrored:
+        prepared.mirror = answers.pop("mirror")
+    pixels = moment.width * moment.height
+    if any(answers[name].shape[-1] != pixels for name in ARRAYS):
+        raise UserError(f"{path}: answers of another size than its {moment.width}x{moment.height} rays")
+    hashes = input_hashes(prepared, moment)
+    names = {**facts["hashes"], **hashes}
+    differ = [name for name in names if hashes.get(name) != facts["hashes"].get(name)]
+    if differ:
+        raise UserError(
+            f"{path}: {' and '.join(differ)} of {facts['scene']} differ from what was traced; "
+            f"put {_mesh_path(path, facts['hashes']).name} back beside it, or run its point again"
+        )
+    return prepared, moment, answers, facts
+
+
+class KeptMesh(Prepared):
+    """One frame of a prepared scene, read back: arrays as they were traced, with nothing made anew."""
+
+    def __init__(
+        self,
+        name: str,
+        frame: int,
+        points: NDArray,
+        faces: NDArray,
+        valid: NDArray,
+        mask: AlphaMask | None = None,
+    ):
+        nowhere = Camera((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
+        self.geometry = Geometry(faces, lambda k: points, frame + 1)
+        alpha = None if mask is None else lambda geometry: mask
+        self.scene = Scene(name, name, lambda: self.geometry, nowhere, (), alpha=alpha)
+        self.faces = faces
+        self.alpha = mask
+        self._cache = (frame, points, valid)
+
+
+def _mesh_path(path: Path, hashes: dict[str, str]) -> Path:
+    mask = f"-{hashes['surfaces'][:24]}" if "surfaces" in hashes else ""
+    return path.parent / f"mesh-{hashes['mesh'][:24]}{mask}.npz"
+
+
+def _mesh(path: Path, facts: dict[str, Any], scene_dir: Path | str | None) -> Prepared:
+    beside = _mesh_path(path, facts["hashes"])
+    if beside.exists():
+        try:
+            with np.load(beside) as stored:
+                arrays = {name: stored[name] for name in ("points", "faces", "valid")}
+                mask = from_arrays(stored)
+            return KeptMesh(facts["scene"], facts["frame"], **arrays, mask=mask)
+        except DAMAGED as error:
+            raise UserError(f"{beside}: damaged ({error}); delete it to make the mesh anew") from error
+    from ..scene.catalogue import resolve
+
+    return Prepared(resolve(facts["scene"], scene_dir))

@@ -1,0 +1,160 @@
+"""Mirrored rays scored: were they made right, and is what a method says of them right?
+
+The rays that the harness made are kept with a method's answers and are the definition, so each bounce is judged by
+itself: its rays against a numpy twin made from the answers of the bounce before (whatever these were), its hits and
+shadow bits against Embree and the exact referee on those very rays, as primary rays are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..scene.prepared import F32, Moment, Prepared
+from ..scene.scene import Effects
+from .shared_errors import Disputes
+
+F64 = NDArray[np.float64]
+
+FINE = 2.0**-48
+"""Float64 rounding of a ray's making, 32 of its units: devices may fuse a multiplication with an addition."""
+
+NO_RAY = -77
+"""Stands for a triangle named where there is no ray: never an answer."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mirrored(Moment):
+    """A moment whose rays are those of a bounce, one a pixel; where there is none, one that leads out of the scene.
+
+    ray_origins, ray_directions  float32 [pixels, 3];  active  bool [pixels]
+    """
+
+    ray_origins: F32 = field(default_factory=lambda: np.zeros((0, 3), dtype=np.float32))
+    ray_directions: F32 = field(default_factory=lambda: np.zeros((0, 3), dtype=np.float32))
+    active: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
+
+    def origins(self, pixels: NDArray[np.integer]) -> F32:
+        return self.ray_origins[pixels]
+
+    def directions(self, pixels: NDArray[np.integer]) -> F32:
+        return self.ray_directions[pixels]
+
+
+def mirrored(prepared: Prepared, moment: Moment, answers: dict[str, NDArray], bounce: int) -> Mirrored:
+    """The moment with the rays of a bounce from 1, as they lie in ``answers`` (of ``Answers.to_host``)."""
+    active = answers["bounce_active"][bounce - 1] == 1
+    corners = moment.points[prepared.faces[moment.valid != 0]]
+    # Beyond every vertex along every axis, and leading away: such a ray meets nothing, exactly.
+    beyond = min(4.0 * float(np.abs(corners).max(initial=1.0)), float(np.finfo(np.float32).max))
+    origins = np.where(active[:, None], answers["bounce_origin"][bounce - 1], np.float32(beyond))
+    directions = np.where(active[:, None], answers["bounce_direction"][bounce - 1], np.float32(1.0))
+    kept = {one.name: getattr(moment, one.name) for one in fields(Moment)}
+    return Mirrored(**kept, ray_origins=origins, ray_directions=directions, active=active)
+
+
+def answers_of(answers: dict[str, NDArray], bounce: int) -> dict[str, NDArray]:
+    """What a method says of a bounce, in the form of answers to primary rays; of bounce 0 those themselves."""
+    names = ("triangle", "t", "u", "v", "visibility")
+    if not bounce:
+        return {name: answers[name] for name in names}
+    result = {name: answers[f"bounce_{name}"][bounce - 1] for name in names}
+    idle = (answers["bounce_active"][bounce - 1] != 1) & (result["triangle"] != -1)
+    return {**result, "triangle": np.where(idle, NO_RAY, result["triangle"])}
+
+
+def wrong_rays(
+    prepared: Prepared, moment: Moment, answers: dict[str, NDArray], bounce: int
+) -> NDArray[np.bool_]:
+    """Which pixels' rays of a bounce are not those that its rule makes from the bounce before. bool [pixels]
+
+    A ray may differ from the twin's by the rounding to float32, and by what float64 rounding is worth on a thin
+    triangle (the edges' product over the area) that is met at a slant (the inverse of the slope).
+    """
+    before = mirrored(prepared, moment, answers, bounce - 1) if bounce > 1 else moment
+    triangle = answers_of(answers, bounce - 1)["triangle"]
+    active = answers["bounce_active"][bounce - 1]
+    origin, direction = (
+        answers[f"bounce_{name}"][bounce - 1].astype(np.float64) for name in ("origin", "direction")
+    )
+    expected = (triangle >= 0) & (triangle < prepared.triangle_count)
+    expected[expected] = prepared.mirror[triangle[expected]] == 1
+    pixels = np.nonzero(expected)[0]
+    corners = moment.points[prepared.faces[triangle[pixels]]].astype(np.float64)
+    o, d = (part(pixels).astype(np.float64) for part in (before.origins, before.directions))
+    with np.errstate(all="ignore"):
+        start, way, thin, slope = reflected(corners, o, d)
+        sound = np.isfinite(start).all(axis=1) & np.isfinite(way).all(axis=1)
+        size = np.abs(corners).max(axis=(1, 2)) + np.abs(o).max(axis=1) + np.abs(start).max(axis=1)
+        slack = (FINE * thin * size / slope)[:, None] + 2.0**-23 * np.abs(start) + 2.0**-140
+        turn = (FINE * thin * np.linalg.norm(d, axis=1))[:, None] + 2.0**-23 * np.abs(way) + 2.0**-140
+        off = (np.abs(origin[pixels] - start) > slack).any(axis=1)
+        off |= (np.abs(direction[pixels] - way) > turn).any(axis=1)
+    wrong = np.where(expected, active != 1, (active != 0) | origin.any(axis=1) | direction.any(axis=1))
+    wrong[pixels] = sound & (wrong[pixels] | off)
+    return wrong
+
+
+def reflected(corners: F64, o: F64, d: F64) -> tuple[F64, F64, F64, F64]:
+    """Start and direction [n, 3] of mirrored rays in float64, before rounding; the twin of :mod:`.frame.mirrors`' kernel.
+
+    Also, [n]: the edges' product over the area of each triangle, and the sine of the ray's angle to its plane.
+    """
+    a = corners[:, 0]
+    e, f = corners[:, 1] - a, corners[:, 2] - a
+    n = np.cross(e, f)
+    slope = _dots(n, d)
+    h = o + d * (_dots(n, a - o) / slope)[:, None]
+    way = d - n * (2.0 * slope / _dots(n, n))[:, None]
+    area = np.linalg.norm(n, axis=1)
+    side = n * (np.where(slope > 0.0, -1.0, 1.0) / area)[:, None]
+    apart = np.abs(corners - h[:, None])
+    gamma = 7.0 * 2.0**-24 / (1.0 - 7.0 * 2.0**-24)
+    reach = apart.max(axis=(1, 2))
+    step = FINE * (reach + np.abs(h).max(axis=1) + np.abs(o).max(axis=1)) + gamma * (
+        _dots(np.abs(side), np.abs(h) + apart.max(axis=1))
+        + reach * np.abs(_dots(side, way)) / np.abs(way).max(axis=1)
+    )
+    start = h + step[:, None] * side
+    start += np.sign(side) * 2.0**-23 * np.abs(start)
+    thin = np.linalg.norm(e, axis=1) * np.linalg.norm(f, axis=1) / area
+    return start, way, thin, np.abs(slope) / (area * np.linalg.norm(d, axis=1))
+
+
+def _dots(p: F64, q: F64) -> F64:
+    return np.einsum("ij,ij->i", p, q)
+
+
+Scored = tuple[dict[str, Any], NDArray[np.int8], NDArray[np.bool_], list[Disputes]]
+"""A score, the gravest class of each pixel, which pixels are excused (:func:`.judge.score.score_answers`), and what of its
+reference is left to be settled with other methods' scores (:mod:`.judge.shared_errors`)."""
+
+
+def score_bounces(
+    prepared: Prepared,
+    moment: Moment,
+    answers: dict[str, NDArray],
+    effects: Effects,
+    extra_pixels: int,
+    score: Callable[[Moment, dict[str, NDArray], int], Scored],
+) -> list[Scored]:
+    """The score of every bounce: that of its hits by ``score``, with the count of its rays, and of wrong ones.
+
+    ``score``: (moment with the rays, answers to them, pixels to sample). As many of the rays are sampled as of
+    primary rays; all, where there are no more.
+    """
+    result = []
+    for bounce in range(1, effects.bounces + 1):
+        rays = mirrored(prepared, moment, answers, bounce)
+        count = int(rays.active.sum())
+        sample = min(len(rays.active), extra_pixels * len(rays.active) // max(1, count))
+        found, classes, excused, left = score(rays, answers_of(answers, bounce), sample)
+        wrong = int(wrong_rays(prepared, moment, answers, bounce).sum())
+        found = {"bounce": bounce, "rays": count, "rays_wrong": wrong, **found}
+        found["true_errors"] += wrong
+        result.append((found, classes, excused, left))
+    return result

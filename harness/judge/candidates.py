@@ -1,0 +1,173 @@
+"""Which triangles may matter to a ray: the tree over a mesh, and lists of what the float64 filter leaves.
+
+No triangle that a ray exactly meets is ever missing from its list (:mod:`.judge.filter_kernels` says why); the lists
+are short, and what is on them is decided exactly elsewhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from ..scene.alpha import device_alpha
+from ..scene.scene import AlphaMask
+from . import filter_kernels as kernels
+from .filter_kernels import LEAF
+
+BATCH = 8192
+"""Rays decided at once: bounds the memory of candidate lists."""
+
+Lists = list[NDArray[np.int32]]
+
+
+@dataclass(eq=False)
+class Tree:
+    """Boxes over the valid triangles, on a device.
+
+    low, high  vec3f [2 * leaves]: boxes in heap order from 1; empty ones have low > high
+    order      int32 [leaves * LEAF]: triangle of each slot, -1 for none
+    leaves     a power of two
+    reach      the largest coordinate of a valid vertex
+    """
+
+    low: wp.array
+    high: wp.array
+    order: wp.array
+    leaves: int
+    reach: float
+
+
+def build_tree(points: NDArray[np.float32], faces: NDArray[np.int32], valid: NDArray, device: str) -> Tree:
+    """Sort the valid triangles by size class and Morton code, and box them bottom-up."""
+    kept = np.nonzero(valid)[0].astype(np.int32)
+    corners = points[faces[kept]]
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    order = np.argsort(_keys(low, high), kind="stable") if len(kept) else np.zeros(0, dtype=np.int64)
+    blocks = -(-len(kept) // LEAF)
+    leaves = 1 << max(0, (blocks - 1).bit_length())
+    slots = np.full(leaves * LEAF, -1, dtype=np.int32)
+    slots[: len(kept)] = kept[order]
+    lows = np.full((leaves * LEAF, 3), np.inf, dtype=np.float32)
+    highs = -lows
+    lows[: len(kept)], highs[: len(kept)] = low[order], high[order]
+    low_heap = np.full((2 * leaves, 3), np.inf, dtype=np.float32)
+    high_heap = -low_heap
+    level_low = lows.reshape(leaves, LEAF, 3).min(axis=1)
+    level_high = highs.reshape(leaves, LEAF, 3).max(axis=1)
+    size = leaves
+    while True:
+        low_heap[size : 2 * size], high_heap[size : 2 * size] = level_low, level_high
+        if size == 1:
+            break
+        size //= 2
+        level_low = level_low.reshape(size, 2, 3).min(axis=1)
+        level_high = level_high.reshape(size, 2, 3).max(axis=1)
+    return Tree(
+        wp.array(low_heap, dtype=wp.vec3f, device=device),
+        wp.array(high_heap, dtype=wp.vec3f, device=device),
+        wp.array(slots, dtype=wp.int32, device=device),
+        leaves,
+        float(np.abs(corners).max()) if len(kept) else 0.0,
+    )
+
+
+def _keys(low: NDArray[np.float32], high: NDArray[np.float32]) -> NDArray[np.int64]:
+    """Sort keys: large triangles first and apart, so that they do not blow up the boxes of small ones."""
+    low, high = low.astype(np.float64), high.astype(np.float64)
+    bottom, extent = low.min(axis=0), float((high.max(axis=0) - low.min(axis=0)).max()) or 1.0
+    share = (high - low).max(axis=1) / extent
+    size_class = np.clip(-np.log2(np.maximum(share, 2.0**-20)), 0, 7).astype(np.int64)
+    cells = np.clip(((low + high) / 2 - bottom) / extent * 1023, 0, 1023).astype(np.int64)
+    code = np.zeros(len(low), dtype=np.int64)
+    for bit in range(10):
+        for axis in range(3):
+            code |= ((cells[:, axis] >> bit) & 1) << (3 * bit + axis)
+    return (size_class << 30) | code
+
+
+class Candidates:
+    """Finds candidates in one mesh at one moment, on a device; ``tree`` is made once."""
+
+    def __init__(
+        self,
+        points: NDArray[np.float32],
+        faces: NDArray[np.int32],
+        valid: NDArray,
+        device: str,
+        mask: AlphaMask | None = None,
+    ) -> None:
+        self.device = device
+        self.tree = build_tree(points, faces, valid, device)
+        self._points = wp.array(points, dtype=wp.vec3f, device=device)
+        self._faces = wp.array(faces, dtype=wp.vec3i, device=device)
+        self._alpha = device_alpha(mask, device)
+
+    def along(
+        self, origins: NDArray[np.float32], directions: NDArray[np.float32], nearest: bool
+    ) -> Iterator[tuple[range, Lists]]:
+        """Batches of rows and, for each ray, what it may hit; with ``nearest`` no further than a certain hit."""
+        for start in range(0, len(directions), BATCH):
+            stop = min(start + BATCH, len(directions))
+            o = wp.array(origins[start:stop].astype(np.float64), dtype=wp.vec3d, device=self.device)
+            d = wp.array(directions[start:stop].astype(np.float64), dtype=wp.vec3d, device=self.device)
+            best = wp.full(stop - start, 1.0e300, dtype=wp.float64, device=self.device)
+            if nearest:
+                self._launch(kernels.find_nearest, stop - start, [o, d], [best])
+            yield range(start, stop), self._lists(kernels.collect_hits, [o, d, best], [])[0]
+
+    def between(
+        self,
+        starts: NDArray[np.float64],
+        own: NDArray[np.int32],
+        light: NDArray[np.float32],
+        every: bool,
+        margin: NDArray[np.float64] | None = None,
+    ) -> tuple[Lists, NDArray[np.int32]]:
+        """What may meet the open segments from exact points to a light; and a triangle that certainly does, or -1.
+
+        starts  the exact points rounded once to float64 [n, 3];  own  a triangle of each to leave out [n]
+        every   go on after a certain one (without it the list of such a segment is not complete)
+        margin  scene units [n]: collect also what passes within this distance, crossing or not
+        """
+        count = len(starts)
+        if not count:
+            return [], np.zeros(0, dtype=np.int32)
+        largest = np.abs(starts).max(axis=1)
+        inputs = [
+            wp.array(starts, dtype=wp.vec3d, device=self.device),
+            wp.array(largest * 2.0**-52, dtype=wp.float64, device=self.device),
+            wp.vec3d(*(float(x) for x in light)),
+            wp.array(own, dtype=wp.int32, device=self.device),
+            float(max(self.tree.reach, largest.max()) * 2.0**-48),
+            int(every),
+            wp.array(np.zeros(count) if margin is None else margin, dtype=wp.float64, device=self.device),
+        ]
+        certain = wp.empty(count, dtype=wp.int32, device=self.device)
+        return self._lists(kernels.collect_between, inputs, [certain])
+
+    def _lists(
+        self, kernel: wp.Kernel, inputs: Sequence, outputs: Sequence
+    ) -> tuple[Lists, NDArray[np.int32]]:
+        """Run a collecting kernel twice, to count and to write; lists for each ray, and its last output."""
+        n = len(inputs[0])
+        counts = wp.zeros(n, dtype=wp.int32, device=self.device)
+        nothing = wp.zeros(1, dtype=wp.int32, device=self.device)
+        self._launch(kernel, n, [*inputs, counts, 0], [counts, nothing, *outputs])
+        ends = np.cumsum(counts.numpy(), dtype=np.int64)
+        last = outputs[0].numpy() if outputs else counts.numpy()
+        found = np.zeros(0, dtype=np.int32)
+        if n and ends[-1]:
+            starts = wp.array((ends - counts.numpy()).astype(np.int32), dtype=wp.int32, device=self.device)
+            written = wp.empty(int(ends[-1]), dtype=wp.int32, device=self.device)
+            self._launch(kernel, n, [*inputs, starts, 1], [counts, written, *outputs])
+            found = written.numpy()
+        return np.split(found, ends[:-1]), last
+
+    def _launch(self, kernel: wp.Kernel, n: int, inputs: Sequence, outputs: Sequence) -> None:
+        tree = self.tree
+        shared = [tree.low, tree.high, tree.order, tree.leaves, self._points, self._faces, self._alpha]
+        wp.launch(kernel, dim=n, inputs=[*shared, *inputs], outputs=list(outputs), device=self.device)

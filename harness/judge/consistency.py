@@ -1,0 +1,122 @@
+"""What can be said of an answer without a reference: is it an answer at all, and do t, u, v fit its triangle?
+
+The check of t, u and v runs over every pixel in float64, whose own error is far below the float32 tolerance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..scene.prepared import Moment, Prepared
+from .arithmetic import F64, UNIT, edge_bound
+
+T_UNITS = 64.0
+"""Relative error allowed of t, and absolute error of u and v, in units of 2^-24, on a triangle seen squarely."""
+
+BATCH = 1 << 18
+
+
+@dataclass(eq=False)
+class Consistency:
+    """One flag or error a pixel.
+
+    primary_invalid  bool [pixels]: poison, NaN, an index out of range, a triangle never hit, a miss not so filled
+    shadow_invalid   bool [lights, pixels]: neither 0 nor 1, or 1 at a miss
+    t_wrong, uv_wrong  bool [pixels]: beyond the tolerance for the triangle that was given
+    t_error          float64 [pixels]: relative error of t against the triangle given; 0 at a miss
+    uv_error         float64 [pixels]: the larger absolute error of u and v
+    """
+
+    primary_invalid: NDArray[np.bool_]
+    shadow_invalid: NDArray[np.bool_]
+    t_wrong: NDArray[np.bool_]
+    uv_wrong: NDArray[np.bool_]
+    t_error: NDArray[np.float64]
+    uv_error: NDArray[np.float64]
+
+
+def check_consistency(prepared: Prepared, moment: Moment, answers: dict[str, NDArray]) -> Consistency:
+    """Check the answers of a method (numpy arrays as :meth:`.frame.frame.Answers.to_host` gives them).
+
+    A t is wrong where the point eye + t d lies further from the triangle's plane than the float32 rounding of
+    coordinates, and of the triangle's own normal (worse the thinner it is), can move it:
+    |t - t*| |n . d| > 64 * 2^-24 t |n . d| + bound * (1 + |e| |f| / |e x f|), n the unit normal. For u and v the
+    same displacement, divided by the triangle's heights.
+    """
+    triangle, t = answers["triangle"], answers["t"]
+    u, v = answers["u"], answers["v"]
+    visibility = answers["visibility"][: len(moment.lights)]  # a frame without lights has one unused row
+    known = (triangle >= 0) & (triangle < len(prepared.faces))
+    never = np.zeros(len(triangle), dtype=bool)
+    never[known] = moment.valid[triangle[known]] == 0
+    miss = triangle == -1
+    with np.errstate(invalid="ignore"):
+        sound_hit = known & ~never & np.isfinite(t) & (t > 0) & np.isfinite(u) & np.isfinite(v)
+        sound_miss = miss & np.isposinf(t) & (u == 0) & (v == 0)
+    shadow_invalid = (visibility > 1) | ((visibility != 0) & ~known[None, :])
+    result = Consistency(
+        ~(sound_hit | sound_miss),
+        shadow_invalid,
+        np.zeros(len(triangle), dtype=bool),
+        np.zeros(len(triangle), dtype=bool),
+        np.zeros(len(triangle)),
+        np.zeros(len(triangle)),
+    )
+    pixels = np.nonzero(sound_hit)[0]
+    for start in range(0, len(pixels), BATCH):
+        _check_hits(prepared, moment, answers, pixels[start : start + BATCH], result)
+    return result
+
+
+def plane_numbers(corners: F64, o: F64, d: F64) -> tuple[F64, F64, F64, F64]:
+    """t, u, v and the slope n . d (n the unit normal) of rays on the planes of their triangles, in float64.
+
+    corners [n, 3, 3], o and d [n, 3]; results [n], not finite where a ray is coplanar.
+    """
+    a, e, f = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    normal = np.cross(e, f)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        area = np.linalg.norm(normal, axis=1)
+        slope = np.einsum("ij,ij->i", normal, d) / area
+        t = np.einsum("ij,ij->i", normal, a - o) / area / slope
+        p = o + t[:, None] * d - a
+        u = np.einsum("ij,ij->i", np.cross(p, f), normal) / area**2
+        v = np.einsum("ij,ij->i", np.cross(e, p), normal) / area**2
+    return t, u, v, slope
+
+
+def _check_hits(
+    prepared: Prepared,
+    moment: Moment,
+    answers: dict[str, NDArray],
+    pixels: NDArray[np.intp],
+    result: Consistency,
+) -> None:
+    corners = moment.points[prepared.faces[answers["triangle"][pixels]]].astype(np.float64)
+    d = moment.directions(pixels).astype(np.float64)
+    o = moment.origins(pixels).astype(np.float64)
+    exact_t, exact_u, exact_v, slope = plane_numbers(corners, o, d)
+    error = np.abs(answers["t"][pixels].astype(np.float64) - exact_t)
+    uv_error = np.maximum(
+        np.abs(answers["u"][pixels].astype(np.float64) - exact_u),
+        np.abs(answers["v"][pixels].astype(np.float64) - exact_v),
+    )
+    e, f = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    area = np.linalg.norm(np.cross(e, f), axis=1)
+    lengths = np.linalg.norm(e, axis=1), np.linalg.norm(f, axis=1), np.linalg.norm(f - e, axis=1)
+    longest = np.max(lengths, axis=0)
+    steep = np.abs(slope)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        speed = np.linalg.norm(d, axis=1)
+        slack = edge_bound(o, corners) * (1 + lengths[0] * lengths[1] / area)
+        # A coplanar ray has no t on this triangle: the referee judges the triangle, there is nothing to compare.
+        real = steep > 2.0**-45 * speed
+        result.t_wrong[pixels] = real & ~(error * steep <= T_UNITS * UNIT * exact_t * steep + slack)
+        result.uv_wrong[pixels] = real & ~(
+            uv_error <= T_UNITS * UNIT + slack * speed / steep * longest / area
+        )
+        result.t_error[pixels] = np.where(real & (exact_t > 0), error / exact_t, 0.0)
+    result.uv_error[pixels] = np.where(real, uv_error, 0.0)

@@ -1,0 +1,81 @@
+"""What the referee decides in integers: which of a few triangles a ray, or a segment to a light, meets."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import arithmetic as exact
+from .holes import Holes
+
+F32 = NDArray[np.float32]
+Ratio = tuple[int, int]
+
+
+def integers_of(o: F32, d: F32, *more: F32) -> tuple[int, list[int]]:
+    """One scale for everything, and o, d, ... as a flat list of integers."""
+    values = np.concatenate([o.ravel(), d.ravel(), *(m.ravel() for m in more)])
+    scale = exact.scale_of(values)
+    return scale, exact.integers(values, scale)
+
+
+class Decisions:
+    """Exact decisions on one mesh at one moment. ``points`` float32 [v, 3], ``faces`` int32 [n, 3]."""
+
+    def __init__(self, points: F32, faces: NDArray[np.int32], holes: Holes):
+        self.points, self.faces, self.holes = points, faces, holes
+
+    def hits(self, o: F32, d: F32, triangles: NDArray[np.int32]) -> list[tuple[int, int, int]]:
+        """Exact (numerator, denominator, triangle) of those triangles that the ray hits, holes left out."""
+        if not len(triangles):
+            return []
+        _, ints = integers_of(o, d, self.points[self.faces[triangles]])
+        found = []
+        for j, k in enumerate(triangles.tolist()):
+            corners = ints[6 + 9 * j : 15 + 9 * j]
+            ratio = exact.hit(ints[0:3], ints[3:6], corners)
+            if ratio is not None and self._seen(k, ints[0:3], ints[3:6], corners):
+                found.append((*ratio, k))
+        return found
+
+    def through(self, o: F32, d: F32, triangle: int) -> list[float]:
+        """The t at which a ray exactly meets a triangle, through a hole of it or not; empty where it does not."""
+        _, ints = integers_of(o, d, self.points[self.faces[triangle]])
+        ratio = exact.hit(ints[0:3], ints[3:6], ints[6:15])
+        return [] if ratio is None else [ratio[0] / ratio[1]]
+
+    def between(
+        self,
+        o: F32,
+        d: F32,
+        ratio: Ratio | None,
+        light: F32,
+        triangles: NDArray[np.int32],
+        holes: bool = True,
+    ) -> list[int]:
+        """Those triangles that exactly meet the open segment from o + ratio d to the light; none without ``ratio``.
+
+        ``holes``: a segment through a hole meets nothing. Without it, it meets the triangle all the same.
+        """
+        if ratio is None or not len(triangles):
+            return []
+        _, ints = integers_of(o, d, light, self.points[self.faces[triangles]])
+        over, under = ratio
+        p = (
+            ints[0] * under + ints[3] * over,
+            ints[1] * under + ints[4] * over,
+            ints[2] * under + ints[5] * over,
+        )
+        rest = [x * under for x in ints[6:]]
+        place = (rest[0], rest[1], rest[2])
+        way = [x - y for x, y in zip(place, p, strict=True)]
+        met = []
+        for j, k in enumerate(triangles.tolist()):
+            flat = rest[3 + 9 * j : 12 + 9 * j]
+            corners = [(flat[0], flat[1], flat[2]), (flat[3], flat[4], flat[5]), (flat[6], flat[7], flat[8])]
+            if exact.between(p, place, corners) and (not holes or self._seen(k, p, way, flat)):
+                met.append(k)
+        return met
+
+    def _seen(self, k: int, o: exact.Whole, d: exact.Whole, corners: exact.Whole) -> bool:
+        return not self.holes.has(k) or self.holes.counts(k, exact.hit_weights(o, d, corners))

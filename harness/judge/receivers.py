@@ -1,0 +1,113 @@
+"""Receivers: one rule, given alike to every method and to truth, for which hit points have a shadow ray to a light.
+
+Two things limit them: a light may be a spot, and a scene may ask for shadow rays only where the surface, as the eye
+sees it, faces the light (:func:`facing`; elsewhere it is dark with or without a shadow).
+
+A spot is twelve float64 numbers (:func:`spot_row`): kind (0 none, 1 cone, 2 rectangle); direction, right and up,
+unit length, right-handed; then the cosine of the cone's half-angle and 0, or the half-widths in azimuth and
+elevation, in radians. :func:`receivers` reads them; kernels say the same in float64.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import UserError
+from ..scene.prepared import Moment
+from ..scene.scene import Light, Spot
+
+SPOT = 12
+"""Numbers of a spot."""
+
+DOUBT = 2.0**-40
+"""Share of edge times edge times distance below which the sign of a plane's side is not taken as sure."""
+
+NO_SPOT, CONE, RECTANGLE = 0.0, 1.0, 2.0
+
+
+def spot_row(spot: Spot | None) -> NDArray[np.float64]:
+    """The numbers of a spot, float64 [12]. Raises :class:`UserError` for angles or directions that make none."""
+    row = np.zeros(SPOT)
+    if spot is None:
+        return row
+    forward = np.asarray(spot.direction, dtype=np.float64)
+    up = np.asarray(spot.up, dtype=np.float64)
+    size = np.abs(forward).max(initial=0.0)
+    if not 0.0 < size < np.inf:
+        raise UserError(f"spot: direction {spot.direction} must be finite and not zero")
+    forward = forward / size
+    forward /= np.linalg.norm(forward)
+    right = np.cross(forward, up)
+    if not np.isfinite(up).all() or np.linalg.norm(right) <= 1e-9 * np.linalg.norm(up):
+        if spot.rise is not None:
+            raise UserError("spot: up must be finite and not parallel to the direction; choose another up")
+        right = np.cross(forward, np.eye(3)[np.abs(forward).argmin()])  # a cone needs no up
+    right /= np.linalg.norm(right)
+    if not 0.0 < spot.angle <= 180.0:
+        raise UserError(f"spot: angle {spot.angle} degrees must lie between 0 and 180")
+    if spot.rise is not None and not 0.0 < spot.rise <= 90.0:
+        raise UserError(f"spot: rise {spot.rise} degrees must lie between 0 and 90")
+    row[1:10] = np.concatenate([forward, right, np.cross(right, forward)])
+    if spot.rise is None:
+        row[0], row[10] = CONE, np.cos(np.radians(spot.angle))
+    else:
+        row[0], row[10], row[11] = RECTANGLE, np.radians(spot.angle), np.radians(spot.rise)
+    return row
+
+
+def spot_rows(lights: tuple[Light, ...]) -> NDArray[np.float64]:
+    """The numbers of every light's spot, float64 [light_count, 12]."""
+    return np.array([spot_row(light.spot) for light in lights], dtype=np.float64).reshape(-1, SPOT)
+
+
+def receivers(moment: Moment, points: NDArray[np.floating], light: int) -> NDArray[np.bool_]:
+    """Which hit points [n, 3] a light's spot holds: those alone have a shadow ray, all others have bit 0."""
+    if light >= len(moment.spots) or moment.spots[light, 0] == NO_SPOT:
+        return np.ones(len(points), dtype=bool)
+    row = moment.spots[light]
+    v = np.asarray(points, dtype=np.float64) - moment.lights[light].astype(np.float64)
+    f = v @ row[1:4]
+    if row[0] == CONE:
+        square = row[10] * row[10] * np.einsum("ij,ij->i", v, v)
+        if row[10] >= 0.0:
+            return (f >= 0.0) & (f * f >= square)
+        return (f >= 0.0) | (f * f <= square)
+    r, u = v @ row[4:7], v @ row[7:10]
+    return (np.abs(np.arctan2(r, f)) <= row[10]) & (np.abs(np.arctan2(u, np.hypot(f, r))) <= row[11])
+
+
+def facing(
+    moment: Moment, corners: NDArray[np.floating], light: int, eye: NDArray[np.floating] | None = None
+) -> NDArray[np.bool_]:
+    """Which triangles [n, 3, 3] may face the light as the eye sees them: both on one side of the plane, or in doubt.
+
+    ``eye``: where they are seen from, default the moment's. Doubt is :data:`DOUBT` of the terms of the product: a
+    triangle seen edge on by the light keeps its shadow rays.
+    """
+    a, b, c = (corners[:, i].astype(np.float64) for i in range(3))
+    normal = np.cross(b - a, c - a)
+    seen = (moment.eye if eye is None else eye).astype(np.float64) - a
+    lit = moment.lights[light].astype(np.float64) - a
+    with np.errstate(invalid="ignore", over="ignore"):
+        side_e, side_l = np.einsum("ij,ij->i", normal, seen), np.einsum("ij,ij->i", normal, lit)
+        size = np.abs(b - a).max(axis=1) * np.abs(c - a).max(axis=1) * DOUBT
+        sure_e = np.abs(side_e) > size * np.abs(seen).max(axis=1)
+        sure_l = np.abs(side_l) > size * np.abs(lit).max(axis=1)
+        return ~(sure_e & sure_l & ((side_e > 0.0) != (side_l > 0.0)))
+
+
+def strength(spot: Spot | None, away: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Share of its light that a spot sends along ``away`` [n, 3], for pictures: 0 outside, cos^falloff inside."""
+    away = np.asarray(away, dtype=np.float64)
+    if spot is None:
+        return np.ones(len(away))
+    row = spot_row(spot)
+    none = np.zeros((0, 3), np.float32)
+    moment = Moment(
+        0, none, np.zeros(0, np.uint8), np.zeros(3, np.float32), np.eye(3, dtype=np.float32),
+        np.ones(2, np.float32), none, none, np.zeros((1, 3), np.float32), row.reshape(1, SPOT),
+    )  # fmt: skip
+    with np.errstate(invalid="ignore", divide="ignore"):
+        cosine = np.nan_to_num(away @ row[1:4] / np.linalg.norm(away, axis=1))
+    return receivers(moment, away, 0) * np.maximum(cosine, 0.0) ** spot.falloff

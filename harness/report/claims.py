@@ -1,0 +1,173 @@
+"""Claims, one by one: what was measured, and whether it holds, does not hold, or cannot be told from the records.
+
+A claim is declared by an experiment as a sentence and a function of :class:`.report.evidence.Evidence`, rows that may be
+compared; the verdict is computed from the records of all experiments in a folder, so that it changes with them.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from . import points
+from .evidence import Data, Evidence, Row, collect
+from .sheet import error_text
+
+HOLDS, FAILS, OPEN = "holds", "does not hold", "can't tell"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A verdict, and the numbers that it rests on. ``lacking``: the evidence does not have what decides."""
+
+    verdict: str
+    numbers: str
+    lacking: bool = False
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A sentence of the paper (or of ours), where it stands, and what decides it.
+
+    experiments  whose records may decide it; the last versions of the methods come first, then this order
+    judge        told one piece of evidence at a time, until one has all that it needs: it never sees two
+    beside       (experiment, phrase): what another experiment says of the same thing; it decides nothing
+    counted      it is about counted work, the same on every device; all others are about times on a GPU
+    """
+
+    text: str
+    section: str
+    experiments: tuple[str, ...]
+    judge: Callable[[Evidence], Finding]
+    beside: tuple[str, Callable[[Evidence], str]] | None = None
+    counted: bool = False
+
+
+def geometric(values: Sequence[float]) -> float:
+    """Geometric mean."""
+    return float(np.exp(np.mean(np.log(values))))
+
+
+def each(values: dict[str, float], form: str = "{:.2f}") -> str:
+    """Numbers by scene, as a phrase."""
+    return ", ".join(f"{name} {form.format(value)}" for name, value in values.items())
+
+
+def lacking(what: str, numbers: str = "") -> Finding:
+    """The evidence does not have what decides: what is not there, and the numbers that are."""
+    return Finding(OPEN, f"{what} is not measured" + (f"; {numbers}" if numbers else ""), lacking=True)
+
+
+def by_ratio(values: dict[str, float], what: str) -> Finding:
+    """Holds where the geometric mean of ratios lies above 1 by over 3 %."""
+    if not values:
+        return lacking("either of the two")
+    mean = geometric(list(values.values()))
+    verdict = HOLDS if mean > 1.03 else FAILS if mean < 0.97 else OPEN
+    return Finding(verdict, f"{what} {mean:.2f} (geometric mean; {each(values)})")
+
+
+def decide(claim: Claim, data: Data) -> tuple[Finding, str]:
+    """What the first evidence that has all that is needed says, and its folders.
+
+    Where none has: what the first one lacks, what there is that cannot be put together, and what to run.
+    """
+    found = data.evidence(*claim.experiments)
+    run = f"run {claim.experiments[0]}"
+    told = [(claim.judge(one), one) for one in found]
+    chosen = next(((f, e) for f, e in told if not f.lacking), None)
+    if chosen is None and not told:
+        result, source = Finding(OPEN, f"not measured; {run}", lacking=True), ""
+    elif chosen is None:
+        first, source = told[0][0], ""
+        apart = [e.described() for e in found]
+        mixed = f"; of different runs or versions, and not to be mixed: {'; '.join(apart)}" * (len(apart) > 1)
+        result = Finding(OPEN, f"{first.numbers}{mixed}; {run}", lacking=True)
+    else:
+        result, source = chosen[0], origin(chosen[1], data)
+    if claim.beside:
+        experiment, phrase = claim.beside
+        others = [(phrase(e), e) for e in data.evidence(experiment)]
+        text = next((f"{words} ({origin(e, data)})" for words, e in others if words), "")
+        result = Finding(result.verdict, f"{result.numbers}{f'; {text}' if text else ''}", result.lacking)
+    return result, source
+
+
+def origin(evidence: Evidence, data: Data) -> str:
+    """The folders of evidence, and the methods in it of which there are records of a later version."""
+    old = [m for m, version in evidence.versions.items() if data.versions(m)[-1] != version]
+    earlier = f", an earlier version of {' and '.join(sorted(old))}" if old else ""
+    return " and ".join(evidence.folders) + earlier
+
+
+def judge_all(claims: Sequence[Claim], data: Data) -> list[Row]:
+    """One row a claim."""
+    made = []
+    for number, claim in enumerate(claims, 1):
+        found, source = decide(claim, data)
+        if not claim.counted and not data.gpu and found.verdict != OPEN:
+            found = Finding(OPEN, f"on a CPU, which does not decide it: {found.numbers}")
+        made.append({"number": number, "claim": claim.text, "section": claim.section, "verdict": found.verdict,
+                     "numbers": found.numbers, "judged_from": source})  # fmt: skip
+    return made
+
+
+COLUMNS = ("number", "claim", "section", "verdict", "numbers", "judged_from")
+
+
+def draw(folder: Path | str, quiet: bool, claims: Sequence[Claim]) -> list[Path]:
+    """``claims.md`` and ``claims.csv`` in the folder; printed unless ``quiet``."""
+    folder = Path(folder)
+    data = collect(folder)
+    made = judge_all(claims, data)
+    with open(folder / "claims.csv", "w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(made)
+    text = "\n".join(markdown(made, data))
+    (folder / "claims.md").write_text(text + "\n", encoding="utf-8")
+    if not quiet:
+        for r in made:
+            print(f"{r['number']:2}  {r['verdict']:13}  {r['claim']} ({r['section']})\n{'':19}{r['numbers']}")
+    return [folder / "claims.md", folder / "claims.csv"]
+
+
+def markdown(made: Sequence[Row], data: Data) -> list[str]:
+    """The table, what it was measured on, and what was wrong among the answers behind it."""
+    counts = {v: sum(r["verdict"] == v for r in made) for v in (HOLDS, FAILS, OPEN)}
+    lines = [
+        "# Claims of the paper, measured here",
+        "",
+        f"{counts[HOLDS]} hold, {counts[FAILS]} do not hold, {counts[OPEN]} cannot be told from these records. "
+        f"{points.where(data.made)}. Scenes are stand-ins where their title says so; the paper's own numbers come from a "
+        "GTX 280. A ratio is taken within one run, over the same frames; where there are several runs, that of the last "
+        "versions of the methods counts.",
+        "",
+        "| | claim | section | verdict | measured | judged from |",
+        "|---|---|---|---|---|---|",
+    ]
+    for r in made:
+        cells = [
+            str(r["number"]),
+            r["claim"],
+            r["section"],
+            f"**{r['verdict']}**",
+            r["numbers"],
+            r["judged_from"],
+        ]
+        lines.append("| " + " | ".join(c.replace("|", "\\|") for c in cells) + " |")
+    wrong = sum(1 for r in data.made if error_text(r).startswith("✗"))
+    unscored = sum(1 for r in data.made if error_text(r) == "unscored")
+    for method in points.in_order(r["method"] for r in data.made):
+        old = data.earlier(method)
+        if old:
+            lines += ["", f"Records of an earlier version of {method}: {', '.join(old)}."]
+    lines += [
+        "",
+        f"Of {len(data.made)} points measured {wrong} have wrong answers and {unscored} are unscored.",
+    ]
+    return lines

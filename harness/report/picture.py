@@ -1,0 +1,133 @@
+"""A picture of a frame from its answers: shaded by the kernel that frames use, and turned into what displays show.
+
+Never part of anything timed. What is shown is what a method answered (:mod:`.frame.shading`): a wrong answer is seen as one.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import struct
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
+
+from ..frame.shading import shaded
+from ..scene.prepared import Moment, Prepared
+from ..scene.scene import Light
+
+F64 = NDArray[np.float64]
+
+EXPOSURE = 1.1
+WHITE = 2.2
+"""Radiance that is shown as white; what lies below is compressed as little as possible."""
+
+SHOWS = "shows"
+"""The name, in a PNG file, of the text that says what it was made from."""
+
+UNREADABLE = (
+    OSError,
+    ValueError,
+    SyntaxError,
+    EOFError,
+    struct.error,
+    zlib.error,
+    Image.DecompressionBombError,
+)
+"""What Pillow raises for a file that is no whole picture."""
+
+BLOCK = 1 << 18
+"""Pixels displayed at a time, so that a large picture needs little memory."""
+
+
+def shade(
+    prepared: Prepared, moment: Moment, answers: dict[str, NDArray], lights: Sequence[Light]
+) -> NDArray[np.uint8]:
+    """The picture of a frame, uint8 [height, width, 3].
+
+    answers  as :meth:`.frame.frame.Answers.to_host` gives them: triangle, t, visibility (u and v are not needed), and
+             what mirrored rays met, where they are among them
+    lights   colour, intensity and fall-off of each light of ``moment``, in the same order; places are the moment's
+    """
+    picture = np.empty((moment.width * moment.height, 3), dtype=np.uint8)
+    for pixels, color in shaded(prepared, moment, answers, lights, BLOCK):
+        picture[pixels] = display(color.astype(np.float64))
+    return picture.reshape(moment.height, moment.width, 3)
+
+
+def display(radiance: F64) -> NDArray[np.uint8]:
+    """Linear radiance [n, 3] as display values: a curve with a white point on the luminance, then sRGB."""
+    radiance = radiance * EXPOSURE
+    luminance = radiance @ np.array([0.2126, 0.7152, 0.0722])
+    shown = luminance * (1 + luminance / WHITE**2) / (1 + 0.35 * luminance)
+    mapped = np.clip(radiance * (shown / np.maximum(luminance, 1e-9))[:, None], 0.0, 1.0)
+    srgb = np.where(mapped <= 0.0031308, 12.92 * mapped, 1.055 * mapped ** (1 / 2.4) - 0.055)
+    return np.round(srgb * 255).astype(np.uint8)
+
+
+def png_bytes(picture: NDArray[np.uint8], colours: int = 256, shows: str = "") -> bytes:
+    """A compact PNG of uint8 [height, width, 3]: a palette of at most ``colours``, made for this picture.
+
+    ``shows`` is kept in the file for :func:`shown_in`: what the picture was made from.
+    """
+    image = Image.fromarray(np.ascontiguousarray(picture), "RGB")
+    exact = image.getcolors(colours)
+    small = image.quantize(colours, method=Image.Quantize.MEDIANCUT, kmeans=1, dither=Image.Dither.NONE)
+    if exact is not None:
+        small = image.convert("P", palette=Image.Palette.ADAPTIVE, colors=max(1, len(exact)))
+    buffer = io.BytesIO()
+    facts = PngInfo()
+    if shows:
+        facts.add_text(SHOWS, shows)
+    small.save(buffer, "PNG", optimize=True, pnginfo=facts)
+    return buffer.getvalue()
+
+
+GREYS = 40
+"""Of a picture that has greys and a few inks."""
+
+
+def inked_png_bytes(picture: NDArray[np.uint8], inks: Sequence[str]) -> bytes:
+    """A compact PNG of uint8 [height, width, 3] in greys and the given colours ("#rrggbb"), none of them ever merged."""
+    greys = np.round(np.linspace(0, 255, GREYS)).astype(int)
+    own = [int(ink[i : i + 2], 16) for ink in inks for i in (1, 3, 5)]
+    palette = Image.new("P", (1, 1))
+    palette.putpalette([*own, *(value for grey in greys for value in (grey, grey, grey))])
+    small = Image.fromarray(np.ascontiguousarray(picture), "RGB").quantize(
+        palette=palette, dither=Image.Dither.NONE
+    )
+    buffer = io.BytesIO()
+    small.save(buffer, "PNG", optimize=True)
+    return buffer.getvalue()
+
+
+def opened(path: Path | str) -> Image.Image | None:
+    """The picture in a file, read to its end; None where there is none, or not a whole one."""
+    try:
+        with Image.open(path) as image:
+            image.load()
+            return image
+    except UNREADABLE:
+        return None
+
+
+def shown_in(path: Path | str) -> str | None:
+    """What a picture says that it was made from; None where there is no whole picture, or it does not say."""
+    image = opened(path)
+    return None if image is None else image.info.get(SHOWS)
+
+
+def save_png(picture: NDArray[np.uint8], path: Path | str, shows: str = "", colours: int = 256) -> Path:
+    """Write a picture compactly (a 512x512 frame stays well below 300 kB) and return its path."""
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    # Whole or not at all: a run that is killed here makes the picture again, not half of it.
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    temporary.write_bytes(png_bytes(picture, colours, shows))
+    temporary.replace(path)
+    return path

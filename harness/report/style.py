@@ -1,0 +1,106 @@
+"""What every table and drawing shares: one colour a method, one word for each number, quiet axes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from ..frame.passes import PARTS
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255", "#8C564B")
+"""Okabe and Ito's colours (told apart by every common kind of colour vision), then a wine red and a brown. Greys stand
+for parts of a frame."""
+
+PART_SHARE = dict(zip(PARTS, (0.0, 0.40, 0.68, 0.88), strict=True))
+"""How far each part of a frame is lightened from its method's colour: steps that a grey print keeps apart."""
+
+COLUMN_WIDTH = 3.4
+"""Inches: one column of a two-column page."""
+
+OK, WRONG, UNSCORED = "✓", "✗", "unscored"
+
+
+def colours(methods: Iterable[str]) -> dict[str, str]:
+    """A colour for each method: the same in every figure, because it follows the registry's order."""
+    from ..frame.registry import method_names
+
+    known = method_names()
+    order = known + sorted(set(methods) - set(known))
+    return {name: COLOURS[i % len(COLOURS)] for i, name in enumerate(order)}
+
+
+def lightened(colour: str, share: float) -> tuple[float, float, float]:
+    """An "#rrggbb" colour mixed with white: 0 leaves it, 1 is white."""
+    rgb = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255
+    mixed = rgb + (1 - rgb) * share
+    return (float(mixed[0]), float(mixed[1]), float(mixed[2]))
+
+
+def number(value: float | None) -> str:
+    """A measured number with three digits or so, and no exponent: 0.0123, 1.23, 12.3, 123, 1,234."""
+    if value is None or not math.isfinite(value):
+        return "-"
+    size = abs(value)
+    digits = 0 if size >= 100 else 1 if size >= 10 else 2 if size >= 1 else 3
+    return f"{value:,.{digits}f}"
+
+
+def megabytes(value: float | None) -> str:
+    """Bytes as MB (1e6), or a dash."""
+    return "-" if value is None else number(value / 1e6)
+
+
+def settings_text(built: dict[str, Any] | None) -> str:
+    """What was really built, as one phrase: "constructor sah, threads 2"."""
+    if not built:
+        return "-"
+    return ", ".join(f"{key.replace('_', ' ')} {value}" for key, value in built.items())
+
+
+def axes_style() -> dict[str, Any]:
+    """Matplotlib settings for figures that are read at column width."""
+    return {
+        "font.size": 7,
+        "axes.titlesize": 7.5,
+        "axes.labelsize": 7,
+        "xtick.labelsize": 6.5,
+        "ytick.labelsize": 6.5,
+        "legend.fontsize": 6.5,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "axes.linewidth": 0.6,
+        "axes.grid": True,
+        "axes.grid.axis": "x",
+        "axes.axisbelow": True,
+        "grid.color": "#dddddd",
+        "grid.linewidth": 0.5,
+        "svg.fonttype": "none",
+        "svg.hashsalt": "shadowbench",
+        "font.family": "DejaVu Sans",
+        "figure.dpi": 150,
+    }
+
+
+def plain_number(value: float, _: int = 0) -> str:
+    """A label of an axis, without an exponent however small or large."""
+    return np.format_float_positional(float(f"{value:.6g}"), trim="-")
+
+
+def plain_log(axes: Any) -> None:
+    """A logarithmic vertical axis whose labels are plain numbers: 1, 2 and 5 of each power where few powers lie on it.
+
+    Called when everything is drawn, since it depends on the limits. An axis with nothing above zero stays as it is.
+    """
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    if not axes.dataLim.y1 > 0.0:
+        return
+    axes.set_yscale("log")
+    low, high = axes.get_ylim()
+    powers = math.floor(math.log10(high)) - math.ceil(math.log10(low)) + 1
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if powers < 3 else (1.0,), numticks=99))
+    axes.yaxis.set_major_formatter(FuncFormatter(plain_number))
+    axes.yaxis.set_minor_formatter(NullFormatter())

@@ -1,0 +1,1 @@
+"""What is kept: records, journals, statistics, and folders of results."""

@@ -1,0 +1,159 @@
+"""A folder of results: who may write there, what lies where, and one line for a person when writing fails."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import functools
+import glob
+import hashlib
+import json
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import UserError
+from .record import Journal, write_atomic
+from .schema import archived, fault
+from ..scene.catalogue import resolve
+
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
+"""Errors for which a results folder is at fault wherever they come up."""
+
+UNWRITABLE = (*FULL, errno.EACCES, errno.EPERM, errno.EIO, errno.ENOTDIR, errno.EISDIR)
+
+class ResultsFolder:
+    """``records/KEY.json``, ``journal/KEY.jsonl``, ``environments/ID.json``, ``scenes.json`` and so on in ``path``."""
+
+    def __init__(self, path: Path):
+        self.path = path
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Make the folder and hold it for this process. Raises :class:`UserError` where that cannot be."""
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            file = open(self.path / ".lock", "w", encoding="utf-8")  # noqa: SIM115  (held until the run ends)
+        except OSError as error:
+            raise UserError(
+                f"{self.path}: cannot write there ({error.strerror}); choose another --out"
+            ) from error
+        with file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError as error:
+                raise UserError(
+                    f"{self.path}: another run is writing there; wait or choose another --out"
+                ) from error
+            yield
+
+    @contextmanager
+    def idle(self) -> Iterator[None]:
+        """Hold a folder that is there, so that no run writes to it. Raises :class:`UserError` where one does.
+
+        A folder without a lock file is nobody's, and none is made in it: it may be one that can only be read.
+        """
+        with ExitStack() as held:
+            try:
+                file = held.enter_context(open(self.path / ".lock", encoding="utf-8"))
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except FileNotFoundError:
+                pass
+            except BlockingIOError as error:
+                raise UserError(f"{self.path}: a run is writing there; wait for its end") from error
+            yield
+
+    @contextmanager
+    def writing(self) -> Iterator[None]:
+        """Turn a failure to write into one line that says what is kept and what to do."""
+        try:
+            yield
+        except OSError as error:
+            if error.errno in UNWRITABLE:
+                raise self.unwritable(error.strerror or str(error)) from error
+            raise
+
+    def unwritable(self, reason: str) -> UserError:
+        """The error to raise where nothing can be written."""
+        return UserError(
+            f"{self.path}: cannot write ({reason}); what was measured is kept: make room or mend the folder, then "
+            f"run the same command to go on"
+        )
+
+    @property
+    def shared_scene(self) -> Path:
+        """Where the scene under way is handed from one worker to the others."""
+        return self.path / "journal" / "scene.npz"
+
+    def image(self, scene: str) -> Path:
+        """The picture of a scene."""
+        return self.path / "images" / f"{scene}.png"
+
+    def log(self, worker: str) -> Path:
+        """What a worker, and the method in it, wrote on standard error."""
+        return self.path / "logs" / f"{worker}.log"
+
+    def journal(self, key: str) -> Journal:
+        """The journal of a point."""
+        with self.writing():
+            return Journal(self.path / "journal" / f"{key}.jsonl")
+
+    def record(self, key: str) -> dict[str, Any] | None:
+        """The finished record of a point; None where there is none, or a file that is no whole record."""
+        found = _read_json(self.path / "records" / f"{key}.json") or self._archived.get(key)
+        return found if found is not None and found.get("key") == key and not fault(found) else None
+
+    @functools.cached_property
+    def _archived(self) -> dict[str, dict[str, Any]]:
+        return archived(self.path / "records")
+
+    def keep_record(self, record: dict[str, Any], journal: Journal) -> None:
+        """Write a record; its journal, and answers that nobody graded, have then done their work."""
+        with self.writing():
+            write_atomic(self.path / "records" / f"{record['key']}.json", record)
+            for path in (self.path / "journal").glob(f"{glob.escape(record['key'])}-*.npz"):
+                path.unlink()
+            journal.remove()
+
+    def settled(self, records: list[dict[str, Any]]) -> list[dict[str, Any]]:
+        """The records, and their files, with what other points' disputes showed of their answers."""
+        if not any((self.path / "truth").glob("disputes-*.npz")):
+            return records
+        from .settle import settle_folder
+
+        with self.writing():
+            changed = settle_folder(self.path)
+        return [changed.get(record["key"], record) for record in records]
+
+    # --- facts of scenes, kept so that a finished run need not make its scenes again ---
+
+    def known_scene(self, load: dict[str, Any]) -> dict[str, Any] | None:
+        """The facts of a scene loaded before with the same command, source files and code, or None."""
+        return (_read_json(self.path / "scenes.json") or {}).get(_scene_id(load))
+
+    def learn_scene(self, load: dict[str, Any], facts: dict[str, Any]) -> None:
+        """Keep the facts of a scene."""
+        path = self.path / "scenes.json"
+        with self.writing():
+            write_atomic(path, {**(_read_json(path) or {}), _scene_id(load): facts})
+
+
+def _scene_id(load: dict[str, Any]) -> str:
+    here = Path(__file__).parents[1]
+    code = hashlib.sha256(np.__version__.encode())
+    for path in sorted((here / "scene").rglob("*.py")):
+        code.update(path.read_bytes())
+    source = resolve(load["scene"], load["scene_dir"]).source
+    what = {key: load[key] for key in ("scene", "frames", "width", "height", "lighting")}
+    return hashlib.sha256(f"{what} {source} {code.hexdigest()}".encode()).hexdigest()[:16]
+
+
+def _read_json(path: Path) -> dict[str, Any] | None:
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return found if isinstance(found, dict) else None

@@ -1,0 +1,84 @@
+"""A results folder settled: what the scores of single points left to each other (:mod:`.judge.shared_errors`), and their records.
+
+Beside Embree's answers, in ``truth/`` and so outside version control, lies one small file a scored frame. With all of
+them :func:`settle_folder` rewrites the records whose counts change; a run does so at its end, however often it was
+stopped, and ``shadowbench score`` once its answers are scored. The records keep the counts, and the files are only
+needed again where more points are scored in the same folder.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..judge.shared_errors import Disputes, charge, charged_pixels, pooled
+from ..report.flip import mark_wrong, wrong_path
+from ..files import write_arrays
+from ..judge.answer_files import DAMAGED
+from .record import write_atomic
+
+ARRAYS = ("state", "pixels", "hit", "primary", "shadow")
+FACTS = tuple(one.name for one in fields(Disputes) if one.name not in ARRAYS)
+
+
+def kept_path(folder: Path, key: str, frame: int) -> Path:
+    """Where the disputes of a point's frame are kept."""
+    return folder / "truth" / f"disputes-{key}-{frame}.npz"
+
+
+def keep_disputes(folder: Path, key: str, frame: int, disputes: Sequence[Disputes]) -> None:
+    """Keep what a frame's score leaves to others; atomically. About a hundredth of the frame's answers."""
+    path = kept_path(folder, key, frame)
+    facts = {
+        "key": key,
+        "frame": frame,
+        "of": [{name: getattr(one, name) for name in FACTS} for one in disputes],
+    }
+    arrays = {f"{i}_{name}": getattr(one, name) for i, one in enumerate(disputes) for name in ARRAYS}
+    write_arrays(path, {"facts": np.array(json.dumps(facts)), **arrays})
+
+
+def read_disputes(path: Path, state: bool = True) -> tuple[str, int, list[Disputes]] | None:
+    """Key, frame and disputes of a file; None where it is damaged. ``state``: False leaves those arrays empty."""
+    try:
+        with np.load(path) as stored:
+            facts = json.loads(str(stored["facts"]))
+            names = ARRAYS if state else ARRAYS[1:]
+            left = [] if state else [np.zeros(0, dtype=np.uint8)]
+            found = [
+                Disputes(*one.values(), *left, *(stored[f"{i}_{name}"] for name in names))
+                for i, one in enumerate(facts["of"])
+            ]
+    except DAMAGED:
+        return None
+    return facts["key"], facts["frame"], found
+
+
+def settle_folder(folder: Path) -> dict[str, dict[str, Any]]:
+    """Settle the records of a folder; those that changed, by key, as they were rewritten.
+
+    A record is written whole or not at all, so that a run that is stopped here settles the rest when it goes on.
+    """
+    files = sorted((folder / "truth").glob("disputes-*.npz"))
+    known = [(path, found) for path in files if (found := read_disputes(path, state=False))]
+    pool = pooled(one for _, (_, _, disputes) in known for one in disputes)
+    changed: dict[str, dict[str, Any]] = {}
+    for path, (key, frame, _) in known:
+        place = folder / "records" / f"{key}.json"
+        if not place.is_file():
+            continue  # its point is under way, or was never of this folder
+        record = json.loads(place.read_text(encoding="utf-8"))
+        scored = next((one for one in record["frames"] if one["frame"] == frame and one.get("score")), None)
+        whole = read_disputes(path) if scored else None
+        if scored is None or whole is None:
+            continue
+        if charge(scored["score"], whole[2], pool):
+            write_atomic(place, record)
+            changed[key] = record
+        mark_wrong(wrong_path(folder, key, frame), *charged_pixels(whole[2], pool))
+    return changed

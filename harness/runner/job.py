@@ -1,0 +1,52 @@
+"""What a run is asked for, whom it tells, and a point of it under way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from ..results.record import Journal
+from .experiment import Experiment, Point, Preset
+
+
+@dataclass(frozen=True)
+class Options:
+    """One call of ``shadowbench run``, checked."""
+
+    experiment: Experiment
+    preset_name: str
+    preset: Preset
+    device: str
+    out: Path
+    scene_dir: str | None = None
+    seed: int = 0
+    save_answers: bool = False
+    score: bool = True
+    retry: bool = False
+
+
+class Reporter(Protocol):
+    """Told what goes on. A step is one command to one worker."""
+
+    def steps(self, count: int) -> None: ...
+    def doing(self, text: str) -> None: ...
+    def note(self, text: str) -> None: ...
+    def done(self, count: int = 1) -> None: ...
+    def point(self, record: dict[str, Any]) -> None: ...
+
+
+@dataclass(eq=False)
+class Job:
+    """A point under way: ``scene`` as it was named, the generation of the worker that prepared it, steps to come."""
+
+    point: Point
+    scene: str
+    journal: Journal
+    steps: int
+    generation: int = 0
+    record: dict[str, Any] | None = None
+
+    @property
+    def method(self) -> str:
+        return self.point.entry.method

@@ -1,0 +1,187 @@
+"""What a measurement was made with: machine, driver, versions, commit. One record, referenced by its id."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import importlib.metadata
+import os
+import platform
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import warp as wp
+
+from ..results.record import digest, write_atomic
+
+PACKAGES = (
+    "warp-lang",
+    "numpy",
+    "embreex",
+    "trimesh",
+    "pandas",
+    "scipy",
+    "pillow",
+    "usd-core",
+    "shadowbench",
+)
+GPU_FIELDS = (
+    "name",
+    "driver_version",
+    "memory.total",
+    "clocks.max.sm",
+    "clocks.max.mem",
+    "power.limit",
+)
+
+
+def environment() -> dict[str, Any]:
+    """The environment, with an ``id`` that is a hash of all the rest."""
+    facts: dict[str, Any] = {
+        "cpu": {
+            "model": cpu_model(),
+            "cores": os.cpu_count(),
+            "usable_cores": usable_cores(),
+            "flags": cpu_flags(),
+        },
+        "memory_bytes": total_memory(),
+        "os": system(),
+        "python": platform.python_version(),
+        "implementation": platform.python_implementation(),
+        "warp": wp.__version__,
+        "gpus": gpus(),
+        "packages": packages(),
+        "git": git_state(),
+    }
+    if facts["gpus"]:
+        facts["cuda"] = {
+            "toolkit": _version(wp.get_cuda_toolkit_version),
+            "driver": _version(wp.get_cuda_driver_version),
+        }
+    return {"id": digest(facts)[:16], **facts}
+
+
+def keep(folder: Path, facts: dict[str, Any]) -> str:
+    """Write the environment into a results folder, once; return its id."""
+    path = folder / "environments" / f"{facts['id']}.json"
+    if not path.exists():
+        write_atomic(path, facts)
+    return str(facts["id"])
+
+
+def system() -> str:
+    """Kind of system, version number of its kernel, machine: not the name that somebody gave a build of it."""
+    number = re.match(r"\d+(\.\d+)*", platform.release())
+    return "-".join((platform.system(), number[0] if number else "unknown", platform.machine()))
+
+
+@functools.cache
+def cpu_model() -> str:
+    """The processor's name."""
+    try:
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.lower().startswith("model name"):
+                return line.split(":", 1)[1].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()
+
+
+def cpu_flags() -> str:
+    """A hash of the instruction sets that the processor names (empty where the system does not say)."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return ""
+    flags = next(
+        (line.split(":", 1)[1] for line in lines if line.lower().startswith(("flags", "features"))), ""
+    )
+    return hashlib.sha256(" ".join(sorted(flags.split())).encode()).hexdigest()[:16] if flags else ""
+
+
+def usable_cores() -> int:
+    """How many cores this process may use."""
+    affinity = getattr(os, "sched_getaffinity", None)
+    return len(affinity(0)) if affinity else (os.cpu_count() or 1)
+
+
+def total_memory() -> int | None:
+    """Bytes of memory of the machine, or None where the system does not say."""
+    try:
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (ValueError, OSError, AttributeError):
+        return None
+
+
+def gpus() -> list[dict[str, Any]]:
+    """One entry a CUDA device, as Warp and nvidia-smi name them; empty where there is none."""
+    found = [
+        {
+            "alias": device.alias,
+            "name": device.name,
+            "arch": device.arch,
+            "sms": device.sm_count,
+        }
+        for device in wp.get_cuda_devices()
+    ]
+    if found and shutil.which("nvidia-smi"):
+        # The device's own number pairs the two lists and is not kept: it names one card, not a kind of machine.
+        fields = ("uuid", *GPU_FIELDS)
+        query = ["nvidia-smi", f"--query-gpu={','.join(fields)}", "--format=csv,noheader,nounits"]
+        try:
+            lines = subprocess.run(
+                query, capture_output=True, text=True, timeout=20, check=True
+            ).stdout.splitlines()
+        except (OSError, subprocess.SubprocessError):
+            lines = []
+        rows = [dict(zip(fields, (v.strip() for v in line.split(",")), strict=False)) for line in lines]
+        by_number = {row.pop("uuid", ""): row for row in rows}
+        for entry, device in zip(found, wp.get_cuda_devices(), strict=True):
+            entry["smi"] = by_number.get(device.uuid)
+    return found
+
+
+def packages() -> dict[str, str]:
+    """Installed versions of what the measurements rest on."""
+    versions = {}
+    for name in PACKAGES:
+        try:
+            versions[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return versions
+
+
+def git_state() -> dict[str, Any] | None:
+    """Commit and whether tracked files differ from it; None where the code is no checkout or git is absent."""
+    here = Path(__file__).resolve().parent
+    try:
+        command = ["git", "-C", str(here), "rev-parse", "HEAD"]
+        commit = subprocess.run(
+            command, capture_output=True, text=True, timeout=10, check=True
+        ).stdout.strip()
+        command = ["git", "-C", str(here), "status", "--porcelain", "--untracked-files=no"]
+        changes = subprocess.run(
+            command, capture_output=True, text=True, timeout=20, check=True
+        ).stdout.strip()
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return {"commit": commit, "dirty": bool(changes)}
+
+
+def _version(read: Any) -> str | None:
+    try:
+        return ".".join(str(part) for part in read())
+    except (
+        Exception
+    ):  # Warp raises several kinds here, and a version that cannot be read is no reason to stop
+        return None
+
+
+def executable() -> str:
+    """The interpreter that workers are started with."""
+    return sys.executable

@@ -1,0 +1,335 @@
+"""From an experiment to records: scene by scene, one worker a method, rounds interleaved, killed and resumed at will.
+
+Only one worker has the token at a time: the parent asks one and waits for its reply. (Taking over a scene that was
+made and grading answers are not timed; there several work at once.) Runs beside this one wait while it takes samples,
+and it for them: see :mod:`.runner.machine_lock`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ..results.folder import ResultsFolder
+from ..results.record import FAILURES, make_record
+from ..scene.facts import contents
+from ..scene.overrides import Lighting
+from .experiment import Entry, Preset, describe_method, make_point, orders
+from .job import Job, Options, Reporter
+from .machine import environment, keep
+from .machine_lock import TURN
+from .protocol import LOAD_S, grade_command, load_command, prepare_command
+from .redraw import repaint
+from .worker_process import Remote, WorkerError, WorkerLostError
+
+GRADER = "grading"
+"""The name of the worker that makes scenes and grades answers (no method may be called so)."""
+
+GRADERS = max(1, min(8, (os.cpu_count() or 1) // 2))
+"""Workers that grade at once, after everything of a scene was timed. Each holds the scene."""
+
+
+Described = list[tuple[Entry, dict[str, Any]]]
+
+
+def _points(preset: Preset) -> int:
+    """Points of a preset, those that come after it left out."""
+    return len(preset.scenes) * len(preset.lightings) * len(preset.methods)
+
+
+@dataclass(eq=False)
+class Run:
+    """Carries out the points of an experiment; :meth:`go` returns their records in the order declared."""
+
+    options: Options
+    report: Reporter
+    workers: dict[str, Remote] = field(default_factory=dict)
+    loaded: dict[str, int] = field(default_factory=dict)
+    environment: str = ""
+    lighting: Lighting = field(default_factory=Lighting)
+    """The lights of the scene under way."""
+
+    def __post_init__(self) -> None:
+        self.folder = ResultsFolder(self.options.out)
+
+    def go(self) -> list[dict[str, Any]]:
+        """Run what has no record yet. Raises :class:`~.errors.UserError` where the folder cannot be written."""
+        options = self.options
+        with self.folder.locked(), TURN.shared(self.report.note):
+            with self.folder.writing():
+                self.environment = keep(options.out, environment())
+            parts = options.preset.parts()
+            self.report.steps(sum(_points(part) * (part.rounds + 2) for part in parts))
+            records: list[dict[str, Any]] = []
+            try:
+                for part in parts:
+                    self.options = dataclasses.replace(options, preset=part)
+                    methods = [(entry, describe_method(entry, options.device)) for entry in part.methods]
+                    for scene in part.scenes:
+                        for self.lighting in part.lightings:
+                            records += self._scene(scene, methods)
+            finally:
+                for worker in self.workers.values():
+                    worker.stop()
+                self.folder.shared_scene.unlink(missing_ok=True)
+            self.report.doing("settling what several methods were asked about")
+            return self.folder.settled(records)
+
+    def _steps_a_point(self) -> int:
+        return self.options.preset.rounds + 2
+
+    # --- one scene ---
+
+    def _scene(self, name: str, methods: Described) -> list[dict[str, Any]]:
+        self.loaded.clear()
+        command = self._load_command(name)
+        facts = self.folder.known_scene(command)
+        jobs = self._jobs(name, facts, methods) if facts else []
+        if facts is None or any(job.record is None for job in jobs):
+            wanted = {job.method for job in jobs if job.record is None}
+            fresh, lost = self._load(name, wanted or {entry.method for entry, _ in methods})
+            if fresh is None:
+                # Nobody could make the scene: every point gets a record that says why.
+                facts = facts or {
+                    "name": Path(name).stem.lower(),
+                    "title": name,
+                    "source": {"kind": "", "file": name},
+                    "lighting": self.lighting.facts(),
+                }
+            elif facts is None or contents(fresh) != contents(facts):
+                facts, jobs = fresh, []
+                self.folder.learn_scene(command, facts)
+            jobs = jobs or self._jobs(name, facts, methods)
+            for job in jobs:
+                if job.method in lost and job.record is None:
+                    self._close(job, lost[job.method].status, lost[job.method].reason)
+        self._measure([job for job in jobs if job.record is None])
+        repaint(self.options, self.folder, self.lighting, jobs)
+        for worker in self.workers.values():
+            if worker.running:
+                self._tell(worker, do="free")
+        return [job.record for job in jobs if job.record is not None]
+
+    def _measure(self, jobs: list[Job]) -> None:
+        """Prepare the jobs, take their rounds interleaved, and finish them."""
+        for job in jobs:
+            TURN.give_way(self.report.note)
+            if not job.journal.first("finished"):
+                self._attempt(job, "compiling and warming up")
+        jobs = [job for job in jobs if job.record is None]
+        with TURN.alone(self.report.note):
+            for number, order in enumerate(orders(len(jobs), self.options.preset.rounds, self._seed(jobs))):
+                for place, index in enumerate(order):
+                    job = jobs[index]
+                    if job.record is None and number not in job.journal.rounds() and not self._spent(job):
+                        where = {"round": number, "place": place, "of": len(order)}
+                        self._attempt(job, f"round {number + 1}", self._round, where)
+        self._finish_all([job for job in jobs if job.record is None])
+
+    def _finish_all(self, jobs: list[Job]) -> None:
+        """Have the answers of jobs graded and close them. The first one alone: it makes what the others find.
+
+        That takes long: where another run on this machine wants to measure, the graders are halted.
+        """
+        waiting = [job for job in jobs if not job.journal.first("finished")]
+        names = [GRADER, *(f"{GRADER}-{i}" for i in range(2, GRADERS + 1))]
+        batches = [waiting[:1], *(waiting[i : i + GRADERS] for i in range(1, len(waiting), GRADERS))]
+        with TURN.pausing(self._pause_graders, self._resume_graders) as starting:
+            for batch in batches:
+                with starting:
+                    for name, job in zip(names, batch, strict=False):
+                        self._attempt(job, "checking the answers", self._ask_grades, name)
+                for name, job in zip(names, batch, strict=False):
+                    if job.record is None:
+                        self._take_grades(job, name)
+                        self._close(job)
+        for job in jobs:
+            if job.record is None:
+                self._close(job)
+
+    def _graders(self) -> list[Remote]:
+        return [worker for name, worker in self.workers.items() if name.startswith(GRADER)]
+
+    def _pause_graders(self) -> None:
+        for grader in self._graders():
+            grader.pause()
+
+    def _resume_graders(self) -> None:
+        for grader in self._graders():
+            grader.resume()
+
+    def _spent(self, job: Job) -> bool:
+        """Whether one more round as long as those so far would be beyond the point's budget: then it is left out."""
+        taken = [event["spent_s"] for event in job.journal.rounds().values()]
+        return bool(taken) and sum(taken) * (len(taken) + 1) / len(taken) > self.options.preset.budget_s
+
+    def _seed(self, jobs: list[Job]) -> int:
+        text = f"{self.options.experiment.name}/{jobs[0].scene if jobs else ''}/{self.options.seed}"
+        return int.from_bytes(hashlib.sha256(text.encode()).digest()[:4], "big")
+
+    def _jobs(self, scene: str, facts: dict[str, Any], methods: Described) -> list[Job]:
+        options, jobs = self.options, []
+        for entry, method in methods:
+            point = make_point(options.experiment.name, options.preset, entry, facts, method, options.seed)
+            job = Job(point, scene, self.folder.journal(point.key), self._steps_a_point())
+            kept = self.folder.record(point.key)
+            if kept and not (options.retry and kept["status"] in FAILURES):
+                job.record = kept
+                self.report.done(job.steps)
+            jobs.append(job)
+        return jobs
+
+    # --- steps of a point ---
+
+    def _attempt(self, job: Job, what: str, step: Callable[..., None] | None = None, *arguments: Any) -> None:
+        """Do a step, preparing the job first where its worker is new; close the job if it comes to nothing."""
+        self.report.doing(f"{job.point.scene['name']}, {job.point.method['label']}: {what}")
+        try:
+            if job.point.method.get("broken"):
+                raise WorkerError("failed", job.point.method["broken"])
+            self._prepare(job)
+            if step:
+                step(job, *arguments)
+            job.steps -= 1
+            self.report.done()
+        except WorkerError as error:
+            self._close(job, error.status, error.reason)
+            worker = self._worker(job.method)
+            if worker.running:
+                self._tell(worker, do="free", key=job.point.key)
+
+    def _prepare(self, job: Job) -> None:
+        worker = self._worker(job.method)
+        if worker.running and worker.generation == job.generation:
+            return
+        self._ensure_loaded(job.method, job.scene)
+        reply = self._command(worker, **prepare_command(self.options, job))
+        job.generation = worker.generation
+        self._note(job, {"event": "prepared", **reply})
+
+    def _round(self, job: Job, where: dict[str, int]) -> None:
+        preset = self.options.preset
+        frames = (job.journal.first("prepared") or {}).get("frames", ())
+        sampling = {
+            "samples": preset.samples,
+            "most": max(preset.most, preset.samples),
+            "deviation": preset.deviation,
+            "stage_samples": preset.stage_samples,
+            "budget_s": preset.budget_s / preset.rounds / max(1, len(frames)),
+        }
+        reply = self._command(self._worker(job.method), do="round", key=job.point.key, sampling=sampling)
+        self._note(job, {"event": "round", **where, **reply})
+
+    def _ask_grades(self, job: Job, grader: str) -> None:
+        """Ask for grades of the answers that the method's worker handed over when it was prepared."""
+        try:
+            self._ensure_loaded(grader, job.scene)
+        except WorkerError as error:
+            self._ungraded(job, error)
+            return
+        command = grade_command(self.options, self.folder, self.lighting, job)
+        self._worker(grader).send(**command, wrong_maps=self.options.preset.wrong_maps)
+
+    def _take_grades(self, job: Job, grader: str) -> None:
+        if job.journal.first("finished"):
+            return
+        try:
+            graded = self._reply(self._worker(grader), self.options.preset.timeout_s)["frames"]
+        except WorkerError as error:
+            self._ungraded(job, error)
+            return
+        self._note(job, {"event": "finished", "frames": graded})
+
+    def _ungraded(self, job: Job, error: WorkerError) -> None:
+        """The times stand, whatever becomes of their grades."""
+        unscored = {"score": None, "unscored": f"grading failed: {error.reason}"}
+        answered = (job.journal.first("prepared") or {}).get("frames", ())
+        graded = [{"frame": frame["frame"], **unscored} for frame in answered]
+        self._note(job, {"event": "finished", "frames": graded})
+
+    def _close(self, job: Job, status: str = "ok", reason: str = "") -> None:
+        """Write the record of a job."""
+        point = job.point
+        described = {**point.configuration, "preset": self.options.preset_name}
+        events = job.journal.events
+        record = make_record(
+            point.key, described, point.scene, point.method, self.environment, events, status, reason
+        )
+        self.folder.keep_record(record, job.journal)
+        job.record = record
+        self.report.done(job.steps)
+        job.steps = 0
+        self.report.point(record)
+
+    def _note(self, job: Job, event: dict[str, Any]) -> None:
+        event.pop("ok", None)
+        with self.folder.writing():
+            job.journal.append({**event, "environment": self.environment, "noted": time.time()})
+
+    # --- workers ---
+
+    def _worker(self, name: str) -> Remote:
+        if name not in self.workers:
+            self.workers[name] = Remote(name, self.folder.log(name))
+        return self.workers[name]
+
+    def _command(self, worker: Remote, **command: Any) -> dict[str, Any]:
+        timeout = self.options.preset.timeout_s
+        if command["do"] == "load":
+            timeout = max(timeout, LOAD_S)
+        worker.send(**command)
+        return self._reply(worker, timeout)
+
+    def _reply(self, worker: Remote, timeout: float) -> dict[str, Any]:
+        try:
+            return worker.receive(timeout)
+        except WorkerError as error:
+            if error.status == "unwritable":
+                raise self.folder.unwritable(error.reason) from error
+            raise
+
+    def _tell(self, worker: Remote, **command: Any) -> None:
+        """A command whose failure costs nobody a point: a worker that cannot do it is stopped."""
+        try:
+            self._command(worker, **command)
+        except WorkerLostError:
+            pass
+        except WorkerError:
+            worker.stop()
+
+    def _ensure_loaded(self, name: str, scene: str) -> None:
+        worker = self._worker(name)
+        if not worker.running or self.loaded.get(name) != worker.generation:
+            self._command(worker, **self._load_command(scene))
+            self.loaded[name] = worker.generation
+
+    def _load_command(self, scene: str, make: bool = False) -> dict[str, Any]:
+        return load_command(self.options, self.folder, self.lighting, scene, make)
+
+    def _load(self, name: str, methods: set[str]) -> tuple[dict[str, Any] | None, dict[str, WorkerError]]:
+        """Have one worker make the scene and the others take it: its facts (None where it failed), and who failed."""
+        self.report.doing(f"{name}: making the scene")
+        with self.folder.writing():
+            self.folder.shared_scene.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            reply = self._command(self._worker(GRADER), **self._load_command(name, make=True))
+        except WorkerError as error:
+            return None, dict.fromkeys(methods, error)
+        self.loaded[GRADER] = self._worker(GRADER).generation
+        lost = {}
+        asked = [(method, self._worker(method)) for method in sorted(methods)]
+        for _, worker in asked:
+            worker.send(**self._load_command(name))
+        for method, worker in asked:
+            try:
+                self._reply(worker, max(LOAD_S, self.options.preset.timeout_s))
+                self.loaded[method] = worker.generation
+            except WorkerError as error:
+                lost[method] = error
+        return {**reply["scene"], "load_s": reply["load_s"]}, lost

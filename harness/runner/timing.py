@@ -1,0 +1,343 @@
+"""Samples of one frame: whole frames un-instrumented, and passes apart; clocks, memory, and what stopped it.
+
+CPU: a clock around the whole frame; in other samples a clock around each pass. CUDA: the whole frame as one graph
+with events outside it, replayed back to back, so that the queue is never empty and launch latency is not counted;
+wall time from an idle device to an idle device in samples of its own. Stages are differences of prefix graphs
+(passes 0..k from a reset state), so that they add up to a whole frame. Methods that cannot be captured are launched
+eagerly between synchronizations.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import itertools
+import os
+import re
+import shutil
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from ..frame.session import Session
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """How many samples a round takes of one frame.
+
+    samples        whole-frame samples at least (unless the budget runs out first)
+    most           whole-frame samples at most
+    deviation      relative standard error of the mean below which sampling stops, or None: stop at ``samples``
+    stage_samples  samples of every pass, taken apart from the whole frames
+    budget_s       seconds a round may spend on one frame, three quarters of them on whole frames; at least one
+                   sample of each kind is always taken
+    """
+
+    samples: int = 5
+    most: int = 5
+    deviation: float | None = None
+    stage_samples: int = 2
+    budget_s: float = 10.0
+
+
+@dataclass
+class FrameSamples:
+    """What one round measured of one frame, in milliseconds.
+
+    ``total_ms`` is device time (on a CPU the wall clock), ``wall_ms`` the host's clock; one pair a sample.
+    ``stopped_by`` is ``samples``, ``deviation``, ``most`` or ``budget``.
+    """
+
+    total_ms: list[float] = field(default_factory=list)
+    wall_ms: list[float] = field(default_factory=list)
+    passes: list[dict[str, Any]] = field(default_factory=list)
+    stopped_by: str = ""
+    started: float = 0.0
+
+    def add(self, pairs: list[tuple[float, float]]) -> None:
+        """Keep samples of whole frames. Nanoseconds are finer than any clock here."""
+        self.total_ms += [round(total, 6) for total, _ in pairs]
+        self.wall_ms += [round(wall, 6) for _, wall in pairs]
+
+
+def sample_frame(session: Session, sampling: Sampling) -> FrameSamples:
+    """Measure the moment that ``session`` has loaded and settled. The garbage collector rests meanwhile."""
+    result = FrameSamples(started=time.time())
+    with _quiet(session):
+        take = _whole_frames(session)
+        deadline = time.perf_counter() + 0.75 * sampling.budget_s
+        # Warm-up: caches, clocks, lazily made graphs and scratch memory.
+        cold = take(1)
+        if time.perf_counter() > deadline:
+            # One frame takes more than all of the budget: what warms up is small against it.
+            result.add(cold)
+            result.stopped_by = "budget"
+        while not result.stopped_by:
+            batch = min(sampling.samples, sampling.most - len(result.total_ms))
+            done = _take_batch(take, batch, deadline, result)
+            result.stopped_by = stop_reason(result.total_ms, sampling, done)
+        result.passes = [{"name": p.name, "part": p.part, "ms": []} for p in session.passes]
+        deadline = time.perf_counter() + 0.25 * sampling.budget_s
+        for _ in range(sampling.stage_samples):
+            for step, ms in zip(result.passes, _stages(session), strict=True):
+                step["ms"].append(round(ms, 6))
+            if time.perf_counter() > deadline:
+                break
+    return result
+
+
+def stop_reason(total_ms: list[float], sampling: Sampling, in_time: bool) -> str:
+    """Why sampling stops now, or an empty text where it goes on."""
+    if not in_time:
+        return "budget"
+    if len(total_ms) >= sampling.samples:
+        if sampling.deviation is None:
+            return "samples"
+        error = np.std(total_ms) / np.sqrt(len(total_ms)) / np.mean(total_ms) if len(total_ms) > 1 else np.inf
+        if error < sampling.deviation:
+            return "deviation"
+    return "most" if len(total_ms) >= sampling.most else ""
+
+
+Take = Callable[[int], list[tuple[float, float]]]
+
+
+def _take_batch(take: Take, count: int, deadline: float, result: FrameSamples) -> bool:
+    """Take ``count`` samples; False where the deadline passed before all were taken."""
+    # Short frames in one go, so that a device's queue stays full; long ones singly, so that the budget holds.
+    first = take(1) if not result.total_ms else []
+    pairs = first
+    lasts = max([w for _, w in first] + result.wall_ms, default=0.0) / 1e3
+    while len(pairs) < count and time.perf_counter() + lasts < deadline:
+        room = max(1, int((deadline - time.perf_counter()) / max(lasts, 1e-6)))
+        pairs = pairs + take(min(count - len(pairs), room))
+    result.add(pairs)
+    return len(pairs) >= count
+
+
+def _whole_frames(session: Session) -> Take:
+    """A function that takes n samples of whole frames: pairs of device time and wall time in milliseconds."""
+    device = wp.get_device(session.device)
+    if not device.is_cuda:
+        return lambda count: [(ms, ms) for ms in (_clock(session.run) for _ in range(count))]
+    if session.replays:
+        graph = session.graph()
+        return lambda count: _replay_whole(device, graph, count)
+    return lambda count: [_eager_whole(device, session) for _ in range(count)]
+
+
+def _clock(launch: Callable[[], None]) -> float:
+    start = time.perf_counter()
+    launch()
+    return (time.perf_counter() - start) * 1e3
+
+
+def _events(device: Any, count: int) -> list[Any]:
+    return [wp.Event(device, enable_timing=True) for _ in range(count)]
+
+
+def _replay_whole(device: Any, graph: Any, count: int) -> list[tuple[float, float]]:
+    with wp.ScopedDevice(device):
+        # One replay ahead keeps the queue full, so that the events stand between frames and not in idle time.
+        events = _events(device, count + 1)
+        wp.capture_launch(graph)
+        wp.record_event(events[0])
+        for event in events[1:]:
+            wp.capture_launch(graph)
+            wp.record_event(event)
+        wp.synchronize_device(device)
+        total = [wp.get_event_elapsed_time(a, b, synchronize=False) for a, b in itertools.pairwise(events)]
+        wall = []
+        for _ in range(count):
+            start = time.perf_counter()
+            wp.capture_launch(graph)
+            wp.synchronize_device(device)
+            wall.append((time.perf_counter() - start) * 1e3)
+    return list(zip(total, wall, strict=True))
+
+
+def _eager_whole(device: Any, session: Session) -> tuple[float, float]:
+    with wp.ScopedDevice(device):
+        before, after = _events(device, 2)
+        wp.synchronize_device(device)
+        start = time.perf_counter()
+        wp.record_event(before)
+        session.run()
+        wp.record_event(after)
+        wp.synchronize_device(device)
+        wall = (time.perf_counter() - start) * 1e3
+        return wp.get_event_elapsed_time(before, after, synchronize=False), wall
+
+
+def _stages(session: Session) -> list[float]:
+    """One sample of every pass, in milliseconds."""
+    device = wp.get_device(session.device)
+    if not device.is_cuda:
+        with wp.ScopedDevice(device):
+            return [_clock(step.run) for step in session.passes]
+    count = len(session.passes)
+    if not count:
+        return []
+    if session.replays:
+        graphs = [session.graph(upto=k) for k in range(1, count + 1)]
+        with wp.ScopedDevice(device):
+            events = _events(device, count + 1)
+            wp.capture_launch(graphs[-1])
+            wp.record_event(events[0])
+            for graph, event in zip(graphs, events[1:], strict=True):
+                wp.capture_launch(graph)
+                wp.record_event(event)
+            wp.synchronize_device(device)
+            prefix = [
+                wp.get_event_elapsed_time(a, b, synchronize=False) for a, b in itertools.pairwise(events)
+            ]
+        return [float(ms) for ms in np.diff(prefix, prepend=0.0)]
+    with wp.ScopedDevice(device):
+        events = _events(device, count + 1)
+        wp.synchronize_device(device)
+        wp.record_event(events[0])
+        for step, event in zip(session.passes, events[1:], strict=True):
+            step.run()
+            wp.record_event(event)
+        wp.synchronize_device(device)
+        return [wp.get_event_elapsed_time(a, b, synchronize=False) for a, b in itertools.pairwise(events)]
+
+
+@contextlib.contextmanager
+def _quiet(session: Session) -> Iterator[None]:
+    """No garbage collection inside samples; the device idle before and after."""
+    enabled = gc.isenabled()
+    gc.collect()
+    gc.disable()
+    wp.synchronize_device(session.device)
+    try:
+        yield
+    finally:
+        wp.synchronize_device(session.device)
+        if enabled:
+            gc.enable()
+
+
+class CompileClock:
+    """Seconds that Warp spends on compiling and loading kernel modules while the clock runs (a context manager).
+
+    Warp loads a module at its first launch; this wraps that one function, and puts it back.
+    """
+
+    def __init__(self) -> None:
+        self.seconds = 0.0
+        self._depth = 0
+
+    def __enter__(self) -> CompileClock:
+        self._kind = type(wp.get_module(__name__))
+        self._load = load = self._kind.load
+
+        def timed(module: Any, *args: Any, **kwargs: Any) -> Any:
+            start = time.perf_counter()
+            self._depth += 1
+            try:
+                return load(module, *args, **kwargs)
+            finally:
+                self._depth -= 1
+                if not self._depth:
+                    self.seconds += time.perf_counter() - start
+
+        self._kind.load = timed  # type: ignore[method-assign]
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._kind.load = self._load  # type: ignore[method-assign]
+
+
+CLOCK_FIELDS = (
+    "clocks.sm,clocks.mem,power.draw,temperature.gpu,clocks_throttle_reasons.active,utilization.gpu"
+)
+
+
+def clock_state(device: str) -> dict[str, Any]:
+    """Clocks, power and throttle reasons of a GPU (null where nvidia-smi does not say), and the host's load."""
+    state: dict[str, Any] = {"load": round(os.getloadavg()[0], 2), "gpu": None}
+    if device.startswith("cuda") and shutil.which("nvidia-smi"):
+        state["gpu"] = _query_gpu(device)
+    return state
+
+
+def _query_gpu(device: str) -> dict[str, str] | None:
+    chosen = wp.get_device(device).uuid
+    command = ["nvidia-smi", f"--query-gpu={CLOCK_FIELDS}", "--format=csv,noheader,nounits", f"--id={chosen}"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=10, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return dict(zip(CLOCK_FIELDS.split(","), (v.strip() for v in done.stdout.split(",")), strict=False))
+
+
+class Memory:
+    """Bytes that a method holds, as Warp's allocators count them on every device, and how far the process grew.
+
+    Count from :meth:`start` (before the method plans) with the tracker on; it is paused around the samples of
+    methods that allocate inside a frame, so that it costs them nothing.
+    """
+
+    def __init__(self) -> None:
+        self._resident = 0
+
+    def start(self) -> None:
+        """Forget everything and count from now."""
+        core = _core()
+        core.wp_alloc_tracker_enable(1)
+        core.wp_alloc_tracker_reset()
+        self._resident = resident_bytes()
+
+    def pause(self) -> None:
+        """Stop counting."""
+        _core().wp_alloc_tracker_enable(0)
+
+    def peak(self) -> int:
+        """Most bytes that Warp's allocators held since :meth:`start`."""
+        return int(_core().wp_alloc_tracker_get_peak_bytes())
+
+    def growth(self) -> int:
+        """Bytes by which the process has grown since :meth:`start`: for structures outside Warp's allocators."""
+        return max(0, resident_bytes() - self._resident)
+
+
+def _core() -> Any:
+    from warp._src.context import runtime
+
+    return runtime.core
+
+
+def resident_bytes() -> int:
+    """Bytes of this process in memory now."""
+    with contextlib.suppress(OSError):
+        return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    import psutil
+
+    return int(psutil.Process().memory_info().rss)
+
+
+def reset_peak_resident() -> None:
+    """Let :func:`peak_resident_bytes` count from now (Linux; elsewhere it counts from the start of the process)."""
+    with contextlib.suppress(OSError):
+        Path("/proc/self/clear_refs").write_text("5")
+
+
+def peak_resident_bytes() -> int | None:
+    """Most bytes that this process had in memory, or None where the system does not say."""
+    with contextlib.suppress(OSError):
+        match = re.search(r"VmHWM:\s+(\d+) kB", Path("/proc/self/status").read_text())
+        if match:
+            return int(match.group(1)) << 10
+    try:
+        import resource
+    except ImportError:
+        return None
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss << 10

@@ -1,0 +1,92 @@
+"""Facts for records: what a scene is, in hashes and numbers, and any value as JSON can hold it."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import asdict
+from typing import Any
+
+import warp as wp
+
+from ..files import array_hash
+from .alpha import arrays_of
+from .prepared import Moment, Prepared
+from .scene import Effects
+
+
+def scene_facts(prepared: Prepared, moments: dict[int, Moment]) -> dict[str, Any]:
+    """What a record says of a scene: its source, size, and hashes of the arrays that everyone gets."""
+    scene = prepared.scene
+    arrays = hashlib.sha256()
+    views = hashlib.sha256()
+    for frame, moment in moments.items():
+        arrays.update(prepared.sha256(frame).encode())
+        for table in (moment.valid, moment.eye, moment.column, moment.row, moment.lights):
+            views.update(table.tobytes())
+    path = scene.light_path
+    return {
+        "name": scene.name,
+        "title": scene.title,
+        "stand_in": scene.stand_in,
+        "closed": scene.closed,
+        "notes": scene.notes,
+        "source": asdict(scene.source),
+        "triangles": prepared.triangle_count,
+        "invalid_triangles": int(sum((m.valid == 0).sum() for m in list(moments.values())[:1])),
+        "vertices": prepared.vertex_count,
+        "frame_count": prepared.frame_count,
+        "frames": list(moments),
+        "arrays_sha256": arrays.hexdigest(),
+        "moments_sha256": views.hexdigest(),
+        "centre": [float(x) for x in prepared.centre],
+        "radius": prepared.radius,
+        "camera": plain(asdict(scene.camera)),
+        "lights": [plain(asdict(light)) for light in scene.lights],
+        "effects": plain(asdict(Effects.of(scene))),
+        **surface_facts(prepared),
+        "light_path": None if path is None else {"kind": type(path).__name__, **plain(asdict(path))},  # type: ignore[call-overload]
+    }
+
+
+def contents(facts: dict[str, Any]) -> list[str | None]:
+    """What scenes of one name differ in, as :func:`scene_facts` gave it: the hashes of what everyone gets."""
+    return [facts.get(name) for name in ("arrays_sha256", "moments_sha256", "surfaces_sha256")]
+
+
+def surface_facts(prepared: Prepared) -> dict[str, str]:
+    """A hash of which triangles are mirrors and of the mask of holes; {} where a scene has neither.
+
+    A rule may choose them, and what it chooses by need not be among the arrays that everyone gets.
+    """
+    mirror = [prepared.mirror] if prepared.scene.mirror is not None else []
+    chosen = [*mirror, *arrays_of(prepared.alpha).values()]
+    return {"surfaces_sha256": array_hash(*chosen)} if chosen else {}
+
+
+def never_hit(triangles: int, valid: int) -> str:
+    """A warning where triangles cannot be hit, which every method then answers right by missing them; else ""."""
+    if valid == triangles:
+        return ""
+    why = "no area, or a corner that is not a finite number"
+    if valid:
+        return f"{triangles - valid:,} of {triangles:,} triangles can never be hit ({why})"
+    return f"warning: none of {triangles:,} triangles can ever be hit ({why}): this checked misses, and nothing else"
+
+
+def plain(value: Any) -> Any:
+    """The value as JSON can hold it: numpy numbers as Python's own, tuples as lists, anything else as text."""
+    if isinstance(value, dict):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(v) for v in value]
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    if hasattr(value, "item") and getattr(value, "ndim", 1) == 0:
+        return value.item()
+    return str(value)
+
+
+def array_bytes(*holders: object) -> int:
+    """Bytes of the Warp arrays among the attributes of some objects, one that has two names counted once."""
+    arrays = {id(a): a for holder in holders for a in vars(holder).values() if isinstance(a, wp.array)}
+    return sum(a.capacity for a in arrays.values())

@@ -1,0 +1,192 @@
+"""Lights and effects in place of a scene's own, for experiments: how many, how far, a spot, a path, what it calls for.
+
+A lighting is a few plain numbers, so that an experiment can declare it, a worker can be told of it, and a record
+can say it. It is applied to a scene that is prepared, because distances are told in radii of the scene from its
+middle.
+"""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import asdict, dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+
+from .alpha import alpha_of, perforated
+from .light_paths import Orbit, spread
+from .prepared import Prepared
+from .scene import Light, Scene, Spot, Vector
+from .surface_rules import largest_triangles
+
+HOLES = 4
+"""Holes along a side of a triangle that has some."""
+
+MOVED: dict[str, frozenset[str]] = {
+    "nothing": frozenset(),
+    "camera": frozenset({"camera"}),
+    "light": frozenset({"light/0"}),
+    "part": frozenset({"points"}),
+    "all": frozenset({"points", "camera", "light/0"}),
+}
+"""What can have changed since the last frame. A part of the geometry is all of it to whoever does not know parts."""
+
+
+@dataclass(frozen=True)
+class Lighting:
+    """What is changed of a scene's lights and of what it calls for; the default changes nothing.
+
+    label     names it in tables and file names; "" only for the default
+    count     so many lights: the scene's first one, turned evenly about the vertical through the scene's middle
+    distance  of every light from the scene's middle, in radii of the scene, in the direction where it stands
+    target    a point, in the scene's coordinates, that every light is turned into a spot towards
+    angle     half-angle of the spot's cone, degrees; or half-width of its rectangle in azimuth
+    rise      half-width of the spot's rectangle in elevation, degrees; None: a cone
+    falloff   exponent of the cosine from the spot's direction, for pictures
+    turns     full turns of every light about the vertical through the middle, over the frames
+    frames    places of the light over geometry that does not move: a static scene then has so many frames
+    spot      half-angle, degrees, of a spot that every light becomes, towards what the camera looks at; 0: none
+    shadows   whether lights ask for shadow rays
+    directional  every light becomes directional, shining as it does at the scene's middle
+    facing    only hit points that face a light have a shadow ray
+    color     the frame is shaded
+    alpha     every so many-th triangle has holes (:func:`.scene.alpha.perforated`); 0: none
+    bounces   mirrored rays of the scene's largest triangles go on so often; 0: nothing reflects
+    moved     what alone changed since the last frame, of :data:`MOVED`: only what that calls for is timed; None: all
+    """
+
+    label: str = ""
+    count: int = 0
+    distance: float = 0.0
+    target: Vector | None = None
+    angle: float = 20.0
+    rise: float | None = None
+    falloff: float = 0.0
+    turns: float = 0.0
+    frames: int = 1
+    spot: float = 0.0
+    shadows: bool = True
+    directional: bool = False
+    facing: bool = False
+    color: bool = False
+    alpha: int = 0
+    bounces: int = 0
+    moved: str | None = None
+
+    def __post_init__(self) -> None:
+        if not self.label and self.changes:
+            raise ValueError("a lighting that changes something needs a label")
+        if self.count < 0 or self.distance < 0 or self.frames < 1:
+            raise ValueError(f"lighting {self.label!r}: count, distance and frames must not be negative")
+        if self.moved is not None and self.moved not in MOVED:
+            raise ValueError(f"lighting {self.label!r}: moved is one of {', '.join(MOVED)}")
+
+    @property
+    def changes(self) -> bool:
+        """Whether anything differs from the scene as it is."""
+        plain = {field.name: field.default for field in fields(Lighting) if field.name != "label"}
+        return any(getattr(self, name) != value for name, value in plain.items())
+
+    @property
+    def changed(self) -> frozenset[str] | None:
+        """The inputs that changed since the last frame, as passes name them; None: all."""
+        return None if self.moved is None else MOVED[self.moved]
+
+    @staticmethod
+    def read(facts: dict[str, Any] | None) -> Lighting:
+        """The lighting that :meth:`facts` told of."""
+        known = dict(facts or {})
+        if known.get("target"):
+            known["target"] = tuple(known["target"])
+        return Lighting(**known)
+
+    def facts(self) -> dict[str, Any]:
+        """Plain numbers, for a command, a record and a key; {} for the default."""
+        return asdict(self) if self.label else {}
+
+    def longer(self, scene: Scene) -> Scene:
+        """The scene with as many frames as the light has places, where its geometry does not move."""
+        if self.frames == 1:
+            return scene
+        return replace(scene, geometry=lambda: scene.geometry().lasting(self.frames))
+
+    def applied(self, prepared: Prepared) -> Prepared:
+        """The prepared scene (one whose scene :meth:`longer` gave) under these lights; geometry is shared."""
+        if not self.changes:
+            return prepared
+        lit = copy.copy(prepared)
+        lit.scene = self._scene(prepared)
+        if lit.scene.alpha is not None and lit.alpha is None:
+            lit.alpha = alpha_of(lit.scene, lit.geometry)
+        return lit
+
+    def _scene(self, prepared: Prepared) -> Scene:
+        scene = prepared.scene
+        middle = _vector(prepared.middle + prepared.centre)
+        lights = scene.lights
+        if self.count and lights:
+            lights = spread(lights[0], middle, self.count, scene.camera.up)
+        if self.distance or self.target is not None or self.spot:
+            lights = tuple(_standing(light, middle, prepared.radius) for light in lights)
+        if self.distance:
+            lights = tuple(_at(light, middle, self.distance * prepared.radius) for light in lights)
+        if self.target is not None:
+            lights = tuple(
+                _spot(light, self.target, self.angle, scene.camera.up, self.rise, self.falloff)
+                for light in lights
+            )
+        if self.spot:
+            lights = tuple(_spot(light, scene.camera.target, self.spot, scene.camera.up) for light in lights)
+        if self.directional:
+            lights = tuple(_directional(light, middle) for light in lights)
+        if not self.shadows:
+            lights = tuple(replace(light, shadows=False) for light in lights)
+        path = Orbit(middle, scene.camera.up, self.turns) if self.turns else scene.light_path
+        return replace(scene, lights=lights, light_path=path, **self._called_for(scene))
+
+    def _called_for(self, scene: Scene) -> dict[str, Any]:
+        """The scene's fields that say what it calls for, where they change."""
+        fields: dict[str, Any] = {}
+        if self.facing:
+            fields["facing"] = True
+        if self.alpha:
+            fields["alpha"] = lambda geometry: perforated(geometry, self.alpha, HOLES)
+        if self.bounces:
+            fields["mirror"], fields["bounces"] = largest_triangles, self.bounces
+        if self.color:
+            fields["outputs"] = (*scene.outputs, "color")
+        return fields
+
+
+def _at(light: Light, middle: Vector, distance: float) -> Light:
+    """The light at a distance from the middle, in the direction where it stands; above where it stands there."""
+    away = np.subtract(light.position, middle)
+    length = float(np.linalg.norm(away))
+    direction = away / length if length > 0 else np.array([0.0, 1.0, 0.0])
+    return light.moved(_vector(np.asarray(middle) + direction * distance))
+
+
+def _standing(light: Light, middle: Vector, radius: float) -> Light:
+    """A directional light as a point two radii along the way to it; any other as it is."""
+    if not light.directional:
+        return light
+    way = np.asarray(light.position) / np.linalg.norm(light.position)
+    return replace(light, position=_vector(np.asarray(middle) + 2.0 * radius * way), directional=False)
+
+
+def _spot(
+    light: Light, target: Vector, angle: float, up: Vector, rise: float | None = None, falloff: float = 0.0
+) -> Light:
+    direction = _vector(np.subtract(target, light.position))
+    return replace(light, spot=Spot(direction, angle, rise=rise, up=up, falloff=falloff))
+
+
+def _directional(light: Light, middle: Vector) -> Light:
+    """The light as it shines at the middle, from infinitely far; one that does so already as it is."""
+    if light.directional:
+        return light
+    return replace(light, position=_vector(np.subtract(light.position, middle)), spot=None, directional=True)
+
+
+def _vector(array: Any) -> Vector:
+    return (float(array[0]), float(array[1]), float(array[2]))

@@ -1,0 +1,334 @@
+"""The conventions fixed once: recentring, float32, ray tables, weld, zero-area flags.
+
+A :class:`Prepared` scene is recentred in float64 and rounded to float32 once; every method, Embree and the
+referee get the same arrays. A :class:`Moment` is one frame of it, at one image size, with its lights.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import UserError
+from .alpha import alpha_of
+from .scene import AlphaMask, Camera, Geometry, Light, Scene
+
+F32 = NDArray[np.float32]
+
+INFINITELY_FAR = 2.0**56
+"""Scene radii to a directional light: beyond what 53 bits can add to a coordinate of the scene."""
+
+NEARER = 2.0**-32
+"""Share of the way to a directional light at which its post stands: 2^24 radii away."""
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """All that a frame is made from, on the host.
+
+    points   float32 [vertex_count, 3]
+    valid    uint8 [triangle_count]: 0 for zero-area, NaN and infinite triangles, which are never hit
+    eye      float32 [3]
+    axes     float32 [3, 3]: right, up, forward, unit length
+    tangents float32 [2]: half width and half height of the image plane at distance 1 along forward
+    column   float32 [width, 3], row float32 [height, 3]: a pixel's direction is column[x] + row[y], one float32
+             addition a component; its forward part is 1 up to rounding, so t is the depth along forward
+    lights   float32 [light_count, 3]
+    spots    float64 [light_count, 12]: what each light is limited to (:mod:`.judge.receivers`); no row: not limited
+    posts    float32 [light_count, 3]: where a structure may look from in a light's stead: the light itself, or for
+             a directional one the point :data:`NEARER` as far along its way, from which directions can be told
+             apart (a ray of the light lies within 2^-23 of the direction that the post sees it in, relative to
+             the angle between that direction and the way to the scene's middle)
+    reach    float32 [1]: a power of two that no coordinate of scene and eye exceeds: what roundings grow with. It
+             stays what it is while the camera moves about the scene, so that a structure need not know the eye
+    facing   whether only hit points that face a light have a shadow ray to it
+    """
+
+    index: int
+    points: F32
+    valid: NDArray[np.uint8]
+    eye: F32
+    axes: F32
+    tangents: F32
+    column: F32
+    row: F32
+    lights: F32
+    spots: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 12)))
+    facing: bool = False
+    reach: F32 = field(default_factory=lambda: np.ones(1, dtype=np.float32))
+    posts: F32 | None = None
+
+    @property
+    def width(self) -> int:
+        return len(self.column)
+
+    @property
+    def height(self) -> int:
+        return len(self.row)
+
+    def directions(self, pixels: NDArray[np.integer]) -> F32:
+        """The float32 directions [n, 3] of the given pixel indices (row * width + column)."""
+        return self.column[pixels % self.width] + self.row[pixels // self.width]
+
+    def origins(self, pixels: NDArray[np.integer]) -> F32:
+        """Where the rays of the given pixel indices start, float32 [n, 3]."""
+        return np.broadcast_to(self.eye, (len(pixels), 3))
+
+
+class Prepared:
+    """A scene recentred, rounded and welded: the arrays that everyone gets.
+
+    ``centre`` is what was subtracted, in float64: zero when the bounding box already lies within its own size
+    of the origin (nothing would be gained, and the file's own float32 values stay as they are). ``alpha`` is the
+    scene's mask, checked (:func:`.scene.alpha.checked`).
+    """
+
+    alpha: AlphaMask | None
+    _mirror: tuple[object, NDArray[np.uint8]] | None = None
+
+    def __init__(self, scene: Scene):
+        self.scene = scene
+        self.geometry: Geometry = scene.geometry()
+        self.faces: NDArray[np.int32] = np.ascontiguousarray(self.geometry.faces, dtype=np.int32).reshape(
+            -1, 3
+        )
+        first = np.asarray(self.geometry.positions(0), dtype=np.float64).reshape(-1, 3)
+        check_faces(self.faces, len(first), scene.name)
+        self.centre = recentre(first)
+        self.weld = weld(first - self.centre)
+        self.alpha = alpha_of(scene, self.geometry)
+        low, high = finite_bounds(first - self.centre)
+        self.radius = float(np.linalg.norm(high - low) / 2) or 1.0
+        self.middle = (low + high) / 2
+        self._cache: tuple[int, F32, NDArray[np.uint8]] | None = None
+
+    @property
+    def frame_count(self) -> int:
+        return self.geometry.frame_count
+
+    @property
+    def triangle_count(self) -> int:
+        return len(self.faces)
+
+    @property
+    def vertex_count(self) -> int:
+        return len(self.weld)
+
+    @property
+    def mirror(self) -> NDArray[np.uint8]:
+        """1 for each triangle that is a mirror, uint8 [triangle_count]. Raises :class:`UserError` for another shape."""
+        made = self.scene.mirror
+        # Kept for this scene's mirrors alone: a copy of this may be given another scene of the same geometry.
+        if self._mirror is None or self._mirror[0] is not made:
+            flags = np.zeros(self.triangle_count) if made is None else made(self.geometry)
+            self.mirror = np.ascontiguousarray(flags, dtype=np.uint8)
+        assert self._mirror is not None
+        return self._mirror[1]
+
+    @mirror.setter
+    def mirror(self, flags: NDArray[np.uint8]) -> None:
+        if flags.shape != (self.triangle_count,):
+            raise UserError(
+                f"{self.scene.name}: mirrors of shape {flags.shape}, but there are {self.triangle_count} triangles"
+            )
+        self._mirror = (self.scene.mirror, flags)
+
+    def points(self, frame: int) -> tuple[F32, NDArray[np.uint8]]:
+        """Float32 positions and validity flags of a frame (the last frame asked for is kept)."""
+        if self._cache is None or self._cache[0] != frame:
+            positions = np.asarray(self.geometry.positions(frame), dtype=np.float64).reshape(-1, 3)
+            with np.errstate(over="ignore"):  # beyond float32 is infinite: such triangles are never hit
+                points = np.ascontiguousarray((positions - self.centre).astype(np.float32))
+            self._cache = (frame, points, valid_triangles(points, self.faces))
+        return self._cache[1], self._cache[2]
+
+    def moment(
+        self,
+        frame: int,
+        width: int,
+        height: int,
+        camera: Camera | None = None,
+        lights: tuple[Light, ...] | None = None,
+    ) -> Moment:
+        """One frame at one image size. ``camera`` and ``lights`` default to the scene's, moved along its path."""
+        from ..judge.receivers import spot_rows
+
+        points, valid = self.points(frame)
+        chosen = camera or self.scene.camera
+        if lights is None:
+            lights = self.lights(frame)
+        eye, axes, tangents, column, row = ray_tables(chosen, width, height, self.centre)
+        positions = np.array([self.light_point(light) for light in lights]).reshape(-1, 3)
+        return Moment(
+            frame,
+            points,
+            valid,
+            eye,
+            axes,
+            tangents,
+            column,
+            row,
+            np.ascontiguousarray(positions.astype(np.float32)),
+            spot_rows(lights),
+            self.scene.facing,
+            reach_of(eye, self.radius + float(np.abs(self.middle).max())),
+            posts_of(positions.astype(np.float32), lights),
+        )
+
+    def light_point(self, light: Light) -> NDArray[np.float64]:
+        """Where a light stands, recentred, float64 [3].
+
+        A directional light stands :data:`INFINITELY_FAR` scene radii (rounded up to a power of two) along its way:
+        there ``p - light`` rounds to ``-light`` in float64 for every point p of the scene, so that whatever is
+        computed from differences is what it is in the limit, and exact arithmetic differs from the limit by less
+        than float64 can tell.
+        """
+        position = np.asarray(light.position, dtype=np.float64)
+        if not light.directional:
+            return position - self.centre
+        size = np.abs(position).max(initial=0.0)
+        if not 0.0 < size < np.inf:
+            raise UserError(f"directional light: its way {light.position} must be finite and not zero")
+        way = position / size
+        reach = 2.0 ** np.ceil(np.log2(self.radius))
+        return way / np.linalg.norm(way) * (INFINITELY_FAR * reach)
+
+    def lights(self, frame: int) -> tuple[Light, ...]:
+        """The scene's lights at a frame, moved along its light path."""
+        path = self.scene.light_path
+        if path is None:
+            return self.scene.lights
+        share = frame / max(1, self.frame_count - 1)
+        return path.at(self.scene.lights, share)  # type: ignore[attr-defined]
+
+    def sha256(self, frame: int = 0) -> str:
+        """Hash of the arrays as everyone gets them: float32 positions of a frame, then faces in their order."""
+        digest = hashlib.sha256(np.ascontiguousarray(self.points(frame)[0]).tobytes())
+        digest.update(self.faces.tobytes())
+        return digest.hexdigest()
+
+
+def posts_of(positions: F32, lights: tuple[Light, ...]) -> F32:
+    """Float32 [light_count, 3]: see :attr:`Moment.posts`. Scaled by a power of two: the way stays what it is."""
+    scale = [NEARER if light.directional else 1.0 for light in lights]
+    return np.ascontiguousarray(positions * np.array(scale, dtype=np.float32).reshape(-1, 1))
+
+
+def reach_of(eye: F32, extent: float) -> F32:
+    """Float32 [1]: the least power of two from eight times ``extent`` upwards that bounds the eye's coordinates."""
+    most = max(8.0 * extent, float(np.abs(eye).max()))
+    return np.array([2.0 ** np.ceil(np.log2(min(most, 2.0**126)))], dtype=np.float32)
+
+
+def check_faces(faces: NDArray[np.int32], vertex_count: int, name: str) -> None:
+    """Raise :class:`UserError` unless every index names a vertex."""
+    if len(faces) and (faces.min() < 0 or faces.max() >= vertex_count):
+        bad = int(faces.max()) if faces.max() >= vertex_count else int(faces.min())
+        raise UserError(
+            f"{name}: a face names vertex {bad}, but there are {vertex_count} vertices; mend the file"
+        )
+
+
+def finite_bounds(positions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Lowest and highest corner of the vertices that float32 can hold; both zero where there are none."""
+    finite = positions[(np.abs(positions) <= np.finfo(np.float32).max).all(axis=1)]
+    if not len(finite):
+        return np.zeros(3), np.zeros(3)
+    return finite.min(axis=0), finite.max(axis=0)
+
+
+def recentre(positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The point to subtract: the middle of the box, or zero where the box lies within its own size of the origin."""
+    low, high = finite_bounds(positions)
+    middle = (low + high) / 2
+    if np.abs(middle).max() <= (high - low).max():
+        return np.zeros(3)
+    return middle
+
+
+def weld(positions: NDArray[np.float64]) -> NDArray[np.int32]:
+    """For each vertex the lowest index of a vertex at the same position (-0 equals +0), int32 [vertex_count].
+
+    ``positions``: recentred, [vertex_count, 3]; compared as float32, as everyone gets them.
+
+    Edge planes are built in this order, so that two triangles that meet at an edge get the same plane even where
+    the file has split its vertices. Vertices with NaN keep their own index.
+    """
+    if not len(positions):
+        return np.zeros(0, dtype=np.int32)
+    with np.errstate(over="ignore"):
+        keys = np.ascontiguousarray(positions.astype(np.float32) + np.float32(0.0))
+    view = keys.view([("x", "<f4"), ("y", "<f4"), ("z", "<f4")]).ravel().view("V12")
+    _, first, inverse = np.unique(view, return_index=True, return_inverse=True)
+    result = first[inverse.ravel()].astype(np.int32)
+    odd = np.isnan(keys).any(axis=1)
+    result[odd] = np.nonzero(odd)[0]
+    return result
+
+
+def valid_triangles(points: F32, faces: NDArray[np.int32]) -> NDArray[np.uint8]:
+    """1 where a triangle has finite vertices and an area that is not zero, decided exactly. uint8 [triangle_count]."""
+    if not len(faces):
+        return np.zeros(0, dtype=np.uint8)
+    with np.errstate(invalid="ignore", over="ignore"):
+        a, b, c = (points[faces[:, i]].astype(np.float64) for i in range(3))
+        finite = np.isfinite(a).all(axis=1) & np.isfinite(b).all(axis=1) & np.isfinite(c).all(axis=1)
+        e, f = b - a, c - a
+        normal = np.abs(np.cross(e, f)).max(axis=1)
+        # A difference, a product and their difference each round once, by at most 2^-53 of their size.
+        reach = np.maximum(np.abs(e), np.abs(f)).max(axis=1)
+        bound = 16 * 2.0**-53 * reach * reach
+        same = (a == b).all(axis=1) | (b == c).all(axis=1) | (c == a).all(axis=1)
+    result = finite & (normal > bound)
+    for i in np.nonzero(finite & ~result & ~same)[0]:
+        result[i] = not _zero_area_exact(*(points[faces[i]]))
+    return result.astype(np.uint8)
+
+
+def _zero_area_exact(a: F32, b: F32, c: F32) -> bool:
+    p, q, r = ([Fraction(float(x)) for x in vertex] for vertex in (a, b, c))
+    e = [x - y for x, y in zip(q, p, strict=True)]
+    f = [x - y for x, y in zip(r, p, strict=True)]
+    return all(e[i] * f[j] == e[j] * f[i] for i, j in ((0, 1), (1, 2), (2, 0)))
+
+
+def ray_tables(
+    camera: Camera, width: int, height: int, centre: NDArray[np.float64]
+) -> tuple[F32, F32, F32, F32, F32]:
+    """Eye [3], axes [3, 3], tangents [2], column [width, 3], row [height, 3], all float32.
+
+    Pixel (x, y) has its centre at (x + 0.5, y + 0.5), row 0 at the top; square pixels; ``fov`` is vertical.
+    """
+    if width < 1 or height < 1:
+        raise UserError(f"image size {width}x{height}: both must be at least 1")
+    eye = np.asarray(camera.eye, dtype=np.float64)
+    forward = np.asarray(camera.target, dtype=np.float64) - eye
+    if not np.isfinite(forward).all() or not forward.any():
+        raise UserError("camera: eye and target must be finite and different")
+    forward /= np.abs(forward).max()
+    forward /= np.linalg.norm(forward)
+    up = np.asarray(camera.up, dtype=np.float64)
+    right = np.cross(forward, up)
+    if not np.isfinite(up).all() or np.linalg.norm(right) <= 1e-9 * np.linalg.norm(up):
+        raise UserError("camera: up must be finite and not parallel to the view; choose another up")
+    if not 0.0 < camera.fov < 180.0:
+        raise UserError(f"camera: fov {camera.fov} degrees must lie between 0 and 180")
+    right /= np.linalg.norm(right)
+    true_up = np.cross(right, forward)
+    half = np.tan(np.radians(camera.fov) / 2)
+    tangents = np.array([half * width / height, half])
+    x = (2 * (np.arange(width) + 0.5) / width - 1) * tangents[0]
+    y = (1 - 2 * (np.arange(height) + 0.5) / height) * tangents[1]
+    column = forward + x[:, None] * right
+    row = y[:, None] * true_up
+    return (
+        (eye - centre).astype(np.float32),
+        np.stack([right, true_up, forward]).astype(np.float32),
+        tangents.astype(np.float32),
+        np.ascontiguousarray(column.astype(np.float32)),
+        np.ascontiguousarray(row.astype(np.float32)),
+    )

@@ -1,0 +1,76 @@
+"""Scene files: any of the known formats, checked, in the order of the file, nothing merged and nothing
+dropped.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+
+from ...errors import UserError, did_you_mean
+from ..scene import Source
+from .checks import Loaded, Mesh
+from .glb import read_glb
+from .obj import read_obj
+from .ply import read_ply
+from .sequences import load_frames, load_npz, numbered
+from .stl import read_stl
+from .usd import read_usd
+
+READERS: dict[str, Callable[[Path], Mesh]] = {
+    ".ply": read_ply,
+    ".obj": read_obj,
+    ".glb": read_glb,
+    ".stl": read_stl,
+    ".usd": read_usd,
+    ".usda": read_usd,
+    ".usdc": read_usd,
+    ".usdz": read_usd,
+}
+
+SUFFIXES = (".npz", *READERS)
+"""Every file name ending that can be read."""
+
+
+def load(path: str | Path) -> Loaded:
+    """A mesh file, an ``.npz`` sequence, or a folder of numbered frames.
+
+    Raises :class:`UserError`, one line naming file, problem and way out, for everything that is not a valid
+    mesh of at least one triangle. Vertices with NaN are kept: their triangles are never hit.
+    """
+    path = Path(path)
+    if path.is_dir():
+        frames = numbered(path)
+        if not frames:
+            raise UserError(
+                f"{path}: no numbered .ply or .obj frames in this folder; give a file or such a folder"
+            )
+        return load_sequence(frames)
+    suffix = path.suffix.lower()
+    if suffix == ".npz":
+        return load_npz(path)
+    if suffix not in READERS:
+        if not path.exists():
+            raise UserError(f"{path}: no such file; check the path")
+        raise UserError(f"{path}: files ending in {suffix!r} cannot be read{did_you_mean(suffix, SUFFIXES)}")
+    mesh = READERS[suffix](path)
+    return Loaded(mesh.faces, (mesh.points,), (path,), mesh.up)
+
+
+def load_sequence(paths: list[Path]) -> Loaded:
+    """Numbered frames, all of one format, in the order given."""
+    return load_frames(paths, READERS[paths[0].suffix.lower()])
+
+
+def source(files: tuple[Path, ...]) -> Source:
+    """Names and one SHA-256 over the contents of all files in order, for the record."""
+    digest = hashlib.sha256()
+    for path in files:
+        with path.open("rb") as stream:
+            while block := stream.read(1 << 20):
+                digest.update(block)
+    first, last = files[0].name, files[-1].name
+    return Source(
+        "file", first if len(files) == 1 else f"{first}..{last} ({len(files)} files)", digest.hexdigest()
+    )

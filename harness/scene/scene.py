@@ -1,0 +1,267 @@
+"""What a scene is: geometry over time, a camera, lights, and what it calls for. Frozen, and the same for everyone.
+
+Lengths are metres unless the file says otherwise; right-handed coordinates; angles in degrees where a person
+writes them. Nothing here is rounded: a scene is float64 until :mod:`.scene.prepared` recentres and rounds it once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..frame.specialise import Switches
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole camera. ``fov`` is the vertical field of view in degrees; ``up`` must not be parallel to the view."""
+
+    eye: Vector
+    target: Vector
+    up: Vector = (0.0, 1.0, 0.0)
+    fov: float = 45.0
+
+
+@dataclass(frozen=True)
+class Spot:
+    """What a light is limited to: a cone, or a rectangle of azimuth and elevation about its direction (Figure 6).
+
+    direction   where it points; any length
+    angle       half-angle of the cone, degrees in 0..180; or half-width of the rectangle in azimuth
+    rise        half-width of the rectangle in elevation, degrees in 0..90; None: a cone
+    up          what elevation is measured towards; must not be parallel to ``direction``
+    falloff     exponent of the cosine from the direction, for pictures only; 0: none
+
+    Hit points outside are no receivers: they cast no shadow ray and their bit is 0 (:mod:`.judge.receivers`).
+    """
+
+    direction: Vector
+    angle: float
+    rise: float | None = None
+    up: Vector = (0.0, 1.0, 0.0)
+    falloff: float = 0.0
+
+
+@dataclass(frozen=True)
+class Light:
+    """A point light, or a directional one.
+
+    position     where it stands; of a directional light the way from the scene to it, any length
+    shadows      whether it asks for shadow rays: without, no structure is built and no ray is sorted for it
+    color, intensity  for pictures only
+    spot         what it is limited to; None shines everywhere
+    directional  the limit of a light infinitely far away: all its rays are parallel (:func:`.scene.prepared.light_point`)
+    """
+
+    position: Vector
+    shadows: bool = True
+    color: Vector = (1.0, 1.0, 1.0)
+    intensity: float = 1.0
+    spot: Spot | None = None
+    directional: bool = False
+
+    def __post_init__(self) -> None:
+        if self.directional and self.spot is not None:
+            raise ValueError("a directional light cannot be a spot: it stands nowhere")
+
+    def moved(self, position: Vector) -> Light:
+        """The same light elsewhere."""
+        return replace(self, position=position)
+
+
+@dataclass(frozen=True)
+class Moves:
+    """How a mesh moves: ``kind`` is "rigid" or "deforming"; ``vertices`` first and end of what moves, None: all."""
+
+    kind: str
+    vertices: tuple[int, int] | None = None
+
+    def __post_init__(self) -> None:
+        if self.kind not in ("rigid", "deforming"):
+            raise ValueError(f"motion {self.kind!r}: it is rigid or deforming")
+
+
+@dataclass(frozen=True, eq=False)
+class AlphaMask:
+    """Triangles with holes: a hit counts only where the bitmap is opaque (:mod:`.scene.alpha`).
+
+    triangles    uint8 [triangle_count]: 1 = masked, 0 = opaque everywhere
+    coordinates  float32 [triangle_count, 3, 2]: texture coordinates of the corners; the bitmap repeats
+    opaque       uint8 [rows, columns]: 1 = opaque, row 0 at coordinate v = 0
+    """
+
+    triangles: NDArray[np.uint8]
+    coordinates: NDArray[np.float32]
+    opaque: NDArray[np.uint8]
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """A triangle mesh over time: fixed topology, one array of positions a frame.
+
+    ``faces``: int32, shape [triangle_count, 3], indices in range (checked by :func:`validate`).
+    ``positions(k)``: float64 or float32, shape [vertex_count, 3], for frame k in 0..frame_count-1. May hold
+    NaN or infinite coordinates: such triangles are never hit and keep their index.
+    ``motion``: how it moves, for people and plans; None is all of it, deforming, where there are several frames.
+    """
+
+    faces: NDArray[np.int32]
+    positions: Callable[[int], NDArray[np.floating]]
+    frame_count: int = 1
+    motion: Moves | None = None
+
+    def lasting(self, frames: int) -> Geometry:
+        """The same over so many frames, where it does not move itself."""
+        if self.frame_count > 1:
+            return self
+        return Geometry(self.faces, lambda k: self.positions(0), frames)
+
+    @staticmethod
+    def static(vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> Geometry:
+        """A mesh that does not move."""
+        fixed = np.ascontiguousarray(vertices)
+        return Geometry(np.ascontiguousarray(faces, dtype=np.int32), lambda k: fixed, 1)
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a scene's geometry came from; goes into every record.
+
+    ``kind`` is ``procedural`` or ``file``. ``sha256`` is the file's hash (empty for procedural geometry; the
+    hash of the arrays is taken apart from this, in :mod:`.scene.prepared`).
+    """
+
+    kind: str = "procedural"
+    file: str = ""
+    sha256: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """One entry of the catalogue, or a file given on the command line.
+
+    name       what a person types; lower case, no spaces
+    title      what a table prints; for a stand-in it ends in "(stand-in)"
+    geometry   makes the mesh; called once, may take seconds
+    stand_in   None for the real thing; otherwise one line saying what it stands in for
+    closed     True only if the surface is closed and consistently oriented (culling is legal then)
+    light_path a path of :mod:`.scene.light_paths` that moves ``lights`` over the animation, or None for fixed lights
+    camera_moves  whether the camera is to be taken as moving (what a frame may keep depends on it)
+    facing     only hit points that face a light, as the eye sees them, have a shadow ray (:mod:`.judge.receivers`)
+    alpha      makes the alpha mask of the geometry, or None: every triangle is opaque
+    mirror     makes the mirrors of the geometry, uint8 [triangle_count], or None: nothing reflects
+    bounces    how often a mirror's rays go on; 0: mirrors are seen as plain surfaces
+    outputs    what is wanted of a frame, of :data:`OUTPUTS`
+    """
+
+    name: str
+    title: str
+    geometry: Callable[[], Geometry]
+    camera: Camera
+    lights: tuple[Light, ...]
+    stand_in: str | None = None
+    closed: bool = False
+    light_path: object | None = None
+    source: Source = field(default_factory=Source)
+    notes: str = ""
+    camera_moves: bool = False
+    facing: bool = False
+    alpha: Callable[[Geometry], AlphaMask] | None = None
+    mirror: Callable[[Geometry], NDArray[np.uint8]] | None = None
+    bounces: int = 0
+    outputs: tuple[str, ...] = ("depth", "ids", "shadows")
+
+
+OUTPUTS = ("depth", "ids", "shadows", "color", "counters")
+"""What can be wanted of a frame: t and weights; triangles; shadow bits; shaded colour; counters of the work."""
+
+
+@dataclass(frozen=True)
+class Effects:
+    """What a frame must simulate, derived from a scene: nothing else is run.
+
+    shadows      one flag a light: does it ask for shadow rays
+    limited      one flag a light: is it a spot; () is none
+    directional  one flag a light: is it directional; () is none
+    facing       whether only hit points that face a light have a shadow ray
+    alpha        whether triangles have holes
+    bounces      how often mirrored rays go on
+    color        whether the frame is shaded
+    """
+
+    shadows: tuple[bool, ...]
+    limited: tuple[bool, ...] = ()
+    directional: tuple[bool, ...] = ()
+    facing: bool = False
+    alpha: bool = False
+    bounces: int = 0
+    color: bool = False
+
+    @staticmethod
+    def of(scene: Scene) -> Effects:
+        """The effects that ``scene`` calls for. Without shadow bits or colour among its outputs no light does."""
+        unknown = [name for name in scene.outputs if name not in OUTPUTS]
+        if unknown:
+            raise ValueError(f"{scene.name}: output {unknown[0]!r} is not one of {', '.join(OUTPUTS)}")
+        if scene.bounces < 0:
+            raise ValueError(f"{scene.name}: {scene.bounces} bounces; give 0 or more")
+        lit = "shadows" in scene.outputs or "color" in scene.outputs
+        return Effects(
+            shadows=tuple(lit and light.shadows for light in scene.lights),
+            limited=tuple(light.spot is not None for light in scene.lights),
+            directional=tuple(light.directional for light in scene.lights),
+            facing=scene.facing,
+            alpha=scene.alpha is not None,
+            bounces=scene.bounces if scene.mirror is not None else 0,
+            color="color" in scene.outputs,
+        )
+
+    def masked(self, light: int) -> bool:
+        """Whether only some hit points have a shadow ray to ``light``: a mask of receivers is made for it."""
+        spot = light < len(self.limited) and self.limited[light]
+        return light < len(self.shadows) and self.shadows[light] and (self.facing or spot)
+
+    def mask_reads(self, light: int, bounce: int = 0) -> tuple[str, ...]:
+        """What a pass that traces shadow rays to ``light`` (of the hits of a bounce) reads of receivers."""
+        if not self.masked(light):
+            return ()
+        return (f"receivers/{light}/{bounce}" if bounce else f"receivers/{light}",)
+
+    def surface_reads(self) -> tuple[str, ...]:
+        """What a pass that decides whether a hit counts reads of surfaces."""
+        return ("surfaces",) if self.alpha else ()
+
+    def switches(self, light: int | None = None, bounce: int = 0) -> Switches:
+        """What kernels are compiled for: those of primary rays, or those of shadow rays to ``light``.
+
+        ``bounce`` > 0: those of mirrored rays, or of the shadow rays of what they hit.
+        """
+        return Switches(masked=light is not None and self.masked(light), alpha=self.alpha, bounced=bounce > 0)
+
+    def is_directional(self, light: int) -> bool:
+        """Whether ``light`` is directional."""
+        return light < len(self.directional) and self.directional[light]
+
+    def names(self) -> tuple[str, ...]:
+        """The effects called for, as :attr:`.frame.method.BaseMethod.simulates` names them."""
+        lights = range(len(self.shadows))
+        called = {
+            "shadows": any(self.shadows),
+            "receivers": any(self.masked(i) for i in lights),
+            "directional": any(self.shadows[i] and self.is_directional(i) for i in lights),
+            "alpha": self.alpha,
+            "mirror": self.bounces > 0,
+        }
+        return tuple(name for name, wanted in called.items() if wanted)
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a method may take. ``memory``: bytes for its structures, counted by the method before it allocates."""
+
+    memory: int = 8 << 30

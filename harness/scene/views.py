@@ -1,0 +1,210 @@
+"""A camera and a light for geometry that comes without: from its bounds, its walls, and which way is up."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .prepared import finite_bounds
+from .readers.checks import Loaded
+from .scene import Camera, Light, Vector
+
+FOV = 40.0
+AZIMUTH, ELEVATION = 35.0, 20.0
+"""The three-quarter view, in degrees: from the front turned to the right, and from above."""
+
+_MARGIN = 1.04
+_WALL = 0.6
+_OPEN = 0.1
+"""A side of the bounding box counts as a wall when triangles lie on this share of it, as open below the
+other.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """What views are chosen from.
+
+    points  float64 [n, 3]: finite vertices that faces use, of frames spread over the whole length
+    sides   share of each side of the bounding box that triangles lie on, float64 [axis, low or high]
+    up      index of the upward axis
+    """
+
+    points: NDArray[np.float64]
+    sides: NDArray[np.float64]
+    up: int
+
+    @property
+    def low(self) -> NDArray[np.float64]:
+        return finite_bounds(self.points)[0]
+
+    @property
+    def high(self) -> NDArray[np.float64]:
+        return finite_bounds(self.points)[1]
+
+    @property
+    def radius(self) -> float:
+        """Half the diagonal of the bounding box; 1 where that is zero."""
+        return float(np.linalg.norm(self.high - self.low) / 2) or 1.0
+
+    @property
+    def thinnest(self) -> int:
+        """Index of the axis along which it extends least."""
+        return int(np.argmin(self.high - self.low))
+
+    def frame(self) -> tuple[NDArray, NDArray, NDArray]:
+        """Right, up and towards the viewer of the front view: right-handed."""
+        right, up, front = np.eye(3)[[0, 1, 2]]
+        if self.up == 2:  # the front of a z-up scene is its -y side
+            right, up, front = np.eye(3)[0], np.eye(3)[2], -np.eye(3)[1]
+        elif self.up == 0:
+            right, up, front = -np.eye(3)[1], np.eye(3)[0], np.eye(3)[2]
+        return right, up, front
+
+
+def shape_of(loaded: Loaded) -> Shape:
+    """Measures a loaded file; at most 8 frames of it are looked at."""
+    used = np.unique(loaded.faces)
+    chosen = np.unique(np.linspace(0, len(loaded.frames) - 1, 8).round().astype(int))
+    points = np.concatenate([loaded.frames[k][used].astype(np.float64) for k in chosen])
+    points = points[(np.abs(points) < np.finfo(np.float32).max).all(axis=1)]
+    if not len(points):
+        points = np.zeros((1, 3))
+    low, high = points.min(axis=0), points.max(axis=0)
+    sides = _covered(loaded.frames[0].astype(np.float64)[loaded.faces], low, high)
+    if loaded.up is not None:
+        up = int(np.argmax(loaded.up))
+    else:
+        up = _upward(low, high)
+    return Shape(points, sides, up)
+
+
+def _covered(corners: NDArray[np.float64], low: NDArray, high: NDArray) -> NDArray[np.float64]:
+    """Share of each side of the box that triangles within 3 % of it and parallel to it add up to. [axis,
+    end].
+    """
+    extent = np.maximum(high - low, 1e-30)
+    sides = np.zeros((3, 2))
+    with np.errstate(invalid="ignore", over="ignore"):
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+        for axis in range(3):
+            area = extent[(axis + 1) % 3] * extent[(axis + 2) % 3]
+            for end, place in enumerate((low, high)):
+                near = (np.abs(corners[:, :, axis] - place[axis]) <= 0.03 * extent[axis]).all(axis=1)
+                sides[axis, end] = np.nansum(np.abs(normal[near, axis])) / area
+    return sides
+
+
+def _upward(low: NDArray, high: NDArray) -> int:
+    """Index of the upward axis where the file does not say: guessed.
+
+    The one axis along which it rests on zero while the others straddle it; else the axis along which it is
+    much thinner than along the others (terrain); else y, which most programs use.
+    """
+    extent = np.maximum(high - low, 1e-30)
+    rests = (np.abs(low) <= 0.03 * extent) & (high > 0)
+    straddles = (low < -0.2 * extent) & (high > 0.2 * extent)
+    for axis in range(3):
+        others = [i for i in range(3) if i != axis]
+        if rests[axis] and straddles[others].all():
+            return axis
+    for axis in range(3):
+        others = [i for i in range(3) if i != axis]
+        if (extent[axis] < 0.4 * extent[others]).all():
+            return axis
+    return 1
+
+
+def view(shape: Shape) -> tuple[Camera, tuple[Light, ...]]:
+    """Camera and lights for any mesh: into a box that is open on one side, else the whole thing from
+    outside.
+    """
+    opening = _opening(shape)
+    return _into_box(shape, *opening) if opening else outside(shape)
+
+
+def outside(
+    shape: Shape, azimuth: float = AZIMUTH, elevation: float = ELEVATION
+) -> tuple[Camera, tuple[Light, ...]]:
+    """The three-quarter view from outside, everything just inside a square image; the light high at its
+    left.
+    """
+    camera = _fitted(shape, _direction(shape, azimuth, elevation), shape.frame()[1])
+    middle = (shape.low + shape.high) / 2
+    place = middle + shape.radius * 2.2 * _direction(shape, azimuth - 60.0, 45.0)
+    return camera, (Light(_vector(place)),)
+
+
+def _direction(shape: Shape, azimuth: float, elevation: float) -> NDArray[np.float64]:
+    """Unit vector from the middle towards an azimuth (from the front, to the right) and an elevation in
+    degrees.
+    """
+    right, up, front = shape.frame()
+    a, e = math.radians(azimuth), math.radians(elevation)
+    return math.cos(e) * (math.sin(a) * right + math.cos(a) * front) + math.sin(e) * up
+
+
+def _fitted(shape: Shape, toward: NDArray[np.float64], up: NDArray[np.float64]) -> Camera:
+    """The camera in direction ``toward`` from the middle, as near as shows every point in a square image."""
+    forward = -toward
+    right = np.cross(forward, up)
+    right /= np.linalg.norm(right)
+    true_up = np.cross(right, forward)
+    middle = (shape.low + shape.high) / 2
+    offsets = (shape.points - middle) @ np.stack([right, true_up, forward], axis=1)
+    half = math.tan(math.radians(FOV) / 2) / _MARGIN
+    # Seen from (x, y, -d), a point needs |px - x| <= half (pz + d): two lines that meet at x and d.
+    shift, distances = [], []
+    for axis in (0, 1):
+        most = float((offsets[:, axis] - half * offsets[:, 2]).max())
+        least = float((offsets[:, axis] + half * offsets[:, 2]).min())
+        shift.append((most + least) / 2)
+        distances.append((most - least) / (2 * half))
+    distance = max(*distances, 1e-3 * shape.radius)
+    eye = middle + shift[0] * right + shift[1] * true_up - distance * forward
+    return Camera(_vector(eye), _vector(eye + forward * max(distance, shape.radius)), _vector(up), FOV)
+
+
+def _opening(shape: Shape) -> tuple[int, int] | None:
+    """The open side (axis, end) of a box with a floor whose other upright sides are walls, or None."""
+    if shape.sides[shape.up, 0] < _WALL:
+        return None
+    upright = [(axis, end) for axis in range(3) if axis != shape.up for end in (0, 1)]
+    missing = [side for side in upright if shape.sides[side] < _OPEN]
+    walls = [side for side in upright if shape.sides[side] >= _WALL]
+    return missing[0] if len(missing) == 1 and len(walls) == 3 else None
+
+
+def _into_box(shape: Shape, axis: int, end: int) -> tuple[Camera, tuple[Light, ...]]:
+    """Straight through the open side; the light inside, under the ceiling, a little off the middle."""
+    toward = np.zeros(3)
+    toward[axis] = 1.0 if end else -1.0
+    up = np.eye(3)[shape.up]
+    light = shape.low + (shape.high - shape.low) * 0.5
+    light[shape.up] = shape.low[shape.up] + 0.88 * (shape.high - shape.low)[shape.up]
+    side = 3 - shape.up - axis
+    light[side] += 0.12 * (shape.high - shape.low)[side]
+    return _fitted(shape, toward, up), (Light(_vector(light)),)
+
+
+def inside(shape: Shape, along: float = 0.08, height: float = 0.3) -> tuple[Camera, tuple[Light, ...]]:
+    """From within a building along its longest level axis; one light high in the middle.
+
+    ``along``: the eye's place as a share of that axis. ``height``: its share of the upward axis.
+    """
+    extent = shape.high - shape.low
+    level = [axis for axis in range(3) if axis != shape.up]
+    axis = max(level, key=lambda i: extent[i])
+    eye, target, light = (shape.low + 0.5 * extent for _ in range(3))
+    eye[axis] = shape.low[axis] + along * extent[axis]
+    eye[shape.up] = target[shape.up] = shape.low[shape.up] + height * extent[shape.up]
+    target[axis] = shape.low[axis] + 0.6 * extent[axis]
+    light[shape.up] = shape.low[shape.up] + 0.6 * extent[shape.up]
+    return Camera(_vector(eye), _vector(target), _vector(np.eye(3)[shape.up]), 60.0), (Light(_vector(light)),)
+
+
+def _vector(array: NDArray) -> Vector:
+    return (float(array[0]), float(array[1]), float(array[2]))

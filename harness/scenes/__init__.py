@@ -1,1 +1,0 @@
-"""The catalogue: procedural stand-ins for the scenes of the paper, and files."""

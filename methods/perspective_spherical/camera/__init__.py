@@ -1,0 +1,1 @@
+"""The perspective grid for the camera's rays."""

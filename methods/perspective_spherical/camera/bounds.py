@@ -1,0 +1,123 @@
+"""Where a triangle lies on the image: its box of tiles, its range of depth, its record. The perspective grid's first pass.
+
+Camera space is (right, up, forward) from the eye.
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ...common.screen import camera_space, out_of_view, pixel_box
+from ...common.triangle import largest, weld_of
+from ..culling import faces_away
+from ..lists.binning import queue_large
+from .ray_tests import plane_record, vertex_record
+
+
+@wp.func
+def widened(p: wp.vec3f, middle: wp.vec3f, widening: wp.float32) -> wp.vec3f:
+    return p + (p - middle) * widening
+
+
+@wp.func
+def project(
+    i: wp.int32,
+    width: wp.int32,
+    height: wp.int32,
+    tile: wp.int32,
+    widening: wp.float32,
+    outward: wp.float64,
+    test: wp.int32,
+    eye: wp.array(dtype=wp.vec3f),
+    axes: wp.array(dtype=wp.vec3f),
+    tangents: wp.array(dtype=wp.float32),
+    points: wp.array(dtype=wp.vec3f),
+    triangles: wp.array(dtype=wp.vec3i),
+    weld: wp.array(dtype=wp.int32),
+    boxes: wp.array(dtype=wp.vec4i),
+    records: wp.array(dtype=wp.vec4f),
+    lanes: wp.int32,
+    queue: wp.array(dtype=wp.vec2i),
+    needs: wp.array(dtype=wp.int64),
+    slot: wp.int32,
+) -> wp.vec2f:
+    """A valid triangle's box, record and place in the queue; returns its range of depth, (inf, -inf) if unseen."""
+    unseen = wp.vec2f(wp.INF, -wp.INF)
+    face = triangles[i]
+    o = eye[0]
+    a = camera_space(points[face[0]], o, axes)
+    b = camera_space(points[face[1]], o, axes)
+    c = camera_space(points[face[2]], o, axes)
+    middle = (a + b + c) / 3.0
+    a = widened(a, middle, widening)
+    b = widened(b, middle, widening)
+    c = widened(c, middle, widening)
+    if out_of_view(a, b, c, tangents[0], tangents[1]):
+        return unseen
+    seen = pixel_box(a, b, c, tangents[0], tangents[1], width, height)
+    if seen[2] < seen[0] or seen[3] < seen[1]:
+        return unseen
+    if faces_away(outward, o, points[face[0]], points[face[1]], points[face[2]]):
+        return unseen
+    box = wp.vec4i(seen[0] // tile, seen[1] // tile, seen[2] // tile, seen[3] // tile)
+    boxes[i] = box
+    queue_large(i, box, lanes, queue, needs, slot)
+    r = plane_record(o, points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face))
+    if test == 2:  # Moeller-Trumbore
+        r = vertex_record(o, points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face))
+    records[3 * i] = r.q0
+    records[3 * i + 1] = r.q1
+    records[3 * i + 2] = r.q2
+    reach = wp.max(largest(a), wp.max(largest(b), largest(c)))
+    low = wp.max(0.0, wp.min(a[2], wp.min(b[2], c[2])) - 1.0e-6 * reach)
+    return wp.vec2f(low, wp.max(a[2], wp.max(b[2], c[2])) + 1.0e-6 * reach)
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def project_kernel(
+    triangle_count: wp.int32,
+    width: wp.int32,
+    height: wp.int32,
+    tile: wp.int32,
+    widening: wp.float32,
+    outward: wp.float64,
+    test: wp.int32,
+    eye: wp.array(dtype=wp.vec3f),
+    axes: wp.array(dtype=wp.vec3f),
+    tangents: wp.array(dtype=wp.float32),
+    points: wp.array(dtype=wp.vec3f),
+    triangles: wp.array(dtype=wp.vec3i),
+    weld: wp.array(dtype=wp.int32),
+    valid: wp.array(dtype=wp.uint8),
+    lanes: wp.int32,
+    slot: wp.int32,
+    boxes: wp.array(dtype=wp.vec4i),
+    depths: wp.array(dtype=wp.vec2f),
+    depth_range: wp.array(dtype=wp.float32),
+    records: wp.array(dtype=wp.vec4f),
+    queue: wp.array(dtype=wp.vec2i),
+    needs: wp.array(dtype=wp.int64),
+):
+    """Each triangle's box of tiles, range of depth and record; queue the large ones; range of all depths.
+
+    widening  growth of each triangle about its middle; outward  see :func:`~.culling.faces_away`
+    records   vec4f [3 * triangle_count], written where the box is not empty
+    The range is reduced in each block: an atomic a triangle would cost more than all else here.
+    """
+    i = wp.tid()
+    depth = wp.vec2f(wp.INF, -wp.INF)
+    if i < boxes.shape[0]:
+        boxes[i] = wp.vec4i(0, 0, -1, -1)
+        if i < triangle_count and valid[i] != wp.uint8(0):
+            depth = project(
+                i, width, height, tile, widening, outward, test, eye, axes, tangents, points, triangles, weld,
+                boxes, records, lanes, queue, needs, slot,
+            )  # fmt: skip
+            depths[i] = depth
+    low = wp.tile_extract(wp.tile_min(wp.tile(depth[0])), 0)
+    high = wp.tile_extract(wp.tile_max(wp.tile(depth[1])), 0)
+    if i % wp.block_dim() == 0:
+        if low < depth_range[0]:
+            wp.atomic_min(depth_range, 0, low)
+        if high > depth_range[1]:
+            wp.atomic_max(depth_range, 1, high)

@@ -1,0 +1,157 @@
+"""Host side of the perspective grid: its arrays and the launches of its passes."""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ....harness.frame.frame import Frame
+from ....harness.frame.passes import Pass
+from ....harness.frame.specialise import specialised
+from ....harness.scene.scene import Effects
+from ..lists.binning import BIN_BLOCK, TileBins
+from ..lists.items import Items, count_tiles_kernel
+from ..parameters import TRIANGLE_TESTS, Build, Trace
+from ..variants import Variant, block_for, staged
+from .bounds import project_kernel
+from .ray_tests import WIDENINGS
+from .tiles import ImageTiles, bin_kernel
+from .trace import NO_NEAREST, make_resolve_kernel, make_trace_kernel
+from .trace_staged import make_staged_trace_kernel
+
+
+@wp.kernel(enable_backward=False)
+def reset_range_kernel(depth_range: wp.array(dtype=wp.float32)):
+    depth_range[0] = wp.INF
+    depth_range[1] = -wp.INF
+
+
+class CameraGrid:
+    """The perspective grid of one frame, and the closest hits traced through it.
+
+    hit      vec3d [pixels]: float64 hit points, the origins of the shadow rays
+    records  vec4f [3 * triangle_count]: see :mod:`.camera.ray_tests`
+    outward  how faces are wound, for culling; 0 keeps back faces
+    """
+
+    def __init__(
+        self,
+        frame: Frame,
+        build: Build,
+        trace: Trace,
+        outward: float,
+        capacity: tuple[int, ...],
+        needs: wp.array,
+        slot: int,
+        effects: Effects,
+    ):
+        self.effects = effects
+        self.frame, self.build, self.trace, self.outward = frame, build, trace, outward
+        self.widening = WIDENINGS[TRIANGLE_TESTS.index(build.triangle_test)]
+        self.across = -(-frame.width // build.tile)
+        self.down = -(-frame.height // build.tile)
+        cells = self.across * self.down * build.slices
+        if cells >= 2**30:
+            raise ValueError(f"{cells:,} cells: choose a larger tile or fewer slices")
+        self.bins = TileBins(
+            frame.triangle_count, self.across * self.down, build.slices, capacity, needs, slot, build.sort,
+            frame.device,
+        )  # fmt: skip
+        with wp.ScopedDevice(frame.device):
+            self.depths = wp.zeros(self.bins.items, dtype=wp.vec2f)
+            self.records = wp.zeros(3 * self.bins.items, dtype=wp.vec4f)
+            self.depth_range = wp.zeros(2, dtype=wp.float32)
+            self.hit = wp.zeros(frame.pixels, dtype=wp.vec3d)
+            self.no_tests = wp.zeros(1, dtype=wp.int32)
+            self.nearest = wp.zeros(frame.pixels if trace.triangle_chunk else 1, dtype=wp.uint64)
+        self.tiles = ImageTiles()
+        self.tiles.width, self.tiles.height = frame.width, frame.height
+        self.tiles.tile, self.tiles.slices = build.tile, build.slices
+        self.tiles.spans = build.depth_lists == "spans"
+        self.tiles.tangents, self.tiles.depth_range = frame.tangents, self.depth_range
+        split, sources = trace.triangle_chunk, self.across * self.down if trace.triangle_chunk else 1
+        # A list of n pairs has at most one part and one for every full chunk.
+        self.items = Items(sources, sources + (capacity[0] // split if split else 0), frame.device)
+        self.item_need = wp.zeros(1, dtype=wp.int64, device=frame.device)
+
+    def passes(self) -> list[Pass]:
+        """Build and trace, in the order they run."""
+        scene = ("points", "triangles", "camera")
+        bins = self.bins
+        return [
+            Pass("camera grid: project", "build", scene, ("camera boxes",), self.launch_project),
+            Pass(
+                "camera grid: emit pairs", "build", (*scene, "camera boxes"), ("camera pairs",), self.launch_bin,
+            ),
+            Pass("camera grid: sort pairs", "build", ("camera pairs",), ("camera grid",), bins.launch_sort),
+            Pass(
+                "primary rays", "trace", (*scene, "camera grid", *self.effects.surface_reads()), ("hits",),
+                self.launch_trace,
+            ),
+        ]  # fmt: skip
+
+    def launch_project(self) -> None:
+        f, b = self.frame, self.bins
+        b.clear_queue()
+        wp.launch(reset_range_kernel, dim=1, outputs=[self.depth_range], device=f.device)
+        wp.launch(
+            project_kernel,
+            dim=-(-b.items // BIN_BLOCK) * BIN_BLOCK,
+            inputs=[
+                f.triangle_count, f.width, f.height, self.build.tile, self.widening, self.outward,
+                TRIANGLE_TESTS.index(self.build.triangle_test), f.eye, f.axes, f.tangents, f.points, f.triangles,
+                f.weld, f.valid, b.lanes, b.slot + 1,
+            ],
+            outputs=[b.boxes, self.depths, self.depth_range, self.records, b.queue, b.needs],
+            block_dim=BIN_BLOCK,
+            device=f.device,
+        )  # fmt: skip
+
+    def launch_bin(self) -> None:
+        f, b = self.frame, self.bins
+        b.clear_pairs()
+        wp.launch(
+            bin_kernel,
+            dim=b.threads,
+            inputs=[
+                self.tiles, b.lanes, self.widening, f.eye, f.axes, f.points, f.triangles, b.boxes, self.depths,
+                b.queue, b.pairs,
+            ],
+            block_dim=BIN_BLOCK,
+            device=f.device,
+        )  # fmt: skip
+
+    def launch_trace(self, tests: wp.array | None = None) -> None:
+        """Closest hits. ``tests`` (int32 [pixels]) receives the triangle tests of each pixel, if given."""
+        f, a, pairs, split = self.frame, self.frame.answers, self.bins, self.trace.triangle_chunk
+        # Of a split list a block takes one sorting tile; otherwise a tracing tile of k x k of them.
+        k = 1 if split else self.trace.k
+        sources = -(-self.across // k) * -(-self.down // k)
+        if split:
+            sources = self.items.capacity
+            self.items.launch(count_tiles_kernel, [split, pairs.begin, pairs.end], self.item_need, 0)
+            self.nearest.fill_(int(NO_NEAREST))
+        variant, area = Variant.of(self.build), (k * self.build.tile) ** 2
+        block = block_for(area)
+        in_blocks = staged(self.trace, f.device)
+        kernel = make_staged_trace_kernel(variant, block) if in_blocks else make_trace_kernel(variant)
+        outputs = [a.triangle, a.t, a.u, a.v, self.hit, self.no_tests if tests is None else tests]
+        wp.launch(
+            specialised(kernel, self.effects.switches()),
+            dim=sources * (-(-area // block) * block if in_blocks else area),
+            inputs=[
+                f.width, f.height, self.build.tile, k, self.build.slices, split, f.eye, f.column, f.row, f.points,
+                f.triangles, f.weld, self.depth_range, pairs.begin, pairs.end, pairs.keys, pairs.values,
+                self.records, f.alpha, self.items.items, self.items.scan, self.nearest,
+            ],
+            outputs=outputs,
+            block_dim=block,
+            device=f.device,
+        )  # fmt: skip
+        if split:
+            wp.launch(
+                make_resolve_kernel(variant),
+                dim=f.pixels,
+                inputs=[f.width, f.eye, f.column, f.row, f.points, f.triangles, f.weld, self.nearest],
+                outputs=outputs[:-1],
+                device=f.device,
+            )

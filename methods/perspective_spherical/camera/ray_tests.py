@@ -1,0 +1,174 @@
+"""Float32 tests of a ray from the eye against a triangle, on a record made once a frame.
+
+Three tests, chosen when the kernels are compiled (:class:`~.variants.Variant`):
+
+exact            rejects only what its rounding bound makes certain; float64 decides the rest
+edge_planes      rejects by the plain signs of d . n, the planes through the eye and each edge, in difference form
+                 and weld order: two triangles at an edge share a plane, so no ray is rejected by both; one exactly
+                 through a vertex may be rejected by all around it, whose planes do not quite meet there
+moller_trumbore  rejects as Moeller & Trumbore do with det != 0; rays at an edge may be rejected by both sides
+
+What one of the last two accepts counts if the ray crosses the triangle's plane within :data:`TOLERANCE` of the
+triangle (in barycentric weights), and t is float64. The grids list triangles widened by :data:`WIDENINGS`, so an
+answer depends on ray and triangle alone: no tile size, slice, map or chunk can change it.
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ...common.triangle import (
+    FLOOR32,
+    NO_HIT,
+    U32,
+    U64,
+    certainly_outside,
+    edge_functions,
+    hit_distance,
+    largest,
+    to_float64,
+    total,
+)
+
+EXACT, EDGE_PLANES, MOLLER_TRUMBORE = 0, 1, 2
+
+RECORD = wp.constant(3)
+"""vec4f of a triangle's record."""
+
+TOLERANCE = wp.constant(wp.float64(2.0**-16))
+"""Least barycentric weight that a float32 test may accept, negated."""
+
+WIDENINGS = (4.0 * 2.0**-30, 4.0 * 2.0**-16, 4.0 * 2.0**-16)
+"""By test: growth of a triangle about its middle that holds every point it may accept, with a quarter to spare.
+
+Points with weights above -w lie in the triangle grown by 3 w; w is 2^-30 in float64 (``triangle.inside``).
+"""
+
+
+@wp.struct
+class RayRecord:
+    """Three vec4f: planes n through eye and edges and their rounding bound, or a vertex and two edges."""
+
+    q0: wp.vec4f
+    q1: wp.vec4f
+    q2: wp.vec4f
+
+
+@wp.func
+def plane_of_edge(p: wp.vec3f, q: wp.vec3f, weld_p: wp.int32, weld_q: wp.int32) -> wp.vec3f:
+    """p x (q - p) taken from the vertex with the lower weld index; p and q relative to the common origin."""
+    if weld_p < weld_q:
+        return wp.cross(p, q - p)
+    return -wp.cross(q, p - q)
+
+
+@wp.func
+def plane_record(o: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i) -> RayRecord:
+    """Edge planes; the bound of their values is that of ``may_hit``, for a direction with |d|_1 = 1."""
+    pa = a - o
+    pb = b - o
+    pc = c - o
+    reach = wp.max(largest(pa), wp.max(largest(pb), largest(pc)))
+    edge = wp.max(largest(b - a), wp.max(largest(c - b), largest(a - c)))
+    n0 = plane_of_edge(pb, pc, weld[1], weld[2])
+    n1 = plane_of_edge(pc, pa, weld[2], weld[0])
+    n2 = plane_of_edge(pa, pb, weld[0], weld[1])
+    r = RayRecord()
+    r.q0 = wp.vec4f(n0[0], n0[1], n0[2], 20.0 * U32 * reach * edge)
+    r.q1 = wp.vec4f(n1[0], n1[1], n1[2], 0.0)
+    r.q2 = wp.vec4f(n2[0], n2[1], n2[2], 0.0)
+    return r
+
+
+@wp.func
+def vertex_record(o: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i) -> RayRecord:
+    r = RayRecord()
+    e1 = b - a
+    e2 = c - a
+    s = o - a
+    r.q0 = wp.vec4f(s[0], s[1], s[2], 0.0)
+    r.q1 = wp.vec4f(e1[0], e1[1], e1[2], 0.0)
+    r.q2 = wp.vec4f(e2[0], e2[1], e2[2], 0.0)
+    return r
+
+
+@wp.func
+def dot3(q: wp.vec4f, d: wp.vec3f) -> wp.float32:
+    return q[0] * d[0] + q[1] * d[1] + q[2] * d[2]
+
+
+@wp.func
+def passes_bounded(d: wp.vec3f, size: wp.float32, r: RayRecord) -> wp.bool:
+    """False only if the line certainly misses. ``size`` = |d|_1."""
+    return not certainly_outside(dot3(r.q0, d), dot3(r.q1, d), dot3(r.q2, d), size * r.q0[3] + FLOOR32)
+
+
+@wp.func
+def passes_planes(d: wp.vec3f, size: wp.float32, r: RayRecord) -> wp.bool:
+    e0 = dot3(r.q0, d)
+    e1 = dot3(r.q1, d)
+    e2 = dot3(r.q2, d)
+    low = wp.min(e0, wp.min(e1, e2))
+    high = wp.max(e0, wp.max(e1, e2))
+    return low >= 0.0 or high <= 0.0
+
+
+@wp.func
+def passes_moller_trumbore(d: wp.vec3f, size: wp.float32, r: RayRecord) -> wp.bool:
+    s = wp.vec3f(r.q0[0], r.q0[1], r.q0[2])
+    e1 = wp.vec3f(r.q1[0], r.q1[1], r.q1[2])
+    e2 = wp.vec3f(r.q2[0], r.q2[1], r.q2[2])
+    p = wp.cross(d, e2)
+    det = wp.dot(e1, p)
+    if det == 0.0:
+        return False
+    inverse = 1.0 / det
+    u = wp.dot(s, p) * inverse
+    if u < 0.0 or u > 1.0:
+        return False
+    q = wp.cross(s, e1)
+    v = wp.dot(d, q) * inverse
+    if v < 0.0 or u + v > 1.0:
+        return False
+    return wp.dot(e2, q) * inverse > 0.0
+
+
+@wp.func
+def decide_near(
+    o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i
+) -> wp.float64:
+    """t > 0 where the ray crosses the plane within TOLERANCE of the triangle, or NO_HIT. Float64."""
+    o64 = to_float64(o)
+    d64 = to_float64(d)
+    a64 = to_float64(a)
+    b64 = to_float64(b)
+    c64 = to_float64(c)
+    e1 = b64 - a64
+    e2 = c64 - a64
+    n = wp.cross(e1, e2)
+    det = wp.dot(n, d64)
+    if wp.abs(det) <= wp.float64(8.0) * U64 * total(d64) * largest(e1) * largest(e2):
+        return NO_HIT
+    e = edge_functions(o64, d64, a64, b64, c64, weld)
+    if not near_inside(e):
+        return NO_HIT
+    t = wp.dot(n, a64 - o64) / det
+    if t > wp.float64(0.0):
+        return t
+    return NO_HIT
+
+
+@wp.func
+def near_inside(e: wp.vec3d) -> wp.bool:
+    """Whether edge functions of one triangle give weights of at least -TOLERANCE."""
+    sum = e[0] + e[1] + e[2]
+    least = -TOLERANCE * wp.abs(sum)
+    if sum < wp.float64(0.0):
+        e = -e
+    return sum != wp.float64(0.0) and e[0] >= least and e[1] >= least and e[2] >= least
+
+
+RAY_RECORDS = (plane_record, plane_record, vertex_record)
+RAY_PASSES = (passes_bounded, passes_planes, passes_moller_trumbore)
+RAY_DECIDES = (hit_distance, decide_near, decide_near)
+"""By test: make the record, reject in float32, decide what is left."""

@@ -1,0 +1,201 @@
+"""The perspective grid (paper, section 3): triangles in tiles of the image and slices of depth.
+
+Camera space is (right, up, forward) from the eye. A pixel's ray is forward + sx right + sy up, so a triangle's
+edge planes through the eye are linear in (sx, sy) and its depth is 1 / (m . (sx, sy, 1)).
+All bounds are conservative: a tile is left out only if a float32 error bound says that no pixel centre in it can
+see the triangle. A triangle that no pixel centre can see gets no pair at all.
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ...common.reserve import reserve_many
+from ...common.screen import camera_space
+from ...common.triangle import FLOOR32, U32, largest
+from ..lists.binning import PairSink, piece_of, write_pair
+from .bounds import widened
+
+
+@wp.struct
+class ScreenTriangle:
+    """A triangle's edge planes and depth plane in camera space.
+
+    n0, n1, n2: edge planes, turned so that inside is positive if ``oriented``; ``error`` bounds their value's error
+    m: 1 / depth = m . (sx, sy, 1), known to ``m_error``; only if ``refine``
+    """
+
+    n0: wp.vec3f
+    n1: wp.vec3f
+    n2: wp.vec3f
+    error: wp.float32
+    oriented: wp.bool
+    m: wp.vec3f
+    m_error: wp.float32
+    refine: wp.bool
+
+
+@wp.func
+def screen_triangle(
+    face: wp.vec3i,
+    widening: wp.float32,
+    eye: wp.vec3f,
+    axes: wp.array(dtype=wp.vec3f),
+    tangents: wp.array(dtype=wp.float32),
+    points: wp.array(dtype=wp.vec3f),
+) -> ScreenTriangle:
+    a = camera_space(points[face[0]], eye, axes)
+    b = camera_space(points[face[1]], eye, axes)
+    c = camera_space(points[face[2]], eye, axes)
+    middle = (a + b + c) / 3.0
+    a = widened(a, middle, widening)
+    b = widened(b, middle, widening)
+    c = widened(c, middle, widening)
+    ab = b - a
+    bc = c - b
+    ca = a - c
+    n = wp.cross(ab, -ca)
+    det = wp.dot(n, a)
+    reach = wp.max(largest(a), wp.max(largest(b), largest(c)))
+    edge = wp.max(largest(ab), wp.max(largest(bc), largest(ca)))
+    # Camera-space coordinates carry about 4 roundings of |p - eye|; differences inherit twice that.
+    slack = 16.0 * U32 * reach
+    s = ScreenTriangle()
+    s.n0 = wp.cross(b, bc)
+    s.n1 = wp.cross(c, ca)
+    s.n2 = wp.cross(a, ab)
+    s.error = (1.0 + tangents[0] + tangents[1]) * (32.0 * U32 * reach * edge + 6.0 * reach * slack) + FLOOR32
+    n_error = 16.0 * U32 * edge * edge + 6.0 * edge * slack
+    det_error = 3.0 * n_error * reach + 16.0 * U32 * largest(n) * reach + 3.0 * largest(n) * slack + FLOOR32
+    s.oriented = wp.abs(det) > det_error
+    if det < 0.0:
+        s.n0 = -s.n0
+        s.n1 = -s.n1
+        s.n2 = -s.n2
+    s.refine = wp.abs(det) > 100.0 * det_error and largest(n) > 100.0 * n_error
+    if s.refine:
+        s.m = n / det
+        s.m_error = 0.03 * largest(s.m) * (1.0 + tangents[0] + tangents[1])
+    return s
+
+
+@wp.func
+def tile_missed(s: ScreenTriangle, x0: wp.float32, x1: wp.float32, y0: wp.float32, y1: wp.float32) -> wp.bool:
+    """Whether the rectangle of directions certainly misses the triangle."""
+    high0 = wp.max(s.n0[0] * x0, s.n0[0] * x1) + wp.max(s.n0[1] * y0, s.n0[1] * y1) + s.n0[2]
+    high1 = wp.max(s.n1[0] * x0, s.n1[0] * x1) + wp.max(s.n1[1] * y0, s.n1[1] * y1) + s.n1[2]
+    high2 = wp.max(s.n2[0] * x0, s.n2[0] * x1) + wp.max(s.n2[1] * y0, s.n2[1] * y1) + s.n2[2]
+    return s.oriented and (high0 < -s.error or high1 < -s.error or high2 < -s.error)
+
+
+@wp.func
+def slice_of(depth: wp.float32, near: wp.float32, per_slice: wp.float32, slices: wp.int32) -> wp.int32:
+    return wp.int32(wp.clamp((depth - near) * per_slice, 0.0, wp.float32(slices) - 0.5))
+
+
+@wp.func
+def slice_scale(depth_range: wp.array(dtype=wp.float32), slices: wp.int32) -> wp.float32:
+    """Slices a metre; 0 where all depths agree or there are none."""
+    span = depth_range[1] - depth_range[0]
+    if span > 0.0:
+        return wp.float32(slices) / span
+    return wp.float32(0.0)
+
+
+@wp.struct
+class ImageTiles:
+    """The grid: image size, side of a tile in pixels, slices; ``spans``: lists in every slice, not only the first."""
+
+    width: wp.int32
+    height: wp.int32
+    tile: wp.int32
+    slices: wp.int32
+    spans: wp.bool
+    tangents: wp.array(dtype=wp.float32)
+    depth_range: wp.array(dtype=wp.float32)
+
+
+@wp.func
+def slices_in_tile(
+    g: ImageTiles, s: ScreenTriangle, depth: wp.vec2f, column: wp.int32, row: wp.int32
+) -> wp.vec2i:
+    """First and last slice that the triangle is listed in within a tile; last < first where it is missed."""
+    tx = g.tangents[0]
+    ty = g.tangents[1]
+    pad = 4.0e-6 * (1.0 + wp.max(tx, ty))
+    left = wp.float32(column * g.tile)
+    right = wp.float32(wp.min(column * g.tile + g.tile, g.width) - 1)
+    top = wp.float32(row * g.tile)
+    bottom = wp.float32(wp.min(row * g.tile + g.tile, g.height) - 1)
+    x0 = (2.0 * (left + 0.5) / wp.float32(g.width) - 1.0) * tx - pad
+    x1 = (2.0 * (right + 0.5) / wp.float32(g.width) - 1.0) * tx + pad
+    y1 = (1.0 - 2.0 * (top + 0.5) / wp.float32(g.height)) * ty + pad
+    y0 = (1.0 - 2.0 * (bottom + 0.5) / wp.float32(g.height)) * ty - pad
+    if tile_missed(s, x0, x1, y0, y1):
+        return wp.vec2i(0, -1)
+    low = depth[0]
+    high = depth[1]
+    if s.refine:
+        inverse_high = (
+            wp.max(s.m[0] * x0, s.m[0] * x1) + wp.max(s.m[1] * y0, s.m[1] * y1) + s.m[2] + s.m_error
+        )
+        inverse_low = wp.min(s.m[0] * x0, s.m[0] * x1) + wp.min(s.m[1] * y0, s.m[1] * y1) + s.m[2] - s.m_error
+        if inverse_high > 0.0:
+            low = wp.max(low, 1.0 / inverse_high)
+        if inverse_low > 0.0:
+            high = wp.min(high, 1.0 / inverse_low)
+    per_slice = slice_scale(g.depth_range, g.slices)
+    near = g.depth_range[0]
+    first = slice_of(low * 0.99999, near, per_slice, g.slices)
+    last = first
+    if g.spans:
+        last = wp.max(first, slice_of(high * 1.00001, near, per_slice, g.slices))
+    return wp.vec2i(first, last)
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def bin_kernel(
+    g: ImageTiles,
+    lanes: wp.int32,
+    widening: wp.float32,
+    eye: wp.array(dtype=wp.vec3f),
+    axes: wp.array(dtype=wp.vec3f),
+    points: wp.array(dtype=wp.vec3f),
+    triangles: wp.array(dtype=wp.vec3i),
+    boxes: wp.array(dtype=wp.vec4i),
+    depths: wp.array(dtype=wp.vec2f),
+    queue: wp.array(dtype=wp.vec2i),
+    out: PairSink,
+):
+    """Write the pairs of one piece of work: count them, reserve their places, find them again."""
+    p = piece_of(wp.tid(), lanes, boxes, queue, out.needs[out.slot + 1])
+    if p.item < 0:
+        return
+    s = screen_triangle(triangles[p.item], widening, eye[0], axes, g.tangents, points)
+    depth = depths[p.item]
+    across = (g.width + g.tile - 1) // g.tile
+    number = wp.int32(0)
+    hits = wp.int32(0)
+    kept_at = wp.int32(-1)
+    kept = wp.vec2i(0, -1)
+    for at in range(p.first, p.stop, p.step):
+        found = slices_in_tile(g, s, depth, p.x + at % p.w, p.y + at // p.w)
+        if found[1] >= found[0]:
+            number += found[1] - found[0] + 1
+            hits = hits | (1 << ((at - p.first) // p.step))
+            kept_at = at
+            kept = found
+    if number == 0:
+        return
+    place = reserve_many(out.needs, out.slot, number)
+    for at in range(p.first, p.stop, p.step):
+        if (hits >> ((at - p.first) // p.step)) & 1 != 0:
+            column = p.x + at % p.w
+            row = p.y + at // p.w
+            found = kept
+            if at != kept_at:
+                found = slices_in_tile(g, s, depth, column, row)
+            cell = (row * across + column) * g.slices
+            for slice in range(found[0], found[1] + 1):
+                write_pair(place, cell + slice, p.item, out)
+                place += wp.int64(1)

@@ -1,0 +1,1 @@
+"""The spherical grid for the shadow rays of one light."""

@@ -1,0 +1,255 @@
+"""Where a triangle lies in a light's rectangles: its box of tiles, its span of slices, its record.
+
+Conservative throughout: the box of tiles holds the map's exact bounds of the triangle (:mod:`.light.mapping`). An item is
+a triangle in one rectangle: item = triangle * faces + face.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import warp as wp
+
+from ...common.triangle import U64, largest, to_float64, total, weld_of
+from ..culling import faces_away
+from ..lists.binning import INLINE_TILES, queue_large
+from .frame import EXTENT, distance_slice, tile_of
+from .mapping import BOUNDS, LOOSE_BOUNDS, WRAPS, face_frame
+from .segment_tests import SegmentRecord, segment_exact, segment_planes, segment_vertices
+from .sphere import ROUNDING, TWO_PI
+
+FAR_EYE = wp.constant(wp.float64(2.0**-16))
+"""What an eye far away adds to the size that rays are known to, as a share of its distance."""
+
+
+@wp.struct
+class LitTriangle:
+    """Corners in the frame of a face, from the light; inward planes through the light and the edges.
+
+    ``oriented``: whether inward is known; ``error`` bounds a plane's value for a unit direction known to ``pad``
+    n, height: normal turned away from the light and its product with a corner: the distance along a unit d is
+    height / (n . d); ``slope`` bounds the error of n . d, negative where the distance is not known well
+    """
+
+    a: wp.vec3d
+    b: wp.vec3d
+    c: wp.vec3d
+    n0: wp.vec3d
+    n1: wp.vec3d
+    n2: wp.vec3d
+    oriented: wp.bool
+    error: wp.float64
+    n: wp.vec3d
+    height: wp.float64
+    slope: wp.float64
+
+
+@wp.func
+def holds_light(light: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> wp.bool:
+    """Whether the light lies on the triangle's plane within rounding: then it never occludes (see ``occludes``)."""
+    a64 = to_float64(a)
+    ab = to_float64(b) - a64
+    ac = to_float64(c) - a64
+    la = to_float64(light) - a64
+    return wp.abs(wp.dot(wp.cross(ab, ac), la)) <= U64 * largest(ab) * largest(ac) * wp.float64(16.0) * total(
+        la
+    )
+
+
+@wp.func
+def lit_triangle(
+    light: wp.vec3f,
+    axes: wp.mat33d,
+    face: wp.int32,
+    widening: wp.float64,
+    pad: wp.float64,
+    a32: wp.vec3f,
+    b32: wp.vec3f,
+    c32: wp.vec3f,
+) -> LitTriangle:
+    l64 = to_float64(light)
+    a = face_frame(axes * (to_float64(a32) - l64), face)
+    b = face_frame(axes * (to_float64(b32) - l64), face)
+    c = face_frame(axes * (to_float64(c32) - l64), face)
+    middle = (a + b + c) / wp.float64(3.0)
+    a += (a - middle) * widening
+    b += (b - middle) * widening
+    c += (c - middle) * widening
+    s = LitTriangle()
+    s.a = a
+    s.b = b
+    s.c = c
+    s.n0 = wp.cross(b, c - b)
+    s.n1 = wp.cross(c, a - c)
+    s.n2 = wp.cross(a, b - a)
+    s.n = wp.cross(b - a, c - a)
+    det = wp.dot(s.n, a)
+    reach = wp.max(largest(a), wp.max(largest(b), largest(c)))
+    edge = wp.max(largest(b - a), wp.max(largest(c - b), largest(a - c)))
+    s.oriented = wp.abs(det) > wp.float64(8.0) * ROUNDING * edge * edge * reach
+    if det < wp.float64(0.0):
+        s.n0 = -s.n0
+        s.n1 = -s.n1
+        s.n2 = -s.n2
+        s.n = -s.n
+    s.height = wp.abs(det)
+    s.slope = wp.float64(-1.0)
+    if s.height > wp.float64(8.0e4) * ROUNDING * edge * edge * reach:
+        s.slope = wp.float64(8.0) * ROUNDING * edge * edge + wp.float64(2.0) * pad * largest(s.n)
+    steepest = wp.max(largest(s.n0), wp.max(largest(s.n1), largest(s.n2)))
+    s.error = wp.float64(8.0) * ROUNDING * reach * edge + wp.float64(2.0) * pad * steepest
+    return s
+
+
+@wp.func
+def covered(
+    low: wp.float64, high: wp.float64, first: wp.float64, last: wp.float64, tiles: wp.int32, wrap: wp.int32
+) -> wp.vec2i:
+    """Tiles of first..last that low..high may touch, also one turn further where it wraps; (1, 0) for none."""
+    result = wp.vec2i(1, 0)
+    overlaps = wp.int32(0)
+    turns = wp.int32(0)
+    if wrap == 1:
+        turns = 1
+    for turn in range(-turns, turns + 1):
+        shift = wp.float64(turn) * TWO_PI
+        if high + shift >= first and low + shift <= last:
+            overlaps += 1
+            result = wp.vec2i(
+                tile_of(low + shift, first, last, tiles), tile_of(high + shift, first, last, tiles)
+            )
+    if overlaps > 1:
+        # Both ends of the rectangle: everything, and the planes through the edges sort out the middle.
+        return wp.vec2i(0, tiles - 1)
+    return result
+
+
+@wp.func
+def no_ray_in(
+    box: wp.vec4i, slice: wp.int32, side: wp.int32, tiles: wp.int32, deepest: wp.array(dtype=wp.int32)
+) -> wp.bool:
+    """Whether no shadow ray in a small box of tiles reaches ``slice``; large boxes are not looked at."""
+    if (box[2] - box[0] + 1) * (box[3] - box[1] + 1) > INLINE_TILES:
+        return False
+    for row in range(box[1], box[3] + 1):
+        for column in range(box[0], box[2] + 1):
+            if deepest[(side * tiles + row) * tiles + column] >= slice:
+                return False
+    return True
+
+
+@wp.func
+def ray_size(box: wp.array(dtype=wp.float64), eye: wp.vec3f) -> wp.float32:
+    """Bounds every coordinate of the hit points in ``box``; and what an eye far away may have rounded them by."""
+    most = wp.float64(largest(eye)) * FAR_EYE
+    for axis in range(6):
+        most = wp.max(most, wp.abs(box[axis]))
+    return wp.float32(most * wp.float64(1.000001))
+
+
+@functools.cache
+def make_bound_kernel(map: int, bounds: str = "exact") -> wp.Kernel:
+    """Bounds of triangles under one light map: compiled apart, as each takes many registers."""
+    bounds_of, wrap = LOOSE_BOUNDS[bounds] or (BOUNDS[map], WRAPS[map])
+
+    @wp.kernel(enable_backward=False, module="unique", cuda_max_registers=128)
+    def bound_kernel(
+        triangle_count: wp.int32,
+        index: wp.int32,
+        faces: wp.int32,
+        tiles: wp.int32,
+        slices: wp.int32,
+        widening: wp.float64,
+        pads: wp.array(dtype=wp.float64),
+        distance_pad: wp.float64,
+        outward: wp.float64,
+        test: wp.int32,
+        skip_empty: wp.bool,
+        deepest: wp.array(dtype=wp.int32),
+        eye: wp.array(dtype=wp.vec3f),
+        ray_box: wp.array(dtype=wp.float64),
+        lights: wp.array(dtype=wp.vec3f),
+        posts: wp.array(dtype=wp.vec3f),
+        frame: wp.array(dtype=wp.mat33d),
+        extent: wp.array(dtype=wp.float64),
+        points: wp.array(dtype=wp.vec3f),
+        triangles: wp.array(dtype=wp.vec3i),
+        weld: wp.array(dtype=wp.int32),
+        valid: wp.array(dtype=wp.uint8),
+        lanes: wp.int32,
+        slot: wp.int32,
+        boxes: wp.array(dtype=wp.vec4i),
+        spans: wp.array(dtype=wp.vec2i),
+        records: wp.array(dtype=wp.vec4f),
+        queue: wp.array(dtype=wp.vec2i),
+        needs: wp.array(dtype=wp.int64),
+    ):
+        """Each item's box of tiles, span of slices and record; queue the large ones.
+
+        ``pads[0]``: a ray's direction is known to this; ``distance_pad``: its distance, relative
+        """
+        item = wp.tid()
+        boxes[item] = wp.vec4i(0, 0, -1, -1)
+        i = item // faces
+        side = item % faces
+        offset = side * EXTENT
+        if i >= triangle_count or not (extent[offset + 3] >= extent[offset]):
+            return
+        if valid[i] == wp.uint8(0):
+            return
+        face = triangles[i]
+        light = lights[index]
+        a32 = points[face[0]]
+        b32 = points[face[1]]
+        c32 = points[face[2]]
+        if holds_light(light, a32, b32, c32) or faces_away(outward, light, a32, b32, c32):
+            return
+        pad = pads[0]
+        s = lit_triangle(posts[index], frame[0], side, widening, pad, a32, b32, c32)
+        # Nearest point: no nearer than the plane, nor than the nearest vertex less the longest edge.
+        normal = wp.cross(s.b - s.a, s.c - s.a)
+        size = wp.length(normal)
+        la = wp.length(s.a)
+        lb = wp.length(s.b)
+        lc = wp.length(s.c)
+        longest = wp.max(wp.length(s.b - s.a), wp.max(wp.length(s.c - s.b), wp.length(s.a - s.c)))
+        near = wp.max(wp.float64(0.0), wp.min(la, wp.min(lb, lc)) - longest)
+        if size > wp.float64(1.0e-9) * longest * longest:
+            plane = wp.abs(wp.dot(normal, s.a)) / size
+            near = wp.max(near, plane - wp.float64(1.0e-5) * longest)
+        near = near * (wp.float64(1.0) - distance_pad)
+        if near > extent[offset + 5]:
+            return
+        bounds = bounds_of(s.a, s.b, s.c, pad)
+        if not (bounds[1] >= bounds[0]):
+            return
+        x = covered(bounds[0], bounds[1], extent[offset], extent[offset + 3], tiles, wp.static(wrap[0]))
+        y = covered(bounds[2], bounds[3], extent[offset + 1], extent[offset + 4], tiles, wp.static(wrap[1]))
+        if x[1] < x[0] or y[1] < y[0]:
+            return
+        box = wp.vec4i(x[0], y[0], x[1], y[1])
+        first = distance_slice(near, extent, side, slices)
+        if skip_empty and no_ray_in(box, first, side, tiles, deepest):
+            return
+        boxes[item] = box
+        far = wp.max(la, wp.max(lb, lc)) * (wp.float64(1.0) + distance_pad)
+        spans[item] = wp.vec2i(first, distance_slice(far, extent, side, slices))
+        queue_large(item, box, lanes, queue, needs, slot)
+        r = SegmentRecord()
+        weld_abc = weld_of(weld, face)
+        if test == 0:
+            r = segment_exact(light, a32, b32, c32, weld_abc, ray_size(ray_box, eye[0]))
+        elif test == 1:
+            r = segment_planes(light, a32, b32, c32, weld_abc, 0.0)
+        else:
+            r = segment_vertices(light, a32, b32, c32, weld_abc, 0.0)
+        records[6 * i] = r.q0
+        records[6 * i + 1] = r.q1
+        records[6 * i + 2] = r.q2
+        if test != 2:
+            records[6 * i + 3] = r.q3
+        if test == 1:
+            records[6 * i + 4] = r.q4
+            records[6 * i + 5] = r.q5
+
+    return bound_kernel

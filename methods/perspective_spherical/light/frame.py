@@ -1,0 +1,268 @@
+"""Shadow rays in a light's space (paper, sections 4.1 and 4.2): frame, place of each ray, rectangle, sort key.
+
+The frame is aimed at the middle of the hit points and everything in it is float64, so that a light at 1e7 scene
+radii still has its rays spread over all tiles; world axes and float32 are there to show what they cost.
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ....harness.frame.specialise import effects
+from ...common.axes import axes_along
+from ...common.reserve import number_in, raise_to
+from ...common.triangle import largest, to_float64
+from .mapping import ray_place, ray_place32, ray_place_centred
+
+EXTENT = wp.constant(8)
+"""Length of a face's extent: two coordinates and distance, lowest then highest, and two unused."""
+
+FINEST = wp.constant(wp.float64(4.0e-14))
+"""What a direction is known to in float64, relative to its length."""
+
+FACES = 6
+"""Most rectangles of a light grid."""
+
+
+@wp.kernel(enable_backward=False)
+def reset_kernel(box: wp.array(dtype=wp.float64), extent: wp.array(dtype=wp.float64)):
+    """Empty ranges: lows at +inf, highs at -inf."""
+    i = wp.tid()
+    value = wp.float64(wp.INF)
+    if i % EXTENT >= 3:
+        value = -value
+    extent[i] = value
+    if i < 6:
+        box[i] = value
+
+
+@wp.kernel(enable_backward=False)
+def box_kernel(
+    pixels: wp.int32,
+    threads: wp.int32,
+    index: wp.int32,
+    triangle: wp.array(dtype=wp.int32),
+    hit: wp.array(dtype=wp.vec3d),
+    receivers: wp.array2d(dtype=wp.uint8),
+    receiver: wp.array(dtype=wp.uint8),
+    box: wp.array(dtype=wp.float64),
+):
+    """Which pixels have a shadow ray, and the box of their hit points, low corner then high corner."""
+    k = wp.tid()
+    low = wp.vec3d(wp.float64(wp.INF))
+    high = -low
+    pixel = k
+    while pixel < pixels:
+        flag = wp.uint8(0)
+        wanted = triangle[pixel] >= 0
+        if wp.static(effects.masked):
+            wanted = receivers[index, pixel] != wp.uint8(0)
+        if wanted:
+            flag = wp.uint8(1)
+            low = wp.min(low, hit[pixel])
+            high = wp.max(high, hit[pixel])
+        receiver[pixel] = flag
+        pixel += threads
+    reduce_extent(low, high, k % wp.block_dim(), box)
+
+
+@wp.func
+def reduce_extent(low: wp.vec3d, high: wp.vec3d, lane: wp.int32, extent: wp.array(dtype=wp.float64)):
+    """Lower extent[0..2] and raise extent[3..5]: one reduction a block, then at most six atomics.
+
+    Every thread of the block must call it.
+    """
+    x0 = wp.tile_min(wp.tile(low[0]))
+    y0 = wp.tile_min(wp.tile(low[1]))
+    z0 = wp.tile_min(wp.tile(low[2]))
+    x1 = wp.tile_max(wp.tile(high[0]))
+    y1 = wp.tile_max(wp.tile(high[1]))
+    z1 = wp.tile_max(wp.tile(high[2]))
+    lows = wp.vec3d(wp.tile_extract(x0, 0), wp.tile_extract(y0, 0), wp.tile_extract(z0, 0))
+    highs = wp.vec3d(wp.tile_extract(x1, 0), wp.tile_extract(y1, 0), wp.tile_extract(z1, 0))
+    if lane == 0:
+        for axis in range(3):
+            if lows[axis] < extent[axis]:
+                wp.atomic_min(extent, axis, lows[axis])
+            if highs[axis] > extent[3 + axis]:
+                wp.atomic_max(extent, 3 + axis, highs[axis])
+
+
+@wp.kernel(enable_backward=False)
+def aim_kernel(
+    index: wp.int32,
+    aimed: wp.bool,
+    lights: wp.array(dtype=wp.vec3f),
+    spots: wp.array2d(dtype=wp.float64),
+    box: wp.array(dtype=wp.float64),
+    centred: wp.bool,
+    pad: wp.float64,
+    frame: wp.array(dtype=wp.mat33d),
+    pads: wp.array(dtype=wp.float64),
+):
+    """The light's axes as rows: forward to the middle of the hit points, or of its spot (or +x); right; up.
+
+    ``pads``: what a ray's direction is known to, and the distance of the middle where ``centred`` rays are told from
+    it: only of an aimed light without a spot, at least twice as far as the hit points reach, else 0
+    """
+    pads[0] = pad
+    pads[1] = wp.float64(0.0)
+    half = wp.float64(0.5)
+    middle = wp.vec3d(half * (box[0] + box[3]), half * (box[1] + box[4]), half * (box[2] + box[5]))
+    forward = middle - to_float64(lights[index])
+    if aimed and spots[index, 0] != wp.float64(0.0):
+        frame[0] = wp.matrix_from_rows(
+            wp.vec3d(spots[index, 1], spots[index, 2], spots[index, 3]),
+            wp.vec3d(spots[index, 4], spots[index, 5], spots[index, 6]),
+            wp.vec3d(spots[index, 7], spots[index, 8], spots[index, 9]),
+        )
+        return
+    size = largest(forward)
+    if not aimed or not (size > wp.float64(0.0)) or not (size < wp.float64(wp.INF)):
+        forward = wp.vec3d(wp.float64(1.0), wp.float64(0.0), wp.float64(0.0))
+        size = wp.float64(1.0)
+    frame[0] = axes_along(wp.normalize(forward / size))
+    if centred:
+        distance = wp.length(middle - to_float64(lights[index]))
+        reach = wp.length(wp.vec3d(box[3] - box[0], box[4] - box[1], box[5] - box[2]))
+        if distance >= reach and distance < wp.float64(1.0e30):
+            # Rounded are coordinates no larger than half the reach; no ray is shorter than half the distance.
+            pads[0] = wp.max(FINEST, wp.float64(2.0) * pad * reach / distance)
+            pads[1] = distance
+
+
+@wp.kernel(enable_backward=False)
+def map_kernel(
+    pixels: wp.int32,
+    threads: wp.int32,
+    index: wp.int32,
+    map: wp.int32,
+    single: wp.bool,
+    lights: wp.array(dtype=wp.vec3f),
+    frame: wp.array(dtype=wp.mat33d),
+    receiver: wp.array(dtype=wp.uint8),
+    hit: wp.array(dtype=wp.vec3d),
+    box: wp.array(dtype=wp.float64),
+    pads: wp.array(dtype=wp.float64),
+    place: wp.array(dtype=wp.vec4d),
+    extent: wp.array(dtype=wp.float64),
+):
+    """(two coordinates, distance, face) of every shadow ray, and their extent. ``single``: in float32."""
+    k = wp.tid()
+    low = wp.vec3d(wp.float64(wp.INF))
+    high = -low
+    light = to_float64(lights[index])
+    axes = frame[0]
+    half = wp.float64(0.5)
+    middle = wp.vec3d(half * (box[0] + box[3]), half * (box[1] + box[4]), half * (box[2] + box[5]))
+    pixel = k
+    while pixel < pixels:
+        if receiver[pixel] != wp.uint8(0):
+            p = wp.vec4d()
+            if single and pads[1] > wp.float64(0.0):
+                p = ray_place_centred(map, axes, hit[pixel] - middle, pads[1], hit[pixel] - light)
+            elif single:
+                p = ray_place32(map, axes, hit[pixel] - light)
+            else:
+                p = ray_place(map, axes * (hit[pixel] - light))
+            place[pixel] = p
+            if map == 2:
+                offset = wp.int32(p[3]) * EXTENT
+                for axis in range(3):
+                    if p[axis] < extent[offset + axis]:
+                        wp.atomic_min(extent, offset + axis, p[axis])
+                    if p[axis] > extent[offset + 3 + axis]:
+                        wp.atomic_max(extent, offset + 3 + axis, p[axis])
+            else:
+                low = wp.min(low, wp.vec3d(p[0], p[1], p[2]))
+                high = wp.max(high, wp.vec3d(p[0], p[1], p[2]))
+        pixel += threads
+    if map != 2:
+        reduce_extent(low, high, k % wp.block_dim(), extent)
+
+
+@wp.func
+def tile_of(angle: wp.float64, low: wp.float64, high: wp.float64, tiles: wp.int32) -> wp.int32:
+    """Index of the tile along one axis. Monotone, and the same function for rays and triangles."""
+    if not (high > low):
+        return 0
+    share = (angle - low) / (high - low)
+    return wp.int32(wp.clamp(share * wp.float64(tiles), wp.float64(0.0), wp.float64(tiles) - wp.float64(0.5)))
+
+
+@wp.func
+def distance_slice(
+    distance: wp.float64, extent: wp.array(dtype=wp.float64), face: wp.int32, slices: wp.int32
+) -> wp.int32:
+    """Slice between the nearest and the farthest ray of a face; nearer triangles fall into the first."""
+    return tile_of(distance, extent[face * EXTENT + 2], extent[face * EXTENT + 5], slices)
+
+
+@wp.kernel(enable_backward=False)
+def key_kernel(
+    tiles: wp.int32,
+    faces: wp.int32,
+    slices: wp.int32,
+    distance_pad: wp.float64,
+    receiver: wp.array(dtype=wp.uint8),
+    place: wp.array(dtype=wp.vec4d),
+    extent: wp.array(dtype=wp.float64),
+    keys: wp.array(dtype=wp.int32),
+    values: wp.array(dtype=wp.int32),
+    last_slice: wp.array(dtype=wp.int32),
+    deepest: wp.array(dtype=wp.int32),
+    visibility: wp.array2d(dtype=wp.uint8),
+    index: wp.int32,
+    counted: wp.bool,
+    tile_count: wp.array(dtype=wp.int32),
+):
+    """(light tile, primary ray) pairs; no shadow ray has the key behind every tile. Resets the shadow bits.
+
+    last_slice  of each shadow ray: the last slice that it reaches
+    deepest     int32 [tiles], raised from -1: the last slice that a ray of the tile reaches
+    tile_count  int32 [tiles], raised from 0 if ``counted``: then a ray's value is its number in its tile instead
+    """
+    pixel = wp.tid()
+    visibility[index, pixel] = wp.uint8(0)
+    if not counted:
+        values[pixel] = pixel
+    if receiver[pixel] == wp.uint8(0):
+        keys[pixel] = faces * tiles * tiles
+        return
+    p = place[pixel]
+    face = wp.int32(p[3])
+    offset = face * EXTENT
+    column = tile_of(p[0], extent[offset], extent[offset + 3], tiles)
+    row = tile_of(p[1], extent[offset + 1], extent[offset + 4], tiles)
+    tile = (face * tiles + row) * tiles + column
+    keys[pixel] = tile
+    if counted:
+        values[pixel] = number_in(tile_count, tile)
+    # A triangle is listed from its nearest point on: what lies behind the ray's own slice cannot shadow it.
+    slice = distance_slice(p[2] * (wp.float64(1.0) + distance_pad), extent, face, slices)
+    last_slice[pixel] = slice
+    raise_to(deepest, tile, slice)
+
+
+@wp.kernel(enable_backward=False)
+def place_rays_kernel(
+    tiles: wp.int32,
+    keys: wp.array(dtype=wp.int32),
+    numbers: wp.array(dtype=wp.int32),
+    tile_count: wp.array(dtype=wp.int32),
+    tile_end: wp.array(dtype=wp.int32),
+    ray_keys: wp.array(dtype=wp.int32),
+    ray_values: wp.array(dtype=wp.int32),
+    begin: wp.array(dtype=wp.int32),
+    end: wp.array(dtype=wp.int32),
+):
+    """The counting sort's last step: every ray to its tile; and the run of each tile, over max(pixels, tiles)."""
+    i = wp.tid()
+    if i < tiles:
+        begin[i] = tile_end[i] - tile_count[i]
+        end[i] = tile_end[i]
+    if i < keys.shape[0] and keys[i] < tiles:
+        tile = keys[i]
+        at = tile_end[tile] - tile_count[tile] + numbers[i]
+        ray_keys[at] = tile
+        ray_values[at] = i

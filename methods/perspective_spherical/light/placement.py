@@ -1,0 +1,181 @@
+"""Host side of where a light's shadow rays lie: its axes, its rectangles and the edges of their tiles (section 4.1)."""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ....harness.frame.frame import Frame
+from ....harness.frame.passes import Pass
+from ....harness.frame.specialise import specialised
+from ....harness.scene.scene import Effects
+from ...common.bounds import launch_bounds
+from ..camera.grid import CameraGrid
+from ..parameters import CLAMPS, LIGHT_MAPS, Build
+from ..variants import wide
+from . import frame as rays
+from .rectangle import clamp_kernel, scene_kernel
+from .tile_edges import edges_kernel
+
+FLOAT64_PAD, FLOAT32_PAD = 4.0e-14, 64 * 2.0**-24
+"""What a ray's direction from the light is known to, relative to its length."""
+
+PARALLEL_PAD = 2.0**-45
+"""How far the rays of a directional light turn, seen from its post 2^24 scene radii away: 2 (2^-24)^2, and twice that
+again."""
+
+REDUCE_BLOCK, REDUCE_THREADS = 256, 1 << 17
+
+
+class LightPlaces:
+    """Which pixels have a shadow ray to one light, and where in the light's rectangles each ray lies.
+
+    receiver   uint8 [pixels]: which pixels have a shadow ray
+    place      vec4d [pixels]: where the ray lies in the light's rectangles, its distance, which rectangle
+    box        float64 [6]: of the hit points, or of the scene where the rectangle is the scene's
+    axes       mat33d [1]: of the light
+    pads       float64 [2]: what a ray's direction is known to, relative to its length; see :func:`.light.frame.aim_kernel`
+    extent     float64 [faces, 8]: lowest then highest coordinates and distance: the clamped rectangles
+    columns, rows  vec4d [faces * light_tiles]: edges of the tiles
+    """
+
+    def __init__(self, frame: Frame, index: int, camera: CameraGrid, build: Build, effects: Effects):
+        self.frame, self.index, self.camera, self.build, self.effects = frame, index, camera, build, effects
+        self.map = LIGHT_MAPS.index(build.light_map)
+        self.pad = FLOAT64_PAD if build.precision == "float64" else FLOAT32_PAD
+        if effects.is_directional(index):
+            self.pad += PARALLEL_PAD
+        self.distance_pad = FLOAT32_PAD if build.precision == "float32" else 1e-9
+        self.of_scene = build.clamp == "scene"
+        n, faces = build.light_tiles, build.light_faces
+        many = wide(frame.device)
+        share = 1 if many else 128
+        threads = min(REDUCE_THREADS, -(-frame.pixels // share))
+        self.reduce_threads = -(-threads // REDUCE_BLOCK) * REDUCE_BLOCK if many else threads
+        with wp.ScopedDevice(frame.device):
+            self.receiver = wp.zeros(frame.pixels, dtype=wp.uint8)
+            self.place = wp.zeros(frame.pixels, dtype=wp.vec4d)
+            self.box = wp.zeros(6, dtype=wp.float64)
+            self.axes = wp.zeros(1, dtype=wp.mat33d)
+            self.pads = wp.zeros(2, dtype=wp.float64)
+            self.extent = wp.zeros(faces * int(rays.EXTENT), dtype=wp.float64)
+            self.columns = wp.zeros(faces * n, dtype=wp.vec4d)
+            self.rows = wp.zeros(faces * n, dtype=wp.vec4d)
+            self.stretch = wp.zeros(faces, dtype=wp.vec2d)
+            # Where the rectangle is the scene's: what it is made from, and what the rays are reduced to apart from it.
+            self.eye = wp.zeros(1, dtype=wp.vec3f) if self.of_scene else frame.eye
+            self.scene_box = wp.zeros(6 if self.of_scene else 0, dtype=wp.float32)
+            self.ray_box = wp.zeros(6 if self.of_scene else 0, dtype=wp.float64)
+            self.ray_extent = wp.zeros(self.extent.shape[0] if self.of_scene else 0, dtype=wp.float64)
+
+    def passes(self) -> tuple[list[Pass], str, str]:
+        """The passes, and the resources that hold the rectangles and the rays' places in them."""
+        i, light, effect = self.index, f"light/{self.index}", f"shadows/{self.index}"
+        rect = f"light rectangle/{i}"
+        view = ("camera", "camera boxes") if self.build.clamp == "view" else ()
+        seen = ("hits", light, *view, *self.effects.mask_reads(i))
+        if not self.of_scene:
+            return (
+                [Pass(f"light {i}: map rays", "shadow", seen, (rect,), self.launch_map, effect)],
+                rect,
+                rect,
+            )
+        # The rectangle knows nothing of the rays, so the grid stays where only the camera moves.
+        place = f"ray places/{i}"
+        around = ("points", "triangles", "reach", light)
+        passes = [
+            Pass(f"light {i}: rectangle", "light build", around, (rect,), self.launch_rectangle, effect),
+            Pass(f"light {i}: map rays", "shadow", (*seen, rect), (place,), self.launch_map_rays, effect),
+        ]
+        return passes, rect, place
+
+    def launch_rectangle(self) -> None:
+        """The light's axes, the rectangles around the scene and the edges of their tiles, without any ray."""
+        f, b = self.frame, self.build
+        launch_bounds(f, self.scene_box)
+        self._launch(
+            scene_kernel,
+            b.light_faces,
+            [self.index, self.map, b.aimed, f.posts, f.spots, self.scene_box, f.reach],
+            [self.box, self.eye, self.extent],
+        )
+        self._aim()
+        self._edges()
+
+    def launch_map_rays(self) -> None:
+        """Receivers and the place of every ray, in rectangles that are there."""
+        self._launch(rays.reset_kernel, self.ray_extent.shape[0], [], [self.ray_box, self.ray_extent])
+        self._box(self.ray_box)
+        self._map(self.ray_extent)
+
+    def launch_map(self) -> None:
+        """Receivers, the light's axes, the place of every ray, the rectangles and the edges of their tiles."""
+        f, b = self.frame, self.build
+        self._launch(rays.reset_kernel, self.extent.shape[0], [], [self.box, self.extent])
+        self._box(self.box)
+        self._aim()
+        self._map(self.extent)
+        if b.clamp != "hits":
+            self._launch(
+                clamp_kernel,
+                b.light_faces,
+                [
+                    self.index, self.map, b.light_faces, CLAMPS.index(b.clamp), b.aimed, 6, f.posts, f.spots,
+                    self.axes, f.eye, f.axes, f.tangents, self.camera.depth_range,
+                ],
+                [self.extent],
+            )  # fmt: skip
+        self._edges()
+
+    def _box(self, box: wp.array) -> None:
+        f = self.frame
+        wp.launch(
+            specialised(rays.box_kernel, self.effects.switches(self.index)),
+            dim=self.reduce_threads,
+            inputs=[
+                f.pixels,
+                self.reduce_threads,
+                self.index,
+                f.answers.triangle,
+                self.camera.hit,
+                f.receivers,
+            ],
+            outputs=[self.receiver, box],
+            block_dim=REDUCE_BLOCK,
+            device=f.device,
+        )
+
+    def _aim(self) -> None:
+        f, b = self.frame, self.build
+        centred = b.precision == "float32-centred"
+        self._launch(
+            rays.aim_kernel,
+            1,
+            [self.index, b.aimed, f.posts, f.spots, self.box, centred, self.pad],
+            [self.axes, self.pads],
+        )
+
+    def _map(self, extent: wp.array) -> None:
+        f, b = self.frame, self.build
+        wp.launch(
+            rays.map_kernel,
+            dim=self.reduce_threads,
+            inputs=[
+                f.pixels, self.reduce_threads, self.index, self.map, b.precision != "float64", f.posts, self.axes,
+                self.receiver, self.camera.hit, self.box, self.pads,
+            ],
+            outputs=[self.place, extent],
+            block_dim=REDUCE_BLOCK,
+            device=f.device,
+        )  # fmt: skip
+
+    def _edges(self) -> None:
+        b = self.build
+        self._launch(
+            edges_kernel,
+            b.light_faces * b.light_tiles,
+            [self.map, b.light_tiles, self.extent],
+            [self.columns, self.rows, self.stretch],
+        )
+
+    def _launch(self, kernel: wp.Kernel, dim: int, inputs: list, outputs: list) -> None:
+        wp.launch(kernel, dim=dim, inputs=inputs, outputs=outputs, device=self.frame.device)

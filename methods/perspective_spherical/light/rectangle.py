@@ -1,0 +1,229 @@
+"""The rectangle of a light grid: the view's (paper, Figure 5), all directions, a whole spot, or the scene's."""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ...common.bounds import box_high, box_low
+from ...common.triangle import to_float64
+from .frame import EXTENT
+from .mapping import face_frame, map_bounds, whole, wraps
+from .sphere import HALF_PI, PI, ROUNDING
+
+
+@wp.func
+def frustum_corner(
+    i: wp.int32,
+    eye: wp.vec3f,
+    axes: wp.array(dtype=wp.vec3f),
+    tangents: wp.array(dtype=wp.float32),
+    depth: wp.vec2f,
+) -> wp.vec3d:
+    """Corner i of the camera's frustum: bit 0 right, bit 1 up, bit 2 far."""
+    x = wp.float64(tangents[0])
+    y = wp.float64(tangents[1])
+    z = wp.float64(depth[0])
+    if i % 2 == 0:
+        x = -x
+    if (i // 2) % 2 == 0:
+        y = -y
+    if i >= 4:
+        z = wp.float64(depth[1])
+    d = to_float64(axes[2]) + x * to_float64(axes[0]) + y * to_float64(axes[1])
+    return to_float64(eye) + z * d
+
+
+@wp.func
+def in_frustum(
+    p: wp.vec3d,
+    eye: wp.vec3f,
+    axes: wp.array(dtype=wp.vec3f),
+    tangents: wp.array(dtype=wp.float32),
+    depth: wp.vec2f,
+) -> wp.bool:
+    v = p - to_float64(eye)
+    z = wp.dot(v, to_float64(axes[2]))
+    if z < wp.float64(depth[0]) or z > wp.float64(depth[1]):
+        return False
+    return wp.abs(wp.dot(v, to_float64(axes[0]))) <= z * wp.float64(tangents[0]) and wp.abs(
+        wp.dot(v, to_float64(axes[1]))
+    ) <= z * wp.float64(tangents[1])
+
+
+@wp.kernel(enable_backward=False)
+def clamp_kernel(
+    index: wp.int32,
+    map: wp.int32,
+    faces: wp.int32,
+    clamp: wp.int32,
+    aimed: wp.bool,
+    sides: wp.int32,
+    lights: wp.array(dtype=wp.vec3f),
+    spots: wp.array2d(dtype=wp.float64),
+    frame: wp.array(dtype=wp.mat33d),
+    eye: wp.array(dtype=wp.vec3f),
+    axes: wp.array(dtype=wp.vec3f),
+    tangents: wp.array(dtype=wp.float32),
+    depth_range: wp.array(dtype=wp.float32),
+    extent: wp.array(dtype=wp.float64),
+):
+    """Widen the rays' rectangles to the view's (clamp 1) or to all directions or the whole spot (2); 0 leaves them.
+
+    ``sides``: of a frustum, 6. Rays always lie inside: a rectangle is never smaller than theirs. Depth planes
+    stay those of the rays.
+    """
+    face = wp.tid()
+    near = wp.float64(wp.INF)
+    far = -near
+    for other in range(faces):
+        near = wp.min(near, extent[other * EXTENT + 2])
+        far = wp.max(far, extent[other * EXTENT + 5])
+    if clamp == 0 or not (far >= near):
+        return
+    bounds = whole(map)
+    if clamp == 1:
+        bounds = view_bounds(
+            map, face, to_float64(lights[index]), frame[0], eye[0], axes, tangents,
+            wp.vec2f(wp.max(0.0, depth_range[0]), depth_range[1]), sides,
+        )  # fmt: skip
+        if not (bounds[1] >= bounds[0]):
+            return
+    elif map == 0 and aimed and spots[index, 0] != wp.float64(0.0):
+        bounds = spot_bounds(spots, index)
+    offset = face * EXTENT
+    # No ray in this face: its own depth planes are empty, those of all rays serve.
+    if not (extent[offset + 5] >= extent[offset + 2]):
+        extent[offset + 2] = near
+        extent[offset + 5] = far
+    extent[offset] = wp.min(extent[offset], bounds[0])
+    extent[offset + 3] = wp.max(extent[offset + 3], bounds[1])
+    extent[offset + 1] = wp.min(extent[offset + 1], bounds[2])
+    extent[offset + 4] = wp.max(extent[offset + 4], bounds[3])
+
+
+@wp.kernel(enable_backward=False)
+def scene_kernel(
+    index: wp.int32,
+    map: wp.int32,
+    aimed: wp.bool,
+    lights: wp.array(dtype=wp.vec3f),
+    spots: wp.array2d(dtype=wp.float64),
+    scene: wp.array(dtype=wp.float32),
+    reach: wp.array(dtype=wp.float32),
+    box: wp.array(dtype=wp.float64),
+    eye: wp.array(dtype=wp.vec3f),
+    extent: wp.array(dtype=wp.float64),
+):
+    """Rectangles that hold the sphere around the scene, whatever the camera sees; empty where it lies in no face.
+
+    ``scene``: its box, as :mod:`..common.bounds` tells it; ``box``: the same for what takes the hit points' box;
+    ``eye``: a bound on the eye's coordinates. A light in the sphere has rays in all directions, and so have maps and
+    axes that do not look along the way to the scene; a spot has its own.
+    """
+    face = wp.tid()
+    offset = face * EXTENT
+    for axis in range(3):
+        extent[offset + axis] = wp.float64(wp.INF)
+        extent[offset + 3 + axis] = wp.float64(-wp.INF)
+        if face == 0:
+            box[axis] = wp.float64(scene[axis])
+            box[3 + axis] = -wp.float64(scene[3 + axis])
+    if face == 0:
+        eye[0] = wp.vec3f(reach[0], reach[0], reach[0])
+    low = to_float64(box_low(scene))
+    high = to_float64(box_high(scene))
+    if not (low[0] <= high[0]):
+        return
+    half = wp.float64(0.5)
+    radius = half * wp.length(high - low) * wp.float64(1.0 + 1.0e-6)
+    distance = wp.length((low + high) * half - to_float64(lights[index]))
+    bounds = whole(map)
+    if spots[index, 0] != wp.float64(0.0):
+        if map == 0 and aimed:
+            bounds = spot_bounds(spots, index)
+    elif aimed and distance > wp.float64(1.5) * radius and map != 1:
+        angle = wp.asin(radius / distance)
+        if map == 2:
+            if face > 0:
+                return
+            angle = wp.tan(angle)
+        bounds = wp.vec4d(-angle, angle, -angle, angle)
+    extent[offset] = bounds[0]
+    extent[offset + 3] = bounds[1]
+    extent[offset + 1] = bounds[2]
+    extent[offset + 4] = bounds[3]
+    extent[offset + 2] = wp.max(wp.float64(0.0), distance - radius)
+    extent[offset + 5] = distance + radius
+
+
+@wp.func
+def spot_bounds(spots: wp.array2d(dtype=wp.float64), index: wp.int32) -> wp.vec4d:
+    """The rectangle of a whole spot in its own axes."""
+    half = wp.min(spots[index, 10], PI)
+    rise = wp.min(spots[index, 11], HALF_PI)
+    if spots[index, 0] == wp.float64(1.0):
+        half = wp.acos(spots[index, 10])
+        rise = wp.min(half, HALF_PI)
+        if half > wp.float64(1.5):
+            half = PI
+    return wp.vec4d(-half, half, -rise, rise)
+
+
+@wp.func
+def view_bounds(
+    map: wp.int32,
+    face: wp.int32,
+    light: wp.vec3d,
+    frame: wp.mat33d,
+    eye: wp.vec3f,
+    axes: wp.array(dtype=wp.vec3f),
+    tangents: wp.array(dtype=wp.float32),
+    depth: wp.vec2f,
+    sides: wp.int32,
+) -> wp.vec4d:
+    """Bounding rectangle of the camera's frustum, between its nearest and farthest triangle, seen from the light."""
+    all = whole(map)
+    if in_frustum(light, eye, axes, tangents, depth):
+        return all
+    wrap = wraps(map)
+    low_u = wp.float64(wp.INF)
+    high_u = -low_u
+    low_v = low_u
+    high_v = -low_u
+    # Loops that the compiler does not unroll: the bounds are long, and run once a frame.
+    for side in range(sides):
+        # The four corners of a side: those with bit (side / 2) equal to side % 2, in order around it.
+        bit = side // 2
+        fixed = (side % 2) << bit
+        step = wp.int32(1)
+        if bit == 0:
+            step = 2
+        other = 7 - (1 << bit) - step
+        p0 = face_frame(frame * (frustum_corner(fixed, eye, axes, tangents, depth) - light), face)
+        p1 = face_frame(frame * (frustum_corner(fixed + step, eye, axes, tangents, depth) - light), face)
+        p2 = face_frame(
+            frame * (frustum_corner(fixed + step + other, eye, axes, tangents, depth) - light), face
+        )
+        p3 = face_frame(frame * (frustum_corner(fixed + other, eye, axes, tangents, depth) - light), face)
+        for half in range(sides // 3):
+            corner = p1
+            if half == 1:
+                corner = p3
+            normal = wp.cross(corner - p0, p2 - p0)
+            # Seen edge-on (or without area) it adds nothing that its neighbours do not hold.
+            if wp.abs(wp.dot(normal, p0)) > wp.float64(1.0e-12) * wp.length(normal) * wp.length(p0):
+                b = map_bounds(map, p0, corner, p2, wp.float64(4.0) * ROUNDING)
+                if b[1] >= b[0]:
+                    low_u = wp.min(low_u, b[0])
+                    high_u = wp.max(high_u, b[1])
+                    low_v = wp.min(low_v, b[2])
+                    high_v = wp.max(high_v, b[3])
+    if wrap[0] == 1 and (low_u < all[0] or high_u > all[1]):
+        low_u = all[0]
+        high_u = all[1]
+    if wrap[1] == 1 and (low_v < all[2] or high_v > all[3]):
+        low_v = all[2]
+        high_v = all[3]
+    return wp.vec4d(
+        wp.max(low_u, all[0]), wp.min(high_u, all[1]), wp.max(low_v, all[2]), wp.min(high_v, all[3])
+    )

@@ -1,0 +1,254 @@
+"""Float32 tests of a shadow segment against a triangle, on a record made once a frame and light.
+
+The same three tests as :mod:`.camera.ray_tests`. The verdict is NO, YES, or DOUBT, which float64 decides; only the
+exact test says YES. Which side of the triangle's plane the ends lie on is never decided by float32 in doubt.
+
+exact        four planes n . h + c, the bound on their rounding the same for all: 16 multiply-adds
+edge_planes  planes through the light and each edge, evaluated relative to the scene, n . (h - p) with p the edge's
+             vertex of lower weld index: right at any distance of the light
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ...common.segment import light_edge_functions, occludes, stands_between
+from ...common.triangle import FLOOR32, U32, largest, to_float64, total
+from ..camera.ray_tests import dot3, near_inside
+
+RECORD = wp.constant(6)
+"""vec4f of a triangle's record."""
+
+USED = (4, 6, 3)
+"""By test: how many of them it reads."""
+
+NO = wp.constant(0)
+DOUBT = wp.constant(1)
+YES = wp.constant(2)
+
+PLANE_BOUND = wp.constant(160.0 * 2.0**-24)
+"""Bound on the rounding of the exact test's planes, which are scaled to it: see :func:`segment_exact`."""
+
+
+@wp.struct
+class SegmentRecord:
+    """Exact: q0, q1, q2 inward planes (n, c) through the light and the edges; q3 the triangle's, positive at the light.
+    All zero where float32 cannot tell inward, so that everything is in doubt.
+
+    Edge planes: vertices in weld order v0, v1, v2
+    q0: v0, scale of the plane values' error     q1: v1, square of the longest edge
+    q2, q3, q4: planes through the light and v0-v1, v0-v2, v1-v2; q2.w: side of the light, 0 where not certain
+    q5: normal of the triangle
+
+    Moeller-Trumbore, vertices in their own order: q0: v0   q1: v1 - v0, square of the longest edge   q2: v2 - v0
+    """
+
+    q0: wp.vec4f
+    q1: wp.vec4f
+    q2: wp.vec4f
+    q3: wp.vec4f
+    q4: wp.vec4f
+    q5: wp.vec4f
+
+
+@wp.func
+def joined(a: wp.vec3f, w: wp.float32) -> wp.vec4f:
+    return wp.vec4f(a[0], a[1], a[2], w)
+
+
+@wp.func
+def plane_through(n: wp.vec3f, p: wp.vec3f, scale: wp.float32) -> wp.vec4f:
+    return joined(n, -wp.dot(n, p)) * scale
+
+
+@wp.func
+def segment_exact(
+    light: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i, size: wp.float32
+) -> SegmentRecord:
+    """``size`` bounds every coordinate of the hit points.
+
+    n = (p - light) x (q - p), scaled so that its parts are at most 2, is known to 10 u a part. Where all coordinates
+    are at most s, |h - p|_1 <= 6 s: that is 60 u s. Rounding h moves the value by 6 u s, and n . h + c rounds by
+    60 u s; dividing all by s costs 18 u more. So 144 u bounds the error of the scaled planes, relative to the scene
+    and right at any distance of the light. The triangle's own plane, n = ab x ac, is known as well.
+    """
+    la = a - light
+    lb = b - light
+    lc = c - light
+    ab = b - a
+    bc = c - b
+    ca = a - c
+    reach = wp.max(largest(la), wp.max(largest(lb), largest(lc)))
+    edge = wp.max(largest(ab), wp.max(largest(bc), largest(ca)))
+    within = wp.max(size, wp.max(largest(a), wp.max(largest(b), largest(c))))
+    r = SegmentRecord()
+    if not (reach * edge > 1.0e-30 and reach * edge < 1.0e30 and edge * edge > 1.0e-30 and within < 1.0e30):
+        return r
+    n = wp.cross(ca, ab) / (edge * edge)
+    det = wp.dot(n, la)
+    if not (wp.abs(det) > 64.0 * U32 * reach):
+        return r
+    toward = 1.0 / (reach * edge)
+    if det > 0.0:
+        n = -n
+    else:
+        toward = -toward
+    scale = 1.0 / within
+    r.q0 = plane_through(wp.cross(lb, bc) * toward, b, scale)
+    r.q1 = plane_through(wp.cross(lc, ca) * toward, c, scale)
+    r.q2 = plane_through(wp.cross(la, ab) * toward, a, scale)
+    r.q3 = plane_through(n, a, scale)
+    return r
+
+
+@wp.func
+def segment_planes(
+    light: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i, size: wp.float32
+) -> SegmentRecord:
+    v0 = a
+    v1 = b
+    v2 = c
+    w0 = weld[0]
+    w1 = weld[1]
+    w2 = weld[2]
+    if w1 < w0:
+        v0 = b
+        v1 = a
+        w0 = weld[1]
+        w1 = weld[0]
+    if w2 < w1:
+        v2 = v1
+        v1 = c
+        w1 = w2
+    if w1 < w0:
+        swapped = v0
+        v0 = v1
+        v1 = swapped
+    l0 = v0 - light
+    l1 = v1 - light
+    e01 = v1 - v0
+    e02 = v2 - v0
+    e12 = v2 - v1
+    edge = wp.max(largest(e01), wp.max(largest(e02), largest(e12)))
+    from_light = wp.max(largest(l0), wp.max(largest(l1), largest(v2 - light)))
+    n = wp.cross(e01, e02)
+    side = -wp.dot(n, l0)
+    bound = edge * edge * 48.0 * U32 * from_light + FLOOR32
+    certain = wp.float32(0.0)
+    if side > bound:
+        certain = 1.0
+    if side < -bound:
+        certain = -1.0
+    r = SegmentRecord()
+    r.q0 = joined(v0, from_light * edge)
+    r.q1 = joined(v1, edge * edge)
+    r.q2 = joined(wp.cross(l0, e01), certain)
+    r.q3 = joined(wp.cross(l0, e02), 0.0)
+    r.q4 = joined(wp.cross(l1, e12), 0.0)
+    r.q5 = joined(n, 0.0)
+    return r
+
+
+@wp.func
+def segment_vertices(
+    light: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i, size: wp.float32
+) -> SegmentRecord:
+    e1 = b - a
+    e2 = c - a
+    edge = wp.max(largest(e1), wp.max(largest(e2), largest(c - b)))
+    r = SegmentRecord()
+    r.q0 = joined(a, 0.0)
+    r.q1 = joined(e1, edge * edge)
+    r.q2 = joined(e2, 0.0)
+    return r
+
+
+@wp.func
+def value_at(plane: wp.vec4f, h: wp.vec3f) -> wp.float32:
+    return dot3(plane, h) + plane[3]
+
+
+@wp.func
+def segment_bounded(h: wp.vec3f, light: wp.vec3f, h_error: wp.float32, r: SegmentRecord) -> wp.int32:
+    """Whether the open segment h-light meets the triangle: where no plane is in doubt, float32 is enough."""
+    low = wp.min(value_at(r.q0, h), wp.min(value_at(r.q1, h), value_at(r.q2, h)))
+    side = value_at(r.q3, h)
+    if low < -PLANE_BOUND or side > PLANE_BOUND:
+        return NO
+    if low > PLANE_BOUND and side < -PLANE_BOUND:
+        return YES
+    return DOUBT
+
+
+@wp.func
+def segment_plain(h: wp.vec3f, light: wp.vec3f, h_error: wp.float32, r: SegmentRecord) -> wp.int32:
+    """Plain signs at the edges, certain sides only at the ends."""
+    h0 = h - wp.vec3f(r.q0[0], r.q0[1], r.q0[2])
+    h1 = h - wp.vec3f(r.q1[0], r.q1[1], r.q1[2])
+    e0 = dot3(r.q2, h0)
+    e1 = -dot3(r.q3, h0)
+    e2 = dot3(r.q4, h1)
+    low = wp.min(e0, wp.min(e1, e2))
+    high = wp.max(e0, wp.max(e1, e2))
+    if low < 0.0 and high > 0.0:
+        return NO
+    doubt = 20.0 * U32 * wp.max(total(h0), total(h1)) + 8.0 * h_error
+    side = dot3(r.q5, h0) * r.q2[3]
+    if side > r.q1[3] * doubt + FLOOR32:
+        return NO
+    return DOUBT
+
+
+@wp.func
+def segment_moller_trumbore(h: wp.vec3f, light: wp.vec3f, h_error: wp.float32, r: SegmentRecord) -> wp.int32:
+    """From the surface to the light. Beyond the light by a little is left to float64, as the start is."""
+    d = light - h
+    s = h - wp.vec3f(r.q0[0], r.q0[1], r.q0[2])
+    e1 = wp.vec3f(r.q1[0], r.q1[1], r.q1[2])
+    e2 = wp.vec3f(r.q2[0], r.q2[1], r.q2[2])
+    p = wp.cross(d, e2)
+    det = wp.dot(e1, p)
+    if det == 0.0:
+        return NO
+    inverse = 1.0 / det
+    u = wp.dot(s, p) * inverse
+    if u < 0.0 or u > 1.0:
+        return NO
+    q = wp.cross(s, e1)
+    v = wp.dot(d, q) * inverse
+    if v < 0.0 or u + v > 1.0:
+        return NO
+    start = wp.dot(e2, q)
+    if det < 0.0:
+        start = -start
+    if start < -(r.q1[3] * (20.0 * U32 * total(s) + 8.0 * h_error) + FLOOR32):
+        return NO
+    if start > 1.001 * wp.abs(det):
+        return NO
+    return DOUBT
+
+
+@wp.func
+def occludes_near(
+    h: wp.vec3d,
+    light: wp.vec3f,
+    a: wp.vec3f,
+    b: wp.vec3f,
+    c: wp.vec3f,
+    weld: wp.vec3i,
+    origin_size: wp.float64,
+) -> wp.bool:
+    """As ``occludes``, but within the tolerance of the triangle rather than in it."""
+    l64 = to_float64(light)
+    a64 = to_float64(a)
+    b64 = to_float64(b)
+    c64 = to_float64(c)
+    if not stands_between(h, l64, a64, b64, c64, origin_size):
+        return False
+    return near_inside(light_edge_functions(l64, h, a64, b64, c64, weld))
+
+
+SEGMENT_RECORDS = (segment_exact, segment_planes, segment_vertices)
+SEGMENT_PASSES = (segment_bounded, segment_plain, segment_moller_trumbore)
+SEGMENT_DECIDES = (occludes, occludes_near, occludes_near)
+"""By test: make the record, judge in float32, decide what is left."""

@@ -1,0 +1,141 @@
+"""Tracing shadow rays through a light grid (paper, section 4.4): any hit, one thread block a chunk.
+
+The bit is set in primary-ray order, so that blocks need no synchronisation. With split lists (:mod:`.lists.items`) a
+block takes one part of a chunk's list, and leaves rays alone whose bit another part has set.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import warp as wp
+
+from ....harness.frame.specialise import effects
+from ....harness.scene.alpha import Alpha
+from ...common.alpha import shadow_counts
+from ...common.triangle import U32, largest, to_float32, weld_of
+from ..variants import Variant
+from .segment_tests import DOUBT, SEGMENT_DECIDES, SEGMENT_PASSES, YES, SegmentRecord
+
+
+@wp.func
+def segment_at(records: wp.array(dtype=wp.vec4f), i: wp.int32) -> SegmentRecord:
+    r = SegmentRecord()
+    r.q0 = records[6 * i]
+    r.q1 = records[6 * i + 1]
+    r.q2 = records[6 * i + 2]
+    r.q3 = records[6 * i + 3]
+    r.q4 = records[6 * i + 4]
+    r.q5 = records[6 * i + 5]
+    return r
+
+
+@wp.func
+def hit_error(h: wp.vec3f) -> wp.float32:
+    """Bound of what rounding the float64 hit point to h moved each coordinate by."""
+    return U32 * largest(h) + 1.0e-37
+
+
+@functools.cache
+def make_shadow_kernel(variant: Variant) -> wp.Kernel:
+    """``lanes`` threads a chunk, each ray by ray: on CUDA a block, on a CPU one thread for the whole chunk."""
+    judge = SEGMENT_PASSES[variant.test]
+    decide = SEGMENT_DECIDES[variant.test]
+
+    @wp.kernel(enable_backward=False, module="unique", grid_stride=False)
+    def shadow_kernel(
+        index: wp.int32,
+        lanes: wp.int32,
+        slices: wp.int32,
+        split: wp.int32,
+        lights: wp.array(dtype=wp.vec3f),
+        eye: wp.array(dtype=wp.vec3f),
+        points: wp.array(dtype=wp.vec3f),
+        triangles: wp.array(dtype=wp.vec3i),
+        weld: wp.array(dtype=wp.int32),
+        triangle: wp.array(dtype=wp.int32),
+        hit: wp.array(dtype=wp.vec3d),
+        last_slice: wp.array(dtype=wp.int32),
+        ray_tiles: wp.array(dtype=wp.int32),
+        rays: wp.array(dtype=wp.int32),
+        first: wp.array(dtype=wp.int32),
+        total: wp.array(dtype=wp.int32),
+        begin: wp.array(dtype=wp.int32),
+        end: wp.array(dtype=wp.int32),
+        keys: wp.array(dtype=wp.int32),
+        values: wp.array(dtype=wp.int32),
+        records: wp.array(dtype=wp.vec4f),
+        alpha: Alpha,
+        items: wp.array(dtype=wp.vec2i),
+        item_scan: wp.array(dtype=wp.int64),
+        visibility: wp.array2d(dtype=wp.uint8),
+        tests: wp.array(dtype=wp.int32),
+    ):
+        k = wp.tid()
+        chunk = k // lanes
+        part = wp.int32(0)
+        if split > 0:
+            if wp.int64(chunk) >= item_scan[item_scan.shape[0] - 1]:
+                return
+            part = items[chunk][1]
+            chunk = items[chunk][0]
+        if chunk >= total[0]:
+            return
+        light = lights[index]
+        origin_size = wp.float64(largest(eye[0]))
+        tile = ray_tiles[first[chunk]]
+        at = first[chunk] + k % lanes
+        while at < first[chunk + 1]:
+            pixel = rays[at]
+            at += lanes
+            h64 = hit[pixel]
+            h = to_float32(h64)
+            h_error = hit_error(h)
+            own = triangle[pixel]
+            behind = tile * slices + last_slice[pixel] + 1
+            number = wp.int32(0)
+            shadowed = wp.bool(False)
+            j = begin[tile] + part * split
+            stop = end[tile]
+            if split > 0:
+                stop = wp.min(stop, j + split)
+                if visibility[index, pixel] != wp.uint8(0):
+                    stop = j
+            while j < stop:
+                i = wp.int32(-1)
+                while j < stop and i < 0:
+                    if keys[j] >= behind:
+                        stop = j
+                        break
+                    if values[j] != own:
+                        number += 1
+                        verdict = judge(h, light, h_error, segment_at(records, values[j]))
+                        if wp.static(effects.alpha):
+                            if verdict == YES and alpha.masked[values[j]] != wp.uint8(0):
+                                verdict = DOUBT
+                        if verdict == YES:
+                            shadowed = wp.bool(True)
+                            stop = j
+                        if verdict == DOUBT:
+                            i = values[j]
+                    j += 1
+                if i >= 0:
+                    face = triangles[i]
+                    shadowed = decide(
+                        h64, light, points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face),
+                        origin_size,
+                    )  # fmt: skip
+                    if wp.static(effects.alpha):
+                        if shadowed:
+                            shadowed = shadow_counts(
+                                alpha, i, h64, light, points[face[0]], points[face[1]], points[face[2]],
+                                weld_of(weld, face), origin_size,
+                            )  # fmt: skip
+                    if shadowed:
+                        stop = j
+            if shadowed:
+                visibility[index, pixel] = wp.uint8(1)
+            if tests.shape[0] > 1:
+                wp.atomic_add(tests, pixel, number)
+
+    return shadow_kernel

@@ -1,0 +1,186 @@
+"""Staged tracing of shadow rays (paper, section 4.4): the block of a chunk brings its list to shared memory.
+
+Loading and testing alternate as in :mod:`.camera.trace_staged`; the block is done where every ray of it is shadowed or
+behind its last slice. The kernel of :mod:`.light.trace` is its twin where blocks have one thread, and gives the same
+bits.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import warp as wp
+
+from ....harness.frame.specialise import effects
+from ....harness.scene.alpha import Alpha
+from ...common.alpha import shadow_counts
+from ...common.triangle import largest, to_float32, weld_of
+from ..variants import Variant
+from .segment_tests import DOUBT, SEGMENT_DECIDES, SEGMENT_PASSES, USED, YES, SegmentRecord
+from .trace import hit_error, segment_at
+
+SHADOW_REGISTERS = 80
+"""A cap, as in :mod:`.camera.trace_staged`."""
+
+
+@functools.cache
+def make_staged_shadow_kernel(variant: Variant, block: int) -> wp.Kernel:
+    """``block`` threads take one chunk of rays (round by round if r is larger), or with one part of its list."""
+    judge = SEGMENT_PASSES[variant.test]
+    used = USED[variant.test]
+    decide = SEGMENT_DECIDES[variant.test]
+    slots = block
+
+    @wp.kernel(enable_backward=False, module="unique", grid_stride=False, cuda_max_registers=SHADOW_REGISTERS)
+    def staged_shadow_kernel(
+        index: wp.int32,
+        lanes: wp.int32,
+        slices: wp.int32,
+        split: wp.int32,
+        lights: wp.array(dtype=wp.vec3f),
+        eye: wp.array(dtype=wp.vec3f),
+        points: wp.array(dtype=wp.vec3f),
+        triangles: wp.array(dtype=wp.vec3i),
+        weld: wp.array(dtype=wp.int32),
+        triangle: wp.array(dtype=wp.int32),
+        hit: wp.array(dtype=wp.vec3d),
+        last_slice: wp.array(dtype=wp.int32),
+        ray_tiles: wp.array(dtype=wp.int32),
+        rays: wp.array(dtype=wp.int32),
+        first: wp.array(dtype=wp.int32),
+        total: wp.array(dtype=wp.int32),
+        begin: wp.array(dtype=wp.int32),
+        end: wp.array(dtype=wp.int32),
+        keys: wp.array(dtype=wp.int32),
+        values: wp.array(dtype=wp.int32),
+        records: wp.array(dtype=wp.vec4f),
+        alpha: Alpha,
+        items: wp.array(dtype=wp.vec2i),
+        item_scan: wp.array(dtype=wp.int64),
+        visibility: wp.array2d(dtype=wp.uint8),
+        tests: wp.array(dtype=wp.int32),
+    ):
+        thread = wp.tid()
+        lane = thread % wp.static(slots)
+        chunk = thread // wp.static(slots)
+        part = wp.int32(0)
+        if split > 0:
+            if wp.int64(chunk) >= item_scan[item_scan.shape[0] - 1]:
+                return
+            part = items[chunk][1]
+            chunk = items[chunk][0]
+        if chunk >= total[0]:
+            return
+        light = lights[index]
+        origin_size = wp.float64(largest(eye[0]))
+        tile = ray_tiles[first[chunk]]
+        start = begin[tile] + part * split
+        stop = end[tile]
+        if split > 0:
+            stop = wp.min(stop, start + split)
+        shared0 = wp.tile_zeros(shape=wp.static(slots), dtype=wp.vec4f, storage="shared")
+        shared1 = wp.tile_zeros(shape=wp.static(slots), dtype=wp.vec4f, storage="shared")
+        shared2 = wp.tile_zeros(shape=wp.static(slots), dtype=wp.vec4f, storage="shared")
+        shared3 = wp.tile_zeros(shape=wp.static(slots), dtype=wp.vec4f, storage="shared")
+        shared4 = wp.tile_zeros(shape=wp.static(slots), dtype=wp.vec4f, storage="shared")
+        shared5 = wp.tile_zeros(shape=wp.static(slots), dtype=wp.vec4f, storage="shared")
+        tags = wp.tile_zeros(shape=wp.static(slots), dtype=wp.vec2i, storage="shared")
+        base = first[chunk]
+        while base < first[chunk + 1]:
+            at = base + lane
+            base += wp.static(slots)
+            pixel = wp.int32(0)
+            own = wp.int32(-1)
+            h64 = wp.vec3d()
+            deepest = wp.int32(-1)
+            if at < first[chunk + 1]:
+                pixel = rays[at]
+                h64 = hit[pixel]
+                own = triangle[pixel]
+                deepest = last_slice[pixel]
+                if split > 0:
+                    if visibility[index, pixel] != wp.uint8(0):
+                        deepest = -1
+            h = to_float32(h64)
+            h_error = hit_error(h)
+            number = wp.int32(0)
+            shadowed = wp.bool(False)
+            load = start
+            active = wp.int32(0)
+            if deepest >= 0:
+                active = 1
+            going = wp.tile_extract(wp.tile_max(wp.tile(active)), 0)
+            while going != 0 and load < stop:
+                r = SegmentRecord()
+                tag = wp.vec2i(0, 0)
+                loads = load + lane < stop
+                if loads:
+                    i = values[load + lane]
+                    r = segment_at(records, i)
+                    tag = wp.vec2i(i, keys[load + lane] - tile * slices)
+                wp.tile_scatter_masked(shared0, lane, r.q0, loads)
+                wp.tile_scatter_masked(shared1, lane, r.q1, loads)
+                wp.tile_scatter_masked(shared2, lane, r.q2, loads)
+                if wp.static(used > 3):
+                    wp.tile_scatter_masked(shared3, lane, r.q3, loads)
+                if wp.static(used > 4):
+                    wp.tile_scatter_masked(shared4, lane, r.q4, loads)
+                    wp.tile_scatter_masked(shared5, lane, r.q5, loads)
+                wp.tile_scatter_masked(tags, lane, tag, loads)
+                j = wp.int32(0)
+                held = wp.int32(0)
+                if active != 0:
+                    held = wp.min(stop - load, wp.static(slots))
+                while j < held:
+                    i = wp.int32(-1)
+                    while j < held and i < 0:
+                        s = SegmentRecord()
+                        here = wp.tile_extract(tags, j)
+                        if here[1] > deepest:
+                            active = 0
+                            held = 0
+                            break
+                        if here[0] != own:
+                            s.q0 = wp.tile_extract(shared0, j)
+                            s.q1 = wp.tile_extract(shared1, j)
+                            s.q2 = wp.tile_extract(shared2, j)
+                            if wp.static(used > 3):
+                                s.q3 = wp.tile_extract(shared3, j)
+                            if wp.static(used > 4):
+                                s.q4 = wp.tile_extract(shared4, j)
+                                s.q5 = wp.tile_extract(shared5, j)
+                            number += 1
+                            verdict = judge(h, light, h_error, s)
+                            if wp.static(effects.alpha):
+                                if verdict == YES and alpha.masked[here[0]] != wp.uint8(0):
+                                    verdict = DOUBT
+                            if verdict == YES:
+                                shadowed = wp.bool(True)
+                                active = 0
+                                held = 0
+                            if verdict == DOUBT:
+                                i = here[0]
+                        j += 1
+                    if i >= 0:
+                        face = triangles[i]
+                        shadowed = decide(
+                            h64, light, points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face),
+                            origin_size,
+                        )  # fmt: skip
+                        if wp.static(effects.alpha):
+                            if shadowed:
+                                shadowed = shadow_counts(
+                                    alpha, i, h64, light, points[face[0]], points[face[1]], points[face[2]],
+                                    weld_of(weld, face), origin_size,
+                                )  # fmt: skip
+                        if shadowed:
+                            active = 0
+                            held = 0
+                load += wp.static(slots)
+                going = wp.tile_extract(wp.tile_max(wp.tile(active)), 0)
+            if shadowed:
+                visibility[index, pixel] = wp.uint8(1)
+            if number > 0 and tests.shape[0] > 1:
+                wp.atomic_add(tests, pixel, number)
+
+    return staged_shadow_kernel

@@ -1,0 +1,1 @@
+"""Lists of triangles and rays for tiles: binning, chunks, and items of work."""

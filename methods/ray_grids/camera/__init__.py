@@ -1,0 +1,1 @@
+"""The camera's grid, a pixel a cell, over which triangles are streamed."""

@@ -1,0 +1,113 @@
+"""The camera's passes: arrays and launches of the stream of triangles over its pixels."""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ....harness.frame.frame import Frame
+from ....harness.frame.passes import Pass
+from ....harness.frame.specialise import specialised
+from ....harness.scene.scene import Effects
+from ...common.pixels import thread_count
+from ..parameters import Build
+from ..queues import BLOCK_DIM, COUNTERS, Queues, Step, in_shares, keep_kernel
+from . import queue as camera_queue
+from . import resolve as camera_resolve
+from . import stream as camera_stream
+
+
+class CameraStream:
+    """Primary rays. hit vec3d [pixels]: float64 hit points.
+
+    ``needs`` (int64): where another method wants the stream's counters copied to.
+    """
+
+    def __init__(
+        self, frame: Frame, build: Build, queues: Queues, effects: Effects, needs: wp.array | None = None
+    ):
+        self.frame, self.build, self.queues = frame, build, queues
+        self.effects, self.needs = effects, needs
+        with wp.ScopedDevice(frame.device):
+            self.hit = wp.zeros(frame.pixels, dtype=wp.vec3d)
+
+    def passes(self) -> list[Pass]:
+        """Clear, stream the triangles in shares beside each other, and resolve."""
+        scene = ("points", "triangles", "camera", *self.effects.surface_reads())
+        words = ("nearest words",)
+        passes = [Pass("camera: clear", "trace", scene, words, self.queues.cleared.zero_)]
+        steps: list[Step] = [("stream triangles", (), ("items",), self.launch_stream)]
+        if self.queues.queued:
+            steps += [
+                ("queued rows", ("items",), ("parts",), self.launch_items),
+                ("further parts", ("parts",), (), self.launch_parts),
+            ]
+        steps.append(("doubtful pairs", (), (), self.launch_doubts))
+        passes += in_shares("camera", "trace", steps, self.queues.shares, (*scene, *words), words)
+        passes.append(Pass("camera: resolve", "trace", (*scene, *words), ("hits",), self.launch_resolve))
+        return passes
+
+    def launch_stream(self, share: int) -> None:
+        f, q = self.frame, self.queues
+        room = q.rooms[share]
+        wp.launch(
+            specialised(camera_stream.make_stream_kernel(q.queued), self.effects.switches()),
+            dim=q.share_threads(f.triangle_count),
+            inputs=[
+                f.triangle_count, share, q.shares, f.width, f.height, self.build.inline_pixels, f.eye, f.axes, f.tangents,
+                f.column, f.row, f.points, f.triangles, f.valid, f.alpha,
+            ],
+            outputs=[q.nearest, q.counters(0)[share], q.records, q.depths, room.items, room.doubts],
+            device=f.device,
+            block_dim=BLOCK_DIM,
+        )  # fmt: skip
+
+    def _launch_rows(self, share: int, again: bool) -> None:
+        f, q = self.frame, self.queues
+        room = q.rooms[share]
+        wp.launch(
+            specialised(camera_queue.make_item_kernel(q.cuda, again), self.effects.switches()),
+            dim=q.threads,
+            inputs=[
+                q.threads, self.build.part, f.width, f.height, f.tangents, f.column, f.row, q.records, q.depths,
+                room.items, f.alpha,
+            ],
+            outputs=[q.nearest, q.counters(0)[share], room.parts, room.doubts],
+            device=f.device,
+            block_dim=BLOCK_DIM,
+        )  # fmt: skip
+
+    def launch_items(self, share: int) -> None:
+        self._launch_rows(share, again=False)
+
+    def launch_parts(self, share: int) -> None:
+        self._launch_rows(share, again=True)
+
+    def launch_doubts(self, share: int) -> None:
+        f, q = self.frame, self.queues
+        counts = q.counters(0)[share]
+        wp.launch(
+            specialised(camera_stream.doubt_kernel, self.effects.switches()),
+            dim=q.threads,
+            inputs=[
+                q.threads, f.width, f.eye, f.column, f.row, f.points, f.triangles, f.weld, counts, q.rooms[share].doubts,
+                f.alpha,
+            ],
+            outputs=[q.nearest],
+            device=f.device,
+            block_dim=BLOCK_DIM,
+        )  # fmt: skip
+        if self.needs is not None:
+            wp.launch(keep_kernel, dim=COUNTERS, inputs=[counts], outputs=[self.needs], device=f.device)
+
+    def launch_resolve(self) -> None:
+        f, a = self.frame, self.frame.answers
+        wp.launch(
+            camera_resolve.resolve_kernel,
+            dim=thread_count(f.width, f.height, True),
+            inputs=[
+                f.width, f.height, f.eye, f.column, f.row, f.points, f.triangles, f.weld, self.queues.nearest,
+            ],
+            outputs=[a.triangle, a.t, a.u, a.v, self.hit],
+            device=f.device,
+            block_dim=BLOCK_DIM,
+        )  # fmt: skip

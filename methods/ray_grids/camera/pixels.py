@@ -1,0 +1,223 @@
+"""One pixel of the image against one triangle: edge planes in float32, and nearest hits as words.
+
+The nearest hit of a pixel is kept as one 64-bit word, 40 bits of 1 / t and 24 of the complemented index, by atomic
+maximum: the order in which triangles arrive does not matter. Edge functions in float32 with an error bound decide
+all but a few pixels; those, and every 1 / t, are float64 (:mod:`..common.triangle`).
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ...common.entries import entry, entry_now, raise_entry
+from ...common.reserve import number_in, reserve
+from ...common.triangle import U32, U64, largest, nearness_key, to_float64
+from ..queues import DOUBTS
+
+
+@wp.struct
+class Planes:
+    """Edge planes through the eye, scaled so that their parts are at most 2 and turned so that inside is positive.
+
+    Signs of n . d beyond :func:`sign_bound` are certain; all three are zero where float64 must decide.
+    """
+
+    n0: wp.vec3f
+    n1: wp.vec3f
+    n2: wp.vec3f
+
+
+@wp.func
+def edge_planes(o: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> Planes:
+    """A triangle seen edge-on within rounding, or of a size that float32 does not hold, gets zeros."""
+    pa = a - o
+    pb = b - o
+    pc = c - o
+    ab = b - a
+    bc = c - b
+    ca = a - c
+    reach = wp.max(largest(pa), wp.max(largest(pb), largest(pc)))
+    edge = wp.max(largest(ab), wp.max(largest(bc), largest(ca)))
+    planes = Planes()
+    if not (reach * edge > 1.0e-30 and reach * edge < 1.0e30):
+        return planes
+    a64 = to_float64(a)
+    n = wp.cross(to_float64(b) - a64, to_float64(c) - a64)
+    det = wp.dot(n, a64 - to_float64(o))
+    if not (wp.abs(det) > wp.float64(96.0) * U64 * wp.float64(reach) * wp.float64(edge) * wp.float64(edge)):
+        return planes
+    scale = 1.0 / (reach * edge)
+    if det < wp.float64(0.0):
+        scale = -scale
+    planes.n0 = wp.cross(pb, bc) * scale
+    planes.n1 = wp.cross(pc, ca) * scale
+    planes.n2 = wp.cross(pa, ab) * scale
+    return planes
+
+
+@wp.func
+def sign_bound(tangents: wp.array(dtype=wp.float32)) -> wp.float32:
+    """Error of n . d for every pixel: 16 u |d|_1 of the sum (:mod:`..common.triangle`), 6 u |d|_1 of the scale.
+
+    Forward, right and up have length 1, so each sums to at most sqrt 3.
+    """
+    return 24.0 * U32 * 1.7321 * (1.0001 + tangents[0] + tangents[1])
+
+
+@wp.func
+def inverse_depth(o: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> wp.vec3d:
+    """m with 1 / t = m . d on the triangle's plane, float64; zero where the plane passes the eye."""
+    a64 = to_float64(a)
+    n = wp.cross(to_float64(b) - a64, to_float64(c) - a64)
+    height = wp.dot(n, a64 - to_float64(o))
+    if height == wp.float64(0.0):
+        return wp.vec3d()
+    return n / height
+
+
+@wp.func
+def hit_word(inverse: wp.float64, i: wp.int32) -> wp.uint64:
+    """A hit as one word: a larger one is nearer, or as near with a lower index."""
+    return (nearness_key(inverse) << wp.uint64(24)) | wp.uint64(0xFFFFFF - i)
+
+
+@wp.func
+def keep(
+    pixel: wp.int32,
+    i: wp.int32,
+    d: wp.vec3f,
+    m: wp.vec3d,
+    known: wp.uint64,
+    nearest: wp.array(dtype=wp.uint64),
+):
+    """Keep a certain hit if it is nearer than what is known of its pixel: a word that was there, which spares most."""
+    inverse = wp.dot(m, to_float64(d))
+    if inverse > wp.float64(0.0):
+        word = hit_word(inverse, i)
+        if word > known:
+            raise_entry(nearest, pixel, word)
+
+
+@wp.func
+def least_edge(planes: Planes, d: wp.vec3f) -> wp.float32:
+    """The least of the three edge functions of direction d."""
+    return wp.min(wp.dot(planes.n0, d), wp.min(wp.dot(planes.n1, d), wp.dot(planes.n2, d)))
+
+
+@wp.func
+def test_pixel(
+    pixel: wp.int32,
+    i: wp.int32,
+    d: wp.vec3f,
+    planes: Planes,
+    bound: wp.float32,
+    sure: wp.float32,
+    m: wp.vec3d,
+    nearest: wp.array(dtype=wp.uint64),
+) -> wp.bool:
+    """Keep a certain hit if it is the nearest of its pixel so far; whether float64 must decide.
+
+    A hit beyond ``sure`` is one: the bound, or infinite where the triangle has holes.
+    """
+    known = entry_now(nearest, pixel)
+    low = least_edge(planes, d)
+    if low > sure:
+        keep(pixel, i, d, m, known, nearest)
+        return False
+    return not (low < -bound)
+
+
+@wp.func
+def offer(
+    pixel: wp.int32,
+    i: wp.int32,
+    d: wp.vec3f,
+    planes: Planes,
+    bound: wp.float32,
+    sure: wp.float32,
+    m: wp.vec3d,
+    nearest: wp.array(dtype=wp.uint64),
+    counts: wp.array(dtype=wp.int32),
+    doubts: wp.array(dtype=wp.vec2i),
+):
+    """Test one pixel, and leave the pair to the queue of doubts where float64 must decide."""
+    if test_pixel(pixel, i, d, planes, bound, sure, m, nearest):
+        place = number_in(counts, DOUBTS)
+        if place < doubts.shape[0]:
+            doubts[place] = wp.vec2i(i, pixel)
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+return __ffs(bits) - 1;
+#else
+return __builtin_ctz(bits);
+#endif
+""")
+def lowest_bit(bits: wp.uint32) -> wp.int32:
+    """The place of the lowest bit that is set, of a word that is not zero."""
+
+
+@wp.func
+def pixel_in(box: wp.vec4i, k: wp.int32) -> wp.vec2i:
+    """Column and row of the k-th pixel of a box."""
+    across = box[2] - box[0] + 1
+    down = wp.int32(wp.uint32(k) // wp.uint32(across))
+    return wp.vec2i(box[0] + k - down * across, box[1] + down)
+
+
+@wp.func
+def offer_box(
+    i: wp.int32,
+    box: wp.vec4i,
+    planes: Planes,
+    bound: wp.float32,
+    sure: wp.float32,
+    m: wp.vec3d,
+    width: wp.int32,
+    column: wp.array(dtype=wp.vec3f),
+    row: wp.array(dtype=wp.vec3f),
+    nearest: wp.array(dtype=wp.uint64),
+    counts: wp.array(dtype=wp.int32),
+    doubts: wp.array(dtype=wp.vec2i),
+):
+    """Offer every pixel of a small box, 32 at a time: all are tested first, then those kept that passed.
+
+    A warp waits for its lane with most to do. Tests are short and read only the pixels' directions; what takes long
+    (the word that was there, a place among the doubts) is left to the few pixels that need it, and every lane goes
+    through its own, whatever the shape of its box.
+    """
+    number = (box[2] - box[0] + 1) * (box[3] - box[1] + 1)
+    first = wp.int32(0)
+    x = box[0]
+    y = box[1]
+    while first < number:
+        hits = wp.uint32(0)
+        unsure = wp.uint32(0)
+        bit = wp.uint32(1)
+        for _ in range(wp.min(32, number - first)):
+            low = least_edge(planes, entry(column, x) + entry(row, y))
+            if low > sure:
+                hits |= bit
+            elif not (low < -bound):
+                unsure |= bit
+            bit <<= wp.uint32(1)
+            x += 1
+            if x > box[2]:
+                x = box[0]
+                y += 1
+        while hits != wp.uint32(0):
+            at = pixel_in(box, first + lowest_bit(hits))
+            hits &= hits - wp.uint32(1)
+            pixel = at[1] * width + at[0]
+            # Nothing waits for an atomic without an answer; the word that was there would take a thread longer.
+            keep(pixel, i, entry(column, at[0]) + entry(row, at[1]), m, wp.uint64(0), nearest)
+        if unsure != wp.uint32(0):
+            place = reserve(counts, DOUBTS, wp.int32(wp.bit_count(unsure)))
+            while unsure != wp.uint32(0):
+                at = pixel_in(box, first + lowest_bit(unsure))
+                unsure &= unsure - wp.uint32(1)
+                if place < doubts.shape[0]:
+                    doubts[place] = wp.vec2i(i, at[1] * width + at[0])
+                place += 1
+        first += 32

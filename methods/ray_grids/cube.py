@@ -1,0 +1,196 @@
+"""Where the shadow rays lie on the light's cube, and what is said of all of them: a rectangle (:mod:`.aim`).
+
+On a face, planes through the light are lines, so bounds of what lies on it are exact there.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import warp as wp
+
+from ...harness.frame.specialise import effects
+from ..common.entries import set_entry
+from ..common.pixels import tile_pixel
+from ..common.triangle import largest, to_float32, to_float64
+from .aim import EMPTY, FACE, HIGH_U, HIGH_V, LARGEST, LOW_U, LOW_V, ordered
+
+
+@wp.func
+def face_of(q: wp.vec3d) -> wp.int32:
+    """Face of the largest coordinate: 0 +x, 1 -x, 2 +y, 3 -y, 4 +z, 5 -z."""
+    x = wp.abs(q[0])
+    y = wp.abs(q[1])
+    z = wp.abs(q[2])
+    face = wp.int32(0)
+    along = q[0]
+    if y > x and y >= z:
+        face = 2
+        along = q[1]
+    elif z > x and z > y:
+        face = 4
+        along = q[2]
+    if along < wp.float64(0.0):
+        face += 1
+    return face
+
+
+@wp.func
+def on_face(q: Any, face: wp.int32) -> Any:
+    """(along, across, up) of a point in the frame of a face."""
+    r = q
+    if face // 2 == 1:
+        r = type(q)(q[1], q[2], q[0])
+    elif face // 2 == 2:
+        r = type(q)(q[2], q[0], q[1])
+    if face % 2 == 1:
+        r = type(q)(-r[0], r[1], r[2])
+    return r
+
+
+# A block agrees before one thread a word asks the words that all blocks share: a look at them by every warp would be
+# as many requests to one address of the second cache, and cost several times the pass it serves.
+@wp.func_native(f"""
+#if defined(__CUDA_ARCH__)
+__shared__ int agreed[6];
+if (threadIdx.x < 6) agreed[threadIdx.x] = threadIdx.x < {FACE} ? {EMPTY} : 0;
+__syncthreads();
+int used = face < 0 ? 0 : 1 << face;
+#if __CUDA_ARCH__ >= 800
+low_u = __reduce_min_sync(0xffffffffu, low_u);
+low_v = __reduce_min_sync(0xffffffffu, low_v);
+high_u = __reduce_min_sync(0xffffffffu, high_u);
+high_v = __reduce_min_sync(0xffffffffu, high_v);
+used = __reduce_or_sync(0xffffffffu, used);
+largest = __reduce_max_sync(0xffffffffu, largest);
+if ((threadIdx.x & 31) == 0 && used)
+#else
+if (used)
+#endif
+{{
+    atomicMin(agreed + {LOW_U}, low_u);
+    atomicMin(agreed + {LOW_V}, low_v);
+    atomicMin(agreed + {HIGH_U}, high_u);
+    atomicMin(agreed + {HIGH_V}, high_v);
+    atomicOr(agreed + 4, used);
+    atomicMax(agreed + 5, largest);
+}}
+__syncthreads();
+int k = threadIdx.x, *word = words.data + k;
+if (k < {FACE}) {{
+    if (agreed[k] < __ldcg(word)) atomicMin(word, agreed[k]);
+}} else if (k < {LARGEST}) {{
+    if (agreed[4] >> (k - {FACE}) & 1 && __ldcg(word)) *word = 0;
+}} else if (k == {LARGEST}) {{
+    if (agreed[5] > __ldcg(word)) atomicMax(word, agreed[5]);
+}}
+#else
+if (face < 0) return;
+if (low_u < words.data[{LOW_U}]) words.data[{LOW_U}] = low_u;
+if (low_v < words.data[{LOW_V}]) words.data[{LOW_V}] = low_v;
+if (high_u < words.data[{HIGH_U}]) words.data[{HIGH_U}] = high_u;
+if (high_v < words.data[{HIGH_V}]) words.data[{HIGH_V}] = high_v;
+words.data[{FACE} + face] = 0;
+if (largest > words.data[{LARGEST}]) words.data[{LARGEST}] = largest;
+#endif
+""")
+def note_rays(
+    words: wp.array(dtype=wp.int32),
+    low_u: wp.int32,
+    low_v: wp.int32,
+    high_u: wp.int32,
+    high_v: wp.int32,
+    face: wp.int32,
+    largest: wp.int32,
+):
+    """Lower a rectangle's sides, mark the face as in use (-1: no ray), raise the largest coordinate.
+
+    All threads of a block, full warps of it, must call it.
+    """
+
+
+@wp.func
+def place_of(hit: wp.vec3d, light: wp.vec3f, frame: wp.mat33d) -> wp.vec4f:
+    """(u, v, face, depth) of a hit point; reckoned in float64, so that u and v keep a float's digits at any distance.
+
+    The depth is taken along the face's axis; infinite where the point is the light.
+    """
+    q = frame * (hit - to_float64(light))
+    face = face_of(q)
+    r = on_face(q, face)
+    u = wp.float32(0.0)
+    v = wp.float32(0.0)
+    depth = wp.float32(wp.INF)
+    if r[0] > wp.float64(0.0):
+        scale = wp.float64(1.0) / r[0]
+        u = wp.float32(r[1] * scale)
+        v = wp.float32(r[2] * scale)
+        depth = wp.float32(r[0])
+    return wp.vec4f(u, v, wp.float32(face), depth)
+
+
+@wp.func
+def note_place(
+    is_hit: wp.bool, hit: wp.vec3d, light: wp.vec3f, frame: wp.mat33d, rectangle: wp.array(dtype=wp.int32)
+) -> wp.vec4f:
+    """Where a hit point lies (face -1 at a miss), noted among all rays' (:func:`note_rays`)."""
+    low_u = EMPTY
+    low_v = EMPTY
+    high_u = EMPTY
+    high_v = EMPTY
+    face = wp.int32(-1)
+    size = wp.int32(0)
+    p = wp.vec4f(0.0, 0.0, -1.0, 0.0)
+    if is_hit:
+        p = place_of(hit, light, frame)
+        size = wp.cast(largest(to_float32(hit)), wp.int32)
+        face = wp.int32(p[2])
+        if face == 0:
+            low_u = ordered(p[0])
+            low_v = ordered(p[1])
+            high_u = ordered(-p[0])
+            high_v = ordered(-p[1])
+    note_rays(rectangle, low_u, low_v, high_u, high_v, face, size)
+    return p
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def map_kernel(
+    width: wp.int32,
+    height: wp.int32,
+    index: wp.int32,
+    lights: wp.array(dtype=wp.vec3f),
+    frames: wp.array(dtype=wp.mat33d),
+    triangle: wp.array(dtype=wp.int32),
+    hits: wp.array(dtype=wp.vec3d),
+    receivers: wp.array2d(dtype=wp.uint8),
+    rectangle: wp.array(dtype=wp.int32),
+    place: wp.array(dtype=wp.vec4f),
+    point: wp.array(dtype=wp.vec4f),
+    visibility: wp.array2d(dtype=wp.uint8),
+    farthest: wp.array(dtype=wp.int32),
+):
+    """Places of all rays (face -1: no shadow ray), the rectangle of face 0, and the faces in use; empties ``farthest``.
+
+    point: the hit in float32, and the pixel's number in the bits of the fourth.
+    """
+    tile = wp.tid()
+    while tile < farthest.shape[0]:
+        farthest[tile] = 0
+        tile += ((width + 7) >> 3) * ((height + 3) >> 2) * 32
+    at = tile_pixel(wp.tid(), width, height)
+    hit = wp.vec3d()
+    wanted = wp.bool(False)
+    pixel = at[1] * width + at[0]
+    if at[0] >= 0:
+        visibility[index, pixel] = wp.uint8(0)
+        wanted = triangle[pixel] >= 0
+        if wp.static(effects.masked):
+            wanted = receivers[index, pixel] != wp.uint8(0)
+        if wanted:
+            hit = hits[pixel]
+    p = note_place(wanted, hit, lights[index], frames[index], rectangle)
+    if at[0] >= 0:
+        set_entry(place, pixel, p)
+        h = to_float32(hit)
+        set_entry(point, pixel, wp.vec4f(h[0], h[1], h[2], wp.cast(pixel, wp.float32)))

@@ -1,0 +1,215 @@
+"""Which cells of a face of the light's cube a triangle covers: float32, relative to the scene's middle.
+
+Rays are placed in float64; a pad covers what float32 does to a triangle's corners, so a cell is left out only if no
+ray in it can pass the triangle.
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ...common.triangle import U32, largest
+from ..aim import Cube
+from ..cube import on_face
+
+
+@wp.struct
+class Flat:
+    """A triangle projected to cell coordinates of a face. ``pad`` bounds the error of a coordinate.
+
+    ``known`` is False where a corner lies behind the centre of projection, or too near its plane to be projected.
+    """
+
+    a: wp.vec2f
+    b: wp.vec2f
+    c: wp.vec2f
+    pad: wp.float32
+    known: wp.bool
+
+
+@wp.func
+def turned(v: wp.vec3f, cube: Cube) -> wp.vec3f:
+    return wp.vec3f(wp.dot(cube.forward, v), wp.dot(cube.right, v), wp.dot(cube.up, v))
+
+
+@wp.func
+def cube_space(p: wp.vec3f, cube: Cube) -> wp.vec3f:
+    return turned(p - cube.middle, cube) + wp.vec3f(cube.distance, 0.0, 0.0)
+
+
+@wp.func
+def on_cells(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, reach: wp.float32, r: wp.vec4f) -> Flat:
+    """Cell coordinates of the corners on a face (corners given as along, across, up).
+
+    ``reach`` bounds |p - middle|_1 of the corners: across and up are known to 8 u of it, so u = across / along to
+    (1 + |u|) 16 u reach / along, and the rounding of u itself; a thousandth of a cell covers the scaling.
+    """
+    flat = Flat()
+    nearest = wp.min(a[0], wp.min(b[0], c[0]))
+    flat.known = nearest > 0.01 * wp.max(largest(a), wp.max(largest(b), largest(c)))
+    if flat.known:
+        low_u = r[0]
+        low_v = r[1]
+        per_u = r[2]
+        per_v = r[3]
+        ua = wp.vec2f(a[1] / a[0], a[2] / a[0])
+        ub = wp.vec2f(b[1] / b[0], b[2] / b[0])
+        uc = wp.vec2f(c[1] / c[0], c[2] / c[0])
+        widest = wp.max(
+            wp.max(wp.max(wp.abs(ua[0]), wp.abs(ua[1])), wp.max(wp.abs(ub[0]), wp.abs(ub[1]))),
+            wp.max(wp.max(wp.abs(uc[0]), wp.abs(uc[1])), wp.max(wp.abs(low_u), wp.abs(low_v))),
+        )
+        flat.a = wp.vec2f((ua[0] - low_u) * per_u, (ua[1] - low_v) * per_v)
+        flat.b = wp.vec2f((ub[0] - low_u) * per_u, (ub[1] - low_v) * per_v)
+        flat.c = wp.vec2f((uc[0] - low_u) * per_u, (uc[1] - low_v) * per_v)
+        flat.pad = 32.0 * U32 * ((1.0 + widest) * reach / nearest + widest) * wp.max(per_u, per_v) + 1.0e-3
+    return flat
+
+
+@wp.func
+def whole_cells(x: wp.float32, cells: wp.int32) -> wp.int32:
+    return wp.int32(wp.clamp(x, 0.0, wp.float32(cells) - 0.5))
+
+
+@wp.func
+def flat_box(flat: Flat, cells: wp.int32) -> wp.vec4i:
+    """First and last column and row of cells; empty if last < first."""
+    x0 = wp.min(flat.a[0], wp.min(flat.b[0], flat.c[0])) - flat.pad
+    y0 = wp.min(flat.a[1], wp.min(flat.b[1], flat.c[1])) - flat.pad
+    x1 = wp.max(flat.a[0], wp.max(flat.b[0], flat.c[0])) + flat.pad
+    y1 = wp.max(flat.a[1], wp.max(flat.b[1], flat.c[1])) + flat.pad
+    n = wp.float32(cells)
+    if x1 < 0.0 or y1 < 0.0 or x0 > n or y0 > n:
+        return wp.vec4i(0, 0, -1, -1)
+    return wp.vec4i(
+        whole_cells(x0, cells), whole_cells(y0, cells), whole_cells(x1, cells), whole_cells(y1, cells)
+    )
+
+
+@wp.func
+def beyond_face(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, slack: wp.float32) -> wp.bool:
+    """Whether the whole triangle lies certainly behind a face's centre or beyond one of its four sides."""
+    least = wp.min(a[0], wp.min(b[0], c[0]))
+    most = wp.max(a[0], wp.max(b[0], c[0]))
+    return (
+        most < -slack
+        or (a[1] - a[0] > slack and b[1] - b[0] > slack and c[1] - c[0] > slack)
+        or (-a[1] - a[0] > slack and -b[1] - b[0] > slack and -c[1] - c[0] > slack)
+        or (a[2] - a[0] > slack and b[2] - b[0] > slack and c[2] - c[0] > slack)
+        or (-a[2] - a[0] > slack and -b[2] - b[0] > slack and -c[2] - c[0] > slack)
+    ) and least < wp.INF
+
+
+@wp.struct
+class Sides:
+    """Lines that bound a triangle's cells: in row y, cell coordinate line[0] + (y - line[1]) line[2] is a least one
+    where line[3] > 0, a greatest one where it is < 0, and says nothing where it is 0."""
+
+    line0: wp.vec4f
+    line1: wp.vec4f
+    line2: wp.vec4f
+
+
+@wp.func
+def side_of(p: wp.vec2f, q: wp.vec2f, other: wp.vec2f, pad: wp.float32) -> wp.vec4f:
+    """The line of an edge p-q; ``other`` lies on the inner side.
+
+    A point of the triangle is a mean of corners, so it is off by no more than the pad of a corner, up and across;
+    half a row on either side belongs to the row. What rounding does to the line is small against the slack.
+    """
+    rise = q[1] - p[1]
+    if not (wp.abs(rise) > 1.0e-6 * (wp.abs(q[0] - p[0]) + 1.0)):
+        return wp.vec4f(0.0, 0.0, 0.0, 0.0)
+    slope = (q[0] - p[0]) / rise
+    side = wp.float32(1.0)
+    if other[0] < p[0] + (other[1] - p[1]) * slope:
+        side = -1.0
+    far = wp.max(wp.abs(p[0]), wp.max(wp.abs(q[0]), wp.abs(other[0])))
+    slack = pad + wp.abs(slope) * (0.502 + pad) + 1.0e-5 * wp.max(far, 1.0)
+    return wp.vec4f(p[0] - side * slack, p[1] - 0.5, slope, side)
+
+
+@wp.func
+def sides_of_flat(flat: Flat) -> Sides:
+    sides = Sides()
+    sides.line0 = side_of(flat.a, flat.b, flat.c, flat.pad)
+    sides.line1 = side_of(flat.b, flat.c, flat.a, flat.pad)
+    sides.line2 = side_of(flat.c, flat.a, flat.b, flat.pad)
+    return sides
+
+
+@wp.func
+def side_of_plane(n: wp.vec3f, error: wp.float32, r: wp.vec4f, middle: wp.float32) -> wp.vec4f:
+    """The line n0 + n1 u + n2 v >= -error in cell coordinates, taken from row ``middle``."""
+    # A line along the row is taken as a very steep one: |u| <= 1, so that is off by at most three errors.
+    across = n[1]
+    if not (wp.abs(across) > error):
+        across = 2.0 * error
+    v = r[1] + middle / r[3]
+    u = -(n[0] + n[2] * v) / across
+    slope = -(n[2] / across) * (r[2] / r[3])
+    if not (wp.abs(slope) < 1.0e9 and wp.abs(u) < 1.0e9):
+        return wp.vec4f(0.0, 0.0, 0.0, 0.0)
+    side = wp.sign(across)
+    slack = 0.1 + wp.abs(slope) * 0.52 + (4.0 * error / wp.abs(across) + 1.0e-5) * r[2]
+    return wp.vec4f((u - r[0]) * r[2] - side * slack, middle - 0.5, slope, side)
+
+
+@wp.func
+def sides_of_planes(
+    light: wp.vec3f,
+    cube: Cube,
+    face: wp.int32,
+    a: wp.vec3f,
+    b: wp.vec3f,
+    c: wp.vec3f,
+    r: wp.vec4f,
+    cells: wp.int32,
+) -> Sides:
+    """Lines of a triangle that reaches behind the face's centre.
+
+    On a face the planes through the light and the edges are lines n0 + n1 u + n2 v >= 0; they hold for triangles
+    that cannot be projected, too. Such a triangle is near the light for its size, so corners relative to the
+    light are precise enough.
+    """
+    sides = Sides()
+    qa = on_face(turned(a - light, cube), face)
+    qb = on_face(turned(b - light, cube), face)
+    qc = on_face(turned(c - light, cube), face)
+    ab = qb - qa
+    bc = qc - qb
+    ca = qa - qc
+    det = wp.dot(wp.cross(ca, ab), qa)
+    reach = wp.max(largest(qa), wp.max(largest(qb), largest(qc)))
+    edge = wp.max(largest(ab), wp.max(largest(bc), largest(ca)))
+    if not (wp.abs(det) > 256.0 * U32 * edge * edge * reach):
+        return sides
+    sign = wp.sign(det)
+    error = 256.0 * U32 * reach * edge
+    middle = 0.5 * wp.float32(cells)
+    sides.line0 = side_of_plane(wp.cross(qb, bc) * sign, error, r, middle)
+    sides.line1 = side_of_plane(wp.cross(qc, ca) * sign, error, r, middle)
+    sides.line2 = side_of_plane(wp.cross(qa, ab) * sign, error, r, middle)
+    return sides
+
+
+@wp.func
+def cells_of_row(sides: Sides, y: wp.int32, first: wp.int32, last: wp.int32) -> wp.vec2i:
+    """First and last cell of first..last in row y that the triangle may cover; none if last < first."""
+    low = wp.float32(first)
+    high = wp.float32(last)
+    for k in range(3):
+        line = sides.line0
+        if k == 1:
+            line = sides.line1
+        if k == 2:
+            line = sides.line2
+        x = line[0] + (wp.float32(y) - line[1]) * line[2]
+        # What is not a number cuts nothing.
+        if line[3] > 0.0 and x > low:
+            low = x
+        if line[3] < 0.0 and x < high:
+            high = x
+    return wp.vec2i(
+        wp.int32(wp.floor(wp.min(low, wp.float32(last + 1)))), wp.int32(wp.floor(wp.max(high, -1.0)))
+    )

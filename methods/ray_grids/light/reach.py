@@ -1,0 +1,66 @@
+"""How far a light's rays go: the farthest receiver in each tile of 8 x 8 cells, and triangles that lie beyond it.
+
+In a room most triangles are what receives the light, or lie behind that: no ray goes so far. Depths are distances
+from the light along the axis of a face, as float32 whose bits are compared as integers.
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ...common.reserve import raise_to
+
+TILE_SHIFT = wp.constant(3)
+"""A tile is 8 cells wide and high: the number of cells along a face is a multiple of that."""
+
+TILE_CELLS = wp.constant(64)
+
+MOST_TILES = wp.constant(32)
+"""A triangle over more tiles is not asked about: its thread looks them up one after the other."""
+
+
+@wp.func
+def tile_index(face: wp.int32, x: wp.int32, y: wp.int32, cells: wp.int32) -> wp.int32:
+    """The tile of a cell."""
+    along = cells >> TILE_SHIFT
+    return (face * along + (y >> TILE_SHIFT)) * along + (x >> TILE_SHIFT)
+
+
+@wp.func
+def note_receiver(
+    farthest: wp.array(dtype=wp.int32),
+    face: wp.int32,
+    x: wp.int32,
+    y: wp.int32,
+    along: wp.float32,
+    cells: wp.int32,
+):
+    """A ray in cell (x, y) of a face ends at depth ``along`` > 0."""
+    raise_to(farthest, tile_index(face, x, y, cells), wp.cast(along, wp.int32))
+
+
+@wp.func
+def all_end_before(
+    depth: wp.float32,
+    farthest: wp.array(dtype=wp.int32),
+    face: wp.int32,
+    box: wp.vec4i,
+    cells: wp.int32,
+) -> wp.bool:
+    """Whether certainly no ray in a box of cells (first column and row, last column and row) reaches ``depth``.
+
+    Of a triangle whose corners lie at least that deep, every point does: along the axis of a face depth is linear. A
+    shadow segment from the light to a hit point at less depth has no point in common with it.
+    """
+    x0 = box[0] >> TILE_SHIFT
+    y0 = box[1] >> TILE_SHIFT
+    x1 = box[2] >> TILE_SHIFT
+    y1 = box[3] >> TILE_SHIFT
+    if not (depth > 0.0) or (x1 - x0 + 1) * (y1 - y0 + 1) > MOST_TILES:
+        return False
+    along = cells >> TILE_SHIFT
+    most = wp.int32(0)
+    for y in range(y0, y1 + 1):
+        for x in range(x0, x1 + 1):
+            most = wp.max(most, farthest[(face * along + y) * along + x])
+    return most < wp.cast(depth, wp.int32)

@@ -1,0 +1,225 @@
+"""The command line: help, JSON, exit codes, and one line for whatever a person gets wrong."""
+
+import json
+import sys
+
+import numpy as np
+import pytest
+from helpers.runs import write_scene
+from PIL import Image
+from shadowbench.harness import cli
+from shadowbench.harness.cli import spread_values
+
+COMMANDS = ("run", "show", "list", "render", "verify", "explain", "score")
+
+
+@pytest.fixture
+def call(monkeypatch, capsys):
+    """Run a command in this process: exit code, standard output, standard error."""
+
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["shadowbench", *map(str, arguments)])
+        monkeypatch.delenv(cli.DEBUG, raising=False)
+        with pytest.raises(SystemExit) as stopped:
+            cli.main()
+        said = capsys.readouterr()
+        return stopped.value.code or 0, said.out, said.err
+
+    return run
+
+
+@pytest.fixture
+def scene(tmp_path):
+    return write_scene(tmp_path / "tetra.obj")
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_has_help_with_an_example(call, command):
+    code, out, _ = call(command, "--help")
+    assert code == 0
+    assert f"shadowbench {command} " in out
+    assert "--debug" in out
+
+
+def test_no_command_shows_help(call):
+    _, out, err = call()
+    assert all(f"  {command} " in out + err for command in COMMANDS)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["run", "tabel1"], "no experiment 'tabel1'; did you mean table1?"),
+        (["run", "table1", "--preset", "quik"], "table1 has no preset 'quik'; did you mean quick?"),
+        (["run", "table1", "--scene", "fary"], "no scene or file 'fary'; did you mean fairy?"),
+        (["run", "table1", "--scene", "nowhere/x.ply"], "nowhere/x.ply: no such file"),
+        (["run", "table1", "--method", "bhv"], "no method 'bhv'; did you mean bvh?"),
+        (["run", "table1", "--set", "bvh.updat=refit"], "bvh has no parameter 'updat'; did you mean update?"),
+        (["run", "table1", "--set", "bvh.leaf_size=many"], "bvh.leaf_size='many': not a valid int"),
+        (["run", "table1", "--set", "update=refit"], "--set 'update=refit': write it as method.param=value"),
+        (
+            ["run", "table1", "--set", "bhv.update=refit"],
+            "'bhv' is not among the methods run; did you mean bvh?",
+        ),
+        (["run", "table1", "--size", "256"], "--size '256': write it as WIDTHxHEIGHT"),
+        *(
+            (
+                [*command.split(), "--size", "99999x99999"],
+                "more than the 2,147,483,647 that can be indexed; give fewer",
+            )
+            for command in (
+                "run table1",
+                "plan cloth",
+                "verify cloth",
+                "explain cloth --pixel 1,1",
+                "render cloth --method bvh --out a.png",
+            )
+        ),
+        (["run", "table1", "--size", "0x9"], "--size '0x9': write it as WIDTHxHEIGHT"),
+        (["run", "table1", "--rounds", "0"], "--rounds 0: must be more than 0"),
+        (["run", "table1", "--budget", "-1"], "--budget -1: must be more than 0"),
+        (["run", "table1", "--budget", "nan"], "--budget nan: must be more than 0 and finite"),
+        (["run", "table1", "--memory-limit", "-5"], "--memory-limit -5: must be more than 0 bytes"),
+        (["run", "table1", "--device", "cuda:77"], "no device 'cuda:77' on this machine; there is cpu"),
+        (["run", "table1", "--scene-dir", "nowhere"], "nowhere: no such folder of scenes"),
+        (["list", "method"], "list 'method': there is nothing of that kind; did you mean methods?"),
+        (["show", "table2", "."], "no experiment 'table2'; did you mean table1?"),
+        (["show", "table1", "nowhere"], "nowhere: no such folder"),
+        (["render", "cloth", "--method", "bvh", "--out", "a.gif"], "--out a.gif: pictures are PNG files"),
+        (
+            ["render", "clot", "--method", "bvh", "--out", "a.png"],
+            "no scene or file 'clot'; did you mean cloth?",
+        ),
+    ],
+)
+def test_a_wrong_call_is_one_line_and_exit_2(call, arguments, said):
+    code, out, err = call(*arguments)
+    assert code == 2
+    assert out == ""
+    assert said in err
+    assert err.startswith("shadowbench: ")
+    assert err.count("\n") == 1
+
+
+def test_debug_shows_where_it_came_from(monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["shadowbench", "list", "nothing", "--debug"])
+    monkeypatch.setenv(cli.DEBUG, "")
+    with pytest.raises(cli.UserError, match="nothing of that kind"):
+        cli.main()
+
+
+def test_interrupting_says_how_to_go_on(call, monkeypatch, scene, tmp_path):
+    """Through the whole command line: typer swallows the interruption of a command."""
+
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("shadowbench.harness.commands.run.Run.go", interrupted)
+    code, out, err = call("run", "table1", "--scene", scene, "--method", "bvh", "--out", tmp_path / "out")
+    assert code == cli.INTERRUPTED
+    assert out == ""
+    assert err == "shadowbench: interrupted; the same command goes on where this one stopped\n"
+
+
+@pytest.mark.parametrize("kind", ["methods", "scenes", "experiments"])
+def test_lists_as_text_and_as_json(call, kind):
+    code, out, _ = call("list", kind, "--json")
+    rows = json.loads(out)
+    assert code == 0
+    names = [row["name"] for row in rows]
+    assert {"methods": "bvh", "scenes": "cloth", "experiments": "table1"}[kind] in names
+    _, text, _ = call("list", kind)
+    assert all(name in text for name in names)
+
+
+def test_run_show_and_json(call, scene, tmp_path):
+    out_folder = tmp_path / "out"
+    arguments = ["run", "table1", "--scene", scene, "--method", "bvh", "embree", "--set", "embree.threads=1"]
+    arguments += [
+        "--preset",
+        "quick",
+        "--size",
+        "16x12",
+        "--rounds",
+        "1",
+        "--samples",
+        "2",
+        "--no-score",
+        "--out",
+        out_folder,
+        "--json",
+    ]
+    code, out, err = call(*arguments)
+    report = json.loads(out)
+    assert (code, err) == (0, "")
+    assert [(p["method"], p["status"], p["samples"]) for p in report["points"]] == [
+        ("bvh", "ok", 2),
+        ("embree", "ok", 2),
+    ]
+    assert report["points"][1]["built"]["threads"] == 1
+    assert {p["width"] for p in report["points"]} == {16}
+    for file in report["files"]:
+        assert (tmp_path / file).stat().st_size > 0
+    records = sorted((out_folder / "records").iterdir())
+    before = [path.read_bytes() for path in records]
+    table = out_folder / "table1.csv"
+    table.unlink()
+    code, out, _ = call("show", "table1", out_folder, "--json")
+    assert code == 0
+    assert str(table) in json.loads(out)["files"]
+    assert [path.read_bytes() for path in records] == before
+
+
+def test_an_unwritable_folder_is_refused(call, scene, tmp_path):
+    (tmp_path / "file").write_text("")
+    code, _, err = call(
+        "run", "table1", "--scene", scene, "--method", "bvh", "--out", tmp_path / "file" / "out"
+    )
+    assert code == 2
+    assert "cannot write there" in err
+    assert err.count("\n") == 1
+
+
+def test_render_draws_what_a_method_answers(call, scene, tmp_path):
+    code, _, err = call("render", scene, "--method", "bvh", "--out", tmp_path / "a.png", "--size", "48x32")
+    assert code == 0
+    assert "written" in err
+    pixels = np.asarray(Image.open(tmp_path / "a.png"))
+    assert pixels.shape[:2] == (32, 48)
+    assert pixels.std() > 5
+    code, _, err = call("render", scene, "--method", "bvh", "--out", tmp_path / "a.png", "--frame", "3")
+    assert code == 2
+    assert "frames 0 to 0" in err
+
+
+@pytest.mark.parametrize(
+    ("given", "read"),
+    [
+        ("run table1 --scene a b --json", "run table1 --scene a --scene b --json"),
+        ("run table1 --method a --set a.b=1 a.c=2", "run table1 --method a --set a.b=1 --set a.c=2"),
+        ("run --scene a table1", "run --scene a table1"),
+        ("run table1 --out x --scene a", "run table1 --out x --scene a"),
+        ("verify a b --method c d --json", "verify a b --method c --method d --json"),
+        ("list methods --json", "list methods --json"),
+    ],
+)
+def test_several_values_after_one_flag(given, read):
+    assert spread_values(given.split()) == read.split()
+
+
+def test_two_scenes_of_one_name_are_refused(call, tmp_path):
+    files = [tmp_path / folder / "model.obj" for folder in ("a", "b")]
+    for file in files:
+        file.parent.mkdir()
+        file.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    code, _, err = call("run", "table1", "--scene", files[0], "--scene", files[1], "--out", tmp_path / "out")
+    assert code == 2
+    assert f"{files[1]}: of the same name as {files[0]}" in err
+
+
+def test_stand_ins_are_listed_as_such(call):
+    code, out, _ = call("list", "scenes", "--json")
+    assert code == 0
+    rows = {row["name"]: row for row in json.loads(out)}
+    assert "stand-in" in rows["cloth"]["stand_in"]
+    assert rows["bunny"]["stand_in"] is None

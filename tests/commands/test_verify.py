@@ -1,0 +1,334 @@
+"""The commands verify, explain and score, on small meshes and methods made for the purpose."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+import trimesh
+from helpers import exact_cases as cases
+from helpers.exact_method import ExactMethod
+from helpers.made_records import made
+from shadowbench.harness.commands.verify import explain, score, verify
+from shadowbench.harness.errors import CapacityRejected, UserError
+from shadowbench.harness.frame import registry
+from shadowbench.harness.frame.warp_init import start_warp
+from shadowbench.harness.judge.answer_files import save_raw
+from shadowbench.harness.judge.referee import Referee
+from shadowbench.harness.runner.experiment import Entry
+from shadowbench.harness.scene.catalogue import resolve
+from shadowbench.harness.scene.prepared import Prepared
+
+start_warp()  # as the commands do: what it has to say must not end up in a test's output
+
+
+class Right(ExactMethod):
+    """Answers from exact arithmetic of the tests' own."""
+
+    name = title = "right"
+
+    def exact(self, prepared, moment, referee):
+        return cases.exact_answers(prepared, moment, referee)
+
+
+class Wrong(Right):
+    """Leaks the first shadowed pixel."""
+
+    name = title = "wrong"
+
+    def spoil(self, answers):
+        bits = answers["visibility"][0]
+        bits[np.argmax(bits)] = 0
+
+
+class Honest(Wrong):
+    name = title = "honest"
+    known_inexact = "it leaks, and says so"
+
+
+class Lazy(Right):
+    """Never writes its shadows."""
+
+    name = title = "lazy"
+
+    def trace_shadow(self, frame, light):
+        pass
+
+
+class Crashing(Right):
+    name = title = "crashing"
+
+    def trace_primary(self, frame):
+        raise RuntimeError("no such luck")
+
+
+class Greedy(Right):
+    name = title = "greedy"
+
+    def trace_primary(self, frame):
+        raise CapacityRejected("needs 12 pairs")
+
+
+class Choosy(Right):
+    name = title = "choosy"
+
+    def applies(self, scene, device):
+        return "only spheres"
+
+
+@dataclass
+class Point:
+    """Stands in for an installed package's entry point."""
+
+    cls: type
+
+    def load(self):
+        return self.cls
+
+
+@pytest.fixture(autouse=True)
+def methods(monkeypatch):
+    known = {cls.name: Point(cls) for cls in (Right, Wrong, Honest, Lazy, Crashing, Greedy, Choosy)}
+    monkeypatch.setattr(registry, "_entry_points", lambda: known)
+
+
+@pytest.fixture(scope="module")
+def mesh(tmp_path_factory) -> str:
+    """A ball over a floor as a file."""
+    geometry = cases.ball_on_floor().geometry()
+    path = tmp_path_factory.mktemp("meshes") / "ball.ply"
+    trimesh.Trimesh(geometry.positions(0), geometry.faces, process=False).export(path)
+    return str(path)
+
+
+def run(capsys, *names: str, scenes: list[str], **options) -> tuple[int, dict]:
+    code = verify(scenes, list(names), size="40x30", device="cpu", as_json=True, **options)
+    return code, json.loads(capsys.readouterr().out)
+
+
+def test_a_right_method_passes(capsys, mesh):
+    code, report = run(capsys, "right", scenes=[mesh])
+    assert code == 0
+    assert report["passed"] is True
+    (scene,) = report["scenes"]
+    (row,) = scene["methods"]
+    assert row["status"] == "ok"
+    assert row["score"]["check"] == "ok"
+    assert row["score"]["shadow"][0]["scored"] > 100
+    assert scene["triangles"] == len(cases.ball_on_floor().geometry().faces)
+    assert len(scene["sha256"]) == 64
+
+
+def test_a_wrong_method_fails_unless_it_says_so(capsys, mesh):
+    code, report = run(capsys, "wrong", scenes=[mesh])
+    row = report["scenes"][0]["methods"][0]
+    assert code == 1
+    assert row["score"]["shadow"][0]["leak"] == 1
+    code, report = run(capsys, "honest", scenes=[mesh])
+    row = report["scenes"][0]["methods"][0]
+    assert code == 0
+    assert row["score"]["shadow"][0]["leak"] == 1
+    assert row["known_inexact"] == "it leaks, and says so"
+
+
+def test_unwritten_shadows_are_found(capsys, mesh):
+    code, report = run(capsys, "lazy", scenes=[mesh])
+    score = report["scenes"][0]["methods"][0]["score"]
+    assert code == 1
+    assert score["shadow"][0]["invalid"] == 40 * 30
+
+
+def test_one_method_does_not_hide_another(capsys, mesh):
+    code, report = run(capsys, "crashing", "greedy", "choosy", "right", scenes=[mesh, mesh])
+    assert code == 1
+    assert len(report["scenes"]) == 2
+    rows = {row["method"]: row for row in report["scenes"][1]["methods"]}
+    assert (rows["crashing"]["status"], rows["crashing"]["reason"]) == (
+        "failed",
+        "RuntimeError: no such luck",
+    )
+    assert (rows["greedy"]["status"], rows["greedy"]["reason"]) == ("rejected", "needs 12 pairs")
+    assert (rows["choosy"]["status"], rows["choosy"]["reason"]) == ("skipped", "only spheres")
+    assert rows["right"]["score"]["check"] == "ok"
+    assert run(capsys, "greedy", "choosy", scenes=[mesh])[0] == 0
+
+
+def test_the_table_shows_what_is_wrong(capsys, mesh):
+    assert verify([mesh], ["right", "honest", "choosy"], size="40x30", device="cpu") == 0
+    text = capsys.readouterr().out
+    assert "ball.ply" in text
+    assert "failed *" in text
+    assert "* honest declares itself inexact: it leaks, and says so" in text
+    assert "skipped: only spheres" in text
+    assert "reference" in text
+
+
+@pytest.mark.parametrize(
+    ("broken", "words"),
+    [
+        (slice(None), "warning: none of 12 triangles can ever be hit"),
+        (slice(0, 1), "of 12 triangles can never be hit"),
+    ],
+)
+def test_triangles_that_cannot_be_hit_are_told(tmp_path, capsys, broken, words):
+    box = trimesh.creation.box()
+    vertices = box.vertices.copy()
+    vertices[broken] = np.nan
+    path = tmp_path / "broken.obj"
+    corners = "".join("v {} {} {}\n".format(*vertex) for vertex in vertices)
+    path.write_text(corners + "".join("f {} {} {}\n".format(*face) for face in box.faces + 1))
+    assert verify([str(path)], ["right"], device="cpu", size="8x8") == 0
+    assert words in " ".join(capsys.readouterr().out.split())
+    code, report = run(capsys, "right", scenes=[str(path)])
+    assert code == 0
+    assert words in report["scenes"][0]["warning"]
+
+
+def test_every_pixel_can_be_decided(capsys, mesh):
+    _, report = run(capsys, "right", scenes=[mesh], everything=True)
+    assert report["scenes"][0]["methods"][0]["score"]["primary"]["judged"] == 40 * 30
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"scene": ["nosuch"]}, "nosuch"),
+        ({"method": ["rihgt"]}, "did you mean right"),
+        ({"size": "40"}, "WIDTHxHEIGHT"),
+        ({"frame": 1}, "frames 0 to 0"),
+        ({"device": "cuda:7"}, "cuda:7"),
+        ({"setting": ["right.x=1"]}, "right has no parameter"),
+    ],
+)
+def test_a_wrong_call_is_one_line(mesh, change, message):
+    arguments = {"scene": [mesh], "method": ["right"], "size": "40x30", "device": "cpu", **change}
+    with pytest.raises(UserError, match=message) as caught:
+        verify(**arguments)
+    assert "\n" not in str(caught.value)
+
+
+# --- explain ------------------------------------------------------------------------------------------------
+
+
+def shadowed_pixel(mesh: str) -> tuple[int, int]:
+    """Where the wrong method leaks."""
+    prepared = Prepared(resolve(mesh))
+    moment = prepared.moment(0, 40, 30)
+    referee = Referee(moment.points, prepared.faces, moment.valid)
+    hits = referee.closest(moment.eye, moment.directions(np.arange(40 * 30)))
+    pixel = int(np.argmax(referee.occluded(hits, moment.lights[0])))
+    return pixel % 40, pixel // 40
+
+
+def test_explain_shows_every_answer_and_the_exact_one(capsys, mesh):
+    x, y = shadowed_pixel(mesh)
+    names = ["right", "wrong", "choosy"]
+    code = explain(mesh, f"{x},{y}", names, "cpu", "40x30", as_json=True)
+    facts = json.loads(capsys.readouterr().out)
+    assert code == 1
+    truth = facts["exact"]
+    assert truth["ties"][0] == truth["triangle"] >= 0
+    assert int(truth["t_ratio"][0]) / int(truth["t_ratio"][1]) == truth["t"]
+    assert truth["edge_in_bounds"] > 0
+    assert truth["shadows"][0]["bit"] == 1
+    assert truth["shadows"][0]["occluder"] != truth["triangle"]
+    rows = {row["method"]: row for row in facts["answers"]}
+    assert rows["reference"]["triangle"] == truth["triangle"]
+    assert (rows["right"]["class"], rows["right"]["shadow_classes"]) == ("ok", ["ok"])
+    assert (rows["wrong"]["class"], rows["wrong"]["shadow_classes"]) == ("ok", ["leak"])
+    assert rows["choosy"]["reason"] == "only spheres"
+    assert explain(mesh, f"{x},{y}", ["right", "honest"], "cpu", "40x30") == 0
+    text = capsys.readouterr().out
+    assert f"exact: triangle {truth['triangle']}" in text
+    assert "0 leak" in text
+
+
+def test_explain_follows_a_mirrored_ray(capsys, mesh, tmp_path):
+    declared = tmp_path / "mirrors.toml"
+    declared.write_text(f'mesh = "{mesh}"\n[mirror]\nshare = 1.0\nbounces = 2\n')
+    x, y = shadowed_pixel(mesh)
+    names = ["uniform_grid", "ray_grids"]
+    assert explain(str(declared), f"{x},{y}", names, "cpu", "40x30", as_json=True) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert [found["bounce"] for found in facts["bounces"]] == [1, 2]
+    (row,) = facts["bounces"][0]["answers"]
+    assert row["method"] == "uniform_grid"  # the other holds no mirrored rays
+    assert (row["triangle"], row["class"]) == (row["exact"]["triangle"], "ok")
+    assert row["triangle"] != facts["exact"]["triangle"]
+    assert explain(str(declared), f"{x},{y}", names, "cpu", "40x30") == 0
+    assert "bounce 1, each method's own ray:" in capsys.readouterr().out
+
+
+def test_explain_a_miss(capsys, mesh):
+    assert explain(mesh, "0,0", ["right"], "cpu", "40x30") == 0
+    assert "exact: a miss" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("pixel", ["40,0", "0,30", "1", "1,2,3", "-1,0", "a,b"])
+def test_explain_needs_a_pixel_of_the_image(mesh, pixel):
+    with pytest.raises(UserError, match="--pixel"):
+        explain(mesh, pixel, ["right"], "cpu", "40x30")
+
+
+# --- score --------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def folder(tmp_path, mesh):
+    """Raw answers of two points, one right and one wrong, and their unscored records."""
+    prepared = Prepared(resolve(mesh))
+    moment = prepared.moment(0, 40, 30)
+    referee = Referee(moment.points, prepared.faces, moment.valid)
+    for cls in (Right, Wrong):
+        answers = cases.exact_answers(prepared, moment, referee)
+        cls().spoil(answers)
+        key = f"point-{cls.name}"
+        save_raw(tmp_path / "answers" / f"{key}-0.npz", prepared, moment, answers, mesh, extra={"key": key})
+        record = {**made("table1", Entry(cls.name)), "key": key}
+        record["frames"][0].update(total_ms=[1.25], score=None, unscored="no Embree there")
+        (tmp_path / "records").mkdir(exist_ok=True)
+        (tmp_path / "records" / f"{key}.json").write_text(json.dumps(record))
+    return tmp_path
+
+
+def read(folder, name):
+    return json.loads((folder / "records" / f"point-{name}.json").read_text())
+
+
+def test_score_fills_in_what_is_missing_and_nothing_else(capsys, folder):
+    assert score(folder, as_json=True) == 1
+    report = json.loads(capsys.readouterr().out)
+    assert [row["status"] for row in report["answers"]] == ["scored", "scored"]
+    (frame,) = read(folder, "right")["frames"]
+    assert frame["score"]["check"] == "ok"
+    assert frame["unscored"] is None
+    assert frame["total_ms"] == [1.25]
+    assert read(folder, "wrong")["frames"][0]["score"]["shadow"][0]["leak"] == 1
+    before = (folder / "records" / "point-right.json").read_bytes()
+    assert score(folder, as_json=True) == 1
+    report = json.loads(capsys.readouterr().out)
+    assert [row["status"] for row in report["answers"]] == ["had a score", "had a score"]
+    assert (folder / "records" / "point-right.json").read_bytes() == before
+
+
+def test_score_passes_where_all_is_right(capsys, folder):
+    (folder / "answers" / "point-wrong-0.npz").unlink()
+    assert score(folder) == 0
+    assert "scored" in capsys.readouterr().out
+
+
+def test_score_says_what_it_cannot_score(capsys, folder):
+    (folder / "answers" / "point-right-0.npz").write_bytes(b"torn")
+    (folder / "answers" / "point-wrong-0.npz").unlink()
+    assert score(folder, as_json=True) == 1
+    (row,) = json.loads(capsys.readouterr().out)["answers"]
+    assert row["status"] == "not scored"
+    assert "not a file of raw answers" in row["reason"]
+    assert read(folder, "right")["frames"][0]["score"] is None
+
+
+def test_score_of_a_folder_without_answers(tmp_path):
+    with pytest.raises(UserError, match="no raw answers"):
+        score(tmp_path)

@@ -1,0 +1,121 @@
+"""What ablation and moving draw and say, from made-up records."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+from helpers.made_records import keep, made
+from shadowbench.experiments import _paper
+from shadowbench.experiments import ablation as declared_ablation
+from shadowbench.experiments._figures import ablation
+from shadowbench.harness.commands.show import show
+from shadowbench.harness.runner.experiment import find_experiment
+from shadowbench.methods.perspective_spherical import parameters
+
+
+def test_ablation_holds_ours_against_the_tree_and_takes_each_change_back(tmp_path):
+    declared = find_experiment("ablation").presets["quick"].methods
+    known = {e.label: e for e in declared}
+    times = {
+        "paper-faithful": 4.0,
+        "all of ours": 1.0,
+        "Warp's tree rebuilt": 2.0,
+        "ours with radix sort": 1.5,
+    }
+    records = [made("ablation", known[label], "buddha", ms=ms) for label, ms in times.items()]
+    slow = {**times, "all of ours": 3.0}
+    records += [made("ablation", known[label], "cloth", ms=ms) for label, ms in slow.items()]
+    keep(tmp_path, records)
+    files = show("ablation", tmp_path, quiet=True)
+    text = (tmp_path / "ablation.md").read_text()
+    assert "Buddha (stand-in) 0.50 (1.01 of 2.02 ms; paper-faithful 2.00)" in text
+    assert "Cloth (stand-in) 1.50 (3.03 of 2.02 ms; paper-faithful 2.00)" in text
+    assert ": slower on Cloth (stand-in)." in text
+    assert "with one of its changes taken back: ours with radix sort 0.87" in text
+    assert tmp_path / "ablation-ours.svg" in files
+    drawn = (tmp_path / "ablation-ours.svg").read_text()
+    for word in ("Warp's tree rebuilt", "ours with radix sort", "frame time over that of all of ours"):
+        assert word in drawn, word
+    records[2]["environment"] = "another run"
+    keep(tmp_path / "old", records[:3])
+    show("ablation", tmp_path / "old", quiet=True)
+    assert "were not both measured" in (tmp_path / "old" / "ablation.md").read_text()
+    assert not (tmp_path / "old" / "ablation-ours.svg").exists()
+
+
+def test_ablation_takes_back_every_setting_in_which_ours_differs_from_the_papers():
+    ours = dataclasses.asdict(parameters.Build()) | dataclasses.asdict(parameters.Trace())
+    differ = {key for key, text in _paper.PAPER.items() if str(ours[key]).lower() != text}
+    taken = [key for keys in declared_ablation.TAKEN_BACK.values() for key in keys]
+    assert sorted(taken) == sorted(differ)
+    for entry in declared_ablation.LEFT_OUT:
+        assert entry.settings.items() <= _paper.PAPER.items()
+
+
+def test_moving_has_a_row_a_frame(tmp_path):
+    preset = find_experiment("moving").presets["quick"]
+    records = [
+        made("moving", e, s, preset.lightings[0], frames=8)
+        for e in preset.methods
+        for s in ("cloth", "fairy")
+    ]
+    for i, frame in enumerate(records[0]["frames"]):
+        frame["total_ms"] = [10.0 + i] * 2
+    keep(tmp_path, records)
+    show("moving", tmp_path, quiet=True)
+    lines = (tmp_path / "moving.csv").read_text().splitlines()
+    assert len(lines) == 1 + 8 * len(records)
+    assert (
+        "10.0 to 17.0 ms over 8 places of the light (slowest +70% over fastest)"
+        in (tmp_path / "moving.md").read_text()
+    )
+    assert "turns of the light" in (tmp_path / "moving.svg").read_text()
+
+
+def test_moving_explains_a_slow_place_from_its_counters(tmp_path):
+    preset = find_experiment("moving").presets["quick"]
+    ours, _, tree = preset.methods
+    slow, uncounted = (made("moving", e, "sibenik", preset.lightings[0], frames=8) for e in (ours, tree))
+    even = made("moving", ours, "fairy", preset.lightings[0], frames=8)
+    for r in (slow, uncounted):
+        r["frames"][3]["total_ms"] = [30.0, 30.0]
+        r["frames"][3]["passes"] = [{"name": "light 0: shadow rays", "part": "shadow", "ms": [24.0]}]
+    for i, frame in enumerate(slow["frames"]):
+        frame["counters"] = {"shadow tests a hundred rays": 9000 if i == 3 else 2000,
+                             "light 0 tiles with rays": 50 if i == 3 else 120}  # fmt: skip
+    keep(tmp_path, [slow, uncounted, even])
+    show("moving", tmp_path, quiet=True)
+    lines = (tmp_path / "moving.md").read_text().split("\n\n")
+    animated, tree_line, ours_line = lines[1:4]
+    assert animated.startswith("Fairy"), "animated scenes come first"
+    assert "Slowest at" not in animated
+    assert "Slowest at 0.43 turns, 3.0 times the median of the path: shadow took 24.0 ms there" in tree_line
+    assert tree_line.endswith("its work was not counted.")
+    assert "tests a shadow ray 90 (median 20), tiles with rays 50 (median 120)." in ours_line
+    assert "fewer tiles with longer lists" in ours_line
+
+
+def test_ablation_compares_with_its_base_on_the_same_scene(tmp_path):
+    declared = find_experiment("ablation")
+    entries = declared.presets["quick"].methods
+    records = []
+    for scene, base in (("cloth", 10.0), ("buddha", 40.0)):
+        for i, e in enumerate(entries):
+            lost = "culled" in e.label and scene == "cloth"
+            records.append(
+                made("ablation", e, scene, ms=base * (1 + 0.1 * i), status="skipped" if lost else "ok")
+            )
+    keep(tmp_path, records)
+    show("ablation", tmp_path, quiet=True)
+    text = (tmp_path / "ablation.md").read_text()
+    assert "direct mapping, 16x16 tiles 1.10 (2 scenes)" in text
+    assert "exact test, back faces culled 1.90 (1 scene)" in text
+    assert "Not measured" in text
+    # Neither the tree nor what is taken back from ours is a change to the paper's configuration.
+    changes = text[: text.index("of all of ours over")]
+    assert "Warp's tree" not in changes
+    assert "ours with" not in changes
+    assert len((tmp_path / "ablation.csv").read_text().splitlines()) == 1 + len(records)
+    rows = [{"label": "a", "ratio": 0.5, "scene": "x"}, {"label": "a", "ratio": 2.0, "scene": "y"}]
+    assert ablation.mean_ratios(rows)["a"] == pytest.approx(1.0)

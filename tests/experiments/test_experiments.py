@@ -1,0 +1,133 @@
+"""Experiments: what they declare is valid, and each of them is run for real, small."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+from helpers.runs import write_scene
+from shadowbench.experiments import _paper, figure2
+from shadowbench.experiments.ablation import CULLED, TREE
+from shadowbench.harness.commands.show import show
+from shadowbench.harness.errors import UserError
+from shadowbench.harness.runner.experiment import (
+    check_entries,
+    experiment_names,
+    find_experiment,
+    find_preset,
+)
+from shadowbench.harness.runner.progress import Silent
+from shadowbench.harness.runner.runner import Options, Run
+from shadowbench.harness.scene.catalogue import scene_names
+
+OWN = ("figure2", "figure6", "figure9", "figure10", "figure11", "two_lights", "moving", "ablation")
+
+
+# --- declarations -------------------------------------------------------------------------------------------
+
+
+def test_every_experiment_of_the_paper_is_there_and_helpers_are_not():
+    assert set(OWN) | {"table1", "claims"} <= set(experiment_names())
+    assert not [name for name in experiment_names() if name.startswith("_")]
+
+
+@pytest.mark.parametrize("name", OWN)
+def test_declarations_are_valid(name):
+    declared = find_experiment(name)
+    assert declared.name == name
+    assert set(declared.presets) == {"quick", "paper"}
+    for preset in declared.presets.values():
+        check_entries(preset.methods)
+        labels = [entry.label or entry.method for entry in preset.methods]
+        assert len(set(labels)) == len(labels), "labels tell the lines of a drawing apart"
+        assert set(preset.scenes) <= set(scene_names())
+        names = [lighting.label for lighting in preset.lightings]
+        assert len(set(names)) == len(names)
+    assert (declared.presets["paper"].width, declared.presets["paper"].height) == (1024, 1024)
+
+
+def test_what_the_issue_asks_of_figure_11():
+    quick = find_experiment("figure11").presets["quick"]
+    assert quick.scenes == ("cloth",)
+    assert quick.frames == 3
+    assert [x.distance for x in quick.lightings][-1] == 1e7
+    assert len(quick.lightings) == 5
+    # No load balancing is one value of r, and float32 is also told from the middle of the hit points where it can be.
+    assert {e.settings["r"] for e in quick.methods} >= {"32", "65536"}
+    centred = [e.settings for e in quick.methods if e.settings["precision"] == "float32-centred"]
+    assert {(s["clamp"], s["aimed"]) for s in centred} == {("none", "true"), ("hits", "true")}
+    paper = find_experiment("figure11").presets["paper"]
+    reached = [x.distance for part in paper.parts() for x in part.lightings]
+    assert sorted(reached) == [0.1, 1, 10, 1e3, 1e5, 1e7]
+    assert {part.memory for part in paper.parts()} == {16 << 30}
+    fine = [e.settings for e in quick.methods if e.settings["precision"] == "float64"]
+    assert {(s["clamp"], s["aimed"]) for s in fine} == {
+        (c, a) for c in ("none", "hits") for a in ("true", "false")
+    }
+    assert len({s["r"] for s in fine}) == 4
+    assert len(fine) == 16
+
+
+def test_direct_and_indirect_mapping_trace_with_blocks_of_one_size():
+    tiles = {e.label: (int(e.settings["tile"]), int(e.settings["k"])) for e in figure2.METHODS}
+    assert {tile * k for label, (tile, k) in tiles.items() if label != figure2.DIRECT_SMALL} == {16}
+    assert tiles[figure2.DIRECT][1] == tiles[figure2.DIRECT_SMALL][1] == 1
+    # The other reading of direct mapping: the same sorting tiles, each of them a block.
+    assert tiles[figure2.DIRECT_SMALL][0] == tiles[figure2.INDIRECT][0]
+    assert tiles[figure2.INDIRECT][1] == 2
+
+
+def test_an_experiment_without_presets_says_what_to_do():
+    with pytest.raises(UserError, match="claims measures nothing; run the others"):
+        find_preset(find_experiment("claims"), None, "cpu")
+
+
+# --- the experiments themselves, at 16 x 16 -----------------------------------------------------------------
+
+CUT = {
+    "figure10": (lambda e: True, 1),
+    "figure11": (lambda e: e.settings["r"] == "64" and e.settings["clamp"] == "none", 2),
+    "ablation": (
+        lambda e: (
+            e.label in ("paper-faithful", "cube map", CULLED, "all of ours", TREE, "ours with radix sort")
+        ),
+        1,
+    ),
+    "two_lights": (lambda e: e.label.endswith("best") or e.method == "bvh", 2),
+    "moving": (lambda e: e.method in (_paper.METHOD, "bvh"), 1),
+}
+"""Which entries and how many lightings are run of an experiment that has many."""
+
+
+@pytest.mark.parametrize("name", OWN)
+def test_each_experiment_runs_and_draws(name, tmp_path):
+    declared = find_experiment(name)
+    wanted, count = CUT.get(name, (lambda e: True, 99))
+    quick = declared.presets["quick"]
+    tiny = dataclasses.replace(
+        quick, width=16, height=16, scenes=(write_scene(tmp_path / "tetra.obj"),), samples=1, most=1, stage_samples=1,
+        rounds=1, methods=tuple(e for e in quick.methods if wanted(e)), lightings=quick.lightings[:count],
+    )  # fmt: skip
+    out = tmp_path / "out"
+    tiny = dataclasses.replace(
+        tiny, also=tuple(dataclasses.replace(tiny, width=8, height=8, also=()) for _ in quick.also)
+    )
+    records = Run(Options(declared, "quick", tiny, "cpu", out, score=False), Silent()).go()
+    assert len(records) == len(tiny.methods) * len(tiny.lightings) * len(tiny.parts())
+    assert {r["status"] for r in records} <= {"ok", "skipped"}, [r["reason"] for r in records]
+    assert sum(r["status"] == "ok" for r in records) >= len(records) - 2
+    files = show(name, out, quiet=True)
+    assert {f"{name}.csv", f"{name}.md"} <= {file.name for file in files}
+    assert any(file.suffix in (".svg", ".png") for file in files) or name == "figure2"
+    assert all(file.stat().st_size > 0 for file in files)
+    if name == "figure2":
+        assert len(list((out / "maps").glob("*.png"))) == len(records)
+    if name == "figure6":
+        rays = {
+            r["scene"]["lighting"].get("label", ""): r["frames"][0]["counters"]["light 0 rays"]
+            for r in records
+        }
+        assert rays[""] > 0
+        assert {rays[name] < rays[""] for name in ("cone", "rectangle")} == {True}, "the spots look elsewhere"
+    if name == "moving":
+        assert all(len(r["frames"]) == 8 for r in records)

@@ -1,0 +1,141 @@
+"""Ratios of the frame-time experiment, from made-up rows."""
+
+from __future__ import annotations
+
+import pytest
+from helpers.brute_force import make_scene, soup
+from helpers.made_records import keep, made
+from shadowbench.experiments._figures import frame_time
+from shadowbench.experiments._work import ray_grids
+from shadowbench.harness.commands.show import show
+from shadowbench.harness.frame.registry import make_method
+from shadowbench.harness.frame.session import Session
+from shadowbench.harness.report import roofline as floor
+from shadowbench.harness.report.roofline import Machine, Work
+from shadowbench.harness.runner.experiment import Entry
+
+
+def row(label: str, scene: str, total: float, between: float = 0.0) -> dict:
+    return {
+        "label": label, "scene": scene, "scene_title": scene.title(), "stand_in": None, "total_ms": total,
+        "between_ms": between, "status": "ok", "key": label + scene,
+    }  # fmt: skip
+
+
+def test_ratio_is_to_the_fastest_of_its_kind_and_carries_the_rounds_range():
+    rows = [
+        row("ours", "a", 2.0, 0.2),
+        row("slow", "a", 10.0),
+        row("fast", "a", 6.0, 0.4),
+        row("ours", "b", 1.0),
+        row("fast", "b", 3.0),
+        {**row("slow", "b", 1.0), "status": "failed", "total_ms": None},
+    ]
+    frame_time.add(rows, "ours")
+    best = frame_time.fastest(rows, "a", ["slow", "fast"])
+    assert best is not None
+    assert best["label"] == "fast"
+    assert best["times_slower"] == pytest.approx(3.0)
+    assert (best["low"], best["high"]) == (pytest.approx(5.8 / 2.1), pytest.approx(6.2 / 1.9))
+    said = " ".join(frame_time.sentences(rows, "ours", {"rebuild": ["slow", "fast"], "refit": ["none"]}))
+    assert "Least 3.00, geometric mean 3.00" in said
+    assert "refit" not in said
+
+
+def test_without_our_method_nothing_is_claimed():
+    rows = [row("fast", "a", 3.0)]
+    frame_time.add(rows, "ours")
+    assert frame_time.sentences(rows, "ours", {"rebuild": ["fast"]}) == ["ours was not measured."]
+
+
+def test_a_floor_is_the_larger_of_moving_and_testing_and_the_launches():
+    machine = Machine(bytes_per_s=1e12, tests_per_s=1e9, launch_ms=0.5)
+    assert floor.least_ms(Work(2e9, 1e6, 1), machine) == pytest.approx(2.0 + 0.5)
+    assert floor.least_ms(Work(2e9, 3e6, 2), machine) == pytest.approx(3.0 + 1.0)
+
+
+def floored(monkeypatch, folder, passes):
+    monkeypatch.setitem(floor.MACHINES, "Imaginary GPU", Machine(1e12, 1e15, 0.01))
+    record = made("frame_time", Entry("ray_grids", {}, "ray grids"), passes=passes, ms=1.0)
+    record["scene"].update(triangles=1_000_000, vertices=500_000)
+    record["frames"][0].update(shadow_rays=3000, counters={"camera items": 10, "light 0 items": 20})
+    keep(folder, [record])
+    files = show("frame_time", folder, quiet=True)
+    return {file.name for file in files}, (folder / "frame_time.md").read_text()
+
+
+def test_the_floor_is_told_stage_by_stage(monkeypatch, tmp_path):
+    passes = [("camera: resolve", "trace", 0.4), ("light 0: scatter rays", "light build", 0.6)]
+    files, text = floored(monkeypatch, tmp_path, passes)
+    assert "frame_time-stages.csv" in files
+    pixels = 64 * 64
+    resolve, scatter = pixels * 48 / 1e9 + 0.01, (pixels * 8 + 3000 * 32) / 1e9 + 0.01
+    lines = (tmp_path / "frame_time-stages.csv").read_text().splitlines()
+    assert lines[0] == ",".join(floor.COLUMNS)
+    assert f"camera: resolve,trace,0.4,{resolve:.6g},{0.4 / resolve:.6g}" in lines[1]
+    assert f"{resolve + scatter:.3f} ms" in text
+    assert "light 0: scatter rays by 0.590 ms" in text
+    assert "floor of ray grids" in (tmp_path / "frame_time.svg").read_text()
+
+
+def test_shares_of_a_stage_are_one_stage_with_one_launch(monkeypatch, tmp_path):
+    """They run beside each other: times, bytes and tests are summed, and one kernel's start is counted."""
+    name = "light 0: queued rows, share {} of 2"
+    _, text = floored(
+        monkeypatch, tmp_path, [(name.format(k), "shadow", ms) for k, ms in ((1, 0.7), (2, 0.2))]
+    )
+    lines = (tmp_path / "frame_time-stages.csv").read_text().splitlines()
+    queued = 20 * 80 / 1e9 + 0.01
+    assert lines[1].startswith(f"cloth,light 0: queued rows,shadow,0.9,{queued:.6g},")
+    assert len(lines) == 2
+    assert "light 0: queued rows by 0.890 ms" in text
+
+
+def test_a_stage_without_a_floor_leaves_the_frame_without_one(monkeypatch, tmp_path):
+    _, text = floored(
+        monkeypatch, tmp_path, [("camera: resolve", "trace", 0.4), ("a new stage", "trace", 0.1)]
+    )
+    assert "Floor" not in text
+    lines = (tmp_path / "frame_time-stages.csv").read_text().splitlines()
+    assert lines[2].startswith("cloth,a new stage,trace,0.1,,")
+
+
+def test_every_stage_of_the_method_has_its_work():
+    """Whoever adds or renames a pass says what it must move."""
+    vertices, faces = soup(3, 20)
+    prepared = make_scene(vertices, faces, [(2.0, 3.0, 4.0), (1.0, 2.0, 3.0)])
+    session = Session(make_method("ray_grids", {"queue": "always"}), prepared, 16, 16, "cpu")
+    record = {"scene": {"triangles": 20, "vertices": 60}, "point": {"width": 16, "height": 16}}
+    frame = {"shadow_rays": 100, "counters": {}}
+    works = {work.name: ray_grids(record, frame, work.name) for work in session.all_passes}
+    assert not [name for name, work in works.items() if work is None]
+    shared = {work.stage for name, work in works.items() if ", share 2 of 2" in name}
+    assert len(shared) == 3 * 4 + 2  # of the camera four steps, of each light five
+    assert "" not in shared
+
+
+def test_a_bar_says_three_digits_and_what_is_wrong_of_it():
+    """No time without its error: a mark and a count where answers are wrong, a word where nothing is known."""
+    right = {**row("fast", "a", 6.678), "times_slower": 6.68, "true_errors": 0, "check": "ok"}
+    assert frame_time.beside(right, "ours") == "6.68 ms, 6.68x"
+    assert frame_time.beside({**right, "true_errors": 4}, "ours") == "6.68 ms, 6.68x  ✗ 4"
+    assert frame_time.beside({**right, "true_errors": None}, "fast") == "6.68 ms  unscored"
+    assert [frame_time.digits(x) for x in (0.3091, 5.0, 30.12, 1234.0, 0.0)] == [
+        "0.309",
+        "5.00",
+        "30.1",
+        "1,234",
+        "0.00",
+    ]
+
+
+def test_the_picture_marks_wrong_answers_and_explains_its_parts(tmp_path):
+    wrong = made("frame_time", Entry("bvh", {}, "mesh rebuilt"), ms=3.0)
+    wrong["frames"][0]["score"] = {**wrong["frames"][0]["score"], "true_errors": 4}
+    keep(tmp_path, [made("frame_time", Entry("ray_grids", {}, "ray grids"), ms=1.0), wrong])
+    show("frame_time", tmp_path, quiet=True)
+    text = (tmp_path / "frame_time.svg").read_text()
+    assert "✗ 4" in text
+    assert "n wrong pixels and shadow bits" in text
+    assert "twice the time of ray grids" in text
+    assert all(f">{part}<" in text for part in ("build", "trace", "light build", "shadow"))

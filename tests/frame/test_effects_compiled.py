@@ -1,0 +1,122 @@
+"""An effect that is off costs nothing: a kernel compiles to the code of its twin, which never heard of the effect."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+import shadowbench.methods
+from helpers.compiled_twins import (
+    Cut,
+    compiled,
+    effect_of,
+    kernels_with_effects,
+    source_of,
+    source_without,
+    with_source,
+)
+from shadowbench.harness.frame import specialise
+from shadowbench.harness.frame.specialise import NAMES, Switches, named, specialised, switch_sets
+
+KERNELS = kernels_with_effects()
+CASES = [(name, effect) for name, kernel in KERNELS.items() for effect in named(kernel)]
+ROOT = Path(shadowbench.methods.__path__[0]).parent
+
+
+def others(kernel, effect):
+    """Switches with ``effect`` off: all others off, and all others on where there are any."""
+    rest = {name: True for name in named(kernel) if name != effect}
+    return [Switches(), Switches(**rest)] if rest else [Switches()]
+
+
+@pytest.mark.parametrize("target", ["cpu", "cuda"])
+@pytest.mark.parametrize(("name", "effect"), CASES)
+def test_off_is_the_code_of_the_twin(name, effect, target, tmp_path):
+    kernel = KERNELS[name]
+    for k, switches in enumerate(others(kernel, effect)):
+        off = compiled(with_source(kernel, source_of(kernel), switches), tmp_path / f"off{k}", target)
+        twin = compiled(
+            with_source(kernel, source_without(kernel, effect), switches), tmp_path / f"twin{k}", target
+        )
+        assert off.source == twin.source
+        assert off.binary == twin.binary
+
+
+@pytest.mark.parametrize(("name", "effect"), CASES)
+def test_a_branch_left_on_is_seen(name, effect, tmp_path):
+    kernel = KERNELS[name]
+    left_on = compiled(
+        with_source(kernel, source_of(kernel), Switches(**{effect: True})), tmp_path / "on", "cpu"
+    )
+    twin = compiled(with_source(kernel, source_without(kernel, effect), Switches()), tmp_path / "twin", "cpu")
+    assert left_on.source != twin.source
+    assert left_on.binary != twin.binary
+
+
+def test_every_branch_on_an_effect_is_in_a_kernel_that_is_compared():
+    compared = {kernel.func.__code__.co_filename + kernel.func.__name__ for kernel in KERNELS.values()}
+    seen = 0
+    for file in [*ROOT.glob("methods/**/*.py"), *ROOT.glob("harness/**/*.py")]:
+        if "wp.static(effects." not in file.read_text():
+            continue
+        for node in ast.walk(ast.parse(file.read_text())):
+            if isinstance(node, ast.FunctionDef) and any(effect_of(n) for n in ast.walk(node)):
+                inner = [n for n in ast.walk(node) if isinstance(n, ast.FunctionDef) and n is not node]
+                if any(effect_of(m) for n in inner for m in ast.walk(n)):
+                    continue  # a factory: its kernel is counted
+                seen += 1
+                assert str(file) + node.name in {str(Path(c).resolve()) for c in compared} | compared, (
+                    f"{file.name}: {node.name} branches on an effect and is not compared"
+                )
+    assert seen >= 6
+
+
+def test_variants_are_few_and_made_once():
+    for kernel in KERNELS.values():
+        sets = list(switch_sets(kernel))
+        assert len(sets) == 2 ** len(named(kernel))
+        assert specialised(kernel, Switches()) is kernel
+        for switches in sets[1:]:
+            made = specialised(kernel, switches)
+            assert made is not kernel
+            assert made is specialised(kernel, switches)
+            unnamed = {name: True for name in NAMES if name not in named(kernel)}
+            wanted = {name: getattr(switches, name) for name in named(kernel)}
+            assert specialised(kernel, Switches(**wanted, **unnamed)) is made
+    assert sum(2 ** len(named(kernel)) - 1 for kernel in KERNELS.values()) <= 64
+
+
+def test_a_made_variant_is_the_kernel_with_the_switch_on(tmp_path):
+    kernel = KERNELS["methods.uniform_grid.traversal.shadow_kernel"]
+    made = specialised(kernel, Switches(masked=True))
+    assert made.options == kernel.options
+    assert made.func.__globals__["effects"].masked
+    assert not kernel.func.__globals__["effects"].masked
+
+
+def test_an_unknown_effect_is_refused():
+    class Named:
+        key = "kernel"
+        func = _unknown
+
+    with pytest.raises(ValueError, match="sparkle"):
+        specialise.named.__wrapped__(Named)
+
+
+def _unknown():
+    from shadowbench.harness.frame.specialise import effects
+
+    return effects.sparkle
+
+
+def test_an_else_branch_stays():
+    tree = ast.parse("if wp.static(effects.masked):\n    a()\nelse:\n    b()\n")
+    assert ast.unparse(Cut("masked").visit(tree)) == "b()"
+
+
+def test_the_number_of_kernels_and_variants_in_the_docs_is_right():
+    text = (Path(__file__).resolve().parents[2] / "docs" / "effects.md").read_text()
+    variants = sum(2 ** len(named(kernel)) - 1 for kernel in KERNELS.values())
+    assert f"{len(KERNELS)} kernels branch on an effect" in text
+    assert f"at most {variants} beyond the plain kernels" in text

@@ -1,0 +1,254 @@
+"""A pass runs again only where something that it reads has changed, and not where nothing receives its light."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import warp as wp
+from helpers.effect_scenes import (
+    BEHIND,
+    EYE,
+    LAMPS,
+    POINT,
+    SIZE,
+    SPOT,
+    launches,
+    scene,
+    session_of,
+)
+from helpers.method_trials import DEVICES
+from shadowbench.harness.frame import passes
+from shadowbench.harness.frame.passes import Pass
+from shadowbench.harness.frame.registry import make_method, method_names
+from shadowbench.harness.frame.schedule import builds, live, stale, steps
+from shadowbench.harness.frame.session import Session
+from shadowbench.harness.scene.scene import Camera, Spot
+
+CHANGES = {"camera": {"camera"}, "light 1": {"light/1"}, "geometry": {"points"}, "nothing": set()}
+
+
+@pytest.mark.parametrize("label", LAMPS)
+def test_nothing_moved_launches_nothing(label, monkeypatch):
+    prepared = scene()
+    session = session_of(label, prepared)
+    session.answers(prepared.moment(0, *SIZE))
+    session.select(set())
+    assert not session.passes
+    assert not launches(session, monkeypatch)
+
+
+@pytest.mark.parametrize("label", LAMPS)
+def test_what_was_skipped_for_a_light_is_made_up_for_when_it_is_seen_again(label):
+    prepared = scene((SPOT,), facing=True)
+    session = session_of(label, prepared)
+    session.answers(prepared.moment(0, *SIZE))
+    moved = (replace(SPOT, position=(-1.5, 3.0, 0.5), spot=Spot((1.5, -3.0, -0.5), 40.0)),)
+    away = Camera(EYE.eye, (0.0, 0.6, 9.0))
+    assert session.advance(prepared.moment(0, *SIZE, camera=away, lights=moved)) == {"camera", "light/0"}
+    assert not session.frame.reached.numpy().any()
+    back = prepared.moment(0, *SIZE, lights=moved)
+    assert session.advance(back) == {"camera"}
+    whole = session_of(label, prepared).answers(back)
+    assert whole["visibility"].any()
+    for name, values in session.frame.answers.to_host().items():
+        np.testing.assert_array_equal(values, whole[name], err_msg=name)
+    kept = stale(session.all_passes, {"camera"})
+    assert session._owed_to(kept) == set()  # and only once
+
+
+@pytest.mark.parametrize("makers", [("camera",), ("camera", "light 0: late")])
+def test_a_pass_that_reads_what_the_frame_makes_cannot_run_ahead(makers):
+    """Refused by its name before anything is captured or launched, wherever in the frame that is made."""
+    launched = []
+    given = [
+        Pass(name, "trace", ("points",), (f"made by {name}",), lambda: launched.append(1)) for name in makers
+    ]
+    reads = ("points", f"made by {makers[-1]}")
+    early = Pass("light 0: aim", "light build", reads, ("aim",), lambda: launched.append(1), ahead=True)
+    with pytest.raises(ValueError, match="pass 'light 0: aim' cannot run ahead"):
+        passes.capture_passes([given[0], early, *given[1:]], "cpu")
+    assert not launched
+
+
+def beside(*branch, adds=False, launch=lambda: None, **names):
+    given = {"reads": ("hits",), "writes": (f"bits/{branch}",)} | names
+    return Pass(f"light {branch}", "shadow", launch=launch, branch=branch, adds=adds, **given)
+
+
+@pytest.mark.parametrize(
+    "given", [{"reads": ("bits",)}, {"writes": ("bits",)}, {"writes": ("bits",), "adds": True}]
+)
+@pytest.mark.parametrize("place", [(), (3,)])
+def test_passes_that_share_what_one_writes_cannot_run_beside_each_other(given, place):
+    """Refused by name before anything is captured or launched, in a fork within a branch too."""
+    launched = []
+    first = beside(*place, 0, writes=("bits",), launch=lambda: launched.append(0))
+    other = beside(*place, 1, launch=lambda: launched.append(1), **given)
+    with pytest.raises(ValueError, match=r"cannot run beside .*, which writes bits"):
+        passes.capture_passes([first, other], "cpu")
+    assert not launched
+
+
+def test_passes_that_may_run_beside_each_other():
+    passes._refuse_shared([beside(0, writes=("bits",), adds=True), beside(1, writes=("bits",), adds=True)])
+    passes._refuse_shared([beside(0), beside(1)])  # both only read the hits
+    passes._refuse_shared([beside(0, writes=("bits",)), beside(0, reads=("bits",))])  # one after the other
+
+
+def test_branches_fork_where_passes_are_neighbours():
+    """What has no branch, or a condition, parts those before it from those after it."""
+    condition = wp.zeros(1, dtype=wp.int32, device="cpu")
+    given = [
+        make("trace", "camera", "hits"),
+        *(beside(0), beside(1), beside(0, 0), beside(0, 1)),
+        make("shade", "hits", "picture"),
+        *(beside(1), replace(beside(0), only_if=condition)),
+    ]
+    groups = [(forked, [len(branch) for branch in branches]) for forked, branches in passes._forks(given, 0)]
+    assert groups == [(False, [1]), (True, [3, 1]), (False, [1]), (True, [1]), (False, [1])]
+    inner = [
+        (forked, [len(b) for b in branches]) for forked, branches in passes._forks([given[1], *given[3:5]], 1)
+    ]
+    assert inner == [(False, [1]), (True, [1, 1])]
+
+
+@pytest.mark.parametrize("label", ["uniform_grid", "ray_grids"])
+@pytest.mark.parametrize("interrupted", ["loaded", "selected", "planned anew"])
+def test_a_frame_is_never_made_from_one_that_is_not_whole(label, interrupted):
+    prepared = scene()
+    before = prepared.moment(0, *SIZE)
+    after = prepared.moment(0, *SIZE, lights=tuple(light.moved((1.0, 5.0, 2.0)) for light in (POINT, BEHIND)))
+    session = session_of(label, prepared)
+    session.answers(before)
+    session.frame.answers.poison()
+    if interrupted != "planned anew":
+        session.load(after)
+    if interrupted == "selected":
+        session.select({"light/0"})
+        session.settle()
+    if interrupted == "planned anew":
+        session._plan()
+    session.advance(after)
+    whole = session_of(label, prepared).answers(after)
+    for name, values in session.frame.answers.to_host().items():
+        np.testing.assert_array_equal(values, whole[name], err_msg=name)
+    assert session.advance(after) == frozenset()
+
+
+@pytest.mark.parametrize("label", LAMPS)
+def test_a_moving_light_rebuilds_its_own_grid_and_nothing_else(label):
+    session = session_of(label, scene())
+    run = stale(session.all_passes, {"light/1"})
+    assert run
+    assert {work.effect for work in run} <= {"shadows/1", "receivers"}
+    assert not [work for work in builds(run) if work.part == "build"]
+
+
+@pytest.mark.parametrize("label", ["uniform_grid", "bvh", "bvh rebuilt in place", "embree"])
+def test_a_moving_camera_rebuilds_no_world_structure(label):
+    assert not builds(stale(session_of(label, scene()).all_passes, {"camera"}))
+
+
+@pytest.mark.parametrize(
+    ("clamp", "stays"), [("scene", True), ("hits", False), ("view", False), ("none", False)]
+)
+def test_a_light_grid_stays_with_a_moving_camera_only_where_it_knows_no_view(clamp, stays):
+    session = Session(make_method("perspective_spherical", {"clamp": clamp}), scene(), *SIZE, "cpu")
+    built = builds(stale(session.all_passes, {"camera"}))
+    assert (not [work for work in built if work.part == "light build"]) == stays
+
+
+def make(name, reads, writes, part="trace"):
+    return Pass(name, part, tuple(reads.split()), tuple(writes.split()), lambda: None)
+
+
+def test_pass_graph_on_a_small_frame():
+    passes = [
+        make("build", "points", "tree", "build"),
+        make("trace", "tree camera", "hits"),
+        make("clear", "light/0", "bits"),
+        make("shadow", "tree hits light/0", "bits"),
+        make("debug", "tree", "picture"),
+    ]
+    kept = live(passes, ("hits", "bits"))
+    assert [p.name for p in kept] == ["build", "trace", "clear", "shadow"]
+    assert [p.name for p in live(passes, ("hits",))] == ["build", "trace"]
+    assert [p.name for p in stale(kept, {"camera"})] == ["trace", "clear", "shadow"]
+    assert [p.name for p in stale(kept, {"light/0"})] == ["clear", "shadow"]
+    assert stale(kept, set()) == []
+    reasons = {step.work.name: step.reason for step in steps(kept, {"camera"})}
+    assert reasons["shadow"] == "hits changed"
+    assert reasons["clear"] == "bits is made anew"
+
+
+# --- what a captured graph leaves out ------------------------------------------------------------------------------
+
+VARIANTS = [
+    *((name, {}) for name in method_names()),
+    ("bvh", {"update": "bvh_rebuild"}),
+    ("perspective_spherical", {"sort": "radix", "balancing": "algorithm-1"}),
+    ("perspective_spherical", {"sort": "radix", "triangle_chunk": "3"}),
+    ("perspective_spherical", {"triangle_chunk": "2", "clamp": "scene"}),
+    ("perspective_spherical", {"staging": "none", "light_map": "cube"}),
+    ("ray_grids", {"queue": "always"}),
+]
+
+
+@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize(("name", "settings"), VARIANTS)
+def test_what_runs_in_any_case_leaves_no_bit_where_nothing_receives(name, settings, device, monkeypatch):
+    """Passes that take scratch memory run, in a captured graph, on what the last traced frame left behind."""
+    prepared = scene((SPOT, BEHIND), facing=True)
+    reason = make_method(name, settings).applies(prepared.scene, device)
+    if reason:
+        pytest.skip(f"{name}: {reason}")
+    if device == "cpu":  # where nothing is captured, plain launches do as a graph would
+        monkeypatch.setattr(passes, "_condition", lambda work: None if work.scratch else work.only_if)
+    gone = (replace(SPOT, spot=Spot((0.0, 1.0, 0.0), 1.0)), BEHIND)
+    moments = [prepared.moment(0, *SIZE, lights=lights) for lights in ((SPOT, BEHIND), gone)]
+    wanted = [
+        Session(make_method(name, settings), prepared, *SIZE, device).answers(moment) for moment in moments
+    ]
+    for order in ((0, 1, 0), (1, 0, 1)):
+        session = Session(make_method(name, settings), prepared, *SIZE, device)
+        for k in order:
+            session.answers(moments[k])
+        for k in order:
+            session.load(moments[k])
+            session.frame.answers.poison()
+            session.replay()
+            assert not session.overflowed()
+            assert session.frame.reached.numpy()[0] == (k == 0)
+            session.method.counters()
+            for key, values in session.frame.answers.to_host().items():
+                np.testing.assert_array_equal(values, wanted[k][key], f"{key}, {k} of {order}")
+    assert wanted[0]["visibility"][0].any()
+
+
+@pytest.mark.parametrize(("name", "settings"), VARIANTS)
+def test_what_a_graph_may_leave_out_takes_no_scratch_memory(name, settings, monkeypatch):
+    """A branch of a captured graph holds kernels, fills and copies alone: scans and sorts allocate inside."""
+    prepared = scene((SPOT, BEHIND), facing=True)
+    method = make_method(name, settings)
+    if method.applies(prepared.scene, "cpu"):
+        pytest.skip(f"{name}: {method.applies(prepared.scene, 'cpu')}")
+    session = Session(method, prepared, *SIZE, "cpu")
+    session.answers(prepared.moment(0, *SIZE))
+    given = [work for work in session.all_passes if work.only_if is not None and not work.scratch]
+    assert given
+    if name == "ray_grids":  # its scan is its own on a GPU; on a CPU nothing is captured
+        given = [work for work in given if "count and scan" not in work.name]
+
+    def refuse(*args, **kwargs):
+        raise AssertionError("scratch memory within a branch")
+
+    for routine in ("array_scan", "radix_sort_pairs", "segmented_sort_pairs", "runlength_encode"):
+        monkeypatch.setattr(wp.utils, routine, refuse)
+    for maker in ("zeros", "empty", "full", "array", "zeros_like", "empty_like", "clone"):
+        monkeypatch.setattr(wp, maker, refuse)
+    if not session.method.capturable:
+        pytest.skip(f"{name} is not captured")
+    for work in given:
+        work.launch()

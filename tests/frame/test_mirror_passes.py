@@ -1,0 +1,219 @@
+"""Passes of mirrored rays: none where nothing reflects, what runs again, who takes part, and what is counted."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+
+import numpy as np
+import pytest
+from helpers import brute_force
+from helpers.mirror_scenes import (
+    EXACT,
+    INEXACT,
+    SIZE,
+    answered,
+    hall_of_mirrors,
+    plane_and_ball,
+    with_mirrors,
+)
+from shadowbench.harness.errors import UserError
+from shadowbench.harness.frame.frame import BOUNCED, Frame
+from shadowbench.harness.frame.method import SimpleMethod
+from shadowbench.harness.frame.registry import make_method, method_class, method_names
+from shadowbench.harness.frame.session import Session
+from shadowbench.harness.judge.referee import Referee
+from shadowbench.harness.runner.timing import Memory
+from shadowbench.harness.scene.alpha import perforated
+from shadowbench.harness.scene.facts import array_bytes
+from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.scene import Camera, Effects
+
+
+@pytest.mark.parametrize(("name", "settings"), EXACT + INEXACT)
+def test_without_mirrors_a_bounce_changes_no_bit(name, settings):
+    if name == "embree":
+        pytest.importorskip("embreex", reason="needs Embree")
+    plain = brute_force.make_scene(*brute_force.soup(3, 60), [(1.0, 2.5, 1.5)])
+    _, expected = answered(name, settings, plain)
+    _, answers = answered(name, settings, with_mirrors(plain, np.zeros(60, dtype=np.uint8), 1))
+    for key in expected:
+        np.testing.assert_array_equal(answers[key], expected[key], key)
+    assert not answers["bounce_active"].any()
+    assert (answers["bounce_triangle"] == -1).all()
+    assert np.isposinf(answers["bounce_t"]).all()
+    assert not answers["bounce_visibility"].any()
+
+
+@pytest.mark.parametrize(("name", "settings"), EXACT + INEXACT)
+def test_no_bounce_leaves_launches_memory_and_answers_as_they_were(name, settings):
+    if name == "embree":
+        pytest.importorskip("embreex", reason="needs Embree")
+    plain = brute_force.make_scene(*brute_force.soup(3, 60), [(1.0, 2.5, 1.5)])
+    sessions = [
+        Session(make_method(name, settings), one, SIZE, SIZE, "cpu")
+        for one in (
+            plain,
+            with_mirrors(plain, np.ones(60, dtype=np.uint8), 0),
+            with_mirrors(plain, np.ones(60, dtype=np.uint8), 2),
+        )
+    ]
+    launches = [[(work.name, work.reads, work.writes) for work in s.passes] for s in sessions]
+    assert launches[1] == launches[0]
+    assert launches[0] == [
+        (work.name, work.reads, work.writes) for work in sessions[2].passes if work.effect != "mirror"
+    ]
+    assert len(launches[2]) == len(launches[0]) + 2 * 3, "rays, hits and shadow bits of two bounces"
+    frame = sessions[1].frame
+    assert frame.mirror.size == 0
+    assert all(getattr(frame.answers.bounces, name).size == 0 for name in (*BOUNCED, "receivers"))
+    moment = plain.moment(0, SIZE, SIZE)
+    expected, got = (session.answers(moment) for session in sessions[:2])
+    assert list(got) == list(expected) == ["triangle", "t", "u", "v", "visibility"]
+    for key in expected:
+        np.testing.assert_array_equal(got[key], expected[key], key)
+
+
+def test_a_moved_light_runs_only_its_own_shadow_rays_and_a_moved_camera_all_bounces():
+    prepared = hall_of_mirrors(2)
+    session = Session(make_method("uniform_grid"), prepared, SIZE, SIZE, "cpu")
+    first = prepared.moment(0, SIZE, SIZE)
+    session.answers(first)
+    lights = list(prepared.lights(0))
+    lights[0] = lights[0].moved((0.2, 0.4, 0.1))
+    moment = prepared.moment(0, SIZE, SIZE, lights=tuple(lights))
+    session.select({"light/0"})
+    names = [work.name for work in session.passes]
+    assert names == [name for work in session.all_passes for name in [work.name] if "light 0" in name]
+    assert len(names) == 6, "receivers and shadow rays of the eye's hits and of two bounces"
+    session.passes = session.all_passes
+    assert session.advance(moment) == {"light/0"}
+    fresh = Session(make_method("uniform_grid"), prepared, SIZE, SIZE, "cpu").answers(moment)
+    for key, value in session.frame.answers.to_host().items():
+        np.testing.assert_array_equal(value, fresh[key], key)
+    elsewhere = prepared.moment(0, SIZE, SIZE, camera=Camera((0.1, 0.2, 0.8), (0.0, 0.0, -0.4)))
+    session.advance(prepared.moment(0, SIZE, SIZE, camera=prepared.scene.camera))
+    session.advance(elsewhere)
+    fresh = Session(make_method("uniform_grid"), prepared, SIZE, SIZE, "cpu").answers(elsewhere)
+    for key, value in session.frame.answers.to_host().items():
+        np.testing.assert_array_equal(value, fresh[key], key)
+
+
+class ByTheReferee(SimpleMethod):
+    """Asks the exact referee: what an author of a simple method writes for mirrors."""
+
+    name = "by_the_referee"
+    title = "By the referee"
+    simulates = frozenset({"shadows", "mirror"})
+    capturable = False
+
+    def build_structure(self, frame):
+        host = frame.host
+        self.referee = Referee(host.points, frame.prepared.faces, host.valid)
+
+    def _closest(self, frame, bounce, origins, directions):
+        hits = self.referee.closest(origins, directions)
+        triangle, t, u, v = frame.hits(bounce)
+        triangle.assign(hits.triangle)
+        t.assign(hits.t.astype(np.float32))
+        u.zero_()
+        v.zero_()
+        return hits
+
+    def trace_primary(self, frame):
+        host = frame.host
+        self.hits = {0: self._closest(frame, 0, host.eye, host.directions(np.arange(frame.pixels)))}
+
+    def trace_shadow(self, frame, light):
+        frame.bits(0)[light].assign(self.referee.occluded(self.hits[0], frame.host.lights[light]))
+
+    def trace_bounce(self, frame, bounce):
+        origins, directions, active = (array.numpy() for array in frame.rays(bounce))
+        away = np.where(active[:, None] == 1, origins, np.float32(1e6))
+        self.hits[bounce] = self._closest(
+            frame, bounce, away, np.where(active[:, None] == 1, directions, np.float32(1.0))
+        )
+
+    def trace_bounce_shadow(self, frame, light, bounce):
+        bits = self.referee.occluded(self.hits[bounce], frame.host.lights[light])
+        frame.bits(bounce)[light].assign(bits)
+
+
+def test_a_simple_method_takes_part_by_two_functions():
+    prepared = plane_and_ball(2)
+    moment = prepared.moment(0, SIZE, SIZE)
+    assert ByTheReferee().applies(prepared.scene, "cpu") is None
+    given = Session(ByTheReferee(), prepared, SIZE, SIZE, "cpu").answers(moment)
+    _, expected = answered("uniform_grid", {}, prepared)
+    for name in ("active", "origin", "direction", "triangle", "visibility"):
+        np.testing.assert_array_equal(given[f"bounce_{name}"], expected[f"bounce_{name}"], name)
+    assert (given["bounce_triangle"][0] >= 0).sum() > 10
+
+
+def test_every_method_takes_part_or_says_why_not():
+    scene = plane_and_ball().scene
+    can = {name for name in method_names() if "mirror" in method_class(name).simulates}
+    assert can == {"uniform_grid", "bvh", "embree"}
+    for name in method_names():
+        reason = make_method(name).applies(scene, "cpu")
+        if name in can:
+            assert reason is None
+        else:
+            assert reason.startswith("mirror: ")
+            assert "not supported" not in reason
+
+
+@pytest.mark.parametrize(("name", "settings"), EXACT)
+def test_tests_of_mirrored_rays_are_counted(name, settings):
+    counts = []
+    for bounces in (0, 1, 3):
+        prepared = hall_of_mirrors(bounces)
+        session = Session(make_method(name, settings), prepared, SIZE, SIZE, "cpu")
+        before = session.answers(prepared.moment(0, SIZE, SIZE))
+        counts.append(session.method.counters())
+        for key, value in session.frame.answers.to_host().items():
+            np.testing.assert_array_equal(value, before[key], key)
+    assert "mirror tests" not in counts[0]
+    assert 0 < counts[1]["mirror tests"] < counts[2]["mirror tests"]
+    assert 0 < counts[1]["mirror shadow tests"] < counts[2]["mirror shadow tests"]
+    assert counts[0]["primary tests"] == counts[2]["primary tests"]
+
+
+def test_what_the_harness_gives_to_everybody_is_not_a_method_s_memory():
+    plain = hall_of_mirrors(2).scene
+    prepared = Prepared(
+        dataclasses.replace(plain, alpha=lambda geometry: perforated(geometry, 2, 6), outputs=("color",))
+    )
+    memory = Memory()
+    memory.start()
+    frame = Frame(prepared, SIZE, SIZE, len(plain.lights), "cpu", Effects.of(prepared.scene))
+    held = memory.peak()
+    memory.pause()
+    given = array_bytes(frame, frame.answers, frame.answers.bounces, frame.alpha)
+    assert held == pytest.approx(given, rel=0.02)
+    assert array_bytes(frame, frame.answers) < 0.8 * held
+
+
+def test_a_copy_under_another_scene_has_that_scene_s_mirrors():
+    prepared = plane_and_ball()
+    assert prepared.mirror.sum() == 2
+    other = copy.copy(prepared)
+    other.scene = dataclasses.replace(prepared.scene, mirror=None)
+    assert other.mirror.sum() == 0
+    assert prepared.mirror.sum() == 2
+
+
+@pytest.mark.parametrize("broken", [False, True])
+def test_nothing_to_hit_is_a_miss_at_every_bounce(broken):
+    faces = [[0, 0, 0]] if broken else np.zeros((0, 3))
+    empty = brute_force.make_scene([[0.0, 0, 0]], faces, [(1.0, 1.0, 1.0)])
+    _, answers = answered("uniform_grid", {}, with_mirrors(empty, np.ones(len(faces), dtype=np.uint8), 2))
+    assert (answers["bounce_triangle"] == -1).all()
+    assert np.isposinf(answers["bounce_t"]).all()
+    assert not answers["bounce_visibility"].any()
+
+
+def test_mirrors_of_another_length_are_refused():
+    plain = brute_force.make_scene(*brute_force.soup(3, 60), [(1.0, 2.5, 1.5)])
+    with pytest.raises(UserError, match=r"mirrors of shape \(3,\), but there are 60 triangles"):
+        Session(make_method("uniform_grid"), with_mirrors(plain, np.ones(3), 1), 4, 4, "cpu")

@@ -1,0 +1,83 @@
+"""Spotlights: one rule for which hit points receive a light, and the paper's method keeps to it under every knob."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers.brute_force import closest, make_scene, shadowed, soup
+from helpers.paper_knobs import DEVICES, answers_of, drawn
+from shadowbench.harness.errors import UserError
+from shadowbench.harness.frame.registry import make_method
+from shadowbench.harness.judge.receivers import receivers, strength
+from shadowbench.harness.scene.scene import Light, Spot
+from shadowbench.methods.perspective_spherical.parameters import LIGHT_MAPS
+
+
+def spotted(spot, light=(0.0, 3.0, 0.0)):
+    vertices, faces = soup(40, 120, size=0.5)
+    return make_scene(vertices, faces, [Light(light, spot=spot), Light((3.0, 3.0, 3.0))])
+
+
+SPOTS = {
+    "narrow cone": (Spot((-0.2, -1.0, -0.4), 12.0), (0.4, 2.5, 1.2)),
+    "wide cone": (Spot((-0.2, -1.0, -0.4), 70.0), (0.1, 0.2, 0.9)),
+    "more than half": (Spot((0.3, 1.0, 0.1), 130.0), (0.1, 0.2, 0.9)),
+    "rectangle": (Spot((-0.2, -1.0, -0.4), 25.0, rise=8.0, up=(0.0, 0.0, 1.0)), (0.4, 2.5, 1.2)),
+    "behind the seam": (Spot((-1.0, -0.4, -0.3), 40.0, rise=30.0), (1.6, 0.5, 0.9)),
+}
+
+
+@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize("name", SPOTS)
+def test_only_what_the_spot_holds_has_a_shadow(name, device):
+    prepared = spotted(*SPOTS[name])
+    random = np.random.default_rng(len(name))
+    moment = prepared.moment(0, 47, 33)
+    best, t = closest(prepared, moment)
+    pixels = np.arange(47 * 33)
+    points = moment.eye + moment.directions(pixels).astype(np.float64) * np.where(best >= 0, t, 0)[:, None]
+    held = receivers(moment, points, 0) & (best >= 0)
+    bits = shadowed(prepared, moment, 0, best, t)
+    assert 0 < (bits & held).sum() < bits.sum()
+    for light_map in LIGHT_MAPS:
+        settings = drawn(random, light_map=light_map)
+        session, _, got = answers_of(prepared, 47, 33, settings, device)
+        assert (got["visibility"][0] == (bits & held)).all(), settings
+        assert (got["visibility"][1] == shadowed(prepared, moment, 1, best, t)).all()
+        assert session.method.counters()["light 0 rays"] == held.sum()
+
+
+def test_the_spot_rule_agrees_with_angles():
+    spot = Spot((0.0, 0.0, -2.0), 30.0, rise=10.0)
+    moment = make_scene(*soup(1, 2), [Light((0.0, 0.0, 0.0), spot=spot)]).moment(0, 4, 4)
+    for azimuth, elevation, inside in (
+        (29, 9, 1),
+        (-29, -9, 1),
+        (31, 0, 0),
+        (0, 11, 0),
+        (0, -11, 0),
+        (180, 0, 0),
+    ):
+        a, e = np.radians(azimuth), np.radians(elevation)
+        point = np.array([[np.cos(e) * np.sin(a), np.sin(e), -np.cos(e) * np.cos(a)]]) * 3.0
+        assert receivers(moment, point, 0)[0] == bool(inside), (azimuth, elevation)
+    cone = Spot((0.0, 0.0, -1.0), 30.0, falloff=2.0)
+    away = np.array([[0.0, 0.0, -5.0], [0.0, np.sin(0.4), -np.cos(0.4)], [0.0, 1.0, -1.0], [0.0, 0.0, 1.0]])
+    np.testing.assert_allclose(strength(cone, away), [1.0, np.cos(0.4) ** 2, 0.0, 0.0], atol=1e-12)
+    assert (strength(None, away) == 1).all()
+
+
+def test_methods_that_do_not_know_spots_say_so():
+    assert (
+        make_method("accuracy_ladder").applies(spotted(*SPOTS["wide cone"]).scene, "cpu")
+        == "receivers: its knobs are for whole frames of opaque triangles"
+    )
+    assert make_method("perspective_spherical").applies(spotted(*SPOTS["wide cone"]).scene, "cpu") is None
+
+
+@pytest.mark.parametrize(
+    "spot", [Spot((0, 0, 0), 20.0), Spot((0, 1, 0), 0.0), Spot((0, 1, 0), 20.0, rise=10.0)]
+)
+def test_spots_that_make_no_sense_are_named(spot):
+    with pytest.raises(UserError, match="spot: "):
+        spotted(spot).moment(0, 4, 4)

@@ -1,0 +1,167 @@
+"""Constructions of hard cases: what a hand expects is what exact arithmetic says, and rays meet what they aim at."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers.judged_cases import CASES, judged
+from shadowbench.harness.errors import UserError
+from shadowbench.harness.frame.registry import make_method
+from shadowbench.harness.frame.session import Session
+from shadowbench.harness.hardcases import HardCase, all_cases
+from shadowbench.harness.hardcases.case import Counts, Trial, pixel_centres, sheet, view
+from shadowbench.harness.hardcases.judge import counts_of, judge_refusal
+from shadowbench.harness.scene.prepared import Moment
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_what_is_stated_is_exact(case: HardCase) -> None:
+    one = judged(case.name)
+    exact = counts_of(one.exact, len(one.trial.moment.lights))
+    assert one.trial.stated.agrees(exact), f"stated {one.trial.stated}, exact {exact}"
+
+
+def test_catalogue() -> None:
+    names = [case.name for case in all_cases()]
+    assert len(set(names)) == len(names)
+    listed = [f"S{i:02}" for i in range(1, 18)] + [f"P{i:02}" for i in range(1, 19)]
+    assert [name for name in listed if not any(other.startswith(name) for other in names)] == []
+    assert all(case.title and case.breaks for case in all_cases())
+    stated = [case for case in CASES if judged(case.name).trial.stated != Counts()]
+    assert len(stated) > 60
+
+
+def test_structured_rays_pass_exactly_through_vertices() -> None:
+    """The pixel centres of a dyadic view are the vertices of the sheet, to the last bit."""
+    x = pixel_centres(16)
+    moment = view(sheet(x, x, 1.0), [], (0, 0, 0), (0, 0, -1)).moment
+    directions = moment.directions(np.arange(256))
+    expected = np.stack([np.tile(x, 16), np.repeat(-x, 16), -np.ones(256)], axis=1)
+    np.testing.assert_array_equal(directions, expected)
+    ties = [len(found) for found in judged("P12").referee.closest(np.zeros(3), directions).ties]
+    assert sum(n >= 6 for n in ties) >= 14 * 14  # every inner vertex belongs to six triangles
+
+
+def test_components_of_minus_zero_reach_the_methods() -> None:
+    for suffix, axis in (("", 0), ("y", 1), ("z", 2)):
+        trial = judged(f"P07n{suffix}").trial
+        session = Session(make_method("uniform_grid"), trial.prepared, 17, 17, "cpu")
+        session.answers(trial.moment)
+        table = session.frame.column.numpy()[None] + session.frame.row.numpy()[:, None]
+        zero, minus = table == 0, (table == 0) & np.signbit(table)
+        assert zero.any(axis=(0, 1)).tolist() == minus.any(axis=(0, 1)).tolist()
+        assert minus.any(axis=(0, 1)).tolist() == [
+            k != (axis + 2) % 3 for k in range(3)
+        ]  # not along the view
+        assert minus.sum() == 16  # half of the middle row, half of the middle column
+
+
+def test_one_tile_holds_all_rays_but_a_column() -> None:
+    trial = judged("S16").trial
+    method = make_method("perspective_spherical")
+    Session(method, trial.prepared, 512, 256, "cpu").answers(trial.moment)
+    tiles = method.lights[0].tile_rays.numpy()
+    assert tiles.max() == 511 * 256 > np.iinfo(np.uint16).max
+    assert np.count_nonzero(tiles) < 256 < len(tiles)
+
+
+@pytest.mark.parametrize("name", ["perspective_spherical", "uniform_grid", "ray_grids", "bvh", "embree"])
+@pytest.mark.parametrize("turn", ["", "y", "z"])
+def test_a_spot_over_the_seam_is_the_same_spot_turned_away_from_it(name: str, turn: str) -> None:
+    both = []
+    for case in (f"S17{turn}", f"S17r{turn}"):
+        trial = judged(case).trial
+        both.append(Session(make_method(name), trial.prepared, 16, 16, "cpu").answers(trial.moment))
+    for key in ("triangle", "t", "visibility"):
+        np.testing.assert_array_equal(both[0][key], both[1][key], key)
+
+
+def padded(width: int, height: int) -> tuple[Trial, Moment]:
+    """An image of odd sides, and one with a border of a pixel around it, whose inner rays are the same bits."""
+    trial = judged(f"P17 {width}x{height}").trial
+    camera = trial.prepared.scene.camera
+    half = np.tan(np.radians(camera.fov) / 2) * (height + 2) / height
+    wider = replace(camera, fov=float(np.degrees(2 * np.arctan(half))))
+    moment = trial.prepared.moment(0, width + 2, height + 2, camera=wider)
+    for mine, inner in ((trial.moment.column, moment.column[1:-1]), (trial.moment.row, moment.row[1:-1])):
+        np.testing.assert_allclose(inner, mine, rtol=0, atol=1e-6 * np.abs(mine).max())
+        inner[:] = mine  # rounded once more: the same rays, to the last bit
+    return trial, moment
+
+
+@pytest.mark.parametrize("name", ["perspective_spherical", "uniform_grid", "ray_grids", "bvh"])
+@pytest.mark.parametrize(("width", "height"), [(33, 25), (1023, 769), (7, 5000)])
+def test_an_odd_image_is_a_crop_of_a_padded_one(name: str, width: int, height: int) -> None:
+    trial, moment = padded(width, height)
+    settings = {"update": "bvh_rebuild"} if name == "bvh" else {}
+    alone = Session(make_method(name, settings), trial.prepared, width, height, "cpu").answers(trial.moment)
+    whole = Session(make_method(name, settings), trial.prepared, width + 2, height + 2, "cpu").answers(moment)
+    for key, values in alone.items():
+        cropped = whole[key].reshape(-1, height + 2, width + 2)[:, 1:-1, 1:-1]
+        np.testing.assert_array_equal(cropped.reshape(values.shape), values, key)
+
+
+def open_edges(case: str) -> int:
+    """Pixels of a case whose ray, or shadow ray, passes exactly through an edge that only one triangle has."""
+    one = judged(case)
+    moment, faces = one.trial.moment, one.trial.prepared.faces
+    welded = one.trial.prepared.weld[faces]
+    edges = np.sort(welded[:, [1, 2, 2, 0, 0, 1]].reshape(-1, 2), axis=1)
+    _, which, shared = np.unique(edges, axis=0, return_inverse=True, return_counts=True)
+    lone = (shared[which.ravel()] < 2).reshape(-1, 3)  # opposite to each corner
+    hits = one.referee.closest(moment.eye, moment.directions(np.arange(moment.width * moment.height)))
+    rows = np.nonzero(hits.triangle >= 0)[0]
+    eye = moment.eye.astype(np.float64)
+    rays = [(eye, hits.directions[rows].astype(np.float64), hits.triangle[rows])]
+    for light in moment.lights:
+        occluders = one.referee.occluders(hits, light)
+        cut = np.nonzero(occluders >= 0)[0]
+        rays.append(
+            (light.astype(np.float64), one.referee.hit_points(hits.take(cut)) - light, occluders[cut])
+        )
+    found = 0
+    for origin, way, met in rays:
+        a, b, c = (moment.points[faces[met, k]].astype(np.float64) - origin for k in range(3))
+        weights = np.stack(
+            [np.einsum("ij,ij->i", way, np.cross(p, q)) for p, q in ((b, c), (c, a), (a, b))], axis=1
+        )
+        at_edge = np.abs(weights) <= 1e-12 * np.abs(weights).max(axis=1, keepdims=True)
+        found += int((at_edge & lone[met]).any(axis=1).sum())
+    return found
+
+
+@pytest.mark.parametrize(
+    "case", [case for case in CASES if judged(case.name).trial.watertight], ids=lambda case: case.name
+)
+def test_watertight_cases_aim_at_no_open_edge(case: HardCase) -> None:
+    """A lost ray may be called a hole: its edge has triangles on both sides; or all is exact in float32 (P08)."""
+    if case.name.startswith("P08"):
+        coordinates = judged(case.name).trial.moment.points * 64
+        np.testing.assert_array_equal(coordinates, np.round(coordinates))
+        assert open_edges(case.name) > 0
+    else:
+        assert open_edges(case.name) == 0
+
+
+def test_the_icosphere_is_met_at_vertices_and_edges() -> None:
+    """And it is a closed surface around the eye, on a grid of 2^-12, no triangle turned over."""
+    for name in ("P12i", "P12j"):
+        one = judged(name)
+        moment, faces = one.trial.moment, one.trial.prepared.faces
+        points = moment.points.astype(np.float64)
+        np.testing.assert_array_equal(points * 4096, np.round(points * 4096))
+        a, b, c = (points[faces[:, k]] - moment.eye for k in range(3))
+        assert (np.einsum("ij,ij->i", a, np.cross(b, c)) > 0).all()
+        hits = one.referee.closest(moment.eye, moment.directions(np.arange(64 * 64)))
+        ties = np.array([len(found) for found in hits.ties])
+        assert (ties >= 5).sum() > 50
+        assert (ties == 2).sum() > 150
+
+
+@pytest.mark.parametrize("case", [case for case in all_cases() if case.refused], ids=lambda case: case.name)
+def test_refused(case: HardCase) -> None:
+    with pytest.raises(UserError, match="up must be finite and not parallel"):
+        case.make()
+    assert judge_refusal(case).status == "ok"

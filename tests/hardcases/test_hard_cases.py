@@ -1,0 +1,283 @@
+"""The catalogue of hard cases: what a hand expects is what exact arithmetic says, and every exact method passes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import warp as wp
+from helpers.judged_cases import CASES, judged
+from shadowbench.harness.frame.method import SimpleMethod
+from shadowbench.harness.frame.registry import make_method
+from shadowbench.harness.frame.session import Session
+from shadowbench.harness.hardcases import HardCase
+from shadowbench.harness.hardcases.case import plane, view
+from shadowbench.harness.hardcases.conformance import conformance, counted_allocations
+from shadowbench.harness.hardcases.judge import ERRORS, judge_case, judge_method
+
+DEVICES = ["cpu", *(["cuda:0"] if wp.is_cuda_available() else [])]
+
+EXACT = (
+    ("perspective_spherical", ()),
+    (
+        "perspective_spherical",
+        (("light_map", "cube"), ("clamp", "none"), ("balancing", "algorithm-1"), ("r", "3")),
+    ),
+    (
+        "perspective_spherical",
+        (("light_map", "two-angle"), ("aimed", "false"), ("clamp", "view"), ("tile", "5")),
+    ),
+    ("uniform_grid", ()),
+    ("uniform_grid", (("density", "100"),)),
+    ("ray_grids", (("queue", "never"),)),
+    ("ray_grids", (("queue", "always"), ("inline_cells", "0"))),
+    ("bvh", (("update", "bvh_rebuild"),)),
+)
+
+EXCUSED = ("V sheet x1e-06", "V sheet x0.001", "V sheet x1e-6 ")
+"""Where an answer of ours may be excused by rounding: vertices that were rounded anew lie beside their rays."""
+
+
+@pytest.mark.parametrize(("name", "settings"), EXACT, ids=lambda value: str(value))
+def test_exact_methods_name_the_lowest_of_equal_triangles(name, settings) -> None:
+    """P06: the index itself, not only a member of the tie."""
+    one = judged("P06")
+    moment = one.trial.moment
+    session = Session(
+        make_method(name, dict(settings)), one.trial.prepared, moment.width, moment.height, "cpu"
+    )
+    np.testing.assert_array_equal(session.answers(moment)["triangle"], one.exact["triangle"])
+    assert one.exact["triangle"].max() < len(one.trial.prepared.faces) / 3
+
+
+@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize(("name", "settings"), EXACT, ids=lambda value: str(value))
+def test_exact_methods_pass_every_case(name, settings, device) -> None:
+    """No true error on any case, little excused; each case runs twice, on poisoned answers, and must give the same bits."""
+    wrong = {}
+    for case in CASES:
+        finding = judge_case(judged(case.name), make_method(name, dict(settings)), device)
+        excused = set(finding.classes) - {"tie"}
+        if finding.status in ("error", "excused") or (excused and not case.name.startswith(EXCUSED)):
+            wrong[case.name] = (finding.classes, finding.reason, finding.examples[:1])
+        elif finding.status == "outside":
+            mirrored = case.name.startswith("M") and "mirror" in finding.reason
+            assert mirrored or (case.name.startswith("S17") and "spot" in finding.reason), finding.reason
+    assert wrong == {}
+    if name in ("uniform_grid", "bvh"):
+        outside = judge_case(judged("M01"), make_method(name, dict(settings)), device)
+        assert outside.status == "ok", outside.reason
+
+
+@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize(("name", "settings"), EXACT, ids=lambda value: str(value))
+def test_rules_of_conduct(name, settings, device) -> None:
+    """Frames that follow one another, graph replays, no allocation in a frame after the first."""
+    found = conformance(lambda: make_method(name, dict(settings)), device)
+    assert [(one.name, one.reason) for one in found if one.status == "error"] == []
+    assert {one.name for one in found if one.status == "ok"} >= {
+        "frames",
+        "allocations",
+        "shadows not asked for",
+    }
+
+
+def test_known_weaknesses_of_others_show() -> None:
+    """Warp's Mesh and Embree lose rays and segments through vertices of closed surfaces seen from within; Embree
+    loses those in the upper faces of the scene's box, not in the lower; both shadow what touches a vertex.
+    """
+    for method in ("bvh", "embree"):
+        for name in ("P29", "S19c"):
+            found = judge_case(judged(name), make_method(method, {}), "cpu")
+            assert found.status == "error"
+            assert found.classes["hole"] > 0
+    for suffix in ("", "y", "z"):
+        upper = judge_case(judged(f"P08d{suffix}"), make_method("embree", {}), "cpu")
+        assert (upper.status, upper.classes["hole"]) == ("error", 17)
+        lower = judge_case(judged(f"P08e{suffix}"), make_method("embree", {}), "cpu")
+        assert (lower.status, lower.classes.get("hole", 0)) == ("ok", 0)
+    assert judge_case(judged("P03b"), make_method("bvh", {}), "cpu").classes["acne"] > 0
+
+
+# --- the judge itself, on methods with an error planted ----------------------------------------------------------
+
+
+class Forger(SimpleMethod):
+    """Answers a case with the exact answers and one change."""
+
+    name = "forger"
+    capturable = False
+
+    def __init__(self, answers, change):
+        super().__init__()
+        self.answers = {key: value.copy() for key, value in answers.items()}
+        change(self.answers)
+
+    def build_structure(self, frame):
+        pass
+
+    def trace_primary(self, frame):
+        for key in ("triangle", "t", "u", "v"):
+            getattr(frame.answers, key).assign(self.answers[key])
+
+    def trace_shadow(self, frame, light):
+        frame.answers.visibility[light].assign(self.answers["visibility"][light])
+
+
+def forged(name: str, change) -> dict[str, int]:
+    one = judged(name)
+    return judge_case(one, Forger(one.exact, change), "cpu").classes
+
+
+def test_the_exact_answers_pass() -> None:
+    for case in CASES:
+        if not case.name.startswith(("S17", "M")):  # mirrors: below
+            assert set(forged(case.name, lambda answers: None)) & set(ERRORS) == set(), case.name
+
+
+class MirrorForger(Forger):
+    """Answers a case of mirrors with another method's answers and one change."""
+
+    simulates = frozenset({"shadows", "mirror"})
+
+    def trace_bounce(self, frame, bounce):
+        for key, array in zip(("triangle", "t", "u", "v"), frame.hits(bounce), strict=True):
+            array.assign(self.answers[f"bounce_{key}"][bounce - 1])
+
+    def trace_bounce_shadow(self, frame, light, bounce):
+        frame.bits(bounce)[light].assign(self.answers["bounce_visibility"][bounce - 1][light])
+
+
+def test_errors_in_a_mirror_are_found() -> None:
+    one = judged("M05")
+    moment = one.trial.moment
+    session = Session(make_method("uniform_grid"), one.trial.prepared, moment.width, moment.height, "cpu")
+    answers = session.answers(moment)
+    shadowed = np.nonzero(answers["bounce_visibility"][0][0])[0]
+    assert len(shadowed) > 9
+
+    def found(change):
+        return judge_case(one, MirrorForger(answers, change), "cpu").classes
+
+    assert set(found(lambda a: None)) & set(ERRORS) == set()
+    assert found(change("bounce_visibility", (0, 0, shadowed[:9]), 0))["leak"] == 9
+    assert found(change("bounce_triangle", (0, 40), 0))["true"] == 1
+    assert found(change("bounce_triangle", (0, 40), 99))["invalid"] >= 1
+
+
+def change(key: str, index, value):
+    def apply(answers):
+        answers[key][index] = value
+
+    return apply
+
+
+def miss(answers):
+    answers["triangle"][40], answers["t"][40] = -1, np.inf
+    answers["u"][40] = answers["v"][40] = 0
+    answers["visibility"][:, 40] = 0
+
+
+@pytest.mark.parametrize(
+    ("name", "apply", "kind"),
+    [
+        ("S01", change("visibility", (0, 9), 0), "leak"),
+        ("S12", change("visibility", (0, 300), 1), "acne"),
+        ("S01", change("visibility", (0, 9), 77), "invalid"),
+        ("P16", change("triangle", 300, 3), "true"),
+        ("P16", change("t", 300, 1.0), "true"),
+        ("P12", miss, "hole"),
+        ("S15", change("visibility", (2, 2), 1), "differs"),
+        ("P16", change("triangle", 300, -77), "invalid"),
+    ],
+)
+def test_a_planted_error_is_found(name, apply, kind) -> None:
+    assert forged(name, apply).get(kind, 0) >= 1
+
+
+def test_a_bit_outside_a_spot_is_found() -> None:
+    class SpotForger(Forger):
+        simulates = frozenset({"shadows", "receivers", "directional"})
+
+    one = judged("S17")
+    good = judge_case(one, SpotForger(one.exact, lambda answers: None), "cpu")
+    assert good.status == "ok"
+    lit = int(np.nonzero((one.exact["visibility"][0] == 0) & (one.everywhere.visibility[0] == 1))[0][0])
+    bad = judge_case(one, SpotForger(one.exact, change("visibility", (0, lit), 1)), "cpu")
+    assert bad.classes.get("acne") == 1
+
+
+def test_crashes_and_declared_cases() -> None:
+    class Crashes(Forger):
+        outside = {"S01": "needs more than three lights"}  # noqa: RUF012
+
+        def trace_primary(self, frame):
+            raise ArithmeticError("no answer")
+
+    one = judged("S02")
+    crashed = judge_case(one, Crashes(one.exact, lambda answers: None), "cpu")
+    assert (crashed.status, crashed.classes) == ("error", {"failed": 1})
+    declared = judge_case(judged("S01"), Crashes(one.exact, lambda answers: None), "cpu")
+    assert (declared.status, declared.reason) == ("outside", "needs more than three lights")
+
+
+def test_stale_frames_and_allocations_are_found() -> None:
+    class Stale(type(make_method("bvh", {}))):  # type: ignore[misc]
+        """Builds its tree once only, and allocates in every frame."""
+
+        def plan(self, frame, effects, limits):
+            self.capturable = True
+            passes = super().plan(frame, effects, limits)
+            first = passes[0].launch
+            done: list[bool] = []
+
+            def once():
+                self.waste = wp.zeros(100, device=frame.device)
+                if not done:
+                    done.append(True)
+                    first()
+
+            return [type(passes[0])(passes[0].name, "build", (), ("mesh",), once), *passes[1:]]
+
+    found = {one.name: one for one in conformance(lambda: Stale(), "cpu")}
+    assert found["frames"].status == "error"
+    assert found["allocations"].status == "error"
+    assert "allocations" in found["allocations"].reason
+
+
+def test_passes_that_hide_what_they_read_are_found() -> None:
+    class Hides(type(make_method("uniform_grid", {}))):  # type: ignore[misc]
+        """Does not say that its shadow rays go to a light."""
+
+        def plan(self, frame, effects, limits):
+            passes = super().plan(frame, effects, limits)
+            return [
+                replace(one, reads=tuple(name for name in one.reads if not name.startswith("light/")))
+                for one in passes
+            ]
+
+    found = {one.name: one for one in conformance(lambda: Hides(), "cpu")}
+    assert found["partial frames"].status == "error"
+    assert "light 0 moved: visibility" in found["partial frames"].reason
+
+
+def test_a_structure_that_was_skipped_and_forgotten_is_found(monkeypatch) -> None:
+    monkeypatch.setattr(Session, "_owed_to", lambda self, passes: set())
+    found = {one.name: one for one in conformance(lambda: make_method("shadow_map", {"size": "64"}), "cpu")}
+    assert found["partial frames"].status == "error"
+    assert "the camera looked back" in found["partial frames"].reason
+
+
+def test_allocations_are_counted() -> None:
+    kept: list[wp.array] = []
+    assert counted_allocations(lambda: None)[0] == 0
+    assert counted_allocations(lambda: kept.append(wp.zeros(10, device="cpu")))[0] == 1
+    assert counted_allocations(lambda: wp.zeros(10, device="cpu").fill_(1.0))[0] == 1  # freed again at once
+
+
+def test_refused_cases_count_when_they_are_made_after_all() -> None:
+    case = HardCase("X", "x", "y", lambda: view(plane(2, 0, 1), [], (0, 0, 4), (0, 0, -1)), refused=True)
+    assert [
+        finding.status for finding in judge_method(lambda: make_method("uniform_grid", {}), "cpu", [case], {})
+    ] == ["error"]

@@ -1,0 +1,160 @@
+"""Kernels with an effect's branches cut out of their syntax tree, and the code that Warp makes of a kernel.
+
+The twin of a kernel never heard of the effect: what stands under ``if wp.static(effects.NAME):`` is removed from its
+source before Warp sees it. What Warp makes of a kernel with the effect off must be the same, in generated source, in
+machine code for the CPU, and in the binary for a GPU, which is compiled here without one.
+"""
+
+from __future__ import annotations
+
+import ast
+import collections
+import importlib
+import inspect
+import pkgutil
+import re
+import textwrap
+from dataclasses import dataclass
+from pathlib import Path
+
+import shadowbench.harness
+import shadowbench.methods
+import warp as wp
+from shadowbench.harness.frame.specialise import Switches, is_effects, named
+from shadowbench.methods.perspective_spherical.camera.trace import make_trace_kernel
+from shadowbench.methods.perspective_spherical.camera.trace_staged import make_staged_trace_kernel
+from shadowbench.methods.perspective_spherical.light.trace import make_shadow_kernel
+from shadowbench.methods.perspective_spherical.light.trace_staged import make_staged_shadow_kernel
+from shadowbench.methods.perspective_spherical.variants import Variant
+from shadowbench.methods.ray_grids.camera import queue as camera_queue
+from shadowbench.methods.ray_grids.camera import stream as camera_stream
+from shadowbench.methods.ray_grids.light import queue as light_queue
+from shadowbench.methods.ray_grids.light import stream as light_stream
+from warp._src.context import Module
+
+ARCH = 90
+
+
+def effect_of(node: ast.AST) -> str | None:
+    """NAME, where a node is ``if wp.static(effects.NAME):``."""
+    if not isinstance(node, ast.If) or not isinstance(node.test, ast.Call) or len(node.test.args) != 1:
+        return None
+    asked = node.test.args[0]
+    if ast.unparse(node.test.func) != "wp.static" or not isinstance(asked, ast.Attribute):
+        return None
+    return asked.attr if is_effects(asked.value) else None
+
+
+class Cut(ast.NodeTransformer):
+    """Removes every branch of one effect; an ``else`` stays."""
+
+    def __init__(self, effect: str) -> None:
+        self.effect = effect
+        self.removed = 0
+
+    def visit_If(self, node: ast.If) -> ast.AST | list[ast.stmt] | None:
+        self.generic_visit(node)
+        if effect_of(node) != self.effect:
+            return node
+        self.removed += 1
+        return node.orelse or None
+
+
+def source_of(kernel: wp.Kernel) -> str:
+    return textwrap.dedent(inspect.getsource(kernel.func))
+
+
+def source_without(kernel: wp.Kernel, effect: str) -> str:
+    """The kernel's source with the effect's branches removed. Fails where nothing of the effect can be removed."""
+    tree = ast.parse(source_of(kernel))
+    cut = Cut(effect)
+    tree = cut.visit(tree)
+    assert cut.removed, f"{kernel.key} names {effect} outside of `if wp.static(effects.{effect}):`"
+    left = [
+        n for n in ast.walk(tree) if isinstance(n, ast.Attribute) and is_effects(n.value) and n.attr == effect
+    ]
+    assert not left, f"{kernel.key}: {effect} is named where it cannot be cut"
+    return ast.unparse(ast.fix_missing_locations(tree))
+
+
+def with_source(kernel: wp.Kernel, source: str, switches: Switches) -> wp.Kernel:
+    """The kernel as Warp makes it of ``source``, in a module of its own whose name is always the same."""
+    import types
+
+    function = kernel.func
+    space = {**function.__globals__, "effects": switches}
+    copy = types.FunctionType(
+        function.__code__, space, function.__name__, function.__defaults__, function.__closure__
+    )
+    copy.__annotations__ = function.__annotations__
+    module = Module("twin", None)
+    return wp.Kernel(copy, key=function.__name__, module=module, options=dict(kernel.options), source=source)
+
+
+@dataclass(frozen=True)
+class Code:
+    """What Warp made of a kernel: generated source without comments, and the compiled file."""
+
+    source: str
+    binary: bytes
+
+
+def compiled(kernel: wp.Kernel, folder: Path, target: str) -> Code:
+    """The code for "cpu" or "cuda"."""
+    folder.mkdir(parents=True)
+    place = {"device": "cpu"} if target == "cpu" else {"arch": ARCH}
+    wp.compile_aot_module(kernel.module, module_dir=folder, strip_hash=True, **place)
+    text = next(folder.glob("*.cpp" if target == "cpu" else "*.cu")).read_text()
+    binary = next(p for p in sorted(folder.iterdir()) if p.suffix in (".o", ".cubin", ".ptx"))
+    return Code(normalised(text), binary.read_bytes())
+
+
+def normalised(text: str) -> str:
+    """Generated source without comments and without constants that nothing uses; variables numbered as they come.
+
+    ``wp.static`` leaves the constant it was asked for, which no line reads and which the compiler drops.
+    """
+    lines = [line for line in re.sub(r"//.*", "", text).splitlines() if line.strip()]
+    functions: list[list[str]] = [[]]
+    for line in lines:  # a variable's name means something within its function only
+        if line.startswith(("static", "extern", "void")):
+            functions.append([])
+        functions[-1].append(line)
+    return "\n".join(_renumbered(part) for part in functions)
+
+
+def _renumbered(lines: list[str]) -> str:
+    number = re.compile(r"\b(?:var|adj)_\d+\b")
+    uses = collections.Counter(name for line in lines for name in number.findall(line))
+    unused = re.compile(r"\s*const \w+ (var_\d+) = (?:true|false);\s*$")
+    kept = [line for line in lines if not ((m := unused.match(line)) and uses[m[1]] == 1)]
+    names: dict[str, str] = {}
+    return "\n".join(number.sub(lambda m: names.setdefault(m[0], f"v{len(names)}"), line) for line in kept)
+
+
+def made_kernels() -> dict[str, wp.Kernel]:
+    """One kernel of every factory: a factory's other kernels have the same source."""
+    variant = Variant(0)
+    made = {
+        make_trace_kernel: make_trace_kernel(variant),
+        make_shadow_kernel: make_shadow_kernel(variant),
+        make_staged_trace_kernel: make_staged_trace_kernel(variant, 64),
+        make_staged_shadow_kernel: make_staged_shadow_kernel(variant, 64),
+        camera_stream.make_stream_kernel: camera_stream.make_stream_kernel(True),
+        camera_queue.make_item_kernel: camera_queue.make_item_kernel(True, False),
+        light_stream.make_stream_kernel: light_stream.make_stream_kernel(True),
+        light_queue.make_item_kernel: light_queue.make_item_kernel(True, False),
+    }
+    return {f"{f.__module__.split('.', 1)[1]}.{f.__name__}": kernel for f, kernel in made.items()}
+
+
+def kernels_with_effects() -> dict[str, wp.Kernel]:
+    """Every kernel of harness and methods that branches on an effect, by module and name."""
+    found = {name: kernel for name, kernel in made_kernels().items() if named(kernel)}
+    for package in (shadowbench.methods, shadowbench.harness):
+        for entry in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
+            module = importlib.import_module(entry.name)
+            for name, value in vars(module).items():
+                if isinstance(value, wp.Kernel) and value.module.name == entry.name and named(value):
+                    found[f"{entry.name.split('.', 1)[1]}.{name}"] = value
+    return found

@@ -1,0 +1,77 @@
+"""A scene with lights for every method, and what a session launches: for tests of effects."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import warp as wp
+from helpers.brute_force import soup
+from shadowbench.harness.frame.registry import make_method, method_names
+from shadowbench.harness.frame.session import Session
+from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene, Spot
+
+SIZE = 40, 32
+EYE = Camera((0.0, 0.6, 3.0), (0.0, 0.0, 0.0))
+POINT = Light((1.5, 3.0, 1.0))
+BEHIND = Light((0.5, -0.2, -4.0))
+SPOT = replace(POINT, spot=Spot((-1.5, -3.0, -1.0), 12.0))
+LAMPS = {
+    "bvh rebuilt in place": ("bvh", {"update": "bvh_rebuild"}),
+    "grids clamped to the scene": ("perspective_spherical", {"clamp": "scene"}),
+    **{name: (name, {}) for name in method_names()},
+}
+EXACT = [
+    "uniform_grid", "bvh rebuilt in place", "perspective_spherical", "ray_grids", "grids clamped to the scene",
+]  # fmt: skip
+
+
+def scene(lights=(POINT, BEHIND), **changed) -> Prepared:
+    """Triangles over a floor, two frames, under ``lights``."""
+    vertices, faces = soup(4, 60)
+    floor = np.array([[-4, -1.2, -4], [4, -1.2, -4], [4, -1.2, 4], [-4, -1.2, 4]], dtype=np.float64)
+    faces = np.concatenate([faces, np.array([[0, 2, 1], [0, 3, 2]]) + len(vertices)])
+    vertices = np.concatenate([vertices, floor])
+    move = np.linspace(0.0, 0.1, len(vertices))[:, None]
+    made = Geometry(faces.astype(np.int32), lambda k: vertices + k * move, 2)
+    return Prepared(Scene("effects", "effects", lambda: made, EYE, tuple(lights), **changed))
+
+
+def session_of(label: str, prepared: Prepared, device: str = "cpu") -> Session:
+    name, settings = LAMPS[label]
+    method = make_method(name, settings)
+    reason = method.applies(prepared.scene, device)
+    if reason:
+        pytest.skip(f"{label}: {reason}")
+    return Session(method, prepared, *SIZE, device)
+
+
+def names(session: Session) -> list[str]:
+    return [work.name for work in session.all_passes]
+
+
+def launches(session: Session, monkeypatch: pytest.MonkeyPatch) -> list[tuple[str | None, str]]:
+    """(effect of its pass, kernel) of every kernel launched in one frame, in order."""
+    seen: list[tuple[str | None, str]] = []
+    at: list[str | None] = [None]
+
+    def counting(launch):
+        def counted(kernel, *args, **kwargs):
+            seen.append((at[0], kernel.key.rsplit(".", 1)[-1]))
+            return launch(kernel, *args, **kwargs)
+
+        return counted
+
+    with monkeypatch.context() as patch:
+        patch.setattr(wp, "launch", counting(wp.launch))
+        patch.setattr(wp, "launch_tiled", counting(wp.launch_tiled))
+        for work in session.passes:
+            at[0] = work.effect
+            work.run()
+    return seen
+
+
+def effect_free(kernels: list[tuple[str | None, str]], effects: set[str]) -> list[str]:
+    return [kernel for effect, kernel in kernels if effect not in effects]

@@ -1,0 +1,56 @@
+"""Records of experiments as a run would write them, made up: for what is drawn and judged from records."""
+
+from __future__ import annotations
+
+import json
+
+from shadowbench.harness.scene.overrides import Lighting
+
+
+def made(
+    name,
+    entry,
+    scene="cloth",
+    lighting=None,
+    ms=10.0,
+    counters=None,
+    status="ok",
+    size=64,
+    frames=1,
+    passes=(),
+):
+    """A record as a run would write it; ``passes``: (name, part, ms)."""
+    passes = passes or [("build", "build", ms * 0.2), ("primary rays", "trace", ms * 0.3),
+                        ("light 0: count", "light build", ms * 0.1),
+                        ("light 0: shadow rays", "shadow", ms * 0.4)]  # fmt: skip
+    lighting = lighting or Lighting()
+    lights = [{}] * max(1, lighting.count)
+    one = {
+        "total_ms": [ms, ms * 1.02], "wall_ms": [ms, ms], "round": [0, 0], "regrown": 0, "started": [0.0],
+        "stage_round": [0], "stopped_by": ["samples"], "memory_bytes": 1, "counters": counters or {},
+        "score": {"true_errors": 0, "excused_share": 0.0, "check": "ok", "primary": {"pixels": 4}, "shadow": []},
+        "unscored": None, "shadow_rays": 100,
+        "passes": [{"name": n, "part": p, "ms": [x]} for n, p, x in passes],
+    }  # fmt: skip
+    parameters = {"k": 2, "r": 64, "clamp": "hits", "aimed": True, "precision": "float64", **entry.settings}
+    key = f"{scene}-{lighting.label}-{entry.label or entry.method}-{size}".replace(" ", "_").replace("/", "_")
+    return {
+        "schema": 1, "key": key, "experiment": name, "status": status, "reason": "needs 9 pairs" * (status != "ok"),
+        "point": {"preset": "quick", "width": size, "height": size},
+        "scene": {"name": scene, "title": f"{scene.title()} (stand-in)", "stand_in": "the original", "triangles": 90_000,
+                  "lights": lights, "lighting": lighting.facts(), "frame_count": frames, "source": {}},
+        "method": {"name": entry.method, "title": entry.method, "label": entry.label or entry.method,
+                   "settings": dict(entry.settings), "parameters": {"build": parameters, "trace": {}},
+                   "device": "cuda:0", "device_name": "Imaginary GPU", "built": {}},
+        "environment": "e", "compile_s": 0.0, "load_s": 0.0, "first_frame_s": 0.0, "peak_rss_bytes": 1,
+        "stopped_by": "samples",
+        "frames": [] if status != "ok" else [{**one, "frame": i} for i in range(frames)],
+    }  # fmt: skip
+
+
+def keep(folder, records):
+    place = folder / "records"
+    place.mkdir(parents=True, exist_ok=True)
+    for r in records:
+        (place / f"{r['key']}.json").write_text(json.dumps(r))
+    return folder

@@ -1,0 +1,195 @@
+"""Scenes on which methods are tried, and what they are held to: exact ones bit for bit, others within their errors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import warp as wp
+from helpers.brute_force import closest, make_scene, shadowed, soup
+from numpy.typing import NDArray
+from shadowbench.harness.frame.registry import make_method
+from shadowbench.harness.frame.session import Session
+from shadowbench.harness.scene.prepared import Moment, Prepared
+
+DEVICES = ["cpu", *(["cuda:0"] if wp.is_cuda_available() else [])]
+
+Answers = dict[str, NDArray]
+
+
+def trace(
+    name: str, settings: dict[str, str], prepared: Prepared, width: int, height: int, device: str = "cpu"
+) -> tuple[Session, Moment, Answers]:
+    """One frame of a method, with the session and the moment it was traced at."""
+    session = Session(make_method(name, settings), prepared, width, height, device)
+    moment = prepared.moment(0, width, height)
+    return session, moment, session.answers(moment)
+
+
+def assert_exact(
+    name: str, settings: dict[str, str], prepared: Prepared, width: int, height: int, device: str = "cpu"
+) -> Answers:
+    """Ids with their ties, t, misses and every shadow bit must equal float64 brute force."""
+    _, moment, got = trace(name, settings, prepared, width, height, device)
+    best, t = closest(prepared, moment)
+    np.testing.assert_array_equal(got["triangle"], best)
+    assert_misses(got)
+    hit = best >= 0
+    np.testing.assert_allclose(got["t"][hit], t[hit], rtol=2**-22)
+    assert_weights(got, prepared, moment, 1e-6)
+    for light in range(len(moment.lights)):
+        np.testing.assert_array_equal(
+            got["visibility"][light], shadowed(prepared, moment, light, best, t), str(light)
+        )
+    return got
+
+
+def assert_nearly(
+    name: str,
+    settings: dict[str, str],
+    prepared: Prepared,
+    width: int,
+    height: int,
+    device: str = "cpu",
+    share: float = 0.01,
+    lights: int | None = None,
+) -> Answers:
+    """As many as ``share`` of the pixels may have another id or shadow bit than brute force; the rest must agree.
+
+    Shadow bits are compared for the first ``lights`` lights only, or for all.
+    """
+    _, moment, got = trace(name, settings, prepared, width, height, device)
+    best, t = closest(prepared, moment)
+    assert_misses(got)
+    same = got["triangle"] == best
+    assert (~same).sum() <= share * len(same)
+    hit = same & (best >= 0)
+    np.testing.assert_allclose(got["t"][hit], t[hit], rtol=1e-4)
+    assert_weights(got, prepared, moment, 1e-3)
+    for light in range(len(moment.lights) if lights is None else lights):
+        wanted = shadowed(prepared, moment, light, best, t)
+        assert (got["visibility"][light] != wanted)[same].sum() <= share * len(same), light
+    return got
+
+
+def assert_misses(got: Answers) -> None:
+    """The conventions of a miss, and no answer left poisoned."""
+    missed = got["triangle"] == -1
+    assert (got["triangle"] >= -1).all()
+    assert np.isinf(got["t"][missed]).all()
+    assert np.isfinite(got["t"][~missed]).all()
+    assert (got["u"][missed] == 0).all()
+    assert (got["v"][missed] == 0).all()
+    assert (got["visibility"][:, missed] == 0).all()
+    assert np.isin(got["visibility"], (0, 1)).all()
+
+
+def assert_weights(got: Answers, prepared: Prepared, moment: Moment, tolerance: float) -> None:
+    """(u, v) must be the weights of vertices 1 and 2: they rebuild the hit point."""
+    pixels = np.nonzero(got["triangle"] >= 0)[0]
+    corners = moment.points[prepared.faces[got["triangle"][pixels]]].astype(np.float64)
+    u, v = got["u"][pixels, None].astype(np.float64), got["v"][pixels, None].astype(np.float64)
+    rebuilt = corners[:, 0] * (1 - u - v) + corners[:, 1] * u + corners[:, 2] * v
+    direct = moment.eye + moment.directions(pixels).astype(np.float64) * got["t"][pixels, None]
+    size = np.maximum(np.abs(corners).max(axis=(1, 2)), np.abs(moment.eye).max())
+    error = np.abs(rebuilt - direct).max(axis=1) / size
+    assert (error > tolerance).sum() <= 0.01 * len(error)
+    assert (error <= 0.05).all()
+
+
+def random_trial(seed: int) -> tuple[Prepared, int, int]:
+    """A soup with two lights anywhere, one on a vertex and one inside a triangle; image of any small size."""
+    random = np.random.default_rng(seed)
+    width, height = int(random.integers(1, 40)), int(random.integers(1, 40))
+    vertices, faces = soup(seed, int(random.integers(1, 50)), size=float(np.exp(random.uniform(-3, 1.5))))
+    scale = (1.0, 1e-6, 1e6, 2.0 ** int(random.integers(-20, 21)))[seed % 4]
+    eye = random.normal(size=3) * (3 if seed % 2 else 0.3)
+    lights = [tuple(random.normal(size=3) * 10.0 ** random.uniform(-4, 7) * scale) for _ in range(2)]
+    lights += [tuple(vertices[0] * scale), tuple(vertices[:3].mean(axis=0) * scale)]
+    return (
+        make_scene(vertices * scale, faces, lights, tuple(eye * scale), (0.0, 0.0, 0.0), 90.0),
+        width,
+        height,
+    )
+
+
+def lattice(count: int, half: float = 1.0) -> tuple[NDArray, NDArray]:
+    """A flat square of 2 count^2 triangles in the plane z = 0, wound towards +z."""
+    ticks = np.linspace(-half, half, count + 1)
+    x, y = np.meshgrid(ticks, ticks)
+    vertices = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
+    index = np.arange(x.size).reshape(count + 1, count + 1)
+    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
+    faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
+    return vertices, faces
+
+
+def box(count: int, half: float = 1.0) -> tuple[NDArray, NDArray]:
+    """A closed box of six lattices, split at its edges, seen from within or without."""
+    flat, faces = lattice(count, half)
+    sides = []
+    for axis in range(3):
+        for sign in (-1.0, 1.0):
+            side = np.roll(flat, axis + 1, axis=1).copy()
+            side[:, axis] = sign * half
+            sides.append(side)
+    return np.concatenate(sides), np.concatenate([faces + len(flat) * i for i in range(6)])
+
+
+TRIANGLE = [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]]
+
+
+def hard_trials() -> Iterator[tuple[str, Prepared, int, int]]:
+    """Named cases: (name, scene, width, height)."""
+    above = [(0.0, 0.0, 2.0), (0.3, 0.25, -1.0)]
+    # Eye at distance 1 and 90 degrees: n pixels across meet the plane at odd multiples of 1 / n.
+    flat, faces = lattice(8)
+    yield "rays at diagonals", make_scene(flat, faces, above, (0.0, 0.0, 1.0), fov=90.0), 16, 16
+    shifted = flat + [1 / 8, 1 / 8, 0.0]
+    yield "rays at vertices", make_scene(shifted, faces, above, (0.0, 0.0, 1.0), fov=90.0), 8, 8
+    yield "axis-parallel rays", make_scene(flat, faces, above, (0.0, 0.0, 1.0), fov=90.0), 17, 5
+    yield "eye in the plane", make_scene(flat, faces, above, (3.0, 0.0, 0.0), fov=40.0), 9, 9
+    walls, sides = box(4)
+    yield (
+        "eye in a box",
+        make_scene(walls, sides, [(0.5, 0.5, 0.5), (4.0, 0.0, 0.0)], (0.0, 0.0, 0.0), (0.0, 0.0, -1.0), 90.0),
+        17,
+        17,
+    )
+    yield (
+        "eye on a wall",
+        make_scene(walls, sides, [(0.0, 0.0, 0.0)], (0.0, 0.0, 1.0), (0.0, 0.0, -1.0), 90.0),
+        9,
+        9,
+    )
+    yield "eye far away", make_scene(walls, sides, [(2.0, 3.0, 4.0)], (1e5, 1e5, 1e5), fov=1e-3), 16, 16
+    yield "one triangle", make_scene(TRIANGLE, [[0, 1, 2]], above), 17, 5
+    yield "one pixel", make_scene(TRIANGLE, [[0, 1, 2]], above), 1, 1
+    yield "duplicates", make_scene(TRIANGLE, [[0, 1, 2]] * 5, above), 8, 8
+    yield "no triangle", make_scene(TRIANGLE, np.zeros((0, 3)), above), 5, 4
+    yield "nothing", make_scene(np.zeros((0, 3)), np.zeros((0, 3)), above), 5, 4
+    odd = [*TRIANGLE, [np.nan] * 3, [np.nan, 0, 1], [np.inf, 0, 0], [0, 0, 2], [0, 0.5, 2], [0, 1, 2]]
+    broken = [[3, 3, 3], [3, 4, 5], [6, 7, 8], [0, 1, 3], [5, 7, 0], [1, 1, 2], [0, 1, 2], [8, 5, 4]]
+    yield "broken triangles", make_scene(odd, broken, above), 12, 12
+    yield "only broken triangles", make_scene(odd, broken[:4], above), 3, 3
+    dense, cluster = soup(3, 300, size=2e-4, spread=1e-3)
+    ground = np.array([[-1e3, -1e3, -2e-3], [1e3, -1e3, -2e-3], [1e3, 1e3, -2e-3], [-1e3, 1e3, -2.5e-3]])
+    stadium = np.concatenate([ground, dense])
+    floor = np.concatenate([[[0, 1, 2], [0, 2, 3]], cluster + 4])
+    lights = [(3.0, 2.0, 5.0), (1e-3, 0.0, 4e-3)]
+    yield (
+        "teapot in a stadium",
+        make_scene(stadium, floor, lights, (0.0, -4e-3, 3e-3), up=(0.0, 0.0, 1.0)),
+        24,
+        24,
+    )
+    slanted = np.array([[-5.0, -4.0, -3.0], [5.0, 4.1, 2.9], [-4.5, 5.0, 3.5], [4.0, -5.0, 4.0]])
+    small, bits = soup(5, 400, size=0.05, spread=3.0)
+    crossing = np.concatenate([slanted, small])
+    across = np.concatenate([[[0, 1, 2], [1, 2, 3], [0, 1, 3]], bits + 4])
+    yield (
+        "triangles through every cell",
+        make_scene(crossing, across, [(0.1, 0.2, 6.0)], (0.5, 0.4, 9.0)),
+        24,
+        24,
+    )

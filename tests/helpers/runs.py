@@ -1,0 +1,56 @@
+"""Helpers for tests of whole runs: a package of troublesome methods, a tiny scene, and options for a run of them."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+from helpers import trouble
+from shadowbench.harness.runner.experiment import Entry, Experiment, Preset
+from shadowbench.harness.runner.runner import Options
+
+TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n"
+
+PRESET = Preset(
+    width=8,
+    height=8,
+    scenes=(),
+    methods=(),
+    frames=2,
+    samples=3,
+    most=3,
+    stage_samples=2,
+    rounds=2,
+    budget_s=5.0,
+    timeout_s=120.0,
+)
+
+
+def install_trouble(folder: Path) -> str:
+    """Put the package where Python finds it as an installed one; return the PYTHONPATH that workers need."""
+    package = folder / "trouble_package"
+    package.mkdir(parents=True)
+    shutil.copy(trouble.__file__, package / "__init__.py")
+    about = folder / "trouble_package-0.1.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: trouble-package\nVersion: 0.1\n")
+    points = "\n".join(f"{cls.name} = trouble_package:{cls.__name__}" for cls in trouble.CLASSES)
+    (about / "entry_points.txt").write_text(f"[shadowbench.methods]\n{points}\n")
+    return os.pathsep.join([str(folder), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
+
+
+def write_scene(path: Path) -> str:
+    """A tetrahedron as an OBJ file; its path as a person types it."""
+    path.write_text(TETRAHEDRON)
+    return str(path)
+
+
+def options(out: Path, scenes: list[str], methods: list[str | Entry], **changes) -> Options:
+    """Options of a run on the CPU. ``changes``: fields of the preset, or of the options."""
+    own = {name: changes.pop(name) for name in ("retry", "save_answers", "score", "seed") if name in changes}
+    entries = tuple(entry if isinstance(entry, Entry) else Entry(entry) for entry in methods)
+    preset = replace(PRESET, scenes=tuple(scenes), methods=entries, **changes)
+    experiment = Experiment("trial", "A trial", {"quick": preset})
+    return Options(experiment, "quick", preset, "cpu", out, **{"score": False, **own})

@@ -1,0 +1,141 @@
+"""Methods of someone else's package, each with its own trouble. Copied into a folder of its own and found by entry
+points, as an installed package would be; see ``trouble_package`` in test_run.py."""
+
+import os
+import time
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import warp as wp
+from shadowbench.harness.errors import CapacityRejected
+from shadowbench.harness.frame.method import SimpleMethod
+
+
+@dataclass(frozen=True)
+class Pace:
+    """``ms``: how long each pass takes, at least."""
+
+    ms: float = 0.0
+
+
+class Steady(SimpleMethod):
+    """Says that every ray misses, which is right where the camera looks at nothing."""
+
+    name: ClassVar[str] = "steady"
+    title: ClassVar[str] = "Steady"
+    Trace = Pace
+
+    def build_structure(self, frame):
+        time.sleep(self.trace.ms / 1e3)
+
+    def trace_primary(self, frame):
+        time.sleep(self.trace.ms / 1e3)
+        answers = frame.answers
+        answers.triangle.fill_(-1)
+        answers.t.fill_(float("inf"))
+        answers.u.zero_()
+        answers.v.zero_()
+
+    def trace_shadow(self, frame, light):
+        frame.answers.visibility[light].zero_()
+
+    def built(self):
+        return {"pace": self.trace.ms}
+
+    def counters(self):
+        return {"frames": np.int64(1)}
+
+
+class Talker(Steady):
+    """Prints where the worker's replies go, if the worker lets it."""
+
+    name: ClassVar[str] = "talker"
+
+    def trace_primary(self, frame):
+        print("not a reply")
+        os.write(1, b"nor is this\n")
+        super().trace_primary(frame)
+
+
+class Raises(Steady):
+    name: ClassVar[str] = "raises"
+
+    def trace_primary(self, frame):
+        raise ArithmeticError("a line\nand another")
+
+
+class Late(Steady):
+    """Works while it is warmed up, and fails in the first round."""
+
+    name: ClassVar[str] = "late"
+    runs = 0
+
+    def trace_primary(self, frame):
+        self.runs += 1
+        if self.runs > 3:
+            raise ArithmeticError("tired")
+        super().trace_primary(frame)
+
+
+class Hangs(Steady):
+    name: ClassVar[str] = "hangs"
+
+    def trace_primary(self, frame):
+        time.sleep(1e6)
+
+
+class Exits(Steady):
+    name: ClassVar[str] = "exits"
+
+    def trace_primary(self, frame):
+        print("leaving")
+        os._exit(3)
+
+
+class Rejects(Steady):
+    name: ClassVar[str] = "rejects"
+
+    def needs(self):
+        return wp.array([10**9], dtype=wp.int64, device="cpu")
+
+    def grow(self, needed):
+        raise CapacityRejected(f"needs {int(needed[0])} pairs, allowed are {1 << 20}")
+
+
+class Skips(Steady):
+    name: ClassVar[str] = "skips"
+
+    def applies(self, scene, device):
+        return "only for closed scenes"
+
+
+class Grows(Steady):
+    """Needs more than it has, twice: 1, then 10, then 100 cells."""
+
+    name: ClassVar[str] = "grows"
+    capacity = 1
+
+    def prepare(self, frame):
+        self.cells = wp.zeros(self.capacity, dtype=wp.int64, device=frame.device)
+
+    def needs(self):
+        return wp.array([100], dtype=wp.int64, device="cpu")
+
+    def grow(self, needed):
+        if self.capacity >= needed[0]:
+            return False
+        self.capacity *= 10
+        return True
+
+
+class Broken(Steady):
+    """Cannot even be made."""
+
+    name: ClassVar[str] = "broken"
+
+    def __init__(self, build=None, trace=None):
+        raise ImportError("libmissing.so: cannot open")
+
+
+CLASSES = (Steady, Talker, Raises, Late, Hangs, Exits, Rejects, Skips, Grows, Broken)

@@ -1,0 +1,323 @@
+"""Scoring: right answers pass, every planted error is found, counted in its class and shown."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers import exact_cases as cases
+from helpers.scored_case import HEIGHT, WIDTH, Case, ball_case, floor_pixel, plant_hole, sky_pixel
+from shadowbench.harness.judge.consistency import check_consistency
+from shadowbench.harness.judge.score import Judge, score_answers
+from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.scene import Camera, Effects, Light
+
+
+@pytest.fixture(scope="module")
+def ball() -> Case:
+    return ball_case()
+
+
+def test_right_answers_pass(ball):
+    score = ball.judge.score(ball.answers())
+    assert score["check"] == "ok"
+    assert score["true_errors"] == 0
+    assert score["primary"]["ok"] == WIDTH * HEIGHT
+    assert score["primary"]["judged"] >= 200
+    assert score["primary"]["t_max_relative_error"] < 2.0**-23
+    assert [light["light"] for light in score["shadow"]] == [0, 1]
+    assert all(
+        light["ok"] == light["scored"] == (ball.right["triangle"] >= 0).sum() for light in score["shadow"]
+    )
+    assert score["examples"] == []
+    assert score["truth"]["robust"] is True
+    json.dumps(score, allow_nan=False)
+
+
+def ball_pixel(case: Case) -> int:
+    """A pixel whose neighbours all see the ball: far from its outline."""
+    inner = (case.right["triangle"] > 1).reshape(HEIGHT, WIDTH)
+    for axis in (0, 1):
+        inner = inner & np.roll(inner, 1, axis) & np.roll(inner, -1, axis)
+    return case.pixel(inner.ravel())
+
+
+def plant_floor_seen_through_the_ball(case, answers):
+    pixel = ball_pixel(case)
+    d = case.moment.directions(np.array([pixel]))[0].astype(np.float64)
+    t = -float(case.moment.eye[1]) / d[1]
+    for k in (0, 1):
+        corners = [cases.rational(case.moment.points[v]) for v in case.prepared.faces[k]]
+        solution = cases.solve(cases.rational(case.moment.eye), cases.rational(d), corners)
+        if cases.inside(solution):
+            answers["triangle"][pixel], answers["t"][pixel] = k, t
+            answers["u"][pixel], answers["v"][pixel] = float(solution[1]), float(solution[2])
+    assert answers["triangle"][pixel] in (0, 1)
+    return pixel
+
+
+def plant_hit_in_the_sky(case, answers):
+    pixel = sky_pixel(case)
+    answers["triangle"][pixel], answers["t"][pixel] = 5, 2.0
+    return pixel
+
+
+def plant_t(case, answers):
+    pixel = ball_pixel(case)
+    answers["t"][pixel] *= np.float32(1.001)
+    return pixel
+
+
+def plant_u(case, answers):
+    pixel = floor_pixel(case)
+    answers["u"][pixel] += np.float32(0.01)
+    return pixel
+
+
+@pytest.mark.parametrize(
+    "plant",
+    [plant_hole, plant_floor_seen_through_the_ball, plant_hit_in_the_sky, plant_t, plant_u],
+)
+def test_a_planted_primary_error_is_true(ball, plant):
+    answers = ball.answers()
+    pixel = plant(ball, answers)
+    score = ball.judge.score(answers)
+    assert score["check"] == "failed"
+    assert score["primary"]["true"] == 1
+    assert score["true_errors"] == 1
+    assert score["excused_share"] == 0
+    assert (score["primary"]["t_max_relative_error"] > 1e-6) == (plant is plant_t)
+    assert (score["primary"]["uv_max_error"] > 1e-6) == (plant is plant_u)
+    (example,) = score["examples"]
+    assert example["pixel"] == [pixel % WIDTH, pixel // WIDTH]
+    assert example["kind"].startswith("true")
+    # What was right there is not scored for shadows any more, everything else is.
+    hits = int((ball.right["triangle"] >= 0).sum())
+    lost = int(ball.right["triangle"][pixel] >= 0)
+    assert [light["scored"] for light in score["shadow"]] == [hits - lost] * 2
+    json.dumps(score, allow_nan=False)
+
+
+def test_an_edge_is_excused_and_counted_and_too_many_fail():
+    """Rays on a lattice run exactly along the diagonal that two triangles of a square share."""
+    corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0.0)])
+    scene = cases.make_scene(corners, [(0, 1, 2), (0, 2, 3)], Camera((0, 0, 2), (0, 0, 0)), Light((0, 0, 3)))
+    prepared = Prepared(scene)
+    steps = (np.arange(33, dtype=np.float32) - 16) / 8
+    zero = np.zeros(33, dtype=np.float32)
+    column, row = np.stack([steps, zero, zero - 1], axis=1), np.stack([zero, -steps, zero], axis=1)
+    moment = replace(prepared.moment(0, 33, 33), column=column, row=row)
+    judge = Judge(prepared, moment)
+    right = cases.exact_answers(prepared, moment, judge.referee)
+    assert (right["triangle"] == 0).sum() == 45
+    assert (right["triangle"] == 1).sum() == 36
+    assert judge.score(right)["check"] == "ok"
+
+    middle = 16 * 33 + 16
+    tied = {name: value.copy() for name, value in right.items()}
+    tied["triangle"][middle], tied["u"][middle], tied["v"][middle] = 1, 0.5, 0
+    score = judge.score(tied)
+    assert (score["primary"]["tie"], score["primary"]["true"], score["check"]) == (1, 0, "ok")
+
+    lost = {name: value.copy() for name, value in right.items()}
+    for count, (pixel, check) in enumerate(((middle, "ok"), (middle - 32, "failed")), start=1):
+        lost["triangle"][pixel], lost["t"][pixel], lost["u"][pixel], lost["v"][pixel] = -1, np.inf, 0, 0
+        score = judge.score(lost)
+        assert (score["primary"]["edge"], score["true_errors"], score["check"]) == (count, 0, check)
+        assert score["excused_share"] == pytest.approx(count / 33**2)
+        assert score["examples"][0]["kind"] == "edge"
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("triangle", -77),
+        ("triangle", -2),
+        ("triangle", 10_000),
+        ("t", np.nan),
+        ("t", -77.0),
+        ("t", np.inf),
+        ("t", 0.0),
+        ("u", np.nan),
+        ("v", -np.inf),
+    ],
+)
+def test_what_is_no_answer_is_invalid(ball, name, value):
+    answers = ball.answers()
+    answers[name][floor_pixel(ball)] = value
+    score = ball.judge.score(answers)
+    assert score["primary"]["invalid"] == 1
+    assert score["check"] == "failed"
+    json.dumps(score, allow_nan=False)
+
+
+@pytest.mark.parametrize(("name", "value"), [("t", 1.0), ("u", 0.5), ("v", np.nan)])
+def test_a_miss_must_be_filled_as_a_miss(ball, name, value):
+    answers = ball.answers()
+    answers[name][sky_pixel(ball)] = value
+    assert ball.judge.score(answers)["primary"]["invalid"] == 1
+
+
+def test_unwritten_answers_are_all_invalid(ball):
+    answers = {name: np.full_like(value, -77) for name, value in ball.right.items() if name != "visibility"}
+    answers["visibility"] = np.full_like(ball.right["visibility"], 77)
+    score = ball.judge.score(answers)
+    assert score["primary"]["invalid"] == WIDTH * HEIGHT
+    assert [light["invalid"] for light in score["shadow"]] == [WIDTH * HEIGHT] * 2
+    assert score["check"] == "failed"
+
+
+@pytest.mark.parametrize("light", [0, 1])
+def test_acne_and_leaks_are_told_apart(ball, light):
+    lit = ball.pixel((ball.right["triangle"] == 0) & (ball.right["visibility"][light] == 0))
+    dark = ball.pixel((ball.right["triangle"] <= 1) & (ball.right["visibility"][light] == 1))
+    answers = ball.answers()
+    answers["visibility"][light, lit] = 1
+    answers["visibility"][light, dark] = 0
+    score = ball.judge.score(answers)
+    assert (score["shadow"][light]["acne"], score["shadow"][light]["leak"]) == (1, 1)
+    assert score["shadow"][light]["disputed"] == 2
+    assert (score["shadow"][1 - light]["acne"], score["shadow"][1 - light]["leak"]) == (0, 0)
+    assert score["true_errors"] == 2
+    kinds = {entry["kind"]: entry for entry in score["examples"]}
+    assert kinds["leak"]["exact"]["occluder"] > 1
+    assert kinds["acne"]["exact"] == {"bit": 0, "occluder": -1}
+
+
+def test_bits_that_are_none_are_invalid(ball):
+    answers = ball.answers()
+    answers["visibility"][0, floor_pixel(ball)] = 77
+    answers["visibility"][1, sky_pixel(ball)] = 1
+    score = ball.judge.score(answers)
+    assert [light["invalid"] for light in score["shadow"]] == [1, 1]
+    assert score["check"] == "failed"
+
+
+def test_a_light_without_shadows_must_stay_zero(ball):
+    judge = Judge(ball.prepared, ball.moment, Effects((True, False)))
+    answers = ball.answers()
+    answers["visibility"][1] = 0
+    assert judge.score(answers)["check"] == "ok"
+    assert [light["light"] for light in judge.score(answers)["shadow"]] == [0]
+    answers["visibility"][1, floor_pixel(ball)] = 1
+    assert judge.score(answers)["true_errors"] == 1
+
+
+def test_a_scene_without_lights():
+    base = cases.ball_on_floor()
+    geometry = base.geometry()
+    prepared = Prepared(cases.make_scene(geometry.positions(0), geometry.faces, base.camera))
+    moment = prepared.moment(0, 20, 15)
+    judge = Judge(prepared, moment)
+    answers = judge.reference.answers()
+    answers["visibility"] = np.full((1, 300), 77, dtype=np.uint8)  # the unused row of a frame without lights
+    score = judge.score(answers)
+    assert (score["check"], score["shadow"]) == ("ok", [])
+    assert score["primary"]["ok"] == 300
+
+
+def test_the_references_own_errors_stand_apart(ball):
+    """A reference that loses a pixel: the method that is right stays right, the reference gets the error."""
+    pixel = floor_pixel(ball)
+    reference = ball.judge.reference
+    broken = type(reference)(**{**reference.answers(), "provenance": reference.provenance})
+    broken.triangle, broken.t = reference.triangle.copy(), reference.t.copy()
+    broken.u, broken.v = reference.u.copy(), reference.v.copy()
+    broken.visibility = reference.visibility.copy()
+    broken.triangle[pixel], broken.t[pixel], broken.u[pixel], broken.v[pixel] = -1, np.inf, 0, 0
+    broken.visibility[:, pixel] = 0
+    other = ball.pixel((ball.right["triangle"] == 1) & (ball.right["visibility"][0] == 0))
+    broken.visibility[0, other] = 1
+    score = score_answers(
+        ball.prepared, ball.moment, ball.answers(), broken, ball.judge.referee, ball.judge.effects
+    )
+    assert score["check"] == "ok"
+    assert score["primary"]["disputed"] == 1
+    assert score["reference_errors"]["primary"]["true"] == 1
+    assert score["reference_errors"]["shadow"][0]["acne"] == 1
+    assert score["reference_errors"]["shadow"][1]["acne"] == 0
+
+
+def test_disputes_beyond_the_limit_count_as_errors(ball):
+    answers = ball.answers()
+    pixels = np.nonzero(ball.right["triangle"] == 0)[0][:50]
+    answers["triangle"][pixels], answers["t"][pixels] = -1, np.inf
+    answers["u"][pixels] = answers["v"][pixels] = 0
+    answers["visibility"][:, pixels] = 0
+    score = score_answers(
+        ball.prepared,
+        ball.moment,
+        answers,
+        ball.judge.reference,
+        ball.judge.referee,
+        ball.judge.effects,
+        judge_limit=20,
+    )
+    assert score["primary"]["unjudged"] == 30
+    assert score["primary"]["true"] == 20
+    assert score["true_errors"] == 50
+
+
+def test_random_pixels_find_what_method_and_reference_agree_on(ball):
+    """Both lose the same pixel: only the exact decision of every pixel can see it."""
+    answers = ball.answers()
+    pixel = plant_hole(ball, answers)
+    reference = ball.judge.reference
+    blind = type(reference)(
+        **{name: answers[name].copy() for name in reference.answers()}, provenance=reference.provenance
+    )
+    arguments = (ball.prepared, ball.moment, answers, blind, ball.judge.referee, ball.judge.effects)
+    score = score_answers(*arguments, extra_pixels=WIDTH * HEIGHT)
+    assert score["primary"]["true"] == 1
+    assert score["examples"][0]["pixel"] == [pixel % WIDTH, pixel // WIDTH]
+    assert score_answers(*arguments, extra_pixels=0)["primary"]["judged"] == 0
+
+
+def test_two_scores_are_the_same(ball):
+    answers = ball.answers()
+    plant_hole(ball, answers)
+    assert ball.judge.score(answers) == ball.judge.score(answers)
+
+
+def test_duplicates_are_ties_without_being_disputed():
+    base = cases.ball_on_floor()
+    geometry = base.geometry()
+    faces = np.concatenate([geometry.faces, geometry.faces[:, [1, 2, 0]]])
+    case = Case(cases.make_scene(geometry.positions(0), faces, base.camera, *base.lights))
+    answers = case.answers()
+    count = len(geometry.faces)
+    moved = answers["triangle"] >= 0
+    answers["triangle"][moved] += count
+    # Vertices turned by one: (w0, u, v) of the first is (v', w0', u') of the second.
+    u, v = case.right["u"], case.right["v"]
+    answers["u"][moved], answers["v"][moved] = v[moved], (1 - u - v)[moved]
+    score = case.judge.score(answers)
+    assert score["primary"]["tie"] == moved.sum()
+    assert score["primary"]["disputed"] <= moved.sum()
+    assert score["check"] == "ok"
+
+
+def test_slivers_and_grazing_rays_get_a_wider_tolerance_of_t_but_squares_do_not():
+    thin = np.array([(-1, 0, 0), (1, 0, 0), (1, 1e-5, 0.0), (-1, -1, -1), (1, -1, -1), (0, 1, -1)])
+    scene = cases.make_scene(thin, [(0, 1, 2), (3, 4, 5)], Camera((0, 0, 2), (0, 0, 0)), Light((0, 3, 3)))
+    prepared = Prepared(scene)
+    moment = prepared.moment(0, 33, 33)
+    middle = 16 * 33 + 16
+    results = {}
+    for triangle in (0, 1):
+        corners = [cases.rational(moment.points[v]) for v in prepared.faces[triangle]]
+        d = moment.directions(np.array([middle]))[0]
+        t, u, v = cases.solve(cases.rational(moment.eye), cases.rational(d), corners)
+        answers = {
+            "triangle": np.full(33 * 33, -1, np.int32),
+            "t": np.full(33 * 33, np.inf, np.float32),
+            "u": np.zeros(33 * 33, np.float32),
+            "v": np.zeros(33 * 33, np.float32),
+            "visibility": np.zeros((1, 33 * 33), np.uint8),
+        }
+        answers["triangle"][middle], answers["t"][middle] = triangle, float(t) * (1 + 1e-4)
+        answers["u"][middle], answers["v"][middle] = float(u), float(v)
+        results[triangle] = check_consistency(prepared, moment, answers).t_wrong[middle]
+    assert results == {0: False, 1: True}

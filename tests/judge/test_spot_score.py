@@ -1,0 +1,76 @@
+"""Scoring under a spotlight: hit points outside it have no shadow ray, whatever stands between."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from helpers import brute_force
+from shadowbench.harness.frame.registry import make_method
+from shadowbench.harness.frame.session import Session
+from shadowbench.harness.judge.score import Judge, not_receivers
+from shadowbench.harness.runner.grader import Grader, hand_over, handed_path
+from shadowbench.harness.scene.overrides import Lighting
+from shadowbench.harness.scene.scene import Effects
+
+SIZE = 32
+
+
+@pytest.fixture(scope="module")
+def scene():
+    pytest.importorskip("embreex", reason="truth needs Embree")
+    vertices, faces = brute_force.soup(3, 60)
+    prepared = brute_force.make_scene(vertices, faces, [(1.0, 2.5, 1.5)])
+    middle = tuple(float(x) for x in prepared.middle + prepared.centre)
+    return Lighting("spot", target=middle, angle=12.0).applied(prepared)
+
+
+@pytest.fixture(scope="module")
+def judged(scene):
+    moment = scene.moment(0, SIZE, SIZE)
+    answers = Session(make_method("perspective_spherical"), scene, SIZE, SIZE, "cpu").answers(moment)
+    judge = Judge(scene, moment, Effects.of(scene.scene))
+    return moment, answers, judge
+
+
+def test_a_method_that_keeps_to_the_spot_has_no_error(scene, judged):
+    moment, answers, judge = judged
+    outside = not_receivers(scene, moment, answers["triangle"])[0]
+    hit = answers["triangle"] >= 0
+    assert 20 < outside.sum() < hit.sum() - 20
+    assert not outside[~hit].any()
+    assert answers["visibility"][0][hit & ~outside].sum() > 5
+    assert judge.score(answers)["true_errors"] == 0
+
+
+def test_a_bit_outside_the_spot_is_a_true_error(scene, judged):
+    moment, answers, judge = judged
+    outside = np.nonzero(not_receivers(scene, moment, answers["triangle"])[0])[0]
+    bits = answers["visibility"].copy()
+    bits[0, outside[:7]] = 1
+    score = judge.score({**answers, "visibility": bits})
+    assert score["true_errors"] == 7
+    assert score["shadow"][0]["acne"] == 7
+
+
+def test_a_light_that_is_not_limited_holds_everything(scene, judged):
+    moment, answers, _ = judged
+    free = dataclasses.replace(moment, spots=np.zeros((1, 12)))
+    assert not not_receivers(scene, free, answers["triangle"]).any()
+
+
+def test_the_same_answers_are_judged_once_and_others_anew(scene, judged, tmp_path, monkeypatch):
+    moment, answers, _ = judged
+    asked = []
+    count = lambda self, answers, disputes: asked.append(1) or {"true_errors": len(asked)}  # noqa: E731
+    monkeypatch.setattr(Judge, "score", count)
+    grader = Grader(scene, {0: moment}, "soup", tmp_path, "cpu")
+    other = {**answers, "visibility": answers["visibility"].copy()}
+    other["visibility"][0, 5] ^= 1
+    found = []
+    for key, given in (("a", answers), ("b", answers), ("c", other)):
+        hand_over(handed_path(tmp_path, key, 0), given)
+        (graded,) = grader.grade(key, False, True, tmp_path / "picture.png", "soup")
+        found.append(graded["score"]["true_errors"])
+    assert found == [1, 1, 2]

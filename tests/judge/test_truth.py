@@ -1,0 +1,160 @@
+"""The Embree reference: conventions, traps of its binding, provenance and the folder."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers import exact_cases as cases
+from shadowbench.harness.judge import reference as truth
+from shadowbench.harness.judge import score
+from shadowbench.harness.judge.referee import Referee
+from shadowbench.harness.judge.reference import embree_reference
+from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.scene import Camera, Effects, Light
+
+
+@pytest.fixture(scope="module")
+def ball() -> tuple[Prepared, object]:
+    prepared = Prepared(cases.ball_on_floor(lights=2))
+    return prepared, prepared.moment(0, 72, 54)
+
+
+def test_reference_equals_the_exact_answer_on_an_ordinary_scene(ball):
+    prepared, moment = ball
+    reference = embree_reference(prepared, moment)
+    referee = Referee(moment.points, prepared.faces, moment.valid)
+    right = cases.exact_answers(prepared, moment, referee)
+    np.testing.assert_array_equal(reference.triangle, right["triangle"])
+    np.testing.assert_array_equal(reference.visibility, right["visibility"])
+    np.testing.assert_allclose(reference.t, right["t"], rtol=2e-6)
+    np.testing.assert_allclose(reference.u, right["u"], atol=2e-5)
+    np.testing.assert_allclose(reference.v, right["v"], atol=2e-5)
+    # The picture holds what the test is about: sky, floor, ball, and shadows of both lights.
+    assert (reference.triangle == -1).sum() > 100
+    assert (reference.triangle > 1).sum() > 100
+    assert (reference.visibility.sum(axis=1) > 100).all()
+
+
+def test_a_miss_is_filled_as_the_conventions_say(ball):
+    prepared, moment = ball
+    reference = embree_reference(prepared, moment)
+    miss = reference.triangle == -1
+    assert np.isposinf(reference.t[miss]).all()
+    assert not reference.u[miss].any()
+    assert not reference.v[miss].any()
+    assert not reference.visibility[:, miss].any()
+
+
+def test_a_light_without_shadows_gets_zeros(ball):
+    prepared, moment = ball
+    reference = embree_reference(prepared, moment, Effects((False, True)))
+    assert reference.visibility[0].sum() == 0
+    assert reference.visibility[1].sum() > 100
+    assert reference.provenance["shadows"] == [False, True]
+
+
+def test_invalid_triangles_keep_the_ids_of_the_others():
+    """Zero-area, NaN and infinite triangles lie in front of a square, one of them in each of its places."""
+    square = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0.0)])
+    odd = np.array([(np.nan, 0, 0.5), (np.inf, 0, 0.5), (-5, -5, 0.5), (0, 0, 0.5), (5, 5, 0.5)])
+    faces = np.array([(4, 0, 1), (6, 7, 8), (0, 1, 2), (5, 0, 1), (0, 0, 1), (0, 2, 3), (6, 6, 6)])
+    scene = cases.make_scene(
+        np.concatenate([square, odd]), faces, Camera((0, 0, 3), (0, 0, 0)), Light((0.3, 0.2, 2.0))
+    )
+    prepared = Prepared(scene)
+    moment = prepared.moment(0, 32, 32)
+    assert moment.valid.tolist() == [0, 0, 1, 0, 0, 1, 0]
+    reference = embree_reference(prepared, moment)
+    assert set(reference.triangle.tolist()) == {-1, 2, 5}
+    assert reference.visibility.sum() == 0
+
+
+def test_nothing_to_hit():
+    scene = cases.make_scene(
+        np.zeros((0, 3)), np.zeros((0, 3), dtype=int), Camera((0, 0, 3), (0, 0, 0)), Light((0, 5, 0))
+    )
+    prepared = Prepared(scene)
+    reference = embree_reference(prepared, prepared.moment(0, 5, 3))
+    assert (reference.triangle == -1).all()
+    assert reference.visibility.shape == (1, 15)
+
+
+def test_an_index_out_of_range_is_refused():
+    with pytest.raises(ValueError, match="does not exist"):
+        truth.make_scene(np.zeros((3, 3), np.float32), np.int32([(0, 1, 3)]), np.ones(1))
+
+
+def test_several_blocks_give_the_same_as_one(ball, monkeypatch):
+    prepared, moment = ball
+    whole = embree_reference(prepared, moment)
+    monkeypatch.setattr(truth, "BLOCK", 100)
+    blocks = embree_reference(prepared, moment)
+    for name, value in whole.answers().items():
+        np.testing.assert_array_equal(value, blocks.answers()[name])
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+def test_no_scale_loses_shadows_or_gains_acne(scale):
+    base = cases.ball_on_floor()
+    geometry = base.geometry()
+    camera = Camera(tuple(scale * x for x in base.camera.eye), tuple(scale * x for x in base.camera.target))
+    lights = [Light(tuple(scale * x for x in light.position)) for light in base.lights]
+    prepared = Prepared(cases.make_scene(geometry.positions(0) * scale, geometry.faces, camera, *lights))
+    moment = prepared.moment(0, 64, 48)
+    reference = embree_reference(prepared, moment)
+    referee = Referee(moment.points, prepared.faces, moment.valid)
+    hits = referee.closest(moment.eye, moment.directions(np.arange(64 * 48)))
+    bits = referee.occluded(hits, moment.lights[0])
+    assert bits.sum() > 50
+    assert (bits != reference.visibility[0]).sum() == 0
+
+
+def test_the_folder_is_used_only_for_the_same_inputs(ball, tmp_path, monkeypatch):
+    prepared, moment = ball
+    first = embree_reference(prepared, moment, folder=tmp_path)
+    (file,) = tmp_path.glob("truth-*.npz")
+    before = file.read_bytes()
+    monkeypatch.setattr(truth, "_trace", lambda *_: pytest.fail("traced again"))
+    again = embree_reference(prepared, moment, folder=tmp_path)
+    for name, value in first.answers().items():
+        np.testing.assert_array_equal(value, again.answers()[name])
+    assert again.provenance == first.provenance
+    assert file.read_bytes() == before
+    monkeypatch.undo()
+    embree_reference(prepared, prepared.moment(0, 72, 53), folder=tmp_path)
+    assert len(list(tmp_path.glob("truth-*.npz"))) == 2
+
+
+def test_a_damaged_file_is_made_again(ball, tmp_path):
+    prepared, moment = ball
+    first = embree_reference(prepared, moment, folder=tmp_path)
+    (file,) = tmp_path.glob("truth-*.npz")
+    file.write_bytes(file.read_bytes()[:200])
+    again = embree_reference(prepared, moment, folder=tmp_path)
+    np.testing.assert_array_equal(first.triangle, again.triangle)
+    assert len(file.read_bytes()) > 200
+
+
+def test_provenance_says_what_was_traced_and_by_what(ball):
+    prepared, moment = ball
+    facts = embree_reference(prepared, moment).provenance
+    assert facts["robust"] is True
+    assert facts["embreex"][0].isdigit()
+    assert {"mesh", "rays", "lights", "key", "processor"} <= set(facts)
+    other = embree_reference(
+        prepared, prepared.moment(0, 72, 54, lights=(Light((0, 9, 0)), Light((1, 9, 0))))
+    )
+    assert other.provenance["mesh"] == facts["mesh"]
+    assert other.provenance["lights"] != facts["lights"]
+
+
+def test_without_embree_the_referee_is_the_reference(ball, monkeypatch):
+    prepared, moment = ball
+    embree = embree_reference(prepared, moment)
+    monkeypatch.setattr(score, "embree_installed", lambda: False)
+    monkeypatch.setattr(score, "embree_reference", lambda *_: pytest.fail("asked for Embree"))
+    judge = score.Judge(prepared, moment)
+    for name, value in embree.answers().items():
+        np.testing.assert_allclose(value, judge.reference.answers()[name], rtol=2e-6, atol=2e-5)
+    assert judge.reference.provenance["reference"] == "exact referee"
+    assert judge.score(embree.answers())["check"] == "ok"

@@ -1,0 +1,177 @@
+"""The tiles of a light's rectangle, apart from any scene: what is left out holds no direction that could be hit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import warp as wp
+from shadowbench.methods.perspective_spherical.light.mapping import map_bounds, ray_place, ray_place32
+from shadowbench.methods.perspective_spherical.light.placement import FLOAT32_PAD, FLOAT64_PAD
+from shadowbench.methods.perspective_spherical.light.tile_edges import edges_kernel, missed, slope_bounds
+from shadowbench.methods.perspective_spherical.parameters import LIGHT_MAPS
+
+RECTANGLES = {
+    "azimuth-elevation": (
+        (-np.pi, np.pi, -np.pi / 2, np.pi / 2), (-1.2, 1.4, -0.9, 1.1), (0.3, 0.31, 1.4, 1.57), (2.0, 3.1, -1.5, 0.2),
+    ),
+    "two-angle": ((-np.pi, np.pi, -np.pi, np.pi), (-1.2, 1.4, -0.9, 1.1), (1.7, 3.1, 1.8, 3.0), (1.8, 2.0, -3.0, -2.0)),
+    "cube": ((-1.0, 1.0, -1.0, 1.0), (0.2, 0.3, -0.7, 0.9)),
+}  # fmt: skip
+
+
+@wp.kernel(enable_backward=False)
+def tile_kernel(
+    tiles: wp.int32,
+    columns: wp.array(dtype=wp.vec4d),
+    rows: wp.array(dtype=wp.vec4d),
+    stretch: wp.array(dtype=wp.vec2d),
+    planes: wp.array2d(dtype=wp.vec3d),
+    out: wp.array2d(dtype=wp.bool),
+    slopes: wp.array2d(dtype=wp.vec3d),
+):
+    i, tile = wp.tid()
+    column = columns[tile % tiles]
+    row = rows[tile // tiles]
+    out[i, tile] = missed(
+        column, row, stretch[0], planes[i, 0], planes[i, 1], planes[i, 2], wp.float64(1.0e-12)
+    )
+    slopes[i, tile] = slope_bounds(column, row, planes[i, 0], stretch[0])
+
+
+@wp.kernel(enable_backward=False)
+def bounds_kernel(
+    map: wp.int32, pad: wp.float64, corners: wp.array2d(dtype=wp.vec3d), bounds: wp.array(dtype=wp.vec4d)
+):
+    i = wp.tid()
+    bounds[i] = map_bounds(map, corners[i, 0], corners[i, 1], corners[i, 2], pad)
+
+
+@wp.kernel(enable_backward=False)
+def place_kernel(
+    map: wp.int32, single: wp.bool, points: wp.array(dtype=wp.vec3d), places: wp.array(dtype=wp.vec4d)
+):
+    i = wp.tid()
+    if single:
+        places[i] = ray_place32(map, wp.identity(3, dtype=wp.float64), points[i])
+    else:
+        places[i] = ray_place(map, points[i])
+
+
+def on_cpu(values, kind):
+    return wp.array(np.ascontiguousarray(values), dtype=kind, device="cpu")
+
+
+def directions(name, u, v):
+    """Unit directions of places in a rectangle."""
+    if name == "azimuth-elevation":
+        return np.stack([np.cos(v) * np.cos(u), np.cos(v) * np.sin(u), np.sin(v)], axis=-1)
+    sign = 1.0
+    if name == "two-angle":
+        sign = np.where(np.abs(u) > np.pi / 2, -1.0, 1.0)
+        u, v = np.tan(u), np.tan(v)
+    d = np.stack([np.ones_like(u), u, v], axis=-1) * np.asarray(sign)[..., None]
+    return d / np.linalg.norm(d, axis=-1, keepdims=True)
+
+
+@pytest.mark.parametrize("name", LIGHT_MAPS)
+@pytest.mark.parametrize("tiles", [1, 2, 3, 5, 16])
+def test_a_tile_left_out_holds_no_direction_of_the_triangle(name, tiles):
+    random = np.random.default_rng(tiles)
+    left_out = 0
+    for rectangle in RECTANGLES[name]:
+        low_u, high_u, low_v, high_v = rectangle
+        extent = np.array([low_u, low_v, 1.0, high_u, high_v, 2.0, 0.0, 0.0])
+        columns, rows, stretch = (
+            wp.zeros(n, dtype=kind, device="cpu")
+            for n, kind in ((tiles, wp.vec4d), (tiles, wp.vec4d), (1, wp.vec2d))
+        )
+        wp.launch(
+            edges_kernel, dim=tiles, inputs=[LIGHT_MAPS.index(name), tiles, on_cpu(extent, wp.float64)],
+            outputs=[columns, rows, stretch], device="cpu",
+        )  # fmt: skip
+        # Triangles about a direction in or near the rectangle, of all sizes; inward planes of their edges.
+        count = 300
+        u, v = random.uniform(low_u, high_u, count), random.uniform(low_v, high_v, count)
+        arms = random.normal(size=(count, 3, 3)) * np.exp(random.uniform(-5, 0.5, (count, 1, 1)))
+        a, b, c = np.moveaxis(directions(name, u, v)[:, None] + arms, 1, 0)
+        planes = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
+        planes *= np.sign(np.einsum("ij,ij->i", a, np.cross(b, c)))[:, None, None]
+        out = wp.zeros((count, tiles * tiles), dtype=wp.bool, device="cpu")
+        slopes = wp.zeros((count, tiles * tiles), dtype=wp.vec3d, device="cpu")
+        wp.launch(
+            tile_kernel, dim=(count, tiles * tiles), inputs=[tiles, columns, rows, stretch, on_cpu(planes, wp.vec3d)],
+            outputs=[out, slopes], device="cpu",
+        )  # fmt: skip
+        out, slopes = out.numpy(), slopes.numpy()
+        left_out += out.sum()
+        for tile in random.choice(tiles * tiles, min(25, tiles * tiles), replace=False):
+            s, w = np.meshgrid(np.linspace(0, 1, 15), np.linspace(0, 1, 15))
+            u = low_u + (high_u - low_u) * (tile % tiles + s.ravel()) / tiles
+            v = low_v + (high_v - low_v) * (tile // tiles + w.ravel()) / tiles
+            if (
+                name == "two-angle"
+            ):  # only where both angles are in front, or both behind, is there a direction
+                u, v = (x[(np.abs(u) > np.pi / 2) == (np.abs(v) > np.pi / 2)] for x in (u, v))
+                u, v = (x[(np.abs(np.abs(u) - np.pi / 2) > 1e-6)] for x in (u, v))
+            d = directions(name, u, v)
+            values = np.einsum("npk,dk->npd", planes, d)
+            inside = (values > 1e-9).all(axis=1)
+            assert not inside[out[:, tile]].any(), (name, rectangle, tile)
+            low, high, longest = slopes[:, tile].T
+            known = longest > 0
+            # n . d of the unscaled direction lies between the bounds; d is between 1 and ``longest`` long.
+            size = np.linalg.norm(planes[:, 0], axis=1) * 1e-9
+            top, bottom = values[:, 0].max(axis=1, initial=-9e9), values[:, 0].min(axis=1, initial=9e9)
+            assert (top[known & (high > 0)] <= high[known & (high > 0)] + size[known & (high > 0)]).all()
+            sure = known & (low > 0)
+            assert (bottom[sure] * longest[sure] >= low[sure] - size[sure]).all()
+    assert left_out > 100 * (tiles > 3)
+
+
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+@pytest.mark.parametrize("name", LIGHT_MAPS)
+@pytest.mark.parametrize("size", [1e-6, 0.01, 0.3, 2.0])
+def test_bounds_of_a_triangle_hold_the_place_of_every_ray_to_it(name, size, precision):
+    random = np.random.default_rng(int(100 * size))
+    map, count, samples = LIGHT_MAPS.index(name), 1500, 60
+    centre = random.normal(size=(count, 1, 3))
+    centre[: count // 3, :, 0] *= 0.05  # about the circle that two angles collapse
+    centre[count // 3 : count // 2, :, :2] *= 0.01  # about the poles
+    corners = (
+        centre / np.linalg.norm(centre, axis=2, keepdims=True) + random.normal(size=(count, 3, 3)) * size / 2
+    )
+    points = np.einsum("sk,nkj->nsj", random.dirichlet([0.4, 0.4, 0.4], samples), corners).reshape(-1, 3)
+    places = wp.zeros(len(points), dtype=wp.vec4d, device="cpu")
+    single = precision == "float32"
+    wp.launch(
+        place_kernel,
+        dim=len(points),
+        inputs=[map, single, on_cpu(points, wp.vec3d)],
+        outputs=[places],
+        device="cpu",
+    )
+    u, v, distance, face = places.numpy().reshape(count, samples, 4).transpose(2, 0, 1)
+    np.testing.assert_allclose(
+        distance.ravel(), np.linalg.norm(points, axis=1), rtol=1e-6 if single else 1e-14
+    )
+    keep = np.ones_like(u, dtype=bool)
+    if name == "cube":
+        # The face's own frame, written apart: forward is the axis of the largest coordinate, with its sign.
+        axis = np.abs(points).argmax(axis=1)
+        expected = 2 * axis + (points[np.arange(len(points)), axis] < 0)
+        assert (face.ravel() == expected).mean() > (0.99 if single else 0.999999)
+        keep = face == 0  # the front face is its own frame
+    bounds = wp.zeros(count, dtype=wp.vec4d, device="cpu")
+    pad = FLOAT32_PAD if single else FLOAT64_PAD
+    wp.launch(
+        bounds_kernel, dim=count, inputs=[map, pad, on_cpu(corners, wp.vec3d)], outputs=[bounds], device="cpu"
+    )
+    low_u, high_u, low_v, high_v = bounds.numpy().T[:, :, None]
+
+    def held(x, low, high):
+        turns = (0.0,) if name == "cube" else (-2 * np.pi, 0.0, 2 * np.pi)
+        return np.any([(x + turn >= low) & (x + turn <= high) for turn in turns], axis=0)
+
+    assert held(u, low_u, high_u)[keep].all()
+    assert held(v, low_v, high_v)[keep].all()
+    assert keep.sum() > 1000

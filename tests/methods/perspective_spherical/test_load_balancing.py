@@ -1,0 +1,91 @@
+"""Rays to blocks: Algorithm 1 as section 4.3 and Figure 8 describe it, and the direct way to the same chunks."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+import warp as wp
+from helpers.brute_force import make_scene, soup
+from helpers.paper_knobs import DEVICES, answers_of
+from shadowbench.methods.perspective_spherical.lists.chunks import Chunks
+from shadowbench.methods.perspective_spherical.parameters import BALANCING
+
+
+def test_algorithm_1_as_figure_8_is_described():
+    """Nine rays in four tiles, r = 2: arrays A to G of section 4.3, after lines 9 to 14 of Algorithm 1.
+
+    The paper is at hand as text, without the picture: which ray lies in which tile is our own example. What each array
+    must hold for it follows the text: A pixels, B tiles, C hard boundaries, D the scan of ones, E soft boundaries, F
+    thread numbers, G the first ray of each block.
+    """
+    tile_of_pixel = [4, 0, 1, 0, 3, 4, 0, 1, 4]
+    count, tiles, r = len(tile_of_pixel), 6, 2
+    keys = wp.array(tile_of_pixel + [0] * count, dtype=wp.int32, device="cpu")
+    pixels = wp.array(
+        [*range(count)] + [0] * count, dtype=wp.int32, device="cpu"
+    )  # line 9: each pixel's own number
+    wp.utils.radix_sort_pairs(keys, pixels, count, 0, tiles.bit_length())  # line 10, as the method calls it
+    a, b = pixels.numpy()[:count], keys.numpy()[:count]
+    assert a.tolist() == [1, 3, 6, 2, 7, 4, 0, 5, 8]
+    assert b.tolist() == [0, 0, 0, 1, 1, 3, 4, 4, 4]
+    chunks = Chunks(count, tiles, r, "algorithm-1", "cpu")
+    chunks.launch(keys)
+    assert chunks.threadArr.numpy().tolist() == [0, 1, 2, 3, 4, 5, 6, 7, 8]  # F
+    assert chunks.pseudoArr.numpy().tolist() == [1, 0, 0, 1, 0, 1, 1, 0, 0]  # C
+    assert chunks.scratchArr.numpy().tolist() == [1, 2, 3, 1, 2, 1, 1, 2, 3]  # D
+    assert chunks.validArr.numpy().tolist() == [1, 0, 1, 1, 0, 1, 1, 0, 1]  # E
+    assert chunks.numCBlocks.numpy()[0] == 6  # C_total = 2 + 1 + 1 + 2
+    first = chunks.outArr.numpy()[:7]
+    assert first.tolist() == [0, 2, 3, 5, 6, 8, 9]  # G, and the number of rays, which closes it
+    assert np.diff(first).tolist() == [2, 1, 2, 1, 2, 1]  # "the difference between the values" of G
+    assert a[first[:6]].tolist() == [1, 6, 2, 4, 0, 8]  # "the ray whose index in A is referenced by ... G"
+
+
+@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize("balancing", BALANCING)
+@pytest.mark.parametrize("sort", ["radix", "counting"])
+def test_a_frame_sorts_its_shadow_rays_and_gives_every_block_rays_of_one_tile(sort, balancing, device):
+    """Lines 9 and 10 within a frame: A is every pixel with a shadow ray once, B ascends, each block has one tile's."""
+    settings = {"balancing": balancing, "sort": sort, "r": 2, "light_tiles": 6}
+    vertices, faces = soup(3, 60)
+    prepared = make_scene(vertices, faces, [(1.0, 2.5, 1.5)])
+    session, _, answers = answers_of(prepared, 23, 17, settings, device)
+    (light,) = session.method.lights
+    hits = np.flatnonzero(answers["triangle"].reshape(-1) >= 0)
+    a, b = light.ray_values.numpy()[: len(hits)], light.ray_keys.numpy()[: 23 * 17]
+    assert sorted(a.tolist()) == hits.tolist()
+    assert (np.diff(b) >= 0).all()
+    assert (b < light.tile_count).sum() == len(hits)
+    total = int(light.chunks.numCBlocks.numpy()[0])
+    first = light.chunks.outArr.numpy()[: total + 1]
+    counts = np.bincount(b[: len(hits)])
+    assert total == np.ceil(counts / 2).sum() > (counts > 0).sum(), "some tile has more rays than a block"
+    for start, end in itertools.pairwise(first):
+        assert 1 <= end - start <= 2
+        assert len(set(b[start:end])) == 1
+
+
+@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize("seed", range(6))
+def test_both_balancings_make_the_same_chunks(seed, device):
+    random = np.random.default_rng(seed)
+    rays, tiles = int(random.integers(1, 700)), int(random.integers(1, 60))
+    ids = np.sort(
+        random.choice(tiles + 1, rays) if seed else np.full(rays, tiles)
+    )  # seed 0: no shadow ray at all
+    keys = wp.array(np.concatenate([ids, ids]), dtype=wp.int32, device=device)
+    for r in (1, 2, 7, 64, 1000):
+        made = []
+        for balancing in BALANCING:
+            chunks = Chunks(rays, tiles, r, balancing, device)
+            chunks.launch(keys)
+            total = int(chunks.numCBlocks.numpy()[0])
+            made.append(chunks.outArr.numpy()[: total + 1].tolist())
+            assert total <= chunks.capacity
+        assert made[0] == made[1]
+        counts = np.bincount(ids[ids < tiles], minlength=tiles)
+        assert len(made[0]) - 1 == int(np.ceil(counts / r).sum())
+        assert made[0][-1] == counts.sum()
+        assert max(np.diff(made[0]), default=0) <= r

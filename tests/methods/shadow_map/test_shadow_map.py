@@ -1,0 +1,261 @@
+"""The shadow map: exact primary rays, shadows that approach the truth with the map's size, lights in and out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import warp as wp
+from helpers.brute_force import closest, make_scene, shadowed, soup
+from helpers.method_trials import DEVICES, assert_exact, assert_misses, box, hard_trials, lattice, trace
+from shadowbench.harness.errors import CapacityRejected, UserError
+from shadowbench.harness.frame.registry import make_method
+from shadowbench.harness.frame.session import Session
+from shadowbench.harness.scene.scene import Limits
+from shadowbench.methods.accuracy_ladder.kernels import make_kernels
+
+NAME = "shadow_map"
+TRIALS = {name: (prepared, width, height) for name, prepared, width, height in hard_trials()}
+
+
+def blocker(height: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    """A floor of half width 4 at z = 0 and a square of half width 0.5 above it."""
+    floor, faces = lattice(4, 4.0)
+    roof, own = lattice(2, 0.5)
+    return np.concatenate([floor, roof + [0.0, 0.0, height]]), np.concatenate([faces, own + len(floor)])
+
+
+def wrong_share(settings, prepared, width=48, height=48, light=0, device="cpu"):
+    """Share of hit pixels whose shadow bit differs from brute force."""
+    _, moment, got = trace(NAME, settings, prepared, width, height, device)
+    best, t = closest(prepared, moment)
+    np.testing.assert_array_equal(got["triangle"], best)
+    wanted = shadowed(prepared, moment, light, best, t)
+    return float((got["visibility"][light] != wanted)[best >= 0].mean())
+
+
+@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize("shape", ["aimed", "cube"])
+def test_the_shadow_of_a_square_lies_where_it_must(shape, device):
+    prepared = make_scene(*blocker(), [(0.0, 0.0, 5.0)], (0.1, -4.0, 4.0))
+    _, moment, got = trace(NAME, {"size": "512", "shape": shape}, prepared, 64, 64, device)
+    best, t = closest(prepared, moment)
+    place = moment.eye + moment.directions(np.arange(64 * 64)).astype(np.float64) * t[:, None]
+    floor = (best >= 0) & (best < 32)
+    with np.errstate(invalid="ignore"):
+        reach = np.abs(place[:, :2]).max(axis=1)
+    dark = floor & (reach < 0.58)  # the square's shadow has half width 0.625
+    light = floor & (reach > 0.67)
+    assert dark.sum() > 20
+    assert got["visibility"][0][dark].all()
+    assert not got["visibility"][0][light].any()
+
+
+@pytest.mark.parametrize("device", DEVICES)
+def test_error_falls_with_the_size_of_the_map(device):
+    vertices, faces = soup(3, 200, size=0.3)
+    prepared = make_scene(vertices, faces, [(2.0, 5.0, 3.0)], (0.0, 0.5, 3.0))
+    shares = [wrong_share({"size": size}, prepared, device=device) for size in ("64", "512", "4096")]
+    assert shares[0] > shares[1] > shares[2]
+    assert shares[2] < 0.02
+
+
+@pytest.mark.parametrize("position", [(0.2, 0.1, 0.3), (0.9, -0.9, 0.0), (0.0, 0.0, 0.0)])
+def test_a_light_inside_the_scene_gets_a_cube(position):
+    walls, sides = box(4)
+    small, faces = soup(9, 20, size=0.1, spread=0.4)
+    mesh = np.concatenate([walls, small]), np.concatenate([sides, faces + len(walls)])
+    prepared = make_scene(*mesh, [position], (-0.7, -0.6, 0.5), (0.5, 0.5, -0.3), 90.0)
+    settings = {"size": "1024"}
+    session, _, _ = trace(NAME, settings, prepared, 8, 8)
+    assert session.method.built()["maps"].startswith("6 x")
+    assert session.regrown == 1
+    assert wrong_share(settings, prepared) < 0.02
+
+
+@pytest.mark.parametrize("distance", [3.0, 1e3, 1e5])
+def test_the_aimed_map_keeps_its_detail_at_any_distance_of_the_light(distance):
+    direction = np.array([0.3, 0.5, 0.8]) / np.linalg.norm([0.3, 0.5, 0.8])
+    prepared = make_scene(*blocker(), [tuple(direction * distance * 5.7)], (0.1, -4.0, 4.0))
+    assert trace(NAME, {"size": "2048"}, prepared, 48, 48)[2]["visibility"].sum() > 20
+    assert wrong_share({"size": "2048"}, prepared) < 0.003
+
+
+@pytest.mark.parametrize("device", DEVICES)
+def test_bias_none_has_acne_and_the_others_take_it_away(device):
+    # A slanted floor in full light: every shadowed pixel is acne.
+    flat, faces = lattice(4, 2.0)
+    turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.8, -0.6], [0.0, 0.6, 0.8]])
+    prepared = make_scene(flat @ turn.T, faces, [(2.0, 1.0, 5.0)], (0.0, -1.0, 4.0))
+    dark = {}
+    for bias in ("none", "constant", "slope", "normal"):
+        for filter in ("nearest", "pcf"):
+            settings = {"size": "256", "bias": bias, "filter": filter}
+            if bias == "constant":
+                settings["amount"] = "0.02"
+            dark[bias, filter] = int(trace(NAME, settings, prepared, 64, 64, device)[2]["visibility"].sum())
+    assert dark["none", "nearest"] > 300
+    assert all(count == 0 for (bias, _), count in dark.items() if bias != "none"), dark
+
+
+def test_pcf_is_a_majority_of_nine():
+    prepared = make_scene(*blocker(), [(0.0, 0.0, 5.0)], (0.1, -4.0, 4.0))
+    nearest = trace(NAME, {"size": "256"}, prepared, 64, 64)[2]["visibility"]
+    smooth = trace(NAME, {"size": "256", "filter": "pcf"}, prepared, 64, 64)[2]["visibility"]
+    changed = int((nearest != smooth).sum())
+    assert 0 < changed < 0.1 * nearest.sum()
+
+
+@pytest.mark.parametrize("trial", TRIALS)
+def test_survives_hard_scenes(trial):
+    prepared, width, height = TRIALS[trial]
+    assert_misses(trace(NAME, {"size": "64"}, prepared, width, height)[2])
+
+
+@pytest.mark.parametrize("trial", ["rays at vertices", "broken triangles", "duplicates"])
+def test_primary_rays_are_exact(trial):
+    prepared, width, height = TRIALS[trial]
+    _, moment, got = trace(NAME, {"size": "64"}, prepared, width, height)
+    np.testing.assert_array_equal(got["triangle"], closest(prepared, moment)[0])
+
+
+@pytest.mark.parametrize("device", DEVICES)
+def test_two_runs_agree_and_lights_do_not_disturb_each_other(device):
+    vertices, faces = soup(5, 100, size=0.3)
+    lights = [(2.0, 5.0, 3.0), (0.1, 0.0, 0.2), (-4.0, 1.0, 2.0)]
+    prepared = make_scene(vertices, faces, lights, (0.0, 0.5, 3.0))
+    settings = {"size": "256", "shape": "cube"}
+    session, moment, first = trace(NAME, settings, prepared, 33, 17, device)
+    second = session.answers(moment)
+    for name, value in first.items():
+        np.testing.assert_array_equal(second[name], value, name)
+    for i, light in enumerate(lights):
+        alone = make_scene(vertices, faces, [light], (0.0, 0.5, 3.0))
+        bits = trace(NAME, settings, alone, 33, 17, device)[2]["visibility"][0]
+        np.testing.assert_array_equal(bits, first["visibility"][i])
+
+
+@pytest.mark.skipif("cuda:0" not in DEVICES, reason="no CUDA device on this machine")
+def test_queued_strips_draw_what_one_thread_draws():
+    vertices, faces = soup(6, 100, size=1.0)
+    prepared = make_scene(vertices, faces, [(0.1, 0.2, 0.3), (2.0, 5.0, 3.0)], (0.0, 0.5, 3.0))
+    settings = {"size": "1024", "strip_capacity": "1"}
+    session, _, got = trace(NAME, settings, prepared, 64, 64, "cuda:0")
+    expected = trace(NAME, {"size": "1024"}, prepared, 64, 64, "cpu")[2]
+    assert session.regrown >= 1
+    assert (got["visibility"] != expected["visibility"]).mean() < 1e-3
+
+
+def test_it_declares_itself_inexact_and_says_what_it_built():
+    method = make_method(NAME, {"size": "512", "bias": "normal", "filter": "pcf"})
+    assert "finite resolution" in method.known_inexact
+    assert method.built() == {"maps": "1 x 512 x 512", "bias": "normal 1.5", "filter": "pcf"}
+
+
+def test_a_map_beyond_the_memory_is_rejected():
+    prepared = make_scene(*blocker(), [(0.0, 0.0, 5.0)])
+    with pytest.raises(CapacityRejected, match="smaller size"):
+        Session(make_method(NAME, {"size": "1024"}), prepared, 8, 8, "cpu", limits=Limits(memory=1 << 20))
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("size", "32"),
+        ("size", "many"),
+        ("shape", "round"),
+        ("bias", "big"),
+        ("filter", "soft"),
+        ("amount", "nan"),
+    ],
+)
+def test_wrong_parameters_are_one_line(key, value):
+    with pytest.raises(UserError, match=key) as caught:
+        make_method(NAME, {key: value})
+    assert "\n" not in str(caught.value)
+
+
+# --- the ladder: one tree, each safety measure a parameter ---
+
+
+LADDER = "accuracy_ladder"
+
+
+@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize("test", ["exact", "float64"])
+@pytest.mark.parametrize(
+    "trial", ["rays at vertices", "eye in a box", "broken triangles", "teapot in a stadium"]
+)
+def test_the_ladder_is_exact_at_its_top(trial, test, device):
+    prepared, width, height = TRIALS[trial]
+    assert_exact(LADDER, {"test": test}, prepared, width, height, device)
+    assert make_method(LADDER, {"test": test}).known_inexact is None
+
+
+@pytest.mark.parametrize(
+    "test", ["moller_trumbore", "moller_trumbore_epsilon", "woop", "woop_float64", "edge_planes"]
+)
+def test_float32_tests_are_right_on_an_ordinary_scene_and_say_that_they_need_not_be(test):
+    vertices, faces = soup(21, 150, size=0.2)
+    prepared = make_scene(vertices, faces, [(2.0, 3.0, 4.0)], (0.0, 0.5, 3.0))
+    _, moment, got = trace(LADDER, {"test": test}, prepared, 41, 29)
+    best, t = closest(prepared, moment)
+    assert (got["triangle"] != best).sum() <= 2
+    wanted = shadowed(prepared, moment, 0, best, t)
+    assert (got["visibility"][0] != wanted).sum() <= 5
+    assert "float32" in make_method(LADDER, {"test": test}).known_inexact
+
+
+def test_a_fixed_determinant_loses_a_small_scene_and_the_others_do_not():
+    vertices, faces = soup(21, 150, size=0.2)
+    small = make_scene(vertices * 1e-6, faces, [(2e-6, 3e-6, 4e-6)], (0.0, 0.5e-6, 3e-6))
+    found = {
+        test: int((trace(LADDER, {"test": test}, small, 24, 24)[2]["triangle"] >= 0).sum())
+        for test in ("moller_trumbore_epsilon", "moller_trumbore", "exact")
+    }
+    assert found["moller_trumbore_epsilon"] == 0
+    assert found["moller_trumbore"] > 0.9 * found["exact"] > 50
+
+
+@pytest.mark.parametrize(
+    ("origin", "acne", "leak"),
+    [
+        ("hit_point", False, False),
+        ("ray", True, False),
+        ("barycentric", True, False),
+        ("epsilon_1e-2", False, True),
+    ],
+)
+def test_origins_fail_as_they_are_known_to(origin, acne, leak):
+    # A tilted floor and a thin roof just above a part of it, nearer than 1e-2 radii.
+    flat, faces = lattice(4, 2.0)
+    turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.8, -0.6], [0.0, 0.6, 0.8]])
+    roof, own = lattice(2, 0.7)
+    both = np.concatenate([flat, roof + [0.0, 0.0, 0.01]]) @ turn.T
+    prepared = make_scene(both, np.concatenate([faces, own + len(flat)]), [(0.3, -3.0, 4.0)], (1.9, 1.5, 1.5))
+    settings = {"origin": origin}
+    _, moment, got = trace(LADDER, settings, prepared, 48, 48)
+    best, t = closest(prepared, moment)
+    wanted = shadowed(prepared, moment, 0, best, t).astype(bool)
+    bits = got["visibility"][0].astype(bool)
+    assert bool((bits & ~wanted).any()) == acne
+    below = best < len(faces)
+    assert bool((~bits & wanted & below).any()) == leak
+    assert (make_method(LADDER, settings).known_inexact is None) == (origin == "hit_point")
+
+
+@pytest.mark.parametrize("test", ["exact", "woop_float64"])
+def test_the_rungs_compile_for_cuda(test, tmp_path):
+    for kernel in make_kernels(test, test == "exact"):
+        wp.compile_aot_module(kernel.module, arch=90, module_dir=tmp_path)
+    assert len(list(tmp_path.glob("*.cubin")) + list(tmp_path.glob("*.ptx"))) == 2
+
+
+@pytest.mark.parametrize("key", ["padding", "fast_math"])
+def test_ways_of_building_change_little_and_are_declared(key):
+    value = {"padding": "none", "fast_math": "true"}[key]
+    vertices, faces = soup(21, 150, size=0.2)
+    prepared = make_scene(vertices, faces, [(2.0, 3.0, 4.0)], (0.0, 0.5, 3.0))
+    got = trace(LADDER, {key: value}, prepared, 41, 29)[2]
+    expected = trace(LADDER, {}, prepared, 41, 29)[2]
+    assert (got["triangle"] != expected["triangle"]).mean() < 0.01
+    assert make_method(LADDER, {key: value}).known_inexact

@@ -1,0 +1,64 @@
+"""Every kernel compiles for a GPU, ahead of time and without one: a kernel that only a GPU would refuse is seen here."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+
+import pytest
+import shadowbench.harness
+import shadowbench.methods
+import warp as wp
+from helpers.compiled_twins import compiled, kernels_with_effects, source_of, with_source
+from shadowbench.harness.frame.specialise import Switches, named
+from shadowbench.methods.ray_grids.camera import queue as camera_queue
+from shadowbench.methods.ray_grids.camera import stream as camera_stream
+from shadowbench.methods.ray_grids.light import queue as light_queue
+from shadowbench.methods.ray_grids.light import stream as light_stream
+
+ARCH = 90
+EFFECTS = kernels_with_effects()
+
+
+def modules_with_kernels() -> list[str]:
+    names = []
+    for package in (shadowbench.methods, shadowbench.harness):
+        for found in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
+            module = importlib.import_module(found.name)
+            if any(isinstance(v, wp.Kernel) and v.module.name == found.name for v in vars(module).values()):
+                names.append(found.name)
+    return names
+
+
+@pytest.mark.parametrize("name", modules_with_kernels())
+def test_module_compiles_for_cuda(name, tmp_path):
+    wp.compile_aot_module(importlib.import_module(name), arch=ARCH, module_dir=tmp_path)
+    assert list(tmp_path.glob("*.cubin")) or list(tmp_path.glob("*.ptx"))
+
+
+STREAMED = {
+    "camera": camera_stream.make_stream_kernel,
+    "light": light_stream.make_stream_kernel,
+}
+ROWS = {"camera": camera_queue.make_item_kernel, "light": light_queue.make_item_kernel}
+
+
+@pytest.mark.parametrize("queued", [False, True])
+@pytest.mark.parametrize("name", STREAMED)
+def test_streams_compile_for_cuda(name, queued, tmp_path):
+    wp.compile_aot_module(STREAMED[name](queued).module, arch=ARCH, module_dir=tmp_path)
+    assert list(tmp_path.glob("*.cubin")) or list(tmp_path.glob("*.ptx"))
+
+
+@pytest.mark.parametrize("again", [False, True])
+@pytest.mark.parametrize("name", ROWS)
+def test_queues_compile_for_cuda(name, again, tmp_path):
+    wp.compile_aot_module(ROWS[name](True, again).module, arch=ARCH, module_dir=tmp_path)
+    assert list(tmp_path.glob("*.cubin")) or list(tmp_path.glob("*.ptx"))
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_kernels_with_every_effect_compile_for_cuda(name, tmp_path):
+    kernel = EFFECTS[name]
+    switches = Switches(**dict.fromkeys(named(kernel), True))
+    assert compiled(with_source(kernel, source_of(kernel), switches), tmp_path / "all", "cuda").binary

@@ -1,0 +1,127 @@
+"""Every map with every clamp on whole scenes, lit from within and from up to 1e7 radii away: answers of an exact BVH.
+
+The stand-ins of the six scenes, and the real meshes of a folder beside the repository where there is one. Each map
+meets each distance; a small mesh is traced under every combination of map, clamp, axes and distance.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from shadowbench.harness.frame.registry import make_method
+from shadowbench.harness.frame.session import Session
+from shadowbench.harness.scene import catalogue
+from shadowbench.harness.scene.prepared import Moment, Prepared
+from shadowbench.harness.scene.scene import Light, Limits
+from shadowbench.methods.perspective_spherical.parameters import CLAMPS, LIGHT_MAPS, TRIANGLE_TESTS
+
+NAME = "perspective_spherical"
+REAL = Path(__file__).resolve().parents[3] / "shared" / "scenes"
+MESHES = sorted(REAL.glob("*.ply"))
+
+SIZE = 16
+SMALL = 10_000
+"""Triangles up to which every combination is traced."""
+
+LARGE = 500_000
+"""Triangles beyond which the inexact tests are left out: seconds for each run, and of the six Buddha alone."""
+
+RADII = {0.3: (0.3, 0.8, 0.52), 2.0: (-0.7, 0.2, 0.68), 1e3: (0.1, 0.99, 0.05), 1e7: (0.48, 0.6, 0.64)}
+"""A light's distance from the scene's middle in radii: inside, outside, far, and as far as aimed maps go; its way."""
+
+COARSE = {"light_tiles": "16", "slices": "8", "light_slices": "8"}
+OTHERS = {"light_tiles": "9", "tile": "5", "k": "2", "r": "7", "depth_lists": "spans"}
+"""Few cells, as there are few rays; and other settings, that must change no answer."""
+
+
+class Lit:
+    """A scene lit from one distance at a time, and what is exact of each."""
+
+    def __init__(self, whole: Prepared):
+        lights = []
+        for radii, way in RADII.items():
+            ahead = np.array(way) / np.linalg.norm(way) * radii * whole.radius
+            x, y, z = (whole.middle + whole.centre + ahead).tolist()
+            lights.append(Light((x, y, z)))
+        self.lights = dict(zip(RADII, lights, strict=True))
+        self.prepared = copy.copy(whole)
+        self.prepared.scene = replace(whole.scene, lights=tuple(lights), light_path=None)
+        exact = self.traced("bvh", {"update": "bvh_rebuild"}, self.prepared.moment(0, SIZE, SIZE))
+        self.exact = {
+            radii: {**exact, "visibility": exact["visibility"][i : i + 1]} for i, radii in enumerate(RADII)
+        }
+
+    def answers(self, settings: dict[str, str], radii: float) -> dict[str, NDArray]:
+        light = (self.lights[radii],)
+        self.prepared.scene = replace(self.prepared.scene, lights=light)
+        return self.traced(NAME, settings, self.prepared.moment(0, SIZE, SIZE))
+
+    def traced(self, name: str, settings: dict[str, str], moment: Moment) -> dict[str, NDArray]:
+        limits = Limits(memory=2 << 30)
+        session = Session(make_method(name, settings), self.prepared, SIZE, SIZE, "cpu", limits=limits)
+        return session.answers(moment)
+
+
+def combinations(small: bool) -> Iterator[tuple[str, str, str, float]]:
+    """(map, clamp, aimed, radii): all of them, or every map with every clamp once; beyond 1e3 radii aimed only."""
+    distances = list(RADII)
+    for i, light_map in enumerate(LIGHT_MAPS):
+        for j, clamp in enumerate(CLAMPS):
+            if not small:
+                radii = distances[(i + j) % len(distances)]
+                yield light_map, clamp, "true" if radii > 1e3 or (i + j // 2) % 2 else "false", radii
+                continue
+            for radii in distances:
+                for aimed in ("true",) if radii > 1e3 else ("true", "false"):
+                    yield light_map, clamp, aimed, radii
+
+
+def same(got: dict[str, NDArray], expected: dict[str, NDArray], what: object) -> None:
+    for name, values in expected.items():
+        assert (got[name] == values).all(), (what, name, int((got[name] != values).sum()))
+
+
+def check(name: str) -> None:
+    lit = Lit(Prepared(catalogue.resolve(name)))
+    count = lit.prepared.triangle_count
+    hits = int((lit.exact[2.0]["triangle"] >= 0).sum())
+    assert hits > 0.05 * SIZE**2
+    assert any(exact["visibility"].sum() > 0 for exact in lit.exact.values()), "nothing casts a shadow"
+    for light_map, clamp, aimed, radii in combinations(count <= SMALL):
+        settings = {**COARSE, "light_map": light_map, "clamp": clamp, "aimed": aimed}
+        same(lit.answers(settings, radii), lit.exact[radii], (light_map, clamp, aimed, radii))
+    same(lit.answers({**COARSE, "precision": "float32-centred"}, 1e7), lit.exact[1e7], "float32-centred")
+    for test in TRIANGLE_TESTS[1:] if count <= LARGE else ():
+        settings = {**COARSE, "triangle_test": test}
+        same(lit.answers({**settings, **OTHERS}, 2.0), lit.answers(settings, 2.0), test)
+
+
+@pytest.mark.parametrize("name", catalogue.NAMES)
+def test_a_stand_in_has_no_error_under_any_map_and_clamp(name):
+    check(name)
+
+
+@pytest.mark.skipif(not MESHES, reason="the folder of real scenes is absent")
+@pytest.mark.parametrize("path", MESHES, ids=lambda path: path.stem)
+def test_a_real_mesh_has_no_error_under_any_map_and_clamp(path):
+    check(str(path))
+
+
+@pytest.mark.parametrize("small", [False, True])
+def test_every_combination_that_is_named_is_traced(small):
+    every = list(combinations(small))
+    assert {(light_map, clamp) for light_map, clamp, _, _ in every} == {
+        (m, c) for m in LIGHT_MAPS for c in CLAMPS
+    }
+    assert {(light_map, radii) for light_map, _, _, radii in every} == {
+        (m, r) for m in LIGHT_MAPS for r in RADII
+    }
+    for light_map in LIGHT_MAPS:
+        assert {aimed for m, _, aimed, radii in every if m == light_map and radii <= 1e3} == {"true", "false"}
+    assert len(every) == (3 * 4 * (4 + 3) if small else 12)

@@ -1,0 +1,326 @@
+"""Errors that ray tracers really have, planted one at a time in the real kernels: a named hard case catches each.
+
+A function's source is changed by one substitution and put in its place; only the modules that use it are compiled
+anew. The same case must pass before and after, so that the case, not the planting, is what shows the error.
+"""
+
+from __future__ import annotations
+
+import inspect
+import sys
+import types
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+import warp as wp
+from shadowbench.harness.frame.registry import make_method
+from shadowbench.harness.hardcases import find_case
+from shadowbench.harness.hardcases.judge import Judged, judge_case
+from shadowbench.methods.bvh import exact
+from shadowbench.methods.common import bounds, hitpoint, segment, triangle
+from shadowbench.methods.perspective_spherical.camera import tiles as camera_grid
+from shadowbench.methods.perspective_spherical.light import frame as light_frame
+from shadowbench.methods.perspective_spherical.light import mapping as light_map
+from shadowbench.methods.perspective_spherical.light import sphere
+from shadowbench.methods.ray_grids.camera import pixels as camera_pixels
+from shadowbench.methods.ray_grids.camera import stream as camera_stream
+from shadowbench.methods.ray_grids.light import cells as light_cells
+from shadowbench.methods.ray_grids.light import queue as light_queue
+from shadowbench.methods.ray_grids.light import stream as light_stream
+from shadowbench.methods.uniform_grid import grid
+from shadowbench.methods.uniform_grid import method as uniform_grid
+
+PACKAGE = "shadowbench.methods."
+
+
+@dataclass(frozen=True)
+class Planted:
+    """``function`` of ``home`` with ``old`` -> ``new`` in its source takes its place in ``user``."""
+
+    home: types.ModuleType
+    function: str
+    changes: tuple[tuple[str, str], ...]
+    user: types.ModuleType
+
+
+@dataclass(frozen=True)
+class Mutation:
+    name: str
+    planted: tuple[Planted, ...]
+    method: str
+    settings: tuple[tuple[str, str], ...]
+    cases: tuple[str, ...]
+
+
+OWN_TRIANGLE = """    if wp.abs(side_h) <= unit * (
+        wp.float64(16.0) * total(ha) + wp.float64(64.0) * (largest(h) + origin_size)
+    ):
+        return False
+"""
+
+EXACT_BVH = (("update", "bvh_rebuild"),)
+
+MUTATIONS = (
+    Mutation(
+        "naive vertex bounds on the sphere",
+        (
+            Planted(
+                sphere,
+                "triangle_angles",
+                tuple((f"    bounds = arc_elevation(bounds, {edge})\n", "") for edge in ("a, b, na", "b, c, nb", "c, a, nc"))
+                + (("if reaches >= HALF_PI:", "if False:"),),
+                light_map,
+            ),
+        ),
+        "perspective_spherical",
+        (("clamp", "none"), ("aimed", "false"), ("light_tiles", "512")),
+        ("S05z",),
+    ),
+    Mutation(
+        "no seam: azimuths are not unwrapped",
+        (
+            Planted(
+                sphere,
+                "triangle_angles",
+                (("wrapped(pb[0] - pa[0])", "pb[0] - pa[0]"), ("wrapped(pc[0] - pb[0])", "pc[0] - pb[0]"),
+                 ("    bounds = arc", "    pole = wp.bool(False)\n    bounds = arc"),
+                 ("    if pole:", "    if False:")),
+                light_map,
+            ),
+        ),
+        "perspective_spherical",
+        (("clamp", "none"), ("aimed", "false")),
+        ("S02z",),
+    ),
+    Mutation(
+        "an unpadded box",
+        (
+            Planted(
+                bounds,
+                "boxes_kernel",
+                (("(units * U32)", "0.0"), ("wp.vec3f(1.0e-37, 1.0e-37, 1.0e-37)", "wp.vec3f(0.0, 0.0, 0.0)")),
+                bounds,
+            ),
+        ),
+        "bvh",
+        EXACT_BVH,
+        ("P07", "P24"),
+    ),
+    Mutation(
+        "a fixed determinant epsilon",
+        (
+            Planted(
+                triangle,
+                "hit_distance",
+                (("wp.float64(8.0) * U64 * total(d64) * largest(e1) * largest(e2)", "wp.float64(1.0e-7)"),),
+                exact,
+            ),
+        ),
+        "bvh",
+        EXACT_BVH,
+        ("V ball x1e-06", "P16"),
+    ),
+    Mutation(
+        "a light traced from its far end",
+        (
+            Planted(
+                exact,
+                "shadow_kernel",
+                (
+                    ("wp.bvh_query_ray(bvh, start, target - start)", "wp.bvh_query_ray(bvh, target, start - target)"),
+                    ("wp.bvh_query_next(query, i, SLACK)", "wp.bvh_query_next(query, i, 1.0 - 1.0e-4)"),
+                ),
+                exact,
+            ),
+        ),
+        "bvh",
+        EXACT_BVH,
+        ("S10 1e+07",),
+    ),
+    Mutation(
+        "no rule for the own triangle",
+        (
+            Planted(segment, "stands_between", ((OWN_TRIANGLE, ""),), segment),
+            Planted(exact, "shadow_kernel", (("if i != own and valid", "if valid"),), exact),
+        ),
+        "bvh",
+        EXACT_BVH,
+        ("S12",),
+    ),
+    Mutation(
+        "edges decided in float32",
+        (
+            Planted(
+                triangle,
+                "hit_distance",
+                (("if not inside(edge_functions(o64, d64, a64, b64, c64, weld)):",
+                  "if not inside32(o, d, a, b, c):"),),
+                exact,
+            ),
+        ),
+        "bvh",
+        EXACT_BVH,
+        ("P29", "P29b"),
+    ),
+    Mutation(
+        "flat hit points off by their rounding, and along by the angle",
+        (Planted(hitpoint, "is_flat", (("wp.float64(0.125)", "wp.float64(0.0)"),), hitpoint),),
+        "bvh",
+        EXACT_BVH,
+        ("S35", "S35b"),
+    ),
+    Mutation(
+        "doubt at an edge is outside",
+        (Planted(triangle, "inside", (("wp.float64(9.313225746154785e-10)", "wp.float64(0.0)"),), triangle),),
+        "bvh",
+        EXACT_BVH,
+        ("P29", "P29b"),
+    ),
+    Mutation(
+        "cells of the uniform grid do not overlap",
+        (
+            Planted(
+                grid,
+                "place_grid_kernel",
+                (("wp.min(FINEST_SLACK + ROUNDING * (distance + largest(count)), COARSEST_SLACK)", "wp.float64(0.0)"),),
+                uniform_grid,
+            ),
+        ),
+        "uniform_grid",
+        (("density", "700.0"), ("swizzle", "false")),
+        ("P33",),
+    ),
+    Mutation(
+        "tiles of the image without a pad",
+        (
+            Planted(camera_grid, "slices_in_tile", (("4.0e-6 * (1.0 + wp.max(tx, ty))", "0.0 * tx"),), camera_grid),
+            Planted(
+                camera_grid,
+                "screen_triangle",
+                (("16.0 * U32 * reach\n", "0.0 * reach\n"),
+                 ("(32.0 * U32 * reach * edge + 6.0 * reach * slack) + FLOOR32", "(0.0 * reach * edge)")),
+                camera_grid,
+            ),
+        ),
+        "perspective_spherical",
+        (("tile", "1"), ("slices", "3"), ("depth_lists", "spans")),
+        ("P32",),
+    ),
+    Mutation(
+        "bounds in the light's map without a pad",
+        (
+            Planted(
+                light_frame,
+                "aim_kernel",
+                (("pads[0] = pad\n", "pads[0] = wp.float64(0.0) * pad\n"),
+                 ("pads[0] = wp.max(FINEST, wp.float64(2.0) * pad * reach / distance)", "pads[0] = wp.float64(0.0)")),
+                light_frame,
+            ),
+        ),
+        "perspective_spherical",
+        (("light_tiles", "16"), ("light_slices", "3"), ("aimed", "false"), ("precision", "float32")),
+        ("S32",),
+    ),
+    Mutation(
+        "signs of the camera's planes without a bound",
+        (
+            Planted(
+                camera_pixels,
+                "sign_bound",
+                (("24.0 * U32 * 1.7321 * (1.0001 + tangents[0] + tangents[1])", "0.0 * tangents[0]"),),
+                camera_stream,
+            ),
+        ),
+        "ray_grids",
+        (("queue", "never"),),
+        ("P29b",),
+    ),
+    Mutation(
+        "cells of the light without a pad",
+        tuple(
+            Planted(
+                light_cells,
+                "on_cells",
+                (("32.0 * U32 * ((1.0 + widest) * reach / nearest + widest) * wp.max(per_u, per_v) + 1.0e-3", "0.0"),),
+                user,
+            )
+            for user in (light_stream, light_queue)
+        ),
+        "ray_grids",
+        (),
+        ("S34", "S34b"),
+    ),
+)  # fmt: skip
+
+INSIDE32 = '''
+@wp.func
+def inside32(o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> wp.bool:
+    """Moller and Trumbore in float32."""
+    p = wp.cross(d, c - a)
+    det = wp.dot(b - a, p)
+    u = wp.dot(o - a, p) / det
+    v = wp.dot(d, wp.cross(o - a, b - a)) / det
+    return u >= 0.0 and v >= 0.0 and u + v <= 1.0
+
+'''
+
+
+def planted_source(planted: Planted) -> str:
+    source = inspect.getsource(getattr(planted.home, planted.function).func)
+    for old, new in planted.changes:
+        assert old in source, f"{planted.function} no longer says {old!r}: plant the error anew"
+        source = source.replace(old, new)
+    return source
+
+
+def plant(planted: Planted, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    source = planted_source(planted)
+    path = folder / f"{planted.function}.py"
+    path.write_text((INSIDE32 if "inside32" in source else "") + source)
+    # The same names as at home, in a module of its own: Warp compiles a changed kernel apart from the real ones.
+    names = {
+        **vars(planted.home),
+        **vars(planted.user),
+        "__name__": f"planted_{folder.name}_{planted.function}",
+    }
+    monkeypatch.setitem(sys.modules, names["__name__"], types.ModuleType(names["__name__"]))
+    exec(compile(path.read_text(), str(path), "exec"), names)
+    monkeypatch.setattr(planted.user, planted.function, names[planted.function])
+
+
+def rebuild() -> None:
+    """Let Warp look at the methods' functions again; what has not changed comes from its cache."""
+    for name, module in list(sys.modules.items()):
+        if name.startswith(PACKAGE):
+            wp.get_module(name).mark_modified()
+            for factory in vars(module).values():
+                if hasattr(factory, "cache_clear"):  # factories of specialised kernels keep what they made
+                    factory.cache_clear()
+
+
+def wrong_cases(mutation: Mutation, judged: dict[str, Judged]) -> list[str]:
+    wrong = []
+    for name in mutation.cases:
+        if name not in judged:
+            case = find_case(name)
+            judged[name] = Judged(case, case.make())
+        finding = judge_case(judged[name], make_method(mutation.method, dict(mutation.settings)), "cpu")
+        assert "failed" not in finding.classes, finding.reason
+        if set(finding.classes) - {"tie"}:  # what rounding would excuse in others: ours have none
+            wrong.append(name)
+    return wrong
+
+
+@pytest.mark.parametrize("mutation", MUTATIONS, ids=lambda mutation: mutation.name.replace(" ", "-"))
+def test_a_named_case_catches_it(mutation: Mutation, tmp_path: Path) -> None:
+    judged: dict[str, Judged] = {}
+    assert wrong_cases(mutation, judged) == [], "the method as it is must pass"
+    with pytest.MonkeyPatch.context() as patch:
+        for planted in mutation.planted:
+            plant(planted, tmp_path, patch)
+        rebuild()
+        caught = wrong_cases(mutation, judged)
+    rebuild()
+    assert caught == list(mutation.cases)
+    assert wrong_cases(mutation, judged) == [], "the error must be gone again"

@@ -1,0 +1,265 @@
+"""The paper's claims: their verdicts follow from the records of all experiments."""
+
+from __future__ import annotations
+
+import pytest
+from helpers.made_records import keep, made
+from shadowbench.experiments import _judges, figure2, figure11, key_bits
+from shadowbench.experiments.ablation import BASE, CULLED, EXACT
+from shadowbench.experiments.claims import CLAIMS
+from shadowbench.harness.commands.show import show
+from shadowbench.harness.errors import UserError
+from shadowbench.harness.report import claims
+from shadowbench.harness.report.evidence import collect
+from shadowbench.harness.runner.experiment import Entry, find_experiment
+
+SIX = (*_judges.LARGE, *_judges.SMALL)
+
+
+def judged(folder):
+    show("claims", folder, quiet=True)
+    return {r["claim"]: r for r in claims.judge_all(CLAIMS, collect(folder))}
+
+
+def starting(found, text):
+    (one,) = [r for name, r in found.items() if name.startswith(text)]
+    return one
+
+
+def entries(name):
+    return {e.label or e.method: e for e in find_experiment(name).presets["paper"].methods}
+
+
+def ablated(label, ms, scene="cloth", **counters):
+    return made("ablation", entries("ablation")[label], scene, ms=ms, counters=counters)
+
+
+def unbalanced(clamp="none"):
+    like = next(e for e in figure11.entries(128, ("64",)) if e.settings["clamp"] == clamp and
+                e.settings["aimed"] == "true" and e.settings["precision"] == "float64")  # fmt: skip
+    return [Entry(like.method, {**like.settings, "r": r}, f"{clamp} r = {r}") for r in ("32", "64", "65536")]
+
+
+def moved(times, clamp="none"):
+    """Records of figure11: milliseconds of r = 32, 64 and 65536, by the light's distance."""
+    lights = {x.distance: x for x in figure11.distances(*times)}
+    return [
+        made("figure11", e, "cloth", lights[d], ms=ms, passes=[("light 0: shadow rays", "shadow", ms)])
+        for d, all_ms in times.items()
+        for e, ms in zip(unbalanced(clamp), all_ms, strict=True)
+    ]
+
+
+def sorted_pairs(size, times):
+    records = []
+    for bits, ms in zip(key_bits.BITS, times, strict=True):
+        record = made("key_bits", Entry("sort", {"bits": str(bits)}, f"{bits} bits"), "random pairs", size=size,
+                      passes=[("copy pairs", "build", 0.1), ("sort pairs", "build", ms)])  # fmt: skip
+        record["point"].update(bits=bits, pairs=size * size)
+        records.append(record)
+    return records
+
+
+def everything():
+    """Records that decide every claim."""
+    compared, methods = entries("frame_time"), entries("two_lights")
+    two = find_experiment("two_lights").presets["paper"].lightings[1]
+    faithful = entries("figure10")[BASE]
+    passes = [("build", "build", 2.0), ("primary rays", "trace", 3.0), ("light 0: map rays", "shadow", 1.0),
+              ("light 0: shadow rays", "shadow", 4.0)]  # fmt: skip
+    small = [(name, part, ms * 0.5) for name, part, ms in passes]
+    return [
+        *(made("figure2", e, "buddha", ms=ms, counters={"primary tests, most": most})
+          for e, ms, most in zip(figure2.METHODS[:2], (14.0, 10.0), (9, 4), strict=True)),
+        *(made("figure10", faithful, scene, passes=passes, size=64) for scene in SIX),
+        *(made("figure10", faithful, scene, passes=small, size=32) for scene in SIX),
+        *(ablated(label, 10.0 + i, scene, **{"camera pairs": 100 - i})
+          for i, label in enumerate(entries("ablation")) for scene in SIX),
+        *(made("frame_time", compared[label], scene, ms=ms) for scene in SIX
+          for label, ms in (("the paper's grids", 1.0), ("mesh rebuilt", 2.0), ("uniform grid", 3.0))),
+        *(made("two_lights", methods[label], "fairy", two, ms=ms)
+          for label, ms in (("perspective + spherical, best", 2.0), ("bvh", 3.0))),
+        *moved({1.0: (2.0, 3.0, 3.0), 100.0: (2.0, 3.0, 9.0)}),
+        *sorted_pairs(64, (1.0, 2.0, 2.0, 3.0, 3.0, 3.0, 4.0)),
+    ]  # fmt: skip
+
+
+def test_every_claim_has_a_verdict_and_says_what_is_missing(tmp_path):
+    keep(tmp_path / "a", [made("figure2", figure2.METHODS[0], "buddha")])
+    found = judged(tmp_path)
+    assert len(found) == len(CLAIMS)
+    assert {r["verdict"] for r in found.values()} == {claims.OPEN}
+    assert all("run " in r["numbers"] for r in found.values())
+    assert (tmp_path / "claims.md").read_text().count("**can't tell**") == len(CLAIMS)
+    with pytest.raises(UserError, match="no records in it"):
+        show("claims", tmp_path / "a" / "records", quiet=True)
+
+
+def test_a_claim_that_compares_is_judged_within_one_run_or_not_at_all(tmp_path):
+    """A run an experiment decides every claim; with a run of its own for each record only those claims are decided that
+    look at one record at a time."""
+    for record in everything():
+        keep(tmp_path / "together" / record["experiment"], [record])
+    found = judged(tmp_path / "together")
+    assert [r["claim"] for r in found.values() if "not measured" in r["numbers"]] == []
+    assert all(r["judged_from"] in claim.experiments for claim, r in zip(CLAIMS, found.values(), strict=True))
+    for i, record in enumerate(everything()):
+        keep(tmp_path / "apart" / f"run{i}", [record])
+    alone = ("Interactive rates", "Building the grid", "Shadow traversal", "Rearranging the shadow rays")
+    for text, r in judged(tmp_path / "apart").items():
+        if text.startswith(alone):
+            assert r["judged_from"], text
+        else:
+            assert r["verdict"] == claims.OPEN, text
+            assert "not measured" in r["numbers"], text
+
+
+def test_claims_follow_the_records(tmp_path):
+    keep(tmp_path / "ablation", [ablated(BASE, 10.0), ablated("light not clamped", 20.0), ablated("cube map", 8.0),
+                                 ablated("two-angle map", 11.0), ablated("direct mapping, 16x16 tiles", 10.1),
+                                 ablated("4x4 of 4x4 tiles", 10.2)])  # fmt: skip
+    keep(tmp_path / "figure2", [made("figure2", e, "buddha", ms=ms, counters={"primary tests, most": most})
+                                for e, ms, most in zip(figure2.METHODS[:2], (14.0, 10.0), (9, 5), strict=True)])  # fmt: skip
+    found = judged(tmp_path)
+    assert found["Clamping the light's rectangle to the view helps"]["verdict"] == claims.HOLDS
+    assert found["A spherical map is better than a cube map"]["verdict"] == claims.FAILS
+    assert found["2x2 sorting tiles in a tracing tile are best"]["verdict"] == claims.OPEN
+    assert found["Indirect mapping makes Buddha 30-50 % faster"]["verdict"] == claims.HOLDS
+    dropped = next(r for text, r in found.items() if "drop by more than half" in text)
+    assert dropped["verdict"] == claims.FAILS
+    assert "56%" in dropped["numbers"]
+
+
+def test_our_own_claim_counts_the_scenes(tmp_path):
+    known = entries("frame_time")
+    scenes = (("cloth", 1.5), ("fairy", 2.5))
+    records = [made("frame_time", known["the paper's grids"], scene, ms=ms) for scene, ms in scenes]
+    records += [made("frame_time", known["mesh rebuilt"], scene, ms=2.0) for scene, _ in scenes]
+    found = starting(judged(keep(tmp_path / "a", records).parent), "Ours")
+    assert found["verdict"] == claims.FAILS
+    assert "1 of 2 scenes; our time over the tree's: cloth 0.75, fairy 1.25" in found["numbers"]
+
+
+def test_large_triangles_are_judged_by_the_papers_grids_where_a_tree_is_beside_them(tmp_path):
+    known = entries("frame_time")
+    tree = next(e for e in find_experiment("ablation").presets["paper"].methods if e.method == "bvh")
+    for scene in SIX:
+        large = scene in _judges.LARGE
+        keep(tmp_path / "f", [made("frame_time", known["the paper's grids"], scene, ms=1.1 if large else 1.0),
+                              made("frame_time", known["mesh rebuilt"], scene, ms=2.0),
+                              made("frame_time", known["uniform grid"], scene, ms=8.0 if large else 2.0)])  # fmt: skip
+    found = starting(judged(tmp_path), "Large triangles")
+    assert found["verdict"] == claims.OPEN
+    assert "1.10 times as much with large ones (one uniform grid 4.00)" in found["numbers"]
+    for scene in SIX:
+        keep(tmp_path / "a", [ablated(BASE, 3.0 if scene in _judges.LARGE else 2.0, scene),
+                              made("ablation", tree, scene, ms=2.0)])  # fmt: skip
+    found = starting(judged(tmp_path), "Large triangles")
+    assert found["verdict"] == claims.HOLDS
+    assert "frame time of paper-faithful" in found["numbers"]
+    assert "1.50 times as much" in found["numbers"]
+    assert found["judged_from"] == "a"
+
+
+def test_culling_is_judged_with_the_exact_test_and_wrong_answers_are_named(tmp_path):
+    old = made("ablation", Entry("perspective_spherical", {"cull": "primary", "triangle_test": "moller_trumbore"},
+                                 "back faces culled, primary"), "buddha", ms=8.0, counters={"camera pairs": 48})  # fmt: skip
+    old["frames"][0]["score"]["true_errors"] = 20
+    keep(tmp_path / "a", [old, ablated(BASE, 10.0, "buddha", **{"camera pairs": 100})])
+    found = starting(judged(tmp_path), "Culling")
+    assert found["verdict"] == claims.OPEN
+    assert "culled with moller_trumbore, answers are wrong: buddha 20; run ablation" in found["numbers"]
+    culled = ablated(CULLED, 8.0, "buddha", **{"camera pairs": 48})
+    keep(tmp_path / "a", [culled, ablated(EXACT, 10.0, "buddha", **{"camera pairs": 100})])
+    found = starting(judged(tmp_path), "Culling")
+    assert found["verdict"] == claims.HOLDS
+    assert "pairs buddha 0.48; build time buddha 0.80" in found["numbers"]
+    culled["frames"][0]["score"]["true_errors"] = 3
+    keep(tmp_path / "a", [culled])
+    found = starting(judged(tmp_path), "Culling")
+    assert found["verdict"] == claims.OPEN
+    assert "wrong answers: buddha 3" in found["numbers"]
+
+
+def test_the_resolution_is_judged_between_sizes_of_one_run_and_the_runs_that_there_are_are_told(tmp_path):
+    passes = [("light 0: map rays", "shadow", 3.0), ("primary rays", "trace", 1.0)]
+    low = made("figure10", entries("figure10")[BASE], "cloth", passes=passes, size=32, frames=3)
+    high = made("figure10", entries("figure10")[BASE], "cloth", passes=[(n, p, 2 * x) for n, p, x in passes])
+    high["method"]["source_sha256"] = "0123456789"
+    keep(tmp_path / "one", [high])
+    keep(tmp_path / "two", [low])
+    found = starting(judged(tmp_path), "... and depends")
+    assert found["verdict"] == claims.OPEN
+    for word in ("not to be mixed", "one (64x64; 1 frame a scene; perspective_spherical 01234567)", "two (32x32; 3 frames",
+                 "run figure10"):  # fmt: skip
+        assert word in found["numbers"], word
+    del high["method"]["source_sha256"]
+    keep(tmp_path / "one", [high, low])
+    found = starting(judged(tmp_path), "... and depends")
+    assert found["verdict"] == claims.HOLDS
+    assert "2.0 times the time for 4 times the pixels (cloth 2.00)" in found["numbers"]
+
+
+@pytest.mark.parametrize(
+    ("times", "verdict", "words"),
+    [
+        # Without balancing (the last of three) the far light is 9 times as slow; with it hardly.
+        ({1.0: (2.0, 3.0, 2.0), 100.0: (4.0, 2.5, 18.0)}, claims.HOLDS, "1 radii 1.00, 100 radii 7.20"),
+        # Balancing helps alike everywhere: where the light stands costs what it did.
+        ({1.0: (2.0, 3.0, 4.0), 100.0: (18.0, 19.0, 36.0)}, claims.FAILS, "9.00 without, 9.00 with it"),
+        # It helps nowhere.
+        ({1.0: (2.0, 3.0, 2.0), 100.0: (18.0, 19.0, 18.0)}, claims.FAILS, "100 radii 1.00"),
+        ({1.0: (2.0, 3.0, 2.2), 100.0: (18.0, 19.0, 22.0)}, claims.OPEN, "10.00 without, 9.00 with it"),
+    ],
+)
+def test_load_balancing_is_held_against_none_at_every_distance(tmp_path, times, verdict, words):
+    keep(tmp_path / "a", moved(times) + moved(times, "hits"))
+    found = starting(judged(tmp_path), "Load balancing")
+    assert found["verdict"] == verdict
+    assert words in found["numbers"]
+    assert "clamped to the hits, without balancing" in found["numbers"]
+
+
+def test_without_an_unbalanced_curve_load_balancing_cannot_be_told(tmp_path):
+    keep(
+        tmp_path / "a",
+        [r for r in moved({1.0: (2, 3, 4), 9.0: (2, 3, 9)}) if r["method"]["settings"]["r"] != "65536"],
+    )
+    keep(tmp_path / "b", [ablated("no load balancing", 15.0), ablated(BASE, 10.0)])
+    found = starting(judged(tmp_path), "Load balancing")
+    assert found["verdict"] == claims.OPEN
+    assert (
+        "without load balancing (r = 65536) at two distances is not measured; run figure11"
+        in found["numbers"]
+    )
+    assert "without balancing over with it: cloth 1.50 (b)" in found["numbers"]
+
+
+@pytest.mark.parametrize(
+    ("times", "verdict"),
+    [
+        ((1.0, 2.0, 2.0, 3.0, 3.0, 3.0, 4.0), claims.HOLDS),
+        ((1.0, 2.0, 1.0, 3.0, 3.0, 3.0, 4.0), claims.OPEN),
+        ((4.0, 4.0, 4.0, 4.0, 4.0, 4.0, 4.0), claims.FAILS),
+    ],
+)
+def test_key_bits_are_judged_at_equal_numbers_of_pairs(tmp_path, times, verdict):
+    keep(tmp_path / "a", sorted_pairs(64, times) + sorted_pairs(128, times))
+    found = starting(judged(tmp_path), "Sorting costs less")
+    assert found["verdict"] == verdict
+    assert "4,096 pairs" in found["numbers"]
+    assert "16,384 pairs" in found["numbers"]
+    assert f"18 {times[3] / 4:.2f}" in found["numbers"]
+
+
+def test_a_cpu_decides_nothing_about_times(tmp_path):
+    records = [made("figure2", e, "buddha", ms=ms, counters={"primary tests, most": most})
+               for e, ms, most in zip(figure2.METHODS[:2], (14.0, 10.0), (9, 4), strict=True)]  # fmt: skip
+    for r in records:
+        r["method"].update(device="cpu")
+    keep(tmp_path / "figure2", records)
+    found = judged(tmp_path)
+    assert found["Indirect mapping makes Buddha 30-50 % faster"]["verdict"] == claims.OPEN
+    assert "40% faster" in found["Indirect mapping makes Buddha 30-50 % faster"]["numbers"]
+    dropped = next(r for text, r in found.items() if "drop by more than half" in text)
+    assert dropped["verdict"] == claims.HOLDS

@@ -1,0 +1,341 @@
+"""Tables and pictures: what a person sees must say what was measured, how wrong it was, and what it stands for."""
+
+from __future__ import annotations
+
+import csv
+import io
+
+import pytest
+from helpers.fake_records import METHODS, SCENES, record, score, write
+from matplotlib.figure import Figure
+from rich.console import Console
+from shadowbench.experiments._figures import table1
+from shadowbench.harness.commands.show import show
+from shadowbench.harness.errors import UserError
+from shadowbench.harness.report import bars, points, sheet, style, tidy
+from shadowbench.harness.report import paper_table1 as paper
+
+
+def test_the_papers_numbers_are_as_printed():
+    assert paper.cells("fairy") == ("124 / 33.11", "65 / 125 [#]", "24 / 285.7", "8.73 / 32.43", "82.18 ms")
+    assert paper.cells("cloth")[0] == "39 / n/a*"
+    assert paper.numbers("cloth", "hbvh") == {"build": 39.0}
+    assert paper.numbers("fairy", "kd_tree") == {"build": 65.0, "trace": 125.0}
+    assert paper.numbers("buddha", "with_shadows") == {"total": 114.57}
+    assert paper.numbers("buddha", "grid") == {}
+    assert set(paper.cells("bunny")) == {"-"}
+    assert [row.triangles for row in paper.ROWS.values()] == ["174k", "82k", "252k", "284k", "92k", "1.09M"]
+    assert paper.LABEL == "paper, GTX 280, 1024x1024"
+
+
+@pytest.fixture
+def records():
+    return [record(scene, method) for scene in SCENES for method in METHODS]
+
+
+def printed(made: sheet.Sheet, width: int) -> str:
+    console = Console(width=width, file=io.StringIO(), force_terminal=False)
+    table1.show(made, console)
+    return console.file.getvalue()
+
+
+def test_a_time_never_stands_without_its_error(records):
+    words = {"ok": [], "wrong": [], "unscored": []}
+    for made, kind in zip(records[:3], words, strict=False):
+        for frame in made["frames"]:
+            if kind == "wrong":
+                frame["score"] = score(256, wrong=4)
+            if kind == "unscored":
+                frame.update(score=None, unscored="no truth here")
+        words[kind] = sheet.cell(tidy.row(made)).lines
+    assert words["ok"][1].endswith(" ✓")
+    assert words["wrong"][1].endswith("✗ 12 wrong"), "errors are summed over frames"
+    assert words["unscored"][1].endswith(" unscored")
+    failed = score(256)
+    failed.update(check="failed", excused_share=0.02)
+    records[4]["frames"][0]["score"] = failed
+    assert sheet.cell(tidy.row(records[4])).lines[1].endswith("✗ 2.00% excused")
+
+
+def test_frames_without_truth_are_never_counted_as_right(records):
+    records[0]["frames"][1].update(score=None, unscored="the truth took too long")
+    row = tidy.row(records[0])
+    assert row["true_errors"] is None
+    assert sheet.error_text(row) == style.UNSCORED
+    assert row["unscored"].startswith("2 of 3 frames scored")
+    records[0]["frames"][0]["score"] = score(256, wrong=2)
+    assert sheet.error_text(tidy.row(records[0])) == "✗ 2 wrong", "a known error is shown all the same"
+
+
+def test_points_that_were_not_measured_stand_there_with_their_reason(records):
+    for made, status in zip(records[:4], ("skipped", "failed", "timeout", "rejected"), strict=True):
+        made.update(status=status, reason=f"because of {status}", frames=[])
+    made = sheet.sheet(tidy.rows(records))
+    text = printed(made, 200)
+    for status in ("skipped", "failed", "timeout", "rejected"):
+        assert f"{status} [" in text
+        assert any(f"{status}: because of {status}" in note for note in made.notes)
+
+
+def test_the_fastest_right_answer_is_marked_and_a_wrong_one_never(records):
+    rows = tidy.rows(records)
+    line = sheet.sheet(rows).lines[0]
+    best = [cell.best for cell in line.cells]
+    assert sum(best) == 1
+    fastest = min((row for row in rows if row["scene"] == "fairy"), key=lambda row: row["total_ms"])
+    fastest["true_errors"] = 1
+    again = sheet.sheet(rows).lines[0]
+    assert [cell.best for cell in again.cells] != best
+    assert not again.cells[best.index(True)].best
+    assert again.cells[best.index(True)].bad
+
+
+@pytest.mark.parametrize("width", [220, 80])
+def test_the_terminal_table_has_every_method_scene_and_printed_number(records, width):
+    text = printed(sheet.sheet(tidy.rows(records)), width)
+    flat = " ".join(text.split())
+    for scene, (title, triangles, _) in SCENES.items():
+        assert title.split(" (")[0] in flat
+        assert f"{triangles:,}" in flat
+        for entry in paper.cells(scene):
+            assert entry in flat
+    assert "GTX 280" in flat
+    assert "(stand-in)" in flat
+    assert "not to be held against the paper" in flat
+    assert max(map(len, text.splitlines())) <= width
+
+
+def test_at_the_papers_size_nothing_warns_of_the_size():
+    rows = tidy.rows([record("fairy", "bvh", size=1024)])
+    assert not any("not to be held" in note for note in sheet.sheet(rows).notes)
+
+
+def test_the_spread_is_over_repeats_and_never_over_frames(records):
+    made = records[0]
+    for i, frame in enumerate(made["frames"]):
+        frame["total_ms"] = [10.0 * (i + 1)] * 10
+    row = tidy.row(made)
+    assert row["iqr_ms"] == 0
+    assert row["between_ms"] == 0
+    made["frames"][0]["total_ms"] = [10.0] * 5 + [13.0] * 5
+    assert tidy.row(made)["between_ms"] == pytest.approx(1.0), (
+        "a mean over three frames, one of which moved by 3"
+    )
+
+
+def test_rates_count_primary_and_shadow_rays(records):
+    made = records[-1]
+    frame = made["frames"][0]
+    frame.update(shadow_rays=1000, total_ms=[2.0] * 10)
+    for step in frame["passes"]:
+        step["ms"] = [0.5] * 10
+    row = tidy.row(made)
+    assert row["primary_mrays_per_s"] == pytest.approx(256 * 256 / 0.5e-3 / 1e6)
+    assert row["shadow_mrays_per_s"] == pytest.approx(1000 / 0.5e-3 / 1e6)
+    assert row["frame_mrays_per_s"] == pytest.approx((256 * 256 + 1000) / 2e-3 / 1e6)
+    frame.update(shadow_rays=None, score=None)
+    assert tidy.row(made)["shadow_mrays_per_s"] is None
+
+
+def test_errors_of_the_reference_have_their_own_note(records):
+    row = tidy.row(records[0])
+    assert row["reference_errors"] == 9, "one wrong pixel and two wrong bits in each of three frames"
+    assert any("Embree" in note and "Fairy Forest (stand-in) 9" in note for note in sheet.sheet([row]).notes)
+
+
+def test_draw_writes_a_tidy_csv_a_markdown_table_and_bars(records, tmp_path, capsys):
+    records[1].update(status="rejected", reason="needs 9 pairs", frames=[])
+    write(tmp_path, records)
+    files = table1.draw(tmp_path, quiet=True)
+    assert capsys.readouterr().out == ""
+    assert [file.name for file in files] == ["table1.csv", "table1.md", "table1.svg"]
+    with open(tmp_path / "table1.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    own = [row for row in rows if row["origin"] == "this run"]
+    assert len(own) == len(records)
+    assert {row["scene"] for row in own} == set(SCENES)
+    for row in own:
+        if row["status"] == "ok":
+            parts = [float(row[f"{part}_ms"]) for part in ("build", "trace", "light_build", "shadow")]
+            assert sum(parts) == pytest.approx(float(row["total_ms"]), rel=0.05)
+            assert row["true_errors"] == "0"
+        else:
+            assert row["reason"] == "needs 9 pairs"
+            assert row["total_ms"] == ""
+    theirs = [row for row in rows if row["origin"] == paper.LABEL]
+    assert len(theirs) == 5 * len([scene for scene in SCENES if scene in paper.ROWS])
+    ours = next(row for row in theirs if row["scene"] == "fairy" and row["method"] == "Our Method")
+    assert (ours["build_ms"], ours["trace_ms"], ours["unscored"]) == (
+        "8.73",
+        "32.43",
+        "the paper states no errors",
+    )
+    text = (tmp_path / "table1.md").read_text()
+    table = [line for line in text.splitlines() if line.startswith("|")]
+    assert len({line.count("|") for line in table[: 2 + len(SCENES)]}) == 1, "every row has every column"
+    assert "8.73 / 32.43" in text
+    assert r"39 / n/a\*" in text
+    assert r"- \* Cloth model" in text
+    assert "stand-in" in text
+
+
+def test_the_same_records_give_the_same_bytes(records, tmp_path):
+    write(tmp_path, records)
+    first = [file.read_bytes() for file in table1.draw(tmp_path, quiet=True)]
+    assert [file.read_bytes() for file in table1.draw(tmp_path, quiet=True)] == first
+
+
+def test_only_the_newest_record_of_a_point_is_shown(tmp_path):
+    old = record("bunny", "bvh", key="old", rounds=[{"round": 0, "noted": 100.0}])
+    new = record("bunny", "bvh", seed=1, key="new", rounds=[{"round": 0, "noted": 200.0}])
+    other = record("bunny", "embree", rounds=[{"round": 0, "noted": 1.0}])
+    write(tmp_path, [new, old, other])
+    chosen, older = tidy.newest(tmp_path)
+    assert {made["key"] for made in chosen} == {"new", other["key"]}
+    assert older == 1
+    table1.draw(tmp_path, quiet=True)
+    assert "1 older record" in (tmp_path / "table1.md").read_text()
+
+
+def test_settings_and_originals_have_entries_of_their_own(tmp_path):
+    plain = record("sibenik", "bvh")
+    refit = record("sibenik", "bvh", seed=1, key="refit")
+    refit["method"]["settings"] = {"update": "refit"}
+    original = record("sibenik", "bvh", seed=2, key="original")
+    original["scene"].update(title="Sibenik", stand_in=None)
+    write(tmp_path, [plain, refit, original])
+    rows = tidy.rows(tidy.newest(tmp_path)[0])
+    made = sheet.sheet(rows)
+    assert made.columns == ("Warp Mesh, rebuilt", "Warp Mesh, rebuilt, update refit")
+    assert [line.title for line in made.lines] == ["Sibenik", "Sibenik Cathedral (stand-in)"]
+    assert [[cell.lines[0] for cell in line.cells].count("-") for line in made.lines] == [1, 0]
+    (path,) = bars.draw(rows, tmp_path / "bars.svg")
+    assert "update refit" in path.read_text()
+
+
+def test_two_devices_are_two_columns():
+    other = record("bunny", "bvh", seed=1)
+    other["method"].update(device="cuda:0", device_name="Imaginary GPU")
+    made = sheet.sheet(tidy.rows([record("bunny", "bvh"), other]))
+    assert made.columns == ("Warp Mesh, rebuilt, cpu", "Warp Mesh, rebuilt, cuda:0")
+    assert "Imaginary CPU, Imaginary GPU" in made.title
+
+
+def test_bars_are_compact_and_drawn_only_where_there_is_something(records, tmp_path):
+    (path,) = bars.draw(tidy.rows(records), tmp_path / "bars.svg")
+    text = path.read_text()
+    assert len(text) < 200_000
+    for label, _ in METHODS.values():
+        assert label in text
+    for word in ("build", "trace", "light build", "shadow", "ms a frame", "(stand-in)", "✓"):
+        assert word in text
+    records[0].update(status="failed", frames=[])
+    assert bars.draw(tidy.rows(records[:1]), tmp_path / "none.svg") == []
+    assert not (tmp_path / "none.svg").exists()
+
+
+def test_a_method_keeps_its_colour_whoever_else_is_drawn():
+    alone, together = style.colours(["bvh"]), style.colours([*METHODS, "somebodys"])
+    assert alone["bvh"] == together["bvh"]
+    assert len({together[name] for name in METHODS}) == len(METHODS)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(None, "-"), (float("nan"), "-"), (0.01234, "0.012"), (1.234, "1.23"), (1234.5, "1,234")],
+)
+def test_numbers_have_no_exponents(value, text):
+    assert style.number(value) == text
+
+
+def test_show_draws_again_and_says_what_is_wrong_with_a_folder(records, tmp_path, capsys):
+    write(tmp_path, records)
+    files = show("table1", tmp_path)
+    assert "Table 1 on Imaginary CPU" in capsys.readouterr().out
+    assert all(file.exists() for file in files)
+    with pytest.raises(UserError, match="did you mean table1"):
+        show("tabel1", tmp_path)
+    with pytest.raises(UserError, match="no such folder"):
+        show("table1", tmp_path / "elsewhere")
+    with pytest.raises(UserError, match="no records"):
+        show("table1", tmp_path / "records")
+
+
+def test_a_scene_that_nothing_can_hit_is_told_beside_its_tick(tmp_path, capsys):
+    """Misses are then the right answer, and a plain tick would say more than was checked."""
+    blind, partly = (record(scene, "bvh") for scene in ("cloth", "fairy"))
+    blind["scene"]["invalid_triangles"] = blind["scene"]["triangles"]
+    partly["scene"]["invalid_triangles"] = 4
+    write(tmp_path, [blind, partly])
+    table1.draw(tmp_path)
+    for text in (" ".join(capsys.readouterr().out.split()), (tmp_path / "table1.md").read_text()):
+        assert "Cloth (stand-in): warning: none of 92,210 triangles can ever be hit" in text
+        assert "4 of 174,117 triangles can never be hit" in text
+    said = points.errors([points.row(blind)])
+    assert "warning: none of 92,210 triangles" in said
+
+
+def test_records_of_another_experiment_are_not_drawn(tmp_path):
+    write(tmp_path, [record("cloth", "bvh")])
+    with pytest.raises(
+        UserError, match=r"its records are of table1, not of figure2; shadowbench show table1 "
+    ):
+        show("figure2", tmp_path)
+
+
+def test_a_bar_that_dwarfs_the_others_is_cut_and_keeps_its_number(tmp_path):
+    records = [record("bunny", method) for method in METHODS]
+    for frame in records[0]["frames"]:
+        frame["total_ms"] = [12345.0] * 10
+    text = bars.draw(tidy.rows(records), tmp_path / "bars.svg")[0].read_text()
+    assert ">//<" in text
+    assert "12,345 ✓" in text
+    assert ">10000<" not in text, "the axis is that of the other bars"
+
+
+def test_frames_left_out_for_the_budget_are_named_and_nothing_is_best_over_different_frames(records):
+    """A mean over the first frame alone is another number than one over three."""
+    title = tidy.row(records[0])["scene_title"]
+
+    def line(made):
+        return next(line for line in made.lines if line.title.startswith(title))
+
+    whole = sheet.sheet(tidy.rows(records))
+    assert any(cell.best for cell in line(whole).cells)
+    assert not any("left out" in note for note in whole.notes)
+    records[0]["frames_left_out"] = [f["frame"] for f in records[0]["frames"][1:]]
+    del records[0]["frames"][1:]
+    short = sheet.sheet(tidy.rows(records))
+    assert not any(cell.best for cell in line(short).cells)
+    (note,) = [note for note in short.notes if "left out" in note]
+    assert "(1 of 3)" in note
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "labels"),
+    [
+        (0.3, 6.0, ["0.5", "1", "2", "5"]),
+        (0.3, 40.0, ["0.5", "1", "2", "5", "10", "20", "50"]),
+        (0.2, 400.0, ["1", "10", "100"]),
+        (2e-7, 5e-4, ["0.000001", "0.00001", "0.0001"]),
+        (0.0, 0.0, None),
+    ],
+)
+def test_logarithmic_axes_have_plain_numbers(low: float, high: float, labels: list[str] | None) -> None:
+    axes = Figure().subplots()
+    axes.plot([1, 2], [low, high])
+    style.plain_log(axes)
+    bottom, top = axes.get_ylim()
+    assert axes.get_yscale() == ("log" if labels else "linear")
+    if not labels:
+        return
+    shown = [label.get_text() for label in axes.get_yticklabels() if bottom <= label.get_position()[1] <= top]
+    assert shown == labels
+
+
+def test_one_round_says_nothing_of_the_time_between_rounds(records):
+    rows = tidy.rows(records)
+    assert "at most (" in sheet.between_rounds(rows)
+    assert (
+        sheet.between_rounds([{**r, "rounds": 1} for r in rows]) == "Between rounds: not known of one round."
+    )

@@ -1,0 +1,219 @@
+"""Pictures of scenes: shading, pieces, galleries, what they say about themselves, and their sizes."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+from PIL import Image
+from shadowbench.harness.frame.materials import pieces
+from shadowbench.harness.report import gallery
+from shadowbench.harness.report.picture import png_bytes, save_png, shade, shown_in
+from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
+
+SIZE = 16
+
+
+def square(lights: tuple[Light, ...], name: str = "square", stand_in: str | None = None) -> Prepared:
+    """Two triangles that fill the left half of the view, seen from +z."""
+    vertices = np.array([[-9.0, -9, 0], [0, -9, 0], [0, 9, 0], [-9, 9, 0]])
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    camera = Camera((0.0, 0.0, 4.0), (0.0, 0.0, 0.0))
+    return Prepared(Scene(name, "Square", lambda: Geometry.static(vertices, faces), camera, lights, stand_in))
+
+
+def answers_to(prepared: Prepared, shadowed: np.ndarray | None = None):
+    """The moment, and the answers worked out by hand: the square's plane is z = 0, so t is 4 everywhere."""
+    moment = prepared.moment(0, SIZE, SIZE)
+    x = np.tile(np.arange(SIZE), SIZE)
+    hit = x < SIZE // 2
+    t = np.where(hit, 4.0, np.inf).astype(np.float32)
+    visibility = np.zeros((len(moment.lights), SIZE * SIZE), dtype=np.uint8)
+    if shadowed is not None:
+        visibility[:, shadowed] = 1
+    zero = np.zeros(SIZE * SIZE, dtype=np.float32)
+    return moment, {
+        "triangle": np.where(hit, 0, -1).astype(np.int32),
+        "t": t,
+        "u": zero,
+        "v": zero,
+        "visibility": visibility,
+    }
+
+
+def test_shading_lights_what_is_lit_and_darkens_what_is_shadowed():
+    lights = (Light((0.0, 0.0, 6.0)),)
+    prepared = square(lights)
+    upper = np.repeat(np.arange(SIZE), SIZE) < SIZE // 2
+    moment, answers = answers_to(prepared, shadowed=upper)
+    picture = shade(prepared, moment, answers, lights)
+    assert picture.shape == (SIZE, SIZE, 3)
+    assert picture.dtype == np.uint8
+    bright = picture.astype(int).sum(axis=2)
+    assert bright[: SIZE // 2, : SIZE // 2].max() < 0.8 * bright[SIZE // 2 :, : SIZE // 2].min()
+    assert bright[: SIZE // 2, : SIZE // 2].min() > 60, "a shadow is dark, not black"
+    assert (picture[:, SIZE // 2 :] > 190).all(), "a miss shows the light background"
+
+
+def test_surfaces_are_two_sided_but_a_light_behind_them_gives_nothing():
+    front, behind = (Light((-2.0, 0.0, 6.0)),), (Light((-2.0, 0.0, -6.0)),)
+    pictures = []
+    for lights in (front, behind):
+        prepared = square(lights)
+        moment, answers = answers_to(prepared)
+        pictures.append(shade(prepared, moment, answers, lights)[:, : SIZE // 2].astype(int))
+    assert pictures[1].max() < pictures[0].min()
+    flipped = square(front)
+    flipped.faces = np.ascontiguousarray(flipped.faces[:, ::-1])
+    moment, answers = answers_to(flipped)
+    # The tint follows the piece, which is the same, so winding changes nothing at all.
+    assert (shade(flipped, moment, answers, front)[:, : SIZE // 2] == pictures[0]).all()
+
+
+def test_each_light_has_its_colour_and_its_own_shadow_bit():
+    lights = (
+        Light((-2.0, 0.0, 6.0), color=(1.0, 0.1, 0.1)),
+        Light((-2.0, 0.0, 6.0), color=(0.1, 0.1, 1.0)),
+    )
+    prepared = square(lights)
+    moment, answers = answers_to(prepared)
+    both = shade(prepared, moment, answers, lights)[0, 0].astype(int)
+    answers["visibility"][0] = 1
+    blue = shade(prepared, moment, answers, lights)[0, 0].astype(int)
+    answers["visibility"][:] = [[0], [1]]
+    red = shade(prepared, moment, answers, lights)[0, 0].astype(int)
+    assert red[0] - red[2] > blue[0] - blue[2] + 40
+    assert both.sum() > max(red.sum(), blue.sum())
+
+
+def test_a_light_without_shadows_ignores_its_bits():
+    lights = (Light((-2.0, 0.0, 6.0), shadows=False),)
+    prepared = square(lights)
+    moment, answers = answers_to(prepared)
+    lit = shade(prepared, moment, answers, lights)
+    answers["visibility"][:] = 1
+    assert (shade(prepared, moment, answers, lights) == lit).all()
+
+
+@pytest.mark.parametrize("triangle", [-77, 2, 1 << 30])
+def test_answers_that_name_no_triangle_are_drawn_as_misses(triangle):
+    lights = (Light((0.0, 0.0, 6.0)),)
+    prepared = square(lights)
+    moment, answers = answers_to(prepared)
+    answers["triangle"][:] = triangle
+    assert (shade(prepared, moment, answers, lights) > 190).all()
+
+
+def test_an_empty_mesh_is_a_picture_of_the_background():
+    empty = Geometry.static(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32))
+    prepared = Prepared(Scene("empty", "Empty", lambda: empty, Camera((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)), ()))
+    moment = prepared.moment(0, 4, 3)
+    answers = {
+        "triangle": np.full(12, -1, dtype=np.int32),
+        "t": np.full(12, np.inf, dtype=np.float32),
+        "visibility": np.zeros((1, 12), dtype=np.uint8),
+    }
+    assert shade(prepared, moment, answers, ()).shape == (3, 4, 3)
+
+
+def test_pieces_are_connected_through_welded_vertices():
+    a = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    vertices = np.concatenate([a, a + [1, 0, 0], a + [5, 0, 0], a[::-1] + [5, 0, 0]])
+    faces = np.arange(12).reshape(4, 3)[::-1].copy()
+    geometry = Geometry.static(vertices, faces)
+    prepared = Prepared(Scene("p", "P", lambda: geometry, Camera((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)), ()))
+    label = pieces(prepared)
+    # Faces are listed backwards: two that coincide far away, then two that share the vertex (1, 0, 0).
+    assert label[0] == label[1]
+    assert label[2] == label[3]
+    assert label[0] != label[2]
+
+
+def test_pngs_are_compact_and_true_to_the_picture(tmp_path):
+    y, x = np.mgrid[0:512, 0:512]
+    wave = 128 + 100 * np.sin(x / 9.0) * np.cos(y / 7.0)
+    picture = np.stack([wave, wave * 0.9, wave * 0.8], axis=2).astype(np.uint8)
+    data = png_bytes(picture)
+    assert len(data) < 300_000
+    back = np.asarray(Image.open(io.BytesIO(data)).convert("RGB")).astype(int)
+    assert np.abs(back - picture).max() <= 12
+    flat = np.full((4, 5, 3), 200, dtype=np.uint8)
+    flat[1, 2] = (10, 20, 30)
+    path = save_png(flat, tmp_path / "deep" / "flat.png")
+    assert (np.asarray(Image.open(path).convert("RGB")) == flat).all()
+    assert [p.name for p in path.parent.iterdir()] == ["flat.png"]
+
+
+def test_a_stand_in_says_so_in_its_picture(tmp_path):
+    lights = (Light((0.0, 0.0, 6.0)),)
+    heights = []
+    for stand_in in (None, "the paper's Square; made by a program, with as many triangles"):
+        prepared = square(lights, stand_in=stand_in)
+        moment, answers = answers_to(prepared)
+        path = gallery.scene_picture(prepared, moment, answers, lights, tmp_path / f"{bool(stand_in)}.png")
+        image = np.asarray(Image.open(path).convert("RGB")).astype(int)
+        assert image.shape[1] >= gallery.SMALLEST
+        heights.append(image.shape[0])
+        strip = image[image.shape[1] :]
+        warned = (strip[:, :, 0] > strip[:, :, 2] + 90).sum()
+        assert (warned > 50) == bool(stand_in)
+    assert heights[1] > heights[0]
+
+
+def test_the_contact_sheet_holds_every_picture(tmp_path):
+    assert gallery.draw(tmp_path) == []
+    for i in range(4):
+        save_png(np.full((40 + 10 * i, 60, 3), 60 * i, dtype=np.uint8), tmp_path / "images" / f"s{i}.png")
+    (path,) = gallery.draw(tmp_path, ["s3"], "title")
+    sheet_ = np.asarray(Image.open(path).convert("L"))
+    assert {0, 60, 120, 180} <= set(np.unique(sheet_).tolist())
+
+
+def test_a_damaged_picture_is_left_out_of_the_sheet_and_told(tmp_path, capsys):
+    whole = save_png(np.zeros((40, 60, 3), dtype=np.uint8), tmp_path / "images" / "a.png", "it")
+    half = tmp_path / "images" / "b.png"
+    half.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
+    (tmp_path / "images" / "c.png").write_bytes(b"no picture")
+    assert shown_in(whole) == "it"
+    assert shown_in(half) is None
+    (sheet,) = gallery.draw(tmp_path)
+    assert sheet.name == "gallery.png"
+    said = capsys.readouterr().err
+    assert [f"{name}.png: not a whole picture" in said for name in "abc"] == [False, True, True]
+    whole.unlink()
+    assert gallery.draw(tmp_path) == []
+
+
+def test_a_picture_says_what_it_was_made_from(tmp_path):
+    lights = (Light((0.0, 0.0, 6.0)),)
+    prepared = square(lights)
+    moment, answers = answers_to(prepared)
+    path = gallery.scene_picture(prepared, moment, answers, lights, tmp_path / "a.png", shows="this moment")
+    assert shown_in(path) == "this moment"
+    assert shown_in(tmp_path / "none.png") is None
+    path.write_bytes(path.read_bytes()[:20])
+    assert shown_in(path) is None
+
+
+@pytest.mark.parametrize(("width", "height"), [(1, 1), (3, 2500), (2500, 3)])
+def test_pictures_of_odd_sizes_stay_small(tmp_path, width, height):
+    flat = np.full((height, width, 3), 90, dtype=np.uint8)
+    factor_limit = max(gallery.TALLEST, height) + 200
+    prepared = square((Light((0.0, 0.0, 6.0)),))
+    moment = prepared.moment(0, width, height)
+    answers = {
+        "triangle": np.full(width * height, -1),
+        "t": np.full(width * height, np.inf),
+        "visibility": np.zeros((1, width * height), dtype=np.uint8),
+    }
+    path = gallery.scene_picture(prepared, moment, answers, (), tmp_path / "images" / "odd.png")
+    with Image.open(path) as image:
+        assert gallery.NARROWEST <= image.width <= max(2 * gallery.SMALLEST, width)
+        assert image.height <= factor_limit
+    captioned = gallery.captioned(flat, "Odd", "2 triangles", "procedural stand-in for another")
+    assert captioned.shape[1] == max(width, gallery.NARROWEST)
+    (sheet_,) = gallery.draw(tmp_path)
+    with Image.open(sheet_) as image:
+        assert image.width * image.height < 10_000_000

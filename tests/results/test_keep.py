@@ -1,0 +1,183 @@
+"""Folders that are kept: one compressed file of records, read as the records themselves are."""
+
+from __future__ import annotations
+
+import lzma
+from pathlib import Path
+
+from helpers import made_records
+import pytest
+from helpers.made_records import made
+from shadowbench.harness.commands.keep import keep
+from shadowbench.harness.errors import UserError
+from shadowbench.harness.results.folder import ResultsFolder
+from shadowbench.harness.runner.experiment import Entry
+from shadowbench.harness.results.schema import ARCHIVE, read_records
+
+ENTRIES = [
+    Entry("perspective_spherical", {}, "ours"),
+    Entry("bvh", {}, "tree"),
+    Entry("ray_grids", {}, "grids"),
+]
+
+
+def run_folder(place: Path, scenes=("cloth",), name="frame_time", **changed) -> Path:
+    """A folder as a run leaves it."""
+    made_records.keep(place, [made(name, entry, scene, **changed) for scene in scenes for entry in ENTRIES])
+    for part, text in (
+        ("environments/e.json", "{}"), ("environments/other.json", "{}"), ("images/cloth.png", "picture"),
+        ("maps/a.png", "map"), ("journal/a.jsonl", "{}"), ("answers/a.npz", "bits"), ("scenes.json", "{}"),
+    ):  # fmt: skip
+        (place / part).parent.mkdir(exist_ok=True)
+        (place / part).write_text(text)
+    return place
+
+
+def files(place: Path) -> set[str]:
+    return {str(path.relative_to(place)) for path in place.rglob("*") if path.is_file()}
+
+
+def test_a_kept_folder_reads_and_draws_as_the_run_did(tmp_path: Path) -> None:
+    run, out = run_folder(tmp_path / "run"), tmp_path / "kept"
+    assert keep([run], out) == 0
+    assert read_records(out) == read_records(run)
+    assert len(read_records(out)) == 3
+    found = files(out)
+    assert {f"records/{ARCHIVE}", "environments/e.json", "frame_time.md", "frame_time.csv"} <= found
+    assert not {name for name in found if name.split("/")[0] in ("images", "maps", "journal", "answers")}
+    assert "scenes.json" not in found
+    assert "environments/other.json" not in found, "no record names it"
+
+
+def test_the_same_records_give_the_same_bytes_and_fewer_of_them(tmp_path: Path) -> None:
+    run = run_folder(tmp_path / "run", scenes=("cloth", "fairy", "sibenik", "buddha"))
+    keep([run], tmp_path / "a")
+    keep([run], tmp_path / "b")
+    one, two = ((tmp_path / name / "records" / ARCHIVE).read_bytes() for name in "ab")
+    assert one == two
+    assert len(one) < sum(path.stat().st_size for path in (run / "records").iterdir()) / 7
+
+
+def test_several_runs_become_one_and_the_last_named_wins(tmp_path: Path) -> None:
+    first = run_folder(tmp_path / "first", ms=10.0)
+    second = run_folder(tmp_path / "second", scenes=("fairy",), ms=20.0)
+    third = run_folder(tmp_path / "third", ms=30.0)
+    keep([first, second, third], tmp_path / "out")
+    times = {(r["scene"]["name"], r["frames"][0]["total_ms"][0]) for r in read_records(tmp_path / "out")}
+    assert times == {("cloth", 30.0), ("fairy", 20.0)}
+
+
+def test_pictures_and_maps_come_along_where_asked_for(tmp_path: Path) -> None:
+    run = run_folder(tmp_path / "run")
+    keep([run], tmp_path / "out", ["images", "maps"])
+    assert {"images/cloth.png", "maps/a.png"} <= files(tmp_path / "out")
+    keep([run], tmp_path / "out", ["maps"], replace=True)
+    assert "images/cloth.png" not in files(tmp_path / "out"), "what was kept before is replaced"
+
+
+def test_what_is_there_already_is_never_lost_unasked(tmp_path: Path) -> None:
+    run, other = run_folder(tmp_path / "run"), run_folder(tmp_path / "other", name="table1")
+    before = {path: path.read_bytes() for path in other.rglob("*") if path.is_file()}
+    with pytest.raises(UserError, match=r"there is something already; name another, or give --replace"):
+        keep([run], other)
+    # Nor where what is made comes to nothing.
+    (run / "records" / "bad.json").write_text("{")
+    with pytest.raises(UserError, match=r"bad\.json"):
+        keep([run], other, replace=True)
+    assert {path: path.read_bytes() for path in other.rglob("*") if path.is_file()} == before
+    (run / "records" / "bad.json").unlink()
+    keep([run], other, replace=True)
+    assert read_records(other) == read_records(run)
+    assert not [name for name in files(other) if name.startswith(("answers", "records/table1", "images"))]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["other", "run"], "nothing half made is left"
+
+
+def test_a_folder_that_a_run_writes_to_is_left_alone(tmp_path: Path) -> None:
+    run, busy = run_folder(tmp_path / "run"), run_folder(tmp_path / "busy")
+    with ResultsFolder(busy).locked():
+        for sources, out in (([run], busy), ([busy], tmp_path / "out")):
+            with pytest.raises(UserError, match="a run is writing there; wait for its end"):
+                keep(sources, out, replace=True)
+    keep([busy], tmp_path / "out")
+
+
+def test_a_failure_takes_nothing_from_what_was_measured(tmp_path: Path) -> None:
+    good, failed = run_folder(tmp_path / "good"), run_folder(tmp_path / "failed", status="failed")
+    keep([good, failed], tmp_path / "a")
+    keep([failed, good], tmp_path / "b")
+    assert {r["status"] for r in read_records(tmp_path / "a") + read_records(tmp_path / "b")} == {"ok"}
+
+
+def test_what_somebody_laid_beside_the_records_comes_along(tmp_path: Path, capsys) -> None:
+    run = run_folder(tmp_path / "run")
+    (run / "ncu.md").write_text("what the profiler said")
+    (run / "images" / "more").mkdir()
+    keep([run], tmp_path / "out")
+    assert "ncu.md" in files(tmp_path / "out")
+    assert "1 answers that nobody scored" in capsys.readouterr().err
+
+
+def test_what_was_kept_can_be_kept_again(tmp_path: Path) -> None:
+    keep([run_folder(tmp_path / "run")], tmp_path / "a")
+    keep([tmp_path / "a"], tmp_path / "b")
+    assert read_records(tmp_path / "a") == read_records(tmp_path / "b")
+
+
+def test_a_run_into_a_kept_folder_goes_on_from_its_records(tmp_path: Path) -> None:
+    run = run_folder(tmp_path / "run")
+    keep([run], tmp_path / "kept")
+    (one, *_) = read_records(run)
+    assert ResultsFolder(tmp_path / "kept").record(one["key"]) == one
+    assert ResultsFolder(tmp_path / "kept").record("another") is None
+    # What is measured there since has a file of its own, and that one counts.
+    newer = {**one, "reason": "measured again"}
+    made_records.keep(tmp_path / "kept", [newer])
+    assert ResultsFolder(tmp_path / "kept").record(one["key"]) == newer
+    assert newer in read_records(tmp_path / "kept")
+    assert len(read_records(tmp_path / "kept")) == 3
+
+
+def test_archives_beside_one_another_are_one_folder(tmp_path: Path) -> None:
+    keep([run_folder(tmp_path / "run")], tmp_path / "out")
+    keep([run_folder(tmp_path / "later", scenes=("fairy",))], tmp_path / "more")
+    (tmp_path / "more" / "records" / ARCHIVE).rename(tmp_path / "out" / "records" / "later.jsonl.xz")
+    both = read_records(tmp_path / "out")
+    assert {record["scene"]["name"] for record in both} == {"cloth", "fairy"}
+    assert len(both) == 6
+    assert ResultsFolder(tmp_path / "out").record(both[-1]["key"]) == both[-1]
+
+
+def test_wrong_calls_are_one_line_each(tmp_path: Path) -> None:
+    run = run_folder(tmp_path / "run")
+    other = run_folder(tmp_path / "other", name="table1")
+    for sources, out, take, said in (
+        ([run, other], tmp_path / "out", [], "records of frame_time and table1"),
+        ([run], run, [], "is one of the folders to keep"),
+        ([run], tmp_path / "out", ["answers"], "--with answers: choose of images, maps"),
+        ([tmp_path], tmp_path / "out", [], "no records here"),
+        ([run], run / "scenes.json", [], "there is something already"),
+        ([run], run / "scenes.json" / "in", [], "cannot be read or written"),
+    ):
+        with pytest.raises(UserError, match=said) as refused:
+            keep(sources, out, take)
+        assert "\n" not in str(refused.value)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (lambda whole: whole[: len(whole) // 2], "damaged"),
+        (lambda whole: b"not at all", "damaged"),
+        (lambda whole: lzma.compress(b"{}\n"), "line 1: schema None"),
+        (lambda whole: lzma.compress(lzma.decompress(whole) + b"[\n"), "line 4: not a record"),
+    ],
+)
+def test_a_damaged_archive_is_told_by_its_name(tmp_path: Path, damage, said) -> None:
+    keep([run_folder(tmp_path / "run")], tmp_path / "out")
+    path = tmp_path / "out" / "records" / ARCHIVE
+    path.write_bytes(damage(path.read_bytes()))
+    with pytest.raises(UserError, match=said) as refused:
+        read_records(tmp_path / "out")
+    assert ARCHIVE in str(refused.value)
+    assert "\n" not in str(refused.value)

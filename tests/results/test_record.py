@@ -1,0 +1,227 @@
+"""Records and journals: atomic, torn lines cut off, every sample kept, statistics on reading."""
+
+import errno
+import json
+import os
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from shadowbench.harness.results import record
+from shadowbench.harness.errors import UserError
+from shadowbench.harness.results.record import Journal, make_record
+from shadowbench.harness.results.schema import read_records
+
+
+def round_event(number, times, frames=(0,), stages=2):
+    passes = [("sort", "build"), ("walk", "trace"), ("bin", "light build"), ("any hit", "shadow")]
+    return {
+        "event": "round",
+        "round": number,
+        "place": 0,
+        "peak_rss_bytes": 100 + number,
+        "spent_s": 1.0,
+        "method": {"built": {"kind": "lbvh"}},
+        "frames": [
+            {
+                "frame": frame,
+                "started": 1.0 * number,
+                "total_ms": [t + frame for t in times],
+                "wall_ms": [t + frame + 0.5 for t in times],
+                "passes": [
+                    {"name": n, "part": p, "ms": [1.0 + k] * stages} for k, (n, p) in enumerate(passes)
+                ],
+                "stopped_by": "samples",
+                "regrown": number,
+                "memory_bytes": 64,
+                "memory_source": "warp allocations",
+            }
+            for frame in frames
+        ],
+    }
+
+
+SCENE = {"name": "s", "title": "S", "triangles": 3, "lights": [{}], "load_s": 0.25}
+METHOD = {"name": "m", "title": "M", "label": "L", "device": "cpu", "device_name": "C"}
+POINT = {"experiment": "e", "width": 4, "height": 4}
+
+
+def made(events, **changes):
+    return make_record("k", POINT, SCENE, METHOD, "env", events, **changes)
+
+
+def finished_event(frames=(0,), score=None):
+    return {
+        "event": "finished",
+        "frames": [{"frame": f, "counters": {"tests": 5}, "score": score, "unscored": None} for f in frames],
+    }
+
+
+def test_rounds_are_joined_in_their_order_and_nothing_is_dropped():
+    whole = made([round_event(1, [5.0, 6.0]), round_event(0, [1.0, 2.0]), finished_event()])
+    (frame,) = whole["frames"]
+    assert frame["total_ms"] == [1.0, 2.0, 5.0, 6.0]
+    assert frame["wall_ms"] == [1.5, 2.5, 5.5, 6.5]
+    assert frame["round"] == [0, 0, 1, 1]
+    assert frame["stage_round"] == [0, 0, 1, 1]
+    assert frame["passes"][3] == {"name": "any hit", "part": "shadow", "ms": [4.0] * 4}
+    assert frame["regrown"] == 1
+    assert frame["counters"] == {"tests": 5}
+    assert (whole["status"], whole["peak_rss_bytes"], whole["load_s"]) == ("ok", 101, 0.25)
+    assert whole["method"]["built"] == {"kind": "lbvh"}
+    assert whole["stopped_by"] == "samples"
+
+
+def test_a_point_that_never_ran_has_a_record_too():
+    whole = made([], status="rejected", reason="needs 7 pairs")
+    assert (whole["frames"], whole["status"], whole["reason"]) == ([], "rejected", "needs 7 pairs")
+    row = record.summarise(whole)
+    assert row["status"] == "rejected"
+    assert "total_ms" not in row
+    with pytest.raises(ValueError, match="not one of"):
+        made([], status="lost")
+
+
+def test_statistics_of_a_point():
+    events = [round_event(0, [10.0, 11.0, 12.0], (0, 2)), round_event(1, [14.0, 15.0, 16.0], (0, 2))]
+    row = record.summarise(made([*events, finished_event((0, 2))]))
+    # Medians of 10 11 12 14 15 16 and of the same plus 2; their mean.
+    assert row["total_ms"] == 14.0
+    assert row["iqr_ms"] == np.subtract(*np.percentile([10, 11, 12, 14, 15, 16], [75, 25]))
+    assert row["between_ms"] == 4.0
+    assert (row["frames"], row["samples"]) == (2, 6)
+    parts = [row[f"{part}_ms"] for part in ("build", "trace", "light_build", "shadow")]
+    assert parts == [1.0, 2.0, 3.0, 4.0]
+    assert row["stage_gap"] == (10.0 - 14.0) / 14.0
+
+
+def test_tidy_tables_have_a_row_a_sample():
+    events = [round_event(0, [1.0, 2.0], (0, 5)), round_event(1, [3.0], (0, 5)), finished_event((0, 5))]
+    whole = made(events)
+    table = record.samples([whole])
+    assert len(table) == 6
+    assert table.groupby("frame")["total_ms"].sum().to_dict() == {0: 6.0, 5: 21.0}
+    stages = record.stages([whole])
+    assert len(stages) == 2 * 4 * 4
+    assert set(stages["part"]) == {"build", "trace", "light build", "shadow"}
+    assert record.summary([whole]).loc[0, "scene"] == "s"
+
+
+def test_a_journal_is_on_the_disk_line_by_line(tmp_path):
+    path = tmp_path / "journal" / "k.jsonl"
+    journal = Journal(path)
+    journal.append({"event": "prepared", "compile_s": 1.5})
+    journal.append(round_event(0, [1.0]))
+    again = Journal(path)
+    assert again.events == journal.events
+    assert list(again.rounds()) == [0]
+    assert again.first("prepared")["compile_s"] == 1.5
+    assert again.first("finished") is None
+    again.remove()
+    assert Journal(path).events == []
+
+
+@settings(max_examples=60, deadline=None)
+@given(cut=st.integers(1, 400), junk=st.binary(max_size=8))
+def test_a_torn_journal_keeps_its_whole_lines_and_can_be_written_on(tmp_path_factory, cut, junk):
+    path = tmp_path_factory.mktemp("torn") / "k.jsonl"
+    journal = Journal(path)
+    for number in range(3):
+        journal.append({"event": "round", "round": number, "text": "x" * 50})
+    lines = path.read_bytes().splitlines(keepends=True)
+    whole = b"".join(lines)
+    kept = whole[: max(0, len(whole) - cut)]
+    path.write_bytes(kept + junk.replace(b"\n", b""))
+    torn = Journal(path)
+    complete = kept.count(b"\n")
+    # The junk may happen to end nothing: only whole lines count.
+    assert [e["round"] for e in torn.events] == list(range(complete))
+    assert path.read_bytes() == b"".join(lines[:complete])
+    torn.append({"event": "round", "round": 9})
+    assert [e["round"] for e in Journal(path).events] == [*range(complete), 9]
+
+
+def test_a_journal_that_cannot_be_written_stays_as_it_was(tmp_path, monkeypatch):
+    journal = Journal(tmp_path / "k.jsonl")
+    journal.append({"event": "prepared"})
+    before = journal.path.read_bytes()
+
+    def full(handle):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OSError, match="No space"):
+        journal.append(round_event(0, [1.0]))
+    assert journal.path.read_bytes() == before
+    assert [e["event"] for e in journal.events] == ["prepared"]
+
+
+def test_a_write_is_whole_or_not_at_all(tmp_path, monkeypatch):
+    path = tmp_path / "r.json"
+    record.write_atomic(path, {"a": 1})
+    monkeypatch.setattr(os, "replace", lambda *_: (_ for _ in ()).throw(OSError(errno.EIO, "broken")))
+    with pytest.raises(OSError, match="broken"):
+        record.write_atomic(path, {"a": 2})
+    assert json.loads(path.read_text()) == {"a": 1}
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_not_a_number_is_never_written(tmp_path):
+    with pytest.raises(ValueError, match="JSON"):
+        record.write_atomic(tmp_path / "r.json", {"a": float("nan")})
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_reading_says_what_is_wrong(tmp_path):
+    with pytest.raises(UserError, match="no records here"):
+        read_records(tmp_path)
+    folder = tmp_path / "records"
+    folder.mkdir()
+    whole = made([round_event(0, [1.0]), finished_event()])
+    record.write_atomic(folder / "k.json", whole)
+    assert read_records(tmp_path) == [whole]
+    record.write_atomic(folder / "old.json", {**whole, "schema": 0})
+    with pytest.raises(UserError, match=r"old.json: schema 0, this version reads 1"):
+        read_records(tmp_path)
+    (folder / "old.json").write_text("{")
+    with pytest.raises(UserError, match=r"old.json: not a record"):
+        read_records(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (lambda r: [], "all of it is [], not an object"),
+        (lambda r: {**r, "point": {**r["point"], "width": "abc"}}, "point.width is 'abc', not a whole number"),
+        (lambda r: {**r, "frames": [{**r["frames"][0], "total_ms": [1.0, None]}]}, "frames[0].total_ms[1] is None"),
+        (lambda r: {**r, "scene": None}, "scene is None, not an object"),
+        (lambda r: {k: v for k, v in r.items() if k != "method"}, "it has no method"),
+    ],
+)  # fmt: skip
+def test_a_record_of_wrong_shape_is_told_by_its_file_and_field(tmp_path, damage, said):
+    whole = made([round_event(0, [1.0]), finished_event()])
+    record.write_atomic(tmp_path / "records" / "k.json", damage(whole))
+    with pytest.raises(UserError) as refused:
+        read_records(tmp_path)
+    assert f"records/k.json: not a record ({said}" in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_what_cannot_be_read_is_not_called_unwritten(tmp_path, monkeypatch):
+    (tmp_path / "records" / "dir.json").mkdir(parents=True)
+    with pytest.raises(UserError, match=r"dir\.json: cannot be read \(Is a directory\)"):
+        read_records(tmp_path)
+
+    def locked(self):
+        raise PermissionError(errno.EACCES, "Permission denied", str(self))
+
+    monkeypatch.setattr(type(tmp_path), "iterdir", locked)
+    with pytest.raises(UserError, match=r"records: cannot be read \(Permission denied\)"):
+        read_records(tmp_path)
+
+
+def test_equal_configurations_have_equal_hashes():
+    assert record.digest({"a": 1, "b": [1.5]}) == record.digest({"b": [1.5], "a": 1})
+    assert record.digest([-1]) != record.digest([1])
+    assert record.digest({"a": "1"}) != record.digest({"a": 1})

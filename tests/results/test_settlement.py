@@ -1,0 +1,142 @@
+"""Folders of results settled: runs that go on, answers scored later, and that nothing is written twice."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from helpers.court import Court, lose
+from helpers.made_records import made
+from helpers.runs import install_trouble, options, write_scene
+from shadowbench.harness.report import flip as looks
+from shadowbench.harness.judge import score as scoring
+from shadowbench.harness.commands.verify import score as score_command
+from shadowbench.harness.runner.grader import Grader, hand_over, handed_path
+from shadowbench.harness.runner.experiment import Entry
+from shadowbench.harness.runner.progress import Silent
+from shadowbench.harness.judge.answer_files import save_raw
+from shadowbench.harness.judge.referee import Verdict
+from shadowbench.harness.runner.runner import Run
+from shadowbench.harness.judge.score import Judge
+from shadowbench.harness.results.settle import kept_path, read_disputes, settle_folder
+from shadowbench.harness.judge.reference import embree_installed
+
+pytestmark = pytest.mark.skipif(not embree_installed(), reason="an exact reference has no errors to settle")
+
+
+@pytest.fixture(scope="module")
+def court() -> Court:
+    return Court()
+
+
+def record_of(key: str, graded: list[dict]) -> dict:
+    record = made("table1", Entry("embree", {}, key))
+    (frame,) = record["frames"]
+    return {**record, "key": key, "frames": [{**frame, **one} for one in graded]}
+
+
+def grade(court, folder, key, answers, wrong_maps=False):
+    """One point scored by a grader of its own, as where a run goes on after it was stopped."""
+    hand_over(handed_path(folder, key, 0), answers)
+    grader = Grader(court.prepared, {0: court.moment}, "ball", folder, "cpu")
+    graded = grader.grade(key, False, True, folder / "picture.png", "ball", wrong_maps)
+    (folder / "records").mkdir(exist_ok=True)
+    (folder / "records" / f"{key}.json").write_text(json.dumps(record_of(key, graded)))
+
+
+@pytest.fixture
+def blind(court, monkeypatch):
+    """Every judge takes the wrong reference, and samples no pixels."""
+    monkeypatch.setattr(scoring, "embree_reference", lambda *arguments: court.reference)
+    plain = Judge.score
+    monkeypatch.setattr(
+        Judge,
+        "score",
+        lambda self, answers, extra_pixels=0, **more: plain(self, answers, extra_pixels, **more),
+    )
+
+
+def errors(folder, key):
+    return json.loads((folder / "records" / f"{key}.json").read_text())["frames"][0]["score"]["true_errors"]
+
+
+def test_a_folder_is_settled_when_it_goes_on_and_only_then_rewritten(court, blind, tmp_path):
+    grade(court, tmp_path, "b", court.wrong, wrong_maps=True)
+    settle_folder(tmp_path)
+    assert errors(tmp_path, "b") == 0
+    grade(court, tmp_path, "a", court.right, wrong_maps=True)
+    changed = settle_folder(tmp_path)
+    assert set(changed) == {"a", "b"}
+    assert changed["b"]["frames"][0]["score"]["settled"]["true_errors"] == 3
+    assert (errors(tmp_path, "a"), errors(tmp_path, "b")) == (0, 3)
+    classes = looks.read_wrong(looks.wrong_path(tmp_path, "b", 0)).ravel()
+    assert classes[court.lost] == Verdict.TRUE
+    assert (classes[court.acne], classes[court.leak]) == (Verdict.ACNE, Verdict.LEAK)
+    assert (classes > Verdict.TIE).sum() == 3
+    assert (looks.read_wrong(looks.wrong_path(tmp_path, "a", 0)) > Verdict.TIE).sum() == 0
+    before = {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in tmp_path.glob("[rm]*/*")}
+    assert settle_folder(tmp_path) == {}
+    assert {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in before} == before
+    assert all(path.stat().st_size < 4000 for path in (tmp_path / "truth").glob("disputes-*"))
+
+
+def test_a_torn_file_of_disputes_costs_its_own_point_only(court, blind, tmp_path):
+    for key, answers in (("a", court.right), ("b", court.wrong), ("c", court.wrong)):
+        grade(court, tmp_path, key, answers)
+    kept_path(tmp_path, "c", 0).write_bytes(b"PK\x03\x04 torn")
+    assert read_disputes(kept_path(tmp_path, "c", 0)) is None
+    settle_folder(tmp_path)
+    assert (errors(tmp_path, "b"), errors(tmp_path, "c")) == (3, 0)
+
+
+def test_answers_scored_later_are_settled_with_those_scored_before(court, blind, tmp_path, capsys):
+    kept = {"b": court.wrong, "a": court.right}
+    for key, answers in kept.items():
+        path = tmp_path / "answers" / f"{key}-0.npz"
+        save_raw(path, court.prepared, court.moment, answers, "ball", extra={"key": key})
+        (tmp_path / "records").mkdir(exist_ok=True)
+        record = record_of(key, [{"frame": 0, "score": None, "unscored": "no truth there"}])
+        (tmp_path / "records" / f"{key}.json").write_text(json.dumps(record))
+    held_back = tmp_path / "answers" / "a-0.npz"
+    held_back.rename(tmp_path / "a-0.npz")
+    score_command(tmp_path, as_json=True)
+    (row,) = json.loads(capsys.readouterr().out)["answers"]
+    assert (row["score"]["true_errors"], row["counts_against"]) == (0, False)
+    (tmp_path / "a-0.npz").rename(held_back)
+    score_command(tmp_path, as_json=True)
+    rows = {row["answers"][-7]: row for row in json.loads(capsys.readouterr().out)["answers"]}
+    assert (rows["b"]["status"], rows["b"]["score"]["true_errors"]) == ("had a score", 3)
+    assert (errors(tmp_path, "a"), errors(tmp_path, "b")) == (0, 3)
+
+
+def test_a_run_that_goes_on_charges_what_it_scored_before(tmp_path, monkeypatch):
+    """Embree's answers on the disk say that everything misses; so does the method measured first."""
+    monkeypatch.setenv("PYTHONPATH", install_trouble(tmp_path / "packages"))
+    monkeypatch.syspath_prepend(str(tmp_path / "packages"))
+    scene = write_scene(tmp_path / "tetra.obj")
+    size = {"width": 32, "height": 32, "frames": 1, "score": True}
+    (honest,) = Run(options(tmp_path / "first", [scene], ["uniform_grid"], **size), Silent()).go()
+    (path,) = (tmp_path / "first" / "truth").glob("truth-*.npz")
+    with np.load(path) as stored:
+        arrays = {name: stored[name].copy() for name in stored.files}
+    hits = int((arrays["triangle"] >= 0).sum())
+    assert hits > 200
+    for pixel in np.nonzero(arrays["triangle"] >= 0)[0]:
+        lose(arrays, pixel)
+    out = tmp_path / "out"
+    (out / "truth").mkdir(parents=True)
+    np.savez(out / "truth" / path.name, **arrays)
+    (steady,) = Run(options(out, [scene], ["steady"], **size), Silent()).go()
+    alone = steady["frames"][0]["score"]
+    assert 0 < alone["true_errors"] < hits  # what a random sample of pixels finds
+    both = Run(options(out, [scene], ["steady", "uniform_grid"], **size), Silent()).go()
+    found = {record["method"]["name"]: record["frames"][0]["score"] for record in both}
+    assert found["uniform_grid"]["true_errors"] == 0
+    assert found["steady"]["true_errors"] == hits
+    assert found["steady"]["settled"]["true_errors"] == hits - alone["true_errors"]
+    assert {key: both[0][key] for key in ("frames", "rounds")} == {
+        key: json.loads((out / "records" / f"{both[0]['key']}.json").read_text())[key]
+        for key in ("frames", "rounds")
+    }
+    assert honest["frames"][0]["score"]["true_errors"] == 0

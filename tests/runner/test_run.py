@@ -1,0 +1,339 @@
+"""Whole runs: what each kind of trouble costs, killing and going on, folders that cannot be written."""
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from helpers.runs import install_trouble, options, write_scene
+from shadowbench.harness.errors import UserError
+from shadowbench.harness.results import record
+from shadowbench.harness.results.folder import ResultsFolder
+from shadowbench.harness.runner import runner as run_module
+from shadowbench.harness.runner.experiment import Entry
+from shadowbench.harness.runner.progress import Silent
+from shadowbench.harness.runner.runner import Run
+
+
+@pytest.fixture(scope="module")
+def package(tmp_path_factory):
+    """The package of troublesome methods, for this process and for its workers."""
+    folder = tmp_path_factory.mktemp("packages")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", install_trouble(folder))
+        patch.syspath_prepend(str(folder))
+        yield folder
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    return write_scene(tmp_path_factory.mktemp("scenes") / "tetra.obj")
+
+
+def go(chosen):
+    return {r["method"]["label"]: r for r in Run(chosen, Silent()).go()}
+
+
+@pytest.fixture(scope="module")
+def troubled(package, scene, tmp_path_factory):
+    """One run of every method of the package: its folder and its records by label."""
+    out = tmp_path_factory.mktemp("troubled")
+    names = ["steady", "talker", "raises", "late", "hangs", "exits", "rejects", "skips", "grows", "broken"]
+    entries = [Entry(name, {}, name) for name in names]
+    # A second point of a method whose worker was lost is measured by a new worker.
+    entries.append(Entry("hangs", {"ms": "1"}, "hangs again"))
+    return out, go(options(out, [scene], entries, timeout_s=3.0))
+
+
+@pytest.mark.parametrize(
+    ("label", "status", "reason"),
+    [
+        ("steady", "ok", ""),
+        ("talker", "ok", ""),
+        ("raises", "failed", "ArithmeticError: a line and another"),
+        ("late", "failed", "ArithmeticError: tired"),
+        ("hangs", "timeout", "no answer within 3 s; the worker was stopped"),
+        ("hangs again", "timeout", "no answer within 3 s; the worker was stopped"),
+        ("exits", "failed", "the worker exited with code 3: leaving"),
+        ("rejects", "rejected", "needs 1000000000 pairs, allowed are 1048576"),
+        ("skips", "skipped", "only for closed scenes"),
+        ("grows", "ok", ""),
+        ("broken", "failed", "cannot be made: ImportError: libmissing.so: cannot open"),
+    ],
+)
+def test_trouble_costs_its_own_point_only(troubled, label, status, reason):
+    _, records = troubled
+    assert (records[label]["status"], records[label]["reason"]) == (status, reason)
+
+
+def test_every_planned_point_has_one_record_and_no_journal(troubled):
+    out, records = troubled
+    assert len(records) == 11
+    assert sorted(p.stem for p in (out / "records").iterdir()) == sorted(r["key"] for r in records.values())
+    assert list((out / "journal").iterdir()) == []
+
+
+def test_a_record_holds_every_sample(troubled):
+    _, records = troubled
+    frame = records["steady"]["frames"][0]
+    assert len(frame["total_ms"]) == len(frame["wall_ms"]) == 6
+    assert frame["round"] == [0, 0, 0, 1, 1, 1]
+    assert [(p["name"], p["part"], len(p["ms"])) for p in frame["passes"]] == [
+        ("build", "build", 4),
+        ("primary rays", "trace", 4),
+        ("light 0: shadow rays", "shadow", 4),
+    ]
+    assert frame["counters"] == {"frames": 1}
+    assert frame["unscored"].startswith("not asked for")
+    assert records["steady"]["stopped_by"] == "samples"
+    assert {r["place"] for r in records["steady"]["rounds"]} <= set(range(11))
+
+
+def test_growth_is_recorded_and_settled_before_timing(troubled):
+    _, records = troubled
+    assert records["grows"]["frames"][0]["regrown"] == 2
+    assert records["steady"]["frames"][0]["regrown"] == 0
+
+
+def test_a_second_run_measures_nothing_and_changes_no_byte(troubled, scene):
+    out, _ = troubled
+    before = {p: p.read_bytes() for p in (out / "records").iterdir()}
+    entries = [Entry(name, {}, name) for name in ("steady", "hangs")]
+    runner = Run(options(out, [scene], entries, timeout_s=3.0), Silent())
+    again = runner.go()
+    assert [r["status"] for r in again] == ["ok", "timeout"]
+    assert runner.workers == {}
+    assert {p: p.read_bytes() for p in (out / "records").iterdir()} == before
+
+
+def test_retry_measures_failed_points_only(package, scene, tmp_path):
+    entries = [Entry(name, {}, name) for name in ("steady", "raises")]
+    chosen = options(tmp_path, [scene], entries)
+    first = go(chosen)
+    kept = tmp_path / "records" / f"{first['steady']['key']}.json"
+    before, written = kept.read_bytes(), kept.stat().st_mtime_ns
+    runner = Run(options(tmp_path, [scene], entries, retry=True), Silent())
+    assert [r["status"] for r in runner.go()] == ["ok", "failed"]
+    assert (kept.read_bytes(), kept.stat().st_mtime_ns) == (before, written)
+    assert "raises" in runner.workers
+    assert "steady" not in runner.workers
+
+
+@pytest.mark.parametrize("change", [{"width": 9}, {"samples": 4}, {"frames": 1, "rounds": 1}])
+def test_another_configuration_is_another_point(troubled, scene, tmp_path, change):
+    from shadowbench.harness.runner.experiment import describe_method, make_point
+
+    _, records = troubled
+    entry, facts = Entry("steady", {}, "steady"), records["steady"]["scene"]
+    plain = options(tmp_path, [scene], [entry], timeout_s=3.0).preset
+    other = options(tmp_path, [scene], [entry], **change).preset
+    method = describe_method(entry, "cpu")
+    assert make_point("trial", plain, entry, facts, method, 0).key == records["steady"]["key"]
+    assert make_point("trial", other, entry, facts, method, 0).key != records["steady"]["key"]
+    for name in ("arrays_sha256", "surfaces_sha256"):
+        changed = {**facts, name: "0" * 64}
+        assert make_point("trial", plain, entry, changed, method, 0).key != records["steady"]["key"]
+    rewritten = {**method, "source_sha256": "0" * 64}
+    assert make_point("trial", plain, entry, facts, rewritten, 0).key != records["steady"]["key"]
+
+
+def test_a_scene_that_cannot_be_made_is_a_stated_failure(package, tmp_path):
+    broken = tmp_path / "broken.obj"
+    broken.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n")
+    good = write_scene(tmp_path / "good.obj")
+    records = Run(options(tmp_path / "out", [good, str(broken)], ["steady"]), Silent())
+    # The command line refuses such a file before anything starts; a file may also break in between.
+    statuses = [(r["scene"]["name"], r["status"]) for r in _breaking(records, broken)]
+    assert statuses == [("good", "ok"), ("broken", "failed")]
+
+
+def _breaking(runner, path):
+    """Run with a file that is whole when asked for its hash, and broken when a worker reads it."""
+    known = ResultsFolder.known_scene
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            ResultsFolder,
+            "known_scene",
+            lambda self, load: None if load["scene"] == str(path) else known(self, load),
+        )
+        return runner.go()
+
+
+def test_answers_are_scored_against_truth(scene, tmp_path):
+    pytest.importorskip("embreex", reason="truth needs Embree")
+    chosen = options(tmp_path, [scene], ["bvh"], width=32, height=32, score=True, save_answers=True)
+    (measured,) = Run(chosen, Silent()).go()
+    score = measured["frames"][0]["score"]
+    assert score["primary"]["pixels"] == 32 * 32
+    assert score["true_errors"] == 0
+    assert measured["frames"][0]["unscored"] is None
+    assert measured["frames"][0]["shadow_rays"] > 0
+    assert list((tmp_path / "truth").glob("*.npz"))
+    assert (tmp_path / "answers" / f"{measured['key']}-0.npz").exists()
+    assert (tmp_path / "images" / "tetra.png").stat().st_size > 1000
+    assert measured["frames"][0]["memory_bytes"] > 0
+
+
+def test_several_graders_give_the_scores_of_one(scene, tmp_path, monkeypatch):
+    entries = [
+        Entry("embree", {}, "e"),
+        *(Entry("accuracy_ladder", {"test": t}, t) for t in ("exact", "woop", "float64")),
+    ]
+    found = {}
+    for graders in (1, 3):
+        monkeypatch.setattr(run_module, "GRADERS", graders)
+        out = tmp_path / str(graders)
+        found[graders] = go(options(out, [scene], entries, score=True, frames=1, wrong_maps=True))
+        assert len(list((out / "logs").glob("grading*"))) == graders
+        assert len(list((out / "maps").glob("*-wrong.png"))) == len(entries)
+        assert not list((out / "journal").iterdir())
+    for label, one in found[1].items():
+        assert one["frames"][0]["score"]["check"] == "ok", label
+        assert one["frames"][0]["score"] == found[3][label]["frames"][0]["score"], label
+
+
+def test_a_slow_point_keeps_to_its_budget_and_says_so(package, tmp_path):
+    points = np.array([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]] * 4)
+    np.savez(tmp_path / "four.npz", V=points, F=np.array([[0, 1, 2]]))
+    slow = Entry("steady", {"ms": "150"}, "slow")
+    chosen = options(
+        tmp_path / "out", [str(tmp_path / "four.npz")], [slow], frames=4, budget_s=0.5, samples=50, most=50
+    )
+    (measured,) = Run(chosen, Silent()).go()
+    assert measured["status"] == "ok"
+    assert measured["stopped_by"] == "budget"
+    assert [f["frame"] for f in measured["frames"]] == [0]
+    assert measured["frames_left_out"] == [1, 2, 3]
+    assert [len(f["total_ms"]) for f in measured["frames"]] == [1]
+    assert [r["round"] for r in measured["rounds"]] == [0]
+
+
+# --- killed, and gone on ------------------------------------------------------------------------------------
+
+
+def test_kill_9_loses_at_most_one_round(package, tmp_path):
+    first, second = write_scene(tmp_path / "first.obj"), write_scene(tmp_path / "second.obj")
+    out = tmp_path / "out"
+    command = [
+        sys.executable,
+        "-m",
+        "shadowbench.harness.cli",
+        "run",
+        "table1",
+        "--preset",
+        "quick",
+        "--size",
+        "8x8",
+        "--no-score",
+    ]
+    command += ["--out", str(out), "--rounds", "6", "--samples", "3", "--scene", first, second]
+    command += ["--method", "steady", "--set", "steady.ms=10", "--json"]
+    log = open(tmp_path / "log", "wb")  # noqa: SIM115  (the process holds it)
+    process = subprocess.Popen(command, stdout=log, stderr=log)
+    journal = out / "journal"
+    try:
+        _wait_for(lambda: list((out / "records").glob("first-*.json")), process)
+        _wait_for(
+            lambda: any(p.read_bytes().count(b'"round"') >= 2 for p in journal.glob("second-*.jsonl")),
+            process,
+        )
+    finally:
+        workers = _children(process.pid)
+        os.kill(process.pid, signal.SIGKILL)
+        process.wait()
+    assert workers
+    _wait_for(lambda: not any(_alive(pid) for pid in workers), None)
+    (under_way,) = journal.glob("second-*.jsonl")
+    rounds = [e for e in record.Journal(under_way).events if e["event"] == "round"]
+    assert 1 <= len(rounds) < 6
+    finished = {p: p.read_bytes() for p in (out / "records").iterdir()}
+    assert len(finished) == 1
+
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert [p["status"] for p in json.loads(done.stdout)["points"]] == ["ok", "ok"]
+    for path, content in finished.items():
+        assert path.read_bytes() == content
+    (path,) = (out / "records").glob("second-*.json")
+    whole = json.loads(path.read_text())
+    assert [r["round"] for r in whole["rounds"]] == list(range(6))
+    before = [ms for event in rounds for ms in event["frames"][0]["total_ms"]]
+    assert whole["frames"][0]["total_ms"][: len(before)] == before
+    assert len(whole["frames"][0]["total_ms"]) == 6 * whole["point"]["samples"]
+
+
+def _wait_for(condition, process, seconds=90.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "waited too long"
+        assert process is None or process.poll() is None, "the run ended early"
+        time.sleep(0.01)
+
+
+def _children(pid):
+    with open(f"/proc/{pid}/task/{pid}/children") as file:
+        return [int(word) for word in file.read().split()]
+
+
+def _alive(pid):
+    try:
+        with open(f"/proc/{pid}/stat") as file:
+            return file.read().rsplit(")", 1)[1].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+# --- folders ------------------------------------------------------------------------------------------------
+
+
+def test_a_full_folder_keeps_what_was_measured_and_goes_on(package, scene, tmp_path, monkeypatch):
+    chosen = options(tmp_path / "out", [scene], ["steady"])
+    calls, real = [], os.fsync
+
+    def full(handle):
+        calls.append(handle)
+        if len(calls) == 4:  # environment, scenes.json, prepared; then the first round
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return real(handle)
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(
+        UserError, match=r"cannot write \(No space left on device\); what was measured is kept"
+    ):
+        Run(chosen, Silent()).go()
+    (journal,) = (tmp_path / "out" / "journal").glob("*.jsonl")
+    assert [e["event"] for e in record.Journal(journal).events] == ["prepared"]
+    (measured,) = Run(chosen, Silent()).go()
+    assert measured["status"] == "ok"
+    assert [r["round"] for r in measured["rounds"]] == [0, 1]
+
+
+def test_a_folder_that_is_a_file_or_in_use_is_refused(tmp_path, scene):
+    occupied = tmp_path / "file"
+    occupied.write_text("")
+    with pytest.raises(UserError, match=r"cannot write there .*; choose another --out"):
+        Run(options(occupied / "out", [scene], ["steady"]), Silent()).go()
+    with (
+        ResultsFolder(tmp_path / "used").locked(),
+        pytest.raises(UserError, match="another run is writing there"),
+    ):
+        Run(options(tmp_path / "used", [scene], ["steady"]), Silent()).go()
+
+
+def test_another_scene_of_the_same_name_gets_a_picture_of_its_own(tmp_path):
+    """As where an original takes the place of its stand-in in a folder that has records of the stand-in."""
+    scene, out = tmp_path / "tetra.obj", tmp_path / "out"
+    write_scene(scene)
+    picture = out / "images" / "tetra.png"
+    go(options(out, [str(scene)], ["bvh"]))
+    first, when = picture.read_bytes(), picture.stat().st_mtime_ns
+    go(options(out, [str(scene)], ["bvh", "uniform_grid"]))
+    assert picture.stat().st_mtime_ns == when
+    scene.write_text("v 0 0 0\nv 5 0 0\nv 0 1 0\nf 1 2 3\n")
+    go(options(out, [str(scene)], ["bvh"]))
+    assert picture.read_bytes() != first

@@ -1,0 +1,51 @@
+"""A second run into a folder that was damaged: what it measures and draws again."""
+
+import json
+
+import pytest
+from helpers.made_records import made
+from helpers.runs import options, write_scene
+from shadowbench.harness.results.folder import ResultsFolder
+from shadowbench.harness.runner.experiment import Entry
+from shadowbench.harness.runner.progress import Silent
+from shadowbench.harness.runner.runner import Run
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    return write_scene(tmp_path_factory.mktemp("scenes") / "tetra.obj")
+
+
+def go(chosen):
+    return {r["method"]["label"]: r for r in Run(chosen, Silent()).go()}
+
+
+@pytest.mark.parametrize("damage", [lambda whole: None, lambda whole: whole[: len(whole) // 2]])
+def test_a_picture_that_is_gone_or_damaged_is_drawn_again(scene, tmp_path, damage):
+    chosen = options(tmp_path, [str(scene)], ["bvh"])
+    (first,) = go(chosen).values()
+    picture = tmp_path / "images" / "tetra.png"
+    whole = picture.read_bytes()
+    left = damage(whole)
+    picture.unlink()
+    if left is not None:
+        picture.write_bytes(left)
+    (again,) = go(chosen).values()
+    assert again == first, "nothing is measured anew"
+    assert picture.read_bytes() == whole
+    assert not list((tmp_path / "journal").iterdir())
+
+
+@pytest.mark.parametrize(
+    "text", ["", "{", "[]", "[1]", "{}", '{"status": "ok"}', '{"key": "a", "status": "ok"}']
+)
+def test_what_is_no_whole_record_is_measured_again(tmp_path, text):
+    path = tmp_path / "records" / "a.json"
+    path.parent.mkdir()
+    path.write_text(text)
+    assert ResultsFolder(tmp_path).record("a") is None
+    whole = made("table1", Entry("bvh"))
+    path.write_text(json.dumps({**whole, "key": "a"}))
+    assert ResultsFolder(tmp_path).record("a") == {**whole, "key": "a"}
+    path.write_text(json.dumps({**whole, "key": "a", "point": {**whole["point"], "width": "abc"}}))
+    assert ResultsFolder(tmp_path).record("a") is None

@@ -1,0 +1,265 @@
+"""Samples of a frame: how many, why no more, that passes add up, and what is counted beside them."""
+
+import gc
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import pytest
+import warp as wp
+from shadowbench.harness.frame.method import SimpleMethod
+from shadowbench.harness.frame.session import Session
+from shadowbench.harness.runner import timing
+from shadowbench.harness.runner.experiment import orders, spread_frames
+from shadowbench.harness.runner.timing import CompileClock, Memory, Sampling, sample_frame, stop_reason
+from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
+
+CUDA = pytest.param("cuda:0", marks=pytest.mark.gpu)
+DEVICES = ["cpu", CUDA] if wp.is_cuda_available() else ["cpu"]
+
+
+@wp.kernel(enable_backward=False)
+def _spin(count: wp.int32, result: wp.array[wp.float32]):
+    i = wp.tid()
+    total = wp.float32(0.0)
+    for k in range(count):
+        total += wp.sin(float(k + i))
+    result[i] = total
+
+
+@dataclass(frozen=True)
+class Work:
+    """Length of build, trace and shadow pass: turns of a loop on a GPU, units of 2.5 microseconds on a CPU."""
+
+    build: int = 200
+    trace: int = 600
+    shadow: int = 400
+
+
+class Spinner(SimpleMethod):
+    """Passes of known relative lengths; counts its launches."""
+
+    name: ClassVar[str] = "spinner"
+    Trace = Work
+
+    def prepare(self, frame):
+        self.out = wp.zeros(2048, dtype=wp.float32, device=frame.device)
+        self.launches = []
+
+    def _turn(self, what, frame):
+        self.launches.append(what)
+        if frame.device == "cpu":
+            # A core may have other work; a sleep takes as long on a busy machine.
+            time.sleep(getattr(self.trace, what) / 4e5)
+            return
+        wp.launch(_spin, dim=2048, inputs=[getattr(self.trace, what), self.out], device=frame.device)
+
+    def build_structure(self, frame):
+        self._turn("build", frame)
+
+    def trace_primary(self, frame):
+        self._turn("trace", frame)
+
+    def trace_shadow(self, frame, light):
+        self._turn("shadow", frame)
+
+
+def session(method=None, device="cpu"):
+    corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    scene = Scene(
+        "one",
+        "One triangle",
+        lambda: Geometry.static(corners, np.array([[0, 1, 2]])),
+        Camera((0.0, 0.0, 3.0), (0.0, 0.0, 0.0)),
+        (Light((2.0, 2.0, 2.0)),),
+    )
+    prepared = Prepared(scene)
+    made = Session(method or Spinner(), prepared, 4, 4, device)
+    made.load(prepared.moment(0, 4, 4))
+    made.settle()
+    return made
+
+
+@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize("capturable", [True, False])
+def test_counts_of_samples(device, capturable):
+    method = Spinner()
+    method.capturable = capturable
+    measured = sample_frame(session(method, device), Sampling(samples=5, most=5, stage_samples=3))
+    assert len(measured.total_ms) == len(measured.wall_ms) == 5
+    assert [(p["name"], p["part"]) for p in measured.passes] == [
+        ("build", "build"),
+        ("primary rays", "trace"),
+        ("light 0: shadow rays", "shadow"),
+    ]
+    assert all(len(p["ms"]) == 3 for p in measured.passes)
+    assert min(measured.total_ms) > 0
+    assert measured.stopped_by == "samples"
+    assert abs(measured.started - time.time()) < 60
+
+
+@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize("capturable", [True, False])
+def test_passes_add_up_to_the_whole_frame(device, capturable):
+    method = Spinner(trace=Work(2000, 6000, 4000))
+    method.capturable = capturable
+    measured = sample_frame(session(method, device), Sampling(samples=7, most=7, stage_samples=7))
+    # The least of several samples is what a busy machine disturbs least.
+    parts = [min(p["ms"]) for p in measured.passes]
+    assert sum(parts) == pytest.approx(min(measured.total_ms), rel=0.15)
+    assert parts[1] / parts[0] == pytest.approx(3.0, rel=0.3)
+    assert parts[2] / parts[0] == pytest.approx(2.0, rel=0.3)
+
+
+@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize("capturable", [True, False])
+@pytest.mark.parametrize(
+    ("changed", "names"), [(set(), []), ({"light/0"}, ["light 0: shadow rays"])], ids=["nothing", "a light"]
+)
+def test_a_frame_in_part_is_sampled(changed, names, capturable, device):
+    """Also one of no pass at all, which is an empty graph where frames are captured."""
+    method = Spinner()
+    method.capturable = capturable
+    made = session(method, device)
+    made.select(changed)
+    measured = sample_frame(made, Sampling(samples=3, most=3, stage_samples=2))
+    assert len(measured.total_ms) == 3
+    assert [(p["name"], len(p["ms"])) for p in measured.passes] == [(name, 2) for name in names]
+
+
+def test_whole_frames_and_passes_are_timed_apart():
+    made = session()
+    made.method.launches.clear()
+    sample_frame(made, Sampling(samples=4, most=4, stage_samples=2))
+    # One warm-up, four whole frames, two instrumented ones.
+    assert made.method.launches == ["build", "trace", "shadow"] * 7
+
+
+@pytest.mark.parametrize(
+    ("times", "sampling", "in_time", "reason"),
+    [
+        ([1.0] * 5, Sampling(samples=5, most=5), True, "samples"),
+        ([1.0] * 4, Sampling(samples=5, most=9), True, ""),
+        ([1.0] * 4, Sampling(samples=5, most=9), False, "budget"),
+        ([1.0, 2.0] * 5, Sampling(samples=10, most=40, deviation=0.01), True, ""),
+        ([1.0, 1.001] * 5, Sampling(samples=10, most=40, deviation=0.01), True, "deviation"),
+        ([1.0, 2.0] * 20, Sampling(samples=10, most=40, deviation=0.01), True, "most"),
+        ([1.0], Sampling(samples=1, most=1, deviation=0.01), True, "most"),
+    ],
+)
+def test_why_sampling_stops(times, sampling, in_time, reason):
+    assert stop_reason(times, sampling, in_time) == reason
+
+
+class Sleeper(Spinner):
+    def build_structure(self, frame):
+        time.sleep(0.02)
+
+
+def test_the_budget_stops_a_slow_method_after_at_least_one_sample():
+    start = time.perf_counter()
+    measured = sample_frame(
+        session(Sleeper()), Sampling(samples=1000, most=1000, stage_samples=1000, budget_s=0.1)
+    )
+    assert time.perf_counter() - start < 2.0
+    assert measured.stopped_by == "budget"
+    assert 1 <= len(measured.total_ms) < 10
+    assert 1 <= len(measured.passes[0]["ms"]) < 10
+    tiny = sample_frame(session(Sleeper()), Sampling(samples=5, most=5, budget_s=1e-9))
+    assert len(tiny.total_ms) == 1
+    assert tiny.stopped_by == "budget"
+
+
+def test_a_deviation_that_is_not_met_takes_more_samples():
+    measured = sample_frame(session(), Sampling(samples=3, most=9, deviation=1e-9, stage_samples=1))
+    assert len(measured.total_ms) == 9
+    assert measured.stopped_by == "most"
+
+
+def test_no_garbage_is_collected_inside_samples():
+    seen = []
+
+    class Watcher(Spinner):
+        def build_structure(self, frame):
+            seen.append(gc.isenabled())
+
+    made = session(Watcher())
+    seen.clear()
+    sample_frame(made, Sampling())
+    assert seen
+    assert not any(seen)
+    assert gc.isenabled()
+
+
+def test_a_compile_is_counted_and_the_clock_leaves_no_trace():
+    before = type(wp.get_module(__name__)).load
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def fresh(out: wp.array[wp.float32]):
+        out[wp.tid()] = wp.float32(wp.static(time.time_ns() % 1000003))
+
+    out = wp.zeros(1, dtype=wp.float32, device="cpu")
+    with CompileClock() as clock:
+        wp.launch(fresh, dim=1, inputs=[out], device="cpu")
+    assert 0.0 < clock.seconds < 60.0
+    compiled = clock.seconds
+    with CompileClock() as clock:
+        wp.launch(fresh, dim=1, inputs=[out], device="cpu")
+    assert clock.seconds < compiled / 10
+    assert type(wp.get_module(__name__)).load is before
+
+
+def test_memory_counts_what_was_held_at_once():
+    tracker = Memory()
+    tracker.start()
+    first = wp.zeros(1 << 18, dtype=wp.float32, device="cpu")
+    second = wp.zeros(1 << 18, dtype=wp.float32, device="cpu")
+    del first, second
+    third = wp.zeros(1 << 10, dtype=wp.float32, device="cpu")
+    tracker.pause()
+    fourth = wp.zeros(1 << 22, dtype=wp.float32, device="cpu")
+    assert 2 << 20 <= tracker.peak() < 3 << 20
+    assert third.size < fourth.size
+
+
+def test_peak_of_the_process_grows_with_what_it_holds():
+    """In a process of its own: not every system lets the peak of a process that once was larger be reset."""
+    code = (
+        "import numpy as np\n"
+        "from shadowbench.harness import timing\n"
+        "timing.reset_peak_resident()\n"
+        "before = timing.peak_resident_bytes()\n"
+        "block = np.ones(8 << 20)\n"
+        "print(timing.peak_resident_bytes() - before, block.nbytes)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    growth, held = map(int, done.stdout.split())
+    assert held // 2 < growth < 2 * held
+
+
+def test_clock_state_of_a_cpu_has_no_gpu():
+    state = timing.clock_state("cpu")
+    assert state["gpu"] is None
+    assert state["load"] >= 0
+
+
+def test_orders_are_balanced_random_and_repeatable():
+    rows = orders(4, 8, seed=7)
+    assert rows == orders(4, 8, seed=7)
+    assert rows != orders(4, 8, seed=8)
+    assert all(sorted(row) == [0, 1, 2, 3] for row in rows)
+    for point in range(4):
+        assert sorted(row.index(point) for row in rows) == [0, 0, 1, 1, 2, 2, 3, 3]
+    assert orders(0, 2, seed=1) == [[], []]
+
+
+@pytest.mark.parametrize(
+    ("count", "wanted", "frames"),
+    [(1, 3, [0]), (16, 3, [0, 8, 15]), (2, 5, [0, 1]), (16, 1, [8]), (21, 1, [10])],
+)
+def test_frames_are_spread_over_the_whole_length(count, wanted, frames):
+    assert spread_frames(count, wanted) == frames

@@ -1,0 +1,303 @@
+"""Scenes declared in a file: what is said holds, what is not said stays, what is wrong is told in one line."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from shadowbench.harness.commands.plan import frame_plan
+from shadowbench.harness.errors import UserError
+from shadowbench.harness.frame.materials import reflectances
+from shadowbench.harness.scene.catalogue import resolve
+from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.scene import Effects
+from typer.testing import CliRunner
+
+MESH = """v -1 -1 0
+v 1 -1 0
+v 1 1 0
+v -1 1 0
+v 0 0 1
+f 1 2 5
+f 2 3 5
+f 3 4 5
+f 4 1 5
+f 1 3 2
+f 1 4 3
+"""
+
+FULL = """
+mesh = "roof.obj"
+title = "A roof"
+closed = true
+facing = true
+outputs = ["ids", "shadows"]
+
+[camera]
+eye = [0, 0.5, 4]
+target = [0, 0, 0]
+fov = 50
+moves = true
+
+[[lights]]
+position = [0, 2.5, 3]
+spot = {direction = [0, -2.5, -3], angle = 40, falloff = 2}
+
+[[lights]]
+position = [1, 3, 0.5]
+directional = true
+color = [1, 0.5, 0.2]
+
+[[lights]]
+position = [1, 1, 1]
+shadows = false
+
+[alpha]
+every = 2
+holes = 4
+
+[mirror]
+share = 0.4
+bounces = 2
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "roof.obj").write_text(MESH)
+    return tmp_path
+
+
+def declare(folder, text, name="scene.toml"):
+    path = folder / name
+    path.write_text(text)
+    return path
+
+
+def test_everything_declared_is_in_the_scene(folder):
+    scene = resolve(declare(folder, FULL))
+    assert (scene.name, scene.title, scene.closed, scene.facing) == ("scene", "A roof", True, True)
+    assert scene.camera.eye == (0.0, 0.5, 4.0)
+    assert scene.camera_moves
+    assert scene.lights[0].spot.angle == 40
+    assert scene.lights[1].directional
+    assert scene.lights[1].color == (1.0, 0.5, 0.2)
+    effects = Effects.of(scene)
+    assert effects.shadows == (True, True, False)
+    assert effects.names() == ("shadows", "receivers", "directional", "alpha", "mirror")
+    assert effects.bounces == 2
+    prepared = Prepared(scene)
+    assert prepared.alpha is not None
+    assert prepared.alpha.triangles.tolist() == [1, 0, 1, 0, 1, 0]
+    assert prepared.mirror.sum() == 2  # the two large ones below
+
+
+def test_what_is_not_declared_stays(folder):
+    plain, declared = resolve(folder / "roof.obj"), resolve(declare(folder, 'mesh = "roof.obj"'))
+    assert declared.camera == plain.camera
+    assert declared.lights == plain.lights
+    assert declared.title == "roof.obj (scene.toml)"
+    assert declared.source.sha256 != plain.source.sha256
+    np.testing.assert_array_equal(Prepared(declared).points(0)[0], Prepared(plain).points(0)[0])
+
+
+def test_a_scene_of_the_catalogue_can_be_declared_about(folder):
+    scene = resolve(declare(folder, 'mesh = "conference"\nfacing = true'))
+    assert scene.facing
+    assert scene.stand_in == resolve("conference").stand_in
+
+
+WRONG = {
+    "no mesh": ("facing = true", "say which mesh"),
+    "unknown mesh": ('mesh = "rof.obj"', "rof.obj"),
+    "unknown key": ('mesh = "roof.obj"\nshadow = true', "unknown key 'shadow'"),
+    "unknown key of a light": ('mesh = "roof.obj"\n[[lights]]\nplace = [0,0,0]', "unknown key 'place'"),
+    "a light without a place": ('mesh = "roof.obj"\n[[lights]]\nshadows = true', "say its position"),
+    "lights as a table": ('mesh = "roof.obj"\n[lights]\nposition = [0,0,0]', r"write \[\[lights\]\]"),
+    "two numbers": ('mesh = "roof.obj"\n[[lights]]\nposition = [0,0]', "three numbers"),
+    "a word for a number": ('mesh = "roof.obj"\n[camera]\nfov = "wide"', "must be a number"),
+    "a number for a flag": ('mesh = "roof.obj"\nfacing = 1', "must be of kind bool"),
+    "an unknown output": ('mesh = "roof.obj"\noutputs = ["colour"]', "output 'colour' is not one"),
+    "a directional spot": (
+        'mesh = "roof.obj"\n[[lights]]\nposition=[0,1,0]\ndirectional=true\nspot={direction=[0,-1,0],angle=20}',
+        "cannot be a spot",
+    ),
+    "a spot without an angle": (
+        'mesh = "roof.obj"\n[[lights]]\nposition=[0,1,0]\nspot={direction=[0,-1,0]}',
+        "angle",
+    ),
+    "too much of a mirror": ('mesh = "roof.obj"\n[mirror]\nshare = 2', "must lie above 0"),
+    "half a bounce": ('mesh = "roof.obj"\n[mirror]\nbounces = 0.5', "must be of kind int"),
+    "half a hole": ('mesh = "roof.obj"\n[alpha]\nholes = 1.5', "must be of kind int"),
+    "no hole": ('mesh = "roof.obj"\n[alpha]\nevery = 0', r"alpha.every must lie in 1\.\.2147483647"),
+    "holes beyond a number": (f'mesh = "roof.obj"\n[alpha]\nevery = 1{"0" * 30}', "alpha.every must lie in"),
+    "more holes than texels": (
+        'mesh = "roof.obj"\n[alpha]\nholes = 1000000000',
+        r"alpha.holes must lie in 1\.\.1048576",
+    ),
+    "digits without end": (f'mesh = "roof.obj"\n[camera]\nfov = {"1" * 5000}', "not TOML"),
+    "arrays without end": (f'mesh = "roof.obj"\nx = {"[" * 5000}', "not TOML"),
+    "a light that takes away": (
+        'mesh = "roof.obj"\n[[lights]]\nposition = [1, 1, 1]\ncolor = [-1, 0, 0]',
+        r"lights\[0\].color must lie in 0",
+    ),
+    "a light beyond all": (
+        'mesh = "roof.obj"\n[[lights]]\nposition = [1, 1, 1]\nintensity = 1e300',
+        "intensity must lie in",
+    ),
+    "no output": ('mesh = "roof.obj"\noutputs = []', "name at least one of"),
+    "an output twice": ('mesh = "roof.obj"\noutputs = ["ids", "ids"]', "each once"),
+    "two lines of title": ('mesh = "roof.obj"\ntitle = "A\\nB"', "title must be one line"),
+    "no title": ('mesh = "roof.obj"\ntitle = " "', "title must be one line"),
+    "an orbit about nothing": (
+        'mesh = "roof.obj"\n[orbit]\ncentre = [0, 0, 0]\naxis = [0, 0, 0]',
+        "orbit.axis must not be zero",
+    ),
+    "an orbit without frames": (
+        'mesh = "roof.obj"\n[orbit]\ncentre = [0, 0, 0]\nframes = 0',
+        "orbit.frames must lie in",
+    ),
+    "bounces without end": ('mesh = "roof.obj"\n[mirror]\nbounces = 1000000', r"must lie in 0\.\.64"),
+    "an eye nowhere": ('mesh = "roof.obj"\n[camera]\neye = [nan, 0, 0]', "camera.eye must be finite"),
+    "an eye beyond float32": ('mesh = "roof.obj"\n[camera]\neye = [1e300, 0, 0]', "beyond what float32"),
+    "no view": (
+        'mesh = "roof.obj"\n[camera]\neye = [1, 0, 0]\ntarget = [1, 0, 0]',
+        "must be finite and different",
+    ),
+    "no field of view": ('mesh = "roof.obj"\n[camera]\nfov = 0', "must lie between 0 and 180"),
+    "a light nowhere": ('mesh = "roof.obj"\n[[lights]]\nposition = [0, nan, 0]', "must be finite"),
+    "a light at infinity": ('mesh = "roof.obj"\n[[lights]]\nposition = [0, inf, 0]', "must be finite"),
+    "a light beyond float32": (
+        'mesh = "roof.obj"\n[[lights]]\nposition = [0, 1e300, 0]',
+        "beyond what float32",
+    ),
+    "a whole number beyond float64": (
+        f'mesh = "roof.obj"\n[[lights]]\nposition = [0, 1{"0" * 400}, 0]',
+        "must be finite",
+    ),
+    "a directional light without a way": (
+        'mesh = "roof.obj"\n[[lights]]\nposition = [0, 0, 0]\ndirectional = true',
+        "must not be zero",
+    ),
+    "a spot of no angle": (
+        'mesh = "roof.obj"\n[[lights]]\nposition=[0,1,0]\nspot={direction=[0,-1,0], angle=0}',
+        "between 0 and 180",
+    ),
+    "a spot that grows outward": (
+        'mesh = "roof.obj"\n[[lights]]\nposition=[0,1,0]\nspot={direction=[0,-1,0], angle=20, falloff=-1}',
+        "falloff must not be negative",
+    ),
+    "its own mesh": ('mesh = "scene.toml"', "leads back to itself"),
+    "not TOML": ("mesh = ", "not TOML"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_what_is_wrong_is_told_in_one_line(folder, case):
+    text, message = WRONG[case]
+    with pytest.raises(UserError, match=message) as caught:
+        resolve(declare(folder, text))
+    assert "\n" not in str(caught.value)
+    assert "scene.toml" in str(caught.value) or "rof.obj" in str(caught.value)
+
+
+def test_a_link_to_itself_and_a_folder_are_no_declaration(folder):
+    loop = folder / "loop.toml"
+    loop.symlink_to(loop)
+    with pytest.raises(UserError, match="cannot read"):
+        resolve(loop)
+    (folder / "room.toml").mkdir()
+    with pytest.raises(UserError, match="is not a file"):
+        resolve(folder / "room.toml")
+
+
+def test_lights_on_an_orbit_move_over_frames_of_their_own(folder):
+    told = 'mesh = "roof.obj"\n[[lights]]\nposition = [2, 3, 0]\n[[lights]]\nposition = [1, 1, 0]\ndirectional = true\n'
+    path = declare(folder, told + "[orbit]\ncentre = [0, 1, 0]\nturns = 0.5\nframes = 3")
+    prepared = Prepared(resolve(path))
+    assert prepared.frame_count == 3
+    first, sun = prepared.lights(2)
+    assert np.allclose(first.position, (-2, 3, 0))
+    assert np.allclose(sun.position, (-1, 1, 0))  # the way to it turns about the axis, wherever that stands
+    found = frame_plan(str(path), ["uniform_grid"], "16x16", "cpu")
+    assert all("moving" in words for words in found["declared"]["lights"])
+
+
+def test_a_mesh_has_one_hue_whatever_is_declared_about_it(folder):
+    one = reflectances(Prepared(resolve(declare(folder, 'mesh = "roof.obj"', "one.toml"))))
+    other = reflectances(Prepared(resolve(declare(folder, 'mesh = "roof.obj"\nfacing = true', "other.toml"))))
+    assert np.array_equal(one, other)
+
+
+def test_plan_takes_settings(folder):
+    path = str(declare(folder, 'mesh = "roof.obj"\n[alpha]\nevery = 2'))
+    (plain,) = frame_plan(path, ["bvh"], "16x16", "cpu")["methods"]
+    assert "bvh.update=bvh_rebuild" in plain["cannot"]
+    (chosen,) = frame_plan(path, ["bvh"], "16x16", "cpu", settings=["bvh.update=bvh_rebuild"])["methods"]
+    assert not chosen["cannot"]
+    assert chosen["settings"] == {"update": "bvh_rebuild"}
+
+
+def test_a_declaration_can_be_declared_about_but_not_in_a_circle(folder):
+    declare(folder, 'mesh = "roof.obj"\nfacing = true', "inner.toml")
+    assert resolve(declare(folder, 'mesh = "inner.toml"')).facing
+    declare(folder, 'mesh = "scene.toml"', "inner.toml")
+    with pytest.raises(UserError, match="leads back to itself"):
+        resolve(folder / "scene.toml")
+
+
+def test_a_mark_before_the_text_is_passed_over(folder):
+    assert resolve(declare(folder, '\ufeffmesh = "roof.obj"\nfacing = true')).facing
+
+
+def test_a_declared_scene_never_takes_the_name_of_one_of_the_paper(folder):
+    assert resolve(declare(folder, 'mesh = "roof.obj"', "fairy.toml")).name == "fairy-declared"
+    assert resolve(declare(folder, 'mesh = "roof.obj"', "My Room.toml")).name == "my_room"
+
+
+def test_plan_of_a_declared_scene(folder):
+    path = str(declare(folder, FULL))
+    found = frame_plan(path, ["uniform_grid", "embree"], "16x16", "cpu")
+    assert found["calls_for"] == ["shadows", "receivers", "directional", "alpha", "mirror"]
+    assert found["declared"]["camera"] == "moving"
+    assert found["declared"]["mirror bounces"] == 2
+    grid, embree = found["methods"]
+    assert "holes" in embree["cannot"] or "filter" in embree["cannot"]
+    work = {step["name"]: step for step in grid["passes"]}
+    assert "light 2: shadow rays" not in work
+    assert work["light 0: receivers"]["after"]["light 0"]["runs"]
+    assert not work["light 0: receivers"]["after"]["light 1"]["runs"]
+    assert not any(step["after"]["nothing"]["runs"] for step in work.values())
+    assert all(step["first"] for step in work.values())
+
+
+def test_plan_command_prints_and_gives_json(folder):
+    from shadowbench.harness.cli import app
+
+    path = str(declare(folder, FULL))
+    shown = CliRunner().invoke(app, ["plan", path, "--method", "uniform_grid", "--size", "16x16"])
+    assert shown.exit_code == 0
+    assert "light 1: directional, with shadows, fixed" in shown.stdout
+    assert "passes that run" in shown.stdout
+    told = CliRunner().invoke(app, ["plan", path, "--method", "uniform_grid", "--size", "16x16", "--json"])
+    assert json.loads(told.stdout)["methods"][0]["method"] == "uniform_grid"
+
+
+@pytest.mark.parametrize("scene", ["fairy", "sibenik", "bunny_dragon", "conference", "cloth", "buddha"])
+def test_plan_of_the_six_scenes(scene):
+    """What a plan says is what a frame does: see also the partial frames of ``shadowbench check``."""
+    found = frame_plan(scene, ["uniform_grid", "perspective_spherical", "ray_grids"], "32x32", "cpu")
+    assert found["calls_for"] == ["shadows"]
+    for method in found["methods"]:
+        runs = {
+            label: [step["name"] for step in method["passes"] if step["after"][label]["runs"]]
+            for label in found["changes"]
+        }
+        assert runs["nothing"] == []
+        assert runs["geometry"] == [step["name"] for step in method["passes"]]
+        assert all(name.startswith("light 0") for name in runs["light 0"])
+        builds = [
+            s["name"] for s in method["passes"] if s["part"] == "build" and s["after"]["camera"]["runs"]
+        ]
+        assert bool(builds) == (method["method"] == "perspective_spherical")

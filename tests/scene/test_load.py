@@ -1,0 +1,353 @@
+"""Scene files: right ones are read as they are, broken ones are one line."""
+
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from helpers import mesh_files as files
+from helpers.mesh_files import refused, written
+from shadowbench.harness.errors import UserError
+from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.readers import usd
+from shadowbench.harness.scene.readers.checks import MAX_LINE, fan
+from shadowbench.harness.scene.readers.load import load, source
+from shadowbench.harness.scene.scene import Camera, Scene
+
+REAL = Path(__file__).resolve().parents[3] / "shared" / "scenes"
+PENTAGON = [(0, 1, 2, 3, 4), (0, 1, 2), (0, 1, 2, 3)]
+PENTAGON_FANS = [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 1, 2], [0, 1, 2], [0, 2, 3]]
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("a.ply", files.ply_binary()),
+        ("b.ply", files.ply_binary(big=True)),
+        ("c.ply", files.ply_binary(count="int", index="ushort")),
+        ("d.ply", files.ply_ascii()),
+        ("e.obj", files.obj()),
+        ("UPPER.OBJ", files.obj()),
+        ("f.obj", files.obj().replace(b"\n", b"\r\n")),
+        ("g.obj", files.obj().replace(b"\n", b"\r")),
+        ("h.ply", files.ply_ascii().replace(b"\n", b"\r\n")),
+    ],
+)
+def test_plain_files_are_read_as_they_are(tmp_path, name, content):
+    loaded = load(written(tmp_path, name, content))
+    assert np.array_equal(loaded.frames[0], files.QUAD)
+    assert loaded.faces.tolist() == [list(face) for face in files.FACES]
+    assert loaded.faces.dtype == np.int32
+    assert loaded.geometry().frame_count == 1
+
+
+@pytest.mark.parametrize("content", [files.ply_binary(polygons=PENTAGON), files.ply_ascii(polygons=PENTAGON)])
+def test_ply_polygons_become_fans_in_the_order_of_the_file(tmp_path, content):
+    assert load(written(tmp_path, "p.ply", content)).faces.tolist() == PENTAGON_FANS
+
+
+def test_obj_polygons_become_fans_in_the_order_of_the_file(tmp_path):
+    assert load(written(tmp_path, "p.obj", files.obj(polygons=PENTAGON))).faces.tolist() == PENTAGON_FANS
+
+
+@pytest.mark.parametrize("suffix", ["ply", "obj"])
+def test_plain_files_are_what_trimesh_reads(tmp_path, suffix):
+    path = tmp_path / f"sphere.{suffix}"
+    trimesh.creation.icosphere(3).export(path)
+    theirs, ours = trimesh.load_mesh(path, process=False), load(path)
+    assert np.array_equal(ours.faces, theirs.faces)
+    assert np.array_equal(ours.frames[0], theirs.vertices)
+
+
+def test_obj_records_that_are_no_geometry_change_nothing(tmp_path):
+    text = """# comment
+mtllib absent.mtl
+o first
+v 0 0 0 1.0
+v 1 0 0 0.5 0.5 0.5
+vt 0 0
+vn 0 0 1
+usemtl red
+f 1/1/1 2/1/1 3/1/1
+v 1 1 0
+v 0 1 0
+usemtl blue
+f 1//1 \\
+  3//1 4//1
+usemtl red
+s off
+l 1 2
+f 2/1 3/1 4/1
+"""
+    loaded = load(written(tmp_path, "a.obj", text))
+    assert loaded.faces.tolist() == [[0, 1, 2], [0, 2, 3], [1, 2, 3]]
+    assert loaded.frames[0].tolist() == [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+
+
+def test_negative_obj_indices_count_back_from_their_line(tmp_path):
+    text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\nv 5 0 0\nv 6 0 0\nv 5 1 0\nf -3 -2 -1\n"
+    path = written(tmp_path, "a.obj", text)
+    assert load(path).faces.tolist() == [[0, 1, 2], [3, 4, 5]]
+    # What trimesh makes of it is why OBJ is read here: the same face twice.
+    assert trimesh.load_mesh(path, process=False).triangles[0, :, 0].tolist() != [0, 1, 0]
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n", "vertex 0"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n", "vertex 3 (from 0), but there are 3"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf -4 -2 -1\n", "vertex -4"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2\n", "2 vertices"),
+        ("v 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "line 1"),
+        ("v 0 0 0\nv 1 x 0\nv 0 1 0\nf 1 2 3\n", "line 2"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 99999999999999999999\n", "line 4"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 1.5\n", "line 4"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\n", "no triangles"),
+        ("", "no triangles"),
+        ("v " + "0 " * MAX_LINE, "longer than"),
+    ],
+)
+def test_broken_obj_files(tmp_path, text, word):
+    refused(written(tmp_path, "a.obj", text), word)
+
+
+@pytest.mark.parametrize(
+    ("content", "word"),
+    [
+        (files.ply_binary(polygons=[(0, 1, 5)]), "vertex 5 (from 0), but there are 5"),
+        (files.ply_binary(polygons=[(0, 1, -1)]), "vertex -1"),
+        (files.ply_ascii(polygons=[(0, 1, 5)]), "vertex 5"),
+        (files.ply_binary(vertices=2_000_000_000), "claims 2000000000 of 'vertex'"),
+        (files.ply_binary(faces=2_000_000_000), "claims 2000000000 of 'face'"),
+        (files.ply_ascii(vertices=2_000_000_000), "claims 2000000000"),
+        (files.ply_binary(faces=5), "truncated"),
+        (files.ply_binary(faces=3), "13 bytes are left"),
+        (files.ply_binary(vertices=4), "truncated or its header wrong"),
+        (files.ply_ascii(faces=3), "4 numbers are left"),
+        (files.ply_ascii(faces=5), "end inside"),
+        (files.ply_binary()[:-1], "truncated"),
+        (files.ply_binary()[:-20], "truncated"),
+        (files.ply_binary()[:100], "truncated"),
+        (files.ply_binary()[:3], "no end_header"),
+        (b"", "ply"),
+        (b"ply\nend_header\n", "no format"),
+        (files.ply_binary(faces=-1), "negative"),
+        (files.ply_binary(polygons=[(0, 1)]), "face 0 has 2 vertices"),
+        (files.ply_ascii(polygons=[(0, 1, 2), (0, 1)]), "face 1 has 2 vertices"),
+        (files.ply_binary(polygons=[]), "no triangles"),
+        (files.ply_binary().replace(b"float z", b"float w"), "lacks x, y or z"),
+        (files.ply_binary().replace(b"vertex_indices", b"other_indices"), "vertex_indices"),
+        (files.ply_binary().replace(b"list uchar", b"list float"), "no integer type"),
+        (
+            files.ply_binary().replace(b"property float x", b"property quad x"),
+            "header line 'property quad x'",
+        ),
+        (files.ply_ascii().replace(b"0.5 0.5 1", b"0.5 half 1"), "not a number"),
+        (files.ply_ascii().replace(b"3 0 1 2\n", b"3 0 1.5 2\n"), "no whole number"),
+    ],
+)
+def test_broken_ply_files(tmp_path, content, word):
+    refused(written(tmp_path, "a.ply", content), word)
+
+
+def test_ply_with_other_properties_elements_and_orders(tmp_path):
+    text = """ply
+format ascii 1.0
+element camera 1
+property float x
+element face 2
+property uchar red
+property list uchar int vertex_index
+property list uchar float texcoord
+element vertex 4
+property float x
+property float nx
+property float y
+property double z
+element edge 1
+property int vertex1
+property int vertex2
+end_header
+9
+255 4 0 1 2 3 2 0.5 0.5
+0 3 0 1 2 0
+0 7 0 0
+1 7 0 0
+1 7 1 0
+0 7 1 0
+0 1
+"""
+    loaded = load(written(tmp_path, "a.ply", text))
+    assert loaded.faces.tolist() == [[0, 1, 2], [0, 2, 3], [0, 1, 2]]
+    assert loaded.frames[0].tolist() == [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+
+
+def test_fans_of_many_polygons_across_blocks():
+    rng = np.random.default_rng(1)
+    counts = rng.integers(3, 7, 40_000)
+    corners = np.arange(counts.sum())
+    expected, at = [], 0
+    for count in counts:
+        expected += [(at, at + i, at + i + 1) for i in range(1, count - 1)]
+        at += count
+    assert np.array_equal(fan(counts, corners), expected)
+
+
+def test_stl_keeps_every_triangle_and_its_corners(tmp_path):
+    for name, content in (("a.stl", files.stl_binary()), ("b.stl", files.stl_ascii())):
+        loaded = load(written(tmp_path, name, content))
+        assert np.array_equal(loaded.frames[0][loaded.faces], files.QUAD[np.array(files.FACES)])
+        assert loaded.up == (0, 0, 1)
+
+
+def test_stl_of_several_solids(tmp_path):
+    content = files.stl_ascii() + files.stl_ascii(triangles=[(0, 1, 4)]).replace(b"hand", b"foot")
+    loaded = load(written(tmp_path, "a.stl", content))
+    expected = files.QUAD[np.array([*files.FACES, (0, 1, 4)])]
+    assert np.array_equal(loaded.frames[0][loaded.faces], expected)
+
+
+@pytest.mark.parametrize(
+    ("content", "word"),
+    [
+        (files.stl_binary(claimed=5), "claims 5 triangles"),
+        (files.stl_binary(claimed=3), "claims 3 triangles"),
+        (files.stl_binary()[:-7], "truncated"),
+        (files.stl_binary(claimed=4_000_000_000), "claims 4000000000"),
+        (files.stl_binary(triangles=np.zeros((0, 3), int)), "no triangles"),
+        (b"solid a\nendsolid a\n", "no triangles"),
+        (files.stl_ascii()[:-40], "could be read"),
+        (files.stl_ascii().replace(b"vertex 1 1 0", b"vertex 1 one 0", 1), ""),
+        (files.stl_ascii().replace(b"  vertex 1 1 0\n", b"", 1), "instead of 12"),
+        (b"short", "neither"),
+    ],
+)
+def test_broken_stl_files(tmp_path, content, word):
+    refused(written(tmp_path, "a.stl", content), word)
+
+
+def npz(path, **arrays) -> Path:
+    with path.open("wb") as stream:
+        np.savez(stream, **arrays)
+    return path
+
+
+def test_npz_sequence(tmp_path):
+    frames = np.stack([files.QUAD, files.QUAD + 1, files.QUAD * 2])
+    loaded = load(npz(tmp_path / "a.npz", V=frames, F=np.array(files.FACES)))
+    geometry = loaded.geometry()
+    assert geometry.frame_count == 3
+    assert all(np.array_equal(geometry.positions(k), frames[k]) for k in range(3))
+    assert geometry.faces.tolist() == [list(face) for face in files.FACES]
+
+
+@pytest.mark.parametrize(
+    ("arrays", "word"),
+    [
+        ({"V": files.QUAD[None]}, "no array 'F'"),
+        ({"F": np.array(files.FACES)}, "no array 'V'"),
+        ({"V": files.QUAD[None], "F": np.array([[0, 1, 9]])}, "vertex 9"),
+        ({"V": files.QUAD[None], "F": np.array([[0.0, 1.0, 2.0]])}, "save F as integers"),
+        ({"V": files.QUAD[None, :, :2], "F": np.array(files.FACES)}, "save V as floats"),
+        ({"V": np.zeros((0, 5, 3)), "F": np.array(files.FACES)}, "no frames"),
+        ({"V": files.QUAD[None], "F": np.zeros((0, 3), int)}, "no triangles"),
+        ({"V": np.zeros((0, 3)), "F": np.zeros((0, 3), int)}, "no triangles"),
+        ({"V": np.array([{"a": 1}], dtype=object), "F": np.array(files.FACES)}, "V.npy"),
+    ],
+)
+def test_broken_npz_files(tmp_path, arrays, word):
+    refused(npz(tmp_path / "a.npz", **arrays), word)
+
+
+def test_npz_that_unpacks_to_far_more_than_its_size(tmp_path):
+    path = tmp_path / "a.npz"
+    np.savez_compressed(path, V=np.zeros((1, 6_000_000, 3), np.float32), F=np.array([[0, 1, 2]]))
+    assert path.stat().st_size < 200_000
+    refused(path, "unpacks to more than")
+
+
+def test_numbered_frames_of_a_folder(tmp_path):
+    for number in (2, 10, 1):
+        written(tmp_path, f"wave_{number}.ply", files.ply_binary(files.QUAD + number))
+    loaded = load(tmp_path)
+    assert [frame[0, 0] for frame in loaded.frames] == [1, 2, 10]
+    assert source(loaded.files).file == "wave_1.ply..wave_10.ply (3 files)"
+
+
+def test_frames_must_have_the_same_connectivity(tmp_path):
+    written(tmp_path, "wave_1.ply", files.ply_binary())
+    written(tmp_path, "wave_2.ply", files.ply_binary(polygons=[*files.FACES[1:], files.FACES[0]]))
+    with pytest.raises(UserError, match=r"wave_2\.ply.*wave_1\.ply; all frames of a sequence need"):
+        load(tmp_path)
+
+
+def test_a_folder_with_two_sequences_is_ambiguous(tmp_path):
+    for name in ("a_1.ply", "b_1.ply"):
+        written(tmp_path, name, files.ply_binary())
+    with pytest.raises(UserError, match="several numbered sequences"):
+        load(tmp_path)
+
+
+def test_files_that_are_none(tmp_path):
+    refused(tmp_path / "absent.ply", "no such file")
+    refused(tmp_path / "absent.npz", "no such file")
+    refused(tmp_path / "absent.usda", "no such file") if usd.available() else None
+    refused(tmp_path / "absent.xyz", "no such file")
+    refused(written(tmp_path, "a.plx", b""), "did you mean .ply?")
+    refused(tmp_path, "no numbered")
+
+
+def test_one_triangle_and_nan_vertices(tmp_path):
+    points = np.vstack([files.QUAD, [[np.nan, 0, 0]]])
+    for name, make in (("a.ply", files.ply_binary), ("b.ply", files.ply_ascii), ("c.obj", files.obj)):
+        loaded = load(written(tmp_path, name, make(points, [(0, 1, 2), (0, 1, 5)])))
+        scene = Scene("t", "T", loaded.geometry, Camera((0, 0, 5), (0, 0, 0)), ())
+        assert Prepared(scene).points(0)[1].tolist() == [1, 0]
+        assert len(load(written(tmp_path, name, make(polygons=[(0, 1, 2)]))).faces) == 1
+
+
+def test_the_hash_of_a_source_is_that_of_its_bytes(tmp_path):
+    path = written(tmp_path, "a.obj", b"abc")
+    assert source((path,)).sha256 == "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
+
+
+@pytest.mark.parametrize(
+    "kind", ["ply", "ascii.ply", "mixed.ply", "mixed.ascii.ply", "obj", "stl", "ascii.stl", "glb"]
+)
+def test_memory_stays_within_ten_times_the_file(tmp_path, kind):
+    n = 40
+    rng = np.random.default_rng(0)
+    points = rng.random((n * n, 3)).astype(np.float32)
+    i = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
+    quads = np.stack([i, i + 1, i + n + 1, i + n], axis=1).tolist()
+    triangles = [t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))]
+    mixed = [*triangles[: len(quads)], *quads]
+    content = {
+        "ply": lambda: files.ply_binary(points, triangles),
+        "ascii.ply": lambda: files.ply_ascii(points, triangles),
+        "mixed.ply": lambda: files.ply_binary(points, mixed),
+        "mixed.ascii.ply": lambda: files.ply_ascii(points, mixed),
+        "obj": lambda: files.obj(points, mixed),
+        "stl": lambda: files.stl_binary(points, triangles),
+        "ascii.stl": lambda: files.stl_ascii(points, triangles),
+        "glb": lambda: files.glb(points, triangles),
+    }[kind]()
+    path = written(tmp_path, f"a.{kind}", content)
+    load(path)  # whatever is imported on the first call is not the file's
+    tracemalloc.start()
+    try:
+        load(path)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak <= 10 * len(content) + (1 << 19), f"{peak / len(content):.1f} times the file"
+
+
+@pytest.mark.skipif(not REAL.is_dir(), reason="the folder of real scenes is absent")
+def test_real_files_are_what_trimesh_reads():
+    for path in sorted(REAL.glob("*.ply")):
+        theirs, ours = trimesh.load_mesh(path, process=False), load(path)
+        assert np.array_equal(ours.faces, theirs.faces)
+        assert np.array_equal(ours.frames[0], theirs.vertices)

@@ -1,0 +1,174 @@
+"""Registers, spilled bytes and instructions of the hot kernels, read from their binaries for an H200: no GPU needed.
+
+    python tests/tools/kernel_report.py            compile, and print the table beside what is recorded
+    python tests/tools/kernel_report.py --record   keep what was found as results/nvidia-h200/kernels.csv
+
+A binary for the GPU is an ELF file: a kernel's instructions are its section ``.text.NAME``, 16 bytes each, and the
+sections ``.nv.info`` hold pairs (symbol, value) of registers a thread and bytes of its stack. The stack is what
+does not fit into registers.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+import struct
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import astuple, dataclass, fields
+from pathlib import Path
+
+import warp as wp
+
+ARCH = 90
+RECORD = Path(__file__).resolve().parents[2] / "results" / "nvidia-h200" / "kernels.csv"
+
+INSTRUCTION_BYTES = 16
+SYMBOL_BYTES = 24
+SYMBOL_TABLE = 2
+REGISTERS, STACK = 0x2F, 0x11  # attributes of .nv.info
+VALUES = 0x04  # its entries that hold more than 16 bits
+
+
+@dataclass(frozen=True)
+class Use:
+    """What a kernel takes: registers a thread, stack bytes a thread, instructions in all."""
+
+    registers: int
+    stack_bytes: int
+    instructions: int
+
+
+def hot_modules() -> dict[str, wp.Module | str]:
+    """Modules of the kernels in which frames spend their time, by the package they belong to."""
+    from shadowbench.methods.perspective_spherical.camera.trace_staged import make_staged_trace_kernel
+    from shadowbench.methods.perspective_spherical.light.trace_staged import make_staged_shadow_kernel
+    from shadowbench.methods.perspective_spherical.variants import Variant
+    from shadowbench.methods.ray_grids.camera import queue as camera_queue
+    from shadowbench.methods.ray_grids.camera import stream as camera_stream
+    from shadowbench.methods.ray_grids.light import queue as light_queue
+    from shadowbench.methods.ray_grids.light import stream as light_stream
+
+    return {
+        "ray_grids camera: stream": camera_stream.make_stream_kernel(True).module,
+        "ray_grids camera: rows": camera_queue.make_item_kernel(True, False).module,
+        "ray_grids camera": "shadowbench.methods.ray_grids.camera.stream",
+        "ray_grids camera: resolve": "shadowbench.methods.ray_grids.camera.resolve",
+        "ray_grids light: aim": "shadowbench.methods.ray_grids.aim",
+        "ray_grids light: places": "shadowbench.methods.ray_grids.cube",
+        "ray_grids light: bins": "shadowbench.methods.ray_grids.light.bins",
+        "ray_grids light: stream": light_stream.make_stream_kernel(True).module,
+        "ray_grids light: rows": light_queue.make_item_kernel(True, False).module,
+        "ray_grids light": "shadowbench.methods.ray_grids.light.queue",
+        "perspective_spherical: trace": make_staged_trace_kernel(Variant(0), 64).module,
+        "perspective_spherical: shadow": make_staged_shadow_kernel(Variant(0), 64).module,
+    }
+
+
+def uses_of(module: wp.Module | str) -> dict[str, Use]:
+    """Compile a module ahead of time; what each of its kernels takes, by the kernel's name."""
+    with tempfile.TemporaryDirectory() as folder:
+        wp.compile_aot_module(module, arch=ARCH, module_dir=folder, use_ptx=False)
+        (path,) = Path(folder).glob("*.cubin")
+        return uses_in(path.read_bytes())
+
+
+def uses_in(binary: bytes) -> dict[str, Use]:
+    """The kernels of a GPU binary."""
+    sections = list(sections_of(binary))
+    symbols: list[str] = []
+    for _, kind, offset, size, link in sections:
+        if kind == SYMBOL_TABLE:
+            names = sections[link][2]
+            for at in range(offset, offset + size, SYMBOL_BYTES):
+                symbols.append(text_at(binary, names + struct.unpack_from("<I", binary, at)[0]))
+    values: dict[tuple[str, int], int] = {}
+    for name, _, offset, size, _ in sections:
+        if name.startswith(".nv.info"):
+            for attribute, symbol, value in values_in(binary, offset, offset + size):
+                values[symbols[symbol], attribute] = value
+    result = {}
+    for name, _, _, size, _ in sections:
+        if name.startswith(".text."):
+            symbol = name.removeprefix(".text.")
+            use = Use(values[symbol, REGISTERS], values[symbol, STACK], size // INSTRUCTION_BYTES)
+            result[plain_name(symbol)] = use
+    return result
+
+
+def sections_of(binary: bytes) -> Iterator[tuple[str, int, int, int, int]]:
+    """(name, type, offset, size, link) of every section of a 64-bit ELF file."""
+    if binary[:5] != b"\x7fELF\x02":
+        raise ValueError("no 64-bit ELF file")
+    (table,) = struct.unpack_from("<Q", binary, 0x28)
+    entry, count, names = struct.unpack_from("<HHH", binary, 0x3A)
+    rows = [struct.unpack_from("<IIQQQQIIQQ", binary, table + k * entry) for k in range(count)]
+    for row in rows:
+        yield text_at(binary, rows[names][4] + row[0]), row[1], row[4], row[5], row[6]
+
+
+def values_in(binary: bytes, start: int, stop: int) -> Iterator[tuple[int, int, int]]:
+    """(attribute, symbol, value) of the registers and stacks in an info section."""
+    at = start
+    while at < stop:
+        form, attribute, size = struct.unpack_from("<BBH", binary, at)
+        at += 4
+        if form == VALUES:
+            if attribute in (REGISTERS, STACK) and size == 8:
+                yield (attribute, *struct.unpack_from("<II", binary, at))
+            at += size
+
+
+def text_at(binary: bytes, at: int) -> str:
+    return binary[at : binary.index(b"\0", at)].decode()
+
+
+def plain_name(symbol: str) -> str:
+    """A kernel's own name: without the factory that made it, Warp's hash and its ending."""
+    return re.sub(r"_[0-9a-f]{8}_cuda_kernel_forward$", "", symbol).rsplit("__locals__", 1)[-1]
+
+
+def report() -> dict[tuple[str, str], Use]:
+    """Every hot kernel, by package and name."""
+    return {
+        (label, name): use
+        for label, module in hot_modules().items()
+        for name, use in sorted(uses_of(module).items())
+    }
+
+
+def recorded() -> dict[tuple[str, str], Use]:
+    """What was recorded last."""
+    with RECORD.open(newline="") as file:
+        return {
+            (row["module"], row["kernel"]): Use(*(int(row[f.name]) for f in fields(Use)))
+            for row in csv.DictReader(file)
+        }
+
+
+def record(found: dict[tuple[str, str], Use]) -> None:
+    with RECORD.open("w", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["module", "kernel", *(f.name for f in fields(Use))])
+        writer.writerows([*key, *astuple(use)] for key, use in found.items())
+
+
+def main(arguments: list[str]) -> None:
+    found = report()
+    before = recorded() if RECORD.exists() else {}
+    print(f"{'':52} {'registers':>16} {'stack bytes':>16} {'instructions':>16}   (recorded)")
+    for key, use in found.items():
+        old = before.get(key)
+        cells = [
+            f"{value:>7} {'(' + str(astuple(old)[k]) + ')' if old else '':>8}"
+            for k, value in enumerate(astuple(use))
+        ]
+        print(f"{': '.join(key):52} {' '.join(cells)}")
+    if "--record" in arguments:
+        record(found)
+        print(f"recorded in {RECORD}")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
