@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from ..harness.frame.devices import device_for
 from ..harness.frame.registry import make_method, method_class
 from ..harness.hardcases import all_cases
 from ..harness.hardcases.judge import Judged, judge_method
-from ..harness.runner.experiment import Entry, device_for
+from ..harness.runner.experiment import Entry
 
 
 def hard_rows(

@@ -13,10 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from ..harness.frame.devices import device_for
 from ..harness.frame.registry import make_method
 from ..harness.frame.session import Session
 from ..harness.judge.score import Judge
-from ..harness.runner.experiment import Entry, device_for
+from ..harness.runner.experiment import Entry
 from ..harness.runner.machine_lock import TURN
 from ..harness.scene.overrides import Lighting
 from ..harness.scene.prepared import Prepared, weld

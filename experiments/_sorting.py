@@ -18,15 +18,20 @@ import numpy as np
 import warp as wp
 
 from ..harness.errors import UserError
+from ..harness.files import digest
+from ..harness.frame.devices import device_title
 from ..harness.frame.passes import Pass
 from ..harness.frame.session import Session
 from ..harness.results.folder import ResultsFolder
-from ..harness.results.record import SCHEMA, Journal, digest, make_record
-from ..harness.runner.experiment import Preset, device_title, orders
+from ..harness.results.journal import Journal
+from ..harness.results.record import SCHEMA, make_record
+from ..harness.runner.experiment import Preset
 from ..harness.runner.job import Options, Reporter
-from ..harness.runner.machine import environment, keep
+from ..harness.runner.machine import clock_state, environment, keep
 from ..harness.runner.machine_lock import TURN
-from ..harness.runner.timing import Sampling, clock_state, peak_resident_bytes, sample_frame
+from ..harness.runner.memory import peak_resident_bytes
+from ..harness.runner.points import orders
+from ..harness.runner.timing import Sampling, sample_frame
 
 NAME, SORT = "radix_sort_pairs", "sort pairs"
 

@@ -203,7 +203,8 @@ def render_(
     A stand-in's picture says so in a caption below it.
     """
     from .commands.render import render
-    from .runner.experiment import Entry, parse_settings
+    from .runner.experiment import Entry
+    from .runner.points import parse_settings
 
     (entry,) = parse_settings(setting or [], (Entry(method),))
     picture = render(scene, method, out, size, frame, device, scene_dir, dict(entry.settings))

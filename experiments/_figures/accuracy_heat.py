@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...harness.files import write_text
 from ...harness.report import points
-from ...harness.results.record import write_text
 
 if TYPE_CHECKING:
     from ...harness.runner.experiment import Entry

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from ...harness.judge.referee import Verdict
+from ...harness.judge.verdict import Verdict
 from ...harness.report import points, style
-from ...harness.report.flip import read_wrong, reference_path, wrong_path
+from ...harness.report.flip import reference_path
 from ...harness.report.sheet import title_of
+from ...harness.results.pixel_maps import read_wrong, wrong_path
 from .accuracy_rows import Row, scenes
 
 UNJUDGED = -1

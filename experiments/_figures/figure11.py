@@ -13,12 +13,8 @@ from typing import Any
 import numpy as np
 
 from ...harness.report import points
+from .figure11_rows import AXES, CLAMPS, FORMATS, PRECISE, REJECTED, panel, short
 
-CLAMPS = {"none": "unclamped", "view": "clamped to the view", "hits": "clamped to the hits"}
-AXES = {False: "world axes", True: "aimed"}
-PRECISE, COARSE, CENTRED = "float64", "float32", "float32-centred"
-FORMATS = (COARSE, CENTRED)
-"""Number formats beside the exact one; the second is told from the middle of the hit points, of aimed frames."""
 COUNTED = ("light 0 pairs", "light 0 tiles with rays", "light 0 most rays in a tile", "light 0 chunks",
            "light 0 lanes", "light 0 rays", "light 0 list, longest", "shadow tests a hundred rays")  # fmt: skip
 COLUMNS = [
@@ -26,7 +22,6 @@ COLUMNS = [
     *(name.removeprefix("light 0 ").replace(", ", "_").replace(" ", "_") for name in COUNTED),
 ]  # fmt: skip
 """``without_balancing``: traversal without load balancing over that at this r, with the light at the same place."""
-REJECTED = ("rejected", "timeout", "failed")
 
 
 def draw(
@@ -93,24 +88,11 @@ def truth(value: Any) -> bool:
     return str(value).lower() in ("true", "1")
 
 
-def panel(
-    rows: Sequence[dict[str, Any]], clamp: str, axes: str, precision: str = PRECISE
-) -> list[dict[str, Any]]:
-    """The rows of a panel, nearest light first."""
-    own = [r for r in rows if (r["clamp"], r["axes"], r["precision"]) == (clamp, axes, precision)]
-    return sorted(own, key=lambda r: r["light_distance"])
-
-
 def span(rows: Sequence[dict[str, Any]], r: int, far: float, near: float = 1.0) -> float | None:
     """Traversal time of the lights at least ``far`` radii away over that of the nearest at ``near`` or more."""
     line = [x for x in points.measured(rows) if x["r"] == r and x["light_distance"] >= near]
     out = [x["traversal_ms"] for x in line if x["light_distance"] >= far]
     return float(np.median(out)) / line[0]["traversal_ms"] if out and line[0]["traversal_ms"] else None
-
-
-def short(distance: float) -> str:
-    """A distance as a person writes it: 0.1, 10, 1e5, 1e7."""
-    return f"{distance:.0e}".replace("e+0", "e") if distance >= 1e4 else f"{distance:g}"
 
 
 def along(

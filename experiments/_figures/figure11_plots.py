@@ -8,7 +8,7 @@ from typing import Any
 
 from ...harness.report import points, style
 from ...harness.report.sheet import title_of
-from .figure11 import AXES, CENTRED, CLAMPS, COARSE, FORMATS, PRECISE, REJECTED, panel, short
+from .figure11_rows import AXES, CENTRED, CLAMPS, COARSE, FORMATS, PRECISE, REJECTED, panel, short
 
 LINES: dict[str, dict[str, Any]] = {
     COARSE: {"color": "black", "ls": "--", "marker": "s", "mfc": "black"},

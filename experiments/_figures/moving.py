@@ -11,7 +11,7 @@ import numpy as np
 from ...harness.frame.passes import PARTS
 from ...harness.report import points, style
 from ...harness.report.sheet import title_of
-from ...harness.results.record import part_ms
+from ...harness.results.statistics import part_ms
 
 SPIKE = 1.5
 """A place is slow where its frame takes so many times the median of the path: the text says what was done there."""

@@ -33,11 +33,11 @@ def check(
     can do, with the reason, in its attribute ``outside``: {case: reason} is shown and not run, {"shadows": reason} is
     shown and no shadow bit is held against it.
     """
+    from ..frame.devices import device_for, find_device
     from ..frame.registry import make_method, method_class
     from ..hardcases import all_cases, find_case
     from ..hardcases.conformance import conformance
     from ..hardcases.judge import SHADOWS, judge_method, outside_of
-    from ..runner.experiment import device_for, find_device
 
     settings = _settings(method, setting or [])
     place = device_for(method_class(method), find_device(device))

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from ..judge.referee import Hits
     from ..judge.score import Judge
-    from ..scene.prepared import Moment
+    from ..scene.moment import Moment
 
 
 def explain(
@@ -36,12 +36,14 @@ def explain(
     Distances are given in units of the bound that excuses: below 1, a float32 triangle test may be wrong there.
     Exit code 1 where a method that does not declare itself inexact is wrong beyond that.
     """
+    from ..frame.devices import find_device
     from ..frame.registry import method_names
     from ..judge.score import Judge
-    from ..runner.experiment import Entry, find_device, parse_settings, parse_size
+    from ..runner.experiment import Entry, parse_size
+    from ..runner.points import parse_settings
     from ..scene.catalogue import resolve
     from ..scene.prepared import Prepared
-    from .verify import answer
+    from .answering import answer
 
     width, height = parse_size(size)
     match = re.fullmatch(r"\s*(\d+)\s*,\s*(\d+)\s*", pixel)
@@ -160,7 +162,7 @@ def _row(
     """One method's answer at the pixel, and the class of each part of it."""
 
     from ..judge.consistency import check_consistency
-    from ..judge.referee import Verdict
+    from ..judge.verdict import Verdict
 
     row: dict[str, Any] = {"method": name, "status": status, "reason": reason, "known_inexact": known_inexact}
     if answers is None:

@@ -10,14 +10,17 @@ from typing import Annotated, Any
 import typer
 
 from ..errors import CapacityRejected, UserError
+from ..frame.devices import device_for, find_device
 from ..frame.passes import Pass
 from ..frame.registry import make_method, method_names
 from ..frame.schedule import Step, steps, wanted_of
 from ..frame.session import Session
-from ..runner.experiment import Entry, device_for, find_device, parse_settings, parse_size
+from ..runner.experiment import Entry, parse_size
+from ..runner.points import parse_settings
 from ..scene.catalogue import resolve
+from ..scene.effects import Effects
 from ..scene.prepared import Prepared
-from ..scene.scene import Effects, Scene
+from ..scene.scene import Scene
 from .options import Device, Json, Methods, SceneDir, Settings, Size
 
 

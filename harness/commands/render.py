@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..errors import CapacityRejected, UserError
+from ..frame.devices import device_for, find_device
 from ..frame.registry import make_method
 from ..frame.session import Session
-from ..runner.experiment import device_for, find_device, parse_size
+from ..runner.experiment import parse_size
 from ..scene.catalogue import resolve
 from ..scene.prepared import Prepared
 

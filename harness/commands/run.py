@@ -11,18 +11,13 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import UserError
+from ..frame.devices import find_device
 from ..report.tidy import prefer
 from ..results.folder import ResultsFolder
-from ..results.record import FAILURES, summarise
-from ..runner.experiment import (
-    Preset,
-    choose_methods,
-    find_device,
-    find_experiment,
-    find_preset,
-    parse_settings,
-    parse_size,
-)
+from ..results.record import FAILURES
+from ..results.statistics import summarise
+from ..runner.experiment import Preset, choose_methods, find_experiment, find_preset, parse_size
+from ..runner.points import parse_settings
 from ..runner.progress import Bar, Silent
 from ..runner.runner import Options, Run
 from ..scene.catalogue import folder as scene_folder

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import json
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ..errors import CapacityRejected, UserError
+from ..errors import UserError
+from .answering import answer
 from .explain import explain
 from .options import Device, Frame, Json, Methods, SceneDir, Settings, Size
 from .verify_tables import print_reports, print_scores
@@ -22,46 +22,8 @@ from .verify_tables import print_reports, print_scores
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
-    from ..scene.prepared import Moment, Prepared
 
 __all__ = ["answer", "explain", "score", "verify"]
-
-
-@dataclass(eq=False)
-class Outcome:
-    """What became of a method on a moment. ``answers`` is None unless ``status`` is "ok"."""
-
-    method: str
-    status: str
-    reason: str = ""
-    answers: dict[str, NDArray] | None = None
-    known_inexact: str | None = None
-    device: str = ""
-
-
-def answer(name: str, settings: dict[str, str], prepared: Prepared, moment: Moment, device: str) -> Outcome:
-    """The answers of a method to a moment; or skipped, rejected or failed, with the reason. Never raises for one."""
-    from ..frame.registry import make_method
-    from ..frame.session import Session
-    from ..runner.experiment import device_for
-
-    method = make_method(name, settings)
-    place = device_for(type(method), device)
-    outcome = Outcome(name, "ok", known_inexact=getattr(method, "known_inexact", None), device=place)
-    reason = method.applies(prepared.scene, place)
-    if reason:
-        outcome.status, outcome.reason = "skipped", reason
-        return outcome
-    try:
-        session = Session(method, prepared, moment.width, moment.height, place, len(moment.lights))
-        outcome.answers = session.answers(moment)
-    except CapacityRejected as error:
-        outcome.status, outcome.reason = "rejected", str(error)
-    except Exception as error:  # one method's crash must not hide what the others answer
-        outcome.status, outcome.reason = "failed", f"{type(error).__name__}: {error}"
-    return outcome
 
 
 def verify(
@@ -82,8 +44,10 @@ def verify(
     Exit code 1 where a method has a true error, fails, or needs more than 0.1 % of the pixels excused; a method
     that declares itself inexact, with its reason, is reported and does not change the exit code.
     """
+    from ..frame.devices import find_device
     from ..frame.registry import method_names
-    from ..runner.experiment import Entry, find_device, parse_settings, parse_size
+    from ..runner.experiment import Entry, parse_size
+    from ..runner.points import parse_settings
     from ..scene.catalogue import resolve
 
     place = find_device(device)
@@ -172,8 +136,8 @@ def score(
 
     Exit code 1 where answers cannot be scored, or a method that does not declare itself inexact has true errors.
     """
+    from ..files import write_atomic
     from ..frame.warp_init import start_warp
-    from ..results.record import write_atomic
 
     start_warp()
     files = sorted(path for path in folder.glob("**/*.npz") if path.parent.name == "answers")
@@ -204,7 +168,8 @@ def score(
 
 def _score_file(path: Path, folder: Path, again: bool, scene_dir: Path | None) -> dict[str, Any]:
     """Score one file of raw answers, and put the score into its record where there is one."""
-    from ..judge.answer_files import read_facts, score_raw
+    from ..judge.answer_files import read_facts
+    from ..judge.score import score_raw
     from ..results.schema import read_record
     from ..results.settle import keep_disputes
 

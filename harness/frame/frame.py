@@ -12,12 +12,13 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from ..judge.receivers import SPOT
-from ..lamps import LAMP, lamp_rows
-from ..scene.alpha import device_alpha
-from ..scene.prepared import Moment, Prepared
-from ..scene.scene import Effects, Light
-from .materials import reflectances
+from ..scene.effects import Effects
+from ..scene.moment import Moment
+from ..scene.prepared import Prepared
+from ..scene.scene import Light
+from ..scene.spotlight import SPOT
+from .alpha import device_alpha
+from .materials import LAMP, lamp_rows, reflectances
 
 MISS = -1
 

@@ -1,14 +1,16 @@
-"""What surfaces look like: a reflectance for each triangle, one hue a scene, varied from piece to piece."""
+"""What surfaces and lights look like: a reflectance for each triangle, and a row of numbers for each light."""
 
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.catalogue import scene_names
 from ..scene.prepared import Prepared
+from ..scene.scene import Light
 
 HUES = np.array(
     [
@@ -58,3 +60,21 @@ def pieces(prepared: Prepared) -> NDArray[np.int64]:
         if np.array_equal(label, before):
             break
     return label[corners[:, 0]]
+
+
+LAMP = 5
+"""Numbers of a light's look: red, green and blue, fall-off, and whether its shadow bits count."""
+
+
+def lamp_rows(lights: Sequence[Light], shadows: Sequence[bool]) -> NDArray[np.float64]:
+    """The look of each light, float64 [light_count, 5]; all lights together, seen face on, make 1.
+
+    ``shadows``: whether the bits of each count.
+    """
+    strength = sum(light.intensity * max(light.color) for light in lights) or 1.0
+    rows = np.zeros((len(lights), LAMP))
+    for i, light in enumerate(lights):
+        rows[i, :3] = np.asarray(light.color) * (light.intensity / strength)
+        rows[i, 3] = light.spot.falloff if light.spot is not None else 0.0
+        rows[i, 4] = float(shadows[i])
+    return rows

@@ -17,7 +17,8 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from ..scene.scene import Effects, Limits, Scene
+from ..scene.effects import Effects, Limits
+from ..scene.scene import Scene
 from .frame import Frame
 from .mirrors import traced_bounces
 from .passes import Pass

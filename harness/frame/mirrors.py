@@ -12,10 +12,10 @@ from collections.abc import Callable
 
 import warp as wp
 
-from ..scene.scene import Effects
+from ..scene.effects import Effects, Switches
 from .frame import Frame
 from .passes import Pass
-from .specialise import Switches, effects, specialised
+from .specialise import effects, specialised
 from .vectors import largest, to_float32, to_float64
 
 GAMMA7 = wp.constant(wp.float64(7.0 * 2.0**-24 / (1.0 - 7.0 * 2.0**-24)))

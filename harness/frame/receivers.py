@@ -12,11 +12,11 @@ from dataclasses import replace
 
 import warp as wp
 
-from ..judge.receivers import DOUBT
-from ..scene.scene import Effects
+from ..scene.effects import Effects, Switches
+from ..scene.spotlight import DOUBT
 from .frame import Frame
 from .passes import Pass
-from .specialise import Switches, effects, specialised
+from .specialise import effects, specialised
 from .vectors import largest, to_float64
 
 DOUBT64 = wp.constant(wp.float64(DOUBT))

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-from ..scene.scene import Effects
+from ..scene.effects import Effects
 from .passes import BUILD_PARTS, Pass
 
 INPUTS = ("points", "triangles", "camera", "reach", "surfaces")

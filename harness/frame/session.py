@@ -12,8 +12,9 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from ..scene.prepared import Moment, Prepared
-from ..scene.scene import Effects, Limits
+from ..scene.effects import Effects, Limits
+from ..scene.moment import Moment
+from ..scene.prepared import Prepared
 from .frame import Frame
 from .method import Method
 from .mirrors import mirror_passes

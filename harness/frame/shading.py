@@ -18,15 +18,16 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from ..judge.receivers import SPOT
-from ..lamps import lamp_rows
-from ..scene.prepared import Moment, Prepared
-from ..scene.scene import Effects, Light
+from ..scene.effects import Effects, Switches
+from ..scene.moment import Moment
+from ..scene.prepared import Prepared
+from ..scene.scene import Light
+from ..scene.spotlight import SPOT
 from .frame import Frame
-from .materials import reflectances
+from .materials import lamp_rows, reflectances
 from .passes import Pass
 from .receivers import in_spot
-from .specialise import Switches, effects, specialised
+from .specialise import effects, specialised
 from .vectors import to_float64
 
 AMBIENT = wp.constant(wp.float64(0.22))

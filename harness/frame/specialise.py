@@ -15,24 +15,11 @@ import inspect
 import textwrap
 import types
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import fields
 
 import warp as wp
 
-
-@dataclass(frozen=True)
-class Switches:
-    """What a kernel can be compiled for.
-
-    masked   only receivers have a shadow ray: the kernel reads the mask ``frame.receivers``
-    alpha    triangles have holes: a hit counts where the mask is opaque
-    bounced  rays are those of a mirror (``frame.rays``) and not the eye's
-    """
-
-    masked: bool = False
-    alpha: bool = False
-    bounced: bool = False
-
+from ..scene.effects import Switches
 
 NAMES = tuple(field.name for field in fields(Switches))
 

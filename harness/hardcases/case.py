@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene.prepared import Moment, Prepared
+from ..scene.moment import Moment
+from ..scene.prepared import Prepared
 from ..scene.scene import AlphaMask, Camera, Geometry, Light, Scene, Spot, Vector
 
 F64 = NDArray[np.float64]

@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 
 from ..frame.method import Method
 from ..frame.session import Session
-from ..scene.prepared import Moment, Prepared
-from ..scene.scene import Camera, Effects, Geometry, Light, Scene, Spot
+from ..scene.effects import Effects
+from ..scene.moment import Moment
+from ..scene.prepared import Prepared
+from ..scene.scene import Camera, Geometry, Light, Scene, Spot
 from .case import ball, joined, quad
 from .judge import same_bits
 

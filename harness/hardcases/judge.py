@@ -19,7 +19,7 @@ from ..judge.referee import Referee
 from ..judge.reference import Reference, exact_reference
 from ..judge.score import score_answers
 from ..runner.machine_lock import TURN
-from ..scene.scene import Effects
+from ..scene.effects import Effects
 from .case import Counts, HardCase, Trial
 
 Answers = dict[str, NDArray]

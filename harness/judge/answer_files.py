@@ -7,7 +7,6 @@ it in a file of its own, named by its hash and shared by every method. Needs not
 from __future__ import annotations
 
 import json
-import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,32 +14,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import UserError
-from ..files import array_hash, write_arrays
+from ..files import DAMAGED, write_arrays
 from ..frame.frame import BOUNCED
 from ..scene.alpha import arrays_of, from_arrays
-from ..scene.prepared import Moment, Prepared
-from ..scene.scene import AlphaMask, Camera, Effects, Geometry, Scene
+from ..scene.effects import Effects
+from ..scene.facts import input_hashes
+from ..scene.moment import Moment
+from ..scene.prepared import Prepared
+from ..scene.scene import AlphaMask, Camera, Geometry, Scene
 
 if TYPE_CHECKING:
-    from .shared_errors import Disputes
+    pass
 
 SCHEMA = 1
 ARRAYS = ("triangle", "t", "u", "v", "visibility")
 BOUNCES = tuple(f"bounce_{name}" for name in BOUNCED)
 TABLES = ("eye", "axes", "tangents", "column", "row", "lights", "spots")
-DAMAGED = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile)
-
-
-def input_hashes(prepared: Prepared, moment: Moment) -> dict[str, str]:
-    """Hashes of all that an answer depends on: mesh, rays, lights, and the alpha mask where there is one."""
-    hashes = {
-        "mesh": array_hash(moment.points, prepared.faces, moment.valid),
-        "rays": array_hash(moment.eye, moment.column, moment.row),
-        "lights": array_hash(moment.lights),
-    }
-    if prepared.alpha is not None:
-        hashes["surfaces"] = array_hash(*arrays_of(prepared.alpha).values())
-    return hashes
 
 
 def save_raw(
@@ -83,26 +72,6 @@ def save_raw(
         arrays |= {name: answers[name] for name in BOUNCES} | {"mirror": prepared.mirror}
     arrays |= {f"moment_{name}": getattr(moment, name) for name in TABLES}
     write_arrays(path, {**arrays, "facts": np.array(json.dumps(facts))})
-
-
-def score_raw(
-    path: Path | str,
-    scene_dir: Path | str | None = None,
-    folder: Path | str | None = None,
-    disputes: list[Disputes] | None = None,
-) -> dict[str, Any]:
-    """The score of answers kept by :func:`save_raw`, as :func:`.judge.score.score_answers` gives it; ``disputes`` too.
-
-    Raises :class:`UserError` for a file that is no such file, or a mesh that is not the one traced.
-    ``scene_dir``: where originals of the catalogue's scenes lie. ``folder``: keeps Embree's answers.
-    """
-    from .score import Judge
-
-    prepared, moment, answers, facts = read_raw(Path(path), scene_dir)
-    effects = Effects(
-        tuple(facts["shadows"]), alpha=bool(facts.get("alpha")), bounces=facts.get("bounces", 0)
-    )
-    return Judge(prepared, moment, effects, folder).score(answers, disputes=disputes)
 
 
 def read_facts(path: Path) -> dict[str, Any]:

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene.prepared import F32, Moment, Prepared
-from ..scene.scene import Effects
+from ..scene.effects import Effects
+from ..scene.moment import F32, Moment
+from ..scene.prepared import Prepared
 from .shared_errors import Disputes
 
 F64 = NDArray[np.float64]

@@ -13,7 +13,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from ..scene.alpha import device_alpha
+from ..frame.alpha import device_alpha
 from ..scene.scene import AlphaMask
 from . import filter_kernels as kernels
 from .filter_kernels import LEAF

@@ -7,20 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene.prepared import Moment
+from ..scene.moment import Moment
 from .consistency import Consistency
-from .referee import Hits, Referee, Verdict
+from .referee import Hits, Referee
 from .selection import Suspects
-
-# What an answer is counted as, what of that is wrong, excused or right.
-PRIMARY = (Verdict.OK, Verdict.TIE, Verdict.NEAR_TIE, Verdict.EDGE, Verdict.TRUE, Verdict.INVALID)
-SHADOW = (Verdict.OK, Verdict.EDGE, Verdict.ACNE, Verdict.LEAK, Verdict.INVALID)
-ERRORS = (Verdict.TRUE, Verdict.INVALID, Verdict.ACNE, Verdict.LEAK)
-EXCUSED = (Verdict.NEAR_TIE, Verdict.EDGE)
-RIGHT = (Verdict.OK, Verdict.TIE)
-
-EXCUSED_LIMIT = 0.001
-"""A score fails where a larger share of the pixels had to be excused."""
+from .verdict import RIGHT, Verdict
 
 
 def lowest_ids(given: NDArray, referee: Referee) -> NDArray:

@@ -10,8 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene.prepared import Moment, Prepared
-from .arithmetic import F64, UNIT, edge_bound
+from ..scene.moment import Moment
+from ..scene.prepared import Prepared
+from .arithmetic import UNIT, edge_bound
+from .planes import plane_numbers
 
 T_UNITS = 64.0
 """Relative error allowed of t, and absolute error of u and v, in units of 2^-24, on a triangle seen squarely."""
@@ -69,23 +71,6 @@ def check_consistency(prepared: Prepared, moment: Moment, answers: dict[str, NDA
     for start in range(0, len(pixels), BATCH):
         _check_hits(prepared, moment, answers, pixels[start : start + BATCH], result)
     return result
-
-
-def plane_numbers(corners: F64, o: F64, d: F64) -> tuple[F64, F64, F64, F64]:
-    """t, u, v and the slope n . d (n the unit normal) of rays on the planes of their triangles, in float64.
-
-    corners [n, 3, 3], o and d [n, 3]; results [n], not finite where a ray is coplanar.
-    """
-    a, e, f = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    normal = np.cross(e, f)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        area = np.linalg.norm(normal, axis=1)
-        slope = np.einsum("ij,ij->i", normal, d) / area
-        t = np.einsum("ij,ij->i", normal, a - o) / area / slope
-        p = o + t[:, None] * d - a
-        u = np.einsum("ij,ij->i", np.cross(p, f), normal) / area**2
-        v = np.einsum("ij,ij->i", np.cross(e, p), normal) / area**2
-    return t, u, v, slope
 
 
 def _check_hits(

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene.prepared import Moment
-from .classify import ERRORS, EXCUSED
+from ..scene.moment import Moment
 from .consistency import Consistency
-from .referee import Hits, Referee, Verdict
+from .referee import Hits, Referee
 from .selection import Suspects
+from .verdict import ERRORS, EXCUSED, Verdict
 
 EXAMPLES = 10
 """At most so many in a score."""

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from ..scene.alpha import Alpha, texels_near
+from ..frame.alpha import Alpha, texels_near
 
 LEAF = 4
 

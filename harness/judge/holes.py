@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.scene import AlphaMask
-from .consistency import plane_numbers
+from .planes import plane_numbers
 
 F64 = NDArray[np.float64]
 

@@ -13,52 +13,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import UserError
-from ..scene.prepared import Moment
-from ..scene.scene import Light, Spot
-
-SPOT = 12
-"""Numbers of a spot."""
-
-DOUBT = 2.0**-40
-"""Share of edge times edge times distance below which the sign of a plane's side is not taken as sure."""
-
-NO_SPOT, CONE, RECTANGLE = 0.0, 1.0, 2.0
-
-
-def spot_row(spot: Spot | None) -> NDArray[np.float64]:
-    """The numbers of a spot, float64 [12]. Raises :class:`UserError` for angles or directions that make none."""
-    row = np.zeros(SPOT)
-    if spot is None:
-        return row
-    forward = np.asarray(spot.direction, dtype=np.float64)
-    up = np.asarray(spot.up, dtype=np.float64)
-    size = np.abs(forward).max(initial=0.0)
-    if not 0.0 < size < np.inf:
-        raise UserError(f"spot: direction {spot.direction} must be finite and not zero")
-    forward = forward / size
-    forward /= np.linalg.norm(forward)
-    right = np.cross(forward, up)
-    if not np.isfinite(up).all() or np.linalg.norm(right) <= 1e-9 * np.linalg.norm(up):
-        if spot.rise is not None:
-            raise UserError("spot: up must be finite and not parallel to the direction; choose another up")
-        right = np.cross(forward, np.eye(3)[np.abs(forward).argmin()])  # a cone needs no up
-    right /= np.linalg.norm(right)
-    if not 0.0 < spot.angle <= 180.0:
-        raise UserError(f"spot: angle {spot.angle} degrees must lie between 0 and 180")
-    if spot.rise is not None and not 0.0 < spot.rise <= 90.0:
-        raise UserError(f"spot: rise {spot.rise} degrees must lie between 0 and 90")
-    row[1:10] = np.concatenate([forward, right, np.cross(right, forward)])
-    if spot.rise is None:
-        row[0], row[10] = CONE, np.cos(np.radians(spot.angle))
-    else:
-        row[0], row[10], row[11] = RECTANGLE, np.radians(spot.angle), np.radians(spot.rise)
-    return row
-
-
-def spot_rows(lights: tuple[Light, ...]) -> NDArray[np.float64]:
-    """The numbers of every light's spot, float64 [light_count, 12]."""
-    return np.array([spot_row(light.spot) for light in lights], dtype=np.float64).reshape(-1, SPOT)
+from ..scene.moment import Moment
+from ..scene.prepared import Prepared
+from ..scene.scene import Spot
+from ..scene.spotlight import CONE, DOUBT, NO_SPOT, SPOT, spot_row
+from .planes import plane_numbers
 
 
 def receivers(moment: Moment, points: NDArray[np.floating], light: int) -> NDArray[np.bool_]:
@@ -111,3 +70,28 @@ def strength(spot: Spot | None, away: NDArray[np.floating]) -> NDArray[np.float6
     with np.errstate(invalid="ignore", divide="ignore"):
         cosine = np.nan_to_num(away @ row[1:4] / np.linalg.norm(away, axis=1))
     return receivers(moment, away, 0) * np.maximum(cosine, 0.0) ** spot.falloff
+
+
+def not_receivers(prepared: Prepared, moment: Moment, triangle: NDArray[np.integer]) -> NDArray[np.bool_]:
+    """Which hits have no shadow ray to each light (:mod:`.judge.receivers`), bool [lights, pixels].
+
+    ``triangle`` [pixels]: what each pixel hits; the points are float64, on the triangles' planes.
+    """
+    outside = np.zeros((len(moment.lights), len(triangle)), dtype=bool)
+    limited = [
+        i
+        for i in range(len(moment.lights))
+        if moment.facing or (i < len(moment.spots) and moment.spots[i, 0] != NO_SPOT)
+    ]
+    hit = np.nonzero((triangle >= 0) & (triangle < len(prepared.faces)))[0]
+    if not limited or not len(hit):
+        return outside
+    origins, directions = (part(hit).astype(np.float64) for part in (moment.origins, moment.directions))
+    corners = moment.points[prepared.faces[triangle[hit]]].astype(np.float64)
+    t = plane_numbers(corners, origins, directions)[0]
+    for i in limited:
+        wanted = receivers(moment, origins + t[:, None] * directions, i)
+        if moment.facing:
+            wanted &= facing(moment, corners, i, origins)
+        outside[i, hit] = ~wanted
+    return outside

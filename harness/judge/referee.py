@@ -8,7 +8,6 @@ of a float32 triangle test, and only :func:`.judge.arithmetic.edge_bound` says h
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
 from functools import cached_property
 
 import numpy as np
@@ -19,28 +18,7 @@ from . import arithmetic as exact
 from .candidates import BATCH, Candidates
 from .decisions import Decisions, integers_of
 from .holes import Holes
-
-
-class Verdict(IntEnum):
-    """The class of an answer. TRUE, INVALID, ACNE and LEAK are errors; the others are not.
-
-    OK        the lowest index of the exact tie set, or the right shadow bit
-    TIE       another member of the exact tie set
-    NEAR_TIE  another triangle whose exact t is within the bound of the true one
-    EDGE      wrong only because the ray passes within the bound of an exact edge, or of the border of a hole
-    TRUE      wrong
-    INVALID   not an answer: poison, NaN, an index out of range, a triangle that is never hit
-    ACNE      says shadowed, is lit;  LEAK  says lit, is shadowed
-    """
-
-    OK = 0
-    TIE = 1
-    NEAR_TIE = 2
-    EDGE = 3
-    TRUE = 4
-    INVALID = 5
-    ACNE = 6
-    LEAK = 7
+from .verdict import Verdict
 
 
 @dataclass(eq=False)

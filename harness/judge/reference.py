@@ -23,11 +23,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..files import write_arrays
-from ..scene.prepared import Moment, Prepared
-from ..scene.scene import Effects
-from .answer_files import DAMAGED, input_hashes
-from .consistency import plane_numbers
+from ..files import DAMAGED, write_arrays
+from ..scene.effects import Effects
+from ..scene.facts import input_hashes
+from ..scene.moment import Moment
+from ..scene.prepared import Prepared
+from .planes import plane_numbers
 from .referee import Referee
 
 ROBUST = True

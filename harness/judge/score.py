@@ -16,29 +16,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene.prepared import Moment, Prepared
-from ..scene.scene import Effects
-from .answer_files import save_raw, score_raw
+from ..scene.effects import Effects
+from ..scene.moment import Moment
+from ..scene.prepared import Prepared
+from .answer_files import read_raw, save_raw
 from .bounces import Scored, score_bounces
-from .classify import (
-    ERRORS,
-    EXCUSED,
-    EXCUSED_LIMIT,
-    PRIMARY,
-    RIGHT,
-    SHADOW,
-    gravest_of,
-    lowest_ids,
-    primary_verdicts,
-    shadow_verdicts,
-)
-from .consistency import check_consistency, plane_numbers
+from .classify import gravest_of, lowest_ids, primary_verdicts, shadow_verdicts
+from .consistency import check_consistency
 from .examples import EXAMPLES, examples_of
-from .receivers import NO_SPOT, facing, receivers
-from .referee import Hits, Referee, Verdict
+from .receivers import not_receivers
+from .referee import Hits, Referee
 from .reference import Reference, embree_installed, embree_reference, exact_reference
 from .selection import Suspects, agreement, disputed_bits, find_suspects
 from .shared_errors import Disputes, find_disputes
+from .verdict import ERRORS, EXCUSED, EXCUSED_LIMIT, PRIMARY, RIGHT, SHADOW, Verdict
 
 __all__ = ["Judge", "save_raw", "score_answers", "score_raw"]
 
@@ -237,31 +228,6 @@ def _scored(
     return score, gravest_of(primary, shadow), excused, left
 
 
-def not_receivers(prepared: Prepared, moment: Moment, triangle: NDArray[np.integer]) -> NDArray[np.bool_]:
-    """Which hits have no shadow ray to each light (:mod:`.judge.receivers`), bool [lights, pixels].
-
-    ``triangle`` [pixels]: what each pixel hits; the points are float64, on the triangles' planes.
-    """
-    outside = np.zeros((len(moment.lights), len(triangle)), dtype=bool)
-    limited = [
-        i
-        for i in range(len(moment.lights))
-        if moment.facing or (i < len(moment.spots) and moment.spots[i, 0] != NO_SPOT)
-    ]
-    hit = np.nonzero((triangle >= 0) & (triangle < len(prepared.faces)))[0]
-    if not limited or not len(hit):
-        return outside
-    origins, directions = (part(hit).astype(np.float64) for part in (moment.origins, moment.directions))
-    corners = moment.points[prepared.faces[triangle[hit]]].astype(np.float64)
-    t = plane_numbers(corners, origins, directions)[0]
-    for i in limited:
-        wanted = receivers(moment, origins + t[:, None] * directions, i)
-        if moment.facing:
-            wanted &= facing(moment, corners, i, origins)
-        outside[i, hit] = ~wanted
-    return outside
-
-
 def _wanted(effects: Effects, lights: int) -> list[bool]:
     return [i < len(effects.shadows) and bool(effects.shadows[i]) for i in range(lights)]
 
@@ -310,3 +276,23 @@ def _reference_errors(
         ],
     }
     return counts, bits
+
+
+def score_raw(
+    path: Path | str,
+    scene_dir: Path | str | None = None,
+    folder: Path | str | None = None,
+    disputes: list[Disputes] | None = None,
+) -> dict[str, Any]:
+    """The score of answers kept by :func:`save_raw`, as :func:`.judge.score.score_answers` gives it; ``disputes`` too.
+
+    Raises :class:`UserError` for a file that is no such file, or a mesh that is not the one traced.
+    ``scene_dir``: where originals of the catalogue's scenes lie. ``folder``: keeps Embree's answers.
+    """
+    from .score import Judge
+
+    prepared, moment, answers, facts = read_raw(Path(path), scene_dir)
+    effects = Effects(
+        tuple(facts["shadows"]), alpha=bool(facts.get("alpha")), bounces=facts.get("bounces", 0)
+    )
+    return Judge(prepared, moment, effects, folder).score(answers, disputes=disputes)

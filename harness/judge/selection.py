@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene.prepared import Moment
+from ..scene.moment import Moment
 from .consistency import Consistency
 from .referee import Referee
 from .reference import Reference

@@ -20,12 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..files import array_hash
-from ..scene.prepared import Moment
-from .classify import ERRORS, EXCUSED, EXCUSED_LIMIT, RIGHT
+from ..scene.moment import Moment
 from .examples import EXAMPLES
-from .referee import Hits, Referee, Verdict
+from .referee import Hits, Referee
 from .reference import Reference
 from .selection import Suspects
+from .verdict import ERRORS, EXCUSED, EXCUSED_LIMIT, RIGHT, Verdict
 
 AGREES, TIES, DECIDED = 0, 1, 2
 """What an answer is: the reference's and so counted as right, the same as a tie, or decided by itself."""

@@ -14,42 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from ..judge.classify import RIGHT
 from ..judge.score import Judge
 from ..judge.shared_errors import Disputes
-from ..results.pixel_maps import read_map, write_map
+from ..results.pixel_maps import OFFSET, write_map, wrong_path
 from .picture import shade
 
 FLIP_MISSING = "flip-evaluator is not installed; pip install shadowbench[flip]"
-OFFSET = 1
-"""Added to classes in a map, whose numbers must not be negative: an unjudged pixel is 0."""
-
-
-def wrong_path(folder: Path, key: str, frame: int) -> Path:
-    """Where the classes of a point's frame are kept."""
-    return folder / "maps" / f"{key}-{frame}-wrong.png"
 
 
 def reference_path(folder: Path, scene: str, frame: int) -> Path:
     """Where the reference's picture of a scene's frame is kept, to draw errors on."""
     return folder / "images" / f"{scene}-{frame}-reference.png"
-
-
-def read_wrong(path: Path) -> NDArray[np.int64]:
-    """Classes of :class:`.judge.referee.Verdict` [height, width]; -1: left unjudged."""
-    return read_map(path) - OFFSET
-
-
-def mark_wrong(path: Path, pixels: NDArray[np.integer], classes: NDArray[np.int8]) -> None:
-    """Set pixels of a map of classes that were counted as right; nothing where there is no map or nothing changes."""
-    if not (len(pixels) and path.exists()):
-        return
-    known = read_wrong(path)
-    marked = known.ravel().copy()
-    rows = np.isin(marked[pixels], RIGHT)
-    marked[pixels[rows][::-1]] = classes[rows][::-1]  # the first one of a pixel counts
-    if (marked != known.ravel()).any():
-        write_map(path, marked.reshape(known.shape) + OFFSET)
 
 
 def keep_wrong(

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from ..errors import warn
-from ..scene.prepared import Moment, Prepared
+from ..scene.moment import Moment
+from ..scene.prepared import Prepared
 from ..scene.scene import Light
 from .picture import opened, save_png, shade
 

@@ -18,7 +18,8 @@ from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
 from ..frame.shading import shaded
-from ..scene.prepared import Moment, Prepared
+from ..scene.moment import Moment
+from ..scene.prepared import Prepared
 from ..scene.scene import Light
 
 F64 = NDArray[np.float64]

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from ..results.record import part_ms
+from ..results.statistics import part_ms
 from . import style, tidy
 from .picture import inked_png_bytes, png_bytes
 from .sheet import error_text, never_hit_notes, title_of

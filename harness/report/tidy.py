@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from ..files import write_atomic
 from ..frame.passes import PARTS
-from ..results.record import identity, part_ms, summarise, write_atomic
 from ..results.schema import read_records
+from ..results.statistics import identity, part_ms, summarise
 from . import paper_table1 as paper
 from . import style
 

@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import UserError
-from .record import Journal, write_atomic
+from .journal import Journal
+from ..files import write_atomic
 from .schema import archived, fault
 from ..scene.catalogue import resolve
 
@@ -103,7 +104,7 @@ class ResultsFolder:
 
     def record(self, key: str) -> dict[str, Any] | None:
         """The finished record of a point; None where there is none, or a file that is no whole record."""
-        found = _read_json(self.path / "records" / f"{key}.json") or self._archived.get(key)
+        found = read_json(self.path / "records" / f"{key}.json") or self._archived.get(key)
         return found if found is not None and found.get("key") == key and not fault(found) else None
 
     @functools.cached_property
@@ -118,40 +119,9 @@ class ResultsFolder:
                 path.unlink()
             journal.remove()
 
-    def settled(self, records: list[dict[str, Any]]) -> list[dict[str, Any]]:
-        """The records, and their files, with what other points' disputes showed of their answers."""
-        if not any((self.path / "truth").glob("disputes-*.npz")):
-            return records
-        from .settle import settle_folder
 
-        with self.writing():
-            changed = settle_folder(self.path)
-        return [changed.get(record["key"], record) for record in records]
-
-    # --- facts of scenes, kept so that a finished run need not make its scenes again ---
-
-    def known_scene(self, load: dict[str, Any]) -> dict[str, Any] | None:
-        """The facts of a scene loaded before with the same command, source files and code, or None."""
-        return (_read_json(self.path / "scenes.json") or {}).get(_scene_id(load))
-
-    def learn_scene(self, load: dict[str, Any], facts: dict[str, Any]) -> None:
-        """Keep the facts of a scene."""
-        path = self.path / "scenes.json"
-        with self.writing():
-            write_atomic(path, {**(_read_json(path) or {}), _scene_id(load): facts})
-
-
-def _scene_id(load: dict[str, Any]) -> str:
-    here = Path(__file__).parents[1]
-    code = hashlib.sha256(np.__version__.encode())
-    for path in sorted((here / "scene").rglob("*.py")):
-        code.update(path.read_bytes())
-    source = resolve(load["scene"], load["scene_dir"]).source
-    what = {key: load[key] for key in ("scene", "frames", "width", "height", "lighting")}
-    return hashlib.sha256(f"{what} {source} {code.hexdigest()}".encode()).hexdigest()[:16]
-
-
-def _read_json(path: Path) -> dict[str, Any] | None:
+def read_json(path: Path) -> dict[str, Any] | None:
+    """The object in a JSON file; None where there is no such file, or it holds none."""
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):

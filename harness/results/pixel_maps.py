@@ -1,6 +1,7 @@
 """Work counts of single pixels, kept as small pictures beside the records: what a heat map is drawn from."""
 
 from __future__ import annotations
+from ..judge.verdict import RIGHT
 
 import os
 from pathlib import Path
@@ -37,3 +38,29 @@ def read_map(path: Path) -> Counts:
     with Image.open(path) as image:
         bytes_ = np.asarray(image.convert("RGB")).astype(np.int64)
     return (bytes_[..., 0] << 16) + (bytes_[..., 1] << 8) + bytes_[..., 2]
+
+
+OFFSET = 1
+"""Added to classes in a map, whose numbers must not be negative: an unjudged pixel is 0."""
+
+
+def wrong_path(folder: Path, key: str, frame: int) -> Path:
+    """Where the classes of a point's frame are kept."""
+    return folder / "maps" / f"{key}-{frame}-wrong.png"
+
+
+def read_wrong(path: Path) -> NDArray[np.int64]:
+    """Classes of :class:`.judge.referee.Verdict` [height, width]; -1: left unjudged."""
+    return read_map(path) - OFFSET
+
+
+def mark_wrong(path: Path, pixels: NDArray[np.integer], classes: NDArray[np.int8]) -> None:
+    """Set pixels of a map of classes that were counted as right; nothing where there is no map or nothing changes."""
+    if not (len(pixels) and path.exists()):
+        return
+    known = read_wrong(path)
+    marked = known.ravel().copy()
+    rows = np.isin(marked[pixels], RIGHT)
+    marked[pixels[rows][::-1]] = classes[rows][::-1]  # the first one of a pixel counts
+    if (marked != known.ravel()).any():
+        write_map(path, marked.reshape(known.shape) + OFFSET)

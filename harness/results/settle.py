@@ -17,10 +17,9 @@ from typing import Any
 import numpy as np
 
 from ..judge.shared_errors import Disputes, charge, charged_pixels, pooled
-from ..report.flip import mark_wrong, wrong_path
-from ..files import write_arrays
-from ..judge.answer_files import DAMAGED
-from .record import write_atomic
+from .pixel_maps import mark_wrong, wrong_path
+from ..files import DAMAGED, write_arrays, write_atomic
+from .folder import ResultsFolder
 
 ARRAYS = ("state", "pixels", "hit", "primary", "shadow")
 FACTS = tuple(one.name for one in fields(Disputes) if one.name not in ARRAYS)
@@ -82,3 +81,12 @@ def settle_folder(folder: Path) -> dict[str, dict[str, Any]]:
             changed[key] = record
         mark_wrong(wrong_path(folder, key, frame), *charged_pixels(whole[2], pool))
     return changed
+
+
+def settled(folder: ResultsFolder, records: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The records, and their files, with what other points' disputes showed of their answers."""
+    if not any((folder.path / "truth").glob("disputes-*.npz")):
+        return records
+    with folder.writing():
+        changed = settle_folder(folder.path)
+    return [changed.get(record["key"], record) for record in records]

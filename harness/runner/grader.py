@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..files import write_arrays
-from ..scene.prepared import Moment, Prepared
-from ..scene.scene import Effects
+from ..scene.effects import Effects
+from ..scene.moment import Moment
+from ..scene.prepared import Prepared
 
 Answers = dict[str, NDArray]
 

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from ..results.record import Journal
-from .experiment import Experiment, Point, Preset
+from ..results.journal import Journal
+from .experiment import Experiment, Preset
+from .points import Point
 
 
 @dataclass(frozen=True)

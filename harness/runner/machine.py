@@ -16,7 +16,7 @@ from typing import Any
 
 import warp as wp
 
-from ..results.record import digest, write_atomic
+from ..files import digest, write_atomic
 
 PACKAGES = (
     "warp-lang",
@@ -185,3 +185,26 @@ def _version(read: Any) -> str | None:
 def executable() -> str:
     """The interpreter that workers are started with."""
     return sys.executable
+
+
+CLOCK_FIELDS = (
+    "clocks.sm,clocks.mem,power.draw,temperature.gpu,clocks_throttle_reasons.active,utilization.gpu"
+)
+
+
+def clock_state(device: str) -> dict[str, Any]:
+    """Clocks, power and throttle reasons of a GPU (null where nvidia-smi does not say), and the host's load."""
+    state: dict[str, Any] = {"load": round(os.getloadavg()[0], 2), "gpu": None}
+    if device.startswith("cuda") and shutil.which("nvidia-smi"):
+        state["gpu"] = _query_gpu(device)
+    return state
+
+
+def _query_gpu(device: str) -> dict[str, str] | None:
+    chosen = wp.get_device(device).uuid
+    command = ["nvidia-smi", f"--query-gpu={CLOCK_FIELDS}", "--format=csv,noheader,nounits", f"--id={chosen}"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=10, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return dict(zip(CLOCK_FIELDS.split(","), (v.strip() for v in done.stdout.split(",")), strict=False))

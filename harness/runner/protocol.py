@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from ..files import digest
 from ..results.folder import ResultsFolder
-from ..results.record import digest
 from ..scene.facts import contents
 from ..scene.overrides import Lighting
 from .job import Job, Options

@@ -18,14 +18,17 @@ from typing import Any
 
 from ..results.folder import ResultsFolder
 from ..results.record import FAILURES, make_record
+from ..results.settle import settled
 from ..scene.facts import contents
 from ..scene.overrides import Lighting
-from .experiment import Entry, Preset, describe_method, make_point, orders
+from .experiment import Entry, Preset
 from .job import Job, Options, Reporter
 from .machine import environment, keep
 from .machine_lock import TURN
+from .points import describe_method, make_point, orders
 from .protocol import LOAD_S, grade_command, load_command, prepare_command
 from .redraw import repaint
+from .scene_cache import known_scene, learn_scene
 from .worker_process import Remote, WorkerError, WorkerLostError
 
 GRADER = "grading"
@@ -79,7 +82,7 @@ class Run:
                     worker.stop()
                 self.folder.shared_scene.unlink(missing_ok=True)
             self.report.doing("settling what several methods were asked about")
-            return self.folder.settled(records)
+            return settled(self.folder, records)
 
     def _steps_a_point(self) -> int:
         return self.options.preset.rounds + 2
@@ -89,7 +92,7 @@ class Run:
     def _scene(self, name: str, methods: Described) -> list[dict[str, Any]]:
         self.loaded.clear()
         command = self._load_command(name)
-        facts = self.folder.known_scene(command)
+        facts = known_scene(self.folder, command)
         jobs = self._jobs(name, facts, methods) if facts else []
         if facts is None or any(job.record is None for job in jobs):
             wanted = {job.method for job in jobs if job.record is None}
@@ -104,7 +107,7 @@ class Run:
                 }
             elif facts is None or contents(fresh) != contents(facts):
                 facts, jobs = fresh, []
-                self.folder.learn_scene(command, facts)
+                learn_scene(self.folder, command, facts)
             jobs = jobs or self._jobs(name, facts, methods)
             for job in jobs:
                 if job.method in lost and job.record is None:

@@ -23,29 +23,24 @@ from typing import IO, Any
 import warp as wp
 
 from ..errors import CapacityRejected, UserError
+from ..files import plain
 from ..frame.registry import make_method
 from ..frame.session import Session
 from ..frame.warp_init import start_warp
 from ..results.folder import FULL
 from ..results.pixel_maps import map_path, write_map
 from ..scene.catalogue import resolve
-from ..scene.facts import array_bytes, plain, scene_facts
+from ..scene.effects import Limits
+from ..scene.facts import scene_facts
+from ..scene.moment import Moment
 from ..scene.overrides import Lighting
-from ..scene.prepared import Moment, Prepared
-from ..scene.scene import Limits
+from ..scene.prepared import Prepared
 from ..scene.shared import Stored, store
 from .experiment import spread_frames
 from .grader import Grader, hand_over, handed_path
-from .timing import (
-    CompileClock,
-    Memory,
-    Sampling,
-    clock_state,
-    peak_resident_bytes,
-    reset_peak_resident,
-    resident_bytes,
-    sample_frame,
-)
+from .machine import clock_state
+from .memory import Memory, array_bytes, peak_resident_bytes, reset_peak_resident, resident_bytes
+from .timing import CompileClock, Sampling, sample_frame
 
 
 class SkippedError(Exception):

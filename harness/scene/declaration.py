@@ -50,13 +50,13 @@ from typing import Any
 import numpy as np
 
 from ..errors import UserError, did_you_mean
-from ..judge.receivers import spot_row
-from .alpha import perforated
+from .effects import OUTPUTS
 from .light_paths import Orbit
-from .prepared import ray_tables
+from .moment import ray_tables
 from .readers.checks import exists
-from .scene import OUTPUTS, Camera, Light, Scene, Spot
-from .surface_rules import largest_triangles
+from .scene import Camera, Light, Scene, Spot
+from .spotlight import spot_row
+from .surface_rules import largest_triangles, perforated
 
 SUFFIX = ".toml"
 

@@ -6,12 +6,11 @@ import hashlib
 from dataclasses import asdict
 from typing import Any
 
-import warp as wp
-
-from ..files import array_hash
+from ..files import array_hash, plain
 from .alpha import arrays_of
-from .prepared import Moment, Prepared
-from .scene import Effects
+from .effects import Effects
+from .moment import Moment
+from .prepared import Prepared
 
 
 def scene_facts(prepared: Prepared, moments: dict[int, Moment]) -> dict[str, Any]:
@@ -73,20 +72,13 @@ def never_hit(triangles: int, valid: int) -> str:
     return f"warning: none of {triangles:,} triangles can ever be hit ({why}): this checked misses, and nothing else"
 
 
-def plain(value: Any) -> Any:
-    """The value as JSON can hold it: numpy numbers as Python's own, tuples as lists, anything else as text."""
-    if isinstance(value, dict):
-        return {str(k): plain(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(v) for v in value]
-    if value is None or isinstance(value, bool | int | float | str):
-        return value
-    if hasattr(value, "item") and getattr(value, "ndim", 1) == 0:
-        return value.item()
-    return str(value)
-
-
-def array_bytes(*holders: object) -> int:
-    """Bytes of the Warp arrays among the attributes of some objects, one that has two names counted once."""
-    arrays = {id(a): a for holder in holders for a in vars(holder).values() if isinstance(a, wp.array)}
-    return sum(a.capacity for a in arrays.values())
+def input_hashes(prepared: Prepared, moment: Moment) -> dict[str, str]:
+    """Hashes of all that an answer depends on: mesh, rays, lights, and the alpha mask where there is one."""
+    hashes = {
+        "mesh": array_hash(moment.points, prepared.faces, moment.valid),
+        "rays": array_hash(moment.eye, moment.column, moment.row),
+        "lights": array_hash(moment.lights),
+    }
+    if prepared.alpha is not None:
+        hashes["surfaces"] = array_hash(*arrays_of(prepared.alpha).values())
+    return hashes

@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from .alpha import alpha_of, perforated
+from .alpha import alpha_of
 from .light_paths import Orbit, spread
 from .prepared import Prepared
 from .scene import Light, Scene, Spot, Vector
-from .surface_rules import largest_triangles
+from .surface_rules import largest_triangles, perforated
 
 HOLES = 4
 """Holes along a side of a triangle that has some."""

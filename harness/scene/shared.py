@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from ..errors import UserError
 from ..files import write_arrays
 from .alpha import arrays_of, from_arrays
-from .prepared import F32, Prepared
+from .moment import F32
+from .prepared import Prepared
 from .scene import Geometry, Scene
 
 

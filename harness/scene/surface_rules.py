@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .scene import Geometry
+from .scene import AlphaMask, Geometry
 
 
 def largest_triangles(geometry: Geometry, share: float = 0.5) -> NDArray[np.uint8]:
@@ -20,3 +20,18 @@ def largest_triangles(geometry: Geometry, share: float = 0.5) -> NDArray[np.uint
     chosen = np.zeros(len(area), dtype=np.uint8)
     chosen[order[:count]] = area[order[:count]] > 0.0
     return chosen
+
+
+def perforated(geometry: Geometry, every: int = 2, holes: int = 4) -> AlphaMask:
+    """A mask for any mesh: triangle 0 and every ``every``-th after it become a chequerboard, ``holes`` fields a side.
+
+    The fields lie along two edges of the triangle itself, so that the pattern follows it as it moves. ``every`` = 1
+    masks them all. Raises ValueError unless both are at least 1.
+    """
+    if every < 1 or holes < 1:
+        raise ValueError("every and holes must be at least 1")
+    count = len(geometry.faces)
+    masked = (np.arange(count) % every == 0).astype(np.uint8)
+    corners = np.array([[0, 0], [holes / 2, 0], [0, holes / 2]], dtype=np.float32)
+    coordinates = np.broadcast_to(corners, (count, 3, 2)).copy()
+    return AlphaMask(masked, coordinates, np.array([[1, 0], [0, 1]], dtype=np.uint8))

@@ -14,7 +14,7 @@ import warp as wp
 from ...harness.frame.frame import Frame
 from ...harness.frame.method import BaseMethod
 from ...harness.frame.passes import Pass
-from ...harness.scene.scene import Effects, Limits
+from ...harness.scene.effects import Effects, Limits
 from ..common.bounds import launch_boxes
 from ..common.misses import miss_passes
 from ..common.pixels import thread_count

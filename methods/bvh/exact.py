@@ -11,12 +11,12 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from ...harness.frame.alpha import Alpha
 from ...harness.frame.frame import Frame
 from ...harness.frame.mirrors import traced_bounces
 from ...harness.frame.passes import Pass
 from ...harness.frame.specialise import effects, specialised
-from ...harness.scene.alpha import Alpha
-from ...harness.scene.scene import Effects
+from ...harness.scene.effects import Effects
 from ..common.alpha import hit_counts, shadow_counts
 from ..common.bounces import bounced_tests
 from ..common.bounds import PADDED_UNITS, launch_boxes

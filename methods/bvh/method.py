@@ -16,7 +16,7 @@ from ...harness.frame.method import BaseMethod
 from ...harness.frame.mirrors import traced_bounces
 from ...harness.frame.passes import Pass
 from ...harness.frame.specialise import specialised
-from ...harness.scene.scene import Effects, Limits
+from ...harness.scene.effects import Effects, Limits
 from ..common.misses import miss_passes, write_misses
 from ..common.offset import SHADOW_END
 from ..common.pixels import thread_count

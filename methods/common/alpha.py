@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from ...harness.scene.alpha import OPAQUE, Alpha, texels_near
+from ...harness.frame.alpha import OPAQUE, Alpha, texels_near
 from .segment import light_edge_functions
 from .triangle import U64, edge_functions, largest, to_float64, total
 

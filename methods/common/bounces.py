@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 
 from ...harness.frame.frame import Frame
-from ...harness.scene.scene import Effects
+from ...harness.scene.effects import Effects
 
 
 def bounced_tests(

@@ -7,7 +7,7 @@ import math
 from ...harness.frame.frame import Frame
 from ...harness.frame.mirrors import traced_bounces
 from ...harness.frame.passes import Pass
-from ...harness.scene.scene import Effects
+from ...harness.scene.effects import Effects
 
 
 def write_misses(frame: Frame, bounce: int = 0) -> None:

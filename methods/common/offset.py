@@ -14,7 +14,8 @@ import warp as wp
 
 from ...harness.frame.frame import Frame
 from ...harness.frame.mirrors import FINE, GAMMA7, outward, spread
-from ...harness.frame.specialise import Switches, effects, specialised
+from ...harness.frame.specialise import effects, specialised
+from ...harness.scene.effects import Switches
 from .hitpoint import hit_point, plane_distance
 from .triangle import largest, to_float32, to_float64
 

@@ -26,7 +26,7 @@ from ...harness.frame.frame import MISS, Frame
 from ...harness.frame.method import BaseMethod
 from ...harness.frame.mirrors import traced_bounces
 from ...harness.frame.passes import Pass
-from ...harness.scene.scene import Effects, Limits
+from ...harness.scene.effects import Effects, Limits
 from ..common.misses import miss_passes
 from ..common.offset import SHADOW_END, launch_shadow_origins
 

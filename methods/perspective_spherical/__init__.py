@@ -12,7 +12,8 @@ from ...harness.errors import UserError
 from ...harness.frame.frame import Frame
 from ...harness.frame.method import BaseMethod
 from ...harness.frame.passes import Pass
-from ...harness.scene.scene import Effects, Limits, Scene
+from ...harness.scene.effects import Effects, Limits
+from ...harness.scene.scene import Scene
 from .camera.grid import CameraGrid
 from .counters import work
 from .culling import loses_hits, orientation, refusal

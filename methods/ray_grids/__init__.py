@@ -18,7 +18,7 @@ from ...harness.errors import CapacityRejected
 from ...harness.frame.frame import Frame
 from ...harness.frame.method import BaseMethod
 from ...harness.frame.passes import Pass
-from ...harness.scene.scene import Effects, Limits
+from ...harness.scene.effects import Effects, Limits
 from .camera.passes import CameraStream
 from .light.passes import LightAims, LightStream, RayBins
 from .parameters import Build

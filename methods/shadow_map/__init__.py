@@ -18,7 +18,7 @@ from ...harness.frame.frame import Frame
 from ...harness.frame.method import BaseMethod
 from ...harness.frame.passes import Pass
 from ...harness.frame.specialise import specialised
-from ...harness.scene.scene import Effects, Limits
+from ...harness.scene.effects import Effects, Limits
 from ..common.bounds import launch_bounds
 from ..common.misses import miss_passes
 from ..common.pairs import grown

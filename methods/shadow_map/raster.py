@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import warp as wp
 
+from ...harness.frame.alpha import Alpha, texels_near
 from ...harness.frame.specialise import effects
-from ...harness.scene.alpha import Alpha, texels_near
 from ..common.reserve import reserve
 from ..common.triangle import U32, largest
 from .projection import LightMap, map_point

@@ -19,7 +19,7 @@ from ...harness.frame.method import BaseMethod
 from ...harness.frame.mirrors import traced_bounces
 from ...harness.frame.passes import Pass
 from ...harness.frame.specialise import specialised
-from ...harness.scene.scene import Effects, Limits
+from ...harness.scene.effects import Effects, Limits
 from ..common.bounces import bounced_tests
 from ..common.bounds import launch_bounds
 from ..common.misses import miss_passes

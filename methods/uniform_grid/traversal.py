@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import warp as wp
 
+from ...harness.frame.alpha import Alpha
 from ...harness.frame.specialise import effects
-from ...harness.scene.alpha import Alpha
 from ..common.alpha import hit_counts, shadow_counts
 from ..common.pixels import pixel_of
 from ..common.segment import may_occlude, occludes

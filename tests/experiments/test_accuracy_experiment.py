@@ -19,11 +19,12 @@ from shadowbench.experiments._hardness import hard_rows
 from shadowbench.experiments._offsets import error_grid, offset_by
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.judge.referee import Verdict
 from shadowbench.harness.judge.score import Judge
+from shadowbench.harness.judge.verdict import Verdict
 from shadowbench.harness.report import flip as looks
 from shadowbench.harness.report import style
-from shadowbench.harness.runner.experiment import Entry, check_entries
+from shadowbench.harness.runner.experiment import Entry
+from shadowbench.harness.runner.points import check_entries
 
 # --- what it runs ---
 

@@ -10,12 +10,8 @@ from shadowbench.experiments import _paper, figure2
 from shadowbench.experiments.ablation import CULLED, TREE
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.errors import UserError
-from shadowbench.harness.runner.experiment import (
-    check_entries,
-    experiment_names,
-    find_experiment,
-    find_preset,
-)
+from shadowbench.harness.runner.experiment import experiment_names, find_experiment, find_preset
+from shadowbench.harness.runner.points import check_entries
 from shadowbench.harness.runner.progress import Silent
 from shadowbench.harness.runner.runner import Options, Run
 from shadowbench.harness.scene.catalogue import scene_names

@@ -18,9 +18,11 @@ from shadowbench.harness.hardcases.case import ball, quad, soup
 from shadowbench.harness.hardcases.judge import Judged, judge_case
 from shadowbench.harness.judge.referee import Referee
 from shadowbench.harness.judge.score import Judge
-from shadowbench.harness.scene.alpha import perforated
-from shadowbench.harness.scene.prepared import Moment, Prepared
-from shadowbench.harness.scene.scene import AlphaMask, Camera, Effects, Geometry, Light, Scene
+from shadowbench.harness.scene.effects import Effects
+from shadowbench.harness.scene.moment import Moment
+from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.scene import AlphaMask, Camera, Geometry, Light, Scene
+from shadowbench.harness.scene.surface_rules import perforated
 from shadowbench.methods.perspective_spherical.culling import refusal
 
 # --- the rule -------------------------------------------------------------------------------------------------

@@ -26,9 +26,10 @@ from shadowbench.harness.frame import frame as frame_module
 from shadowbench.harness.frame import receivers
 from shadowbench.harness.frame.method import BaseMethod
 from shadowbench.harness.judge.score import Judge
-from shadowbench.harness.runner.timing import Memory
+from shadowbench.harness.runner.memory import Memory
+from shadowbench.harness.scene.effects import Effects
 from shadowbench.harness.scene.prepared import Prepared
-from shadowbench.harness.scene.scene import Effects, Light, Spot
+from shadowbench.harness.scene.scene import Light, Spot
 
 # --- (1) the launch list without an effect is the list with it, minus exactly its passes ------------------------
 

@@ -17,7 +17,8 @@ from helpers.compiled_twins import (
     with_source,
 )
 from shadowbench.harness.frame import specialise
-from shadowbench.harness.frame.specialise import NAMES, Switches, named, specialised, switch_sets
+from shadowbench.harness.frame.specialise import NAMES, named, specialised, switch_sets
+from shadowbench.harness.scene.effects import Switches
 
 KERNELS = kernels_with_effects()
 CASES = [(name, effect) for name, kernel in KERNELS.items() for effect in named(kernel)]

@@ -23,11 +23,11 @@ from shadowbench.harness.frame.method import SimpleMethod
 from shadowbench.harness.frame.registry import make_method, method_class, method_names
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.judge.referee import Referee
-from shadowbench.harness.runner.timing import Memory
-from shadowbench.harness.scene.alpha import perforated
-from shadowbench.harness.scene.facts import array_bytes
+from shadowbench.harness.runner.memory import Memory, array_bytes
+from shadowbench.harness.scene.effects import Effects
 from shadowbench.harness.scene.prepared import Prepared
-from shadowbench.harness.scene.scene import Camera, Effects
+from shadowbench.harness.scene.scene import Camera
+from shadowbench.harness.scene.surface_rules import perforated
 
 
 @pytest.mark.parametrize(("name", "settings"), EXACT + INEXACT)

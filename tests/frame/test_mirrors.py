@@ -20,14 +20,14 @@ from helpers.mirror_scenes import (
 )
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.frame.specialise import Switches
-from shadowbench.harness.judge.answer_files import save_raw, score_raw
+from shadowbench.harness.judge.answer_files import save_raw
 from shadowbench.harness.judge.referee import Referee
-from shadowbench.harness.judge.score import Judge
-from shadowbench.harness.scene.alpha import perforated
+from shadowbench.harness.judge.score import Judge, score_raw
+from shadowbench.harness.scene.effects import Effects, Switches
 from shadowbench.harness.scene.prepared import Prepared
-from shadowbench.harness.scene.scene import Camera, Effects
+from shadowbench.harness.scene.scene import Camera
 from shadowbench.harness.scene.shared import Stored, store
+from shadowbench.harness.scene.surface_rules import perforated
 
 
 @pytest.mark.parametrize("device", DEVICES)

@@ -13,7 +13,7 @@ from shadowbench.harness.frame.session import Session
 from shadowbench.harness.hardcases import HardCase, all_cases
 from shadowbench.harness.hardcases.case import Counts, Trial, pixel_centres, sheet, view
 from shadowbench.harness.hardcases.judge import counts_of, judge_refusal
-from shadowbench.harness.scene.prepared import Moment
+from shadowbench.harness.scene.moment import Moment
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)

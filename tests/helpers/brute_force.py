@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from shadowbench.harness.scene.prepared import Moment, Prepared
+from shadowbench.harness.scene.moment import Moment
+from shadowbench.harness.scene.prepared import Prepared
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 
 

@@ -20,7 +20,8 @@ from pathlib import Path
 import shadowbench.harness
 import shadowbench.methods
 import warp as wp
-from shadowbench.harness.frame.specialise import Switches, is_effects, named
+from shadowbench.harness.frame.specialise import is_effects, named
+from shadowbench.harness.scene.effects import Switches
 from shadowbench.methods.perspective_spherical.camera.trace import make_trace_kernel
 from shadowbench.methods.perspective_spherical.camera.trace_staged import make_staged_trace_kernel
 from shadowbench.methods.perspective_spherical.light.trace import make_shadow_kernel

@@ -6,7 +6,8 @@ from fractions import Fraction
 
 import numpy as np
 from shadowbench.harness.judge.referee import Referee
-from shadowbench.harness.scene.prepared import Moment, Prepared
+from shadowbench.harness.scene.moment import Moment
+from shadowbench.harness.scene.prepared import Prepared
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 
 Vector = list[Fraction]

@@ -9,9 +9,10 @@ from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.hardcases.case import ball, joined, quad
 from shadowbench.harness.judge.score import Judge
-from shadowbench.harness.scene.alpha import perforated
-from shadowbench.harness.scene.prepared import Moment, Prepared
+from shadowbench.harness.scene.moment import Moment
+from shadowbench.harness.scene.prepared import Prepared
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
+from shadowbench.harness.scene.surface_rules import perforated
 
 SIZE = (24, 18)
 EXACT = [

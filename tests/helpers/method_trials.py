@@ -10,7 +10,8 @@ from helpers.brute_force import closest, make_scene, shadowed, soup
 from numpy.typing import NDArray
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.scene.prepared import Moment, Prepared
+from shadowbench.harness.scene.moment import Moment
+from shadowbench.harness.scene.prepared import Prepared
 
 DEVICES = ["cpu", *(["cuda:0"] if wp.is_cuda_available() else [])]
 

@@ -10,13 +10,16 @@ from helpers.holed_scenes import SIZE, answers_of, ball_on_floor, holed, make, s
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.judge.answer_files import save_raw, score_raw
+from shadowbench.harness.judge.answer_files import save_raw
 from shadowbench.harness.judge.arithmetic import edge_bound
-from shadowbench.harness.judge.referee import Referee, Verdict
-from shadowbench.harness.judge.score import Judge
-from shadowbench.harness.scene.alpha import checked, perforated
-from shadowbench.harness.scene.scene import AlphaMask, Effects, Geometry
+from shadowbench.harness.judge.referee import Referee
+from shadowbench.harness.judge.score import Judge, score_raw
+from shadowbench.harness.judge.verdict import Verdict
+from shadowbench.harness.scene.alpha import checked
+from shadowbench.harness.scene.effects import Effects
+from shadowbench.harness.scene.scene import AlphaMask, Geometry
 from shadowbench.harness.scene.shared import Stored, store
+from shadowbench.harness.scene.surface_rules import perforated
 
 
 def test_truth_is_the_referee_and_says_why():

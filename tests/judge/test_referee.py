@@ -10,7 +10,8 @@ import warp as wp
 from helpers import exact_cases as cases
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from shadowbench.harness.judge.referee import Referee, Verdict
+from shadowbench.harness.judge.referee import Referee
+from shadowbench.harness.judge.verdict import Verdict
 from shadowbench.harness.scene.prepared import Prepared, valid_triangles
 
 BOUNDED = settings(derandomize=True, max_examples=40, deadline=None)

@@ -11,8 +11,9 @@ from helpers import exact_cases as cases
 from helpers.scored_case import HEIGHT, WIDTH, Case, ball_case, floor_pixel, plant_hole, sky_pixel
 from shadowbench.harness.judge.consistency import check_consistency
 from shadowbench.harness.judge.score import Judge, score_answers
+from shadowbench.harness.scene.effects import Effects
 from shadowbench.harness.scene.prepared import Prepared
-from shadowbench.harness.scene.scene import Camera, Effects, Light
+from shadowbench.harness.scene.scene import Camera, Light
 
 
 @pytest.fixture(scope="module")

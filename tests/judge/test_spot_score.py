@@ -9,10 +9,11 @@ import pytest
 from helpers import brute_force
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.judge.score import Judge, not_receivers
+from shadowbench.harness.judge.receivers import not_receivers
+from shadowbench.harness.judge.score import Judge
 from shadowbench.harness.runner.grader import Grader, hand_over, handed_path
+from shadowbench.harness.scene.effects import Effects
 from shadowbench.harness.scene.overrides import Lighting
-from shadowbench.harness.scene.scene import Effects
 
 SIZE = 32
 

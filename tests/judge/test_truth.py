@@ -9,8 +9,9 @@ from shadowbench.harness.judge import reference as truth
 from shadowbench.harness.judge import score
 from shadowbench.harness.judge.referee import Referee
 from shadowbench.harness.judge.reference import embree_reference
+from shadowbench.harness.scene.effects import Effects
 from shadowbench.harness.scene.prepared import Prepared
-from shadowbench.harness.scene.scene import Camera, Effects, Light
+from shadowbench.harness.scene.scene import Camera, Light
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from helpers import exact_cases as cases
 from shadowbench.harness.judge import arithmetic as exact
-from shadowbench.harness.judge.referee import Referee, Verdict
+from shadowbench.harness.judge.referee import Referee
+from shadowbench.harness.judge.verdict import Verdict
 from shadowbench.harness.scene.prepared import Prepared
 
 QUAD = np.float32([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])

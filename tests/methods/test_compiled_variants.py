@@ -10,9 +10,9 @@ import warp as wp
 from helpers.brute_force import make_scene, soup
 from helpers.paper_knobs import answers_of, drawn
 from shadowbench.harness.frame import specialise
-from shadowbench.harness.scene.alpha import perforated
 from shadowbench.harness.scene.prepared import Prepared
 from shadowbench.harness.scene.scene import Light, Spot
+from shadowbench.harness.scene.surface_rules import perforated
 from shadowbench.methods.perspective_spherical.camera import grid as camera
 from shadowbench.methods.perspective_spherical.compiled import (
     FACTORIES,

@@ -10,7 +10,8 @@ import shadowbench.harness
 import shadowbench.methods
 import warp as wp
 from helpers.compiled_twins import compiled, kernels_with_effects, source_of, with_source
-from shadowbench.harness.frame.specialise import Switches, named
+from shadowbench.harness.frame.specialise import named
+from shadowbench.harness.scene.effects import Switches
 from shadowbench.methods.ray_grids.camera import queue as camera_queue
 from shadowbench.methods.ray_grids.camera import stream as camera_stream
 from shadowbench.methods.ray_grids.light import queue as light_queue

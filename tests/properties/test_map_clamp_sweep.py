@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene import catalogue
-from shadowbench.harness.scene.prepared import Moment, Prepared
-from shadowbench.harness.scene.scene import Light, Limits
+from shadowbench.harness.scene.effects import Limits
+from shadowbench.harness.scene.moment import Moment
+from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.scene import Light
 from shadowbench.methods.perspective_spherical.parameters import CLAMPS, LIGHT_MAPS, TRIANGLE_TESTS
 
 NAME = "perspective_spherical"

@@ -21,7 +21,8 @@ from hypothesis import strategies as st
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.hardcases.case import HardCase
 from shadowbench.harness.hardcases.judge import Judged, same_bits
-from shadowbench.harness.judge.referee import Referee, Verdict
+from shadowbench.harness.judge.referee import Referee
+from shadowbench.harness.judge.verdict import Verdict
 from shadowbench.harness.scene.prepared import Prepared
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene, Spot
 

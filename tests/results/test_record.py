@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shadowbench.harness.results import record
 from shadowbench.harness.errors import UserError
-from shadowbench.harness.results.record import Journal, make_record
+from shadowbench.harness.results.journal import Journal
+from shadowbench.harness.results.record import make_record
 from shadowbench.harness.results.schema import read_records
 
 

@@ -16,7 +16,7 @@ from shadowbench.harness.runner.grader import Grader, hand_over, handed_path
 from shadowbench.harness.runner.experiment import Entry
 from shadowbench.harness.runner.progress import Silent
 from shadowbench.harness.judge.answer_files import save_raw
-from shadowbench.harness.judge.referee import Verdict
+from shadowbench.harness.judge.verdict import Verdict
 from shadowbench.harness.runner.runner import Run
 from shadowbench.harness.judge.score import Judge
 from shadowbench.harness.results.settle import kept_path, read_disputes, settle_folder

@@ -126,7 +126,7 @@ def test_retry_measures_failed_points_only(package, scene, tmp_path):
 
 @pytest.mark.parametrize("change", [{"width": 9}, {"samples": 4}, {"frames": 1, "rounds": 1}])
 def test_another_configuration_is_another_point(troubled, scene, tmp_path, change):
-    from shadowbench.harness.runner.experiment import describe_method, make_point
+    from shadowbench.harness.runner.points import describe_method, make_point
 
     _, records = troubled
     entry, facts = Entry("steady", {}, "steady"), records["steady"]["scene"]
@@ -154,12 +154,12 @@ def test_a_scene_that_cannot_be_made_is_a_stated_failure(package, tmp_path):
 
 def _breaking(runner, path):
     """Run with a file that is whole when asked for its hash, and broken when a worker reads it."""
-    known = ResultsFolder.known_scene
+    known = run_module.known_scene
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
-            ResultsFolder,
+            run_module,
             "known_scene",
-            lambda self, load: None if load["scene"] == str(path) else known(self, load),
+            lambda folder, load: None if load["scene"] == str(path) else known(folder, load),
         )
         return runner.go()
 

@@ -13,8 +13,10 @@ import warp as wp
 from shadowbench.harness.frame.method import SimpleMethod
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.runner import timing
-from shadowbench.harness.runner.experiment import orders, spread_frames
-from shadowbench.harness.runner.timing import CompileClock, Memory, Sampling, sample_frame, stop_reason
+from shadowbench.harness.runner.experiment import spread_frames
+from shadowbench.harness.runner.memory import Memory
+from shadowbench.harness.runner.points import orders
+from shadowbench.harness.runner.timing import CompileClock, Sampling, sample_frame, stop_reason
 from shadowbench.harness.scene.prepared import Prepared
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 

@@ -10,8 +10,8 @@ from shadowbench.harness.commands.plan import frame_plan
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.materials import reflectances
 from shadowbench.harness.scene.catalogue import resolve
+from shadowbench.harness.scene.effects import Effects
 from shadowbench.harness.scene.prepared import Prepared
-from shadowbench.harness.scene.scene import Effects
 from typer.testing import CliRunner
 
 MESH = """v -1 -1 0

@@ -9,12 +9,12 @@ import json
 import numpy as np
 import pytest
 from helpers.runs import write_scene
-from shadowbench.harness.judge.receivers import CONE, RECTANGLE, spot_row
 from shadowbench.harness.results.pixel_maps import read_map, write_map
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.overrides import Lighting
 from shadowbench.harness.scene.prepared import Prepared
 from shadowbench.harness.scene.scene import Light, Scene
+from shadowbench.harness.scene.spotlight import CONE, RECTANGLE, spot_row
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.scene.light_paths import DistanceSweep
-from shadowbench.harness.scene.prepared import Prepared, ray_tables, recentre, valid_triangles, weld
+from shadowbench.harness.scene.moment import ray_tables
+from shadowbench.harness.scene.prepared import Prepared, recentre, valid_triangles, weld
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 
 CAMERA = Camera((0.0, 0.0, 5.0), (0.0, 0.0, 0.0))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from helpers import mesh_files as files
-from shadowbench.harness.commands.verify import answer
+from shadowbench.harness.commands.answering import answer
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.judge.score import Judge
 from shadowbench.harness.scene import catalogue

@@ -21,7 +21,8 @@ from shadowbench.harness.judge.referee import Referee
 from shadowbench.harness.judge.reference import Reference, embree_reference, processor
 from shadowbench.harness.judge.selection import neighbours
 from shadowbench.harness.scene.catalogue import resolve
-from shadowbench.harness.scene.prepared import Moment, Prepared
+from shadowbench.harness.scene.moment import Moment
+from shadowbench.harness.scene.prepared import Prepared
 
 SIDE = 1024
 

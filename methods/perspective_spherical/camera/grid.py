@@ -7,7 +7,7 @@ import warp as wp
 from ....harness.frame.frame import Frame
 from ....harness.frame.passes import Pass
 from ....harness.frame.specialise import specialised
-from ....harness.scene.scene import Effects
+from ....harness.scene.effects import Effects
 from ..lists.binning import BIN_BLOCK, TileBins
 from ..lists.items import Items, count_tiles_kernel
 from ..parameters import TRIANGLE_TESTS, Build, Trace

@@ -12,8 +12,8 @@ import functools
 
 import warp as wp
 
+from ....harness.frame.alpha import Alpha
 from ....harness.frame.specialise import effects
-from ....harness.scene.alpha import Alpha
 from ...common.alpha import hit_counts
 from ...common.triangle import NO_HIT, nearer, weld_of, write_hit
 from ..variants import Variant

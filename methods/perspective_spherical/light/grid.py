@@ -7,7 +7,7 @@ import warp as wp
 from ....harness.frame.frame import Frame
 from ....harness.frame.passes import Pass
 from ....harness.frame.specialise import specialised
-from ....harness.scene.scene import Effects
+from ....harness.scene.effects import Effects
 from ..camera.grid import CameraGrid
 from ..camera.ray_tests import WIDENINGS
 from ..lists.binning import BIN_BLOCK, MOST_COUNTED, TileBins

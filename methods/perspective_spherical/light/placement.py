@@ -7,7 +7,7 @@ import warp as wp
 from ....harness.frame.frame import Frame
 from ....harness.frame.passes import Pass
 from ....harness.frame.specialise import specialised
-from ....harness.scene.scene import Effects
+from ....harness.scene.effects import Effects
 from ...common.bounds import launch_bounds
 from ..camera.grid import CameraGrid
 from ..parameters import CLAMPS, LIGHT_MAPS, Build

@@ -10,8 +10,8 @@ import functools
 
 import warp as wp
 
+from ....harness.frame.alpha import Alpha
 from ....harness.frame.specialise import effects
-from ....harness.scene.alpha import Alpha
 from ...common.alpha import shadow_counts
 from ...common.triangle import U32, largest, to_float32, weld_of
 from ..variants import Variant

@@ -7,7 +7,7 @@ import warp as wp
 from ....harness.frame.frame import Frame
 from ....harness.frame.passes import Pass
 from ....harness.frame.specialise import specialised
-from ....harness.scene.scene import Effects
+from ....harness.scene.effects import Effects
 from ...common.pixels import thread_count
 from ..parameters import Build
 from ..queues import BLOCK_DIM, COUNTERS, Queues, Step, in_shares, keep_kernel

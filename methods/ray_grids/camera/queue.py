@@ -6,8 +6,8 @@ import functools
 
 import warp as wp
 
+from ....harness.frame.alpha import Alpha
 from ....harness.frame.specialise import effects
-from ....harness.scene.alpha import Alpha
 from ...common.entries import entry, entry_now, entry_of_four
 from ..queues import DOUBTS, ITEMS, PARTS, queue_parts
 from ..warps import LANES, filled_lane, gather, lane_at, of_lane, sum_to_lane

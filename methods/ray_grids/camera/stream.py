@@ -9,8 +9,8 @@ import functools
 
 import warp as wp
 
+from ....harness.frame.alpha import Alpha
 from ....harness.frame.specialise import effects
-from ....harness.scene.alpha import Alpha
 from ...common.alpha import hit_counts
 from ...common.entries import entry, set_entry, set_entry_of_four
 from ...common.reserve import reserve

@@ -10,7 +10,7 @@ import warp as wp
 from ....harness.frame.frame import Frame
 from ....harness.frame.passes import Pass
 from ....harness.frame.specialise import specialised
-from ....harness.scene.scene import Effects
+from ....harness.scene.effects import Effects
 from ...common.pixels import thread_count
 from .. import aim as light_aim
 from .. import cube as light_places

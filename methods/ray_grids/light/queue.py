@@ -6,8 +6,8 @@ import functools
 
 import warp as wp
 
+from ....harness.frame.alpha import Alpha
 from ....harness.frame.specialise import effects
-from ....harness.scene.alpha import Alpha
 from ...common.alpha import shadow_counts
 from ...common.entries import entry, set_entry
 from ...common.reserve import reserve

@@ -10,8 +10,8 @@ import functools
 
 import warp as wp
 
+from ....harness.frame.alpha import Alpha
 from ....harness.frame.specialise import effects
-from ....harness.scene.alpha import Alpha
 from ...common.entries import entry, set_entry
 from ...common.reserve import number_in
 from ...common.triangle import U32, total

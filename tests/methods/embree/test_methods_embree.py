@@ -9,7 +9,7 @@ from helpers.method_trials import assert_misses, assert_nearly, hard_trials, lat
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.scene.scene import Effects
+from shadowbench.harness.scene.effects import Effects
 
 NAME = "embree"
 TRIALS = {name: (prepared, width, height) for name, prepared, width, height in hard_trials()}

@@ -13,18 +13,13 @@ from helpers.closed_meshes import grid_of_squares
 from helpers.paper_knobs import DEVICES, answers_of, drawn, same
 from shadowbench.harness.errors import CapacityRejected, UserError
 from shadowbench.harness.frame.registry import make_method
-from shadowbench.harness.scene.scene import Limits
+from shadowbench.harness.scene.effects import Limits
 from shadowbench.methods.perspective_spherical.camera.trace import make_resolve_kernel, make_trace_kernel
 from shadowbench.methods.perspective_spherical.camera.trace_staged import make_staged_trace_kernel
 from shadowbench.methods.perspective_spherical.light.bounds import make_bound_kernel
 from shadowbench.methods.perspective_spherical.light.trace import make_shadow_kernel
 from shadowbench.methods.perspective_spherical.light.trace_staged import make_staged_shadow_kernel
-from shadowbench.methods.perspective_spherical.parameters import (
-    LIGHT_MAPS,
-    TRIANGLE_TESTS,
-    Build,
-    Trace,
-)
+from shadowbench.methods.perspective_spherical.parameters import LIGHT_MAPS, TRIANGLE_TESTS, Build, Trace
 from shadowbench.methods.perspective_spherical.variants import VARIANTS
 
 

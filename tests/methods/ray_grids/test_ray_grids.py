@@ -9,7 +9,7 @@ from helpers.brute_force import closest, make_scene, shadowed, soup
 from shadowbench.harness.errors import CapacityRejected
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.scene.scene import Limits
+from shadowbench.harness.scene.effects import Limits
 from shadowbench.methods.common.reserve import BEYOND, number_in, reserve
 from shadowbench.methods.ray_grids.queues import COUNTERS, DOUBTS, more_room
 

@@ -10,7 +10,7 @@ from helpers.method_trials import DEVICES, assert_exact, assert_misses, box, har
 from shadowbench.harness.errors import CapacityRejected, UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.scene.scene import Limits
+from shadowbench.harness.scene.effects import Limits
 from shadowbench.methods.accuracy_ladder.kernels import make_kernels
 
 NAME = "shadow_map"

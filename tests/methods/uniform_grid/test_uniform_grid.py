@@ -9,8 +9,9 @@ from helpers.method_trials import DEVICES, assert_exact, hard_trials, lattice, r
 from shadowbench.harness.errors import CapacityRejected, UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
+from shadowbench.harness.scene.effects import Limits
 from shadowbench.harness.scene.prepared import Prepared
-from shadowbench.harness.scene.scene import Camera, Geometry, Light, Limits, Scene
+from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 
 NAME = "uniform_grid"
 TRIALS = {name: (prepared, width, height) for name, prepared, width, height in hard_trials()}

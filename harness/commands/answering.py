@@ -1,0 +1,46 @@
+"""A method asked for its answers to one frame, with whatever goes wrong told as a status."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from numpy.typing import NDArray
+
+from ..errors import CapacityRejected
+from ..scene.moment import Moment
+from ..scene.prepared import Prepared
+
+
+@dataclass(eq=False)
+class Outcome:
+    """What became of a method on a moment. ``answers`` is None unless ``status`` is "ok"."""
+
+    method: str
+    status: str
+    reason: str = ""
+    answers: dict[str, NDArray] | None = None
+    known_inexact: str | None = None
+    device: str = ""
+
+
+def answer(name: str, settings: dict[str, str], prepared: Prepared, moment: Moment, device: str) -> Outcome:
+    """The answers of a method to a moment; or skipped, rejected or failed, with the reason. Never raises for one."""
+    from ..frame.devices import device_for
+    from ..frame.registry import make_method
+    from ..frame.session import Session
+
+    method = make_method(name, settings)
+    place = device_for(type(method), device)
+    outcome = Outcome(name, "ok", known_inexact=getattr(method, "known_inexact", None), device=place)
+    reason = method.applies(prepared.scene, place)
+    if reason:
+        outcome.status, outcome.reason = "skipped", reason
+        return outcome
+    try:
+        session = Session(method, prepared, moment.width, moment.height, place, len(moment.lights))
+        outcome.answers = session.answers(moment)
+    except CapacityRejected as error:
+        outcome.status, outcome.reason = "rejected", str(error)
+    except Exception as error:  # one method's crash must not hide what the others answer
+        outcome.status, outcome.reason = "failed", f"{type(error).__name__}: {error}"
+    return outcome

@@ -1,0 +1,63 @@
+"""A journal: the events of a point, appended one JSON line at a time."""
+
+from __future__ import annotations
+import os
+import json
+from ..files import canonical
+from pathlib import Path
+from typing import Any
+
+
+class Journal:
+    """What is known of a point under way: one JSON object a line, on the disk before :meth:`append` returns.
+
+    A line torn by a crash is cut off when the journal is opened again; the lines before it stay.
+    """
+
+    def __init__(self, path: Path):
+        self.path = path
+        self.events: list[dict[str, Any]] = []
+        if path.exists():
+            self._recover()
+
+    def _recover(self) -> None:
+        whole = 0
+        for line in self.path.read_bytes().splitlines(keepends=True):
+            try:
+                event = json.loads(line) if line.endswith(b"\n") else None
+            except ValueError:
+                event = None
+            if not isinstance(event, dict):
+                break
+            self.events.append(event)
+            whole += len(line)
+        if whole != self.path.stat().st_size:
+            os.truncate(self.path, whole)
+
+    def append(self, event: dict[str, Any]) -> None:
+        """Add an event. Raises OSError where it cannot be kept; the journal is then as it was."""
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        line = (canonical(event) + "\n").encode()
+        before = self.path.stat().st_size if self.path.exists() else 0
+        try:
+            with open(self.path, "ab") as file:
+                file.write(line)
+                file.flush()
+                os.fsync(file.fileno())
+        except OSError:
+            if self.path.exists():
+                os.truncate(self.path, before)
+            raise
+        self.events.append(event)
+
+    def rounds(self) -> dict[int, dict[str, Any]]:
+        """The rounds that are complete, by number."""
+        return {event["round"]: event for event in self.events if event["event"] == "round"}
+
+    def first(self, kind: str) -> dict[str, Any] | None:
+        """The first event of a kind, or None."""
+        return next((event for event in self.events if event["event"] == kind), None)
+
+    def remove(self) -> None:
+        """Forget the journal: its record is written."""
+        self.path.unlink(missing_ok=True)

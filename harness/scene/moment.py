@@ -1,0 +1,120 @@
+"""One moment of a scene: the arrays of a frame on the host, and the tables of its rays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import UserError
+from .scene import Camera, Light
+
+F32 = NDArray[np.float32]
+
+
+NEARER = 2.0**-32
+"""Share of the way to a directional light at which its post stands: 2^24 radii away."""
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """All that a frame is made from, on the host.
+
+    points   float32 [vertex_count, 3]
+    valid    uint8 [triangle_count]: 0 for zero-area, NaN and infinite triangles, which are never hit
+    eye      float32 [3]
+    axes     float32 [3, 3]: right, up, forward, unit length
+    tangents float32 [2]: half width and half height of the image plane at distance 1 along forward
+    column   float32 [width, 3], row float32 [height, 3]: a pixel's direction is column[x] + row[y], one float32
+             addition a component; its forward part is 1 up to rounding, so t is the depth along forward
+    lights   float32 [light_count, 3]
+    spots    float64 [light_count, 12]: what each light is limited to (:mod:`.judge.receivers`); no row: not limited
+    posts    float32 [light_count, 3]: where a structure may look from in a light's stead: the light itself, or for
+             a directional one the point :data:`NEARER` as far along its way, from which directions can be told
+             apart (a ray of the light lies within 2^-23 of the direction that the post sees it in, relative to
+             the angle between that direction and the way to the scene's middle)
+    reach    float32 [1]: a power of two that no coordinate of scene and eye exceeds: what roundings grow with. It
+             stays what it is while the camera moves about the scene, so that a structure need not know the eye
+    facing   whether only hit points that face a light have a shadow ray to it
+    """
+
+    index: int
+    points: F32
+    valid: NDArray[np.uint8]
+    eye: F32
+    axes: F32
+    tangents: F32
+    column: F32
+    row: F32
+    lights: F32
+    spots: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 12)))
+    facing: bool = False
+    reach: F32 = field(default_factory=lambda: np.ones(1, dtype=np.float32))
+    posts: F32 | None = None
+
+    @property
+    def width(self) -> int:
+        return len(self.column)
+
+    @property
+    def height(self) -> int:
+        return len(self.row)
+
+    def directions(self, pixels: NDArray[np.integer]) -> F32:
+        """The float32 directions [n, 3] of the given pixel indices (row * width + column)."""
+        return self.column[pixels % self.width] + self.row[pixels // self.width]
+
+    def origins(self, pixels: NDArray[np.integer]) -> F32:
+        """Where the rays of the given pixel indices start, float32 [n, 3]."""
+        return np.broadcast_to(self.eye, (len(pixels), 3))
+
+
+def posts_of(positions: F32, lights: tuple[Light, ...]) -> F32:
+    """Float32 [light_count, 3]: see :attr:`Moment.posts`. Scaled by a power of two: the way stays what it is."""
+    scale = [NEARER if light.directional else 1.0 for light in lights]
+    return np.ascontiguousarray(positions * np.array(scale, dtype=np.float32).reshape(-1, 1))
+
+
+def reach_of(eye: F32, extent: float) -> F32:
+    """Float32 [1]: the least power of two from eight times ``extent`` upwards that bounds the eye's coordinates."""
+    most = max(8.0 * extent, float(np.abs(eye).max()))
+    return np.array([2.0 ** np.ceil(np.log2(min(most, 2.0**126)))], dtype=np.float32)
+
+
+def ray_tables(
+    camera: Camera, width: int, height: int, centre: NDArray[np.float64]
+) -> tuple[F32, F32, F32, F32, F32]:
+    """Eye [3], axes [3, 3], tangents [2], column [width, 3], row [height, 3], all float32.
+
+    Pixel (x, y) has its centre at (x + 0.5, y + 0.5), row 0 at the top; square pixels; ``fov`` is vertical.
+    """
+    if width < 1 or height < 1:
+        raise UserError(f"image size {width}x{height}: both must be at least 1")
+    eye = np.asarray(camera.eye, dtype=np.float64)
+    forward = np.asarray(camera.target, dtype=np.float64) - eye
+    if not np.isfinite(forward).all() or not forward.any():
+        raise UserError("camera: eye and target must be finite and different")
+    forward /= np.abs(forward).max()
+    forward /= np.linalg.norm(forward)
+    up = np.asarray(camera.up, dtype=np.float64)
+    right = np.cross(forward, up)
+    if not np.isfinite(up).all() or np.linalg.norm(right) <= 1e-9 * np.linalg.norm(up):
+        raise UserError("camera: up must be finite and not parallel to the view; choose another up")
+    if not 0.0 < camera.fov < 180.0:
+        raise UserError(f"camera: fov {camera.fov} degrees must lie between 0 and 180")
+    right /= np.linalg.norm(right)
+    true_up = np.cross(right, forward)
+    half = np.tan(np.radians(camera.fov) / 2)
+    tangents = np.array([half * width / height, half])
+    x = (2 * (np.arange(width) + 0.5) / width - 1) * tangents[0]
+    y = (1 - 2 * (np.arange(height) + 0.5) / height) * tangents[1]
+    column = forward + x[:, None] * right
+    row = y[:, None] * true_up
+    return (
+        (eye - centre).astype(np.float32),
+        np.stack([right, true_up, forward]).astype(np.float32),
+        tangents.astype(np.float32),
+        np.ascontiguousarray(column.astype(np.float32)),
+        np.ascontiguousarray(row.astype(np.float32)),
+    )

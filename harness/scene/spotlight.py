@@ -1,0 +1,54 @@
+"""A light's mask as numbers that a kernel reads: cone, rectangle, direction."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import UserError
+from .scene import Light, Spot
+
+SPOT = 12
+"""Numbers of a spot."""
+
+
+DOUBT = 2.0**-40
+"""Share of edge times edge times distance below which the sign of a plane's side is not taken as sure."""
+
+
+NO_SPOT, CONE, RECTANGLE = 0.0, 1.0, 2.0
+
+
+def spot_row(spot: Spot | None) -> NDArray[np.float64]:
+    """The numbers of a spot, float64 [12]. Raises :class:`UserError` for angles or directions that make none."""
+    row = np.zeros(SPOT)
+    if spot is None:
+        return row
+    forward = np.asarray(spot.direction, dtype=np.float64)
+    up = np.asarray(spot.up, dtype=np.float64)
+    size = np.abs(forward).max(initial=0.0)
+    if not 0.0 < size < np.inf:
+        raise UserError(f"spot: direction {spot.direction} must be finite and not zero")
+    forward = forward / size
+    forward /= np.linalg.norm(forward)
+    right = np.cross(forward, up)
+    if not np.isfinite(up).all() or np.linalg.norm(right) <= 1e-9 * np.linalg.norm(up):
+        if spot.rise is not None:
+            raise UserError("spot: up must be finite and not parallel to the direction; choose another up")
+        right = np.cross(forward, np.eye(3)[np.abs(forward).argmin()])  # a cone needs no up
+    right /= np.linalg.norm(right)
+    if not 0.0 < spot.angle <= 180.0:
+        raise UserError(f"spot: angle {spot.angle} degrees must lie between 0 and 180")
+    if spot.rise is not None and not 0.0 < spot.rise <= 90.0:
+        raise UserError(f"spot: rise {spot.rise} degrees must lie between 0 and 90")
+    row[1:10] = np.concatenate([forward, right, np.cross(right, forward)])
+    if spot.rise is None:
+        row[0], row[10] = CONE, np.cos(np.radians(spot.angle))
+    else:
+        row[0], row[10], row[11] = RECTANGLE, np.radians(spot.angle), np.radians(spot.rise)
+    return row
+
+
+def spot_rows(lights: tuple[Light, ...]) -> NDArray[np.float64]:
+    """The numbers of every light's spot, float64 [light_count, 12]."""
+    return np.array([spot_row(light.spot) for light in lights], dtype=np.float64).reshape(-1, SPOT)

@@ -1,0 +1,70 @@
+"""The imports of the project, read from its source: which module imports which, without running any of it."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGES = ("harness", "methods", "experiments")
+
+
+def modules(root: Path = ROOT) -> dict[str, Path]:
+    """The file of every module, by its dotted name from the project's root, such as ``harness.frame.session``."""
+    found = {}
+    for package in PACKAGES:
+        for file in sorted((root / package).rglob("*.py")):
+            parts = file.relative_to(root).with_suffix("").parts
+            found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = file
+    return found
+
+
+def imports(root: Path = ROOT) -> dict[str, set[str]]:
+    """For each module the modules of the project that it imports, also inside functions."""
+    files = modules(root)
+    return {name: set(_imported(name, file, files)) - {name} for name, file in files.items()}
+
+
+def _imported(name: str, file: Path, files: dict[str, Path]) -> Iterator[str]:
+    package = name if file.name == "__init__.py" else name.rpartition(".")[0]
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom):
+            parents = package.split(".")
+            base = parents[: len(parents) - node.level + 1] if node.level else []
+            base += node.module.split(".") if node.module else []
+            if base[:1] == ["shadowbench"]:
+                base = base[1:]
+            for alias in node.names:
+                for candidate in (".".join([*base, alias.name]), ".".join(base)):
+                    if candidate in files:
+                        yield candidate
+                        break
+
+
+def circles(graph: dict[str, set[str]]) -> list[list[str]]:
+    """The groups of modules that import each other in a circle (Tarjan's strongly connected components)."""
+    index: dict[str, int] = {}
+    low: dict[str, int] = {}
+    stack: list[str] = []
+    found = []
+
+    def visit(name: str) -> None:
+        index[name] = low[name] = len(index)
+        stack.append(name)
+        for other in graph[name]:
+            if other not in index:
+                visit(other)
+                low[name] = min(low[name], low[other])
+            elif other in stack:
+                low[name] = min(low[name], index[other])
+        if low[name] == index[name]:
+            at = stack.index(name)
+            if len(stack) - at > 1:
+                found.append(sorted(stack[at:]))
+            del stack[at:]
+
+    for name in graph:
+        if name not in index:
+            visit(name)
+    return found

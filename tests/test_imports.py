@@ -1,0 +1,100 @@
+"""The order of the packages: each imports only those before it, nothing imports in a circle, no harness names a method."""
+
+from __future__ import annotations
+
+import ast
+import shutil
+
+import pytest
+from helpers import import_graph
+from helpers.import_graph import ROOT, circles, imports, modules
+
+ORDER = (
+    "harness.errors", "harness.files", "harness.scene", "harness.frame", "harness.judge", "harness.results",
+    "harness.report", "harness.runner", "harness.hardcases", "harness.commands", "harness.cli", "methods", "experiments",
+)  # fmt: skip
+"""Each imports only from those before it. Methods may import only the harness's scene and frame."""
+
+FOR_METHODS = ("harness.errors", "harness.files", "harness.scene", "harness.frame", "methods")
+NAMES = sorted(
+    path.parent.name for path in (ROOT / "methods").glob("*/__init__.py") if path.parent.name != "common"
+)
+
+
+def place(module: str) -> int:
+    """Where a module's package stands in :data:`ORDER`; the packages' own faces, such as ``harness``, stand first."""
+    found = [i for i, name in enumerate(ORDER) if module == name or module.startswith(name + ".")]
+    return found[0] if found else -1
+
+
+def against_the_order(graph: dict[str, set[str]]) -> list[str]:
+    return sorted(
+        f"{module} -> {other}"
+        for module, others in graph.items()
+        for other in others
+        if place(other) > place(module)
+    )
+
+
+def test_every_module_has_a_place():
+    assert [module for module in modules() if place(module) < 0] == ["harness"]
+
+
+def test_packages_import_only_those_before_them():
+    assert against_the_order(imports()) == []
+
+
+def test_nothing_imports_in_a_circle():
+    assert circles(imports()) == []
+
+
+def test_methods_import_only_what_describes_a_frame():
+    graph = imports()
+    outside = [
+        f"{module} -> {other}"
+        for module, others in graph.items()
+        if module.startswith("methods")
+        for other in others
+        if not other.startswith(FOR_METHODS)
+    ]
+    assert outside == []
+
+
+def test_the_harness_names_no_method():
+    named = []
+    for module, file in modules().items():
+        if not module.startswith("harness"):
+            continue
+        tree = ast.parse(file.read_text(encoding="utf-8"))
+        words = {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)}
+        words |= {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+        named += [f"{module}: {name}" for name in NAMES if name in words and name not in NEUTRAL]
+    assert named == []
+
+
+NEUTRAL = {"embree"}
+"""Embree is a method and the library that the reference is made with."""
+
+
+@pytest.mark.parametrize(
+    ("file", "line", "found"),
+    [
+        (
+            "harness/scene/scene.py",
+            "from ..judge import score\n",
+            "harness.scene.scene -> harness.judge.score",
+        ),
+        ("harness/judge/score.py", "from ..cli import app\n", "harness.judge.score -> harness.cli"),
+    ],
+)
+def test_an_import_against_the_order_is_found(tmp_path, file, line, found):
+    copy = tmp_path / "project"
+    for package in import_graph.PACKAGES:
+        shutil.copytree(ROOT / package, copy / package, ignore=shutil.ignore_patterns("__pycache__"))
+    target = copy / file
+    target.write_text(target.read_text(encoding="utf-8") + line, encoding="utf-8")
+    assert against_the_order(imports(copy)) == [found]
+
+
+def test_a_circle_is_found():
+    assert circles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}) == [["a", "b", "c"]]
