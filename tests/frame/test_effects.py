@@ -258,4 +258,4 @@ def test_an_unasked_light_is_caught(monkeypatch):
 
 
 def test_the_mask_pass_is_the_harness_own():
-    assert receivers.receiver_passes.__module__.endswith("harness.receivers")
+    assert receivers.receiver_passes.__module__.endswith("harness.frame.receivers")

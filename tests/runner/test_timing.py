@@ -232,11 +232,11 @@ def test_peak_of_the_process_grows_with_what_it_holds():
     """In a process of its own: not every system lets the peak of a process that once was larger be reset."""
     code = (
         "import numpy as np\n"
-        "from shadowbench.harness import timing\n"
-        "timing.reset_peak_resident()\n"
-        "before = timing.peak_resident_bytes()\n"
+        "from shadowbench.harness.runner import memory\n"
+        "memory.reset_peak_resident()\n"
+        "before = memory.peak_resident_bytes()\n"
         "block = np.ones(8 << 20)\n"
-        "print(timing.peak_resident_bytes() - before, block.nbytes)\n"
+        "print(memory.peak_resident_bytes() - before, block.nbytes)\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     growth, held = map(int, done.stdout.split())

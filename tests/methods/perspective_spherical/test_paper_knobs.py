@@ -188,15 +188,9 @@ def test_every_cuda_kernel_compiles_without_a_gpu(tmp_path):
     kernels += [make_bound_kernel(map) for map in range(len(LIGHT_MAPS))]
     package = "shadowbench.methods.perspective_spherical"
     names = (
-        "camera",
-        "camera_grid",
-        "light_frame",
-        "light_grid",
-        "light_tiles",
-        "chunks",
-        "items",
-        "binning",
-    )
+        "camera.grid", "camera.tiles", "light.frame", "light.tiles", "light.tile_edges",
+        "lists.chunks", "lists.items", "lists.binning",
+    )  # fmt: skip
     for name in names:
         module = importlib.import_module(f"{package}.{name}")
         kernels += [k for k in vars(module).values() if isinstance(k, wp.Kernel)]
