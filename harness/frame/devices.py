@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import functools
+import platform
+from pathlib import Path
+
 import warp as wp
 
 from ..errors import UserError
@@ -33,8 +37,16 @@ def device_for(cls: type[Method], device: str) -> str:
 
 def device_title(device: str) -> str:
     """The name a person knows a device by."""
-    if not device.startswith("cuda"):
-        from .machine import cpu_model
+    return str(wp.get_device(device).name) if device.startswith("cuda") else cpu_model()
 
-        return cpu_model()
-    return str(wp.get_device(device).name)
+
+@functools.cache
+def cpu_model() -> str:
+    """The processor's name. (psutil does not say it, and ``platform.processor`` is empty or a mere kind on Linux.)"""
+    try:
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.lower().startswith("model name"):
+                return line.split(":", 1)[1].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()

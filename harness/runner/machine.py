@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import hashlib
 import importlib.metadata
 import os
@@ -17,6 +16,7 @@ from typing import Any
 import warp as wp
 
 from ..files import digest, write_atomic
+from ..frame.devices import cpu_model
 
 PACKAGES = (
     "warp-lang",
@@ -77,18 +77,6 @@ def system() -> str:
     """Kind of system, version number of its kernel, machine: not the name that somebody gave a build of it."""
     number = re.match(r"\d+(\.\d+)*", platform.release())
     return "-".join((platform.system(), number[0] if number else "unknown", platform.machine()))
-
-
-@functools.cache
-def cpu_model() -> str:
-    """The processor's name."""
-    try:
-        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
-            if line.lower().startswith("model name"):
-                return line.split(":", 1)[1].strip()
-    except OSError:
-        pass
-    return platform.processor() or platform.machine()
 
 
 def cpu_flags() -> str:
