@@ -40,6 +40,12 @@ def test_every_module_has_a_place():
     assert [module for module in modules() if place(module) < 0] == ["harness"]
 
 
+def test_every_import_leads_to_a_module():
+    graph = imports()
+    missing = [f"{module} -> {other}" for module, others in graph.items() for other in others - graph.keys()]
+    assert missing == []
+
+
 def test_packages_import_only_those_before_them():
     assert against_the_order(imports()) == []
 

@@ -21,7 +21,7 @@ def modules(root: Path = ROOT) -> dict[str, Path]:
 
 
 def imports(root: Path = ROOT) -> dict[str, set[str]]:
-    """For each module the modules of the project that it imports, also inside functions."""
+    """For each module the modules of the project that it imports, also inside functions, whether or not they exist."""
     files = modules(root)
     return {name: set(_imported(name, file, files)) - {name} for name, file in files.items()}
 
@@ -35,11 +35,11 @@ def _imported(name: str, file: Path, files: dict[str, Path]) -> Iterator[str]:
             base += node.module.split(".") if node.module else []
             if base[:1] == ["shadowbench"]:
                 base = base[1:]
+            elif not node.level:
+                continue
             for alias in node.names:
-                for candidate in (".".join([*base, alias.name]), ".".join(base)):
-                    if candidate in files:
-                        yield candidate
-                        break
+                inner = ".".join([*base, alias.name])
+                yield inner if inner in files else ".".join(base)
 
 
 def circles(graph: dict[str, set[str]]) -> list[list[str]]:
@@ -52,7 +52,7 @@ def circles(graph: dict[str, set[str]]) -> list[list[str]]:
     def visit(name: str) -> None:
         index[name] = low[name] = len(index)
         stack.append(name)
-        for other in graph[name]:
+        for other in graph[name] & graph.keys():
             if other not in index:
                 visit(other)
                 low[name] = min(low[name], low[other])
