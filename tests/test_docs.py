@@ -61,10 +61,23 @@ def test_the_readme_names_what_exists():
     makefile = (ROOT / "Makefile").read_text()
     for target in re.findall(r"^make (\w+)", text, re.MULTILINE):
         assert re.search(rf"^{target}:", makefile, re.MULTILINE), target
-    for name in method_names():
-        assert f"`{name}`" in text, name
-    for name in experiment_names():
-        assert name in text, name
+
+
+def test_the_pages_of_methods_and_experiments_name_all_of_them():
+    methods = (ROOT / "docs" / "methods.md").read_text()
+    assert [name for name in method_names() if f"| `{name}` |" not in methods] == []
+    experiments = (ROOT / "docs" / "experiments.md").read_text()
+    assert [name for name in experiment_names() if f"| `{name}` |" not in experiments] == []
+
+
+def test_the_readme_fits_on_three_screens():
+    assert len((ROOT / "README.md").read_text().splitlines()) <= 3 * 40
+
+
+def test_every_page_is_in_the_index():
+    index = (ROOT / "docs" / "index.md").read_text()
+    pages = [path.name for path in (ROOT / "docs").glob("*.md") if path.name != "index.md"]
+    assert [name for name in pages if f"({name})" not in index] == []
 
 
 def test_every_package_is_declared():
