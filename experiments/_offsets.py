@@ -7,8 +7,8 @@ arithmetic gets wrong and not what the rounding of the input moved. Nothing is t
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from ..harness.judge.score import Judge
 from ..harness.runner.experiment import Entry
 from ..harness.runner.machine_lock import TURN
 from ..harness.scene.overrides import Lighting
-from ..harness.scene.prepared import Prepared, weld
+from ..harness.scene.prepared import Prepared, rounded, weld
 
 DIRECTION = np.array([0.48, 0.6, 0.64])
 """Of the offset: no axis, so that no coordinate stays small. Unit length."""
@@ -28,14 +28,16 @@ DIRECTION = np.array([0.48, 0.6, 0.64])
 
 def offset_by(prepared: Prepared, radii: float) -> Prepared:
     """The prepared scene with everything, eye and lights too, moved from where it was by so many of its radii."""
-    moved = copy.copy(prepared)
     step = DIRECTION * radii * prepared.radius
-    moved.centre = prepared.centre - step
-    moved.middle = prepared.middle + step
-    moved._cache = None
+    centre = prepared.centre - step
     first = np.asarray(prepared.geometry.positions(0), dtype=np.float64).reshape(-1, 3)
-    moved.weld = weld(first - moved.centre)
-    return moved
+    return replace(
+        prepared,
+        centre=centre,
+        middle=prepared.middle + step,
+        weld=weld(first - centre),
+        points=rounded(prepared.geometry, prepared.faces, centre),
+    )
 
 
 def error_grid(

@@ -20,8 +20,7 @@ import warp as wp
 from ..harness.errors import UserError
 from ..harness.files import digest
 from ..harness.frame.devices import device_title
-from ..harness.frame.passes import Pass
-from ..harness.frame.session import Session
+from ..harness.frame.passes import Pass, PassRunner
 from ..harness.results.folder import ResultsFolder
 from ..harness.results.journal import Journal
 from ..harness.results.record import SCHEMA, make_record
@@ -36,27 +35,20 @@ from ..harness.runner.timing import Sampling, sample_frame
 NAME, SORT = "radix_sort_pairs", "sort pairs"
 
 
-class Trial(Session):
+class Trial(PassRunner):
     """``pairs`` int32 keys of ``bits`` random bits and their int32 places, sorted by those bits."""
 
     def __init__(self, pairs: int, bits: int, device: str, seed: int):
-        # No method and no scene: of a session only what launches and captures passes is used.
-        self.device, self.pairs, self.bits = device, pairs, bits
-        self._graphs = {}
+        copy = Pass("copy pairs", "build", (), ("pairs",), self._copy)
+        sort = Pass(SORT, "build", ("pairs",), ("sorted",), self._sort, scratch=True)
+        super().__init__(device, [copy, sort])
+        self.pairs, self.bits = pairs, bits
         random = np.random.default_rng(seed).integers(0, 2**32, pairs, dtype=np.uint32)
         self.unsorted = (random >> np.uint32(32 - bits)).view(np.int32)
         with wp.ScopedDevice(device):
             self._given = wp.array(self.unsorted, dtype=wp.int32), wp.array(np.arange(pairs), dtype=wp.int32)
             # The sort takes the second half as its scratch.
             self._sorted = wp.zeros(2 * pairs, dtype=wp.int32), wp.zeros(2 * pairs, dtype=wp.int32)
-        self.passes = self.all_passes = self.planned = [
-            Pass("copy pairs", "build", (), ("pairs",), self._copy),
-            Pass(SORT, "build", ("pairs",), ("sorted",), self._sort, scratch=True),
-        ]
-
-    @property
-    def replays(self) -> bool:
-        return bool(wp.get_device(self.device).is_cuda)
 
     def _copy(self) -> None:
         for target, source in zip(self._sorted, self._given, strict=True):
@@ -169,7 +161,7 @@ def _facts(options: Options, preset: Preset, bits: int) -> dict[str, Any]:
     source = hashlib.sha256(
         b"".join(
             path.read_bytes()
-            for path in (Path(__file__), harness / "runner/timing.py", harness / "frame/session.py")
+            for path in (Path(__file__), harness / "runner/timing.py", harness / "frame/passes.py")
         )
     )
     pairs = preset.width * preset.height

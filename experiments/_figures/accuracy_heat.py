@@ -32,13 +32,13 @@ def keep_grid(
 ) -> Path:
     """Compute the grid on the run's first scene and write it, unless it is there: its answers do not change."""
     from ...harness.scene.catalogue import resolve
-    from ...harness.scene.prepared import Prepared
+    from ...harness.scene.prepared import prepare
     from .._offsets import error_grid
 
     path = options.out / NAME
     if path.exists():
         return path
-    prepared = Prepared(resolve(options.preset.scenes[0], options.scene_dir))
+    prepared = prepare(resolve(options.preset.scenes[0], options.scene_dir))
     return write_rows(path, error_grid(prepared, entries, distances, offsets, size, options.device), COLUMNS)
 
 

@@ -42,7 +42,7 @@ def explain(
     from ..runner.experiment import Entry, parse_size
     from ..runner.points import parse_settings
     from ..scene.catalogue import resolve
-    from ..scene.prepared import Prepared
+    from ..scene.prepared import prepare
     from .answering import answer
 
     width, height = parse_size(size)
@@ -53,7 +53,7 @@ def explain(
     place = find_device(device)
     names = tuple(Entry(name) for name in dict.fromkeys(method or method_names()))
     entries = parse_settings(setting or [], names)
-    prepared = Prepared(resolve(scene, scene_dir))
+    prepared = prepare(resolve(scene, scene_dir))
     if not 0 <= frame < prepared.frame_count:
         raise UserError(f"--frame {frame}: {scene} has frames 0 to {prepared.frame_count - 1}")
     moment = prepared.moment(frame, width, height)

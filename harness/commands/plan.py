@@ -19,7 +19,7 @@ from ..runner.experiment import Entry, parse_size
 from ..runner.points import parse_settings
 from ..scene.catalogue import resolve
 from ..scene.effects import Effects
-from ..scene.prepared import Prepared
+from ..scene.prepared import Prepared, prepare
 from ..scene.scene import Scene
 from .options import Device, Json, Methods, SceneDir, Settings, Size
 
@@ -53,7 +53,7 @@ def frame_plan(
     place = find_device(device)
     entries = parse_settings(list(settings), tuple(Entry(name) for name in methods or method_names()))
     described = resolve(scene, scene_dir)
-    prepared = Prepared(described)
+    prepared = prepare(described)
     effects = Effects.of(described)
     return {
         "scene": described.name,

@@ -10,7 +10,7 @@ from ..frame.registry import make_method
 from ..frame.session import Session
 from ..runner.experiment import parse_size
 from ..scene.catalogue import resolve
-from ..scene.prepared import Prepared
+from ..scene.prepared import prepare
 
 
 def render(
@@ -40,7 +40,7 @@ def render(
     reason = chosen.applies(described, place)
     if reason:
         raise UserError(f"{method} cannot do {scene}: {reason}; choose another --method")
-    prepared = Prepared(described)
+    prepared = prepare(described)
     if not 0 <= frame < prepared.frame_count:
         raise UserError(f"--frame {frame}: {scene} has frames 0 to {prepared.frame_count - 1}")
     moment = prepared.moment(frame, width, height)

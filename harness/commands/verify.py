@@ -83,9 +83,9 @@ def _verify_scene(
     from ..judge.score import Judge
     from ..judge.shared_errors import Disputes, settle
     from ..scene.facts import never_hit
-    from ..scene.prepared import Prepared
+    from ..scene.prepared import prepare
 
-    prepared = Prepared(described)
+    prepared = prepare(described)
     if not 0 <= frame < prepared.frame_count:
         raise UserError(f"--frame {frame}: {name} has frames 0 to {prepared.frame_count - 1}")
     moment = prepared.moment(frame, width, height)

@@ -54,6 +54,44 @@ class Pass:
         run_passes([self])
 
 
+class PassRunner:
+    """Launches passes on a device: one after another, or as a captured graph, as they are timed.
+
+    passes      what :meth:`run`, :meth:`graph` and :meth:`replay` launch; may be replaced by others
+    capturable  whether they may be captured as a graph
+    """
+
+    def __init__(self, device: str, passes: list[Pass], capturable: bool = True):
+        self.device = device
+        self.passes = passes
+        self.capturable = capturable
+        self._graphs: dict[tuple[Pass, ...], Any] = {}
+
+    @property
+    def replays(self) -> bool:
+        """Whether the passes are timed as one graph: on CUDA, where they can be captured."""
+        return self.capturable and wp.get_device(self.device).is_cuda
+
+    def run(self) -> None:
+        """Launch every pass once, eagerly."""
+        with wp.ScopedDevice(self.device):
+            run_passes(self.passes)
+
+    def graph(self, upto: int | None = None) -> Any:
+        """The captured graph of the first ``upto`` passes (all by default). Captured once."""
+        chosen = tuple(self.passes[:upto])
+        if chosen not in self._graphs:
+            self._graphs[chosen] = capture_passes(chosen, self.device)
+        return self._graphs[chosen]
+
+    def replay(self) -> None:
+        """Launch the passes as they are timed: the graph where there is one, plain launches elsewhere."""
+        if self.replays:
+            wp.capture_launch(self.graph())
+        else:
+            self.run()
+
+
 def run_passes(passes: Sequence[Pass]) -> None:
     """Launch every pass in order. Neighbours under one condition are one branch, also of a captured graph."""
     for only_if, group in itertools.groupby(passes, key=_condition):

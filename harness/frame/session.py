@@ -6,7 +6,6 @@ Everything that runs a method goes through a session: timing, verification, rend
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import Any
 
 import numpy as np
 import warp as wp
@@ -18,7 +17,7 @@ from ..scene.prepared import Prepared
 from .frame import Frame
 from .method import Method
 from .mirrors import mirror_passes
-from .passes import Pass, capture_passes, run_passes
+from .passes import Pass, PassRunner
 from .receivers import receiver_passes, skippable
 from .schedule import arranged, inputs_of, live, stale, wanted_of
 from .shading import shading_passes
@@ -27,7 +26,7 @@ GROWTH_LIMIT = 8
 """A frame repeated more often than this has a method whose needs do not settle."""
 
 
-class Session:
+class Session(PassRunner):
     """A method planned on a frame of a prepared scene.
 
     planned     the passes of the method and of the harness
@@ -48,9 +47,9 @@ class Session:
         effects: Effects | None = None,
         limits: Limits | None = None,
     ):
+        super().__init__(device, [])
         scene = prepared.scene
         self.method = method
-        self.device = device
         self.effects = effects or Effects.of(scene)
         self.limits = limits or Limits()
         count = len(scene.lights) if light_count is None else light_count
@@ -58,10 +57,8 @@ class Session:
         self.made: Moment | None = None
         self._owed: set[Pass] = set()
         self.regrown = 0
-        self.passes: list[Pass] = []
         self.planned: list[Pass] = []
         self.all_passes: list[Pass] = []
-        self._graphs: dict[tuple[Pass, ...], Any] = {}
         self._plan()
 
     def _plan(self) -> None:
@@ -70,6 +67,7 @@ class Session:
         with wp.ScopedDevice(self.device):
             self._graphs.clear()
             planned = self.method.plan(self.frame, self.effects, self.limits)
+        self.capturable = self.method.capturable
         added = [
             *mirror_passes(self.frame, self.effects),
             *receiver_passes(self.frame, self.effects),
@@ -161,30 +159,6 @@ class Session:
         self.regrown += 1
         self._plan()
         return True
-
-    def run(self) -> None:
-        """Launch every pass once, eagerly."""
-        with wp.ScopedDevice(self.device):
-            run_passes(self.passes)
-
-    def graph(self, upto: int | None = None) -> Any:
-        """The captured graph of the first ``upto`` passes (all by default); CUDA and capturable methods only."""
-        chosen = tuple(self.passes[:upto])
-        if chosen not in self._graphs:
-            self._graphs[chosen] = capture_passes(chosen, self.device)
-        return self._graphs[chosen]
-
-    @property
-    def replays(self) -> bool:
-        """Whether whole frames are replayed as one graph."""
-        return self.method.capturable and wp.get_device(self.device).is_cuda
-
-    def replay(self) -> None:
-        """Run the frame as it is timed: the graph where there is one, plain launches elsewhere."""
-        if self.replays:
-            wp.capture_launch(self.graph())
-        else:
-            self.run()
 
     def answers(self, moment: Moment) -> dict[str, NDArray]:
         """Load a moment, run it until it fits, and return the answers on the host (poisoned before the run)."""

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.moment import Moment
-from ..scene.prepared import Prepared
+from ..scene.prepared import Prepared, prepare
 from ..scene.scene import AlphaMask, Camera, Geometry, Light, Scene, Spot, Vector
 
 F64 = NDArray[np.float64]
@@ -143,7 +143,7 @@ def view(
         "case", "Case", lambda: Geometry.static(points, faces), camera, tuple(lamp(x) for x in lights),
         closed=closed, alpha=alpha, mirror=mirror, bounces=bounces,
     )  # fmt: skip
-    prepared = Prepared(scene)
+    prepared = prepare(scene)
     return Trial(prepared, prepared.moment(0, *size), stated or Counts(), same_lights, watertight)
 
 

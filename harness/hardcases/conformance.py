@@ -19,7 +19,7 @@ from ..frame.method import Method
 from ..frame.session import Session
 from ..scene.effects import Effects
 from ..scene.moment import Moment
-from ..scene.prepared import Prepared
+from ..scene.prepared import Prepared, prepare
 from ..scene.scene import Camera, Geometry, Light, Scene, Spot
 from .case import ball, joined, quad
 from .judge import same_bits
@@ -57,7 +57,7 @@ def moving_scene() -> Prepared:
         "moving", "Moving", lambda: Geometry(faces.astype(np.int32), positions, FRAMES),
         Camera((0.3, 1.7, 3.1), (0.2, 1.25, 2.1)), lights,
     )  # fmt: skip
-    return Prepared(scene)
+    return prepare(scene)
 
 
 def moments(prepared: Prepared) -> list[Moment]:
@@ -129,7 +129,7 @@ SPOTTED = (Light((1.0, 2.5, 0.5), spot=Spot((-1.0, -2.0, -0.5), 40.0)), Light((-
 def _spotted(make_method: Callable[[], Method], prepared: Prepared, device: str) -> Prepared | None:
     """The scene under a spot, with shadow rays only where surfaces face a light; None for a method without."""
     scene = replace(prepared.scene, lights=SPOTTED, facing=True)
-    return Prepared(scene) if make_method().applies(scene, device) is None else None
+    return prepare(scene) if make_method().applies(scene, device) is None else None
 
 
 def _turns(prepared: Prepared) -> list[Turn]:

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..scene.prepared import Prepared
+from ..scene.prepared import prepare
 from ..scene.scene import Camera, Geometry, Light, Scene, Vector
 from .case import HardCase, Trial
 
@@ -25,7 +25,7 @@ def found(
 ) -> Trial:
     """A trial from numbers, to the last bit."""
     mesh = np.array(points), np.array(faces)
-    prepared = Prepared(Scene("found", "Found", lambda: Geometry.static(*mesh), camera, (light,)))
+    prepared = prepare(Scene("found", "Found", lambda: Geometry.static(*mesh), camera, (light,)))
     return Trial(prepared, prepared.moment(0, *size))
 
 

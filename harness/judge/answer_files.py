@@ -7,8 +7,9 @@ it in a file of its own, named by its hash and shared by every method. Needs not
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,11 +21,8 @@ from ..scene.alpha import arrays_of, from_arrays
 from ..scene.effects import Effects
 from ..scene.facts import input_hashes
 from ..scene.moment import Moment
-from ..scene.prepared import Prepared
+from ..scene.prepared import Prepared, prepare
 from ..scene.scene import AlphaMask, Camera, Geometry, Scene
-
-if TYPE_CHECKING:
-    pass
 
 SCHEMA = 1
 ARRAYS = ("triangle", "t", "u", "v", "visibility")
@@ -104,7 +102,7 @@ def read_raw(
         index=facts["frame"], points=points, valid=valid, facing=bool(facts.get("facing")), **tables
     )
     if mirrored:
-        prepared.mirror = answers.pop("mirror")
+        prepared = replace(prepared, mirror=answers.pop("mirror"))
     pixels = moment.width * moment.height
     if any(answers[name].shape[-1] != pixels for name in ARRAYS):
         raise UserError(f"{path}: answers of another size than its {moment.width}x{moment.height} rays")
@@ -119,25 +117,15 @@ def read_raw(
     return prepared, moment, answers, facts
 
 
-class KeptMesh(Prepared):
-    """One frame of a prepared scene, read back: arrays as they were traced, with nothing made anew."""
-
-    def __init__(
-        self,
-        name: str,
-        frame: int,
-        points: NDArray,
-        faces: NDArray,
-        valid: NDArray,
-        mask: AlphaMask | None = None,
-    ):
-        nowhere = Camera((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
-        self.geometry = Geometry(faces, lambda k: points, frame + 1)
-        alpha = None if mask is None else lambda geometry: mask
-        self.scene = Scene(name, name, lambda: self.geometry, nowhere, (), alpha=alpha)
-        self.faces = faces
-        self.alpha = mask
-        self._cache = (frame, points, valid)
+def _kept_mesh(
+    name: str, frame: int, points: NDArray, faces: NDArray, valid: NDArray, mask: AlphaMask | None = None
+) -> Prepared:
+    """One frame of a prepared scene, read back: arrays as they were traced, not rounded again."""
+    nowhere = Camera((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
+    geometry = Geometry(faces, lambda k: points, frame + 1)
+    alpha = None if mask is None else lambda geometry: mask
+    prepared = prepare(Scene(name, name, lambda: geometry, nowhere, (), alpha=alpha))
+    return replace(prepared, centre=np.zeros(3), points=lambda k: (points, valid))
 
 
 def _mesh_path(path: Path, hashes: dict[str, str]) -> Path:
@@ -152,9 +140,9 @@ def _mesh(path: Path, facts: dict[str, Any], scene_dir: Path | str | None) -> Pr
             with np.load(beside) as stored:
                 arrays = {name: stored[name] for name in ("points", "faces", "valid")}
                 mask = from_arrays(stored)
-            return KeptMesh(facts["scene"], facts["frame"], **arrays, mask=mask)
+            return _kept_mesh(facts["scene"], facts["frame"], **arrays, mask=mask)
         except DAMAGED as error:
             raise UserError(f"{beside}: damaged ({error}); delete it to make the mesh anew") from error
     from ..scene.catalogue import resolve
 
-    return Prepared(resolve(facts["scene"], scene_dir))
+    return prepare(resolve(facts["scene"], scene_dir))

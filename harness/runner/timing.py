@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..frame.session import Session
+from ..frame.passes import PassRunner
 
 
 @dataclass(frozen=True)
@@ -62,8 +62,8 @@ class FrameSamples:
         self.wall_ms += [round(wall, 6) for _, wall in pairs]
 
 
-def sample_frame(session: Session, sampling: Sampling) -> FrameSamples:
-    """Measure the moment that ``session`` has loaded and settled. The garbage collector rests meanwhile."""
+def sample_frame(session: PassRunner, sampling: Sampling) -> FrameSamples:
+    """Measure passes that run through (a session's, once its frame fits). The garbage collector rests meanwhile."""
     result = FrameSamples(started=time.time())
     with _quiet(session):
         take = _whole_frames(session)
@@ -117,7 +117,7 @@ def _take_batch(take: Take, count: int, deadline: float, result: FrameSamples) -
     return len(pairs) >= count
 
 
-def _whole_frames(session: Session) -> Take:
+def _whole_frames(session: PassRunner) -> Take:
     """A function that takes n samples of whole frames: pairs of device time and wall time in milliseconds."""
     device = wp.get_device(session.device)
     if not device.is_cuda:
@@ -158,7 +158,7 @@ def _replay_whole(device: Any, graph: Any, count: int) -> list[tuple[float, floa
     return list(zip(total, wall, strict=True))
 
 
-def _eager_whole(device: Any, session: Session) -> tuple[float, float]:
+def _eager_whole(device: Any, session: PassRunner) -> tuple[float, float]:
     with wp.ScopedDevice(device):
         before, after = _events(device, 2)
         wp.synchronize_device(device)
@@ -171,7 +171,7 @@ def _eager_whole(device: Any, session: Session) -> tuple[float, float]:
         return wp.get_event_elapsed_time(before, after, synchronize=False), wall
 
 
-def _stages(session: Session) -> list[float]:
+def _stages(session: PassRunner) -> list[float]:
     """One sample of every pass, in milliseconds."""
     device = wp.get_device(session.device)
     if not device.is_cuda:
@@ -206,7 +206,7 @@ def _stages(session: Session) -> list[float]:
 
 
 @contextlib.contextmanager
-def _quiet(session: Session) -> Iterator[None]:
+def _quiet(session: PassRunner) -> Iterator[None]:
     """No garbage collection inside samples; the device idle before and after."""
     enabled = gc.isenabled()
     gc.collect()

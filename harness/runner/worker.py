@@ -34,8 +34,8 @@ from ..scene.effects import Limits
 from ..scene.facts import scene_facts
 from ..scene.moment import Moment
 from ..scene.overrides import Lighting
-from ..scene.prepared import Prepared
-from ..scene.shared import Stored, store
+from ..scene.prepared import Prepared, prepare
+from ..scene.shared import read_stored, store
 from .experiment import spread_frames
 from .grader import Grader, hand_over, handed_path
 from .machine import clock_state
@@ -90,10 +90,10 @@ class Worker:
         self.changed = lights.changed
         described = lights.longer(resolve(scene, scene_dir))
         if make:
-            self.prepared = lights.applied(Prepared(described))
+            self.prepared = lights.applied(prepare(described))
             store(Path(shared), self.prepared, spread_frames(self.prepared.frame_count, frames))
         else:
-            self.prepared = lights.applied(Stored(Path(shared), described))
+            self.prepared = lights.applied(read_stored(Path(shared), described))
         self.size = (width, height)
         self.scene_argument = scene
         for frame in spread_frames(self.prepared.frame_count, frames):

@@ -7,15 +7,13 @@ middle.
 
 from __future__ import annotations
 
-import copy
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 
-from .alpha import alpha_of
 from .light_paths import Orbit, spread
-from .prepared import Prepared
+from .prepared import Prepared, under
 from .scene import Light, Scene, Spot, Vector
 from .surface_rules import largest_triangles, perforated
 
@@ -114,11 +112,7 @@ class Lighting:
         """The prepared scene (one whose scene :meth:`longer` gave) under these lights; geometry is shared."""
         if not self.changes:
             return prepared
-        lit = copy.copy(prepared)
-        lit.scene = self._scene(prepared)
-        if lit.scene.alpha is not None and lit.alpha is None:
-            lit.alpha = alpha_of(lit.scene, lit.geometry)
-        return lit
+        return under(prepared, self._scene(prepared))
 
     def _scene(self, prepared: Prepared) -> Scene:
         scene = prepared.scene

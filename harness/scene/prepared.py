@@ -7,7 +7,10 @@ referee get the same arrays. A :class:`Moment` is one frame of it, at one image 
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,32 +24,33 @@ INFINITELY_FAR = 2.0**56
 """Scene radii to a directional light: beyond what 53 bits can add to a coordinate of the scene."""
 
 
+@dataclass(frozen=True, eq=False)
 class Prepared:
-    """A scene recentred, rounded and welded: the arrays that everyone gets.
+    """A scene recentred, rounded and welded: the arrays that everyone gets. Made by :func:`prepare`.
 
-    ``centre`` is what was subtracted, in float64: zero when the bounding box already lies within its own size
-    of the origin (nothing would be gained, and the file's own float32 values stay as they are). ``alpha`` is the
-    scene's mask, checked (:func:`.scene.alpha.checked`).
+    scene     lights, camera and effects; another one of the same geometry: :func:`under`
+    geometry  the mesh over time, as the scene made it, float64
+    faces     int32 [triangle_count, 3]
+    centre    float64 [3]: what was subtracted. Zero where the bounding box lies within its own size of the origin
+              (nothing would be gained, and the file's own float32 values stay as they are)
+    weld      int32 [vertex_count]: see :func:`weld`
+    middle    float64 [3]: the middle of the first frame's bounding box, recentred
+    radius    half the diagonal of that box
+    alpha     the scene's mask of holes, checked (:func:`.scene.alpha.checked`), or None
+    mirror    uint8 [triangle_count]: 1 for each triangle that is a mirror
+    points    points(frame): float32 positions [vertex_count, 3] and validity flags uint8 [triangle_count]
     """
 
+    scene: Scene
+    geometry: Geometry
+    faces: NDArray[np.int32]
+    centre: NDArray[np.float64]
+    weld: NDArray[np.int32]
+    middle: NDArray[np.float64]
+    radius: float
     alpha: AlphaMask | None
-    _mirror: tuple[object, NDArray[np.uint8]] | None = None
-
-    def __init__(self, scene: Scene):
-        self.scene = scene
-        self.geometry: Geometry = scene.geometry()
-        self.faces: NDArray[np.int32] = np.ascontiguousarray(self.geometry.faces, dtype=np.int32).reshape(
-            -1, 3
-        )
-        first = np.asarray(self.geometry.positions(0), dtype=np.float64).reshape(-1, 3)
-        check_faces(self.faces, len(first), scene.name)
-        self.centre = recentre(first)
-        self.weld = weld(first - self.centre)
-        self.alpha = alpha_of(scene, self.geometry)
-        low, high = finite_bounds(first - self.centre)
-        self.radius = float(np.linalg.norm(high - low) / 2) or 1.0
-        self.middle = (low + high) / 2
-        self._cache: tuple[int, F32, NDArray[np.uint8]] | None = None
+    mirror: NDArray[np.uint8]
+    points: Callable[[int], tuple[F32, NDArray[np.uint8]]]
 
     @property
     def frame_count(self) -> int:
@@ -59,34 +63,6 @@ class Prepared:
     @property
     def vertex_count(self) -> int:
         return len(self.weld)
-
-    @property
-    def mirror(self) -> NDArray[np.uint8]:
-        """1 for each triangle that is a mirror, uint8 [triangle_count]. Raises :class:`UserError` for another shape."""
-        made = self.scene.mirror
-        # Kept for this scene's mirrors alone: a copy of this may be given another scene of the same geometry.
-        if self._mirror is None or self._mirror[0] is not made:
-            flags = np.zeros(self.triangle_count) if made is None else made(self.geometry)
-            self.mirror = np.ascontiguousarray(flags, dtype=np.uint8)
-        assert self._mirror is not None
-        return self._mirror[1]
-
-    @mirror.setter
-    def mirror(self, flags: NDArray[np.uint8]) -> None:
-        if flags.shape != (self.triangle_count,):
-            raise UserError(
-                f"{self.scene.name}: mirrors of shape {flags.shape}, but there are {self.triangle_count} triangles"
-            )
-        self._mirror = (self.scene.mirror, flags)
-
-    def points(self, frame: int) -> tuple[F32, NDArray[np.uint8]]:
-        """Float32 positions and validity flags of a frame (the last frame asked for is kept)."""
-        if self._cache is None or self._cache[0] != frame:
-            positions = np.asarray(self.geometry.positions(frame), dtype=np.float64).reshape(-1, 3)
-            with np.errstate(over="ignore"):  # beyond float32 is infinite: such triangles are never hit
-                points = np.ascontiguousarray((positions - self.centre).astype(np.float32))
-            self._cache = (frame, points, valid_triangles(points, self.faces))
-        return self._cache[1], self._cache[2]
 
     def moment(
         self,
@@ -152,6 +128,62 @@ class Prepared:
         digest = hashlib.sha256(np.ascontiguousarray(self.points(frame)[0]).tobytes())
         digest.update(self.faces.tobytes())
         return digest.hexdigest()
+
+
+def prepare(scene: Scene) -> Prepared:
+    """Recentre, round and weld a scene. Raises :class:`UserError` for a mesh, mask or mirrors that do not fit."""
+    geometry = scene.geometry()
+    faces = np.ascontiguousarray(geometry.faces, dtype=np.int32).reshape(-1, 3)
+    first = np.asarray(geometry.positions(0), dtype=np.float64).reshape(-1, 3)
+    check_faces(faces, len(first), scene.name)
+    centre = recentre(first)
+    low, high = finite_bounds(first - centre)
+    return Prepared(
+        scene=scene,
+        geometry=geometry,
+        faces=faces,
+        centre=centre,
+        weld=weld(first - centre),
+        middle=(low + high) / 2,
+        radius=float(np.linalg.norm(high - low) / 2) or 1.0,
+        alpha=alpha_of(scene, geometry),
+        mirror=mirror_of(scene, geometry),
+        points=rounded(geometry, faces, centre),
+    )
+
+
+def under(prepared: Prepared, scene: Scene) -> Prepared:
+    """The same mesh under another scene: its lights, camera and effects. No array of the mesh is made again."""
+    alpha, mirror = prepared.alpha, prepared.mirror
+    if scene.alpha is not prepared.scene.alpha:
+        alpha = alpha_of(scene, prepared.geometry)
+    if scene.mirror is not prepared.scene.mirror:
+        mirror = mirror_of(scene, prepared.geometry)
+    return replace(prepared, scene=scene, alpha=alpha, mirror=mirror)
+
+
+def rounded(
+    geometry: Geometry, faces: NDArray[np.int32], centre: NDArray[np.float64]
+) -> Callable[[int], tuple[F32, NDArray[np.uint8]]]:
+    """The float32 positions and validity flags of each frame, by its index. The last frame used is cached."""
+
+    @lru_cache(maxsize=1)
+    def points(frame: int) -> tuple[F32, NDArray[np.uint8]]:
+        positions = np.asarray(geometry.positions(frame), dtype=np.float64).reshape(-1, 3)
+        with np.errstate(over="ignore"):  # beyond float32 is infinite: such triangles are never hit
+            made = np.ascontiguousarray((positions - centre).astype(np.float32))
+        return made, valid_triangles(made, faces)
+
+    return points
+
+
+def mirror_of(scene: Scene, geometry: Geometry) -> NDArray[np.uint8]:
+    """1 for each triangle that is a mirror, uint8 [triangle_count]. Raises :class:`UserError` for another shape."""
+    count = len(np.reshape(geometry.faces, (-1, 3)))
+    flags = np.zeros(count) if scene.mirror is None else np.asarray(scene.mirror(geometry))
+    if flags.shape != (count,):
+        raise UserError(f"{scene.name}: mirrors of shape {flags.shape}, but there are {count} triangles")
+    return np.ascontiguousarray(flags, dtype=np.uint8)
 
 
 def check_faces(faces: NDArray[np.int32], vertex_count: int, name: str) -> None:

@@ -24,6 +24,7 @@ def store(path: Path, prepared: Prepared, frames: Iterable[int]) -> None:
     """
     arrays: dict[str, NDArray] = {
         "faces": prepared.faces,
+        "mirror": prepared.mirror,
         "weld": prepared.weld,
         "centre": prepared.centre,
         "middle": prepared.middle,
@@ -31,47 +32,40 @@ def store(path: Path, prepared: Prepared, frames: Iterable[int]) -> None:
         "first": np.asarray(prepared.geometry.positions(0), dtype=np.float64).reshape(-1, 3),
     }
     arrays |= arrays_of(prepared.alpha)
-    if prepared.scene.mirror is not None:
-        arrays["mirror"] = prepared.mirror
     for frame in sorted({0, *frames}):
         arrays[f"points_{frame}"], arrays[f"valid_{frame}"] = prepared.points(frame)
     write_arrays(path, arrays, compressed=False)
 
 
-class Stored(Prepared):
-    """A prepared scene read back. It has the frames that were stored, and raises :class:`UserError` for others.
+def read_stored(path: Path, scene: Scene) -> Prepared:
+    """The prepared scene that :func:`store` wrote. ``scene``: the one that was prepared.
 
-    Positions of frames after the first are those of float32.
+    It has the frames that were stored; its ``points`` raises :class:`UserError` for others. Positions of frames after
+    the first are those of float32.
     """
+    with np.load(path) as kept:
+        arrays = {name: kept[name] for name in kept.files}
+    centre, first = arrays["centre"], arrays["first"]
+    frames = sorted(int(name.removeprefix("points_")) for name in arrays if name.startswith("points_"))
 
-    def __init__(self, path: Path, scene: Scene):
-        with np.load(path) as kept:
-            arrays = {name: kept[name] for name in kept.files}
-        self.scene = scene
-        self.faces = arrays["faces"]
-        self.weld = arrays["weld"]
-        self.centre = arrays["centre"]
-        self.middle = arrays["middle"]
-        self.radius = float(arrays["numbers"][0])
-        self.alpha = from_arrays(arrays)
-        if "mirror" in arrays:
-            self.mirror = arrays["mirror"]
-        self._frames = {
-            int(name.split("_")[1]): (arrays[name], arrays[name.replace("points", "valid")])
-            for name in arrays
-            if name.startswith("points_")
-        }
-        self._first = arrays["first"]
-        self.geometry = Geometry(self.faces, self._positions, int(arrays["numbers"][1]))
-        self._cache = None
+    def points(frame: int) -> tuple[F32, NDArray[np.uint8]]:
+        if frame not in frames:
+            raise UserError(f"{scene.name}: frame {frame} was not stored; there are {frames}")
+        return arrays[f"points_{frame}"], arrays[f"valid_{frame}"]
 
-    def _positions(self, frame: int) -> NDArray[np.float64]:
-        return self._first if frame == 0 else self.points(frame)[0].astype(np.float64) + self.centre
+    def positions(frame: int) -> NDArray[np.float64]:
+        return first if frame == 0 else points(frame)[0].astype(np.float64) + centre
 
-    def points(self, frame: int) -> tuple[F32, NDArray[np.uint8]]:
-        """Float32 positions and validity flags, as they were stored."""
-        if frame not in self._frames:
-            raise UserError(
-                f"{self.scene.name}: frame {frame} was not stored; there are {sorted(self._frames)}"
-            )
-        return self._frames[frame]
+    radius, frame_count = arrays["numbers"]
+    return Prepared(
+        scene=scene,
+        geometry=Geometry(arrays["faces"], positions, int(frame_count)),
+        faces=arrays["faces"],
+        centre=centre,
+        weld=arrays["weld"],
+        middle=arrays["middle"],
+        radius=float(radius),
+        alpha=from_arrays(arrays),
+        mirror=arrays["mirror"],
+        points=points,
+    )

@@ -19,7 +19,7 @@ from shadowbench.harness.judge.answer_files import save_raw
 from shadowbench.harness.judge.referee import Referee
 from shadowbench.harness.runner.experiment import Entry
 from shadowbench.harness.scene.catalogue import resolve
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import prepare
 
 start_warp()  # as the commands do: what it has to say must not end up in a test's output
 
@@ -214,7 +214,7 @@ def test_a_wrong_call_is_one_line(mesh, change, message):
 
 def shadowed_pixel(mesh: str) -> tuple[int, int]:
     """Where the wrong method leaks."""
-    prepared = Prepared(resolve(mesh))
+    prepared = prepare(resolve(mesh))
     moment = prepared.moment(0, 40, 30)
     referee = Referee(moment.points, prepared.faces, moment.valid)
     hits = referee.closest(moment.eye, moment.directions(np.arange(40 * 30)))
@@ -278,7 +278,7 @@ def test_explain_needs_a_pixel_of_the_image(mesh, pixel):
 @pytest.fixture
 def folder(tmp_path, mesh):
     """Raw answers of two points, one right and one wrong, and their unscored records."""
-    prepared = Prepared(resolve(mesh))
+    prepared = prepare(resolve(mesh))
     moment = prepared.moment(0, 40, 30)
     referee = Referee(moment.points, prepared.faces, moment.valid)
     for cls in (Right, Wrong):

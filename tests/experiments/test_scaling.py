@@ -17,7 +17,7 @@ from shadowbench.harness.runner.progress import Silent
 from shadowbench.harness.runner.runner import Options, Run
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.overrides import Lighting
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.standins import balls
 
 # --- the scene ----------------------------------------------------------------------------------------------
@@ -33,7 +33,7 @@ def test_names_ask_for_a_triangle_count(name, count):
 
 @pytest.mark.parametrize("count", [1000, 10_000, 300_000])
 def test_a_scene_has_about_the_triangles_asked_for(count):
-    prepared = Prepared(resolve(f"balls-{count}"))
+    prepared = prepare(resolve(f"balls-{count}"))
     assert prepared.triangle_count == pytest.approx(count, rel=0.1)
     assert prepared.moment(0, 8, 8).valid.all(), "no triangle without an area"
 

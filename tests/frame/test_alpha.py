@@ -20,7 +20,7 @@ from shadowbench.harness.judge.referee import Referee
 from shadowbench.harness.judge.score import Judge
 from shadowbench.harness.scene.effects import Effects
 from shadowbench.harness.scene.moment import Moment
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import AlphaMask, Camera, Geometry, Light, Scene
 from shadowbench.harness.scene.surface_rules import perforated
 from shadowbench.methods.perspective_spherical.culling import refusal
@@ -90,7 +90,7 @@ def wall(mask, lights=((0.0, 0.0, 3.0),)) -> Prepared:
     near = quad((-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0))
     far = quad((-8, -8, -4), (8, -8, -4), (8, 8, -4), (-8, 8, -4))
     points, faces = np.concatenate([near[0], far[0]]), np.concatenate([near[1], np.asarray(far[1]) + 4])
-    return Prepared(
+    return prepare(
         Scene(
             "wall", "Wall", lambda: Geometry.static(points, faces.astype(np.int32)),
             Camera((0, 0, 1), (0, 0, 0), fov=90.0), tuple(Light(x) for x in lights), alpha=mask,
@@ -216,7 +216,7 @@ def test_holes_move_with_their_triangles(name, settings):
         return moved
 
     still = make((points, faces), lambda geometry: perforated(geometry, 2, 6)).scene
-    prepared = Prepared(replace(still, geometry=lambda: Geometry(faces.astype(np.int32), positions, 3)))
+    prepared = prepare(replace(still, geometry=lambda: Geometry(faces.astype(np.int32), positions, 3)))
     lights = tuple(light.moved((-0.5, 2.0, 0.7)) for light in still.lights)
     moments = [prepared.moment(k, *SIZE) for k in range(3)] + [prepared.moment(2, *SIZE, lights=lights)]
     session = Session(make_method(name, settings), prepared, *SIZE, "cpu")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 
 import numpy as np
@@ -25,7 +24,7 @@ from shadowbench.harness.frame.session import Session
 from shadowbench.harness.judge.referee import Referee
 from shadowbench.harness.runner.memory import Memory, array_bytes
 from shadowbench.harness.scene.effects import Effects
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import prepare, under
 from shadowbench.harness.scene.scene import Camera
 from shadowbench.harness.scene.surface_rules import perforated
 
@@ -181,7 +180,7 @@ def test_tests_of_mirrored_rays_are_counted(name, settings):
 
 def test_what_the_harness_gives_to_everybody_is_not_a_method_s_memory():
     plain = hall_of_mirrors(2).scene
-    prepared = Prepared(
+    prepared = prepare(
         dataclasses.replace(plain, alpha=lambda geometry: perforated(geometry, 2, 6), outputs=("color",))
     )
     memory = Memory()
@@ -194,11 +193,10 @@ def test_what_the_harness_gives_to_everybody_is_not_a_method_s_memory():
     assert array_bytes(frame, frame.answers) < 0.8 * held
 
 
-def test_a_copy_under_another_scene_has_that_scene_s_mirrors():
+def test_the_same_mesh_under_another_scene_has_that_scene_s_mirrors():
     prepared = plane_and_ball()
     assert prepared.mirror.sum() == 2
-    other = copy.copy(prepared)
-    other.scene = dataclasses.replace(prepared.scene, mirror=None)
+    other = under(prepared, dataclasses.replace(prepared.scene, mirror=None))
     assert other.mirror.sum() == 0
     assert prepared.mirror.sum() == 2
 

@@ -24,9 +24,9 @@ from shadowbench.harness.judge.answer_files import save_raw
 from shadowbench.harness.judge.referee import Referee
 from shadowbench.harness.judge.score import Judge, score_raw
 from shadowbench.harness.scene.effects import Effects, Switches
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import Camera
-from shadowbench.harness.scene.shared import Stored, store
+from shadowbench.harness.scene.shared import read_stored, store
 from shadowbench.harness.scene.surface_rules import perforated
 
 
@@ -84,7 +84,7 @@ def test_exact_methods_agree_bit_for_bit_and_have_no_error(device):
 def test_a_replay_with_every_effect_has_the_bits_of_plain_launches(name, settings, device):
     """Holes, mirrors, receivers, directional lights and colour; also the moments that come after the capture."""
     plain = hall_of_mirrors(2).scene
-    prepared = Prepared(
+    prepared = prepare(
         dataclasses.replace(
             plain, alpha=lambda geometry: perforated(geometry, 2, 6), outputs=("ids", "shadows", "color")
         )
@@ -166,7 +166,7 @@ def test_a_mirror_shows_holes_as_holes():
     prepared = hall_of_mirrors(2)
     scene = dataclasses.replace(prepared.scene, alpha=lambda geometry: perforated(geometry, 2, 6))
     assert Effects.of(scene).switches(0, 1) == Switches(masked=True, alpha=True, bounced=True)
-    holed = Prepared(scene)
+    holed = prepare(scene)
     moment, answers = answered("uniform_grid", {}, holed)
     _, other = answered("bvh", {"update": "bvh_rebuild"}, holed)
     for key in answers:
@@ -182,7 +182,7 @@ def test_a_mirror_shows_holes_as_holes():
 def test_mirrors_are_handed_to_other_processes(tmp_path):
     prepared = hall_of_mirrors(1)
     store(tmp_path / "scene.npz", prepared, [0])
-    read = Stored(tmp_path / "scene.npz", dataclasses.replace(prepared.scene, mirror=lambda g: 1 / 0))
+    read = read_stored(tmp_path / "scene.npz", dataclasses.replace(prepared.scene, mirror=lambda g: 1 / 0))
     np.testing.assert_array_equal(read.mirror, prepared.mirror)
 
 

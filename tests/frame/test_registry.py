@@ -11,7 +11,7 @@ from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame import registry
 from shadowbench.harness.frame.method import SimpleMethod
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 
 
@@ -174,7 +174,7 @@ def room() -> Scene:
 def test_a_method_of_another_package_is_found_and_runs(installed):
     assert "brute" in registry.method_names()
     method = registry.make_method("brute")
-    prepared = Prepared(room())
+    prepared = prepare(room())
     session = Session(method, prepared, 16, 16, "cpu")
     assert [step.name for step in session.passes] == ["build", "primary rays", "light 0: shadow rays"]
     moment = prepared.moment(0, 16, 16)

@@ -16,7 +16,7 @@ from shadowbench.harness.frame.session import Session
 from shadowbench.harness.frame.shading import AMBIENT, HEADLIGHT, REFLECTANCE, SKY_BOTTOM, SKY_TOP, shaded
 from shadowbench.harness.judge.receivers import strength
 from shadowbench.harness.report.picture import display, shade
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Light, Spot
 
 SIZE = 24
@@ -45,7 +45,7 @@ def room(bounces: int = 2, lights=LIGHTS, outputs=("shadows", "color")) -> Prepa
         (np.arange(len(sides) + len(faces)) % 4 < 2) * (np.arange(len(sides) + len(faces)) < len(sides))
     ).astype(np.uint8)
     scene = dataclasses.replace(prepared.scene, mirror=lambda g: mirror, bounces=bounces, outputs=outputs)
-    return Prepared(scene)
+    return prepare(scene)
 
 
 def traced(prepared: Prepared, device: str = "cpu", name: str = "uniform_grid"):
@@ -148,7 +148,7 @@ def floor_under(light: Light) -> tuple[np.ndarray, np.ndarray]:
             vertices, [[0, 1, 2], [0, 2, 3]], [one, Light((0, 0, 5.0), color=(0, 0, 0))]
         )
         scene = dataclasses.replace(prepared.scene, outputs=("color",))
-        session, moment, answers = traced(Prepared(scene))
+        session, moment, answers = traced(prepare(scene))
         results.append(session.frame.color.numpy().astype(np.float64))
         pixels = np.nonzero(answers["triangle"] >= 0)[0]
         places = moment.eye + moment.directions(pixels) * answers["t"][pixels, None]
@@ -226,7 +226,7 @@ def test_render_shows_mirrors_where_a_scene_declares_them(tmp_path, monkeypatch)
 def test_an_empty_frame_has_the_colour_of_the_sky():
     empty = brute_force.make_scene(np.zeros((0, 3)), np.zeros((0, 3)), [Light((1.0, 1.0, 1.0))])
     scene = dataclasses.replace(empty.scene, outputs=("color",))
-    session, _, _ = traced(Prepared(scene))
+    session, _, _ = traced(prepare(scene))
     rows = session.frame.color.numpy().reshape(SIZE, SIZE, 3)
     np.testing.assert_allclose(rows[0], np.broadcast_to(SKY_TOP, (SIZE, 3)), rtol=1e-6)
     np.testing.assert_allclose(rows[-1], np.broadcast_to(SKY_BOTTOM, (SIZE, 3)), rtol=1e-6)

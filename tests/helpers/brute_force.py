@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from shadowbench.harness.scene.moment import Moment
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 
 
@@ -23,7 +23,7 @@ def make_scene(
         np.asarray(vertices, np.float64).reshape(-1, 3),
         np.asarray(faces, np.int32).reshape(-1, 3),
     )
-    return Prepared(
+    return prepare(
         Scene(
             "test",
             "test",

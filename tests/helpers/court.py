@@ -6,7 +6,7 @@ import numpy as np
 from helpers import exact_cases as cases
 from shadowbench.harness.judge.reference import Reference
 from shadowbench.harness.judge.score import Judge, score_answers
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import prepare
 
 WIDTH, HEIGHT = 60, 45
 
@@ -15,7 +15,7 @@ class Court:
     """A scene, its exact answers, and a reference that is wrong in some pixels."""
 
     def __init__(self, scene=None):
-        self.prepared = Prepared(scene or cases.ball_on_floor(lights=2))
+        self.prepared = prepare(scene or cases.ball_on_floor(lights=2))
         self.moment = self.prepared.moment(0, WIDTH, HEIGHT)
         self.judge = Judge(self.prepared, self.moment)
         self.right = cases.exact_answers(self.prepared, self.moment, self.judge.referee)

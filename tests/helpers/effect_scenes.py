@@ -10,7 +10,7 @@ import warp as wp
 from helpers.brute_force import soup
 from shadowbench.harness.frame.registry import make_method, method_names
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene, Spot
 
 SIZE = 40, 32
@@ -36,7 +36,7 @@ def scene(lights=(POINT, BEHIND), **changed) -> Prepared:
     vertices = np.concatenate([vertices, floor])
     move = np.linspace(0.0, 0.1, len(vertices))[:, None]
     made = Geometry(faces.astype(np.int32), lambda k: vertices + k * move, 2)
-    return Prepared(Scene("effects", "effects", lambda: made, EYE, tuple(lights), **changed))
+    return prepare(Scene("effects", "effects", lambda: made, EYE, tuple(lights), **changed))
 
 
 def session_of(label: str, prepared: Prepared, device: str = "cpu") -> Session:

@@ -10,7 +10,7 @@ from shadowbench.harness.frame.session import Session
 from shadowbench.harness.hardcases.case import ball, joined, quad
 from shadowbench.harness.judge.score import Judge
 from shadowbench.harness.scene.moment import Moment
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 from shadowbench.harness.scene.surface_rules import perforated
 
@@ -30,7 +30,7 @@ def make(
     mesh, alpha, lights=((1.0, 2.5, 0.5), (0.1, 0.7, 0.05)), eye=(0.3, 1.7, 3.1), target=(0.2, 0.25, 0.1)
 ):
     points, faces = np.asarray(mesh[0], dtype=np.float64), np.asarray(mesh[1], dtype=np.int32)
-    return Prepared(
+    return prepare(
         Scene(
             "holes", "Holes", lambda: Geometry.static(points, faces), Camera(eye, target),
             tuple(Light(tuple(light)) for light in lights), alpha=alpha,

@@ -21,7 +21,7 @@ from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.hardcases.case import Counts, HardCase, Trial
 from shadowbench.harness.hardcases.judge import ERRORS, Judged, same_bits
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 from shadowbench.harness.scene.surface_rules import perforated
 
@@ -108,7 +108,7 @@ class Example:
         scene = Scene("lattice", "Lattice", lambda: Geometry.static(points, faces), self.camera, lights)
         if calls.every:
             scene = replace(scene, alpha=lambda geometry: perforated(geometry, calls.every, calls.holes))
-        prepared = Prepared(replace(scene, facing=calls.facing, closed=self.bodies is not None))
+        prepared = prepare(replace(scene, facing=calls.facing, closed=self.bodies is not None))
         return Trial(prepared, prepared.moment(0, *self.size), Counts(), watertight=not calls.every)
 
     def with_geometry(self, points: NDArray, faces: NDArray) -> Example:

@@ -11,7 +11,7 @@ from helpers.method_trials import box
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.judge.reference import embree_installed
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Light, Spot
 
 SIZE = 24
@@ -24,7 +24,7 @@ needs_embree = pytest.mark.skipif(not embree_installed(), reason="truth needs Em
 def with_mirrors(prepared: Prepared, mirror: np.ndarray, bounces: int, **changes) -> Prepared:
     """The scene with mirrors: ``mirror`` [triangles] is 1 where a triangle is one."""
     scene = dataclasses.replace(prepared.scene, mirror=lambda g: mirror, bounces=bounces, **changes)
-    return Prepared(scene)
+    return prepare(scene)
 
 
 def ball(centre, radius: float, rings: int = 9) -> tuple[np.ndarray, np.ndarray]:

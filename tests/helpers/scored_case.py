@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from helpers import exact_cases as cases
 from shadowbench.harness.judge.score import Judge
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import Scene
 
 WIDTH, HEIGHT = 60, 45
@@ -13,7 +13,7 @@ WIDTH, HEIGHT = 60, 45
 
 class Case:
     def __init__(self, scene: Scene):
-        self.prepared = Prepared(scene)
+        self.prepared = prepare(scene)
         self.moment = self.prepared.moment(0, WIDTH, HEIGHT)
         self.judge = Judge(self.prepared, self.moment)
         self.right = cases.exact_answers(self.prepared, self.moment, self.judge.referee)

@@ -18,7 +18,7 @@ from shadowbench.harness.judge.verdict import Verdict
 from shadowbench.harness.scene.alpha import checked
 from shadowbench.harness.scene.effects import Effects
 from shadowbench.harness.scene.scene import AlphaMask, Geometry
-from shadowbench.harness.scene.shared import Stored, store
+from shadowbench.harness.scene.shared import read_stored, store
 from shadowbench.harness.scene.surface_rules import perforated
 
 
@@ -140,7 +140,7 @@ def test_truth_and_scenes_with_masks_are_kept_and_read_back(tmp_path):
     assert not same(one.answers(), two.answers())
     assert not same(one.answers(), judge.reference.answers())
     store(tmp_path / "scene.npz", prepared, [0])
-    again = Stored(tmp_path / "scene.npz", prepared.scene).alpha
+    again = read_stored(tmp_path / "scene.npz", prepared.scene).alpha
     assert again is not None
     assert all(
         (getattr(again, n) == getattr(prepared.alpha, n)).all()

@@ -19,7 +19,7 @@ from shadowbench.harness.judge import score as scoring
 from shadowbench.harness.judge.reference import Reference, embree_installed
 from shadowbench.harness.judge.score import Judge
 from shadowbench.harness.judge.shared_errors import settle
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import Camera, Light
 
 pytestmark = pytest.mark.skipif(not embree_installed(), reason="an exact reference has no errors to settle")
@@ -106,7 +106,7 @@ def test_ties_and_edges_keep_their_classes():
     faces = [(0, 1, 2), (0, 2, 3), (0, 1, 2), (0, 2, 3)]
     scene = cases.make_scene(corners, faces, Camera((0, 0, 2), (0, 0, 0)), Light((0, 0, 3)))
     court = Court.__new__(Court)
-    court.prepared = Prepared(scene)
+    court.prepared = prepare(scene)
     steps = (np.arange(33, dtype=np.float32) - 16) / 8
     zero = np.zeros(33, dtype=np.float32)
     column, row = np.stack([steps, zero, zero - 1], axis=1), np.stack([zero, -steps, zero], axis=1)

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shadowbench.harness.judge.referee import Referee
 from shadowbench.harness.judge.verdict import Verdict
-from shadowbench.harness.scene.prepared import Prepared, valid_triangles
+from shadowbench.harness.scene.prepared import prepare, valid_triangles
 
 BOUNDED = settings(derandomize=True, max_examples=40, deadline=None)
 
@@ -117,7 +117,7 @@ def test_a_power_of_two_changes_nothing(exponent):
 @pytest.mark.gpu
 @pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device on this machine")
 def test_the_filter_on_a_gpu_gives_the_same_answers():
-    prepared = Prepared(cases.ball_on_floor())
+    prepared = prepare(cases.ball_on_floor())
     moment = prepared.moment(0, 64, 48)
     arguments = (moment.points, prepared.faces, moment.valid)
     here, there = Referee(*arguments), Referee(*arguments, device="cuda:0")

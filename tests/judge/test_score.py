@@ -12,7 +12,7 @@ from helpers.scored_case import HEIGHT, WIDTH, Case, ball_case, floor_pixel, pla
 from shadowbench.harness.judge.consistency import check_consistency
 from shadowbench.harness.judge.score import Judge, score_answers
 from shadowbench.harness.scene.effects import Effects
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import Camera, Light
 
 
@@ -105,7 +105,7 @@ def test_an_edge_is_excused_and_counted_and_too_many_fail():
     """Rays on a lattice run exactly along the diagonal that two triangles of a square share."""
     corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0.0)])
     scene = cases.make_scene(corners, [(0, 1, 2), (0, 2, 3)], Camera((0, 0, 2), (0, 0, 0)), Light((0, 0, 3)))
-    prepared = Prepared(scene)
+    prepared = prepare(scene)
     steps = (np.arange(33, dtype=np.float32) - 16) / 8
     zero = np.zeros(33, dtype=np.float32)
     column, row = np.stack([steps, zero, zero - 1], axis=1), np.stack([zero, -steps, zero], axis=1)
@@ -209,7 +209,7 @@ def test_a_light_without_shadows_must_stay_zero(ball):
 def test_a_scene_without_lights():
     base = cases.ball_on_floor()
     geometry = base.geometry()
-    prepared = Prepared(cases.make_scene(geometry.positions(0), geometry.faces, base.camera))
+    prepared = prepare(cases.make_scene(geometry.positions(0), geometry.faces, base.camera))
     moment = prepared.moment(0, 20, 15)
     judge = Judge(prepared, moment)
     answers = judge.reference.answers()
@@ -303,7 +303,7 @@ def test_duplicates_are_ties_without_being_disputed():
 def test_slivers_and_grazing_rays_get_a_wider_tolerance_of_t_but_squares_do_not():
     thin = np.array([(-1, 0, 0), (1, 0, 0), (1, 1e-5, 0.0), (-1, -1, -1), (1, -1, -1), (0, 1, -1)])
     scene = cases.make_scene(thin, [(0, 1, 2), (3, 4, 5)], Camera((0, 0, 2), (0, 0, 0)), Light((0, 3, 3)))
-    prepared = Prepared(scene)
+    prepared = prepare(scene)
     moment = prepared.moment(0, 33, 33)
     middle = 16 * 33 + 16
     results = {}

@@ -10,13 +10,13 @@ from shadowbench.harness.judge import score
 from shadowbench.harness.judge.referee import Referee
 from shadowbench.harness.judge.reference import embree_reference
 from shadowbench.harness.scene.effects import Effects
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Camera, Light
 
 
 @pytest.fixture(scope="module")
 def ball() -> tuple[Prepared, object]:
-    prepared = Prepared(cases.ball_on_floor(lights=2))
+    prepared = prepare(cases.ball_on_floor(lights=2))
     return prepared, prepared.moment(0, 72, 54)
 
 
@@ -62,7 +62,7 @@ def test_invalid_triangles_keep_the_ids_of_the_others():
     scene = cases.make_scene(
         np.concatenate([square, odd]), faces, Camera((0, 0, 3), (0, 0, 0)), Light((0.3, 0.2, 2.0))
     )
-    prepared = Prepared(scene)
+    prepared = prepare(scene)
     moment = prepared.moment(0, 32, 32)
     assert moment.valid.tolist() == [0, 0, 1, 0, 0, 1, 0]
     reference = embree_reference(prepared, moment)
@@ -74,7 +74,7 @@ def test_nothing_to_hit():
     scene = cases.make_scene(
         np.zeros((0, 3)), np.zeros((0, 3), dtype=int), Camera((0, 0, 3), (0, 0, 0)), Light((0, 5, 0))
     )
-    prepared = Prepared(scene)
+    prepared = prepare(scene)
     reference = embree_reference(prepared, prepared.moment(0, 5, 3))
     assert (reference.triangle == -1).all()
     assert reference.visibility.shape == (1, 15)
@@ -100,7 +100,7 @@ def test_no_scale_loses_shadows_or_gains_acne(scale):
     geometry = base.geometry()
     camera = Camera(tuple(scale * x for x in base.camera.eye), tuple(scale * x for x in base.camera.target))
     lights = [Light(tuple(scale * x for x in light.position)) for light in base.lights]
-    prepared = Prepared(cases.make_scene(geometry.positions(0) * scale, geometry.faces, camera, *lights))
+    prepared = prepare(cases.make_scene(geometry.positions(0) * scale, geometry.faces, camera, *lights))
     moment = prepared.moment(0, 64, 48)
     reference = embree_reference(prepared, moment)
     referee = Referee(moment.points, prepared.faces, moment.valid)

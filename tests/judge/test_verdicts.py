@@ -8,7 +8,7 @@ from helpers import exact_cases as cases
 from shadowbench.harness.judge import arithmetic as exact
 from shadowbench.harness.judge.referee import Referee
 from shadowbench.harness.judge.verdict import Verdict
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import prepare
 
 QUAD = np.float32([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])
 QUAD_FACES = np.int32([(0, 1, 2), (0, 2, 3)])
@@ -154,7 +154,7 @@ def test_distances_of_segments():
 
 def test_a_sample_of_a_whole_picture_equals_rational_brute_force():
     """Ten thousand rays, decided in more than one batch."""
-    prepared = Prepared(cases.ball_on_floor())
+    prepared = prepare(cases.ball_on_floor())
     moment = prepared.moment(0, 100, 100)
     referee = Referee(moment.points, prepared.faces, moment.valid)
     hits = referee.closest(moment.eye, moment.directions(np.arange(10_000)))

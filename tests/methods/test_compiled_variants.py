@@ -10,7 +10,7 @@ import warp as wp
 from helpers.brute_force import make_scene, soup
 from helpers.paper_knobs import answers_of, drawn
 from shadowbench.harness.frame import specialise
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Light, Spot
 from shadowbench.harness.scene.surface_rules import perforated
 from shadowbench.methods.perspective_spherical.camera import grid as camera
@@ -76,7 +76,7 @@ def scenes() -> dict[tuple[str, ...], Prepared]:
     spotted = make_scene(vertices, faces, [spot])
 
     def holed(prepared: Prepared) -> Prepared:
-        return Prepared(replace(prepared.scene, alpha=lambda geometry: perforated(geometry, 2, 2)))
+        return prepare(replace(prepared.scene, alpha=lambda geometry: perforated(geometry, 2, 2)))
 
     return {(): plain, ("masked",): spotted, ("alpha",): holed(plain), ("masked", "alpha"): holed(spotted)}
 

@@ -6,7 +6,6 @@ meets each distance; a small mesh is traced under every combination of map, clam
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +18,7 @@ from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene import catalogue
 from shadowbench.harness.scene.effects import Limits
 from shadowbench.harness.scene.moment import Moment
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import Prepared, prepare, under
 from shadowbench.harness.scene.scene import Light
 from shadowbench.methods.perspective_spherical.parameters import CLAMPS, LIGHT_MAPS, TRIANGLE_TESTS
 
@@ -52,8 +51,7 @@ class Lit:
             x, y, z = (whole.middle + whole.centre + ahead).tolist()
             lights.append(Light((x, y, z)))
         self.lights = dict(zip(RADII, lights, strict=True))
-        self.prepared = copy.copy(whole)
-        self.prepared.scene = replace(whole.scene, lights=tuple(lights), light_path=None)
+        self.prepared = under(whole, replace(whole.scene, lights=tuple(lights), light_path=None))
         exact = self.traced("bvh", {"update": "bvh_rebuild"}, self.prepared.moment(0, SIZE, SIZE))
         self.exact = {
             radii: {**exact, "visibility": exact["visibility"][i : i + 1]} for i, radii in enumerate(RADII)
@@ -61,7 +59,7 @@ class Lit:
 
     def answers(self, settings: dict[str, str], radii: float) -> dict[str, NDArray]:
         light = (self.lights[radii],)
-        self.prepared.scene = replace(self.prepared.scene, lights=light)
+        self.prepared = under(self.prepared, replace(self.prepared.scene, lights=light))
         return self.traced(NAME, settings, self.prepared.moment(0, SIZE, SIZE))
 
     def traced(self, name: str, settings: dict[str, str], moment: Moment) -> dict[str, NDArray]:
@@ -90,7 +88,7 @@ def same(got: dict[str, NDArray], expected: dict[str, NDArray], what: object) ->
 
 
 def check(name: str) -> None:
-    lit = Lit(Prepared(catalogue.resolve(name)))
+    lit = Lit(prepare(catalogue.resolve(name)))
     count = lit.prepared.triangle_count
     hits = int((lit.exact[2.0]["triangle"] >= 0).sum())
     assert hits > 0.05 * SIZE**2

@@ -23,7 +23,7 @@ from shadowbench.harness.hardcases.case import HardCase
 from shadowbench.harness.hardcases.judge import Judged, same_bits
 from shadowbench.harness.judge.referee import Referee
 from shadowbench.harness.judge.verdict import Verdict
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene, Spot
 
 
@@ -203,7 +203,7 @@ def test_a_frame_built_again_equals_a_fresh_scene(example: Example, others: list
         moved = decode(data)
         rolled = np.resize(moved.points, example.points.shape) if len(moved.points) else example.points
         frames.append(rolled * random.choice([1.0, 0.25]))
-    prepared = Prepared(
+    prepared = prepare(
         Scene(
             "frames", "Frames", lambda: Geometry(example.faces, lambda k: frames[k], len(frames)), example.camera,
             tuple(Light(tuple(light.tolist())) for light in example.lights),
@@ -251,7 +251,7 @@ def test_a_spot_of_the_whole_sphere_is_a_point_light(
         found = []
         for shining in (lights, spots):
             scene = replace(prepared.scene, lights=shining)
-            session = Session(fresh_method(name, chosen), Prepared(scene), *example.size, "cpu")
+            session = Session(fresh_method(name, chosen), prepare(scene), *example.size, "cpu")
             found.append(session.answers(session.frame.prepared.moment(0, *example.size)))
         for key, values in found[0].items():
             assert same_bits(found[1][key], values), (name, key)

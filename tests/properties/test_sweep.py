@@ -15,7 +15,7 @@ from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.hardcases import HardCase
 from shadowbench.harness.hardcases.case import Counts, Trial
 from shadowbench.harness.hardcases.judge import Judged, judge_case
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import Geometry
 
 METHODS = (
@@ -61,7 +61,7 @@ def placed(trial: Trial, scale: float, sizes: float) -> Trial:
         lights=lights,
         geometry=lambda: Geometry.static(points * scale + step, geometry.faces),
     )
-    prepared = Prepared(moved)
+    prepared = prepare(moved)
     moment = prepared.moment(0, trial.moment.width, trial.moment.height)
     return replace(trial, prepared=prepared, moment=moment, stated=Counts())
 

@@ -10,7 +10,7 @@ from PIL import Image
 from shadowbench.harness.frame.materials import pieces
 from shadowbench.harness.report import gallery
 from shadowbench.harness.report.picture import png_bytes, save_png, shade, shown_in
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 
 SIZE = 16
@@ -21,7 +21,7 @@ def square(lights: tuple[Light, ...], name: str = "square", stand_in: str | None
     vertices = np.array([[-9.0, -9, 0], [0, -9, 0], [0, 9, 0], [-9, 9, 0]])
     faces = np.array([[0, 1, 2], [0, 2, 3]])
     camera = Camera((0.0, 0.0, 4.0), (0.0, 0.0, 0.0))
-    return Prepared(Scene(name, "Square", lambda: Geometry.static(vertices, faces), camera, lights, stand_in))
+    return prepare(Scene(name, "Square", lambda: Geometry.static(vertices, faces), camera, lights, stand_in))
 
 
 def answers_to(prepared: Prepared, shadowed: np.ndarray | None = None):
@@ -108,7 +108,7 @@ def test_answers_that_name_no_triangle_are_drawn_as_misses(triangle):
 
 def test_an_empty_mesh_is_a_picture_of_the_background():
     empty = Geometry.static(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32))
-    prepared = Prepared(Scene("empty", "Empty", lambda: empty, Camera((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)), ()))
+    prepared = prepare(Scene("empty", "Empty", lambda: empty, Camera((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)), ()))
     moment = prepared.moment(0, 4, 3)
     answers = {
         "triangle": np.full(12, -1, dtype=np.int32),
@@ -123,7 +123,7 @@ def test_pieces_are_connected_through_welded_vertices():
     vertices = np.concatenate([a, a + [1, 0, 0], a + [5, 0, 0], a[::-1] + [5, 0, 0]])
     faces = np.arange(12).reshape(4, 3)[::-1].copy()
     geometry = Geometry.static(vertices, faces)
-    prepared = Prepared(Scene("p", "P", lambda: geometry, Camera((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)), ()))
+    prepared = prepare(Scene("p", "P", lambda: geometry, Camera((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)), ()))
     label = pieces(prepared)
     # Faces are listed backwards: two that coincide far away, then two that share the vertex (1, 0, 0).
     assert label[0] == label[1]

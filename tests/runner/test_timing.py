@@ -17,7 +17,7 @@ from shadowbench.harness.runner.experiment import spread_frames
 from shadowbench.harness.runner.memory import Memory
 from shadowbench.harness.runner.points import orders
 from shadowbench.harness.runner.timing import CompileClock, Sampling, sample_frame, stop_reason
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 
 CUDA = pytest.param("cuda:0", marks=pytest.mark.gpu)
@@ -79,7 +79,7 @@ def session(method=None, device="cpu"):
         Camera((0.0, 0.0, 3.0), (0.0, 0.0, 0.0)),
         (Light((2.0, 2.0, 2.0)),),
     )
-    prepared = Prepared(scene)
+    prepared = prepare(scene)
     made = Session(method or Spinner(), prepared, 4, 4, device)
     made.load(prepared.moment(0, 4, 4))
     made.settle()

@@ -9,7 +9,7 @@ import pytest
 from helpers import mesh_files as files
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.scene import catalogue
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.readers import usd
 from shadowbench.harness.scene.readers.checks import Loaded
 from shadowbench.harness.scene.readers.load import load
@@ -54,7 +54,7 @@ def test_a_stand_in_says_that_it_is_one(name):
 @needs_usd
 def test_the_bunny_of_the_warp_package_is_real():
     scene = catalogue.resolve("bunny")
-    prepared = Prepared(scene)
+    prepared = prepare(scene)
     assert (prepared.triangle_count, scene.stand_in, scene.source.kind) == (12200, None, "file")
     assert len(scene.source.sha256) == 64
     assert "bunny.usd" in scene.source.file
@@ -77,7 +77,7 @@ def test_an_original_takes_its_stand_ins_place(tmp_path, monkeypatch, given, nam
     assert (scene.name, scene.title, scene.stand_in) == ("sibenik", "Sibenik", None)
     assert (scene.source.kind, scene.source.file) == ("file", path.name)
     assert scene.source.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
-    assert Prepared(scene).triangle_count == len(files.FACES)
+    assert prepare(scene).triangle_count == len(files.FACES)
     assert catalogue.resolve("cloth", tmp_path).stand_in
 
 
@@ -93,7 +93,7 @@ def test_numbered_frames_are_an_animation(tmp_path):
     contents = [put(tmp_path, f"cloth_{k:03d}.ply", files.QUAD + k).read_bytes() for k in (92, 93)]
     put(tmp_path, "cloth_notes.ply", content=b"not a frame")
     scene = catalogue.resolve("cloth", tmp_path)
-    prepared = Prepared(scene)
+    prepared = prepare(scene)
     assert prepared.frame_count == 2
     assert scene.source.file == "cloth_092.ply..cloth_093.ply (2 files)"
     assert scene.source.sha256 == hashlib.sha256(b"".join(contents)).hexdigest()
@@ -149,14 +149,14 @@ def test_one_triangle_one_point_and_nan_can_be_looked_at(tmp_path):
         ([(0, 1, 2)], [(0, 0, 0)], [(5, 5, 5)], [(0, 1, 2), (0, 1, 5)], [(0, 1, 1)])
     ):
         path = put(tmp_path, f"m{k}.ply", content=files.ply_binary(points, polygons))
-        moment = Prepared(catalogue.resolve(path)).moment(0, 4, 4)
+        moment = prepare(catalogue.resolve(path)).moment(0, 4, 4)
         assert np.isfinite(moment.column).all()
         assert np.isfinite(moment.lights).all()
 
 
 def pixels_of(scene: Scene, size: int = 64) -> np.ndarray:
     """Where the vertices that faces use fall in a square image, in pixels [n, 2]; behind the eye is NaN."""
-    prepared = Prepared(scene)
+    prepared = prepare(scene)
     result = []
     for frame in range(prepared.frame_count):
         moment = prepared.moment(frame, size, size)
@@ -234,7 +234,7 @@ def test_an_original_building_is_seen_from_within(tmp_path, up):
     assert np.argmax(scene.camera.up) == up
     for place in (scene.camera.eye, scene.lights[0].position):
         assert all(0 < p < h for p, h in zip(place, high, strict=True))
-    moment = Prepared(scene).moment(0, 8, 8)
+    moment = prepare(scene).moment(0, 8, 8)
     assert abs(moment.axes[2][up]) < 1e-6
 
 
@@ -276,7 +276,7 @@ def lit_and_shadowed(scene: Scene, size: int = 48) -> tuple[float, float, float]
     from embreex import rtcore_scene
     from embreex.mesh_construction import TriangleMesh
 
-    prepared = Prepared(scene)
+    prepared = prepare(scene)
     moment = prepared.moment(0, size, size)
     corners = moment.points[prepared.faces]
     tracer = rtcore_scene.EmbreeScene(robust=True)
@@ -324,7 +324,7 @@ def test_the_views_of_real_files_show_light_and_shadow(file):
 def test_the_real_cloth_has_two_frames(tmp_path):
     for number in (92, 93):
         shutil.copy(REAL / f"cloth_{number:03d}.ply", tmp_path)
-    prepared = Prepared(catalogue.resolve("cloth", tmp_path))
+    prepared = prepare(catalogue.resolve("cloth", tmp_path))
     assert (prepared.frame_count, prepared.triangle_count) == (2, 92230)
     assert prepared.sha256(0) != prepared.sha256(1)
 
@@ -336,5 +336,5 @@ def test_a_scene_is_its_own_after_resolving(tmp_path):
     assert isinstance(first.geometry(), Geometry)
     assert isinstance(first.lights[0], Light)
     assert (first.camera, first.lights, first.source) == (second.camera, second.lights, second.source)
-    assert Prepared(first).sha256() == Prepared(second).sha256()
+    assert prepare(first).sha256() == prepare(second).sha256()
     assert load(path).faces.tolist() == first.geometry().faces.tolist()

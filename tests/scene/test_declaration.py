@@ -11,7 +11,7 @@ from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.materials import reflectances
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.effects import Effects
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import prepare
 from typer.testing import CliRunner
 
 MESH = """v -1 -1 0
@@ -87,7 +87,7 @@ def test_everything_declared_is_in_the_scene(folder):
     assert effects.shadows == (True, True, False)
     assert effects.names() == ("shadows", "receivers", "directional", "alpha", "mirror")
     assert effects.bounces == 2
-    prepared = Prepared(scene)
+    prepared = prepare(scene)
     assert prepared.alpha is not None
     assert prepared.alpha.triangles.tolist() == [1, 0, 1, 0, 1, 0]
     assert prepared.mirror.sum() == 2  # the two large ones below
@@ -99,7 +99,7 @@ def test_what_is_not_declared_stays(folder):
     assert declared.lights == plain.lights
     assert declared.title == "roof.obj (scene.toml)"
     assert declared.source.sha256 != plain.source.sha256
-    np.testing.assert_array_equal(Prepared(declared).points(0)[0], Prepared(plain).points(0)[0])
+    np.testing.assert_array_equal(prepare(declared).points(0)[0], prepare(plain).points(0)[0])
 
 
 def test_a_scene_of_the_catalogue_can_be_declared_about(folder):
@@ -215,7 +215,7 @@ def test_a_link_to_itself_and_a_folder_are_no_declaration(folder):
 def test_lights_on_an_orbit_move_over_frames_of_their_own(folder):
     told = 'mesh = "roof.obj"\n[[lights]]\nposition = [2, 3, 0]\n[[lights]]\nposition = [1, 1, 0]\ndirectional = true\n'
     path = declare(folder, told + "[orbit]\ncentre = [0, 1, 0]\nturns = 0.5\nframes = 3")
-    prepared = Prepared(resolve(path))
+    prepared = prepare(resolve(path))
     assert prepared.frame_count == 3
     first, sun = prepared.lights(2)
     assert np.allclose(first.position, (-2, 3, 0))
@@ -225,8 +225,8 @@ def test_lights_on_an_orbit_move_over_frames_of_their_own(folder):
 
 
 def test_a_mesh_has_one_hue_whatever_is_declared_about_it(folder):
-    one = reflectances(Prepared(resolve(declare(folder, 'mesh = "roof.obj"', "one.toml"))))
-    other = reflectances(Prepared(resolve(declare(folder, 'mesh = "roof.obj"\nfacing = true', "other.toml"))))
+    one = reflectances(prepare(resolve(declare(folder, 'mesh = "roof.obj"', "one.toml"))))
+    other = reflectances(prepare(resolve(declare(folder, 'mesh = "roof.obj"\nfacing = true', "other.toml"))))
     assert np.array_equal(one, other)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import json
 
@@ -12,14 +11,14 @@ from helpers.runs import write_scene
 from shadowbench.harness.results.pixel_maps import read_map, write_map
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.overrides import Lighting
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import prepare, under
 from shadowbench.harness.scene.scene import Light, Scene
 from shadowbench.harness.scene.spotlight import CONE, RECTANGLE, spot_row
 
 
 @pytest.fixture(scope="module")
 def prepared(tmp_path_factory):
-    return Prepared(resolve(write_scene(tmp_path_factory.mktemp("scene") / "tetra.obj")))
+    return prepare(resolve(write_scene(tmp_path_factory.mktemp("scene") / "tetra.obj")))
 
 
 def test_the_default_lighting_changes_nothing_and_has_no_facts(prepared):
@@ -74,15 +73,13 @@ def test_a_light_becomes_directional_once(prepared):
     lighting = Lighting("sun", directional=True)
     (first,) = lighting.applied(prepared).scene.lights
     assert first.directional
-    again = copy.copy(prepared)
-    again.scene = dataclasses.replace(prepared.scene, lights=(first,))
+    again = under(prepared, dataclasses.replace(prepared.scene, lights=(first,)))
     assert lighting.applied(again).scene.lights == (first,)
 
 
 def test_a_directional_light_that_becomes_a_spot_stands_somewhere(prepared):
     sun = dataclasses.replace(prepared.scene.lights[0], position=(0.0, 3.0, 4.0), directional=True, spot=None)
-    sunny = copy.copy(prepared)
-    sunny.scene = dataclasses.replace(prepared.scene, lights=(sun,))
+    sunny = under(prepared, dataclasses.replace(prepared.scene, lights=(sun,)))
     (light,) = Lighting("spot", spot=20.0).applied(sunny).scene.lights
     assert not light.directional
     assert light.spot is not None
@@ -92,7 +89,7 @@ def test_a_directional_light_that_becomes_a_spot_stands_somewhere(prepared):
 
 def test_a_static_scene_gets_a_frame_for_every_place_of_the_light(prepared):
     lighting = Lighting("turn", turns=1.0, frames=5)
-    longer = Prepared(lighting.longer(prepared.scene))
+    longer = prepare(lighting.longer(prepared.scene))
     lit = lighting.applied(longer)
     assert lit.frame_count == 5
     places = [lit.moment(k, 4, 4).lights[0] for k in range(5)]

@@ -9,7 +9,7 @@ import trimesh
 from helpers import mesh_files as files
 from helpers.mesh_files import refused, written
 from shadowbench.harness.errors import UserError
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.readers import usd
 from shadowbench.harness.scene.readers.checks import MAX_LINE, fan
 from shadowbench.harness.scene.readers.load import load, source
@@ -304,7 +304,7 @@ def test_one_triangle_and_nan_vertices(tmp_path):
     for name, make in (("a.ply", files.ply_binary), ("b.ply", files.ply_ascii), ("c.obj", files.obj)):
         loaded = load(written(tmp_path, name, make(points, [(0, 1, 2), (0, 1, 5)])))
         scene = Scene("t", "T", loaded.geometry, Camera((0, 0, 5), (0, 0, 0)), ())
-        assert Prepared(scene).points(0)[1].tolist() == [1, 0]
+        assert prepare(scene).points(0)[1].tolist() == [1, 0]
         assert len(load(written(tmp_path, name, make(polygons=[(0, 1, 2)]))).faces) == 1
 
 

@@ -11,7 +11,7 @@ from helpers import mesh_files as files
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from shadowbench.harness.errors import UserError
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.readers import usd
 from shadowbench.harness.scene.readers.load import Loaded, load
 from shadowbench.harness.scene.scene import Scene
@@ -124,7 +124,7 @@ def check(path) -> bool:
         assert frame.shape == loaded.frames[0].shape
         assert 0 <= loaded.faces.min() <= loaded.faces.max() < len(frame)
     camera, lights = view(shape_of(loaded))
-    moment = Prepared(Scene("fuzz", "Fuzz", loaded.geometry, camera, lights)).moment(0, 2, 2)
+    moment = prepare(Scene("fuzz", "Fuzz", loaded.geometry, camera, lights)).moment(0, 2, 2)
     assert np.isfinite(moment.eye).all()
     assert np.isfinite(moment.lights).all()
     return True

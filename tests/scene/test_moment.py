@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.scene.light_paths import DistanceSweep
 from shadowbench.harness.scene.moment import ray_tables
-from shadowbench.harness.scene.prepared import Prepared, recentre, valid_triangles, weld
+from shadowbench.harness.scene.prepared import prepare, recentre, valid_triangles, weld
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 
 CAMERA = Camera((0.0, 0.0, 5.0), (0.0, 0.0, 0.0))
@@ -25,7 +25,7 @@ def scene_of(vertices, faces, lights=((0.0, 4.0, 0.0),), **changes) -> Scene:
 def test_a_mesh_near_the_origin_stays_as_it_is():
     points = TRIANGLE + [0.4, 0.0, -0.9]
     assert (recentre(points) == 0).all()
-    prepared = Prepared(scene_of(points, [[0, 1, 2]]))
+    prepared = prepare(scene_of(points, [[0, 1, 2]]))
     assert np.array_equal(prepared.points(0)[0], points.astype(np.float32))
 
 
@@ -33,7 +33,7 @@ def test_a_far_mesh_keeps_its_detail_with_camera_and_lights():
     far = np.array([1.0e8, -2.0e8, 3.0e8])
     points = TRIANGLE * 0.001 + far
     camera = Camera(tuple(far + [0, 0, 2.0]), tuple(far))
-    prepared = Prepared(scene_of(points, [[0, 1, 2]], lights=[tuple(far + [0, 4.0, 0])], camera=camera))
+    prepared = prepare(scene_of(points, [[0, 1, 2]], lights=[tuple(far + [0, 4.0, 0])], camera=camera))
     moment = prepared.moment(0, 8, 8)
     assert np.allclose(np.ptp(moment.points, axis=0), [0.001, 0.001, 0], rtol=1e-4)
     assert moment.valid.tolist() == [1]
@@ -45,7 +45,7 @@ def test_a_far_mesh_keeps_its_detail_with_camera_and_lights():
 
 def test_weld_sees_the_recentred_positions_not_the_files():
     points = TRIANGLE * 0.001 + 1.0e8
-    assert Prepared(scene_of(points, [[0, 1, 2]])).weld.tolist() == [0, 1, 2]
+    assert prepare(scene_of(points, [[0, 1, 2]])).weld.tolist() == [0, 1, 2]
 
 
 def test_one_centre_serves_every_frame():
@@ -54,7 +54,7 @@ def test_one_centre_serves_every_frame():
     moving = Scene("m", "M", lambda: Geometry(np.array([[0, 1, 2]], np.int32), lambda k: frames[k], 2), *[
         scene.camera, scene.lights
     ])  # fmt: skip
-    prepared = Prepared(moving)
+    prepared = prepare(moving)
     first, last = prepared.points(0)[0].copy(), prepared.points(1)[0].copy()
     assert np.array_equal(last - first, np.full((3, 3), 200, np.float32))
 
@@ -62,7 +62,7 @@ def test_one_centre_serves_every_frame():
 def test_huge_and_missing_coordinates_neither_move_the_centre_nor_warn():
     points = np.vstack([TRIANGLE, [[1e300, 0, 0], [np.nan, 1, 1], [np.inf, 0, 0], [-3e39, 0, 0]]])
     faces = [[0, 1, 2], [0, 1, 3], [0, 1, 4], [0, 1, 5], [0, 1, 6]]
-    prepared = Prepared(scene_of(points, faces))
+    prepared = prepare(scene_of(points, faces))
     moment = prepared.moment(0, 4, 4)
     assert (prepared.centre == 0).all()
     assert moment.valid.tolist() == [1, 0, 0, 0, 0]
@@ -146,7 +146,7 @@ def test_pixel_centres_and_the_top_row():
 
 def test_directions_are_one_float32_addition():
     camera = Camera((3.0, 1.0, 2.0), (0.1, 0.2, 0.3), (0.1, 1.0, 0.0), 37.0)
-    moment = Prepared(scene_of(TRIANGLE, [[0, 1, 2]], camera=camera)).moment(0, 7, 5)
+    moment = prepare(scene_of(TRIANGLE, [[0, 1, 2]], camera=camera)).moment(0, 7, 5)
     directions = moment.directions(np.arange(35))
     for y in range(5):
         for x in range(7):
@@ -186,11 +186,11 @@ def test_a_camera_that_sees_nothing_is_refused(camera, size, word):
 
 def test_an_index_beyond_the_vertices_is_refused():
     with pytest.raises(UserError, match="vertex 3"):
-        Prepared(scene_of(TRIANGLE, [[0, 1, 3]]))
+        prepare(scene_of(TRIANGLE, [[0, 1, 3]]))
 
 
 def test_an_empty_mesh_can_be_prepared():
-    prepared = Prepared(scene_of(np.zeros((0, 3)), np.zeros((0, 3), int)))
+    prepared = prepare(scene_of(np.zeros((0, 3)), np.zeros((0, 3), int)))
     assert prepared.moment(0, 2, 2).points.shape == (0, 3)
     assert prepared.radius == 1.0
 
@@ -199,14 +199,14 @@ def test_lights_follow_their_path_over_the_frames():
     frames = [TRIANGLE, TRIANGLE, TRIANGLE]
     path = DistanceSweep((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 1.0, 100.0)
     made = Geometry(np.array([[0, 1, 2]], np.int32), lambda k: frames[k], 3)
-    prepared = Prepared(Scene("m", "M", lambda: made, CAMERA, (Light((9.0, 9.0, 9.0)),), light_path=path))
+    prepared = prepare(Scene("m", "M", lambda: made, CAMERA, (Light((9.0, 9.0, 9.0)),), light_path=path))
     heights = [prepared.moment(k, 2, 2).lights[0, 1] for k in range(3)]
     assert np.allclose(heights, [1, 10, 100])
 
 
 def test_the_hash_knows_positions_order_and_frame():
     def digest(vertices, faces):
-        return Prepared(scene_of(vertices, faces)).sha256()
+        return prepare(scene_of(vertices, faces)).sha256()
 
     two = np.vstack([TRIANGLE, [[1.0, 1, 0]]])
     first = digest(two, [[0, 1, 2], [1, 3, 2]])

@@ -7,7 +7,7 @@ from shadowbench.harness.commands.answering import answer
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.judge.score import Judge
 from shadowbench.harness.scene import catalogue
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import prepare
 
 
 def put(path):
@@ -56,7 +56,7 @@ def test_at_the_ends_of_that_range_answers_are_right(tmp_path, size, method):
     points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]]) * size
     path = tmp_path / "sized.npz"
     np.savez(path, V=points, F=np.array([[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3], [1, 2, 4]]))
-    prepared = Prepared(catalogue.resolve(path))
+    prepared = prepare(catalogue.resolve(path))
     moment = prepared.moment(0, 16, 16)
     found = answer(method, {}, prepared, moment, "cpu")
     assert found.answers is not None, found.reason

@@ -10,7 +10,7 @@ import pytest
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from shadowbench.harness.scene.catalogue import resolve
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.standins import buddha, conference, implicit, shapes, sibenik
 
 MODULES = {"sibenik": sibenik, "conference": conference, "buddha": buddha}
@@ -20,7 +20,7 @@ NAMES = sorted(MODULES)
 
 @functools.cache
 def prepared(name: str) -> Prepared:
-    return Prepared(MODULES[name].scene())
+    return prepare(MODULES[name].scene())
 
 
 @functools.cache

@@ -17,20 +17,20 @@ from shadowbench.harness.runner.runner import Run
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.facts import contents, scene_facts
 from shadowbench.harness.scene.overrides import Lighting
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import Geometry
-from shadowbench.harness.scene.shared import Stored, store
+from shadowbench.harness.scene.shared import read_stored, store
 
 
 def test_the_first_frame_is_always_there(tmp_path: Path) -> None:
-    prepared = Prepared(resolve("cloth", None))
+    prepared = prepare(resolve("cloth", None))
     middle = prepared.frame_count // 2
     store(tmp_path / "scene.npz", prepared, [middle])
-    stored = Stored(tmp_path / "scene.npz", prepared.scene)
+    read = read_stored(tmp_path / "scene.npz", prepared.scene)
     for frame in (0, middle):
-        np.testing.assert_array_equal(stored.points(frame)[0], prepared.points(frame)[0])
+        np.testing.assert_array_equal(read.points(frame)[0], prepared.points(frame)[0])
     with pytest.raises(UserError, match=rf"frame 1 was not stored; there are \[0, {middle}\]"):
-        stored.points(1)
+        read.points(1)
 
 
 def test_rules_choose_the_same_triangles_in_every_process(tmp_path: Path) -> None:
@@ -46,11 +46,11 @@ def test_rules_choose_the_same_triangles_in_every_process(tmp_path: Path) -> Non
         resolve("bunny_dragon", None), geometry=lambda: Geometry.static(corners, faces.astype(np.int32))
     )
     lighting = Lighting("mirror", count=1, bounces=1)
-    made = Prepared(scene)
+    made = prepare(scene)
     store(tmp_path / "scene.npz", made, [0])
     mirror = lighting.applied(made).mirror
     assert 0 < mirror.sum() < len(mirror)
-    np.testing.assert_array_equal(lighting.applied(Stored(tmp_path / "scene.npz", scene)).mirror, mirror)
+    np.testing.assert_array_equal(lighting.applied(read_stored(tmp_path / "scene.npz", scene)).mirror, mirror)
 
 
 def test_other_mirrors_or_holes_are_another_point(tmp_path: Path) -> None:
@@ -68,7 +68,7 @@ def test_other_mirrors_or_holes_are_another_point(tmp_path: Path) -> None:
         "[alpha]\nevery = 2\n",
     ):
         (tmp_path / "scene.toml").write_text('mesh = "grid.obj"\n' + surfaces)
-        prepared = Prepared(resolve(tmp_path / "scene.toml"))
+        prepared = prepare(resolve(tmp_path / "scene.toml"))
         told.append(scene_facts(prepared, {0: prepared.moment(0, 8, 8)}))
     assert len({facts["arrays_sha256"] for facts in told}) == 1
     assert "surfaces_sha256" not in told[0]

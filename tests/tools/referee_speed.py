@@ -22,7 +22,7 @@ from shadowbench.harness.judge.reference import Reference, embree_reference, pro
 from shadowbench.harness.judge.selection import neighbours
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.moment import Moment
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import prepare
 
 SIDE = 1024
 
@@ -61,7 +61,7 @@ def timed(what: str, work: Callable[[], Any]) -> Any:
 
 def report(scene: str, count: int) -> None:
     """Measure one scene and print it."""
-    prepared = Prepared(resolve(scene))
+    prepared = prepare(resolve(scene))
     moment = prepared.moment(0, SIDE, SIDE)
     reference = embree_reference(prepared, moment)
     pixels = borders(reference, count)

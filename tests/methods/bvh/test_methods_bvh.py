@@ -17,7 +17,7 @@ from helpers.method_trials import (
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 
 NAME = "bvh"
@@ -104,7 +104,7 @@ def moving(broken: bool) -> Prepared:
         Camera((0.0, 0.0, 3.0), (0.0, 0.0, 0.0)),
         (Light((2.0, 3.0, 4.0)),),
     )
-    return Prepared(scene)
+    return prepare(scene)
 
 
 @pytest.mark.parametrize("device", DEVICES)

@@ -10,7 +10,7 @@ from shadowbench.harness.errors import CapacityRejected, UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.effects import Limits
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 
 NAME = "uniform_grid"
@@ -60,7 +60,7 @@ def test_replayed_frames_equal_fresh_ones(device):
         Camera((0.0, 0.0, 3.0), (0.0, 0.0, 0.0)),
         (Light((2.0, 3.0, 4.0)),),
     )
-    prepared = Prepared(scene)
+    prepared = prepare(scene)
     session = Session(make_method(NAME), prepared, 24, 16, device)
     for k in (0, 1, 2, 3, 0):
         moment = prepared.moment(k, 24, 16)
