@@ -6,7 +6,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-import warp as wp
 from helpers.runs import write_scene
 from shadowbench.experiments._sorting import Trial
 from shadowbench.experiments.key_bits import BITS, EXPERIMENT
@@ -17,18 +16,12 @@ from shadowbench.harness.report.evidence import collect
 from shadowbench.harness.runner.progress import Silent
 from shadowbench.harness.runner.timing import Sampling, sample_frame
 
-DEVICES = [
-    "cpu",
-    pytest.param("cuda:0", marks=pytest.mark.skipif(not wp.is_cuda_available(), reason="no GPU")),
-]
-
 
 def tiny(out, **changes):
     options = plan_run("key_bits", preset="quick", device="cpu", out=out, size="16x16")
     return dataclasses.replace(options, preset=dataclasses.replace(options.preset, **changes))
 
 
-@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("bits", BITS)
 def test_a_trial_sorts_unsorted_keys_again_in_every_sample(bits, device):
     trial = Trial(3000, bits, device, seed=1)

@@ -21,7 +21,6 @@ from helpers.effect_scenes import (
     scene,
     session_of,
 )
-from helpers.method_trials import DEVICES
 from shadowbench.harness.frame import frame as frame_module
 from shadowbench.harness.frame import receivers
 from shadowbench.harness.frame.method import BaseMethod
@@ -137,7 +136,6 @@ NEUTRAL = {
 }
 
 
-@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("label", LAMPS)
 @pytest.mark.parametrize("neutral", NEUTRAL)
 def test_a_neutral_value_changes_no_bit(label, neutral, device):
@@ -151,7 +149,6 @@ def test_a_neutral_value_changes_no_bit(label, neutral, device):
 # --- rules that people get wrong --------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("facing", [False, True])
 @pytest.mark.parametrize("label", EXACT)
 def test_receivers_are_the_same_for_every_method_and_truth(label, facing, device):
@@ -181,7 +178,6 @@ def test_bits_where_nothing_receives_are_errors():
     assert Judge(prepared, moment).score(unlimited)["true_errors"] > 0
 
 
-@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("label", LAMPS)
 def test_a_light_that_reaches_nothing_is_skipped(label, device, monkeypatch):
     away = Light((0.0, 5.0, 0.0), spot=Spot((0.0, 1.0, 0.0), 10.0))

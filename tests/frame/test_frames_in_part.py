@@ -18,7 +18,6 @@ from helpers.effect_scenes import (
     scene,
     session_of,
 )
-from helpers.method_trials import DEVICES
 from shadowbench.harness.frame import passes
 from shadowbench.harness.frame.passes import Pass
 from shadowbench.harness.frame.registry import make_method, method_names
@@ -196,7 +195,6 @@ VARIANTS = [
 ]
 
 
-@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize(("name", "settings"), VARIANTS)
 def test_what_runs_in_any_case_leaves_no_bit_where_nothing_receives(name, settings, device, monkeypatch):
     """Passes that take scratch memory run, in a captured graph, on what the last traced frame left behind."""

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 from helpers import brute_force
-from helpers.method_trials import DEVICES, hard_trials
+from helpers.method_trials import hard_trials
 from helpers.mirror_scenes import (
     EXACT,
     INEXACT,
@@ -30,7 +30,6 @@ from shadowbench.harness.scene.shared import read_stored, store
 from shadowbench.harness.scene.surface_rules import perforated
 
 
-@pytest.mark.parametrize("device", DEVICES)
 def test_a_mirrored_hit_is_what_the_mirrored_eye_sees(device):
     prepared = plane_and_ball()
     size = 48
@@ -55,7 +54,6 @@ def test_a_mirrored_hit_is_what_the_mirrored_eye_sees(device):
 
 
 @needs_embree
-@pytest.mark.parametrize("device", DEVICES)
 def test_exact_methods_agree_bit_for_bit_and_have_no_error(device):
     prepared = hall_of_mirrors()
     first = None
@@ -79,7 +77,6 @@ def test_exact_methods_agree_bit_for_bit_and_have_no_error(device):
     assert not bits[:, 3].any(), "a light without shadows has none in a mirror either"
 
 
-@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize(("name", "settings"), EXACT)
 def test_a_replay_with_every_effect_has_the_bits_of_plain_launches(name, settings, device):
     """Holes, mirrors, receivers, directional lights and colour; also the moments that come after the capture."""

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 from helpers import brute_force
-from helpers.method_trials import DEVICES, box
+from helpers.method_trials import box
 from PIL import Image
 from shadowbench.harness.commands import render as render_command
 from shadowbench.harness.frame.materials import reflectances
@@ -115,7 +115,6 @@ def surface(prepared, moment, lights, origins, ways, answers, sky):
     return result
 
 
-@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("bounces", [1, 3])
 def test_the_kernel_is_the_rule(device, bounces):
     prepared = room(bounces)

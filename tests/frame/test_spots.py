@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helpers.brute_force import closest, make_scene, shadowed, soup
-from helpers.paper_knobs import DEVICES, answers_of, drawn
+from helpers.paper_knobs import answers_of, drawn
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.judge.receivers import receivers, strength
@@ -27,7 +27,6 @@ SPOTS = {
 }
 
 
-@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("name", SPOTS)
 def test_only_what_the_spot_holds_has_a_shadow(name, device):
     prepared = spotted(*SPOTS[name])

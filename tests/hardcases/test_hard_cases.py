@@ -16,8 +16,6 @@ from shadowbench.harness.hardcases.case import plane, view
 from shadowbench.harness.hardcases.conformance import conformance, counted_allocations
 from shadowbench.harness.hardcases.judge import ERRORS, judge_case, judge_method
 
-DEVICES = ["cpu", *(["cuda:0"] if wp.is_cuda_available() else [])]
-
 EXACT = (
     ("perspective_spherical", ()),
     (
@@ -51,7 +49,6 @@ def test_exact_methods_name_the_lowest_of_equal_triangles(name, settings) -> Non
     assert one.exact["triangle"].max() < len(one.trial.prepared.faces) / 3
 
 
-@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize(("name", "settings"), EXACT, ids=lambda value: str(value))
 def test_exact_methods_pass_every_case(name, settings, device) -> None:
     """No true error on any case, little excused; each case runs twice, on poisoned answers, and must give the same bits."""
@@ -70,7 +67,6 @@ def test_exact_methods_pass_every_case(name, settings, device) -> None:
         assert outside.status == "ok", outside.reason
 
 
-@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize(("name", "settings"), EXACT, ids=lambda value: str(value))
 def test_rules_of_conduct(name, settings, device) -> None:
     """Frames that follow one another, graph replays, no allocation in a frame after the first."""

@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-import warp as wp
 from helpers.brute_force import closest, make_scene, shadowed, soup
 from numpy.typing import NDArray
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.moment import Moment
 from shadowbench.harness.scene.prepared import Prepared
-
-DEVICES = ["cpu", *(["cuda:0"] if wp.is_cuda_available() else [])]
 
 Answers = dict[str, NDArray]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warp as wp
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.methods.perspective_spherical.parameters import (
@@ -14,8 +13,6 @@ from shadowbench.methods.perspective_spherical.parameters import (
     SORTS,
     STAGING,
 )
-
-DEVICES = ["cpu", *(["cuda:0"] if wp.is_cuda_available() else [])]
 
 
 def answers_of(prepared, width, height, settings, device="cpu", limits=None):

@@ -6,8 +6,8 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-import warp as wp
 from helpers import exact_cases as cases
+from helpers.devices import needs_gpu
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from shadowbench.harness.judge.referee import Referee
@@ -115,7 +115,7 @@ def test_a_power_of_two_changes_nothing(exponent):
 
 
 @pytest.mark.gpu
-@pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device on this machine")
+@needs_gpu
 def test_the_filter_on_a_gpu_gives_the_same_answers():
     prepared = prepare(cases.ball_on_floor())
     moment = prepared.moment(0, 64, 48)

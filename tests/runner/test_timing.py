@@ -21,7 +21,6 @@ from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 
 CUDA = pytest.param("cuda:0", marks=pytest.mark.gpu)
-DEVICES = ["cpu", CUDA] if wp.is_cuda_available() else ["cpu"]
 
 
 @wp.kernel(enable_backward=False)
@@ -86,7 +85,6 @@ def session(method=None, device="cpu"):
     return made
 
 
-@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("capturable", [True, False])
 def test_counts_of_samples(device, capturable):
     method = Spinner()
@@ -104,7 +102,6 @@ def test_counts_of_samples(device, capturable):
     assert abs(measured.started - time.time()) < 60
 
 
-@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("capturable", [True, False])
 def test_passes_add_up_to_the_whole_frame(device, capturable):
     method = Spinner(trace=Work(2000, 6000, 4000))
@@ -117,7 +114,6 @@ def test_passes_add_up_to_the_whole_frame(device, capturable):
     assert parts[2] / parts[0] == pytest.approx(2.0, rel=0.3)
 
 
-@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("capturable", [True, False])
 @pytest.mark.parametrize(
     ("changed", "names"), [(set(), []), ({"light/0"}, ["light 0: shadow rays"])], ids=["nothing", "a light"]

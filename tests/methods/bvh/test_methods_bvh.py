@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from helpers.brute_force import make_scene, soup
 from helpers.method_trials import (
-    DEVICES,
     assert_exact,
     assert_misses,
     assert_nearly,
@@ -39,7 +38,6 @@ INEXACT_TRIALS = (
 """Ties, rays that a Mesh may lose, and a floor on which Warp's own t is wrong by a hundredth of the distance."""
 
 
-@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("seed", range(16))
 def test_exact_variant_equals_brute_force_on_random_scenes(seed, device):
     settings = {
@@ -50,13 +48,11 @@ def test_exact_variant_equals_brute_force_on_random_scenes(seed, device):
     assert_exact(NAME, settings, *random_trial(seed + 100), device)
 
 
-@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("trial", TRIALS)
 def test_exact_variant_equals_brute_force_on_hard_scenes(trial, device):
     assert_exact(NAME, EXACT, *TRIALS[trial], device)
 
 
-@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("settings", MESHES, ids=str)
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
 def test_mesh_nearly_equals_brute_force(settings, scale, device):
@@ -70,7 +66,6 @@ def test_mesh_nearly_equals_brute_force(settings, scale, device):
     assert_nearly(NAME, settings, prepared, 41, 29, device)
 
 
-@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("update", ["rebuild", "refit", "static"])
 @pytest.mark.parametrize("trial", TRIALS)
 def test_mesh_survives_hard_scenes(trial, update, device):
@@ -81,7 +76,6 @@ def test_mesh_survives_hard_scenes(trial, update, device):
         assert_nearly(NAME, {"update": update}, prepared, width, height, device, share=0.03)
 
 
-@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("settings", [*MESHES, EXACT], ids=str)
 def test_two_runs_agree_bit_for_bit(settings, device):
     prepared = make_scene(*soup(7, 300), [(0.1, 0.2, 0.3), (5.0, 4.0, 3.0)])
@@ -107,7 +101,6 @@ def moving(broken: bool) -> Prepared:
     return prepare(scene)
 
 
-@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("broken", [False, True])
 @pytest.mark.parametrize("update", ["rebuild", "refit", "bvh_rebuild"])
 def test_moving_geometry_replayed_equals_a_fresh_start(update, broken, device):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import warp as wp
 from helpers.brute_force import make_scene, soup
-from helpers.paper_knobs import DEVICES, answers_of
+from helpers.paper_knobs import answers_of
 from shadowbench.methods.perspective_spherical.lists.chunks import Chunks
 from shadowbench.methods.perspective_spherical.parameters import BALANCING
 
@@ -43,7 +43,6 @@ def test_algorithm_1_as_figure_8_is_described():
     assert a[first[:6]].tolist() == [1, 6, 2, 4, 0, 8]  # "the ray whose index in A is referenced by ... G"
 
 
-@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("balancing", BALANCING)
 @pytest.mark.parametrize("sort", ["radix", "counting"])
 def test_a_frame_sorts_its_shadow_rays_and_gives_every_block_rays_of_one_tile(sort, balancing, device):
@@ -67,7 +66,6 @@ def test_a_frame_sorts_its_shadow_rays_and_gives_every_block_rays_of_one_tile(so
         assert len(set(b[start:end])) == 1
 
 
-@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("seed", range(6))
 def test_both_balancings_make_the_same_chunks(seed, device):
     random = np.random.default_rng(seed)

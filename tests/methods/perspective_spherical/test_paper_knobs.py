@@ -10,7 +10,7 @@ import pytest
 import warp as wp
 from helpers.brute_force import closest, make_scene, shadowed, soup
 from helpers.closed_meshes import grid_of_squares
-from helpers.paper_knobs import DEVICES, answers_of, drawn, same
+from helpers.paper_knobs import answers_of, drawn, same
 from shadowbench.harness.errors import CapacityRejected, UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.scene.effects import Limits
@@ -23,7 +23,6 @@ from shadowbench.methods.perspective_spherical.parameters import LIGHT_MAPS, TRI
 from shadowbench.methods.perspective_spherical.variants import VARIANTS
 
 
-@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("light_map", LIGHT_MAPS)
 @pytest.mark.parametrize("seed", range(8))
 def test_every_map_equals_brute_force(seed, light_map, device):
@@ -44,7 +43,6 @@ def test_every_map_equals_brute_force(seed, light_map, device):
         assert (got["visibility"][light] == expected).all(), (light, settings)
 
 
-@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("triangle_test", TRIANGLE_TESTS)
 @pytest.mark.parametrize("seed", range(4))
 def test_no_knob_changes_a_bit_of_any_triangle_test(seed, triangle_test, device):

@@ -13,8 +13,6 @@ from shadowbench.harness.scene.effects import Limits
 from shadowbench.methods.common.reserve import BEYOND, number_in, reserve
 from shadowbench.methods.ray_grids.queues import COUNTERS, DOUBTS, more_room
 
-DEVICES = ["cpu", *(["cuda:0"] if wp.is_cuda_available() else [])]
-
 
 def answers_of(prepared, width, height, settings, device="cpu", method="ray_grids"):
     session = Session(make_method(method, settings), prepared, width, height, device)
@@ -22,7 +20,6 @@ def answers_of(prepared, width, height, settings, device="cpu", method="ray_grid
     return session, moment, session.answers(moment)
 
 
-@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("seed", range(20))
 def test_equals_brute_force_under_random_knobs(seed, device):
     random = np.random.default_rng(1000 + seed)
@@ -57,7 +54,6 @@ def test_equals_brute_force_under_random_knobs(seed, device):
         np.testing.assert_array_equal(values, got[name], err_msg=name)
 
 
-@pytest.mark.parametrize("device", DEVICES)
 def test_equals_the_papers_method_bit_for_bit(device):
     """Large and small triangles, light inside and outside; every knob of ours the same bits."""
     small, large = soup(7, 400, size=0.05), soup(8, 12, size=3.0)
@@ -105,7 +101,6 @@ def places_kernel(counts: wp.array(dtype=wp.int32), places: wp.array(dtype=wp.in
     places[1] = reserve(counts, 1, 3)
 
 
-@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize(
     ("before", "place"),
     [(7, 7), (BEYOND - 1, BEYOND - 1), (2**31 - 9, BEYOND), (-(2**31), BEYOND), (-5, BEYOND)],

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import warp as wp
 from helpers.brute_force import closest, make_scene, shadowed, soup
-from helpers.method_trials import DEVICES, assert_exact, assert_misses, box, hard_trials, lattice, trace
+from helpers.devices import needs_gpu
+from helpers.method_trials import assert_exact, assert_misses, box, hard_trials, lattice, trace
 from shadowbench.harness.errors import CapacityRejected, UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
@@ -33,7 +34,6 @@ def wrong_share(settings, prepared, width=48, height=48, light=0, device="cpu"):
     return float((got["visibility"][light] != wanted)[best >= 0].mean())
 
 
-@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("shape", ["aimed", "cube"])
 def test_the_shadow_of_a_square_lies_where_it_must(shape, device):
     prepared = make_scene(*blocker(), [(0.0, 0.0, 5.0)], (0.1, -4.0, 4.0))
@@ -50,7 +50,6 @@ def test_the_shadow_of_a_square_lies_where_it_must(shape, device):
     assert not got["visibility"][0][light].any()
 
 
-@pytest.mark.parametrize("device", DEVICES)
 def test_error_falls_with_the_size_of_the_map(device):
     vertices, faces = soup(3, 200, size=0.3)
     prepared = make_scene(vertices, faces, [(2.0, 5.0, 3.0)], (0.0, 0.5, 3.0))
@@ -80,7 +79,6 @@ def test_the_aimed_map_keeps_its_detail_at_any_distance_of_the_light(distance):
     assert wrong_share({"size": "2048"}, prepared) < 0.003
 
 
-@pytest.mark.parametrize("device", DEVICES)
 def test_bias_none_has_acne_and_the_others_take_it_away(device):
     # A slanted floor in full light: every shadowed pixel is acne.
     flat, faces = lattice(4, 2.0)
@@ -118,7 +116,6 @@ def test_primary_rays_are_exact(trial):
     np.testing.assert_array_equal(got["triangle"], closest(prepared, moment)[0])
 
 
-@pytest.mark.parametrize("device", DEVICES)
 def test_two_runs_agree_and_lights_do_not_disturb_each_other(device):
     vertices, faces = soup(5, 100, size=0.3)
     lights = [(2.0, 5.0, 3.0), (0.1, 0.0, 0.2), (-4.0, 1.0, 2.0)]
@@ -134,7 +131,7 @@ def test_two_runs_agree_and_lights_do_not_disturb_each_other(device):
         np.testing.assert_array_equal(bits, first["visibility"][i])
 
 
-@pytest.mark.skipif("cuda:0" not in DEVICES, reason="no CUDA device on this machine")
+@needs_gpu
 def test_queued_strips_draw_what_one_thread_draws():
     vertices, faces = soup(6, 100, size=1.0)
     prepared = make_scene(vertices, faces, [(0.1, 0.2, 0.3), (2.0, 5.0, 3.0)], (0.0, 0.5, 3.0))
@@ -180,7 +177,6 @@ def test_wrong_parameters_are_one_line(key, value):
 LADDER = "accuracy_ladder"
 
 
-@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("test", ["exact", "float64"])
 @pytest.mark.parametrize(
     "trial", ["rays at vertices", "eye in a box", "broken triangles", "teapot in a stadium"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helpers.brute_force import make_scene, soup
-from helpers.method_trials import DEVICES, assert_exact, hard_trials, lattice, random_trial, trace
+from helpers.method_trials import assert_exact, hard_trials, lattice, random_trial, trace
 from shadowbench.harness.errors import CapacityRejected, UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
@@ -17,7 +17,6 @@ NAME = "uniform_grid"
 TRIALS = {name: (prepared, width, height) for name, prepared, width, height in hard_trials()}
 
 
-@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("seed", range(24))
 def test_random_scenes_equal_brute_force(seed, device):
     random = np.random.default_rng(seed + 1000)
@@ -29,14 +28,12 @@ def test_random_scenes_equal_brute_force(seed, device):
     assert_exact(NAME, settings, *random_trial(seed), device)
 
 
-@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("density", ["0.01", "4", "900"])
 @pytest.mark.parametrize("trial", TRIALS)
 def test_hard_scenes_equal_brute_force(trial, density, device):
     assert_exact(NAME, {"density": density}, *TRIALS[trial], device)
 
 
-@pytest.mark.parametrize("device", DEVICES)
 def test_runs_and_knobs_agree_bit_for_bit(device):
     prepared = make_scene(*soup(7, 400), [(0.1, 0.2, 0.3), (5.0, 4.0, 3.0)])
     reference = None
@@ -47,7 +44,6 @@ def test_runs_and_knobs_agree_bit_for_bit(device):
             np.testing.assert_array_equal(got[key], value, f"{key} {settings}")
 
 
-@pytest.mark.parametrize("device", DEVICES)
 def test_replayed_frames_equal_fresh_ones(device):
     """Moving geometry, replayed (as one graph on CUDA): no frame may see anything of the one before."""
     vertices, faces = soup(11, 200, size=0.2)
