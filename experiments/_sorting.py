@@ -7,8 +7,6 @@ NumPy's.
 
 from __future__ import annotations
 
-import hashlib
-import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -30,6 +28,7 @@ from ..harness.runner.machine import clock_state, environment, keep
 from ..harness.runner.machine_lock import TURN
 from ..harness.runner.memory import peak_resident_bytes
 from ..harness.runner.points import orders
+from ..harness.runner.source_closure import SAMPLING, closure_hash
 from ..harness.runner.timing import Sampling, sample_frame
 
 NAME, SORT = "radix_sort_pairs", "sort pairs"
@@ -157,13 +156,6 @@ def _note(folder: ResultsFolder, journal: Journal, event: dict[str, Any] | None)
 
 def _facts(options: Options, preset: Preset, bits: int) -> dict[str, Any]:
     """What a record says of a trial: its point, what stands for a scene, and what for a method."""
-    harness = Path(str(sys.modules[ResultsFolder.__module__].__file__)).parents[1]
-    source = hashlib.sha256(
-        b"".join(
-            path.read_bytes()
-            for path in (Path(__file__), harness / "runner/timing.py", harness / "frame/passes.py")
-        )
-    )
     pairs = preset.width * preset.height
     point = {
         "schema": SCHEMA, "experiment": options.experiment.name, "preset": options.preset_name, "bits": bits,
@@ -178,6 +170,6 @@ def _facts(options: Options, preset: Preset, bits: int) -> dict[str, Any]:
     method = {
         "name": NAME, "title": "Warp's radix sort", "label": f"{bits} bits", "settings": {"bits": str(bits)},
         "parameters": {}, "built": {}, "device": options.device, "device_name": device_title(options.device),
-        "source_sha256": source.hexdigest(),
+        "source_sha256": digest([Path(__file__).read_text(encoding="utf-8"), closure_hash([SAMPLING])]),
     }  # fmt: skip
     return {"point": point, "scene": scene, "method": method}

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene.catalogue import scene_names
+from ..scene.names import scene_names
 from ..scene.prepared import Prepared
 from ..scene.scene import Light
 

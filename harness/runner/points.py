@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
-import importlib
-import inspect
 import re
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,16 +14,9 @@ from ..errors import UserError, did_you_mean
 from ..files import digest
 from ..frame import registry
 from ..frame.devices import device_for, device_title
-from ..frame.method import Method
 from ..results.record import SCHEMA
 from .experiment import Entry, Preset
-
-CONVENTIONS = (
-    "frame/frame", "frame/method", "scene/prepared", "frame/passes", "frame/schedule", "frame/receivers", "frame/session",
-    "frame/specialise", "judge/receivers", "runner/timing", "scene/light_paths", "scene/overrides", "scene/scene",
-    "frame/vectors",
-)  # fmt: skip
-"""Modules of the harness that every measurement depends on; their text is hashed into a method's source hash."""
+from .source_closure import source_hash
 
 
 def parse_settings(texts: list[str], entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
@@ -55,22 +44,6 @@ def check_entries(entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
     for entry in entries:
         describe_method(entry, "cpu")
     return entries
-
-
-def source_hash(cls: type[Method]) -> str:
-    """Sha256 of what a method's answers and times depend on: its package, the methods' common code, the contract."""
-    module = inspect.getmodule(cls)
-    file = Path(inspect.getfile(cls)).resolve()
-    package = (module.__package__ if module else "") or ""
-    # A class in a package takes the folder with it; one in a lone module takes that file.
-    own = sorted(file.parent.rglob("*.py")) if package and (file.parent / "__init__.py").exists() else [file]
-    common = importlib.import_module(f"{registry.PACKAGE}.common")
-    shared = sorted(Path(str(common.__file__)).parent.rglob("*.py"))
-    here = Path(__file__).parents[1]
-    total = hashlib.sha256()
-    for path in [*own, *shared, *(here / f"{name}.py" for name in CONVENTIONS)]:
-        total.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
-    return total.hexdigest()
 
 
 def describe_method(entry: Entry, device: str) -> dict[str, Any]:

@@ -11,6 +11,12 @@ import numpy as np
 from ..files import write_atomic
 from ..results.folder import ResultsFolder, read_json
 from ..scene.catalogue import resolve
+from ..scene.declaration import SUFFIX
+from ..scene.names import NAMES
+from .source_closure import HARNESS, closure_hash
+
+MAKING = tuple(f"{HARNESS}.scene.{name}" for name in ("catalogue", "facts", "overrides", "prepared"))
+"""What makes any scene and says what it is."""
 
 
 def known_scene(folder: ResultsFolder, load: dict[str, Any]) -> dict[str, Any] | None:
@@ -26,10 +32,11 @@ def learn_scene(folder: ResultsFolder, load: dict[str, Any], facts: dict[str, An
 
 
 def _scene_id(load: dict[str, Any]) -> str:
-    here = Path(__file__).parents[1]
-    code = hashlib.sha256(np.__version__.encode())
-    for path in sorted((here / "scene").rglob("*.py")):
-        code.update(path.read_bytes())
-    source = resolve(load["scene"], load["scene_dir"]).source
+    """A hash of what a scene's facts follow from: its files, the size and lights asked for, and the code that makes it."""
+    name, folder = load["scene"], load["scene_dir"]
+    # A declared scene may take any stand-in's mesh.
+    makers = [one for one in NAMES if name == one or Path(name).suffix.lower() == SUFFIX]
+    code = closure_hash([*MAKING, *(f"{HARNESS}.scene.standins.{one}" for one in makers)])
     what = {key: load[key] for key in ("scene", "frames", "width", "height", "lighting")}
-    return hashlib.sha256(f"{what} {source} {code.hexdigest()}".encode()).hexdigest()[:16]
+    text = f"{what} {resolve(name, folder).source} {code} {np.__version__}"
+    return hashlib.sha256(text.encode()).hexdigest()[:16]

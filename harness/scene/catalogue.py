@@ -15,6 +15,7 @@ from pathlib import Path
 
 from ..errors import UserError, did_you_mean, warn
 from .declaration import SUFFIX, declared_scene
+from .names import BUNNY, NAMES, scene_names
 from .readers import usd
 from .readers.checks import Loaded, exists, is_file, within_range
 from .readers.load import SUFFIXES, load, load_sequence, source
@@ -22,12 +23,6 @@ from .readers.sequences import numbered
 from .scene import Camera, Light, Scene
 from .standins import balls
 from .views import Shape, inside, outside, shape_of, view
-
-NAMES = ("fairy", "sibenik", "bunny_dragon", "conference", "cloth", "buddha")
-"""The paper's scenes, in the order of its Table 1."""
-
-BUNNY = "bunny"
-"""The small real scene that needs no download: it ships inside the warp-lang package."""
 
 FOLDER_VARIABLE = "SHADOWBENCH_SCENES"
 
@@ -51,11 +46,6 @@ VIEWS: dict[str, View] = {
     "buddha": lambda shape: outside(shape, azimuth=12.0, elevation=8.0),
 }
 """Views of originals, by name: buildings are seen from within. All others get the view for any mesh."""
-
-
-def scene_names() -> list[str]:
-    """Every name that :func:`resolve` knows, the paper's first."""
-    return [*NAMES, BUNNY]
 
 
 def resolve(name: str | Path, scene_dir: str | Path | None = None, within: tuple[Path, ...] = ()) -> Scene:

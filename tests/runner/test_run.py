@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from helpers.runs import install_trouble, options, write_scene
 from shadowbench.harness.errors import UserError
-from shadowbench.harness.results import record
 from shadowbench.harness.results.folder import ResultsFolder
+from shadowbench.harness.results.journal import Journal
 from shadowbench.harness.runner import runner as run_module
 from shadowbench.harness.runner.experiment import Entry
 from shadowbench.harness.runner.progress import Silent
@@ -249,7 +249,7 @@ def test_kill_9_loses_at_most_one_round(package, tmp_path):
     assert workers
     _wait_for(lambda: not any(_alive(pid) for pid in workers), None)
     (under_way,) = journal.glob("second-*.jsonl")
-    rounds = [e for e in record.Journal(under_way).events if e["event"] == "round"]
+    rounds = [e for e in Journal(under_way).events if e["event"] == "round"]
     assert 1 <= len(rounds) < 6
     finished = {p: p.read_bytes() for p in (out / "records").iterdir()}
     assert len(finished) == 1
@@ -307,7 +307,7 @@ def test_a_full_folder_keeps_what_was_measured_and_goes_on(package, scene, tmp_p
     ):
         Run(chosen, Silent()).go()
     (journal,) = (tmp_path / "out" / "journal").glob("*.jsonl")
-    assert [e["event"] for e in record.Journal(journal).events] == ["prepared"]
+    assert [e["event"] for e in Journal(journal).events] == ["prepared"]
     (measured,) = Run(chosen, Silent()).go()
     assert measured["status"] == "ok"
     assert [r["round"] for r in measured["rounds"]] == [0, 1]

@@ -12,8 +12,8 @@ import pytest
 import warp as wp
 from shadowbench.harness.frame.method import SimpleMethod
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.runner import timing
 from shadowbench.harness.runner.experiment import spread_frames
+from shadowbench.harness.runner.machine import clock_state
 from shadowbench.harness.runner.memory import Memory
 from shadowbench.harness.runner.points import orders
 from shadowbench.harness.runner.timing import CompileClock, Sampling, sample_frame, stop_reason
@@ -240,7 +240,7 @@ def test_peak_of_the_process_grows_with_what_it_holds():
 
 
 def test_clock_state_of_a_cpu_has_no_gpu():
-    state = timing.clock_state("cpu")
+    state = clock_state("cpu")
     assert state["gpu"] is None
     assert state["load"] >= 0
 

@@ -1,0 +1,147 @@
+"""Which source files a measurement depends on: the closure of a method's imports, and one hash of it.
+
+A record is current as long as the code that it measured is. That code is every module that the method's own module
+imports, directly or not, as far as it belongs to this project or to the method's distribution; and, for every method,
+the modules that load a frame and take samples (:data:`MEASURING`). Import statements are read from the source, also
+those inside functions; nothing is run. Modules found by name at run time (the registry's methods, the catalogue's
+stand-ins) are not imported by a statement, and so one method's key does not depend on another method.
+"""
+
+from __future__ import annotations
+
+import ast
+import functools
+import hashlib
+import importlib.metadata
+import sys
+import sysconfig
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+
+HARNESS = __name__.rsplit(".", 2)[0]
+PROJECT = HARNESS.rpartition(".")[0]
+ROOT = Path(__file__).parents[2]
+
+SAMPLING = f"{HARNESS}.runner.timing"
+MEASURING = (f"{HARNESS}.frame.session", SAMPLING, f"{HARNESS}.runner.memory")
+"""What loads the frames of every method, takes the samples and counts the memory."""
+
+
+def source_hash(cls: type, root: Path = ROOT) -> str:
+    """The hash of all source that a method's records depend on. ``root``: the folder of this project's packages.
+
+    Base classes count wherever they were imported from, so that an edited base makes its subclasses' records stale.
+    """
+    places = project(root)
+    roots = list(MEASURING)
+    for base in cls.__mro__:
+        name = base.__module__
+        if name.partition(".")[0] in sys.stdlib_module_names:
+            continue
+        roots.append(name)
+        file = str(getattr(sys.modules[name], "__file__", None))
+        if file.endswith(".py") and not name.startswith(f"{PROJECT}."):
+            places |= distribution(name, Path(file).resolve())
+    return closure_hash(roots, places)
+
+
+def closure_hash(roots: Iterable[str], places: Mapping[str, Path] | None = None) -> str:
+    """Sha256 of the names and bytes of :func:`closure`, by default in this project; the same wherever its folders lie."""
+    total = hashlib.sha256()
+    for name, file in sorted(closure(roots, places or project()).items()):
+        content = file.read_bytes()
+        total.update(f"{name} {len(content)}\0".encode() + content)
+    return total.hexdigest()
+
+
+def closure(roots: Iterable[str], places: Mapping[str, Path]) -> dict[str, Path]:
+    """The file of every module that ``roots`` import, directly or not, and of the packages around them.
+
+    ``places``: the folder of each package, or the file of each lone module, whose modules are followed; an import of
+    anything else is left out.
+    """
+    found: dict[str, Path] = {}
+    todo, seen = list(roots), set()
+    while todo:
+        name = todo.pop()
+        if name in seen:
+            continue
+        seen.add(name)
+        file = _file(name, places)
+        if file is not None:
+            found[name] = file
+            todo += imported(name, file)
+        # Importing a module runs the packages around it.
+        if "." in name:
+            todo.append(name.rpartition(".")[0])
+    return found
+
+
+def imported(name: str, file: Path) -> Iterator[str]:
+    """The dotted names that a module's import statements may mean: modules, and what may be a name in one."""
+    package = name if file.name == "__init__.py" else name.rpartition(".")[0]
+    for level, module, names in _statements(file.read_bytes()):
+        parents = package.split(".")
+        stem = ".".join(
+            [*(parents[: len(parents) - level + 1] if level else ()), *([module] if module else ())]
+        )
+        yield stem
+        yield from (f"{stem}.{one}" for one in names)
+
+
+@functools.lru_cache(maxsize=4096)
+def _statements(source: bytes) -> tuple[tuple[int, str, tuple[str, ...]], ...]:
+    """The import statements of a file: dots before the module, the module, the names taken from it."""
+    found: list[tuple[int, str, tuple[str, ...]]] = []
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.ImportFrom):
+            found.append((node.level, node.module or "", tuple(alias.name for alias in node.names)))
+        elif isinstance(node, ast.Import):
+            found += [(0, alias.name, ()) for alias in node.names]
+    return tuple(found)
+
+
+def _file(name: str, places: Mapping[str, Path]) -> Path | None:
+    """The file of a module; None where it is in none of the places, or is a name inside a module."""
+    package = name
+    rest: list[str] = []
+    while package not in places:
+        package, _, last = package.rpartition(".")
+        if not last:
+            return None
+        rest.insert(0, last)
+    place = places[package].joinpath(*rest)
+    candidates = (place / "__init__.py", place.with_name(f"{place.name}.py") if rest else place)
+    return next((file for file in candidates if file.is_file()), None)
+
+
+def project(root: Path = ROOT) -> dict[str, Path]:
+    """The places of this project's packages."""
+    return {f"{PROJECT}.{room}": root / room for room in ("harness", "methods", "experiments")}
+
+
+def distribution(name: str, file: Path) -> dict[str, Path]:
+    """The places of what belongs to the same distribution as a module of someone else's.
+
+    That is its top-level package, and the others that were installed with it; where it was not installed (a script,
+    an editable install) those that lie beside it.
+    """
+    top = name.partition(".")[0]
+    up = name.count(".") + (file.name == "__init__.py")
+    folder = file.parents[up]
+    installed = folder in {Path(sysconfig.get_path(kind)).resolve() for kind in ("purelib", "platlib")}
+    beside = {path.stem: path for path in folder.glob("*.py")}
+    beside |= {path.parent.name: path.parent for path in folder.glob("*/__init__.py")}
+    if installed:
+        owners = importlib.metadata.packages_distributions()
+        same = {one for one, names in owners.items() if set(names) & set(owners.get(top, ()))}
+        beside = {one: place for one, place in beside.items() if one in same or one == top}
+    places = {top: folder / top, **beside}
+    if _file(name, places) != file:  # its folders are not called as its packages are
+        package, _, module = name.rpartition(".")
+        places |= (
+            {name: file.parent}
+            if file.name == "__init__.py"
+            else {package or module: file.parent if package else file}
+        )
+    return places

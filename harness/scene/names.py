@@ -1,0 +1,14 @@
+"""The names of the catalogue's scenes. Apart from the catalogue, so that who asks for a name needs no file reader."""
+
+from __future__ import annotations
+
+NAMES = ("fairy", "sibenik", "bunny_dragon", "conference", "cloth", "buddha")
+"""The paper's scenes, in the order of its Table 1. Each has a stand-in of that name (:mod:`.scene.standins`)."""
+
+BUNNY = "bunny"
+"""The small real scene that needs no download: it ships inside the warp-lang package."""
+
+
+def scene_names() -> list[str]:
+    """Every name of the catalogue, the paper's first."""
+    return [*NAMES, BUNNY]

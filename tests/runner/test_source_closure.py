@@ -1,0 +1,228 @@
+"""Keys of records: an edit makes those records stale whose measurement imports the edited module, and no others."""
+
+from __future__ import annotations
+
+import importlib
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+from helpers.import_graph import PACKAGES, ROOT, imports, modules
+from shadowbench.harness.frame import registry
+from shadowbench.harness.runner import scene_cache
+from shadowbench.harness.runner.source_closure import MEASURING, PROJECT, closure_hash, source_hash
+
+METHODS = [
+    "accuracy_ladder",
+    "bvh",
+    "embree",
+    "perspective_spherical",
+    "ray_grids",
+    "shadow_map",
+    "uniform_grid",
+]
+
+
+def copied(folder: Path) -> Path:
+    for package in PACKAGES:
+        shutil.copytree(ROOT / package, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
+    return folder
+
+
+def hashes(root: Path) -> dict[str, str]:
+    return {name: source_hash(registry.method_class(name), root) for name in METHODS}
+
+
+def reached(graph: dict[str, set[str]], roots: list[str]) -> set[str]:
+    """Modules that ``roots`` import, directly or not; importing one runs the packages around it."""
+    found: set[str] = set()
+    todo = list(roots)
+    while todo:
+        name = todo.pop()
+        if name in found:
+            continue
+        found.add(name)
+        todo += graph[name]
+        todo += [name.rpartition(".")[0]] if "." in name else []
+    return found
+
+
+def edit(file: Path) -> bytes:
+    before = file.read_bytes()
+    file.write_bytes(before + b"# an edit\n")
+    return before
+
+
+@pytest.fixture(scope="module")
+def stale(tmp_path_factory) -> dict[str, set[str]]:
+    """For every module of the project the methods whose hash changes where the module, and nothing else, is edited."""
+    root = copied(tmp_path_factory.mktemp("edited"))
+    before = hashes(root)
+    found = {}
+    for module, file in modules(root).items():
+        content = edit(file)
+        found[module] = {name for name, value in hashes(root).items() if value != before[name]}
+        file.write_bytes(content)
+    assert hashes(root) == before
+    return found
+
+
+def test_an_edit_makes_those_methods_stale_that_import_it(stale) -> None:
+    graph = imports()
+    measuring = [root.removeprefix(f"{PROJECT}.") for root in MEASURING]
+    classes = {name: registry.method_class(name) for name in METHODS}
+    roots = {
+        name: [
+            base.__module__.removeprefix(f"{PROJECT}.") for base in cls.__mro__ if PROJECT in base.__module__
+        ]
+        for name, cls in classes.items()
+    }
+    holds = {name: reached(graph, [*roots[name], *measuring]) for name in METHODS}
+    assert stale == {module: {name for name in METHODS if module in holds[name]} for module in modules()}
+
+
+@pytest.mark.parametrize(
+    "module",
+    [
+        "harness.frame.alpha", "harness.frame.mirrors", "harness.frame.shading", "harness.frame.receivers",
+        "harness.frame.frame", "harness.frame.session", "harness.frame.passes", "harness.frame.schedule",
+        "harness.frame.specialise", "harness.frame.vectors", "harness.scene.prepared", "harness.scene.moment",
+        "harness.runner.timing", "harness.runner.memory", "methods.common.hitpoint",
+    ],
+)  # fmt: skip
+def test_what_every_measurement_runs_makes_all_methods_stale(stale, module) -> None:
+    assert stale[module] == set(METHODS)
+
+
+@pytest.mark.parametrize(
+    ("module", "methods"),
+    [
+        ("methods.bvh.exact", {"bvh", "accuracy_ladder"}),
+        ("methods.ray_grids.aim", {"ray_grids", "shadow_map"}),
+        ("methods.uniform_grid.traversal", {"uniform_grid"}),
+    ],
+)
+def test_a_method_that_another_imports_makes_both_stale(stale, module, methods) -> None:
+    assert stale[module] == methods
+
+
+@pytest.mark.parametrize(
+    "package", ["harness.judge", "harness.report", "harness.commands", "harness.hardcases", "harness.cli",
+                "harness.results", "harness.scene.readers", "harness.scene.standins", "harness.scene.catalogue",
+                "harness.frame.registry", "experiments"],
+)  # fmt: skip
+def test_what_no_measurement_runs_makes_none_stale(stale, package) -> None:
+    within = [module for module in stale if module == package or module.startswith(f"{package}.")]
+    assert within
+    assert {module for module in within if stale[module]} == set()
+
+
+def test_the_folder_has_no_part_in_the_hash(tmp_path) -> None:
+    assert hashes(copied(tmp_path / "elsewhere")) == hashes(ROOT)
+
+
+# --- methods of other distributions ---------------------------------------------------------------------------
+
+METHOD = "from shadowbench.harness.frame.method import SimpleMethod\n"
+PACKAGE = {
+    "theirs/__init__.py": "from .method import Theirs\n",
+    "theirs/method.py": "import numpy\nfrom .base import Base\n\nclass Theirs(Base):\n    def late(self):\n"
+    "        from . import kernels\n",
+    "theirs/base.py": METHOD + "import theirs.numbers\n\nclass Base(SimpleMethod): ...\n",
+    "theirs/numbers.py": "",
+    "theirs/kernels.py": "import beside\n",
+    "theirs/unused.py": "",
+    "beside.py": "",
+    "unrelated.py": "",
+}
+LONE = {"lone.py": METHOD + "import part\n\nclass Theirs(SimpleMethod): ...\n", "part.py": "", "other.py": ""}
+SPACE = {
+    "space/deep/__init__.py": METHOD + "from space import near\n\nclass Theirs(SimpleMethod): ...\n",
+    "space/near.py": "",
+}
+
+
+def installed(folder: Path, files: dict[str, str], monkeypatch, name: str) -> type:
+    for path, text in files.items():
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        (folder / path).write_text(text)
+    monkeypatch.syspath_prepend(str(folder))
+    for path in files:
+        parts = Path(path).with_suffix("").parts
+        monkeypatch.delitem(sys.modules, ".".join(p for p in parts if p != "__init__"), raising=False)
+        monkeypatch.delitem(sys.modules, parts[0], raising=False)
+    return importlib.import_module(name).Theirs
+
+
+@pytest.mark.parametrize(
+    ("files", "name", "depends"),
+    [
+        (PACKAGE, "theirs", {"theirs/__init__.py", "theirs/method.py", "theirs/base.py", "theirs/numbers.py",
+                             "theirs/kernels.py", "beside.py"}),
+        (LONE, "lone", {"lone.py", "part.py"}),
+        (SPACE, "space.deep", {"space/deep/__init__.py", "space/near.py"}),
+    ],
+)  # fmt: skip
+def test_a_method_of_another_package(tmp_path, monkeypatch, files, name, depends) -> None:
+    cls = installed(tmp_path, files, monkeypatch, name)
+    before = source_hash(cls)
+    changed = set()
+    for path in files:
+        content = edit(tmp_path / path)
+        changed |= {path} if source_hash(cls) != before else set()
+        (tmp_path / path).write_bytes(content)
+    assert changed == depends
+
+
+def test_a_method_of_another_package_that_measures_as_ours_do(tmp_path, monkeypatch) -> None:
+    cls = installed(tmp_path / "theirs", LONE, monkeypatch, "lone")
+    root = copied(tmp_path / "project")
+    before = source_hash(cls, root)
+    edit(root / "harness/frame/session.py")
+    assert source_hash(cls, root) != before
+
+
+def test_a_base_class_from_another_distribution_counts(tmp_path, monkeypatch) -> None:
+    """Also one that was found without an import statement."""
+    base = installed(
+        tmp_path / "a",
+        {"their_base.py": METHOD + "class Theirs(SimpleMethod): ...\n"},
+        monkeypatch,
+        "their_base",
+    )
+    text = "import importlib\nclass Theirs(importlib.import_module('their_' + 'base').Theirs): ...\n"
+    cls = installed(tmp_path / "b", {"their_method.py": text}, monkeypatch, "their_method")
+    assert base in cls.__mro__
+    before = source_hash(cls)
+    edit(tmp_path / "a/their_base.py")
+    assert source_hash(cls) != before
+
+
+# --- scenes ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("scene", "module", "made_again"),
+    [
+        ("cloth", "harness.scene.standins.cloth_solver", True),
+        ("cloth", "harness.scene.standins.fairy", False),
+        ("cloth", "harness.scene.prepared", True),
+        ("cloth", "harness.runner.timing", False),
+        ("declared.toml", "harness.scene.standins.fairy", True),
+        ("declared.toml", "harness.scene.declaration", True),
+    ],
+)
+def test_the_facts_of_a_scene_follow_from_its_maker(tmp_path, monkeypatch, scene, module, made_again) -> None:
+    (tmp_path / "declared.toml").write_text('mesh = "fairy"\n')
+    root = copied(tmp_path / "project")
+    monkeypatch.setattr(scene_cache, "closure_hash", lambda roots: closure_hash(roots, places(root)))
+    name = str(tmp_path / scene) if scene.endswith("toml") else scene
+    load = {"scene": name, "scene_dir": None, "frames": 1, "width": 8, "height": 8, "lighting": {}}
+    before = scene_cache._scene_id(load)
+    edit(modules(root)[module])
+    assert (scene_cache._scene_id(load) != before) == made_again
+
+
+def places(root: Path) -> dict[str, Path]:
+    return {f"{PROJECT}.{package}": root / package for package in PACKAGES}
