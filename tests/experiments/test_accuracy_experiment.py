@@ -23,6 +23,7 @@ from shadowbench.harness.judge.score import Judge
 from shadowbench.harness.judge.verdict import Verdict
 from shadowbench.harness.report import flip as looks
 from shadowbench.harness.report import style
+from shadowbench.harness.results import pixel_maps
 from shadowbench.harness.runner.experiment import Entry
 from shadowbench.harness.runner.points import check_entries
 
@@ -95,7 +96,7 @@ def test_the_map_of_classes_shows_planted_errors_where_they_are(judged, tmp_path
     judge, answers = judged
     wrong, chosen = planted(answers)
     score, _ = looks.keep_wrong(tmp_path, "point", 0, judge, wrong)
-    classes = looks.read_wrong(looks.wrong_path(tmp_path, "point", 0))
+    classes = pixel_maps.read_wrong(looks.wrong_path(tmp_path, "point", 0))
     assert classes.shape == (30, 40)
     for verdict, pixels in chosen.items():
         np.testing.assert_array_equal(
@@ -109,7 +110,7 @@ def test_the_map_of_classes_shows_planted_errors_where_they_are(judged, tmp_path
 def test_a_right_frame_has_a_map_without_errors_and_no_flip(judged, tmp_path):
     judge, answers = judged
     score, looked = looks.keep_wrong(tmp_path, "point", 0, judge, answers)
-    classes = looks.read_wrong(looks.wrong_path(tmp_path, "point", 0))
+    classes = pixel_maps.read_wrong(looks.wrong_path(tmp_path, "point", 0))
     assert score["true_errors"] == 0
     assert set(np.unique(classes)) <= {Verdict.OK, Verdict.TIE}
     if importlib.util.find_spec("flip_evaluator"):

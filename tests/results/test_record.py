@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from shadowbench.harness.results import statistics
+from shadowbench.harness import files
 from shadowbench.harness.results import record
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.results.journal import Journal
@@ -77,7 +79,7 @@ def test_rounds_are_joined_in_their_order_and_nothing_is_dropped():
 def test_a_point_that_never_ran_has_a_record_too():
     whole = made([], status="rejected", reason="needs 7 pairs")
     assert (whole["frames"], whole["status"], whole["reason"]) == ([], "rejected", "needs 7 pairs")
-    row = record.summarise(whole)
+    row = statistics.summarise(whole)
     assert row["status"] == "rejected"
     assert "total_ms" not in row
     with pytest.raises(ValueError, match="not one of"):
@@ -86,7 +88,7 @@ def test_a_point_that_never_ran_has_a_record_too():
 
 def test_statistics_of_a_point():
     events = [round_event(0, [10.0, 11.0, 12.0], (0, 2)), round_event(1, [14.0, 15.0, 16.0], (0, 2))]
-    row = record.summarise(made([*events, finished_event((0, 2))]))
+    row = statistics.summarise(made([*events, finished_event((0, 2))]))
     # Medians of 10 11 12 14 15 16 and of the same plus 2; their mean.
     assert row["total_ms"] == 14.0
     assert row["iqr_ms"] == np.subtract(*np.percentile([10, 11, 12, 14, 15, 16], [75, 25]))
@@ -100,13 +102,13 @@ def test_statistics_of_a_point():
 def test_tidy_tables_have_a_row_a_sample():
     events = [round_event(0, [1.0, 2.0], (0, 5)), round_event(1, [3.0], (0, 5)), finished_event((0, 5))]
     whole = made(events)
-    table = record.samples([whole])
+    table = statistics.samples([whole])
     assert len(table) == 6
     assert table.groupby("frame")["total_ms"].sum().to_dict() == {0: 6.0, 5: 21.0}
-    stages = record.stages([whole])
+    stages = statistics.stages([whole])
     assert len(stages) == 2 * 4 * 4
     assert set(stages["part"]) == {"build", "trace", "light build", "shadow"}
-    assert record.summary([whole]).loc[0, "scene"] == "s"
+    assert statistics.summary([whole]).loc[0, "scene"] == "s"
 
 
 def test_a_journal_is_on_the_disk_line_by_line(tmp_path):
@@ -160,17 +162,17 @@ def test_a_journal_that_cannot_be_written_stays_as_it_was(tmp_path, monkeypatch)
 
 def test_a_write_is_whole_or_not_at_all(tmp_path, monkeypatch):
     path = tmp_path / "r.json"
-    record.write_atomic(path, {"a": 1})
+    files.write_atomic(path, {"a": 1})
     monkeypatch.setattr(os, "replace", lambda *_: (_ for _ in ()).throw(OSError(errno.EIO, "broken")))
     with pytest.raises(OSError, match="broken"):
-        record.write_atomic(path, {"a": 2})
+        files.write_atomic(path, {"a": 2})
     assert json.loads(path.read_text()) == {"a": 1}
     assert list(tmp_path.iterdir()) == [path]
 
 
 def test_not_a_number_is_never_written(tmp_path):
     with pytest.raises(ValueError, match="JSON"):
-        record.write_atomic(tmp_path / "r.json", {"a": float("nan")})
+        files.write_atomic(tmp_path / "r.json", {"a": float("nan")})
     assert list(tmp_path.iterdir()) == []
 
 
@@ -180,9 +182,9 @@ def test_reading_says_what_is_wrong(tmp_path):
     folder = tmp_path / "records"
     folder.mkdir()
     whole = made([round_event(0, [1.0]), finished_event()])
-    record.write_atomic(folder / "k.json", whole)
+    files.write_atomic(folder / "k.json", whole)
     assert read_records(tmp_path) == [whole]
-    record.write_atomic(folder / "old.json", {**whole, "schema": 0})
+    files.write_atomic(folder / "old.json", {**whole, "schema": 0})
     with pytest.raises(UserError, match=r"old.json: schema 0, this version reads 1"):
         read_records(tmp_path)
     (folder / "old.json").write_text("{")
@@ -202,7 +204,7 @@ def test_reading_says_what_is_wrong(tmp_path):
 )  # fmt: skip
 def test_a_record_of_wrong_shape_is_told_by_its_file_and_field(tmp_path, damage, said):
     whole = made([round_event(0, [1.0]), finished_event()])
-    record.write_atomic(tmp_path / "records" / "k.json", damage(whole))
+    files.write_atomic(tmp_path / "records" / "k.json", damage(whole))
     with pytest.raises(UserError) as refused:
         read_records(tmp_path)
     assert f"records/k.json: not a record ({said}" in str(refused.value)
@@ -223,6 +225,6 @@ def test_what_cannot_be_read_is_not_called_unwritten(tmp_path, monkeypatch):
 
 
 def test_equal_configurations_have_equal_hashes():
-    assert record.digest({"a": 1, "b": [1.5]}) == record.digest({"b": [1.5], "a": 1})
-    assert record.digest([-1]) != record.digest([1])
-    assert record.digest({"a": "1"}) != record.digest({"a": 1})
+    assert files.digest({"a": 1, "b": [1.5]}) == files.digest({"b": [1.5], "a": 1})
+    assert files.digest([-1]) != files.digest([1])
+    assert files.digest({"a": "1"}) != files.digest({"a": 1})

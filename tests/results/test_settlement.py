@@ -9,6 +9,7 @@ import pytest
 from helpers.court import Court, lose
 from helpers.made_records import made
 from helpers.runs import install_trouble, options, write_scene
+from shadowbench.harness.results import pixel_maps
 from shadowbench.harness.report import flip as looks
 from shadowbench.harness.judge import score as scoring
 from shadowbench.harness.commands.verify import score as score_command
@@ -70,11 +71,11 @@ def test_a_folder_is_settled_when_it_goes_on_and_only_then_rewritten(court, blin
     assert set(changed) == {"a", "b"}
     assert changed["b"]["frames"][0]["score"]["settled"]["true_errors"] == 3
     assert (errors(tmp_path, "a"), errors(tmp_path, "b")) == (0, 3)
-    classes = looks.read_wrong(looks.wrong_path(tmp_path, "b", 0)).ravel()
+    classes = pixel_maps.read_wrong(looks.wrong_path(tmp_path, "b", 0)).ravel()
     assert classes[court.lost] == Verdict.TRUE
     assert (classes[court.acne], classes[court.leak]) == (Verdict.ACNE, Verdict.LEAK)
     assert (classes > Verdict.TIE).sum() == 3
-    assert (looks.read_wrong(looks.wrong_path(tmp_path, "a", 0)) > Verdict.TIE).sum() == 0
+    assert (pixel_maps.read_wrong(looks.wrong_path(tmp_path, "a", 0)) > Verdict.TIE).sum() == 0
     before = {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in tmp_path.glob("[rm]*/*")}
     assert settle_folder(tmp_path) == {}
     assert {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in before} == before
