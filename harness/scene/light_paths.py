@@ -1,44 +1,40 @@
-"""Light paths shared by every method: where the lights are at a share s in [0, 1] of an animation or a sweep."""
+"""Where lights stand: over an animation, and in the sweeps of the experiments. The same for every method.
+
+Declared scenes and the lightings of experiments (:mod:`.scene.overrides`) both take their lights from here.
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 
-from .scene import Light, Vector
-
-
-class LightPath(Protocol):
-    """Moves all lights of a scene. ``share`` runs from 0 (first frame) to 1 (last frame)."""
-
-    def at(self, lights: tuple[Light, ...], share: float) -> tuple[Light, ...]: ...
-
-
-@dataclass(frozen=True)
-class Fixed:
-    """Lights that stay where the scene puts them."""
-
-    def at(self, lights: tuple[Light, ...], share: float) -> tuple[Light, ...]:
-        return lights
+from .scene import Light, Spot, Vector
 
 
 @dataclass(frozen=True)
 class Orbit:
-    """Every light turns about an axis through ``centre`` by ``turns`` full turns, at its own radius and height."""
+    """Every light turns about an axis through ``centre`` by ``turns`` full turns, at its own radius and height.
+
+    A directional light's position is a direction: it turns about the axis alone.
+    """
 
     centre: Vector
     axis: Vector = (0.0, 1.0, 0.0)
     turns: float = 1.0
 
     def at(self, lights: tuple[Light, ...], share: float) -> tuple[Light, ...]:
-        axis = _unit(self.axis)
+        """The lights at ``share`` of the animation: 0 is its first frame, 1 its last."""
+        axis = np.asarray(self.axis, dtype=np.float64)
+        length = float(np.linalg.norm(axis))
+        if not 0.0 < length < math.inf:
+            raise ValueError(f"axis {self.axis}: it must be finite and not zero")
+        axis = axis / length
         angle = 2 * math.pi * self.turns * share
         moved = []
         for light in lights:
-            # A directional light's position is the way to it: it turns about the axis alone.
             centre = np.zeros(3) if light.directional else np.asarray(self.centre)
             arm = np.asarray(light.position, dtype=np.float64) - centre
             turned = (
@@ -46,28 +42,8 @@ class Orbit:
                 + np.cross(axis, arm) * math.sin(angle)
                 + axis * float(arm @ axis) * (1 - math.cos(angle))
             )
-            moved.append(light.moved(_vector(turned + centre)))
+            moved.append(light.moved(vector(turned + centre)))
         return tuple(moved)
-
-
-@dataclass(frozen=True)
-class DistanceSweep:
-    """Every light moves away from ``centre`` along ``direction``, distances spaced evenly in their logarithm."""
-
-    centre: Vector
-    direction: Vector
-    nearest: float
-    farthest: float
-
-    def __post_init__(self) -> None:
-        if not (0.0 < self.nearest < math.inf and 0.0 < self.farthest < math.inf):
-            raise ValueError(f"distances {self.nearest} to {self.farthest}: both must be positive and finite")
-
-    def at(self, lights: tuple[Light, ...], share: float) -> tuple[Light, ...]:
-        direction = _unit(self.direction)
-        distance = self.nearest * (self.farthest / self.nearest) ** share
-        place = _vector(np.asarray(self.centre) + direction * distance)
-        return tuple(light.moved(place) for light in lights)
 
 
 def spread(light: Light, centre: Vector, count: int, axis: Vector = (0.0, 1.0, 0.0)) -> tuple[Light, ...]:
@@ -80,13 +56,37 @@ def spread(light: Light, centre: Vector, count: int, axis: Vector = (0.0, 1.0, 0
     )
 
 
-def _unit(vector: Vector) -> np.ndarray:
-    array = np.asarray(vector, dtype=np.float64)
-    length = float(np.linalg.norm(array))
-    if not 0.0 < length < math.inf:
-        raise ValueError(f"direction {vector}: it must be finite and not zero")
-    return array / length
+def at_distance(light: Light, middle: Vector, distance: float) -> Light:
+    """The light at a distance from ``middle``, in the direction where it stands; above, where it stands there."""
+    away = np.subtract(light.position, middle)
+    length = float(np.linalg.norm(away))
+    direction = away / length if length > 0 else np.array([0.0, 1.0, 0.0])
+    return light.moved(vector(np.asarray(middle) + direction * distance))
 
 
-def _vector(array: np.ndarray) -> Vector:
+def as_point(light: Light, middle: Vector, radius: float) -> Light:
+    """A directional light as a point light two radii from ``middle``, on the side that it shines from; others as is."""
+    if not light.directional:
+        return light
+    way = np.asarray(light.position) / np.linalg.norm(light.position)
+    return replace(light, position=vector(np.asarray(middle) + 2.0 * radius * way), directional=False)
+
+
+def as_directional(light: Light, middle: Vector) -> Light:
+    """The light as it shines at ``middle``, from infinitely far away; one that is directional as it is."""
+    if light.directional:
+        return light
+    return replace(light, position=vector(np.subtract(light.position, middle)), spot=None, directional=True)
+
+
+def as_spot(
+    light: Light, target: Vector, angle: float, up: Vector, rise: float | None = None, falloff: float = 0.0
+) -> Light:
+    """The point light limited to a cone or rectangle towards ``target`` (:class:`.scene.scene.Spot`)."""
+    direction = vector(np.subtract(target, light.position))
+    return replace(light, spot=Spot(direction, angle, rise=rise, up=up, falloff=falloff))
+
+
+def vector(array: Any) -> Vector:
+    """Three plain floats."""
     return (float(array[0]), float(array[1]), float(array[2]))

@@ -10,11 +10,9 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
-import numpy as np
-
-from .light_paths import Orbit, spread
+from .light_paths import Orbit, as_directional, as_point, as_spot, at_distance, spread, vector
 from .prepared import Prepared, under
-from .scene import Light, Scene, Spot, Vector
+from .scene import Scene, Vector
 from .surface_rules import largest_triangles, perforated
 
 HOLES = 4
@@ -116,23 +114,25 @@ class Lighting:
 
     def _scene(self, prepared: Prepared) -> Scene:
         scene = prepared.scene
-        middle = _vector(prepared.middle + prepared.centre)
+        middle = vector(prepared.middle + prepared.centre)
         lights = scene.lights
         if self.count and lights:
             lights = spread(lights[0], middle, self.count, scene.camera.up)
         if self.distance or self.target is not None or self.spot:
-            lights = tuple(_standing(light, middle, prepared.radius) for light in lights)
+            lights = tuple(as_point(light, middle, prepared.radius) for light in lights)
         if self.distance:
-            lights = tuple(_at(light, middle, self.distance * prepared.radius) for light in lights)
+            lights = tuple(at_distance(light, middle, self.distance * prepared.radius) for light in lights)
         if self.target is not None:
             lights = tuple(
-                _spot(light, self.target, self.angle, scene.camera.up, self.rise, self.falloff)
+                as_spot(light, self.target, self.angle, scene.camera.up, self.rise, self.falloff)
                 for light in lights
             )
         if self.spot:
-            lights = tuple(_spot(light, scene.camera.target, self.spot, scene.camera.up) for light in lights)
+            lights = tuple(
+                as_spot(light, scene.camera.target, self.spot, scene.camera.up) for light in lights
+            )
         if self.directional:
-            lights = tuple(_directional(light, middle) for light in lights)
+            lights = tuple(as_directional(light, middle) for light in lights)
         if not self.shadows:
             lights = tuple(replace(light, shadows=False) for light in lights)
         path = Orbit(middle, scene.camera.up, self.turns) if self.turns else scene.light_path
@@ -150,37 +150,3 @@ class Lighting:
         if self.color:
             fields["outputs"] = (*scene.outputs, "color")
         return fields
-
-
-def _at(light: Light, middle: Vector, distance: float) -> Light:
-    """The light at a distance from the middle, in the direction where it stands; above where it stands there."""
-    away = np.subtract(light.position, middle)
-    length = float(np.linalg.norm(away))
-    direction = away / length if length > 0 else np.array([0.0, 1.0, 0.0])
-    return light.moved(_vector(np.asarray(middle) + direction * distance))
-
-
-def _standing(light: Light, middle: Vector, radius: float) -> Light:
-    """A directional light as a point two radii along the way to it; any other as it is."""
-    if not light.directional:
-        return light
-    way = np.asarray(light.position) / np.linalg.norm(light.position)
-    return replace(light, position=_vector(np.asarray(middle) + 2.0 * radius * way), directional=False)
-
-
-def _spot(
-    light: Light, target: Vector, angle: float, up: Vector, rise: float | None = None, falloff: float = 0.0
-) -> Light:
-    direction = _vector(np.subtract(target, light.position))
-    return replace(light, spot=Spot(direction, angle, rise=rise, up=up, falloff=falloff))
-
-
-def _directional(light: Light, middle: Vector) -> Light:
-    """The light as it shines at the middle, from infinitely far; one that does so already as it is."""
-    if light.directional:
-        return light
-    return replace(light, position=_vector(np.subtract(light.position, middle)), spot=None, directional=True)
-
-
-def _vector(array: Any) -> Vector:
-    return (float(array[0]), float(array[1]), float(array[2]))

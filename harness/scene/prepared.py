@@ -121,7 +121,7 @@ class Prepared:
         if path is None:
             return self.scene.lights
         share = frame / max(1, self.frame_count - 1)
-        return path.at(self.scene.lights, share)  # type: ignore[attr-defined]
+        return path.at(self.scene.lights, share)
 
     def sha256(self, frame: int = 0) -> str:
         """Hash of the arrays as everyone gets them: float32 positions of a frame, then faces in their order."""

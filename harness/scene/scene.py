@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,6 +71,13 @@ class Light:
     def moved(self, position: Vector) -> Light:
         """The same light elsewhere."""
         return replace(self, position=position)
+
+
+class LightPath(Protocol):
+    """Moves the lights of a scene over its frames (:class:`.scene.light_paths.Orbit`). A frozen dataclass."""
+
+    def at(self, lights: tuple[Light, ...], share: float) -> tuple[Light, ...]:
+        """The lights at ``share`` of the animation: 0 is its first frame, 1 its last."""
 
 
 @dataclass(frozen=True)
@@ -164,7 +172,7 @@ class Scene:
     lights: tuple[Light, ...]
     stand_in: str | None = None
     closed: bool = False
-    light_path: object | None = None
+    light_path: LightPath | None = None
     source: Source = field(default_factory=Source)
     notes: str = ""
     camera_moves: bool = False

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from shadowbench.harness.scene.light_paths import DistanceSweep, Fixed, Orbit, spread
+from shadowbench.harness.scene.light_paths import Orbit, spread
 from shadowbench.harness.scene.scene import Light
 
 LIGHT = Light((3.0, 2.0, 1.0), shadows=False, color=(1.0, 0.5, 0.25), intensity=4.0)
@@ -16,10 +16,6 @@ finite = st.floats(-100, 100)
 def at(path, share, light=LIGHT):
     (moved,) = path.at((light,), share)
     return np.array(moved.position)
-
-
-def test_fixed_lights_stay():
-    assert Fixed().at((LIGHT,), 0.7) == (LIGHT,)
 
 
 def test_a_quarter_of_an_orbit_is_right_handed():
@@ -51,13 +47,6 @@ def test_a_moved_light_keeps_all_else():
     assert moved.position != LIGHT.position
 
 
-def test_a_sweep_spaces_distances_by_their_logarithm():
-    path = DistanceSweep((1.0, 2.0, 3.0), (0.0, 3.0, 4.0), 0.5, 50.0)
-    places = [at(path, share) - [1, 2, 3] for share in (0.0, 0.5, 1.0)]
-    assert np.allclose([np.linalg.norm(p) for p in places], [0.5, 5, 50])
-    assert np.allclose([p / np.linalg.norm(p) for p in places], [[0, 0.6, 0.8]] * 3)
-
-
 def test_several_lights_from_one():
     lights = spread(LIGHT, (0.0, 0.0, 0.0), 4)
     assert len(lights) == 4
@@ -79,9 +68,6 @@ def test_several_lights_about_another_vertical():
     "wrong",
     [
         lambda: at(Orbit((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), 0.5),
-        lambda: at(DistanceSweep((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1.0, 2.0), 0.5),
-        lambda: DistanceSweep((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0.0, 2.0),
-        lambda: DistanceSweep((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 1.0, math.inf),
         lambda: spread(LIGHT, (0.0, 0.0, 0.0), 0),
     ],
 )

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from shadowbench.harness.errors import UserError
-from shadowbench.harness.scene.light_paths import DistanceSweep
+from shadowbench.harness.scene.light_paths import Orbit
 from shadowbench.harness.scene.moment import ray_tables
 from shadowbench.harness.scene.prepared import prepare, recentre, valid_triangles, weld
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
@@ -197,11 +197,11 @@ def test_an_empty_mesh_can_be_prepared():
 
 def test_lights_follow_their_path_over_the_frames():
     frames = [TRIANGLE, TRIANGLE, TRIANGLE]
-    path = DistanceSweep((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 1.0, 100.0)
+    path = Orbit((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), turns=0.5)
     made = Geometry(np.array([[0, 1, 2]], np.int32), lambda k: frames[k], 3)
-    prepared = prepare(Scene("m", "M", lambda: made, CAMERA, (Light((9.0, 9.0, 9.0)),), light_path=path))
-    heights = [prepared.moment(k, 2, 2).lights[0, 1] for k in range(3)]
-    assert np.allclose(heights, [1, 10, 100])
+    prepared = prepare(Scene("m", "M", lambda: made, CAMERA, (Light((0.0, 9.0, 4.0)),), light_path=path))
+    places = [prepared.moment(k, 2, 2).lights[0] for k in range(3)]
+    assert np.allclose(places, [(0, 9, 4), (-9, 0, 4), (0, -9, 4)], atol=1e-6)
 
 
 def test_the_hash_knows_positions_order_and_frame():

@@ -1,9 +1,9 @@
 """Stanford PLY: ASCII and binary of either byte order, any element order, polygons of any size.
 
-Read here and not through trimesh, whose 5.2 returns a truncated file as an empty mesh, takes indices beyond
-the vertices, refuses binary files that mix triangles and quads, and moves the second halves of quads behind
-all other faces. What it does not do is checked here: the header's counts against the file's size before
-anything is allocated, and against what was read. Plain files are compared with trimesh in the tests.
+trimesh 5.2 is not used here. It refuses binary files that mix triangles and larger polygons, and files whose elements
+or lists come in another order than usual; it puts the second halves of quads after all other faces; it reads a
+truncated ASCII file as a smaller mesh, and an index of 1.5 as 1. tests/scene/test_load.py has a file for each. Files
+of triangles are compared with what trimesh reads.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ...errors import UserError
 from .checks import Mesh, broken, checked, fan, polygon_sizes, read_bytes
 
 _TYPES = {
@@ -31,13 +32,14 @@ _STRUCT = {
     "u2": "H",
     "i4": "i",
     "u4": "I",
-    "f4": "f",
-    "f8": "d",
     "i8": "q",
     "u8": "Q",
+    "f4": "f",
+    "f8": "d",
 }
 _CORNERS = ("vertex_indices", "vertex_index")
 _HEADER_LIMIT = 1 << 20
+_WRONG = "the file is truncated or its header wrong"
 
 
 @dataclass(frozen=True)
@@ -54,51 +56,34 @@ class _Element:
     length: int
     properties: list[_Property] = field(default_factory=list)
 
-    def least(self, binary: bool) -> int:
-        """Bytes that the element takes at least: its lists may be empty, an ASCII value takes two
-        characters.
-        """
-        sizes = (int((p.count_kind or p.kind)[1]) if binary else 2 for p in self.properties)
-        return self.length * sum(sizes)
-
     @property
     def lists(self) -> list[_Property]:
         return [p for p in self.properties if p.count_kind]
 
 
 def read_ply(path: Path) -> Mesh:
-    """Positions (float32 where the file stores float32, else float64) and fans of the faces, in the file's
-    order.
+    """Positions (float32 where a binary file stores float32, else float64) and fans of the faces, in the file's order.
 
-    Needs about 8 times the file's size. Raises :class:`UserError` where header and contents disagree, an
+    Needs up to about ten times the file's size. Raises :class:`UserError` where header and contents disagree, an
     index is out of range, a face has fewer than 3 vertices, or there are no faces.
     """
-    blob = read_bytes(path)
-    order, elements, start = _header(path, blob)
-    size = len(blob) - start
-    for element in elements:
-        least = element.least(bool(order))
-        if least > size + 1:
-            claim = f"the header claims {element.length} of {element.name!r}, at least {least} bytes"
-            raise broken(path, f"{claim}, but {size} follow it", "the file is truncated or its header wrong")
-    source = _Binary(path, blob, start, order) if order else _Ascii(path, blob, start)
-    points, faces = None, None
-    for element in elements:
+    data = _Data(path, *_header(path, read_bytes(path)))
+    points, faces = None, np.zeros((0, 3), dtype=np.int32)
+    for element in data.elements:
         if element.name == "vertex":
-            points = source.vertices(element)
-        elif element.name == "face":
-            counts, corners = source.polygons(element)
-            polygon_sizes(path, counts)
-            faces = _indices(path, counts, corners)
+            points = data.positions(element)
         else:
-            source.polygons(element)
-    source.finish()
+            counts, corners = data.corners(element)
+            if element.name == "face":
+                polygon_sizes(path, counts)
+                faces = _fans(path, counts, corners)
+    data.finish()
     if points is None:
         raise broken(path, "has no element 'vertex'")
-    return checked(path, points, np.zeros((0, 3), dtype=np.int32) if faces is None else faces)
+    return checked(path, points, faces)
 
 
-def _indices(path: Path, counts: NDArray, corners: NDArray) -> NDArray[np.int32]:
+def _fans(path: Path, counts: NDArray, corners: NDArray) -> NDArray[np.int32]:
     """Fans, after a check that the corners are whole numbers that int32 can hold."""
     limit = 1 << 31
     whole = not len(corners) or (corners.min() >= -limit and corners.max() < limit)
@@ -109,8 +94,8 @@ def _indices(path: Path, counts: NDArray, corners: NDArray) -> NDArray[np.int32]
     return fan(counts, corners)
 
 
-def _header(path: Path, blob: bytes) -> tuple[str, list[_Element], int]:
-    """Byte order ('' for ASCII), elements, and where the data start."""
+def _header(path: Path, blob: bytes) -> tuple[str, list[_Element], memoryview]:
+    """Byte order ('' for ASCII), elements, and the data after the header."""
     if blob[:3].lower() != b"ply":
         raise broken(path, "does not begin with 'ply'", "this is not a PLY file")
     end = blob.find(b"end_header", 0, _HEADER_LIMIT)
@@ -141,7 +126,7 @@ def _header(path: Path, blob: bytes) -> tuple[str, list[_Element], int]:
         raise broken(path, "the header names no format")
     for element in elements:
         _check_element(path, element, [e.name for e in elements])
-    return order, elements, start
+    return order, elements, memoryview(blob)[start:]
 
 
 def _check_element(path: Path, element: _Element, all_names: list[str]) -> None:
@@ -159,17 +144,39 @@ def _check_element(path: Path, element: _Element, all_names: list[str]) -> None:
         raise broken(path, "holds triangle strips", "export it as triangles")
 
 
-class _Binary:
-    """Walks the elements of a binary file, in order."""
+class _Data:
+    """The data after the header, read element by element.
 
-    def __init__(self, path: Path, blob: bytes, start: int, order: str):
-        self.path, self.blob, self.at, self.order = path, blob, start, order
+    The numbers of an ASCII file are made float64 first. They are then read as a binary file of float64 would be.
+    """
 
-    def vertices(self, element: _Element) -> NDArray:
-        """Positions [length, 3]; other properties of the vertices are skipped."""
+    def __init__(self, path: Path, order: str, elements: list[_Element], data: memoryview):
+        self.path, self.order, self.elements, self.at = path, order or "=", elements, 0
+        self.data = data
+        self.unit, self.unit_name = 1, "bytes"
+        if not order:
+            self.data = _numbers(path, bytes(data)).view(np.uint8).data
+            self.unit, self.unit_name = 8, "numbers"
+            for element in elements:
+                element.properties = [
+                    _Property(p.name, "f8", "f8" if p.count_kind else "") for p in element.properties
+                ]
+        for element in elements:  # before anything is allocated by these counts; lists may be empty
+            least = element.length * sum(int((p.count_kind or p.kind)[1]) for p in element.properties)
+            if least > len(self.data):
+                claim = (
+                    f"the header claims {element.length} of {element.name!r}, at least {least // self.unit}"
+                )
+                follow = f"{len(self.data) // self.unit} follow it"
+                raise broken(path, f"{claim} {self.unit_name}, but {follow}", _WRONG)
+
+    def positions(self, element: _Element) -> NDArray:
+        """x, y, z [length, 3]; other properties of the vertices are skipped."""
         if element.lists:
             raise broken(self.path, "vertices that carry lists are not supported", "export positions only")
         rows = self._rows(element, [])
+        if rows is None:
+            raise self._short(element)
         kinds = {p.kind for p in element.properties if p.name in "xyz"}
         kind = np.float32 if kinds <= {"f4", "i1", "u1", "i2", "u2"} else np.float64
         points = np.empty((element.length, 3), dtype=kind)
@@ -177,37 +184,28 @@ class _Binary:
             points[:, i] = rows[axis]
         return points
 
-    def polygons(self, element: _Element) -> tuple[NDArray, NDArray]:
-        """Length and contents of the element's list of corners (empty for other elements, which are walked
-        over).
-        """
-        nothing = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+    def corners(self, element: _Element) -> tuple[NDArray, NDArray]:
+        """Lengths and contents of the lists of corners; both empty for an element without such a list."""
+        nothing = np.zeros(0, dtype=np.int64), np.zeros(0)
         if not element.length or not element.properties:
-            return nothing
-        if not element.lists:
-            self._rows(element, [])
             return nothing
         begin = self.at
         sizes = self._walk(element, 1)[2]
         self.at = begin
-        dtype = self._dtype(element, sizes)
-        same = dtype.itemsize * element.length <= len(self.blob) - begin
-        if same:
-            rows = self._rows(element, sizes)
-            same = all(
-                (rows[f"{p.name}:count"] == n).all() for p, n in zip(element.lists, sizes, strict=True)
-            )
-        if same:
-            found = [(p.name, n) for p, n in zip(element.lists, sizes, strict=True) if p.name in _CORNERS]
-            if not found:
+        rows = self._rows(element, sizes)
+        if rows is None and not element.lists:
+            raise self._short(element)
+        if rows is not None:
+            wanted = [(p.name, n) for p, n in zip(element.lists, sizes, strict=True) if p.name in _CORNERS]
+            if not wanted:
                 return nothing
-            name, count = found[0]
+            name, count = wanted[0]
             return np.full(element.length, count), rows[name].reshape(-1)
-        self.at = begin
         counts, corners, _ = self._walk(element, element.length)
-        return _array(counts), np.frombuffer(corners, dtype=np.float64) if corners else np.zeros(0)
+        return np.array(counts, dtype=np.int64), np.frombuffer(corners) if corners else np.zeros(0)
 
-    def _dtype(self, element: _Element, sizes: list[int]) -> np.dtype:
+    def _rows(self, element: _Element, sizes: list[int]) -> NDArray | None:
+        """The element as a structured array, where the lists of each row have these sizes; None where they have not."""
         fields: list[tuple] = []
         left = iter(sizes)
         for p in element.properties:
@@ -216,14 +214,13 @@ class _Binary:
                 fields.append((p.name, self.order + p.kind, (next(left),)))
             else:
                 fields.append((p.name, self.order + p.kind))
-        return np.dtype(fields)
-
-    def _rows(self, element: _Element, sizes: list[int]) -> NDArray:
-        dtype = self._dtype(element, sizes)
+        dtype = np.dtype(fields)
         need = dtype.itemsize * element.length
-        if need > len(self.blob) - self.at:
-            raise self._short(element)
-        rows = np.frombuffer(self.blob, dtype=dtype, count=element.length, offset=self.at)
+        if need > len(self.data) - self.at:
+            return None
+        rows = np.frombuffer(self.data[self.at : self.at + need], dtype=dtype) if need else np.zeros(0, dtype)
+        if any((rows[f"{p.name}:count"] != n).any() for p, n in zip(element.lists, sizes, strict=True)):
+            return None
         self.at += need
         return rows
 
@@ -231,121 +228,49 @@ class _Binary:
         """Row by row: lengths and contents of the corner lists, and the list lengths of the last row."""
         counts, corners = array("q"), array("d")
         sizes: list[int] = []
-        plan = [
-            (p.name in _CORNERS, p.count_kind, int(p.kind[1]), _STRUCT[p.kind]) for p in element.properties
-        ]
-        at, end, order = self.at, len(self.blob), self.order
+        kinds = [(p.name in _CORNERS, p.count_kind, p.kind) for p in element.properties]
+        at, end, order = self.at, len(self.data), self.order
         for _ in range(length):
             sizes = []
-            for wanted, count_kind, size, code in plan:
-                number = 1
+            for wanted, count_kind, kind in kinds:
+                number, size = 1, int(kind[1])
                 if count_kind:
                     if at + int(count_kind[1]) > end:
                         raise self._short(element)
-                    (number,) = struct.unpack_from(order + _STRUCT[count_kind], self.blob, at)
+                    (number,) = struct.unpack_from(order + _STRUCT[count_kind], self.data, at)
                     at += int(count_kind[1])
+                    if not (number >= 0 and number % 1 == 0):
+                        raise broken(self.path, f"a list of {element.name!r} has the length {number:g}")
+                    number = int(number)
                     sizes.append(number)
-                if number < 0 or at + number * size > end:
+                if at + number * size > end:
                     raise self._short(element)
                 if wanted and count_kind:
                     counts.append(number)
-                    corners.extend(struct.unpack_from(f"{order}{number}{code}", self.blob, at))
+                    corners.extend(struct.unpack_from(f"{order}{number}{_STRUCT[kind]}", self.data, at))
                 at += number * size
         self.at = at
         return counts, corners, sizes
 
-    def _short(self, element: _Element) -> Exception:
+    def _short(self, element: _Element) -> UserError:
         problem = f"the data end inside the {element.length} of {element.name!r} that the header claims"
-        return broken(self.path, problem, "the file is truncated or its header wrong")
+        return broken(self.path, problem, _WRONG)
 
     def finish(self) -> None:
-        """Nothing but white space may be left."""
-        if self.blob[self.at :].strip():
-            left = len(self.blob) - self.at
-            raise broken(
-                self.path, f"{left} bytes are left after the counts of the header", "its header is wrong"
-            )
+        """Raise :class:`UserError` where anything but white space is left."""
+        left = len(self.data) - self.at
+        if left and (self.unit > 1 or bytes(self.data[self.at :]).strip()):
+            problem = f"{left // self.unit} {self.unit_name} are left after the counts of the header"
+            raise broken(self.path, problem, "its header is wrong")
 
 
-class _Ascii:
-    """Walks the elements of an ASCII file, as one flat row of numbers."""
-
-    def __init__(self, path: Path, blob: bytes, start: int):
-        self.path, self.at = path, 0
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("error", DeprecationWarning)
-                text = blob[start:].decode("ascii")
-                self.values = np.fromstring(text, sep=" ") if text.strip() else np.zeros(0)
-        except (ValueError, DeprecationWarning):
-            raise broken(path, "something after the header is not a number", "mend or export again") from None
-
-    def vertices(self, element: _Element) -> NDArray:
-        """Positions float64 [length, 3]."""
-        if element.lists:
-            raise broken(self.path, "vertices that carry lists are not supported", "export positions only")
-        width = len(element.properties)
-        rows = self._take(element, element.length * width).reshape(-1, width)
-        names = [p.name for p in element.properties]
-        return np.ascontiguousarray(rows[:, [names.index(axis) for axis in "xyz"]])
-
-    def polygons(self, element: _Element) -> tuple[NDArray, NDArray]:
-        """As :meth:`_Binary.polygons`."""
-        nothing = np.zeros(0, dtype=np.int64), np.zeros(0)
-        width = len(element.properties)
-        if not element.length or not width:
-            return nothing
-        if not element.lists:
-            self._take(element, element.length * width)
-            return nothing
-        only = width == 1 and element.properties[0].name in _CORNERS
-        if only and self.at < len(self.values) and 0 <= self.values[self.at] < len(self.values):
-            first = int(self.values[self.at])
-            need = element.length * (first + 1)
-            rows = self.values[self.at : self.at + need]
-            if len(rows) == need and (rows[:: first + 1] == first).all():
-                self.at += need
-                return np.full(element.length, first), rows.reshape(-1, first + 1)[:, 1:].reshape(-1)
-        counts, starts = array("q"), array("q")
-        for _ in range(element.length):
-            for p in element.properties:
-                number = 1.0
-                if p.count_kind:
-                    number = float(self._take(element, 1)[0])
-                    if not (number >= 0 and number % 1 == 0):
-                        raise broken(self.path, f"a list of {element.name!r} has the length {number:g}")
-                if p.count_kind and p.name in _CORNERS:
-                    counts.append(int(min(number, len(self.values))))
-                    starts.append(self.at)
-                self._take(element, number)
-        if not counts:
-            return nothing
-        return _array(counts), _gather(self.values, _array(starts), _array(counts))
-
-    def _take(self, element: _Element, number: float) -> NDArray:
-        if number > len(self.values) - self.at:
-            problem = f"the data end inside the {element.length} of {element.name!r} that the header claims"
-            raise broken(self.path, problem, "the file is truncated or its header wrong")
-        taken = self.values[self.at : self.at + int(number)]
-        self.at += int(number)
-        return taken
-
-    def finish(self) -> None:
-        """No number may be left."""
-        if self.at < len(self.values):
-            left = len(self.values) - self.at
-            raise broken(
-                self.path, f"{left} numbers are left after the counts of the header", "its header is wrong"
-            )
-
-
-def _array(numbers: array) -> NDArray[np.int64]:
-    return np.frombuffer(numbers, dtype=np.int64) if numbers else np.zeros(0, dtype=np.int64)
-
-
-def _gather(values: NDArray, starts: NDArray[np.int64], counts: NDArray[np.int64]) -> NDArray:
-    """The stretches ``values[start : start + count]`` one after another."""
-    keep = np.zeros(len(values) + 1, dtype=np.int8)
-    np.add.at(keep, starts[counts > 0], 1)
-    np.add.at(keep, (starts + counts)[counts > 0], -1)
-    return values[np.cumsum(keep[:-1], dtype=np.int8).astype(bool)]
+def _numbers(path: Path, text: bytes) -> NDArray[np.float64]:
+    """The numbers of a text, in their order."""
+    if not text.strip():
+        return np.zeros(0)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", DeprecationWarning)
+            return np.fromstring(text.decode("ascii"), sep=" ")
+    except (ValueError, DeprecationWarning):
+        raise broken(path, "something after the header is not a number", "mend or export again") from None
