@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import typing
+import shutil
+import textwrap
 from typing import Any
 
 from ..errors import UserError, did_you_mean
-from ..frame.registry import method_class, method_names
+from ..frame.registry import method_class, method_names, parameters
 from ..runner.experiment import experiment_names, find_experiment
 from ..scene.catalogue import TITLES, resolve, scene_names
 
@@ -22,19 +23,16 @@ def listing(kind: str) -> list[dict[str, Any]]:
 
 
 def methods() -> list[dict[str, Any]]:
-    """Every method with its devices and its parameters and their defaults."""
+    """Every method with its devices and its parameters: default, meaning and the values that are allowed."""
     rows = []
     for name in method_names():
         try:
             cls = method_class(name)
+            found = {p.name: dataclasses.asdict(p) for p in parameters(cls)}
         except Exception as error:  # a broken package of someone else's must not hide the others
             rows.append({"name": name, "title": f"cannot be used: {error}", "devices": [], "parameters": {}})
             continue
-        blocks = (cls.Build(), cls.Trace())
-        parameters = {f.name: getattr(block, f.name) for block in blocks for f in dataclasses.fields(block)}
-        rows.append(
-            {"name": name, "title": cls.title, "devices": list(cls.devices), "parameters": parameters}
-        )
+        rows.append({"name": name, "title": cls.title, "devices": list(cls.devices), "parameters": found})
     return rows
 
 
@@ -62,15 +60,28 @@ def experiments() -> list[dict[str, Any]]:
     return rows
 
 
-def as_text(rows: list[dict[str, Any]]) -> str:
-    """Rows for a person: one line each, parameters and presets beneath."""
+def as_text(rows: list[dict[str, Any]], columns: int | None = None) -> str:
+    """Rows for a person, in lines of at most ``columns`` (the terminal's): details are indented under each name."""
+    columns = columns or max(40, shutil.get_terminal_size().columns)
+    width = max((len(row["name"]) for row in rows), default=0) + 2
     lines = []
-    width = max((len(row["name"]) for row in rows), default=0)
+
+    def add(text: str, first: str = "", rest: str = "") -> None:
+        lines.extend(
+            textwrap.wrap(
+                text, columns, initial_indent=first, subsequent_indent=rest or first, break_on_hyphens=False
+            )
+        )
+
     for row in rows:
-        devices = f"  [{', '.join(row['devices'])}]" if row.get("devices") else ""
-        lines.append(f"{row['name']:{width}}  {row['title']}{devices}")
+        devices = f" [{', '.join(row['devices'])}]" if row.get("devices") else ""
+        add(row["title"] + devices, f"{row['name']:{width}}", " " * width)
         if row.get("stand_in"):
-            lines.append(f"{'':{width}}    {row['stand_in']}")
-        details: typing.Mapping[str, Any] = row.get("parameters") or row.get("presets") or {}
-        lines += [f"{'':{width}}    {key} = {value}" for key, value in details.items()]
+            add(row["stand_in"], " " * width)
+        if row.get("presets"):
+            add(", ".join(f"{key}: {value}" for key, value in row["presets"].items()), " " * width)
+        for known in row.get("parameters", {}).values():
+            rule = f" ({known['allowed']})" if known["allowed"] else ""
+            add(f"{known['name']} = {known['default']}{rule}", "  ", " " * 8)
+            add(known["meaning"], " " * 6)
     return "\n".join(lines)

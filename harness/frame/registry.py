@@ -9,8 +9,11 @@ from __future__ import annotations
 import dataclasses
 import importlib
 import importlib.metadata
+import inspect
+import math
 import pkgutil
 import typing
+from dataclasses import dataclass
 from typing import Any
 
 from ..errors import UserError, did_you_mean
@@ -50,21 +53,77 @@ def method_class(name: str) -> type[Method]:
     raise UserError(f"no method {name!r}{did_you_mean(name, method_names())}")
 
 
+@dataclass(frozen=True)
+class Parameter:
+    """What can be set of a method. ``meaning``: from the docstring of its dataclass; ``allowed``: its rule, in words."""
+
+    name: str
+    default: Any
+    kind: str
+    meaning: str
+    allowed: str
+
+
+def parameters(cls: type[Method]) -> list[Parameter]:
+    """The parameters of a method, build parameters first."""
+    found = []
+    for block in (cls.Build(), cls.Trace()):
+        kinds, meanings = typing.get_type_hints(type(block)), _meanings(type(block))
+        for entry in dataclasses.fields(block):
+            name, kind = entry.name, kinds[entry.name]
+            text = meanings.get(name, "")
+            found.append(
+                Parameter(
+                    name,
+                    getattr(block, name),
+                    getattr(kind, "__name__", str(kind)),
+                    text,
+                    _allowed(block, name, kind),
+                )
+            )
+    return found
+
+
+def _meanings(block: type) -> dict[str, str]:
+    """What a docstring says of each field, in lines ``name  meaning`` that may go on in indented ones."""
+    names = {entry.name for entry in dataclasses.fields(block)}
+    found: dict[str, list[str]] = {}
+    words: list[str] = []
+    for line in (inspect.getdoc(block) or "").splitlines():
+        first, _, rest = line.partition(" ")
+        if first in names:
+            words = found.setdefault(first, [rest.strip()])
+        elif line.startswith(" "):
+            words.append(line.strip())
+        else:
+            words = []
+    return {name: " ".join(parts) for name, parts in found.items()}
+
+
+def _allowed(block: Any, name: str, kind: type) -> str:
+    """The rule for a parameter: what its dataclass says when it refuses a value that nobody can mean."""
+    if kind is bool:
+        return "must be true or false"
+    for value in {int: (-(2**63),), float: (math.nan, -math.inf), str: ("",)}.get(kind, ()):
+        try:
+            dataclasses.replace(block, **{name: value})
+        except ValueError as error:
+            return str(error).removeprefix(name).strip()
+        except Exception:  # a stranger's class may fail otherwise on such a value
+            break
+    return ""
+
+
 def make_method(name: str, settings: dict[str, str] | None = None) -> Method:
     """A method with some of its parameters set from text, as ``--set method.param=value`` gives them."""
     cls = method_class(name)
-    build, trace = cls.Build(), cls.Trace()
+    blocks = {"trace": cls.Trace(), "build": cls.Build()}
+    place = {entry.name: part for part, block in blocks.items() for entry in dataclasses.fields(block)}
     for key, text in (settings or {}).items():
-        for part in ("build", "trace"):
-            block = build if part == "build" else trace
-            if key in {f.name for f in dataclasses.fields(block)}:
-                changed = _replaced(name, block, key, text)
-                build, trace = (changed, trace) if part == "build" else (build, changed)
-                break
-        else:
-            known = [f.name for p in (build, trace) for f in dataclasses.fields(p)]
-            raise UserError(f"{name} has no parameter {key!r}" + (did_you_mean(key, known) if known else ""))
-    return cls(build, trace)
+        if key not in place:
+            raise UserError(f"{name} has no parameter {key!r}" + (did_you_mean(key, place) if place else ""))
+        blocks[place[key]] = _replaced(name, blocks[place[key]], key, text)
+    return cls(blocks["build"], blocks["trace"])
 
 
 def _replaced(method: str, block: Any, key: str, text: str) -> Any:

@@ -122,7 +122,8 @@ def test_interrupting_says_how_to_go_on(call, monkeypatch, scene, tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["methods", "scenes", "experiments"])
-def test_lists_as_text_and_as_json(call, kind):
+def test_lists_as_text_and_as_json(call, kind, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
     code, out, _ = call("list", kind, "--json")
     rows = json.loads(out)
     assert code == 0
@@ -130,6 +131,7 @@ def test_lists_as_text_and_as_json(call, kind):
     assert {"methods": "bvh", "scenes": "cloth", "experiments": "table1"}[kind] in names
     _, text, _ = call("list", kind)
     assert all(name in text for name in names)
+    assert max(map(len, text.splitlines())) <= 80
 
 
 def test_run_show_and_json(call, scene, tmp_path):

@@ -17,6 +17,15 @@ from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 
 @dataclass(frozen=True)
 class Build:
+    """How it is built.
+
+    cells   cells along a side; more
+            are slower
+    padded  whether boxes are wider
+
+    Not a parameter.
+    """
+
     cells: int = 8
     padded: bool = False
 
@@ -59,6 +68,23 @@ def test_settings_reach_build_and_trace(sample):
     assert method.build == Build(12, True)
     assert method.trace == Trace(2.5, "far")
     assert registry.make_method(sample).build == Build()
+
+
+def test_parameters_have_their_meaning_and_their_rule():
+    found = {p.name: (p.default, p.kind, p.meaning, p.allowed) for p in registry.parameters(Sample)}
+    assert found == {
+        "cells": (8, "int", "cells along a side; more are slower", "must be at least 1"),
+        "padded": (False, "bool", "whether boxes are wider", "must be true or false"),
+        "reach": (1.0, "float", "", ""),
+        "order": ("near", "str", "", ""),
+    }
+
+
+@pytest.mark.parametrize("name", registry.method_names())
+def test_every_parameter_of_a_built_in_method_is_explained(name):
+    for parameter in registry.parameters(registry.method_class(name)):
+        assert parameter.meaning, parameter.name
+        assert parameter.allowed.startswith("must "), parameter.name
 
 
 @pytest.mark.parametrize(
