@@ -108,7 +108,7 @@ def _allowed(block: Any, name: str, kind: type) -> str:
         try:
             dataclasses.replace(block, **{name: value})
         except ValueError as error:
-            return str(error).removeprefix(name).strip()
+            return str(error)[max(0, str(error).find("must ")) :]  # without the names before
         except Exception:  # a stranger's class may fail otherwise on such a value
             break
     return ""
