@@ -7,6 +7,7 @@ freezes its arguments. :meth:`Frame.load` copies the next moment in.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -18,64 +19,25 @@ from ..scene.prepared import Prepared
 from ..scene.scene import Light
 from ..scene.spotlight import SPOT
 from .alpha import device_alpha
+from .geometry import Camera, Hits, Mesh, Rays, bounce_arrays, filled
 from .materials import LAMP, lamp_rows, reflectances
 
 MISS = -1
 
 
-@dataclass(eq=False)
-class Bounces:
-    """Mirrored rays and what a method says of them; row b - 1 is bounce b. No element where nothing is mirrored.
-
-    origin, direction  vec3f [bounces, pixels]: the rays, made by the harness (:mod:`.frame.mirrors`)
-    active      uint8 [bounces, pixels]: 1 = the pixel has such a ray; it is zero elsewhere
-    triangle, t, u, v  [bounces, pixels]: the ray's closest hit as in :class:`Answers`; a miss where there is no ray
-    visibility  uint8 [bounces, light_count, pixels]: the shadow bits of those hits
-    receivers   uint8 [bounces, light_count, pixels]: which of those hits have a shadow ray; empty unless a light
-                is masked
-    """
-
-    origin: wp.array
-    direction: wp.array
-    active: wp.array
-    triangle: wp.array
-    t: wp.array
-    u: wp.array
-    v: wp.array
-    visibility: wp.array
-    receivers: wp.array
-
-    @staticmethod
-    def of(bounces: int, lights: int, pixels: int, masked: bool) -> Bounces:
-        """All of it on the current device, zero."""
-        plane = (bounces, pixels) if bounces else (0, 0)
-        bits = (bounces, max(1, lights), pixels) if bounces else (0, 0, 0)
-        return Bounces(
-            wp.zeros(plane, dtype=wp.vec3f),
-            wp.zeros(plane, dtype=wp.vec3f),
-            wp.zeros(plane, dtype=wp.uint8),
-            wp.zeros(plane, dtype=wp.int32),
-            wp.zeros(plane, dtype=wp.float32),
-            wp.zeros(plane, dtype=wp.float32),
-            wp.zeros(plane, dtype=wp.float32),
-            wp.zeros(bits, dtype=wp.uint8),
-            wp.zeros(bits if masked else (0, 0, 0), dtype=wp.uint8),
-        )
-
-
 BOUNCED = ("origin", "direction", "active", "triangle", "t", "u", "v", "visibility")
-"""What the host gets of :class:`Bounces`, each under its name with "bounce_" before it."""
+"""What the host gets of :class:`.geometry.Bounces`, each under its name with "bounce_" before it."""
 
 
 @dataclass(eq=False)
 class Answers:
-    """What a method says of a frame; pixel index = row * width + column. All on the frame's device.
+    """What a method answers for a frame; pixel index = row * width + column. All on the frame's device.
 
     triangle    int32 [pixels]: the closest triangle, ties to the lowest index; -1 at a miss
     t           float32 [pixels]: distance in lengths of the pixel's direction; inf at a miss
     u, v        float32 [pixels]: weights of vertices 1 and 2 (Embree's convention); 0 at a miss
     visibility  uint8 [light_count, pixels]: 1 = shadowed; 0 at a miss and for lights without shadows
-    bounces     what mirrored rays meet
+    bounces     what mirrored rays meet (:class:`.geometry.Bounces`)
     """
 
     triangle: wp.array
@@ -83,7 +45,7 @@ class Answers:
     u: wp.array
     v: wp.array
     visibility: wp.array
-    bounces: Bounces
+    bounces: Any
 
     def to_host(self) -> dict[str, NDArray]:
         """Copies of all answers as numpy arrays; those of :data:`BOUNCED` only where something is mirrored."""
@@ -108,7 +70,7 @@ class Answers:
 
 
 class Frame:
-    """Device arrays of one moment, and the answers.
+    """Device arrays of one moment, and the answers. ``mesh`` and ``camera`` group them for kernels (:mod:`.geometry`).
 
     points    vec3f [vertex_count]      triangles vec3i [triangle_count]
     weld      int32 [vertex_count]      valid     uint8 [triangle_count]
@@ -167,16 +129,30 @@ class Frame:
                 wp.zeros(self.pixels, dtype=wp.float32),
                 wp.zeros(self.pixels, dtype=wp.float32),
                 wp.zeros((max(1, light_count), self.pixels), dtype=wp.uint8),
-                Bounces.of(bounces, light_count, self.pixels, masked),
+                bounce_arrays(bounces, light_count, self.pixels, masked),
             )
             self.mirror = wp.zeros(max(1, self.triangle_count) if bounces else 0, dtype=wp.uint8)
-            self._no_rays = [wp.zeros(0, dtype=kind) for kind in (wp.vec3f, wp.vec3f, wp.uint8)]
         self.alpha = device_alpha(prepared.alpha if effects is not None and effects.alpha else None, device)
         colored = effects is not None and effects.color
         with wp.ScopedDevice(device):
             self.color = wp.zeros(self.pixels if colored else 0, dtype=wp.vec3f)
             self.tint = wp.zeros(max(1, self.triangle_count) if colored else 0, dtype=wp.vec3f)
             self.lamps = wp.zeros((light_count, LAMP) if colored else (0, 0), dtype=wp.float64)
+        self.mesh = filled(
+            Mesh, points=self.points, triangles=self.triangles, weld=self.weld, valid=self.valid
+        )
+        self.camera = filled(
+            Camera, width=width, height=height, eye=self.eye, axes=self.axes, tangents=self.tangents,
+            column=self.column, row=self.row,
+        )  # fmt: skip
+        a, of = self.answers, self.answers.bounces
+        self._hits = [filled(Hits, triangle=a.triangle, t=a.t, u=a.u, v=a.v)]
+        self._rays = [Rays()]
+        for b in range(bounces):
+            self._hits.append(filled(Hits, triangle=of.triangle[b], t=of.t[b], u=of.u[b], v=of.v[b]))
+            self._rays.append(
+                filled(Rays, origin=of.origin[b], direction=of.direction[b], active=of.active[b])
+            )
         self.host: Moment | None = None
         if self.triangle_count:
             self.triangles.assign(prepared.faces)
@@ -193,19 +169,13 @@ class Frame:
                     lamp_rows(lights[:light_count], (*effects.shadows, *(False,) * light_count))
                 )
 
-    def rays(self, bounce: int) -> list[wp.array]:
-        """Origin, direction, active [pixels] of the mirrored rays of a bounce from 1; arrays without elements for 0."""
-        if not bounce:
-            return self._no_rays
-        of = self.answers.bounces
-        return [array[bounce - 1] for array in (of.origin, of.direction, of.active)]
+    def rays(self, bounce: int) -> Any:
+        """The mirrored rays of a bounce from 1 (:class:`.geometry.Rays`); without arrays for 0."""
+        return self._rays[bounce]
 
-    def hits(self, bounce: int) -> list[wp.array]:
-        """Triangle, t, u, v [pixels] of the rays of a bounce; of the primary rays for 0."""
-        if not bounce:
-            return [self.answers.triangle, self.answers.t, self.answers.u, self.answers.v]
-        of = self.answers.bounces
-        return [array[bounce - 1] for array in (of.triangle, of.t, of.u, of.v)]
+    def hits(self, bounce: int) -> Any:
+        """The closest hits of the rays of a bounce (:class:`.geometry.Hits`); of the primary rays for 0."""
+        return self._hits[bounce]
 
     def bits(self, bounce: int) -> wp.array:
         """The shadow bits [light_count, pixels] of the hits of a bounce; of the primary hits for 0."""

@@ -14,6 +14,7 @@ import warp as wp
 
 from ..scene.effects import Effects, Switches
 from .frame import Frame
+from .geometry import Camera, Hits, Mesh, Rays, corners_of, mirrored_ray, ray_of
 from .passes import Pass
 from .specialise import effects, specialised
 from .vectors import largest, to_float32, to_float64
@@ -69,39 +70,32 @@ def left_surface(
 
 @wp.kernel(enable_backward=False)
 def mirror_kernel(
-    width: wp.int32,
-    eye: wp.array(dtype=wp.vec3f),
-    column: wp.array(dtype=wp.vec3f),
-    row: wp.array(dtype=wp.vec3f),
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
+    camera: Camera,
+    mesh: Mesh,
     mirror: wp.array(dtype=wp.uint8),
-    triangle: wp.array(dtype=wp.int32),
-    origins: wp.array(dtype=wp.vec3f),
-    directions: wp.array(dtype=wp.vec3f),
-    origin: wp.array(dtype=wp.vec3f),
-    direction: wp.array(dtype=wp.vec3f),
-    active: wp.array(dtype=wp.uint8),
+    hits: Hits,
+    rays: Rays,
+    mirrored: Rays,
 ):
     """The mirrored ray of each pixel whose hit is a mirror; zero and not active elsewhere."""
     pixel = wp.tid()
-    origin[pixel] = wp.vec3f(0.0, 0.0, 0.0)
-    direction[pixel] = wp.vec3f(0.0, 0.0, 0.0)
-    active[pixel] = wp.uint8(0)
-    hit = triangle[pixel]
+    mirrored.origin[pixel] = wp.vec3f(0.0, 0.0, 0.0)
+    mirrored.direction[pixel] = wp.vec3f(0.0, 0.0, 0.0)
+    mirrored.active[pixel] = wp.uint8(0)
+    hit = hits.triangle[pixel]
     if hit < 0:
         return
     if mirror[hit] == wp.uint8(0):
         return
-    o = to_float64(eye[0])
-    d = to_float64(column[pixel % width] + row[pixel // width])
+    ray = ray_of(camera, pixel)
     if wp.static(effects.bounced):
-        o = to_float64(origins[pixel])
-        d = to_float64(directions[pixel])
-    face = triangles[hit]
-    a = to_float64(points[face[0]])
-    b = to_float64(points[face[1]])
-    c = to_float64(points[face[2]])
+        ray = mirrored_ray(rays, pixel)
+    o = to_float64(ray.origin)
+    d = to_float64(ray.direction)
+    corners = corners_of(mesh, hit)
+    a = to_float64(corners.a)
+    b = to_float64(corners.b)
+    c = to_float64(corners.c)
     n = wp.cross(b - a, c - a)
     slope = wp.dot(n, d)
     h = o + d * (wp.dot(n, a - o) / slope)
@@ -113,9 +107,9 @@ def mirror_kernel(
     onward = to_float32(way)
     # A ray in the mirror's plane, which only an answer without a hit can name, leads nowhere.
     if wp.isfinite(start) and wp.isfinite(onward):
-        origin[pixel] = start
-        direction[pixel] = onward
-        active[pixel] = wp.uint8(1)
+        mirrored.origin[pixel] = start
+        mirrored.direction[pixel] = onward
+        mirrored.active[pixel] = wp.uint8(1)
 
 
 def mirror_passes(frame: Frame, effects: Effects) -> list[Pass]:
@@ -126,13 +120,10 @@ def mirror_passes(frame: Frame, effects: Effects) -> list[Pass]:
         wp.launch(
             specialised(mirror_kernel, Switches(bounced=before > 0)),
             dim=frame.pixels,
-            inputs=[
-                frame.width, frame.eye, frame.column, frame.row, frame.points, frame.triangles, frame.mirror,
-                frame.hits(before)[0], *frame.rays(before)[:2],
-            ],
-            outputs=frame.rays(bounce),
+            inputs=[frame.camera, frame.mesh, frame.mirror, frame.hits(before), frame.rays(before)],
+            outputs=[frame.rays(bounce)],
             device=frame.device,
-        )  # fmt: skip
+        )
 
     return [
         Pass(

@@ -15,6 +15,7 @@ import warp as wp
 from ..scene.effects import Effects, Switches
 from ..scene.spotlight import DOUBT
 from .frame import Frame
+from .geometry import Camera, Hits, Mesh, Rays, corners_of, mirrored_ray, ray_of
 from .passes import Pass
 from .specialise import effects, specialised
 from .vectors import largest, to_float64
@@ -55,19 +56,14 @@ def faces(n: wp.vec3d, size: wp.float64, seen: wp.vec3d, lit: wp.vec3d) -> wp.bo
 
 @wp.kernel(enable_backward=False)
 def receivers_kernel(
-    width: wp.int32,
     light: wp.int32,
     facing: wp.bool,
-    eye: wp.array(dtype=wp.vec3f),
-    column: wp.array(dtype=wp.vec3f),
-    row: wp.array(dtype=wp.vec3f),
+    camera: Camera,
+    mesh: Mesh,
     lights: wp.array(dtype=wp.vec3f),
     spots: wp.array2d(dtype=wp.float64),
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    triangle: wp.array(dtype=wp.int32),
-    origins: wp.array(dtype=wp.vec3f),
-    directions: wp.array(dtype=wp.vec3f),
+    hits: Hits,
+    rays: Rays,
     receivers: wp.array2d(dtype=wp.uint8),
     reached: wp.array(dtype=wp.int32),
     visibility: wp.array2d(dtype=wp.uint8),
@@ -75,20 +71,20 @@ def receivers_kernel(
     """1 where a pixel's hit has a shadow ray to the light; 0 elsewhere and at a miss. Clears the shadow bits."""
     pixel = wp.tid()
     visibility[light, pixel] = wp.uint8(0)
-    hit = triangle[pixel]
+    hit = hits.triangle[pixel]
     if hit < 0:
         receivers[light, pixel] = wp.uint8(0)
         return
-    face = triangles[hit]
-    a = to_float64(points[face[0]])
-    e = to_float64(points[face[1]]) - a
-    f = to_float64(points[face[2]]) - a
+    corners = corners_of(mesh, hit)
+    a = to_float64(corners.a)
+    e = to_float64(corners.b) - a
+    f = to_float64(corners.c) - a
     n = wp.cross(e, f)
-    o = to_float64(eye[0])
-    d = to_float64(column[pixel % width] + row[pixel // width])
+    ray = ray_of(camera, pixel)
     if wp.static(effects.bounced):
-        o = to_float64(origins[pixel])
-        d = to_float64(directions[pixel])
+        ray = mirrored_ray(rays, pixel)
+    o = to_float64(ray.origin)
+    d = to_float64(ray.direction)
     place = to_float64(lights[light])
     t = wp.dot(n, a - o) / wp.dot(n, d)
     wanted = in_spot(spots, light, o + d * t - place)
@@ -105,13 +101,12 @@ def receiver_passes(frame: Frame, effects: Effects) -> list[Pass]:
     def launch(light: int, bounce: int) -> None:
         reached = reached_by(frame, light, bounce)
         reached.zero_()
-        origins, directions, _ = frame.rays(bounce)
         wp.launch(
             specialised(receivers_kernel, Switches(bounced=bounce > 0)),
             dim=frame.pixels,
             inputs=[
-                frame.width, light, effects.facing, frame.eye, frame.column, frame.row, frame.lights, frame.spots,
-                frame.points, frame.triangles, frame.hits(bounce)[0], origins, directions,
+                light, effects.facing, frame.camera, frame.mesh, frame.lights, frame.spots, frame.hits(bounce),
+                frame.rays(bounce),
             ],
             outputs=[frame.masks(bounce), reached, frame.bits(bounce)],
             device=frame.device,

@@ -24,6 +24,7 @@ from ..scene.prepared import Prepared
 from ..scene.scene import Light
 from ..scene.spotlight import SPOT
 from .frame import Frame
+from .geometry import Bounces, Camera, Hits, Mesh, corners_of, filled, ray_of
 from .materials import lamp_rows, reflectances
 from .passes import Pass
 from .receivers import in_spot
@@ -58,6 +59,24 @@ def sky_along(d: wp.vec3d, up: wp.vec3d) -> wp.vec3d:
     return sky((ONE - wp.dot(wp.normalize(d), up)) * wp.float64(0.5))
 
 
+@wp.struct
+class Looks:
+    """What surfaces and lights look like.
+
+    up      the camera's up direction, unit length
+    count   triangles of the scene
+    tint    vec3f [triangle_count]      lights  vec3f [light_count]
+    spots   float64 [light_count, 12]   lamps   float64 [light_count, 5]: see :class:`.frame.Frame`
+    """
+
+    up: wp.vec3d
+    count: wp.int32
+    tint: wp.array(dtype=wp.vec3f)
+    lights: wp.array(dtype=wp.vec3f)
+    spots: wp.array2d(dtype=wp.float64)
+    lamps: wp.array2d(dtype=wp.float64)
+
+
 @wp.func
 def radiance(
     o: wp.vec3d,
@@ -65,95 +84,72 @@ def radiance(
     t: wp.float32,
     hit: wp.int32,
     pixel: wp.int32,
-    up: wp.vec3d,
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    tint: wp.array(dtype=wp.vec3f),
-    lights: wp.array(dtype=wp.vec3f),
-    spots: wp.array2d(dtype=wp.float64),
-    lamps: wp.array2d(dtype=wp.float64),
+    mesh: Mesh,
+    looks: Looks,
     visibility: wp.array2d(dtype=wp.uint8),
 ) -> wp.vec3d:
-    """What the surface of triangle ``hit`` sends back along the ray."""
-    face = triangles[hit]
-    a = to_float64(points[face[0]])
-    n = wp.normalize(wp.cross(to_float64(points[face[1]]) - a, to_float64(points[face[2]]) - a))
+    """What the surface of triangle ``hit`` sends back along the ray o + t d."""
+    corners = corners_of(mesh, hit)
+    a = to_float64(corners.a)
+    n = wp.normalize(wp.cross(to_float64(corners.b) - a, to_float64(corners.c) - a))
     if not wp.isfinite(n):
         n = wp.vec3d(ZERO, ZERO, ZERO)
     facing = -wp.dot(n, wp.normalize(d))
     if facing < ZERO:
         n = -n
     place = o + d * wp.float64(t)
-    grey = AMBIENT * (wp.float64(0.72) + wp.float64(0.28) * wp.dot(n, up)) + HEADLIGHT * wp.abs(facing)
+    grey = AMBIENT * (wp.float64(0.72) + wp.float64(0.28) * wp.dot(n, looks.up)) + HEADLIGHT * wp.abs(facing)
     total = SKYLIGHT * grey
-    for i in range(lamps.shape[0]):
-        way = to_float64(lights[i]) - place
+    for i in range(looks.lamps.shape[0]):
+        way = to_float64(looks.lights[i]) - place
         cosine = wp.dot(n, wp.normalize(way))
-        if lamps[i, 4] != ZERO and visibility[i, pixel] != wp.uint8(0):
+        if looks.lamps[i, 4] != ZERO and visibility[i, pixel] != wp.uint8(0):
             cosine = ZERO
-        if cosine > ZERO and in_spot(spots, i, -way):
-            if lamps[i, 3] != ZERO:
-                forward = wp.vec3d(spots[i, 1], spots[i, 2], spots[i, 3])
-                cosine *= wp.pow(wp.max(-wp.dot(forward, wp.normalize(way)), ZERO), lamps[i, 3])
-            total += wp.vec3d(lamps[i, 0], lamps[i, 1], lamps[i, 2]) * cosine
-    return wp.cw_mul(total, to_float64(tint[hit]))
+        if cosine > ZERO and in_spot(looks.spots, i, -way):
+            if looks.lamps[i, 3] != ZERO:
+                forward = wp.vec3d(looks.spots[i, 1], looks.spots[i, 2], looks.spots[i, 3])
+                cosine *= wp.pow(wp.max(-wp.dot(forward, wp.normalize(way)), ZERO), looks.lamps[i, 3])
+            total += wp.vec3d(looks.lamps[i, 0], looks.lamps[i, 1], looks.lamps[i, 2]) * cosine
+    return wp.cw_mul(total, to_float64(looks.tint[hit]))
 
 
 @wp.kernel(enable_backward=False)
 def color_kernel(
     start: wp.int32,
-    width: wp.int32,
-    height: wp.int32,
-    up: wp.vec3d,
-    eye: wp.array(dtype=wp.vec3f),
-    column: wp.array(dtype=wp.vec3f),
-    row: wp.array(dtype=wp.vec3f),
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    count: wp.int32,
-    tint: wp.array(dtype=wp.vec3f),
-    lights: wp.array(dtype=wp.vec3f),
-    spots: wp.array2d(dtype=wp.float64),
-    lamps: wp.array2d(dtype=wp.float64),
-    triangle: wp.array(dtype=wp.int32),
-    t: wp.array(dtype=wp.float32),
-    visibility: wp.array2d(dtype=wp.uint8),
     bounces: wp.int32,
-    origins: wp.array2d(dtype=wp.vec3f),
-    directions: wp.array2d(dtype=wp.vec3f),
-    active: wp.array2d(dtype=wp.uint8),
-    mirrored: wp.array2d(dtype=wp.int32),
-    mirrored_t: wp.array2d(dtype=wp.float32),
-    mirrored_bits: wp.array3d(dtype=wp.uint8),
+    camera: Camera,
+    mesh: Mesh,
+    looks: Looks,
+    hits: Hits,
+    visibility: wp.array2d(dtype=wp.uint8),
+    mirrored: Bounces,
     color: wp.array(dtype=wp.vec3f),
 ):
     """The linear colour of pixel ``start`` + thread, written at the thread's own place."""
     pixel = start + wp.tid()
-    y = pixel // width
-    hit = triangle[pixel]
+    hit = hits.triangle[pixel]
+    t = hits.t[pixel]
     # An answer that names no triangle of this scene is shown as a miss; the score is what reports it.
-    seen = sky(wp.float64(y) / wp.float64(wp.max(1, height - 1)))
-    if hit >= 0 and hit < count and wp.isfinite(t[pixel]):
-        d = to_float64(column[pixel % width] + row[y])
-        seen = radiance(
-            to_float64(eye[0]), d, t[pixel], hit, pixel, up, points, triangles, tint, lights, spots, lamps, visibility
-        )  # fmt: skip
+    seen = sky(wp.float64(pixel // camera.width) / wp.float64(wp.max(1, camera.height - 1)))
+    if hit >= 0 and hit < looks.count and wp.isfinite(t):
+        ray = ray_of(camera, pixel)
+        o = to_float64(ray.origin)
+        seen = radiance(o, to_float64(ray.direction), t, hit, pixel, mesh, looks, visibility)
     if wp.static(effects.bounced):
         weight = wp.float64(1.0)
         total = wp.vec3d(ZERO, ZERO, ZERO)
         going = wp.bool(True)
         for b in range(bounces):
-            if going and active[b, pixel] == wp.uint8(1):
+            if going and mirrored.active[b, pixel] == wp.uint8(1):
                 total += seen * (weight * (ONE - REFLECTANCE))
                 weight *= REFLECTANCE
-                way = to_float64(directions[b, pixel])
-                seen = sky_along(way, up)
-                met = mirrored[b, pixel]
-                if met >= 0 and met < count and wp.isfinite(mirrored_t[b, pixel]):
-                    seen = radiance(
-                        to_float64(origins[b, pixel]), way, mirrored_t[b, pixel], met, pixel, up, points, triangles, tint,
-                        lights, spots, lamps, mirrored_bits[b],
-                    )  # fmt: skip
+                o = to_float64(mirrored.origin[b, pixel])
+                d = to_float64(mirrored.direction[b, pixel])
+                seen = sky_along(d, looks.up)
+                hit = mirrored.triangle[b, pixel]
+                t = mirrored.t[b, pixel]
+                if hit >= 0 and hit < looks.count and wp.isfinite(t):
+                    seen = radiance(o, d, t, hit, pixel, mesh, looks, mirrored.visibility[b])
             else:
                 going = wp.bool(False)
         seen = total + seen * weight
@@ -170,18 +166,23 @@ def shading_passes(frame: Frame, effects: Effects) -> list[Pass]:
     """The pass that fills ``frame.color``, where colour is wanted."""
     if not effects.color:
         return []
-    answers, of = frame.answers, frame.answers.bounces
-    up = unit_up(frame.prepared.scene.camera.up)
+    looks = filled(
+        Looks,
+        up=unit_up(frame.prepared.scene.camera.up),
+        count=frame.triangle_count,
+        tint=frame.tint,
+        lights=frame.lights,
+        spots=frame.spots,
+        lamps=frame.lamps,
+    )
 
     def launch() -> None:
         wp.launch(
             specialised(color_kernel, Switches(bounced=effects.bounces > 0)),
             dim=frame.pixels,
             inputs=[
-                0, frame.width, frame.height, up, frame.eye, frame.column, frame.row, frame.points, frame.triangles,
-                frame.triangle_count, frame.tint, frame.lights, frame.spots, frame.lamps, answers.triangle, answers.t,
-                answers.visibility, effects.bounces, of.origin, of.direction, of.active, of.triangle, of.t,
-                of.visibility,
+                0, effects.bounces, frame.camera, frame.mesh, looks, frame.hits(0), frame.answers.visibility,
+                frame.answers.bounces,
             ],
             outputs=[frame.color],
             device=frame.device,
@@ -227,20 +228,33 @@ def shaded(
     given = min(len(spots), len(moment.spots))
     spots[:given] = moment.spots[:given]
     bounces = len(answers.get("bounce_active", ()))
-    mirrored = [
-        on_device(answers[f"bounce_{name}"], kind)
-        if bounces
-        else wp.zeros((0,) * axes, dtype=kind, device=device)
-        for name, kind, axes in BOUNCED
-    ]
-    inputs = [
-        moment.width, moment.height, unit_up(prepared.scene.camera.up), on_device(moment.eye.reshape(1, 3), wp.vec3f),
-        on_device(moment.column, wp.vec3f), on_device(moment.row, wp.vec3f), on_device(moment.points, wp.vec3f),
-        on_device(prepared.faces, wp.vec3i), prepared.triangle_count, on_device(reflectances(prepared), wp.vec3f),
-        on_device(moment.lights, wp.vec3f), on_device(spots, wp.float64), on_device(lamps, wp.float64),
-        on_device(answers["triangle"], wp.int32), on_device(answers["t"], wp.float32), on_device(bits, wp.uint8),
-        bounces, *mirrored,
-    ]  # fmt: skip
+    mirrored = filled(
+        Bounces, **{name: on_device(answers[f"bounce_{name}"], kind) for name, kind in BOUNCED if bounces}
+    )
+    looks = filled(
+        Looks,
+        up=unit_up(prepared.scene.camera.up),
+        count=prepared.triangle_count,
+        tint=on_device(reflectances(prepared), wp.vec3f),
+        lights=on_device(moment.lights, wp.vec3f),
+        spots=on_device(spots, wp.float64),
+        lamps=on_device(lamps, wp.float64),
+    )
+    camera = filled(
+        Camera,
+        width=moment.width,
+        height=moment.height,
+        eye=on_device(moment.eye.reshape(1, 3), wp.vec3f),
+        column=on_device(moment.column, wp.vec3f),
+        row=on_device(moment.row, wp.vec3f),
+    )
+    mesh = filled(
+        Mesh, points=on_device(moment.points, wp.vec3f), triangles=on_device(prepared.faces, wp.vec3i)
+    )
+    hits = filled(
+        Hits, triangle=on_device(answers["triangle"], wp.int32), t=on_device(answers["t"], wp.float32)
+    )
+    inputs = [bounces, camera, mesh, looks, hits, on_device(bits, wp.uint8), mirrored]
     kernel = specialised(color_kernel, Switches(bounced=bounces > 0))
     color = wp.zeros(min(block, pixels), dtype=wp.vec3f, device=device)
     for start in range(0, pixels, block):
@@ -250,7 +264,7 @@ def shaded(
 
 
 BOUNCED = (
-    ("origin", wp.vec3f, 2), ("direction", wp.vec3f, 2), ("active", wp.uint8, 2),
-    ("triangle", wp.int32, 2), ("t", wp.float32, 2), ("visibility", wp.uint8, 3),
+    ("origin", wp.vec3f), ("direction", wp.vec3f), ("active", wp.uint8),
+    ("triangle", wp.int32), ("t", wp.float32), ("visibility", wp.uint8),
 )  # fmt: skip
-"""What the kernel reads of mirrored rays: name, type and axes, in its order."""
+"""What the kernel reads of mirrored rays: name and type."""

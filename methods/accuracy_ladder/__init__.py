@@ -85,29 +85,25 @@ class AccuracyLadder(BaseMethod):
         self._bvh.rebuild(self._constructor)
 
     def _primary(self) -> None:
-        frame, answers = self._frame, self._frame.answers
+        frame = self._frame
         wp.launch(
             self._primary_kernel,
             dim=self._threads,
-            inputs=[
-                self._bvh.id, frame.width, frame.height, frame.eye, frame.column, frame.row, frame.points,
-                frame.triangles, frame.weld, frame.valid,
-            ],
-            outputs=[answers.triangle, answers.t, answers.u, answers.v, self._hit],
+            inputs=[self._bvh.id, frame.camera, frame.mesh],
+            outputs=[frame.hits(0), self._hit],
             device=frame.device,
-        )  # fmt: skip
+        )
 
     def _shadow(self, light: int) -> None:
-        frame, answers = self._frame, self._frame.answers
+        frame = self._frame
         wp.launch(
             self._shadow_kernel,
             dim=self._threads,
             inputs=[
-                self._bvh.id, frame.width, frame.height, light, ORIGINS.index(self.trace.origin), frame.eye,
-                frame.column, frame.row, frame.lights, self._box, frame.points, frame.triangles, frame.weld,
-                frame.valid, answers.triangle, answers.t, answers.u, answers.v, self._hit,
+                self._bvh.id, light, ORIGINS.index(self.trace.origin), frame.camera, frame.lights, self._box,
+                frame.mesh, frame.hits(0), self._hit,
             ],
-            outputs=[answers.visibility],
+            outputs=[frame.answers.visibility],
             device=frame.device,
         )  # fmt: skip
 

@@ -7,11 +7,12 @@ from typing import Any
 
 import warp as wp
 
+from ...harness.frame.geometry import Camera, Hits, Mesh, Ray, corners_of, ray_of, weld_of
 from ..bvh.exact import SLACK
 from ..common.hitpoint import hit_point, plane_distance
 from ..common.pixels import pixel_of
 from ..common.segment import may_occlude, occludes
-from ..common.triangle import U32, largest, nearer, to_float64, weld_of
+from ..common.triangle import U32, largest, nearer, to_float64
 from .origins import HIT_POINT, IDENTITY, scene_radius, start_of
 from .parameters import EXACT_TESTS, SHEARED_TESTS
 from .tests import TESTS
@@ -29,98 +30,73 @@ def make_kernels(test: str, fast_math: bool) -> tuple[Any, Any]:
     @wp.kernel(module="unique", module_options=options)
     def primary_kernel(
         bvh: wp.uint64,
-        width: wp.int32,
-        height: wp.int32,
-        eye: wp.array(dtype=wp.vec3f),
-        column: wp.array(dtype=wp.vec3f),
-        row: wp.array(dtype=wp.vec3f),
-        points: wp.array(dtype=wp.vec3f),
-        triangles: wp.array(dtype=wp.vec3i),
-        weld: wp.array(dtype=wp.int32),
-        valid: wp.array(dtype=wp.uint8),
-        triangle: wp.array(dtype=wp.int32),
-        t_out: wp.array(dtype=wp.float32),
-        u_out: wp.array(dtype=wp.float32),
-        v_out: wp.array(dtype=wp.float32),
+        camera: Camera,
+        mesh: Mesh,
+        hits: Hits,
         hit: wp.array(dtype=wp.vec3d),
     ):
-        pixel = pixel_of(wp.tid(), width, height, True)
+        pixel = pixel_of(wp.tid(), camera.width, camera.height, True)
         if pixel < 0:
             return
-        o = eye[0]
-        d = column[pixel % width] + row[pixel // width]
+        ray = ray_of(camera, pixel)
         best = wp.int32(-1)
         best_t = wp.float64(wp.INF)
         u = wp.float32(0.0)
         v = wp.float32(0.0)
         limit = wp.float32(wp.INF)
         i = wp.int32(0)
-        query = wp.bvh_query_ray(bvh, o, d)
+        query = wp.bvh_query_ray(bvh, ray.origin, ray.direction)
         while wp.bvh_query_next(query, i, limit):
-            if valid[i] != wp.uint8(0):
-                face = triangles[i]
-                found = tested(o, d, points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face))
+            if mesh.valid[i] != wp.uint8(0):
+                found = tested(ray, corners_of(mesh, i), weld_of(mesh, i))
                 if found[0] > wp.float64(0.0) and nearer(found[0], i, best_t, best):
                     best = i
                     best_t = found[0]
                     u = wp.float32(found[1])
                     v = wp.float32(found[2])
                     limit = wp.float32(best_t) * SLACK
-        triangle[pixel] = best
-        u_out[pixel] = u
-        v_out[pixel] = v
+        hits.triangle[pixel] = best
+        hits.u[pixel] = u
+        hits.v[pixel] = v
         if best < 0:
-            t_out[pixel] = wp.INF
+            hits.t[pixel] = wp.INF
             return
-        t_out[pixel] = wp.float32(best_t)
-        corners = triangles[best]
+        hits.t[pixel] = wp.float32(best_t)
+        corners = corners_of(mesh, best)
         # The shadow's origin never depends on the test: one knob at a time.
-        t = plane_distance(o, d, points[corners[0]], points[corners[1]], points[corners[2]])
-        hit[pixel] = hit_point(o, d, t, points[corners[0]], points[corners[1]], points[corners[2]])
+        hit[pixel] = hit_point(ray, plane_distance(ray, corners), corners)
 
     @wp.kernel(module="unique", module_options=options)
     def shadow_kernel(
         bvh: wp.uint64,
-        width: wp.int32,
-        height: wp.int32,
         light: wp.int32,
         scheme: wp.int32,
-        eye: wp.array(dtype=wp.vec3f),
-        column: wp.array(dtype=wp.vec3f),
-        row: wp.array(dtype=wp.vec3f),
+        camera: Camera,
         lights: wp.array(dtype=wp.vec3f),
         box: wp.array(dtype=wp.float32),
-        points: wp.array(dtype=wp.vec3f),
-        triangles: wp.array(dtype=wp.vec3i),
-        weld: wp.array(dtype=wp.int32),
-        valid: wp.array(dtype=wp.uint8),
-        triangle: wp.array(dtype=wp.int32),
-        t_in: wp.array(dtype=wp.float32),
-        u_in: wp.array(dtype=wp.float32),
-        v_in: wp.array(dtype=wp.float32),
+        mesh: Mesh,
+        hits: Hits,
         hit: wp.array(dtype=wp.vec3d),
         visibility: wp.array2d(dtype=wp.uint8),
     ):
-        pixel = pixel_of(wp.tid(), width, height, True)
+        pixel = pixel_of(wp.tid(), camera.width, camera.height, True)
         if pixel < 0:
             return
-        own = triangle[pixel]
+        own = hits.triangle[pixel]
         if own < 0:
             visibility[light, pixel] = wp.uint8(0)
             return
         target = lights[light]
-        corners = triangles[own]
         h = hit[pixel]
         start = start_of(
-            scheme, eye[0], column[pixel % width] + row[pixel // width], t_in[pixel], u_in[pixel], v_in[pixel],
-            h, points[corners[0]], points[corners[1]], points[corners[2]], target, scene_radius(box),
-            wp.static(sheared),
+            scheme, ray_of(camera, pixel), hits.t[pixel], hits.u[pixel], hits.v[pixel], h, corners_of(mesh, own),
+            target, scene_radius(box), wp.static(sheared),
         )  # fmt: skip
         error = wp.float32(0.0)
         size = wp.float64(0.0)
         if scheme == HIT_POINT:
             error = U32 * largest(start)
-            size = wp.float64(largest(eye[0]))
+            size = wp.float64(largest(camera.eye[0]))
         else:
             h = to_float64(start)
             if scheme != IDENTITY:
@@ -132,20 +108,17 @@ def make_kernels(test: str, fast_math: bool) -> tuple[Any, Any]:
         # Not left by a break: of some tests a GPU's compiler then makes a loop whose lanes go on one by one (3.4 of 32
         # active instead of 10.5, and three times as long), and it would be that, not the test, whose cost is seen.
         while not shadowed and wp.bvh_query_next(query, i, SLACK):
-            if i != own and valid[i] != wp.uint8(0):
-                face = triangles[i]
-                a = points[face[0]]
-                b = points[face[1]]
-                c = points[face[2]]
-                w = weld_of(weld, face)
+            if i != own and mesh.valid[i] != wp.uint8(0):
+                corners = corners_of(mesh, i)
+                w = weld_of(mesh, i)
                 if wp.static(in_float64):
                     maybe = wp.bool(True)
                     if wp.static(filtered):
-                        maybe = may_occlude(start, target, a, b, c, error)
+                        maybe = may_occlude(start, target, corners, error)
                     if maybe:
-                        shadowed = occludes(h, target, a, b, c, w, size)
+                        shadowed = occludes(h, target, corners, w, size)
                 else:
-                    found = tested(start, way, a, b, c, w)
+                    found = tested(Ray(start, way), corners, w)
                     shadowed = found[0] > wp.float64(0.0) and found[0] < wp.float64(1.0)
         visibility[light, pixel] = wp.where(shadowed, wp.uint8(1), wp.uint8(0))
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import warp as wp
 
+from ...harness.frame.geometry import Corners, Ray
 from ..common.bounds import box_high, box_low
 from ..common.offset import shadow_origin
 from ..common.triangle import to_float32, to_float64
@@ -42,29 +43,29 @@ def scene_radius(box: wp.array(dtype=wp.float32)) -> wp.float32:
 @wp.func
 def start_of(
     scheme: wp.int32,
-    o: wp.vec3f,
-    d: wp.vec3f,
+    ray: Ray,
     t: wp.float32,
     u: wp.float32,
     v: wp.float32,
     h: wp.vec3d,
-    a: wp.vec3f,
-    b: wp.vec3f,
-    c: wp.vec3f,
+    corners: Corners,
     light: wp.vec3f,
     radius: wp.float32,
     sheared: wp.bool,
 ) -> wp.vec3f:
-    """The float32 start of the shadow ray of a hit (t, u, v) on (a, b, c) whose float64 hit point is h.
+    """The float32 start of the shadow ray of a hit (t, u, v) on a triangle whose float64 hit point is h.
 
     ``sheared``: whether the test finds its distance from coordinates along the ray; the error bound depends on it.
     """
     if scheme == HIT_POINT:
         return to_float32(h)
     if scheme == RAY:
-        return o + t * d
+        return ray.origin + t * ray.direction
     if scheme == ERROR_BOUND:
-        return shadow_origin(o, d, light, a, b, c, sheared)
+        return shadow_origin(ray, light, corners, sheared)
+    a = corners.a
+    b = corners.b
+    c = corners.c
     p = (1.0 - u - v) * a + u * b + v * c
     if scheme == IDENTITY:
         return p

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import warp as wp
 
+from ...harness.frame.geometry import Corners, Ray
 from ..common.triangle import NO_HIT, edge_functions, hit_distance, may_hit, to_float64
 
 MISS3 = wp.constant(wp.vec3d(-1.0, 0.0, 0.0))
@@ -20,18 +21,17 @@ def found3(t: wp.float32, u: wp.float32, v: wp.float32) -> wp.vec3d:
 
 
 @wp.func
-def moller_trumbore_above(
-    o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, smallest: wp.float32
-) -> wp.vec3d:
+def moller_trumbore_above(ray: Ray, corners: Corners, smallest: wp.float32) -> wp.vec3d:
     """Moeller & Trumbore 1997, two-sided; |det| must exceed ``smallest``."""
-    e1 = b - a
-    e2 = c - a
+    d = ray.direction
+    e1 = corners.b - corners.a
+    e2 = corners.c - corners.a
     p = wp.cross(d, e2)
     det = wp.dot(e1, p)
     if not wp.abs(det) > smallest:
         return MISS3
     inverse = 1.0 / det
-    s = o - a
+    s = ray.origin - corners.a
     u = wp.dot(s, p) * inverse
     if u < 0.0 or u > 1.0:
         return MISS3
@@ -46,24 +46,19 @@ def moller_trumbore_above(
 
 
 @wp.func
-def moller_trumbore(
-    o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i
-) -> wp.vec3d:
-    return moller_trumbore_above(o, d, a, b, c, 0.0)
+def moller_trumbore(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.vec3d:
+    return moller_trumbore_above(ray, corners, 0.0)
 
 
 @wp.func
-def moller_trumbore_epsilon(
-    o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i
-) -> wp.vec3d:
-    return moller_trumbore_above(o, d, a, b, c, TEXTBOOK_EPSILON)
+def moller_trumbore_epsilon(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.vec3d:
+    return moller_trumbore_above(ray, corners, TEXTBOOK_EPSILON)
 
 
 @wp.func
-def sheared(
-    o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, decide_in_float64: wp.bool
-) -> wp.vec3d:
+def sheared(ray: Ray, corners: Corners, decide_in_float64: wp.bool) -> wp.vec3d:
     """Woop, Benthin & Wald 2013: the ray's largest axis becomes z, its direction (0, 0, 1) by a shear."""
+    d = ray.direction
     kz = wp.int32(0)
     if wp.abs(d[1]) > wp.abs(d[kz]):
         kz = wp.int32(1)
@@ -74,9 +69,9 @@ def sheared(
     sx = d[kx] / d[kz]
     sy = d[ky] / d[kz]
     sz = 1.0 / d[kz]
-    pa = a - o
-    pb = b - o
-    pc = c - o
+    pa = corners.a - ray.origin
+    pb = corners.b - ray.origin
+    pc = corners.c - ray.origin
     ax = pa[kx] - sx * pa[kz]
     ay = pa[ky] - sy * pa[kz]
     bx = pb[kx] - sx * pb[kz]
@@ -102,13 +97,13 @@ def sheared(
 
 
 @wp.func
-def woop(o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i) -> wp.vec3d:
-    return sheared(o, d, a, b, c, False)
+def woop(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.vec3d:
+    return sheared(ray, corners, False)
 
 
 @wp.func
-def woop_float64(o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i) -> wp.vec3d:
-    return sheared(o, d, a, b, c, True)
+def woop_float64(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.vec3d:
+    return sheared(ray, corners, True)
 
 
 @wp.func
@@ -122,8 +117,13 @@ def edge_plane(
 
 
 @wp.func
-def edge_planes(o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i) -> wp.vec3d:
+def edge_planes(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.vec3d:
     """Edge functions in float32; both triangles at an edge compute the same number with opposite sign."""
+    o = ray.origin
+    d = ray.direction
+    a = corners.a
+    b = corners.b
+    c = corners.c
     e0 = edge_plane(o, d, b, c, weld[1], weld[2])
     e1 = edge_plane(o, d, c, a, weld[2], weld[0])
     e2 = edge_plane(o, d, a, b, weld[0], weld[1])
@@ -141,19 +141,22 @@ def edge_planes(o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f,
 
 
 @wp.func
-def float64(o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i) -> wp.vec3d:
-    t = hit_distance(o, d, a, b, c, weld)
+def float64(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.vec3d:
+    t = hit_distance(ray, corners, weld)
     if t == NO_HIT:
         return MISS3
-    e = edge_functions(to_float64(o), to_float64(d), to_float64(a), to_float64(b), to_float64(c), weld)
+    a = to_float64(corners.a)
+    b = to_float64(corners.b)
+    c = to_float64(corners.c)
+    e = edge_functions(to_float64(ray.origin), to_float64(ray.direction), a, b, c, weld)
     sum = e[0] + e[1] + e[2]
     return wp.vec3d(t, e[1] / sum, e[2] / sum)
 
 
 @wp.func
-def exact(o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i) -> wp.vec3d:
-    if may_hit(o, d, a, b, c):
-        return float64(o, d, a, b, c, weld)
+def exact(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.vec3d:
+    if may_hit(ray, corners):
+        return float64(ray, corners, weld)
     return MISS3
 
 

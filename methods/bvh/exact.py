@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 from ...harness.frame.alpha import Alpha
 from ...harness.frame.frame import Frame
+from ...harness.frame.geometry import Camera, Hits, Mesh, Rays, corners_of, mirrored_ray, ray_of, weld_of
 from ...harness.frame.mirrors import traced_bounces
 from ...harness.frame.passes import Pass
 from ...harness.frame.specialise import effects, specialised
 from ...harness.scene.effects import Effects
-from ..common.alpha import hit_counts, shadow_counts
+from ..common.alpha import opaque_at_hit, opaque_to_light
 from ..common.bounces import bounced_tests
 from ..common.bounds import PADDED_UNITS, launch_boxes
 from ..common.pixels import pixel_of, thread_count
@@ -30,7 +31,6 @@ from ..common.triangle import (
     may_hit,
     nearer,
     to_float32,
-    weld_of,
     write_hit,
     write_miss,
 )
@@ -41,57 +41,40 @@ SLACK = wp.constant(1.0 + 2.0**-20)  # a box that begins just behind the best hi
 @wp.kernel(enable_backward=False)
 def primary_kernel(
     bvh: wp.uint64,
-    width: wp.int32,
-    height: wp.int32,
     blocks: wp.bool,
-    eye: wp.array(dtype=wp.vec3f),
-    column: wp.array(dtype=wp.vec3f),
-    row: wp.array(dtype=wp.vec3f),
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    weld: wp.array(dtype=wp.int32),
-    valid: wp.array(dtype=wp.uint8),
+    camera: Camera,
+    mesh: Mesh,
     alpha: Alpha,
-    origins: wp.array(dtype=wp.vec3f),
-    directions: wp.array(dtype=wp.vec3f),
-    active: wp.array(dtype=wp.uint8),
-    triangle: wp.array(dtype=wp.int32),
-    t: wp.array(dtype=wp.float32),
-    u: wp.array(dtype=wp.float32),
-    v: wp.array(dtype=wp.float32),
-    hit: wp.array(dtype=wp.vec3d),
+    rays: Rays,
+    hits: Hits,
+    hit_points: wp.array(dtype=wp.vec3d),
     tests: wp.array(dtype=wp.int32),
 ):
     """Closest hit of each pixel: nearest by float64 t, ties to the lowest index. Empty ``tests``: not counted."""
-    pixel = pixel_of(wp.tid(), width, height, blocks)
+    pixel = pixel_of(wp.tid(), camera.width, camera.height, blocks)
     if pixel < 0:
         return
-    o = eye[0]
-    d = column[pixel % width] + row[pixel // width]
+    ray = ray_of(camera, pixel)
     if wp.static(effects.bounced):
-        if active[pixel] == wp.uint8(0):
-            write_miss(pixel, triangle, t, u, v)
+        if rays.active[pixel] == wp.uint8(0):
+            write_miss(hits, pixel)
             return
-        o = origins[pixel]
-        d = directions[pixel]
+        ray = mirrored_ray(rays, pixel)
     best = wp.int32(-1)
     best_t = wp.float64(wp.INF)
     limit = wp.float32(wp.INF)
     number = wp.int32(0)
     i = wp.int32(0)
-    query = wp.bvh_query_ray(bvh, o, d)
+    query = wp.bvh_query_ray(bvh, ray.origin, ray.direction)
     while wp.bvh_query_next(query, i, limit):
         number += 1
-        if valid[i] != wp.uint8(0):
-            face = triangles[i]
-            a = points[face[0]]
-            b = points[face[1]]
-            c = points[face[2]]
-            if may_hit(o, d, a, b, c):
-                distance = hit_distance(o, d, a, b, c, weld_of(weld, face))
+        if mesh.valid[i] != wp.uint8(0):
+            corners = corners_of(mesh, i)
+            if may_hit(ray, corners):
+                distance = hit_distance(ray, corners, weld_of(mesh, i))
                 if wp.static(effects.alpha):
                     if distance > wp.float64(0.0):
-                        if not hit_counts(alpha, i, o, d, a, b, c, weld_of(weld, face)):
+                        if not opaque_at_hit(alpha, i, ray, corners, weld_of(mesh, i)):
                             distance = NO_HIT
                 if distance > wp.float64(0.0) and nearer(distance, i, best_t, best):
                     best = i
@@ -99,35 +82,30 @@ def primary_kernel(
                     limit = wp.float32(distance) * SLACK
     if tests.shape[0] > 0:
         tests[pixel] = number
-    write_hit(pixel, o, d, best, best_t, points, triangles, weld, triangle, t, u, v, hit)
+    write_hit(hits, hit_points, pixel, ray, best, best_t, mesh)
 
 
 @wp.kernel(enable_backward=False)
 def shadow_kernel(
     bvh: wp.uint64,
-    width: wp.int32,
-    height: wp.int32,
     blocks: wp.bool,
     light: wp.int32,
-    eye: wp.array(dtype=wp.vec3f),
-    lights: wp.array(dtype=wp.vec3f),
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    weld: wp.array(dtype=wp.int32),
-    valid: wp.array(dtype=wp.uint8),
-    triangle: wp.array(dtype=wp.int32),
-    hit: wp.array(dtype=wp.vec3d),
-    receivers: wp.array2d(dtype=wp.uint8),
+    camera: Camera,
+    mesh: Mesh,
     alpha: Alpha,
-    origins: wp.array(dtype=wp.vec3f),
+    lights: wp.array(dtype=wp.vec3f),
+    rays: Rays,
+    hits: Hits,
+    hit_points: wp.array(dtype=wp.vec3d),
+    receivers: wp.array2d(dtype=wp.uint8),
     visibility: wp.array2d(dtype=wp.uint8),
     tests: wp.array(dtype=wp.int32),
 ):
     """Whether anything meets the open segment from each float64 hit point to the light; ``tests`` is added to."""
-    pixel = pixel_of(wp.tid(), width, height, blocks)
+    pixel = pixel_of(wp.tid(), camera.width, camera.height, blocks)
     if pixel < 0:
         return
-    own = triangle[pixel]
+    own = hits.triangle[pixel]
     if own < 0:
         visibility[light, pixel] = wp.uint8(0)
         return
@@ -135,12 +113,12 @@ def shadow_kernel(
         if receivers[light, pixel] == wp.uint8(0):
             visibility[light, pixel] = wp.uint8(0)
             return
-    h = hit[pixel]
+    h = hit_points[pixel]
     start = to_float32(h)
     target = lights[light]
-    size = wp.float64(largest(eye[0]))
+    size = wp.float64(largest(camera.eye[0]))
     if wp.static(effects.bounced):
-        size = wp.float64(largest(origins[pixel]))
+        size = wp.float64(largest(rays.origin[pixel]))
     error = U32 * largest(start)
     shadowed = wp.bool(False)
     number = wp.int32(0)
@@ -148,17 +126,14 @@ def shadow_kernel(
     query = wp.bvh_query_ray(bvh, start, target - start)
     while wp.bvh_query_next(query, i, SLACK):
         number += 1
-        if i != own and valid[i] != wp.uint8(0):
-            face = triangles[i]
-            a = points[face[0]]
-            b = points[face[1]]
-            c = points[face[2]]
-            if may_occlude(start, target, a, b, c, error) and occludes(
-                h, target, a, b, c, weld_of(weld, face), size
+        if i != own and mesh.valid[i] != wp.uint8(0):
+            corners = corners_of(mesh, i)
+            if may_occlude(start, target, corners, error) and occludes(
+                h, target, corners, weld_of(mesh, i), size
             ):
                 shadowed = True
                 if wp.static(effects.alpha):
-                    shadowed = shadow_counts(alpha, i, h, target, a, b, c, weld_of(weld, face), size)
+                    shadowed = opaque_to_light(alpha, i, h, target, corners, weld_of(mesh, i), size)
                 if shadowed:
                     break
     if tests.shape[0] > 0:
@@ -258,11 +233,9 @@ class ExactBvh:
             specialised(primary_kernel, self.effects.switches(bounce=bounce)),
             dim=self.threads,
             inputs=[
-                self.bvh.id, frame.width, frame.height, self.swizzle, frame.eye, frame.column, frame.row,
-                frame.points, frame.triangles, frame.weld, frame.valid, frame.alpha,
-                *frame.rays(bounce),
+                self.bvh.id, self.swizzle, frame.camera, frame.mesh, frame.alpha, frame.rays(bounce),
             ],
-            outputs=[*frame.hits(bounce), self._hits(bounce), counted],
+            outputs=[frame.hits(bounce), self._hits(bounce), counted],
             device=frame.device,
         )  # fmt: skip
 
@@ -273,9 +246,8 @@ class ExactBvh:
             specialised(shadow_kernel, self.effects.switches(light, bounce)),
             dim=self.threads,
             inputs=[
-                self.bvh.id, frame.width, frame.height, self.swizzle, light, frame.eye, frame.lights, frame.points,
-                frame.triangles, frame.weld, frame.valid, frame.hits(bounce)[0], self._hits(bounce),
-                frame.masks(bounce), frame.alpha, frame.rays(bounce)[0],
+                self.bvh.id, self.swizzle, light, frame.camera, frame.mesh, frame.alpha, frame.lights,
+                frame.rays(bounce), frame.hits(bounce), self._hits(bounce), frame.masks(bounce),
             ],
             outputs=[frame.bits(bounce), counted],
             device=frame.device,

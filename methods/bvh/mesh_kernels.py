@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
+from ...harness.frame.geometry import Camera, Hits, Mesh, Rays, corners_of, mirrored_ray, ray_of
 from ...harness.frame.specialise import effects
 from ..common.offset import shadow_origin
 from ..common.pixels import pixel_of
@@ -45,64 +46,47 @@ def mesh_indices_kernel(
 
 @wp.kernel(enable_backward=False)
 def mesh_primary_kernel(
-    mesh: wp.uint64,
-    width: wp.int32,
-    height: wp.int32,
+    bvh: wp.uint64,
     blocks: wp.bool,
-    eye: wp.array(dtype=wp.vec3f),
-    column: wp.array(dtype=wp.vec3f),
-    row: wp.array(dtype=wp.vec3f),
-    origins: wp.array(dtype=wp.vec3f),
-    directions: wp.array(dtype=wp.vec3f),
-    active: wp.array(dtype=wp.uint8),
-    triangle: wp.array(dtype=wp.int32),
-    t: wp.array(dtype=wp.float32),
-    u: wp.array(dtype=wp.float32),
-    v: wp.array(dtype=wp.float32),
+    camera: Camera,
+    rays: Rays,
+    hits: Hits,
 ):
-    pixel = pixel_of(wp.tid(), width, height, blocks)
+    pixel = pixel_of(wp.tid(), camera.width, camera.height, blocks)
     if pixel < 0:
         return
-    o = eye[0]
-    d = column[pixel % width] + row[pixel // width]
+    ray = ray_of(camera, pixel)
     if wp.static(effects.bounced):
-        if active[pixel] == wp.uint8(0):
-            write_miss(pixel, triangle, t, u, v)
+        if rays.active[pixel] == wp.uint8(0):
+            write_miss(hits, pixel)
             return
-        o = origins[pixel]
-        d = directions[pixel]
-    found = wp.mesh_query_ray(mesh, o, d, wp.INF)
+        ray = mirrored_ray(rays, pixel)
+    found = wp.mesh_query_ray(bvh, ray.origin, ray.direction, wp.INF)
     if found.result:
-        triangle[pixel] = found.face
-        t[pixel] = found.t
+        hits.triangle[pixel] = found.face
+        hits.t[pixel] = found.t
         # Warp's (u, v) are the weights of vertices 0 and 1; ours those of 1 and 2.
-        u[pixel] = found.v
-        v[pixel] = 1.0 - found.u - found.v
+        hits.u[pixel] = found.v
+        hits.v[pixel] = 1.0 - found.u - found.v
     else:
-        write_miss(pixel, triangle, t, u, v)
+        write_miss(hits, pixel)
 
 
 @wp.kernel(enable_backward=False)
 def mesh_shadow_kernel(
-    mesh: wp.uint64,
-    width: wp.int32,
-    height: wp.int32,
+    bvh: wp.uint64,
     blocks: wp.bool,
     light: wp.int32,
     end: wp.float32,
-    eye: wp.array(dtype=wp.vec3f),
-    column: wp.array(dtype=wp.vec3f),
-    row: wp.array(dtype=wp.vec3f),
+    camera: Camera,
+    mesh: Mesh,
     lights: wp.array(dtype=wp.vec3f),
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    triangle: wp.array(dtype=wp.int32),
+    rays: Rays,
+    hits: Hits,
     receivers: wp.array2d(dtype=wp.uint8),
-    origins: wp.array(dtype=wp.vec3f),
-    directions: wp.array(dtype=wp.vec3f),
     visibility: wp.array2d(dtype=wp.uint8),
 ):
-    pixel = pixel_of(wp.tid(), width, height, blocks)
+    pixel = pixel_of(wp.tid(), camera.width, camera.height, blocks)
     if pixel < 0:
         return
     if wp.static(effects.masked):
@@ -110,15 +94,12 @@ def mesh_shadow_kernel(
             visibility[light, pixel] = wp.uint8(0)
             return
     shadowed = wp.bool(False)
-    best = triangle[pixel]
+    best = hits.triangle[pixel]
     if best >= 0:
-        face = triangles[best]
-        o = eye[0]
-        d = column[pixel % width] + row[pixel // width]
+        ray = ray_of(camera, pixel)
         if wp.static(effects.bounced):
-            o = origins[pixel]
-            d = directions[pixel]
+            ray = mirrored_ray(rays, pixel)
         target = lights[light]
-        origin = shadow_origin(o, d, target, points[face[0]], points[face[1]], points[face[2]], True)
-        shadowed = wp.mesh_query_ray_anyhit(mesh, origin, target - origin, end)
+        origin = shadow_origin(ray, target, corners_of(mesh, best), True)
+        shadowed = wp.mesh_query_ray_anyhit(bvh, origin, target - origin, end)
     visibility[light, pixel] = wp.uint8(shadowed)

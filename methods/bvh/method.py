@@ -213,13 +213,10 @@ class WarpBvh(BaseMethod):
         wp.launch(
             specialised(mesh_primary_kernel, self._effects.switches(bounce=bounce)),
             dim=self._threads,
-            inputs=[
-                self._mesh.id, frame.width, frame.height, self.trace.swizzle, frame.eye, frame.column, frame.row,
-                *frame.rays(bounce),
-            ],
-            outputs=frame.hits(bounce),
+            inputs=[self._mesh.id, self.trace.swizzle, frame.camera, frame.rays(bounce)],
+            outputs=[frame.hits(bounce)],
             device=frame.device,
-        )  # fmt: skip
+        )
 
     def _shadow(self, light: int, bounce: int = 0) -> None:
         frame = self._frame
@@ -230,9 +227,8 @@ class WarpBvh(BaseMethod):
             specialised(mesh_shadow_kernel, self._effects.switches(light, bounce)),
             dim=self._threads,
             inputs=[
-                self._mesh.id, frame.width, frame.height, self.trace.swizzle, light, SHADOW_END, frame.eye,
-                frame.column, frame.row, frame.lights, frame.points, frame.triangles, frame.hits(bounce)[0],
-                frame.masks(bounce), *frame.rays(bounce)[:2],
+                self._mesh.id, self.trace.swizzle, light, SHADOW_END, frame.camera, frame.mesh, frame.lights,
+                frame.rays(bounce), frame.hits(bounce), frame.masks(bounce),
             ],
             outputs=[frame.bits(bounce)],
             device=frame.device,

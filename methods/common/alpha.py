@@ -10,6 +10,7 @@ from __future__ import annotations
 import warp as wp
 
 from ...harness.frame.alpha import OPAQUE, Alpha, texels_near
+from ...harness.frame.geometry import Corners, Ray
 from .segment import light_edge_functions
 from .triangle import U64, edge_functions, largest, to_float64, total
 
@@ -17,7 +18,7 @@ BIT = wp.constant(wp.int32(OPAQUE))
 
 
 @wp.func
-def opaque_at(alpha: Alpha, i: wp.int32, e: wp.vec3d, bound: wp.float64) -> wp.bool:
+def opaque_where(alpha: Alpha, i: wp.int32, e: wp.vec3d, bound: wp.float64) -> wp.bool:
     """Whether triangle i is opaque where its edge functions are e, each known to ``bound``."""
     sum = e[0] + e[1] + e[2]
     # A weight of about 1 at most is off by its own bound and the sum's three.
@@ -25,39 +26,28 @@ def opaque_at(alpha: Alpha, i: wp.int32, e: wp.vec3d, bound: wp.float64) -> wp.b
 
 
 @wp.func
-def hit_counts(
-    alpha: Alpha,
-    i: wp.int32,
-    o: wp.vec3f,
-    d: wp.vec3f,
-    a: wp.vec3f,
-    b: wp.vec3f,
-    c: wp.vec3f,
-    weld: wp.vec3i,
-) -> wp.bool:
-    """Whether the hit of ray o + t d on triangle i, corners a, b, c, is opaque."""
+def opaque_at_hit(alpha: Alpha, i: wp.int32, ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.bool:
+    """Whether triangle i is opaque where the ray hits it."""
     if alpha.masked[i] == wp.uint8(0):
         return True
-    o64 = to_float64(o)
-    d64 = to_float64(d)
-    a64 = to_float64(a)
-    b64 = to_float64(b)
-    c64 = to_float64(c)
+    o64 = to_float64(ray.origin)
+    d64 = to_float64(ray.direction)
+    a64 = to_float64(corners.a)
+    b64 = to_float64(corners.b)
+    c64 = to_float64(corners.c)
     edge = wp.max(largest(b64 - a64), wp.max(largest(c64 - b64), largest(a64 - c64)))
     reach = wp.max(largest(a64 - o64), wp.max(largest(b64 - o64), largest(c64 - o64)))
     bound = wp.float64(16.0) * U64 * total(d64) * reach * edge
-    return opaque_at(alpha, i, edge_functions(o64, d64, a64, b64, c64, weld), bound)
+    return opaque_where(alpha, i, edge_functions(o64, d64, a64, b64, c64, weld), bound)
 
 
 @wp.func
-def shadow_counts(
+def opaque_to_light(
     alpha: Alpha,
     i: wp.int32,
     h: wp.vec3d,
     light: wp.vec3f,
-    a: wp.vec3f,
-    b: wp.vec3f,
-    c: wp.vec3f,
+    corners: Corners,
     weld: wp.vec3i,
     origin_size: wp.float64,
 ) -> wp.bool:
@@ -68,12 +58,12 @@ def shadow_counts(
     if alpha.masked[i] == wp.uint8(0):
         return True
     l64 = to_float64(light)
-    a64 = to_float64(a)
-    b64 = to_float64(b)
-    c64 = to_float64(c)
+    a64 = to_float64(corners.a)
+    b64 = to_float64(corners.b)
+    c64 = to_float64(corners.c)
     edge = wp.max(largest(b64 - a64), wp.max(largest(c64 - b64), largest(a64 - c64)))
     reach = wp.max(total(h - a64), wp.max(total(h - b64), total(h - c64)))
     from_light = wp.max(largest(a64 - l64), wp.max(largest(b64 - l64), largest(c64 - l64)))
     moved = wp.float64(64.0) * (largest(h) + origin_size)
     bound = U64 * from_light * edge * (wp.float64(16.0) * reach + moved)
-    return opaque_at(alpha, i, light_edge_functions(l64, h, a64, b64, c64, weld), bound)
+    return opaque_where(alpha, i, light_edge_functions(l64, h, a64, b64, c64, weld), bound)

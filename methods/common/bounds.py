@@ -7,6 +7,7 @@ import math
 import warp as wp
 
 from ...harness.frame.frame import Frame
+from ...harness.frame.geometry import Mesh, corners_of
 from .triangle import U32
 
 BLOCK = 256
@@ -25,9 +26,7 @@ is wrong by at most 3 u 2 M, the rounded box by u M, a shadow origin by u M and 
 def bounds_kernel(
     count: wp.int32,
     blocks: wp.int32,
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    valid: wp.array(dtype=wp.uint8),
+    mesh: Mesh,
     box: wp.array(dtype=wp.float32),
 ):
     """Minimum over valid triangles of x, y, z, -x, -y, -z: one reduction a block, then six atomics."""
@@ -36,13 +35,10 @@ def bounds_kernel(
     high = wp.vec3f(-wp.INF, -wp.INF, -wp.INF)
     i = block * wp.block_dim() + lane
     while i < count:
-        if valid[i] != wp.uint8(0):
-            face = triangles[i]
-            a = points[face[0]]
-            b = points[face[1]]
-            c = points[face[2]]
-            low = wp.min(low, wp.min(a, wp.min(b, c)))
-            high = wp.max(high, wp.max(a, wp.max(b, c)))
+        if mesh.valid[i] != wp.uint8(0):
+            corners = corners_of(mesh, i)
+            low = wp.min(low, wp.min(corners.a, wp.min(corners.b, corners.c)))
+            high = wp.max(high, wp.max(corners.a, wp.max(corners.b, corners.c)))
         i += blocks * wp.block_dim()
     x0 = wp.tile_min(wp.tile(low[0]))
     y0 = wp.tile_min(wp.tile(low[1]))
@@ -82,7 +78,7 @@ def launch_bounds(frame: Frame, box: wp.array) -> None:
     wp.launch_tiled(
         bounds_kernel,
         dim=[blocks],
-        inputs=[frame.triangle_count, blocks, frame.points, frame.triangles, frame.valid],
+        inputs=[frame.triangle_count, blocks, frame.mesh],
         outputs=[box],
         block_dim=BLOCK,
         device=frame.device,
@@ -92,9 +88,7 @@ def launch_bounds(frame: Frame, box: wp.array) -> None:
 @wp.kernel(enable_backward=False)
 def boxes_kernel(
     units: wp.float32,
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    valid: wp.array(dtype=wp.uint8),
+    mesh: Mesh,
     box: wp.array(dtype=wp.float32),
     bound: wp.array(dtype=wp.float32),
     lowers: wp.array(dtype=wp.vec3f),
@@ -110,20 +104,17 @@ def boxes_kernel(
         lowers[i] = wp.vec3f(0.0, 0.0, 0.0)
         uppers[i] = wp.vec3f(0.0, 0.0, 0.0)
         return
-    if valid[i] == wp.uint8(0):
+    if mesh.valid[i] == wp.uint8(0):
         lowers[i] = low
         uppers[i] = low
         return
-    face = triangles[i]
-    a = points[face[0]]
-    b = points[face[1]]
-    c = points[face[2]]
+    corners = corners_of(mesh, i)
     reach = wp.max(wp.max(wp.abs(low), wp.abs(box_high(box))), wp.vec3f(bound[0], bound[0], bound[0]))
     pad = (units * U32) * reach
     if units > 0.0:
         pad = pad + wp.vec3f(1.0e-37, 1.0e-37, 1.0e-37)
-    lowers[i] = wp.min(a, wp.min(b, c)) - pad
-    uppers[i] = wp.max(a, wp.max(b, c)) + pad
+    lowers[i] = wp.min(corners.a, wp.min(corners.b, corners.c)) - pad
+    uppers[i] = wp.max(corners.a, wp.max(corners.b, corners.c)) + pad
 
 
 def launch_boxes(frame: Frame, box: wp.array, lowers: wp.array, uppers: wp.array, units: float) -> None:
@@ -132,7 +123,7 @@ def launch_boxes(frame: Frame, box: wp.array, lowers: wp.array, uppers: wp.array
     wp.launch(
         boxes_kernel,
         dim=frame.triangle_count,
-        inputs=[units, frame.points, frame.triangles, frame.valid, box, frame.reach],
+        inputs=[units, frame.mesh, box, frame.reach],
         outputs=[lowers, uppers],
         device=frame.device,
     )

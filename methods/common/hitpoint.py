@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import warp as wp
 
+from ...harness.frame.geometry import Corners, Ray
 from ...harness.frame.vectors import to_float64, total
 
 LEADING = wp.constant(wp.uint64(0xFFFFFFFFE0000000))
@@ -55,11 +56,11 @@ def lost_in_product(a: wp.vec3d, b: wp.vec3d, product: wp.vec3d) -> wp.vec3d:
 
 
 @wp.func
-def plane_distance(o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> wp.float64:
-    """t of the ray on the triangle's plane, without asking whether it lies inside."""
-    a64 = to_float64(a)
-    n = wp.cross(to_float64(b) - a64, to_float64(c) - a64)
-    return wp.dot(n, a64 - to_float64(o)) / wp.dot(n, to_float64(d))
+def plane_distance(ray: Ray, corners: Corners) -> wp.float64:
+    """t of the ray on the triangle's plane, inside the triangle or not."""
+    a64 = to_float64(corners.a)
+    n = wp.cross(to_float64(corners.b) - a64, to_float64(corners.c) - a64)
+    return wp.dot(n, a64 - to_float64(ray.origin)) / wp.dot(n, to_float64(ray.direction))
 
 
 @wp.func
@@ -73,44 +74,40 @@ def nearest_corner(p: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> wp.vec
 
 
 @wp.func
-def is_flat(d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> wp.bool:
-    """Whether direction d is so nearly in the triangle's plane that its hit point takes :func:`flat_hit_point`."""
-    d64 = to_float64(d)
-    a64 = to_float64(a)
-    n = wp.cross(to_float64(b) - a64, to_float64(c) - a64)
+def is_flat(direction: wp.vec3f, corners: Corners) -> wp.bool:
+    """Whether a direction is so nearly in the triangle's plane that its hit point takes :func:`flat_hit_point`."""
+    d64 = to_float64(direction)
+    a64 = to_float64(corners.a)
+    n = wp.cross(to_float64(corners.b) - a64, to_float64(corners.c) - a64)
     return wp.abs(wp.dot(n, d64)) < wp.float64(0.125) * total(n) * total(d64)
 
 
 @wp.func
-def steep_hit_point(
-    o: wp.vec3f, d: wp.vec3f, t: wp.float64, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f
-) -> wp.vec3d:
+def steep_hit_point(ray: Ray, t: wp.float64, corners: Corners) -> wp.vec3d:
     """:func:`hit_point` where the ray is not flat.
 
     t is as uncertain as the way from o to the corner that it was computed from is long: of a large triangle that may
     be far more than the hit point's own rounding. One step of Newton's from the corner nearest to the point leaves what
     its distance to that corner accounts for.
     """
-    d64 = to_float64(d)
-    a64 = to_float64(a)
-    b64 = to_float64(b)
-    c64 = to_float64(c)
-    p = to_float64(o) + d64 * t
+    d64 = to_float64(ray.direction)
+    a64 = to_float64(corners.a)
+    b64 = to_float64(corners.b)
+    c64 = to_float64(corners.c)
+    p = to_float64(ray.origin) + d64 * t
     near = nearest_corner(p, a64, b64, c64)
     n = wp.cross(b64 - a64, c64 - a64)
     return p - d64 * (wp.dot(n, p - near) / wp.dot(n, d64))
 
 
 @wp.func
-def flat_hit_point(
-    o: wp.vec3f, d: wp.vec3f, t: wp.float64, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f
-) -> wp.vec3d:
+def flat_hit_point(ray: Ray, t: wp.float64, corners: Corners) -> wp.vec3d:
     """:func:`hit_point` where the ray is flat: nothing is rounded before the end but what is far too small to matter."""
-    o64 = to_float64(o)
-    d64 = to_float64(d)
-    a64 = to_float64(a)
-    b64 = to_float64(b)
-    c64 = to_float64(c)
+    o64 = to_float64(ray.origin)
+    d64 = to_float64(ray.direction)
+    a64 = to_float64(corners.a)
+    b64 = to_float64(corners.b)
+    c64 = to_float64(corners.c)
     # A shorter t, whose product with d is exact: what it is short of, the step to the plane makes up for.
     way = d64 * wp.cast(wp.cast(t, wp.uint64) & LEADING, wp.float64)
     p = o64 + way
@@ -148,8 +145,8 @@ def flat_hit_point(
 
 
 @wp.func
-def hit_point(o: wp.vec3f, d: wp.vec3f, t: wp.float64, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> wp.vec3d:
+def hit_point(ray: Ray, t: wp.float64, corners: Corners) -> wp.vec3d:
     """o + t d in float64, led back onto the triangle's plane: the shadow origin, by one function for everyone."""
-    if is_flat(d, a, b, c):
-        return flat_hit_point(o, d, t, a, b, c)
-    return steep_hit_point(o, d, t, a, b, c)
+    if is_flat(ray.direction, corners):
+        return flat_hit_point(ray, t, corners)
+    return steep_hit_point(ray, t, corners)

@@ -12,11 +12,11 @@ from ...harness.scene.effects import Effects
 
 def write_misses(frame: Frame, bounce: int = 0) -> None:
     """Triangle -1, t = inf, u = v = 0 for every pixel: of the primary rays, or of the mirrored rays of a bounce."""
-    triangle, t, u, v = frame.hits(bounce)
-    triangle.fill_(-1)
-    t.fill_(math.inf)
-    u.zero_()
-    v.zero_()
+    hits = frame.hits(bounce)
+    hits.triangle.fill_(-1)
+    hits.t.fill_(math.inf)
+    hits.u.zero_()
+    hits.v.zero_()
 
 
 def miss_passes(frame: Frame, effects: Effects) -> list[Pass]:

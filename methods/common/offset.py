@@ -13,6 +13,7 @@ from __future__ import annotations
 import warp as wp
 
 from ...harness.frame.frame import Frame
+from ...harness.frame.geometry import Camera, Corners, Hits, Mesh, Ray, Rays, corners_of, mirrored_ray, ray_of
 from ...harness.frame.mirrors import FINE, GAMMA7, outward, spread
 from ...harness.frame.specialise import effects, specialised
 from ...harness.scene.effects import Switches
@@ -89,25 +90,23 @@ def sheared_error(h: wp.vec3d, way: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.ve
 
 
 @wp.func
-def shadow_origin(
-    o: wp.vec3f, d: wp.vec3f, light: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, sheared: wp.bool
-) -> wp.vec3f:
-    """Where the shadow ray of the pixel ray o + t d that hit the triangle (a, b, c) starts, in float32.
+def shadow_origin(ray: Ray, light: wp.vec3f, corners: Corners, sheared: wp.bool) -> wp.vec3f:
+    """Where the shadow ray of a pixel whose ray hit the triangle starts, in float32.
 
     ``sheared`` says how the query finds its distance. False: from the plane, n . (v - o) / n . d (Embree), wrong by
     the coordinates projected on n. True: from coordinates along the ray (Woop's shear, Warp's Mesh): see
     :func:`sheared_error`.
     """
-    h = hit_point(o, d, plane_distance(o, d, a, b, c), a, b, c)
-    a64 = to_float64(a)
-    b64 = to_float64(b)
-    c64 = to_float64(c)
+    h = hit_point(ray, plane_distance(ray, corners), corners)
+    a64 = to_float64(corners.a)
+    b64 = to_float64(corners.b)
+    c64 = to_float64(corners.c)
     n = wp.normalize(wp.cross(b64 - a64, c64 - a64))
     way = to_float64(light) - h
     if wp.dot(n, way) < wp.float64(0.0):
         n = -n
     reach = wp.max(largest(a64 - h), wp.max(largest(b64 - h), largest(c64 - h)))
-    step = FINE * (reach + largest(h) + wp.float64(largest(o))) + GAMMA7 * (
+    step = FINE * (reach + largest(h) + wp.float64(largest(ray.origin))) + GAMMA7 * (
         wp.abs(n[0]) * spread(a64[0], b64[0], c64[0], h[0])
         + wp.abs(n[1]) * spread(a64[1], b64[1], c64[1], h[1])
         + wp.abs(n[2]) * spread(a64[2], b64[2], c64[2], h[2])
@@ -121,34 +120,24 @@ def shadow_origin(
 
 @wp.kernel(enable_backward=False)
 def shadow_origin_kernel(
-    width: wp.int32,
     light: wp.int32,
-    eye: wp.array(dtype=wp.vec3f),
-    column: wp.array(dtype=wp.vec3f),
-    row: wp.array(dtype=wp.vec3f),
-    lights: wp.array(dtype=wp.vec3f),
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    triangle: wp.array(dtype=wp.int32),
     sheared: wp.bool,
-    origins: wp.array(dtype=wp.vec3f),
-    directions: wp.array(dtype=wp.vec3f),
+    camera: Camera,
+    mesh: Mesh,
+    lights: wp.array(dtype=wp.vec3f),
+    hits: Hits,
+    rays: Rays,
     origin: wp.array(dtype=wp.vec3f),
 ):
     pixel = wp.tid()
-    best = triangle[pixel]
+    best = hits.triangle[pixel]
     if best < 0:
         origin[pixel] = lights[light]
         return
-    face = triangles[best]
-    o = eye[0]
-    d = column[pixel % width] + row[pixel // width]
+    ray = ray_of(camera, pixel)
     if wp.static(effects.bounced):
-        o = origins[pixel]
-        d = directions[pixel]
-    origin[pixel] = shadow_origin(
-        o, d, lights[light], points[face[0]], points[face[1]], points[face[2]], sheared
-    )
+        ray = mirrored_ray(rays, pixel)
+    origin[pixel] = shadow_origin(ray, lights[light], corners_of(mesh, best), sheared)
 
 
 def launch_shadow_origins(frame: Frame, light: int, origin: wp.array, sheared: bool, bounce: int = 0) -> None:
@@ -157,8 +146,7 @@ def launch_shadow_origins(frame: Frame, light: int, origin: wp.array, sheared: b
         specialised(shadow_origin_kernel, Switches(bounced=bounce > 0)),
         dim=frame.pixels,
         inputs=[
-            frame.width, light, frame.eye, frame.column, frame.row, frame.lights, frame.points, frame.triangles,
-            frame.hits(bounce)[0], sheared, *frame.rays(bounce)[:2],
+            light, sheared, frame.camera, frame.mesh, frame.lights, frame.hits(bounce), frame.rays(bounce),
         ],
         outputs=[origin],
         device=frame.device,

@@ -9,27 +9,26 @@ from __future__ import annotations
 
 import warp as wp
 
+from ...harness.frame.geometry import Corners
 from .triangle import FLOOR32, OVERFLOW, U32, U64, certainly_outside, inside, largest, to_float64, total
 
 
 @wp.func
-def may_occlude(
-    h: wp.vec3f, light: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, h_error: wp.float32
-) -> wp.bool:
+def may_occlude(h: wp.vec3f, light: wp.vec3f, corners: Corners, h_error: wp.float32) -> wp.bool:
     """False only if the open segment h-light certainly misses the triangle.
 
     Planes through the light and each edge, evaluated relative to an end of the edge: right at any distance of
     the light. ``h_error`` bounds |h - the float64 hit point| in each coordinate.
     """
-    la = a - light
-    lb = b - light
-    lc = c - light
-    ab = b - a
-    bc = c - b
-    ca = a - c
-    ha = h - a
-    hb = h - b
-    hc = h - c
+    la = corners.a - light
+    lb = corners.b - light
+    lc = corners.c - light
+    ab = corners.b - corners.a
+    bc = corners.c - corners.b
+    ca = corners.a - corners.c
+    ha = h - corners.a
+    hb = h - corners.b
+    hc = h - corners.c
     edge = wp.max(largest(ab), wp.max(largest(bc), largest(ca)))
     reach = wp.max(total(ha), wp.max(total(hb), total(hc)))
     from_light = wp.max(largest(la), wp.max(largest(lb), largest(lc)))
@@ -52,10 +51,10 @@ def may_occlude(
 
 
 @wp.func
-def stands_between(
+def plane_crosses_segment(
     h: wp.vec3d, light: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, origin_size: wp.float64
 ) -> wp.bool:
-    """Whether the triangle's plane crosses the open segment from the hit point h to the light.
+    """Whether the plane of triangle (a, b, c) crosses the open segment from the hit point h to the light.
 
     A plane that passes h within the rounding of h itself does not, nor does one that passes the light within rounding.
     ``origin_size`` is the largest coordinate of the eye: h = eye + t d was rounded at that size.
@@ -79,24 +78,18 @@ def stands_between(
 
 @wp.func
 def occludes(
-    h: wp.vec3d,
-    light: wp.vec3f,
-    a: wp.vec3f,
-    b: wp.vec3f,
-    c: wp.vec3f,
-    weld: wp.vec3i,
-    origin_size: wp.float64,
+    h: wp.vec3d, light: wp.vec3f, corners: Corners, weld: wp.vec3i, origin_size: wp.float64
 ) -> wp.bool:
     """Whether the triangle meets the open segment from the hit point h to the light. Float64.
 
     A triangle whose plane passes h within rounding contains it (its own triangle, duplicates, neighbours at an edge)
-    and does not count: see :func:`stands_between`.
+    and does not count: see :func:`plane_crosses_segment`.
     """
     l64 = to_float64(light)
-    a64 = to_float64(a)
-    b64 = to_float64(b)
-    c64 = to_float64(c)
-    if not stands_between(h, l64, a64, b64, c64, origin_size):
+    a64 = to_float64(corners.a)
+    b64 = to_float64(corners.b)
+    c64 = to_float64(corners.c)
+    if not plane_crosses_segment(h, l64, a64, b64, c64, origin_size):
         return False
     return inside(light_edge_functions(l64, h, a64, b64, c64, weld))
 

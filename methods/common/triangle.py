@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import warp as wp
 
+from ...harness.frame.geometry import Corners, Hits, Mesh, Ray, corners_of, weld_of
 from ...harness.frame.vectors import largest as largest
 from ...harness.frame.vectors import to_float32 as to_float32
 from ...harness.frame.vectors import to_float64 as to_float64
@@ -41,14 +42,15 @@ def certainly_outside(e0: wp.float32, e1: wp.float32, e2: wp.float32, bound: wp.
 
 
 @wp.func
-def may_hit(o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> wp.bool:
-    """False only if the line o + t d certainly misses the triangle. Float32; t is not looked at."""
-    pa = a - o
-    pb = b - o
-    pc = c - o
-    ab = b - a
-    bc = c - b
-    ca = a - c
+def may_hit(ray: Ray, corners: Corners) -> wp.bool:
+    """False only if the ray's line certainly misses the triangle. Float32; t is not looked at."""
+    d = ray.direction
+    pa = corners.a - ray.origin
+    pb = corners.b - ray.origin
+    pc = corners.c - ray.origin
+    ab = corners.b - corners.a
+    bc = corners.c - corners.b
+    ca = corners.a - corners.c
     reach = wp.max(largest(pa), wp.max(largest(pb), largest(pc)))
     edge = wp.max(largest(ab), wp.max(largest(bc), largest(ca)))
     product = total(d) * reach * edge
@@ -103,15 +105,13 @@ def inside(e: wp.vec3d) -> wp.bool:
 
 
 @wp.func
-def hit_distance(
-    o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i
-) -> wp.float64:
-    """t > 0 of the hit in lengths of d, or NO_HIT. Float64 on exact float32 inputs."""
-    o64 = to_float64(o)
-    d64 = to_float64(d)
-    a64 = to_float64(a)
-    b64 = to_float64(b)
-    c64 = to_float64(c)
+def hit_distance(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.float64:
+    """t > 0 of the hit in lengths of the direction, or NO_HIT. Float64 on exact float32 inputs."""
+    o64 = to_float64(ray.origin)
+    d64 = to_float64(ray.direction)
+    a64 = to_float64(corners.a)
+    b64 = to_float64(corners.b)
+    c64 = to_float64(corners.c)
     if not inside(edge_functions(o64, d64, a64, b64, c64, weld)):
         return NO_HIT
     e1 = b64 - a64
@@ -157,63 +157,48 @@ def nearer(t: wp.float64, i: wp.int32, best_t: wp.float64, best: wp.int32) -> wp
 
 
 @wp.func
-def hit_weights(o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i) -> wp.vec2f:
+def hit_weights(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.vec2f:
     """(u, v): the weights of vertices 1 and 2 at the hit."""
-    e = edge_functions(to_float64(o), to_float64(d), to_float64(a), to_float64(b), to_float64(c), weld)
+    o = to_float64(ray.origin)
+    d = to_float64(ray.direction)
+    a = to_float64(corners.a)
+    b = to_float64(corners.b)
+    c = to_float64(corners.c)
+    e = edge_functions(o, d, a, b, c, weld)
     sum = e[0] + e[1] + e[2]
     return wp.vec2f(wp.float32(e[1] / sum), wp.float32(e[2] / sum))
 
 
 @wp.func
-def weld_of(weld: wp.array(dtype=wp.int32), face: wp.vec3i) -> wp.vec3i:
-    return wp.vec3i(weld[face[0]], weld[face[1]], weld[face[2]])
-
-
-@wp.func
-def write_miss(
-    pixel: wp.int32,
-    triangle_out: wp.array(dtype=wp.int32),
-    t_out: wp.array(dtype=wp.float32),
-    u_out: wp.array(dtype=wp.float32),
-    v_out: wp.array(dtype=wp.float32),
-):
-    """A pixel without a ray: a miss (its hit point is never read)."""
-    triangle_out[pixel] = -1
-    t_out[pixel] = wp.INF
-    u_out[pixel] = 0.0
-    v_out[pixel] = 0.0
+def write_miss(hits: Hits, pixel: wp.int32):
+    """A pixel without a hit. Its hit point is never read."""
+    hits.triangle[pixel] = -1
+    hits.t[pixel] = wp.INF
+    hits.u[pixel] = 0.0
+    hits.v[pixel] = 0.0
 
 
 @wp.func
 def write_hit(
+    hits: Hits,
+    hit_points: wp.array(dtype=wp.vec3d),
     pixel: wp.int32,
-    o: wp.vec3f,
-    d: wp.vec3f,
+    ray: Ray,
     best: wp.int32,
     t: wp.float64,
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    weld: wp.array(dtype=wp.int32),
-    triangle_out: wp.array(dtype=wp.int32),
-    t_out: wp.array(dtype=wp.float32),
-    u_out: wp.array(dtype=wp.float32),
-    v_out: wp.array(dtype=wp.float32),
-    hit_out: wp.array(dtype=wp.vec3d),
+    mesh: Mesh,
 ):
-    """Write a pixel's answers and its float64 hit point; ``best`` = -1 is a miss (t = inf, u = v = 0)."""
-    triangle_out[pixel] = best
+    """Write a pixel's closest hit and its float64 hit point; ``best`` = -1 is a miss (t = inf, u = v = 0)."""
+    hits.triangle[pixel] = best
     if best < 0:
-        t_out[pixel] = wp.INF
-        u_out[pixel] = 0.0
-        v_out[pixel] = 0.0
-        hit_out[pixel] = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
+        hits.t[pixel] = wp.INF
+        hits.u[pixel] = 0.0
+        hits.v[pixel] = 0.0
+        hit_points[pixel] = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
         return
-    face = triangles[best]
-    a = points[face[0]]
-    b = points[face[1]]
-    c = points[face[2]]
-    uv = hit_weights(o, d, a, b, c, weld_of(weld, face))
-    t_out[pixel] = wp.float32(t)
-    u_out[pixel] = uv[0]
-    v_out[pixel] = uv[1]
-    hit_out[pixel] = hit_point(o, d, t, a, b, c)
+    corners = corners_of(mesh, best)
+    uv = hit_weights(ray, corners, weld_of(mesh, best))
+    hits.t[pixel] = wp.float32(t)
+    hits.u[pixel] = uv[0]
+    hits.v[pixel] = uv[1]
+    hit_points[pixel] = hit_point(ray, t, corners)

@@ -160,7 +160,8 @@ class Embree(BaseMethod):
     def _primary(self) -> None:
         frame, scene = self._frame, self._scene
         assert scene is not None
-        triangle, t, u, v = (array.numpy() for array in frame.hits(0))
+        hits = frame.hits(0)
+        triangle, t, u, v = (array.numpy() for array in (hits.triangle, hits.t, hits.u, hits.v))
         eye, column, row = frame.eye.numpy(), frame.column.numpy(), frame.row.numpy()
 
         def work(block: slice) -> None:
@@ -183,8 +184,11 @@ class Embree(BaseMethod):
     def _bounced(self, bounce: int) -> None:
         frame, scene = self._frame, self._scene
         assert scene is not None
-        origins, directions, active = (array.numpy() for array in frame.rays(bounce))
-        triangle, t, u, v = (array.numpy() for array in frame.hits(bounce))
+        mirrored, hits = frame.rays(bounce), frame.hits(bounce)
+        origins, directions, active = (
+            array.numpy() for array in (mirrored.origin, mirrored.direction, mirrored.active)
+        )
+        triangle, t, u, v = (array.numpy() for array in (hits.triangle, hits.t, hits.u, hits.v))
 
         def work(block: slice) -> None:
             triangle[block], t[block], u[block], v[block] = MISS, np.inf, 0.0, 0.0
@@ -203,7 +207,7 @@ class Embree(BaseMethod):
         assert scene is not None
         launch_shadow_origins(frame, light, self._origins, sheared=False, bounce=bounce)
         origins, lit = self._origins.numpy(), frame.lights.numpy()[light]
-        triangle: NDArray[np.int32] = frame.hits(bounce)[0].numpy()
+        triangle: NDArray[np.int32] = frame.hits(bounce).triangle.numpy()
         visibility: NDArray[np.uint8] = frame.bits(bounce).numpy()[light]
         receivers = frame.masks(bounce).numpy()[light] if self._effects.masked(light) else None
 

@@ -17,6 +17,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from ...harness.frame.geometry import Corners
 from ...harness.scene.prepared import recentre
 from ...harness.scene.scene import Scene, Vector
 from ..common.triangle import U64, largest, to_float64, total
@@ -26,14 +27,14 @@ NEAR = 1e-6
 
 
 @wp.func
-def faces_away(outward: wp.float64, o: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> wp.bool:
-    """Whether the triangle certainly turns its back to o. ``outward``: +1 or -1 as faces are wound, 0: never."""
+def faces_away(outward: wp.float64, viewer: wp.vec3f, corners: Corners) -> wp.bool:
+    """Whether the triangle certainly turns its back to ``viewer``. ``outward``: +1 or -1 as faces are wound, 0: never."""
     if outward == wp.float64(0.0):
         return False
-    a64 = to_float64(a)
-    ab = to_float64(b) - a64
-    ac = to_float64(c) - a64
-    oa = to_float64(o) - a64
+    a64 = to_float64(corners.a)
+    ab = to_float64(corners.b) - a64
+    ac = to_float64(corners.c) - a64
+    oa = to_float64(viewer) - a64
     side = outward * wp.dot(wp.cross(ab, ac), oa)
     return side < -wp.float64(16.0) * U64 * largest(ab) * largest(ac) * total(oa)
 

@@ -236,11 +236,10 @@ class UniformGrid(BaseMethod):
             specialised(primary_kernel, self._effects.switches(bounce=bounce)),
             dim=self._threads,
             inputs=[
-                frame.width, frame.height, self.trace.swizzle, self._grid, pairs.begin, pairs.end, pairs.values,
-                frame.eye, frame.column, frame.row, frame.points, frame.triangles, frame.weld, frame.alpha,
-                *frame.rays(bounce),
+                self.trace.swizzle, self._grid, pairs.begin, pairs.end, pairs.values, frame.camera, frame.mesh,
+                frame.alpha, frame.rays(bounce),
             ],
-            outputs=[*frame.hits(bounce), self._hits(bounce), counted],
+            outputs=[frame.hits(bounce), self._hits(bounce), counted],
             device=frame.device,
         )  # fmt: skip
 
@@ -251,9 +250,9 @@ class UniformGrid(BaseMethod):
             specialised(shadow_kernel, self._effects.switches(light, bounce)),
             dim=self._threads,
             inputs=[
-                frame.width, frame.height, self.trace.swizzle, light, self._grid, pairs.begin, pairs.end,
-                pairs.values, frame.eye, frame.lights, frame.points, frame.triangles, frame.weld,
-                frame.hits(bounce)[0], self._hits(bounce), frame.masks(bounce), frame.alpha, frame.rays(bounce)[0],
+                self.trace.swizzle, light, self._grid, pairs.begin, pairs.end, pairs.values, frame.camera,
+                frame.mesh, frame.alpha, frame.lights, frame.rays(bounce), frame.hits(bounce), self._hits(bounce),
+                frame.masks(bounce),
             ],
             outputs=[frame.bits(bounce), counted],
             device=frame.device,

@@ -10,8 +10,9 @@ from __future__ import annotations
 import warp as wp
 
 from ...harness.frame.alpha import Alpha
+from ...harness.frame.geometry import Camera, Hits, Mesh, Rays, corners_of, mirrored_ray, ray_of, weld_of
 from ...harness.frame.specialise import effects
-from ..common.alpha import hit_counts, shadow_counts
+from ..common.alpha import opaque_at_hit, opaque_to_light
 from ..common.pixels import pixel_of
 from ..common.segment import may_occlude, occludes
 from ..common.triangle import (
@@ -23,7 +24,6 @@ from ..common.triangle import (
     nearer,
     to_float32,
     to_float64,
-    weld_of,
     write_hit,
     write_miss,
 )
@@ -149,62 +149,46 @@ def advance(w: Walk) -> Walk:
 
 @wp.kernel(enable_backward=False)
 def primary_kernel(
-    width: wp.int32,
-    height: wp.int32,
     blocks: wp.bool,
     grid: wp.array(dtype=Grid),
     begin: wp.array(dtype=wp.int32),
     end: wp.array(dtype=wp.int32),
     members: wp.array(dtype=wp.int32),
-    eye: wp.array(dtype=wp.vec3f),
-    column: wp.array(dtype=wp.vec3f),
-    row: wp.array(dtype=wp.vec3f),
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    weld: wp.array(dtype=wp.int32),
+    camera: Camera,
+    mesh: Mesh,
     alpha: Alpha,
-    origins: wp.array(dtype=wp.vec3f),
-    directions: wp.array(dtype=wp.vec3f),
-    active: wp.array(dtype=wp.uint8),
-    triangle: wp.array(dtype=wp.int32),
-    t: wp.array(dtype=wp.float32),
-    u: wp.array(dtype=wp.float32),
-    v: wp.array(dtype=wp.float32),
-    hit: wp.array(dtype=wp.vec3d),
+    rays: Rays,
+    hits: Hits,
+    hit_points: wp.array(dtype=wp.vec3d),
     tests: wp.array(dtype=wp.int32),
 ):
     """Closest hit of each pixel: nearest by float64 t, ties to the lowest index. Empty ``tests``: not counted."""
-    pixel = pixel_of(wp.tid(), width, height, blocks)
+    pixel = pixel_of(wp.tid(), camera.width, camera.height, blocks)
     if pixel < 0:
         return
     g = grid[0]
-    o = eye[0]
-    d = column[pixel % width] + row[pixel // width]
+    ray = ray_of(camera, pixel)
     if wp.static(effects.bounced):
-        if active[pixel] == wp.uint8(0):
-            write_miss(pixel, triangle, t, u, v)
+        if rays.active[pixel] == wp.uint8(0):
+            write_miss(hits, pixel)
             return
-        o = origins[pixel]
-        d = directions[pixel]
+        ray = mirrored_ray(rays, pixel)
     best = wp.int32(-1)
     best_t = FOREVER
     number = wp.int32(0)
-    w = enter(g, to_float64(o), to_float64(d), FOREVER)
+    w = enter(g, to_float64(ray.origin), to_float64(ray.direction), FOREVER)
     going = w.start <= w.end
     while going:
         cell = cell_index(g.res, w.cell[0], w.cell[1], w.cell[2])
         for k in range(begin[cell], end[cell]):
             i = members[k]
-            face = triangles[i]
             number += 1
-            a = points[face[0]]
-            b = points[face[1]]
-            c = points[face[2]]
-            if may_hit(o, d, a, b, c):
-                distance = hit_distance(o, d, a, b, c, weld_of(weld, face))
+            corners = corners_of(mesh, i)
+            if may_hit(ray, corners):
+                distance = hit_distance(ray, corners, weld_of(mesh, i))
                 if wp.static(effects.alpha):
                     if distance > wp.float64(0.0):
-                        if not hit_counts(alpha, i, o, d, a, b, c, weld_of(weld, face)):
+                        if not opaque_at_hit(alpha, i, ray, corners, weld_of(mesh, i)):
                             distance = NO_HIT
                 if distance > wp.float64(0.0) and nearer(distance, i, best_t, best):
                     best = i
@@ -217,37 +201,33 @@ def primary_kernel(
             going = inside(w.cell, g.res)
     if tests.shape[0] > 0:
         tests[pixel] = number
-    write_hit(pixel, o, d, best, best_t, points, triangles, weld, triangle, t, u, v, hit)
+    write_hit(hits, hit_points, pixel, ray, best, best_t, mesh)
 
 
 @wp.kernel(enable_backward=False)
 def shadow_kernel(
-    width: wp.int32,
-    height: wp.int32,
     blocks: wp.bool,
     light: wp.int32,
     grid: wp.array(dtype=Grid),
     begin: wp.array(dtype=wp.int32),
     end: wp.array(dtype=wp.int32),
     members: wp.array(dtype=wp.int32),
-    eye: wp.array(dtype=wp.vec3f),
-    lights: wp.array(dtype=wp.vec3f),
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    weld: wp.array(dtype=wp.int32),
-    triangle: wp.array(dtype=wp.int32),
-    hit: wp.array(dtype=wp.vec3d),
-    receivers: wp.array2d(dtype=wp.uint8),
+    camera: Camera,
+    mesh: Mesh,
     alpha: Alpha,
-    origins: wp.array(dtype=wp.vec3f),
+    lights: wp.array(dtype=wp.vec3f),
+    rays: Rays,
+    hits: Hits,
+    hit_points: wp.array(dtype=wp.vec3d),
+    receivers: wp.array2d(dtype=wp.uint8),
     visibility: wp.array2d(dtype=wp.uint8),
     tests: wp.array(dtype=wp.int32),
 ):
     """Whether anything meets the open segment from each float64 hit point to the light; ``tests`` is added to."""
-    pixel = pixel_of(wp.tid(), width, height, blocks)
+    pixel = pixel_of(wp.tid(), camera.width, camera.height, blocks)
     if pixel < 0:
         return
-    own = triangle[pixel]
+    own = hits.triangle[pixel]
     if own < 0:
         visibility[light, pixel] = wp.uint8(0)
         return
@@ -256,13 +236,13 @@ def shadow_kernel(
             visibility[light, pixel] = wp.uint8(0)
             return
     g = grid[0]
-    h = hit[pixel]
+    h = hit_points[pixel]
     near = to_float32(h)
     target = lights[light]
     error = U32 * largest(near)
-    size = wp.float64(largest(eye[0]))
+    size = wp.float64(largest(camera.eye[0]))
     if wp.static(effects.bounced):
-        size = wp.float64(largest(origins[pixel]))
+        size = wp.float64(largest(rays.origin[pixel]))
     shadowed = wp.bool(False)
     number = wp.int32(0)
     w = enter(g, h, to_float64(target) - h, wp.float64(1.0))
@@ -273,15 +253,12 @@ def shadow_kernel(
             i = members[k]
             if i != own and not shadowed:
                 number += 1
-                face = triangles[i]
-                a = points[face[0]]
-                b = points[face[1]]
-                c = points[face[2]]
-                if may_occlude(near, target, a, b, c, error):
-                    shadowed = occludes(h, target, a, b, c, weld_of(weld, face), size)
+                corners = corners_of(mesh, i)
+                if may_occlude(near, target, corners, error):
+                    shadowed = occludes(h, target, corners, weld_of(mesh, i), size)
                     if wp.static(effects.alpha):
                         if shadowed:
-                            shadowed = shadow_counts(alpha, i, h, target, a, b, c, weld_of(weld, face), size)
+                            shadowed = opaque_to_light(alpha, i, h, target, corners, weld_of(mesh, i), size)
         leave = next_leave(w)
         if shadowed or leave > wp.float64(1.0) + w.margin or leave == FOREVER:
             going = False

@@ -112,11 +112,11 @@ class ByTheReferee(SimpleMethod):
 
     def _closest(self, frame, bounce, origins, directions):
         hits = self.referee.closest(origins, directions)
-        triangle, t, u, v = frame.hits(bounce)
-        triangle.assign(hits.triangle)
-        t.assign(hits.t.astype(np.float32))
-        u.zero_()
-        v.zero_()
+        answered = frame.hits(bounce)
+        answered.triangle.assign(hits.triangle)
+        answered.t.assign(hits.t.astype(np.float32))
+        answered.u.zero_()
+        answered.v.zero_()
         return hits
 
     def trace_primary(self, frame):
@@ -127,7 +127,8 @@ class ByTheReferee(SimpleMethod):
         frame.bits(0)[light].assign(self.referee.occluded(self.hits[0], frame.host.lights[light]))
 
     def trace_bounce(self, frame, bounce):
-        origins, directions, active = (array.numpy() for array in frame.rays(bounce))
+        rays = frame.rays(bounce)
+        origins, directions, active = rays.origin.numpy(), rays.direction.numpy(), rays.active.numpy()
         away = np.where(active[:, None] == 1, origins, np.float32(1e6))
         self.hits[bounce] = self._closest(
             frame, bounce, away, np.where(active[:, None] == 1, directions, np.float32(1.0))

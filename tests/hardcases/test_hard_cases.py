@@ -138,8 +138,8 @@ class MirrorForger(Forger):
     simulates = frozenset({"shadows", "mirror"})
 
     def trace_bounce(self, frame, bounce):
-        for key, array in zip(("triangle", "t", "u", "v"), frame.hits(bounce), strict=True):
-            array.assign(self.answers[f"bounce_{key}"][bounce - 1])
+        for key in ("triangle", "t", "u", "v"):
+            getattr(frame.hits(bounce), key).assign(self.answers[f"bounce_{key}"][bounce - 1])
 
     def trace_bounce_shadow(self, frame, light, bounce):
         frame.bits(bounce)[light].assign(self.answers["bounce_visibility"][bounce - 1][light])

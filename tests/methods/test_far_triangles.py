@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import warp as wp
+from shadowbench.harness.frame.geometry import Corners, Ray
 from shadowbench.methods.common.segment import may_occlude, occludes
 from shadowbench.methods.common.triangle import hit_distance, may_hit
 
@@ -37,11 +38,11 @@ def fan_kernel(
         b = rings[i, j]
         c = rings[i, (j + 1) % FAN]
         w = wp.vec3i(weld[i, FAN], weld[i, j], weld[i, (j + 1) % FAN])
-        if may_hit(o, directions[i], a, b, c) and hit_distance(o, directions[i], a, b, c, w) > wp.float64(
-            0.0
-        ):
+        ray = Ray(o, directions[i])
+        fan = Corners(a, b, c)
+        if may_hit(ray, fan) and hit_distance(ray, fan, w) > wp.float64(0.0):
             hits[i] = hits[i] + 1
-        if may_occlude(h32, o, a, b, c, wp.float32(1.0)) and occludes(h, o, a, b, c, w, wp.float64(0.0)):
+        if may_occlude(h32, o, fan, wp.float32(1.0)) and occludes(h, o, fan, w, wp.float64(0.0)):
             shadows[i] = shadows[i] + 1
 
 

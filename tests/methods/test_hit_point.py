@@ -9,6 +9,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 import warp as wp
+from shadowbench.harness.frame.geometry import Corners, Ray
 from shadowbench.methods.common.hitpoint import hit_point
 
 U64 = 2.0**-53
@@ -21,7 +22,7 @@ def point_kernel(
     a: wp.array(dtype=wp.vec3f), b: wp.array(dtype=wp.vec3f), c: wp.array(dtype=wp.vec3f), h: wp.array(dtype=wp.vec3d),
 ):  # fmt: skip
     i = wp.tid()
-    h[i] = hit_point(o[i], d[i], t[i], a[i], b[i], c[i])
+    h[i] = hit_point(Ray(o[i], d[i]), t[i], Corners(a[i], b[i], c[i]))
 
 
 def rational(vector) -> list[Fraction]:

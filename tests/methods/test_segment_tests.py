@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import warp as wp
+from shadowbench.harness.frame.geometry import Corners
 from shadowbench.methods.common.segment import occludes
 from shadowbench.methods.common.triangle import largest, to_float32
 from shadowbench.methods.perspective_spherical.light.segment_tests import (
@@ -26,14 +27,12 @@ def verdict_kernel(
     exact: wp.array2d(dtype=wp.bool),
 ):
     i, j = wp.tid()
-    a = corners[i, 0]
-    b = corners[i, 1]
-    c = corners[i, 2]
+    triangle = Corners(corners[i, 0], corners[i, 1], corners[i, 2])
     weld = wp.vec3i(0, 1, 2)
-    record = segment_exact(lights[i], a, b, c, weld, size)
+    record = segment_exact(lights[i], triangle, weld, size)
     h = hits[i, j]
     verdicts[i, j] = segment_bounded(to_float32(h), lights[i], 0.0, record)
-    exact[i, j] = occludes(h, lights[i], a, b, c, weld, wp.float64(largest(a)))
+    exact[i, j] = occludes(h, lights[i], triangle, weld, wp.float64(largest(triangle.a)))
 
 
 @pytest.mark.parametrize("middle", [0.0, 300.0])

@@ -141,8 +141,8 @@ MUTATIONS = (
     Mutation(
         "no rule for the own triangle",
         (
-            Planted(segment, "stands_between", ((OWN_TRIANGLE, ""),), segment),
-            Planted(exact, "shadow_kernel", (("if i != own and valid", "if valid"),), exact),
+            Planted(segment, "plane_crosses_segment", ((OWN_TRIANGLE, ""),), segment),
+            Planted(exact, "shadow_kernel", (("if i != own and mesh.valid", "if mesh.valid"),), exact),
         ),
         "bvh",
         EXACT_BVH,
@@ -155,7 +155,7 @@ MUTATIONS = (
                 triangle,
                 "hit_distance",
                 (("if not inside(edge_functions(o64, d64, a64, b64, c64, weld)):",
-                  "if not inside32(o, d, a, b, c):"),),
+                  "if not inside32(ray.origin, ray.direction, corners.a, corners.b, corners.c):"),),
                 exact,
             ),
         ),

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import warp as wp
 
+from ....harness.frame.geometry import Camera, Mesh, corners_of, weld_of
 from ...common.screen import camera_space, out_of_view, pixel_box
-from ...common.triangle import largest, weld_of
+from ...common.triangle import largest
 from ..culling import faces_away
 from ..lists.binning import queue_large
 from .ray_tests import plane_record, vertex_record
@@ -22,18 +23,12 @@ def widened(p: wp.vec3f, middle: wp.vec3f, widening: wp.float32) -> wp.vec3f:
 @wp.func
 def project(
     i: wp.int32,
-    width: wp.int32,
-    height: wp.int32,
     tile: wp.int32,
     widening: wp.float32,
     outward: wp.float64,
     test: wp.int32,
-    eye: wp.array(dtype=wp.vec3f),
-    axes: wp.array(dtype=wp.vec3f),
-    tangents: wp.array(dtype=wp.float32),
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    weld: wp.array(dtype=wp.int32),
+    camera: Camera,
+    mesh: Mesh,
     boxes: wp.array(dtype=wp.vec4i),
     records: wp.array(dtype=wp.vec4f),
     lanes: wp.int32,
@@ -43,28 +38,28 @@ def project(
 ) -> wp.vec2f:
     """A valid triangle's box, record and place in the queue; returns its range of depth, (inf, -inf) if unseen."""
     unseen = wp.vec2f(wp.INF, -wp.INF)
-    face = triangles[i]
-    o = eye[0]
-    a = camera_space(points[face[0]], o, axes)
-    b = camera_space(points[face[1]], o, axes)
-    c = camera_space(points[face[2]], o, axes)
+    corners = corners_of(mesh, i)
+    o = camera.eye[0]
+    a = camera_space(corners.a, o, camera.axes)
+    b = camera_space(corners.b, o, camera.axes)
+    c = camera_space(corners.c, o, camera.axes)
     middle = (a + b + c) / 3.0
     a = widened(a, middle, widening)
     b = widened(b, middle, widening)
     c = widened(c, middle, widening)
-    if out_of_view(a, b, c, tangents[0], tangents[1]):
+    if out_of_view(a, b, c, camera.tangents[0], camera.tangents[1]):
         return unseen
-    seen = pixel_box(a, b, c, tangents[0], tangents[1], width, height)
+    seen = pixel_box(a, b, c, camera.tangents[0], camera.tangents[1], camera.width, camera.height)
     if seen[2] < seen[0] or seen[3] < seen[1]:
         return unseen
-    if faces_away(outward, o, points[face[0]], points[face[1]], points[face[2]]):
+    if faces_away(outward, o, corners):
         return unseen
     box = wp.vec4i(seen[0] // tile, seen[1] // tile, seen[2] // tile, seen[3] // tile)
     boxes[i] = box
     queue_large(i, box, lanes, queue, needs, slot)
-    r = plane_record(o, points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face))
+    r = plane_record(o, corners, weld_of(mesh, i))
     if test == 2:  # Moeller-Trumbore
-        r = vertex_record(o, points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face))
+        r = vertex_record(o, corners, weld_of(mesh, i))
     records[3 * i] = r.q0
     records[3 * i + 1] = r.q1
     records[3 * i + 2] = r.q2
@@ -76,19 +71,12 @@ def project(
 @wp.kernel(enable_backward=False, grid_stride=False)
 def project_kernel(
     triangle_count: wp.int32,
-    width: wp.int32,
-    height: wp.int32,
     tile: wp.int32,
     widening: wp.float32,
     outward: wp.float64,
     test: wp.int32,
-    eye: wp.array(dtype=wp.vec3f),
-    axes: wp.array(dtype=wp.vec3f),
-    tangents: wp.array(dtype=wp.float32),
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    weld: wp.array(dtype=wp.int32),
-    valid: wp.array(dtype=wp.uint8),
+    camera: Camera,
+    mesh: Mesh,
     lanes: wp.int32,
     slot: wp.int32,
     boxes: wp.array(dtype=wp.vec4i),
@@ -108,11 +96,10 @@ def project_kernel(
     depth = wp.vec2f(wp.INF, -wp.INF)
     if i < boxes.shape[0]:
         boxes[i] = wp.vec4i(0, 0, -1, -1)
-        if i < triangle_count and valid[i] != wp.uint8(0):
+        if i < triangle_count and mesh.valid[i] != wp.uint8(0):
             depth = project(
-                i, width, height, tile, widening, outward, test, eye, axes, tangents, points, triangles, weld,
-                boxes, records, lanes, queue, needs, slot,
-            )  # fmt: skip
+                i, tile, widening, outward, test, camera, mesh, boxes, records, lanes, queue, needs, slot
+            )
             depths[i] = depth
     low = wp.tile_extract(wp.tile_min(wp.tile(depth[0])), 0)
     high = wp.tile_extract(wp.tile_max(wp.tile(depth[1])), 0)

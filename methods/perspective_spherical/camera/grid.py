@@ -97,9 +97,8 @@ class CameraGrid:
             project_kernel,
             dim=-(-b.items // BIN_BLOCK) * BIN_BLOCK,
             inputs=[
-                f.triangle_count, f.width, f.height, self.build.tile, self.widening, self.outward,
-                TRIANGLE_TESTS.index(self.build.triangle_test), f.eye, f.axes, f.tangents, f.points, f.triangles,
-                f.weld, f.valid, b.lanes, b.slot + 1,
+                f.triangle_count, self.build.tile, self.widening, self.outward,
+                TRIANGLE_TESTS.index(self.build.triangle_test), f.camera, f.mesh, b.lanes, b.slot + 1,
             ],
             outputs=[b.boxes, self.depths, self.depth_range, self.records, b.queue, b.needs],
             block_dim=BIN_BLOCK,
@@ -122,7 +121,7 @@ class CameraGrid:
 
     def launch_trace(self, tests: wp.array | None = None) -> None:
         """Closest hits. ``tests`` (int32 [pixels]) receives the triangle tests of each pixel, if given."""
-        f, a, pairs, split = self.frame, self.frame.answers, self.bins, self.trace.triangle_chunk
+        f, pairs, split = self.frame, self.bins, self.trace.triangle_chunk
         # Of a split list a block takes one sorting tile; otherwise a tracing tile of k x k of them.
         k = 1 if split else self.trace.k
         sources = -(-self.across // k) * -(-self.down // k)
@@ -134,14 +133,14 @@ class CameraGrid:
         block = block_for(area)
         in_blocks = staged(self.trace, f.device)
         kernel = make_staged_trace_kernel(variant, block) if in_blocks else make_trace_kernel(variant)
-        outputs = [a.triangle, a.t, a.u, a.v, self.hit, self.no_tests if tests is None else tests]
+        outputs = [f.hits(0), self.hit, self.no_tests if tests is None else tests]
         wp.launch(
             specialised(kernel, self.effects.switches()),
             dim=sources * (-(-area // block) * block if in_blocks else area),
             inputs=[
-                f.width, f.height, self.build.tile, k, self.build.slices, split, f.eye, f.column, f.row, f.points,
-                f.triangles, f.weld, self.depth_range, pairs.begin, pairs.end, pairs.keys, pairs.values,
-                self.records, f.alpha, self.items.items, self.items.scan, self.nearest,
+                self.build.tile, k, self.build.slices, split, f.camera, f.mesh, self.depth_range, pairs.begin,
+                pairs.end, pairs.keys, pairs.values, self.records, f.alpha, self.items.items, self.items.scan,
+                self.nearest,
             ],
             outputs=outputs,
             block_dim=block,
@@ -151,7 +150,7 @@ class CameraGrid:
             wp.launch(
                 make_resolve_kernel(variant),
                 dim=f.pixels,
-                inputs=[f.width, f.eye, f.column, f.row, f.points, f.triangles, f.weld, self.nearest],
+                inputs=[f.camera, f.mesh, self.nearest],
                 outputs=outputs[:-1],
                 device=f.device,
             )

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import warp as wp
 
+from ....harness.frame.geometry import Corners, Ray
 from ...common.triangle import (
     FLOOR32,
     NO_HIT,
@@ -63,11 +64,14 @@ def plane_of_edge(p: wp.vec3f, q: wp.vec3f, weld_p: wp.int32, weld_q: wp.int32) 
 
 
 @wp.func
-def plane_record(o: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i) -> RayRecord:
+def plane_record(eye: wp.vec3f, corners: Corners, weld: wp.vec3i) -> RayRecord:
     """Edge planes; the bound of their values is that of ``may_hit``, for a direction with |d|_1 = 1."""
-    pa = a - o
-    pb = b - o
-    pc = c - o
+    a = corners.a
+    b = corners.b
+    c = corners.c
+    pa = a - eye
+    pb = b - eye
+    pc = c - eye
     reach = wp.max(largest(pa), wp.max(largest(pb), largest(pc)))
     edge = wp.max(largest(b - a), wp.max(largest(c - b), largest(a - c)))
     n0 = plane_of_edge(pb, pc, weld[1], weld[2])
@@ -81,11 +85,11 @@ def plane_record(o: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.ve
 
 
 @wp.func
-def vertex_record(o: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i) -> RayRecord:
+def vertex_record(eye: wp.vec3f, corners: Corners, weld: wp.vec3i) -> RayRecord:
     r = RayRecord()
-    e1 = b - a
-    e2 = c - a
-    s = o - a
+    e1 = corners.b - corners.a
+    e2 = corners.c - corners.a
+    s = eye - corners.a
     r.q0 = wp.vec4f(s[0], s[1], s[2], 0.0)
     r.q1 = wp.vec4f(e1[0], e1[1], e1[2], 0.0)
     r.q2 = wp.vec4f(e2[0], e2[1], e2[2], 0.0)
@@ -134,15 +138,13 @@ def passes_moller_trumbore(d: wp.vec3f, size: wp.float32, r: RayRecord) -> wp.bo
 
 
 @wp.func
-def decide_near(
-    o: wp.vec3f, d: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i
-) -> wp.float64:
+def hit_distance_near(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.float64:
     """t > 0 where the ray crosses the plane within TOLERANCE of the triangle, or NO_HIT. Float64."""
-    o64 = to_float64(o)
-    d64 = to_float64(d)
-    a64 = to_float64(a)
-    b64 = to_float64(b)
-    c64 = to_float64(c)
+    o64 = to_float64(ray.origin)
+    d64 = to_float64(ray.direction)
+    a64 = to_float64(corners.a)
+    b64 = to_float64(corners.b)
+    c64 = to_float64(corners.c)
     e1 = b64 - a64
     e2 = c64 - a64
     n = wp.cross(e1, e2)
@@ -170,5 +172,5 @@ def near_inside(e: wp.vec3d) -> wp.bool:
 
 RAY_RECORDS = (plane_record, plane_record, vertex_record)
 RAY_PASSES = (passes_bounded, passes_planes, passes_moller_trumbore)
-RAY_DECIDES = (hit_distance, decide_near, decide_near)
+RAY_DECIDES = (hit_distance, hit_distance_near, hit_distance_near)
 """By test: make the record, reject in float32, decide what is left."""

@@ -17,9 +17,10 @@ import functools
 import warp as wp
 
 from ....harness.frame.alpha import Alpha
+from ....harness.frame.geometry import Camera, Hits, Mesh, Ray, corners_of, ray_of, weld_of
 from ....harness.frame.specialise import effects
-from ...common.alpha import hit_counts
-from ...common.triangle import NO_HIT, depth_key, nearer, weld_of, write_hit
+from ...common.alpha import opaque_at_hit
+from ...common.triangle import NO_HIT, depth_key, nearer, write_hit
 from ..variants import Variant
 from .ray_tests import RAY_DECIDES, RAY_PASSES, RayRecord
 from .tiles import slice_scale
@@ -92,18 +93,12 @@ def make_trace_kernel(variant: Variant) -> wp.Kernel:
 
     @wp.kernel(enable_backward=False, module="unique", grid_stride=False)
     def trace_kernel(
-        width: wp.int32,
-        height: wp.int32,
         tile: wp.int32,
         k: wp.int32,
         slices: wp.int32,
         split: wp.int32,
-        eye: wp.array(dtype=wp.vec3f),
-        column: wp.array(dtype=wp.vec3f),
-        row: wp.array(dtype=wp.vec3f),
-        points: wp.array(dtype=wp.vec3f),
-        triangles: wp.array(dtype=wp.vec3i),
-        weld: wp.array(dtype=wp.int32),
+        camera: Camera,
+        mesh: Mesh,
         depth_range: wp.array(dtype=wp.float32),
         begin: wp.array(dtype=wp.int32),
         end: wp.array(dtype=wp.int32),
@@ -114,11 +109,8 @@ def make_trace_kernel(variant: Variant) -> wp.Kernel:
         items: wp.array(dtype=wp.vec2i),
         item_scan: wp.array(dtype=wp.int64),
         nearest: wp.array(dtype=wp.uint64),
-        triangle_out: wp.array(dtype=wp.int32),
-        t_out: wp.array(dtype=wp.float32),
-        u_out: wp.array(dtype=wp.float32),
-        v_out: wp.array(dtype=wp.float32),
-        hit_out: wp.array(dtype=wp.vec3d),
+        hits: Hits,
+        hit_points: wp.array(dtype=wp.vec3d),
         tests: wp.array(dtype=wp.int32),
     ):
         thread = wp.tid()
@@ -130,12 +122,12 @@ def make_trace_kernel(variant: Variant) -> wp.Kernel:
                 return
             part = items[block][1]
             block = items[block][0]
-        place = indirect_pixel(block, thread % area, width, height, tile, k)
+        place = indirect_pixel(block, thread % area, camera.width, camera.height, tile, k)
         if place[0] < 0:
             return
-        pixel = place[1] * width + place[0]
-        o = eye[0]
-        d = column[place[0]] + row[place[1]]
+        pixel = place[1] * camera.width + place[0]
+        ray = Ray(camera.eye[0], camera.column[place[0]] + camera.row[place[1]])
+        d = ray.direction
         size = wp.abs(d[0]) + wp.abs(d[1]) + wp.abs(d[2])
         per_slice = slice_scale(depth_range, slices)
         best = wp.int32(-1)
@@ -164,12 +156,11 @@ def make_trace_kernel(variant: Variant) -> wp.Kernel:
                     i = values[j]
                 j += 1
             if i >= 0:
-                face = triangles[i]
-                t = decide(o, d, points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face))
+                corners = corners_of(mesh, i)
+                weld = weld_of(mesh, i)
+                t = decide(ray, corners, weld)
                 if wp.static(effects.alpha):
-                    if t > wp.float64(0.0) and not hit_counts(
-                        alpha, i, o, d, points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face)
-                    ):
+                    if t > wp.float64(0.0) and not opaque_at_hit(alpha, i, ray, corners, weld):
                         t = NO_HIT
                 if t > wp.float64(0.0) and nearer(t, i, best_t, best):
                     best = i
@@ -181,9 +172,7 @@ def make_trace_kernel(variant: Variant) -> wp.Kernel:
             if tests.shape[0] > 1:
                 wp.atomic_add(tests, pixel, number)
         else:
-            write_hit(
-                pixel, o, d, best, best_t, points, triangles, weld, triangle_out, t_out, u_out, v_out, hit_out
-            )
+            write_hit(hits, hit_points, pixel, ray, best, best_t, mesh)
             if tests.shape[0] > 1:
                 tests[pixel] = number
 
@@ -197,29 +186,19 @@ def make_resolve_kernel(variant: Variant) -> wp.Kernel:
 
     @wp.kernel(enable_backward=False, module="unique")
     def resolve_kernel(
-        width: wp.int32,
-        eye: wp.array(dtype=wp.vec3f),
-        column: wp.array(dtype=wp.vec3f),
-        row: wp.array(dtype=wp.vec3f),
-        points: wp.array(dtype=wp.vec3f),
-        triangles: wp.array(dtype=wp.vec3i),
-        weld: wp.array(dtype=wp.int32),
+        camera: Camera,
+        mesh: Mesh,
         nearest: wp.array(dtype=wp.uint64),
-        triangle_out: wp.array(dtype=wp.int32),
-        t_out: wp.array(dtype=wp.float32),
-        u_out: wp.array(dtype=wp.float32),
-        v_out: wp.array(dtype=wp.float32),
-        hit_out: wp.array(dtype=wp.vec3d),
+        hits: Hits,
+        hit_points: wp.array(dtype=wp.vec3d),
     ):
         pixel = wp.tid()
-        o = eye[0]
-        d = column[pixel % width] + row[pixel // width]
+        ray = ray_of(camera, pixel)
         best = wp.int32(-1)
         t = wp.float64(wp.INF)
         if nearest[pixel] != NO_NEAREST:
             best = wp.int32(nearest[pixel] & ((wp.uint64(1) << INDEX_BITS) - wp.uint64(1)))
-            face = triangles[best]
-            t = decide(o, d, points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face))
-        write_hit(pixel, o, d, best, t, points, triangles, weld, triangle_out, t_out, u_out, v_out, hit_out)
+            t = decide(ray, corners_of(mesh, best), weld_of(mesh, best))
+        write_hit(hits, hit_points, pixel, ray, best, t, mesh)
 
     return resolve_kernel

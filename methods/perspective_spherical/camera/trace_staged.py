@@ -13,9 +13,10 @@ import functools
 import warp as wp
 
 from ....harness.frame.alpha import Alpha
+from ....harness.frame.geometry import Camera, Hits, Mesh, Ray, corners_of, weld_of
 from ....harness.frame.specialise import effects
-from ...common.alpha import hit_counts
-from ...common.triangle import NO_HIT, nearer, weld_of, write_hit
+from ...common.alpha import opaque_at_hit
+from ...common.triangle import NO_HIT, nearer, write_hit
 from ..variants import Variant
 from .ray_tests import RAY_DECIDES, RAY_PASSES, RayRecord
 from .tiles import slice_scale
@@ -39,18 +40,12 @@ def make_staged_trace_kernel(variant: Variant, block: int) -> wp.Kernel:
 
     @wp.kernel(enable_backward=False, module="unique", grid_stride=False, cuda_max_registers=TRACE_REGISTERS)
     def staged_trace_kernel(
-        width: wp.int32,
-        height: wp.int32,
         tile: wp.int32,
         k: wp.int32,
         slices: wp.int32,
         split: wp.int32,
-        eye: wp.array(dtype=wp.vec3f),
-        column: wp.array(dtype=wp.vec3f),
-        row: wp.array(dtype=wp.vec3f),
-        points: wp.array(dtype=wp.vec3f),
-        triangles: wp.array(dtype=wp.vec3i),
-        weld: wp.array(dtype=wp.int32),
+        camera: Camera,
+        mesh: Mesh,
         depth_range: wp.array(dtype=wp.float32),
         begin: wp.array(dtype=wp.int32),
         end: wp.array(dtype=wp.int32),
@@ -61,11 +56,8 @@ def make_staged_trace_kernel(variant: Variant, block: int) -> wp.Kernel:
         items: wp.array(dtype=wp.vec2i),
         item_scan: wp.array(dtype=wp.int64),
         nearest: wp.array(dtype=wp.uint64),
-        triangle_out: wp.array(dtype=wp.int32),
-        t_out: wp.array(dtype=wp.float32),
-        u_out: wp.array(dtype=wp.float32),
-        v_out: wp.array(dtype=wp.float32),
-        hit_out: wp.array(dtype=wp.vec3d),
+        hits: Hits,
+        hit_points: wp.array(dtype=wp.vec3d),
         tests: wp.array(dtype=wp.int32),
     ):
         thread = wp.tid()
@@ -80,7 +72,7 @@ def make_staged_trace_kernel(variant: Variant, block: int) -> wp.Kernel:
                 return
             part = items[source][1]
             source = items[source][0]
-        place = indirect_pixel(source, first + lane, width, height, tile, k)
+        place = indirect_pixel(source, first + lane, camera.width, camera.height, tile, k)
         # The sorting tiles of this block, and how many records of each fit.
         first_sub = first // (tile * tile)
         last_sub = wp.min(first + wp.static(slots), area) - 1
@@ -88,7 +80,9 @@ def make_staged_trace_kernel(variant: Variant, block: int) -> wp.Kernel:
         # What this thread loads for, by the first pixel of its sorting tile (outside the image if that is).
         mine = wp.vec3i(-1, -1, -1)
         if first_sub + lane // room <= last_sub // (tile * tile):
-            mine = indirect_pixel(source, (first_sub + lane // room) * tile * tile, width, height, tile, k)
+            mine = indirect_pixel(
+                source, (first_sub + lane // room) * tile * tile, camera.width, camera.height, tile, k
+            )
         load = wp.int32(0)
         load_stop = wp.int32(0)
         if mine[0] >= 0:
@@ -97,18 +91,18 @@ def make_staged_trace_kernel(variant: Variant, block: int) -> wp.Kernel:
             if split > 0:
                 load_stop = wp.min(load_stop, load + split)
             load += lane % room
-        o = eye[0]
-        d = wp.vec3f(0.0, 0.0, 0.0)
+        ray = Ray(camera.eye[0], wp.vec3f(0.0, 0.0, 0.0))
         pixel = wp.int32(0)
         left = wp.int32(0)
         depth = wp.float32(wp.INF)
         if place[0] >= 0:
-            pixel = place[1] * width + place[0]
-            d = column[place[0]] + row[place[1]]
+            pixel = place[1] * camera.width + place[0]
+            ray.direction = camera.column[place[0]] + camera.row[place[1]]
             left = end[place[2]] - begin[place[2]]
             if split > 0:
                 left = wp.min(left - part * split, split)
                 depth = packed_depth(nearest[pixel])
+        d = ray.direction
         size = wp.abs(d[0]) + wp.abs(d[1]) + wp.abs(d[2])
         per_slice = slice_scale(depth_range, slices)
         own = (((first + lane) // (tile * tile)) - first_sub) * room
@@ -149,19 +143,11 @@ def make_staged_trace_kernel(variant: Variant, block: int) -> wp.Kernel:
                         i = wp.cast(s.q2[3], wp.int32)
                     j += 1
                 if i >= 0:
-                    face = triangles[i]
-                    t = decide(o, d, points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face))
+                    corners = corners_of(mesh, i)
+                    weld = weld_of(mesh, i)
+                    t = decide(ray, corners, weld)
                     if wp.static(effects.alpha):
-                        if t > wp.float64(0.0) and not hit_counts(
-                            alpha,
-                            i,
-                            o,
-                            d,
-                            points[face[0]],
-                            points[face[1]],
-                            points[face[2]],
-                            weld_of(weld, face),
-                        ):
+                        if t > wp.float64(0.0) and not opaque_at_hit(alpha, i, ray, corners, weld):
                             t = NO_HIT
                     if t > wp.float64(0.0) and nearer(t, i, best_t, best):
                         best = i
@@ -176,21 +162,7 @@ def make_staged_trace_kernel(variant: Variant, block: int) -> wp.Kernel:
                 if tests.shape[0] > 1:
                     wp.atomic_add(tests, pixel, number)
             else:
-                write_hit(
-                    pixel,
-                    o,
-                    d,
-                    best,
-                    best_t,
-                    points,
-                    triangles,
-                    weld,
-                    triangle_out,
-                    t_out,
-                    u_out,
-                    v_out,
-                    hit_out,
-                )
+                write_hit(hits, hit_points, pixel, ray, best, best_t, mesh)
                 if tests.shape[0] > 1:
                     tests[pixel] = number
 

@@ -10,7 +10,8 @@ import functools
 
 import warp as wp
 
-from ...common.triangle import U64, largest, to_float64, total, weld_of
+from ....harness.frame.geometry import Corners, Mesh, corners_of, weld_of
+from ...common.triangle import U64, largest, to_float64, total
 from ..culling import faces_away
 from ..lists.binning import INLINE_TILES, queue_large
 from .frame import EXTENT, distance_slice, tile_of
@@ -45,11 +46,11 @@ class LitTriangle:
 
 
 @wp.func
-def holds_light(light: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> wp.bool:
+def holds_light(light: wp.vec3f, corners: Corners) -> wp.bool:
     """Whether the light lies on the triangle's plane within rounding: then it never occludes (see ``occludes``)."""
-    a64 = to_float64(a)
-    ab = to_float64(b) - a64
-    ac = to_float64(c) - a64
+    a64 = to_float64(corners.a)
+    ab = to_float64(corners.b) - a64
+    ac = to_float64(corners.c) - a64
     la = to_float64(light) - a64
     return wp.abs(wp.dot(wp.cross(ab, ac), la)) <= U64 * largest(ab) * largest(ac) * wp.float64(16.0) * total(
         la
@@ -63,14 +64,12 @@ def lit_triangle(
     face: wp.int32,
     widening: wp.float64,
     pad: wp.float64,
-    a32: wp.vec3f,
-    b32: wp.vec3f,
-    c32: wp.vec3f,
+    corners: Corners,
 ) -> LitTriangle:
     l64 = to_float64(light)
-    a = face_frame(axes * (to_float64(a32) - l64), face)
-    b = face_frame(axes * (to_float64(b32) - l64), face)
-    c = face_frame(axes * (to_float64(c32) - l64), face)
+    a = face_frame(axes * (to_float64(corners.a) - l64), face)
+    b = face_frame(axes * (to_float64(corners.b) - l64), face)
+    c = face_frame(axes * (to_float64(corners.c) - l64), face)
     middle = (a + b + c) / wp.float64(3.0)
     a += (a - middle) * widening
     b += (b - middle) * widening
@@ -172,10 +171,7 @@ def make_bound_kernel(map: int, bounds: str = "exact") -> wp.Kernel:
         posts: wp.array(dtype=wp.vec3f),
         frame: wp.array(dtype=wp.mat33d),
         extent: wp.array(dtype=wp.float64),
-        points: wp.array(dtype=wp.vec3f),
-        triangles: wp.array(dtype=wp.vec3i),
-        weld: wp.array(dtype=wp.int32),
-        valid: wp.array(dtype=wp.uint8),
+        mesh: Mesh,
         lanes: wp.int32,
         slot: wp.int32,
         boxes: wp.array(dtype=wp.vec4i),
@@ -195,17 +191,14 @@ def make_bound_kernel(map: int, bounds: str = "exact") -> wp.Kernel:
         offset = side * EXTENT
         if i >= triangle_count or not (extent[offset + 3] >= extent[offset]):
             return
-        if valid[i] == wp.uint8(0):
+        if mesh.valid[i] == wp.uint8(0):
             return
-        face = triangles[i]
         light = lights[index]
-        a32 = points[face[0]]
-        b32 = points[face[1]]
-        c32 = points[face[2]]
-        if holds_light(light, a32, b32, c32) or faces_away(outward, light, a32, b32, c32):
+        corners = corners_of(mesh, i)
+        if holds_light(light, corners) or faces_away(outward, light, corners):
             return
         pad = pads[0]
-        s = lit_triangle(posts[index], frame[0], side, widening, pad, a32, b32, c32)
+        s = lit_triangle(posts[index], frame[0], side, widening, pad, corners)
         # Nearest point: no nearer than the plane, nor than the nearest vertex less the longest edge.
         normal = wp.cross(s.b - s.a, s.c - s.a)
         size = wp.length(normal)
@@ -236,13 +229,13 @@ def make_bound_kernel(map: int, bounds: str = "exact") -> wp.Kernel:
         spans[item] = wp.vec2i(first, distance_slice(far, extent, side, slices))
         queue_large(item, box, lanes, queue, needs, slot)
         r = SegmentRecord()
-        weld_abc = weld_of(weld, face)
+        weld = weld_of(mesh, i)
         if test == 0:
-            r = segment_exact(light, a32, b32, c32, weld_abc, ray_size(ray_box, eye[0]))
+            r = segment_exact(light, corners, weld, ray_size(ray_box, eye[0]))
         elif test == 1:
-            r = segment_planes(light, a32, b32, c32, weld_abc, 0.0)
+            r = segment_planes(light, corners, weld, 0.0)
         else:
-            r = segment_vertices(light, a32, b32, c32, weld_abc, 0.0)
+            r = segment_vertices(light, corners, weld, 0.0)
         records[6 * i] = r.q0
         records[6 * i + 1] = r.q1
         records[6 * i + 2] = r.q2

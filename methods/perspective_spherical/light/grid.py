@@ -178,8 +178,7 @@ class LightGrid:
             [
                 f.triangle_count, self.index, b.light_faces, b.light_tiles, b.light_slices, self.widening,
                 places.pads, places.distance_pad, self.outward, self.test, self.tiles.skip_empty, self.deepest, places.eye,
-                places.box, f.lights, f.posts, places.axes, places.extent, f.points, f.triangles, f.weld, f.valid,
-                bins.lanes, bins.slot + 1,
+                places.box, f.lights, f.posts, places.axes, places.extent, f.mesh, bins.lanes, bins.slot + 1,
             ],
             [bins.boxes, self.spans, self.records, bins.queue, bins.needs],
         )  # fmt: skip
@@ -191,8 +190,8 @@ class LightGrid:
             bin_kernel,
             dim=bins.threads,
             inputs=[
-                self.tiles, bins.lanes, self.index, self.widening, places.pads, f.posts, places.axes, f.points,
-                f.triangles, bins.boxes, self.spans, bins.queue, bins.pairs,
+                self.tiles, bins.lanes, self.index, self.widening, places.pads, f.posts, places.axes, f.mesh,
+                bins.boxes, self.spans, bins.queue, bins.pairs,
             ],
             block_dim=BIN_BLOCK,
             device=f.device,
@@ -231,8 +230,8 @@ class LightGrid:
             specialised(kernel, self.effects.switches(self.index)),
             dim=blocks * lanes,
             inputs=[
-                self.index, lanes, self.build.light_slices, split, f.lights, f.eye, f.points,
-                f.triangles, f.weld, f.answers.triangle, self.camera.hit, self.last_slice, self.ray_keys,
+                self.index, lanes, self.build.light_slices, split, f.lights, f.camera, f.mesh,
+                f.hits(0), self.camera.hit, self.last_slice, self.ray_keys,
                 self.ray_values, chunks.outArr, chunks.numCBlocks, pairs.begin, pairs.end, pairs.keys, pairs.values,
                 self.records, f.alpha, self.items.items, self.items.scan,
             ],

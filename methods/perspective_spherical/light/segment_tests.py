@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import warp as wp
 
-from ...common.segment import light_edge_functions, occludes, stands_between
+from ....harness.frame.geometry import Corners
+from ...common.segment import light_edge_functions, occludes, plane_crosses_segment
 from ...common.triangle import FLOOR32, U32, largest, to_float64, total
 from ..camera.ray_tests import dot3, near_inside
 
@@ -62,9 +63,7 @@ def plane_through(n: wp.vec3f, p: wp.vec3f, scale: wp.float32) -> wp.vec4f:
 
 
 @wp.func
-def segment_exact(
-    light: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i, size: wp.float32
-) -> SegmentRecord:
+def segment_exact(light: wp.vec3f, corners: Corners, weld: wp.vec3i, size: wp.float32) -> SegmentRecord:
     """``size`` bounds every coordinate of the hit points.
 
     n = (p - light) x (q - p), scaled so that its parts are at most 2, is known to 10 u a part. Where all coordinates
@@ -72,6 +71,9 @@ def segment_exact(
     60 u s; dividing all by s costs 18 u more. So 144 u bounds the error of the scaled planes, relative to the scene
     and right at any distance of the light. The triangle's own plane, n = ab x ac, is known as well.
     """
+    a = corners.a
+    b = corners.b
+    c = corners.c
     la = a - light
     lb = b - light
     lc = c - light
@@ -102,9 +104,10 @@ def segment_exact(
 
 
 @wp.func
-def segment_planes(
-    light: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i, size: wp.float32
-) -> SegmentRecord:
+def segment_planes(light: wp.vec3f, corners: Corners, weld: wp.vec3i, size: wp.float32) -> SegmentRecord:
+    a = corners.a
+    b = corners.b
+    c = corners.c
     v0 = a
     v1 = b
     v2 = c
@@ -150,14 +153,12 @@ def segment_planes(
 
 
 @wp.func
-def segment_vertices(
-    light: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, weld: wp.vec3i, size: wp.float32
-) -> SegmentRecord:
-    e1 = b - a
-    e2 = c - a
-    edge = wp.max(largest(e1), wp.max(largest(e2), largest(c - b)))
+def segment_vertices(light: wp.vec3f, corners: Corners, weld: wp.vec3i, size: wp.float32) -> SegmentRecord:
+    e1 = corners.b - corners.a
+    e2 = corners.c - corners.a
+    edge = wp.max(largest(e1), wp.max(largest(e2), largest(corners.c - corners.b)))
     r = SegmentRecord()
-    r.q0 = joined(a, 0.0)
+    r.q0 = joined(corners.a, 0.0)
     r.q1 = joined(e1, edge * edge)
     r.q2 = joined(e2, 0.0)
     return r
@@ -232,18 +233,16 @@ def segment_moller_trumbore(h: wp.vec3f, light: wp.vec3f, h_error: wp.float32, r
 def occludes_near(
     h: wp.vec3d,
     light: wp.vec3f,
-    a: wp.vec3f,
-    b: wp.vec3f,
-    c: wp.vec3f,
+    corners: Corners,
     weld: wp.vec3i,
     origin_size: wp.float64,
 ) -> wp.bool:
     """As ``occludes``, but within the tolerance of the triangle rather than in it."""
     l64 = to_float64(light)
-    a64 = to_float64(a)
-    b64 = to_float64(b)
-    c64 = to_float64(c)
-    if not stands_between(h, l64, a64, b64, c64, origin_size):
+    a64 = to_float64(corners.a)
+    b64 = to_float64(corners.b)
+    c64 = to_float64(corners.c)
+    if not plane_crosses_segment(h, l64, a64, b64, c64, origin_size):
         return False
     return near_inside(light_edge_functions(l64, h, a64, b64, c64, weld))
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import warp as wp
 
+from ....harness.frame.geometry import Mesh, corners_of
 from ...common.reserve import reserve_many
 from ..lists.binning import PairSink, piece_of, write_pair
 from .bounds import LitTriangle, lit_triangle
@@ -103,8 +104,7 @@ def bin_kernel(
     pads: wp.array(dtype=wp.float64),
     lights: wp.array(dtype=wp.vec3f),
     frame: wp.array(dtype=wp.mat33d),
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
+    mesh: Mesh,
     boxes: wp.array(dtype=wp.vec4i),
     spans: wp.array(dtype=wp.vec2i),
     queue: wp.array(dtype=wp.vec2i),
@@ -122,17 +122,7 @@ def bin_kernel(
     s.slope = wp.float64(-1.0)
     # One tile needs no test; one slice needs no plane.
     if span[0] < span[1] or not single:
-        face = triangles[triangle]
-        s = lit_triangle(
-            lights[index],
-            frame[0],
-            side,
-            widening,
-            pads[0],
-            points[face[0]],
-            points[face[1]],
-            points[face[2]],
-        )
+        s = lit_triangle(lights[index], frame[0], side, widening, pads[0], corners_of(mesh, triangle))
     test = s.oriented and not single
     number = wp.int32(0)
     hits = wp.int32(0)

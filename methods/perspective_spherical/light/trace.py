@@ -11,9 +11,10 @@ import functools
 import warp as wp
 
 from ....harness.frame.alpha import Alpha
+from ....harness.frame.geometry import Camera, Hits, Mesh, corners_of, weld_of
 from ....harness.frame.specialise import effects
-from ...common.alpha import shadow_counts
-from ...common.triangle import U32, largest, to_float32, weld_of
+from ...common.alpha import opaque_to_light
+from ...common.triangle import U32, largest, to_float32
 from ..variants import Variant
 from .segment_tests import DOUBT, SEGMENT_DECIDES, SEGMENT_PASSES, YES, SegmentRecord
 
@@ -49,12 +50,10 @@ def make_shadow_kernel(variant: Variant) -> wp.Kernel:
         slices: wp.int32,
         split: wp.int32,
         lights: wp.array(dtype=wp.vec3f),
-        eye: wp.array(dtype=wp.vec3f),
-        points: wp.array(dtype=wp.vec3f),
-        triangles: wp.array(dtype=wp.vec3i),
-        weld: wp.array(dtype=wp.int32),
-        triangle: wp.array(dtype=wp.int32),
-        hit: wp.array(dtype=wp.vec3d),
+        camera: Camera,
+        mesh: Mesh,
+        hits: Hits,
+        hit_points: wp.array(dtype=wp.vec3d),
         last_slice: wp.array(dtype=wp.int32),
         ray_tiles: wp.array(dtype=wp.int32),
         rays: wp.array(dtype=wp.int32),
@@ -82,16 +81,16 @@ def make_shadow_kernel(variant: Variant) -> wp.Kernel:
         if chunk >= total[0]:
             return
         light = lights[index]
-        origin_size = wp.float64(largest(eye[0]))
+        origin_size = wp.float64(largest(camera.eye[0]))
         tile = ray_tiles[first[chunk]]
         at = first[chunk] + k % lanes
         while at < first[chunk + 1]:
             pixel = rays[at]
             at += lanes
-            h64 = hit[pixel]
+            h64 = hit_points[pixel]
             h = to_float32(h64)
             h_error = hit_error(h)
-            own = triangle[pixel]
+            own = hits.triangle[pixel]
             behind = tile * slices + last_slice[pixel] + 1
             number = wp.int32(0)
             shadowed = wp.bool(False)
@@ -120,17 +119,12 @@ def make_shadow_kernel(variant: Variant) -> wp.Kernel:
                             i = values[j]
                     j += 1
                 if i >= 0:
-                    face = triangles[i]
-                    shadowed = decide(
-                        h64, light, points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face),
-                        origin_size,
-                    )  # fmt: skip
+                    corners = corners_of(mesh, i)
+                    weld = weld_of(mesh, i)
+                    shadowed = decide(h64, light, corners, weld, origin_size)
                     if wp.static(effects.alpha):
                         if shadowed:
-                            shadowed = shadow_counts(
-                                alpha, i, h64, light, points[face[0]], points[face[1]], points[face[2]],
-                                weld_of(weld, face), origin_size,
-                            )  # fmt: skip
+                            shadowed = opaque_to_light(alpha, i, h64, light, corners, weld, origin_size)
                     if shadowed:
                         stop = j
             if shadowed:

@@ -89,8 +89,7 @@ class CameraStream:
             specialised(camera_stream.doubt_kernel, self.effects.switches()),
             dim=q.threads,
             inputs=[
-                q.threads, f.width, f.eye, f.column, f.row, f.points, f.triangles, f.weld, counts, q.rooms[share].doubts,
-                f.alpha,
+                q.threads, f.camera, f.mesh, counts, q.rooms[share].doubts, f.alpha,
             ],
             outputs=[q.nearest],
             device=f.device,

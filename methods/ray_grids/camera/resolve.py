@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 
+from ....harness.frame.geometry import Corners, Ray
 from ...common.entries import entry, set_entry
 from ...common.hitpoint import flat_hit_point, is_flat, plane_distance, steep_hit_point
 from ...common.pixels import tile_pixel
@@ -45,17 +46,14 @@ def resolve_kernel(
     if word != wp.uint64(0):
         best = 0xFFFFFF - wp.int32(word & wp.uint64(0xFFFFFF))
         face = entry(triangles, best)
-        a = entry(points, face[0])
-        b = entry(points, face[1])
-        c = entry(points, face[2])
-        o = entry(eye, 0)
-        d = entry(column, at[0]) + entry(row, at[1])
+        corners = Corners(entry(points, face[0]), entry(points, face[1]), entry(points, face[2]))
+        ray = Ray(entry(eye, 0), entry(column, at[0]) + entry(row, at[1]))
         same = wp.vec3i(entry(weld, face[0]), entry(weld, face[1]), entry(weld, face[2]))
-        distance = plane_distance(o, d, a, b, c)
+        distance = plane_distance(ray, corners)
         t = wp.float32(distance)
-        uv = hit_weights(o, d, a, b, c, same)
-        hit = steep_hit_point(o, d, distance, a, b, c)
-        flat = is_flat(d, a, b, c)
+        uv = hit_weights(ray, corners, same)
+        hit = steep_hit_point(ray, distance, corners)
+        flat = is_flat(ray.direction, corners)
     set_entry(triangle_out, pixel, best)
     set_entry(t_out, pixel, t)
     set_entry(u_out, pixel, uv[0])
@@ -64,9 +62,6 @@ def resolve_kernel(
     # Flat rays are few, and long to reckon: from corners that are read again, so that nothing is held for them till here.
     if flat:
         again = entry(triangles, best)
-        a = entry(points, again[0])
-        b = entry(points, again[1])
-        c = entry(points, again[2])
-        o = entry(eye, 0)
-        d = entry(column, at[0]) + entry(row, at[1])
-        set_entry(hit_out, pixel, flat_hit_point(o, d, plane_distance(o, d, a, b, c), a, b, c))
+        corners = Corners(entry(points, again[0]), entry(points, again[1]), entry(points, again[2]))
+        ray = Ray(entry(eye, 0), entry(column, at[0]) + entry(row, at[1]))
+        set_entry(hit_out, pixel, flat_hit_point(ray, plane_distance(ray, corners), corners))

@@ -10,12 +10,13 @@ import functools
 import warp as wp
 
 from ....harness.frame.alpha import Alpha
+from ....harness.frame.geometry import Camera, Mesh, corners_of, ray_of, weld_of
 from ....harness.frame.specialise import effects
-from ...common.alpha import hit_counts
+from ...common.alpha import opaque_at_hit
 from ...common.entries import entry, set_entry, set_entry_of_four
 from ...common.reserve import reserve
 from ...common.screen import camera_space, in_front, out_of_view, pixel_box
-from ...common.triangle import hit_distance, weld_of
+from ...common.triangle import hit_distance
 from ..queues import DOUBTS, ITEMS, triangle_of
 from .pixels import Planes, edge_planes, hit_word, inverse_depth, offer, offer_box, sign_bound
 
@@ -249,13 +250,8 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
 @wp.kernel(enable_backward=False, grid_stride=False)
 def doubt_kernel(
     threads: wp.int32,
-    width: wp.int32,
-    eye: wp.array(dtype=wp.vec3f),
-    column: wp.array(dtype=wp.vec3f),
-    row: wp.array(dtype=wp.vec3f),
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    weld: wp.array(dtype=wp.int32),
+    camera: Camera,
+    mesh: Mesh,
     counts: wp.array(dtype=wp.int32),
     doubts: wp.array(dtype=wp.vec2i),
     alpha: Alpha,
@@ -267,21 +263,13 @@ def doubt_kernel(
     while k < stop:
         pair = doubts[k]
         k += threads
-        face = triangles[pair[0]]
-        d = column[pair[1] % width] + row[pair[1] // width]
-        t = hit_distance(eye[0], d, points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face))
+        ray = ray_of(camera, pair[1])
+        corners = corners_of(mesh, pair[0])
+        weld = weld_of(mesh, pair[0])
+        t = hit_distance(ray, corners, weld)
         hits = t > wp.float64(0.0)
         if wp.static(effects.alpha):
             if hits:
-                hits = hit_counts(
-                    alpha,
-                    pair[0],
-                    eye[0],
-                    d,
-                    points[face[0]],
-                    points[face[1]],
-                    points[face[2]],
-                    weld_of(weld, face),
-                )
+                hits = opaque_at_hit(alpha, pair[0], ray, corners, weld)
         if hits:
             wp.atomic_max(nearest, pair[1], hit_word(wp.float64(1.0) / t, pair[0]))

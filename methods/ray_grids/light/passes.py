@@ -243,7 +243,7 @@ class LightStream:
             specialised(light_queue.doubt_kernel, self.switches),
             dim=q.threads,
             inputs=[
-                q.threads, self.index, f.lights, f.eye, f.points, f.triangles, f.weld, self.hit, self.counts[share],
+                q.threads, self.index, f.lights, f.camera, f.mesh, self.hit, self.counts[share],
                 q.rooms[share].doubts, f.alpha,
             ],
             outputs=[f.answers.visibility],

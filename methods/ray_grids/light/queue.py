@@ -7,12 +7,13 @@ import functools
 import warp as wp
 
 from ....harness.frame.alpha import Alpha
+from ....harness.frame.geometry import Camera, Mesh, corners_of, weld_of
 from ....harness.frame.specialise import effects
-from ...common.alpha import shadow_counts
+from ...common.alpha import opaque_to_light
 from ...common.entries import entry, set_entry
 from ...common.reserve import reserve
 from ...common.segment import occludes
-from ...common.triangle import largest, total, weld_of
+from ...common.triangle import largest, total
 from ..aim import Cube
 from ..cube import on_face
 from ..queues import DOUBTS, ITEMS, LARGE, PARTS, queue_parts
@@ -253,10 +254,8 @@ def doubt_kernel(
     threads: wp.int32,
     index: wp.int32,
     lights: wp.array(dtype=wp.vec3f),
-    eye: wp.array(dtype=wp.vec3f),
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    weld: wp.array(dtype=wp.int32),
+    camera: Camera,
+    mesh: Mesh,
     hit: wp.array(dtype=wp.vec3d),
     counts: wp.array(dtype=wp.int32),
     doubts: wp.array(dtype=wp.vec2i),
@@ -266,21 +265,18 @@ def doubt_kernel(
     """Pairs that float32 could not decide."""
     k = wp.tid()
     stop = wp.min(counts[DOUBTS], doubts.shape[0])
-    origin_size = wp.float64(largest(eye[0]))
+    origin_size = wp.float64(largest(camera.eye[0]))
     while k < stop:
         pair = doubts[k]
         k += threads
         if visibility[index, pair[1]] == wp.uint8(0):
-            face = triangles[pair[0]]
-            shadowed = occludes(
-                hit[pair[1]], lights[index], points[face[0]], points[face[1]], points[face[2]], weld_of(weld, face),
-                origin_size,
-            )  # fmt: skip
+            corners = corners_of(mesh, pair[0])
+            weld = weld_of(mesh, pair[0])
+            shadowed = occludes(hit[pair[1]], lights[index], corners, weld, origin_size)
             if wp.static(effects.alpha):
                 if shadowed:
-                    shadowed = shadow_counts(
-                        alpha, pair[0], hit[pair[1]], lights[index], points[face[0]], points[face[1]],
-                        points[face[2]], weld_of(weld, face), origin_size,
-                    )  # fmt: skip
+                    shadowed = opaque_to_light(
+                        alpha, pair[0], hit[pair[1]], lights[index], corners, weld, origin_size
+                    )
             if shadowed:
                 visibility[index, pair[1]] = wp.uint8(1)

@@ -1,0 +1,159 @@
+"""What kernels take of a frame: its mesh, its camera, rays and their closest hits, grouped in Warp structs.
+
+A struct is copied into a kernel's arguments at the launch, with the addresses of its arrays. Those are fixed for a
+frame's lifetime, so a captured graph may hold them. :class:`.frame.Frame` makes every struct once.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import warp as wp
+
+
+@wp.struct
+class Mesh:
+    """The triangles of a frame.
+
+    points  vec3f [vertex_count]    triangles  vec3i [triangle_count]
+    weld    int32 [vertex_count]: lowest index of a vertex at the same position
+    valid   uint8 [triangle_count]: 0 for triangles that no ray hits
+    """
+
+    points: wp.array(dtype=wp.vec3f)
+    triangles: wp.array(dtype=wp.vec3i)
+    weld: wp.array(dtype=wp.int32)
+    valid: wp.array(dtype=wp.uint8)
+
+
+@wp.struct
+class Camera:
+    """The image's size, the eye, and the pixels' directions.
+
+    eye     vec3f [1]                 axes  vec3f [3]: right, up, forward
+    column  vec3f [width], row  vec3f [height]: the direction of pixel (x, y) is column[x] + row[y]
+    tangents  float32 [2]: of half the view's width and height
+    """
+
+    width: wp.int32
+    height: wp.int32
+    eye: wp.array(dtype=wp.vec3f)
+    axes: wp.array(dtype=wp.vec3f)
+    tangents: wp.array(dtype=wp.float32)
+    column: wp.array(dtype=wp.vec3f)
+    row: wp.array(dtype=wp.vec3f)
+
+
+@wp.struct
+class Hits:
+    """Closest hits of one ray a pixel; see :class:`.frame.Answers`. Each array has a length of [pixels]."""
+
+    triangle: wp.array(dtype=wp.int32)
+    t: wp.array(dtype=wp.float32)
+    u: wp.array(dtype=wp.float32)
+    v: wp.array(dtype=wp.float32)
+
+
+@wp.struct
+class Rays:
+    """Mirrored rays of one bounce, one a pixel [pixels]; ``active`` is 0 where the pixel has none."""
+
+    origin: wp.array(dtype=wp.vec3f)
+    direction: wp.array(dtype=wp.vec3f)
+    active: wp.array(dtype=wp.uint8)
+
+
+@wp.struct
+class Bounces:
+    """Mirrored rays and what a method answers for them; row b - 1 is bounce b. No element where nothing is mirrored.
+
+    origin, direction  vec3f [bounces, pixels]: the rays, made by the harness (:mod:`.frame.mirrors`)
+    active      uint8 [bounces, pixels]: 1 = the pixel has such a ray; it is zero elsewhere
+    triangle, t, u, v  [bounces, pixels]: the ray's closest hit as in :class:`.frame.Answers`; a miss where there is no ray
+    visibility  uint8 [bounces, light_count, pixels]: the shadow bits of those hits
+    receivers   uint8 [bounces, light_count, pixels]: which of those hits have a shadow ray; empty unless a light
+                is masked
+    """
+
+    origin: wp.array2d(dtype=wp.vec3f)
+    direction: wp.array2d(dtype=wp.vec3f)
+    active: wp.array2d(dtype=wp.uint8)
+    triangle: wp.array2d(dtype=wp.int32)
+    t: wp.array2d(dtype=wp.float32)
+    u: wp.array2d(dtype=wp.float32)
+    v: wp.array2d(dtype=wp.float32)
+    visibility: wp.array3d(dtype=wp.uint8)
+    receivers: wp.array3d(dtype=wp.uint8)
+
+
+@wp.struct
+class Ray:
+    """A ray origin + t direction. The direction is not normalised."""
+
+    origin: wp.vec3f
+    direction: wp.vec3f
+
+
+@wp.struct
+class Corners:
+    """The positions of a triangle's vertices 0, 1 and 2."""
+
+    a: wp.vec3f
+    b: wp.vec3f
+    c: wp.vec3f
+
+
+@wp.func
+def direction_of(camera: Camera, pixel: wp.int32) -> wp.vec3f:
+    """The direction of a pixel's ray; pixel = row * width + column."""
+    return camera.column[pixel % camera.width] + camera.row[pixel // camera.width]
+
+
+@wp.func
+def ray_of(camera: Camera, pixel: wp.int32) -> Ray:
+    """The primary ray of a pixel; pixel = row * width + column."""
+    return Ray(camera.eye[0], direction_of(camera, pixel))
+
+
+@wp.func
+def mirrored_ray(rays: Rays, pixel: wp.int32) -> Ray:
+    """The mirrored ray of a pixel; zero where ``rays.active`` is."""
+    return Ray(rays.origin[pixel], rays.direction[pixel])
+
+
+@wp.func
+def corners_of(mesh: Mesh, triangle: wp.int32) -> Corners:
+    """The corners of a triangle."""
+    face = mesh.triangles[triangle]
+    return Corners(mesh.points[face[0]], mesh.points[face[1]], mesh.points[face[2]])
+
+
+@wp.func
+def weld_of(mesh: Mesh, triangle: wp.int32) -> wp.vec3i:
+    """The weld indices of a triangle's corners: the order in which edge functions take an edge's ends."""
+    face = mesh.triangles[triangle]
+    return wp.vec3i(mesh.weld[face[0]], mesh.weld[face[1]], mesh.weld[face[2]])
+
+
+def filled(kind: Any, **fields: Any) -> Any:
+    """A struct with its fields set. Arrays that are left out stay empty: for fields that a kernel does not read."""
+    struct = kind()
+    for name, value in fields.items():
+        setattr(struct, name, value)
+    return struct
+
+
+def bounce_arrays(bounces: int, lights: int, pixels: int, masked: bool) -> Any:
+    """:class:`Bounces` on the current device, zero; without elements for no bounces."""
+    plane = (bounces, pixels) if bounces else (0, 0)
+    bits = (bounces, max(1, lights), pixels) if bounces else (0, 0, 0)
+    kinds = {
+        "origin": wp.vec3f, "direction": wp.vec3f, "active": wp.uint8, "triangle": wp.int32,
+        "t": wp.float32, "u": wp.float32, "v": wp.float32,
+    }  # fmt: skip
+    return filled(
+        Bounces,
+        **{name: wp.zeros(plane, dtype=kind) for name, kind in kinds.items()},
+        visibility=wp.zeros(bits, dtype=wp.uint8),
+        receivers=wp.zeros(bits if masked else (0, 0, 0), dtype=wp.uint8),
+    )
