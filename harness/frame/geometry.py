@@ -6,9 +6,17 @@ frame's lifetime, so a captured graph may hold them. :class:`.frame.Frame` makes
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeVar, dataclass_transform
 
 import warp as wp
+
+T = TypeVar("T")
+
+
+@dataclass_transform()
+def value_struct(kind: type[T]) -> type[T]:
+    """``wp.struct``, with the constructor that kernels use, by position, known to type checkers."""
+    return wp.struct(kind)
 
 
 @wp.struct
@@ -86,7 +94,7 @@ class Bounces:
     receivers: wp.array3d(dtype=wp.uint8)
 
 
-@wp.struct
+@value_struct
 class Ray:
     """A ray origin + t direction. The direction is not normalised."""
 
@@ -94,7 +102,7 @@ class Ray:
     direction: wp.vec3f
 
 
-@wp.struct
+@value_struct
 class Corners:
     """The positions of a triangle's vertices 0, 1 and 2."""
 
