@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -23,6 +23,9 @@ from ..scene.prepared import Prepared, prepare
 from ..scene.scene import Scene
 from .options import Device, Json, Methods, SceneDir, Settings, Size
 
+if TYPE_CHECKING:
+    from rich.table import Table
+
 
 def plan(
     scene: Annotated[str, typer.Argument(help="A scene's name or a file.")],
@@ -36,7 +39,10 @@ def plan(
     """Say what a scene calls for and which passes run: in the first frame, where only the camera, one light or the
     geometry moved since the last frame, and where nothing did; each with its reason."""
     found = frame_plan(scene, method or [], size, device, scene_dir, setting or [])
-    print(json.dumps(found, indent=1) if as_json else as_text(found))
+    if as_json:
+        print(json.dumps(found, indent=1))
+    else:
+        show(found)
     return 0
 
 
@@ -174,46 +180,53 @@ def first_reason(work: Pass, passes: list[Pass], wanted: tuple[str, ...]) -> str
     return f'read by "{reader.name}"' if reader else "written together with what is wanted"
 
 
-def as_text(found: dict[str, Any]) -> str:
-    """The plan for a person: one table a method; a cell says what a pass runs for, a dot that it rests."""
-    lines = [f"{found['title']}  ({found['scene']})"]
+def show(found: dict[str, Any]) -> None:
+    """Print the plan as wide as the terminal: one table a method, with the reason why each pass runs."""
+    from rich.console import Console
+    from rich.padding import Padding
+
+    console = Console(markup=False, highlight=False, emoji=False)
+    console.print(f"{found['title']}  ({found['scene']})")
+    facts = {key: value for key, value in found["declared"].items() if key != "lights"}
+    facts |= {f"light {i}": words for i, words in enumerate(found["declared"]["lights"])}
+    facts["calls for"] = found["calls_for"] or "primary rays alone"
     if found["stand_in"]:
-        lines.append(f"  {found['stand_in']}")
-    for key, value in found["declared"].items():
-        if key == "lights":
-            lines += [f"  light {i}: {words}" for i, words in enumerate(value)]
-        else:
-            shown = ", ".join(value) if isinstance(value, list) else value
-            shown = {True: "yes", False: "no"}.get(shown, shown) if isinstance(shown, bool) else shown
-            lines.append(f"  {key}: {shown}")
-    lines.append(f"  calls for: {', '.join(found['calls_for']) or 'primary rays alone'}")
-    lines += [
-        "",
-        "Columns: what alone changed since the last frame. A cell names the cause; a dot is a pass at rest.",
-    ]
+        console.print(f"  {found['stand_in']}")
+    for key, value in facts.items():
+        if isinstance(value, bool):
+            value = "yes" if value else "no"
+        console.print(
+            Padding(
+                f"{key}: {', '.join(value) if isinstance(value, list) else value}", (0, 0, 0, 2), expand=False
+            )
+        )
+    console.print(
+        "\nEach column after the first frame: what alone changed since the last frame. A cell says what made the pass "
+        "run; a dot means that it does not run."
+    )
     for method in found["methods"]:
-        lines += ["", *_table(method, list(found["changes"]))]
-    return "\n".join(lines)
+        console.print()
+        if method["cannot"]:
+            console.print(f"{_called(method)}: cannot: {method['cannot']}")
+            continue
+        console.print(f"{_called(method)} on {method['device']}")
+        console.print(_table(method, list(found["changes"])))
+        if method["left_out"]:
+            console.print(f"  left out, nothing needs what they make: {', '.join(method['left_out'])}")
 
 
-def _table(method: dict[str, Any], changes: list[str]) -> list[str]:
-    if method["cannot"]:
-        return [f"{_called(method)}: cannot: {method['cannot']}"]
-    count = len(method["passes"])
-    head = ["pass", "first frame", *changes]
-    rows = []
-    for work in method["passes"]:
-        cells = [_cause(work["after"][label]) for label in changes]
-        rows.append([work["name"], work["first"], *cells])
-    runs = [sum(work["after"][label]["runs"] for work in method["passes"]) for label in changes]
-    rows.append(["passes that run", str(count), *(str(number) for number in runs)])
-    widths = [max(len(row[k]) for row in [head, *rows]) for k in range(len(head))]
-    lines = [f"{_called(method)} on {method['device']}"]
-    for row in [head, *rows]:
-        lines.append("  " + "  ".join(f"{cell:{w}}" for cell, w in zip(row, widths, strict=True)).rstrip())
-    if method["left_out"]:
-        lines.append(f"  left out, nobody wants what they make: {', '.join(method['left_out'])}")
-    return lines
+def _table(method: dict[str, Any], changes: list[str]) -> Table:
+    from rich.table import Table
+
+    passes = method["passes"]
+    table = Table("pass", "first frame", *changes, box=None, padding=(0, 0, 0, 2), header_style="bold")
+    for column in table.columns:
+        column.overflow = "fold"
+    for work in passes:
+        table.add_row(work["name"], work["first"], *(_cause(work["after"][label]) for label in changes))
+    runs = [sum(work["after"][label]["runs"] for work in passes) for label in changes]
+    table.add_row("passes that run", str(len(passes)), *map(str, runs))
+    return table
 
 
 def _called(method: dict[str, Any]) -> str:

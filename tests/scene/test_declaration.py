@@ -276,11 +276,14 @@ def test_plan_command_prints_and_gives_json(folder):
     from shadowbench.harness.cli import app
 
     path = str(declare(folder, FULL))
-    shown = CliRunner().invoke(app, ["plan", path, "--method", "uniform_grid", "--size", "16x16"])
+    command = ["plan", path, "--method", "uniform_grid", "--size", "16x16"]
+    narrow = CliRunner().invoke(app, command, env={"COLUMNS": "80"})
+    assert max(map(len, narrow.stdout.splitlines())) <= 80
+    shown = CliRunner().invoke(app, command, env={"COLUMNS": "160"})
     assert shown.exit_code == 0
     assert "light 1: directional, with shadows, fixed" in shown.stdout
     assert "passes that run" in shown.stdout
-    told = CliRunner().invoke(app, ["plan", path, "--method", "uniform_grid", "--size", "16x16", "--json"])
+    told = CliRunner().invoke(app, [*command, "--json"])
     assert json.loads(told.stdout)["methods"][0]["method"] == "uniform_grid"
 
 
