@@ -21,7 +21,7 @@ from ..harness.frame.devices import device_title
 from ..harness.frame.passes import Pass, PassRunner
 from ..harness.results.folder import ResultsFolder
 from ..harness.results.journal import Journal
-from ..harness.results.record import SCHEMA, make_record
+from ..harness.results.record import SCHEMA, Record, make_record
 from ..harness.runner.experiment import Preset
 from ..harness.runner.job import Options, Reporter
 from ..harness.runner.machine import clock_state, environment, keep
@@ -63,7 +63,7 @@ class Trial(PassRunner):
         return int((places != np.argsort(self.unsorted, kind="stable")).sum())
 
 
-def measure(options: Options, report: Reporter, bits: Sequence[int]) -> list[dict[str, Any]]:
+def measure(options: Options, report: Reporter, bits: Sequence[int]) -> list[Record]:
     """The record of each number of key bits, at as many pairs as the preset's image has pixels (and those after it).
 
     What has a record is not measured again. Raises :class:`UserError` where scenes or methods are named, and where the
@@ -84,7 +84,7 @@ def measure(options: Options, report: Reporter, bits: Sequence[int]) -> list[dic
 
 def _measured(
     options: Options, preset: Preset, report: Reporter, bits: Sequence[int], folder: ResultsFolder, made_in: str
-) -> list[dict[str, Any]]:  # fmt: skip
+) -> list[Record]:  # fmt: skip
     facts = [_facts(options, preset, count) for count in bits]
     keys = [f"{f['point']['bits']}-bits-{preset.width}x{preset.height}-{digest(f)[:16]}" for f in facts]
     kept = [folder.record(key) for key in keys]

@@ -8,14 +8,14 @@ import sys
 from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from ..errors import UserError
 from ..results.folder import ResultsFolder
-from ..results.record import FAILURES, write_archive
-from ..results.schema import ARCHIVE, read_records
+from ..results.record import FAILURES, Record
+from ..results.schema import ARCHIVE, read_records, write_archive
 from .show import show
 
 BULKY = ("images", "maps")
@@ -49,7 +49,7 @@ def keep(sources: Sources, out: Out, extras: With = None, replace: Replace = Fal
     if out.exists() and (not out.is_dir() or any(out.iterdir())) and not replace:
         raise UserError(f"--out {out}: there is something already; name another, or give --replace")
     found = [record for source in sources for record in read_records(source)]
-    experiments = sorted({record["experiment"] for record in found})
+    experiments = sorted({record.experiment for record in found})
     if len(experiments) > 1:
         raise UserError(f"records of {' and '.join(experiments)}; keep each in a folder of its own")
     records = chosen(found)
@@ -77,15 +77,15 @@ def keep(sources: Sources, out: Out, extras: With = None, replace: Replace = Fal
     return 0
 
 
-def chosen(records: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
+def chosen(records: Iterable[Record]) -> list[Record]:
     """One record a point: the last that is no failure, else the last."""
-    failures_first = sorted(records, key=lambda record: record["status"] not in FAILURES)
-    return list({record["key"]: record for record in failures_first}.values())
+    failures_first = sorted(records, key=lambda record: record.status not in FAILURES)
+    return list({record.key: record for record in failures_first}.values())
 
 
-def _fill(fresh: Path, sources: Sequence[Path], records: Sequence[dict[str, Any]]) -> None:
+def _fill(fresh: Path, sources: Sequence[Path], records: Sequence[Record]) -> None:
     write_archive(fresh / "records" / ARCHIVE, records)
-    named = {f"{record['environment']}.json" for record in records}
+    named = {f"{record.environment}.json" for record in records}
     for source in sources:
         for name in ("environments", *BULKY):
             for path in (source / name).glob("*"):

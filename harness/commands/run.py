@@ -12,10 +12,9 @@ from typing import Any
 
 from ..errors import UserError
 from ..frame.devices import find_device
-from ..report.tidy import prefer
 from ..results.folder import ResultsFolder
-from ..results.record import FAILURES
-from ..results.statistics import summarise
+from ..results.newest import prefer
+from ..results.record import FAILURES, Record
 from ..runner.experiment import Preset, choose_methods, find_experiment, find_preset, parse_size
 from ..runner.points import parse_settings
 from ..runner.progress import Bar, Silent
@@ -106,7 +105,7 @@ def run(options: Options, as_json: bool = False) -> int:
         with ResultsFolder(options.out).writing():
             prefer(options.out, records)
         files = list(options.experiment.draw(options.out, as_json))  # type: ignore[call-arg]
-    bad = [record for record in records if record["status"] in FAILURES]
+    bad = [record for record in records if record.status in FAILURES]
     if as_json:
         print(json.dumps(report_json(options, records, files), indent=1))
     else:
@@ -114,8 +113,8 @@ def run(options: Options, as_json: bool = False) -> int:
             print(f"written: {file}", file=sys.stderr)
         print(f"records: {options.out / 'records'}", file=sys.stderr)
         for record in bad:
-            who = f"{record['scene']['name']}, {record['method']['label']}"
-            print(f"{who}: {record['status']}: {record['reason']}", file=sys.stderr)
+            who = f"{record.scene['name']}, {record.method['label']}"
+            print(f"{who}: {record.status}: {record.reason}", file=sys.stderr)
         if bad:
             print(f"{len(bad)} of {len(records)} points failed; --retry measures them again", file=sys.stderr)
     return 1 if bad else 0
@@ -131,13 +130,15 @@ def newest(experiment: str) -> Path:
     return max(folders, key=lambda path: (path / "records").stat().st_mtime)
 
 
-def report_json(options: Options, records: list[dict[str, Any]], files: list[Path]) -> dict[str, Any]:
+def report_json(options: Options, records: list[Record], files: list[Path]) -> dict[str, Any]:
     """What ``--json`` prints: one row a point, and what was written."""
+    from ..results.means import point_rows
+
     return {
         "experiment": options.experiment.name,
         "preset": options.preset_name,
         "device": options.device,
         "out": str(options.out),
         "files": [str(file) for file in files],
-        "points": [summarise(record) for record in records],
+        "points": point_rows(records),
     }

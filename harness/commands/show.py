@@ -38,7 +38,7 @@ def refuse_others(experiment: str, folder: Path) -> None:
     """Raise :class:`UserError` where all records of a folder are another experiment's: whose, and what shows them."""
     whose: list[str] = []
     for record in read_records(folder):
-        name = record["experiment"]
+        name = record.experiment
         if name == experiment:
             return
         whose.append(name)

@@ -150,7 +150,7 @@ def score(
     for path in files:
         row = _score_file(path, folder, again, scene_dir)
         if row.pop("changed"):
-            write_atomic(row["record_path"], row["record"])
+            write_atomic(row["record_path"], row["record"].to_json())
         rows.append(row)
     _settle(rows, {path.parent.parent for path in files})
     for row in rows:
@@ -170,6 +170,7 @@ def _score_file(path: Path, folder: Path, again: bool, scene_dir: Path | None) -
     """Score one file of raw answers, and put the score into its record where there is one."""
     from ..judge.answer_files import read_facts
     from ..judge.score import score_raw
+    from ..results.record import Frame as RecordFrame
     from ..results.schema import read_record
     from ..results.settle import keep_disputes
 
@@ -189,20 +190,20 @@ def _score_file(path: Path, folder: Path, again: bool, scene_dir: Path | None) -
         facts = read_facts(path)
         row["scene"], row["frame"] = facts["scene"], facts["frame"]
         record_path = path.parent.parent / "records" / f"{facts['extra'].get('key', '')}.json"
-        frame: dict[str, Any] = {}
+        frame: RecordFrame | None = None
         if record_path.is_file():
             record = read_record(record_path)
             row["record"], row["record_path"] = record, record_path
-            row["method"] = record["method"]["name"]
-            frame = next((f for f in record["frames"] if f["frame"] == facts["frame"]), {})
-        if frame.get("score") and not again:
-            row["status"], row["score"] = "had a score", frame["score"]
+            row["method"] = record.method["name"]
+            frame = next((f for f in record.frames if f.frame == facts["frame"]), None)
+        if frame and frame.score and not again:
+            row["status"], row["score"] = "had a score", frame.score
         else:
             disputes: list[Any] = []
             row["score"] = score_raw(path, scene_dir, folder / "truth", disputes)
             if frame:
-                frame["score"], frame["unscored"], row["changed"] = row["score"], None, True
-                keep_disputes(path.parent.parent, record["key"], frame["frame"], disputes)
+                frame.score, frame.unscored, row["changed"] = row["score"], None, True
+                keep_disputes(path.parent.parent, record.key, frame.frame, disputes)
     except UserError as error:
         row["status"], row["reason"] = "not scored", str(error)
     return row
@@ -216,8 +217,9 @@ def _settle(rows: list[dict[str, Any]], folders: set[Path]) -> None:
         changed = settle_folder(folder)
         for row in rows:
             if row["record"] is not None and row["record_path"].parent.parent == folder:
-                frames = changed.get(row["record"]["key"], {}).get("frames", ())
-                row["score"] = next((f["score"] for f in frames if f["frame"] == row["frame"]), row["score"])
+                own = changed.get(row["record"].key)
+                frames = own.frames if own else ()
+                row["score"] = next((f.score for f in frames if f.frame == row["frame"]), row["score"])
 
 
 def _known_inexact(row: dict[str, Any]) -> str | None:
@@ -227,7 +229,7 @@ def _known_inexact(row: dict[str, Any]) -> str | None:
     if row["record"] is None:
         return None
     try:
-        method = make_method(row["method"], row["record"]["method"].get("settings"))
+        method = make_method(row["method"], row["record"].method.get("settings"))
     except (UserError, ImportError):
         return None  # answers of a method that is not installed here: judged like any other
     return getattr(method, "known_inexact", None)

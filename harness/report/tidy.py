@@ -5,16 +5,14 @@ Statistics are computed here and in :mod:`.results.record`, on reading; nothing 
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..files import write_atomic
 from ..frame.passes import PARTS
-from ..results.schema import read_records
-from ..results.statistics import identity, part_ms, summarise
+from ..results.newest import newest as newest_records
+from ..results.statistics import part_ms, summarise
 from . import paper_table1 as paper
 from . import style
 
@@ -30,9 +28,6 @@ COLUMNS = (
 ).split()
 """The columns of a tidy CSV, in order. Times in milliseconds, rates in 1e6 rays a second, memory in bytes."""
 
-
-SAME = ("scene", "scene_title", "lighting", "method", "label", "device", "width", "height")
-"""Two records that agree in these and in their settings are of one entry of a table: the one asked for last is shown."""
 
 ERROR_CLASSES = ("true", "invalid", "acne", "leak")
 """The classes of a score that no rounding excuses."""
@@ -71,31 +66,9 @@ def row(record: dict[str, Any]) -> dict[str, Any]:
 
 
 def newest(folder: Path | str) -> tuple[list[dict[str, Any]], int]:
-    """A folder's records, of each entry of a table the one asked for last; and how many others there are.
-
-    A changed method or scene has another key, and its older records stay in the folder. A record is asked for when it is
-    measured, and when a run takes it from the folder though another has come since (:func:`prefer`).
-    """
-    chosen: dict[tuple[Any, ...], tuple[float, dict[str, Any]]] = {}
-    records = read_records(folder)
-    for record in records:
-        who = identity(record)
-        point = (*(who[name] for name in SAME), style.settings_text(record["method"].get("settings")))
-        path = Path(folder) / "records" / f"{record['key']}.json"
-        noted = [entry["noted"] for entry in record.get("rounds", ()) if "noted" in entry]
-        when = max(noted, default=path.stat().st_mtime if path.exists() else 0.0)
-        when = max(when, record.get("asked") or 0.0)
-        if point not in chosen or when >= chosen[point][0]:
-            chosen[point] = (when, record)
-    return [record for _, record in chosen.values()], len(records) - len(chosen)
-
-
-def prefer(folder: Path | str, records: list[dict[str, Any]]) -> None:
-    """Have what a run was asked for shown, not what came into its folder in between, such as a scene declared otherwise."""
-    shown = {record["key"] for record in newest(folder)[0]}
-    for record in records:
-        if record["key"] not in shown:
-            write_atomic(Path(folder) / "records" / f"{record['key']}.json", {**record, "asked": time.time()})
+    """As :func:`.results.newest.newest`, with records as JSON has them."""
+    records, older = newest_records(folder)
+    return [record.to_json() for record in records], older
 
 
 def rows(records: list[dict[str, Any]]) -> list[dict[str, Any]]:

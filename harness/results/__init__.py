@@ -1,1 +1,10 @@
-"""What is kept: records, journals, statistics, and folders of results."""
+"""What is kept: records, journals, and folders of results; and the tables that are made of them.
+
+``tidy(folder)`` gives a results folder as one pandas DataFrame, ``samples(folder)`` every sample in long form, and
+``points(table)`` means over the frames of each point.
+"""
+
+from .means import points
+from .table import samples, tidy
+
+__all__ = ["points", "samples", "tidy"]

@@ -18,13 +18,15 @@ import numpy as np
 from ..errors import UserError
 from .journal import Journal
 from ..files import write_atomic
-from .schema import archived, fault
+from .record import Record
+from .schema import archived, whole_record
 from ..scene.catalogue import resolve
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
 """Errors for which a results folder is at fault wherever they come up."""
 
 UNWRITABLE = (*FULL, errno.EACCES, errno.EPERM, errno.EIO, errno.ENOTDIR, errno.EISDIR)
+
 
 class ResultsFolder:
     """``records/KEY.json``, ``journal/KEY.jsonl``, ``environments/ID.json``, ``scenes.json`` and so on in ``path``."""
@@ -102,20 +104,20 @@ class ResultsFolder:
         with self.writing():
             return Journal(self.path / "journal" / f"{key}.jsonl")
 
-    def record(self, key: str) -> dict[str, Any] | None:
+    def record(self, key: str) -> Record | None:
         """The finished record of a point; None where there is none, or a file that is no whole record."""
-        found = read_json(self.path / "records" / f"{key}.json") or self._archived.get(key)
-        return found if found is not None and found.get("key") == key and not fault(found) else None
+        found = whole_record(self.path / "records" / f"{key}.json") or self._archived.get(key)
+        return found if found is not None and found.key == key else None
 
     @functools.cached_property
-    def _archived(self) -> dict[str, dict[str, Any]]:
+    def _archived(self) -> dict[str, Record]:
         return archived(self.path / "records")
 
-    def keep_record(self, record: dict[str, Any], journal: Journal) -> None:
+    def keep_record(self, record: Record, journal: Journal) -> None:
         """Write a record; its journal, and answers that nobody graded, have then done their work."""
         with self.writing():
-            write_atomic(self.path / "records" / f"{record['key']}.json", record)
-            for path in (self.path / "journal").glob(f"{glob.escape(record['key'])}-*.npz"):
+            write_atomic(self.path / "records" / f"{record.key}.json", record.to_json())
+            for path in (self.path / "journal").glob(f"{glob.escape(record.key)}-*.npz"):
                 path.unlink()
             journal.remove()
 

@@ -1,53 +1,192 @@
-"""One JSON file a point, written atomically from a journal of rounds; and reading them back as tidy tables.
+"""A record: what became of one point, with every raw sample. Statistics are computed on reading (:mod:`.results.table`).
 
-A folder of results holds ``records/KEY.json`` (finished points), ``journal/KEY.jsonl`` (points under way),
-``environments/ID.json``, ``scenes.json`` and, outside version control, ``truth/`` and ``answers/``. Records keep
-every raw sample; statistics are computed here, on reading.
+A record is one JSON file, made from a journal of rounds. The classes below are its schema: a field without a default
+must be in the file, one with a default may be absent (an older version or another program did not write it), and a field
+that is not declared is refused (:mod:`.results.schema`).
 """
 
 from __future__ import annotations
-from ..files import write_bytes
 
-import hashlib
-import json
-import lzma
-import os
-import tempfile
 from collections.abc import Iterable
-from pathlib import Path
-from typing import Any
+from dataclasses import dataclass, field, fields
+from typing import Annotated, Any, TypedDict
 
-import numpy as np
-
-from .schema import SCHEMA
+SCHEMA = 1
+"""Version of the files. Another one is refused."""
 
 STATUSES = ("ok", "skipped", "failed", "timeout", "rejected")
 """What may become of a point. Every planned point yields exactly one record with one of these."""
 
 FAILURES = ("failed", "timeout")
-"""Those that nothing was decided by: ``--retry`` measures such a point again."""
+"""Statuses that say nothing about the method: ``--retry`` measures such a point again."""
+
+Ms = Annotated[float, 0.0]
+"""A measured time in milliseconds: finite and not negative."""
 
 
+class Point(TypedDict, total=False):
+    """What was asked for, with whatever else the configuration has: all of it goes into the record's key."""
+
+    preset: str | None
+    rounds: int
+    budget_s: float
 
 
+class SizedPoint(Point):
+    """The part of :class:`Point` that every record has."""
+
+    width: int
+    height: int
 
 
+class SceneOptions(TypedDict, total=False):
+    """Facts of a scene that old records, and points whose scene could not be made, may lack."""
+
+    title: str | None
+    stand_in: str | None
+    triangles: int | None
+    vertices: int | None
+    invalid_triangles: int | None
+    lights: list[Any] | None
+    lighting: dict[str, Any] | None
+    source: dict[str, Any] | None
+    frame_count: int | None
+    arrays_sha256: str | None
 
 
+class SceneFacts(SceneOptions):
+    """Facts of a scene. Fields beyond those of :class:`SceneOptions` are kept as they are."""
+
+    name: str
 
 
+class MethodOptions(TypedDict, total=False):
+    """Facts of a method that old records, and methods that could not be made, may lack."""
+
+    title: str | None
+    label: str | None
+    device_name: str | None
+    settings: dict[str, Any] | None
+    parameters: dict[str, dict[str, Any]] | None
+    built: dict[str, Any] | None
+    known_inexact: str | None
+    source_sha256: str | None
 
 
-def write_archive(path: Path, records: Iterable[dict[str, Any]]) -> None:
-    """Records as one compressed file, by key, as :func:`.results.schema.read_archive` reads it.
+class MethodFacts(MethodOptions):
+    """Facts of a method as it ran. Fields beyond those of :class:`MethodOptions` are kept as they are."""
 
-    The same records give the same bytes.
+    name: str
+    device: str
+
+
+@dataclass
+class PassTimes:
+    """Samples of one pass, in ms. On CUDA they are differences of prefix graphs: noise can make one negative."""
+
+    name: str
+    part: str
+    ms: list[float]
+
+
+@dataclass
+class Frame:
+    """One frame of a point: its samples, what it needed, and the judge's score of its answers.
+
+    total_ms     samples of the whole frame on the device's clock; ``wall_ms`` on the host's; ``round``: whose they are
+    passes       samples pass by pass, measured apart; ``stage_round``: the round of each sample of a pass
+    started      when the frame's samples began, seconds since the epoch, one a round; ``stopped_by``: what ended them
+    counters     work counters by name
+    score        what :mod:`.judge.score` made of the answers; None: not judged, ``unscored`` says why
+    shadow_rays  one a light and pixel that needs one
+    flip         mean FLIP against the reference's picture; None: not computed, ``flip_missing`` says why
     """
-    ordered = sorted(records, key=lambda record: str(record["key"]))
-    text = "".join(json.dumps(record, allow_nan=False) + "\n" for record in ordered)
-    write_bytes(path, lzma.compress(text.encode(), preset=9 | lzma.PRESET_EXTREME))
+
+    frame: int
+    total_ms: list[Ms]
+    wall_ms: list[Ms]
+    round: list[int]
+    stage_round: list[int]
+    passes: list[PassTimes]
+    regrown: int
+    score: dict[str, Any] | None = None
+    unscored: str | None = None
+    started: list[float] = field(default_factory=list)
+    stopped_by: list[str] = field(default_factory=list)
+    memory_bytes: float | None = None
+    memory_source: str | None = None
+    counters: dict[str, float] | None = field(default_factory=dict)
+    shadow_rays: int | None = None
+    flip: float | None = None
+    flip_missing: str | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("wall_ms", "round"):
+            if len(getattr(self, name)) != len(self.total_ms):
+                raise ValueError(
+                    f"{name} has {len(getattr(self, name))} entries, total_ms {len(self.total_ms)}"
+                )
+        for step in self.passes:
+            if len(step.ms) != len(self.stage_round):
+                raise ValueError(
+                    f"{step.name} has {len(step.ms)} samples, stage_round {len(self.stage_round)}"
+                )
+
+    @property
+    def measured(self) -> bool:
+        """Whether it has samples. A frame beyond the point's budget has none."""
+        return bool(self.total_ms)
 
 
+@dataclass
+class Record:
+    """What became of a point. ``frames_left_out``: those that the budget did not pay for; ``asked``: when a run last
+    took this record for its own though a later one of the same entry is in the folder, seconds since the epoch.
+    """
+
+    key: str
+    experiment: str
+    status: str
+    reason: str
+    point: SizedPoint
+    scene: SceneFacts
+    method: MethodFacts
+    environment: str
+    stopped_by: str
+    frames: list[Frame]
+    schema: int = SCHEMA
+    compile_s: float | None = None
+    load_s: float | None = None
+    first_frame_s: float | None = None
+    rounds: list[dict[str, Any]] | None = field(default_factory=list)
+    frames_left_out: list[int] | None = field(default_factory=list)
+    peak_rss_bytes: float | None = None
+    baseline_rss_bytes: float | None = None
+    asked: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.status not in STATUSES:
+            raise ValueError(f"status {self.status!r} is not one of {', '.join(STATUSES)}")
+
+    @property
+    def measured(self) -> list[Frame]:
+        """The frames that have samples."""
+        return [frame for frame in self.frames if frame.measured]
+
+    def to_json(self) -> dict[str, Any]:
+        """The record as JSON has it."""
+        return _plain(self)
+
+
+LEFT_OUT = ("shadow_rays", "flip", "flip_missing", "memory_source", "asked")
+"""Fields that are not written where they are None."""
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Record | Frame | PassTimes):
+        found = {one.name: getattr(value, one.name) for one in fields(value)}
+        return {k: _plain(v) for k, v in found.items() if v is not None or k not in LEFT_OUT}
+    return [_plain(one) for one in value] if isinstance(value, list) else value
 
 
 def make_record(
@@ -59,10 +198,11 @@ def make_record(
     events: Iterable[dict[str, Any]] = (),
     status: str = "ok",
     reason: str = "",
-) -> dict[str, Any]:
-    """The record of a point from its journal. Rounds are joined in their order; no sample is dropped."""
-    if status not in STATUSES:
-        raise ValueError(f"status {status!r} is not one of {STATUSES}")
+) -> Record:
+    """The record of a point from its journal. Rounds are joined in their order; no sample is dropped.
+
+    Raises ValueError for an unknown status.
+    """
     known = list(events)
     # The first preparation compiled; a later one, after a restart, found the kernels ready.
     prepared: dict[str, Any] = next((e for e in known if e["event"] == "prepared"), {})
@@ -70,86 +210,56 @@ def make_record(
     rounds = sorted((e for e in known if e["event"] == "round"), key=lambda e: e["round"])
     frames = _join_rounds(rounds)
     for extra in (*prepared.get("frames", ()), *finished.get("frames", ())):
-        frames.setdefault(extra["frame"], _empty_frame(extra["frame"])).update(extra)
-    stops = sorted({frame["stopped_by"] for event in rounds for frame in event["frames"]})
-    return {
-        "schema": SCHEMA,
-        "key": key,
-        "experiment": point.get("experiment", ""),
-        "status": status,
-        "reason": reason,
-        "point": point,
-        "scene": scene,
-        "method": {
-            **method,
-            **prepared.get("method", {}),
-            **(rounds[-1].get("method", {}) if rounds else {}),
-        },
-        "environment": environment,
-        "compile_s": prepared.get("compile_s"),
-        "load_s": scene.get("load_s"),
-        "first_frame_s": prepared.get("first_frame_s"),
-        "rounds": [
-            {k: v for k, v in event.items() if k not in ("event", "frames", "method")} for event in rounds
-        ],
-        "frames": [frames[index] for index in sorted(frames)],
-        "frames_left_out": prepared.get("frames_left_out", []),
-        "peak_rss_bytes": max((event["peak_rss_bytes"] or 0 for event in rounds), default=None),
-        "baseline_rss_bytes": prepared.get("baseline_rss_bytes"),
-        "stopped_by": " and ".join(stops),
-    }
+        frame = frames.setdefault(extra["frame"], _empty_frame(extra["frame"]))
+        for name, value in extra.items():
+            setattr(frame, name, value)
+    last = rounds[-1].get("method", {}) if rounds else {}
+    facts: Any = {**method, **prepared.get("method", {}), **last}
+    sized: Any = point
+    described: Any = scene
+    return Record(
+        key=key,
+        experiment=point.get("experiment", ""),
+        status=status,
+        reason=reason,
+        point=sized,
+        scene=described,
+        method=facts,
+        environment=environment,
+        compile_s=prepared.get("compile_s"),
+        load_s=scene.get("load_s"),
+        first_frame_s=prepared.get("first_frame_s"),
+        rounds=[{k: v for k, v in one.items() if k not in ("event", "frames", "method")} for one in rounds],
+        frames=[frames[index] for index in sorted(frames)],
+        frames_left_out=prepared.get("frames_left_out", []),
+        peak_rss_bytes=max((one["peak_rss_bytes"] or 0 for one in rounds), default=None),
+        baseline_rss_bytes=prepared.get("baseline_rss_bytes"),
+        stopped_by=" and ".join(sorted({f["stopped_by"] for one in rounds for f in one["frames"]})),
+    )
 
 
-def _empty_frame(index: int) -> dict[str, Any]:
-    return {
-        "frame": index,
-        "regrown": 0,
-        "total_ms": [],
-        "wall_ms": [],
-        "round": [],
-        "passes": [],
-        "stage_round": [],
-        "started": [],
-        "stopped_by": [],
-        "memory_bytes": None,
-        "counters": {},
-        "score": None,
-        "unscored": "not answered",
-    }
+def _empty_frame(index: int) -> Frame:
+    return Frame(index, [], [], [], [], [], 0, unscored="not answered")
 
 
-def _join_rounds(rounds: list[dict[str, Any]]) -> dict[int, dict[str, Any]]:
-    frames: dict[int, dict[str, Any]] = {}
+def _join_rounds(rounds: list[dict[str, Any]]) -> dict[int, Frame]:
+    frames: dict[int, Frame] = {}
     for event in rounds:
         for part in event["frames"]:
             frame = frames.setdefault(part["frame"], _empty_frame(part["frame"]))
-            frame["total_ms"] += part["total_ms"]
-            frame["wall_ms"] += part["wall_ms"]
-            frame["round"] += [event["round"]] * len(part["total_ms"])
-            frame["started"].append(part["started"])
-            frame["stopped_by"].append(part["stopped_by"])
-            frame["regrown"] = max(frame["regrown"], part["regrown"])
-            frame["memory_bytes"] = max(frame["memory_bytes"] or 0, part["memory_bytes"])
-            frame["memory_source"] = part["memory_source"]
+            frame.total_ms += part["total_ms"]
+            frame.wall_ms += part["wall_ms"]
+            frame.round += [event["round"]] * len(part["total_ms"])
+            frame.started.append(part["started"])
+            frame.stopped_by.append(part["stopped_by"])
+            frame.regrown = max(frame.regrown, part["regrown"])
+            frame.memory_bytes = max(frame.memory_bytes or 0, part["memory_bytes"])
+            frame.memory_source = part["memory_source"]
             # Passes are joined by place: a method's pass list is the same in every round of a point.
-            if not frame["passes"]:
-                frame["passes"] = [{**step, "ms": []} for step in part["passes"]]
-            for step, new in zip(frame["passes"], part["passes"], strict=True):
-                step["ms"] += new["ms"]
+            if not frame.passes:
+                frame.passes = [PassTimes(step["name"], step["part"], []) for step in part["passes"]]
+            for step, new in zip(frame.passes, part["passes"], strict=True):
+                step.ms += new["ms"]
             count = len(part["passes"][0]["ms"]) if part["passes"] else 0
-            frame["stage_round"] += [event["round"]] * count
+            frame.stage_round += [event["round"]] * count
     return frames
-
-
-
-
-
-
-
-
-
-
-
-
-
-

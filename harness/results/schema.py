@@ -1,139 +1,113 @@
-"""Reading a record: what it must look like, the type of every field that tables, drawings and scores use.
+"""Reading records: every declared field is checked (:mod:`.results.record`), and a fault is one line.
 
-A file that another program wrote or that a disk has damaged is told by its name and by the field that is wrong, not
-by whatever comes of it later.
+A file that another program wrote, a hand edited or a disk damaged is refused by its name and by the field that is wrong.
 """
 
 from __future__ import annotations
 
 import json
 import lzma
-from dataclasses import dataclass
+import math
+import types
+from collections.abc import Iterable
+from dataclasses import MISSING, fields, is_dataclass
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints, is_typeddict
 
 from ..errors import UserError
-
-SCHEMA = 1
+from ..files import write_bytes
+from .record import SCHEMA, Record
 
 ARCHIVE = "kept.jsonl.xz"
-"""All records of a folder that is kept, in its ``records/``: one a line, a seventh of what they take apart."""
+"""All records of a folder that is kept, in its ``records/``: one a line, a seventh of the size of single files."""
 
 ARCHIVES = "*.jsonl.xz"
 """All files of that kind: what is measured for a kept folder later can be laid beside what is there."""
 
-NUMBER = (int, float)
-
-
-@dataclass(frozen=True)
-class Maybe:
-    """A field that may be absent or null."""
-
-    shape: Any
-
-
-@dataclass(frozen=True)
-class Each:
-    """A list, or the values of an object, of one shape."""
-
-    shape: Any
-    kind: type = list
-
-
-PASS = {"name": str, "part": str, "ms": Each(NUMBER)}
-SCORE = {
-    "true_errors": int,
-    "excused_share": NUMBER,
-    "primary": {"pixels": int},
-    "shadow": Each(dict),
-    "reference_errors": Maybe(dict),
+CALLED = {
+    str: "text",
+    int: "a whole number",
+    float: "a number",
+    bool: "true or false",
+    list: "a list",
+    dict: "an object",
 }
-FRAME = {
-    "frame": int,
-    "total_ms": Each(NUMBER),
-    "wall_ms": Each(NUMBER),
-    "round": Each(int),
-    "stage_round": Each(int),
-    "passes": Each(PASS),
-    "memory_bytes": Maybe(NUMBER),
-    "regrown": int,
-    "counters": Maybe(Each(NUMBER, dict)),
-    "score": Maybe(SCORE),
-    "unscored": Maybe(str),
-    "shadow_rays": Maybe(NUMBER),
-}
-RECORD = {
-    "key": str,
-    "experiment": str,
-    "status": str,
-    "reason": str,
-    "point": {"width": int, "height": int, "preset": Maybe(str)},
-    "scene": {
-        "name": str,
-        "title": Maybe(str),
-        "stand_in": Maybe(str),
-        "triangles": Maybe(int),
-        "invalid_triangles": Maybe(int),
-        "lights": Maybe(list),
-        "lighting": Maybe(dict),
-        "source": Maybe(dict),
-    },
-    "method": {
-        "name": str,
-        "title": Maybe(str),
-        "label": Maybe(str),
-        "device": str,
-        "device_name": Maybe(str),
-        "settings": Maybe(dict),
-        "parameters": Maybe(Each(dict, dict)),
-        "built": Maybe(dict),
-    },
-    "environment": str,
-    "asked": Maybe(NUMBER),
-    "compile_s": Maybe(NUMBER),
-    "first_frame_s": Maybe(NUMBER),
-    "peak_rss_bytes": Maybe(NUMBER),
-    "stopped_by": str,
-    "rounds": Maybe(Each(dict)),
-    "frames": Each(FRAME),
-    "frames_left_out": Maybe(list),
-}
-
-
-def fault(value: Any, shape: Any = RECORD, name: str = "") -> str:
-    """What is wrong with a value that JSON gave, "width is 'abc', not a whole number"; "" where nothing is."""
-    if isinstance(shape, Maybe):
-        return "" if value is None else fault(value, shape.shape, name)
-    if isinstance(shape, Each):
-        wrong = fault(value, shape.kind, name)
-        if wrong:
-            return wrong
-        parts = value.items() if shape.kind is dict else enumerate(value)
-        return next((f for k, part in parts if (f := fault(part, shape.shape, f"{name}[{k}]"))), "")
-    if isinstance(shape, dict):
-        wrong = fault(value, dict, name)
-        if wrong:
-            return wrong
-        lead = f"{name}." if name else ""
-        for key, inner in shape.items():
-            if key not in value and not isinstance(inner, Maybe):
-                return f"it has no {lead}{key}"
-            wrong = fault(value.get(key), inner, f"{lead}{key}")
-            if wrong:
-                return wrong
-        return ""
-    if isinstance(value, shape):
-        return ""
-    shown = repr(value)
-    shown = shown if len(shown) <= 40 else shown[:37] + "..."
-    return f"{name or 'all of it'} is {shown}, not {CALLED[shape]}"
-
-
-CALLED = {str: "text", int: "a whole number", NUMBER: "a number", list: "a list", dict: "an object"}
 """What a person calls the types of JSON."""
 
 
-def read_records(folder: Path | str) -> list[dict[str, Any]]:
+class WrongFieldError(ValueError):
+    """A value is not what a field holds: the text names both."""
+
+
+def checked(kind: Any, value: Any, name: str = "") -> Any:
+    """``value``, which JSON gave, as an instance of the type ``kind``: dataclasses are made, all else is checked.
+
+    ``kind``: a dataclass, a TypedDict (its undeclared fields are kept as they are), or what :mod:`.results.record` uses
+    of Python's types. Numbers must be finite. Raises :class:`WrongFieldError`.
+    """
+    origin, arguments = get_origin(kind), get_args(kind)
+    if kind is Any:
+        return value
+    if origin in (Union, types.UnionType):
+        return None if value is None else checked(arguments[0], value, name)
+    if origin is list or origin is dict:
+        _require(origin, value, name)
+        if origin is list:
+            return [checked(arguments[0], one, f"{name}[{i}]") for i, one in enumerate(value)]
+        return {key: checked(arguments[1], one, f"{name}[{key}]") for key, one in value.items()}
+    if origin is Annotated:
+        if checked(arguments[0], value, name) < arguments[1]:
+            raise WrongFieldError(f"{name} is {value}, not a time")
+        return value
+    if is_dataclass(kind) or is_typeddict(kind):
+        return _object(kind, value, name)
+    _require(kind, value, name)
+    return value
+
+
+def _require(kind: type, value: Any, name: str) -> None:
+    # JSON's true and false are no numbers, though Python's are.
+    fits = isinstance(value, (int, float) if kind is float else kind) and isinstance(value, bool) <= (
+        kind is bool
+    )
+    if not fits or (kind is float and not math.isfinite(value)):
+        shown = repr(value)
+        shown = shown if len(shown) <= 40 else shown[:37] + "..."
+        raise WrongFieldError(f"{name or 'all of it'} is {shown}, not {CALLED[kind]}")
+
+
+@cache
+def _declared(kind: Any) -> tuple[dict[str, Any], frozenset[str]]:
+    """The types of a class's fields by name, and the names of those that must be there."""
+    hints = get_type_hints(kind, include_extras=True)
+    if is_typeddict(kind):
+        return hints, kind.__required_keys__
+    needed = [one.name for one in fields(kind) if one.default is MISSING and one.default_factory is MISSING]
+    return hints, frozenset(needed)
+
+
+def _object(kind: Any, value: Any, name: str) -> Any:
+    _require(dict, value, name)
+    lead = f"{name}." if name else ""
+    hints, needed = _declared(kind)
+    for missing in (one for one in hints if one in needed and one not in value):
+        raise WrongFieldError(f"it has no {lead}{missing}")
+    if is_typeddict(kind):
+        known = {key: checked(hints[key], one, lead + key) for key, one in value.items() if key in hints}
+        return {**value, **known}
+    for unknown in (key for key in value if key not in hints):
+        raise WrongFieldError(f"{lead}{unknown} is no field that this version knows")
+    found = {key: checked(hints[key], one, lead + key) for key, one in value.items()}
+    try:
+        return kind(**found)
+    except WrongFieldError:
+        raise
+    except ValueError as error:
+        raise WrongFieldError(f"{name}: {error}" if name else str(error)) from error
+
+
+def read_records(folder: Path | str) -> list[Record]:
     """Every finished record of a results folder, by key. Raises :class:`UserError` where there is none.
 
     A folder that is kept has them in one file (:data:`ARCHIVE`); what was measured in it since has a file each.
@@ -144,24 +118,24 @@ def read_records(folder: Path | str) -> list[dict[str, Any]]:
     except (FileNotFoundError, NotADirectoryError):
         paths = []
     except OSError as error:
-        raise UserError(f"{place}: cannot be read ({error.strerror}); mend its rights") from error
+        raise UserError(f"{place}: cannot be read ({error.strerror}); change its permissions") from error
     found = archived(place)
     for path in paths:
         if path.suffix == ".json":
             record = read_record(path)
-            found[record["key"]] = record
+            found[record.key] = record
     if not found:
         raise UserError(f"{folder}: no records here; name a folder that `shadowbench run` wrote")
     return [found[key] for key in sorted(found)]
 
 
-def archived(place: Path) -> dict[str, dict[str, Any]]:
+def archived(place: Path) -> dict[str, Record]:
     """By key the records in the archives of a folder ``records/``; of two that have one, the later name's."""
     paths = sorted(place.glob(ARCHIVES))
-    return {record["key"]: record for path in paths for record in read_archive(path)}
+    return {record.key: record for path in paths for record in read_archive(path)}
 
 
-def read_record(path: Path) -> dict[str, Any]:
+def read_record(path: Path) -> Record:
     """A finished record. Raises :class:`UserError`, one line that names the file, for what is none."""
     try:
         text = path.read_text(encoding="utf-8")
@@ -172,7 +146,15 @@ def read_record(path: Path) -> dict[str, Any]:
     return _record_in(text, str(path))
 
 
-def read_archive(path: Path) -> list[dict[str, Any]]:
+def whole_record(path: Path) -> Record | None:
+    """The record in a file; None where there is no such file, or it holds none."""
+    try:
+        return read_record(path)
+    except UserError:
+        return None
+
+
+def read_archive(path: Path) -> list[Record]:
     """The records of a kept folder, one a line. Raises :class:`UserError` as :func:`read_record` does."""
     try:
         with lzma.open(path, "rt", encoding="utf-8") as file:
@@ -187,16 +169,23 @@ def read_archive(path: Path) -> list[dict[str, Any]]:
     ]
 
 
-def _record_in(text: str, where: str, remedy: str = "remove it and run again") -> dict[str, Any]:
+def write_archive(path: Path, records: Iterable[Record]) -> None:
+    """Records as one compressed file, by key, as :func:`read_archive` reads it. The same records give the same bytes."""
+    ordered = sorted(records, key=lambda record: record.key)
+    text = "".join(json.dumps(record.to_json(), allow_nan=False) + "\n" for record in ordered)
+    write_bytes(path, lzma.compress(text.encode(), preset=9 | lzma.PRESET_EXTREME))
+
+
+def _record_in(text: str, where: str, remedy: str = "remove it and run again") -> Record:
     try:
-        record = json.loads(text)
+        found = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise UserError(f"{where}: not a record ({error}); {remedy}") from error
-    if isinstance(record, dict) and record.get("schema") != SCHEMA:
+    if isinstance(found, dict) and found.get("schema") != SCHEMA:
         raise UserError(
-            f"{where}: schema {record.get('schema')}, this version reads {SCHEMA}; run again into a new folder"
+            f"{where}: schema {found.get('schema')}, this version reads {SCHEMA}; run again into a new folder"
         )
-    wrong = fault(record)
-    if wrong:
-        raise UserError(f"{where}: not a record ({wrong}); {remedy}")
-    return record
+    try:
+        return checked(Record, found)
+    except WrongFieldError as error:
+        raise UserError(f"{where}: not a record ({error}); {remedy}") from error

@@ -12,7 +12,6 @@ import json
 from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -20,6 +19,8 @@ from ..judge.shared_errors import Disputes, charge, charged_pixels, pooled
 from .pixel_maps import mark_wrong, wrong_path
 from ..files import DAMAGED, write_arrays, write_atomic
 from .folder import ResultsFolder
+from .record import Record
+from .schema import read_record
 
 ARRAYS = ("state", "pixels", "hit", "primary", "shadow")
 FACTS = tuple(one.name for one in fields(Disputes) if one.name not in ARRAYS)
@@ -58,7 +59,7 @@ def read_disputes(path: Path, state: bool = True) -> tuple[str, int, list[Disput
     return facts["key"], facts["frame"], found
 
 
-def settle_folder(folder: Path) -> dict[str, dict[str, Any]]:
+def settle_folder(folder: Path) -> dict[str, Record]:
     """Settle the records of a folder; those that changed, by key, as they were rewritten.
 
     A record is written whole or not at all, so that a run that is stopped here settles the rest when it goes on.
@@ -66,27 +67,27 @@ def settle_folder(folder: Path) -> dict[str, dict[str, Any]]:
     files = sorted((folder / "truth").glob("disputes-*.npz"))
     known = [(path, found) for path in files if (found := read_disputes(path, state=False))]
     pool = pooled(one for _, (_, _, disputes) in known for one in disputes)
-    changed: dict[str, dict[str, Any]] = {}
+    changed: dict[str, Record] = {}
     for path, (key, frame, _) in known:
         place = folder / "records" / f"{key}.json"
         if not place.is_file():
             continue  # its point is under way, or was never of this folder
-        record = json.loads(place.read_text(encoding="utf-8"))
-        scored = next((one for one in record["frames"] if one["frame"] == frame and one.get("score")), None)
-        whole = read_disputes(path) if scored else None
-        if scored is None or whole is None:
+        record = read_record(place)
+        score = next((one.score for one in record.frames if one.frame == frame), None)
+        whole = read_disputes(path) if score else None
+        if score is None or whole is None:
             continue
-        if charge(scored["score"], whole[2], pool):
-            write_atomic(place, record)
+        if charge(score, whole[2], pool):
+            write_atomic(place, record.to_json())
             changed[key] = record
         mark_wrong(wrong_path(folder, key, frame), *charged_pixels(whole[2], pool))
     return changed
 
 
-def settled(folder: ResultsFolder, records: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def settled(folder: ResultsFolder, records: list[Record]) -> list[Record]:
     """The records, and their files, with what other points' disputes showed of their answers."""
     if not any((folder.path / "truth").glob("disputes-*.npz")):
         return records
     with folder.writing():
         changed = settle_folder(folder.path)
-    return [changed.get(record["key"], record) for record in records]
+    return [changed.get(record.key, record) for record in records]

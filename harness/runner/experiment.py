@@ -19,6 +19,7 @@ import numpy as np
 
 from ..errors import UserError, did_you_mean
 from ..frame import registry
+from ..results.record import Record
 from ..scene.overrides import Lighting
 
 PACKAGE = __name__.rsplit(".", 3)[0] + ".experiments"
@@ -89,7 +90,7 @@ class Experiment:
     presets: Mapping[str, Preset]
     draw: Callable[[Path], Any] | None = None
     after: Callable[[Any], None] | None = None
-    measure: Callable[[Any, Any], list[dict[str, Any]]] | None = None
+    measure: Callable[[Any, Any], list[Record]] | None = None
     cpu: str = "quick"
     gpu: str = "paper"
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 from ..results.journal import Journal
+from ..results.record import Record
 from .experiment import Experiment, Preset
 from .points import Point
 
@@ -34,7 +35,7 @@ class Reporter(Protocol):
     def doing(self, text: str) -> None: ...
     def note(self, text: str) -> None: ...
     def done(self, count: int = 1) -> None: ...
-    def point(self, record: dict[str, Any]) -> None: ...
+    def point(self, record: Record) -> None: ...
 
 
 @dataclass(eq=False)
@@ -46,7 +47,7 @@ class Job:
     journal: Journal
     steps: int
     generation: int = 0
-    record: dict[str, Any] | None = None
+    record: Record | None = None
 
     @property
     def method(self) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import time
-from typing import Any
 
 from rich.console import Console
 from rich.progress import (
@@ -15,6 +14,8 @@ from rich.progress import (
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
+
+from ..results.record import Record
 
 
 class Silent:
@@ -37,7 +38,7 @@ class Silent:
     def done(self, count: int = 1) -> None:
         """Steps have been done."""
 
-    def point(self, record: dict[str, Any]) -> None:
+    def point(self, record: Record) -> None:
         """A record was written."""
 
 
@@ -78,11 +79,11 @@ class Bar(Silent):
         self.at += count
         self.bar.advance(self.task, count)
 
-    def point(self, record: dict[str, Any]) -> None:
-        who = f"{record['scene']['name']}, {record['method']['label']}"
-        status = record["status"] + (f": {record['reason']}" if record["reason"] else "")
+    def point(self, record: Record) -> None:
+        who = f"{record.scene['name']}, {record.method['label']}"
+        status = record.status + (f": {record.reason}" if record.reason else "")
         if self.console.is_terminal:
-            if record["status"] not in ("ok", "skipped"):
+            if record.status not in ("ok", "skipped"):
                 self.console.print(f"{who}: {status}", markup=False, highlight=False)
             return
         spent = time.monotonic() - self.started

@@ -19,7 +19,7 @@ def repaint(options: Options, folder: ResultsFolder, lighting: Lighting, jobs: S
     """
     from ..report.picture import opened
 
-    measured = [job for job in jobs if job.record is not None and job.record["status"] == "ok"]
+    measured = [job for job in jobs if job.record is not None and job.record.status == "ok"]
     if not measured or opened(picture_of(folder, lighting, measured[0])) is not None:
         return
     job = measured[0]

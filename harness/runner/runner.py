@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from ..results.folder import ResultsFolder
-from ..results.record import FAILURES, make_record
+from ..results.record import FAILURES, Record, make_record
 from ..results.settle import settled
 from ..scene.facts import contents
 from ..scene.overrides import Lighting
@@ -60,8 +60,10 @@ class Run:
 
     def __post_init__(self) -> None:
         self.folder = ResultsFolder(self.options.out)
+        # Points of one run are interleaved: tables compare no others.
+        self.name = os.urandom(6).hex()
 
-    def go(self) -> list[dict[str, Any]]:
+    def go(self) -> list[Record]:
         """Run what has no record yet. Raises :class:`~.errors.UserError` where the folder cannot be written."""
         options = self.options
         with self.folder.locked(), TURN.shared(self.report.note):
@@ -69,7 +71,7 @@ class Run:
                 self.environment = keep(options.out, environment())
             parts = options.preset.parts()
             self.report.steps(sum(_points(part) * (part.rounds + 2) for part in parts))
-            records: list[dict[str, Any]] = []
+            records: list[Record] = []
             try:
                 for part in parts:
                     self.options = dataclasses.replace(options, preset=part)
@@ -89,7 +91,7 @@ class Run:
 
     # --- one scene ---
 
-    def _scene(self, name: str, methods: Described) -> list[dict[str, Any]]:
+    def _scene(self, name: str, methods: Described) -> list[Record]:
         self.loaded.clear()
         command = self._load_command(name)
         facts = known_scene(self.folder, command)
@@ -182,7 +184,7 @@ class Run:
             point = make_point(options.experiment.name, options.preset, entry, facts, method, options.seed)
             job = Job(point, scene, self.folder.journal(point.key), self._steps_a_point())
             kept = self.folder.record(point.key)
-            if kept and not (options.retry and kept["status"] in FAILURES):
+            if kept and not (options.retry and kept.status in FAILURES):
                 job.record = kept
                 self.report.done(job.steps)
             jobs.append(job)
@@ -273,7 +275,9 @@ class Run:
     def _note(self, job: Job, event: dict[str, Any]) -> None:
         event.pop("ok", None)
         with self.folder.writing():
-            job.journal.append({**event, "environment": self.environment, "noted": time.time()})
+            job.journal.append(
+                {**event, "environment": self.environment, "run": self.name, "noted": time.time()}
+            )
 
     # --- workers ---
 

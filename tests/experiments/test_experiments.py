@@ -110,8 +110,8 @@ def test_each_experiment_runs_and_draws(name, tmp_path):
     )
     records = Run(Options(declared, "quick", tiny, "cpu", out, score=False), Silent()).go()
     assert len(records) == len(tiny.methods) * len(tiny.lightings) * len(tiny.parts())
-    assert {r["status"] for r in records} <= {"ok", "skipped"}, [r["reason"] for r in records]
-    assert sum(r["status"] == "ok" for r in records) >= len(records) - 2
+    assert {r.status for r in records} <= {"ok", "skipped"}, [r.reason for r in records]
+    assert sum(r.status == "ok" for r in records) >= len(records) - 2
     files = show(name, out, quiet=True)
     assert {f"{name}.csv", f"{name}.md"} <= {file.name for file in files}
     assert any(file.suffix in (".svg", ".png") for file in files) or name == "figure2"
@@ -119,11 +119,8 @@ def test_each_experiment_runs_and_draws(name, tmp_path):
     if name == "figure2":
         assert len(list((out / "maps").glob("*.png"))) == len(records)
     if name == "figure6":
-        rays = {
-            r["scene"]["lighting"].get("label", ""): r["frames"][0]["counters"]["light 0 rays"]
-            for r in records
-        }
+        rays = {r.scene["lighting"].get("label", ""): r.frames[0].counters["light 0 rays"] for r in records}
         assert rays[""] > 0
         assert {rays[name] < rays[""] for name in ("cone", "rectangle")} == {True}, "the spots look elsewhere"
     if name == "moving":
-        assert all(len(r["frames"]) == 8 for r in records)
+        assert all(len(r.frames) == 8 for r in records)

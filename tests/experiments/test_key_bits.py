@@ -48,12 +48,12 @@ def test_key_bits_runs_draws_goes_on_and_is_read(tmp_path):
     options = tiny(tmp_path / "out", samples=2, most=2, stage_samples=1, rounds=2)
     measure = EXPERIMENT.measure
     records = measure(options, Silent())
-    assert [r["point"]["bits"] for r in records] == list(BITS)
-    assert {r["point"]["pairs"] for r in records} == {256}
-    assert all(len(r["frames"][0]["total_ms"]) == 4 for r in records), "two rounds of two samples"
-    orders = [[r["rounds"][k]["place"] for r in records] for k in range(2)]
+    assert [r.point["bits"] for r in records] == list(BITS)
+    assert {r.point["pairs"] for r in records} == {256}
+    assert all(len(r.frames[0].total_ms) == 4 for r in records), "two rounds of two samples"
+    orders = [[r.rounds[k]["place"] for r in records] for k in range(2)]
     assert orders[0] != orders[1], "rounds are interleaved in another order each"
-    assert [r["key"] for r in measure(options, Silent())] == [r["key"] for r in records]
+    assert [r.key for r in measure(options, Silent())] == [r.key for r in records]
     assert len(list((tmp_path / "out" / "records").glob("*.json"))) == len(BITS), "nothing was measured again"
     files = show("key_bits", tmp_path / "out", quiet=True)
     assert {f.name for f in files} == {"key_bits.csv", "key_bits.svg", "key_bits.md"}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 
 import numpy as np
@@ -66,7 +67,7 @@ def test_surfaces_are_two_sided_but_a_light_behind_them_gives_nothing():
         pictures.append(shade(prepared, moment, answers, lights)[:, : SIZE // 2].astype(int))
     assert pictures[1].max() < pictures[0].min()
     flipped = square(front)
-    flipped.faces = np.ascontiguousarray(flipped.faces[:, ::-1])
+    flipped = dataclasses.replace(flipped, faces=np.ascontiguousarray(flipped.faces[:, ::-1]))
     moment, answers = answers_to(flipped)
     # The tint follows the piece, which is the same, so winding changes nothing at all.
     assert (shade(flipped, moment, answers, front)[:, : SIZE // 2] == pictures[0]).all()

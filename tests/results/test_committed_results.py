@@ -36,7 +36,7 @@ def texts(folder: Path) -> dict[str, str]:
 
 
 def experiment_of(folder: Path) -> str:
-    return read_records(folder)[0]["experiment"]
+    return read_records(folder)[0].experiment
 
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: path.name)

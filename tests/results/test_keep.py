@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import lzma
 from pathlib import Path
 
@@ -63,7 +64,7 @@ def test_several_runs_become_one_and_the_last_named_wins(tmp_path: Path) -> None
     second = run_folder(tmp_path / "second", scenes=("fairy",), ms=20.0)
     third = run_folder(tmp_path / "third", ms=30.0)
     keep([first, second, third], tmp_path / "out")
-    times = {(r["scene"]["name"], r["frames"][0]["total_ms"][0]) for r in read_records(tmp_path / "out")}
+    times = {(r.scene["name"], r.frames[0].total_ms[0]) for r in read_records(tmp_path / "out")}
     assert times == {("cloth", 30.0), ("fairy", 20.0)}
 
 
@@ -105,7 +106,7 @@ def test_a_failure_takes_nothing_from_what_was_measured(tmp_path: Path) -> None:
     good, failed = run_folder(tmp_path / "good"), run_folder(tmp_path / "failed", status="failed")
     keep([good, failed], tmp_path / "a")
     keep([failed, good], tmp_path / "b")
-    assert {r["status"] for r in read_records(tmp_path / "a") + read_records(tmp_path / "b")} == {"ok"}
+    assert {r.status for r in read_records(tmp_path / "a") + read_records(tmp_path / "b")} == {"ok"}
 
 
 def test_what_somebody_laid_beside_the_records_comes_along(tmp_path: Path, capsys) -> None:
@@ -127,12 +128,12 @@ def test_a_run_into_a_kept_folder_goes_on_from_its_records(tmp_path: Path) -> No
     run = run_folder(tmp_path / "run")
     keep([run], tmp_path / "kept")
     (one, *_) = read_records(run)
-    assert ResultsFolder(tmp_path / "kept").record(one["key"]) == one
+    assert ResultsFolder(tmp_path / "kept").record(one.key) == one
     assert ResultsFolder(tmp_path / "kept").record("another") is None
     # What is measured there since has a file of its own, and that one counts.
-    newer = {**one, "reason": "measured again"}
-    made_records.keep(tmp_path / "kept", [newer])
-    assert ResultsFolder(tmp_path / "kept").record(one["key"]) == newer
+    newer = dataclasses.replace(one, reason="measured again")
+    made_records.keep(tmp_path / "kept", [newer.to_json()])
+    assert ResultsFolder(tmp_path / "kept").record(one.key) == newer
     assert newer in read_records(tmp_path / "kept")
     assert len(read_records(tmp_path / "kept")) == 3
 
@@ -142,9 +143,9 @@ def test_archives_beside_one_another_are_one_folder(tmp_path: Path) -> None:
     keep([run_folder(tmp_path / "later", scenes=("fairy",))], tmp_path / "more")
     (tmp_path / "more" / "records" / ARCHIVE).rename(tmp_path / "out" / "records" / "later.jsonl.xz")
     both = read_records(tmp_path / "out")
-    assert {record["scene"]["name"] for record in both} == {"cloth", "fairy"}
+    assert {record.scene["name"] for record in both} == {"cloth", "fairy"}
     assert len(both) == 6
-    assert ResultsFolder(tmp_path / "out").record(both[-1]["key"]) == both[-1]
+    assert ResultsFolder(tmp_path / "out").record(both[-1].key) == both[-1]
 
 
 def test_wrong_calls_are_one_line_each(tmp_path: Path) -> None:

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from shadowbench.harness.results import statistics
 from shadowbench.harness import files
-from shadowbench.harness.results import record
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.results.journal import Journal
-from shadowbench.harness.results.record import make_record
+from shadowbench.harness.results.means import points
+from shadowbench.harness.results.record import PassTimes, make_record
 from shadowbench.harness.results.schema import read_records
+from shadowbench.harness.results.table import table_of
 
 
 def round_event(number, times, frames=(0,), stages=2):
@@ -63,32 +63,33 @@ def finished_event(frames=(0,), score=None):
 
 def test_rounds_are_joined_in_their_order_and_nothing_is_dropped():
     whole = made([round_event(1, [5.0, 6.0]), round_event(0, [1.0, 2.0]), finished_event()])
-    (frame,) = whole["frames"]
-    assert frame["total_ms"] == [1.0, 2.0, 5.0, 6.0]
-    assert frame["wall_ms"] == [1.5, 2.5, 5.5, 6.5]
-    assert frame["round"] == [0, 0, 1, 1]
-    assert frame["stage_round"] == [0, 0, 1, 1]
-    assert frame["passes"][3] == {"name": "any hit", "part": "shadow", "ms": [4.0] * 4}
-    assert frame["regrown"] == 1
-    assert frame["counters"] == {"tests": 5}
-    assert (whole["status"], whole["peak_rss_bytes"], whole["load_s"]) == ("ok", 101, 0.25)
-    assert whole["method"]["built"] == {"kind": "lbvh"}
-    assert whole["stopped_by"] == "samples"
+    (frame,) = whole.frames
+    assert frame.total_ms == [1.0, 2.0, 5.0, 6.0]
+    assert frame.wall_ms == [1.5, 2.5, 5.5, 6.5]
+    assert frame.round == [0, 0, 1, 1]
+    assert frame.stage_round == [0, 0, 1, 1]
+    assert frame.passes[3] == PassTimes("any hit", "shadow", [4.0] * 4)
+    assert frame.regrown == 1
+    assert frame.counters == {"tests": 5}
+    assert (whole.status, whole.peak_rss_bytes, whole.load_s) == ("ok", 101, 0.25)
+    assert whole.method["built"] == {"kind": "lbvh"}
+    assert whole.stopped_by == "samples"
 
 
 def test_a_point_that_never_ran_has_a_record_too():
     whole = made([], status="rejected", reason="needs 7 pairs")
-    assert (whole["frames"], whole["status"], whole["reason"]) == ([], "rejected", "needs 7 pairs")
-    row = statistics.summarise(whole)
-    assert row["status"] == "rejected"
-    assert "total_ms" not in row
+    assert (whole.frames, whole.status, whole.reason) == ([], "rejected", "needs 7 pairs")
+    (row,) = points(table_of([whole])).to_dict("records")
+    assert (row["status"], row["reason"], row["unscored"]) == ("rejected", "needs 7 pairs", "not measured")
+    assert (row["frames"], row["samples"]) == (0, 0)
+    assert np.isnan([row["total_ms"], row["between_ms"], row["build_ms"]]).all()
     with pytest.raises(ValueError, match="not one of"):
         made([], status="lost")
 
 
 def test_statistics_of_a_point():
     events = [round_event(0, [10.0, 11.0, 12.0], (0, 2)), round_event(1, [14.0, 15.0, 16.0], (0, 2))]
-    row = statistics.summarise(made([*events, finished_event((0, 2))]))
+    (row,) = points(table_of([made([*events, finished_event((0, 2))])])).to_dict("records")
     # Medians of 10 11 12 14 15 16 and of the same plus 2; their mean.
     assert row["total_ms"] == 14.0
     assert row["iqr_ms"] == np.subtract(*np.percentile([10, 11, 12, 14, 15, 16], [75, 25]))
@@ -97,18 +98,6 @@ def test_statistics_of_a_point():
     parts = [row[f"{part}_ms"] for part in ("build", "trace", "light_build", "shadow")]
     assert parts == [1.0, 2.0, 3.0, 4.0]
     assert row["stage_gap"] == (10.0 - 14.0) / 14.0
-
-
-def test_tidy_tables_have_a_row_a_sample():
-    events = [round_event(0, [1.0, 2.0], (0, 5)), round_event(1, [3.0], (0, 5)), finished_event((0, 5))]
-    whole = made(events)
-    table = statistics.samples([whole])
-    assert len(table) == 6
-    assert table.groupby("frame")["total_ms"].sum().to_dict() == {0: 6.0, 5: 21.0}
-    stages = statistics.stages([whole])
-    assert len(stages) == 2 * 4 * 4
-    assert set(stages["part"]) == {"build", "trace", "light build", "shadow"}
-    assert statistics.summary([whole]).loc[0, "scene"] == "s"
 
 
 def test_a_journal_is_on_the_disk_line_by_line(tmp_path):
@@ -182,14 +171,42 @@ def test_reading_says_what_is_wrong(tmp_path):
     folder = tmp_path / "records"
     folder.mkdir()
     whole = made([round_event(0, [1.0]), finished_event()])
-    files.write_atomic(folder / "k.json", whole)
+    files.write_atomic(folder / "k.json", whole.to_json())
     assert read_records(tmp_path) == [whole]
-    files.write_atomic(folder / "old.json", {**whole, "schema": 0})
+    files.write_atomic(folder / "old.json", {**whole.to_json(), "schema": 0})
     with pytest.raises(UserError, match=r"old.json: schema 0, this version reads 1"):
         read_records(tmp_path)
     (folder / "old.json").write_text("{")
     with pytest.raises(UserError, match=r"old.json: not a record"):
         read_records(tmp_path)
+
+
+def frame_with(record, **changes):
+    return {**record, "frames": [{**record["frames"][0], **changes}]}
+
+
+@pytest.mark.parametrize("text", ["NaN", "Infinity", "-Infinity"])
+def test_a_time_that_is_no_number_is_refused(tmp_path, text):
+    """JSON has no such numbers, but Python reads them."""
+    whole = made([round_event(0, [1.0]), finished_event()]).to_json()
+    (tmp_path / "records").mkdir()
+    (tmp_path / "records" / "k.json").write_text(
+        json.dumps(frame_with(whole, total_ms=["?"])).replace('"?"', text)
+    )
+    with pytest.raises(UserError, match=r"frames\[0\].total_ms\[0\] is -?(nan|inf), not a number"):
+        read_records(tmp_path)
+
+
+def test_fields_that_old_records_lack_may_be_absent(tmp_path):
+    whole = made([round_event(0, [1.0]), finished_event()])
+    old = {k: v for k, v in whole.to_json().items() if k not in ("baseline_rss_bytes", "load_s", "rounds")}
+    (frame,) = old["frames"]
+    for name in ("started", "stopped_by", "memory_source", "counters", "score"):
+        del frame[name]
+    files.write_atomic(tmp_path / "records" / "k.json", old)
+    (read,) = read_records(tmp_path)
+    assert (read.rounds, read.frames[0].started, read.frames[0].score) == ([], [], None)
+    assert read.frames[0].total_ms == whole.frames[0].total_ms
 
 
 @pytest.mark.parametrize(
@@ -200,11 +217,17 @@ def test_reading_says_what_is_wrong(tmp_path):
         (lambda r: {**r, "frames": [{**r["frames"][0], "total_ms": [1.0, None]}]}, "frames[0].total_ms[1] is None"),
         (lambda r: {**r, "scene": None}, "scene is None, not an object"),
         (lambda r: {k: v for k, v in r.items() if k != "method"}, "it has no method"),
+        (lambda r: frame_with(r, total_ms=[-1.0]), "frames[0].total_ms[0] is -1.0, not a time"),
+        (lambda r: frame_with(r, wall_ms=[True]), "frames[0].wall_ms[0] is True, not a number"),
+        (lambda r: frame_with(r, wall_ms=[1.0, 1.0]), "frames[0]: wall_ms has 2 entries, total_ms 1"),
+        (lambda r: frame_with(r, speed=1), "frames[0].speed is no field that this version knows"),
+        (lambda r: frame_with(r, stage_round=[0]), "frames[0]: sort has 2 samples, stage_round 1"),
+        (lambda r: {**r, "status": "fine"}, "status 'fine' is not one of ok, skipped, failed, timeout, rejected"),
     ],
 )  # fmt: skip
 def test_a_record_of_wrong_shape_is_told_by_its_file_and_field(tmp_path, damage, said):
     whole = made([round_event(0, [1.0]), finished_event()])
-    files.write_atomic(tmp_path / "records" / "k.json", damage(whole))
+    files.write_atomic(tmp_path / "records" / "k.json", damage(whole.to_json()))
     with pytest.raises(UserError) as refused:
         read_records(tmp_path)
     assert f"records/k.json: not a record ({said}" in str(refused.value)

@@ -20,6 +20,7 @@ from shadowbench.harness.judge.answer_files import save_raw
 from shadowbench.harness.judge.verdict import Verdict
 from shadowbench.harness.runner.runner import Run
 from shadowbench.harness.judge.score import Judge
+from shadowbench.harness.results.schema import read_record
 from shadowbench.harness.results.settle import kept_path, read_disputes, settle_folder
 from shadowbench.harness.judge.reference import embree_installed
 
@@ -69,7 +70,7 @@ def test_a_folder_is_settled_when_it_goes_on_and_only_then_rewritten(court, blin
     grade(court, tmp_path, "a", court.right, wrong_maps=True)
     changed = settle_folder(tmp_path)
     assert set(changed) == {"a", "b"}
-    assert changed["b"]["frames"][0]["score"]["settled"]["true_errors"] == 3
+    assert changed["b"].frames[0].score["settled"]["true_errors"] == 3
     assert (errors(tmp_path, "a"), errors(tmp_path, "b")) == (0, 3)
     classes = pixel_maps.read_wrong(looks.wrong_path(tmp_path, "b", 0)).ravel()
     assert classes[court.lost] == Verdict.TRUE
@@ -129,15 +130,12 @@ def test_a_run_that_goes_on_charges_what_it_scored_before(tmp_path, monkeypatch)
     (out / "truth").mkdir(parents=True)
     np.savez(out / "truth" / path.name, **arrays)
     (steady,) = Run(options(out, [scene], ["steady"], **size), Silent()).go()
-    alone = steady["frames"][0]["score"]
+    alone = steady.frames[0].score
     assert 0 < alone["true_errors"] < hits  # what a random sample of pixels finds
     both = Run(options(out, [scene], ["steady", "uniform_grid"], **size), Silent()).go()
-    found = {record["method"]["name"]: record["frames"][0]["score"] for record in both}
+    found = {record.method["name"]: record.frames[0].score for record in both}
     assert found["uniform_grid"]["true_errors"] == 0
     assert found["steady"]["true_errors"] == hits
     assert found["steady"]["settled"]["true_errors"] == hits - alone["true_errors"]
-    assert {key: both[0][key] for key in ("frames", "rounds")} == {
-        key: json.loads((out / "records" / f"{both[0]['key']}.json").read_text())[key]
-        for key in ("frames", "rounds")
-    }
-    assert honest["frames"][0]["score"]["true_errors"] == 0
+    assert both[0] == read_record(out / "records" / f"{both[0].key}.json")
+    assert honest.frames[0].score["true_errors"] == 0

@@ -36,7 +36,7 @@ def scene(tmp_path_factory):
 
 
 def go(chosen):
-    return {r["method"]["label"]: r for r in Run(chosen, Silent()).go()}
+    return {r.method["label"]: r for r in Run(chosen, Silent()).go()}
 
 
 @pytest.fixture(scope="module")
@@ -68,36 +68,36 @@ def troubled(package, scene, tmp_path_factory):
 )
 def test_trouble_costs_its_own_point_only(troubled, label, status, reason):
     _, records = troubled
-    assert (records[label]["status"], records[label]["reason"]) == (status, reason)
+    assert (records[label].status, records[label].reason) == (status, reason)
 
 
 def test_every_planned_point_has_one_record_and_no_journal(troubled):
     out, records = troubled
     assert len(records) == 11
-    assert sorted(p.stem for p in (out / "records").iterdir()) == sorted(r["key"] for r in records.values())
+    assert sorted(p.stem for p in (out / "records").iterdir()) == sorted(r.key for r in records.values())
     assert list((out / "journal").iterdir()) == []
 
 
 def test_a_record_holds_every_sample(troubled):
     _, records = troubled
-    frame = records["steady"]["frames"][0]
-    assert len(frame["total_ms"]) == len(frame["wall_ms"]) == 6
-    assert frame["round"] == [0, 0, 0, 1, 1, 1]
-    assert [(p["name"], p["part"], len(p["ms"])) for p in frame["passes"]] == [
+    frame = records["steady"].frames[0]
+    assert len(frame.total_ms) == len(frame.wall_ms) == 6
+    assert frame.round == [0, 0, 0, 1, 1, 1]
+    assert [(p.name, p.part, len(p.ms)) for p in frame.passes] == [
         ("build", "build", 4),
         ("primary rays", "trace", 4),
         ("light 0: shadow rays", "shadow", 4),
     ]
-    assert frame["counters"] == {"frames": 1}
-    assert frame["unscored"].startswith("not asked for")
-    assert records["steady"]["stopped_by"] == "samples"
-    assert {r["place"] for r in records["steady"]["rounds"]} <= set(range(11))
+    assert frame.counters == {"frames": 1}
+    assert frame.unscored.startswith("not asked for")
+    assert records["steady"].stopped_by == "samples"
+    assert {r["place"] for r in records["steady"].rounds} <= set(range(11))
 
 
 def test_growth_is_recorded_and_settled_before_timing(troubled):
     _, records = troubled
-    assert records["grows"]["frames"][0]["regrown"] == 2
-    assert records["steady"]["frames"][0]["regrown"] == 0
+    assert records["grows"].frames[0].regrown == 2
+    assert records["steady"].frames[0].regrown == 0
 
 
 def test_a_second_run_measures_nothing_and_changes_no_byte(troubled, scene):
@@ -106,7 +106,7 @@ def test_a_second_run_measures_nothing_and_changes_no_byte(troubled, scene):
     entries = [Entry(name, {}, name) for name in ("steady", "hangs")]
     runner = Run(options(out, [scene], entries, timeout_s=3.0), Silent())
     again = runner.go()
-    assert [r["status"] for r in again] == ["ok", "timeout"]
+    assert [r.status for r in again] == ["ok", "timeout"]
     assert runner.workers == {}
     assert {p: p.read_bytes() for p in (out / "records").iterdir()} == before
 
@@ -115,10 +115,10 @@ def test_retry_measures_failed_points_only(package, scene, tmp_path):
     entries = [Entry(name, {}, name) for name in ("steady", "raises")]
     chosen = options(tmp_path, [scene], entries)
     first = go(chosen)
-    kept = tmp_path / "records" / f"{first['steady']['key']}.json"
+    kept = tmp_path / "records" / f"{first['steady'].key}.json"
     before, written = kept.read_bytes(), kept.stat().st_mtime_ns
     runner = Run(options(tmp_path, [scene], entries, retry=True), Silent())
-    assert [r["status"] for r in runner.go()] == ["ok", "failed"]
+    assert [r.status for r in runner.go()] == ["ok", "failed"]
     assert (kept.read_bytes(), kept.stat().st_mtime_ns) == (before, written)
     assert "raises" in runner.workers
     assert "steady" not in runner.workers
@@ -129,17 +129,17 @@ def test_another_configuration_is_another_point(troubled, scene, tmp_path, chang
     from shadowbench.harness.runner.points import describe_method, make_point
 
     _, records = troubled
-    entry, facts = Entry("steady", {}, "steady"), records["steady"]["scene"]
+    entry, facts = Entry("steady", {}, "steady"), records["steady"].scene
     plain = options(tmp_path, [scene], [entry], timeout_s=3.0).preset
     other = options(tmp_path, [scene], [entry], **change).preset
     method = describe_method(entry, "cpu")
-    assert make_point("trial", plain, entry, facts, method, 0).key == records["steady"]["key"]
-    assert make_point("trial", other, entry, facts, method, 0).key != records["steady"]["key"]
+    assert make_point("trial", plain, entry, facts, method, 0).key == records["steady"].key
+    assert make_point("trial", other, entry, facts, method, 0).key != records["steady"].key
     for name in ("arrays_sha256", "surfaces_sha256"):
         changed = {**facts, name: "0" * 64}
-        assert make_point("trial", plain, entry, changed, method, 0).key != records["steady"]["key"]
+        assert make_point("trial", plain, entry, changed, method, 0).key != records["steady"].key
     rewritten = {**method, "source_sha256": "0" * 64}
-    assert make_point("trial", plain, entry, facts, rewritten, 0).key != records["steady"]["key"]
+    assert make_point("trial", plain, entry, facts, rewritten, 0).key != records["steady"].key
 
 
 def test_a_scene_that_cannot_be_made_is_a_stated_failure(package, tmp_path):
@@ -148,7 +148,7 @@ def test_a_scene_that_cannot_be_made_is_a_stated_failure(package, tmp_path):
     good = write_scene(tmp_path / "good.obj")
     records = Run(options(tmp_path / "out", [good, str(broken)], ["steady"]), Silent())
     # The command line refuses such a file before anything starts; a file may also break in between.
-    statuses = [(r["scene"]["name"], r["status"]) for r in _breaking(records, broken)]
+    statuses = [(r.scene["name"], r.status) for r in _breaking(records, broken)]
     assert statuses == [("good", "ok"), ("broken", "failed")]
 
 
@@ -168,15 +168,15 @@ def test_answers_are_scored_against_truth(scene, tmp_path):
     pytest.importorskip("embreex", reason="truth needs Embree")
     chosen = options(tmp_path, [scene], ["bvh"], width=32, height=32, score=True, save_answers=True)
     (measured,) = Run(chosen, Silent()).go()
-    score = measured["frames"][0]["score"]
+    score = measured.frames[0].score
     assert score["primary"]["pixels"] == 32 * 32
     assert score["true_errors"] == 0
-    assert measured["frames"][0]["unscored"] is None
-    assert measured["frames"][0]["shadow_rays"] > 0
+    assert measured.frames[0].unscored is None
+    assert measured.frames[0].shadow_rays > 0
     assert list((tmp_path / "truth").glob("*.npz"))
-    assert (tmp_path / "answers" / f"{measured['key']}-0.npz").exists()
+    assert (tmp_path / "answers" / f"{measured.key}-0.npz").exists()
     assert (tmp_path / "images" / "tetra.png").stat().st_size > 1000
-    assert measured["frames"][0]["memory_bytes"] > 0
+    assert measured.frames[0].memory_bytes > 0
 
 
 def test_several_graders_give_the_scores_of_one(scene, tmp_path, monkeypatch):
@@ -193,8 +193,8 @@ def test_several_graders_give_the_scores_of_one(scene, tmp_path, monkeypatch):
         assert len(list((out / "maps").glob("*-wrong.png"))) == len(entries)
         assert not list((out / "journal").iterdir())
     for label, one in found[1].items():
-        assert one["frames"][0]["score"]["check"] == "ok", label
-        assert one["frames"][0]["score"] == found[3][label]["frames"][0]["score"], label
+        assert one.frames[0].score["check"] == "ok", label
+        assert one.frames[0].score == found[3][label].frames[0].score, label
 
 
 def test_a_slow_point_keeps_to_its_budget_and_says_so(package, tmp_path):
@@ -205,12 +205,12 @@ def test_a_slow_point_keeps_to_its_budget_and_says_so(package, tmp_path):
         tmp_path / "out", [str(tmp_path / "four.npz")], [slow], frames=4, budget_s=0.5, samples=50, most=50
     )
     (measured,) = Run(chosen, Silent()).go()
-    assert measured["status"] == "ok"
-    assert measured["stopped_by"] == "budget"
-    assert [f["frame"] for f in measured["frames"]] == [0]
-    assert measured["frames_left_out"] == [1, 2, 3]
-    assert [len(f["total_ms"]) for f in measured["frames"]] == [1]
-    assert [r["round"] for r in measured["rounds"]] == [0]
+    assert measured.status == "ok"
+    assert measured.stopped_by == "budget"
+    assert [f.frame for f in measured.frames] == [0]
+    assert measured.frames_left_out == [1, 2, 3]
+    assert [len(f.total_ms) for f in measured.frames] == [1]
+    assert [r["round"] for r in measured.rounds] == [0]
 
 
 # --- killed, and gone on ------------------------------------------------------------------------------------
@@ -309,8 +309,8 @@ def test_a_full_folder_keeps_what_was_measured_and_goes_on(package, scene, tmp_p
     (journal,) = (tmp_path / "out" / "journal").glob("*.jsonl")
     assert [e["event"] for e in Journal(journal).events] == ["prepared"]
     (measured,) = Run(chosen, Silent()).go()
-    assert measured["status"] == "ok"
-    assert [r["round"] for r in measured["rounds"]] == [0, 1]
+    assert measured.status == "ok"
+    assert [r["round"] for r in measured.rounds] == [0, 1]
 
 
 def test_a_folder_that_is_a_file_or_in_use_is_refused(tmp_path, scene):

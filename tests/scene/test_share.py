@@ -10,7 +10,7 @@ import pytest
 from shadowbench.harness.commands.run import plan_run, run
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.files import write_arrays
-from shadowbench.harness.report.tidy import newest
+from shadowbench.harness.results.newest import newest
 from shadowbench.harness.runner.experiment import Entry
 from shadowbench.harness.runner.progress import Silent
 from shadowbench.harness.runner.runner import Run
@@ -87,10 +87,10 @@ def test_every_tree_is_measured_where_only_a_middle_frame_is_asked_for(tmp_path:
     )  # fmt: skip
     options = dataclasses.replace(options, preset=dataclasses.replace(options.preset, methods=tuple(entries)))
     records = Run(options, Silent()).go()
-    assert [(record["method"]["label"], record["status"]) for record in records] == [
+    assert [(record.method["label"], record.status) for record in records] == [
         (entry.label, "ok") for entry in entries
     ]
-    assert all(record["frames"][0]["frame"] > 0 for record in records)
+    assert all(record.frames[0].frame > 0 for record in records)
 
 
 def test_a_run_shows_the_scene_it_was_asked_for(tmp_path: Path) -> None:
@@ -105,7 +105,7 @@ def test_a_run_shows_the_scene_it_was_asked_for(tmp_path: Path) -> None:
         )  # fmt: skip
         assert run(options, as_json=True) == 0
         records, older = newest(out)
-        shown.append(records[0]["key"])
+        shown.append(records[0].key)
         assert (len(records), older) == (1, len(set(shown)) - 1)
     assert shown[0] == shown[2] != shown[1]
     assert len(list((out / "records").glob("*.json"))) == 2

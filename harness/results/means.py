@@ -1,0 +1,112 @@
+"""From frames to points: the means over frames that tables show. Never mixed into a spread."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+from ..files import plain
+from .record import Record
+from .table import PART_COLUMNS, table_of
+
+if TYPE_CHECKING:
+    from pandas import DataFrame, Series
+
+PER_FRAME = (
+    "total_ms q1_ms q3_ms iqr_ms wall_ms build_ms trace_ms light_build_ms shadow_ms "
+    "build_iqr_ms trace_iqr_ms light_build_iqr_ms shadow_iqr_ms flip"
+).split()
+SERIES = ("pass.", "counter.", "primary.", "shadow.", "round.")
+GREATEST = ["memory_bytes", "regrown", "excused_share", "started"]
+SUMS = ["pixels_scored", "reference_errors"]
+
+
+def points(table: DataFrame) -> DataFrame:
+    """One row a point of a tidy table, in its order: the columns of :func:`.results.table.tidy`, over the point's frames.
+
+    Times, counters, classes and FLIP are means over the frames, as an animation's time is the sum over its frames;
+    ``samples`` is the least of any frame; ``memory_bytes``, ``regrown`` and ``excused_share`` are the most;
+    ``true_errors`` the sum, <NA> where nothing was found wrong and not every frame was judged. Besides:
+
+    ==========================  =======  ======================================================================
+    frames                      Int64    how many were measured
+    frame_numbers               object   which, as a tuple
+    between_ms                  float    the range between the rounds' own times, each a mean over the frames
+    stage_gap                   float    (sum of the parts - whole frame) / whole frame
+    wrong_per_frame             float    ``true_errors`` a frame
+    primary_mrays_per_s         float    1e6 primary rays a second of ``trace_ms``
+    shadow_mrays_per_s          float    1e6 shadow rays a second of ``shadow_ms``
+    frame_mrays_per_s           float    1e6 rays of both kinds a second of ``total_ms``
+    ==========================  =======  ======================================================================
+    """
+    import pandas as pd
+
+    groups = table.groupby("key", sort=False)
+    means = [c for c in table if c in PER_FRAME or c.startswith(SERIES)]
+    apart = {
+        *means,
+        *GREATEST,
+        *SUMS,
+        "key",
+        "frame",
+        "samples",
+        "check",
+        "shadow_rays",
+        "true_errors",
+        "unscored",
+    }
+    found = pd.concat(
+        [
+            groups[[c for c in table if c not in apart]].first(),
+            groups[means].mean(),
+            groups[GREATEST].max(),
+            groups[SUMS].sum(),
+            groups["samples"].min().fillna(0),
+            groups["check"].agg(lambda checks: "failed" if "failed" in set(checks) else max(checks)),
+            groups["shadow_rays"]
+            .agg(lambda known: known.astype("float64").mean(skipna=False))
+            .astype("float64"),
+            groups["frame"].count().astype("Int64").rename("frames"),
+            groups["frame"].agg(lambda numbers: tuple(numbers.dropna())).rename("frame_numbers"),
+            *_errors(table),
+        ],
+        axis=1,
+    )
+    rounds = [c for c in table if c.startswith("round.")]
+    # A round that did not measure every frame has no time of the point.
+    times = found[rounds].where(groups[rounds].count().eq(found["frames"], axis=0))
+    between = (times.max(axis=1) - times.min(axis=1)).fillna(0.0).where(found["frames"] > 0)
+    parts = sum(found[f"{column}_ms"] for column in PART_COLUMNS.values())
+    rays = {"primary": found["pixels"], "shadow": found["shadow_rays"]}
+    rays["frame"] = rays["primary"] + rays["shadow"]
+    ms = {"primary": found["trace_ms"], "shadow": found["shadow_ms"], "frame": found["total_ms"]}
+    rates = {
+        f"{name}_mrays_per_s": rays[name].astype("float64") / ms[name].where(ms[name] != 0) / 1e3
+        for name in ms
+    }
+    return found.assign(
+        between_ms=between,
+        stage_gap=(parts - ms["frame"]) / ms["frame"].where(ms["frame"] != 0),
+        wrong_per_frame=found["true_errors"].astype("float64") / found["frames"].astype("float64"),
+        **rates,
+    ).reset_index()
+
+
+def _errors(table: DataFrame) -> list[Series]:
+    """What was found wrong counts even where other frames were not judged; "none found" needs all of them."""
+    groups = table.groupby("key", sort=False)
+    frames, known, wrong = groups["frame"].count(), groups["true_errors"].count(), groups["true_errors"].sum()
+    all_of_them = (known == frames) & (known > 0)
+    reason = groups["unscored"].agg(lambda texts: next((text for text in texts if text), ""))
+    counted = known.astype(str) + " of " + frames.astype(str) + " frames scored: " + reason
+    return [
+        wrong.where((wrong > 0) | all_of_them).rename("true_errors"),
+        reason.where((known == 0) | all_of_them, counted).rename("unscored"),
+    ]
+
+
+def point_rows(records: Iterable[Record]) -> list[dict[str, Any]]:
+    """:func:`points` of records as JSON can hold them: None where something is not known."""
+    found = points(table_of(records))
+    known = found[[c for c in found if "." not in c]].astype("object")
+    return [plain(row) for row in known.where(known.notna(), None).to_dict("records")]

@@ -1,0 +1,59 @@
+"""Which of several records of one table entry is shown: the one that was asked for last."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from ..files import write_atomic
+from .record import Record
+from .schema import read_records
+
+
+def settings_text(settings: dict[str, Any] | None) -> str:
+    """Settings as one phrase, "constructor sah, threads 2"; a dash where there are none."""
+    if not settings:
+        return "-"
+    return ", ".join(f"{key.replace('_', ' ')} {value}" for key, value in settings.items())
+
+
+def entry_of(record: Record) -> tuple[Any, ...]:
+    """What two records of one entry of a table have in common: scene, lights, method, settings, device and size."""
+    scene, method, point = record.scene, record.method, record.point
+    label = method.get("label") or method.get("title") or method["name"]
+    return (
+        *(scene["name"], scene.get("title"), (scene.get("lighting") or {}).get("label", "")),
+        *(method["name"], label, method["device"], settings_text(method.get("settings"))),
+        *(point["width"], point["height"]),
+    )
+
+
+def newest(folder: Path | str) -> tuple[list[Record], int]:
+    """A folder's records, of each entry of a table the one asked for last; and how many others there are.
+
+    A changed method or scene has another key, and its older records stay in the folder. A record is asked for when it is
+    measured, and when a run takes it from the folder though another has come since (:func:`prefer`). Raises
+    :class:`~.errors.UserError` as :func:`.results.schema.read_records` does.
+    """
+    chosen: dict[tuple[Any, ...], tuple[float, Record]] = {}
+    records = read_records(folder)
+    for record in records:
+        entry = entry_of(record)
+        path = Path(folder) / "records" / f"{record.key}.json"
+        noted = [one["noted"] for one in record.rounds or () if "noted" in one]
+        when = max(noted, default=path.stat().st_mtime if path.exists() else 0.0)
+        when = max(when, record.asked or 0.0)
+        if entry not in chosen or when >= chosen[entry][0]:
+            chosen[entry] = (when, record)
+    return [record for _, record in chosen.values()], len(records) - len(chosen)
+
+
+def prefer(folder: Path | str, records: Iterable[Record]) -> None:
+    """Have the records of a run shown, not those that came into its folder in between."""
+    shown = {record.key for record in newest(folder)[0]}
+    for record in records:
+        if record.key not in shown:
+            record.asked = time.time()
+            write_atomic(Path(folder) / "records" / f"{record.key}.json", record.to_json())

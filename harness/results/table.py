@@ -1,0 +1,301 @@
+"""The results of a folder as pandas DataFrames: :func:`tidy`, a row a point and frame; :func:`samples`, a row a sample.
+
+>>> from shadowbench.harness.results import tidy
+>>> table = tidy("results/nvidia-h200/frame_time")
+>>> table.pivot_table(index="scene", columns="label", values="total_ms")
+
+pandas is imported when a table is made, not when this module is: most commands need none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..frame.passes import BUILD_PARTS, PARTS
+from .newest import newest, settings_text
+from .record import Frame, Record
+
+if TYPE_CHECKING:
+    from pandas import DataFrame, Series
+
+PART_COLUMNS = {part: part.replace(" ", "_") for part in PARTS}
+"""How a part of a frame is called in the names of columns: ``light build`` is ``light_build_ms``."""
+
+COUNTS = (
+    "triangles vertices invalid_triangles frame_count width height pixels lights rounds frames_left_out frame samples "
+    "regrown memory_bytes peak_rss_bytes shadow_rays pixels_scored true_errors reference_errors pass_count build_count"
+).split()
+"""Columns of whole numbers: ``Int64``, ``<NA>`` where not known."""
+
+NUMBERS = (
+    "light_distance light_turns compile_s first_frame_s total_ms q1_ms q3_ms iqr_ms wall_ms "
+    "build_ms trace_ms light_build_ms shadow_ms build_iqr_ms trace_iqr_ms light_build_iqr_ms shadow_iqr_ms "
+    "excused_share flip started"
+).split()
+"""Columns of numbers: ``float64``, ``NaN`` where not known."""
+
+TEXTS = (
+    "key folder run experiment scene scene_title stand_in scene_sha256 source source_file source_sha256 "
+    "method method_title label settings built known_inexact method_sha256 device device_name preset status reason "
+    "light_label moved environment unscored check flip_missing stopped_by"
+).split()
+"""Columns of text: "" where not known, never missing."""
+
+ERRORS = ("true", "invalid", "acne", "leak")
+"""The classes of a score that no rounding excuses."""
+
+
+def tidy(folder: Path | str) -> DataFrame:
+    """The results of a folder, one row a point and measured frame; a point without one has one row, with its reason.
+
+    Of several records of one table entry the one asked for last counts (:func:`.results.newest.newest`);
+    ``table.attrs["older"]`` is the number of the others. Raises :class:`~.errors.UserError` where there are none.
+
+    ==================  ========  ==========================================================================
+    column              dtype     meaning
+    ==================  ========  ==========================================================================
+    key                 text      the point: one method with its settings on one scene, size and device
+    folder              text      name of the folder
+    run                 text      what was measured in one run, interleaved, has one value: times of different
+                                  runs are not to be compared. Records before it was written: ``environment``
+    experiment, preset  text      what was run
+    scene, scene_title  text      its name, and what people call it
+    stand_in            text      what the scene stands in for; "": it is the original
+    scene_sha256        text      hash of its arrays
+    source, source_file, source_sha256  text  procedural or file, and the file
+    triangles, vertices, invalid_triangles, frame_count  Int64  of the scene
+    method, method_title, label  text  its name, its title, and the name of its column in the experiment
+    settings, built     text      what was set, "-" for nothing; what was really built
+    known_inexact       text      why the method declares itself inexact
+    method_sha256       text      hash of its source: its version
+    device, device_name  text     ``cpu`` or ``cuda:0``, and what it is
+    width, height, pixels  Int64  of the image
+    light_label         text      how the experiment placed the lights; "": as the scene has them
+    lights              Int64     number of lights
+    light_distance      float     of the lights from the middle of the scene, in its radii; NaN: the scene's own
+    light_turns         float     full turns of the lights over the frames
+    moved               text      what alone changed since the last frame; "": everything is rebuilt
+    status, reason      text      ok, skipped, failed, timeout or rejected; and why
+    rounds              Int64     rounds in which the point was measured
+    frames_left_out     Int64     frames that the budget did not pay for
+    compile_s, first_frame_s  float  seconds
+    peak_rss_bytes      Int64     of the worker's process
+    environment         text      file in ``environments/``: machine, driver, versions, commit
+    frame               Int64     number of the frame in the scene's animation; <NA>: none was measured
+    total_ms            float     median of the samples of the whole frame, on the device's clock
+    q1_ms, q3_ms, iqr_ms  float   their quartiles, and the range between them
+    wall_ms             float     the same median on the host's clock
+    samples             Int64     how many there are
+    build_ms, trace_ms, light_build_ms, shadow_ms  float  the parts: sums of the medians of their passes
+    build_iqr_ms, trace_iqr_ms, light_build_iqr_ms, shadow_iqr_ms  float  interquartile range of the sums of a part's passes
+    memory_bytes        Int64     structures and work buffers
+    regrown             Int64     how often a capacity grew before the frame was measured
+    pass_count, build_count  Int64  passes that the frame launches, and those that build structures
+    shadow_rays         Int64     one a light and pixel that needs one
+    true_errors         Int64     wrong pixels and visibility bits; <NA>: the frame was not judged
+    unscored            text      why it was not judged
+    check               text      ok or failed: no true error, and at most 0.1 % of the pixels excused
+    excused_share       float     pixels too close to an edge to decide, over all pixels
+    pixels_scored       Int64     pixels that were judged
+    reference_errors    Int64     answers of the reference that the referee found wrong
+    flip, flip_missing  float, text  mean FLIP against the reference's picture; why there is none
+    started, stopped_by  float, text  start of the last samples, seconds since the epoch; what ended them
+    round.N             float     median of the whole frame's samples of round N, ms
+    pass.PART.NAME      float     median of a pass, ms
+    counter.NAME        float     work counters
+    primary.CLASS       float     pixels by the class of their primary ray's answer
+    shadow.CLASS        float     visibility bits by class, of all lights
+    set.NAME            object    settings and all other parameters of the method
+    point.NAME          object    what the run asked for: samples, rounds, budget_s, ...
+    ==================  ========  ==========================================================================
+    """
+    records, older = newest(folder)
+    table = table_of(records, Path(folder).resolve().name)
+    table.attrs["older"] = older
+    return table
+
+
+def table_of(records: Iterable[Record], folder: str = "") -> DataFrame:
+    """The rows of records, as :func:`tidy` describes them."""
+    import pandas as pd
+
+    table = pd.DataFrame([row for record in records for row in _rows(record, folder)])
+    for names, kind, missing in (
+        (COUNTS, "Int64", None),
+        (NUMBERS, "float64", np.nan),
+        (TEXTS, "object", ""),
+    ):
+        kinds = {name: table[name].astype(kind) if name in table else missing for name in names}
+        table = table.assign(**kinds)
+    table[TEXTS] = table[TEXTS].fillna("")
+    return table
+
+
+def samples(folder: Path | str) -> DataFrame:
+    """Every sample of a folder's results, in long form.
+
+    ========  ======  ====================================================================================
+    key       text    the point, as in :func:`tidy`
+    frame     int     number of the frame
+    round     int     the round that the sample was taken in
+    part      text    ``frame``: the whole frame; ``wall``: the same on the host's clock; else a part of the frame
+    pass      text    name of the pass; "" for whole frames
+    sample    int     number of the sample
+    ms        float   milliseconds
+    ========  ======  ====================================================================================
+    """
+    import pandas as pd
+
+    rows = []
+    for record in newest(folder)[0]:
+        for frame in record.measured:
+            lines = [("frame", "", frame.round, frame.total_ms), ("wall", "", frame.round, frame.wall_ms)]
+            lines += [(step.part, step.name, frame.stage_round, step.ms) for step in frame.passes]
+            for part, name, rounds, times in lines:
+                for i, (number, ms) in enumerate(zip(rounds, times, strict=True)):
+                    rows.append((record.key, frame.frame, number, part, name, i, ms))
+    return pd.DataFrame(rows, columns=["key", "frame", "round", "part", "pass", "sample", "ms"])
+
+
+def stage_ms(table: DataFrame, part: str, pattern: str = "") -> Series:
+    """Milliseconds of the passes of a part whose names hold ``pattern`` (a regular expression), row by row."""
+    found = table.filter(regex=rf"^pass\.{part}\..*(?:{pattern})").sum(axis=1)
+    return found.where(table["total_ms"].notna())
+
+
+def _rows(record: Record, folder: str) -> Iterator[dict[str, Any]]:
+    point = _point(record, folder)
+    for frame in record.measured:
+        yield {**point, **_times(frame), **_score(frame)}
+    if not record.measured:
+        yield point
+
+
+def _point(record: Record, folder: str) -> dict[str, Any]:
+    """The columns that all frames of a point share."""
+    scene, method, point = record.scene, record.method, record.point
+    lighting, source = scene.get("lighting") or {}, scene.get("source") or {}
+    parameters = method.get("parameters") or {}
+    values = {**(method.get("settings") or {}), **parameters.get("build", {}), **parameters.get("trace", {})}
+    asked = {k: v for k, v in point.items() if isinstance(v, str | int | float)}
+    runs = dict.fromkeys(one["run"] for one in record.rounds or () if "run" in one)
+    return {
+        "key": record.key,
+        "folder": folder,
+        "run": "+".join(runs) or record.environment,
+        "experiment": record.experiment,
+        "preset": point.get("preset"),
+        "scene": scene["name"],
+        "scene_title": scene.get("title") or scene["name"],
+        "stand_in": scene.get("stand_in"),
+        "scene_sha256": scene.get("arrays_sha256"),
+        "source": source.get("kind"),
+        "source_file": source.get("file"),
+        "source_sha256": source.get("sha256"),
+        "triangles": scene.get("triangles"),
+        "vertices": scene.get("vertices"),
+        "invalid_triangles": scene.get("invalid_triangles") or 0,
+        "frame_count": scene.get("frame_count"),
+        "method": method["name"],
+        "method_title": method.get("title") or method["name"],
+        "label": method.get("label") or method.get("title") or method["name"],
+        "settings": settings_text(method.get("settings")),
+        "built": settings_text(method.get("built")),
+        "known_inexact": method.get("known_inexact"),
+        "method_sha256": method.get("source_sha256"),
+        "device": method["device"],
+        "device_name": method.get("device_name"),
+        "width": point["width"],
+        "height": point["height"],
+        "pixels": point["width"] * point["height"],
+        "light_label": lighting.get("label", ""),
+        "lights": len(scene.get("lights") or ()),
+        "light_distance": lighting.get("distance") or None,
+        "light_turns": lighting.get("turns") or None,
+        "moved": lighting.get("moved"),
+        "status": record.status,
+        "reason": record.reason,
+        "rounds": len({number for frame in record.measured for number in frame.round}),
+        "frames_left_out": len(record.frames_left_out or ()),
+        "compile_s": record.compile_s,
+        "first_frame_s": record.first_frame_s,
+        "peak_rss_bytes": record.peak_rss_bytes,
+        "environment": record.environment,
+        "stopped_by": record.stopped_by,
+        "unscored": "" if record.measured else "not measured",
+        **{f"set.{name}": value for name, value in values.items()},
+        **{f"point.{name}": value for name, value in asked.items()},
+    }
+
+
+def _times(frame: Frame) -> dict[str, Any]:
+    low, middle, high = np.percentile(frame.total_ms, [25, 50, 75])
+    total, rounds = np.asarray(frame.total_ms), np.asarray(frame.round)
+    row: dict[str, Any] = {
+        "frame": frame.frame,
+        "total_ms": float(middle),
+        "q1_ms": float(low),
+        "q3_ms": float(high),
+        "iqr_ms": float(high - low),
+        "wall_ms": float(np.median(frame.wall_ms)),
+        "samples": len(frame.total_ms),
+        "memory_bytes": frame.memory_bytes,
+        "regrown": frame.regrown,
+        "pass_count": len(frame.passes),
+        "build_count": sum(step.part in BUILD_PARTS for step in frame.passes),
+        "shadow_rays": _shadow_rays(frame),
+        "started": max(frame.started, default=0.0),
+    }
+    row |= {f"round.{n}": float(np.median(total[rounds == n])) for n in dict.fromkeys(frame.round)}
+    steps = [step for step in frame.passes if step.ms]
+    medians = {step.name: float(np.median(step.ms)) for step in steps}
+    row |= {f"pass.{step.part}.{step.name}": medians[step.name] for step in steps}
+    for part, column in PART_COLUMNS.items():
+        own = [step for step in steps if step.part == part]
+        row[f"{column}_ms"] = float(sum(medians[step.name] for step in own))
+        row[f"{column}_iqr_ms"] = _range(np.sum([step.ms for step in own], axis=0)) if own else 0.0
+    return row | {f"counter.{name}": value for name, value in (frame.counters or {}).items()}
+
+
+def _range(values: Sequence[float] | Any) -> float:
+    return float(np.subtract(*np.percentile(values, [75, 25])))
+
+
+def _score(frame: Frame) -> dict[str, Any]:
+    """What the judge found of a frame: true errors, or why there is no such number (then it is missing, never 0)."""
+    row: dict[str, Any] = {"flip": frame.flip, "flip_missing": frame.flip_missing}
+    score = frame.score
+    if not score:
+        return {**row, "unscored": frame.unscored or "not judged", "pixels_scored": 0}
+    row |= {f"primary.{name}": value for name, value in score["primary"].items()}
+    for light in score["shadow"]:
+        for name, value in light.items():
+            if name != "light":
+                row[f"shadow.{name}"] = row.get(f"shadow.{name}", 0) + value
+    return {
+        **row,
+        "unscored": "",
+        "true_errors": score["true_errors"],
+        "excused_share": score["excused_share"],
+        "check": "ok" if score["check"] in (True, "ok") else "failed",
+        "pixels_scored": score["primary"]["pixels"],
+        "reference_errors": reference_errors(score),
+    }
+
+
+def reference_errors(score: dict[str, Any]) -> int:
+    """How many answers of the reference the referee found wrong while it decided this score's disputes."""
+    counts = score.get("reference_errors") or {}
+    groups = [counts.get("primary") or {}, *(counts.get("shadow") or [])]
+    return sum(int(group.get(kind, 0)) for group in groups for kind in ERRORS)
+
+
+def _shadow_rays(frame: Frame) -> int | None:
+    """How many shadow rays a frame asks for. Old records do not say, but have the number judged."""
+    if frame.shadow_rays is not None or not frame.score:
+        return frame.shadow_rays
+    return sum(int(light["scored"]) for light in frame.score["shadow"])

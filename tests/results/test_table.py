@@ -1,0 +1,96 @@
+"""The DataFrame of a results folder: one row a point and frame, every column as documented."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from helpers.fake_records import METHODS, SCENES, record, score, write
+from shadowbench.harness.errors import UserError
+from shadowbench.harness.results import points, samples, tidy
+from shadowbench.harness.results.table import COUNTS, NUMBERS, TEXTS, stage_ms
+
+
+@pytest.fixture
+def records():
+    return [record(scene, method) for scene in SCENES for method in METHODS]
+
+
+def test_a_row_a_point_and_frame(records, tmp_path):
+    records[0].update(status="rejected", reason="needs 9 pairs", frames=[])
+    table = tidy(write(tmp_path, records))
+    assert len(table) == 1 + sum(len(r["frames"]) for r in records)
+    (row,) = table[table["key"] == records[0]["key"]].to_dict("records")
+    assert (row["status"], row["reason"], row["unscored"]) == ("rejected", "needs 9 pairs", "not measured")
+    assert np.isnan(row["total_ms"])
+    for made in records[1:]:
+        own = table[table["key"] == made["key"]]
+        assert list(own["frame"]) == [f["frame"] for f in made["frames"]]
+        assert list(own["total_ms"]) == [np.median(f["total_ms"]) for f in made["frames"]]
+        assert list(own["q1_ms"]) == [np.percentile(f["total_ms"], 25) for f in made["frames"]]
+        assert list(own["round.1"]) == [np.median(f["total_ms"][5:]) for f in made["frames"]]
+        assert set(own["scene"]) == {made["scene"]["name"]}
+
+
+def test_the_columns_and_their_types_are_those_documented(records, tmp_path):
+    table = tidy(write(tmp_path, records))
+    lines = re.findall(r"^    ([a-z_, \d]+?) +(?:text|Int64|float)", tidy.__doc__, re.MULTILINE)
+    assert {c for c in table if "." not in c} == set(re.findall(r"\w+", " ".join(lines)))
+    assert {str(table[c].dtype) for c in COUNTS} == {"Int64"}
+    assert {str(table[c].dtype) for c in NUMBERS} == {"float64"}
+    assert all(isinstance(value, str) for c in TEXTS for value in table[c])
+
+
+def test_errors_are_missing_where_nothing_was_judged(records, tmp_path):
+    records[2]["frames"][1].update(score=None, unscored="no reference here")
+    records[2]["frames"][0]["score"] = score(256, wrong=2)
+    records[3]["frames"][1].update(score=None, unscored="no reference here")
+    table = tidy(write(tmp_path, records)).set_index("key")
+    assert list(table.loc[records[2]["key"], "true_errors"].isna()) == [False, True, False]
+    found = points(table.reset_index()).set_index("key")
+    assert found.loc[records[2]["key"], "true_errors"] == 2, "a known error counts"
+    assert found["true_errors"].isna()[records[3]["key"]], "none found needs all frames"
+    assert found.loc[records[3]["key"], "unscored"] == "2 of 3 frames scored: no reference here"
+    assert found.loc[records[4]["key"], "true_errors"] == 0
+    assert found.loc[records[4]["key"], "reference_errors"] == 3
+    assert (table["shadow.scored"].dropna() == 256 * 256 // 2).all()
+
+
+def test_a_stage_is_the_passes_that_a_pattern_names(records, tmp_path):
+    table = tidy(write(tmp_path, records))
+    np.testing.assert_allclose(stage_ms(table, "shadow"), table["shadow_ms"])
+    assert (stage_ms(table, "shadow", "nothing") == 0).all()
+    np.testing.assert_allclose(stage_ms(table, "light build", "the l"), table["light_build_ms"])
+
+
+def test_samples_in_long_form(records, tmp_path):
+    found = samples(write(tmp_path, records[:1]))
+    frames = records[0]["frames"]
+    steps = sum(len(step["ms"]) for f in frames for step in f["passes"])
+    assert len(found) == sum(2 * len(f["total_ms"]) for f in frames) + steps
+    whole = found[(found["part"] == "frame") & (found["frame"] == 1)]
+    assert list(whole["ms"]) == frames[1]["total_ms"]
+    assert list(whole["round"]) == frames[1]["round"]
+    assert set(found["part"]) == {"frame", "wall", "build", "trace", "light build", "shadow"}
+
+
+def test_only_the_newest_record_of_an_entry_counts(tmp_path):
+    old = record("bunny", "bvh", key="old", rounds=[{"round": 0, "noted": 100.0, "run": "a"}])
+    new = record("bunny", "bvh", seed=1, key="new", rounds=[{"round": 0, "noted": 200.0, "run": "b"}])
+    table = tidy(write(tmp_path, [new, old]))
+    assert set(table["key"]) == {"new"}
+    assert set(table["run"]) == {"b"}
+    assert table.attrs["older"] == 1
+
+
+def test_an_empty_folder_is_refused(tmp_path):
+    with pytest.raises(UserError, match="no records here"):
+        tidy(tmp_path)
+
+
+def test_pandas_is_not_loaded_before_a_table_is_made():
+    code = "import sys; from shadowbench.harness.results import tidy; sys.exit('pandas' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
