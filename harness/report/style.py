@@ -14,6 +14,9 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8
 """Okabe and Ito's colours (told apart by every common kind of colour vision), then a wine red and a brown. Greys stand
 for parts of a frame."""
 
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
+"""One a line, beside its colour: a grey print keeps them apart."""
+
 PART_SHARE = dict(zip(PARTS, (0.0, 0.40, 0.68, 0.88), strict=True))
 """How far each part of a frame is lightened from its method's colour: steps that a grey print keeps apart."""
 
@@ -82,6 +85,11 @@ def axes_style() -> dict[str, Any]:
         "font.family": "DejaVu Sans",
         "figure.dpi": 150,
     }
+
+
+def sheet_style() -> dict[str, Any]:
+    """Matplotlib settings of line plots: grid both ways."""
+    return {**axes_style(), "axes.grid.axis": "both", "lines.linewidth": 1.1, "lines.markersize": 3.5}
 
 
 def plain_number(value: float, _: int = 0) -> str:

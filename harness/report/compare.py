@@ -1,0 +1,100 @@
+"""Every ratio of a report: two points held against each other over the frames that both have, within one run.
+
+Points of different runs, scenes, lights, devices, image sizes or versions of one method are never compared: they have no
+pair here, and whatever is drawn from it says so by its absence (:func:`apart`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..results.means import points
+
+if TYPE_CHECKING:
+    from pandas import DataFrame, Series
+
+SCENE = ("folder", "run", "scene", "scene_title", "scene_sha256", "device")
+LIGHTS = ("light_label", "lights")
+SIZE = ("width", "height")
+SAME = (*SCENE, *LIGHTS, *SIZE)
+"""What two points must agree in to be compared, unless the caller says what else may differ."""
+
+
+def pairs(frames: DataFrame, base: Series, same: Sequence[str] = SAME) -> tuple[DataFrame, DataFrame]:
+    """Points and what they are compared with, each over the frames that both have.
+
+    frames  a tidy table (:func:`.results.table.tidy`)
+    base    which of its rows are compared with, a boolean Series
+    same    columns that a point and its base agree in. Where several bases do, the one measured last counts.
+
+    Returns two tables as :func:`.results.means.points` makes them, both with the points' keys as index: row by row the
+    point, and the values of its base. A point without a base or without a common frame is in neither.
+    """
+    known = frames[frames["total_ms"].notna()]
+    names = ["key", "frame", "method", "method_sha256", "started", *same]
+    found = known[names].merge(known.loc[base, names], on=[*same, "frame"], suffixes=("", "_base"))
+    alike = (found["method"] != found["method_base"]) | (
+        found["method_sha256"] == found["method_sha256_base"]
+    )
+    found = found[alike].sort_values("started_base")
+    found = found[found["key_base"] == found.groupby("key")["key_base"].transform("last")]
+    own = known.merge(found[["key", "frame"]], on=["key", "frame"])
+    other = known.merge(
+        found[["key_base", "frame", "key"]].set_axis(["key", "frame", "of"], axis=1), on=["key", "frame"]
+    )
+    one, two = points(own), points(other.drop(columns="key").rename(columns={"of": "key"}))
+    return one.set_index("key"), two.set_index("key").reindex(one["key"])
+
+
+def ratios(frames: DataFrame, base: Series, same: Sequence[str] = SAME) -> DataFrame:
+    """Frame time over that of the base, for each point that has one (see :func:`pairs`), by key.
+
+    ======  ===========================================================================================
+    ratio   of the means over the frames that both have
+    spread  how far the ratio may lie from that, from the spreads of the two (:func:`spread`); NaN: not known
+    low     the ratio where each lies at the end of its range between rounds that makes it least; high: greatest
+    high
+    frames  how many frames both have
+    ======  ===========================================================================================
+    """
+    import pandas as pd
+
+    one, other = pairs(frames, base, same)
+    ratio = one["total_ms"] / other["total_ms"]
+    half, other_half = one["between_ms"] / 2, other["between_ms"] / 2
+    return pd.DataFrame(
+        {
+            "ratio": ratio,
+            "spread": ratio * np.hypot(spread(one) / one["total_ms"], spread(other) / other["total_ms"]),
+            "low": (one["total_ms"] - half) / (other["total_ms"] + other_half),
+            "high": (one["total_ms"] + half) / (other["total_ms"] - other_half).clip(lower=1e-9),
+            "frames": one["frames"],
+        }
+    )
+
+
+def spread(table: DataFrame) -> Series:
+    """How far a point's time may lie from what is shown, ms: half the interquartile range of repeats or half the range
+    between rounds, whichever is larger; NaN where there is one sample, which says nothing of it.
+    """
+    return (table[["iqr_ms", "between_ms"]].max(axis=1) / 2).where(table["samples"] > 1)
+
+
+def geometric(values: Series) -> float:
+    """Geometric mean of the values that are known; NaN where none is."""
+    return float(np.exp(np.log(values.dropna().astype("float64")).mean()))
+
+
+def apart(table: DataFrame) -> list[str]:
+    """A line a scene whose points are of several runs: which columns were measured together."""
+    lines = []
+    for title, own in table[table["total_ms"].notna()].groupby("scene_title", sort=False):
+        labels = own.groupby("run", sort=False)["label"].agg(lambda found: ", ".join(dict.fromkeys(found)))
+        if len(labels) > 1:
+            lines.append(
+                f"{title} was measured in {len(labels)} runs, which are not compared: {' | '.join(labels)}."
+            )
+    return lines

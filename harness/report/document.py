@@ -1,0 +1,258 @@
+"""An experiment's report: one sentence of finding, tables, what was not measured, and the pictures.
+
+:func:`read` gives the points of a folder in the order of tables; :func:`write` writes ``EXPERIMENT.md`` and prints it.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Collection, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..results.means import points
+from ..results.table import stage_ms, tidy
+from ..scene.facts import never_hit
+from . import paper_table1 as paper
+from . import style
+from .compare import apart as runs_apart
+from .compare import spread
+
+if TYPE_CHECKING:
+    from pandas import DataFrame, Series
+
+__all__ = [
+    "carried",
+    "errors",
+    "frames",
+    "markdown",
+    "measured",
+    "read",
+    "span",
+    "stage_ms",
+    "write",
+    "write_csv",
+]
+
+COMMON = (
+    "scene scene_title stand_in triangles method label settings device device_name width height preset status reason "
+    "light_label light_count light_distance build_ms trace_ms light_build_ms shadow_ms total_ms iqr_ms between_ms "
+    "frames samples true_errors unscored environment key"
+).split()
+"""Columns that every CSV of an experiment begins with."""
+
+NOISY = "~"
+"""Before a number that is shown with fewer digits, as its spread carries no more or is not known."""
+ABOUT_NOISE = f"{NOISY}: shown with fewer digits, as the spread of the repeats carries no more, or a single repeat has none."
+
+
+def carried(value: float, spread: float, form: str = "") -> str:
+    """A number with three digits, or with fewer and :data:`NOISY` before it where its ``spread`` does not carry three.
+
+    The last digit shown is the first one that the spread changes. Where the spread is not known (nan), two digits are
+    shown. ``form``: holds "+" for a sign, "%" for a share in per cent, which has two digits at most.
+    """
+    if value is None or not math.isfinite(value):
+        return "-"
+    share = "%" in form
+    value, spread = (100 * value, 100 * spread) if share else (value, spread)
+    size = math.floor(math.log10(abs(value))) if value else -3
+    finest = min(0, max(size - 1, -1)) if share else min(0, max(size - 2, -3))
+    coarsest = max(finest, size - 1 if math.isnan(spread) else math.floor(math.log10(max(spread, 1e-9))))
+    shown = round(value, -coarsest) or 0.0  # no minus before a zero
+    sign = "+" * ("+" in form and shown != 0)
+    text = f"{shown:{sign},.{max(0, -coarsest)}f}{'%' * share}"
+    return NOISY * (coarsest > (finest if share else max(finest, size - 2))) + text
+
+
+def frames(folder: Path | str) -> DataFrame:
+    """The tidy table of a folder in the order of tables: the paper's scenes, then others; methods as registered."""
+    table = tidy(folder)
+    scenes = [*paper.ROWS, *sorted(set(table["scene"]) - set(paper.ROWS))]
+    methods = list(style.colours(table["method"]))
+    rank = {"scene": scenes.index, "method": methods.index}
+    by = ["scene", "scene_title", "method", "label", "device", "key", "frame"]
+    return table.sort_values(
+        by, key=lambda c: c.map(rank[c.name]) if c.name in rank else c, kind="stable", ignore_index=True
+    )
+
+
+def read(folder: Path | str) -> DataFrame:
+    """One row a point of a folder (:func:`.results.means.points`), in the order of :func:`frames`. Besides:
+
+    title        the scene's, with "(stand-in)" where it is one, and with the size of the image where there are several
+    spread       see :func:`.report.compare.spread`
+    file         a name for the scene's files: with the size too where there are several
+    light_count  the column ``lights``, as every CSV calls it
+    """
+    return named(frames(folder))
+
+
+def named(table: DataFrame) -> DataFrame:
+    """The points of a tidy table with the columns that :func:`read` adds."""
+    table = points(table)
+    sizes = table["width"].astype(str) + "x" + table["height"].astype(str)
+    size = sizes if sizes.nunique() > 1 else sizes.str[:0]
+    told = (table["stand_in"] == "") | table["scene_title"].str.contains("stand-in")
+    title = table["scene_title"].where(told, table["scene_title"] + " (stand-in)")
+    return table.assign(
+        title=title + size.where(size == "", ", " + size),
+        spread=spread(table),
+        file=table["scene"] + size.where(size == "", "-" + size),
+        light_count=table["lights"],
+    )
+
+
+def span(values: Series, form: Callable[[float], str] = style.number) -> str:
+    """The range of values, as "1.20 to 3.40"; one where they are alike."""
+    low, high = form(values.min()), form(values.max())
+    return low if low == high else f"{low} to {high}"
+
+
+def write_csv(table: DataFrame, path: Path, columns: Sequence[str]) -> Path:
+    """The columns as CSV: numbers with six digits, whole ones whole; what is not known is empty."""
+    table.reindex(columns=columns).convert_dtypes().to_csv(
+        path, index=False, float_format="%.6g", lineterminator="\n"
+    )
+    return path
+
+
+def markdown(table: DataFrame) -> list[str]:
+    """A table of texts in Markdown: its index is not shown; what is missing is a dash."""
+    texts = table.astype(object).where(table.notna(), "-").astype(str)
+    lines = [[str(name) for name in table.columns], ["---"] * len(table.columns), *texts.to_numpy().tolist()]
+    return ["| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines]
+
+
+def measured(table: DataFrame) -> DataFrame:
+    """Those points that have a time."""
+    return table[(table["status"] == "ok") & table["total_ms"].notna()]
+
+
+def not_measured(table: DataFrame, apart: Collection[str] = ()) -> list[str]:
+    """What has no time, a line a reason; and what has no record, a line a method.
+
+    A run that was stopped leaves no record of what it did not reach: other scenes, sizes and lights show what is missing.
+    ``apart``: lightings at which only some points are measured on purpose.
+    """
+    lost = table.drop(measured(table).index)
+    names = [lost["label"].where(lost["light_label"] == "", lost["label"] + ", " + lost["light_label"])]
+    lines = [
+        f"{name}: {status}: {reason or 'no reason given'} ({', '.join(own['title'].unique())})"
+        for (name, status, reason), own in lost.groupby([*names, "status", "reason"], sort=False)
+    ]
+    planned = table[~table["light_label"].isin(apart)]
+    there = planned.groupby(["title", "light_label", "width", "height"], sort=False)["label"].agg(set)
+    missing: dict[str, list[str]] = {}
+    for (title, light, _, _), labels in there.items():
+        for label in table["label"].unique():
+            if label not in labels:
+                missing.setdefault(label, []).append(title + f" with {light}" * bool(light))
+    return lines + [f"{label}: no record ({', '.join(places)})" for label, places in missing.items()]
+
+
+def write(
+    folder: Path, experiment: str, title: str, finding: str, tables: Mapping[str, DataFrame], files: Sequence[Path],
+    table: DataFrame, quiet: bool, notes: Sequence[str] = (), apart: Collection[str] = (),
+) -> list[Path]:  # fmt: skip
+    """Write ``EXPERIMENT.md``, print it unless ``quiet``; return every file written.
+
+    tables   what stands under each heading
+    table    the points behind it, for where they ran, how long, and what is known of their answers
+    notes    lines below the tables
+    """
+    about = [*notes, *(text for text in (*runs_apart(table), effort(table), errors(table)) if text)]
+    shown = {heading: body for heading, body in tables.items() if len(body)}
+    if any(NOISY in str(cell) for body in shown.values() for cell in body.to_numpy().ravel()):
+        about.insert(0, ABOUT_NOISE)
+    lost = not_measured(table, apart)
+    text = [f"# {title}", "", finding, "", f"{where(table)}.", ""]
+    for heading, body in shown.items():
+        text += [f"## {heading}", "", *markdown(body), ""]
+    text += [f"{line}\n" for line in about]
+    text += ["Not measured:", "", *(f"- {line}" for line in lost), ""] if lost else []
+    path = folder / f"{experiment}.md"
+    pictures = [file.name for file in files if file.suffix in (".svg", ".png")]
+    pictures += [name for name in linked(path) if name not in pictures]
+    text += [f"![{Path(name).stem}]({name})" for name in pictures]
+    path.write_text("\n".join(text).rstrip() + "\n", encoding="utf-8")
+    if not quiet:
+        terminal(title, finding, shown, about, lost)
+    return [*files, path]
+
+
+def where(table: DataFrame) -> str:
+    """Size and device of points, as a phrase: "256x256 on AMD EPYC"."""
+    by_size = table.sort_values("pixels")
+    sizes = (by_size["width"].astype(str) + "x" + by_size["height"].astype(str)).unique()
+    return f"{', '.join(sizes)} on {' and '.join(table['device_name'].unique())}"
+
+
+def effort(table: DataFrame) -> str:
+    """How long the points were sampled, where they say so, as a sentence."""
+    asked = table.reindex(columns=["point.rounds", "point.budget_s"]).dropna().drop_duplicates()
+    told = [
+        f"{n:.0f} round{'s' if n > 1 else ''}, at most {budget:g} s of samples a point"
+        for n, budget in asked.to_numpy()
+    ]
+    return f"{' and '.join(told)}." if told else ""
+
+
+def check_text(row: Mapping[str, Any]) -> str:
+    """The error that goes with a point's times: a tick, how many answers are wrong, or "unscored"."""
+    wrong = row["true_errors"]
+    if wrong != wrong or wrong is None or str(wrong) == "<NA>":
+        return style.UNSCORED
+    if wrong:
+        return f"{style.WRONG} {wrong:,.0f} wrong"
+    return style.OK if row["check"] == "ok" else f"{style.WRONG} {row['excused_share']:.2%} excused"
+
+
+def errors(table: DataFrame) -> str:
+    """What is known of the answers behind the times, as a sentence."""
+    done = measured(table)
+    lights = done["light_label"].where(done["light_label"] == "", ", " + done["light_label"])
+    names = done["title"] + ", " + done["label"] + lights
+    texts = [check_text(row) for row in done.to_dict("records")]
+    bad = [f"{name}: {text}" for name, text in zip(names, texts, strict=True) if text != style.OK]
+    bad += [text for text in never_hit_notes(table) if "warning" in text]
+    if not bad:
+        return "Every answer behind these times was found right."
+    if len(bad) > 6:
+        bad = [*bad[:6], f"and {len(bad) - 6} more (see the CSV)"]
+    return "Answers: " + "; ".join(bad) + "."
+
+
+def never_hit_notes(table: DataFrame) -> list[str]:
+    """A line a scene with triangles that nothing can hit: right answers there are misses."""
+    known = table.dropna(subset=["triangles"]).drop_duplicates("title")
+    rows = zip(known["title"], known["triangles"], known["invalid_triangles"], strict=True)
+    told = ((title, never_hit(int(total), int(total - invalid))) for title, total, invalid in rows)
+    return [f"{title}: {text}." for title, text in told if text]
+
+
+def linked(path: Path) -> list[str]:
+    """Pictures that a report shows and that are still there: kept where what they were drawn from is not."""
+    if not path.is_file():
+        return []
+    names = re.findall(r"^!\[[^\]]*\]\(([^)/]+)\)$", path.read_text(encoding="utf-8"), re.MULTILINE)
+    return [name for name in names if (path.parent / name).is_file()]
+
+
+def terminal(
+    title: str, finding: str, tables: Mapping[str, DataFrame], about: Sequence[str], lost: Sequence[str]
+) -> None:
+    """Print a report at the width of the terminal."""
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(highlight=False, markup=False)
+    console.print(f"{title}\n  {finding}")
+    for heading, body in tables.items():
+        shown = Table(*map(str, body.columns), title=heading, title_justify="left", box=None, pad_edge=False)
+        for line in body.astype(object).where(body.notna(), "-").astype(str).to_numpy().tolist():
+            shown.add_row(*line)
+        console.print(shown)
+    for line in [*about, *(["Not measured: " + "; ".join(lost)] if lost else [])]:
+        console.print(f"  {line}")

@@ -1,0 +1,94 @@
+"""What may be compared: points of one run, with one version of each method, over the frames that both have."""
+
+from __future__ import annotations
+
+import pytest
+from helpers.made_records import keep, made
+from shadowbench.harness.report import compare, document
+from shadowbench.harness.runner.experiment import Entry
+
+OURS, TREE = Entry("ray_grids", {}, "ours"), Entry("bvh", {}, "tree")
+
+
+def two(ms=1.0, frames=1, scene="cloth"):
+    return [
+        made("frame_time", OURS, scene, ms=ms, frames=frames),
+        made("frame_time", TREE, scene, ms=2.0, frames=frames),
+    ]
+
+
+def timed(record, *times):
+    for frame, ms in zip(record["frames"], times, strict=True):
+        frame["total_ms"] = [ms, ms]
+    return record
+
+
+def found(tmp_path, records):
+    frames = document.frames(keep(tmp_path, records))
+    ratios = compare.ratios(frames, frames["label"] == "tree")
+    return {key.split("-")[2]: row for key, row in ratios.to_dict("index").items()}
+
+
+def test_only_frames_that_both_have_are_compared(tmp_path):
+    """Means over unlike frames say 2.5; on the common frames it is 0.5."""
+    ours, tree = two(frames=4)
+    timed(ours, 1.0, 1.0, 9.0, 9.0)
+    timed(tree, 2.0, 2.0, 2.0, 2.0)
+    del tree["frames"][2:]
+    ratios = found(tmp_path, [ours, tree])
+    assert ratios["ours"]["ratio"] == pytest.approx(0.5)
+    assert ratios["ours"]["frames"] == 2
+    assert ratios["tree"]["ratio"] == 1.0
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda r: r.update(rounds=[{"round": 0, "run": "another"}]),
+        lambda r: r.update(environment="another"),
+        lambda r: r["point"].update(width=128),
+        lambda r: r["scene"].update(lights=[{}, {}]),
+        lambda r: r["scene"].update(arrays_sha256="another"),
+        lambda r: r["scene"].update(title="another"),
+        lambda r: r["method"].update(device="cpu"),
+        lambda r: r["frames"][0].update(frame=7),
+        lambda r: r["method"].update(name="bvh", source_sha256="an older version"),
+    ],
+)
+def test_what_is_not_alike_has_no_ratio(tmp_path, change):
+    records = two()
+    assert "ours" in found(tmp_path / "alike", records)
+    change(records[0])
+    assert "ours" not in found(tmp_path / "changed", records)
+
+
+def test_runs_in_one_folder_are_named(tmp_path):
+    records = two()
+    frames = document.read(keep(tmp_path / "one", records))
+    assert compare.apart(frames) == []
+    records[0]["rounds"], records[1]["rounds"] = [{"run": "a"}], [{"run": "b"}]
+    (line,) = compare.apart(document.read(keep(tmp_path / "two", records)))
+    assert line == "Cloth (stand-in) was measured in 2 runs, which are not compared: tree | ours."
+
+
+def test_a_ratio_has_the_range_of_its_rounds(tmp_path):
+    records = two()
+    for record, times in zip(records, ([0.9, 1.1], [2.0, 2.0]), strict=True):
+        record["frames"][0].update(total_ms=times, round=[0, 1])
+    ours = found(tmp_path, records)["ours"]
+    assert (ours["ratio"], ours["low"], ours["high"]) == pytest.approx((0.5, 0.45, 0.55))
+    assert ours["spread"] == pytest.approx(0.05), "half the range between the rounds"
+
+
+def test_any_measure_of_a_pair_is_over_the_common_frames(tmp_path):
+    ours, tree = two(frames=2)
+    ours["frames"][1] = {
+        **ours["frames"][1],
+        "passes": [{"name": "all rays", "part": "shadow", "ms": [40.0]}],
+    }
+    del tree["frames"][1]
+    frames = document.frames(keep(tmp_path, [ours, tree]))
+    one, other = compare.pairs(frames, frames["label"] == "tree")
+    shadow = (one["shadow_ms"] / other["shadow_ms"])[one["label"] == "ours"]
+    assert list(shadow) == pytest.approx([0.5])
+    assert list(one.index) == list(other.index)
