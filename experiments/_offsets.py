@@ -18,7 +18,7 @@ from ..harness.frame.registry import make_method
 from ..harness.frame.session import Session
 from ..harness.judge.score import Judge
 from ..harness.runner.experiment import Entry
-from ..harness.runner.machine_lock import TURN
+from ..harness.runner.machine_lock import MACHINE
 from ..harness.scene.overrides import Lighting
 from ..harness.scene.prepared import Prepared, rounded, weld
 
@@ -59,7 +59,7 @@ def error_grid(
             moment = lit.moment(0, size, size)
             judge = Judge(lit, moment, device=device)
             for entry in entries:
-                TURN.give_way()
+                MACHINE.give_way()
                 row: dict[str, Any] = {"scene": lit.scene.name, "label": entry.label, "method": entry.method}
                 row |= {"distance": distance, "offset": offset, "size": size}
                 try:

@@ -25,7 +25,7 @@ from ..harness.results.record import SCHEMA, Record, make_record
 from ..harness.runner.experiment import Preset
 from ..harness.runner.job import Options, Reporter
 from ..harness.runner.machine import clock_state, environment, keep
-from ..harness.runner.machine_lock import TURN
+from ..harness.runner.machine_lock import MACHINE
 from ..harness.runner.memory import peak_resident_bytes
 from ..harness.runner.points import orders
 from ..harness.runner.source_closure import SAMPLING, closure_hash
@@ -73,7 +73,8 @@ def measure(options: Options, report: Reporter, bits: Sequence[int]) -> list[Rec
         raise UserError(f"{options.experiment.name} sorts random keys; it takes no --scene and no --method")
     folder = ResultsFolder(options.out)
     parts = options.preset.parts()
-    with folder.locked(), TURN.shared(report.note):
+    MACHINE.say = report.note
+    with folder.locked(), MACHINE.shared():
         with folder.writing():
             made_in = keep(options.out, environment())
         report.steps(sum(len(bits) * part.rounds for part in parts))
@@ -95,7 +96,7 @@ def _measured(
     for i in todo:
         report.doing(f"{pairs:,} pairs, {bits[i]} bits: warming up")
         _note(folder, journals[i], _prepared(trials[i], journals[i]))
-    with TURN.alone(report.note):
+    with MACHINE.exclusive():
         for number, order in enumerate(orders(len(todo), preset.rounds, options.seed)):
             for place, index in enumerate(order):
                 i = todo[index]

@@ -7,7 +7,6 @@ is quick.
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import inspect
 import json
@@ -25,7 +24,7 @@ from .commands.options import Device, Json, SceneDir, Settings
 from .commands.plan import plan
 from .commands.verify import explain, score, verify
 from .errors import UserError
-from .runner.machine_lock import TURN
+from .runner.machine_lock import MACHINE
 
 DEBUG = "SHADOWBENCH_DEBUG"
 INTERRUPTED = 130
@@ -40,15 +39,21 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-Debug = Annotated[bool, typer.Option("--debug", help="Show a traceback with an error.")]
+
+@app.callback()
+def everywhere(
+    debug: Annotated[bool, typer.Option("--debug", help="Show a traceback with an error.")] = False,
+    no_wait: Annotated[
+        bool, typer.Option("--no-wait", help="Refuse to start while another run on this machine measures.")
+    ] = False,
+) -> None:
+    if debug:
+        os.environ[DEBUG] = "1"
+    MACHINE.wait = not no_wait
 
 
-WORKING = ("run", "render", "check", "verify", "explain", "score")
-"""Commands that keep the machine busy: none of them works while another run takes its samples."""
-
-
-def _to_stderr(text: str) -> None:
-    print(f"shadowbench: {text}", file=sys.stderr)
+EVERYWHERE = ("--debug", "--no-wait")
+"""Options of the program itself: taken before the command and after it."""
 
 
 def command(name: str, example: str) -> Callable[[Callable[..., int | None]], Callable[..., int | None]]:
@@ -56,26 +61,23 @@ def command(name: str, example: str) -> Callable[[Callable[..., int | None]], Ca
 
     def register(work: Callable[..., int | None]) -> Callable[..., int | None]:
         @functools.wraps(work)
-        def checked(*args: Any, debug: bool = False, **kwargs: Any) -> None:
-            if debug:
-                os.environ[DEBUG] = "1"
+        def checked(*args: Any, **kwargs: Any) -> None:
             try:
-                with TURN.shared(_to_stderr) if name in WORKING else contextlib.nullcontext():
-                    code = work(*args, **kwargs)
+                code = work(*args, **kwargs)
             except KeyboardInterrupt:  # caught here: typer would end without a word
                 way_on = "; the same command goes on where this one stopped" if name == "run" else ""
                 print(f"shadowbench: interrupted{way_on}", file=sys.stderr)
                 raise SystemExit(INTERRUPTED) from None
+            finally:
+                MACHINE.release()
             raise typer.Exit(code or 0)
 
-        # Typer reads the signature: every command has --debug as its last option.
-        signature = inspect.signature(work, eval_str=True)
-        flag = inspect.Parameter("debug", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=Debug)
-        options = [*signature.parameters.values(), flag]
-        checked.__signature__ = signature.replace(parameters=options)  # type: ignore[attr-defined]
-        checked.__annotations__ = {option.name: option.annotation for option in options}
         text = inspect.cleandoc(work.__doc__ or "")
-        app.command(name, help=f"{text}\n\n\b\nExample:\n  {example}")(checked)
+        always = (
+            "With every command: --debug shows a traceback with an error; --no-wait refuses to start while "
+            "another run on this machine measures."
+        )
+        app.command(name, help=f"{text}\n\n{always}\n\n\b\nExample:\n  {example}")(checked)
         return work
 
     return register
@@ -250,16 +252,16 @@ def spread_values(arguments: list[str]) -> list[str]:
 
 def main() -> None:
     """The ``shadowbench`` command."""
-    debug = "--debug" in sys.argv or bool(os.environ.get(DEBUG))
+    words = spread_values(sys.argv[1:])
     try:
-        app(spread_values(sys.argv[1:]), standalone_mode=True)
+        app(sorted(words, key=lambda word: word not in EVERYWHERE), standalone_mode=True)
     except UserError as error:
-        if debug:
+        if os.environ.get(DEBUG):
             raise
         print(f"shadowbench: {error}", file=sys.stderr)
         raise SystemExit(2) from None
     except MemoryError as error:
-        if debug:
+        if os.environ.get(DEBUG):
             raise
         reason = " ".join(str(error).split()) or "no more to be had"
         print(f"shadowbench: not enough memory ({reason}); choose a smaller --size", file=sys.stderr)

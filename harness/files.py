@@ -1,33 +1,48 @@
-"""Arrays in a file, whole or not at all; and the hash of arrays."""
+"""Files written whole or not at all, values as JSON holds them, and hashes."""
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import os
 import tempfile
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 
-def write_arrays(path: Path, arrays: Mapping[str, NDArray], compressed: bool = True) -> None:
-    """Write arrays by name as .npz, atomically, and the folder if there is none."""
+@contextlib.contextmanager
+def replacing(path: Path, durable: bool = True) -> Iterator[IO[bytes]]:
+    """A stream for the new content of a file, which a reader sees whole or not at all, and its folder if there is none.
+
+    ``durable``: on the disk before the file is put in its place, so that a crash of the machine does not lose it.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    save = np.savez_compressed if compressed else np.savez
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
-        with temporary.open("wb") as stream:
-            save(stream, **arrays)  # type: ignore[arg-type]
-        temporary.replace(path)
+        with os.fdopen(handle, "wb") as stream:
+            yield stream
+            stream.flush()
+            if durable:
+                os.fsync(stream.fileno())
+        os.chmod(temporary, 0o644)
+        os.replace(temporary, path)
     except BaseException:
         # What a full disk left of it would fill the disk.
-        temporary.unlink(missing_ok=True)
+        Path(temporary).unlink(missing_ok=True)
         raise
+
+
+def write_arrays(path: Path, arrays: Mapping[str, NDArray], compressed: bool = True) -> None:
+    """Write arrays by name as .npz, atomically. Not durable: whatever is kept as arrays can be made again."""
+    save = np.savez_compressed if compressed else np.savez
+    with replacing(path, durable=False) as stream:
+        save(stream, **arrays)  # type: ignore[arg-type]
 
 
 def array_hash(*arrays: NDArray) -> str:
@@ -63,19 +78,9 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file atomically: a temporary file beside it, on the disk, then put in its place."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    """Write a file atomically and durably."""
+    with replacing(path) as stream:
+        stream.write(content)
 
 
 def plain(value: Any) -> Any:

@@ -38,6 +38,7 @@ def check(
     from ..hardcases import all_cases, find_case
     from ..hardcases.conformance import conformance
     from ..hardcases.judge import SHADOWS, judge_method, outside_of
+    from ..runner.machine_lock import MACHINE
 
     settings = _settings(method, setting or [])
     place = device_for(method_class(method), find_device(device))
@@ -47,6 +48,7 @@ def check(
     unknown = sorted(set(outside) - {one.name for one in all_cases()} - {SHADOWS})
     if unknown:
         raise UserError(f"{method} declares {unknown[0]!r} to lie outside, which is no hard case")
+    MACHINE.share()
     findings = judge_method(lambda: make_method(method, settings), place, cases, {})
     checks = [] if case else conformance(lambda: make_method(method, settings), place)
     statuses = [*(finding.status for finding in findings), *(one.status for one in checks)]

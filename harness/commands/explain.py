@@ -40,6 +40,7 @@ def explain(
     from ..frame.registry import method_names
     from ..judge.score import Judge
     from ..runner.experiment import Entry, parse_size
+    from ..runner.machine_lock import MACHINE
     from ..runner.points import parse_settings
     from ..scene.catalogue import resolve
     from ..scene.prepared import prepare
@@ -53,7 +54,9 @@ def explain(
     place = find_device(device)
     names = tuple(Entry(name) for name in dict.fromkeys(method or method_names()))
     entries = parse_settings(setting or [], names)
-    prepared = prepare(resolve(scene, scene_dir))
+    described = resolve(scene, scene_dir)
+    MACHINE.share()
+    prepared = prepare(described)
     if not 0 <= frame < prepared.frame_count:
         raise UserError(f"--frame {frame}: {scene} has frames 0 to {prepared.frame_count - 1}")
     moment = prepared.moment(frame, width, height)

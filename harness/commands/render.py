@@ -9,6 +9,7 @@ from ..frame.devices import device_for, find_device
 from ..frame.registry import make_method
 from ..frame.session import Session
 from ..runner.experiment import parse_size
+from ..runner.machine_lock import MACHINE
 from ..scene.catalogue import resolve
 from ..scene.prepared import prepare
 
@@ -40,6 +41,7 @@ def render(
     reason = chosen.applies(described, place)
     if reason:
         raise UserError(f"{method} cannot do {scene}: {reason}; choose another --method")
+    MACHINE.share()
     prepared = prepare(described)
     if not 0 <= frame < prepared.frame_count:
         raise UserError(f"--frame {frame}: {scene} has frames 0 to {prepared.frame_count - 1}")

@@ -16,6 +16,7 @@ from ..results.folder import ResultsFolder
 from ..results.newest import prefer
 from ..results.record import FAILURES, Record
 from ..runner.experiment import Preset, choose_methods, find_experiment, find_preset, parse_size
+from ..runner.machine_lock import MACHINE
 from ..runner.points import parse_settings
 from ..runner.progress import Bar, Silent
 from ..runner.runner import Options, Run
@@ -95,6 +96,7 @@ def plan_run(
 
 def run(options: Options, as_json: bool = False) -> int:
     """Run, draw, and say how it went: 0 where every point was measured or skipped with a reason, 1 otherwise."""
+    MACHINE.share()
     with Silent() if as_json else Bar() as report:
         measure = options.experiment.measure
         records = measure(options, report) if measure is not None else Run(options, report).go()

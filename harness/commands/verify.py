@@ -47,6 +47,7 @@ def verify(
     from ..frame.devices import find_device
     from ..frame.registry import method_names
     from ..runner.experiment import Entry, parse_size
+    from ..runner.machine_lock import MACHINE
     from ..runner.points import parse_settings
     from ..scene.catalogue import resolve
 
@@ -55,6 +56,7 @@ def verify(
     names = list(dict.fromkeys(method or method_names()))
     entries = parse_settings(setting or [], tuple(Entry(name) for name in names))
     scenes = [resolve(name, scene_dir) for name in scene]
+    MACHINE.share()
     reports = []
     for name, described in zip(scene, scenes, strict=True):
         reports.append(
@@ -138,6 +140,7 @@ def score(
     """
     from ..files import write_atomic
     from ..frame.warp_init import start_warp
+    from ..runner.machine_lock import MACHINE
 
     start_warp()
     files = sorted(path for path in folder.glob("**/*.npz") if path.parent.name == "answers")
@@ -146,6 +149,7 @@ def score(
         raise UserError(
             f"{folder}: no raw answers in it; name a folder with answers/*.npz, as `run` keeps them"
         )
+    MACHINE.share()
     rows = []
     for path in files:
         row = _score_file(path, folder, again, scene_dir)

@@ -18,7 +18,7 @@ from ..judge.receivers import facing, receivers
 from ..judge.referee import Referee
 from ..judge.reference import Reference, exact_reference
 from ..judge.score import score_answers
-from ..runner.machine_lock import TURN
+from ..runner.machine_lock import MACHINE
 from ..scene.effects import Effects
 from .case import Counts, HardCase, Trial
 
@@ -261,7 +261,7 @@ def judge_method(
     """Every case on one method. ``judged`` keeps exact answers between methods; ``every_bit`` as in :func:`judge_case`."""
     findings = []
     for case in cases:
-        TURN.give_way()
+        MACHINE.give_way()
         if case.refused:
             findings.append(judge_refusal(case))
             continue

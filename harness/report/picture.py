@@ -6,7 +6,6 @@ Never part of anything timed. What is shown is what a method answered (:mod:`.fr
 from __future__ import annotations
 
 import io
-import os
 import struct
 import zlib
 from collections.abc import Sequence
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
+from ..files import replacing
 from ..frame.shading import shaded
 from ..scene.moment import Moment
 from ..scene.prepared import Prepared
@@ -126,9 +126,7 @@ def shown_in(path: Path | str) -> str | None:
 def save_png(picture: NDArray[np.uint8], path: Path | str, shows: str = "", colours: int = 256) -> Path:
     """Write a picture compactly (a 512x512 frame stays well below 300 kB) and return its path."""
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
     # Whole or not at all: a run that is killed here makes the picture again, not half of it.
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    temporary.write_bytes(png_bytes(picture, colours, shows))
-    temporary.replace(path)
+    with replacing(path, durable=False) as stream:
+        stream.write(png_bytes(picture, colours, shows))
     return path

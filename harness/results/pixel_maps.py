@@ -1,6 +1,7 @@
 """Work counts of single pixels, kept as small pictures beside the records: what a heat map is drawn from."""
 
 from __future__ import annotations
+from ..files import replacing
 from ..judge.verdict import RIGHT
 
 import os
@@ -26,11 +27,9 @@ def write_map(path: Path, counts: NDArray[np.integer]) -> None:
     wide = np.asarray(counts, dtype=np.int64)
     if wide.size and not 0 <= int(wide.min()) <= int(wide.max()) < 1 << 24:
         raise ValueError(f"counts {int(wide.min())} to {int(wide.max())} do not fit into 24 bits")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{os.getpid()}.{path.name}")
     bytes_ = np.stack([wide >> 16, wide >> 8 & 255, wide & 255], axis=-1).astype(np.uint8)
-    Image.fromarray(bytes_).save(temporary, optimize=True)
-    temporary.replace(path)
+    with replacing(path, durable=False) as stream:
+        Image.fromarray(bytes_).save(stream, "PNG", optimize=True)
 
 
 def read_map(path: Path) -> Counts:

@@ -19,6 +19,7 @@ from ..files import write_arrays
 from ..scene.effects import Effects
 from ..scene.moment import Moment
 from ..scene.prepared import Prepared
+from .machine_lock import MACHINE
 
 Answers = dict[str, NDArray]
 
@@ -66,6 +67,7 @@ class Grader:
         drawn = shown_in(picture) == shows
         there = [frame for frame in self.moments if handed_path(self.folder, key, frame).exists()]
         for frame in there:
+            MACHINE.give_way()
             handed = handed_path(self.folder, key, frame)
             with np.load(handed) as stored:
                 answers = {name: stored[name] for name in stored.files}

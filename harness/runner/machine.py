@@ -9,10 +9,10 @@ import platform
 import re
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
+import psutil
 import warp as wp
 
 from ..files import digest, write_atomic
@@ -48,7 +48,7 @@ def environment() -> dict[str, Any]:
             "usable_cores": usable_cores(),
             "flags": cpu_flags(),
         },
-        "memory_bytes": total_memory(),
+        "memory_bytes": psutil.virtual_memory().total,
         "os": system(),
         "python": platform.python_version(),
         "implementation": platform.python_implementation(),
@@ -80,7 +80,7 @@ def system() -> str:
 
 
 def cpu_flags() -> str:
-    """A hash of the instruction sets that the processor names (empty where the system does not say)."""
+    """A hash of the instruction sets that the processor names (empty where the system does not say; psutil does not)."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -95,14 +95,6 @@ def usable_cores() -> int:
     """How many cores this process may use."""
     affinity = getattr(os, "sched_getaffinity", None)
     return len(affinity(0)) if affinity else (os.cpu_count() or 1)
-
-
-def total_memory() -> int | None:
-    """Bytes of memory of the machine, or None where the system does not say."""
-    try:
-        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    except (ValueError, OSError, AttributeError):
-        return None
 
 
 def gpus() -> list[dict[str, Any]]:
@@ -168,11 +160,6 @@ def _version(read: Any) -> str | None:
         Exception
     ):  # Warp raises several kinds here, and a version that cannot be read is no reason to stop
         return None
-
-
-def executable() -> str:
-    """The interpreter that workers are started with."""
-    return sys.executable
 
 
 CLOCK_FIELDS = (

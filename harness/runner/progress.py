@@ -73,7 +73,8 @@ class Bar(Silent):
         self.bar.update(self.task, description=text[:60])
 
     def note(self, text: str) -> None:
-        self.console.print(text, markup=False, highlight=False, soft_wrap=True)
+        if text:
+            self.console.print(text, markup=False, highlight=False, soft_wrap=True)
 
     def done(self, count: int = 1) -> None:
         self.at += count

@@ -24,7 +24,7 @@ from ..scene.overrides import Lighting
 from .experiment import Entry, Preset
 from .job import Job, Options, Reporter
 from .machine import environment, keep
-from .machine_lock import TURN
+from .machine_lock import MACHINE
 from .points import describe_method, make_point, orders
 from .protocol import LOAD_S, grade_command, load_command, prepare_command
 from .redraw import repaint
@@ -66,7 +66,8 @@ class Run:
     def go(self) -> list[Record]:
         """Run what has no record yet. Raises :class:`~.errors.UserError` where the folder cannot be written."""
         options = self.options
-        with self.folder.locked(), TURN.shared(self.report.note):
+        MACHINE.say = self.report.note
+        with self.folder.locked(), MACHINE.shared():
             with self.folder.writing():
                 self.environment = keep(options.out, environment())
             parts = options.preset.parts()
@@ -124,11 +125,11 @@ class Run:
     def _measure(self, jobs: list[Job]) -> None:
         """Prepare the jobs, take their rounds interleaved, and finish them."""
         for job in jobs:
-            TURN.give_way(self.report.note)
+            MACHINE.give_way()
             if not job.journal.first("finished"):
                 self._attempt(job, "compiling and warming up")
         jobs = [job for job in jobs if job.record is None]
-        with TURN.alone(self.report.note):
+        with MACHINE.exclusive():
             for number, order in enumerate(orders(len(jobs), self.options.preset.rounds, self._seed(jobs))):
                 for place, index in enumerate(order):
                     job = jobs[index]
@@ -140,16 +141,15 @@ class Run:
     def _finish_all(self, jobs: list[Job]) -> None:
         """Have the answers of jobs graded and close them. The first one alone: it makes what the others find.
 
-        That takes long: where another run on this machine wants to measure, the graders are halted.
+        That takes long, so each grader holds the machine's lock itself and gives way between frames.
         """
         waiting = [job for job in jobs if not job.journal.first("finished")]
         names = [GRADER, *(f"{GRADER}-{i}" for i in range(2, GRADERS + 1))]
         batches = [waiting[:1], *(waiting[i : i + GRADERS] for i in range(1, len(waiting), GRADERS))]
-        with TURN.pausing(self._pause_graders, self._resume_graders) as starting:
+        with MACHINE.released():
             for batch in batches:
-                with starting:
-                    for name, job in zip(names, batch, strict=False):
-                        self._attempt(job, "checking the answers", self._ask_grades, name)
+                for name, job in zip(names, batch, strict=False):
+                    self._attempt(job, "checking the answers", self._ask_grades, name)
                 for name, job in zip(names, batch, strict=False):
                     if job.record is None:
                         self._take_grades(job, name)
@@ -157,17 +157,6 @@ class Run:
         for job in jobs:
             if job.record is None:
                 self._close(job)
-
-    def _graders(self) -> list[Remote]:
-        return [worker for name, worker in self.workers.items() if name.startswith(GRADER)]
-
-    def _pause_graders(self) -> None:
-        for grader in self._graders():
-            grader.pause()
-
-    def _resume_graders(self) -> None:
-        for grader in self._graders():
-            grader.resume()
 
     def _spent(self, job: Job) -> bool:
         """Whether one more round as long as those so far would be beyond the point's budget: then it is left out."""
@@ -239,7 +228,7 @@ class Run:
             self._ungraded(job, error)
             return
         command = grade_command(self.options, self.folder, self.lighting, job)
-        self._worker(grader).send(**command, wrong_maps=self.options.preset.wrong_maps)
+        self._send(self._worker(grader), **command, wrong_maps=self.options.preset.wrong_maps)
 
     def _take_grades(self, job: Job, grader: str) -> None:
         if job.journal.first("finished"):
@@ -290,8 +279,12 @@ class Run:
         timeout = self.options.preset.timeout_s
         if command["do"] == "load":
             timeout = max(timeout, LOAD_S)
-        worker.send(**command)
+        self._send(worker, **command)
         return self._reply(worker, timeout)
+
+    def _send(self, worker: Remote, **command: Any) -> None:
+        """Send a command. Its work is done under the machine's lock: this process's, or where it has none the worker's."""
+        worker.send(**command, share=not MACHINE.held)
 
     def _reply(self, worker: Remote, timeout: float) -> dict[str, Any]:
         try:
@@ -332,7 +325,7 @@ class Run:
         lost = {}
         asked = [(method, self._worker(method)) for method in sorted(methods)]
         for _, worker in asked:
-            worker.send(**self._load_command(name))
+            self._send(worker, **self._load_command(name))
         for method, worker in asked:
             try:
                 self._reply(worker, max(LOAD_S, self.options.preset.timeout_s))

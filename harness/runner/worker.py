@@ -39,6 +39,7 @@ from ..scene.shared import read_stored, store
 from .experiment import spread_frames
 from .grader import Grader, hand_over, handed_path
 from .machine import clock_state
+from .machine_lock import MACHINE
 from .memory import Memory, array_bytes, peak_resident_bytes, reset_peak_resident, resident_bytes
 from .timing import CompileClock, Sampling, sample_frame
 
@@ -64,13 +65,14 @@ class Worker:
         self.changed: frozenset[str] | None = None
 
     def do(self, command: dict[str, Any]) -> dict[str, Any]:
-        """Carry out one command and return its reply."""
-        kind = command.pop("do")
+        """Carry out one command and return its reply. ``share``: hold the machine's lock, which the parent does not."""
+        kind, share = command.pop("do"), command.pop("share", False)
         actions: dict[str, Callable[..., dict[str, Any]]] = {
             "load": self.load, "prepare": self.prepare, "round": self.round,
             "grade": self.grade, "free": self.free,
         }  # fmt: skip
-        return actions[kind](**command)
+        with MACHINE.shared() if share else contextlib.nullcontext():
+            return actions[kind](**command)
 
     def load(
         self,
@@ -297,11 +299,16 @@ def one_line(error: BaseException) -> str:
 
 def serve(commands: IO[str], replies: IO[str]) -> None:
     """Answer commands until there are no more."""
+
+    def reply(content: dict[str, Any]) -> None:
+        replies.write(json.dumps(content) + "\n")
+        replies.flush()
+
     worker = Worker()
+    MACHINE.say = lambda text: reply({"waiting": text})
     for line in commands:
         if line.strip():
-            replies.write(json.dumps(answer_line(worker, line)) + "\n")
-            replies.flush()
+            reply(answer_line(worker, line))
 
 
 def give_back_memory() -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import queue
-import signal
 import subprocess
 import sys
 import threading
@@ -15,6 +15,9 @@ from typing import IO, Any
 
 GRACE_S = 0.5
 """How long a reply may be on its way after its time, seconds."""
+
+POLL_S = 60.0
+"""A wait without an end is made of waits of this many seconds."""
 
 PACKAGE = __name__.rsplit(".", 1)[0]
 
@@ -44,7 +47,6 @@ class Remote:
         self._process: subprocess.Popen[str] | None = None
         self._replies: queue.Queue[str | None] = queue.Queue()
         self._asked = 0.0
-        self._paused: float | None = None
         self._log_start = 0
         self.generation = 0
 
@@ -74,34 +76,36 @@ class Remote:
             pass  # it is dead: receive() finds the end of its output and says so
 
     def receive(self, timeout: float) -> dict[str, Any]:
-        """The reply to the last command. While the worker is paused, ``timeout`` stands still."""
-        while True:
-            try:
-                line = self._replies.get(timeout=max(0.05, self._asked + timeout - time.monotonic()))
-                break
-            except queue.Empty:
-                if self._paused is not None or time.monotonic() < self._asked + timeout:
-                    continue
-                # This process may itself have been halted, and the reply be here all the while.
-                with contextlib.suppress(queue.Empty):
-                    line = self._replies.get(timeout=GRACE_S)
-                    break
-                self.stop()
-                raise WorkerLostError(
-                    "timeout", f"no answer within {timeout:g} s; the worker was stopped"
-                ) from None
-        if line is None:
-            raise WorkerLostError("failed", self._epitaph())
-        try:
-            reply = json.loads(line)
-        except ValueError:
-            self.stop()
-            raise WorkerLostError(
-                "failed", f"the worker said something else than a reply: {line.strip()[:80]}"
-            ) from None
+        """The reply to the last command, within ``timeout`` seconds. Waiting for the machine does not count."""
+        reply = self._reply(timeout)
+        while "waiting" in reply:
+            self._asked = math.inf if reply["waiting"] else time.monotonic()
+            reply = self._reply(timeout)
         if "error" in reply:
             raise WorkerError(reply["error"], reply["reason"])
         return reply
+
+    def _reply(self, timeout: float) -> dict[str, Any]:
+        line = self._line(timeout)
+        if line is None:
+            raise WorkerLostError("failed", self._epitaph())
+        try:
+            return json.loads(line)
+        except ValueError:
+            self.stop()
+            reason = f"the worker said something else than a reply: {line.strip()[:80]}"
+            raise WorkerLostError("failed", reason) from None
+
+    def _line(self, timeout: float) -> str | None:
+        """The next line that the worker wrote; None at the end of its output."""
+        while (left := self._asked + timeout - time.monotonic()) > 0:
+            with contextlib.suppress(queue.Empty):
+                return self._replies.get(timeout=min(left, POLL_S))
+        # This process may itself have been suspended, and the reply be here all the while.
+        with contextlib.suppress(queue.Empty):
+            return self._replies.get(timeout=GRACE_S)
+        self.stop()
+        raise WorkerLostError("timeout", f"no answer within {timeout:g} s; the worker was stopped")
 
     def _start(self) -> subprocess.Popen[str]:
         self.log.parent.mkdir(parents=True, exist_ok=True)
@@ -118,7 +122,6 @@ class Remote:
                 start_new_session=True,
             )
         self.generation += 1
-        self._paused = None
         self._replies = queue.Queue()
         assert self._process.stdout is not None
         threading.Thread(target=_pump, args=(self._process.stdout, self._replies), daemon=True).start()
@@ -132,21 +135,6 @@ class Remote:
         last = next((line.strip() for line in reversed(lines) if line.strip()), "")
         how = f"was killed by signal {-code}" if code < 0 else f"exited with code {code}"
         return f"the worker {how}" + (f": {last[:200]}" if last else "")
-
-    def pause(self) -> None:
-        """Halt the process until :meth:`resume`."""
-        process = self._process
-        if process is not None and self._paused is None:
-            self._paused = time.monotonic()
-            process.send_signal(signal.SIGSTOP)
-
-    def resume(self) -> None:
-        """Let a halted process go on."""
-        process, since = self._process, self._paused
-        if process is not None and since is not None:
-            process.send_signal(signal.SIGCONT)
-            self._asked += time.monotonic() - since
-        self._paused = None
 
     def stop(self) -> None:
         """End the process, at once."""

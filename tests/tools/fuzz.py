@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 from helpers.lattice_examples import LENGTH, METHODS, Calls, Example, decode, true_errors
 from shadowbench.harness.frame.warp_init import start_warp
-from shadowbench.harness.runner.machine_lock import TURN
+from shadowbench.harness.runner.machine_lock import MACHINE
 
 REGRESSIONS = Path(__file__).resolve().parents[1] / "data" / "regressions"
 MOST_FINDINGS = 20
@@ -93,7 +93,7 @@ def fuzz(
     began, findings, done = time.monotonic(), 0, 0
     for done in range(1, examples + 1):
         example = decode(source.randbytes(LENGTH), effects=True, culled=True)
-        TURN.give_way()
+        MACHINE.give_way()
         for name, wrong in true_errors(example, methods, device).items():
             findings += 1
             least = shrunk(example, lambda one, name=name: bool(true_errors(one, (name,), device)))  # type: ignore[misc]
@@ -123,7 +123,7 @@ def main() -> int:
     start_warp()
     print(f"seed {given.seed}", flush=True)
     methods = tuple(given.method or METHODS)
-    with TURN.shared():
+    with MACHINE.shared():
         return int(fuzz(given.examples, given.seed, given.seconds, given.folder, methods, given.device) > 0)
 
 

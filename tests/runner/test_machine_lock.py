@@ -1,0 +1,312 @@
+"""Runs on one machine at the same time: no one works while another measures."""
+
+from __future__ import annotations
+
+import errno
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
+
+import pytest
+from helpers.runs import TETRAHEDRON
+from shadowbench.harness.errors import UserError
+from shadowbench.harness.runner import runner as run_module
+from shadowbench.harness.runner.machine_lock import EXCLUSIVE, FOLDER, FREE, SHARED, MachineLock
+
+STEP_S = 0.02
+PATIENCE_S = 120.0
+"""How long what must happen is waited for: the machine may have much else to do."""
+
+STEP_ENDS, SAMPLES_TAKEN = "comes to the end of a step", "has taken its samples"
+
+OTHER = """
+    import sys, time
+    from pathlib import Path
+    from shadowbench.harness.runner.machine_lock import MachineLock
+    lock, log = MachineLock(Path(sys.argv[1])), open(sys.argv[2], "a", buffering=1)
+    def note(what):
+        print(time.monotonic(), what, file=log)
+    lock.say = note
+"""
+
+
+def other(folder: Path, log: Path, body: str) -> subprocess.Popen:
+    """Another process with a lock on the same folder."""
+    code = textwrap.dedent(OTHER) + textwrap.dedent(body)
+    return subprocess.Popen([sys.executable, "-c", code, str(folder), str(log)])
+
+
+def lock_on(folder: Path) -> tuple[MachineLock, list[str]]:
+    """A lock of this process, and what it says."""
+    lock, said = MachineLock(folder), []
+    lock.say = said.append
+    return lock, said
+
+
+def spans(log: Path, what: str) -> list[tuple[float, float]]:
+    """(start, end) of what a process noted as "what (" and "what )"."""
+    noted = [line.split() for line in log.read_text().splitlines()]
+    times = [float(words[0]) for words in noted if words[1:] == [what]]
+    return list(zip(times[::2], times[1::2], strict=True))
+
+
+def overlap(one: tuple[float, float], two: tuple[float, float]) -> bool:
+    return one[0] < two[1] and two[0] < one[1]
+
+
+def until(condition, seconds: float = PATIENCE_S) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "waited too long"
+        time.sleep(0.01)
+
+
+def noted(log: Path, text: str) -> bool:
+    return log.exists() and text in log.read_text()
+
+
+MEASURE = "with lock.exclusive():\n    note('measuring')\n    time.sleep(600)"
+
+
+def test_nobody_works_while_another_process_measures(tmp_path: Path) -> None:
+    logs = [tmp_path / f"{i}.log" for i in range(3)]
+    body = f"""
+        with lock.shared():
+            for step in range(12):
+                note("work"); time.sleep({STEP_S}); note("work")
+                lock.give_way()
+                if step % 4 == 3:
+                    with lock.exclusive():
+                        note("measure"); time.sleep({STEP_S}); note("measure")
+    """
+    done = [other(tmp_path, log, body) for log in logs]
+    assert [process.wait(PATIENCE_S) for process in done] == [0, 0, 0]
+    for i, mine in enumerate(logs):
+        assert len(spans(mine, "measure")) == 3
+        for theirs in logs[:i] + logs[i + 1 :]:
+            for measured in spans(mine, "measure"):
+                for span in spans(theirs, "work") + spans(theirs, "measure"):
+                    assert not overlap(measured, span)
+
+
+def test_those_that_only_work_do_so_side_by_side(tmp_path: Path) -> None:
+    (one, said), (two, said_too) = lock_on(tmp_path), lock_on(tmp_path)
+    with one.shared(), two.shared():
+        pass
+    assert said == said_too == []
+
+
+def test_who_waits_to_measure_is_let_in_before_those_who_go_on_working(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    mine, said = lock_on(tmp_path)
+    with mine.shared():
+        process = other(tmp_path, log, "with lock.exclusive():\n    note('measuring'); time.sleep(0.5)")
+        until(lambda: noted(log, STEP_ENDS))
+        assert not noted(log, "measuring")
+        mine.give_way()
+        assert noted(log, "measuring")
+    assert process.wait(PATIENCE_S) == 0
+    assert [bool(text) for text in said] == [True, False], "an empty text says that the wait is over"
+
+
+def test_the_lock_of_a_process_that_was_killed_is_free(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    process = other(tmp_path, log, MEASURE)
+    until(lambda: noted(log, "measuring"))
+    process.kill()
+    process.wait(PATIENCE_S)
+    lock, said = lock_on(tmp_path)
+    with lock.exclusive():
+        pass
+    assert said == []
+
+
+def test_whoever_waits_is_told_for_which_process_and_what_to_do(tmp_path: Path) -> None:
+    log, waiting = tmp_path / "log", tmp_path / "waiting"
+    process = other(tmp_path, log, MEASURE)
+    try:
+        until(lambda: noted(log, "measuring"))
+        others = [other(tmp_path, waiting, "with lock.shared():\n    note('in')")]
+        until(lambda: noted(waiting, f"waiting until process {process.pid} ("))
+        assert noted(waiting, SAMPLES_TAKEN)
+        assert not noted(waiting, "suspended")
+        process.send_signal(signal.SIGSTOP)
+        others.append(other(tmp_path, waiting, "with lock.shared():\n    note('in')"))
+        until(lambda: noted(waiting, f"it is suspended: kill -CONT {process.pid} lets it go on"))
+    finally:
+        process.kill()
+        process.wait(PATIENCE_S)
+    assert [one.wait(PATIENCE_S) for one in others] == [0, 0]
+
+
+def test_who_will_not_wait_is_refused(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    process = other(tmp_path, log, MEASURE)
+    lock, said = lock_on(tmp_path)
+    lock.wait = False
+    try:
+        until(lambda: noted(log, "measuring"))
+        with pytest.raises(
+            UserError, match=rf"^the machine is in use by process {process.pid} \(.*leave out --no-wait$"
+        ):
+            lock.share()
+    finally:
+        process.kill()
+        process.wait(PATIENCE_S)
+    lock.share()
+    assert (lock.held, said) == (SHARED, [])
+    lock.release()
+    assert lock.held == FREE
+
+
+def test_sharing_within_measuring_and_twice_does_nothing(tmp_path: Path) -> None:
+    lock, log = MachineLock(tmp_path), tmp_path / "log"
+    with lock.shared(), lock.shared():
+        pass
+    with lock.exclusive():
+        with lock.shared():
+            lock.give_way()
+        lock.share()
+        process = other(tmp_path, log, "with lock.shared():\n    note('in')")
+        until(lambda: noted(log, SAMPLES_TAKEN))
+    assert process.wait(PATIENCE_S) == 0
+    assert noted(log, "in\n")
+
+
+def test_after_an_error_the_lock_is_free(tmp_path: Path) -> None:
+    lock = MachineLock(tmp_path)
+    with pytest.raises(ValueError, match="no"), lock.shared(), lock.exclusive():
+        raise ValueError("no")
+    free, said = lock_on(tmp_path)
+    with free.exclusive():
+        pass
+    assert said == []
+
+
+def test_where_no_lock_file_can_be_had_nobody_waits(tmp_path: Path) -> None:
+    lock = MachineLock(tmp_path / "is not there")
+    with lock.shared(), lock.exclusive():
+        lock.give_way()
+
+
+def test_the_environment_names_the_folder_in_common(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setenv(FOLDER, str(tmp_path))
+    with MachineLock().shared():
+        assert {path.name for path in tmp_path.iterdir()} == {"shadowbench-gate", "shadowbench-turn"}
+
+
+def test_on_a_disk_without_locks_nobody_waits(tmp_path: Path, monkeypatch) -> None:
+    def none_here(file, kind):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr("shadowbench.harness.runner.machine_lock.fcntl.flock", none_here)
+    lock, said = lock_on(tmp_path)
+    with lock.shared(), lock.exclusive():
+        lock.give_way()
+    assert said == []
+
+
+def test_another_measures_while_this_process_only_waits_for_its_workers(tmp_path: Path) -> None:
+    lock, measured = MachineLock(tmp_path), tmp_path / "measured"
+    with lock.shared():
+        with lock.released():
+            assert other(tmp_path, measured, "with lock.exclusive():\n    note('in')").wait(PATIENCE_S) == 0
+        assert lock.held == SHARED
+
+
+def test_an_interrupted_run_does_not_wait_for_whoever_measures(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    lock, started = MachineLock(tmp_path), []
+
+    def grading() -> None:
+        with lock.shared(), lock.released():
+            started.append(other(tmp_path, log, MEASURE))
+            until(lambda: noted(log, "measuring"))
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        grading()
+    (process,) = started
+    assert process.poll() is None, "it measures still"
+    assert lock.held == FREE
+    process.kill()
+    process.wait(PATIENCE_S)
+
+
+def test_measuring_within_measuring_gives_nothing_up(tmp_path: Path) -> None:
+    lock, log = MachineLock(tmp_path), tmp_path / "log"
+    with lock.exclusive():
+        with lock.exclusive():
+            pass
+        process = other(tmp_path, log, "with lock.shared():\n    note('in')")
+        until(lambda: noted(log, SAMPLES_TAKEN))
+        assert not noted(log, "in\n")
+    assert process.wait(PATIENCE_S) == 0
+
+
+# --- whole runs -----------------------------------------------------------------------------------------------
+
+
+class Quiet:
+    def steps(self, count): ...
+    def doing(self, text): ...
+    def note(self, text): ...
+    def done(self, count=1): ...
+    def point(self, record): ...
+
+
+def test_a_run_takes_its_rounds_alone_and_does_the_rest_shared(tmp_path, monkeypatch) -> None:
+    """Grading is done under locks of the graders' own: this process has none that they would wait for."""
+    from shadowbench.harness.commands.run import plan_run
+
+    lock = MachineLock(tmp_path)
+    monkeypatch.setattr(run_module, "MACHINE", lock)
+    sent: list[tuple[str, bool, int]] = []
+
+    class Watching(run_module.Run):
+        def _send(self, worker, **command):
+            super()._send(worker, **command)
+            sent.append((command["do"], worker.name.startswith(run_module.GRADER), lock.held))
+
+    options = plan_run(
+        "table1", "quick", "cpu", ["cloth"], ["bvh"], out=tmp_path / "out", size="32x32",
+        overrides={"frames": 1, "rounds": 2, "budget_s": 1.0},
+    )  # fmt: skip
+    Watching(options, Quiet()).go()
+    kinds = {kind for kind, _, _ in sent}
+    assert {"load", "prepare", "round", "grade", "free"} <= kinds
+    for kind, grades, held in sent:
+        wanted = {"round": EXCLUSIVE, "grade": FREE}.get(kind, SHARED)
+        assert held == wanted, (kind, grades)
+    assert lock.held == FREE
+
+
+def test_graders_wait_while_another_process_measures(tmp_path, monkeypatch) -> None:
+    """Their time limit stands still meanwhile."""
+    from shadowbench.harness.runner.worker_process import Remote
+
+    monkeypatch.setenv(FOLDER, str(tmp_path))
+    scene = tmp_path / "tetra.obj"
+    scene.write_text(TETRAHEDRON)
+    load = {
+        "do": "load", "scene": str(scene), "scene_dir": None, "frames": 1, "width": 8, "height": 8,
+        "shared": str(tmp_path / "scene.npz"), "lighting": {}, "make": True,
+    }  # fmt: skip
+    worker, lock = Remote("grading", tmp_path / "grading.log"), MachineLock(tmp_path)
+    try:
+        worker.ask(PATIENCE_S, do="free")
+        with lock.exclusive():
+            worker.send(**load, share=True)
+            reply = worker._reply(PATIENCE_S)
+            assert reply["waiting"].startswith(f"waiting until process {os.getpid()} (")
+            worker._replies.put('{"waiting": "again"}')  # as if receive() had read it
+            time.sleep(0.3)
+            assert worker._replies.qsize() == 1, "it has not begun"
+            worker._asked -= 1000.0
+        assert "scene" in worker.receive(PATIENCE_S)
+    finally:
+        worker.stop()

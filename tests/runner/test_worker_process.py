@@ -1,0 +1,46 @@
+"""The parent's end of a worker: replies that come late, and what a lost worker leaves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from shadowbench.harness.runner.worker_process import Remote, WorkerLostError
+
+
+@pytest.fixture
+def worker(tmp_path: Path):
+    (tmp_path / "log").write_text("a line of an earlier run\n")
+    remote = Remote("any", tmp_path / "log")
+    remote.ask(120.0, do="free")
+    yield remote
+    remote.stop()
+
+
+def test_a_reply_that_came_while_this_process_stood_still_counts(worker) -> None:
+    worker.send(do="free")
+    line = worker._replies.get(timeout=120.0)  # it has come,
+    worker._replies.put(line)
+    worker._asked -= 1000.0  # and was asked for so long ago
+    assert worker.receive(1.0) == {"ok": True}
+
+
+def test_the_last_words_of_a_worker_are_its_own(worker) -> None:
+    process = worker._process
+    assert process is not None
+    process.kill()
+    process.wait()
+    worker.send(do="free")
+    with pytest.raises(WorkerLostError) as lost:
+        worker.receive(120.0)
+    assert "earlier run" not in lost.value.reason
+
+
+def test_the_wait_for_the_machine_does_not_count(worker) -> None:
+    worker._replies.put('{"waiting": "until another has measured"}')
+    worker._asked -= 1000.0
+    worker._replies.put('{"waiting": ""}')
+    worker.send(do="free")
+    worker._asked -= 1000.0  # asked long ago: only a wait that was said makes up for it
+    assert worker.receive(100.0) == {"ok": True}
+    assert worker.generation == 1
