@@ -17,7 +17,11 @@ from shadowbench.harness.commands.show import show
 from shadowbench.harness.results.schema import read_records
 
 RESULTS = Path(__file__).resolve().parents[2] / "results"
-FOLDERS = sorted(path.parent for path in RESULTS.glob("*/*/records"))
+FOLDERS = sorted(
+    path.parent for path in RESULTS.glob("*/*/records") if path.relative_to(RESULTS).parts[0] != "local"
+)
+"""Folders of committed results. ``local`` holds a user's own runs."""
+
 TEXTS = (".csv", ".md")
 
 
@@ -66,7 +70,11 @@ def test_the_claims_are_those_of_the_records(place, tmp_path):
     assert texts(again) == before
 
 
-@pytest.mark.parametrize("path", sorted(RESULTS.glob("*/*/environments/*.json")), ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path",
+    sorted(path for folder in FOLDERS for path in folder.glob("environments/*.json")),
+    ids=lambda path: path.stem,
+)
 def test_environments_name_no_card_and_no_image(path):
     facts = json.loads(path.read_text(encoding="utf-8"))
     assert "uuid" not in path.read_text(encoding="utf-8")

@@ -44,9 +44,8 @@ def test_the_table_says_what_the_claims_say(number):
     known = set(QUOTED.findall(row["numbers"]))
     assert numbers <= known, "quoted, but not among the numbers of the claim"
     named = set(re.findall(r"`(\w+)`", source))
-    assert named == set(CLAIMS[int(number) - 1].experiments) & named, (
-        "judged from what the claim is judged from"
-    )
+    assert named, "the row names no experiment"
+    assert named <= set(CLAIMS[int(number) - 1].experiments), "the claim is not judged from these"
 
 
 def test_every_claim_stands_in_the_table():
