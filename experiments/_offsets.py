@@ -16,7 +16,10 @@ import numpy as np
 from ..harness.frame.devices import device_for
 from ..harness.frame.registry import make_method
 from ..harness.frame.session import Session
-from ..harness.judge.score import Judge
+from ..harness.judge.context import Judge
+from ..harness.judge.counts import Score, total
+from ..harness.judge.score import score_answers
+from ..harness.judge.verdict import EXCUSED, Verdict
 from ..harness.runner.experiment import Entry
 from ..harness.runner.machine_lock import MACHINE
 from ..harness.scene.overrides import Lighting
@@ -57,7 +60,7 @@ def error_grid(
         for distance in distances:
             lit = Lighting(label=f"{distance:g}", distance=distance).applied(moved)
             moment = lit.moment(0, size, size)
-            judge = Judge(lit, moment, device=device)
+            judge = Judge.of(lit, moment, device=device)
             for entry in entries:
                 MACHINE.give_way()
                 row: dict[str, Any] = {"scene": lit.scene.name, "label": entry.label, "method": entry.method}
@@ -73,19 +76,18 @@ def error_grid(
                     yield {**row, "status": f"skipped: {reason}"}
                     continue
                 session = Session(method, lit, size, size, place)
-                score = judge.score(session.answers(moment))
+                score = score_answers(judge, session.answers(moment)).score
                 yield {**row, "status": "ok", **counts(score)}
 
 
-def counts(score: dict[str, Any]) -> dict[str, int]:
+def counts(score: Score) -> dict[str, int]:
     """What is wrong in a score: wrong primary answers, acne, leaks, excused edges, and pixels with a shadow bit."""
-    primary, shadow = score["primary"], score["shadow"]
     return {
-        "wrong": int(score["true_errors"]),
-        "primary_wrong": int(primary["true"] + primary["invalid"]),
-        "acne": sum(int(light["acne"]) for light in shadow),
-        "leak": sum(int(light["leak"]) for light in shadow),
-        "excused": int(primary["near_tie"] + primary["edge"]) + sum(int(light["edge"]) for light in shadow),
-        "scored": sum(int(light["scored"]) for light in shadow),
-        "pixels": int(primary["pixels"]),
+        "wrong": score.true_errors,
+        "primary_wrong": score.primary.true + score.primary.invalid,
+        "acne": total(score, Verdict.ACNE),
+        "leak": total(score, Verdict.LEAK),
+        "excused": sum(total(score, kind) for kind in EXCUSED),
+        "scored": sum(light.scored for light in score.shadow),
+        "pixels": score.primary.pixels,
     }

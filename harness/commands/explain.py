@@ -1,23 +1,22 @@
-"""``shadowbench explain``: one pixel; every method's answer, Embree's and the exact one."""
+"""``shadowbench explain``: one pixel; every method's answer, the reference's and the exact one."""
 
 from __future__ import annotations
 
 import json
 import re
-import sys
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ..errors import UserError
 from .options import Device, Frame, Json, Methods, SceneDir, Settings
+from .tables import make_console, make_table
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ..judge.referee import Hits
-    from ..judge.score import Judge
-    from ..scene.moment import Moment
+    from ..judge.score import Judgement
 
 
 def explain(
@@ -31,14 +30,16 @@ def explain(
     scene_dir: SceneDir = None,
     as_json: Json = False,
 ) -> int:
-    """Show one pixel: every method's answer, Embree's, and the exact one with its tie set and its nearest edge.
+    """Show one pixel: every method's answer and its class, the reference's, and the exact answer.
 
-    Distances are given in units of the bound that excuses: below 1, a float32 triangle test may be wrong there.
-    Exit code 1 where a method that does not declare itself inexact is wrong beyond that.
+    The classes are those that `verify --every-pixel` counts. Distances to edges are in units of the error bound of a
+    float32 triangle test: below 1, a wrong answer is excused. Exit code 1 where an answer of a method is wrong and not
+    excused, and the method does not declare itself inexact.
     """
     from ..frame.devices import find_device
     from ..frame.registry import method_names
-    from ..judge.score import Judge
+    from ..judge.context import Judge
+    from ..judge.score import judge_frame, judge_rays
     from ..runner.experiment import Entry, parse_size
     from ..runner.machine_lock import MACHINE
     from ..runner.points import parse_settings
@@ -50,7 +51,7 @@ def explain(
     match = re.fullmatch(r"\s*(\d+)\s*,\s*(\d+)\s*", pixel)
     if not match or int(match[1]) >= width or int(match[2]) >= height:
         raise UserError(f"--pixel {pixel!r}: write it as X,Y with 0 <= X < {width} and 0 <= Y < {height}")
-    index = int(match[2]) * width + int(match[1])
+    x, y = int(match[1]), int(match[2])
     place = find_device(device)
     names = tuple(Entry(name) for name in dict.fromkeys(method or method_names()))
     entries = parse_settings(setting or [], names)
@@ -60,64 +61,83 @@ def explain(
     if not 0 <= frame < prepared.frame_count:
         raise UserError(f"--frame {frame}: {scene} has frames 0 to {prepared.frame_count - 1}")
     moment = prepared.moment(frame, width, height)
-    judge = Judge(prepared, moment, device=place)
+    # A frame of that pixel alone: the same ray, judged as any other frame is.
+    alone = replace(moment, column=moment.column[[x]], row=moment.row[[y]])
+    judge = Judge.of(prepared, alone, device=place)
+    of_reference = judge_rays(judge, judge.reference.answers())
     facts: dict[str, Any] = {
         "scene": scene,
         "stand_in": prepared.scene.stand_in,
-        "pixel": [int(match[1]), int(match[2])],
+        "pixel": [x, y],
         "frame": frame,
+        "exact": exact_facts(of_reference),
+        "answers": [
+            {"method": "reference", "status": "ok", "reason": "", "known_inexact": None, **_row(of_reference)}
+        ],
+        "bounces": [{"bounce": bounce, "answers": []} for bounce in range(1, judge.effects.bounces + 1)],
     }
-    facts["exact"] = exact_facts(judge, moment, index)
-    rows: list[tuple[Any, ...]] = [("reference", "ok", "", judge.reference.answers(), None)]
     for entry in entries:
-        found = answer(entry.method, dict(entry.settings), prepared, moment, place)
-        rows.append((entry.method, found.status, found.reason, found.answers, found.known_inexact))
-    facts["answers"] = [_row(judge, moment, index, *row) for row in rows]
-    facts["bounces"] = [
-        {"bounce": bounce, "answers": _bounced(judge, moment, index, rows, bounce)}
-        for bounce in range(1, judge.effects.bounces + 1)
-    ]
+        outcome = answer(entry.method, dict(entry.settings), prepared, moment, place)
+        row: dict[str, Any] = {
+            "method": entry.method,
+            "status": outcome.status,
+            "reason": outcome.reason,
+            "known_inexact": outcome.known_inexact,
+        }
+        if outcome.answers is None:
+            facts["answers"].append({**row, "wrong": outcome.status == "failed"})
+            continue
+        primary, *mirrored = judge_frame(judge, answers_at(outcome.answers, y * width + x))
+        facts["answers"].append({**row, **_row(primary)})
+        for shown, found in zip(facts["bounces"], mirrored, strict=True):
+            if (
+                outcome.answers["bounce_active"][shown["bounce"] - 1][y * width + x] == 1
+                or _row(found)["wrong"]
+            ):
+                shown["answers"].append({**row, **_row(found), "exact": exact_facts(found)})
     if as_json:
         print(json.dumps(facts, indent=1))
     else:
         _print(facts)
-    rows_shown = facts["answers"][1:] + [row for found in facts["bounces"] for row in found["answers"]]
-    return 1 if any(row["wrong"] and not row["known_inexact"] for row in rows_shown) else 0
+    rows = facts["answers"][1:] + [row for shown in facts["bounces"] for row in shown["answers"]]
+    return 1 if any(row["wrong"] and not row["known_inexact"] for row in rows) else 0
 
 
-def exact_hit(judge: Judge, moment: Moment, index: int) -> Hits:
-    """The exact closest hit of a pixel's ray: of the moment's primary one, or of its mirrored one."""
-    import numpy as np
+def answers_at(answers: dict[str, NDArray], index: int) -> dict[str, NDArray]:
+    """A frame's answers at one pixel, in the form of answers to a frame of that pixel alone."""
+    vectors = ("bounce_origin", "bounce_direction")
+    return {
+        name: values[..., [index], :] if name in vectors else values[..., [index]]
+        for name, values in answers.items()
+    }
 
-    pixels = np.array([index])
-    return judge.referee.closest(moment.origins(pixels), moment.directions(pixels))
 
-
-def exact_facts(judge: Judge, moment: Moment, index: int) -> dict[str, Any]:
-    """The exact answer at a pixel: tie set, t, the nearest edge in units of the bound, and each shadow."""
+def exact_facts(found: Judgement) -> dict[str, Any]:
+    """The exact answer of a judged pixel: tie set, t, the nearest edge in units of the bound, and each shadow."""
     import numpy as np
 
     from ..judge import arithmetic as exact
+    from ..judge.receivers import not_receivers
 
-    referee = judge.referee
-    hits = exact_hit(judge, moment, index)
-    ratio = hits.ratio[0]
+    judge, hits = found.judge, found.exact.hits
+    referee, ratio = judge.referee, hits.ratio[0]
     if ratio is None:
         return {"triangle": -1, "ties": [], "t": None, "shadows": []}
     nearest, _, bound = referee.ray_to(
         hits.origins.astype(np.float64), hits.directions.astype(np.float64), hits.triangle, edges_only=True
     )
     point = referee.hit_points(hits)
+    outside = not_receivers(judge.prepared, judge.moment, hits.triangle)
     shadows = []
-    for i, light in enumerate(moment.lights):
-        if i < len(judge.effects.shadows) and judge.effects.shadows[i]:
-            occluder = referee.occluders(hits, light)
-            entry: dict[str, Any] = {"light": i, "bit": int(occluder[0] >= 0), "occluder": int(occluder[0])}
-            if occluder[0] >= 0:
-                corners = moment.points[judge.prepared.faces[occluder]].astype(np.float64)
-                away, _ = exact.edge_distance(point, light[None].astype(np.float64), corners)
-                entry["edge_in_bounds"] = float(away[0] / exact.edge_bound(point, corners)[0])
-            shadows.append(entry)
+    for i in np.nonzero(judge.wanted)[0].tolist():
+        entry: dict[str, Any] = {"light": i, "bit": 0, "occluder": -1, "shadow_ray": not outside[i, 0]}
+        occluder = found.exact.occluders[i]
+        if entry["shadow_ray"] and occluder[0] >= 0:
+            corners = referee.corners(occluder)
+            away, _ = exact.edge_distance(point, judge.moment.lights[i][None].astype(np.float64), corners)
+            entry |= {"bit": 1, "occluder": int(occluder[0])}
+            entry["edge_in_bounds"] = float(away[0] / exact.edge_bound(point, corners)[0])
+        shadows.append({**entry, "shadow_ray": bool(entry["shadow_ray"])})
     return {
         "triangle": int(hits.triangle[0]),
         "ties": list(hits.ties[0]),
@@ -129,78 +149,20 @@ def exact_facts(judge: Judge, moment: Moment, index: int) -> dict[str, Any]:
     }
 
 
-def _bounced(
-    judge: Judge, moment: Moment, index: int, rows: list[tuple[Any, ...]], bounce: int
-) -> list[dict[str, Any]]:
-    """What each method says of the pixel's mirrored ray, beside the exact answer to that very ray.
+def _row(found: Judgement) -> dict[str, Any]:
+    """The answer at a judged pixel, and the class of each part of it as the score counts it."""
+    from ..judge.verdict import ERRORS, Verdict
 
-    A ray is made from what the method itself hit before, so methods that differ there have rays of their own.
-    """
-    from ..judge.bounces import answers_of, mirrored
-
-    found = []
-    for name, status, reason, answers, known_inexact in rows:
-        if (
-            answers is None
-            or "bounce_active" not in answers
-            or answers["bounce_active"][bounce - 1][index] != 1
-        ):
-            continue
-        rays = mirrored(judge.prepared, moment, answers, bounce)
-        row = _row(judge, rays, index, name, status, reason, answers_of(answers, bounce), known_inexact)
-        found.append({**row, "exact": exact_facts(judge, rays, index)})
-    return found
-
-
-def _row(
-    judge: Judge,
-    moment: Moment,
-    index: int,
-    name: str,
-    status: str,
-    reason: str,
-    answers: dict[str, NDArray] | None,
-    known_inexact: str | None,
-) -> dict[str, Any]:
-    """One method's answer at the pixel, and the class of each part of it."""
-
-    from ..judge.consistency import check_consistency
-    from ..judge.verdict import Verdict
-
-    row: dict[str, Any] = {"method": name, "status": status, "reason": reason, "known_inexact": known_inexact}
-    if answers is None:
-        return {**row, "wrong": status == "failed"}
-    found = check_consistency(
-        judge.prepared, moment, {**answers, "visibility": answers["visibility"][: len(moment.lights)]}
-    )
-    hits = exact_hit(judge, moment, index)
-    verdict = Verdict(int(judge.referee.classify_primary(hits, answers["triangle"][[index]])[0]))
-    if found.primary_invalid[index]:
-        verdict = Verdict.INVALID
-    elif found.t_wrong[index] or found.uv_wrong[index]:
-        verdict = Verdict.TRUE
-    bits: list[int] = []
-    classes: list[Verdict | None] = []
-    for i, light in enumerate(moment.lights):
-        bits.append(int(answers["visibility"][i][index]))
-        if (
-            verdict in (Verdict.OK, Verdict.TIE)
-            and i < len(judge.effects.shadows)
-            and judge.effects.shadows[i]
-        ):
-            given = answers["visibility"][i][[index]]
-            classes.append(Verdict(int(judge.referee.classify_shadow(hits, light, given)[0])))
-        else:
-            classes.append(None)
-    errors = (Verdict.TRUE, Verdict.INVALID, Verdict.ACNE, Verdict.LEAK)
+    answers, classes = found.checked.answers, found.classes
+    primary = Verdict(int(classes.primary[0]))
+    shadow = [None if kind < 0 else Verdict(kind) for kind in classes.shadow[:, 0].tolist()]
     return {
-        **row,
-        "triangle": int(answers["triangle"][index]),
-        **{part: _number(answers[part][index]) for part in ("t", "u", "v")},
-        "shadows": bits,
-        "class": verdict.name.lower(),
-        "shadow_classes": [None if c is None else c.name.lower() for c in classes],
-        "wrong": verdict in errors or any(c in errors for c in classes),
+        "triangle": int(answers["triangle"][0]),
+        **{part: _number(answers[part][0]) for part in ("t", "u", "v")},
+        "shadows": answers["visibility"][:, 0].tolist(),
+        "class": primary.key,
+        "shadow_classes": [None if kind is None else kind.key for kind in shadow],
+        "wrong": any(kind in ERRORS for kind in (primary, *shadow)),
     }
 
 
@@ -210,43 +172,44 @@ def _number(value: Any) -> float | str:
 
 
 def _print(facts: dict[str, Any]) -> None:
-    from rich.console import Console
-
-    console = Console(width=None if sys.stdout.isatty() else 140, highlight=False, markup=False)
-    truth = facts["exact"]
+    console = make_console()
+    exact = facts["exact"]
     x, y = facts["pixel"]
     stand_in = " (stand-in)" if facts["stand_in"] else ""
-    console.print(f"{facts['scene']}{stand_in}, frame {facts['frame']}, pixel {x},{y}")
-    if truth["triangle"] < 0:
-        console.print("exact: a miss")
+    lines = [f"{facts['scene']}{stand_in}, frame {facts['frame']}, pixel {x},{y}"]
+    if exact["triangle"] < 0:
+        lines.append("exact: a miss")
     else:
-        ties = ", ".join(map(str, truth["ties"]))
-        console.print(f"exact: triangle {truth['triangle']} (tie set: {ties}), t = {truth['t']!r}")
-        console.print(f"nearest edge of it: {truth['edge_in_bounds']:.3g} bounds from the ray")
-        for light in truth["shadows"]:
+        ties = ", ".join(map(str, exact["ties"]))
+        lines.append(f"exact: triangle {exact['triangle']} (tie set: {ties}), t = {exact['t']!r}")
+        lines.append(f"its nearest edge: {exact['edge_in_bounds']:.3g} bounds from the ray")
+        for light in exact["shadows"]:
+            lead = f"light {light['light']}: "
             if light["bit"]:
-                where = f"its nearest edge {light['edge_in_bounds']:.3g} bounds from the shadow ray"
-                console.print(f"light {light['light']}: shadowed, by triangle {light['occluder']}; {where}")
+                where = f"its nearest edge is {light['edge_in_bounds']:.3g} bounds from the shadow ray"
+                lines.append(f"{lead}shadowed, by triangle {light['occluder']}; {where}")
+            elif light["shadow_ray"]:
+                lines.append(f"{lead}lit")
             else:
-                console.print(f"light {light['light']}: lit")
-    console.print(_table(facts["answers"]))
-    for found in facts["bounces"]:
-        if found["answers"]:
-            console.print(f"bounce {found['bounce']}, each method's own ray:")
-            console.print(_table(found["answers"]))
+                lines.append(f"{lead}no shadow ray: outside the spotlight, or facing away")
+    for line in lines:
+        console.print(line, soft_wrap=True)
+    _print_rows(console, facts["answers"])
+    for shown in facts["bounces"]:
+        if shown["answers"]:
+            console.print(f"bounce {shown['bounce']}, each method's own ray:")
+            _print_rows(console, shown["answers"])
+    console.print("class: of triangle, t, u and v; shadows: the bit of each light and its class.")
 
 
-def _table(rows: list[dict[str, Any]]) -> Any:
-    """Answers, one row a method; the exact triangle too, where each has a ray of its own."""
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False, header_style="bold")
+def _print_rows(console: Any, rows: list[dict[str, Any]]) -> None:
+    """Answers, one row a method, with the exact triangle where each has a ray of its own; then why others have none."""
     bounced = any("exact" in row for row in rows)
-    for name in ("method", "triangle", "t", "u", "v", "class", "shadows", *(("exact",) if bounced else ())):
-        table.add_column(name)
+    table = make_table(
+        *("method", "triangle", "t", "u", "v", "class", "shadows", *(("exact",) if bounced else ()))
+    )
     for row in rows:
         if "class" not in row:
-            table.add_row(row["method"], f"{row['status']}: {row['reason']}")
             continue
         shadows = [
             f"{bit} {kind or ''}".strip()
@@ -257,4 +220,7 @@ def _table(rows: list[dict[str, Any]]) -> Any:
         ]
         cells = [row["method"], str(row["triangle"]), *numbers, row["class"], ", ".join(shadows)]
         table.add_row(*cells, *((str(row["exact"]["triangle"]),) if bounced else ()))
-    return table
+    console.print(table)
+    for row in rows:
+        if "class" not in row:
+            console.print(f"{row['method']}: {row['status']}: {row['reason']}", soft_wrap=True)

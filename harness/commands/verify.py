@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import UserError
+from ..typed_json import to_json
 from .answering import answer
 from .explain import explain
 from .options import Device, Frame, Json, Methods, SceneDir, Settings, Size
@@ -65,7 +66,7 @@ def verify(
     passed = all(not row["counts_against"] for report in reports for row in report["methods"])
     if as_json:
         facts = {"size": [width, height], "frame": frame, "device": place, "passed": passed}
-        print(json.dumps({**facts, "scenes": reports}, indent=1))
+        print(json.dumps(to_json({**facts, "scenes": reports}), indent=1))
     else:
         print_reports(reports)
     return 0 if passed else 1
@@ -82,8 +83,9 @@ def _verify_scene(
     everything: bool,
     quiet: bool,
 ) -> dict[str, Any]:
-    from ..judge.score import Judge
-    from ..judge.shared_errors import Disputes, settle
+    from ..judge.context import Judge
+    from ..judge.score import Scored, score_answers
+    from ..judge.shared_errors import share_errors
     from ..scene.facts import never_hit
     from ..scene.prepared import prepare
 
@@ -91,9 +93,11 @@ def _verify_scene(
     if not 0 <= frame < prepared.frame_count:
         raise UserError(f"--frame {frame}: {name} has frames 0 to {prepared.frame_count - 1}")
     moment = prepared.moment(frame, width, height)
-    judge = Judge(prepared, moment, device=device)
+    judge = Judge.of(prepared, moment, device=device)
+    if everything:
+        judge = judge.with_random_pixels(judge.pixel_count)
     rows: list[dict[str, Any]] = []
-    disputes: list[list[Disputes]] = []
+    scored: list[Scored] = []
     for entry in entries:
         if not quiet and sys.stderr.isatty():
             print(f"{name}: {entry.method} ...", file=sys.stderr)
@@ -108,13 +112,13 @@ def _verify_scene(
             "score": None,
         }
         if outcome.answers is not None:
-            extra = width * height if everything else 200
-            disputes.append([])
-            row["score"] = judge.score(outcome.answers, extra_pixels=extra, disputes=disputes[-1])
+            scored.append(score_answers(judge, outcome.answers))
+            row["score"] = scored[-1].score
         rows.append(row)
-    settle(list(zip((row["score"] for row in rows if row["score"]), disputes, strict=True)))
+    shared = iter(share_errors([(one.score, one.disputes) for one in scored]))
     for row in rows:
-        wrong = row["score"] is not None and row["score"]["check"] != "ok"
+        row["score"] = next(shared) if row["score"] else None
+        wrong = row["score"] is not None and not row["score"].passed
         row["counts_against"] = row["status"] == "failed" or (wrong and not row["known_inexact"])
     return {
         "scene": name,
@@ -159,12 +163,12 @@ def score(
     _settle(rows, {path.parent.parent for path in files})
     for row in rows:
         inexact = _known_inexact(row)
-        row["counts_against"] = row["score"] is None or (row["score"]["check"] != "ok" and not inexact)
+        row["counts_against"] = row["score"] is None or not (row["score"].passed or inexact)
         row["record_path"] = str(row["record_path"] or "")
         row.pop("record")
     passed = all(not row["counts_against"] for row in rows)
     if as_json:
-        print(json.dumps({"passed": passed, "answers": rows}, indent=1))
+        print(json.dumps(to_json({"passed": passed, "answers": rows}), indent=1))
     else:
         print_scores(rows)
     return 0 if passed else 1
@@ -172,8 +176,8 @@ def score(
 
 def _score_file(path: Path, folder: Path, again: bool, scene_dir: Path | None) -> dict[str, Any]:
     """Score one file of raw answers, and put the score into its record where there is one."""
-    from ..judge.answer_files import read_facts
-    from ..judge.score import score_raw
+    from ..judge.answer_files import read_facts, score_raw
+    from ..judge.counts import Score
     from ..results.record import Frame as RecordFrame
     from ..results.schema import read_record
     from ..results.settle import keep_disputes
@@ -201,13 +205,13 @@ def _score_file(path: Path, folder: Path, again: bool, scene_dir: Path | None) -
             row["method"] = record.method["name"]
             frame = next((f for f in record.frames if f.frame == facts["frame"]), None)
         if frame and frame.score and not again:
-            row["status"], row["score"] = "had a score", frame.score
+            row["status"], row["score"] = "had a score", Score.from_json(frame.score)
         else:
-            disputes: list[Any] = []
-            row["score"] = score_raw(path, scene_dir, folder / "truth", disputes)
+            scored = score_raw(path, scene_dir, folder / "truth")
+            row["score"] = scored.score
             if frame:
-                frame.score, frame.unscored, row["changed"] = row["score"], None, True
-                keep_disputes(path.parent.parent, record.key, frame.frame, disputes)
+                frame.score, frame.unscored, row["changed"] = scored.score.to_json(), None, True
+                keep_disputes(path.parent.parent, record.key, frame.frame, scored.disputes)
     except UserError as error:
         row["status"], row["reason"] = "not scored", str(error)
     return row
@@ -215,6 +219,7 @@ def _score_file(path: Path, folder: Path, again: bool, scene_dir: Path | None) -
 
 def _settle(rows: list[dict[str, Any]], folders: set[Path]) -> None:
     """Settle the records of results folders with each other's disputes; rows show their scores as they are then."""
+    from ..judge.counts import Score
     from ..results.settle import settle_folder
 
     for folder in sorted(folders):
@@ -223,7 +228,8 @@ def _settle(rows: list[dict[str, Any]], folders: set[Path]) -> None:
             if row["record"] is not None and row["record_path"].parent.parent == folder:
                 own = changed.get(row["record"].key)
                 frames = own.frames if own else ()
-                row["score"] = next((f.score for f in frames if f.frame == row["frame"]), row["score"])
+                charged = (f.score for f in frames if f.frame == row["frame"])
+                row["score"] = next((Score.from_json(one) for one in charged), row["score"])
 
 
 def _known_inexact(row: dict[str, Any]) -> str | None:

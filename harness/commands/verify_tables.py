@@ -6,33 +6,27 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..judge.counts import ReferenceErrors, Score, total
+from ..judge.verdict import Verdict
+
 if TYPE_CHECKING:
     from rich.table import Table
 
 COLUMNS = ("disputed", "tie", "near-tie", "edge", "true", "acne", "leak", "worst t", "excused", "check")
 
 
-def _cells(found: dict[str, Any]) -> list[str]:
-    """The columns of a score."""
-    primary, shadow = found["primary"], found["shadow"]
-    total = {
-        name: sum(light[name] for light in shadow) for name in ("disputed", "edge", "acne", "leak", "invalid")
-    }
-    true = primary["true"] + primary["invalid"] + total["invalid"] + primary.get("unjudged", 0)
-    worst = primary.get("t_max_relative_error")
-    share = found.get("excused_share")
-    return [
-        str(primary["disputed"] + total["disputed"]) if "disputed" in primary else "",
-        str(primary["tie"]),
-        str(primary["near_tie"]),
-        str(primary["edge"] + total["edge"]),
-        str(true),
-        str(total["acne"]),
-        str(total["leak"]),
-        "" if worst is None else f"{worst:.1e}",
-        "" if share is None else f"{100 * share:.3f} %",
-        found.get("check", ""),
-    ]
+def _cells(found: Score | ReferenceErrors) -> list[str]:
+    """The columns of a score, or of the reference's own errors."""
+    wrong = total(found, Verdict.TRUE) + total(found, Verdict.INVALID)
+    classes = [total(found, kind) for kind in (Verdict.TIE, Verdict.NEAR_TIE, Verdict.EDGE)]
+    bits = [total(found, kind) for kind in (Verdict.ACNE, Verdict.LEAK)]
+    if isinstance(found, ReferenceErrors):
+        return ["", *map(str, (*classes, wrong, *bits)), "", "", ""]
+    primary = found.primary
+    disputed = primary.disputed + sum(light.disputed for light in found.shadow)
+    cells = map(str, (disputed, *classes, wrong + primary.unjudged, *bits))
+    share = f"{100 * found.excused_share:.3f} %"
+    return [*cells, f"{primary.t_max_relative_error:.1e}", share, found.check]
 
 
 def _table(*first: str) -> Table:
@@ -61,7 +55,7 @@ def print_reports(reports: list[dict[str, Any]]) -> None:
                 notes.append(f"{row['method']} on {scene}: {row['status']}: {row['reason']}")
             else:
                 cells = _cells(row["score"])
-                if row["known_inexact"] and row["score"]["check"] != "ok":
+                if row["known_inexact"] and not row["score"].passed:
                     cells[-1] += " *"
                     notes.append(f"* {row['method']} declares itself inexact: {row['known_inexact']}")
                 table.add_row(*lead, row["method"], *cells)
@@ -70,11 +64,9 @@ def print_reports(reports: list[dict[str, Any]]) -> None:
             notes.append(f"{scene}: {report['warning']}")
         judged = [row["score"] for row in report["methods"] if row["score"]]
         if judged:
-            worst = max(judged, key=lambda s: s["primary"]["judged"])
-            errors = {**worst["reference_errors"], "shadow": worst["reference_errors"]["shadow"]}
-            errors["shadow"] = [{"disputed": 0, **light} for light in errors["shadow"]]
-            pixels = errors["primary"]["judged"]
-            table.add_row("", "", f"(reference, {pixels} judged)", *_cells(errors))
+            most = max(judged, key=lambda score: score.primary.judged)
+            errors = most.reference_errors
+            table.add_row("", "", f"(reference, {most.primary.judged} judged)", *_cells(errors))
     console = Console(width=None if sys.stdout.isatty() else 160, markup=False)
     console.print(table)
     for note in dict.fromkeys(notes):

@@ -14,21 +14,22 @@ from ..errors import CapacityRejected, UserError
 from ..frame.method import Method
 from ..frame.session import Session
 from ..judge.arithmetic import edge_bound, plane_distance
-from ..judge.receivers import facing, receivers
+from ..judge.context import Judge
 from ..judge.referee import Referee
-from ..judge.reference import Reference, exact_reference
-from ..judge.score import score_answers
+from ..judge.reference import exact_reference
+from ..judge.score import Judgement, judge_frame, score_frame
+from ..judge.verdict import ERRORS, EXCUSED, WRONG_BIT, Verdict
 from ..runner.machine_lock import MACHINE
 from ..scene.effects import Effects
 from .case import Counts, HardCase, Trial
 
 Answers = dict[str, NDArray]
-EXCUSED = ("near_tie", "edge")
-ERRORS = ("hole", "true", "invalid", "acne", "leak", "differs", "failed")
+ERROR_NAMES = ("hole", *(kind.key for kind in ERRORS), "differs", "failed")
+"""What is counted as an error: a ray through a closed surface, the judge's classes, two answers that must be the same, a
+crash."""
 
-
-OF_BITS = ("edge", "acne", "leak")
-"""Classes of a shadow bit that is one, but not the right one."""
+NOT_OK = (Verdict.TIE, *EXCUSED, *ERRORS)
+OF_BITS = tuple(kind.key for kind in WRONG_BIT)
 
 SHADOWS = "shadows"
 """What a method names in ``outside`` where all of its shadow bits lie outside what it can do."""
@@ -58,122 +59,95 @@ class Finding:
 
     @property
     def true_errors(self) -> int:
-        return sum(self.classes.get(name, 0) for name in ERRORS)
+        return sum(self.classes.get(name, 0) for name in ERROR_NAMES)
 
     def as_json(self) -> dict[str, Any]:
         return {**asdict(self), "true_errors": self.true_errors}
 
 
+@dataclass(frozen=True, eq=False)
 class Judged:
     """A trial with its exact answers, made once for every method and device."""
 
-    def __init__(self, case: HardCase, trial: Trial):
-        self.case, self.trial = case, trial
-        self.effects = Effects.of(trial.prepared.scene)
+    case: HardCase
+    trial: Trial
 
     @cached_property
-    def referee(self) -> Referee:
-        trial = self.trial
-        mask = trial.prepared.alpha
-        return Referee(trial.moment.points, trial.prepared.faces, trial.moment.valid, mask=mask)
+    def judge(self) -> Judge:
+        """The judge of the trial's rays, with exact answers as the reference."""
+        prepared, moment = self.trial.prepared, self.trial.moment
+        effects = Effects.of(prepared.scene)
+        referee = Referee(moment.points, prepared.faces, moment.valid, mask=prepared.alpha)
+        reference = exact_reference(prepared, moment, referee, effects)
+        return Judge(prepared, moment, effects, referee, reference, random_pixels=0)
 
-    @cached_property
-    def everywhere(self) -> Reference:
-        """Exact answers as if every hit point had a shadow ray."""
-        return exact_reference(self.trial.prepared, self.trial.moment, self.referee, self.effects)
-
-    @cached_property
-    def held(self) -> NDArray[np.bool_]:
-        """Which hit points have a shadow ray to each light (``judge.receivers``): bool [lights, pixels]; True at a miss."""
-        moment, reference = self.trial.moment, self.everywhere
-        hit = reference.triangle >= 0
-        held = np.ones(reference.visibility.shape, dtype=bool)
-        pixels = np.nonzero(hit)[0]
-        if len(pixels) and (moment.facing or moment.spots.any()):
-            hits = self.referee.closest(moment.eye, moment.directions(pixels))
-            points = self.referee.hit_points(hits)
-            corners = moment.points[self.trial.prepared.faces[hits.triangle]]
-            for light in range(len(held)):
-                held[light, pixels] = receivers(moment, points, light)
-                if moment.facing:
-                    held[light, pixels] &= facing(moment, corners, light)
-        return held
-
-    @cached_property
+    @property
     def exact(self) -> Answers:
         """The right answers, as a method gives them."""
-        answers = dict(self.everywhere.answers())
-        answers["visibility"] = np.where(self.held, answers["visibility"], 0).astype(np.uint8)
-        return answers
+        return self.judge.checked_reference.answers
 
-    @cached_property
+    @property
     def rays(self) -> int:
         """Rays of the case: one a pixel, and one from each hit to each light that asks for shadows."""
-        triangle = self.everywhere.triangle
-        return len(triangle) + int((triangle >= 0).sum()) * sum(self.effects.shadows)
+        triangle = self.exact["triangle"]
+        return len(triangle) + int((triangle >= 0).sum()) * int(self.judge.wanted.sum())
 
-    def judge(
+    def count(
         self, answers: Answers, shadows: bool = True
     ) -> tuple[dict[str, int], list[dict[str, Any]], int]:
-        """Counts of the classes other than ok, examples, and wrong shadow bits that are not held against it.
+        """Counts of the classes other than ok, examples, and wrong shadow bits that are not held against the method.
 
-        ``shadows``: whether they are.
+        ``shadows``: whether wrong shadow bits are.
         """
-        trial = self.trial
         classes: dict[str, int] = {}
         examples: list[dict[str, Any]] = []
-        bits = answers["visibility"][: len(trial.moment.lights)]
-        score = score_answers(
-            trial.prepared, trial.moment, answers, self.everywhere, self.referee, self.effects, extra_pixels=0
-        )
-        parts = [score, *score.get("bounces", [])]
+
+        def add(name: str, count: int, example: str = "") -> None:
+            if count:
+                classes[name] = classes.get(name, 0) + count
+                if example:
+                    examples.append({"kind": example})
+
+        found = judge_frame(self.judge, answers)
+        score = score_frame(self.judge, answers, found).score
         bits_outside = 0
-        for part in parts:
-            for counts in (part["primary"], *part["shadow"]):
-                bits_are_outside = counts is not part["primary"] and not shadows
-                for name in ("tie", *EXCUSED, *ERRORS):
-                    if bits_are_outside and name in OF_BITS:
-                        bits_outside += counts.get(name, 0)
-                    elif counts.get(name):
-                        classes[name] = classes.get(name, 0) + counts[name]
-        wrong = sum(part.get("rays_wrong", 0) for part in parts)
-        if wrong:
-            classes["differs"] = classes.get("differs", 0) + wrong
-            examples.append({"kind": f"{wrong} mirrored rays are not those that the hits before them make"})
-        if trial.watertight:
-            holes = self._holes(answers, shadows)
-            if holes:
-                classes["hole"] = holes
-                examples.append({"kind": f"{holes} rays through closed surfaces"})
-        for one, other in trial.same_lights if shadows else ():
+        for part in score.parts:
+            for counts in (part.primary, *part.shadow):
+                outside = WRONG_BIT if counts is not part.primary and not shadows else ()
+                for kind in NOT_OK:
+                    count = getattr(counts, kind.key, 0)
+                    if kind in outside:
+                        bits_outside += count
+                    else:
+                        add(kind.key, count)
+        wrong = sum(bounce.rays_wrong for bounce in score.bounces)
+        add("differs", wrong, f"{wrong} mirrored rays are not those that the hits before them make")
+        if self.trial.watertight:
+            holes = self._holes(found[0], shadows)
+            add("hole", holes, f"{holes} rays through closed surfaces")
+        bits = answers["visibility"]
+        for one, other in self.trial.same_lights if shadows else ():
             differ = int(np.count_nonzero(bits[one] != bits[other]))
-            if differ:
-                classes["differs"] = classes.get("differs", 0) + differ
-                examples.append({"kind": f"lights {one} and {other} at one place differ"})
-        shown = [
-            one for one in score["examples"] if shadows or "light" not in one or one["kind"] not in OF_BITS
-        ]
+            add("differs", differ, f"lights {one} and {other} at one place differ")
+        shown = [one for one in score.examples if shadows or "light" not in one or one["kind"] not in OF_BITS]
         return classes, examples + shown, bits_outside
 
-    def _holes(self, given: Answers, shadows: bool) -> int:
+    def _holes(self, found: Judgement, shadows: bool) -> int:
         """Misses where the exact ray hits, and lit pixels of the right triangle where the exact segment is cut.
 
         A segment that begins or ends within the bound of its occluder's plane may still be excused: whether that
         plane holds the hit point is beyond float64. That it passes an edge excuses nothing here.
         """
-        exact, moment, referee = self.exact, self.trial.moment, self.referee
+        exact, given, referee = self.exact, found.checked.answers, self.judge.referee
         same = given["triangle"] == exact["triangle"]
         holes = int(np.count_nonzero((given["triangle"] == -1) & ~same))
-        bits = given["visibility"][: len(moment.lights)]
-        lit = (bits == 0) & (exact["visibility"] == 1) & same & shadows
-        for light, pixels in ((i, np.nonzero(row)[0]) for i, row in enumerate(lit)):
-            if not len(pixels):
-                continue
-            hits = referee.closest(moment.eye, moment.directions(pixels))
-            occluders = referee.occluders(hits, moment.lights[light])
-            corners = moment.points[self.trial.prepared.faces[occluders]].astype(np.float64)
-            points = referee.hit_points(hits)
-            ends = np.broadcast_to(moment.lights[light].astype(np.float64), points.shape)
+        lit = (given["visibility"] == 0) & (exact["visibility"] == 1) & same & shadows
+        for i, light in enumerate(self.trial.moment.lights):
+            # Such a bit differs from the reference's: the referee was asked.
+            rows = np.nonzero(lit[i, found.selection.judged])[0]
+            corners = referee.corners(found.exact.occluders[i, rows])
+            points = referee.hit_points(found.exact.hits.take(rows))
+            ends = np.broadcast_to(light.astype(np.float64), points.shape)
             away = np.minimum(plane_distance(points, corners), plane_distance(ends, corners))
             holes += int(np.count_nonzero(away > edge_bound(points, corners)))
         return holes
@@ -211,10 +185,10 @@ def judge_case(judged: Judged, method: Method, device: str, every_bit: bool = Fa
         finding.got = finding.reason = f"{type(error).__name__}: {error}"
         return finding
     finding.got = str(counts_of(answers, lights))
-    finding.classes, finding.examples, finding.bits_outside = judged.judge(
+    finding.classes, finding.examples, finding.bits_outside = judged.count(
         answers, every_bit or SHADOWS not in outside
     )
-    finding.excused = sum(finding.classes.get(name, 0) for name in EXCUSED)
+    finding.excused = sum(finding.classes.get(kind.key, 0) for kind in EXCUSED)
     finding.rays = judged.rays
     unlike = [name for name in answers if not same_bits(answers[name], again[name])]
     if unlike:

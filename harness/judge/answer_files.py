@@ -23,6 +23,8 @@ from ..scene.facts import input_hashes
 from ..scene.moment import Moment
 from ..scene.prepared import Prepared, prepare
 from ..scene.scene import AlphaMask, Camera, Geometry, Scene
+from .context import Judge
+from .score import Scored, score_answers
 
 SCHEMA = 1
 ARRAYS = ("triangle", "t", "u", "v", "visibility")
@@ -115,6 +117,21 @@ def read_raw(
             f"put {_mesh_path(path, facts['hashes']).name} back beside it, or run its point again"
         )
     return prepared, moment, answers, facts
+
+
+def score_raw(
+    path: Path | str, scene_dir: Path | str | None = None, folder: Path | str | None = None
+) -> Scored:
+    """The score of answers kept by :func:`save_raw`.
+
+    Raises :class:`UserError` for a file that is no such file, or a mesh that is not the one traced.
+    ``scene_dir``: where originals of the catalogue's scenes are. ``folder``: keeps the reference's answers.
+    """
+    prepared, moment, answers, facts = read_raw(Path(path), scene_dir)
+    effects = Effects(
+        tuple(facts["shadows"]), alpha=bool(facts.get("alpha")), bounces=facts.get("bounces", 0)
+    )
+    return score_answers(Judge.of(prepared, moment, effects, folder), answers)
 
 
 def _kept_mesh(

@@ -7,17 +7,14 @@ shadow bits against Embree and the exact referee on those very rays, as primary 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, fields
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene.effects import Effects
 from ..scene.moment import F32, Moment
 from ..scene.prepared import Prepared
-from .shared_errors import Disputes
+from .context import Judge
 
 F64 = NDArray[np.float64]
 
@@ -47,7 +44,7 @@ class Mirrored(Moment):
 
 
 def mirrored(prepared: Prepared, moment: Moment, answers: dict[str, NDArray], bounce: int) -> Mirrored:
-    """The moment with the rays of a bounce from 1, as they lie in ``answers`` (of ``Answers.to_host``)."""
+    """The moment with the rays of a bounce from 1, as they are in ``answers`` (of ``Answers.to_host``)."""
     active = answers["bounce_active"][bounce - 1] == 1
     corners = moment.points[prepared.faces[moment.valid != 0]]
     # Beyond every vertex along every axis, and leading away: such a ray meets nothing, exactly.
@@ -58,8 +55,15 @@ def mirrored(prepared: Prepared, moment: Moment, answers: dict[str, NDArray], bo
     return Mirrored(**kept, ray_origins=origins, ray_directions=directions, active=active)
 
 
-def answers_of(answers: dict[str, NDArray], bounce: int) -> dict[str, NDArray]:
-    """What a method says of a bounce, in the form of answers to primary rays; of bounce 0 those themselves."""
+def bounce_judge(judge: Judge, answers: dict[str, NDArray], bounce: int) -> Judge:
+    """The judge of a bounce's rays; as many of the rays are sampled as of primary rays, all where there are no more."""
+    rays = mirrored(judge.prepared, judge.moment, answers, bounce)
+    count, active = len(rays.active), int(rays.active.sum())
+    return judge.of_rays(rays, min(count, judge.random_pixels * count // max(1, active)))
+
+
+def bounce_answers(answers: dict[str, NDArray], bounce: int) -> dict[str, NDArray]:
+    """A method's answers to a bounce, in the form of answers to primary rays; of bounce 0 those themselves."""
     names = ("triangle", "t", "u", "v", "visibility")
     if not bounce:
         return {name: answers[name] for name in names}
@@ -68,16 +72,15 @@ def answers_of(answers: dict[str, NDArray], bounce: int) -> dict[str, NDArray]:
     return {**result, "triangle": np.where(idle, NO_RAY, result["triangle"])}
 
 
-def wrong_rays(
-    prepared: Prepared, moment: Moment, answers: dict[str, NDArray], bounce: int
-) -> NDArray[np.bool_]:
+def wrong_rays(judge: Judge, answers: dict[str, NDArray], bounce: int) -> NDArray[np.bool_]:
     """Which pixels' rays of a bounce are not those that its rule makes from the bounce before. bool [pixels]
 
     A ray may differ from the twin's by the rounding to float32, and by what float64 rounding is worth on a thin
     triangle (the edges' product over the area) that is met at a slant (the inverse of the slope).
     """
+    prepared, moment = judge.prepared, judge.moment
     before = mirrored(prepared, moment, answers, bounce - 1) if bounce > 1 else moment
-    triangle = answers_of(answers, bounce - 1)["triangle"]
+    triangle = bounce_answers(answers, bounce - 1)["triangle"]
     active = answers["bounce_active"][bounce - 1]
     origin, direction = (
         answers[f"bounce_{name}"][bounce - 1].astype(np.float64) for name in ("origin", "direction")
@@ -128,34 +131,3 @@ def reflected(corners: F64, o: F64, d: F64) -> tuple[F64, F64, F64, F64]:
 
 def _dots(p: F64, q: F64) -> F64:
     return np.einsum("ij,ij->i", p, q)
-
-
-Scored = tuple[dict[str, Any], NDArray[np.int8], NDArray[np.bool_], list[Disputes]]
-"""A score, the gravest class of each pixel, which pixels are excused (:func:`.judge.score.score_answers`), and what of its
-reference is left to be settled with other methods' scores (:mod:`.judge.shared_errors`)."""
-
-
-def score_bounces(
-    prepared: Prepared,
-    moment: Moment,
-    answers: dict[str, NDArray],
-    effects: Effects,
-    extra_pixels: int,
-    score: Callable[[Moment, dict[str, NDArray], int], Scored],
-) -> list[Scored]:
-    """The score of every bounce: that of its hits by ``score``, with the count of its rays, and of wrong ones.
-
-    ``score``: (moment with the rays, answers to them, pixels to sample). As many of the rays are sampled as of
-    primary rays; all, where there are no more.
-    """
-    result = []
-    for bounce in range(1, effects.bounces + 1):
-        rays = mirrored(prepared, moment, answers, bounce)
-        count = int(rays.active.sum())
-        sample = min(len(rays.active), extra_pixels * len(rays.active) // max(1, count))
-        found, classes, excused, left = score(rays, answers_of(answers, bounce), sample)
-        wrong = int(wrong_rays(prepared, moment, answers, bounce).sum())
-        found = {"bounce": bounce, "rays": count, "rays_wrong": wrong, **found}
-        found["true_errors"] += wrong
-        result.append((found, classes, excused, left))
-    return result

@@ -1,86 +1,130 @@
-"""The class of every pixel's answers: the referee's where it was asked, agreement with Embree elsewhere."""
+"""The class of every pixel's answers: the referee's where it was asked, agreement with the reference elsewhere."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene.moment import Moment
-from .consistency import Consistency
+from .consistency import Checked
+from .context import Judge
 from .referee import Hits, Referee
-from .selection import Suspects
-from .verdict import RIGHT, Verdict
+from .selection import Agreement, Selection
+from .verdict import EXCUSED, GRAVEST_BIT, RIGHT, Verdict
+
+
+@dataclass(frozen=True, eq=False)
+class Exact:
+    """What is exact at the judged pixels. ``occluders`` int32 [lights, judged]: -1 where lit, or nobody asked."""
+
+    hits: Hits
+    occluders: NDArray[np.int32]
+
+
+@dataclass(frozen=True, eq=False)
+class Classes:
+    """The classes of answers, int8 values of :class:`.judge.verdict.Verdict`.
+
+    triangle  [judged]: of the triangle named, whatever its t, u and v
+    primary   [pixels]: of the closest hit; a right triangle with a wrong t, u or v is TRUE; -1: left unjudged
+    named     bool [pixels]: whether the triangle is right
+    bits      [lights, pixels]: of the shadow bits where the triangle is right; -1 elsewhere
+    """
+
+    triangle: NDArray[np.int8]
+    primary: NDArray[np.int8]
+    named: NDArray[np.bool_]
+    bits: NDArray[np.int8]
+
+    @cached_property
+    def shadow(self) -> NDArray[np.int8]:
+        """``bits`` where they are scored: -1 also where t, u or v are wrong. What is no bit is INVALID anywhere."""
+        unscored = ~np.isin(self.primary, RIGHT) & (self.bits != Verdict.INVALID)
+        return np.where(unscored, np.int8(-1), self.bits)
+
+    @cached_property
+    def gravest(self) -> NDArray[np.int8]:
+        """One class a pixel: the primary answer's unless it is right, then that of the gravest bit. [pixels]"""
+        result, right = self.primary.copy(), np.isin(self.primary, RIGHT)
+        for kind in GRAVEST_BIT:
+            result[right & (self.shadow == kind).any(axis=0)] = kind
+        return result
+
+    @cached_property
+    def excused(self) -> NDArray[np.bool_]:
+        """Pixels with an answer that had to be excused."""
+        return np.isin(self.primary, EXCUSED) | np.isin(self.shadow, EXCUSED).any(axis=0)
+
+
+@dataclass(frozen=True, eq=False)
+class Judgement:
+    """What was found of a method's answers to one set of rays; ``reference``: of the reference's own answers."""
+
+    judge: Judge
+    checked: Checked
+    agreement: Agreement
+    selection: Selection
+    exact: Exact
+    classes: Classes
+    reference: Classes
+
+
+def decide(judge: Judge, selection: Selection) -> Exact:
+    """Ask the exact referee about the selected pixels."""
+    moment, pixels = judge.moment, selection.judged
+    hits = judge.referee.closest(moment.origins(pixels), moment.directions(pixels))
+    occluders = np.full((len(moment.lights), len(pixels)), -1, dtype=np.int32)
+    for i in np.nonzero(judge.wanted)[0]:
+        occluders[i] = judge.referee.occluders(hits, moment.lights[i])
+    return Exact(hits, occluders)
+
+
+def classify(
+    judge: Judge, checked: Checked, agreement: Agreement, selection: Selection, exact: Exact
+) -> Classes:
+    """The classes of answers of a method, or of the reference."""
+    given, judged = checked.answers["triangle"], selection.judged
+    triangle = judge.referee.classify_primary(exact.hits, given[judged])
+    primary = np.full(len(given), Verdict.OK, dtype=np.int8)
+    primary[judged] = triangle
+    named = agreement.triangle & ~checked.primary_invalid
+    named[judged] = np.isin(triangle, RIGHT)
+    primary[(checked.t_wrong | checked.uv_wrong) & (primary != Verdict.INVALID)] = Verdict.TRUE
+    primary[checked.primary_invalid] = Verdict.INVALID
+    primary[selection.unjudged] = -1
+    # A duplicate with a lower index exists: a tie, wherever it was not judged already.
+    primary[(primary == Verdict.OK) & (given != lowest_ids(given, judge.referee))] = Verdict.TIE
+    return Classes(triangle, primary, named, _classify_bits(judge, checked, named, selection, exact))
+
+
+def _classify_bits(
+    judge: Judge, checked: Checked, named: NDArray[np.bool_], selection: Selection, exact: Exact
+) -> NDArray[np.int8]:
+    """The class of every light's bits where the triangle is right. int8 [lights, pixels]
+
+    Hit points that are no receivers have no shadow ray: a bit there is a shadow where none can be.
+    """
+    result = np.full(checked.shadow_invalid.shape, -1, dtype=np.int8)
+    for i, light in enumerate(judge.moment.lights):
+        bits, classes = checked.answers["visibility"][i], result[i]
+        if not judge.wanted[i]:
+            classes[bits != 0] = Verdict.INVALID  # a light that asks for no shadows: every bit must be 0
+            continue
+        scored = named & (checked.answers["triangle"] >= 0)
+        outside = checked.outside[i]
+        classes[scored] = Verdict.OK
+        classes[scored & outside & (bits != 0)] = Verdict.ACNE
+        rows = np.nonzero((scored & ~outside)[selection.judged])[0]
+        pixels = selection.judged[rows]
+        truth = exact.occluders[i, rows] >= 0
+        classes[pixels] = judge.referee.classify_shadow(exact.hits.take(rows), light, bits[pixels], truth)
+        classes[checked.shadow_invalid[i]] = Verdict.INVALID
+    return result
 
 
 def lowest_ids(given: NDArray, referee: Referee) -> NDArray:
     """Given triangles, of duplicates the one with the lowest index; what is no triangle stays. [n]"""
     known = (given >= 0) & (given < len(referee.faces))
     return np.where(known, referee.duplicate_of[np.where(known, given, 0)], given) if known.any() else given
-
-
-def primary_verdicts(
-    referee: Referee,
-    hits: Hits,
-    given: NDArray,
-    found: Consistency,
-    suspects: Suspects,
-    agree: NDArray[np.bool_],
-) -> tuple[NDArray[np.int8], NDArray[np.bool_]]:
-    """The class of every pixel's answer, -1 where a disputed one was left unjudged; and where the triangle is right.
-
-    int8 and bool [pixels]. A right triangle with a wrong t, u or v is a true error all the same.
-    """
-    verdicts = np.full(len(given), Verdict.OK, dtype=np.int8)
-    verdicts[suspects.judged] = referee.classify_primary(hits, given[suspects.judged])
-    named = agree & ~found.primary_invalid
-    named[suspects.judged] = np.isin(verdicts[suspects.judged], RIGHT)
-    verdicts[(found.t_wrong | found.uv_wrong) & (verdicts != Verdict.INVALID)] = Verdict.TRUE
-    verdicts[found.primary_invalid] = Verdict.INVALID
-    verdicts[suspects.unjudged] = -1
-    return verdicts, named
-
-
-def shadow_verdicts(
-    referee: Referee,
-    moment: Moment,
-    hits: Hits,
-    answers: dict[str, NDArray],
-    found: Consistency,
-    suspects: Suspects,
-    primary: NDArray[np.int8],
-    wanted: Sequence[bool],
-    outside: NDArray[np.bool_],
-) -> list[NDArray[np.int8]]:
-    """For each light the class of every pixel's bit; -1 where it is not scored. int8 [pixels] each
-
-    Hit points ``outside`` (no receivers) have no shadow ray: a bit there is a shadow where none can be.
-    """
-    scored = np.isin(primary, RIGHT)
-    result = []
-    for i, light in enumerate(moment.lights):
-        bits = answers["visibility"][i]
-        if not wanted[i]:
-            # A light that asks for no shadows: every bit must be 0.
-            verdicts = np.where(bits != 0, Verdict.INVALID, -1).astype(np.int8)
-        else:
-            verdicts = np.where(scored & (answers["triangle"] >= 0), Verdict.OK, -1).astype(np.int8)
-            rows = np.nonzero(verdicts[suspects.judged] == Verdict.OK)[0]
-            pixels = suspects.judged[rows]
-            verdicts[pixels] = referee.classify_shadow(hits.take(rows), light, bits[pixels])
-            out = outside[i] & (verdicts >= 0)
-            verdicts[out] = np.where(bits[out] != 0, Verdict.ACNE, Verdict.OK)
-            verdicts[found.shadow_invalid[i]] = Verdict.INVALID
-        result.append(verdicts)
-    return result
-
-
-def gravest_of(primary: NDArray[np.int8], shadow: Sequence[NDArray[np.int8]]) -> NDArray[np.int8]:
-    """One class a pixel: the primary answer's unless it is right, then an error of any shadow bit, then an edge."""
-    result = primary.copy()
-    right = np.isin(primary, RIGHT)
-    for kind in (Verdict.EDGE, Verdict.INVALID, Verdict.LEAK, Verdict.ACNE):
-        for verdicts in shadow:
-            result[right & (verdicts == kind)] = kind
-    return result

@@ -14,6 +14,7 @@ from ..scene.moment import Moment
 from ..scene.prepared import Prepared
 from .arithmetic import UNIT, edge_bound
 from .planes import plane_numbers
+from .receivers import not_receivers
 
 T_UNITS = 64.0
 """Relative error allowed of t, and absolute error of u and v, in units of 2^-24, on a triangle seen squarely."""
@@ -21,10 +22,12 @@ T_UNITS = 64.0
 BATCH = 1 << 18
 
 
-@dataclass(eq=False)
-class Consistency:
-    """One flag or error a pixel.
+@dataclass(frozen=True, eq=False)
+class Checked:
+    """Answers, with a flag or an error for each pixel.
 
+    answers          as a method gives them; ``visibility`` uint8 [lights, pixels]
+    outside          bool [lights, pixels]: hit points that have no shadow ray to the light (:mod:`.judge.receivers`)
     primary_invalid  bool [pixels]: poison, NaN, an index out of range, a triangle never hit, a miss not so filled
     shadow_invalid   bool [lights, pixels]: neither 0 nor 1, or 1 at a miss
     t_wrong, uv_wrong  bool [pixels]: beyond the tolerance for the triangle that was given
@@ -32,6 +35,8 @@ class Consistency:
     uv_error         float64 [pixels]: the larger absolute error of u and v
     """
 
+    answers: dict[str, NDArray]
+    outside: NDArray[np.bool_]
     primary_invalid: NDArray[np.bool_]
     shadow_invalid: NDArray[np.bool_]
     t_wrong: NDArray[np.bool_]
@@ -40,7 +45,7 @@ class Consistency:
     uv_error: NDArray[np.float64]
 
 
-def check_consistency(prepared: Prepared, moment: Moment, answers: dict[str, NDArray]) -> Consistency:
+def check_consistency(prepared: Prepared, moment: Moment, answers: dict[str, NDArray]) -> Checked:
     """Check the answers of a method (numpy arrays as :meth:`.frame.frame.Answers.to_host` gives them).
 
     A t is wrong where the point eye + t d lies further from the triangle's plane than the float32 rounding of
@@ -59,7 +64,9 @@ def check_consistency(prepared: Prepared, moment: Moment, answers: dict[str, NDA
         sound_hit = known & ~never & np.isfinite(t) & (t > 0) & np.isfinite(u) & np.isfinite(v)
         sound_miss = miss & np.isposinf(t) & (u == 0) & (v == 0)
     shadow_invalid = (visibility > 1) | ((visibility != 0) & ~known[None, :])
-    result = Consistency(
+    result = Checked(
+        {**answers, "visibility": visibility},
+        not_receivers(prepared, moment, triangle),
         ~(sound_hit | sound_miss),
         shadow_invalid,
         np.zeros(len(triangle), dtype=bool),
@@ -78,7 +85,7 @@ def _check_hits(
     moment: Moment,
     answers: dict[str, NDArray],
     pixels: NDArray[np.intp],
-    result: Consistency,
+    result: Checked,
 ) -> None:
     corners = moment.points[prepared.faces[answers["triangle"][pixels]]].astype(np.float64)
     d = moment.directions(pixels).astype(np.float64)

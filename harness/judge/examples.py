@@ -2,54 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..scene.moment import Moment
-from .consistency import Consistency
-from .referee import Hits, Referee
-from .selection import Suspects
+from .classify import Judgement
 from .verdict import ERRORS, EXCUSED, Verdict
 
 EXAMPLES = 10
 """At most so many in a score."""
 
 
-def examples_of(
-    moment: Moment,
-    answers: dict[str, NDArray],
-    referee: Referee,
-    hits: Hits,
-    suspects: Suspects,
-    found: Consistency,
-    primary: NDArray[np.int8],
-    shadow: Sequence[NDArray[np.int8]],
-) -> list[dict[str, Any]]:
-    """Up to :data:`EXAMPLES` judged pixels: errors first, then excused ones."""
-    row_of = {int(pixel): row for row, pixel in enumerate(suspects.judged)}
+def examples_of(found: Judgement) -> list[dict[str, Any]]:
+    """Up to :data:`EXAMPLES` pixels: errors first, then excused ones."""
+    checked, classes, hits = found.checked, found.classes, found.exact.hits
+    row_of = {int(pixel): row for row, pixel in enumerate(found.selection.judged)}
     chosen: list[tuple[int, str, int | None]] = []
-    for classes in (ERRORS, EXCUSED):
-        for light, verdicts in ((None, primary), *enumerate(shadow)):
-            for pixel in np.nonzero(np.isin(verdicts, classes))[0][:EXAMPLES].tolist():
-                chosen.append((pixel, Verdict(int(verdicts[pixel])).name.lower(), light))
-    result = []
+    for kinds in (ERRORS, EXCUSED):
+        for light, verdicts in ((None, classes.primary), *enumerate(classes.shadow)):
+            for pixel in np.nonzero(np.isin(verdicts, kinds))[0][:EXAMPLES].tolist():
+                chosen.append((pixel, Verdict(int(verdicts[pixel])).key, light))
+    result, width = [], found.judge.moment.width
     for pixel, kind, light in chosen[:EXAMPLES]:
         row = row_of.get(pixel)
-        entry: dict[str, Any] = {"pixel": [pixel % moment.width, pixel // moment.width], "kind": kind}
+        entry: dict[str, Any] = {"pixel": [pixel % width, pixel // width], "kind": kind}
         if light is None:
-            if kind == "true" and (found.t_wrong[pixel] or found.uv_wrong[pixel]):
-                entry["kind"] = "true (t)" if found.t_wrong[pixel] else "true (u, v)"
-            entry["got"] = {n: _plain(answers[n][pixel]) for n in ("triangle", "t", "u", "v")}
+            if kind == Verdict.TRUE.key and (checked.t_wrong[pixel] or checked.uv_wrong[pixel]):
+                entry["kind"] = "true (t)" if checked.t_wrong[pixel] else "true (u, v)"
+            entry["got"] = {n: _plain(checked.answers[n][pixel]) for n in ("triangle", "t", "u", "v")}
             if row is not None:
                 entry["exact"] = {"triangle": list(hits.ties[row]) or [-1], "t": _plain(hits.t[row])}
         else:
             entry["light"] = light
-            entry["got"] = int(answers["visibility"][light][pixel])
+            entry["got"] = int(checked.answers["visibility"][light][pixel])
             if row is not None:
-                occluder = int(referee.occluders(hits.take(np.array([row])), moment.lights[light])[0])
+                outside = checked.outside[light, pixel]
+                occluder = -1 if outside else int(found.exact.occluders[light, row])
                 entry["exact"] = {"bit": int(occluder >= 0), "occluder": occluder}
         result.append(entry)
     return result

@@ -1,4 +1,4 @@
-"""The answers of a frame split by bounce: primary hits, then each bounce of mirrored rays."""
+"""Where rays meet the planes of triangles, in float64."""
 
 from __future__ import annotations
 

@@ -184,10 +184,18 @@ class Referee:
         return verdicts
 
     def classify_shadow(
-        self, hits: Hits, light: NDArray[np.float32], bits: NDArray[np.integer]
+        self,
+        hits: Hits,
+        light: NDArray[np.float32],
+        bits: NDArray[np.integer],
+        truth: NDArray[np.bool_] | None = None,
     ) -> NDArray[np.int8]:
-        """The class [n] of a shadow bit that a method gave for each exact hit point (misses must be 0)."""
-        truth = self.occluded(hits, light)
+        """The class [n] of a shadow bit that a method gave for each exact hit point (misses must be 0).
+
+        ``truth``: the exact bits, where they are known.
+        """
+        if truth is None:
+            truth = self.occluders(hits, light) >= 0
         verdicts = np.full(len(hits), Verdict.OK, dtype=np.int8)
         verdicts[(bits != 0) & (bits != 1) | (hits.triangle < 0) & (bits != 0)] = Verdict.INVALID
         wrong = np.nonzero((verdicts == Verdict.OK) & (bits != truth))[0]
@@ -211,7 +219,7 @@ class Referee:
         possible = np.ones(len(hits), dtype=bool)
         rows = np.nonzero(given >= 0)[0]
         distance, t, bound = self.ray_to(o[rows], d[rows], given[rows])
-        opaque, _ = self.holes.within(given[rows], self._corners(given[rows]), o[rows], d[rows], bound)
+        opaque, _ = self.holes.within(given[rows], self.corners(given[rows]), o[rows], d[rows], bound)
         for i, near, nearest_t, limit, seen in zip(rows, distance, t, bound, opaque, strict=True):
             exactly = [hit_t for hit_t, k in every[i] if k == given[i]]
             if not exactly and self.holes.has(given[i]):
@@ -223,12 +231,12 @@ class Referee:
         if pairs:
             index, skipped, at = (np.array(column) for column in zip(*pairs, strict=True))
             distance, _, bound = self.ray_to(o[index], d[index], skipped, edges_only=True)
-            _, clear = self.holes.within(skipped, self._corners(skipped), o[index], d[index], bound)
+            _, clear = self.holes.within(skipped, self.corners(skipped), o[index], d[index], bound)
             with np.errstate(invalid="ignore"):
                 close = np.minimum(reached[index] - at, at) * speed[index] <= bound
             verdicts[index[~close & (distance > bound) & ~clear]] = Verdict.TRUE
         rows = np.nonzero(possible & (given >= 0) & (hits.triangle >= 0))[0]
-        corners = (o[rows], self._corners(given[rows]), self._corners(hits.triangle[rows]))
+        corners = (o[rows], self.corners(given[rows]), self.corners(hits.triangle[rows]))
         apart = np.abs(reached[rows] - hits.t[rows]) * speed[rows]
         verdicts[rows[apart <= exact.edge_bound(*corners)]] = Verdict.NEAR_TIE
         return verdicts
@@ -249,7 +257,7 @@ class Referee:
         if pairs:
             index, k = (np.array(column) for column in zip(*pairs, strict=True))
             far = np.broadcast_to(light.astype(np.float64), (len(index), 3))
-            corners = self._corners(k)
+            corners = self.corners(k)
             bound = exact.edge_bound(p[index], corners)
             near = exact.triangle_distance(p[index], far, corners)[0] <= bound
             for j in np.nonzero(self.holes.masked(k))[0]:
@@ -267,7 +275,7 @@ class Referee:
         candidates, _ = self._candidates.between(p, hits.triangle, light, every=True)
         pairs = [(i, k) for i, found in enumerate(candidates) for k in self._between(hits, i, light, found)]
         index, k = (np.array(column) for column in zip(*pairs, strict=True))
-        corners = self._corners(k)
+        corners = self.corners(k)
         far = np.broadcast_to(light.astype(np.float64), (len(index), 3))
         distance = np.minimum.reduce(
             [
@@ -295,7 +303,8 @@ class Referee:
         o, d = hits.origins[i], hits.directions[i]
         return self._decisions.between(o, d, hits.ratio[i], light, triangles, holes)
 
-    def _corners(self, triangles: NDArray[np.integer]) -> NDArray[np.float64]:
+    def corners(self, triangles: NDArray[np.integer]) -> NDArray[np.float64]:
+        """The corners of triangles, float64 [n, 3, 3]."""
         return self.points[self.faces[triangles]].astype(np.float64)
 
     def ray_to(
@@ -306,7 +315,7 @@ class Referee:
         edges_only: bool = False,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Distance of rays from triangles (or their edges), the t where it is reached, and the bound; each [n]."""
-        corners = self._corners(triangles)
+        corners = self.corners(triangles)
         if not len(corners):
             return np.zeros(0), np.zeros(0), np.zeros(0)
         reach = np.linalg.norm(corners - o[:, None], axis=2).max(axis=1)

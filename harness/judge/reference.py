@@ -135,8 +135,21 @@ def exact_reference(
     return reference
 
 
+def reference_for(
+    prepared: Prepared,
+    moment: Moment,
+    referee: Referee,
+    effects: Effects,
+    folder: Path | str | None = None,
+) -> Reference:
+    """Embree's answers; the referee's own where Embree is not installed, or where triangles have holes."""
+    if effects.alpha or not embree_installed():
+        return exact_reference(prepared, moment, referee, effects, folder)
+    return embree_reference(prepared, moment, effects, folder)
+
+
 def embree_installed() -> bool:
-    """Whether Embree is to be had here."""
+    """Whether Embree is installed."""
     return importlib.util.find_spec("embreex") is not None
 
 

@@ -1,32 +1,50 @@
-"""Which pixels are decided exactly: those in dispute, their neighbours, and a random sample."""
+"""Where answers and reference differ, and which pixels are decided exactly: those, their neighbours, a random sample."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene.moment import Moment
-from .consistency import Consistency
+from .consistency import Checked
+from .context import Judge
 from .referee import Referee
-from .reference import Reference
 
 NEIGHBOUR_LIMIT = 5_000
 """Neighbours of disputed pixels judged; beyond it a seeded sample of them."""
 
 
-@dataclass(eq=False)
-class Suspects:
-    """Which pixels are decided exactly. ``unjudged`` are disputed ones beyond the limit."""
+@dataclass(frozen=True, eq=False)
+class Agreement:
+    """Where answers agree with the reference.
 
-    disputed: NDArray[np.bool_]
+    triangle  bool [pixels]: the same closest triangle, or exact duplicates of each other
+    bits      bool [lights, pixels]: where both see the same point and say different shadow bits
+    """
+
+    triangle: NDArray[np.bool_]
+    bits: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """Which pixels are decided exactly, ascending. ``unjudged`` are disputed ones beyond the limit."""
+
     judged: NDArray[np.intp]
     unjudged: NDArray[np.intp]
 
 
-def agreement(given: NDArray, expected: NDArray, referee: Referee) -> NDArray[np.bool_]:
+def compare(judge: Judge, checked: Checked) -> Agreement:
+    """Answers against the reference."""
+    reference, given = judge.reference, checked.answers
+    agree = same_triangle(given["triangle"], reference.triangle, judge.referee)
+    comparable = agree & ~checked.primary_invalid & (given["triangle"] >= 0)
+    expected = np.where(checked.outside, 0, reference.visibility)
+    return Agreement(agree, (given["visibility"] != expected) & comparable & judge.wanted[:, None])
+
+
+def same_triangle(given: NDArray, expected: NDArray, referee: Referee) -> NDArray[np.bool_]:
     """Where two closest triangles are the same one, or exact duplicates of each other. bool [pixels]"""
     agree = given == expected
     if agree.all():
@@ -37,46 +55,24 @@ def agreement(given: NDArray, expected: NDArray, referee: Referee) -> NDArray[np
     return agree
 
 
-def disputed_bits(
-    answers: dict[str, NDArray],
-    reference: Reference,
-    found: Consistency,
-    agree: NDArray[np.bool_],
-    wanted: Sequence[bool],
-) -> NDArray[np.bool_]:
-    """Where both see the same point and say different shadow bits. bool [lights, pixels]"""
-    comparable = agree & ~found.primary_invalid & (answers["triangle"] >= 0)
-    differ = (answers["visibility"][: len(wanted)] != reference.visibility) & comparable[None, :]
-    return differ & np.asarray(wanted, dtype=bool)[:, None]
-
-
-def find_suspects(
-    moment: Moment,
-    answers: dict[str, NDArray],
-    reference: Reference,
-    found: Consistency,
-    agree: NDArray[np.bool_],
-    wanted: Sequence[bool],
-    extra_pixels: int,
-    seed: int,
-    judge_limit: int,
-) -> Suspects:
-    disputed = ~agree | found.primary_invalid | found.t_wrong | found.uv_wrong
-    disputed |= disputed_bits(answers, reference, found, agree, wanted).any(axis=0)
-    random = np.random.default_rng(seed)
+def select(judge: Judge, checked: Checked, agreement: Agreement) -> Selection:
+    """The pixels that the referee decides; the same ones for the same answers and seed."""
+    disputed = ~agreement.triangle | checked.primary_invalid | checked.t_wrong | checked.uv_wrong
+    disputed |= agreement.bits.any(axis=0)
+    random = np.random.default_rng(judge.seed)
     pixels = np.nonzero(disputed)[0]
     unjudged = np.zeros(0, dtype=np.intp)
-    if len(pixels) > judge_limit:
+    if len(pixels) > judge.limit:
         shuffled = random.permutation(pixels)
-        pixels, unjudged = np.sort(shuffled[:judge_limit]), np.sort(shuffled[judge_limit:])
-    near = neighbours(pixels, moment.width, moment.height)
+        pixels, unjudged = np.sort(shuffled[: judge.limit]), np.sort(shuffled[judge.limit :])
+    near = neighbours(pixels, judge.moment.width, judge.moment.height)
     near = near[~disputed[near]]
     if len(near) > NEIGHBOUR_LIMIT:
         near = random.choice(near, NEIGHBOUR_LIMIT, replace=False)
-    count = moment.width * moment.height
-    sample = random.choice(count, min(extra_pixels, count), replace=False)
+    count = judge.pixel_count
+    sample = random.choice(count, min(judge.random_pixels, count), replace=False)
     sample = sample[~disputed[sample]]
-    return Suspects(disputed, np.unique(np.concatenate([pixels, near, sample])), unjudged)
+    return Selection(np.unique(np.concatenate([pixels, near, sample])), unjudged)
 
 
 def neighbours(pixels: NDArray[np.intp], width: int, height: int) -> NDArray[np.intp]:

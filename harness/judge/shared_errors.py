@@ -1,31 +1,29 @@
-"""Disputes of others settled: where a method's answer is the reference's, it is as wrong as the reference there.
+"""Errors that methods share with the reference.
 
 A method is decided exactly where it differs from the reference (:mod:`.judge.selection`). Everywhere else its answer
-*is* the reference's, and the referee may have been asked about that one for another method's sake. So a score keeps,
-for each set of rays, where it decided itself and what it found of the reference (:class:`Disputes`). Once all methods
-of a moment are scored, :func:`settle` charges each with the reference's errors where it was not decided itself: every
-pixel on which two of the methods differ, or one of them and the reference, has then been decided for all of them.
+*is* the reference's, and the referee may have decided that one for another method's sake. So each score keeps, for each
+set of rays, where its own answers were decided and what was found of the reference (:class:`Disputes`). Once all methods
+of a moment are scored, :func:`share_errors` charges each with the reference's errors where it was not decided itself:
+every pixel on which two of the methods differ, or one of them and the reference, has then been decided for all of them.
 
-A wrong t, u or v is no part of this: those are checked on every pixel of every method, with the triangle it names.
+A wrong t, u or v is not shared: those are checked on every pixel of every method, with the triangle it names.
 """
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..files import array_hash
-from ..scene.moment import Moment
+from .classify import Judgement
+from .counts import Score, Shared, check_of
 from .examples import EXAMPLES
-from .referee import Hits, Referee
-from .reference import Reference
-from .selection import Suspects
-from .verdict import ERRORS, EXCUSED, EXCUSED_LIMIT, RIGHT, Verdict
+from .verdict import ERRORS, EXCUSED, RIGHT, Verdict
 
 AGREES, TIES, DECIDED = 0, 1, 2
 """What an answer is: the reference's and so counted as right, the same as a tie, or decided by itself."""
@@ -55,40 +53,27 @@ class Disputes:
     shadow: NDArray[np.int8]
 
 
-def find_disputes(
-    moment: Moment,
-    reference: Reference,
-    referee: Referee,
-    hits: Hits,
-    suspects: Suspects,
-    primary: NDArray[np.int8],
-    shadow_of_reference: Sequence[NDArray[np.int8]],
-) -> Disputes:
-    """What a score leaves to others. ``place`` is to be set where the rays are not the primary ones.
-
-    ``hits``: the exact ones of the judged pixels; ``primary`` [pixels]: the classes of the method's own answers;
-    ``shadow_of_reference``: those of the reference's bits at the judged pixels, of each light that asks for shadows.
-    """
-    state = np.where(primary == Verdict.TIE, TIES, AGREES).astype(np.uint8)
-    state[suspects.judged] = DECIDED
-    state[suspects.unjudged] = DECIDED
-    given = reference.triangle[suspects.judged]
-    kinds = referee.classify_primary(hits, given)
+def find_disputes(found: Judgement) -> Disputes:
+    """What a score leaves to others. ``place`` is to be set where the rays are not the primary ones."""
+    judge, selection, reference = found.judge, found.selection, found.reference
+    judged, moment = selection.judged, judge.moment
+    state = np.where(found.classes.primary == Verdict.TIE, TIES, AGREES).astype(np.uint8)
+    state[judged] = DECIDED
+    state[selection.unjudged] = DECIDED
+    kinds = reference.triangle
     right = np.isin(kinds, RIGHT)
-    bits = np.full((len(given), len(shadow_of_reference)), -1, dtype=np.int8)
-    for column, found in enumerate(shadow_of_reference):
-        bits[right, column] = found[right]
+    bits = np.where(right[:, None], reference.bits[judge.wanted][:, judged].T, np.int8(-1))
     rows = np.nonzero(~right | (bits > Verdict.OK).any(axis=1))[0]
-    every = np.arange(moment.width * moment.height)
+    every = np.arange(judge.pixel_count)
     rays = array_hash(moment.origins(every), moment.directions(every), moment.spots)
-    name = f"{reference.provenance['key']} {rays} {moment.facing}"
+    name = f"{judge.reference.provenance['key']} {rays} {moment.facing}"
     return Disputes(
         "",
         hashlib.sha256(name.encode()).hexdigest(),
         moment.width,
         state,
-        suspects.judged[rows].astype(np.int64),
-        given[rows] >= 0,
+        judged[rows].astype(np.int64),
+        judge.reference.triangle[judged][rows] >= 0,
         kinds[rows],
         bits[rows],
     )
@@ -111,8 +96,8 @@ def pooled(disputes: Iterable[Disputes]) -> dict[str, tuple[Disputes, int]]:
     return result
 
 
-def settle(rows: Sequence[tuple[dict[str, Any], Sequence[Disputes]]]) -> list[bool]:
-    """Settle scores of any moments, in place, with what each one kept; which of them changed.
+def share_errors(rows: Sequence[tuple[Score, Sequence[Disputes]]]) -> list[Score]:
+    """Scores of any moments, each charged with what all of them together found of its reference.
 
     Doing it again, or with more rows, starts from what each score had by itself.
     """
@@ -120,35 +105,30 @@ def settle(rows: Sequence[tuple[dict[str, Any], Sequence[Disputes]]]) -> list[bo
     return [charge(score, kept, pool) for score, kept in rows]
 
 
-def charge(score: dict[str, Any], kept: Sequence[Disputes], pool: dict[str, tuple[Disputes, int]]) -> bool:
-    """Charge one score with what ``pool`` knows of its reference; whether that changed it.
-
-    ``settled`` then says how many scores were asked, how many errors and excused pixels came from others' disputes,
-    and by how much each count was changed for it.
-    """
+def charge(score: Score, kept: Sequence[Disputes], pool: dict[str, tuple[Disputes, int]]) -> Score:
+    """A score charged with what ``pool`` knows of its reference; the same object where that changes nothing."""
     if not kept:
-        return False
-    before = score.get("settled")
+        return score
     changes: dict[str, int] = {}
     examples: list[dict[str, Any]] = []
     for own in kept:
         whole, _ = pool[own.reference]
         _count(own, _open(own, whole), score, changes, examples)
-    settled = {
-        "scores": pool[kept[0].reference][1],
-        "true_errors": changes.get("true_errors", 0),
-        "excused": changes.get("excused", 0),
-        "changes": changes,
-    }
-    if settled == before:
-        return False
-    if before:
-        _apply(score, before["changes"], -1)
-    _apply(score, changes, 1)
-    score["settled"] = settled
-    mine = [one for one in score["examples"] if not one.get("settled")]
-    score["examples"] = mine + examples[: max(0, EXAMPLES - len(mine))]
-    return True
+    settled = Shared(
+        scores=pool[kept[0].reference][1],
+        true_errors=changes.get("true_errors", 0),
+        excused=changes.get("excused", 0),
+        changes=changes,
+    )
+    if settled == score.settled:
+        return score
+    facts = score.to_json()
+    if score.settled:
+        _apply(facts, score.settled.changes, -1)
+    _apply(facts, changes, 1)
+    mine = [one for one in facts["examples"] if not one.get("settled")]
+    facts["examples"] = mine + examples[: max(0, EXAMPLES - len(mine))]
+    return replace(Score.from_json(facts), settled=settled)
 
 
 def charged_pixels(
@@ -175,7 +155,7 @@ def _open(own: Disputes, whole: Disputes) -> Disputes:
 def _count(
     own: Disputes,
     left: Disputes,
-    score: dict[str, Any],
+    score: Score,
     changes: dict[str, int],
     examples: list[dict[str, Any]],
 ) -> None:
@@ -186,7 +166,8 @@ def _count(
             changes[path] = changes.get(path, 0) + by
 
     place, wrong = own.place, ~np.isin(left.primary, RIGHT)
-    lights = [light["light"] for light in _at(score, f"{place}shadow")]
+    bounce = int(place.split("/")[1]) + 1 if place else 0
+    lights = [counts.light for counts in score.parts[bounce].shadow]
     errors = int(np.isin(left.primary, ERRORS).sum()) + int(np.isin(left.shadow, ERRORS).sum())
     change("true_errors", errors)
     if place:
@@ -194,7 +175,7 @@ def _count(
     excused = np.isin(left.primary, EXCUSED) | (left.shadow == Verdict.EDGE).any(axis=1)
     change("excused", int(excused.sum()))
     for kind in np.unique(left.primary[wrong]).tolist():
-        change(f"{place}primary/{Verdict(kind).name.lower()}", int((left.primary == kind).sum()))
+        change(f"{place}primary/{Verdict(kind).key}", int((left.primary == kind).sum()))
     change(f"{place}primary/ok", -int((wrong & (left.state == AGREES)).sum()))
     change(f"{place}primary/tie", -int((wrong & (left.state == TIES)).sum()))
     for place_of_light in range(left.shadow.shape[1]):
@@ -203,32 +184,27 @@ def _count(
         change(f"{path}/scored", -lost)
         change(f"{path}/ok", -lost - int((bits > Verdict.OK).sum()))
         for kind in np.unique(bits[bits > Verdict.OK]).tolist():
-            change(f"{path}/{Verdict(kind).name.lower()}", int((bits == kind).sum()))
-    bounce = {"bounce": int(place.split("/")[1]) + 1} if place else {}
+            change(f"{path}/{Verdict(kind).key}", int((bits == kind).sum()))
+    lead = {"bounce": bounce} if place else {}
     for row, pixel in enumerate(left.pixels[:EXAMPLES].tolist()):
-        where = {**bounce, "pixel": [pixel % own.width, pixel // own.width], "settled": True}
+        where = {**lead, "pixel": [pixel % own.width, pixel // own.width], "settled": True}
         if wrong[row]:
-            examples.append({**where, "kind": Verdict(int(left.primary[row])).name.lower()})
+            examples.append({**where, "kind": Verdict(int(left.primary[row])).key})
         for light, kind in zip(lights, left.shadow[row].tolist(), strict=True):
             if kind > Verdict.OK:
-                examples.append({**where, "kind": Verdict(kind).name.lower(), "light": light})
+                examples.append({**where, "kind": Verdict(kind).key, "light": light})
 
 
-def _at(score: dict[str, Any], path: str) -> Any:
-    """What lies at a path of names and places in a score."""
-    found: Any = score
-    for step in path.split("/"):
-        found = found[int(step)] if isinstance(found, list) else found[step]
-    return found
-
-
-def _apply(score: dict[str, Any], changes: dict[str, int], sign: int) -> None:
+def _apply(facts: dict[str, Any], changes: dict[str, int], sign: int) -> None:
+    """Add changes to the counts of a score as JSON, and check it again."""
     for path, by in changes.items():
         if path != "excused":
-            parent, _, name = path.rpartition("/")
-            (_at(score, parent) if parent else score)[name] += sign * by
-    pixels = score["primary"]["pixels"]
-    excused = round(score["excused_share"] * pixels) + sign * changes.get("excused", 0)
-    score["excused_share"] = excused / pixels if pixels else 0.0
-    passed = score["true_errors"] == 0 and score["excused_share"] <= EXCUSED_LIMIT
-    score["check"] = "ok" if passed else "failed"
+            *steps, name = path.split("/")
+            place: Any = facts
+            for step in steps:
+                place = place[int(step)] if isinstance(place, list) else place[step]
+            place[name] += sign * by
+    pixels = facts["primary"]["pixels"]
+    excused = round(facts["excused_share"] * pixels) + sign * changes.get("excused", 0)
+    facts["excused_share"] = excused / pixels if pixels else 0.0
+    facts["check"] = check_of(facts["true_errors"], facts["excused_share"])

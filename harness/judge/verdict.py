@@ -26,12 +26,27 @@ class Verdict(IntEnum):
     ACNE = 6
     LEAK = 7
 
+    @property
+    def key(self) -> str:
+        """Its name in records and reports."""
+        return self.name.lower()
 
-# What an answer is counted as, what of that is wrong, excused or right.
+
 PRIMARY = (Verdict.OK, Verdict.TIE, Verdict.NEAR_TIE, Verdict.EDGE, Verdict.TRUE, Verdict.INVALID)
+"""The classes of a closest hit."""
+
 SHADOW = (Verdict.OK, Verdict.EDGE, Verdict.ACNE, Verdict.LEAK, Verdict.INVALID)
-ERRORS = (Verdict.TRUE, Verdict.INVALID, Verdict.ACNE, Verdict.LEAK)
-EXCUSED = (Verdict.NEAR_TIE, Verdict.EDGE)
+"""The classes of a shadow bit."""
+
 RIGHT = (Verdict.OK, Verdict.TIE)
+EXCUSED = (Verdict.NEAR_TIE, Verdict.EDGE)
+ERRORS = (Verdict.TRUE, Verdict.INVALID, Verdict.ACNE, Verdict.LEAK)
+
+WRONG_BIT = (Verdict.EDGE, Verdict.ACNE, Verdict.LEAK)
+"""The classes of a shadow bit that is 0 or 1, and not the right one."""
+
+GRAVEST_BIT = (Verdict.EDGE, Verdict.INVALID, Verdict.LEAK, Verdict.ACNE)
+"""The classes of wrong shadow bits; of a pixel with several, the last one here counts."""
+
 EXCUSED_LIMIT = 0.001
 """A score fails where a larger share of the pixels had to be excused."""

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from ..judge.score import Judge
-from ..judge.shared_errors import Disputes
+from ..judge.context import Judge
+from ..judge.score import Scored, score_answers
 from ..results.pixel_maps import OFFSET, write_map, wrong_path
 from .picture import shade
 
@@ -28,28 +28,18 @@ def reference_path(folder: Path, scene: str, frame: int) -> Path:
 
 
 def keep_wrong(
-    folder: Path,
-    key: str,
-    frame: int,
-    judge: Judge,
-    answers: dict[str, NDArray],
-    disputes: list[Disputes] | None = None,
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The score of a frame's answers, its map of classes written; and its FLIP, or the reason why there is none.
-
-    ``disputes`` as in :func:`.judge.score.score_answers`.
-    """
-    moment = judge.moment
-    classes = np.zeros(moment.width * moment.height, dtype=np.int8)
-    score = judge.score(answers, classes=classes, disputes=disputes)
-    shape = (moment.height, moment.width)
-    write_map(wrong_path(folder, key, frame), classes.reshape(shape).astype(np.int64) + OFFSET)
+    folder: Path, key: str, frame: int, judge: Judge, answers: dict[str, NDArray]
+) -> tuple[Scored, dict[str, Any]]:
+    """The score of a frame's answers, its map of classes written; and its FLIP, or the reason why there is none."""
+    scored = score_answers(judge, answers)
+    shape = (judge.moment.height, judge.moment.width)
+    write_map(wrong_path(folder, key, frame), scored.classes.reshape(shape).astype(np.int64) + OFFSET)
     right, given = (picture(judge, one) for one in (judge.reference.answers(), answers))
     path = reference_path(folder, judge.prepared.scene.name, frame)
     if not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
         Image.fromarray(right).save(path)
-    return score, flip(right, given)
+    return scored, flip(right, given)
 
 
 def picture(judge: Judge, answers: dict[str, NDArray]) -> NDArray[np.uint8]:

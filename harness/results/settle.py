@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..judge.counts import Score
 from ..judge.shared_errors import Disputes, charge, charged_pixels, pooled
 from .pixel_maps import mark_wrong, wrong_path
 from ..files import DAMAGED, write_arrays, write_atomic
@@ -77,7 +78,10 @@ def settle_folder(folder: Path) -> dict[str, Record]:
         whole = read_disputes(path) if score else None
         if score is None or whole is None:
             continue
-        if charge(score, whole[2], pool):
+        before = Score.from_json(score, f"{place}: score")
+        charged = charge(before, whole[2], pool)
+        if charged is not before:
+            next(one for one in record.frames if one.frame == frame).score = charged.to_json()
             write_atomic(place, record.to_json())
             changed[key] = record
         mark_wrong(wrong_path(folder, key, frame), *charged_pixels(whole[2], pool))

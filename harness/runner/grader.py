@@ -7,7 +7,6 @@ are kept, so that ``shadowbench score DIR`` fills the score in elsewhere.
 
 from __future__ import annotations
 
-import copy
 import hashlib
 from pathlib import Path
 from typing import Any
@@ -49,7 +48,7 @@ class Grader:
         self.folder, self.device = folder, device
         self.effects = Effects.of(prepared.scene)
         self._judges: dict[int, Any] = {}
-        self._scores: dict[tuple[int, str], tuple[dict[str, Any], list[Any]]] = {}
+        self._scores: dict[tuple[int, str], Any] = {}
 
     def grade(
         self, key: str, save_answers: bool, score: bool, picture: Path, shows: str, wrong_maps: bool = False
@@ -86,7 +85,8 @@ class Grader:
 
     def _score(self, key: str, frame: int, answers: Answers, wrong_map: bool) -> dict[str, Any]:
         try:
-            from ..judge.score import Judge
+            from ..judge.context import Judge
+            from ..judge.score import score_answers
             from ..report.flip import keep_wrong
             from ..results.settle import keep_disputes
         except ImportError as error:
@@ -95,21 +95,21 @@ class Grader:
             return {"score": None, "unscored": reason}
         if frame not in self._judges:
             truth = self.folder / "truth"
-            self._judges[frame] = Judge(self.prepared, self.moments[frame], self.effects, truth, self.device)
+            self._judges[frame] = Judge.of(
+                self.prepared, self.moments[frame], self.effects, truth, self.device
+            )
         judge = self._judges[frame]
         looks: dict[str, Any] = {}
         if wrong_map:
-            disputes: list[Any] = []
-            score, looks = keep_wrong(self.folder, key, frame, judge, answers, disputes)
+            scored, looks = keep_wrong(self.folder, key, frame, judge, answers)
         else:
             # Methods that are exact answer bit for bit the same: what was judged once is not judged again.
             known = (frame, digest_of(answers))
             if known not in self._scores:
-                found: list[Any] = []
-                self._scores[known] = judge.score(answers, disputes=found), found
-            score, disputes = self._scores[known]
-        keep_disputes(self.folder, key, frame, disputes)
-        return {"score": copy.deepcopy(score), "unscored": None, **looks}
+                self._scores[known] = score_answers(judge, answers)
+            scored = self._scores[known]
+        keep_disputes(self.folder, key, frame, scored.disputes)
+        return {"score": scored.score.to_json(), "unscored": None, **looks}
 
     def _keep(self, key: str, frame: int, answers: Answers) -> None:
         try:

@@ -19,7 +19,7 @@ from shadowbench.experiments._hardness import hard_rows
 from shadowbench.experiments._offsets import error_grid, offset_by
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.judge.score import Judge
+from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.judge.verdict import Verdict
 from shadowbench.harness.report import flip as looks
 from shadowbench.harness.report import style
@@ -74,7 +74,7 @@ def judged():
     prepared = make_scene(vertices, faces, [(2.0, 3.0, 4.0)], (0.0, 0.5, 3.0))
     moment = prepared.moment(0, 40, 30)
     answers = Session(make_method("accuracy_ladder"), prepared, 40, 30, "cpu").answers(moment)
-    return Judge(prepared, moment), answers
+    return Judge.of(prepared, moment), answers
 
 
 def planted(answers):
@@ -95,23 +95,23 @@ def planted(answers):
 def test_the_map_of_classes_shows_planted_errors_where_they_are(judged, tmp_path):
     judge, answers = judged
     wrong, chosen = planted(answers)
-    score, _ = looks.keep_wrong(tmp_path, "point", 0, judge, wrong)
+    scored, _ = looks.keep_wrong(tmp_path, "point", 0, judge, wrong)
     classes = pixel_maps.read_wrong(looks.wrong_path(tmp_path, "point", 0))
     assert classes.shape == (30, 40)
     for verdict, pixels in chosen.items():
         np.testing.assert_array_equal(
             np.nonzero(classes.ravel() == verdict)[0], np.sort(pixels), verdict.name
         )
-    assert score["true_errors"] == 6
+    assert scored.score.true_errors == 6
     assert np.isin(classes, (Verdict.ACNE, Verdict.LEAK, Verdict.TRUE, Verdict.INVALID)).sum() == 6
     assert looks.reference_path(tmp_path, judge.prepared.scene.name, 0).exists()
 
 
 def test_a_right_frame_has_a_map_without_errors_and_no_flip(judged, tmp_path):
     judge, answers = judged
-    score, looked = looks.keep_wrong(tmp_path, "point", 0, judge, answers)
+    scored, looked = looks.keep_wrong(tmp_path, "point", 0, judge, answers)
     classes = pixel_maps.read_wrong(looks.wrong_path(tmp_path, "point", 0))
-    assert score["true_errors"] == 0
+    assert scored.score.true_errors == 0
     assert set(np.unique(classes)) <= {Verdict.OK, Verdict.TIE}
     if importlib.util.find_spec("flip_evaluator"):
         assert looked["flip"] < 1e-3

@@ -16,8 +16,9 @@ from shadowbench.harness.frame.session import Session
 from shadowbench.harness.hardcases import holes
 from shadowbench.harness.hardcases.case import ball, quad, soup
 from shadowbench.harness.hardcases.judge import Judged, judge_case
+from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.judge.referee import Referee
-from shadowbench.harness.judge.score import Judge
+from shadowbench.harness.judge.score import score_answers
 from shadowbench.harness.scene.effects import Effects
 from shadowbench.harness.scene.moment import Moment
 from shadowbench.harness.scene.prepared import Prepared, prepare
@@ -124,7 +125,7 @@ def test_rays_on_borders_count_where_either_side_is_opaque(name, settings, side)
         seen = (np.floor(x * 4) + np.floor(-y * 4)) % 2 == 0
     assert ((answers["triangle"].reshape(16, 16) < 2) == seen).all()
     moment = prepared.moment(0, 16, 16)
-    assert Judge(prepared, moment).score(answers)["true_errors"] == 0
+    assert score_answers(Judge.of(prepared, moment), answers).score.true_errors == 0
 
 
 # --- methods --------------------------------------------------------------------------------------------------
@@ -134,9 +135,9 @@ def test_rays_on_borders_count_where_either_side_is_opaque(name, settings, side)
 def test_exact_methods_are_right_and_alike(name, settings):
     prepared, _, judge = holed()
     answers = answers_of(name, settings, prepared)
-    score = judge.score(answers, extra_pixels=SIZE[0] * SIZE[1])
-    assert score["true_errors"] == 0
-    assert score["excused_share"] == 0
+    score = score_answers(judge.with_random_pixels(SIZE[0] * SIZE[1]), answers).score
+    assert score.true_errors == 0
+    assert score.excused_share == 0
     assert not same(answers, answers_of(*EXACT[0], prepared))
     plain = answers_of(name, settings, make(ball_on_floor(), None))
     assert np.count_nonzero(plain["triangle"] != answers["triangle"]) > 20

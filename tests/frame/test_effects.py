@@ -24,7 +24,8 @@ from helpers.effect_scenes import (
 from shadowbench.harness.frame import frame as frame_module
 from shadowbench.harness.frame import receivers
 from shadowbench.harness.frame.method import BaseMethod
-from shadowbench.harness.judge.score import Judge
+from shadowbench.harness.judge.context import Judge
+from shadowbench.harness.judge.score import score_answers
 from shadowbench.harness.runner.memory import Memory
 from shadowbench.harness.scene.effects import Effects
 from shadowbench.harness.scene.prepared import Prepared
@@ -154,10 +155,10 @@ def test_a_neutral_value_changes_no_bit(label, neutral, device):
 def test_receivers_are_the_same_for_every_method_and_truth(label, facing, device):
     prepared = scene((SPOT, BEHIND, Light((0.2, 1.0, 0.3), directional=True)), facing=facing)
     moment = prepared.moment(0, *SIZE)
-    judge = Judge(prepared, moment)
+    judge = Judge.of(prepared, moment)
     answers = session_of(label, prepared, device).answers(moment)
-    score = judge.score(answers)
-    assert score["true_errors"] == 0
+    score = score_answers(judge, answers).score
+    assert score.true_errors == 0
     wanted = session_of(EXACT[0], prepared, device).answers(moment)
     for name in wanted:
         np.testing.assert_array_equal(answers[name], wanted[name])
@@ -175,7 +176,7 @@ def test_bits_where_nothing_receives_are_errors():
     plain = scene((POINT,)).moment(0, *SIZE)
     unlimited = session_of("uniform_grid", scene((POINT,))).answers(plain)
     assert (unlimited["visibility"] > answers["visibility"]).any()
-    assert Judge(prepared, moment).score(unlimited)["true_errors"] > 0
+    assert score_answers(Judge.of(prepared, moment), unlimited).score.true_errors > 0
 
 
 @pytest.mark.parametrize("label", LAMPS)

@@ -20,9 +20,10 @@ from helpers.mirror_scenes import (
 )
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.judge.answer_files import save_raw
+from shadowbench.harness.judge.answer_files import save_raw, score_raw
+from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.judge.referee import Referee
-from shadowbench.harness.judge.score import Judge, score_raw
+from shadowbench.harness.judge.score import score_answers
 from shadowbench.harness.scene.effects import Effects, Switches
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import Camera
@@ -62,14 +63,14 @@ def test_exact_methods_agree_bit_for_bit_and_have_no_error(device):
         first = first or answers
         for key in first:
             np.testing.assert_array_equal(answers[key], first[key], key)
-    score = Judge(prepared, moment).score(first, extra_pixels=SIZE * SIZE)
-    assert score["true_errors"] == 0, score["examples"]
-    assert [one["bounce"] for one in score["bounces"]] == [1, 2, 3]
-    for one in score["bounces"]:
-        assert one["rays"] > 100
-        assert one["rays_wrong"] == 0
-        assert one["primary"]["judged"] == SIZE * SIZE
-    rays = [one["rays"] for one in score["bounces"]]
+    score = score_answers(Judge.of(prepared, moment).with_random_pixels(SIZE * SIZE), first).score
+    assert score.true_errors == 0, score.examples
+    assert [one.bounce for one in score.bounces] == [1, 2, 3]
+    for one in score.bounces:
+        assert one.rays > 100
+        assert one.rays_wrong == 0
+        assert one.primary.judged == SIZE * SIZE
+    rays = [one.rays for one in score.bounces]
     assert rays == sorted(rays, reverse=True), "a ray that met something else does not go on"
     bits = first["bounce_visibility"]
     for light in range(3):
@@ -117,10 +118,10 @@ def test_a_replay_with_every_effect_has_the_bits_of_plain_launches(name, setting
 def test_float32_methods_trace_the_same_rays_nearly_without_error(name, settings):
     prepared = hall_of_mirrors(2)
     moment, answers = answered(name, settings, prepared)
-    score = Judge(prepared, moment).score(answers)
-    assert score["true_errors"] <= 3, score["examples"]
-    assert sum(one["rays_wrong"] for one in score["bounces"]) == 0
-    assert all(one["rays"] > 100 for one in score["bounces"])
+    score = score_answers(Judge.of(prepared, moment), answers).score
+    assert score.true_errors <= 3, score.examples
+    assert sum(one.rays_wrong for one in score.bounces) == 0
+    assert all(one.rays > 100 for one in score.bounces)
 
 
 @needs_embree
@@ -134,9 +135,9 @@ def test_mirrors_of_any_shape_have_no_error(seed):
         2,
     )
     moment, answers = answered("uniform_grid", {}, prepared)
-    score = Judge(prepared, moment).score(answers, extra_pixels=SIZE * SIZE)
-    assert score["true_errors"] == 0, score["examples"]
-    assert score["bounces"][0]["rays"] > 20
+    score = score_answers(Judge.of(prepared, moment).with_random_pixels(SIZE * SIZE), answers).score
+    assert score.true_errors == 0, score.examples
+    assert score.bounces[0].rays > 20
     other = answered("bvh", {"update": "bvh_rebuild"}, prepared)[1]
     for key in answers:
         np.testing.assert_array_equal(answers[key], other[key], key)
@@ -154,8 +155,8 @@ def test_hard_cases_all_of_mirrors_have_no_error(name, plain, width, height):
     )
     for key in first:
         np.testing.assert_array_equal(first[key], second[key], key)
-    score = Judge(prepared, moment).score(first, extra_pixels=width * height)
-    assert score["true_errors"] == 0, score["examples"]
+    score = score_answers(Judge.of(prepared, moment).with_random_pixels(width * height), first).score
+    assert score.true_errors == 0, score.examples
 
 
 @needs_embree
@@ -168,9 +169,9 @@ def test_a_mirror_shows_holes_as_holes():
     _, other = answered("bvh", {"update": "bvh_rebuild"}, holed)
     for key in answers:
         np.testing.assert_array_equal(answers[key], other[key], key)
-    score = Judge(holed, moment).score(answers, extra_pixels=SIZE * SIZE)
-    assert score["true_errors"] == 0, score["examples"]
-    assert score["bounces"][0]["rays"] > 100
+    score = score_answers(Judge.of(holed, moment).with_random_pixels(SIZE * SIZE), answers).score
+    assert score.true_errors == 0, score.examples
+    assert score.bounces[0].rays > 100
     whole = answered("uniform_grid", {}, prepared)[1]
     reached = (whole["bounce_active"][0] == 1) & (answers["triangle"] == whole["triangle"])
     assert (answers["bounce_triangle"][0] != whole["bounce_triangle"][0])[reached].sum() > 20
@@ -187,31 +188,31 @@ def test_mirrors_are_handed_to_other_processes(tmp_path):
 def test_the_score_finds_wrong_rays_hits_and_bits():
     prepared = hall_of_mirrors(2)
     moment, answers = answered("uniform_grid", {}, prepared)
-    judge = Judge(prepared, moment)
-    assert judge.score(answers)["true_errors"] == 0
+    judge = Judge.of(prepared, moment)
+    assert score_answers(judge, answers).score.true_errors == 0
     there = np.nonzero(answers["bounce_triangle"][0] >= 0)[0][:6]
 
     def changed(name, change):
         spoilt = {**answers, f"bounce_{name}": answers[f"bounce_{name}"].copy()}
         change(spoilt[f"bounce_{name}"])
-        return judge.score(spoilt)["bounces"]
+        return score_answers(judge, spoilt).score.bounces
 
     def shift(array):
         array[0][there] += np.float32(1e-4)
 
     for name in ("direction", "origin"):
-        assert changed(name, shift)[0]["rays_wrong"] == 6, name
+        assert changed(name, shift)[0].rays_wrong == 6, name
     bounces = changed("active", lambda a: a[0].__setitem__(there, 0))
-    assert bounces[0]["rays_wrong"] == 6
-    assert bounces[0]["primary"]["invalid"] == 6, "a hit without a ray is none"
+    assert bounces[0].rays_wrong == 6
+    assert bounces[0].primary.invalid == 6, "a hit without a ray is none"
     bounces = changed("triangle", lambda a: a[0].__setitem__(there, (a[0][there] + 7) % 40))
-    assert bounces[0]["primary"]["true"] + bounces[0]["primary"]["invalid"] == 6
-    assert bounces[1]["rays_wrong"] > 0, "the next bounce's rays are not those of what was answered"
+    assert bounces[0].primary.true + bounces[0].primary.invalid == 6
+    assert bounces[1].rays_wrong > 0, "the next bounce's rays are not those of what was answered"
     bounces = changed("visibility", lambda a: a[1][3].fill(1))
-    assert bounces[1]["true_errors"] > 0, "a bit of a light that asks for no shadows"
+    assert bounces[1].true_errors > 0, "a bit of a light that asks for no shadows"
     lit = np.nonzero((answers["bounce_visibility"][0][0] == 0) & (answers["bounce_triangle"][0] >= 0))[0]
     bounces = changed("visibility", lambda a: a[0][0].__setitem__(lit, 1))
-    assert bounces[0]["shadow"][0]["acne"] > len(lit) / 2
+    assert bounces[0].shadow[0].acne > len(lit) / 2
 
 
 @needs_embree
@@ -219,10 +220,10 @@ def test_answers_kept_for_elsewhere_are_scored_with_their_rays(tmp_path):
     prepared = hall_of_mirrors(2)
     moment, answers = answered("uniform_grid", {}, prepared)
     save_raw(tmp_path / "raw.npz", prepared, moment, answers, "test")
-    score = score_raw(tmp_path / "raw.npz")
-    assert score["true_errors"] == 0
-    assert [one["rays"] for one in score["bounces"]] == [
-        one["rays"] for one in Judge(prepared, moment).score(answers)["bounces"]
+    score = score_raw(tmp_path / "raw.npz").score
+    assert score.true_errors == 0
+    assert [one.rays for one in score.bounces] == [
+        one.rays for one in score_answers(Judge.of(prepared, moment), answers).score.bounces
     ]
 
 

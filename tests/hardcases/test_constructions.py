@@ -40,7 +40,7 @@ def test_structured_rays_pass_exactly_through_vertices() -> None:
     directions = moment.directions(np.arange(256))
     expected = np.stack([np.tile(x, 16), np.repeat(-x, 16), -np.ones(256)], axis=1)
     np.testing.assert_array_equal(directions, expected)
-    ties = [len(found) for found in judged("P12").referee.closest(np.zeros(3), directions).ties]
+    ties = [len(found) for found in judged("P12").judge.referee.closest(np.zeros(3), directions).ties]
     assert sum(n >= 6 for n in ties) >= 14 * 14  # every inner vertex belongs to six triangles
 
 
@@ -111,15 +111,15 @@ def open_edges(case: str) -> int:
     edges = np.sort(welded[:, [1, 2, 2, 0, 0, 1]].reshape(-1, 2), axis=1)
     _, which, shared = np.unique(edges, axis=0, return_inverse=True, return_counts=True)
     lone = (shared[which.ravel()] < 2).reshape(-1, 3)  # opposite to each corner
-    hits = one.referee.closest(moment.eye, moment.directions(np.arange(moment.width * moment.height)))
+    hits = one.judge.referee.closest(moment.eye, moment.directions(np.arange(moment.width * moment.height)))
     rows = np.nonzero(hits.triangle >= 0)[0]
     eye = moment.eye.astype(np.float64)
     rays = [(eye, hits.directions[rows].astype(np.float64), hits.triangle[rows])]
     for light in moment.lights:
-        occluders = one.referee.occluders(hits, light)
+        occluders = one.judge.referee.occluders(hits, light)
         cut = np.nonzero(occluders >= 0)[0]
         rays.append(
-            (light.astype(np.float64), one.referee.hit_points(hits.take(cut)) - light, occluders[cut])
+            (light.astype(np.float64), one.judge.referee.hit_points(hits.take(cut)) - light, occluders[cut])
         )
     found = 0
     for origin, way, met in rays:
@@ -154,7 +154,7 @@ def test_the_icosphere_is_met_at_vertices_and_edges() -> None:
         np.testing.assert_array_equal(points * 4096, np.round(points * 4096))
         a, b, c = (points[faces[:, k]] - moment.eye for k in range(3))
         assert (np.einsum("ij,ij->i", a, np.cross(b, c)) > 0).all()
-        hits = one.referee.closest(moment.eye, moment.directions(np.arange(64 * 64)))
+        hits = one.judge.referee.closest(moment.eye, moment.directions(np.arange(64 * 64)))
         ties = np.array([len(found) for found in hits.ties])
         assert (ties >= 5).sum() > 50
         assert (ties == 2).sum() > 150

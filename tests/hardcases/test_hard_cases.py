@@ -14,7 +14,7 @@ from shadowbench.harness.frame.session import Session
 from shadowbench.harness.hardcases import HardCase
 from shadowbench.harness.hardcases.case import plane, view
 from shadowbench.harness.hardcases.conformance import conformance, counted_allocations
-from shadowbench.harness.hardcases.judge import ERRORS, judge_case, judge_method
+from shadowbench.harness.hardcases.judge import ERROR_NAMES, judge_case, judge_method
 
 EXACT = (
     ("perspective_spherical", ()),
@@ -129,7 +129,7 @@ def forged(name: str, change) -> dict[str, int]:
 def test_the_exact_answers_pass() -> None:
     for case in CASES:
         if not case.name.startswith(("S17", "M")):  # mirrors: below
-            assert set(forged(case.name, lambda answers: None)) & set(ERRORS) == set(), case.name
+            assert set(forged(case.name, lambda answers: None)) & set(ERROR_NAMES) == set(), case.name
 
 
 class MirrorForger(Forger):
@@ -156,7 +156,7 @@ def test_errors_in_a_mirror_are_found() -> None:
     def found(change):
         return judge_case(one, MirrorForger(answers, change), "cpu").classes
 
-    assert set(found(lambda a: None)) & set(ERRORS) == set()
+    assert set(found(lambda a: None)) & set(ERROR_NAMES) == set()
     assert found(change("bounce_visibility", (0, 0, shadowed[:9]), 0))["leak"] == 9
     assert found(change("bounce_triangle", (0, 40), 0))["true"] == 1
     assert found(change("bounce_triangle", (0, 40), 99))["invalid"] >= 1
@@ -199,7 +199,7 @@ def test_a_bit_outside_a_spot_is_found() -> None:
     one = judged("S17")
     good = judge_case(one, SpotForger(one.exact, lambda answers: None), "cpu")
     assert good.status == "ok"
-    lit = int(np.nonzero((one.exact["visibility"][0] == 0) & (one.everywhere.visibility[0] == 1))[0][0])
+    lit = int(np.nonzero((one.exact["visibility"][0] == 0) & (one.judge.reference.visibility[0] == 1))[0][0])
     bad = judge_case(one, SpotForger(one.exact, change("visibility", (0, lit), 1)), "cpu")
     assert bad.classes.get("acne") == 1
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from helpers import exact_cases as cases
+from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.judge.reference import Reference
-from shadowbench.harness.judge.score import Judge, score_answers
+from shadowbench.harness.judge.score import score_answers
 from shadowbench.harness.scene.prepared import prepare
 
 WIDTH, HEIGHT = 60, 45
@@ -17,7 +20,7 @@ class Court:
     def __init__(self, scene=None):
         self.prepared = prepare(scene or cases.ball_on_floor(lights=2))
         self.moment = self.prepared.moment(0, WIDTH, HEIGHT)
-        self.judge = Judge(self.prepared, self.moment)
+        self.judge = Judge.of(self.prepared, self.moment)
         self.right = cases.exact_answers(self.prepared, self.moment, self.judge.referee)
         self.provenance = self.judge.reference.provenance
         self.wrong = self.answers()
@@ -39,26 +42,18 @@ class Court:
 
     def score(self, answers, sample: int = 0):
         """A score against the wrong reference, and what it leaves to others."""
-        left: list = []
-        judge = self.judge
-        score = score_answers(
-            self.prepared,
-            self.moment,
-            answers,
-            self.reference,
-            judge.referee,
-            judge.effects,
-            sample,
-            disputes=left,
-        )
-        return score, left
+        judge = replace(self.judge, moment=self.moment, reference=self.reference, random_pixels=sample)
+        scored = score_answers(judge, answers)
+        return scored.score, scored.disputes
 
     def counts(self, score):
         """What must come out the same whoever asked."""
         asked = ("disputed", "judged", "t_max_relative_error", "uv_max_error")
-        primary = {name: n for name, n in score["primary"].items() if name not in asked}
-        shadow = [{name: n for name, n in light.items() if name != "disputed"} for light in score["shadow"]]
-        return primary, shadow, score["true_errors"], score["excused_share"], score["check"]
+        primary = {name: n for name, n in vars(score.primary).items() if name not in asked}
+        shadow = [
+            {name: n for name, n in vars(light).items() if name != "disputed"} for light in score.shadow
+        ]
+        return primary, shadow, score.true_errors, score.excused_share, score.check
 
     def whole(self, answers):
         """The counts where the referee decides every pixel."""

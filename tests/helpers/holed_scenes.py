@@ -8,7 +8,7 @@ import numpy as np
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.hardcases.case import ball, joined, quad
-from shadowbench.harness.judge.score import Judge
+from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.scene.moment import Moment
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
@@ -47,7 +47,7 @@ def holed() -> tuple[Prepared, Moment, Judge]:
     """A chequered ball on a half chequered floor, one light outside, one inside the ball."""
     prepared = make(ball_on_floor(), lambda geometry: perforated(geometry, 2, 6))
     moment = prepared.moment(0, *SIZE)
-    return prepared, moment, Judge(prepared, moment)
+    return prepared, moment, Judge.of(prepared, moment)
 
 
 def answers_of(name: str, settings: dict, prepared: Prepared, size=SIZE, device="cpu"):

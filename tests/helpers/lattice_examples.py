@@ -20,7 +20,7 @@ from shadowbench.harness.frame.method import Method
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.hardcases.case import Counts, HardCase, Trial
-from shadowbench.harness.hardcases.judge import ERRORS, Judged, same_bits
+from shadowbench.harness.hardcases.judge import ERROR_NAMES, Judged, same_bits
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 from shadowbench.harness.scene.surface_rules import perforated
@@ -297,8 +297,8 @@ def true_errors(example: Example, names: Sequence[str] = METHODS, device: str = 
             continue
         if all(same_bits(answers[key], exact[key]) for key in ("triangle", "t", "visibility")):
             continue
-        classes, examples, _ = judged.judge(answers)
-        wrong = {key: n for key, n in classes.items() if key in ERRORS}
+        classes, examples, _ = judged.count(answers)
+        wrong = {key: n for key, n in classes.items() if key in ERROR_NAMES}
         if wrong:
             found[name] = f"{wrong} {examples[:1]}"
     return found

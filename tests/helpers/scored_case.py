@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from helpers import exact_cases as cases
-from shadowbench.harness.judge.score import Judge
+from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import Scene
 
@@ -15,7 +15,7 @@ class Case:
     def __init__(self, scene: Scene):
         self.prepared = prepare(scene)
         self.moment = self.prepared.moment(0, WIDTH, HEIGHT)
-        self.judge = Judge(self.prepared, self.moment)
+        self.judge = Judge.of(self.prepared, self.moment)
         self.right = cases.exact_answers(self.prepared, self.moment, self.judge.referee)
 
     def answers(self) -> dict[str, np.ndarray]:

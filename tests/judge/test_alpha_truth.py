@@ -10,10 +10,11 @@ from helpers.holed_scenes import SIZE, answers_of, ball_on_floor, holed, make, s
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.judge.answer_files import save_raw
+from shadowbench.harness.judge.answer_files import save_raw, score_raw
 from shadowbench.harness.judge.arithmetic import edge_bound
+from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.judge.referee import Referee
-from shadowbench.harness.judge.score import Judge, score_raw
+from shadowbench.harness.judge.score import score_answers
 from shadowbench.harness.judge.verdict import Verdict
 from shadowbench.harness.scene.alpha import checked
 from shadowbench.harness.scene.effects import Effects
@@ -31,18 +32,16 @@ def test_truth_is_the_referee_and_says_why():
 def test_ignoring_holes_is_a_true_error():
     _, _, judge = holed()
     blind = answers_of("uniform_grid", {}, make(ball_on_floor(), None))
-    score = judge.score(blind)
+    score = score_answers(judge, blind).score
     wrong = np.count_nonzero(blind["triangle"] != judge.reference.triangle)
     assert wrong > 20
-    assert score["primary"]["true"] == wrong
-    assert score["primary"]["edge"] == score["primary"]["near_tie"] == 0
+    assert score.primary.true == wrong
+    assert score.primary.edge == score.primary.near_tie == 0
     right = {**judge.reference.answers()}
     right["visibility"] = 1 - right["visibility"]
     right["visibility"][:, right["triangle"] < 0] = 0
-    bits = judge.score(right)["shadow"]
-    assert sum(light["acne"] + light["leak"] for light in bits) == 2 * np.count_nonzero(
-        right["triangle"] >= 0
-    )
+    bits = score_answers(judge, right).score.shadow
+    assert sum(light.acne + light.leak for light in bits) == 2 * np.count_nonzero(right["triangle"] >= 0)
 
 
 @pytest.mark.parametrize(("bounds", "verdict"), [(0.5, Verdict.EDGE), (3.0, Verdict.TRUE)])
@@ -76,7 +75,7 @@ def test_duplicates_with_different_holes_are_not_one():
     points, faces = ball_on_floor()
     prepared = make((points, np.concatenate([faces, faces])), lambda g: perforated(g, 2, 6))
     moment = prepared.moment(0, *SIZE)
-    referee = Judge(prepared, moment).referee
+    referee = Judge.of(prepared, moment).referee
     masked = prepared.alpha.triangles != 0
     assert (referee.duplicate_of[masked] == np.nonzero(masked)[0]).all()
     assert (referee.duplicate_of[~masked] < len(faces)).all()
@@ -120,9 +119,9 @@ def test_raw_answers_keep_the_mask(tmp_path):
     answers = answers_of("uniform_grid", {}, prepared)
     path = tmp_path / "a.npz"
     save_raw(path, prepared, moment, answers, "nowhere")
-    score = score_raw(path)
-    assert score["true_errors"] == 0
-    assert score["truth"]["surfaces"] == judge.reference.provenance["surfaces"]
+    score = score_raw(path).score
+    assert score.true_errors == 0
+    assert score.truth["surfaces"] == judge.reference.provenance["surfaces"]
     kept = next(tmp_path.glob("mesh-*.npz"))
     with np.load(kept) as stored:
         arrays = {name: stored[name] for name in stored.files}
@@ -134,8 +133,8 @@ def test_raw_answers_keep_the_mask(tmp_path):
 
 def test_truth_and_scenes_with_masks_are_kept_and_read_back(tmp_path):
     prepared, moment, judge = holed()
-    one = Judge(prepared, moment, folder=tmp_path).reference
-    two = Judge(prepared, moment, folder=tmp_path).reference
+    one = Judge.of(prepared, moment, folder=tmp_path).reference
+    two = Judge.of(prepared, moment, folder=tmp_path).reference
     assert len(list(tmp_path.glob("truth-*.npz"))) == 1
     assert not same(one.answers(), two.answers())
     assert not same(one.answers(), judge.reference.answers())
@@ -155,4 +154,4 @@ def test_effects_without_alpha_see_solid_triangles():
         moment
     )
     assert not same(answers, answers_of("uniform_grid", {}, make(ball_on_floor(), None)))
-    assert Judge(prepared, moment, effects).score(answers)["true_errors"] == 0
+    assert score_answers(Judge.of(prepared, moment, effects), answers).score.true_errors == 0

@@ -14,11 +14,13 @@ from helpers.court import WIDTH, Court, lose
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.hardcases import find_case
-from shadowbench.harness.hardcases.judge import ERRORS, Judged
-from shadowbench.harness.judge import score as scoring
+from shadowbench.harness.hardcases.judge import ERROR_NAMES, Judged
+from shadowbench.harness.judge import context
+from shadowbench.harness.judge.context import Judge
+from shadowbench.harness.judge.counts import Shared
 from shadowbench.harness.judge.reference import Reference, embree_installed
-from shadowbench.harness.judge.score import Judge
-from shadowbench.harness.judge.shared_errors import settle
+from shadowbench.harness.judge.score import score_answers
+from shadowbench.harness.judge.shared_errors import share_errors
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import Camera, Light
 
@@ -32,10 +34,10 @@ def court() -> Court:
 
 def test_alone_a_method_that_errs_with_the_reference_is_not_caught(court):
     score, left = court.score(court.wrong)
-    assert (score["true_errors"], score["primary"]["judged"]) == (0, 0)
-    assert settle([(score, left)]) == [True]
-    assert score["settled"] == {"scores": 1, "true_errors": 0, "excused": 0, "changes": {}}
-    assert court.counts(score) == court.counts(court.score(court.wrong)[0])
+    assert (score.true_errors, score.primary.judged) == (0, 0)
+    (shared,) = share_errors([(score, left)])
+    assert shared.settled == Shared(scores=1, true_errors=0, excused=0, changes={})
+    assert court.counts(shared) == court.counts(score)
 
 
 @pytest.mark.parametrize("order", list(itertools.permutations(range(3))))
@@ -46,34 +48,37 @@ def test_one_method_that_is_right_charges_all_that_err_with_the_reference(court,
     lose(other, int(floor[3]))  # an error of its own as well
     given = [court.right, court.wrong, other]
     rows = [court.score(given[i]) for i in order]
-    assert settle(rows) == [True] * 3
-    scores = dict(zip(order, (score for score, _ in rows), strict=True))
-    assert [scores[i]["true_errors"] for i in range(3)] == [0, 3, 4]
-    assert [scores[i]["settled"]["true_errors"] for i in range(3)] == [0, 3, 3]
-    assert scores[1]["settled"]["scores"] == 3
+    scores = dict(zip(order, share_errors(rows), strict=True))
+    assert [scores[i].true_errors for i in range(3)] == [0, 3, 4]
+    assert [scores[i].settled.true_errors for i in range(3)] == [0, 3, 3]
+    assert scores[1].settled.scores == 3
     for i, answers in enumerate(given):
         assert court.counts(scores[i]) == court.whole(answers)
-    assert scores[1]["primary"]["true"] == 1
-    assert (scores[1]["shadow"][0]["acne"], scores[1]["shadow"][1]["leak"]) == (1, 1)
-    shown = {(one["kind"], one.get("light"), *one["pixel"]) for one in scores[1]["examples"]}
+    assert scores[1].primary.true == 1
+    assert (scores[1].shadow[0].acne, scores[1].shadow[1].leak) == (1, 1)
+    shown = {(one["kind"], one.get("light"), *one["pixel"]) for one in scores[1].examples}
     assert shown == {
         ("true", None, court.lost % WIDTH, court.lost // WIDTH),
         ("acne", 0, court.acne % WIDTH, court.acne // WIDTH),
         ("leak", 1, court.leak % WIDTH, court.leak // WIDTH),
     }
-    json.dumps([score for score, _ in rows], allow_nan=False)
+    json.dumps([score.to_json() for score in scores.values()], allow_nan=False)
 
 
-def test_settling_again_changes_nothing_and_more_rows_only_add(court):
-    early = court.score(court.wrong)
-    settle([early])
-    late = court.score(court.right)
-    assert settle([early, late]) == [True, True]
-    before = copy.deepcopy(early[0])
-    assert settle([early, late]) == [False, False]
-    assert settle([late, early]) == [False, False]
-    assert early[0] == before
-    assert before["true_errors"] == 3
+def test_sharing_again_changes_nothing_and_more_rows_only_add(court):
+    early, kept = court.score(court.wrong)
+    (early,) = share_errors([(early, kept)])
+    late, of_late = court.score(court.right)
+    both = share_errors([(early, kept), (late, of_late)])
+    assert both[0] != early
+    assert both[1] != late
+    again = share_errors([(both[0], kept), (both[1], of_late)])
+    assert again[0] is both[0]
+    assert again[1] is both[1]
+    turned = share_errors([(both[1], of_late), (both[0], kept)])
+    assert turned[0] is both[1]
+    assert turned[1] is both[0]
+    assert both[0].true_errors == 3
 
 
 def test_a_wrong_distance_of_the_reference_is_nobody_elses(court):
@@ -84,10 +89,10 @@ def test_a_wrong_distance_of_the_reference_is_nobody_elses(court):
     asked = court.answers()
     asked["visibility"][0, court.lost] ^= 1
     rows = [tilted.score(asked), tilted.score(court.right), tilted.score(tilted.wrong)]
-    assert rows[0][0]["reference_errors"]["primary"]["true"] == 1
-    settle(rows)
-    assert [score["true_errors"] for score, _ in rows] == [1, 0, 1]
-    assert [score["settled"]["true_errors"] for score, _ in rows] == [0, 0, 0]
+    assert rows[0][0].reference_errors.primary.true == 1
+    scores = share_errors(rows)
+    assert [score.true_errors for score in scores] == [1, 0, 1]
+    assert [score.settled.true_errors for score in scores] == [0, 0, 0]
 
 
 def test_another_moment_is_another_matter(court):
@@ -95,9 +100,9 @@ def test_another_moment_is_another_matter(court):
     elsewhere = copy.copy(court)
     elsewhere.moment = replace(court.moment, facing=True)
     rows = [court.score(court.wrong), elsewhere.score(court.right)]
-    settle(rows)
-    assert rows[0][0]["settled"]["scores"] == 1
-    assert rows[0][0]["true_errors"] == 0
+    score, _ = share_errors(rows)
+    assert score.settled.scores == 1
+    assert score.true_errors == 0
 
 
 def test_ties_and_edges_keep_their_classes():
@@ -111,7 +116,7 @@ def test_ties_and_edges_keep_their_classes():
     zero = np.zeros(33, dtype=np.float32)
     column, row = np.stack([steps, zero, zero - 1], axis=1), np.stack([zero, -steps, zero], axis=1)
     court.moment = replace(court.prepared.moment(0, 33, 33), column=column, row=row)
-    court.judge = Judge(court.prepared, court.moment)
+    court.judge = Judge.of(court.prepared, court.moment)
     court.right = cases.exact_answers(court.prepared, court.moment, court.judge.referee)
     court.provenance = court.judge.reference.provenance
     middle = 16 * 33 + 16
@@ -123,16 +128,16 @@ def test_ties_and_edges_keep_their_classes():
     higher = {name: value.copy() for name, value in court.wrong.items()}
     higher["triangle"][higher["triangle"] >= 0] += 2
     rows = [court.score(answers) for answers in (court.right, court.wrong, higher)]
-    assert rows[2][0]["primary"]["tie"] > 50
-    settle(rows)
-    for (score, _), answers in zip(rows, (court.right, court.wrong, higher), strict=True):
-        primary, whole = score["primary"], court.score(answers, 33 * 33)[0]["primary"]
+    assert rows[2][0].primary.tie > 50
+    scores = share_errors(rows)
+    for score, answers in zip(scores, (court.right, court.wrong, higher), strict=True):
+        primary, whole = score.primary, court.score(answers, 33 * 33)[0].primary
         for name in ("edge", "near_tie", "true", "invalid"):
-            assert primary[name] == whole[name], name
-        assert primary["ok"] + primary["tie"] == whole["ok"] + whole["tie"]
-    assert [score["primary"]["edge"] for score, _ in rows] == [0, 1, 1]
-    assert rows[1][0]["settled"]["excused"] >= 1
-    assert rows[1][0]["check"] == "failed"
+            assert getattr(primary, name) == getattr(whole, name), name
+        assert primary.ok + primary.tie == whole.ok + whole.tie
+    assert [score.primary.edge for score in scores] == [0, 1, 1]
+    assert scores[1].settled.excused >= 1
+    assert scores[1].check == "failed"
 
 
 @pytest.mark.parametrize("name", ["P03", "P12"])
@@ -141,29 +146,28 @@ def test_embrees_own_row_is_charged_where_another_method_is_right(name):
     case = find_case(name)
     one = Judged(case, case.make())
     prepared, moment = one.trial.prepared, one.trial.moment
-    judge = Judge(prepared, moment)
+    judge = Judge.of(prepared, moment)
     rows = []
     for method in ("embree", "ray_grids"):
         answers = Session(make_method(method), prepared, moment.width, moment.height, "cpu").answers(moment)
-        left: list = []
-        rows.append((judge.score(answers, extra_pixels=0, disputes=left), left))
+        scored = score_answers(judge.with_random_pixels(0), answers)
+        rows.append((scored.score, scored.disputes))
         if method == "embree":
-            truth = sum(n for kind, n in one.judge(answers)[0].items() if kind in ERRORS)
-    assert rows[0][0]["true_errors"] < truth
-    settle(rows)
-    assert (rows[0][0]["true_errors"], rows[1][0]["true_errors"]) == (truth, 0)
+            truth = sum(n for kind, n in one.count(answers)[0].items() if kind in ERROR_NAMES)
+    assert rows[0][0].true_errors < truth
+    assert [score.true_errors for score in share_errors(rows)] == [truth, 0]
 
 
 def test_mirrored_rays_that_are_the_same_are_settled_too(monkeypatch):
     case = find_case("M05")
     trial = case.make()
     moment = trial.moment
-    judge = Judge(trial.prepared, moment)
+    judge = Judge.of(trial.prepared, moment)
     right = Session(make_method("uniform_grid"), trial.prepared, moment.width, moment.height, "cpu").answers(
         moment
     )
     pixel = int(np.nonzero(right["bounce_visibility"][0][0])[0][40])
-    plain = scoring.reference_of
+    plain = context.reference_for
 
     def blind_to_one(prepared, rays, referee, effects):
         """Embree's answers to mirrored rays, but for everyone's right ones and one shadow that is lost."""
@@ -174,20 +178,20 @@ def test_mirrored_rays_that_are_the_same_are_settled_too(monkeypatch):
         given["visibility"][0, pixel] = 0
         return Reference(**given, provenance=reference.provenance)
 
-    monkeypatch.setattr(scoring, "reference_of", blind_to_one)
+    monkeypatch.setattr(context, "reference_for", blind_to_one)
     wrong = {name: value.copy() for name, value in right.items()}
     wrong["bounce_visibility"][0, 0, pixel] = 0
     moved = {name: value.copy() for name, value in wrong.items()}
     moved["bounce_direction"][0, pixel] *= np.float32(1 + 2.0**-22)  # other rays: nothing is known of them
     rows = []
     for answers in (right, wrong, moved):
-        left: list = []
-        rows.append((judge.score(answers, extra_pixels=0, disputes=left), left))
-    assert [score["bounces"][0]["shadow"][0]["leak"] for score, _ in rows] == [0, 0, 0]
-    settle(rows)
-    assert [score["bounces"][0]["shadow"][0]["leak"] for score, _ in rows] == [0, 1, 0]
-    assert [score["bounces"][0]["true_errors"] for score, _ in rows][:2] == [0, 1]
-    assert [score["true_errors"] for score, _ in rows][:2] == [0, 1]
+        scored = score_answers(judge.with_random_pixels(0), answers)
+        rows.append((scored.score, scored.disputes))
+    assert [score.bounces[0].shadow[0].leak for score, _ in rows] == [0, 0, 0]
+    scores = share_errors(rows)
+    assert [score.bounces[0].shadow[0].leak for score in scores] == [0, 1, 0]
+    assert [score.bounces[0].true_errors for score in scores][:2] == [0, 1]
+    assert [score.true_errors for score in scores][:2] == [0, 1]
     assert {
-        (one["bounce"], one["kind"], one["light"]) for one in rows[1][0]["examples"] if one.get("settled")
+        (one["bounce"], one["kind"], one["light"]) for one in scores[1].examples if one.get("settled")
     } == {(1, "leak", 0)}

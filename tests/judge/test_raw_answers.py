@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from helpers.scored_case import Case, ball_case, plant_hole
 from shadowbench.harness.errors import UserError
-from shadowbench.harness.judge.score import save_raw, score_raw
+from shadowbench.harness.judge.answer_files import save_raw, score_raw
+from shadowbench.harness.judge.score import score_answers
 
 
 @pytest.fixture(scope="module")
@@ -17,10 +18,10 @@ def ball() -> Case:
 def test_raw_answers_score_the_same_elsewhere(ball, tmp_path):
     answers = ball.answers()
     plant_hole(ball, answers)
-    here = ball.judge.score(answers)
+    here = score_answers(ball.judge, answers).score
     path = tmp_path / "answers" / "point-0.npz"
     save_raw(path, ball.prepared, ball.moment, answers, "no such scene", extra={"key": "point"})
-    there = score_raw(path, folder=tmp_path / "truth")
+    there = score_raw(path, folder=tmp_path / "truth").score
     assert there == here
     assert list((tmp_path / "truth").glob("*.npz"))
     save_raw(

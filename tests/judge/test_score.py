@@ -10,7 +10,8 @@ import pytest
 from helpers import exact_cases as cases
 from helpers.scored_case import HEIGHT, WIDTH, Case, ball_case, floor_pixel, plant_hole, sky_pixel
 from shadowbench.harness.judge.consistency import check_consistency
-from shadowbench.harness.judge.score import Judge, score_answers
+from shadowbench.harness.judge.context import Judge
+from shadowbench.harness.judge.score import score_answers
 from shadowbench.harness.scene.effects import Effects
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import Camera, Light
@@ -22,19 +23,17 @@ def ball() -> Case:
 
 
 def test_right_answers_pass(ball):
-    score = ball.judge.score(ball.answers())
-    assert score["check"] == "ok"
-    assert score["true_errors"] == 0
-    assert score["primary"]["ok"] == WIDTH * HEIGHT
-    assert score["primary"]["judged"] >= 200
-    assert score["primary"]["t_max_relative_error"] < 2.0**-23
-    assert [light["light"] for light in score["shadow"]] == [0, 1]
-    assert all(
-        light["ok"] == light["scored"] == (ball.right["triangle"] >= 0).sum() for light in score["shadow"]
-    )
-    assert score["examples"] == []
-    assert score["truth"]["robust"] is True
-    json.dumps(score, allow_nan=False)
+    score = score_answers(ball.judge, ball.answers()).score
+    assert score.check == "ok"
+    assert score.true_errors == 0
+    assert score.primary.ok == WIDTH * HEIGHT
+    assert score.primary.judged >= 200
+    assert score.primary.t_max_relative_error < 2.0**-23
+    assert [light.light for light in score.shadow] == [0, 1]
+    assert all(light.ok == light.scored == (ball.right["triangle"] >= 0).sum() for light in score.shadow)
+    assert score.examples == ()
+    assert score.truth["robust"] is True
+    json.dumps(score.to_json(), allow_nan=False)
 
 
 def ball_pixel(case: Case) -> int:
@@ -84,21 +83,21 @@ def plant_u(case, answers):
 def test_a_planted_primary_error_is_true(ball, plant):
     answers = ball.answers()
     pixel = plant(ball, answers)
-    score = ball.judge.score(answers)
-    assert score["check"] == "failed"
-    assert score["primary"]["true"] == 1
-    assert score["true_errors"] == 1
-    assert score["excused_share"] == 0
-    assert (score["primary"]["t_max_relative_error"] > 1e-6) == (plant is plant_t)
-    assert (score["primary"]["uv_max_error"] > 1e-6) == (plant is plant_u)
-    (example,) = score["examples"]
+    score = score_answers(ball.judge, answers).score
+    assert score.check == "failed"
+    assert score.primary.true == 1
+    assert score.true_errors == 1
+    assert score.excused_share == 0
+    assert (score.primary.t_max_relative_error > 1e-6) == (plant is plant_t)
+    assert (score.primary.uv_max_error > 1e-6) == (plant is plant_u)
+    (example,) = score.examples
     assert example["pixel"] == [pixel % WIDTH, pixel // WIDTH]
     assert example["kind"].startswith("true")
     # What was right there is not scored for shadows any more, everything else is.
     hits = int((ball.right["triangle"] >= 0).sum())
     lost = int(ball.right["triangle"][pixel] >= 0)
-    assert [light["scored"] for light in score["shadow"]] == [hits - lost] * 2
-    json.dumps(score, allow_nan=False)
+    assert [light.scored for light in score.shadow] == [hits - lost] * 2
+    json.dumps(score.to_json(), allow_nan=False)
 
 
 def test_an_edge_is_excused_and_counted_and_too_many_fail():
@@ -110,25 +109,25 @@ def test_an_edge_is_excused_and_counted_and_too_many_fail():
     zero = np.zeros(33, dtype=np.float32)
     column, row = np.stack([steps, zero, zero - 1], axis=1), np.stack([zero, -steps, zero], axis=1)
     moment = replace(prepared.moment(0, 33, 33), column=column, row=row)
-    judge = Judge(prepared, moment)
+    judge = Judge.of(prepared, moment)
     right = cases.exact_answers(prepared, moment, judge.referee)
     assert (right["triangle"] == 0).sum() == 45
     assert (right["triangle"] == 1).sum() == 36
-    assert judge.score(right)["check"] == "ok"
+    assert score_answers(judge, right).score.check == "ok"
 
     middle = 16 * 33 + 16
     tied = {name: value.copy() for name, value in right.items()}
     tied["triangle"][middle], tied["u"][middle], tied["v"][middle] = 1, 0.5, 0
-    score = judge.score(tied)
-    assert (score["primary"]["tie"], score["primary"]["true"], score["check"]) == (1, 0, "ok")
+    score = score_answers(judge, tied).score
+    assert (score.primary.tie, score.primary.true, score.check) == (1, 0, "ok")
 
     lost = {name: value.copy() for name, value in right.items()}
     for count, (pixel, check) in enumerate(((middle, "ok"), (middle - 32, "failed")), start=1):
         lost["triangle"][pixel], lost["t"][pixel], lost["u"][pixel], lost["v"][pixel] = -1, np.inf, 0, 0
-        score = judge.score(lost)
-        assert (score["primary"]["edge"], score["true_errors"], score["check"]) == (count, 0, check)
-        assert score["excused_share"] == pytest.approx(count / 33**2)
-        assert score["examples"][0]["kind"] == "edge"
+        score = score_answers(judge, lost).score
+        assert (score.primary.edge, score.true_errors, score.check) == (count, 0, check)
+        assert score.excused_share == pytest.approx(count / 33**2)
+        assert score.examples[0]["kind"] == "edge"
 
 
 @pytest.mark.parametrize(
@@ -148,26 +147,26 @@ def test_an_edge_is_excused_and_counted_and_too_many_fail():
 def test_what_is_no_answer_is_invalid(ball, name, value):
     answers = ball.answers()
     answers[name][floor_pixel(ball)] = value
-    score = ball.judge.score(answers)
-    assert score["primary"]["invalid"] == 1
-    assert score["check"] == "failed"
-    json.dumps(score, allow_nan=False)
+    score = score_answers(ball.judge, answers).score
+    assert score.primary.invalid == 1
+    assert score.check == "failed"
+    json.dumps(score.to_json(), allow_nan=False)
 
 
 @pytest.mark.parametrize(("name", "value"), [("t", 1.0), ("u", 0.5), ("v", np.nan)])
 def test_a_miss_must_be_filled_as_a_miss(ball, name, value):
     answers = ball.answers()
     answers[name][sky_pixel(ball)] = value
-    assert ball.judge.score(answers)["primary"]["invalid"] == 1
+    assert score_answers(ball.judge, answers).score.primary.invalid == 1
 
 
 def test_unwritten_answers_are_all_invalid(ball):
     answers = {name: np.full_like(value, -77) for name, value in ball.right.items() if name != "visibility"}
     answers["visibility"] = np.full_like(ball.right["visibility"], 77)
-    score = ball.judge.score(answers)
-    assert score["primary"]["invalid"] == WIDTH * HEIGHT
-    assert [light["invalid"] for light in score["shadow"]] == [WIDTH * HEIGHT] * 2
-    assert score["check"] == "failed"
+    score = score_answers(ball.judge, answers).score
+    assert score.primary.invalid == WIDTH * HEIGHT
+    assert [light.invalid for light in score.shadow] == [WIDTH * HEIGHT] * 2
+    assert score.check == "failed"
 
 
 @pytest.mark.parametrize("light", [0, 1])
@@ -177,12 +176,12 @@ def test_acne_and_leaks_are_told_apart(ball, light):
     answers = ball.answers()
     answers["visibility"][light, lit] = 1
     answers["visibility"][light, dark] = 0
-    score = ball.judge.score(answers)
-    assert (score["shadow"][light]["acne"], score["shadow"][light]["leak"]) == (1, 1)
-    assert score["shadow"][light]["disputed"] == 2
-    assert (score["shadow"][1 - light]["acne"], score["shadow"][1 - light]["leak"]) == (0, 0)
-    assert score["true_errors"] == 2
-    kinds = {entry["kind"]: entry for entry in score["examples"]}
+    score = score_answers(ball.judge, answers).score
+    assert (score.shadow[light].acne, score.shadow[light].leak) == (1, 1)
+    assert score.shadow[light].disputed == 2
+    assert (score.shadow[1 - light].acne, score.shadow[1 - light].leak) == (0, 0)
+    assert score.true_errors == 2
+    kinds = {entry["kind"]: entry for entry in score.examples}
     assert kinds["leak"]["exact"]["occluder"] > 1
     assert kinds["acne"]["exact"] == {"bit": 0, "occluder": -1}
 
@@ -191,19 +190,19 @@ def test_bits_that_are_none_are_invalid(ball):
     answers = ball.answers()
     answers["visibility"][0, floor_pixel(ball)] = 77
     answers["visibility"][1, sky_pixel(ball)] = 1
-    score = ball.judge.score(answers)
-    assert [light["invalid"] for light in score["shadow"]] == [1, 1]
-    assert score["check"] == "failed"
+    score = score_answers(ball.judge, answers).score
+    assert [light.invalid for light in score.shadow] == [1, 1]
+    assert score.check == "failed"
 
 
 def test_a_light_without_shadows_must_stay_zero(ball):
-    judge = Judge(ball.prepared, ball.moment, Effects((True, False)))
+    judge = Judge.of(ball.prepared, ball.moment, Effects((True, False)))
     answers = ball.answers()
     answers["visibility"][1] = 0
-    assert judge.score(answers)["check"] == "ok"
-    assert [light["light"] for light in judge.score(answers)["shadow"]] == [0]
+    assert score_answers(judge, answers).score.check == "ok"
+    assert [light.light for light in score_answers(judge, answers).score.shadow] == [0]
     answers["visibility"][1, floor_pixel(ball)] = 1
-    assert judge.score(answers)["true_errors"] == 1
+    assert score_answers(judge, answers).score.true_errors == 1
 
 
 def test_a_scene_without_lights():
@@ -211,12 +210,12 @@ def test_a_scene_without_lights():
     geometry = base.geometry()
     prepared = prepare(cases.make_scene(geometry.positions(0), geometry.faces, base.camera))
     moment = prepared.moment(0, 20, 15)
-    judge = Judge(prepared, moment)
+    judge = Judge.of(prepared, moment)
     answers = judge.reference.answers()
     answers["visibility"] = np.full((1, 300), 77, dtype=np.uint8)  # the unused row of a frame without lights
-    score = judge.score(answers)
-    assert (score["check"], score["shadow"]) == ("ok", [])
-    assert score["primary"]["ok"] == 300
+    score = score_answers(judge, answers).score
+    assert (score.check, score.shadow) == ("ok", ())
+    assert score.primary.ok == 300
 
 
 def test_the_references_own_errors_stand_apart(ball):
@@ -231,14 +230,12 @@ def test_the_references_own_errors_stand_apart(ball):
     broken.visibility[:, pixel] = 0
     other = ball.pixel((ball.right["triangle"] == 1) & (ball.right["visibility"][0] == 0))
     broken.visibility[0, other] = 1
-    score = score_answers(
-        ball.prepared, ball.moment, ball.answers(), broken, ball.judge.referee, ball.judge.effects
-    )
-    assert score["check"] == "ok"
-    assert score["primary"]["disputed"] == 1
-    assert score["reference_errors"]["primary"]["true"] == 1
-    assert score["reference_errors"]["shadow"][0]["acne"] == 1
-    assert score["reference_errors"]["shadow"][1]["acne"] == 0
+    score = score_answers(replace(ball.judge, reference=broken), ball.answers()).score
+    assert score.check == "ok"
+    assert score.primary.disputed == 1
+    assert score.reference_errors.primary.true == 1
+    assert score.reference_errors.shadow[0].acne == 1
+    assert score.reference_errors.shadow[1].acne == 0
 
 
 def test_disputes_beyond_the_limit_count_as_errors(ball):
@@ -247,18 +244,10 @@ def test_disputes_beyond_the_limit_count_as_errors(ball):
     answers["triangle"][pixels], answers["t"][pixels] = -1, np.inf
     answers["u"][pixels] = answers["v"][pixels] = 0
     answers["visibility"][:, pixels] = 0
-    score = score_answers(
-        ball.prepared,
-        ball.moment,
-        answers,
-        ball.judge.reference,
-        ball.judge.referee,
-        ball.judge.effects,
-        judge_limit=20,
-    )
-    assert score["primary"]["unjudged"] == 30
-    assert score["primary"]["true"] == 20
-    assert score["true_errors"] == 50
+    score = score_answers(replace(ball.judge, limit=20), answers).score
+    assert score.primary.unjudged == 30
+    assert score.primary.true == 20
+    assert score.true_errors == 50
 
 
 def test_random_pixels_find_what_method_and_reference_agree_on(ball):
@@ -269,17 +258,17 @@ def test_random_pixels_find_what_method_and_reference_agree_on(ball):
     blind = type(reference)(
         **{name: answers[name].copy() for name in reference.answers()}, provenance=reference.provenance
     )
-    arguments = (ball.prepared, ball.moment, answers, blind, ball.judge.referee, ball.judge.effects)
-    score = score_answers(*arguments, extra_pixels=WIDTH * HEIGHT)
-    assert score["primary"]["true"] == 1
-    assert score["examples"][0]["pixel"] == [pixel % WIDTH, pixel // WIDTH]
-    assert score_answers(*arguments, extra_pixels=0)["primary"]["judged"] == 0
+    judge = replace(ball.judge, reference=blind, random_pixels=WIDTH * HEIGHT)
+    score = score_answers(judge, answers).score
+    assert score.primary.true == 1
+    assert score.examples[0]["pixel"] == [pixel % WIDTH, pixel // WIDTH]
+    assert score_answers(judge.with_random_pixels(0), answers).score.primary.judged == 0
 
 
 def test_two_scores_are_the_same(ball):
     answers = ball.answers()
     plant_hole(ball, answers)
-    assert ball.judge.score(answers) == ball.judge.score(answers)
+    assert score_answers(ball.judge, answers).score == score_answers(ball.judge, answers).score
 
 
 def test_duplicates_are_ties_without_being_disputed():
@@ -294,10 +283,10 @@ def test_duplicates_are_ties_without_being_disputed():
     # Vertices turned by one: (w0, u, v) of the first is (v', w0', u') of the second.
     u, v = case.right["u"], case.right["v"]
     answers["u"][moved], answers["v"][moved] = v[moved], (1 - u - v)[moved]
-    score = case.judge.score(answers)
-    assert score["primary"]["tie"] == moved.sum()
-    assert score["primary"]["disputed"] <= moved.sum()
-    assert score["check"] == "ok"
+    score = score_answers(case.judge, answers).score
+    assert score.primary.tie == moved.sum()
+    assert score.primary.disputed <= moved.sum()
+    assert score.check == "ok"
 
 
 def test_slivers_and_grazing_rays_get_a_wider_tolerance_of_t_but_squares_do_not():

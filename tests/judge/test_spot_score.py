@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from helpers import brute_force
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
+from shadowbench.harness.judge import score
+from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.judge.receivers import not_receivers
-from shadowbench.harness.judge.score import Judge
+from shadowbench.harness.judge.score import score_answers
 from shadowbench.harness.runner.grader import Grader, hand_over, handed_path
 from shadowbench.harness.scene.effects import Effects
 from shadowbench.harness.scene.overrides import Lighting
@@ -31,7 +33,7 @@ def scene():
 def judged(scene):
     moment = scene.moment(0, SIZE, SIZE)
     answers = Session(make_method("perspective_spherical"), scene, SIZE, SIZE, "cpu").answers(moment)
-    judge = Judge(scene, moment, Effects.of(scene.scene))
+    judge = Judge.of(scene, moment, Effects.of(scene.scene))
     return moment, answers, judge
 
 
@@ -42,7 +44,7 @@ def test_a_method_that_keeps_to_the_spot_has_no_error(scene, judged):
     assert 20 < outside.sum() < hit.sum() - 20
     assert not outside[~hit].any()
     assert answers["visibility"][0][hit & ~outside].sum() > 5
-    assert judge.score(answers)["true_errors"] == 0
+    assert score_answers(judge, answers).score.true_errors == 0
 
 
 def test_a_bit_outside_the_spot_is_a_true_error(scene, judged):
@@ -50,22 +52,27 @@ def test_a_bit_outside_the_spot_is_a_true_error(scene, judged):
     outside = np.nonzero(not_receivers(scene, moment, answers["triangle"])[0])[0]
     bits = answers["visibility"].copy()
     bits[0, outside[:7]] = 1
-    score = judge.score({**answers, "visibility": bits})
-    assert score["true_errors"] == 7
-    assert score["shadow"][0]["acne"] == 7
+    found = score_answers(judge, {**answers, "visibility": bits}).score
+    assert found.true_errors == 7
+    assert found.shadow[0].acne == 7
 
 
 def test_a_light_that_is_not_limited_holds_everything(scene, judged):
     moment, answers, _ = judged
-    free = dataclasses.replace(moment, spots=np.zeros((1, 12)))
+    free = replace(moment, spots=np.zeros((1, 12)))
     assert not not_receivers(scene, free, answers["triangle"]).any()
 
 
 def test_the_same_answers_are_judged_once_and_others_anew(scene, judged, tmp_path, monkeypatch):
     moment, answers, _ = judged
     asked = []
-    count = lambda self, answers, disputes: asked.append(1) or {"true_errors": len(asked)}  # noqa: E731
-    monkeypatch.setattr(Judge, "score", count)
+    known = score_answers(Judge.of(scene, moment), answers)
+
+    def count(judge, answers):
+        asked.append(1)
+        return replace(known, score=replace(known.score, true_errors=len(asked)))
+
+    monkeypatch.setattr(score, "score_answers", count)
     grader = Grader(scene, {0: moment}, "soup", tmp_path, "cpu")
     other = {**answers, "visibility": answers["visibility"].copy()}
     other["visibility"][0, 5] ^= 1

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from helpers import exact_cases as cases
 from shadowbench.harness.judge import reference as truth
-from shadowbench.harness.judge import score
+from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.judge.referee import Referee
 from shadowbench.harness.judge.reference import embree_reference
+from shadowbench.harness.judge.score import score_answers
 from shadowbench.harness.scene.effects import Effects
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Camera, Light
@@ -152,10 +153,10 @@ def test_provenance_says_what_was_traced_and_by_what(ball):
 def test_without_embree_the_referee_is_the_reference(ball, monkeypatch):
     prepared, moment = ball
     embree = embree_reference(prepared, moment)
-    monkeypatch.setattr(score, "embree_installed", lambda: False)
-    monkeypatch.setattr(score, "embree_reference", lambda *_: pytest.fail("asked for Embree"))
-    judge = score.Judge(prepared, moment)
+    monkeypatch.setattr(truth, "embree_installed", lambda: False)
+    monkeypatch.setattr(truth, "embree_reference", lambda *_: pytest.fail("asked for Embree"))
+    judge = Judge.of(prepared, moment)
     for name, value in embree.answers().items():
         np.testing.assert_allclose(value, judge.reference.answers()[name], rtol=2e-6, atol=2e-5)
     assert judge.reference.provenance["reference"] == "exact referee"
-    assert judge.score(embree.answers())["check"] == "ok"
+    assert score_answers(judge, embree.answers()).score.check == "ok"

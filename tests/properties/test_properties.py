@@ -284,7 +284,7 @@ def test_examples_are_worth_drawing() -> None:
         trial = decode(random.bytes(LENGTH)).trial()
         one = Judged(HardCase("example", "", "", lambda trial=trial: trial), trial)
         count = trial.moment.width * trial.moment.height
-        found = one.referee.closest(trial.moment.eye, trial.moment.directions(np.arange(count)))
+        found = one.judge.referee.closest(trial.moment.eye, trial.moment.directions(np.arange(count)))
         pixels += count
         hits += int((found.triangle >= 0).sum())
         ties += sum(len(one) > 1 for one in found.ties)

@@ -11,7 +11,7 @@ from helpers.made_records import made
 from helpers.runs import install_trouble, options, write_scene
 from shadowbench.harness.results import pixel_maps
 from shadowbench.harness.report import flip as looks
-from shadowbench.harness.judge import score as scoring
+from shadowbench.harness.judge import reference
 from shadowbench.harness.commands.verify import score as score_command
 from shadowbench.harness.runner.grader import Grader, hand_over, handed_path
 from shadowbench.harness.runner.experiment import Entry
@@ -19,7 +19,7 @@ from shadowbench.harness.runner.progress import Silent
 from shadowbench.harness.judge.answer_files import save_raw
 from shadowbench.harness.judge.verdict import Verdict
 from shadowbench.harness.runner.runner import Run
-from shadowbench.harness.judge.score import Judge
+from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.results.schema import read_record
 from shadowbench.harness.results.settle import kept_path, read_disputes, settle_folder
 from shadowbench.harness.judge.reference import embree_installed
@@ -50,13 +50,10 @@ def grade(court, folder, key, answers, wrong_maps=False):
 @pytest.fixture
 def blind(court, monkeypatch):
     """Every judge takes the wrong reference, and samples no pixels."""
-    monkeypatch.setattr(scoring, "embree_reference", lambda *arguments: court.reference)
-    plain = Judge.score
-    monkeypatch.setattr(
-        Judge,
-        "score",
-        lambda self, answers, extra_pixels=0, **more: plain(self, answers, extra_pixels, **more),
-    )
+    monkeypatch.setattr(reference, "embree_reference", lambda *arguments: court.reference)
+    plain = Judge.of
+    without_sample = staticmethod(lambda *arguments: plain(*arguments).with_random_pixels(0))
+    monkeypatch.setattr(Judge, "of", without_sample)
 
 
 def errors(folder, key):

@@ -5,7 +5,8 @@ import pytest
 from helpers import mesh_files as files
 from shadowbench.harness.commands.answering import answer
 from shadowbench.harness.errors import UserError
-from shadowbench.harness.judge.score import Judge
+from shadowbench.harness.judge.context import Judge
+from shadowbench.harness.judge.score import score_answers
 from shadowbench.harness.scene import catalogue
 from shadowbench.harness.scene.prepared import prepare
 
@@ -61,4 +62,4 @@ def test_at_the_ends_of_that_range_answers_are_right(tmp_path, size, method):
     found = answer(method, {}, prepared, moment, "cpu")
     assert found.answers is not None, found.reason
     assert (found.answers["triangle"] >= 0).sum() > 20
-    assert Judge(prepared, moment, device="cpu").score(found.answers)["true_errors"] == 0
+    assert score_answers(Judge.of(prepared, moment, device="cpu"), found.answers).score.true_errors == 0

@@ -1,0 +1,89 @@
+"""What answers to one set of rays are judged by: the scene, the rays, the reference and the exact referee."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..scene.effects import Effects
+from ..scene.moment import Moment
+from ..scene.prepared import Prepared
+from .consistency import Checked, check_consistency
+from .receivers import not_receivers
+from .referee import Referee
+from .reference import Reference, reference_for
+
+JUDGE_LIMIT = 100_000
+"""Disputed pixels judged; beyond it a seeded sample is judged and every other one counts as a true error."""
+
+RANDOM_PIXELS = 200
+"""Pixels judged beyond those in dispute, chosen by the seed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Judge:
+    """All that answers to one set of rays are judged by, made once and shared by every method.
+
+    moment         the rays: primary ones, or those of a bounce (:class:`.judge.bounces.Mirrored`)
+    reference      answers to these rays, to compare with
+    random_pixels  pixels that the referee decides beyond those in dispute; ``seed`` chooses them
+    limit          most disputed pixels that the referee decides
+    """
+
+    prepared: Prepared
+    moment: Moment
+    effects: Effects
+    referee: Referee
+    reference: Reference
+    random_pixels: int = RANDOM_PIXELS
+    seed: int = 0
+    limit: int = JUDGE_LIMIT
+
+    @staticmethod
+    def of(
+        prepared: Prepared,
+        moment: Moment,
+        effects: Effects | None = None,
+        folder: Path | str | None = None,
+        device: str = "cpu",
+    ) -> Judge:
+        """The judge of a moment's primary rays. ``folder`` keeps the reference's answers; ``device`` runs the
+        referee's filter; ``effects`` default to the scene's."""
+        effects = effects or Effects.of(prepared.scene)
+        mask = prepared.alpha if effects.alpha else None
+        referee = Referee(moment.points, prepared.faces, moment.valid, device, mask)
+        reference = reference_for(prepared, moment, referee, effects, folder)
+        return Judge(prepared, moment, effects, referee, reference)
+
+    def of_rays(self, moment: Moment, random_pixels: int) -> Judge:
+        """The judge of other rays through the same scene. Its reference is not kept."""
+        reference = reference_for(self.prepared, moment, self.referee, self.effects)
+        return replace(self, moment=moment, reference=reference, random_pixels=random_pixels)
+
+    def with_random_pixels(self, count: int) -> Judge:
+        """The same judge with another number of random pixels."""
+        return replace(self, random_pixels=count)
+
+    @property
+    def pixel_count(self) -> int:
+        return self.moment.width * self.moment.height
+
+    @cached_property
+    def wanted(self) -> NDArray[np.bool_]:
+        """Which lights ask for shadows. bool [lights]"""
+        flags = np.zeros(len(self.moment.lights), dtype=bool)
+        known = self.effects.shadows[: len(flags)]
+        flags[: len(known)] = known
+        return flags
+
+    @cached_property
+    def checked_reference(self) -> Checked:
+        """The reference's own answers, as a method would give them: without bits where there is no shadow ray."""
+        answers = self.reference.answers()
+        outside = not_receivers(self.prepared, self.moment, answers["triangle"])
+        answers["visibility"] = np.where(outside, 0, answers["visibility"]).astype(np.uint8)
+        return check_consistency(self.prepared, self.moment, answers)

@@ -1,0 +1,158 @@
+"""The score of a frame: how many answers fall into each class, for the primary rays, each light and each bounce."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from ..typed_json import OMITTED, from_json, to_json
+from .verdict import ERRORS, EXCUSED_LIMIT, Verdict
+
+
+@dataclass(frozen=True, kw_only=True)
+class PrimaryClasses:
+    """Closest hits by class of :class:`.judge.verdict.Verdict`; and how many have a wrong t, or a wrong u or v."""
+
+    judged: int = 0
+    ok: int = 0
+    tie: int = 0
+    near_tie: int = 0
+    edge: int = 0
+    true: int = 0
+    invalid: int = 0
+    t_wrong: int = 0
+    uv_wrong: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class PrimaryCounts(PrimaryClasses):
+    """Closest hits of all pixels by class.
+
+    disputed  pixels where the answer and the reference differ
+    judged    pixels that the exact referee decided; ``unjudged``: disputed ones beyond the limit, true errors all
+    t_max_relative_error, uv_max_error  over the pixels with the right triangle
+    """
+
+    pixels: int
+    disputed: int = 0
+    unjudged: int = 0
+    t_max_relative_error: float = 0.0
+    uv_max_error: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShadowClasses:
+    """Shadow bits of one light by class."""
+
+    light: int
+    ok: int = 0
+    edge: int = 0
+    acne: int = 0
+    leak: int = 0
+    invalid: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShadowCounts(ShadowClasses):
+    """``scored``: bits with a class, those of pixels with the right triangle; ``disputed``: differ from the reference's."""
+
+    scored: int = 0
+    disputed: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReferenceShadow(ShadowClasses):
+    judged: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReferenceErrors:
+    """The reference's own answers at the judged pixels, by class."""
+
+    primary: PrimaryClasses
+    shadow: tuple[ReferenceShadow, ...] = ()
+
+    @property
+    def true_errors(self) -> int:
+        return sum(total(self, kind) for kind in ERRORS)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RayCounts:
+    """The counts of one set of rays. ``true_errors``: what no rounding excuses, unjudged pixels included."""
+
+    primary: PrimaryCounts
+    shadow: tuple[ShadowCounts, ...]
+    true_errors: int
+    reference_errors: ReferenceErrors | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class BounceCounts(RayCounts):
+    """Of one bounce of mirrored rays. ``rays_wrong``: rays not made as the hit before them demands; true errors too."""
+
+    bounce: int
+    rays: int
+    rays_wrong: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shared:
+    """What a score was charged with for errors of the reference that other methods' scores showed.
+
+    scores      how many scores share the reference
+    changes     by path of a count in the score ("bounces/0/primary/true"): what was added to it
+    """
+
+    scores: int
+    true_errors: int
+    excused: int
+    changes: dict[str, int]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Score(RayCounts):
+    """The score of a method's answers to one frame, as a record keeps it.
+
+    true_errors    of primary rays and all bounces
+    excused_share  share of the pixels with an excused answer
+    check          "ok" without true errors and with at most :data:`.verdict.EXCUSED_LIMIT` excused, else "failed"
+    examples       some of the errors, then of the excused answers: pixel, class, what was given, what is exact
+    truth          where the reference comes from, and how pixels were selected
+    bounces        the counts of each bounce
+    settled        what other scores added to these counts; None before they were compared
+    """
+
+    excused_share: float
+    check: str = ""
+    examples: tuple[dict[str, Any], ...] = ()
+    truth: dict[str, Any] = field(default_factory=dict)
+    bounces: tuple[BounceCounts, ...] = field(default=(), metadata=OMITTED)
+    settled: Shared | None = field(default=None, metadata=OMITTED)
+
+    @property
+    def passed(self) -> bool:
+        return self.check == "ok"
+
+    @property
+    def parts(self) -> tuple[RayCounts, ...]:
+        """The counts of the primary rays, then of each bounce."""
+        return (self, *self.bounces)
+
+    def to_json(self) -> dict[str, Any]:
+        return to_json(self)
+
+    @staticmethod
+    def from_json(value: Any, name: str = "") -> Score:
+        """The score in a record. Raises :class:`.typed_json.ShapeError`."""
+        return from_json(Score, value, name)
+
+
+def check_of(true_errors: int, excused_share: float) -> str:
+    """Whether a score passes: "ok" or "failed"."""
+    return "ok" if true_errors == 0 and excused_share <= EXCUSED_LIMIT else "failed"
+
+
+def total(counts: RayCounts | ReferenceErrors, kind: Verdict) -> int:
+    """How many answers of one set of rays have a class: closest hits and the bits of all lights."""
+    return sum(getattr(part, kind.key, 0) for part in (counts.primary, *counts.shadow))
