@@ -163,15 +163,28 @@ class Session(PassRunner):
     def answers(self, moment: Moment) -> dict[str, NDArray]:
         """Load a moment, run it until it fits, and return the answers on the host (poisoned before the run)."""
         self.load(moment)
-        self.frame.answers.poison()
-        for i in range(len(self.frame.answers.visibility)):  # a frame without lights has a row too
-            if i >= len(self.effects.shadows) or not self.effects.shadows[i]:
-                self.frame.answers.visibility[i].zero_()
-                for bounce in range(1, self.effects.bounces + 1):
-                    self.frame.bits(bounce)[i].zero_()
+        self.poison()
         self.settle()
         wp.synchronize_device(self.device)
         return self.frame.answers.to_host()
+
+    def poison(self) -> None:
+        """Fill the answers that :attr:`passes` write with values that no method may leave behind.
+
+        Shadow bits of lights that cast none are nobody's to write: they are 0. Where only some lights are traced again
+        (:meth:`select`), the bits of the others and the hit points stay, mirrored ones among them.
+        """
+        answers, written = self.frame.answers, {name for work in self.passes for name in work.writes}
+        whole = self.passes is self.all_passes or "hits" in written
+        if whole:
+            answers.poison()
+        for i in range(len(answers.visibility)):  # a frame without lights has a row too
+            if whole and (i >= len(self.effects.shadows) or not self.effects.shadows[i]):
+                answers.visibility[i].zero_()
+                for bounce in range(1, self.effects.bounces + 1):
+                    self.frame.bits(bounce)[i].zero_()
+            elif f"visibility/{i}" in written:
+                answers.visibility[i].fill_(77)
 
 
 def changes(before: Moment | None, after: Moment) -> frozenset[str]:

@@ -15,8 +15,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ..errors import UserError, did_you_mean
 from ..frame import registry
 from ..results.record import Record
@@ -146,16 +144,3 @@ def parse_size(text: str) -> tuple[int, int]:
             f"--size {text}: {width * height:,} pixels are more than the {MOST_PIXELS:,} that can be indexed; give fewer"
         )
     return width, height
-
-
-def spread_frames(frame_count: int, wanted: int) -> list[int]:
-    """``wanted`` frames spread evenly from the first to the last; all of them where there are fewer; one: the middle.
-
-    An animation's first frame is often its simplest, such as a cloth before it falls.
-    """
-    if wanted < 1:
-        raise UserError(f"frames {wanted}: at least 1")
-    count = min(wanted, frame_count)
-    if count == 1:
-        return [round((frame_count - 1) / 2)]
-    return sorted({round(float(x)) for x in np.linspace(0, frame_count - 1, count)})

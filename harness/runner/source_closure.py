@@ -23,7 +23,7 @@ PROJECT = HARNESS.rpartition(".")[0]
 ROOT = Path(__file__).parents[2]
 
 SAMPLING = f"{HARNESS}.runner.timing"
-MEASURING = (f"{HARNESS}.frame.session", SAMPLING, f"{HARNESS}.runner.memory")
+MEASURING = (f"{HARNESS}.runner.measure",)
 """What loads the frames of every method, takes the samples and counts the memory."""
 
 

@@ -78,6 +78,29 @@ class Late(Steady):
         super().trace_primary(frame)
 
 
+class Once(Steady):
+    """Traces when it is called for the first time, and never again."""
+
+    name: ClassVar[str] = "once"
+    traced = False
+
+    def trace_primary(self, frame):
+        if not self.traced:
+            super().trace_primary(frame)
+        self.traced = True
+
+
+class Fickle(Steady):
+    """Answers otherwise from the second round on: one warm-up, three whole frames, two in passes, one that is compared."""
+
+    name: ClassVar[str] = "fickle"
+    runs = 0
+
+    def trace_shadow(self, frame, light):
+        self.runs += 1
+        frame.answers.visibility[light].fill_(int(self.runs > 1 + 7))
+
+
 class Hangs(Steady):
     name: ClassVar[str] = "hangs"
 
@@ -138,4 +161,4 @@ class Broken(Steady):
         raise ImportError("libmissing.so: cannot open")
 
 
-CLASSES = (Steady, Talker, Raises, Late, Hangs, Exits, Rejects, Skips, Grows, Broken)
+CLASSES = (Steady, Talker, Raises, Late, Once, Fickle, Hangs, Exits, Rejects, Skips, Grows, Broken)

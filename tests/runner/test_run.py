@@ -43,11 +43,27 @@ def go(chosen):
 def troubled(package, scene, tmp_path_factory):
     """One run of every method of the package: its folder and its records by label."""
     out = tmp_path_factory.mktemp("troubled")
-    names = ["steady", "talker", "raises", "late", "hangs", "exits", "rejects", "skips", "grows", "broken"]
+    names = [
+        "steady",
+        "talker",
+        "raises",
+        "late",
+        "once",
+        "fickle",
+        "hangs",
+        "exits",
+        "rejects",
+        "skips",
+        "grows",
+        "broken",
+    ]
     entries = [Entry(name, {}, name) for name in names]
     # A second point of a method whose worker was lost is measured by a new worker.
     entries.append(Entry("hangs", {"ms": "1"}, "hangs again"))
     return out, go(options(out, [scene], entries, timeout_s=3.0))
+
+
+UNSTEADY = "the frames that were timed do not answer as the frame that was judged"
 
 
 @pytest.mark.parametrize(
@@ -57,6 +73,8 @@ def troubled(package, scene, tmp_path_factory):
         ("talker", "ok", ""),
         ("raises", "failed", "ArithmeticError: a line and another"),
         ("late", "failed", "ArithmeticError: tired"),
+        ("once", "failed", f"{UNSTEADY} (frame 0: triangle, t, u, v)"),
+        ("fickle", "failed", f"{UNSTEADY} (frame 0: visibility)"),
         ("hangs", "timeout", "no answer within 3 s; the worker was stopped"),
         ("hangs again", "timeout", "no answer within 3 s; the worker was stopped"),
         ("exits", "failed", "the worker exited with code 3: leaving"),
@@ -73,7 +91,7 @@ def test_trouble_costs_its_own_point_only(troubled, label, status, reason):
 
 def test_every_planned_point_has_one_record_and_no_journal(troubled):
     out, records = troubled
-    assert len(records) == 11
+    assert len(records) == 13
     assert sorted(p.stem for p in (out / "records").iterdir()) == sorted(r.key for r in records.values())
     assert list((out / "journal").iterdir()) == []
 
@@ -91,7 +109,7 @@ def test_a_record_holds_every_sample(troubled):
     assert frame.counters == {"frames": 1}
     assert frame.unscored.startswith("not asked for")
     assert records["steady"].stopped_by == "samples"
-    assert {r["place"] for r in records["steady"].rounds} <= set(range(11))
+    assert {r["place"] for r in records["steady"].rounds} <= set(range(13))
 
 
 def test_growth_is_recorded_and_settled_before_timing(troubled):
@@ -109,6 +127,11 @@ def test_a_second_run_measures_nothing_and_changes_no_byte(troubled, scene):
     assert [r.status for r in again] == ["ok", "timeout"]
     assert runner.workers == {}
     assert {p: p.read_bytes() for p in (out / "records").iterdir()} == before
+
+
+def test_what_answers_otherwise_later_has_the_rounds_before_it(troubled):
+    _, records = troubled
+    assert [len(records[name].rounds) for name in ("once", "fickle")] == [0, 1]
 
 
 def test_retry_measures_failed_points_only(package, scene, tmp_path):

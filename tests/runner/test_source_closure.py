@@ -88,7 +88,7 @@ def test_an_edit_makes_those_methods_stale_that_import_it(stale) -> None:
         "harness.frame.alpha", "harness.frame.mirrors", "harness.frame.shading", "harness.frame.receivers",
         "harness.frame.frame", "harness.frame.session", "harness.frame.passes", "harness.frame.schedule",
         "harness.frame.specialise", "harness.frame.vectors", "harness.scene.prepared", "harness.scene.moment",
-        "harness.runner.timing", "harness.runner.memory", "methods.common.hitpoint",
+        "harness.runner.measure", "harness.runner.timing", "harness.runner.memory", "methods.common.hitpoint",
     ],
 )  # fmt: skip
 def test_what_every_measurement_runs_makes_all_methods_stale(stale, module) -> None:
@@ -110,7 +110,8 @@ def test_a_method_that_another_imports_makes_both_stale(stale, module, methods) 
 @pytest.mark.parametrize(
     "package", ["harness.judge", "harness.report", "harness.commands", "harness.hardcases", "harness.cli",
                 "harness.results", "harness.scene.readers", "harness.scene.standins", "harness.scene.catalogue",
-                "harness.frame.registry", "experiments"],
+                "harness.frame.registry", "harness.runner.runner", "harness.runner.worker",
+"experiments"],
 )  # fmt: skip
 def test_what_no_measurement_runs_makes_none_stale(stale, package) -> None:
     within = [module for module in stale if module == package or module.startswith(f"{package}.")]

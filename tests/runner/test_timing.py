@@ -12,8 +12,8 @@ import pytest
 import warp as wp
 from shadowbench.harness.frame.method import SimpleMethod
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.runner.experiment import spread_frames
 from shadowbench.harness.runner.machine import clock_state
+from shadowbench.harness.runner.measure import spread_frames
 from shadowbench.harness.runner.memory import Memory
 from shadowbench.harness.runner.points import orders
 from shadowbench.harness.runner.timing import CompileClock, Sampling, sample_frame, stop_reason
