@@ -20,7 +20,7 @@ import typer
 
 from .commands.check import check
 from .commands.keep import keep
-from .commands.options import Device, Json, SceneDir, Settings
+from .commands.options import CameraPlace, Device, Fov, Json, Lights, SceneDir, Settings
 from .commands.plan import plan
 from .commands.verify import explain, score, verify
 from .errors import UserError
@@ -196,6 +196,9 @@ def render_(
     ],
     size: Annotated[str, typer.Option("--size", help="Image size.")] = "512x512",
     frame: Annotated[int, typer.Option("--frame", help="Frame of an animated scene, from 0.")] = 0,
+    camera: CameraPlace = None,
+    fov: Fov = None,
+    light: Lights = None,
     setting: Settings = None,
     device: Device = None,
     scene_dir: SceneDir = None,
@@ -209,7 +212,8 @@ def render_(
     from .runner.points import parse_settings
 
     (entry,) = parse_settings(setting or [], (Entry(method),))
-    picture = render(scene, method, out, size, frame, device, scene_dir, dict(entry.settings))
+    settings = dict(entry.settings)
+    picture = render(scene, method, out, size, frame, device, scene_dir, settings, camera, fov, light)
     print(f"written: {picture}", file=sys.stderr)
     return 0
 

@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
+from numpy.typing import NDArray
+
+from ..errors import UserError
+from ..scene.declaration import FARTHEST
+from ..scene.moment import ray_tables
+from ..scene.scene import Light, Scene, Vector
 
 Methods = Annotated[
     list[str] | None, typer.Option("--method", help="A method's name; again for more. Default: all.")
@@ -21,3 +29,54 @@ SceneDir = Annotated[
     typer.Option("--scene-dir", help="Folder of original scenes. Default: the variable SHADOWBENCH_SCENES."),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print nothing but JSON.")]
+CameraPlace = Annotated[
+    tuple[str, str] | None,
+    typer.Option("--camera", metavar="EYE TARGET", help="X,Y,Z of the eye and of what it looks at."),
+]
+Fov = Annotated[float | None, typer.Option("--fov", help="Vertical field of view of the camera, degrees.")]
+Lights = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--light", metavar="X,Y,Z", help="A point light in place of the scene's lights; repeatable."
+    ),
+]
+
+
+def seen_as(
+    scene: Scene, camera: tuple[str, str] | None, fov: float | None, lights: list[str] | None
+) -> Scene:
+    """The scene under the camera and point lights of ``--camera``, ``--fov`` and ``--light``, where they are given.
+
+    Places are in the scene's own coordinates. Lights that are given do not move. Raises :class:`UserError` for what is
+    no place, and for a camera that cannot look.
+    """
+    if lights:
+        placed = tuple(Light(_place("--light", text)) for text in lights)
+        scene = replace(scene, lights=placed, light_path=None)
+    if camera is None and fov is None:
+        return scene
+    seen = scene.camera if fov is None else replace(scene.camera, fov=fov)
+    if camera is not None:
+        eye, target = (_place("--camera", text) for text in camera)
+        seen = replace(seen, eye=eye, target=target, up=_upright(np.subtract(target, eye), seen.up))
+    ray_tables(seen, 1, 1, np.zeros(3))
+    return replace(scene, camera=seen)
+
+
+def _place(option: str, text: str) -> Vector:
+    try:
+        x, y, z = (float(number) for number in text.split(","))
+    except ValueError:
+        raise UserError(f"{option} {text!r}: give three numbers, as in {option} 0,1.7,4") from None
+    if not all(abs(number) <= FARTHEST for number in (x, y, z)):
+        raise UserError(f"{option} {text!r}: lies beyond what float32 holds")
+    return x, y, z
+
+
+def _upright(view: NDArray[np.float64], up: Vector) -> Vector:
+    """``up``, or the axis farthest from the view where the view runs along it."""
+    size = float(np.abs(view).max())
+    if size and np.linalg.norm(np.cross(np.divide(view, size), up)) > 1e-6 * np.linalg.norm(up):
+        return up
+    x, y, z = np.eye(3)[np.abs(view).argmin()].tolist()
+    return x, y, z

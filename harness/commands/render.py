@@ -12,6 +12,7 @@ from ..runner.experiment import parse_size
 from ..runner.machine_lock import MACHINE
 from ..scene.catalogue import resolve
 from ..scene.prepared import prepare
+from .options import seen_as
 
 
 def render(
@@ -23,6 +24,9 @@ def render(
     device: str | None = None,
     scene_dir: Path | None = None,
     settings: dict[str, str] | None = None,
+    camera: tuple[str, str] | None = None,
+    fov: float | None = None,
+    lights: list[str] | None = None,
 ) -> Path:
     """Draw one frame into a PNG file, with a caption under it where the scene is a stand-in.
 
@@ -37,7 +41,7 @@ def render(
     place = find_device(device)
     chosen = make_method(method, settings)
     place = device_for(type(chosen), place)
-    described = resolve(scene, scene_dir)
+    described = seen_as(resolve(scene, scene_dir), camera, fov, lights)
     reason = chosen.applies(described, place)
     if reason:
         raise UserError(f"{method} cannot do {scene}: {reason}; choose another --method")

@@ -8,17 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .interiors import interior, standpoint
+from .light_paths import vector
 from .prepared import finite_bounds
 from .readers.checks import Loaded
-from .scene import Camera, Light, Vector
+from .scene import Camera, Light
 
-FOV = 40.0
+FOV, WITHIN_FOV = 40.0, 60.0
 AZIMUTH, ELEVATION = 35.0, 20.0
 """The three-quarter view, in degrees: from the front turned to the right, and from above."""
 
 _MARGIN = 1.04
 _WALL = 0.6
-_OPEN = 0.1
+_OPEN = 0.25
 """A side of the bounding box counts as a wall when triangles lie on this share of it, as open below the
 other.
 """
@@ -31,11 +33,13 @@ class Shape:
     points  float64 [n, 3]: finite vertices that faces use, of frames spread over the whole length
     sides   share of each side of the bounding box that triangles lie on, float64 [axis, low or high]
     up      index of the upward axis
+    corners float64 [n, 3, 3]: of the triangles of the first frame that are finite
     """
 
     points: NDArray[np.float64]
     sides: NDArray[np.float64]
     up: int
+    corners: NDArray[np.float64]
 
     @property
     def low(self) -> NDArray[np.float64]:
@@ -74,12 +78,14 @@ def shape_of(loaded: Loaded) -> Shape:
     if not len(points):
         points = np.zeros((1, 3))
     low, high = points.min(axis=0), points.max(axis=0)
-    sides = _covered(loaded.frames[0].astype(np.float64)[loaded.faces], low, high)
+    corners = loaded.frames[0].astype(np.float64)[loaded.faces]
+    corners = corners[(np.abs(corners) < np.finfo(np.float32).max).all(axis=(1, 2))]
+    sides = _covered(corners, low, high)
     if loaded.up is not None:
         up = int(np.argmax(loaded.up))
     else:
         up = _upward(low, high)
-    return Shape(points, sides, up)
+    return Shape(points, sides, up, corners)
 
 
 def _covered(corners: NDArray[np.float64], low: NDArray, high: NDArray) -> NDArray[np.float64]:
@@ -119,9 +125,14 @@ def _upward(low: NDArray, high: NDArray) -> int:
 
 
 def view(shape: Shape) -> tuple[Camera, tuple[Light, ...]]:
-    """Camera and lights for any mesh: into a box that is open on one side, else the whole thing from
-    outside.
+    """Camera and lights for any mesh: from within a closed room, into a box that is open on one side, else the whole
+    thing from outside.
     """
+    samples = interior(shape.corners, shape.low, shape.high, shape.sides, shape.up)
+    if samples is not None:
+        eye, target, light = standpoint(samples, shape.low, shape.high, shape.up)
+        up = np.eye(3)[shape.up]
+        return Camera(vector(eye), vector(target), vector(up), WITHIN_FOV), (Light(vector(light)),)
     opening = _opening(shape)
     return _into_box(shape, *opening) if opening else outside(shape)
 
@@ -135,7 +146,7 @@ def outside(
     camera = _fitted(shape, _direction(shape, azimuth, elevation), shape.frame()[1])
     middle = (shape.low + shape.high) / 2
     place = middle + shape.radius * 2.2 * _direction(shape, azimuth - 60.0, 45.0)
-    return camera, (Light(_vector(place)),)
+    return camera, (Light(vector(place)),)
 
 
 def _direction(shape: Shape, azimuth: float, elevation: float) -> NDArray[np.float64]:
@@ -165,7 +176,7 @@ def _fitted(shape: Shape, toward: NDArray[np.float64], up: NDArray[np.float64]) 
         distances.append((most - least) / (2 * half))
     distance = max(*distances, 1e-3 * shape.radius)
     eye = middle + shift[0] * right + shift[1] * true_up - distance * forward
-    return Camera(_vector(eye), _vector(eye + forward * max(distance, shape.radius)), _vector(up), FOV)
+    return Camera(vector(eye), vector(eye + forward * max(distance, shape.radius)), vector(up), FOV)
 
 
 def _opening(shape: Shape) -> tuple[int, int] | None:
@@ -187,7 +198,7 @@ def _into_box(shape: Shape, axis: int, end: int) -> tuple[Camera, tuple[Light, .
     light[shape.up] = shape.low[shape.up] + 0.88 * (shape.high - shape.low)[shape.up]
     side = 3 - shape.up - axis
     light[side] += 0.12 * (shape.high - shape.low)[side]
-    return _fitted(shape, toward, up), (Light(_vector(light)),)
+    return _fitted(shape, toward, up), (Light(vector(light)),)
 
 
 def inside(shape: Shape, along: float = 0.08, height: float = 0.3) -> tuple[Camera, tuple[Light, ...]]:
@@ -203,8 +214,6 @@ def inside(shape: Shape, along: float = 0.08, height: float = 0.3) -> tuple[Came
     eye[shape.up] = target[shape.up] = shape.low[shape.up] + height * extent[shape.up]
     target[axis] = shape.low[axis] + 0.6 * extent[axis]
     light[shape.up] = shape.low[shape.up] + 0.6 * extent[shape.up]
-    return Camera(_vector(eye), _vector(target), _vector(np.eye(3)[shape.up]), 60.0), (Light(_vector(light)),)
-
-
-def _vector(array: NDArray) -> Vector:
-    return (float(array[0]), float(array[1]), float(array[2]))
+    return Camera(vector(eye), vector(target), vector(np.eye(3)[shape.up]), WITHIN_FOV), (
+        Light(vector(light)),
+    )

@@ -266,7 +266,7 @@ def test_which_way_is_up_is_guessed_from_the_bounds(low, high, up):
 
 @pytest.mark.parametrize("up", [0, 1, 2])
 def test_front_views_are_right_handed(up):
-    right, upward, front = Shape(files.QUAD.astype(float), np.zeros((3, 2)), up).frame()
+    right, upward, front = Shape(files.QUAD.astype(float), np.zeros((3, 2)), up, np.zeros((0, 3, 3))).frame()
     assert np.allclose(np.cross(right, upward), front)
     assert upward[up] == 1
 
