@@ -1,0 +1,130 @@
+"""``explain`` gives the verdict that ``verify`` counts, at any pixel of any declared scene."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+from helpers import exact_cases as cases
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from shadowbench.harness.commands import answering
+from shadowbench.harness.commands.explain import explain
+from shadowbench.harness.frame.warp_init import start_warp
+from shadowbench.harness.judge.context import Judge
+from shadowbench.harness.judge.score import score_answers
+from shadowbench.harness.judge.verdict import RIGHT, Verdict
+from shadowbench.harness.scene.catalogue import resolve
+from shadowbench.harness.scene.prepared import prepare
+
+start_warp()
+
+WIDTH, HEIGHT = 24, 18
+GRAVEST_LAST = ("edge", "invalid", "leak", "acne")
+
+
+def declaration(mesh: str, lights: list[dict], facing: bool, holes: int, bounces: int) -> str:
+    """A scene declared in TOML: ``holes`` along a side of every second triangle, 0 for none."""
+    lines = [f'mesh = "{mesh}"', f"facing = {str(facing).lower()}"]
+    for light in lights:
+        lines += ["[[lights]]", *(f"{name} = {value}" for name, value in light.items())]
+    if holes:
+        lines += ["[alpha]", "every = 2", f"holes = {holes}"]
+    if bounces:
+        lines += ["[mirror]", "share = 0.8", f"bounces = {bounces}"]
+    return "\n".join(lines) + "\n"
+
+
+@st.composite
+def light_tables(draw) -> dict:
+    position = draw(st.sampled_from([[0.4, 4.0, 1.0], [2.0, 3.0, -1.0], [-3.0, 1.0, 2.0], [0.2, -2.0, 0.1]]))
+    light = {"position": position}
+    kind = draw(st.sampled_from(["plain", "spot", "directional", "no shadows"]))
+    if kind == "spot":
+        light["spot"] = f"{{direction = {[-x for x in position]}, angle = {draw(st.sampled_from([12, 30]))}}}"
+    elif kind == "directional":
+        light["directional"] = "true"
+    elif kind == "no shadows":
+        light["shadows"] = "false"
+    return light
+
+
+def spoil(answers: dict, seed: int) -> dict:
+    """The answers with every tenth bit turned over, and some triangles lost or replaced."""
+    random = np.random.default_rng(seed)
+    spoilt = {name: value.copy() for name, value in answers.items()}
+    for name in ("visibility", "bounce_visibility"):
+        if name in spoilt:
+            spoilt[name] ^= (random.random(spoilt[name].shape) < 0.1).astype(np.uint8)
+    for name in ("triangle", "bounce_triangle"):
+        if name in spoilt:
+            spoilt[name][random.random(spoilt[name].shape) < 0.1] = 3
+    return spoilt
+
+
+def printed_class(row: dict, bounced: list[dict]) -> str:
+    """The class of a pixel by what ``explain`` prints: that of its primary answer, else of the gravest bit, else of the
+    first bounce that is wrong; "ok" for ties too."""
+    for part in (row, *bounced):
+        if part["class"] not in ("ok", "tie"):
+            return part["class"]
+        found = [kind for kind in GRAVEST_LAST if kind in part["shadow_classes"]]
+        if found:
+            return found[-1]
+    return "ok"
+
+
+@pytest.fixture(scope="module")
+def mesh(tmp_path_factory) -> str:
+    geometry = cases.ball_on_floor().geometry()
+    path = tmp_path_factory.mktemp("meshes") / "ball.ply"
+    trimesh.Trimesh(geometry.positions(0), geometry.faces, process=False).export(path)
+    return str(path)
+
+
+@settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@given(
+    lights=st.lists(light_tables(), min_size=1, max_size=2),
+    facing=st.booleans(),
+    holes=st.sampled_from([0, 0, 3]),
+    bounces=st.sampled_from([0, 0, 1, 2]),
+    spoilt=st.booleans(),
+    seed=st.integers(0, 1000),
+)
+def test_explain_prints_the_class_that_verify_scored(
+    mesh, tmp_path, capsys, monkeypatch, lights, facing, holes, bounces, spoilt, seed
+):
+    path = tmp_path / "scene.toml"
+    path.write_text(declaration(mesh, lights, facing, holes, bounces))
+    prepared = prepare(resolve(str(path)))
+    moment = prepared.moment(0, WIDTH, HEIGHT)
+    outcome = answering.answer("uniform_grid", {}, prepared, moment, "cpu")
+    assert outcome.answers is not None, outcome.reason
+    if spoilt:
+        outcome = replace(outcome, answers=spoil(outcome.answers, seed))
+    judge = Judge.of(prepared, moment)
+    as_verified = score_answers(judge, outcome.answers)
+    every_pixel = score_answers(judge.with_random_pixels(WIDTH * HEIGHT), outcome.answers)
+    random = np.random.default_rng(seed)
+    wrong = np.nonzero(every_pixel.classes > Verdict.TIE)[0]
+    hit = np.nonzero(outcome.answers["triangle"] >= 0)[0]
+    pixels = [int(random.choice(some)) for some in (hit, hit, wrong, wrong) if len(some)]
+    pixels.append(int(random.integers(WIDTH * HEIGHT)))
+    for pixel in pixels:
+        x, y = pixel % WIDTH, pixel // WIDTH
+        with monkeypatch.context() as patched:
+            patched.setattr(answering, "answer", lambda *arguments: outcome)
+            code = explain(str(path), f"{x},{y}", ["uniform_grid"], "cpu", f"{WIDTH}x{HEIGHT}", as_json=True)
+        facts = json.loads(capsys.readouterr().out)
+        reference, row = facts["answers"]
+        bounced = [one["answers"][0] for one in facts["bounces"] if one["answers"]]
+        scored = Verdict(every_pixel.classes[pixel])
+        assert printed_class(row, bounced) == ("ok" if scored in RIGHT else scored.key), (x, y)
+        if not reference[
+            "wrong"
+        ]:  # where the reference is right, the pixels that verify decides make no difference
+            assert as_verified.classes[pixel] == scored
+        assert code == any(part["wrong"] for part in (row, *bounced))
