@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import functools
+import math
 import types
-import typing
-from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, Field, fields, is_dataclass
-from typing import Any, TypeVar
+from dataclasses import MISSING, fields, is_dataclass
+from functools import cache
+from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints, is_typeddict
 
-T = TypeVar("T")
+OMITTED = {"omitted": True}
+"""Metadata of a dataclass field that is left out of the JSON while it has its default."""
 
 CALLED = {
     str: "text",
@@ -19,89 +19,93 @@ CALLED = {
     list: "a list",
     dict: "an object",
 }
-"""What error messages call the types of JSON."""
+"""What a person calls the types of JSON."""
 
 
-class ShapeError(ValueError):
-    """A JSON value does not have the fields or types of its dataclass. The message is one line."""
+class WrongFieldError(ValueError):
+    """A value is not what a field holds: the text names both."""
 
 
-OMITTED = {"omitted": True}
-"""Metadata of a dataclass field that is left out of the JSON while it has its default."""
+def checked(kind: Any, value: Any, name: str = "") -> Any:
+    """``value``, which JSON gave, as an instance of the type ``kind``: dataclasses are made, all else is checked.
+
+    ``kind``: a dataclass, a TypedDict (its undeclared fields are kept as they are), ``X | None``, ``list[X]``,
+    ``tuple[X, ...]``, ``dict[str, X]``, a type of JSON, or ``Annotated[float, least]``.
+    Numbers must be finite. Raises :class:`WrongFieldError`.
+    """
+    origin, arguments = get_origin(kind), get_args(kind)
+    if kind is Any:
+        return value
+    if origin in (Union, types.UnionType):
+        return None if value is None else checked(arguments[0], value, name)
+    if origin in (list, tuple):
+        _require(list, value, name)
+        return origin(checked(arguments[0], one, f"{name}[{i}]") for i, one in enumerate(value))
+    if origin is dict:
+        _require(dict, value, name)
+        return {key: checked(arguments[1], one, f"{name}[{key}]") for key, one in value.items()}
+    if origin is Annotated:
+        if checked(arguments[0], value, name) < arguments[1]:
+            raise WrongFieldError(f"{name} is {value}, not a time")
+        return value
+    if is_dataclass(kind) or is_typeddict(kind):
+        return _object(kind, value, name)
+    _require(kind, value, name)
+    return value
+
+
+def _require(kind: type, value: Any, name: str) -> None:
+    # JSON's true and false are no numbers, though Python's are.
+    fits = isinstance(value, (int, float) if kind is float else kind) and isinstance(value, bool) <= (
+        kind is bool
+    )
+    if not fits or (kind is float and not math.isfinite(value)):
+        shown = repr(value)
+        shown = shown if len(shown) <= 40 else shown[:37] + "..."
+        raise WrongFieldError(f"{name or 'all of it'} is {shown}, not {CALLED[kind]}")
+
+
+@cache
+def _declared(kind: Any) -> tuple[dict[str, Any], frozenset[str]]:
+    """The types of a class's fields by name, and the names of those that must be there."""
+    hints = get_type_hints(kind, include_extras=True)
+    if is_typeddict(kind):
+        return hints, kind.__required_keys__
+    needed = [one.name for one in fields(kind) if one.default is MISSING and one.default_factory is MISSING]
+    return hints, frozenset(needed)
+
+
+def _object(kind: Any, value: Any, name: str) -> Any:
+    _require(dict, value, name)
+    lead = f"{name}." if name else ""
+    hints, needed = _declared(kind)
+    for missing in (one for one in hints if one in needed and one not in value):
+        raise WrongFieldError(f"it has no {lead}{missing}")
+    if is_typeddict(kind):
+        known = {key: checked(hints[key], one, lead + key) for key, one in value.items() if key in hints}
+        return {**value, **known}
+    for unknown in (key for key in value if key not in hints):
+        raise WrongFieldError(f"{lead}{unknown} is no field that this version knows")
+    found = {key: checked(hints[key], one, lead + key) for key, one in value.items()}
+    try:
+        return kind(**found)
+    except WrongFieldError:
+        raise
+    except ValueError as error:
+        raise WrongFieldError(f"{name}: {error}" if name else str(error)) from error
 
 
 def to_json(value: Any) -> Any:
     """Dataclasses as objects, tuples as lists; everything else as it is."""
     if is_dataclass(value) and not isinstance(value, type):
-        return {one.name: to_json(getattr(value, one.name)) for one in fields(value) if _kept(value, one)}
+        kept = (
+            one
+            for one in fields(value)
+            if "omitted" not in one.metadata or getattr(value, one.name) != one.default
+        )
+        return {one.name: to_json(getattr(value, one.name)) for one in kept}
     if isinstance(value, dict):
         return {key: to_json(part) for key, part in value.items()}
     if isinstance(value, list | tuple):
         return [to_json(part) for part in value]
     return value
-
-
-def _kept(value: Any, one: Field) -> bool:
-    return not (one.metadata.get("omitted") and getattr(value, one.name) == one.default)
-
-
-def from_json(cls: type[T], value: Any, name: str = "") -> T:
-    """The dataclass ``cls`` from a parsed JSON object; ``name`` is its path for messages.
-
-    Fields without a default must be there; a field that ``cls`` does not have is an error. Types that are understood:
-    str, int, float, bool, None, Any, ``X | None``, ``tuple[X, ...]``, ``list[X]``, ``dict[str, X]`` and dataclasses.
-    Raises :class:`ShapeError`.
-    """
-    _check(value, dict, name)
-    lead = f"{name}." if name else ""
-    known = _types_of(typing.cast(type, cls))
-    unknown = next((key for key in value if key not in known), None)
-    if unknown is not None:
-        raise ShapeError(f"{lead}{unknown} is no field of it")
-    arguments = {}
-    for key, (kind, needed) in known.items():
-        if key in value:
-            arguments[key] = _read(kind, value[key], f"{lead}{key}")
-        elif needed:
-            raise ShapeError(f"it has no {lead}{key}")
-    return cls(**arguments)
-
-
-@functools.cache
-def _types_of(cls: type) -> dict[str, tuple[Any, bool]]:
-    """By field of a dataclass: its type, and whether it must be given."""
-    hints = typing.get_type_hints(cls)
-    return {
-        one.name: (hints[one.name], one.default is MISSING and one.default_factory is MISSING)
-        for one in fields(cls)  # type: ignore[arg-type]
-    }
-
-
-def _read(kind: Any, value: Any, name: str) -> Any:
-    origin, arguments = typing.get_origin(kind), typing.get_args(kind)
-    if kind is Any:
-        return value
-    if origin in (typing.Union, types.UnionType):
-        if value is None:
-            return None
-        (kind,) = (one for one in arguments if one is not type(None))
-        return _read(kind, value, name)
-    if origin in (tuple, list, Sequence):
-        _check(value, list, name)
-        parts = [_read(arguments[0], part, f"{name}[{i}]") for i, part in enumerate(value)]
-        return parts if origin is list else tuple(parts)
-    if origin in (dict, Mapping):
-        _check(value, dict, name)
-        return {key: _read(arguments[1], part, f"{name}[{key}]") for key, part in value.items()}
-    if is_dataclass(kind):
-        return from_json(typing.cast(type, kind), value, name)
-    _check(value, kind, name)
-    return value
-
-
-def _check(value: Any, kind: type, name: str) -> None:
-    if isinstance(value, kind) or (kind is float and isinstance(value, int)):
-        return
-    shown = repr(value)
-    shown = shown if len(shown) <= 40 else shown[:37] + "..."
-    raise ShapeError(f"{name or 'all of it'} is {shown}, not {CALLED[kind]}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from ..typed_json import OMITTED, from_json, to_json
+from ..typed_json import OMITTED, checked, to_json
 from .verdict import ERRORS, EXCUSED_LIMIT, Verdict
 
 
@@ -144,8 +144,8 @@ class Score(RayCounts):
 
     @staticmethod
     def from_json(value: Any, name: str = "") -> Score:
-        """The score in a record. Raises :class:`.typed_json.ShapeError`."""
-        return from_json(Score, value, name)
+        """The score in a record. Raises :class:`.typed_json.WrongFieldError`."""
+        return checked(Score, value, name)
 
 
 def check_of(true_errors: int, excused_share: float) -> str:

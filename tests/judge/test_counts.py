@@ -9,7 +9,7 @@ from helpers.scored_case import ball_case, plant_hole
 from shadowbench.harness.judge.counts import Score
 from shadowbench.harness.judge.score import score_answers
 from shadowbench.harness.results.schema import read_records
-from shadowbench.harness.typed_json import ShapeError
+from shadowbench.harness.typed_json import WrongFieldError
 
 KEPT = {
     "true_errors": 1,
@@ -34,7 +34,7 @@ def test_a_score_is_read_as_it_was_written():
     [
         (("primary", "pixels"), "x", "frames[2].score.primary.pixels is 'x', not a whole number"),
         (("primary", "pixels"), None, "frames[2].score.primary.pixels is None, not a whole number"),
-        (("primary", "ties"), 1, "frames[2].score.primary.ties is no field of it"),
+        (("primary", "ties"), 1, "frames[2].score.primary.ties is no field that this version knows"),
         (("shadow", 0), 3, "frames[2].score.shadow[0] is 3, not an object"),
         (("shadow",), {}, "frames[2].score.shadow is {}, not a list"),
         (("excused_share",), "0", "frames[2].score.excused_share is '0', not a number"),
@@ -47,13 +47,13 @@ def test_a_wrong_field_is_named(path, value, message):
         inner = inner[step]
     inner[path[-1]] = value
     assert Score.from_json(KEPT).primary.true == 1
-    with pytest.raises(ShapeError) as caught:
+    with pytest.raises(WrongFieldError) as caught:
         Score.from_json(changed, "frames[2].score")
     assert str(caught.value) == message
 
 
 def test_a_missing_field_is_named():
-    with pytest.raises(ShapeError, match=r"it has no score\.true_errors"):
+    with pytest.raises(WrongFieldError, match=r"it has no score\.true_errors"):
         Score.from_json({name: value for name, value in KEPT.items() if name != "true_errors"}, "score")
 
 
