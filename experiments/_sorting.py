@@ -23,11 +23,12 @@ from ..harness.results.folder import ResultsFolder
 from ..harness.results.journal import Journal
 from ..harness.results.record import SCHEMA, Record, make_record
 from ..harness.runner.experiment import Preset
-from ..harness.runner.job import Options, Reporter
+from ..harness.runner.job import Options
 from ..harness.runner.machine import clock_state, environment, keep
 from ..harness.runner.machine_lock import MACHINE
 from ..harness.runner.memory import peak_resident_bytes
 from ..harness.runner.points import orders
+from ..harness.runner.progress import Silent
 from ..harness.runner.source_closure import SAMPLING, closure_hash
 from ..harness.runner.timing import Sampling, sample_frame
 
@@ -63,7 +64,7 @@ class Trial(PassRunner):
         return int((places != np.argsort(self.unsorted, kind="stable")).sum())
 
 
-def measure(options: Options, report: Reporter, bits: Sequence[int]) -> list[Record]:
+def measure(options: Options, report: Silent, bits: Sequence[int]) -> list[Record]:
     """The record of each number of key bits, at as many pairs as the preset's image has pixels (and those after it).
 
     What has a record is not measured again. Raises :class:`UserError` where scenes or methods are named, and where the
@@ -84,7 +85,7 @@ def measure(options: Options, report: Reporter, bits: Sequence[int]) -> list[Rec
 
 
 def _measured(
-    options: Options, preset: Preset, report: Reporter, bits: Sequence[int], folder: ResultsFolder, made_in: str
+    options: Options, preset: Preset, report: Silent, bits: Sequence[int], folder: ResultsFolder, made_in: str
 ) -> list[Record]:  # fmt: skip
     facts = [_facts(options, preset, count) for count in bits]
     keys = [f"{f['point']['bits']}-bits-{preset.width}x{preset.height}-{digest(f)[:16]}" for f in facts]
@@ -94,13 +95,13 @@ def _measured(
     pairs = preset.width * preset.height
     trials = {i: Trial(pairs, bits[i], options.device, options.seed) for i in todo}
     for i in todo:
-        report.doing(f"{pairs:,} pairs, {bits[i]} bits: warming up")
+        report.doing(f"{pairs:,} pairs: warming up", f"{bits[i]} bits")
         _note(folder, journals[i], _prepared(trials[i], journals[i]))
     with MACHINE.exclusive():
         for number, order in enumerate(orders(len(todo), preset.rounds, options.seed)):
             for place, index in enumerate(order):
                 i = todo[index]
-                report.doing(f"{pairs:,} pairs, {bits[i]} bits: round {number + 1}")
+                report.doing(f"{pairs:,} pairs: round {number + 1}", f"{bits[i]} bits")
                 if number not in journals[i].rounds():
                     where = {"event": "round", "round": number, "place": place, "of": len(order)}
                     _note(folder, journals[i], {**where, **_round(trials[i], preset)})

@@ -1,10 +1,9 @@
-"""What a run is asked for, whom it tells, and a point of it under way."""
+"""What a run is asked for, and a point of it under way."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 from ..results.journal import Journal
 from ..results.record import Record
@@ -26,16 +25,6 @@ class Options:
     save_answers: bool = False
     score: bool = True
     retry: bool = False
-
-
-class Reporter(Protocol):
-    """Told what goes on. A step is one command to one worker."""
-
-    def steps(self, count: int) -> None: ...
-    def doing(self, text: str) -> None: ...
-    def note(self, text: str) -> None: ...
-    def done(self, count: int = 1) -> None: ...
-    def point(self, record: Record) -> None: ...
 
 
 @dataclass(eq=False)

@@ -50,6 +50,7 @@ class MachineLock:
     say     is given a line where this process begins to wait, and an empty text when it need wait no longer
     wait    False: raise :class:`UserError` instead of waiting
     held    FREE, SHARED or EXCLUSIVE
+    waited  seconds that this process has waited
 
     Two files: who wants to measure holds the gate and waits for the others to leave; who wants to share passes it.
     """
@@ -59,6 +60,7 @@ class MachineLock:
         self.say: Callable[[str], None] = _to_stderr
         self.wait = True
         self.held = FREE
+        self.waited = 0.0
         self._files: tuple[int, int] | None = None
 
     @contextlib.contextmanager
@@ -134,6 +136,7 @@ class MachineLock:
                 )
             self.say(f"waiting until {who} {WHAT_FOR[kind]}{advice}")
             fcntl.flock(file, kind)
+            self.waited += time.monotonic() - end
             self.say("")
             return
 

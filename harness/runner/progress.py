@@ -1,25 +1,21 @@
-"""What a person sees of long work: a bar with a time estimate on standard error; elsewhere plain lines."""
+"""What a person sees of long work, on standard error: a bar with an estimate on a terminal, elsewhere plain lines."""
 
 from __future__ import annotations
 
-import sys
 import time
+from statistics import fmean, median
 
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    Progress,
-    TaskProgressColumn,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
 from ..results.record import Record
 
+QUIET_S = 10.0
+"""Where there is no bar a step is told of if it is of a new kind, or if nothing was said for so many seconds."""
+
 
 class Silent:
-    """Says nothing."""
+    """Told what goes on, and says nothing. A step is one command to one worker."""
 
     def __enter__(self) -> Silent:
         return self
@@ -29,34 +25,38 @@ class Silent:
     def steps(self, count: int) -> None:
         """How many steps there are in all."""
 
-    def doing(self, text: str) -> None:
-        """A step begins."""
+    def doing(self, what: str, who: str = "") -> None:
+        """A step begins: of what kind, and which of its kind."""
 
     def note(self, text: str) -> None:
-        """Something that a person should know of, also where no bar is shown."""
+        """Something that a person should know of, also where no bar is shown; nothing where the text is empty."""
 
     def done(self, count: int = 1) -> None:
         """Steps have been done."""
+
+    def left(self, seconds: float) -> None:
+        """The work that is left will take about so long from now."""
 
     def point(self, record: Record) -> None:
         """A record was written."""
 
 
 class Bar(Silent):
-    """A bar on a terminal; elsewhere one line a record."""
+    """A bar on a terminal, elsewhere a line for each kind of step; and on both a line for each record."""
 
     def __init__(self) -> None:
         self.console = Console(stderr=True)
         columns = (
             TextColumn("{task.description}", markup=False), BarColumn(bar_width=24), TaskProgressColumn(),
-            TimeElapsedColumn(), TextColumn("left about"), TimeRemainingColumn(),
+            TimeElapsedColumn(), TextColumn("{task.fields[left]}", markup=False),
         )  # fmt: skip
         self.bar = Progress(
             *columns, console=self.console, transient=True, disable=not self.console.is_terminal
         )
-        self.task = self.bar.add_task("starting", total=None)
+        self.task = self.bar.add_task("starting", total=None, left="")
         self.started = time.monotonic()
-        self.count, self.at = 0, 0
+        self.said, self.last = self.started, ""
+        self.end: float | None = None
 
     def __enter__(self) -> Bar:
         self.bar.start()
@@ -66,28 +66,40 @@ class Bar(Silent):
         self.bar.stop()
 
     def steps(self, count: int) -> None:
-        self.count = count
         self.bar.update(self.task, total=count)
 
-    def doing(self, text: str) -> None:
-        self.bar.update(self.task, description=text[:60])
+    def doing(self, what: str, who: str = "") -> None:
+        text = f"{what} ({who})" if who else what
+        self.bar.update(self.task, description=text[:60], left=self._left())
+        if not self.console.is_terminal and (what != self.last or time.monotonic() - self.said > QUIET_S):
+            self._line(text)
+        self.last = what
 
     def note(self, text: str) -> None:
         if text:
-            self.console.print(text, markup=False, highlight=False, soft_wrap=True)
+            self._line(text)
 
     def done(self, count: int = 1) -> None:
-        self.at += count
         self.bar.advance(self.task, count)
 
+    def left(self, seconds: float) -> None:
+        self.end = time.monotonic() + seconds
+
     def point(self, record: Record) -> None:
-        who = f"{record.scene['name']}, {record.method['label']}"
-        status = record.status + (f": {record.reason}" if record.reason else "")
-        if self.console.is_terminal:
-            if record.status not in ("ok", "skipped"):
-                self.console.print(f"{who}: {status}", markup=False, highlight=False)
-            return
-        spent = time.monotonic() - self.started
-        share = self.at / self.count if self.count else 0
-        left = f", about {spent / share - spent:.0f} s left" if share else ""
-        print(f"[{spent:5.0f} s{left}] {who}: {status}", file=sys.stderr, flush=True)
+        times = [median(frame.total_ms) for frame in record.frames if frame.total_ms]
+        result = f"{fmean(times):.3g} ms per frame" if record.status == "ok" and times else record.status
+        why = f": {record.reason}" if record.reason else ""
+        self._line(f"{record.scene['name']}, {record.method['label']}: {result}{why}")
+
+    def _left(self) -> str:
+        if self.end is None:
+            return ""
+        left = max(0.0, self.end - time.monotonic())
+        return f"about {left:.0f} s left" if left < 100 else f"about {left / 60:.0f} min left"
+
+    def _line(self, text: str) -> None:
+        self.said = time.monotonic()
+        if not self.console.is_terminal:
+            left = self._left()
+            text = f"[{self.said - self.started:4.0f} s{left and ', ' + left}] {text}"
+        self.console.print(text, markup=False, highlight=False, soft_wrap=True)

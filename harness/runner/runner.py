@@ -16,20 +16,23 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ..frame.devices import device_title
 from ..results.folder import ResultsFolder
 from ..results.record import FAILURES, Record, make_record
 from ..results.settle import settled
 from ..scene.facts import contents
 from ..scene.overrides import Lighting
 from .experiment import Entry, Preset
-from .job import Job, Options, Reporter
+from .job import Job, Options
 from .machine import environment, keep
 from .machine_lock import MACHINE
 from .points import describe_method, make_point, orders
+from .progress import Silent
 from .protocol import LOAD_S, grade_command, load_command, prepare_command
 from .redraw import repaint
 from .scene_cache import known_scene, learn_scene
 from .worker_process import Remote, WorkerError, WorkerLostError
+from .workload import Estimate, expected_work
 
 GRADER = "grading"
 """The name of the worker that makes scenes and grades answers (no method may be called so)."""
@@ -51,12 +54,14 @@ class Run:
     """Carries out the points of an experiment; :meth:`go` returns their records in the order declared."""
 
     options: Options
-    report: Reporter
+    report: Silent
     workers: dict[str, Remote] = field(default_factory=dict)
     loaded: dict[str, int] = field(default_factory=dict)
     environment: str = ""
     lighting: Lighting = field(default_factory=Lighting)
     """The lights of the scene under way."""
+    compiling: float = 0.0
+    """Seconds that the scene under way spent on compiling kernels."""
 
     def __post_init__(self) -> None:
         self.folder = ResultsFolder(self.options.out)
@@ -68,31 +73,69 @@ class Run:
         options = self.options
         MACHINE.say = self.report.note
         with self.folder.locked(), MACHINE.shared():
+            self.report.note(self._announcement())
             with self.folder.writing():
                 self.environment = keep(options.out, environment())
             parts = options.preset.parts()
             self.report.steps(sum(_points(part) * (part.rounds + 2) for part in parts))
+            estimate = Estimate(
+                sum(
+                    expected_work(scene, part) * len(part.lightings) * len(part.methods)
+                    for part in parts
+                    for scene in part.scenes
+                )
+            )
             records: list[Record] = []
             try:
                 for part in parts:
                     self.options = dataclasses.replace(options, preset=part)
                     methods = [(entry, describe_method(entry, options.device)) for entry in part.methods]
-                    for scene in part.scenes:
-                        for self.lighting in part.lightings:
-                            records += self._scene(scene, methods)
+                    # Small scenes first: their results are there soon.
+                    found = {
+                        scene: self._lightings(scene, methods, estimate)
+                        for scene in sorted(part.scenes, key=lambda name: expected_work(name, part))
+                    }
+                    records += [record for scene in part.scenes for record in found[scene]]
             finally:
                 for worker in self.workers.values():
                     worker.stop()
                 self.folder.shared_scene.unlink(missing_ok=True)
-            self.report.doing("settling what several methods were asked about")
+            self.report.doing("settling the pixels that several methods dispute")
             return settled(self.folder, records)
+
+    def _announcement(self) -> str:
+        options, parts = self.options, self.options.preset.parts()
+        points = sum(_points(part) for part in parts)
+        scenes = len({scene for part in parts for scene in part.scenes})
+        return (
+            f"{options.experiment.name}, preset {options.preset_name}, on {device_title(options.device)}: {points} "
+            f"point{'s' * (points != 1)} on {scenes} scene{'s' * (scenes != 1)}, results go to {options.out}. "
+            f"Kernels that are not in Warp's cache are compiled at the first scene"
+        )
 
     def _steps_a_point(self) -> int:
         return self.options.preset.rounds + 2
 
     # --- one scene ---
 
-    def _scene(self, name: str, methods: Described) -> list[Record]:
+    def _lightings(self, name: str, methods: Described, estimate: Estimate) -> list[Record]:
+        """The records of a scene under each lighting, and what they say of how long the rest will take."""
+        records, work = [], expected_work(name, self.options.preset)
+        for lighting in self.options.preset.lightings:
+            self.lighting = lighting
+            began, self.compiling = time.monotonic() - MACHINE.waited, 0.0
+            of_scene, measured = self._scene(name, methods)
+            seconds = time.monotonic() - MACHINE.waited - began
+            estimate.measured(work * measured, max(seconds - self.compiling, 0.1 * seconds) * bool(measured))
+            estimate.skipped(work * (len(methods) - measured))
+            left = estimate.left()
+            if left is not None:
+                self.report.left(left)
+            records += of_scene
+        return records
+
+    def _scene(self, name: str, methods: Described) -> tuple[list[Record], int]:
+        """The records of a scene under one lighting, and how many points were measured now."""
         self.loaded.clear()
         command = self._load_command(name)
         facts = known_scene(self.folder, command)
@@ -115,12 +158,13 @@ class Run:
             for job in jobs:
                 if job.method in lost and job.record is None:
                     self._close(job, lost[job.method].status, lost[job.method].reason)
-        self._measure([job for job in jobs if job.record is None])
+        waiting = [job for job in jobs if job.record is None]
+        self._measure(waiting)
         repaint(self.options, self.folder, self.lighting, jobs)
         for worker in self.workers.values():
             if worker.running:
                 self._tell(worker, do="free")
-        return [job.record for job in jobs if job.record is not None]
+        return [job.record for job in jobs if job.record is not None], len(waiting)
 
     def _measure(self, jobs: list[Job]) -> None:
         """Prepare the jobs, take their rounds interleaved, and finish them."""
@@ -135,7 +179,7 @@ class Run:
                     job = jobs[index]
                     if job.record is None and number not in job.journal.rounds() and not self._spent(job):
                         where = {"round": number, "place": place, "of": len(order)}
-                        self._attempt(job, f"round {number + 1}", self._round, where)
+                        self._attempt(job, f"measuring, round {number + 1}", self._round, where)
         self._finish_all([job for job in jobs if job.record is None])
 
     def _finish_all(self, jobs: list[Job]) -> None:
@@ -183,7 +227,7 @@ class Run:
 
     def _attempt(self, job: Job, what: str, step: Callable[..., None] | None = None, *arguments: Any) -> None:
         """Do a step, preparing the job first where its worker is new; close the job if it comes to nothing."""
-        self.report.doing(f"{job.point.scene['name']}, {job.point.method['label']}: {what}")
+        self.report.doing(f"{job.point.scene['name']}: {what}", job.point.method["label"])
         try:
             if job.point.method.get("broken"):
                 raise WorkerError("failed", job.point.method["broken"])
@@ -205,6 +249,7 @@ class Run:
         self._ensure_loaded(job.method, job.scene)
         reply = self._command(worker, **prepare_command(self.options, job))
         job.generation = worker.generation
+        self.compiling += reply["compile_s"]
         self._note(job, {"event": "prepared", **reply})
 
     def _round(self, job: Job, where: dict[str, int]) -> None:
@@ -234,11 +279,12 @@ class Run:
         if job.journal.first("finished"):
             return
         try:
-            graded = self._reply(self._worker(grader), self.options.preset.timeout_s)["frames"]
+            reply = self._reply(self._worker(grader), self.options.preset.timeout_s)
         except WorkerError as error:
             self._ungraded(job, error)
             return
-        self._note(job, {"event": "finished", "frames": graded})
+        self.compiling += reply["compile_s"]
+        self._note(job, {"event": "finished", "frames": reply["frames"]})
 
     def _ungraded(self, job: Job, error: WorkerError) -> None:
         """The times stand, whatever becomes of their grades."""

@@ -37,7 +37,7 @@ from .machine import clock_state
 from .machine_lock import MACHINE
 from .measure import MeasuredPoint, SkippedError, UnsteadyError, spread_frames
 from .memory import reset_peak_resident
-from .timing import Sampling
+from .timing import CompileClock, Sampling
 
 
 class Worker:
@@ -130,8 +130,9 @@ class Worker:
         assert self.prepared is not None
         if self.grader is None:
             self.grader = Grader(self.prepared, self.moments, self.scene_argument, Path(folder), device)
-        frames = self.grader.grade(key, save_answers, score, Path(picture), shows, wrong_maps)
-        return {"frames": frames}
+        with CompileClock() as compiling:
+            frames = self.grader.grade(key, save_answers, score, Path(picture), shows, wrong_maps)
+        return {"frames": frames, "compile_s": compiling.seconds}
 
     def free(self, key: str | None = None) -> dict[str, Any]:
         """Forget one point, or the scene and all of its points."""

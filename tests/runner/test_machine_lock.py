@@ -16,6 +16,7 @@ from helpers.runs import TETRAHEDRON
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.runner import runner as run_module
 from shadowbench.harness.runner.machine_lock import EXCLUSIVE, FOLDER, FREE, SHARED, MachineLock
+from shadowbench.harness.runner.progress import Silent
 
 STEP_S = 0.02
 PATIENCE_S = 120.0
@@ -251,14 +252,6 @@ def test_measuring_within_measuring_gives_nothing_up(tmp_path: Path) -> None:
 # --- whole runs -----------------------------------------------------------------------------------------------
 
 
-class Quiet:
-    def steps(self, count): ...
-    def doing(self, text): ...
-    def note(self, text): ...
-    def done(self, count=1): ...
-    def point(self, record): ...
-
-
 def test_a_run_takes_its_rounds_alone_and_does_the_rest_shared(tmp_path, monkeypatch) -> None:
     """Grading is done under locks of the graders' own: this process has none that they would wait for."""
     from shadowbench.harness.commands.run import plan_run
@@ -276,7 +269,7 @@ def test_a_run_takes_its_rounds_alone_and_does_the_rest_shared(tmp_path, monkeyp
         "table1", "quick", "cpu", ["cloth"], ["bvh"], out=tmp_path / "out", size="32x32",
         overrides={"frames": 1, "rounds": 2, "budget_s": 1.0},
     )  # fmt: skip
-    Watching(options, Quiet()).go()
+    Watching(options, Silent()).go()
     kinds = {kind for kind, _, _ in sent}
     assert {"load", "prepare", "round", "grade", "free"} <= kinds
     for kind, grades, held in sent:
