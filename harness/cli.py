@@ -122,7 +122,11 @@ def run_(
     ] = None,
     seed: Annotated[int, typer.Option("--seed", help="Seed of the order of rounds.")] = 0,
     memory_limit: Annotated[
-        int | None, typer.Option("--memory-limit", help="Bytes that a method may take for its structures.")
+        int | None,
+        typer.Option(
+            "--memory-limit",
+            help="Bytes that a method may hold, on the device and, within 256 MiB, in the process. Default: 8 GiB.",
+        ),
     ] = None,
     save_answers: Annotated[bool, typer.Option("--save-answers", help="Keep every raw answer.")] = False,
     score: Annotated[bool, typer.Option("--score/--no-score", help="Compare the answers with truth.")] = True,

@@ -15,13 +15,13 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from ..errors import UserError
+from ..errors import CapacityRejected, UserError
 from ..frame.method import Method
 from ..frame.session import Session
 from ..scene.effects import Limits
 from ..scene.moment import Moment
 from ..scene.prepared import Prepared
-from .memory import Memory, array_bytes, peak_resident_bytes, resident_bytes
+from .memory import Memory, array_bytes, give_back_memory, peak_resident_bytes, resident_bytes
 from .timing import CompileClock, FrameSamples, Sampling, sample_frame
 
 Answers = dict[str, NDArray]
@@ -44,19 +44,21 @@ class MeasuredPoint:
 
     def __init__(
         self,
-        method: Method,
+        make: Callable[[], Method],
         prepared: Prepared,
         moments: Mapping[int, Moment],
         size: tuple[int, int],
         spec: Mapping[str, Any],
         changed: frozenset[str] | None,
-        answered: Callable[[int, Answers], None],
+        answered: Callable[[Method, int, Answers], None],
     ):
         """Plan, compile and run every frame until its capacities suffice; each frame's answers go to ``answered``.
 
         Memory is counted meanwhile: it is what the method held at most, up to and with each frame. Where the samples of
-        all frames would be beyond the point's budget (``spec["budget_s"]``), some frames are left out.
+        all frames would be beyond the point's budget (``spec["budget_s"]``), some frames are left out. Raises
+        :class:`~.errors.CapacityRejected` where the method holds more than ``spec["memory_limit"]`` bytes.
         """
+        method = make()
         reason = method.applies(prepared.scene, spec["device"])
         if reason:
             raise SkippedError(reason)
@@ -78,16 +80,30 @@ class MeasuredPoint:
                 answers = session.answers(moments[frame])
                 first = first or time.perf_counter() - start
                 held[frame] = max(0, tracker.peak() - own)
+                _within(limits.memory, held[frame], tracker.growth() - ALLOWED_GROWTH)
                 self.hashes[frame] = hashes(answers)
-                answered(frame, answers)
+                answered(method, frame, answers)
                 counted.append({"frame": frame, "counters": method.counters()})
                 if len(held) == 1:
                     seconds = time.perf_counter() - start - compiling.seconds
                     frames = affordable_frames(frames, session, seconds, spec["runs"], spec["budget_s"])
         tracker.pause()
         # Structures outside Warp's allocators (a library's own) show only in how far the process grew.
-        outside = self.device == "cpu" and max(held.values()) < tracker.growth() / 2 and not method.capturable
-        self.memory = {frame: tracker.growth() for frame in held} if outside else held
+        growth = tracker.growth()
+        outside = self.device == "cpu" and max(held.values()) < growth / 2 and not method.capturable
+        if outside:
+            # The growth holds what was compiled and loaded meanwhile, too: it is counted again, now that that is there.
+            del self.session, session, method, given, answers
+            give_back_memory()
+            tracker.start()
+            self.session = session = Session(make(), prepared, *size, self.device, limits=limits)
+            for frame in frames:
+                session.answers(moments[frame])
+            tracker.pause()
+            growth = tracker.growth()
+            outside = max(held.values()) < growth / 2
+            _within(limits.memory, growth)
+        self.memory = dict.fromkeys(held, growth) if outside else held
         self.memory_source = "process growth" if outside else "warp allocations"
         passes = [
             {"name": p.name, "part": p.part, "reads": p.reads, "writes": p.writes, "effect": p.effect}
@@ -99,7 +115,7 @@ class MeasuredPoint:
             "baseline_rss_bytes": baseline,
             "frames": counted,
             "frames_left_out": [frame for frame in moments if frame not in frames],
-            "method": {"built": method.built(), "replayed": session.replays, "passes": passes},
+            "method": {"built": session.method.built(), "replayed": session.replays, "passes": passes},
         }
 
     def round(self, sampling: Sampling) -> dict[str, Any]:
@@ -156,6 +172,15 @@ class MeasuredPoint:
             raise UnsteadyError(
                 f"the frames that were timed do not answer as the frame that was judged (frame {frame}: {', '.join(wrong)})"
             )
+
+
+ALLOWED_GROWTH = 256 << 20
+"""Bytes that a process may grow by beside what its method holds: compilers and what they make."""
+
+
+def _within(limit: int, *held: int) -> None:
+    if max(held) > limit:
+        raise CapacityRejected(f"holds {max(held):,} bytes, allowed are {limit:,}")
 
 
 def hashes(answers: Answers) -> dict[str, str]:

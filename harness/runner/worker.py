@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
-import gc
 import json
 import os
 import signal
@@ -22,6 +21,7 @@ from typing import IO, Any
 
 from ..errors import CapacityRejected, UserError
 from ..files import plain
+from ..frame.method import Method
 from ..frame.registry import make_method
 from ..frame.warp_init import start_warp
 from ..results.folder import FULL
@@ -36,7 +36,7 @@ from .grader import Answers, Grader, hand_over, handed_path
 from .machine import clock_state
 from .machine_lock import MACHINE
 from .measure import MeasuredPoint, SkippedError, UnsteadyError, spread_frames
-from .memory import reset_peak_resident
+from .memory import give_back_memory, reset_peak_resident
 from .timing import CompileClock, Sampling
 
 
@@ -96,16 +96,18 @@ class Worker:
     def prepare(self, point: dict[str, Any], folder: str) -> dict[str, Any]:
         """Prepare a point, and hand its answers over to be graded."""
         assert self.prepared is not None
-        method = make_method(point["method"], point["settings"])
 
-        def answered(frame: int, answers: Answers) -> None:
+        def make() -> Method:
+            return make_method(point["method"], point["settings"])
+
+        def answered(method: Method, frame: int, answers: Answers) -> None:
             hand_over(handed_path(Path(folder), point["key"], frame), answers)
             if point.get("maps"):
                 keep_map(method, self.moments[frame], map_path(Path(folder), point["key"], frame))
 
         if not self.points:
             reset_peak_resident()
-        made = MeasuredPoint(method, self.prepared, self.moments, self.size, point, self.changed, answered)
+        made = MeasuredPoint(make, self.prepared, self.moments, self.size, point, self.changed, answered)
         self.points[point["key"]] = made
         return made.facts
 
@@ -142,7 +144,6 @@ class Worker:
             self.prepared = self.grader = None
         else:
             self.points.pop(key, None)
-        gc.collect()
         give_back_memory()
         return {}
 
@@ -192,12 +193,6 @@ def serve(commands: IO[str], replies: IO[str]) -> None:
     for line in commands:
         if line.strip():
             reply(answer_line(worker, line))
-
-
-def give_back_memory() -> None:
-    """With glibc, return freed memory to the system, so that the next point's growth can be seen."""
-    with contextlib.suppress(OSError, AttributeError):
-        ctypes.CDLL(None).malloc_trim(0)
 
 
 def die_with_parent() -> None:

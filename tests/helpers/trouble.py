@@ -126,6 +126,15 @@ class Rejects(Steady):
         raise CapacityRejected(f"needs {int(needed[0])} pairs, allowed are {1 << 20}")
 
 
+class Greedy(Steady):
+    """Holds 320 MiB of numpy arrays, which no allocator of Warp's knows of."""
+
+    name: ClassVar[str] = "greedy"
+
+    def prepare(self, frame):
+        self.held = np.ones(40 << 20)
+
+
 class Skips(Steady):
     name: ClassVar[str] = "skips"
 
@@ -161,4 +170,4 @@ class Broken(Steady):
         raise ImportError("libmissing.so: cannot open")
 
 
-CLASSES = (Steady, Talker, Raises, Late, Once, Fickle, Hangs, Exits, Rejects, Skips, Grows, Broken)
+CLASSES = (Steady, Talker, Raises, Late, Once, Fickle, Hangs, Exits, Rejects, Skips, Grows, Greedy, Broken)

@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -132,6 +133,28 @@ def test_a_second_run_measures_nothing_and_changes_no_byte(troubled, scene):
 def test_what_answers_otherwise_later_has_the_rounds_before_it(troubled):
     _, records = troubled
     assert [len(records[name].rounds) for name in ("once", "fickle")] == [0, 1]
+
+
+def test_a_method_that_holds_more_than_it_may_is_rejected(package, scene, tmp_path):
+    entries = [Entry(name, {}, name) for name in ("steady", "greedy", "bvh")]
+    records = go(options(tmp_path, [scene], entries, memory=1 << 20, rounds=1))
+    assert [records[name].status for name in ("steady", "greedy", "bvh")] == ["ok", "rejected", "ok"]
+    assert re.fullmatch(r"holds [\d,]+ bytes, allowed are 1,048,576", records["greedy"].reason)
+    less = go(options(tmp_path, [scene], ["uniform_grid"], memory=1 << 10, rounds=1))
+    assert {r.status for r in less.values()} == {"rejected"}
+
+
+@pytest.mark.parametrize("name", ["bvh", "embree"])
+def test_memory_does_not_depend_on_what_the_process_did_before(scene, tmp_path, name):
+    """The first point of a process compiles kernels and loads libraries."""
+    pytest.importorskip("embreex", reason="embree is what is measured")
+    (alone,) = go(options(tmp_path / "alone", [scene], [Entry(name, {}, "it")], rounds=1)).values()
+    other = Entry(name, {"threads": "1"} if name == "embree" else {"update": "refit"}, "before")
+    after = go(options(tmp_path / "after", [scene], [other, Entry(name, {}, "it")], rounds=1))["it"]
+    most = max(alone.frames[0].memory_bytes, after.frames[0].memory_bytes)
+    assert most < 4 << 20, (
+        "four triangles: not the library that was loaded and the kernels that were compiled"
+    )
 
 
 def test_retry_measures_failed_points_only(package, scene, tmp_path):
