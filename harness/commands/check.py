@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
-import sys
+from collections import Counter
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ..errors import UserError
+from ..judge.verdict import Verdict
 from .options import Device, Json
+from .tables import make_console, make_table, print_legend, print_lines
 
 if TYPE_CHECKING:
     from ..hardcases.conformance import Check
@@ -19,19 +21,19 @@ if TYPE_CHECKING:
 def check(
     method: Annotated[str, typer.Argument(help="A method's name; see shadowbench list methods.")],
     device: Device = None,
-    setting: Annotated[list[str] | None, typer.Option("--set", help="param=value; again for more.")] = None,
+    setting: Annotated[list[str] | None, typer.Option("--set", help="param=value; may be repeated.")] = None,
     case: Annotated[
-        list[str] | None, typer.Option("--case", help="A hard case's name; again for more. Default: all.")
+        list[str] | None, typer.Option("--case", help="A hard case's name; may be repeated. Default: all.")
     ] = None,
     as_json: Json = False,
 ) -> int:
     """Run the hard cases and the rules of conduct on one method, and judge every answer exactly.
 
-    A near-tie or an edge is excused (the rounding of a float32 test explains it), but only so many a case; anything
-    else that is wrong is a true error. Exit code 1 where a case has a true error or too much to excuse, or a rule is
-    broken, also for a method that says of itself that it is inexact. A method may declare what lies outside what it
-    can do, with the reason, in its attribute ``outside``: {case: reason} is shown and not run, {"shadows": reason} is
-    shown and no shadow bit is held against it.
+    A wrong answer that float32 rounding explains (near-tie, edge) is excused, up to a limit in each case; any other
+    wrong answer is a true error. Exit code 1 where a case has a true error or too many excused answers, or where a rule
+    is broken, also for a method that declares itself inexact. A method declares what it cannot do, with the reason, in
+    its attribute ``outside``: {case: reason} is shown and not run; with {"shadows": reason} wrong shadow bits are
+    counted and do not fail the check.
     """
     from ..frame.devices import device_for, find_device
     from ..frame.registry import make_method, method_class
@@ -47,7 +49,7 @@ def check(
     outside = dict(outside_of(made))
     unknown = sorted(set(outside) - {one.name for one in all_cases()} - {SHADOWS})
     if unknown:
-        raise UserError(f"{method} declares {unknown[0]!r} to lie outside, which is no hard case")
+        raise UserError(f"{method} declares {unknown[0]!r} as outside, which is not a hard case")
     MACHINE.share()
     findings = judge_method(lambda: make_method(method, settings), place, cases, {})
     checks = [] if case else conformance(lambda: make_method(method, settings), place)
@@ -86,26 +88,21 @@ def _settings(method: str, texts: list[str]) -> dict[str, str]:
     return settings
 
 
-def _print(facts: dict[str, Any], findings: list[Finding], checks: list[Check]) -> None:
-    from rich.console import Console
-    from rich.table import Table
+CLASS_NAMES = {
+    **{kind.key: kind.label for kind in Verdict},
+    "hole": "rays through a closed surface",
+    "differs": "pairs that must be the same and differ",
+    "failed": "crash",
+}
 
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for name in ("case", "what", "expected", "got", "excused", "class"):
-        table.add_column(name, overflow="fold")
+
+def _print(facts: dict[str, Any], findings: list[Finding], checks: list[Check]) -> None:
+    console, table = make_console(), make_table("case", "what", "expected", "got", "excused", "result")
     notes = []
     for finding in findings:
-        classes = ", ".join(f"{count} {name.replace('_', '-')}" for name, count in finding.classes.items())
-        if finding.bits_outside:
-            classes += f"{', ' if classes else ''}{finding.bits_outside} shadow bits outside"
-        verdict = {
-            "ok": classes or "ok",
-            "outside": "outside",
-            "error": f"ERROR: {classes}",
-            "excused": f"TOO MUCH EXCUSED: {classes}",
-        }[finding.status]
         excused = f"{finding.excused} of {finding.rays}" if finding.excused else ""
-        table.add_row(finding.case, finding.title, finding.expected, finding.got, excused, verdict)
+        got = "the same" if finding.got == finding.expected else finding.got
+        table.add_row(finding.case, finding.title, finding.expected, got, excused, _result(finding))
         if finding.reason and finding.status != "ok":
             notes.append(f"{finding.case}: {finding.reason}")
         if finding.status == "error":
@@ -114,29 +111,44 @@ def _print(facts: dict[str, Any], findings: list[Finding], checks: list[Check]) 
         table.add_row("", one.name, "", "", "", {"error": "ERROR"}.get(one.status, one.status))
         if one.status == "error":
             notes.append(f"{one.name}: {one.reason}")
-    console = Console(width=None if sys.stdout.isatty() else 160, markup=False)
     console.print(table)
-    for note in notes:
-        console.print(note, soft_wrap=True, highlight=False, markup=False)
-    count = {
-        name: sum(finding.status == name for finding in findings) for name in ("error", "excused", "outside")
-    }
-    bits = sum(finding.bits_outside for finding in findings)
-    says = []
+    print_lines(console, *notes)
+    method, count = facts["method"], Counter(finding.status for finding in findings)
     if facts["known_inexact"] and (count["error"] or count["excused"]):
-        says.append(f"{facts['method']} says that it is inexact: {facts['known_inexact']}")
+        print_lines(console, f"{method} declares itself inexact: {facts['known_inexact']}")
+    bits = sum(finding.bits_outside for finding in findings)
     if bits:
-        says.append(
-            f"{bits} wrong shadow bits lie outside what {facts['method']} can do: {facts['outside']['shadows']}"
-        )
-    summary = (
-        f"{facts['method']} on {facts['device']}: {len(findings)} cases, {count['error']} with true errors"
-    )
-    summary += f", {count['excused']} with too much excused" if count["excused"] else ""
+        reason = facts["outside"]["shadows"]
+        print_lines(console, f"{bits} wrong shadow bits are outside what {method} can do: {reason}")
+    summary = f"{method} on {facts['device']}: {len(findings)} cases, {count['error']} with true errors"
+    summary += f", {count['excused']} with too many excused" if count["excused"] else ""
     summary += f", {count['outside']} outside" if count["outside"] else ""
-    says.append(f"{summary}; {facts['excused']} of {facts['rays']:,} answers excused")
-    for text in says:
-        console.print(text, soft_wrap=True, highlight=False, markup=False)
+    print_lines(console, f"{summary}; {facts['excused']} of {facts['rays']:,} answers excused")
+    named = {name for finding in findings for name in finding.classes}
+    outside = ["outside: the method declares that it cannot do this"] if bits or count["outside"] else []
+    print_legend(console, (kind for kind in Verdict if kind.key in named), *outside)
+
+
+def _result(finding: Finding) -> str:
+    """A case's result in words: errors after ERROR, ties and excused answers apart from them."""
+    errors = _listed(finding, wrong=True)
+    others = _listed(finding, wrong=False)
+    if finding.bits_outside:
+        others.append(f"{finding.bits_outside} shadow bits outside")
+    if finding.status == "outside":
+        return "outside"
+    if finding.status == "ok":
+        return ", ".join(["ok", *others])
+    if finding.status == "excused":
+        return f"TOO MANY EXCUSED: {', '.join(others)}"
+    return f"ERROR: {', '.join(errors)}" + (f"; not errors: {', '.join(others)}" if others else "")
+
+
+def _listed(finding: Finding, wrong: bool) -> list[str]:
+    from ..hardcases.judge import ERROR_NAMES
+
+    named = ((name, count) for name, count in finding.classes.items() if (name in ERROR_NAMES) == wrong)
+    return [f"{count} {CLASS_NAMES[name]}" for name, count in named]
 
 
 def _example(example: dict[str, Any]) -> str:

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import UserError
+from ..judge.verdict import ERRORS, Verdict
 from .options import Device, Frame, Json, Methods, SceneDir, Settings
-from .tables import make_console, make_table
+from .tables import make_console, make_table, print_legend, print_lines
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -151,7 +152,6 @@ def exact_facts(found: Judgement) -> dict[str, Any]:
 
 def _row(found: Judgement) -> dict[str, Any]:
     """The answer at a judged pixel, and the class of each part of it as the score counts it."""
-    from ..judge.verdict import ERRORS, Verdict
 
     answers, classes = found.checked.answers, found.classes
     primary = Verdict(int(classes.primary[0]))
@@ -192,14 +192,16 @@ def _print(facts: dict[str, Any]) -> None:
                 lines.append(f"{lead}lit")
             else:
                 lines.append(f"{lead}no shadow ray: outside the spotlight, or facing away")
-    for line in lines:
-        console.print(line, soft_wrap=True)
+    print_lines(console, *lines)
     _print_rows(console, facts["answers"])
     for shown in facts["bounces"]:
         if shown["answers"]:
-            console.print(f"bounce {shown['bounce']}, each method's own ray:")
+            print_lines(console, f"bounce {shown['bounce']}, each method's own ray:")
             _print_rows(console, shown["answers"])
-    console.print("class: of triangle, t, u and v; shadows: the bit of each light and its class.")
+    rows = facts["answers"] + [row for shown in facts["bounces"] for row in shown["answers"]]
+    named = {kind for row in rows for kind in (row.get("class"), *row.get("shadow_classes", ()))}
+    legend = "class: of triangle, t, u and v; shadows: each light's bit and its class"
+    print_legend(console, (kind for kind in Verdict if kind.key in named), legend)
 
 
 def _print_rows(console: Any, rows: list[dict[str, Any]]) -> None:
@@ -223,4 +225,4 @@ def _print_rows(console: Any, rows: list[dict[str, Any]]) -> None:
     console.print(table)
     for row in rows:
         if "class" not in row:
-            console.print(f"{row['method']}: {row['status']}: {row['reason']}", soft_wrap=True)
+            print_lines(console, f"{row['method']}: {row['status']}: {row['reason']}")

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
+
+from ..judge.verdict import MEANINGS, Verdict
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -15,13 +18,26 @@ def make_console() -> Console:
     return Console(markup=False, highlight=False)
 
 
+def print_lines(console: Console, *lines: str) -> None:
+    """Lines of text: wrapped at words in a terminal, whole in a file or a pipe."""
+    for line in lines:
+        console.print(line, soft_wrap=not console.is_terminal)
+
+
+def print_legend(console: Console, kinds: Iterable[Verdict], *more: str) -> None:
+    """What classes mean, a line each, wrapped at words."""
+    shown = set(kinds)
+    for line in (*(f"{kind.label}: {MEANINGS[kind]}" for kind in MEANINGS if kind in shown), *more):
+        console.print(line, style="dim")
+
+
 def make_table(*names: str, numbers: tuple[str, ...] = ()) -> Table:
     """An empty table: columns of text, which are folded where there is no room, then columns of numbers."""
     from rich.table import Table
 
-    table = Table(box=None, pad_edge=False, header_style="bold")
+    table = Table(box=None, pad_edge=False, collapse_padding=True, header_style="bold")
     for name in names:
-        table.add_column(name, overflow="fold", vertical="bottom")
+        table.add_column(name, overflow="fold")
     for name in numbers:
         table.add_column(name, justify="right", no_wrap=True)
     return table

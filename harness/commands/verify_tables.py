@@ -1,88 +1,96 @@
-"""The tables that ``shadowbench verify`` and ``score`` print."""
+"""The tables that ``shadowbench verify`` and ``score`` print, at most 80 columns wide, and their legend."""
 
 from __future__ import annotations
 
-import sys
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..judge.counts import ReferenceErrors, Score, total
-from ..judge.verdict import Verdict
+from ..judge.verdict import EXCUSED_LIMIT, Verdict
+from .tables import make_console, make_table, print_legend, print_lines
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-COLUMNS = ("disputed", "tie", "near-tie", "edge", "true", "acne", "leak", "worst t", "excused", "check")
+COLUMNS = ("differ", "tie", "near\ntie", "edge", "true", "acne", "leak", "t error", "exc.\n%", "check")
 
-
-def _cells(found: Score | ReferenceErrors) -> list[str]:
-    """The columns of a score, or of the reference's own errors."""
-    wrong = total(found, Verdict.TRUE) + total(found, Verdict.INVALID)
-    classes = [total(found, kind) for kind in (Verdict.TIE, Verdict.NEAR_TIE, Verdict.EDGE)]
-    bits = [total(found, kind) for kind in (Verdict.ACNE, Verdict.LEAK)]
-    if isinstance(found, ReferenceErrors):
-        return ["", *map(str, (*classes, wrong, *bits)), "", "", ""]
-    primary = found.primary
-    disputed = primary.disputed + sum(light.disputed for light in found.shadow)
-    cells = map(str, (disputed, *classes, wrong + primary.unjudged, *bits))
-    share = f"{100 * found.excused_share:.3f} %"
-    return [*cells, f"{primary.t_max_relative_error:.1e}", share, found.check]
-
-
-def _table(*first: str) -> Table:
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for name in first:
-        table.add_column(name, overflow="fold")
-    for name in COLUMNS:
-        table.add_column(name, justify="right")
-    return table
+SHOWN = (Verdict.TIE, Verdict.NEAR_TIE, Verdict.EDGE, Verdict.TRUE, Verdict.ACNE, Verdict.LEAK)
+LEGEND = (
+    "differ: hits and shadow bits that are not the reference's; t error: the largest, relative",
+    f"check: ok without true, acne and leak, and with at most {EXCUSED_LIMIT:.1%} of the pixels excused (exc. %)",
+)
 
 
 def print_reports(reports: list[dict[str, Any]]) -> None:
-    """What ``verify`` found, a scene after the other."""
-    from rich.console import Console
-
-    table = _table("scene", "triangles", "method")
+    """What ``verify`` found, one table a scene."""
+    console = make_console()
     notes: list[str] = []
     for report in reports:
         scene = Path(report["scene"]).name + (" (stand-in)" if report["stand_in"] else "")
-        lead = (scene, f"{report['triangles']:,}")
+        table = _table()
         for row in report["methods"]:
+            table.add_row(row["method"], *_cells(row["score"], row["status"], row["known_inexact"]))
             if row["score"] is None:
-                table.add_row(*lead, row["method"], *[""] * (len(COLUMNS) - 1), row["status"])
                 notes.append(f"{row['method']} on {scene}: {row['status']}: {row['reason']}")
-            else:
-                cells = _cells(row["score"])
-                if row["known_inexact"] and not row["score"].passed:
-                    cells[-1] += " *"
-                    notes.append(f"* {row['method']} declares itself inexact: {row['known_inexact']}")
-                table.add_row(*lead, row["method"], *cells)
-            lead = ("", "")
+            elif row["known_inexact"] and not row["score"].passed:
+                notes.append(f"* {row['method']} declares itself inexact: {row['known_inexact']}")
         if report["warning"]:
             notes.append(f"{scene}: {report['warning']}")
-        judged = [row["score"] for row in report["methods"] if row["score"]]
-        if judged:
-            most = max(judged, key=lambda score: score.primary.judged)
-            errors = most.reference_errors
-            table.add_row("", "", f"(reference, {most.primary.judged} judged)", *_cells(errors))
-    console = Console(width=None if sys.stdout.isatty() else 160, markup=False)
-    console.print(table)
-    for note in dict.fromkeys(notes):
-        console.print(note, soft_wrap=True, highlight=False, markup=False)
+        most = max(
+            (row["score"] for row in report["methods"] if row["score"]),
+            key=lambda score: score.primary.judged,
+            default=None,
+        )
+        if most is not None and most.reference_errors:
+            table.add_row("reference", *_reference_cells(most.reference_errors))
+            notes.append(
+                f"reference on {scene}: its own errors at {most.primary.judged:,} pixels decided exactly"
+            )
+        print_lines(console, f"{scene}, {report['triangles']:,} triangles")
+        console.print(table)
+    print_lines(console, *dict.fromkeys(notes))
+    print_legend(console, SHOWN, *LEGEND)
 
 
 def print_scores(rows: list[dict[str, Any]]) -> None:
-    """What ``score`` filled in, a line a file of answers."""
-    from rich.console import Console
+    """What ``score`` found, one table a scene, one row a file of answers."""
+    console = make_console()
+    for scene in dict.fromkeys(row["scene"] for row in rows):
+        table = _table()
+        for row in (one for one in rows if one["scene"] == scene):
+            label = row["method"] if row["frame"] is None else f"{row['method']} frame {row['frame']}"
+            table.add_row(label.strip(), *_cells(row["score"], row["status"]))
+        print_lines(console, scene)
+        console.print(table)
+    statuses = Counter(row["status"] for row in rows)
+    counted = ", ".join(f"{count} {status}" for status, count in statuses.items())
+    print_lines(console, counted, *(row["reason"] for row in rows if row["reason"]))
+    print_legend(console, SHOWN, *LEGEND)
 
-    table = _table("scene", "method", "frame", "")
-    for row in rows:
-        lead = (row["scene"], row["method"], str(row["frame"]), row["status"])
-        table.add_row(*lead, *(_cells(row["score"]) if row["score"] else []))
-    console = Console(width=None if sys.stdout.isatty() else 160, markup=False)
-    console.print(table)
-    for row in rows:
-        if row["reason"]:
-            console.print(row["reason"], soft_wrap=True, highlight=False, markup=False)
+
+def _table() -> Table:
+    return make_table("method", numbers=COLUMNS)
+
+
+def _cells(score: Score | None, status: str, known_inexact: str | None = None) -> list[str]:
+    """The columns of a score; of a method without one its status."""
+    if score is None:
+        return [""] * (len(COLUMNS) - 1) + [status]
+    primary = score.primary
+    disputed = primary.disputed + sum(light.disputed for light in score.shadow)
+    check = score.check + ("*" if known_inexact and not score.passed else "")
+    share = f"{100 * score.excused_share:.3f}"
+    counts = _counts(score, primary.unjudged)
+    return [str(disputed), *counts, f"{primary.t_max_relative_error:.1e}", share, check]
+
+
+def _reference_cells(errors: ReferenceErrors) -> list[str]:
+    return ["", *_counts(errors), "", "", ""]
+
+
+def _counts(found: Score | ReferenceErrors, unjudged: int = 0) -> list[str]:
+    """The columns from "tie" to "leak"."""
+    excused = [total(found, kind) for kind in (Verdict.TIE, Verdict.NEAR_TIE, Verdict.EDGE)]
+    wrong = total(found, Verdict.TRUE) + total(found, Verdict.INVALID) + unjudged
+    return [str(count) for count in (*excused, wrong, total(found, Verdict.ACNE), total(found, Verdict.LEAK))]

@@ -28,8 +28,13 @@ class Verdict(IntEnum):
 
     @property
     def key(self) -> str:
-        """Its name in records and reports."""
+        """Its name in records."""
         return self.name.lower()
+
+    @property
+    def label(self) -> str:
+        """Its name in tables."""
+        return self.key.replace("_", "-")
 
 
 PRIMARY = (Verdict.OK, Verdict.TIE, Verdict.NEAR_TIE, Verdict.EDGE, Verdict.TRUE, Verdict.INVALID)
@@ -47,6 +52,17 @@ WRONG_BIT = (Verdict.EDGE, Verdict.ACNE, Verdict.LEAK)
 
 GRAVEST_BIT = (Verdict.EDGE, Verdict.INVALID, Verdict.LEAK, Verdict.ACNE)
 """The classes of wrong shadow bits; of a pixel with several, the last one here counts."""
+
+MEANINGS = {
+    Verdict.TIE: "another triangle at exactly the same t",
+    Verdict.NEAR_TIE: "another triangle, its t the same within float32 rounding (excused)",
+    Verdict.EDGE: "wrong, but the ray passes an edge within float32 rounding (excused)",
+    Verdict.TRUE: "a wrong triangle, t, u or v",
+    Verdict.INVALID: "not an answer",
+    Verdict.ACNE: "a lit point called shadowed",
+    Verdict.LEAK: "a shadowed point called lit",
+}
+"""What each class but OK means, for legends."""
 
 EXCUSED_LIMIT = 0.001
 """A score fails where a larger share of the pixels had to be excused."""

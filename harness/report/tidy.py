@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..frame.passes import PARTS
+from ..judge.verdict import ERRORS
 from ..results.newest import newest as newest_records
 from ..results.statistics import part_ms, summarise
 from . import paper_table1 as paper
@@ -27,10 +28,6 @@ COLUMNS = (
     "regrown compile_s first_frame_s environment key"
 ).split()
 """The columns of a tidy CSV, in order. Times in milliseconds, rates in 1e6 rays a second, memory in bytes."""
-
-
-ERROR_CLASSES = ("true", "invalid", "acne", "leak")
-"""The classes of a score that no rounding excuses."""
 
 
 def row(record: dict[str, Any]) -> dict[str, Any]:
@@ -162,7 +159,7 @@ def reference_errors(score: dict[str, Any]) -> int:
     """How many answers of the reference the judge found wrong while it decided this score's disputes."""
     counts = score.get("reference_errors") or {}
     groups = [counts.get("primary") or {}, *(counts.get("shadow") or [])]
-    return sum(int(group.get(kind, 0)) for group in groups for kind in ERROR_CLASSES)
+    return sum(int(group.get(kind.key, 0)) for group in groups for kind in ERRORS)
 
 
 def _rates(frames: list[dict[str, Any]], pixels: int) -> dict[str, float | None]:

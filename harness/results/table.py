@@ -17,6 +17,7 @@ import numpy as np
 
 from ..frame.passes import BUILD_PARTS, PARTS
 from .newest import newest, settings_text
+from ..judge.verdict import ERRORS
 from .record import Frame, Record
 
 if TYPE_CHECKING:
@@ -44,9 +45,6 @@ TEXTS = (
     "light_label moved environment unscored check flip_missing stopped_by"
 ).split()
 """Columns of text: "" where not known, never missing."""
-
-ERRORS = ("true", "invalid", "acne", "leak")
-"""The classes of a score that no rounding excuses."""
 
 
 def tidy(folder: Path | str) -> DataFrame:
@@ -293,7 +291,7 @@ def reference_errors(score: dict[str, Any]) -> int:
     """How many answers of the reference the referee found wrong while it decided this score's disputes."""
     counts = score.get("reference_errors") or {}
     groups = [counts.get("primary") or {}, *(counts.get("shadow") or [])]
-    return sum(int(group.get(kind, 0)) for group in groups for kind in ERRORS)
+    return sum(int(group.get(kind.key, 0)) for group in groups for kind in ERRORS)
 
 
 def _shadow_rays(frame: Frame) -> int | None:

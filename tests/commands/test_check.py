@@ -81,6 +81,12 @@ class Point:
 OWN = (ExactMethod, NoShadows, Declared, LosesPixels, NoBits, Misspelt)
 
 
+@pytest.fixture(autouse=True)
+def wide(monkeypatch):
+    """Room enough that no cell is folded."""
+    monkeypatch.setenv("COLUMNS", "160")
+
+
 @pytest.fixture
 def own_methods(monkeypatch):
     monkeypatch.setattr(registry, "_entry_points", lambda: {cls.name: Point(cls) for cls in OWN})
@@ -105,16 +111,27 @@ def test_an_exact_method_passes_and_the_output_says_so(capsys) -> None:
 def test_a_method_that_says_it_is_inexact_fails_all_the_same(capsys, method, case, kind) -> None:
     assert check(method, "cpu", None, [case], False) == 1
     shown = capsys.readouterr().out
-    assert f"{method} says that it is inexact: " in shown
+    assert f"{method} declares itself inexact: " in shown
     assert "ERROR" in shown
     assert kind in shown
     assert "1 cases, 1 with true errors" in shown
 
 
+def test_ties_are_shown_apart_from_errors(capsys, monkeypatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    assert check("bvh", "cpu", None, ["P03b"], False) == 1
+    shown = capsys.readouterr().out
+    table = shown.partition("P03b: ")[0]
+    assert max(map(len, table.splitlines())) <= 80
+    monkeypatch.setenv("COLUMNS", "200")
+    assert check("bvh", "cpu", None, ["P03b"], False) == 1
+    assert "ERROR: 9 acne; not errors: 9 tie" in capsys.readouterr().out
+
+
 def test_a_setting_that_is_inexact_fails(capsys) -> None:
     settings = ["light_bounds=vertices"]
     assert check("perspective_spherical", "cpu", settings, ["S02", "S03"], False) == 1
-    assert "perspective_spherical says that it is inexact" in capsys.readouterr().out
+    assert "perspective_spherical declares itself inexact" in capsys.readouterr().out
     assert check("bvh", "cpu", ["update=bvh_rebuild"], ["P03b"], False) == 0
     assert "inexact" not in capsys.readouterr().out
 
@@ -129,9 +146,9 @@ def test_shadows_that_are_declared_are_shown_and_not_held_against_a_method(own_m
     assert check("declared", "cpu", None, ["S01", "S02"], False) == 0
     shown = capsys.readouterr().out
     assert "256 shadow bits outside" in shown
-    assert "256 wrong shadow bits lie outside what declared can do: shadows are left out" in shown
+    assert "256 wrong shadow bits are outside what declared can do: shadows are left out" in shown
     assert "S02: of no interest here" in shown
-    assert "says that it is inexact" not in shown
+    assert "declares itself inexact" not in shown
 
 
 @pytest.mark.parametrize(("method", "kind"), [("loses_pixels", "true"), ("no_bits", "invalid")])
@@ -157,7 +174,7 @@ def test_the_table_of_an_experiment_counts_every_bit(monkeypatch) -> None:
 
 
 def test_a_case_that_does_not_exist_cannot_be_declared(own_methods) -> None:
-    with pytest.raises(UserError, match="misspelt declares 'S1' to lie outside, which is no hard case"):
+    with pytest.raises(UserError, match="misspelt declares 'S1' as outside, which is not a hard case"):
         check("misspelt", "cpu", None, ["S01"], True)
 
 
@@ -194,8 +211,8 @@ def test_the_command_fails_on_too_much_excused_and_shows_how_much(monkeypatch, c
     assert check("behind", "cpu", None, ["X"], False) == 1
     shown = capsys.readouterr().out
     assert "256 of 512" in shown
-    assert "TOO MUCH EXCUSED: 256 near-tie" in shown
-    assert "1 cases, 0 with true errors, 1 with too much excused; 256 of 512 answers excused" in shown
+    assert "TOO MANY EXCUSED: 256 near-tie" in shown
+    assert "1 cases, 0 with true errors, 1 with too many excused; 256 of 512 answers excused" in shown
     code, found = report(capsys, "behind", "X")
     assert (code, found["passed"], found["excused"], found["cases"][0]["status"]) == (
         1,

@@ -159,10 +159,22 @@ def test_the_table_shows_what_is_wrong(capsys, mesh):
     assert verify([mesh], ["right", "honest", "choosy"], size="40x30", device="cpu") == 0
     text = capsys.readouterr().out
     assert "ball.ply" in text
-    assert "failed *" in text
+    assert "failed*" in text
     assert "* honest declares itself inexact: it leaks, and says so" in text
     assert "skipped: only spheres" in text
     assert "reference" in text
+
+
+@pytest.mark.parametrize("columns", ["80", "200"])
+def test_tables_are_as_wide_as_told(capsys, mesh, monkeypatch, columns):
+    """A pipe has no width of its own: COLUMNS counts, else 80."""
+    monkeypatch.setenv("COLUMNS", columns)
+    verify([mesh], ["perspective_spherical", "honest"], size="40x30", device="cpu")
+    table, _, notes = capsys.readouterr().out.partition("* honest")
+    assert max(map(len, table.splitlines())) <= 80
+    row = next(line for line in table.splitlines() if line.startswith("perspective_spherical "))
+    assert row.split()[-1] == "ok"
+    assert "leak: a shadowed point called lit" in notes
 
 
 @pytest.mark.parametrize(
