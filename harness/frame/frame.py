@@ -79,7 +79,7 @@ class Frame:
     reach     float32 [1]: bounds every coordinate of scene and eye
     lights    vec3f [light_count]       spots  float64 [light_count, 12]: see :mod:`.judge.receivers`
     posts     vec3f [light_count]: what grids of a light look from (:class:`.scene.prepared.Moment`)
-    receivers uint8 [light_count, pixels]: 1 = has a shadow ray (:mod:`.frame.receivers`); empty unless a light is masked
+    receivers uint8 [light_count, pixels]: 1 = has a shadow ray (:mod:`.frame.receivers`); empty unless a light has receivers
     reached   int32 [(bounces + 1) * light_count]: not 0 where a hit of a bounce receives a light; empty like ``receivers``
     alpha     the scene's mask (:class:`.scene.alpha.Alpha`), the resource "surfaces"; empty unless the effects hold alpha
     mirror    uint8 [triangle_count]: 1 = a mirror; empty unless rays bounce
@@ -96,7 +96,7 @@ class Frame:
         device: str,
         effects: Effects | None = None,
     ):
-        masked = effects is not None and any(effects.masked(i) for i in range(light_count))
+        limited = effects is not None and any(effects.has_receivers(i) for i in range(light_count))
         bounces = effects.bounces if effects is not None else 0
         self.prepared = prepared
         self.device = device
@@ -121,15 +121,15 @@ class Frame:
             far = effects is not None and any(effects.directional)
             self.posts = wp.zeros_like(self.lights) if far else self.lights
             self.spots = wp.zeros((max(1, light_count), SPOT), dtype=wp.float64)
-            self.receivers = wp.zeros((light_count, self.pixels) if masked else (0, 0), dtype=wp.uint8)
-            self.reached = wp.zeros(light_count * (bounces + 1) if masked else 0, dtype=wp.int32)
+            self.receivers = wp.zeros((light_count, self.pixels) if limited else (0, 0), dtype=wp.uint8)
+            self.reached = wp.zeros(light_count * (bounces + 1) if limited else 0, dtype=wp.int32)
             self.answers = Answers(
                 wp.zeros(self.pixels, dtype=wp.int32),
                 wp.zeros(self.pixels, dtype=wp.float32),
                 wp.zeros(self.pixels, dtype=wp.float32),
                 wp.zeros(self.pixels, dtype=wp.float32),
                 wp.zeros((max(1, light_count), self.pixels), dtype=wp.uint8),
-                bounce_arrays(bounces, light_count, self.pixels, masked),
+                bounce_arrays(bounces, light_count, self.pixels, limited),
             )
             self.mirror = wp.zeros(max(1, self.triangle_count) if bounces else 0, dtype=wp.uint8)
         self.alpha = device_alpha(prepared.alpha if effects is not None and effects.alpha else None, device)
@@ -182,7 +182,7 @@ class Frame:
         return self.answers.bounces.visibility[bounce - 1] if bounce else self.answers.visibility
 
     def masks(self, bounce: int) -> wp.array:
-        """The receivers [light_count, pixels] among the hits of a bounce; no element where no light is masked."""
+        """The receivers [light_count, pixels] among the hits of a bounce; empty where no light has receivers."""
         held = self.answers.bounces.receivers
         return held[bounce - 1] if bounce and held.size else self.receivers
 

@@ -80,7 +80,7 @@ class Bounces:
     triangle, t, u, v  [bounces, pixels]: the ray's closest hit as in :class:`.frame.Answers`; a miss where there is no ray
     visibility  uint8 [bounces, light_count, pixels]: the shadow bits of those hits
     receivers   uint8 [bounces, light_count, pixels]: which of those hits have a shadow ray; empty unless a light
-                is masked
+                has receivers
     """
 
     origin: wp.array2d(dtype=wp.vec3f)
@@ -151,7 +151,7 @@ def filled(kind: Any, **fields: Any) -> Any:
     return struct
 
 
-def bounce_arrays(bounces: int, lights: int, pixels: int, masked: bool) -> Any:
+def bounce_arrays(bounces: int, lights: int, pixels: int, limited: bool) -> Any:
     """:class:`Bounces` on the current device, zero; without elements for no bounces."""
     plane = (bounces, pixels) if bounces else (0, 0)
     bits = (bounces, max(1, lights), pixels) if bounces else (0, 0, 0)
@@ -163,5 +163,5 @@ def bounce_arrays(bounces: int, lights: int, pixels: int, masked: bool) -> Any:
         Bounces,
         **{name: wp.zeros(plane, dtype=kind) for name, kind in kinds.items()},
         visibility=wp.zeros(bits, dtype=wp.uint8),
-        receivers=wp.zeros(bits if masked else (0, 0, 0), dtype=wp.uint8),
+        receivers=wp.zeros(bits if limited else (0, 0, 0), dtype=wp.uint8),
     )

@@ -128,7 +128,7 @@ def receiver_passes(frame: Frame, effects: Effects) -> list[Pass]:
         )
         for b in range(effects.bounces + 1)
         for i in range(len(effects.shadows))
-        if effects.masked(i)
+        if effects.has_receivers(i)
     ]
 
 
@@ -145,7 +145,7 @@ def skippable(passes: list[Pass], frame: Frame, effects: Effects) -> list[Pass]:
         for b in range(effects.bounces + 1):
             for mask in effects.mask_reads(i, b):
                 given[mask] = reached_by(frame, i, b)
-        if effects.masked(i) and not effects.bounces:
+        if effects.has_receivers(i) and not effects.bounces:
             given[f"shadows/{i}"] = given[f"receivers/{i}"]
 
     def condition(work: Pass) -> wp.array | None:

@@ -1,8 +1,7 @@
-"""Which passes of a frame run: those whose results somebody wants, and of these those whose inputs changed.
+"""Which passes of a frame run: those that its outputs need, and of these those whose inputs changed.
 
-A pass states what it reads and writes (:class:`.frame.passes.Pass`); nothing else is known here. Resources are names.
-The harness's own inputs are :data:`INPUTS` and ``light/i``; what a frame is for follows from its effects
-(:func:`wanted_of`).
+This follows from the resources that each pass reads and writes (:class:`.frame.passes.Pass`). Resources are names. The
+inputs of a frame are :data:`INPUTS` and ``light/i``; its outputs follow from its effects (:func:`wanted_of`).
 """
 
 from __future__ import annotations
@@ -11,14 +10,14 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from ..scene.effects import Effects
-from .passes import BUILD_PARTS, Pass
+from .passes import Pass
 
 INPUTS = ("points", "triangles", "camera", "reach", "surfaces")
 
 
 @dataclass(frozen=True)
 class Step:
-    """A pass in a plan: whether it runs, and why."""
+    """A pass, whether it runs, and why."""
 
     work: Pass
     runs: bool
@@ -26,7 +25,7 @@ class Step:
 
 
 def wanted_of(effects: Effects) -> tuple[str, ...]:
-    """The resources that a frame is for."""
+    """The resources that are the outputs of a frame."""
     bits = tuple(f"visibility/{i}" for i, wanted in enumerate(effects.shadows) if wanted)
     bounces: tuple[str, ...] = ()
     for b in range(1, effects.bounces + 1):
@@ -36,12 +35,12 @@ def wanted_of(effects: Effects) -> tuple[str, ...]:
 
 
 def inputs_of(light_count: int) -> tuple[str, ...]:
-    """Everything that may change between frames."""
+    """The names of all inputs that may change between frames."""
     return (*INPUTS, *(f"light/{i}" for i in range(light_count)))
 
 
 def arranged(passes: Sequence[Pass], added: Sequence[Pass]) -> list[Pass]:
-    """``passes`` with the harness's own ``added``: each as soon as all that it reads has been written."""
+    """``passes`` with those of the harness, ``added``, each as early as possible: after the writers of what it reads."""
     result = list(passes)
     for extra in added:
         place = 0
@@ -53,7 +52,7 @@ def arranged(passes: Sequence[Pass], added: Sequence[Pass]) -> list[Pass]:
 
 
 def live(passes: Sequence[Pass], wanted: Collection[str]) -> list[Pass]:
-    """The passes that ``wanted`` needs, in order: whatever writes it, and whatever that reads."""
+    """The passes that the ``wanted`` resources need, directly or not, in order."""
     needed = set(wanted)
     kept: list[Pass] = []
     for work in reversed(passes):
@@ -64,21 +63,21 @@ def live(passes: Sequence[Pass], wanted: Collection[str]) -> list[Pass]:
 
 
 def stale(passes: Sequence[Pass], changed: Collection[str]) -> list[Pass]:
-    """The passes to run again where ``changed`` inputs differ from those of the last frame, in order."""
+    """The passes to run again if only the ``changed`` inputs differ from those of the last frame, in order."""
     return [step.work for step in steps(passes, changed) if step.runs]
 
 
 def steps(passes: Sequence[Pass], changed: Collection[str]) -> list[Step]:
-    """Every pass with whether it runs and why, where ``changed`` inputs differ from those of the last frame.
+    """Every pass, whether it runs and why, if only the ``changed`` inputs differ from those of the last frame.
 
-    A pass runs where something that it reads has changed; and where another writer of what it writes runs, since
-    the two make it together.
+    A pass runs if something that it reads has changed, or if another pass runs that writes the same resource, which the
+    two make together.
     """
     dirty = dict.fromkeys(changed, "")
     why: dict[int, str] = {}
-    settled = False
-    while not settled:
-        settled = True
+    found = True
+    while found:
+        found = False
         for k, work in enumerate(passes):
             if k in why:
                 continue
@@ -91,12 +90,7 @@ def steps(passes: Sequence[Pass], changed: Collection[str]) -> list[Step]:
                     continue
                 why[k] = f"{cause} is made anew"
             dirty.update(dict.fromkeys(work.writes, ""))
-            settled = False
+            found = True
     return [
         Step(work, k in why, why.get(k, "nothing that it reads changed")) for k, work in enumerate(passes)
     ]
-
-
-def builds(passes: Sequence[Pass]) -> list[Pass]:
-    """The passes that build structures."""
-    return [work for work in passes if work.part in BUILD_PARTS]

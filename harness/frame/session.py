@@ -1,6 +1,6 @@
-"""One method on one frame: plan, load, run, grow where a capacity did not suffice, and capture as a graph.
+"""One method on the frames of a scene: plan its passes, load a moment, run, and grow capacities that are exceeded.
 
-Everything that runs a method goes through a session: timing, verification, rendering, tests.
+Timing, verification, rendering and tests all run methods through a session.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from .schedule import arranged, inputs_of, live, stale, wanted_of
 from .shading import shading_passes
 
 GROWTH_LIMIT = 8
-"""A frame repeated more often than this has a method whose needs do not settle."""
+"""How often a frame is repeated before a method whose needs keep growing is an error."""
 
 
 class Session(PassRunner):
     """A method planned on a frame of a prepared scene.
 
     planned     the passes of the method and of the harness
-    all_passes  those of them that what is wanted needs
-    passes      those that :meth:`run` and :meth:`graph` launch: fewer after :meth:`select`
-    made        the moment whose whole frame the arrays are known to hold, which :meth:`advance` goes on from, or None
-    regrown     how often a capacity was exceeded, the frame discarded and run again
+    all_passes  those that the outputs of the frame need
+    passes      those that :meth:`run` and :meth:`graph` launch: all, or fewer after :meth:`select`
+    made        the moment whose complete frame the arrays hold, which :meth:`advance` starts from, or None
+    regrown     how often a capacity was exceeded, so that the frame was discarded and run again
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class Session(PassRunner):
         count = len(scene.lights) if light_count is None else light_count
         self.frame = Frame(prepared, width, height, count, device, self.effects)
         self.made: Moment | None = None
-        self._owed: set[Pass] = set()
+        self._outdated: set[Pass] = set()
         self.regrown = 0
         self.planned: list[Pass] = []
         self.all_passes: list[Pass] = []
@@ -63,7 +63,7 @@ class Session(PassRunner):
 
     def _plan(self) -> None:
         self.made = None
-        self._owed = set()
+        self._outdated = set()
         with wp.ScopedDevice(self.device):
             self._graphs.clear()
             planned = self.method.plan(self.frame, self.effects, self.limits)
@@ -78,61 +78,61 @@ class Session(PassRunner):
         self.passes = self.all_passes
 
     def load(self, moment: Moment) -> None:
-        """Copy the next moment in; all of it runs."""
+        """Copy the next moment to the device. All passes will run."""
         self.made = None
         self.frame.load(moment)
         self.passes = self.all_passes
 
     def select(self, changed: Collection[str]) -> None:
-        """From now on run what must be run where only ``changed`` differs from the last frame (a whole one)."""
+        """Run only the passes that depend on ``changed``: the inputs that differ from those of the last complete frame."""
         self.passes = stale(self.all_passes, changed)
 
     def advance(self, moment: Moment) -> frozenset[str]:
-        """Make the next frame from the last, running only what its changes call for; returns the changed inputs.
+        """Make the next frame from the last: run only the passes that depend on what changed. Returns the changed inputs.
 
-        The whole frame is run where the last one is not known to be complete (the first frame, one loaded but not
-        settled, one that was rejected), and where a capacity no longer suffices.
+        All passes run if the last frame may be incomplete (the first frame, one that was loaded but not run to its
+        end, one that was rejected) or if a capacity is exceeded.
         """
         changed = changes(self.made, moment)
         self.load(moment)
         self.select(changed)
-        self.select(changed | self._owed_to(self.passes))
+        self.select(changed | self._outdated_inputs(self.passes))
         self.run()
         self._note_skipped()
         self.passes = self.all_passes
         if self._grow():
-            self.settle()
+            self.run_complete()
         self.made = moment
         return changed
 
     def _note_skipped(self) -> None:
-        """Keep what the last launch skipped because nothing received its light: it is of an older frame now.
+        """Note the passes that the last launch skipped because no hit received their light. Their results are outdated.
 
-        Shadow bits are not: they are cleared where they are not traced.
+        Shadow bits are not: they are cleared where no ray is traced.
         """
         wanted = set(wanted_of(self.effects))
-        launched: dict[wp.array, bool] = {}  # neighbours share a condition: each is read back once
+        launched: dict[wp.array, bool] = {}  # passes share conditions: each is read back once
         for work in self.passes:
             if work.only_if is None or wanted.issuperset(work.writes):
                 continue
             if work.only_if not in launched:
                 launched[work.only_if] = bool(work.only_if.numpy()[0])
             if launched[work.only_if]:
-                self._owed.discard(work)
+                self._outdated.discard(work)
             else:
-                self._owed.add(work)
+                self._outdated.add(work)
 
-    def _owed_to(self, passes: Collection[Pass]) -> set[str]:
-        """What must be made up for before ``passes`` run: what was skipped for the lights that they are of."""
+    def _outdated_inputs(self, passes: Collection[Pass]) -> set[str]:
+        """Resources to make again before ``passes`` run: outdated ones of the same lights."""
         return {
             name
-            for skipped in self._owed
+            for skipped in self._outdated
             if any(work.only_if is skipped.only_if for work in passes)
             for name in skipped.writes
         }
 
-    def settle(self) -> None:
-        """Run the frame until every capacity suffices; after this, replays of the same moment fit.
+    def run_complete(self) -> None:
+        """Run the frame, again after each growth, until no capacity is exceeded. Replays of the same moment then fit.
 
         Raises :class:`~.errors.CapacityRejected` where a need lies beyond the limits.
         """
@@ -146,7 +146,7 @@ class Session(PassRunner):
         raise RuntimeError(f"{self.method.name}: needs still grow after {GROWTH_LIMIT} repeats of one frame")
 
     def overflowed(self) -> bool:
-        """Whether the last frame needed more than it had; its capacities are then raised and the frame is void."""
+        """Whether the last frame exceeded a capacity. If so, the capacity is raised and the frame must be run again."""
         return self._grow()
 
     def _grow(self) -> bool:
@@ -161,10 +161,10 @@ class Session(PassRunner):
         return True
 
     def answers(self, moment: Moment) -> dict[str, NDArray]:
-        """Load a moment, run it until it fits, and return the answers on the host (poisoned before the run)."""
+        """Load a moment, run its complete frame, and return the answers on the host (poisoned before the run)."""
         self.load(moment)
         self.poison()
-        self.settle()
+        self.run_complete()
         wp.synchronize_device(self.device)
         return self.frame.answers.to_host()
 
@@ -188,7 +188,7 @@ class Session(PassRunner):
 
 
 def changes(before: Moment | None, after: Moment) -> frozenset[str]:
-    """The inputs, named as passes name them, in which two moments of one scene differ; all where there is no first."""
+    """The names of the inputs that differ between two moments of one scene; all inputs if ``before`` is None."""
     if before is None:
         return frozenset(inputs_of(len(after.lights)))
     changed = set()

@@ -157,7 +157,7 @@ class MeasuredPoint:
             # What the last launch needed is still there to be read.
             if not session.overflowed():
                 return measured, session.regrown
-            session.settle()
+            session.run_complete()
         raise RuntimeError(f"{session.method.name}: needs of one frame change from run to run")
 
     def _judged_as_timed(self, frame: int) -> None:

@@ -1,4 +1,4 @@
-"""What a scene calls for: effects, outputs, limits, and the switches that kernels are compiled for."""
+"""Effects of a scene, outputs of a frame, limits of a method, and the switches that kernels are compiled for."""
 
 from __future__ import annotations
 
@@ -9,32 +9,32 @@ from .scene import Scene
 
 @dataclass(frozen=True)
 class Switches:
-    """What a kernel can be compiled for.
+    """The effects that a kernel can be compiled for.
 
-    masked   only receivers have a shadow ray: the kernel reads the mask ``frame.receivers``
-    alpha    triangles have holes: a hit counts where the mask is opaque
-    bounced  rays are those of a mirror (``frame.rays``) and not the eye's
+    receivers  only receivers have a shadow ray: the kernel reads the flags ``frame.receivers``
+    alpha      triangles have holes: a hit counts only where the alpha mask is opaque
+    bounced    rays are mirrored ones (``frame.rays``), not those from the eye
     """
 
-    masked: bool = False
+    receivers: bool = False
     alpha: bool = False
     bounced: bool = False
 
 
 OUTPUTS = ("depth", "ids", "shadows", "color", "counters")
-"""What can be wanted of a frame: t and weights; triangles; shadow bits; shaded colour; counters of the work."""
+"""The outputs of a frame: t and weights; triangles; visibility bits; shaded colour; counters of the work."""
 
 
 @dataclass(frozen=True)
 class Effects:
-    """What a frame must simulate, derived from a scene: nothing else is run.
+    """The effects that a frame simulates, derived from its scene. No pass runs for any other.
 
-    shadows      one flag a light: does it ask for shadow rays
-    limited      one flag a light: is it a spot; () is none
-    directional  one flag a light: is it directional; () is none
+    shadows      one flag per light: whether shadow rays are traced to it
+    limited      one flag per light: whether it is a spot; () for none
+    directional  one flag per light: whether it is directional; () for none
     facing       whether only hit points that face a light have a shadow ray
     alpha        whether triangles have holes
-    bounces      how often mirrored rays go on
+    bounces      how many times rays are mirrored
     color        whether the frame is shaded
     """
 
@@ -48,7 +48,7 @@ class Effects:
 
     @staticmethod
     def of(scene: Scene) -> Effects:
-        """The effects that ``scene`` calls for. Without shadow bits or colour among its outputs no light does."""
+        """The effects of ``scene``. No shadow rays are traced unless its outputs hold shadows or colour."""
         unknown = [name for name in scene.outputs if name not in OUTPUTS]
         if unknown:
             raise ValueError(f"{scene.name}: output {unknown[0]!r} is not one of {', '.join(OUTPUTS)}")
@@ -65,38 +65,40 @@ class Effects:
             color="color" in scene.outputs,
         )
 
-    def masked(self, light: int) -> bool:
-        """Whether only some hit points have a shadow ray to ``light``: a mask of receivers is made for it."""
+    def has_receivers(self, light: int) -> bool:
+        """Whether only some hit points, its receivers, have a shadow ray to ``light``."""
         spot = light < len(self.limited) and self.limited[light]
         return light < len(self.shadows) and self.shadows[light] and (self.facing or spot)
 
     def mask_reads(self, light: int, bounce: int = 0) -> tuple[str, ...]:
-        """What a pass that traces shadow rays to ``light`` (of the hits of a bounce) reads of receivers."""
-        if not self.masked(light):
+        """The receivers that a pass reads which traces shadow rays to ``light`` from the hits of a bounce."""
+        if not self.has_receivers(light):
             return ()
         return (f"receivers/{light}/{bounce}" if bounce else f"receivers/{light}",)
 
     def surface_reads(self) -> tuple[str, ...]:
-        """What a pass that decides whether a hit counts reads of surfaces."""
+        """The surface data that a pass reads which decides whether a hit counts."""
         return ("surfaces",) if self.alpha else ()
 
     def switches(self, light: int | None = None, bounce: int = 0) -> Switches:
-        """What kernels are compiled for: those of primary rays, or those of shadow rays to ``light``.
+        """The switches of the kernels for primary rays, or for shadow rays to ``light``.
 
-        ``bounce`` > 0: those of mirrored rays, or of the shadow rays of what they hit.
+        ``bounce`` > 0: of the kernels for mirrored rays, or for shadow rays from their hits.
         """
-        return Switches(masked=light is not None and self.masked(light), alpha=self.alpha, bounced=bounce > 0)
+        return Switches(
+            receivers=light is not None and self.has_receivers(light), alpha=self.alpha, bounced=bounce > 0
+        )
 
     def is_directional(self, light: int) -> bool:
         """Whether ``light`` is directional."""
         return light < len(self.directional) and self.directional[light]
 
     def names(self) -> tuple[str, ...]:
-        """The effects called for, as :attr:`.frame.method.BaseMethod.simulates` names them."""
+        """The names of the effects, as :attr:`.frame.method.BaseMethod.simulates` names them."""
         lights = range(len(self.shadows))
         called = {
             "shadows": any(self.shadows),
-            "receivers": any(self.masked(i) for i in lights),
+            "receivers": any(self.has_receivers(i) for i in lights),
             "directional": any(self.shadows[i] and self.is_directional(i) for i in lights),
             "alpha": self.alpha,
             "mirror": self.bounces > 0,
@@ -106,6 +108,6 @@ class Effects:
 
 @dataclass(frozen=True)
 class Limits:
-    """What a method may take. ``memory``: bytes for its structures, counted by the method before it allocates."""
+    """Limits of a method. ``memory``: bytes of its structures, counted by the method before it allocates them."""
 
     memory: int = 8 << 30

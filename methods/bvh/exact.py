@@ -109,7 +109,7 @@ def shadow_kernel(
     if own < 0:
         visibility[light, pixel] = wp.uint8(0)
         return
-    if wp.static(effects.masked):
+    if wp.static(effects.receivers):
         if receivers[light, pixel] == wp.uint8(0):
             visibility[light, pixel] = wp.uint8(0)
             return

@@ -89,7 +89,7 @@ def mesh_shadow_kernel(
     pixel = pixel_of(wp.tid(), camera.width, camera.height, blocks)
     if pixel < 0:
         return
-    if wp.static(effects.masked):
+    if wp.static(effects.receivers):
         if receivers[light, pixel] == wp.uint8(0):
             visibility[light, pixel] = wp.uint8(0)
             return

@@ -209,7 +209,7 @@ class Embree(BaseMethod):
         origins, lit = self._origins.numpy(), frame.lights.numpy()[light]
         triangle: NDArray[np.int32] = frame.hits(bounce).triangle.numpy()
         visibility: NDArray[np.uint8] = frame.bits(bounce).numpy()[light]
-        receivers = frame.masks(bounce).numpy()[light] if self._effects.masked(light) else None
+        receivers = frame.masks(bounce).numpy()[light] if self._effects.has_receivers(light) else None
 
         def work(block: slice) -> None:
             # embreex reads a negative distance as "occluded" and has no mask: only pixels with a hit are sent.

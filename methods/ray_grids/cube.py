@@ -185,7 +185,7 @@ def map_kernel(
     if at[0] >= 0:
         visibility[index, pixel] = wp.uint8(0)
         wanted = triangle[pixel] >= 0
-        if wp.static(effects.masked):
+        if wp.static(effects.receivers):
             wanted = receivers[index, pixel] != wp.uint8(0)
         if wanted:
             hit = hits[pixel]

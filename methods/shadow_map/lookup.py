@@ -56,7 +56,7 @@ def lookup_kernel(
     if best < 0:
         visibility[light, pixel] = wp.uint8(0)
         return
-    if wp.static(effects.masked):
+    if wp.static(effects.receivers):
         if receivers[light, pixel] == wp.uint8(0):
             visibility[light, pixel] = wp.uint8(0)
             return

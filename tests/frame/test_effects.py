@@ -64,7 +64,7 @@ def assert_only_its_passes(label: str, effect: str, monkeypatch: pytest.MonkeyPa
     assert any(work.effect in tags for work in with_it.all_passes) == bool(tags)
     for session, prepared in ((with_it, scene(**on)), (without, scene(**off))):
         session.load(prepared.moment(0, *SIZE))
-        session.settle()
+        session.run_complete()
     counted = launches(with_it, monkeypatch), launches(without, monkeypatch)
     assert effect_free(counted[0], tags) == effect_free(counted[1], set())
 
@@ -228,7 +228,7 @@ def test_a_method_that_leaves_an_effect_out_says_why():
 
 @pytest.mark.parametrize("label", EXACT)
 def test_an_unasked_mask_is_caught(label, monkeypatch):
-    monkeypatch.setattr(Effects, "masked", lambda self, light: True)
+    monkeypatch.setattr(Effects, "has_receivers", lambda self, light: True)
     with pytest.raises(AssertionError):
         assert_only_its_passes(label, "receivers by facing", monkeypatch)
     with pytest.raises(AssertionError):

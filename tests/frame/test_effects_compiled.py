@@ -90,10 +90,10 @@ def test_variants_are_few_and_made_once():
 
 def test_a_made_variant_is_the_kernel_with_the_switch_on(tmp_path):
     kernel = KERNELS["methods.uniform_grid.traversal.shadow_kernel"]
-    made = specialised(kernel, Switches(masked=True))
+    made = specialised(kernel, Switches(receivers=True))
     assert made.options == kernel.options
-    assert made.func.__globals__["effects"].masked
-    assert not kernel.func.__globals__["effects"].masked
+    assert made.func.__globals__["effects"].receivers
+    assert not kernel.func.__globals__["effects"].receivers
 
 
 def test_an_unknown_effect_is_refused():
@@ -112,8 +112,8 @@ def _unknown():
 
 
 def test_an_else_branch_stays():
-    tree = ast.parse("if wp.static(effects.masked):\n    a()\nelse:\n    b()\n")
-    assert ast.unparse(Cut("masked").visit(tree)) == "b()"
+    tree = ast.parse("if wp.static(effects.receivers):\n    a()\nelse:\n    b()\n")
+    assert ast.unparse(Cut("receivers").visit(tree)) == "b()"
 
 
 def test_the_number_of_kernels_and_variants_in_the_docs_is_right():

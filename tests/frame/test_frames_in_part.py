@@ -19,9 +19,9 @@ from helpers.effect_scenes import (
     session_of,
 )
 from shadowbench.harness.frame import passes
-from shadowbench.harness.frame.passes import Pass
+from shadowbench.harness.frame.passes import BUILD_PARTS, Pass
 from shadowbench.harness.frame.registry import make_method, method_names
-from shadowbench.harness.frame.schedule import builds, live, stale, steps
+from shadowbench.harness.frame.schedule import live, stale, steps
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.scene import Camera, Spot
 
@@ -54,7 +54,7 @@ def test_what_was_skipped_for_a_light_is_made_up_for_when_it_is_seen_again(label
     for name, values in session.frame.answers.to_host().items():
         np.testing.assert_array_equal(values, whole[name], err_msg=name)
     kept = stale(session.all_passes, {"camera"})
-    assert session._owed_to(kept) == set()  # and only once
+    assert session._outdated_inputs(kept) == set()  # and only once
 
 
 @pytest.mark.parametrize("makers", [("camera",), ("camera", "light 0: late")])
@@ -69,6 +69,11 @@ def test_a_pass_that_reads_what_the_frame_makes_cannot_run_ahead(makers):
     with pytest.raises(ValueError, match="pass 'light 0: aim' cannot run ahead"):
         passes.capture_passes([given[0], early, *given[1:]], "cpu")
     assert not launched
+
+
+def builds(passes):
+    """The passes that build structures."""
+    return [work for work in passes if work.part in BUILD_PARTS]
 
 
 def beside(*branch, adds=False, launch=lambda: None, **names):
@@ -126,7 +131,7 @@ def test_a_frame_is_never_made_from_one_that_is_not_whole(label, interrupted):
         session.load(after)
     if interrupted == "selected":
         session.select({"light/0"})
-        session.settle()
+        session.run_complete()
     if interrupted == "planned anew":
         session._plan()
     session.advance(after)

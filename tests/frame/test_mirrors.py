@@ -163,7 +163,7 @@ def test_hard_cases_all_of_mirrors_have_no_error(name, plain, width, height):
 def test_a_mirror_shows_holes_as_holes():
     prepared = hall_of_mirrors(2)
     scene = dataclasses.replace(prepared.scene, alpha=lambda geometry: perforated(geometry, 2, 6))
-    assert Effects.of(scene).switches(0, 1) == Switches(masked=True, alpha=True, bounced=True)
+    assert Effects.of(scene).switches(0, 1) == Switches(receivers=True, alpha=True, bounced=True)
     holed = prepare(scene)
     moment, answers = answered("uniform_grid", {}, holed)
     _, other = answered("bvh", {"update": "bvh_rebuild"}, holed)

@@ -259,7 +259,7 @@ def test_passes_that_hide_what_they_read_are_found() -> None:
 
 
 def test_a_structure_that_was_skipped_and_forgotten_is_found(monkeypatch) -> None:
-    monkeypatch.setattr(Session, "_owed_to", lambda self, passes: set())
+    monkeypatch.setattr(Session, "_outdated_inputs", lambda self, passes: set())
     found = {one.name: one for one in conformance(lambda: make_method("shadow_map", {"size": "64"}), "cpu")}
     assert found["partial frames"].status == "error"
     assert "the camera looked back" in found["partial frames"].reason

@@ -78,7 +78,12 @@ def scenes() -> dict[tuple[str, ...], Prepared]:
     def holed(prepared: Prepared) -> Prepared:
         return prepare(replace(prepared.scene, alpha=lambda geometry: perforated(geometry, 2, 2)))
 
-    return {(): plain, ("masked",): spotted, ("alpha",): holed(plain), ("masked", "alpha"): holed(spotted)}
+    return {
+        (): plain,
+        ("receivers",): spotted,
+        ("alpha",): holed(plain),
+        ("receivers", "alpha"): holed(spotted),
+    }
 
 
 def test_the_list_is_short_and_names_every_effect_that_kernels_branch_on():

@@ -81,7 +81,7 @@ def session(method=None, device="cpu"):
     prepared = prepare(scene)
     made = Session(method or Spinner(), prepared, 4, 4, device)
     made.load(prepared.moment(0, 4, 4))
-    made.settle()
+    made.run_complete()
     return made
 
 

@@ -55,7 +55,7 @@ def box_kernel(
     while pixel < pixels:
         flag = wp.uint8(0)
         wanted = triangle[pixel] >= 0
-        if wp.static(effects.masked):
+        if wp.static(effects.receivers):
             wanted = receivers[index, pixel] != wp.uint8(0)
         if wanted:
             flag = wp.uint8(1)

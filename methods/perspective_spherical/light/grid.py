@@ -199,7 +199,7 @@ class LightGrid:
 
     def traced(self) -> bool:
         """Whether the last frame traced rays to this light; else what is here is of an older frame. Reads back."""
-        return not self.effects.masked(self.index) or bool(self.frame.reached.numpy()[self.index])
+        return not self.effects.has_receivers(self.index) or bool(self.frame.reached.numpy()[self.index])
 
     def launch_split(self) -> None:
         """The parts of lists that are tested apart."""

@@ -110,7 +110,7 @@ def test_moving_geometry_replayed_equals_a_fresh_start(update, broken, device):
         moment = prepared.moment(k, 24, 16)
         session.load(moment)
         session.frame.answers.poison()
-        session.settle()
+        session.run_complete()
         session.replay()
         got = session.frame.answers.to_host()
         fresh = Session(make_method(NAME, EXACT), prepared, 24, 16, device).answers(moment)

@@ -61,7 +61,7 @@ def test_replayed_frames_equal_fresh_ones(device):
     for k in (0, 1, 2, 3, 0):
         moment = prepared.moment(k, 24, 16)
         session.load(moment)
-        session.settle()
+        session.run_complete()
         session.frame.answers.poison()
         session.replay()
         fresh = Session(make_method(NAME), prepared, 24, 16, device).answers(moment)
