@@ -7,9 +7,16 @@ the exact triangle test and a scene that is declared closed; elsewhere it stands
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+import numpy as np
+
+from ..harness.report import compare, document, panels, style
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from ._paper import METHOD, PAPER, SCENES, UNBALANCED, faithful
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 BASE = "paper-faithful"
 BEST = "all of ours"
@@ -75,12 +82,117 @@ METHODS = (
 )
 
 
+COLUMNS = [
+    *document.COMMON, "ratio", "ratio_to_best", "pairs", "primary_tests_per_ray", "shadow_tests_per_ray", "built",
+]  # fmt: skip
+ORDER = [entry.label for entry in METHODS]
+APART = [TREE, *(entry.label for entry in LEFT_OUT)]
+"""What is no change to the paper's configuration."""
+ALIKE = 0.03
+"""A geometric mean nearer to 1 says nothing."""
+
+
+def read(folder: Path) -> pd.DataFrame:
+    """The points with their time over that of :data:`BASE` and of :data:`BEST` in the same run, and their work."""
+    frames = document.frames(folder)
+    table = document.named(frames)
+    for name, label in (("ratio", BASE), ("ratio_to_best", BEST), ("ratio_to_tree", TREE)):
+        found = compare.ratios(frames, frames["label"] == label)
+        table[name], table[f"{name}_spread"] = (
+            table["key"].map(found["ratio"]),
+            table["key"].map(found["spread"]),
+        )
+    pairs = table.filter(regex=r"^counter\..* pairs$").sum(axis=1)
+    table["pairs"] = pairs.where(pairs > 0)
+    for rays in ("primary", "shadow"):
+        table[f"{rays}_tests_per_ray"] = table.get(f"counter.{rays} tests a hundred rays", np.nan) / 100
+    return table
+
+
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """How much of the time each change takes, a mark a scene: a drawing from each end; and CSV."""
-    from ._figures import ablation
+    table = read(folder)
+    files = [document.write_csv(table, folder / "ablation.csv", COLUMNS)]
+    done = document.measured(table)
+    changed = done[done["ratio"].notna() & ~done["label"].isin([BASE, *APART])]
+    back = done[done["ratio_to_best"].notna() & done["label"].isin(APART)]
+    if len(changed):
+        files.append(picture(changed, "ratio", BASE, folder / "ablation.svg"))
+    if len(back):
+        files.append(picture(back, "ratio_to_best", BEST, folder / "ablation-ours.svg"))
+    tables = {
+        f"Frame time over that of {BASE}": ratios(changed, "ratio"),
+        f"Frame time over that of {BEST}, one of its changes taken back": ratios(
+            back[back["label"] != TREE], "ratio_to_best"
+        ),
+        f"Frame time over that of {TREE}": ratios(done[done["label"].isin([BASE, BEST])], "ratio_to_tree"),
+    }
+    return document.write(folder, "ablation", EXPERIMENT.title, finding(done), tables, files, table, quiet)
 
-    order = [entry.label for entry in METHODS]
-    return ablation.draw(folder, quiet, BASE, BEST, TREE, order, [entry.label for entry in LEFT_OUT])
+
+def ratios(own: pd.DataFrame, column: str) -> pd.DataFrame:
+    """Scenes across, points down, the least geometric mean first; a ratio has the digits that its spread carries."""
+    import pandas as pd
+
+    own = own[own[column].notna()]
+    if own.empty:
+        return pd.DataFrame()
+    texts = [document.carried(*pair) for pair in own[[column, f"{column}_spread"]].to_numpy()]
+    wide = own.assign(text=texts).pivot_table(
+        index="label", columns="title", values="text", aggfunc="last", sort=False
+    )
+    mean = own.groupby("label")[column].agg(compare.geometric)
+    wide.insert(0, "geometric mean", mean.map("{:.2f}".format))
+    return wide.loc[mean.sort_values().index].reset_index(names="configuration")
+
+
+def finding(done: pd.DataFrame) -> str:
+    """Our configuration against the paper's and the tree, and the changes that cost most and help most."""
+    changes = done[done["ratio"].notna() & ~done["label"].isin([BASE, BEST, *APART])]
+    scenes = changes.groupby("label")["title"].nunique()
+    everywhere = changes[changes["label"].isin(scenes.index[scenes == scenes.max()])]
+    means = everywhere.groupby("label")["ratio"].agg(compare.geometric).sort_values()
+    known = done[(done["label"] == BEST) & done["ratio_to_tree"].notna()]
+    told = [f"{BEST} and {TREE} were not both measured in one run"]
+    if len(known):
+        slower = ", ".join(known.loc[known["ratio_to_tree"] > 1, "title"])
+        told = [
+            f"{BEST} takes {document.span(known['ratio_to_tree'])} of the time of {TREE}, "
+            + (f"slower on {slower}" if slower else f"slower on none of {len(known)} scenes")
+        ]
+    ours = done.loc[done["label"] == BEST, "ratio"].dropna()
+    told += [f"{compare.geometric(ours):.2f} of that of {BASE}"] if len(ours) else []
+    for which, named in (("helps", means[means < 1 - ALIKE]), ("costs", means[means > 1 + ALIKE][::-1])):
+        if len(named):
+            told.append(f"alone, {named.index[0]} {which} most ({named.iloc[0]:.2f}, geometric mean)")
+    return "; ".join(told) + "."
+
+
+def picture(own: pd.DataFrame, column: str, base: str, path: Path) -> Path:
+    """A band a change, in it a line a scene so that no mark hides another; logarithmic, 1 is the unchanged ``base``."""
+    here = own["label"].unique()
+    labels = [label for label in ORDER if label in here] + [label for label in here if label not in ORDER]
+    scenes = list(own["title"].unique())
+    with panels.sheet(path, (style.COLUMN_WIDTH, 0.27 * len(labels) + 1.15), grid="x") as (_, grid):
+        axes = grid[0, 0]
+        for k in range(0, len(labels), 2):
+            axes.axhspan(k - 0.5, k + 0.5, color="#f3f3f3", zorder=0)
+        axes.axvline(1.0, color="black", lw=0.8)
+        for i, (title, mine) in enumerate(own.groupby("title", sort=False)):
+            heights = [labels.index(label) + 0.8 * ((i + 0.5) / len(scenes) - 0.5) for label in mine["label"]]
+            axes.plot(
+                mine[column], heights, style.MARKERS[i % 8], color=style.COLOURS[i % 8], ms=2.6, label=title
+            )
+        axes.set_yticks(range(len(labels)), labels)
+        axes.tick_params(axis="y", length=0)
+        axes.set_ylim(len(labels) - 0.5, -0.5)
+        axes.set_xscale("log")
+        low, high = own[column].min() / 2.5, own[column].max() * 2.5
+        ticks = [t for t in (0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20) if low <= t <= high]
+        axes.set_xticks(ticks, [f"{t:g}" for t in ticks])
+        axes.minorticks_off()
+        axes.set_xlabel(f"frame time over that of {base}", loc="right")  # longer than the axes are wide
+    return path
 
 
 EXPERIMENT = Experiment(

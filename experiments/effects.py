@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+import numpy as np
+
+from ..harness.report import compare, document, panels, style
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import MOVED, Lighting
 from ._paper import METHOD
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 METHODS = (
     Entry(METHOD, {}, "perspective + spherical"),
@@ -42,11 +49,163 @@ CHANGES = tuple(Lighting(f"moved {what}", count=1, moved=what) for what in MOVED
 LIGHTINGS = (*EFFECTS[:PLAIN], *CHANGES, *EFFECTS[PLAIN:])
 
 
+COLUMNS = [
+    *document.COMMON, "moved", "ratio", "added_ms", "added_iqr_ms", "passes", "builds", "memory_bytes", "compile_s",
+]  # fmt: skip
+ORDER = [lighting.label for lighting in (*EFFECTS, *CHANGES)]
+NEVER = 1e-3
+"""Milliseconds below which a frame did nothing."""
+ABOUT = (
+    "Effects are measured one after another, not interleaved. The same frame was measured once more, as the one in which "
+    "all moved: its difference from the first counts as noise of every effect, beside the spread of the repeats."
+)
+ABOUT_MOVED = (
+    "In brackets: passes that build structures. A method that knows no parts of a mesh rebuilds all of it."
+)
+
+
+def read(folder: Path) -> pd.DataFrame:
+    """The points, effects in their order, with what each adds to the frame :data:`BASE` of the same method and scene.
+
+    added_iqr_ms  half the spread of the two, as one reads an error bar; noise_ms: or how far the base frame was from its
+    own repetition, where that is more
+    """
+    frames = document.frames(folder)
+    table = document.named(frames)
+    table["passes"], table["builds"] = table["pass_count"], table["build_count"]
+    rank = {label: i for i, label in enumerate(ORDER)}
+    table = table.sort_values("light_label", key=lambda s: s.map(rank).fillna(len(rank)), kind="stable")
+    same = (*compare.SCENE, *compare.SIZE, "label")
+    own, base = compare.pairs(frames, frames["light_label"] == BASE, same)
+    _, again = compare.pairs(frames, frames["moved"] == "all", same)
+    found = compare.ratios(frames, frames["light_label"] == BASE, same)
+    table["ratio"] = table["key"].map(found["ratio"])
+    table["added_ms"] = table["key"].map(own["total_ms"] - base["total_ms"])
+    table["added_iqr_ms"] = table["key"].map(np.hypot(compare.spread(own), compare.spread(base)))
+    table["again_ms"] = table["key"].map(again["total_ms"])
+    apart = table["key"].map((again["total_ms"] - base["total_ms"]).abs())
+    table["noise_ms"] = np.fmax(table["added_iqr_ms"], apart)
+    return table
+
+
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Two drawings and CSV."""
-    from ._figures import effects
+    table = read(folder)
+    files = [document.write_csv(table, folder / "effects.csv", COLUMNS)]
+    done = document.measured(table)
+    effects, moved = done[(done["moved"] == "") & done["ratio"].notna()], done[done["moved"] != ""]
+    tables = {}
+    for title, own in effects.groupby("title", sort=False):
+        tables[f"{title}: what each effect adds to the frame of {BASE}, ms (times its time)"] = effects_table(
+            own
+        )
+    for title, own in moved.groupby("title", sort=False):
+        tables[f"{title}: a frame by what alone moved since the last one, ms"] = moved_table(own)
+    if len(effects):
+        files.append(effects_picture(effects, folder / "effects.svg"))
+    if len(moved):
+        files.append(moved_picture(moved, folder / "effects-moved.svg"))
+    notes = [ABOUT] * bool(len(effects)) + [ABOUT_MOVED] * bool(len(moved))
+    return document.write(
+        folder, "effects", EXPERIMENT.title, finding(effects), tables, files, table, quiet, notes
+    )
 
-    return effects.draw(folder, quiet, BASE, [lighting.label for lighting in (*EFFECTS, *CHANGES)])
+
+def finding(effects: pd.DataFrame) -> str:
+    """The effects that cost most and least, over all methods and scenes."""
+    means = np.exp(
+        np.log(effects.loc[effects["light_label"] != BASE, "ratio"]).groupby(effects["light_label"]).mean()
+    )
+    if means.empty:
+        return f"No effect was measured beside {BASE}."
+    return (
+        f"Over the frame of {BASE}, everything rebuilt, the dearest is {means.idxmax()} (x{means.max():.2f}) and the "
+        f"cheapest {means.idxmin()} (x{means.min():.2f}): geometric means over methods and scenes."
+    )
+
+
+def effects_table(own: pd.DataFrame) -> pd.DataFrame:
+    """Effects down, methods across; the frame that they are added to first, and its repetition."""
+    import pandas as pd
+
+    columns = {}
+    for label, mine in own.groupby("label", sort=False):
+        texts = {}
+        for r in mine.itertuples():
+            if r.light_label == BASE:
+                texts[f"{BASE}, ms"] = document.carried(r.total_ms, r.spread)
+                texts["the same, once more, ms"] = style.number(r.again_ms)
+            else:
+                ratio = document.carried(r.ratio, r.noise_ms / (r.total_ms - r.added_ms)).strip(
+                    document.NOISY
+                )
+                texts[r.light_label] = f"{document.carried(r.added_ms, r.noise_ms, '+')} (x{ratio})"
+        columns[label] = texts
+    order = [f"{BASE}, ms", "the same, once more, ms", *own["light_label"].unique()]
+    shown = pd.DataFrame(columns)
+    return shown.reindex([x for x in order if x in shown.index]).rename_axis("effect").reset_index()
+
+
+def moved_table(own: pd.DataFrame) -> pd.DataFrame:
+    """Methods down, what moved across."""
+    texts = [
+        f"{document.carried(r.total_ms, r.spread)} ({r.builds:.0f})" if r.passes else "no launch"
+        for r in own.itertuples()
+    ]
+    shown = own.assign(text=texts).pivot_table(
+        index="label", columns="moved", values="text", aggfunc="last", sort=False
+    )
+    return shown.reindex(columns=[x for x in MOVED if x in shown]).rename_axis("method").reset_index()
+
+
+def effects_picture(effects: pd.DataFrame, path: Path) -> Path:
+    """A line an effect, a mark a method: time over that of the base, with its noise. A panel a scene."""
+    own = effects[effects["light_label"] != BASE]
+    names, looks = list(own["light_label"].unique()), panels.looks(effects)
+    scenes = own["title"].nunique()
+    size = (style.COLUMN_WIDTH * max(1.0, 0.45 + 0.55 * scenes), 0.27 * len(names) + 1.35)
+    with panels.sheet(path, size, 1, scenes, legend=2 + (scenes > 1), sharex=True, sharey=True) as (
+        figure,
+        grid,
+    ):
+        for axes, (title, here) in zip(grid[0], own.groupby("title", sort=False), strict=True):
+            axes.axvline(1.0, color="#444444", lw=0.8)
+            for k, (label, look) in enumerate(looks.items()):
+                mine = here[here["label"] == label]
+                heights = [names.index(x) + 0.11 * (k - (len(looks) - 1) / 2) for x in mine["light_label"]]
+                noise = (mine["noise_ms"] / (mine["total_ms"] - mine["added_ms"])).fillna(0.0)
+                axes.errorbar(mine["ratio"], heights, xerr=noise.clip(upper=0.9 * mine["ratio"]),
+                              **{**look, "ls": "none", "ms": 3.6, "elinewidth": 0.7}, label=label)  # fmt: skip
+            axes.set_xscale("log", base=2)
+            axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+            axes.set_title(title, loc="left")
+        grid[0, 0].set_yticks(range(len(names)), names)
+        grid[0, 0].set_ylim(len(names) - 0.5, -0.5)
+        figure.supxlabel(f"frame time over that of {BASE} (bars: noise)", fontsize=8)
+    return path
+
+
+def moved_picture(moved: pd.DataFrame, path: Path) -> Path:
+    """Time of a frame against what moved, a line a method; a panel a scene. Nothing moved: nothing is launched."""
+    looks, scenes = panels.looks(moved), moved["title"].nunique()
+    kinds = [x for x in MOVED if moved.loc[moved["moved"] == x, "passes"].any()]
+    size = (style.COLUMN_WIDTH * max(1.0, 0.25 + 0.6 * scenes), 2.7)
+    with panels.sheet(path, size, 1, scenes, legend=2 + (scenes > 1), sharey=True) as (figure, grid):
+        for axes, (title, here) in zip(grid[0], moved.groupby("title", sort=False), strict=True):
+            seen = here[here["moved"].isin(kinds) & (here["total_ms"] > NEVER)]
+            for label, line in seen.groupby("label", sort=False):
+                line = line.sort_values("moved", key=lambda s: s.map(kinds.index))
+                axes.errorbar(line["moved"].map(kinds.index), line["total_ms"], yerr=line["iqr_ms"] / 2,
+                              elinewidth=0.7, label=label, **looks[label])  # fmt: skip
+            style.plain_log(axes)
+            axes.set_xticks(range(len(kinds)), kinds)
+            axes.set_xlim(-0.3, len(kinds) - 0.7)
+            axes.set_title(title, loc="left")
+        grid[0, 0].set_ylabel("ms per frame")
+        idle = not moved.loc[moved["moved"] == "nothing", "passes"].any()
+        note = "\n(nothing moved: no kernel is launched)" if idle else ""
+        figure.supxlabel(f"what moved since the last frame{note}", fontsize=8)
+    return path
 
 
 EXPERIMENT = Experiment(

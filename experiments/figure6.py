@@ -6,10 +6,19 @@ A cone, the paper's rectangle of azimuth and elevation, and a wider cone whose l
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from PIL import Image, ImageDraw
+
+from ..harness.report import compare, document, gallery, style
+from ..harness.report.picture import opened, save_png
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
 from ._paper import METHOD
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FAIRY = (0.05, 1.25, 0.0)
 """Where the fairy of the stand-in hovers."""
@@ -26,11 +35,116 @@ LIGHTINGS = (
 METHODS = (Entry(METHOD),)
 
 
+COLUMNS = [
+    *document.COMMON, "spot", "spot_angle", "spot_rise", "spot_falloff", "hit_pixels", "shadow_rays", "shadow_ray_share",
+]  # fmt: skip
+PANEL, GAP, LINE = 330, 8, 22
+"""Pixels across one of the pictures side by side, between them, and down a line of text: two across fill a column."""
+
+
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """The scene without and with each spot, and what the spot saves."""
-    from ._figures import figure6
+    import pandas as pd
 
-    return figure6.draw(folder, quiet)
+    frames = document.frames(folder)
+    table = document.named(frames)
+    spot = table["light.target"].notna()
+    table["spot"] = table["light.rise"].isna().map({True: "cone", False: "rectangle"}).where(spot)
+    for name in ("angle", "rise", "falloff"):
+        table[f"spot_{name}"] = table[f"light.{name}"].astype(float).where(spot)
+    table["light"] = [spot_text(r) for r in table.itertuples()]
+    # The light everywhere first, then cones and rectangles, and what falls off last.
+    table = table.sort_values(["file", "spot_falloff", "spot"], na_position="first")
+    own, plain = compare.pairs(frames, frames["light_label"] == "", (*compare.SCENE, *compare.SIZE, "label"))
+    table["shadow_rays"] = counted_rays(table)
+    table["hit_pixels"] = table["key"].map(counted_rays(plain))
+    table["shadow_ray_share"] = table["shadow_rays"] / table["hit_pixels"]
+    for name in ("light_build_ms", "shadow_ms"):
+        table[f"{name}_over_plain"] = table["key"].map(own[name] / plain[name])
+    files = [document.write_csv(table, folder / "figure6.csv", COLUMNS)]
+    for name, own in table.groupby("file", sort=False):
+        files += contact_sheet(own, folder, folder / f"figure6-{name}.png")
+    done = document.measured(table)
+    shown = pd.DataFrame({"scene": done["title"], "light": done["light"]})
+    for name, column, form in (
+        ("hit points", "hit_pixels", "{:,.0f}".format), ("with a shadow ray", "shadow_rays", "{:,.0f}".format),
+        ("share", "shadow_ray_share", "{:.0%}".format), ("light grid, ms", "light_build_ms", style.number),
+        ("shadow rays, ms", "shadow_ms", style.number),
+    ):  # fmt: skip
+        shown[name] = done[column].map(form, na_action="ignore")
+    spot = done[done["spot"].notna() & done["shadow_ray_share"].notna()]
+    finding = "No spot was measured beside the light that shines everywhere."
+    if len(spot):
+        grids, rays = spot["light_build_ms_over_plain"], spot["shadow_ms_over_plain"]
+        finding = (
+            f"Spots leave {document.span(spot['shadow_ray_share'], '{:.0%}'.format)} of the hit points a shadow ray; light "
+            f"grids take {document.span(grids)} times and shadow rays {document.span(rays)} times as long as with the light "
+            "everywhere (the paper has no times)."
+        )
+    return document.write(
+        folder, "figure6", EXPERIMENT.title, finding, {"Lights": shown}, files, table, quiet
+    )
+
+
+def counted_rays(table: pd.DataFrame) -> pd.Series:
+    """Shadow rays of a frame, of all lights, as the method counted them."""
+    return table.filter(regex=r"^counter\.light .* rays$").sum(axis=1, min_count=1)
+
+
+def spot_text(r: Any) -> str:
+    """A row's light in a few words, such as "cone of 6 degrees"; angles are from side to side."""
+    import pandas as pd
+
+    if pd.isna(r.spot):
+        return "everywhere"
+    size = f"{2 * r.spot_angle:g}" + ("" if pd.isna(r.spot_rise) else f" x {2 * r.spot_rise:g}")
+    edge = np.cos(np.radians(r.spot_angle)) ** r.spot_falloff
+    return f"{r.spot} of {size} degrees{f', falling off to {edge:.0%}' * bool(r.spot_falloff)}"
+
+
+def contact_sheet(own: pd.DataFrame, folder: Path, path: Path) -> list[Path]:
+    """The pictures of a scene under each light, two a row, a line under each that says which light; the scene below."""
+    import pandas as pd
+
+    made = []
+    for r in own.drop_duplicates("light_label").itertuples():
+        kept = opened(folder / "images" / f"{'-'.join(filter(None, (r.scene, r.light_label)))}.png")
+        if kept is not None:
+            held = (
+                f"; shadow rays: {r.shadow_ray_share:.0%}"
+                if pd.notna(r.spot) and r.shadow_ray_share >= 0
+                else ""
+            )
+            whole = kept.convert("RGB")  # below the picture itself stands its own caption
+            picture = whole.crop(
+                (0, 0, whole.width, min(whole.height, round(whole.width * r.height / r.width)))
+            )
+            made.append(captioned(picture, r.light[:1].upper() + r.light[1:] + held))
+    if not made:
+        return []
+    first = own.iloc[0]
+    about = [f"{first['title']}, {document.where(own)}"]
+    about += [gallery.stand_in_text(first["stand_in"])] if first["stand_in"] else []
+    across, down, high = min(2, len(made)), -(-len(made) // 2), max(m.height for m in made)
+    size = (across * PANEL + (across - 1) * GAP, down * (high + GAP) + LINE * len(about))
+    sheet = Image.new("RGB", size, gallery.PAPER)
+    for i, m in enumerate(made):
+        sheet.paste(m, (i % across * (PANEL + GAP), i // across * (high + GAP)))
+    pen = ImageDraw.Draw(sheet)
+    for i, text in enumerate(about):
+        ink = gallery.WARNING if i else gallery.INK
+        pen.text((4, down * (high + GAP) + i * LINE), text, fill=ink, font=gallery.font(17))
+    return [save_png(np.asarray(sheet), path, colours=40)]
+
+
+def captioned(picture: Image.Image, text: str) -> Image.Image:
+    """The picture, :data:`PANEL` pixels wide, with one line under it."""
+    height = max(1, round(picture.height * PANEL / picture.width))
+    panel = Image.new("RGB", (PANEL, height + 26), gallery.PAPER)
+    panel.paste(picture.resize((PANEL, height), Image.Resampling.LANCZOS), (0, 0))
+    face = gallery.fitted(text, gallery.font(18), PANEL - 8)
+    ImageDraw.Draw(panel).text((4, height + 3), text, fill=gallery.INK, font=face)
+    return panel
 
 
 EXPERIMENT = Experiment(

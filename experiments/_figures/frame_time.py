@@ -12,7 +12,13 @@ import numpy as np
 from ...harness.report import points, style
 from ...harness.report import roofline as floor
 from ...harness.report.sheet import error_text, title_of
-from .ablation import PARTS
+
+PARTS = (
+    ("build", "build_ms"),
+    ("trace", "trace_ms"),
+    ("light build", "light_build_ms"),
+    ("shadow", "shadow_ms"),
+)
 
 COLUMNS = [*points.COMMON, "times_slower", "low", "high", "memory_bytes", "built"]
 

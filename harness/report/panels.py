@@ -40,15 +40,19 @@ def sheet(
         figure = Figure(figsize=size, layout="constrained", dpi=dpi)
         panels = figure.subplots(down, across, squeeze=False, **shared)
         yield figure, panels
-        named: dict[str, Any] = {}
-        for axes in panels.ravel():
-            for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
-                named.setdefault(label, handle)
-        if legend and named:
-            figure.legend(
-                named.values(), named.keys(), loc="outside upper center", ncols=legend, frameon=False
-            )
+        if legend:
+            add_legend(figure, legend)
         save(figure, path, colours, inks)
+
+
+def add_legend(figure: Any, columns: int) -> None:
+    """A legend above the panels: every label of every panel once."""
+    named: dict[str, Any] = {}
+    for axes in figure.axes:
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            named.setdefault(label, handle)
+    if named:
+        figure.legend(named.values(), named.keys(), loc="outside upper center", ncols=columns, frameon=False)
 
 
 def looks(table: DataFrame) -> dict[str, dict[str, Any]]:

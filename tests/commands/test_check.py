@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from helpers.exact_method import ExactMethod
-from shadowbench.experiments._hardness import hard_rows
+from shadowbench.experiments.accuracy.hard_cases import hard_rows
 from shadowbench.harness.commands.check import check
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame import registry

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 
-import pytest
 from helpers.made_records import keep, made
-from shadowbench.experiments import _paper
-from shadowbench.experiments import ablation as declared_ablation
-from shadowbench.experiments._figures import ablation
+from shadowbench.experiments import _paper, ablation
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.runner.experiment import find_experiment
 from shadowbench.methods.perspective_spherical import parameters
@@ -29,10 +26,15 @@ def test_ablation_holds_ours_against_the_tree_and_takes_each_change_back(tmp_pat
     keep(tmp_path, records)
     files = show("ablation", tmp_path, quiet=True)
     text = (tmp_path / "ablation.md").read_text()
-    assert "Buddha (stand-in) 0.50 (1.01 of 2.02 ms; paper-faithful 2.00)" in text
-    assert "Cloth (stand-in) 1.50 (3.03 of 2.02 ms; paper-faithful 2.00)" in text
-    assert ": slower on Cloth (stand-in)." in text
-    assert "with one of its changes taken back: ours with radix sort 0.87" in text
+    assert (
+        "all of ours takes 0.500 to 1.50 of the time of Warp's tree rebuilt, slower on Cloth (stand-in);"
+        in text
+    )
+    tree = text[text.index("over that of Warp's tree") :]
+    assert "| all of ours | 0.87 | 1.50 | 0.500 |" in tree
+    assert "| paper-faithful | 2.00 | 2.00 | 2.00 |" in tree
+    back = text[text.index("one of its changes taken back") :]
+    assert "| ours with radix sort | 0.87 | 0.500 | 1.50 |" in back
     assert tmp_path / "ablation-ours.svg" in files
     drawn = (tmp_path / "ablation-ours.svg").read_text()
     for word in ("Warp's tree rebuilt", "ours with radix sort", "frame time over that of all of ours"):
@@ -47,9 +49,9 @@ def test_ablation_holds_ours_against_the_tree_and_takes_each_change_back(tmp_pat
 def test_ablation_takes_back_every_setting_in_which_ours_differs_from_the_papers():
     ours = dataclasses.asdict(parameters.Build()) | dataclasses.asdict(parameters.Trace())
     differ = {key for key, text in _paper.PAPER.items() if str(ours[key]).lower() != text}
-    taken = [key for keys in declared_ablation.TAKEN_BACK.values() for key in keys]
+    taken = [key for keys in ablation.TAKEN_BACK.values() for key in keys]
     assert sorted(taken) == sorted(differ)
-    for entry in declared_ablation.LEFT_OUT:
+    for entry in ablation.LEFT_OUT:
         assert entry.settings.items() <= _paper.PAPER.items()
 
 
@@ -66,10 +68,7 @@ def test_moving_has_a_row_a_frame(tmp_path):
     show("moving", tmp_path, quiet=True)
     lines = (tmp_path / "moving.csv").read_text().splitlines()
     assert len(lines) == 1 + 8 * len(records)
-    assert (
-        "10.0 to 17.0 ms over 8 places of the light (slowest +70% over fastest)"
-        in (tmp_path / "moving.md").read_text()
-    )
+    assert "| 8 | 10.0 | 13.5 | 17.0 | 1.00 | +70% | 0 |" in (tmp_path / "moving.md").read_text()
     assert "turns of the light" in (tmp_path / "moving.svg").read_text()
 
 
@@ -86,14 +85,19 @@ def test_moving_explains_a_slow_place_from_its_counters(tmp_path):
                              "light 0 tiles with rays": 50 if i == 3 else 120}  # fmt: skip
     keep(tmp_path, [slow, uncounted, even])
     show("moving", tmp_path, quiet=True)
-    lines = (tmp_path / "moving.md").read_text().split("\n\n")
-    animated, tree_line, ours_line = lines[1:4]
-    assert animated.startswith("Fairy"), "animated scenes come first"
-    assert "Slowest at" not in animated
-    assert "Slowest at 0.43 turns, 3.0 times the median of the path: shadow took 24.0 ms there" in tree_line
-    assert tree_line.endswith("its work was not counted.")
-    assert "tests a shadow ray 90 (median 20), tiles with rays 50 (median 120)." in ours_line
-    assert "fewer tiles with longer lists" in ours_line
+    text = (tmp_path / "moving.md").read_text()
+    ranges, slowest = (part for part in text.split("\n## ")[1:])
+    scenes = [
+        line.split(" | ")[0] for line in ranges.splitlines() if line.startswith("| ") and "---" not in line
+    ]
+    assert scenes == ["| scene", "| Fairy (stand-in)", "| Sibenik (stand-in)", "| Sibenik (stand-in)"], (
+        "animated first"
+    )
+    assert "| Fairy" not in slowest
+    work = "90 (20) | 50 (120) | not counted | not counted | not counted"
+    assert f"| {ours.label} | 0.43 | shadow | 24.0 (4.00) | {work} |" in slowest
+    uncounted_work = " | ".join(["not counted"] * 5)
+    assert f"| bvh | 0.43 | shadow | 24.0 (4.00) | {uncounted_work} |" in slowest
 
 
 def test_ablation_compares_with_its_base_on_the_same_scene(tmp_path):
@@ -109,13 +113,11 @@ def test_ablation_compares_with_its_base_on_the_same_scene(tmp_path):
     keep(tmp_path, records)
     show("ablation", tmp_path, quiet=True)
     text = (tmp_path / "ablation.md").read_text()
-    assert "direct mapping, 16x16 tiles 1.10 (2 scenes)" in text
-    assert "exact test, back faces culled 1.90 (1 scene)" in text
+    assert "| direct mapping, 16x16 tiles | 1.10 | 1.10 | 1.10 |" in text
+    assert "| exact test, back faces culled | 1.90 | - | 1.90 |" in text
     assert "Not measured" in text
     # Neither the tree nor what is taken back from ours is a change to the paper's configuration.
-    changes = text[: text.index("of all of ours over")]
+    changes = text[text.index("over that of paper-faithful") : text.index("one of its changes taken back")]
     assert "Warp's tree" not in changes
     assert "ours with" not in changes
     assert len((tmp_path / "ablation.csv").read_text().splitlines()) == 1 + len(records)
-    rows = [{"label": "a", "ratio": 0.5, "scene": "x"}, {"label": "a", "ratio": 2.0, "scene": "y"}]
-    assert ablation.mean_ratios(rows)["a"] == pytest.approx(1.0)

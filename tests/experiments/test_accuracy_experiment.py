@@ -8,15 +8,14 @@ import importlib.util
 import itertools
 
 import numpy as np
+import pandas as pd
 import pytest
 from helpers.brute_force import make_scene, soup
 from helpers.fake_records import record, write
 from shadowbench.experiments import accuracy as declared
-from shadowbench.experiments._figures import accuracy, accuracy_heat, accuracy_pareto
-from shadowbench.experiments._figures.accuracy_cost import costs
-from shadowbench.experiments._figures.accuracy_rows import families, mark_frontier, rows
-from shadowbench.experiments._hardness import hard_rows
-from shadowbench.experiments._offsets import error_grid, offset_by
+from shadowbench.experiments.accuracy import hard_cases, offsets, pareto, tables
+from shadowbench.experiments.accuracy.hard_cases import hard_rows
+from shadowbench.experiments.accuracy.offsets import error_grid, offset_by
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.judge.context import Judge
@@ -168,7 +167,11 @@ def test_the_grid_of_errors_is_zero_for_the_exact_tree_and_not_for_a_fixed_offse
 
 def test_the_hard_cases_tell_a_rung_from_the_top():
     entries = (Entry("accuracy_ladder", {}, "exact"), Entry("accuracy_ladder", {"origin": "ray"}, "o + t d"))
-    exact, rung = hard_rows(entries, "cpu", without=("V ", "S", "P2", "P0"))
+    exact, rung = hard_rows(entries, "cpu", without=("V ", "S", "P2", "P0"), but=("P07",))
+    assert exact["left_out"] == rung["left_out"]
+    names = exact["left_out"].split("; ")
+    assert {"S35", "P21", "V ball +1"} <= set(names)
+    assert not {"P07", "P12"} & set(names)
     assert exact["cases"] == rung["cases"] > 3
     assert (exact["true_errors"], exact["cases_wrong"], exact["worst"]) == (0, 0, "")
     assert rung["true_errors"] > rung["cases_wrong"] > 0
@@ -207,20 +210,18 @@ def folder(tmp_path):
 
 
 def test_the_frontier_is_what_nothing_beats(folder):
-    made = rows(folder)
-    mark_frontier(made)
-    assert {r["label"] for r in made if r["on_frontier"]} == {"a: exact", "a: fast", "b: quick"}
+    table = tables.read(folder)
+    assert set(table.loc[table["on_frontier"], "label"]) == {"a: exact", "a: fast", "b: quick"}
 
 
 def test_a_cpu_is_on_no_frontier_of_a_gpu(folder):
-    made = rows(folder)
-    next(r for r in made if r["label"] == "b: quick")["device"] = "another"
-    mark_frontier(made)
-    assert {r["label"] for r in made if r["on_frontier"]} == {"a: exact", "a: fast", "c: as wrong as quick"}
+    table = tables.read(folder)
+    table.loc[table["label"] == "b: quick", "device"] = "another"
+    assert set(table.loc[tables.frontier(table), "label"]) == {"a: exact", "a: fast", "c: as wrong as quick"}
 
 
 def test_classes_are_counted_apart(folder):
-    (fast,) = [r for r in rows(folder) if r["label"] == "a: fast"]
+    fast = tables.read(folder).set_index("label").loc["a: fast"]
     counts = {
         name: fast[name] for name in ("wrong_per_frame", "primary_wrong", "acne", "leak", "excused", "ties")
     }
@@ -231,11 +232,12 @@ def test_classes_are_counted_apart(folder):
 
 
 def test_equal_error_takes_the_fastest_that_is_right_enough(folder):
-    made = {e["family"]: e for e in accuracy.equal_error(rows(folder))}
-    assert (made["a"]["label"], made["a"]["total_ms"]) == ("a: fast", pytest.approx(15.0))
-    assert made["b"]["label"] == "b: beaten"
-    assert made["c"]["label"] == ""
-    assert made["c"]["best_wrong"] == 2000
+    made = tables.equal_error(tables.read(folder)).set_index("family")
+    assert made.loc["a", "label"] == "a: fast"
+    assert made.loc["a", "total_ms"] == pytest.approx(15.0)
+    assert made.loc["b", "label"] == "b: beaten"
+    assert made.loc["c", "label"] == ""
+    assert made.loc["c", "best_wrong"] == 2000
 
 
 def test_a_difference_within_the_noise_is_no_cost(tmp_path):
@@ -246,13 +248,13 @@ def test_a_difference_within_the_noise_is_no_cost(tmp_path):
         point("a: once", 10.0, 7, count=2),
     ]
     names = ("without", "cheap", "once")
-    found = costs(rows(write(tmp_path, made)), [(name, "a: with", f"a: {name}") for name in names])
-    assert [c["within_noise"] for c in found] == [True, False, True]
-    assert found[1]["cost_ms"] == pytest.approx(10.0)
-    assert found[2]["noise_ms"] is None
+    found = tables.costs(write(tmp_path, made), [(name, "a: with", f"a: {name}") for name in names])
+    assert found["within_noise"].tolist() == [True, False, True]
+    assert found["cost_ms"][1] == pytest.approx(10.0)
+    assert np.isnan(found["noise_ms"][2])
 
 
-def test_everything_is_drawn_and_the_tables_are_in_the_text(folder, capsys):
+def test_everything_is_drawn_and_the_tables_are_in_the_text(folder, capsys, monkeypatch):
     classes = np.zeros((256, 256), dtype=np.int64)
     classes[10:20, 10:20] = Verdict.ACNE
     looks.write_map(looks.wrong_path(folder, "buddha-b: quick", 0), classes + looks.OFFSET)
@@ -266,77 +268,105 @@ def test_everything_is_drawn_and_the_tables_are_in_the_text(folder, capsys):
     hard = ["label,method,device,cases,cases_wrong,true_errors,worst", "a: exact,m,cpu,90,0,0,"]
     hard.append("a: fast,m,cpu,90,3,1234,P12 700")
     (folder / "accuracy_hard.csv").write_text("\n".join(hard) + "\n")
-    measures = [("care", "a: exact", "a: fast")]
-    files = accuracy.draw(folder, False, measures, [], ["b: quick"], "a: exact")
+    for name, value in {"MEASURES": (("care", "a: exact", "a: fast"),), "OTHER_MEASURES": (), "SHOWN": ("b: quick",),
+                        "EXACT": "a: exact"}.items():  # fmt: skip
+        monkeypatch.setattr(declared, name, value)
+    files = declared.draw(folder)
     assert {path.name for path in files} == {
         "accuracy.csv", "accuracy_equal_error.csv", "accuracy_costs.csv", "accuracy_pareto.svg",
         "accuracy_costs.svg", "accuracy_where-buddha.png", "accuracy_heat.png", "accuracy.md",
     }  # fmt: skip
     assert all(path.stat().st_size > 100 for path in files)
     text = (folder / "accuracy.md").read_text()
-    for phrase in (
-        "Time to fewer than 10 wrong answers",
-        "not reached: 2,000 wrong at best",
-        "| care |",
-        "0.25",
-    ):
-        assert phrase in text, phrase
-    assert "a: exact" in capsys.readouterr().out
+    assert "| Buddha (stand-in) | b: quick | 5.00 | 2,000 | 2,000 | 0 | 6 | 0.2500 |" in text
+    assert "| care | +33% | 4 (0) | 1,234 (0) |" in text
+    assert "a: beaten" not in text
+    assert "which of the others were left out was not recorded" in text
+    assert len(text.split()) < 700, "a page"
+    pareto_text = (folder / "accuracy_pareto.svg").read_text()
+    assert all(name in pareto_text for name in ("1  exact", "2  fast", "3  beaten", "4  quick", "frontier"))
+    assert "What each safety measure adds" in capsys.readouterr().out
     with open(folder / "accuracy.csv", newline="") as file:
         table = list(csv.DictReader(file))
     assert len(table) == 5
     assert {r["label"]: r["on_frontier"] for r in table}["b: beaten"] == "False"
 
 
-def test_names_in_the_pareto_plot_cover_neither_one_another_nor_a_marker():
-    """Many points close together: some names are left out, none is drawn over anything."""
+def test_every_point_of_the_pareto_plot_has_a_number_that_covers_no_other_and_no_marker():
+    """Many points close together: each number is found, and none is drawn over another number or a marker."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from matplotlib.text import Text
 
     random = np.random.default_rng(1)
-    rows = [
-        {
-            "family": f"{i % 3}", "level": f"a long name {i}", "scene_title": "S", "scene": "s", "width": 8, "height": 8,
-            "total_ms": float(ms), "wrong_per_frame": float(wrong), "on_frontier": i == 0, "quartiles": (ms, ms),
-        }
-        for i, (ms, wrong) in enumerate(zip(random.uniform(1, 3, 40), random.integers(0, 90, 40), strict=True))
-    ]  # fmt: skip
-    figure = Figure(figsize=(3.6, 2.2), layout="constrained")
+    points = pd.DataFrame({
+        "family": [f"{i % 3}" for i in range(40)], "number": range(1, 41), "device": "cuda:0", "device_name": "Card",
+        "total_ms": random.uniform(1, 3, 40), "wrong_per_frame": random.integers(1, 90, 40).astype(float),
+        "on_frontier": [i == 0 for i in range(40)],
+    })  # fmt: skip
+    points = points.assign(q1_ms=points["total_ms"], q3_ms=points["total_ms"])
+    figure = Figure(figsize=(3.6, 2.7), layout="constrained", dpi=150)
     FigureCanvasAgg(figure)
     axes = figure.subplots()
-    looks = families(rows)
-    accuracy_pareto._panel(axes, rows, looks)
+    looks = pareto.families(points)
+    heights = dict.fromkeys(looks, 0.1)
+    pareto.panel(axes, "S", points, looks, heights)
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
-    accuracy_pareto._names(axes, rows, accuracy_pareto._heights(looks))
-    boxes = [accuracy_pareto._box(text) for text in axes.texts]
-    assert 4 < len(boxes) < 41
-    assert not any(accuracy_pareto._meet(a, b) for a, b in itertools.combinations(boxes, 2))
-    for r in rows:
-        x, y = axes.transData.transform(
-            (r["total_ms"], accuracy_pareto._height(r, accuracy_pareto._heights(looks)))
-        )
-        assert not any(accuracy_pareto._meet((x - 1, y - 1, x + 1, y + 1), box) for box in boxes), r["level"]
+    before = set(axes.texts)
+    pareto.number(axes, points.assign(height=pareto.height(points, heights)), looks)
+    texts = [text for text in axes.texts if text not in before]
+    assert sorted(int(text.get_text()) for text in texts) == list(range(1, 41))
+    boxes = []
+    for text in texts:
+        text.update_positions(figure.canvas.get_renderer())
+        found = Text.get_window_extent(text)  # without the line to its point
+        boxes.append((found.x0 + 1, found.y0 + 3, found.x1 - 1, found.y1 - 3))
+    assert not any(pareto.meet(a, b) for a, b in itertools.combinations(boxes, 2))
+    marks = axes.transData.transform(points[["total_ms", "wrong_per_frame"]] + [0.0, pareto.FLOOR])
+    for text, (x, y) in itertools.product(boxes, marks):
+        assert not pareto.meet((x - 1, y - 1, x + 1, y + 1), text)
+
+
+def test_points_on_another_device_are_hollow_and_said_to_be(folder):
+    table = tables.read(folder)
+    table.loc[table["label"] == "b: beaten", ["device", "device_name"]] = ["cuda:0", "Imaginary card"]
+    (path,) = pareto.draw(table, folder / "pareto.svg")
+    assert "(hollow: on Imaginary card, another device)" in path.read_text()
+
+
+def test_runs_of_numbers_are_shortened():
+    assert pareto.runs([1, 4, 5, 6, 9, 10]) == "1, 4-6, 9, 10"
 
 
 def test_the_ink_on_a_colour_is_the_one_that_stands_out():
     import matplotlib
 
     colours = matplotlib.colormaps["magma_r"].with_extremes(bad="white")
-    assert accuracy_heat._ink(colours, 0.0) == "black", "pale yellow"
-    assert accuracy_heat._ink(colours, 0.6) == "white", "purple"
-    assert accuracy_heat._ink(colours, 1.0) == "white"
-    assert accuracy_heat._ink(colours, np.ma.masked) == accuracy_heat._ink(colours, float("nan")) == "black"
+    assert offsets.ink(colours, 0.0) == "black", "pale yellow"
+    assert offsets.ink(colours, 0.6) == "white", "purple"
+    assert offsets.ink(colours, 1.0) == "white"
+    assert offsets.ink(colours, np.ma.masked) == offsets.ink(colours, float("nan")) == "black"
+
+
+def test_the_report_names_the_hard_cases_that_were_left_out(tmp_path):
+    rows = pd.DataFrame([{"label": "a", "cases": 9, "true_errors": 1, "left_out": "P29; S35"}])
+    (text,) = hard_cases.described(rows.reindex(columns=hard_cases.COLUMNS))
+    assert "2 were not tried, in which a point may still be wrong: P29, S35." in text
+    (text,) = hard_cases.described(rows.assign(left_out=hard_cases.NONE).reindex(columns=hard_cases.COLUMNS))
+    assert "none was left out" in text
+    assert hard_cases.described(hard_cases.read_hard(tmp_path)) == []
 
 
 def test_a_folder_without_scores_says_so(tmp_path):
     made = point("a: exact", 20.0, 0)
     made["frames"][0].update(score=None, unscored="no truth here")
-    files = accuracy.draw(write(tmp_path, [made]), True, [], [], [], "a: exact")
+    files = declared.draw(write(tmp_path, [made]), quiet=True)
     assert "No point has both a time and a score." in (tmp_path / "accuracy.md").read_text()
     assert not any(path.suffix == ".svg" for path in files)
 
 
 def test_families_have_colours_of_their_own():
-    made = [{"family": str(i)} for i in range(len(style.COLOURS))]
-    assert len(set(families(made).values())) == len(made)
+    made = pd.DataFrame({"family": [str(i) for i in range(len(style.COLOURS))]})
+    looks = pareto.families(made).values()
+    assert len({(look["color"], look["marker"]) for look in looks}) == len(made)

@@ -9,15 +9,11 @@ import numpy as np
 import pytest
 from helpers.made_records import keep, made
 from PIL import Image
-from shadowbench.experiments import _paper, figure2, figure6, figure11
-from shadowbench.experiments._figures import figure2 as figure2_drawing
-from shadowbench.experiments._figures import figure6 as figure6_drawing
+from shadowbench.experiments import _paper, figure2, figure6, figure11, two_lights
 from shadowbench.experiments._figures import figure10 as stages
-from shadowbench.experiments._figures import figure11 as figure11_drawing
-from shadowbench.experiments._figures import two_lights
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.errors import UserError
-from shadowbench.harness.report import points
+from shadowbench.harness.report import document, points
 from shadowbench.harness.results.pixel_maps import map_path, write_map
 from shadowbench.harness.runner.experiment import Entry, find_experiment
 from shadowbench.harness.scene.overrides import Lighting
@@ -32,10 +28,14 @@ def test_figure2_says_how_much_the_most_drops(tmp_path):
         write_map(map_path(tmp_path, r["key"], 0), np.array([[0, 0, 0], [0, 0, most], [0, most // 2, 1]]))
     files = show("figure2", tmp_path, quiet=True)
     text = (tmp_path / "figure2.md").read_text()
-    assert "indirect, 2x2 of 8x8 (at most 400 triangles for a pixel" in text
-    large, small = (text.index(f"Against {label}") for label in (figure2.DIRECT, figure2.DIRECT_SMALL))
-    assert "40% of the maximum, and primary rays are traced 40% faster" in text[large:small]
-    assert "80% of the maximum, and primary rays are traced 20% slower" in text[small:]
+    assert (
+        "against direct, 16x16 tiles 40% of the most triangles for a pixel and primary rays 40% faster"
+        in text
+    )
+    assert (
+        "against direct, 8x8 tiles 80% of the most triangles for a pixel and primary rays 20% slower" in text
+    )
+    assert "| indirect, 2x2 of 8x8 | 400 |" in text
     table = list(csv.DictReader((tmp_path / "figure2.csv").open()))
     (ours,) = (r for r in table if r["label"] == figure2.INDIRECT)
     assert [float(ours[f"{x}_same_tiles"]) for x in ("speed_up", "most_share")] == pytest.approx([-0.2, 0.8])
@@ -50,9 +50,9 @@ def test_figure2_says_how_much_the_most_drops(tmp_path):
     assert maps[:, :third].sum() > 100
     assert maps[:, third:].sum() == 0
     # Nothing is checked in the first row and column of any map: they are cut off.
-    part = figure2_drawing.occupied([np.array([[0, 0, 0], [0, 0, 7]]), np.array([[0, 0, 0], [0, 5, 0]])])
+    part = figure2.occupied([np.array([[0, 0, 0], [0, 0, 7]]), np.array([[0, 0, 0], [0, 5, 0]])])
     assert part == (slice(1, 2), slice(1, 3))
-    assert figure2_drawing.occupied([np.zeros((2, 3))]) == (slice(0, 2), slice(0, 3))
+    assert figure2.occupied([np.zeros((2, 3))]) == (slice(0, 2), slice(0, 3))
 
 
 def test_figure2_without_its_maps_says_so(tmp_path):
@@ -72,12 +72,14 @@ def test_figure6_has_a_captioned_panel_for_each_light(tmp_path):
         Image.new("RGB", (512, 560), (200, 30, 30)).save(tmp_path / "images" / f"{name}.png")
     show("figure6", tmp_path, quiet=True)
     text = (tmp_path / "figure6.md").read_text()
-    order = ["cone of 12 degrees: 250 of 1,000 hit points (25%)", "rectangle of 18 x 8 degrees: 300 of 1,000",
-             "cone of 20 degrees, falling off to 10%: 400 of 1,000"]  # fmt: skip
+    order = ["everywhere | 1,000 | 1,000 | 100%", "cone of 12 degrees | 1,000 | 250 | 25%",
+             "rectangle of 18 x 8 degrees | 1,000 | 300 | 30%",
+             "cone of 20 degrees, falling off to 10% | 1,000 | 400 | 40%"]  # fmt: skip
     assert [text.index(words) for words in order] == sorted(text.index(words) for words in order)
+    assert "Spots leave 25% to 40% of the hit points a shadow ray" in text
     with Image.open(tmp_path / "figure6-fairy.png") as image:
         red = (np.asarray(image.convert("RGB")).astype(int) - (200, 30, 30) == 0).all(axis=2)
-    assert red.sum() == 4 * figure6_drawing.PANEL**2
+    assert red.sum() == 4 * figure6.PANEL**2
     table = list(csv.DictReader((tmp_path / "figure6.csv").open()))
     assert [r["spot"] for r in table] == ["", "cone", "rectangle", "cone"]
     assert [r["spot_rise"] for r in table] == ["", "", "4", ""]
@@ -134,7 +136,7 @@ def test_figure10_draws_the_largest_size_and_tells_how_rearrangement_grows(tmp_p
     assert "times the pixels" not in (tmp_path / "figure10.md").read_text()
 
 
-def distance_records():
+def distance_records(scene="cloth", growth=1.0):
     preset = find_experiment("figure11").presets["quick"]
     records = []
     for lighting in preset.lightings:
@@ -142,7 +144,7 @@ def distance_records():
             lost = e.settings["precision"] == "float32" and lighting.distance > 1e4
             grows = e.settings["clamp"] == "none" and lighting.distance >= 10
             r = int(e.settings["r"])
-            ms = 10.0 * (1.0 + grows * (20 if r == 65536 else r / 32))
+            ms = 10.0 * (1.0 + grows * growth * (20 if r == 65536 else r / 32))
             ms *= 1.1 if e.settings["precision"] == "float32-centred" else 1.0
             tiles = 4 if grows else 900
             counted = {"light 0 pairs": 1000, "light 0 chunks": 50, "light 0 lanes": 50 * r,
@@ -151,6 +153,7 @@ def distance_records():
                 made(
                     "figure11",
                     e,
+                    scene,
                     lighting=lighting,
                     ms=ms,
                     counters=counted,
@@ -161,25 +164,26 @@ def distance_records():
 
 
 def test_figure11_tells_work_from_number_format(tmp_path):
-    keep(tmp_path, distance_records())
+    records = distance_records()
+    keep(tmp_path, records)
     files = show("figure11", tmp_path, quiet=True)
     text = (tmp_path / "figure11.md").read_text()
+    table = [line for line in text.splitlines() if line.startswith("| unclamped | aimed | ")]
+    assert "| unclamped | aimed | 2.00 | 3.00 | 5.00 | 21.00 |" in table
+    assert "| unclamped | aimed | tiles that hold rays | 900 | 900 | 4 | 4 | 4 |" in table
+    without = "without load balancing (r = 65536), over the fastest r | 1.00 | 1.00 | 10.50 | 10.50 | 10.50 |"
+    assert f"| unclamped | aimed | {without}" in table
+    assert "| unclamped | aimed | float32-centred | 1e7 | x1.10 | x1.0 | 4 for 4 | - |" in table
+    assert "| clamped to the hits | aimed | 1.00 | 1.00 | 1.00 | 1.00 |" in text
     assert (
-        "unclamped, aimed, float64: shadow traversal with the light 10 radii away or more, over that" in text
+        "| clamped to the hits | world axes | float32 | 1000 | x1.00 | x1.0 | 900 for 900 | 1e7 (rejected) |"
+        in text
     )
-    assert "2.00 (r = 32), 3.00 (r = 64), 5.00 (r = 128), 21.00 (r = 65536)" in text
-    assert "tiles that hold rays: 900 at 0.1, 900 at 1, 4 at 10, 4 at 1000, 4 at 1e7" in text
-    without = "without load balancing (r = 65536), over the fastest r: 1.00 at 0.1, 1.00 at 1, 10.50 at 10"
-    assert without in text
-    assert "clamped to the hits, world axes, float64" in text
-    assert "1.00 (r = 32)" in text
-    assert "clamped to the hits, world axes: in float32 1.0 times the frame time" in text
-    assert "; rejected at 1e7 radii." in text
-    assert "unclamped, aimed: in float32-centred 1.1 times the frame time and 1.0 times the pairs" in text
-    assert (
-        "workload alone, times 2.00 unclamped and 1.00 clamped to the hits; what changes at the same place and workload "
-        "is number format: in float32 frames take 1.00 times as long or are rejected (from 1e7 radii on); in "
-        "float32-centred frames take 1.10 times as long, none is rejected." in text
+    finding = text.split("\n\n")[1]
+    assert finding == (
+        "Cloth (stand-in): with the farthest light the traversal takes 2.00 unclamped and 1.00 clamped to the hits times as "
+        "long as at one radius (float64: work); the number format float32 costs 1.00 times the frame, or it is rejected "
+        "(from 1e7 radii on); the number format float32-centred costs 1.10 times the frame."
     )
     assert "needs 9 pairs" in text
     drawn = (tmp_path / "figure11.svg").read_text()
@@ -206,7 +210,7 @@ def test_figure11_tells_work_from_number_format(tmp_path):
         assert word in tiles, word
     assert all(file.stat().st_size < 300_000 for file in files)
     lines = (tmp_path / "figure11.csv").read_text().splitlines()
-    assert len(lines) == 1 + 110
+    assert len(lines) == 1 + len(records)
     assert {
         "lane_fill",
         "chunks",
@@ -217,11 +221,33 @@ def test_figure11_tells_work_from_number_format(tmp_path):
     } <= set(lines[0].split(","))
 
 
-def test_lane_fill_is_rays_over_lanes():
-    r = points.row(distance_records()[0])
-    figure11_drawing.add(r, figure11.TRAVERSAL)
-    assert r["lane_fill"] == pytest.approx(1600 / (50 * r["r"]))
-    assert r["axes"] in figure11_drawing.AXES.values()
+def test_figure11_draws_each_scene_apart(tmp_path):
+    slow = distance_records("fairy", 7.0)
+    keep(tmp_path, [*distance_records(), *slow])
+    files = {file.name for file in show("figure11", tmp_path, quiet=True)}
+    for scene in ("cloth", "fairy"):
+        assert {f"figure11-{scene}.svg", f"figure11-{scene}-r.svg", f"figure11-{scene}-tiles.svg"} <= files
+    text = (tmp_path / "figure11.md").read_text()
+    finding = text.split("\n\n")[1]
+    # The second scene grows faster: neither its own numbers nor those of the first are mixed with the other's.
+    assert (
+        "Cloth (stand-in): with the farthest light the traversal takes 2.00 unclamped and 1.00 clamped"
+        in finding
+    )
+    assert (
+        "Fairy (stand-in): with the farthest light the traversal takes 8.00 unclamped and 1.00 clamped"
+        in finding
+    )
+    for scene, other in (("Cloth", "Fairy"), ("Fairy", "Cloth")):
+        drawn = (tmp_path / f"figure11-{scene.lower()}.svg").read_text()
+        assert f"{scene} (stand-in)" in drawn
+        assert f"{other} (stand-in)" not in drawn
+
+
+def test_lane_fill_is_rays_over_lanes(tmp_path):
+    table = figure11.read(keep(tmp_path, distance_records()[:1]))
+    assert table["lane_fill"].tolist() == pytest.approx(1600 / (50 * table["r"]))
+    assert set(table["axes"]) <= set(figure11.AXES.values())
 
 
 def test_two_lights_states_frames_a_second_and_what_each_further_light_costs(tmp_path):
@@ -237,26 +263,47 @@ def test_two_lights_states_frames_a_second_and_what_each_further_light_costs(tmp
     keep(tmp_path, [lit(e, x) for e in preset.methods for x in preset.lightings])
     show("two_lights", tmp_path, quiet=True)
     text = (tmp_path / "two_lights.md").read_text()
-    assert "two lights 18.0 ms, 55.6 frames a second (+50% for the second light)" in text
-    assert (
-        "the first light costs 8.00 of 12.0 ms; each further one, over the first: 0.75 (of 2), 0.75 (of 4)"
-        in text
-    )
-    assert "0.75 (of 16)" in text
-    assert "7.6 frames a second against 5.26" in text
+    line = next(x for x in text.splitlines() if x.startswith("| Fairy (stand-in) | bvh |"))
+    assert line == "| Fairy (stand-in) | bvh | 12.0 | 18.0 | 55.6 | +50% | 0.750 | 0.750 | 0.750 | 0.750 |"
+    assert "7.6 frames a second" in text
+    assert "5.26" in text
     assert "number of lights" in (tmp_path / "two_lights-fairy.svg").read_text()
     header = (tmp_path / "two_lights.csv").read_text().splitlines()[0].split(",")
     assert {"further_ms", "further_over_first"} <= set(header)
-    # The frames' noise is no light's.
-    line = [
-        {"light_count": n, "total_ms": 90.0 - n, "light_build_ms": 1.0 * n, "shadow_ms": 2.0 + n}
+
+
+def test_what_a_further_light_costs_is_not_the_noise_of_the_frames(tmp_path):
+    entry = find_experiment("two_lights").presets["quick"].methods[0]
+    records = [
+        made("two_lights", entry, "fairy", Lighting(f"{n}", count=n), ms=90.0 - n,
+             passes=[("count", "light build", 1.0 * n), ("rays", "shadow", 2.0 + n)])
         for n in (1, 2, 8)
-    ]
-    two_lights.add_further(line)
-    assert [r.get("further_over_first") for r in line] == [None, pytest.approx(0.5), pytest.approx(0.5)]
-    keep(tmp_path / "one", [lit(preset.methods[0], preset.lightings[1])])
-    show("two_lights", tmp_path / "one", quiet=True)
-    assert "over the first" not in (tmp_path / "one" / "two_lights.md").read_text()
+    ]  # fmt: skip
+    table = two_lights.read(keep(tmp_path, records)).set_index("lights")
+    assert table["further_over_first"].dropna().to_dict() == {2: pytest.approx(0.5), 8: pytest.approx(0.5)}
+
+
+def test_a_share_that_its_spread_does_not_carry_has_fewer_digits_and_a_mark(tmp_path):
+    entry = find_experiment("two_lights").presets["quick"].methods[0]
+    records = [made("two_lights", entry, "fairy", Lighting(f"{n}", count=n), ms=10.0 * n) for n in (1, 2)]
+    for r in records:
+        r["frames"][0].update(total_ms=[r["frames"][0]["total_ms"][0] * x for x in (0.6, 1.0, 1.4, 1.8)],
+                              wall_ms=[1.0] * 4, round=[0, 0, 1, 1])  # fmt: skip
+    show("two_lights", keep(tmp_path, records), quiet=True)
+    text = (tmp_path / "two_lights.md").read_text()
+    assert "| ~12 | ~24 | ~40 | ~+100% |" in text
+    assert "~+100%" in text
+    assert "carries no more" in text
+
+
+def test_two_lights_without_one_light_has_nothing_to_compare(tmp_path):
+    preset = find_experiment("two_lights").presets["quick"]
+    keep(tmp_path, [made("two_lights", preset.methods[0], "fairy", preset.lightings[1])])
+    show("two_lights", tmp_path, quiet=True)
+    text = (tmp_path / "two_lights.md").read_text()
+    assert "2 lights, ms" in text
+    assert "1 light, ms" not in text
+    assert "| - | - |" in text
 
 
 def test_what_a_stopped_run_did_not_come_to_is_told(tmp_path):
@@ -265,8 +312,9 @@ def test_what_a_stopped_run_did_not_come_to_is_told(tmp_path):
     keep(tmp_path, [*records, *(made("ablation", e, "buddha", ms=10.0) for e in entries[:1])])
     show("ablation", tmp_path, quiet=True)
     text = (tmp_path / "ablation.md").read_text()
-    assert f"no record of {entries[1].label}, {entries[2].label}" in text
-    assert text.count("no record of") == 1
+    for entry in entries[1:]:
+        assert f"{entry.label}: no record (Buddha (stand-in))" in text
+    assert text.count("no record") == 2
 
 
 def test_lightings_with_points_of_their_own_are_missed_by_nobody_and_miss_none(tmp_path):
@@ -274,9 +322,9 @@ def test_lightings_with_points_of_their_own_are_missed_by_nobody_and_miss_none(t
     near, far = Lighting("near", distance=1.0), Lighting("far", distance=9.0)
     keep(tmp_path, [made("figure11", e, lighting=near) for e in many])
     keep(tmp_path, [made("figure11", e, lighting=far) for e in few])
-    rows = points.rows(tmp_path)
-    assert points.not_measured(rows) == ["Cloth (stand-in), far: no record of b"]
-    assert points.not_measured(rows, apart=["far"]) == []
+    table = document.read(tmp_path)
+    assert document.not_measured(table) == ["b: no record (Cloth (stand-in) with far)"]
+    assert document.not_measured(table, apart=["far"]) == []
 
 
 @pytest.mark.filterwarnings("error::UserWarning")

@@ -10,12 +10,11 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from ..harness.runner.experiment import Entry, Experiment, Preset
-
-if TYPE_CHECKING:
-    from ..harness.runner.runner import Options
+from ...harness.report import document
+from ...harness.runner.experiment import Entry, Experiment, Preset
+from ...harness.runner.job import Options
+from . import hard_cases, offsets, pareto, pictures, tables
 
 SCENES = ("fairy", "sibenik", "bunny_dragon", "conference", "cloth", "buddha")
 REAL = ("bunny",) if find_spec("pxr") else ()
@@ -150,6 +149,7 @@ OF_EFFECTS = ("H", "M")
 
 DISTANCES = (1e-4, 1e-1, 1.5, 1e1, 1e3, 1e5, 1e7)
 OFFSETS = (0.0, 1e1, 1e3, 1e5)
+TELLING: tuple[str, ...] = ()
 GRID_SIZE = {"quick": 48, "paper": 128}
 
 
@@ -158,19 +158,35 @@ def after(options: Options) -> None:
 
     Both are kept as CSV and not made again until they are deleted.
     """
-    from ._figures.accuracy_hard import keep_hard
-    from ._figures.accuracy_heat import keep_grid
-
     quick = options.preset_name == "quick"
-    keep_grid(options, GRID, DISTANCES, OFFSETS, GRID_SIZE.get(options.preset_name, 48))
-    keep_hard(options, HARD, without=(*OF_EFFECTS, VARIANTS, *LONG) if quick else OF_EFFECTS)
+    offsets.keep_grid(options, GRID, DISTANCES, OFFSETS, GRID_SIZE.get(options.preset_name, 48))
+    hard_cases.keep_hard(options, HARD, (*OF_EFFECTS, VARIANTS, *LONG) if quick else OF_EFFECTS, TELLING)
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
-    """Everything that is drawn from a folder: see :mod:`._figures.accuracy`."""
-    from ._figures import accuracy
-
-    return accuracy.draw(folder, quiet, MEASURES, OTHER_MEASURES, SHOWN, EXACT)
+    """The frontier, what measures cost, wrong pixels and the grid of errors; tables as CSV, the first two in the report."""
+    table = tables.read(folder)
+    cost = tables.costs(folder, [*MEASURES, *OTHER_MEASURES])
+    hard = hard_cases.read_hard(folder)
+    files = [
+        document.write_csv(table, folder / "accuracy.csv", tables.COLUMNS),
+        document.write_csv(
+            tables.equal_error(table), folder / "accuracy_equal_error.csv", tables.EQUAL_COLUMNS
+        ),
+        document.write_csv(cost, folder / "accuracy_costs.csv", tables.COST_COLUMNS),
+        *pareto.draw(table, folder / "accuracy_pareto.svg"),
+        *pictures.draw_costs(cost, EXACT, folder / "accuracy_costs.svg"),
+    ]
+    where = pictures.draw_where(folder, table, SHOWN)
+    files += [*where, *offsets.draw(folder)]
+    shown = {
+        "Points that no other one beats in time and wrong answers a frame": tables.frontier_table(table),
+        "What each safety measure adds to the frame (±: within the noise)": tables.cost_table(cost, hard),
+    }
+    notes = [*tables.notes(table), *hard_cases.described(hard), *([pictures.ABOUT] if where else [])]
+    return document.write(
+        folder, "accuracy", EXPERIMENT.title, tables.finding(table, cost), shown, files, table, quiet, notes
+    )
 
 
 EXPERIMENT = Experiment(

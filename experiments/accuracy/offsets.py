@@ -1,0 +1,186 @@
+"""Errors over how far the light is and how far the scene lies from the origin: counted, kept as CSV, and drawn.
+
+Scenes are recentred before anyone sees them, which hides what an offset does. Here it is put back on purpose, alike
+for every method and for the judge: all of them get the same rounded triangles, so what is counted is what the
+arithmetic gets wrong and not what the rounding of the input moved. Nothing is timed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...harness.files import write_text
+from ...harness.frame.devices import device_for
+from ...harness.frame.registry import make_method
+from ...harness.frame.session import Session
+from ...harness.judge.context import Judge
+from ...harness.judge.counts import Score, total
+from ...harness.judge.score import score_answers
+from ...harness.judge.verdict import EXCUSED, Verdict
+from ...harness.report import panels
+from ...harness.runner.experiment import Entry
+from ...harness.runner.job import Options
+from ...harness.runner.machine_lock import MACHINE
+from ...harness.scene.catalogue import resolve
+from ...harness.scene.overrides import Lighting
+from ...harness.scene.prepared import Prepared, prepare, rounded, weld
+
+DIRECTION = np.array([0.48, 0.6, 0.64])
+"""Of the offset: no axis, so that no coordinate stays small. Unit length."""
+
+NAME = "accuracy_heat.csv"
+COLUMNS = "scene label method distance offset size status wrong primary_wrong acne leak excused scored pixels".split()
+
+
+def offset_by(prepared: Prepared, radii: float) -> Prepared:
+    """The prepared scene with everything, eye and lights too, moved from where it was by so many of its radii."""
+    step = DIRECTION * radii * prepared.radius
+    centre = prepared.centre - step
+    first = np.asarray(prepared.geometry.positions(0), dtype=np.float64).reshape(-1, 3)
+    return replace(
+        prepared,
+        centre=centre,
+        middle=prepared.middle + step,
+        weld=weld(first - centre),
+        points=rounded(prepared.geometry, prepared.faces, centre),
+    )
+
+
+def error_grid(
+    prepared: Prepared,
+    entries: Sequence[Entry],
+    distances: Sequence[float],
+    offsets: Sequence[float],
+    size: int,
+    device: str,
+) -> Iterator[dict[str, Any]]:
+    """One row an entry, light distance and offset (both in scene radii): counts of each class, or why there are none.
+
+    The light stands in its own direction from the scene's middle. ``size``: pixels along a side.
+    """
+    for offset in offsets:
+        moved = offset_by(prepared, offset)
+        for distance in distances:
+            lit = Lighting(label=f"{distance:g}", distance=distance).applied(moved)
+            moment = lit.moment(0, size, size)
+            judge = Judge.of(lit, moment, device=device)
+            for entry in entries:
+                MACHINE.give_way()
+                row: dict[str, Any] = {"scene": lit.scene.name, "label": entry.label, "method": entry.method}
+                row |= {"distance": distance, "offset": offset, "size": size}
+                try:
+                    method = make_method(entry.method, dict(entry.settings))
+                except ImportError as error:  # a peer's library that is not installed costs its own rows only
+                    yield {**row, "status": f"skipped: {error.name or error} is not installed"}
+                    continue
+                place = device_for(type(method), device)
+                reason = method.applies(lit.scene, place)
+                if reason:
+                    yield {**row, "status": f"skipped: {reason}"}
+                    continue
+                session = Session(method, lit, size, size, place)
+                score = score_answers(judge, session.answers(moment)).score
+                yield {**row, "status": "ok", **counts(score)}
+
+
+def counts(score: Score) -> dict[str, int]:
+    """What is wrong in a score: wrong primary answers, acne, leaks, excused edges, and pixels with a shadow bit."""
+    return {
+        "wrong": score.true_errors,
+        "primary_wrong": score.primary.true + score.primary.invalid,
+        "acne": total(score, Verdict.ACNE),
+        "leak": total(score, Verdict.LEAK),
+        "excused": sum(total(score, kind) for kind in EXCUSED),
+        "scored": sum(light.scored for light in score.shadow),
+        "pixels": score.primary.pixels,
+    }
+
+
+def keep_grid(
+    options: Options,
+    entries: Sequence[Entry],
+    distances: Sequence[float],
+    offsets: Sequence[float],
+    size: int,
+) -> None:
+    """Compute the grid on the run's first scene and write it, unless it is there: its answers do not change."""
+    if not (options.out / NAME).exists():
+        import pandas as pd
+
+        prepared = prepare(resolve(options.preset.scenes[0], options.scene_dir))
+        rows = list(error_grid(prepared, entries, distances, offsets, size, options.device))
+        text = pd.DataFrame(rows, columns=COLUMNS).convert_dtypes().to_csv(index=False, lineterminator="\n")
+        write_text(options.out / NAME, text)
+
+
+def draw(folder: Path) -> list[Path]:
+    """One panel a method: the share of pixels that differ from the exact answer, from white (none) to dark (all)."""
+    import matplotlib
+    import pandas as pd
+    from matplotlib.colors import LogNorm
+
+    if not (folder / NAME).exists():
+        return []
+    rows = pd.read_csv(folder / NAME)
+    rows = rows[rows["status"] == "ok"]
+    if rows.empty:
+        return []
+    rows["share"] = (rows["wrong"] + rows["excused"]) / rows["pixels"]
+    labels = list(rows["label"].unique())
+    across, down = min(3, len(labels)), -(-len(labels) // 3)
+    shade = LogNorm(1e-4, 1.0)
+    colours = matplotlib.colormaps["magma_r"].with_extremes(bad="white")
+    path = folder / "accuracy_heat.png"
+    with panels.sheet(path, (7.0, 0.55 + 1.6 * down), down, across, legend=0, grid="", dpi=200, colours=160, sharex=True,
+                      sharey=True) as (figure, grid):  # fmt: skip
+        for axes, label in zip(grid.ravel(), labels, strict=False):
+            own = rows[rows["label"] == label]
+            share = own.pivot(index="offset", columns="distance", values="share")
+            image = axes.imshow(
+                np.ma.masked_less_equal(share, 0.0), norm=shade, cmap=colours, origin="lower", aspect="auto"
+            )
+            for r in own.itertuples():
+                text = f"{r.wrong:,.0f}" + f"\n(+{r.excused:,.0f})" * bool(r.excused)
+                axes.text(share.columns.get_loc(r.distance), share.index.get_loc(r.offset), text, ha="center", va="center",
+                          fontsize=4.8, color=ink(colours, shade(r.share)))  # fmt: skip
+            axes.set_title(label, fontsize=7)
+            axes.set_xticks(range(share.shape[1]), map(power, share.columns))
+            axes.set_yticks(range(share.shape[0]), map(power, share.index))
+            axes.tick_params(length=0)
+        for i, axes in enumerate(grid.ravel()):
+            axes.set_axis_off() if i >= len(labels) else axes.tick_params(
+                labelbottom=i >= len(labels) - across
+            )
+        figure.supxlabel("distance of the light from the middle, in scene radii", fontsize=7)
+        figure.supylabel("offset of the scene from the origin, in radii", fontsize=7)
+        bar = figure.colorbar(image, ax=list(grid.ravel()), shrink=0.9, pad=0.01)
+        bar.set_label("differing answers / pixels (white: none)", fontsize=6.5)
+        scene, size = rows.iloc[0][["scene", "size"]]
+        figure.suptitle(
+            f"Answers that differ from the exact one on {scene}, {size}x{size}, scene not recentred: "
+            "wrong (+ excused: within rounding of an edge)",
+            fontsize=7.5,
+        )
+    return [path]
+
+
+def ink(colours: Any, level: Any) -> str:
+    """Black or white, whichever stands out more from the colour at a level (masked or not a number: none, white)."""
+    if np.ma.is_masked(level) or not np.isfinite(level):
+        return "black"
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in colours(float(level))[:3]]
+    luminance = float(np.dot(linear, (0.2126, 0.7152, 0.0722)))
+    # Where the contrast with white, 1.05 / (L + 0.05), equals that with black, (L + 0.05) / 0.05.
+    return "white" if luminance < 0.179 else "black"
+
+
+def power(x: float) -> str:
+    """A round number as a power of ten where it is one."""
+    exponent = round(np.log10(x)) if x > 0 else 0
+    plain = x == 0 or 0.01 <= x < 100 or x != 10.0**exponent
+    return f"{x:g}" if plain else f"$10^{{{exponent}}}$"

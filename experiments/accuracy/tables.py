@@ -1,0 +1,229 @@
+"""Points with their errors, the frontier, the time to equal error, and what each safety measure costs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...harness.report import compare, document
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Measure = tuple[str, str, str]
+"""A safety measure: its name, the label of the point that has it, that of the point without it and otherwise the same."""
+
+CLASSES = {
+    "primary_wrong": ("primary.true", "primary.invalid"), "acne": ("shadow.acne",), "leak": ("shadow.leak",),
+    "excused": ("primary.near_tie", "primary.edge", "shadow.edge"), "ties": ("primary.tie",),
+}  # fmt: skip
+COLUMNS = [
+    *document.COMMON, "family", "level", "known_inexact", "wrong_per_frame", *CLASSES, "flip", "flip_missing", "on_frontier",
+]  # fmt: skip
+EQUAL_COLUMNS = "scene scene_title device family label total_ms wrong_per_frame points best_wrong".split()
+COST_COLUMNS = (
+    "scene scene_title device measure with without with_ms without_ms cost_ms noise_ms share within_noise "
+    "wrong_with wrong_without"
+).split()
+FEW = 10
+"""Fewer wrong answers a frame than this count as equal error in the equal-error table."""
+ENOUGH = 4
+"""Repeats below which nothing is known of the noise, and no difference of times is taken for a cost."""
+
+TITLES = {
+    "as used": "methods with default settings",
+    "in the grids": "perspective + spherical grids, one setting changed",
+    "tree": "exact tree: boxes or arithmetic changed",
+    "triangle test": "exact tree: triangle test changed",
+    "shadow origin": "exact tree: start of shadow rays changed",
+    "shadow map": "shadow maps (texels a side)",
+}
+"""What the families of points are called where their labels alone do not say it."""
+
+
+def read(folder: Path) -> pd.DataFrame:
+    """The points with family, level, mean wrong answers a frame by class, and whether they are on the frontier."""
+    table = document.read(folder)
+    table[["family", "level"]] = table["label"].str.extract(r"^([^:]*)(?:: (.*))?$").to_numpy()
+    table["level"] = table["level"].fillna(table["family"])
+    judged = table["wrong_per_frame"].notna()
+    for name, columns in CLASSES.items():
+        table[name] = table.reindex(columns=columns).sum(axis=1).where(judged)
+    table["on_frontier"] = frontier(table)
+    return table
+
+
+def usable(table: pd.DataFrame) -> pd.DataFrame:
+    """Points that have both a time and an error."""
+    done = document.measured(table)
+    return done[done["wrong_per_frame"].notna()]
+
+
+def frontier(table: pd.DataFrame) -> pd.Series:
+    """Whether no other point of a scene beats one in time and in error at once; missing where either is not known.
+
+    Only points on the device that most of a scene's points ran on: a CPU's times beside a GPU's are no frontier.
+    """
+    import pandas as pd
+
+    found = pd.Series(pd.NA, table.index, dtype="boolean")
+    for _, own in usable(table).groupby("title", sort=False):
+        here = own["device"] == own["device"].mode()[0]
+        time, wrong = (own.loc[here, name].to_numpy(float) for name in ("total_ms", "wrong_per_frame"))
+        no_worse = (time[:, None] <= time) & (wrong[:, None] <= wrong)
+        beaten = (no_worse & ((time[:, None] < time) | (wrong[:, None] < wrong))).any(axis=0)
+        found[own.index] = False
+        found[own.index[here]] = ~beaten
+    return found
+
+
+def equal_error(table: pd.DataFrame) -> pd.DataFrame:
+    """For each scene and family the fastest point with fewer than :data:`FEW` wrong answers a frame, if any."""
+    known = usable(table)
+    same = ["title", "family"]
+    good = known[known["wrong_per_frame"] < FEW].sort_values("total_ms").drop_duplicates(same).set_index(same)
+    groups = known.groupby(same, sort=False).agg(
+        scene=("scene", "first"),
+        device=("device", "first"),
+        points=("key", "size"),
+        best_wrong=("wrong_per_frame", "min"),
+    )
+    made = groups.join(good[["label", "total_ms", "wrong_per_frame"]]).reset_index()
+    return made.assign(scene_title=made["title"]).fillna({"label": ""})
+
+
+def costs(folder: Path, measures: Sequence[Measure]) -> pd.DataFrame:
+    """One row a scene and measure of which both points were measured in one run, over the frames that both have.
+
+    noise_ms  the larger spread of the two points, between quartiles or between rounds; missing with too few repeats
+    """
+    import pandas as pd
+
+    frames = document.frames(folder)
+    titles = document.named(frames).set_index("key")["title"]
+    frames = frames[frames["true_errors"].notna()]
+    found = []
+    for name, with_, without in measures:
+        both = frames[frames["label"].isin([with_, without])]
+        own, other = compare.pairs(both, both["label"] == without)
+        own = own[own["label"] == with_]
+        other = other.loc[own.index]
+        noise = np.maximum(
+            *(2 * compare.spread(side).where(side["samples"] >= ENOUGH) for side in (own, other))
+        )
+        cost = own["total_ms"] - other["total_ms"]
+        found.append(own[["scene", "device"]].assign(
+            scene_title=titles.loc[own.index], measure=name, **{"with": with_, "without": without},
+            with_ms=own["total_ms"], without_ms=other["total_ms"], cost_ms=cost, noise_ms=noise,
+            share=cost / other["total_ms"], within_noise=noise.isna() | (cost.abs() <= noise),
+            wrong_with=own["wrong_per_frame"], wrong_without=other["wrong_per_frame"],
+        ))  # fmt: skip
+    rank = {title: i for i, title in enumerate(titles.unique())}
+    return pd.concat(found).sort_values(
+        "scene_title", key=lambda s: s.map(rank), kind="stable", ignore_index=True
+    )
+
+
+def name_of(family: str, level: str) -> str:
+    """A point's label where its family is not said beside it."""
+    if family == "as used":
+        return level
+    return (
+        f"grids with {level}"
+        if family == "in the grids"
+        else level
+        if family == level
+        else f"{family}: {level}"
+    )
+
+
+def frontier_table(table: pd.DataFrame) -> pd.DataFrame:
+    """The points of each scene that no other one beats, fastest first; beside them the fastest that is never wrong."""
+    import pandas as pd
+
+    lines = []
+    for title, own in usable(table).groupby("title", sort=False):
+        for r in own[own["on_frontier"]].sort_values("total_ms").itertuples():
+            flip = "-" if np.isnan(r.flip) else f"{r.flip:.4f}"
+            lines.append({
+                "scene": title, "point": name_of(r.family, r.level), "ms": document.carried(r.total_ms, r.spread),
+                "wrong answers": f"{r.wrong_per_frame:,.0f}", "acne": f"{r.acne:,.0f}", "leaks": f"{r.leak:,.0f}",
+                "excused": f"{r.excused:,.0f}", "FLIP": flip,
+            })  # fmt: skip
+    return pd.DataFrame(lines)
+
+
+def cost_table(cost: pd.DataFrame, hard: pd.DataFrame) -> pd.DataFrame:
+    """Measures down, scenes across: what each adds to the frame, and what is wrong without it (with it), in all scenes."""
+    if cost.empty:
+        return cost
+    errors = dict(zip(hard["label"], hard["true_errors"], strict=True))
+    texts = [
+        "?" if np.isnan(c.noise_ms) else f"±{c.noise_ms / c.without_ms:.1%}" if c.within_noise
+        else document.carried(c.share, c.noise_ms / c.without_ms, "+%")
+        for c in cost.itertuples()
+    ]  # fmt: skip
+    wide = cost.assign(text=texts).pivot_table(
+        index="measure", columns="scene_title", values="text", aggfunc="last", sort=False
+    )
+    groups = cost.groupby("measure", sort=False)
+    wrong = groups[["wrong_without", "wrong_with"]].sum()
+    wide["wrong without (with)"] = [f"{a:,.0f} ({b:,.0f})" for a, b in wrong.to_numpy()]
+    pairs = (
+        groups[["without", "with"]]
+        .first()
+        .map(lambda label: f"{errors[label]:,}" if label in errors else "-")
+    )
+    wide["hard cases"] = pairs["without"] + " (" + pairs["with"] + ")"
+    return wide.reset_index()
+
+
+def finding(table: pd.DataFrame, cost: pd.DataFrame) -> str:
+    """One sentence: who is never wrong and fastest, and what the safety measures cost."""
+    known = usable(table)
+    if known.empty:
+        return "No point has both a time and a score."
+    never = known.groupby("label")["wrong_per_frame"].max() == 0
+    right = known[known["label"].isin(never.index[never])].sort_values("total_ms").drop_duplicates("title")
+    counts = [f"{name_of(*who)} ({n} of {known['title'].nunique()} scenes)"
+              for who, n in right[["family", "level"]].value_counts().items()]  # fmt: skip
+    text = f"{never.sum()} of {len(never)} points are never wrong on these scenes"
+    text += f", the fastest of them {' and '.join(counts)}" if counts else ""
+    clear = cost[~cost["within_noise"].astype(bool)]
+    if len(cost):
+        text += (
+            f"; {len(clear)} of {len(cost)} differences with and without a safety measure exceed the noise"
+        )
+    if len(clear):
+        most = clear.loc[clear["share"].idxmax()]
+        text += f", the dearest {most['measure']} on {most['scene_title']} ({most['share']:+.0%})"
+    return text + "."
+
+
+def notes(table: pd.DataFrame) -> list[str]:
+    """What else must be known to read the tables."""
+    known = usable(table)
+    result = [
+        f"Fewer than {FEW} wrong answers: the fastest point of each family is in accuracy_equal_error.csv."
+    ]
+    devices = known["device_name"].unique()
+    if len(devices) > 1:
+        result.append("Points on another device than most of their scene's are on no frontier.")
+    sampled = known.reindex(columns=["primary.unjudged"])["primary.unjudged"] > 0
+    if sampled.any():
+        result.append(
+            f"Of {int(sampled.sum())} points so many answers differ from the reference's that only a sample of them was "
+            "judged; every other one counts as wrong, in no class of its own."
+        )
+    looks = known[known["flip"].notna() & (known["wrong_per_frame"] > 0)]
+    if len(looks):
+        worst = looks.loc[looks["flip"].idxmax()]
+        result.append(
+            f"FLIP against the reference's picture is {worst['flip']:.3f} at most ({worst['title']}, {worst['label']}); of "
+            f"{len(looks)} points with wrong answers {int((looks['flip'] < 0.001).sum())} stay below 0.001."
+        )
+    missing = known.loc[known["flip_missing"].fillna("") != "", "flip_missing"].value_counts()
+    return result + [f"FLIP is missing at {count} points: {reason}." for reason, count in missing.items()]
