@@ -1,4 +1,4 @@
-"""A method asked for its answers to one frame, with whatever goes wrong told as a status."""
+"""The answers of a method to one frame; failures are reported as a status."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..scene.prepared import Prepared
 
 @dataclass(eq=False)
 class Outcome:
-    """What became of a method on a moment. ``answers`` is None unless ``status`` is "ok"."""
+    """A method on a moment. ``status``: ok, skipped, rejected or failed; ``answers`` is None unless it is "ok"."""
 
     method: str
     status: str

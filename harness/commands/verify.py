@@ -40,7 +40,7 @@ def verify(
     scene_dir: SceneDir = None,
     as_json: Json = False,
 ) -> int:
-    """Compare every answer of every method with Embree, and decide each pixel exactly that any two disagree on.
+    """Compare every answer of every method with Embree, and decide each pixel exactly where any two differ.
 
     Exit code 1 where a method has a true error, fails, or needs more than 0.1 % of the pixels excused; a method
     that declares itself inexact, with its reason, is reported and does not change the exit code.
@@ -134,11 +134,11 @@ def _verify_scene(
 
 def score(
     folder: Annotated[Path, typer.Argument(help="A results folder with raw answers in it.")],
-    again: Annotated[bool, typer.Option("--again", help="Score also what has a score.")] = False,
+    again: Annotated[bool, typer.Option("--again", help="Also score answers that have a score.")] = False,
     scene_dir: SceneDir = None,
     as_json: Json = False,
 ) -> int:
-    """Score answers that were made where truth was not to be had, and write the scores into their records.
+    """Score answers that a run kept unscored, and write the scores into their records.
 
     Exit code 1 where answers cannot be scored, or a method that does not declare itself inexact has true errors.
     """
@@ -160,7 +160,7 @@ def score(
         if row.pop("changed"):
             write_atomic(row["record_path"], row["record"].to_json())
         rows.append(row)
-    _settle(rows, {path.parent.parent for path in files})
+    _share_errors(rows, {path.parent.parent for path in files})
     for row in rows:
         inexact = _known_inexact(row)
         row["counts_against"] = row["score"] is None or not (row["score"].passed or inexact)
@@ -217,8 +217,8 @@ def _score_file(path: Path, folder: Path, again: bool, scene_dir: Path | None) -
     return row
 
 
-def _settle(rows: list[dict[str, Any]], folders: set[Path]) -> None:
-    """Settle the records of results folders with each other's disputes; rows show their scores as they are then."""
+def _share_errors(rows: list[dict[str, Any]], folders: set[Path]) -> None:
+    """Charge the records of each folder with the errors that their scores share; rows then show those scores."""
     from ..judge.counts import Score
     from ..results.settle import settle_folder
 

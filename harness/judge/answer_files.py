@@ -1,7 +1,7 @@
 """Raw answers kept for scoring elsewhere: made where a method runs, scored where Embree is.
 
-One .npz a frame with the answers, the rays and lights as they were traced, and a few facts; the mesh lies beside
-it in a file of its own, named by its hash and shared by every method. Needs nothing but numpy to write.
+One .npz file per frame has the answers, the rays and lights as they were traced, and a few facts. The mesh is beside it in
+a file of its own, named by its hash and shared by every method.
 """
 
 from __future__ import annotations

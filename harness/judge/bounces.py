@@ -1,4 +1,4 @@
-"""Mirrored rays scored: were they made right, and is what a method says of them right?
+"""The rays of bounces, and whether they were made right.
 
 The rays that the harness made are kept with a method's answers and are the definition, so each bounce is judged by
 itself: its rays against a numpy twin made from the answers of the bounce before (whatever these were), its hits and

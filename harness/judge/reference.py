@@ -1,10 +1,9 @@
 """The reference that every answer is compared with: Embree robust, used directly, with its provenance.
 
-Embree is a good finder of suspects and not an oracle: where a method and Embree differ the referee decides, and
-Embree's own errors stand in a row of their own. Rules that its Python binding imposes: build the scene
-completely before the first query, pass a copy of the ray lengths (they are overwritten), never ask for details
-of an OCCLUDED query (they are uninitialised), check indices first (it does not). It has no lower ray length, so
-the start of a shadow ray is moved off the surface by a bound of its rounding.
+Embree makes errors too: where a method and Embree differ the exact referee decides, and Embree's own errors are counted
+apart. Rules of its Python binding: build the whole scene before the first query, pass a copy of the ray lengths (they
+are overwritten), do not read the details of an OCCLUDED query (they are uninitialised), check indices first (it does
+not). It has no lower ray length, so the start of a shadow ray is moved off the surface by a bound of its rounding.
 """
 
 from __future__ import annotations
@@ -79,15 +78,7 @@ def embree_reference(
     """
     shadows = _shadow_flags(prepared, moment, effects)
     provenance = _provenance(prepared, moment, shadows)
-    path = Path(folder) / f"truth-{provenance['key'][:24]}.npz" if folder else None
-    if path is not None and path.exists():
-        stored = _read(path, provenance)
-        if stored is not None:
-            return stored
-    reference = _trace(prepared, moment, shadows, provenance)
-    if path is not None:
-        _write(path, reference)
-    return reference
+    return _kept(folder, provenance, lambda: _trace(prepared, moment, shadows, provenance))
 
 
 def exact_reference(
@@ -110,11 +101,12 @@ def exact_reference(
     if referee.holes.mask is not None:
         provenance["why"] = NO_FILTER
     provenance["key"] = hashlib.sha256(json.dumps(provenance, sort_keys=True).encode()).hexdigest()
-    path = Path(folder) / f"truth-{provenance['key'][:24]}.npz" if folder else None
-    if path is not None and path.exists():
-        stored = _read(path, provenance)
-        if stored is not None:
-            return stored
+    return _kept(folder, provenance, lambda: _decide(prepared, moment, referee, shadows, provenance))
+
+
+def _decide(
+    prepared: Prepared, moment: Moment, referee: Referee, shadows: Sequence[bool], provenance: dict[str, Any]
+) -> Reference:
     pixels = np.arange(moment.width * moment.height)
     directions = moment.directions(pixels)
     origins = moment.origins(pixels)
@@ -129,10 +121,7 @@ def exact_reference(
     for i, light in enumerate(moment.lights):
         if shadows[i]:
             visibility[i] = referee.occluded(hits, light)
-    reference = Reference(hits.triangle, hits.t.astype(np.float32), u, v, visibility, provenance)
-    if path is not None:
-        _write(path, reference)
-    return reference
+    return Reference(hits.triangle, hits.t.astype(np.float32), u, v, visibility, provenance)
 
 
 def reference_for(
@@ -186,7 +175,7 @@ def shadow_origins(
     ``eye`` is where the rays started, [3] or [n, 3].
 
     Moved towards the light's side by :data:`OFFSET_UNITS` of the point, and of the triangle as Embree sees it
-    from there. Good to within that: this only finds suspects.
+    from there. That is exact enough to find the pixels that the referee must decide.
     """
     a, b, c = (corners[:, i].astype(np.float64) for i in range(3))
     o, d = eye.astype(np.float64), directions.astype(np.float64)
@@ -305,9 +294,17 @@ def _provenance(prepared: Prepared, moment: Moment, shadows: Sequence[bool]) -> 
     return facts
 
 
-def _write(path: Path, reference: Reference) -> None:
-    facts = np.array(json.dumps(reference.provenance, sort_keys=True))
-    write_arrays(path, {**reference.answers(), "provenance": facts})
+def _kept(folder: Path | str | None, provenance: dict[str, Any], make: Callable[[], Reference]) -> Reference:
+    """The reference stored in ``folder`` for these inputs, else a new one, which is then stored. None: not stored."""
+    if folder is None:
+        return make()
+    path = Path(folder) / f"truth-{provenance['key'][:24]}.npz"
+    reference = _read(path, provenance) if path.exists() else None
+    if reference is None:
+        reference = make()
+        facts = np.array(json.dumps(reference.provenance, sort_keys=True))
+        write_arrays(path, {**reference.answers(), "provenance": facts})
+    return reference
 
 
 def _read(path: Path, provenance: dict[str, Any]) -> Reference | None:
