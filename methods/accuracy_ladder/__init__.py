@@ -15,7 +15,7 @@ from ...harness.frame.frame import Frame
 from ...harness.frame.method import BaseMethod
 from ...harness.frame.passes import Pass
 from ...harness.scene.effects import Effects, Limits
-from ..common.bounds import launch_boxes
+from ..common.box_tree import BoxTree
 from ..common.misses import miss_passes
 from ..common.pixels import thread_count
 from .kernels import make_kernels
@@ -41,24 +41,14 @@ class AccuracyLadder(BaseMethod):
         if frame.triangle_count == 0:
             return miss_passes(frame, effects)
         self._frame = frame
-        self._constructor = "sah" if wp.get_device(frame.device).is_cpu else "lbvh"
+        constructor = "sah" if wp.get_device(frame.device).is_cpu else "lbvh"
         self._threads = thread_count(frame.width, frame.height, True)
         self._primary_kernel, self._shadow_kernel = make_kernels(self.trace.test, self.build.fast_math)
-        # The tree must exist before the first frame; its buffers are what every rebuild uses again.
-        points, valid = frame.prepared.points(0)
-        corners = points[frame.prepared.faces]
-        corners[valid == 0] = 0.0
-        with wp.ScopedDevice(frame.device):
-            self._box = wp.zeros(6, dtype=wp.float32)
-            self._lowers = wp.array(corners.min(axis=1), dtype=wp.vec3f)
-            self._uppers = wp.array(corners.max(axis=1), dtype=wp.vec3f)
-            self._hit = wp.zeros(frame.pixels, dtype=wp.vec3d)
-        self._bvh = wp.Bvh(
-            self._lowers, self._uppers, constructor=self._constructor, leaf_size=self.build.leaf_size
-        )
+        padding = PADDED_UNITS[self.build.padding]
+        self._tree = BoxTree(frame, constructor, self.build.leaf_size, padding)
+        self._hit = wp.zeros(frame.pixels, dtype=wp.vec3d, device=frame.device)
         passes = [
-            Pass("boxes", "build", ("points", "triangles", "reach"), ("boxes",), self._boxes),
-            Pass("rebuild", "build", ("boxes",), ("bvh",), self._rebuild),
+            *self._tree.passes(),
             Pass("primary rays", "trace", ("bvh", "camera"), ("hits",), self._primary),
         ]
         for i, wanted in enumerate(effects.shadows):
@@ -78,18 +68,12 @@ class AccuracyLadder(BaseMethod):
     def built(self) -> dict[str, Any]:
         return {"test": self.trace.test, "origin": self.trace.origin, "padding": self.build.padding}
 
-    def _boxes(self) -> None:
-        launch_boxes(self._frame, self._box, self._lowers, self._uppers, PADDED_UNITS[self.build.padding])
-
-    def _rebuild(self) -> None:
-        self._bvh.rebuild(self._constructor)
-
     def _primary(self) -> None:
         frame = self._frame
         wp.launch(
             self._primary_kernel,
             dim=self._threads,
-            inputs=[self._bvh.id, frame.camera, frame.mesh],
+            inputs=[self._tree.id, frame.camera, frame.mesh],
             outputs=[frame.hits(0), self._hit],
             device=frame.device,
         )
@@ -100,8 +84,8 @@ class AccuracyLadder(BaseMethod):
             self._shadow_kernel,
             dim=self._threads,
             inputs=[
-                self._bvh.id, light, ORIGINS.index(self.trace.origin), frame.camera, frame.lights, self._box,
-                frame.mesh, frame.hits(0), self._hit,
+                light, ORIGINS.index(self.trace.origin), self._tree.id, frame.camera, frame.mesh, self._tree.box,
+                frame.lights, frame.hits(0), self._hit,
             ],
             outputs=[frame.answers.visibility],
             device=frame.device,

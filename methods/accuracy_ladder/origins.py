@@ -44,35 +44,28 @@ def scene_radius(box: wp.array(dtype=wp.float32)) -> wp.float32:
 def start_of(
     scheme: wp.int32,
     ray: Ray,
-    t: wp.float32,
-    u: wp.float32,
-    v: wp.float32,
-    h: wp.vec3d,
+    hit: wp.vec3f,
     corners: Corners,
     light: wp.vec3f,
-    radius: wp.float32,
+    box: wp.array(dtype=wp.float32),
     sheared: wp.bool,
 ) -> wp.vec3f:
-    """The float32 start of the shadow ray of a hit (t, u, v) on a triangle whose float64 hit point is h.
+    """The float32 start of the shadow ray of the hit (t, u, v) of ``ray`` on a triangle; not of scheme HIT_POINT.
 
-    ``sheared``: whether the test finds its distance from coordinates along the ray; the error bound depends on it.
+    ``box``: of the scene (:func:`..common.bounds.launch_bounds`). ``sheared``: whether the test finds its distance from
+    coordinates along the ray; the error bound depends on it.
     """
-    if scheme == HIT_POINT:
-        return to_float32(h)
     if scheme == RAY:
-        return ray.origin + t * ray.direction
+        return ray.origin + hit[0] * ray.direction
     if scheme == ERROR_BOUND:
         return shadow_origin(ray, light, corners, sheared)
-    a = corners.a
-    b = corners.b
-    c = corners.c
-    p = (1.0 - u - v) * a + u * b + v * c
+    p = (1.0 - hit[1] - hit[2]) * corners.a + hit[1] * corners.b + hit[2] * corners.c
     if scheme == IDENTITY:
         return p
     if scheme == BARYCENTRIC:
         return p
-    a64 = to_float64(a)
-    n = to_float32(wp.normalize(wp.cross(to_float64(b) - a64, to_float64(c) - a64)))
+    a64 = to_float64(corners.a)
+    n = to_float32(wp.normalize(wp.cross(to_float64(corners.b) - a64, to_float64(corners.c) - a64)))
     if wp.dot(n, light - p) < 0.0:
         n = -n
     if scheme == WACHTER_BINDER:
@@ -82,4 +75,4 @@ def start_of(
         epsilon = 1.0e-2
     if scheme == EPSILON_4:
         epsilon = 1.0e-4
-    return p + n * (epsilon * radius)
+    return p + n * (epsilon * scene_radius(box))

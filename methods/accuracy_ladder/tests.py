@@ -23,10 +23,9 @@ def found3(t: wp.float32, u: wp.float32, v: wp.float32) -> wp.vec3d:
 @wp.func
 def moller_trumbore_above(ray: Ray, corners: Corners, smallest: wp.float32) -> wp.vec3d:
     """Moeller & Trumbore 1997, two-sided; |det| must exceed ``smallest``."""
-    d = ray.direction
     e1 = corners.b - corners.a
     e2 = corners.c - corners.a
-    p = wp.cross(d, e2)
+    p = wp.cross(ray.direction, e2)
     det = wp.dot(e1, p)
     if not wp.abs(det) > smallest:
         return MISS3
@@ -36,7 +35,7 @@ def moller_trumbore_above(ray: Ray, corners: Corners, smallest: wp.float32) -> w
     if u < 0.0 or u > 1.0:
         return MISS3
     q = wp.cross(s, e1)
-    v = wp.dot(d, q) * inverse
+    v = wp.dot(ray.direction, q) * inverse
     if v < 0.0 or u + v > 1.0:
         return MISS3
     t = wp.dot(e2, q) * inverse
@@ -107,33 +106,26 @@ def woop_float64(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.vec3d:
 
 
 @wp.func
-def edge_plane(
-    o: wp.vec3f, d: wp.vec3f, p: wp.vec3f, q: wp.vec3f, weld_p: wp.int32, weld_q: wp.int32
-) -> wp.float32:
+def edge_plane(ray: Ray, p: wp.vec3f, q: wp.vec3f, weld_p: wp.int32, weld_q: wp.int32) -> wp.float32:
     """d . ((p - o) x (q - p)) in float32, taken from the vertex with the lower weld index."""
     if weld_p < weld_q:
-        return wp.dot(wp.cross(p - o, q - p), d)
-    return -wp.dot(wp.cross(q - o, p - q), d)
+        return wp.dot(wp.cross(p - ray.origin, q - p), ray.direction)
+    return -wp.dot(wp.cross(q - ray.origin, p - q), ray.direction)
 
 
 @wp.func
 def edge_planes(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.vec3d:
     """Edge functions in float32; both triangles at an edge compute the same number with opposite sign."""
-    o = ray.origin
-    d = ray.direction
-    a = corners.a
-    b = corners.b
-    c = corners.c
-    e0 = edge_plane(o, d, b, c, weld[1], weld[2])
-    e1 = edge_plane(o, d, c, a, weld[2], weld[0])
-    e2 = edge_plane(o, d, a, b, weld[0], weld[1])
+    e0 = edge_plane(ray, corners.b, corners.c, weld[1], weld[2])
+    e1 = edge_plane(ray, corners.c, corners.a, weld[2], weld[0])
+    e2 = edge_plane(ray, corners.a, corners.b, weld[0], weld[1])
     if (e0 < 0.0 or e1 < 0.0 or e2 < 0.0) and (e0 > 0.0 or e1 > 0.0 or e2 > 0.0):
         return MISS3
-    n = wp.cross(b - a, c - a)
-    det = wp.dot(n, d)
+    n = wp.cross(corners.b - corners.a, corners.c - corners.a)
+    det = wp.dot(n, ray.direction)
     if det == 0.0:
         return MISS3
-    t = wp.dot(n, a - o) / det
+    t = wp.dot(n, corners.a - ray.origin) / det
     if not t > 0.0:
         return MISS3
     sum = e0 + e1 + e2
@@ -145,10 +137,10 @@ def float64(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.vec3d:
     t = hit_distance(ray, corners, weld)
     if t == NO_HIT:
         return MISS3
-    a = to_float64(corners.a)
-    b = to_float64(corners.b)
-    c = to_float64(corners.c)
-    e = edge_functions(to_float64(ray.origin), to_float64(ray.direction), a, b, c, weld)
+    e = edge_functions(
+        to_float64(ray.origin), to_float64(ray.direction), to_float64(corners.a), to_float64(corners.b),
+        to_float64(corners.c), weld,
+    )  # fmt: skip
     sum = e[0] + e[1] + e[2]
     return wp.vec3d(t, e[1] / sum, e[2] / sum)
 

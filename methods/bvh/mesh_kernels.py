@@ -11,32 +11,22 @@ from ..common.pixels import pixel_of
 from ..common.triangle import write_miss
 
 
-@wp.func
-def finite_vertex(v: wp.int32, points: wp.array(dtype=wp.vec3f)) -> wp.bool:
-    return wp.isfinite(points[v])
-
-
 @wp.kernel(enable_backward=False)
-def mesh_indices_kernel(
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    valid: wp.array(dtype=wp.uint8),
-    indices: wp.array(dtype=wp.int32),
-):
+def mesh_indices_kernel(mesh: Mesh, indices: wp.array(dtype=wp.int32)):
     """Indices of a triangle; an invalid one becomes a finite point, which no ray hits and no box suffers from."""
     i = wp.tid()
-    if valid[i] != wp.uint8(0) and indices[3 * i] != indices[3 * i + 1]:
+    if mesh.valid[i] != wp.uint8(0) and indices[3 * i] != indices[3 * i + 1]:
         return  # as it was: most frames of most meshes write nothing
-    face = triangles[i]
-    if valid[i] == wp.uint8(0):
+    face = mesh.triangles[i]
+    if mesh.valid[i] == wp.uint8(0):
         v = face[0]
-        if not finite_vertex(v, points):
+        if not wp.isfinite(mesh.points[v]):
             v = face[1]
-        if not finite_vertex(v, points):
+        if not wp.isfinite(mesh.points[v]):
             v = face[2]
-        if not finite_vertex(v, points):
+        if not wp.isfinite(mesh.points[v]):
             v = wp.int32(0)
-            while v < points.shape[0] - 1 and not finite_vertex(v, points):
+            while v < mesh.points.shape[0] - 1 and not wp.isfinite(mesh.points[v]):
                 v += wp.int32(1)
         face = wp.vec3i(v, v, v)
     indices[3 * i] = face[0]
@@ -45,23 +35,18 @@ def mesh_indices_kernel(
 
 
 @wp.kernel(enable_backward=False)
-def mesh_primary_kernel(
-    bvh: wp.uint64,
-    blocks: wp.bool,
-    camera: Camera,
-    rays: Rays,
-    hits: Hits,
-):
+def mesh_primary_kernel(blocks: wp.bool, tree: wp.uint64, camera: Camera, mirrored: Rays, hits: Hits):
+    """Closest hit of each pixel, as a query of the wp.Mesh ``tree`` finds it."""
     pixel = pixel_of(wp.tid(), camera.width, camera.height, blocks)
     if pixel < 0:
         return
     ray = ray_of(camera, pixel)
     if wp.static(effects.bounced):
-        if rays.active[pixel] == wp.uint8(0):
+        if mirrored.active[pixel] == wp.uint8(0):
             write_miss(hits, pixel)
             return
-        ray = mirrored_ray(rays, pixel)
-    found = wp.mesh_query_ray(bvh, ray.origin, ray.direction, wp.INF)
+        ray = mirrored_ray(mirrored, pixel)
+    found = wp.mesh_query_ray(tree, ray.origin, ray.direction, wp.INF)
     if found.result:
         hits.triangle[pixel] = found.face
         hits.t[pixel] = found.t
@@ -74,18 +59,19 @@ def mesh_primary_kernel(
 
 @wp.kernel(enable_backward=False)
 def mesh_shadow_kernel(
-    bvh: wp.uint64,
     blocks: wp.bool,
     light: wp.int32,
     end: wp.float32,
+    tree: wp.uint64,
     camera: Camera,
     mesh: Mesh,
     lights: wp.array(dtype=wp.vec3f),
-    rays: Rays,
     hits: Hits,
     receivers: wp.array2d(dtype=wp.uint8),
+    mirrored: Rays,
     visibility: wp.array2d(dtype=wp.uint8),
 ):
+    """Whether the wp.Mesh ``tree`` finds anything between each hit, moved off its triangle, and ``end`` of the way."""
     pixel = pixel_of(wp.tid(), camera.width, camera.height, blocks)
     if pixel < 0:
         return
@@ -98,8 +84,8 @@ def mesh_shadow_kernel(
     if best >= 0:
         ray = ray_of(camera, pixel)
         if wp.static(effects.bounced):
-            ray = mirrored_ray(rays, pixel)
+            ray = mirrored_ray(mirrored, pixel)
         target = lights[light]
         origin = shadow_origin(ray, target, corners_of(mesh, best), True)
-        shadowed = wp.mesh_query_ray_anyhit(bvh, origin, target - origin, end)
+        shadowed = wp.mesh_query_ray_anyhit(tree, origin, target - origin, end)
     visibility[light, pixel] = wp.uint8(shadowed)

@@ -175,7 +175,7 @@ class WarpBvh(BaseMethod):
         wp.launch(
             mesh_indices_kernel,
             dim=frame.triangle_count,
-            inputs=[frame.points, frame.triangles, frame.valid],
+            inputs=[frame.mesh],
             outputs=[self._indices],
             device=frame.device,
         )
@@ -213,7 +213,7 @@ class WarpBvh(BaseMethod):
         wp.launch(
             specialised(mesh_primary_kernel, self._effects.switches(bounce=bounce)),
             dim=self._threads,
-            inputs=[self._mesh.id, self.trace.swizzle, frame.camera, frame.rays(bounce)],
+            inputs=[self.trace.swizzle, self._mesh.id, frame.camera, frame.rays(bounce)],
             outputs=[frame.hits(bounce)],
             device=frame.device,
         )
@@ -227,8 +227,8 @@ class WarpBvh(BaseMethod):
             specialised(mesh_shadow_kernel, self._effects.switches(light, bounce)),
             dim=self._threads,
             inputs=[
-                self._mesh.id, self.trace.swizzle, light, SHADOW_END, frame.camera, frame.mesh, frame.lights,
-                frame.rays(bounce), frame.hits(bounce), frame.masks(bounce),
+                self.trace.swizzle, light, SHADOW_END, self._mesh.id, frame.camera, frame.mesh, frame.lights,
+                frame.hits(bounce), frame.masks(bounce), frame.rays(bounce),
             ],
             outputs=[frame.bits(bounce)],
             device=frame.device,

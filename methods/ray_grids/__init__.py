@@ -20,7 +20,7 @@ from ...harness.frame.method import BaseMethod
 from ...harness.frame.passes import Pass
 from ...harness.scene.effects import Effects, Limits
 from .camera.passes import CameraStream
-from .light.passes import LightAims, LightStream, RayBins
+from .light.passes import LightAims, LightStream, cell_arrays
 from .parameters import Build
 from .queues import COUNTERS, DOUBTS, ITEMS, PARTS, Capacity, Queues, more_room
 
@@ -72,9 +72,9 @@ class RayGrids(BaseMethod):
         camera = CameraStream(frame, self.build, queues, effects)
         passes = camera.passes()
         wanted = [i for i, wanted in enumerate(effects.shadows) if wanted]
-        lanes = [(queues, RayBins(frame, self.build))] if wanted else []
+        lanes = [(queues, cell_arrays(frame, self.build))] if wanted else []
         for _ in range(1, min(len(wanted), beside)):
-            lanes.append((queues.beside(frame, self._capacity), RayBins(frame, self.build)))
+            lanes.append((queues.with_own_lists(), cell_arrays(frame, self.build)))
         for number, i in enumerate(wanted):
             lane = number % len(lanes)
             light = LightStream(frame, i, self.build, camera.hit, *lanes[lane], aims, effects)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import warp as wp
 
+from ...harness.frame.geometry import Mesh
 from ..common.axes import axes_along
 from ..common.triangle import largest, to_float32, to_float64
 from .warps import least_of_lanes
@@ -70,9 +71,7 @@ def aim_kernel(
     index: wp.int32,
     triangle_count: wp.int32,
     lights: wp.array(dtype=wp.vec3f),
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    valid: wp.array(dtype=wp.uint8),
+    mesh: Mesh,
     frames: wp.array(dtype=wp.mat33d),
     cubes: wp.array(dtype=Cube),
     rectangles: wp.array2d(dtype=wp.int32),
@@ -91,8 +90,8 @@ def aim_kernel(
     for k in range(lane, SAMPLES, threads):
         i = wp.int32(wp.int64(triangle_count) * wp.int64(2 * k + 1) / wp.int64(2 * SAMPLES))
         if i < triangle_count:
-            if valid[i] != wp.uint8(0):
-                p = points[triangles[i][0]]
+            if mesh.valid[i] != wp.uint8(0):
+                p = mesh.points[mesh.triangles[i][0]]
                 low = wp.min(low, p)
                 high = wp.max(high, p)
     low = wp.vec3f(least_of_lanes(low[0]), least_of_lanes(low[1]), least_of_lanes(low[2]))

@@ -9,9 +9,6 @@ from typing import Any
 
 import warp as wp
 
-from ...harness.frame.specialise import effects
-from ..common.entries import set_entry
-from ..common.pixels import tile_pixel
 from ..common.triangle import largest, to_float32, to_float64
 from .aim import EMPTY, FACE, HIGH_U, HIGH_V, LARGEST, LOW_U, LOW_V, ordered
 
@@ -94,7 +91,7 @@ words.data[{FACE} + face] = 0;
 if (largest > words.data[{LARGEST}]) words.data[{LARGEST}] = largest;
 #endif
 """)
-def note_rays(
+def record_rays(
     words: wp.array(dtype=wp.int32),
     low_u: wp.int32,
     low_v: wp.int32,
@@ -130,10 +127,10 @@ def place_of(hit: wp.vec3d, light: wp.vec3f, frame: wp.mat33d) -> wp.vec4f:
 
 
 @wp.func
-def note_place(
+def place_and_record(
     is_hit: wp.bool, hit: wp.vec3d, light: wp.vec3f, frame: wp.mat33d, rectangle: wp.array(dtype=wp.int32)
 ) -> wp.vec4f:
-    """Where a hit point lies (face -1 at a miss), noted among all rays' (:func:`note_rays`)."""
+    """Where a hit point lies (face -1 at a miss), noted among all rays' (:func:`record_rays`)."""
     low_u = EMPTY
     low_v = EMPTY
     high_u = EMPTY
@@ -150,47 +147,5 @@ def note_place(
             low_v = ordered(p[1])
             high_u = ordered(-p[0])
             high_v = ordered(-p[1])
-    note_rays(rectangle, low_u, low_v, high_u, high_v, face, size)
+    record_rays(rectangle, low_u, low_v, high_u, high_v, face, size)
     return p
-
-
-@wp.kernel(enable_backward=False, grid_stride=False)
-def map_kernel(
-    width: wp.int32,
-    height: wp.int32,
-    index: wp.int32,
-    lights: wp.array(dtype=wp.vec3f),
-    frames: wp.array(dtype=wp.mat33d),
-    triangle: wp.array(dtype=wp.int32),
-    hits: wp.array(dtype=wp.vec3d),
-    receivers: wp.array2d(dtype=wp.uint8),
-    rectangle: wp.array(dtype=wp.int32),
-    place: wp.array(dtype=wp.vec4f),
-    point: wp.array(dtype=wp.vec4f),
-    visibility: wp.array2d(dtype=wp.uint8),
-    farthest: wp.array(dtype=wp.int32),
-):
-    """Places of all rays (face -1: no shadow ray), the rectangle of face 0, and the faces in use; empties ``farthest``.
-
-    point: the hit in float32, and the pixel's number in the bits of the fourth.
-    """
-    tile = wp.tid()
-    while tile < farthest.shape[0]:
-        farthest[tile] = 0
-        tile += ((width + 7) >> 3) * ((height + 3) >> 2) * 32
-    at = tile_pixel(wp.tid(), width, height)
-    hit = wp.vec3d()
-    wanted = wp.bool(False)
-    pixel = at[1] * width + at[0]
-    if at[0] >= 0:
-        visibility[index, pixel] = wp.uint8(0)
-        wanted = triangle[pixel] >= 0
-        if wp.static(effects.receivers):
-            wanted = receivers[index, pixel] != wp.uint8(0)
-        if wanted:
-            hit = hits[pixel]
-    p = note_place(wanted, hit, lights[index], frames[index], rectangle)
-    if at[0] >= 0:
-        set_entry(place, pixel, p)
-        h = to_float32(hit)
-        set_entry(point, pixel, wp.vec4f(h[0], h[1], h[2], wp.cast(pixel, wp.float32)))

@@ -9,15 +9,18 @@ from __future__ import annotations
 import copy
 import functools
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
 from ...harness.frame.frame import Frame
+from ...harness.frame.geometry import filled
 from ...harness.frame.passes import Pass
+from ..common.entries import set_entry
 from ..common.pairs import grown
-from ..common.reserve import counted, reserve
+from ..common.reserve import counted, number_in, reserve
 
 ITEMS, PARTS, DOUBTS, LARGE = 0, 1, 2, 3
 """Counters of one stream: groups of rows of a larger triangle; further parts of groups with many pixels or
@@ -36,26 +39,66 @@ count stays on the device."""
 BLOCK_DIM = wp.constant(128)
 
 
+@wp.struct
+class Queue:
+    """What one share of one stream's triangles queues; its lengths count on beyond the capacities.
+
+    counts   int32 [6]: ITEMS, PARTS, DOUBTS, LARGE, RAYS
+    large    vec4i [item_capacity]: triangles to be split into items (a light's)
+    items    vec4i [item_capacity]: groups of rows of a triangle; lines vec4f [item_capacity, 3]: what bounds them (a
+             light's)
+    parts    vec2i [part_capacity]: (item, part), parts from 1
+    doubts   vec2i [doubt_capacity]: (triangle, pixel)
+    records  vec4f [triangles, 4]: planes of queued triangles; depths vec3d [triangles]: (the camera's)
+    """
+
+    counts: wp.array(dtype=wp.int32)
+    large: wp.array(dtype=wp.vec4i)
+    items: wp.array(dtype=wp.vec4i)
+    lines: wp.array2d(dtype=wp.vec4f)
+    parts: wp.array(dtype=wp.vec2i)
+    doubts: wp.array(dtype=wp.vec2i)
+    records: wp.array2d(dtype=wp.vec4f)
+    depths: wp.array(dtype=wp.vec3d)
+
+
+@wp.struct
+class Share:
+    """Which of a stream's triangles are streamed: share ``number`` of ``count``, of ``triangles`` in all."""
+
+    number: wp.int32
+    count: wp.int32
+    triangles: wp.int32
+
+
 @wp.func
-def queue_parts(
-    item: wp.int32,
-    number: wp.int32,
-    size: wp.int32,
-    lane: wp.int32,
-    counts: wp.array(dtype=wp.int32),
-    parts: wp.array(dtype=wp.vec2i),
-):
+def triangle_of(thread: wp.int32, share: Share) -> wp.int32:
+    """The triangle of a thread that streams a share: every ``share.count``-th block of threads is the share's."""
+    block = thread // BLOCK_DIM * share.count + share.number
+    return block * BLOCK_DIM + thread % BLOCK_DIM
+
+
+@wp.func
+def queue_doubt(queue: Queue, i: wp.int32, pixel: wp.int32):
+    """Leave a (triangle, pixel) pair to float64."""
+    place = number_in(queue.counts, DOUBTS)
+    if place < queue.doubts.shape[0]:
+        set_entry(queue.doubts, place, wp.vec2i(i, pixel))
+
+
+@wp.func
+def queue_parts(queue: Queue, item: wp.int32, number: wp.int32, size: wp.int32, lane: wp.int32):
     """Queue what an item of ``number`` elements has beyond its first ``size``: (item, part), by one lane."""
     if number > size and lane == 0:
         further = (number - 1) // size
-        place = reserve(counts, PARTS, further)
+        place = reserve(queue.counts, PARTS, further)
         for part in range(further):
-            if place + part < parts.shape[0]:
-                parts[place + part] = wp.vec2i(item, part + 1)
+            if place + part < queue.parts.shape[0]:
+                queue.parts[place + part] = wp.vec2i(item, part + 1)
 
 
 @wp.kernel(enable_backward=False)
-def keep_kernel(counts: wp.array(dtype=wp.int32), needs: wp.array(dtype=wp.int64)):
+def copy_counts_kernel(counts: wp.array(dtype=wp.int32), needs: wp.array(dtype=wp.int64)):
     """Copy a stream's counters to where another method counts its own needs."""
     i = wp.tid()
     needs[i] = wp.int64(counts[i])
@@ -76,33 +119,19 @@ def more_room(needed: NDArray[np.int64], before: Capacity, memory: int) -> Capac
     )
 
 
-class Room:
-    """Queues of one share of a stream's triangles. Without queues (CPU) all but the doubts are one element long.
-
-    items vec4i [item_capacity], with lines vec4f x 3 for each; large vec4i [item_capacity]; parts vec2i
-    [part_capacity]; doubts vec2i [doubt_capacity].
-    """
-
-    def __init__(self, frame: Frame, queued: bool, capacity: Capacity):
-        items, parts, doubts = capacity if queued else (1, 1, capacity[2])
-        with wp.ScopedDevice(frame.device):
-            self.items = wp.zeros(items, dtype=wp.vec4i)
-            self.large = wp.zeros(items, dtype=wp.vec4i)
-            self.lines = wp.zeros((items, 3), dtype=wp.vec4f)
-            self.parts = wp.zeros(parts, dtype=wp.vec2i)
-            self.doubts = wp.zeros(doubts, dtype=wp.vec2i)
-
-
 class Queues:
     """What the streams of one frame share: queues, counters, and planes of queued triangles.
 
-    Of each stream the triangles may go in ``shares`` beside each other, each with a room and a row of counters of its own.
-    counts int32 [streams * shares, 6]; nearest uint64 [pixels]; records vec4f x 4 and depths vec3d [triangles], one
-    element long without queues.
+    Of each stream the triangles may go in ``shares`` beside each other, each with queues and a row of counters of its
+    own. nearest uint64 [pixels]; counts int32 [streams * shares, 6]. Without queues (CPU) all arrays of a
+    :class:`Queue` but the doubts are one element long.
     """
 
     def __init__(self, frame: Frame, queued: bool, capacity: Capacity, streams: int, shares: int = 1):
         self.queued, self.shares = queued, shares
+        self.triangle_count = frame.triangle_count
+        self._capacity = capacity if queued else (1, 1, capacity[2])
+        self._rows = max(1, frame.triangle_count) if queued else 1
         self.device = frame.device
         device = wp.get_device(frame.device)
         self.cuda = device.is_cuda
@@ -115,35 +144,51 @@ class Queues:
             self.counts = wp.array(
                 ptr=self.cleared.ptr + 8 * frame.pixels, shape=(streams * shares, COUNTERS), dtype=wp.int32
             )
-            self.depths = wp.zeros(max(1, frame.triangle_count) if queued else 1, dtype=wp.vec3d)
-        self._make_rooms(frame, capacity)
+            self._depths = wp.zeros(self._rows, dtype=wp.vec3d)
+        self._make_lists()
 
-    def _make_rooms(self, frame: Frame, capacity: Capacity) -> None:
-        self.rooms = [Room(frame, self.queued, capacity) for _ in range(self.shares)]
-        triangles = max(1, frame.triangle_count) if self.queued else 1
-        self.records = wp.zeros((triangles, 4), dtype=wp.vec4f, device=frame.device)
+    def _make_lists(self) -> None:
+        items, parts, doubts = self._capacity
+        with wp.ScopedDevice(self.device):
+            self._records = wp.zeros((self._rows, 4), dtype=wp.vec4f)
+            self._lists = [
+                {
+                    "large": wp.zeros(items, dtype=wp.vec4i),
+                    "items": wp.zeros(items, dtype=wp.vec4i),
+                    "lines": wp.zeros((items, 3), dtype=wp.vec4f),
+                    "parts": wp.zeros(parts, dtype=wp.vec2i),
+                    "doubts": wp.zeros(doubts, dtype=wp.vec2i),
+                }
+                for _ in range(self.shares)
+            ]
 
-    def beside(self, frame: Frame, capacity: Capacity) -> Queues:
-        """The same counters with rooms and records of their own, for a stream that runs beside those of this one."""
+    def with_own_lists(self) -> Queues:
+        """The same counters with lists and records of their own, for a stream that runs beside those of this one."""
         other = copy.copy(self)
-        other._make_rooms(frame, capacity)
+        other._make_lists()
         return other
 
     def counters(self, stream: int) -> wp.array:
         """int32 [shares, 6]: rows of a stream, the camera's (0) or light i's (1 + i)."""
         return self.counts[stream * self.shares : (stream + 1) * self.shares]
 
-    def share_threads(self, triangles: int) -> int:
+    def of_stream(self, stream: int) -> list[Any]:
+        """The :class:`Queue` of each share of a stream."""
+        rows = self.counters(stream)
+        return [
+            filled(Queue, counts=rows[k], records=self._records, depths=self._depths, **lists)
+            for k, lists in enumerate(self._lists)
+        ]
+
+    def share(self, number: int) -> Any:
+        """The :class:`Share` of a number."""
+        return filled(Share, number=number, count=self.shares, triangles=self.triangle_count)
+
+    @property
+    def share_threads(self) -> int:
         """Threads that stream one share of the triangles."""
-        blocks = -(-triangles // BLOCK_DIM)
+        blocks = -(-self.triangle_count // BLOCK_DIM)
         return BLOCK_DIM * max(1, -(-blocks // self.shares))
-
-
-@wp.func
-def triangle_of(thread: wp.int32, share: wp.int32, shares: wp.int32) -> wp.int32:
-    """The triangle of a thread that streams a share: every ``shares``-th block is the share's."""
-    block = thread // BLOCK_DIM * shares + share
-    return block * BLOCK_DIM + thread % BLOCK_DIM
 
 
 Step = tuple[str, tuple[str, ...], tuple[str, ...], Callable[[int], None]]

@@ -119,7 +119,7 @@ __syncwarp();
 #endif
 return 0;
 """)
-def gather(
+def append_pairs(
     wanted: wp.bool,
     first: wp.int32,
     second: wp.int32,

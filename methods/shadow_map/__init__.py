@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ...harness.errors import CapacityRejected
 from ...harness.frame.frame import Frame
+from ...harness.frame.geometry import filled
 from ...harness.frame.method import BaseMethod
 from ...harness.frame.passes import Pass
 from ...harness.frame.specialise import specialised
@@ -26,10 +27,10 @@ from ..common.reserve import counted
 from ..ray_grids.camera.passes import CameraStream
 from ..ray_grids.parameters import Build as CameraBuild
 from ..ray_grids.queues import COUNTERS, Capacity, Queues, more_room
-from .lookup import lookup_kernel
+from .lookup import Lookup, lookup_kernel
 from .parameters import BIASES, SHAPES, Build, Trace
 from .projection import FACES, LightMap, fit_kernel
-from .raster import EMPTY, raster_kernel, strip_kernel
+from .raster import EMPTY, DepthMap, raster_kernel, strip_kernel
 
 MOST_TRIANGLES = 2**24
 MOST_PIXELS_ALONG = 32767
@@ -79,6 +80,9 @@ class ShadowMap(BaseMethod):
         queues = Queues(frame, self._queued, self._capacity, 1)
         camera = CameraStream(frame, CameraBuild(), queues, effects, self._needs)
         self._hit = camera.hit
+        wide, bias = self.trace.filter == "pcf", self.trace.bias
+        amount = self.trace.bias_amount * (3.0 if wide and bias in ("slope", "normal") else 1.0)
+        self._lookup = filled(Lookup, bias=BIASES.index(bias), amount=amount, radius=1 if wide else 0)
         passes = camera.passes()
         if wanted:
             passes.append(
@@ -100,8 +104,13 @@ class ShadowMap(BaseMethod):
         with wp.ScopedDevice(frame.device):
             self._needs = wp.zeros(COUNTERS + PER_LIGHT * lights, dtype=wp.int64)
             self._box = wp.zeros(6, dtype=wp.float32)
-            self._maps = {i: wp.zeros(1, dtype=LightMap) for i in wanted}
-            self._texels = {i: wp.zeros(texels, dtype=wp.int32) for i in wanted}
+            self._maps = {
+                i: filled(
+                    DepthMap, size=side, faces=self._faces, light=wp.zeros(1, dtype=LightMap),
+                    texels=wp.zeros(texels, dtype=wp.int32),
+                )
+                for i in wanted
+            }  # fmt: skip
             self._counts = wp.zeros(1, dtype=wp.int32)
             self._strips = wp.zeros(self._strip_capacity if self._queued else 1, dtype=wp.vec4i)
 
@@ -153,56 +162,46 @@ class ShadowMap(BaseMethod):
         launch_bounds(self._frame, self._box)
 
     def _clear(self, light: int) -> None:
-        frame = self._frame
+        frame, depths = self._frame, self._maps[light]
+        shape, slot = SHAPES.index(self.build.shape), COUNTERS + PER_LIGHT * light + 1
         wp.launch(
             fit_kernel,
             dim=1,
-            inputs=[
-                light, SHAPES.index(self.build.shape), self.build.size, frame.lights, self._box,
-                COUNTERS + PER_LIGHT * light + 1,
-            ],
-            outputs=[self._maps[light], self._needs],
+            inputs=[light, shape, self.build.size, slot, frame.lights, self._box],
+            outputs=[depths.light, self._needs],
             device=frame.device,
-        )  # fmt: skip
-        self._texels[light].fill_(EMPTY)
+        )
+        depths.texels.fill_(EMPTY)
 
     def _draw(self, light: int) -> None:
-        frame = self._frame
+        frame, depths = self._frame, self._maps[light]
         self._counts.zero_()
         wp.launch(
             specialised(raster_kernel, self._effects.switches(light)),
             dim=frame.triangle_count * self._faces,
-            inputs=[
-                frame.triangle_count, self.build.size, self._faces, self._queued, self._maps[light], frame.points,
-                frame.triangles, frame.valid, frame.alpha,
-            ],
-            outputs=[self._texels[light], self._counts, self._strips],
+            inputs=[frame.triangle_count, self._queued, frame.mesh, frame.alpha],
+            outputs=[depths, self._counts, self._strips],
             device=frame.device,
-        )  # fmt: skip
+        )
         if self._queued:
-            threads = 132 * 2048
+            threads, slot = 132 * 2048, COUNTERS + PER_LIGHT * light
             wp.launch(
                 specialised(strip_kernel, self._effects.switches(light)),
                 dim=threads,
-                inputs=[
-                    threads, self.build.size, self._maps[light], frame.points, frame.triangles, self._counts,
-                    self._strips, frame.alpha, COUNTERS + PER_LIGHT * light,
-                ],
-                outputs=[self._texels[light], self._needs],
+                inputs=[threads, slot, frame.mesh, frame.alpha],
+                outputs=[depths, self._counts, self._strips, self._needs],
                 device=frame.device,
                 block_dim=128,
-            )  # fmt: skip
+            )
 
     def _look_up(self, light: int) -> None:
-        frame, wide = self._frame, self.trace.filter == "pcf"
-        amount = self.trace.bias_amount * (3.0 if wide and self.trace.bias in ("slope", "normal") else 1.0)
+        frame = self._frame
         wp.launch(
             specialised(lookup_kernel, self._effects.switches(light)),
             dim=frame.pixels,
             inputs=[
-                light, self.build.size, self._faces, BIASES.index(self.trace.bias), amount, 1 if wide else 0,
-                frame.lights, self._maps[light], frame.points, frame.triangles, frame.answers.triangle, self._hit,
-                frame.receivers, self._texels[light],
+                light, self._lookup, frame.mesh, frame.lights, self._maps[light], frame.hits(0), self._hit,
+                frame.receivers,
             ],
             outputs=[frame.answers.visibility],
             device=frame.device,

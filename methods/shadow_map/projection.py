@@ -60,9 +60,9 @@ def fit_kernel(
     light: wp.int32,
     shape: wp.int32,
     size: wp.int32,
+    slot: wp.int32,
     lights: wp.array(dtype=wp.vec3f),
     box: wp.array(dtype=wp.float32),
-    slot: wp.int32,
     light_map: wp.array(dtype=LightMap),
     needs: wp.array(dtype=wp.int64),
 ):

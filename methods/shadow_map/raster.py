@@ -10,6 +10,7 @@ from __future__ import annotations
 import warp as wp
 
 from ...harness.frame.alpha import Alpha, texels_near
+from ...harness.frame.geometry import Corners, Mesh, corners_of
 from ...harness.frame.specialise import effects
 from ..common.reserve import reserve
 from ..common.triangle import U32, largest
@@ -52,14 +53,14 @@ def last_texel(s: wp.float32, size: wp.int32) -> wp.int32:
 
 
 @wp.func
-def cover(m: LightMap, face: wp.int32, size: wp.int32, p: wp.vec3f, q: wp.vec3f, r: wp.vec3f) -> Cover:
+def cover(m: LightMap, face: wp.int32, size: wp.int32, corners: Corners) -> Cover:
     """What a triangle may cover of a face; x1 < x0 where nothing."""
     found = Cover()
     found.x0 = 0
     found.x1 = -1
-    a4 = map_point(m, face, p)
-    b4 = map_point(m, face, q)
-    c4 = map_point(m, face, r)
+    a4 = map_point(m, face, corners.a)
+    b4 = map_point(m, face, corners.b)
+    c4 = map_point(m, face, corners.c)
     a = wp.vec3f(a4[0], a4[1], a4[2])
     b = wp.vec3f(b4[0], b4[1], b4[2])
     c = wp.vec3f(c4[0], c4[1], c4[2])
@@ -166,18 +167,28 @@ def row_span(found: Cover, size: wp.int32, sy: wp.float32) -> wp.vec2i:
     return wp.vec2i(first, last)
 
 
+@wp.struct
+class DepthMap:
+    """A light's map and what is drawn in it.
+
+    size     texels along a side of a face     faces   faces that there is room for
+    light    LightMap [1]: where it lies (:mod:`.projection`)
+    texels   int32 [faces * size * size]: bits of the nearest depths
+    """
+
+    size: wp.int32
+    faces: wp.int32
+    light: wp.array(dtype=LightMap)
+    texels: wp.array(dtype=wp.int32)
+
+
 @wp.kernel(enable_backward=False, grid_stride=False)
 def raster_kernel(
     triangle_count: wp.int32,
-    size: wp.int32,
-    faces: wp.int32,
     queued: wp.bool,
-    light_map: wp.array(dtype=LightMap),
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    valid: wp.array(dtype=wp.uint8),
+    mesh: Mesh,
     alpha: Alpha,
-    texels: wp.array(dtype=wp.int32),
+    depths: DepthMap,
     counts: wp.array(dtype=wp.int32),
     strips: wp.array(dtype=wp.vec4i),
 ):
@@ -185,11 +196,11 @@ def raster_kernel(
     k = wp.tid()
     face = k // triangle_count
     i = k - face * triangle_count
-    m = light_map[0]
-    if face >= wp.min(faces, m.faces) or valid[i] == wp.uint8(0):
+    m = depths.light[0]
+    size = depths.size
+    if face >= wp.min(depths.faces, m.faces) or mesh.valid[i] == wp.uint8(0):
         return
-    corners = triangles[i]
-    found = cover(m, face, size, points[corners[0]], points[corners[1]], points[corners[2]])
+    found = cover(m, face, size, corners_of(mesh, i))
     if found.x1 < found.x0 or found.y1 < found.y0:
         return
     area = wp.int64(found.x1 - found.x0 + 1) * wp.int64(found.y1 - found.y0 + 1)
@@ -212,24 +223,21 @@ def raster_kernel(
             if wp.static(effects.alpha):
                 drawn = opaque_there(alpha, i, e)
             if drawn:
-                draw(found, (face * size + y) * size + x, e, texels)
+                draw(found, (face * size + y) * size + x, e, depths.texels)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def strip_kernel(
     threads: wp.int32,
-    size: wp.int32,
-    light_map: wp.array(dtype=LightMap),
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
+    slot: wp.int32,
+    mesh: Mesh,
+    alpha: Alpha,
+    depths: DepthMap,
     counts: wp.array(dtype=wp.int32),
     strips: wp.array(dtype=wp.vec4i),
-    alpha: Alpha,
-    slot: wp.int32,
-    texels: wp.array(dtype=wp.int32),
     needs: wp.array(dtype=wp.int64),
 ):
-    """Queued strips: 64 threads each, 32 along a row and two rows at a time. Keeps what the queue needed."""
+    """Queued strips: 64 threads each, 32 along a row and two rows at a time. ``needs[slot]``: what the queue needed."""
     k = wp.tid()
     stop = wp.min(counts[STRIPS], strips.shape[0])
     if k == 0:
@@ -237,13 +245,13 @@ def strip_kernel(
     dx = k % 32
     dy = (k % 64) // 32
     item = k // 64
-    m = light_map[0]
+    m = depths.light[0]
+    size = depths.size
     while item < stop:
         strip = strips[item]
         item += threads // 64
-        corners = triangles[strip[0]]
         face = strip[1]
-        found = cover(m, face, size, points[corners[0]], points[corners[1]], points[corners[2]])
+        found = cover(m, face, size, corners_of(mesh, strip[0]))
         y = strip[2] + dy
         while y <= strip[3]:
             sy = centre(y, size)
@@ -255,6 +263,6 @@ def strip_kernel(
                 if wp.static(effects.alpha):
                     drawn = opaque_there(alpha, strip[0], e)
                 if drawn:
-                    draw(found, (face * size + y) * size + x, e, texels)
+                    draw(found, (face * size + y) * size + x, e, depths.texels)
                 x += 32
             y += 2

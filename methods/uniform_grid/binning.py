@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import warp as wp
 
+from ...harness.frame.geometry import Corners, Mesh, corners_of
 from ..common.pairs import pair_place
 from ..common.triangle import largest, to_float64
 from .grid import Grid, cell_index, cell_of, to_grid
@@ -94,12 +95,12 @@ def sure_sign(x: wp.float64, bound: wp.float64) -> wp.float64:
 
 
 @wp.func
-def span_of(grid: Grid, a32: wp.vec3f, b32: wp.vec3f, c32: wp.vec3f) -> Span:
+def span_of(grid: Grid, corners: Corners) -> Span:
     """Set a triangle up for :func:`column_cells` and :func:`touches`."""
     s = Span()
-    a64 = to_float64(a32)
-    b64 = to_float64(b32)
-    c64 = to_float64(c32)
+    a64 = to_float64(corners.a)
+    b64 = to_float64(corners.b)
+    c64 = to_float64(corners.c)
     a = to_grid(grid, a64)
     b = to_grid(grid, b64)
     c = to_grid(grid, c64)
@@ -207,41 +208,56 @@ def write_pair(
         values[wp.int32(place)] = triangle
 
 
+@wp.struct
+class Pairs:
+    """Where (cell, triangle) pairs are counted and written: the arrays of :class:`..common.pairs.PairList`."""
+
+    count: wp.array(dtype=wp.int64)
+    scan: wp.array(dtype=wp.int64)
+    keys: wp.array(dtype=wp.int32)
+    values: wp.array(dtype=wp.int32)
+
+
+@wp.struct
+class LargeTriangles:
+    """The queue of triangles that many threads bin together.
+
+    size       int32 [1]: how many                 triangles  int32 [triangle_count]
+    cursor     int32 [triangle_count]: pairs written so far of each queued triangle
+    """
+
+    size: wp.array(dtype=wp.int32)
+    triangles: wp.array(dtype=wp.int32)
+    cursor: wp.array(dtype=wp.int32)
+
+
 @wp.kernel(enable_backward=False)
 def bin_kernel(
     emit: wp.bool,
     grid: wp.array(dtype=Grid),
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    valid: wp.array(dtype=wp.uint8),
-    count: wp.array(dtype=wp.int64),
-    scan: wp.array(dtype=wp.int64),
-    queue_size: wp.array(dtype=wp.int32),
-    queue: wp.array(dtype=wp.int32),
-    cursor: wp.array(dtype=wp.int32),
-    keys: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.int32),
+    mesh: Mesh,
+    pairs: Pairs,
+    large: LargeTriangles,
 ):
-    """Count the cells of each triangle, or emit its pairs. Large triangles are put in the queue when counting."""
+    """Count the cells of each triangle, or emit its pairs. Large triangles are queued when counting."""
     i = wp.tid()
-    if valid[i] == wp.uint8(0):
+    if mesh.valid[i] == wp.uint8(0):
         if not emit:
-            count[i] = wp.int64(0)
+            pairs.count[i] = wp.int64(0)
         return
     g = grid[0]
-    face = triangles[i]
-    s = span_of(g, points[face[0]], points[face[1]], points[face[2]])
+    s = span_of(g, corners_of(mesh, i))
     columns = wp.int64(s.high[0] - s.low[0] + 1) * wp.int64(s.high[1] - s.low[1] + 1)
     if columns > wp.int64(LARGE_COLUMNS):
         if not emit:
-            count[i] = wp.int64(0)
-            slot = wp.atomic_add(queue_size, 0, 1)
-            queue[slot] = i
-            cursor[slot] = 0
+            pairs.count[i] = wp.int64(0)
+            slot = wp.atomic_add(large.size, 0, 1)
+            large.triangles[slot] = i
+            large.cursor[slot] = 0
         return
     place = wp.int64(0)
     if emit:
-        place = pair_place(scan, count, i)
+        place = pair_place(pairs.scan, pairs.count, i)
     found = wp.int64(0)
     for y in range(s.low[1], s.high[1] + 1):
         for x in range(s.low[0], s.high[0] + 1):
@@ -249,10 +265,12 @@ def bin_kernel(
             for z in range(cells[0], cells[1] + 1):
                 if touches(s, x, y, z):
                     if emit:
-                        write_pair(place + found, index_of(g.res, s.axis, x, y, z), i, keys, values)
+                        write_pair(
+                            place + found, index_of(g.res, s.axis, x, y, z), i, pairs.keys, pairs.values
+                        )
                     found += wp.int64(1)
     if not emit:
-        count[i] = found
+        pairs.count[i] = found
 
 
 @wp.kernel(enable_backward=False)
@@ -261,15 +279,9 @@ def bin_large_kernel(
     lanes: wp.int32,
     at_once: wp.int32,
     grid: wp.array(dtype=Grid),
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    count: wp.array(dtype=wp.int64),
-    scan: wp.array(dtype=wp.int64),
-    queue_size: wp.array(dtype=wp.int32),
-    queue: wp.array(dtype=wp.int32),
-    cursor: wp.array(dtype=wp.int32),
-    keys: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.int32),
+    mesh: Mesh,
+    pairs: Pairs,
+    large: LargeTriangles,
 ):
     """The same for the queue: ``lanes`` threads share the columns of one triangle.
 
@@ -279,15 +291,14 @@ def bin_large_kernel(
     group, lane = wp.tid()
     g = grid[0]
     slot = group
-    while slot < queue_size[0]:
-        i = queue[slot]
-        face = triangles[i]
-        s = span_of(g, points[face[0]], points[face[1]], points[face[2]])
+    while slot < large.size[0]:
+        i = large.triangles[slot]
+        s = span_of(g, corners_of(mesh, i))
         across = s.high[0] - s.low[0] + 1
         columns = across * (s.high[1] - s.low[1] + 1)
         place = wp.int64(0)
         if emit:
-            place = pair_place(scan, count, i)
+            place = pair_place(pairs.scan, pairs.count, i)
         found = wp.int64(0)
         column = lane
         while column < columns:
@@ -297,10 +308,16 @@ def bin_large_kernel(
             for z in range(cells[0], cells[1] + 1):
                 if touches(s, x, y, z):
                     if emit:
-                        at = wp.atomic_add(cursor, slot, 1)
-                        write_pair(place + wp.int64(at), index_of(g.res, s.axis, x, y, z), i, keys, values)
+                        at = wp.atomic_add(large.cursor, slot, 1)
+                        write_pair(
+                            place + wp.int64(at),
+                            index_of(g.res, s.axis, x, y, z),
+                            i,
+                            pairs.keys,
+                            pairs.values,
+                        )
                     found += wp.int64(1)
             column += lanes
         if not emit and found > wp.int64(0):
-            wp.atomic_add(count, i, found)
+            wp.atomic_add(pairs.count, i, found)
         slot += at_once

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ...harness.errors import CapacityRejected
 from ...harness.frame.frame import Frame
+from ...harness.frame.geometry import filled
 from ...harness.frame.method import BaseMethod
 from ...harness.frame.mirrors import traced_bounces
 from ...harness.frame.passes import Pass
@@ -25,9 +26,9 @@ from ..common.bounds import launch_bounds
 from ..common.misses import miss_passes
 from ..common.pairs import PairList, grown
 from ..common.pixels import thread_count
-from .binning import LANES, LARGE_AT_ONCE, bin_kernel, bin_large_kernel
+from .binning import LANES, LARGE_AT_ONCE, LargeTriangles, Pairs, bin_kernel, bin_large_kernel
 from .grid import Grid, place_grid_kernel
-from .traversal import primary_kernel, shadow_kernel
+from .traversal import Cells, primary_kernel, shadow_kernel
 
 CELL_BYTES = 8
 MOST_CELLS = 1 << 28
@@ -93,9 +94,10 @@ class UniformGrid(BaseMethod):
         with wp.ScopedDevice(frame.device):
             self._box = wp.zeros(6, dtype=wp.float32)
             self._grid = wp.zeros(1, dtype=Grid)
-            self._queue_size = wp.zeros(1, dtype=wp.int32)
-            self._queue = wp.zeros(count, dtype=wp.int32)
-            self._cursor = wp.zeros(count, dtype=wp.int32)
+            self._large = filled(
+                LargeTriangles, size=wp.zeros(1, dtype=wp.int32), triangles=wp.zeros(count, dtype=wp.int32),
+                cursor=wp.zeros(count, dtype=wp.int32),
+            )  # fmt: skip
             self._hit = wp.zeros(frame.pixels, dtype=wp.vec3d)
             bounces = effects.bounces
             self._bounced_hit = wp.zeros((bounces, frame.pixels) if bounces else (0, 0), dtype=wp.vec3d)
@@ -103,6 +105,11 @@ class UniformGrid(BaseMethod):
             self._uncounted = wp.zeros(0, dtype=wp.int32)
         self._lights = [i for i, wanted in enumerate(effects.shadows) if wanted]
         self._pairs = PairList(count, cells, self._capacity, frame.device)
+        pairs = self._pairs
+        self._pair_arrays = filled(
+            Pairs, count=pairs.count, scan=pairs.scan, keys=pairs.keys, values=pairs.values
+        )
+        self._cells = filled(Cells, grid=self._grid, begin=pairs.begin, end=pairs.end, members=pairs.values)
         passes = [
             Pass("place grid", "build", ("points", "triangles", "reach"), ("grid",), self._place),
             Pass("count pairs", "build", ("points", "triangles", "grid"), ("pair counts",), self._count),
@@ -175,7 +182,7 @@ class UniformGrid(BaseMethod):
             "pairs": int(self._need.numpy()[0]),
             "occupied cells": int(np.count_nonzero(lengths)),
             "longest list": int(lengths.max()),
-            "large triangles": int(self._queue_size.numpy()[0]),
+            "large triangles": int(self._large.size.numpy()[0]),
             "primary tests": int(primary.sum(dtype=np.int64)),
             "shadow tests": int(shadow.sum(dtype=np.int64)),
             **mirrored,
@@ -195,31 +202,25 @@ class UniformGrid(BaseMethod):
         )
 
     def _bin(self, emit: bool) -> None:
-        frame, pairs = self._frame, self._pairs
+        frame = self._frame
         wp.launch(
             bin_kernel,
             dim=frame.triangle_count,
-            inputs=[
-                emit, self._grid, frame.points, frame.triangles, frame.valid, pairs.count, pairs.scan,
-                self._queue_size, self._queue, self._cursor,
-            ],
-            outputs=[pairs.keys, pairs.values],
+            inputs=[emit, self._grid, frame.mesh],
+            outputs=[self._pair_arrays, self._large],
             device=frame.device,
-        )  # fmt: skip
+        )
         wp.launch(
             bin_large_kernel,
             dim=(self._at_once, self._lanes),
-            inputs=[
-                emit, self._lanes, self._at_once, self._grid, frame.points, frame.triangles, pairs.count, pairs.scan,
-                self._queue_size, self._queue, self._cursor,
-            ],
-            outputs=[pairs.keys, pairs.values],
+            inputs=[emit, self._lanes, self._at_once, self._grid, frame.mesh],
+            outputs=[self._pair_arrays, self._large],
             device=frame.device,
-        )  # fmt: skip
+        )
 
     def _count(self) -> None:
         assert self._need is not None
-        self._queue_size.zero_()
+        self._large.size.zero_()
         self._bin(emit=False)
         self._pairs.launch_scan(self._need, 0)
 
@@ -230,30 +231,26 @@ class UniformGrid(BaseMethod):
         return self._bounced_hit[bounce - 1] if bounce else self._hit
 
     def _primary(self, tests: wp.array | None = None, bounce: int = 0) -> None:
-        counted = self._uncounted if tests is None else tests
-        frame, pairs = self._frame, self._pairs
+        frame = self._frame
         wp.launch(
             specialised(primary_kernel, self._effects.switches(bounce=bounce)),
             dim=self._threads,
             inputs=[
-                self.trace.swizzle, self._grid, pairs.begin, pairs.end, pairs.values, frame.camera, frame.mesh,
-                frame.alpha, frame.rays(bounce),
+                self.trace.swizzle, self._cells, frame.camera, frame.mesh, frame.alpha, frame.rays(bounce)
             ],
-            outputs=[frame.hits(bounce), self._hits(bounce), counted],
+            outputs=[frame.hits(bounce), self._hits(bounce), self._uncounted if tests is None else tests],
             device=frame.device,
         )  # fmt: skip
 
     def _shadow(self, light: int, tests: wp.array | None = None, bounce: int = 0) -> None:
-        counted = self._uncounted if tests is None else tests
-        frame, pairs = self._frame, self._pairs
+        frame = self._frame
         wp.launch(
             specialised(shadow_kernel, self._effects.switches(light, bounce)),
             dim=self._threads,
             inputs=[
-                self.trace.swizzle, light, self._grid, pairs.begin, pairs.end, pairs.values, frame.camera,
-                frame.mesh, frame.alpha, frame.lights, frame.rays(bounce), frame.hits(bounce), self._hits(bounce),
-                frame.masks(bounce),
+                self.trace.swizzle, light, self._cells, frame.camera, frame.mesh, frame.alpha, frame.lights,
+                frame.hits(bounce), self._hits(bounce), frame.masks(bounce), frame.rays(bounce),
             ],
-            outputs=[frame.bits(bounce), counted],
+            outputs=[frame.bits(bounce), self._uncounted if tests is None else tests],
             device=frame.device,
         )  # fmt: skip

@@ -7,26 +7,24 @@ cell for good, so that a ray ends after at most as many steps as there are cells
 
 from __future__ import annotations
 
+from typing import Any
+
 import warp as wp
 
 from ...harness.frame.alpha import Alpha
-from ...harness.frame.geometry import Camera, Hits, Mesh, Rays, corners_of, mirrored_ray, ray_of, weld_of
+from ...harness.frame.geometry import Camera, Hits, Mesh, Rays, mirrored_ray, ray_of
 from ...harness.frame.specialise import effects
-from ..common.alpha import opaque_at_hit, opaque_to_light
 from ..common.pixels import pixel_of
-from ..common.segment import may_occlude, occludes
-from ..common.triangle import (
-    NO_HIT,
-    U32,
-    hit_distance,
-    largest,
-    may_hit,
-    nearer,
-    to_float32,
-    to_float64,
-    write_hit,
-    write_miss,
+from ..common.ray_queries import (
+    Found,
+    any_hit,
+    any_opaque_hit,
+    closest_hit,
+    closest_opaque_hit,
+    nothing_found,
+    shadow_segment,
 )
+from ..common.triangle import largest, to_float64, write_hit, write_miss
 from .grid import Grid, cell_index, cell_of, to_grid
 
 FOREVER = wp.constant(wp.float64(wp.inf))
@@ -147,17 +145,65 @@ def advance(w: Walk) -> Walk:
     return w
 
 
+@wp.struct
+class Cells:
+    """The triangles of each cell: ``members[begin[cell]:end[cell]]``, in index order.
+
+    grid  Grid [1]    begin, end  int32 [cells]    members  int32 [pairs]
+    """
+
+    grid: wp.array(dtype=Grid)
+    begin: wp.array(dtype=wp.int32)
+    end: wp.array(dtype=wp.int32)
+    members: wp.array(dtype=wp.int32)
+
+
+@wp.func
+def walk(
+    test: wp.Function,
+    cells: Cells,
+    mesh: Mesh,
+    alpha: Alpha,
+    start: wp.vec3d,
+    direction: wp.vec3d,
+    end: wp.float64,
+    own: wp.int32,
+    query: Any,
+) -> Found:
+    """Put the triangles in the cells of the ray start + t direction, 0 <= t <= end, through ``test``; what was found.
+
+    ``test`` is compiled in, and called as test(mesh, alpha, i, query, found): see :mod:`..common.ray_queries`. Triangle
+    ``own`` is left out (-1: none). The walk ends behind the closest hit and all that may tie with it, or when ``test``
+    sets ``found.done``.
+    """
+    found = nothing_found(wp.INF)
+    grid = cells.grid[0]
+    w = enter(grid, start, direction, end)
+    going = w.start <= w.end
+    while going:
+        cell = cell_index(grid.res, w.cell[0], w.cell[1], w.cell[2])
+        for k in range(cells.begin[cell], cells.end[cell]):
+            i = cells.members[k]
+            if i != own and not found.done:
+                found.tests += 1
+                found = test(mesh, alpha, i, query, found)
+        leave = next_leave(w)
+        if found.done or leave > wp.min(found.t * TIE, end) + w.margin or leave == FOREVER:
+            going = False
+        else:
+            w = advance(w)
+            going = inside(w.cell, grid.res)
+    return found
+
+
 @wp.kernel(enable_backward=False)
 def primary_kernel(
     blocks: wp.bool,
-    grid: wp.array(dtype=Grid),
-    begin: wp.array(dtype=wp.int32),
-    end: wp.array(dtype=wp.int32),
-    members: wp.array(dtype=wp.int32),
+    cells: Cells,
     camera: Camera,
     mesh: Mesh,
     alpha: Alpha,
-    rays: Rays,
+    mirrored: Rays,
     hits: Hits,
     hit_points: wp.array(dtype=wp.vec3d),
     tests: wp.array(dtype=wp.int32),
@@ -166,60 +212,36 @@ def primary_kernel(
     pixel = pixel_of(wp.tid(), camera.width, camera.height, blocks)
     if pixel < 0:
         return
-    g = grid[0]
     ray = ray_of(camera, pixel)
     if wp.static(effects.bounced):
-        if rays.active[pixel] == wp.uint8(0):
+        if mirrored.active[pixel] == wp.uint8(0):
             write_miss(hits, pixel)
             return
-        ray = mirrored_ray(rays, pixel)
-    best = wp.int32(-1)
-    best_t = FOREVER
-    number = wp.int32(0)
-    w = enter(g, to_float64(ray.origin), to_float64(ray.direction), FOREVER)
-    going = w.start <= w.end
-    while going:
-        cell = cell_index(g.res, w.cell[0], w.cell[1], w.cell[2])
-        for k in range(begin[cell], end[cell]):
-            i = members[k]
-            number += 1
-            corners = corners_of(mesh, i)
-            if may_hit(ray, corners):
-                distance = hit_distance(ray, corners, weld_of(mesh, i))
-                if wp.static(effects.alpha):
-                    if distance > wp.float64(0.0):
-                        if not opaque_at_hit(alpha, i, ray, corners, weld_of(mesh, i)):
-                            distance = NO_HIT
-                if distance > wp.float64(0.0) and nearer(distance, i, best_t, best):
-                    best = i
-                    best_t = distance
-        leave = next_leave(w)
-        if leave > best_t * TIE + w.margin or leave == FOREVER:
-            going = False
-        else:
-            w = advance(w)
-            going = inside(w.cell, g.res)
+        ray = mirrored_ray(mirrored, pixel)
+    o = to_float64(ray.origin)
+    d = to_float64(ray.direction)
+    if wp.static(effects.alpha):
+        found = walk(closest_opaque_hit, cells, mesh, alpha, o, d, FOREVER, -1, ray)
+    else:
+        found = walk(closest_hit, cells, mesh, alpha, o, d, FOREVER, -1, ray)
     if tests.shape[0] > 0:
-        tests[pixel] = number
-    write_hit(hits, hit_points, pixel, ray, best, best_t, mesh)
+        tests[pixel] = found.tests
+    write_hit(hits, hit_points, pixel, ray, found.triangle, found.t, mesh)
 
 
 @wp.kernel(enable_backward=False)
 def shadow_kernel(
     blocks: wp.bool,
     light: wp.int32,
-    grid: wp.array(dtype=Grid),
-    begin: wp.array(dtype=wp.int32),
-    end: wp.array(dtype=wp.int32),
-    members: wp.array(dtype=wp.int32),
+    cells: Cells,
     camera: Camera,
     mesh: Mesh,
     alpha: Alpha,
     lights: wp.array(dtype=wp.vec3f),
-    rays: Rays,
     hits: Hits,
     hit_points: wp.array(dtype=wp.vec3d),
     receivers: wp.array2d(dtype=wp.uint8),
+    mirrored: Rays,
     visibility: wp.array2d(dtype=wp.uint8),
     tests: wp.array(dtype=wp.int32),
 ):
@@ -235,36 +257,15 @@ def shadow_kernel(
         if receivers[light, pixel] == wp.uint8(0):
             visibility[light, pixel] = wp.uint8(0)
             return
-    g = grid[0]
-    h = hit_points[pixel]
-    near = to_float32(h)
-    target = lights[light]
-    error = U32 * largest(near)
-    size = wp.float64(largest(camera.eye[0]))
+    origin = camera.eye[0]
     if wp.static(effects.bounced):
-        size = wp.float64(largest(rays.origin[pixel]))
-    shadowed = wp.bool(False)
-    number = wp.int32(0)
-    w = enter(g, h, to_float64(target) - h, wp.float64(1.0))
-    going = w.start <= w.end
-    while going:
-        cell = cell_index(g.res, w.cell[0], w.cell[1], w.cell[2])
-        for k in range(begin[cell], end[cell]):
-            i = members[k]
-            if i != own and not shadowed:
-                number += 1
-                corners = corners_of(mesh, i)
-                if may_occlude(near, target, corners, error):
-                    shadowed = occludes(h, target, corners, weld_of(mesh, i), size)
-                    if wp.static(effects.alpha):
-                        if shadowed:
-                            shadowed = opaque_to_light(alpha, i, h, target, corners, weld_of(mesh, i), size)
-        leave = next_leave(w)
-        if shadowed or leave > wp.float64(1.0) + w.margin or leave == FOREVER:
-            going = False
-        else:
-            w = advance(w)
-            going = inside(w.cell, g.res)
+        origin = mirrored.origin[pixel]
+    segment = shadow_segment(hit_points[pixel], lights[light], own, origin)
+    way = to_float64(segment.light) - segment.hit
+    if wp.static(effects.alpha):
+        found = walk(any_opaque_hit, cells, mesh, alpha, segment.hit, way, wp.float64(1.0), own, segment)
+    else:
+        found = walk(any_hit, cells, mesh, alpha, segment.hit, way, wp.float64(1.0), own, segment)
     if tests.shape[0] > 0:
-        tests[pixel] = tests[pixel] + number
-    visibility[light, pixel] = wp.uint8(shadowed)
+        tests[pixel] = tests[pixel] + found.tests
+    visibility[light, pixel] = wp.uint8(found.done)

@@ -18,7 +18,7 @@ from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.hardcases import find_case
 from shadowbench.harness.hardcases.judge import Judged, judge_case
 from shadowbench.methods.bvh import exact
-from shadowbench.methods.common import bounds, hitpoint, segment, triangle
+from shadowbench.methods.common import bounds, hitpoint, ray_queries, segment, triangle
 from shadowbench.methods.perspective_spherical.camera import tiles as camera_grid
 from shadowbench.methods.perspective_spherical.light import frame as light_frame
 from shadowbench.methods.perspective_spherical.light import mapping as light_map
@@ -114,7 +114,7 @@ MUTATIONS = (
                 triangle,
                 "hit_distance",
                 (("wp.float64(8.0) * U64 * total(d64) * largest(e1) * largest(e2)", "wp.float64(1.0e-7)"),),
-                exact,
+                ray_queries,
             ),
         ),
         "bvh",
@@ -128,8 +128,8 @@ MUTATIONS = (
                 exact,
                 "shadow_kernel",
                 (
-                    ("wp.bvh_query_ray(bvh, start, target - start)", "wp.bvh_query_ray(bvh, target, start - target)"),
-                    ("wp.bvh_query_next(query, i, SLACK)", "wp.bvh_query_next(query, i, 1.0 - 1.0e-4)"),
+                    ("segment.start, way, segment", "segment.light, -way, segment"),
+                    ("nothing_found(SLACK)", "nothing_found(1.0 - 1.0e-4)"),
                 ),
                 exact,
             ),
@@ -142,7 +142,7 @@ MUTATIONS = (
         "no rule for the own triangle",
         (
             Planted(segment, "plane_crosses_segment", ((OWN_TRIANGLE, ""),), segment),
-            Planted(exact, "shadow_kernel", (("if i != own and mesh.valid", "if mesh.valid"),), exact),
+            Planted(ray_queries, "any_hit", (("if i != segment.own:", "if i >= 0:"),), exact),
         ),
         "bvh",
         EXACT_BVH,
@@ -156,7 +156,7 @@ MUTATIONS = (
                 "hit_distance",
                 (("if not inside(edge_functions(o64, d64, a64, b64, c64, weld)):",
                   "if not inside32(ray.origin, ray.direction, corners.a, corners.b, corners.c):"),),
-                exact,
+                ray_queries,
             ),
         ),
         "bvh",

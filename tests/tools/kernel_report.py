@@ -11,6 +11,7 @@ does not fit into registers.
 from __future__ import annotations
 
 import csv
+import importlib
 import re
 import struct
 import sys
@@ -51,12 +52,13 @@ def hot_modules() -> dict[str, wp.Module | str]:
     from shadowbench.methods.ray_grids.light import stream as light_stream
 
     return {
+        "bvh": importlib.import_module("shadowbench.methods.bvh.exact").__name__,
+        "uniform_grid": importlib.import_module("shadowbench.methods.uniform_grid.traversal").__name__,
         "ray_grids camera: stream": camera_stream.make_stream_kernel(True).module,
         "ray_grids camera: rows": camera_queue.make_item_kernel(True, False).module,
         "ray_grids camera": "shadowbench.methods.ray_grids.camera.stream",
         "ray_grids camera: resolve": "shadowbench.methods.ray_grids.camera.resolve",
         "ray_grids light: aim": "shadowbench.methods.ray_grids.aim",
-        "ray_grids light: places": "shadowbench.methods.ray_grids.cube",
         "ray_grids light: bins": "shadowbench.methods.ray_grids.light.bins",
         "ray_grids light: stream": light_stream.make_stream_kernel(True).module,
         "ray_grids light: rows": light_queue.make_item_kernel(True, False).module,

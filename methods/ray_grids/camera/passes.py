@@ -10,7 +10,7 @@ from ....harness.frame.specialise import specialised
 from ....harness.scene.effects import Effects
 from ...common.pixels import thread_count
 from ..parameters import Build
-from ..queues import BLOCK_DIM, COUNTERS, Queues, Step, in_shares, keep_kernel
+from ..queues import BLOCK_DIM, COUNTERS, Queues, Step, copy_counts_kernel, in_shares
 from . import queue as camera_queue
 from . import resolve as camera_resolve
 from . import stream as camera_stream
@@ -27,6 +27,7 @@ class CameraStream:
     ):
         self.frame, self.build, self.queues = frame, build, queues
         self.effects, self.needs = effects, needs
+        self.queue = queues.of_stream(0)
         with wp.ScopedDevice(frame.device):
             self.hit = wp.zeros(frame.pixels, dtype=wp.vec3d)
 
@@ -48,33 +49,25 @@ class CameraStream:
 
     def launch_stream(self, share: int) -> None:
         f, q = self.frame, self.queues
-        room = q.rooms[share]
         wp.launch(
             specialised(camera_stream.make_stream_kernel(q.queued), self.effects.switches()),
-            dim=q.share_threads(f.triangle_count),
-            inputs=[
-                f.triangle_count, share, q.shares, f.width, f.height, self.build.inline_pixels, f.eye, f.axes, f.tangents,
-                f.column, f.row, f.points, f.triangles, f.valid, f.alpha,
-            ],
-            outputs=[q.nearest, q.counters(0)[share], q.records, q.depths, room.items, room.doubts],
+            dim=q.share_threads,
+            inputs=[q.share(share), self.build.inline_pixels, f.camera, f.mesh, f.alpha],
+            outputs=[q.nearest, self.queue[share]],
             device=f.device,
             block_dim=BLOCK_DIM,
-        )  # fmt: skip
+        )
 
     def _launch_rows(self, share: int, again: bool) -> None:
         f, q = self.frame, self.queues
-        room = q.rooms[share]
         wp.launch(
             specialised(camera_queue.make_item_kernel(q.cuda, again), self.effects.switches()),
             dim=q.threads,
-            inputs=[
-                q.threads, self.build.part, f.width, f.height, f.tangents, f.column, f.row, q.records, q.depths,
-                room.items, f.alpha,
-            ],
-            outputs=[q.nearest, q.counters(0)[share], room.parts, room.doubts],
+            inputs=[q.threads, self.build.part, f.camera, f.alpha],
+            outputs=[q.nearest, self.queue[share]],
             device=f.device,
             block_dim=BLOCK_DIM,
-        )  # fmt: skip
+        )
 
     def launch_items(self, share: int) -> None:
         self._launch_rows(share, again=False)
@@ -84,29 +77,27 @@ class CameraStream:
 
     def launch_doubts(self, share: int) -> None:
         f, q = self.frame, self.queues
-        counts = q.counters(0)[share]
         wp.launch(
             specialised(camera_stream.doubt_kernel, self.effects.switches()),
             dim=q.threads,
-            inputs=[
-                q.threads, f.camera, f.mesh, counts, q.rooms[share].doubts, f.alpha,
-            ],
-            outputs=[q.nearest],
+            inputs=[q.threads, f.camera, f.mesh, f.alpha],
+            outputs=[q.nearest, self.queue[share]],
             device=f.device,
             block_dim=BLOCK_DIM,
-        )  # fmt: skip
+        )
         if self.needs is not None:
-            wp.launch(keep_kernel, dim=COUNTERS, inputs=[counts], outputs=[self.needs], device=f.device)
+            counts = self.queue[share].counts
+            wp.launch(
+                copy_counts_kernel, dim=COUNTERS, inputs=[counts], outputs=[self.needs], device=f.device
+            )
 
     def launch_resolve(self) -> None:
-        f, a = self.frame, self.frame.answers
+        f = self.frame
         wp.launch(
             camera_resolve.resolve_kernel,
             dim=thread_count(f.width, f.height, True),
-            inputs=[
-                f.width, f.height, f.eye, f.column, f.row, f.points, f.triangles, f.weld, self.queues.nearest,
-            ],
-            outputs=[a.triangle, a.t, a.u, a.v, self.hit],
+            inputs=[f.camera, f.mesh, self.queues.nearest],
+            outputs=[f.hits(0), self.hit],
             device=f.device,
             block_dim=BLOCK_DIM,
-        )  # fmt: skip
+        )

@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import warp as wp
 
-from ...common.entries import entry, entry_now, raise_entry
-from ...common.reserve import number_in, reserve
+from ....harness.frame.geometry import Camera, Corners
+from ...common.entries import entry_now, raise_entry
+from ...common.reserve import reserve
 from ...common.triangle import U32, U64, largest, nearness_key, to_float64
-from ..queues import DOUBTS
+from ..fetch import direction_at
+from ..queues import DOUBTS, Queue, queue_doubt
 
 
 @wp.struct
@@ -27,22 +29,39 @@ class Planes:
     n2: wp.vec3f
 
 
+@wp.struct
+class Candidate:
+    """A triangle as pixels are tested against it.
+
+    i      its index                        planes   its edge planes
+    bound  an edge function below minus this is certainly outside (:func:`sign_bound`)
+    sure   three above this are a certain hit: the bound, or infinite where the triangle has holes
+    m      1 / t = m . direction on its plane (:func:`inverse_depth`)
+    """
+
+    i: wp.int32
+    planes: Planes
+    bound: wp.float32
+    sure: wp.float32
+    m: wp.vec3d
+
+
 @wp.func
-def edge_planes(o: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> Planes:
+def edge_planes(o: wp.vec3f, corners: Corners) -> Planes:
     """A triangle seen edge-on within rounding, or of a size that float32 does not hold, gets zeros."""
-    pa = a - o
-    pb = b - o
-    pc = c - o
-    ab = b - a
-    bc = c - b
-    ca = a - c
+    pa = corners.a - o
+    pb = corners.b - o
+    pc = corners.c - o
+    ab = corners.b - corners.a
+    bc = corners.c - corners.b
+    ca = corners.a - corners.c
     reach = wp.max(largest(pa), wp.max(largest(pb), largest(pc)))
     edge = wp.max(largest(ab), wp.max(largest(bc), largest(ca)))
     planes = Planes()
     if not (reach * edge > 1.0e-30 and reach * edge < 1.0e30):
         return planes
-    a64 = to_float64(a)
-    n = wp.cross(to_float64(b) - a64, to_float64(c) - a64)
+    a64 = to_float64(corners.a)
+    n = wp.cross(to_float64(corners.b) - a64, to_float64(corners.c) - a64)
     det = wp.dot(n, a64 - to_float64(o))
     if not (wp.abs(det) > wp.float64(96.0) * U64 * wp.float64(reach) * wp.float64(edge) * wp.float64(edge)):
         return planes
@@ -65,10 +84,10 @@ def sign_bound(tangents: wp.array(dtype=wp.float32)) -> wp.float32:
 
 
 @wp.func
-def inverse_depth(o: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> wp.vec3d:
+def inverse_depth(o: wp.vec3f, corners: Corners) -> wp.vec3d:
     """m with 1 / t = m . d on the triangle's plane, float64; zero where the plane passes the eye."""
-    a64 = to_float64(a)
-    n = wp.cross(to_float64(b) - a64, to_float64(c) - a64)
+    a64 = to_float64(corners.a)
+    n = wp.cross(to_float64(corners.b) - a64, to_float64(corners.c) - a64)
     height = wp.dot(n, a64 - to_float64(o))
     if height == wp.float64(0.0):
         return wp.vec3d()
@@ -82,18 +101,13 @@ def hit_word(inverse: wp.float64, i: wp.int32) -> wp.uint64:
 
 
 @wp.func
-def keep(
-    pixel: wp.int32,
-    i: wp.int32,
-    d: wp.vec3f,
-    m: wp.vec3d,
-    known: wp.uint64,
-    nearest: wp.array(dtype=wp.uint64),
+def store_if_nearer(
+    nearest: wp.array(dtype=wp.uint64), pixel: wp.int32, known: wp.uint64, candidate: Candidate, d: wp.vec3f
 ):
-    """Keep a certain hit if it is nearer than what is known of its pixel: a word that was there, which spares most."""
-    inverse = wp.dot(m, to_float64(d))
+    """Store a certain hit if it is nearer than ``known``: a word that was there, which spares most an atomic."""
+    inverse = wp.dot(candidate.m, to_float64(d))
     if inverse > wp.float64(0.0):
-        word = hit_word(inverse, i)
+        word = hit_word(inverse, candidate.i)
         if word > known:
             raise_entry(nearest, pixel, word)
 
@@ -106,45 +120,24 @@ def least_edge(planes: Planes, d: wp.vec3f) -> wp.float32:
 
 @wp.func
 def test_pixel(
-    pixel: wp.int32,
-    i: wp.int32,
-    d: wp.vec3f,
-    planes: Planes,
-    bound: wp.float32,
-    sure: wp.float32,
-    m: wp.vec3d,
-    nearest: wp.array(dtype=wp.uint64),
+    nearest: wp.array(dtype=wp.uint64), pixel: wp.int32, candidate: Candidate, d: wp.vec3f
 ) -> wp.bool:
-    """Keep a certain hit if it is the nearest of its pixel so far; whether float64 must decide.
-
-    A hit beyond ``sure`` is one: the bound, or infinite where the triangle has holes.
-    """
+    """Store a certain hit if it is the nearest of its pixel so far; whether float64 must decide."""
     known = entry_now(nearest, pixel)
-    low = least_edge(planes, d)
-    if low > sure:
-        keep(pixel, i, d, m, known, nearest)
+    low = least_edge(candidate.planes, d)
+    if low > candidate.sure:
+        store_if_nearer(nearest, pixel, known, candidate, d)
         return False
-    return not (low < -bound)
+    return not (low < -candidate.bound)
 
 
 @wp.func
-def offer(
-    pixel: wp.int32,
-    i: wp.int32,
-    d: wp.vec3f,
-    planes: Planes,
-    bound: wp.float32,
-    sure: wp.float32,
-    m: wp.vec3d,
-    nearest: wp.array(dtype=wp.uint64),
-    counts: wp.array(dtype=wp.int32),
-    doubts: wp.array(dtype=wp.vec2i),
+def test_pixel_or_queue(
+    nearest: wp.array(dtype=wp.uint64), queue: Queue, pixel: wp.int32, candidate: Candidate, d: wp.vec3f
 ):
-    """Test one pixel, and leave the pair to the queue of doubts where float64 must decide."""
-    if test_pixel(pixel, i, d, planes, bound, sure, m, nearest):
-        place = number_in(counts, DOUBTS)
-        if place < doubts.shape[0]:
-            doubts[place] = wp.vec2i(i, pixel)
+    """Test one pixel, and queue the pair where float64 must decide."""
+    if test_pixel(nearest, pixel, candidate, d):
+        queue_doubt(queue, candidate.i, pixel)
 
 
 @wp.func_native("""
@@ -167,21 +160,10 @@ def pixel_in(box: wp.vec4i, k: wp.int32) -> wp.vec2i:
 
 
 @wp.func
-def offer_box(
-    i: wp.int32,
-    box: wp.vec4i,
-    planes: Planes,
-    bound: wp.float32,
-    sure: wp.float32,
-    m: wp.vec3d,
-    width: wp.int32,
-    column: wp.array(dtype=wp.vec3f),
-    row: wp.array(dtype=wp.vec3f),
-    nearest: wp.array(dtype=wp.uint64),
-    counts: wp.array(dtype=wp.int32),
-    doubts: wp.array(dtype=wp.vec2i),
+def test_box(
+    nearest: wp.array(dtype=wp.uint64), queue: Queue, box: wp.vec4i, candidate: Candidate, camera: Camera
 ):
-    """Offer every pixel of a small box, 32 at a time: all are tested first, then those kept that passed.
+    """Test every pixel of a small box, 32 at a time: all against the planes first, then those stored that passed.
 
     A warp waits for its lane with most to do. Tests are short and read only the pixels' directions; what takes long
     (the word that was there, a place among the doubts) is left to the few pixels that need it, and every lane goes
@@ -196,10 +178,10 @@ def offer_box(
         unsure = wp.uint32(0)
         bit = wp.uint32(1)
         for _ in range(wp.min(32, number - first)):
-            low = least_edge(planes, entry(column, x) + entry(row, y))
-            if low > sure:
+            low = least_edge(candidate.planes, direction_at(camera, x, y))
+            if low > candidate.sure:
                 hits |= bit
-            elif not (low < -bound):
+            elif not (low < -candidate.bound):
                 unsure |= bit
             bit <<= wp.uint32(1)
             x += 1
@@ -209,15 +191,15 @@ def offer_box(
         while hits != wp.uint32(0):
             at = pixel_in(box, first + lowest_bit(hits))
             hits &= hits - wp.uint32(1)
-            pixel = at[1] * width + at[0]
+            pixel = at[1] * camera.width + at[0]
             # Nothing waits for an atomic without an answer; the word that was there would take a thread longer.
-            keep(pixel, i, entry(column, at[0]) + entry(row, at[1]), m, wp.uint64(0), nearest)
+            store_if_nearer(nearest, pixel, wp.uint64(0), candidate, direction_at(camera, at[0], at[1]))
         if unsure != wp.uint32(0):
-            place = reserve(counts, DOUBTS, wp.int32(wp.bit_count(unsure)))
+            place = reserve(queue.counts, DOUBTS, wp.int32(wp.bit_count(unsure)))
             while unsure != wp.uint32(0):
                 at = pixel_in(box, first + lowest_bit(unsure))
                 unsure &= unsure - wp.uint32(1)
-                if place < doubts.shape[0]:
-                    doubts[place] = wp.vec2i(i, at[1] * width + at[0])
+                if place < queue.doubts.shape[0]:
+                    queue.doubts[place] = wp.vec2i(candidate.i, at[1] * camera.width + at[0])
                 place += 1
         first += 32

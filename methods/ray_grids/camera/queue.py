@@ -7,48 +7,25 @@ import functools
 import warp as wp
 
 from ....harness.frame.alpha import Alpha
+from ....harness.frame.geometry import Camera
 from ....harness.frame.specialise import effects
 from ...common.entries import entry, entry_now, entry_of_four
-from ..queues import DOUBTS, ITEMS, PARTS, queue_parts
-from ..warps import LANES, filled_lane, gather, lane_at, of_lane, sum_to_lane
-from .pixels import Planes, offer, sign_bound, test_pixel
+from ..fetch import direction_at
+from ..queues import DOUBTS, ITEMS, PARTS, Queue, queue_parts
+from ..warps import LANES, append_pairs, filled_lane, lane_at, of_lane, sum_to_lane
+from .pixels import Candidate, sign_bound, test_pixel, test_pixel_or_queue
 from .stream import Lines, pixels_of_row
 
 REGISTERS = 56
 """Registers a thread: nine blocks of 128 a multiprocessor."""
 
 
-@wp.struct
-class Record:
-    """What a queued triangle's rows are tested with."""
-
-    planes: Planes
-    lines: Lines
-
-
 @wp.func
-def record_at(records: wp.array2d(dtype=wp.vec4f), i: wp.int32) -> Record:
-    r0 = entry_of_four(records, i, 0)
-    r1 = entry_of_four(records, i, 1)
-    r2 = entry_of_four(records, i, 2)
-    r3 = entry_of_four(records, i, 3)
-    record = Record()
-    record.planes.n0 = wp.vec3f(r0[0], r0[1], r0[2])
-    record.planes.n1 = wp.vec3f(r1[0], r1[1], r1[2])
-    record.planes.n2 = wp.vec3f(r2[0], r2[1], r2[2])
-    record.lines.start = wp.vec3f(r0[3], r1[3], r2[3])
-    record.lines.inverse = wp.vec3f(r3[0], r3[1], r3[2])
-    return record
-
-
-@wp.func
-def line_direction(
-    tall: wp.bool, line: wp.int32, column: wp.array(dtype=wp.vec3f), row: wp.array(dtype=wp.vec3f)
-) -> wp.vec3f:
+def line_direction(tall: wp.bool, line: wp.int32, camera: Camera) -> wp.vec3f:
     """What all pixels of a row share of their directions; of a column."""
     if tall:
-        return entry(column, line)
-    return entry(row, line)
+        return entry(camera.column, line)
+    return entry(camera.row, line)
 
 
 @functools.cache
@@ -60,27 +37,18 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
     def item_kernel(
         threads: wp.int32,
         size: wp.int32,
-        width: wp.int32,
-        height: wp.int32,
-        tangents: wp.array(dtype=wp.float32),
-        column: wp.array(dtype=wp.vec3f),
-        row: wp.array(dtype=wp.vec3f),
-        records: wp.array2d(dtype=wp.vec4f),
-        depths: wp.array(dtype=wp.vec3d),
-        items: wp.array(dtype=wp.vec4i),
+        camera: Camera,
         alpha: Alpha,
         nearest: wp.array(dtype=wp.uint64),
-        counts: wp.array(dtype=wp.int32),
-        parts: wp.array(dtype=wp.vec2i),
-        doubts: wp.array(dtype=wp.vec2i),
+        queue: Queue,
     ):
         k = wp.tid()
-        stop = counts[wp.static(counter)]
+        stop = queue.counts[wp.static(counter)]
         if wp.static(again):
-            stop = wp.min(stop, parts.shape[0])
+            stop = wp.min(stop, queue.parts.shape[0])
         else:
-            stop = wp.min(stop, items.shape[0])
-        bound = sign_bound(tangents)
+            stop = wp.min(stop, queue.items.shape[0])
+        bound = sign_bound(camera.tangents)
         step = threads
         lane = wp.int32(0)
         if wp.static(cuda):
@@ -92,31 +60,44 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
             item = k
             part = wp.int32(0)
             if wp.static(again):
-                item = parts[k][0]
-                part = parts[k][1]
+                further = entry(queue.parts, k)
+                item = further[0]
+                part = further[1]
             k += step
-            work = entry(items, item)
+            work = entry(queue.items, item)
             i = work[0]
-            record = record_at(records, i)
-            m = entry_now(depths, i)
-            planes = record.planes
-            lines = record.lines
+            r0 = entry_of_four(queue.records, i, 0)
+            r1 = entry_of_four(queue.records, i, 1)
+            r2 = entry_of_four(queue.records, i, 2)
+            r3 = entry_of_four(queue.records, i, 3)
+            candidate = Candidate()
+            candidate.i = i
+            candidate.bound = bound
+            candidate.m = entry_now(queue.depths, i)
+            candidate.planes.n0 = wp.vec3f(r0[0], r0[1], r0[2])
+            candidate.planes.n1 = wp.vec3f(r1[0], r1[1], r1[2])
+            candidate.planes.n2 = wp.vec3f(r2[0], r2[1], r2[2])
+            lines = Lines()
+            lines.start = wp.vec3f(r0[3], r1[3], r2[3])
+            lines.inverse = wp.vec3f(r3[0], r3[1], r3[2])
             first = work[1] & 65535
             rows = work[1] >> 16
             low = work[2] & 65535
             high = work[2] >> 16
             tall = work[3] != 0
-            extent = wp.where(tall, height, width)
-            sure = bound
+            extent = wp.where(tall, camera.height, camera.width)
+            candidate.sure = candidate.bound
             if wp.static(effects.alpha):
                 if alpha.masked[i] != wp.uint8(0):
-                    sure = wp.INF
+                    candidate.sure = wp.INF
             number = wp.int32(0)
             if wp.static(cuda):
                 ends = wp.vec2i(0, -1)
                 if lane < rows:
-                    direction = line_direction(tall, first + lane, column, row)
-                    ends = pixels_of_row(planes, bound, lines, direction, low, high, extent)
+                    direction = line_direction(tall, first + lane, camera)
+                    ends = pixels_of_row(
+                        candidate.planes, candidate.bound, lines, direction, low, high, extent
+                    )
                 # From here on a lane has a row that holds pixels, as long as there are any.
                 length = wp.max(0, ends[1] - ends[0] + 1)
                 own = filled_lane(length)
@@ -138,26 +119,27 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                         y = wp.where(tall, along, line)
                         at += LANES
                         unsure = wp.bool(False)
-                        pixel = y * width + x
+                        pixel = y * camera.width + x
                         if element < end:
-                            d = entry(column, x) + entry(row, y)
-                            unsure = test_pixel(pixel, i, d, planes, bound, sure, m, nearest)
-                        held = gather(unsure, i, pixel, held, False, counts, DOUBTS, doubts)
+                            unsure = test_pixel(nearest, pixel, candidate, direction_at(camera, x, y))
+                        held = append_pairs(unsure, i, pixel, held, False, queue.counts, DOUBTS, queue.doubts)
             else:
                 for line in range(first, first + rows):
-                    direction = line_direction(tall, line, column, row)
-                    ends = pixels_of_row(planes, bound, lines, direction, low, high, extent)
+                    direction = line_direction(tall, line, camera)
+                    ends = pixels_of_row(
+                        candidate.planes, candidate.bound, lines, direction, low, high, extent
+                    )
                     for along in range(ends[0], ends[1] + 1):
                         # A part has its share of the group's pixels in order, as on the GPU.
                         if number // size == part:
                             x = wp.where(tall, line, along)
                             y = wp.where(tall, along, line)
-                            d = entry(column, x) + entry(row, y)
-                            offer(y * width + x, i, d, planes, bound, sure, m, nearest, counts, doubts)
+                            pixel = y * camera.width + x
+                            test_pixel_or_queue(nearest, queue, pixel, candidate, direction_at(camera, x, y))
                         number += 1
             if wp.static(not again):
-                queue_parts(item, number, size, lane, counts, parts)
+                queue_parts(queue, item, number, size, lane)
         if wp.static(cuda):
-            gather(False, 0, 0, held, True, counts, DOUBTS, doubts)
+            append_pairs(False, 0, 0, held, True, queue.counts, DOUBTS, queue.doubts)
 
     return item_kernel

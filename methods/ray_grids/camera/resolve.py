@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import warp as wp
 
-from ....harness.frame.geometry import Corners, Ray
+from ....harness.frame.geometry import Camera, Hits, Mesh, Ray
 from ...common.entries import entry, set_entry
 from ...common.hitpoint import flat_hit_point, is_flat, plane_distance, steep_hit_point
 from ...common.pixels import tile_pixel
 from ...common.triangle import hit_weights
+from ..fetch import corners_at, direction_at, weld_at
 
 REGISTERS = 72
 """Registers a thread: seven blocks of 128 a multiprocessor; 64 spill."""
@@ -16,52 +17,42 @@ REGISTERS = 72
 
 @wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
 def resolve_kernel(
-    width: wp.int32,
-    height: wp.int32,
-    eye: wp.array(dtype=wp.vec3f),
-    column: wp.array(dtype=wp.vec3f),
-    row: wp.array(dtype=wp.vec3f),
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    weld: wp.array(dtype=wp.int32),
+    camera: Camera,
+    mesh: Mesh,
     nearest: wp.array(dtype=wp.uint64),
-    triangle_out: wp.array(dtype=wp.int32),
-    t_out: wp.array(dtype=wp.float32),
-    u_out: wp.array(dtype=wp.float32),
-    v_out: wp.array(dtype=wp.float32),
-    hit_out: wp.array(dtype=wp.vec3d),
+    hits: Hits,
+    hit_points: wp.array(dtype=wp.vec3d),
 ):
     """One thread a pixel, 8 x 4 a warp. What :func:`..common.triangle.write_hit` writes, to the bit."""
-    at = tile_pixel(wp.tid(), width, height)
+    at = tile_pixel(wp.tid(), camera.width, camera.height)
     if at[0] < 0:
         return
-    pixel = at[1] * width + at[0]
+    pixel = at[1] * camera.width + at[0]
     word = entry(nearest, pixel)
     best = wp.int32(-1)
     t = wp.float32(wp.INF)
     uv = wp.vec2f()
     hit = wp.vec3d()
     flat = wp.bool(False)
-    # Nothing is written before all is reckoned: after a store the compiler would read and widen the corners again.
+    # Nothing is written before all is computed: after a store the compiler would read and widen the corners again.
     if word != wp.uint64(0):
         best = 0xFFFFFF - wp.int32(word & wp.uint64(0xFFFFFF))
-        face = entry(triangles, best)
-        corners = Corners(entry(points, face[0]), entry(points, face[1]), entry(points, face[2]))
-        ray = Ray(entry(eye, 0), entry(column, at[0]) + entry(row, at[1]))
-        same = wp.vec3i(entry(weld, face[0]), entry(weld, face[1]), entry(weld, face[2]))
+        corners = corners_at(mesh, best)
+        ray = Ray(entry(camera.eye, 0), direction_at(camera, at[0], at[1]))
+        weld = weld_at(mesh, best)
         distance = plane_distance(ray, corners)
         t = wp.float32(distance)
-        uv = hit_weights(ray, corners, same)
+        uv = hit_weights(ray, corners, weld)
         hit = steep_hit_point(ray, distance, corners)
         flat = is_flat(ray.direction, corners)
-    set_entry(triangle_out, pixel, best)
-    set_entry(t_out, pixel, t)
-    set_entry(u_out, pixel, uv[0])
-    set_entry(v_out, pixel, uv[1])
-    set_entry(hit_out, pixel, hit)
-    # Flat rays are few, and long to reckon: from corners that are read again, so that nothing is held for them till here.
+    set_entry(hits.triangle, pixel, best)
+    set_entry(hits.t, pixel, t)
+    set_entry(hits.u, pixel, uv[0])
+    set_entry(hits.v, pixel, uv[1])
+    set_entry(hit_points, pixel, hit)
+    # Flat rays are few and take long: all they need is read again, so that no registers hold it until here.
     if flat:
-        again = entry(triangles, best)
-        corners = Corners(entry(points, again[0]), entry(points, again[1]), entry(points, again[2]))
-        ray = Ray(entry(eye, 0), entry(column, at[0]) + entry(row, at[1]))
-        set_entry(hit_out, pixel, flat_hit_point(ray, plane_distance(ray, corners), corners))
+        corners = corners_at(mesh, best)
+        y = wp.int32(wp.uint32(pixel) // wp.uint32(camera.width))
+        ray = Ray(entry(camera.eye, 0), direction_at(camera, pixel - y * camera.width, y))
+        set_entry(hit_points, pixel, flat_hit_point(ray, plane_distance(ray, corners), corners))

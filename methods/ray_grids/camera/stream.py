@@ -10,15 +10,25 @@ import functools
 import warp as wp
 
 from ....harness.frame.alpha import Alpha
-from ....harness.frame.geometry import Camera, Mesh, corners_of, ray_of, weld_of
+from ....harness.frame.geometry import Camera, Corners, Mesh, Ray
 from ....harness.frame.specialise import effects
 from ...common.alpha import opaque_at_hit
-from ...common.entries import entry, set_entry, set_entry_of_four
+from ...common.entries import entry, raise_entry, set_entry, set_entry_of_four
 from ...common.reserve import reserve
 from ...common.screen import camera_space, in_front, out_of_view, pixel_box
 from ...common.triangle import hit_distance
-from ..queues import DOUBTS, ITEMS, triangle_of
-from .pixels import Planes, edge_planes, hit_word, inverse_depth, offer, offer_box, sign_bound
+from ..fetch import corners_at, direction_at, weld_at
+from ..queues import DOUBTS, ITEMS, Queue, Share, triangle_of
+from .pixels import (
+    Candidate,
+    Planes,
+    edge_planes,
+    hit_word,
+    inverse_depth,
+    sign_bound,
+    test_box,
+    test_pixel_or_queue,
+)
 
 GROUP = wp.constant(32)
 """Rows or columns of a work item: the 32 lanes of the GPU's warp find the ends of one each."""
@@ -104,27 +114,22 @@ def pixels_of_row(
 
 
 @wp.func
-def queue_triangle(
-    i: wp.int32,
-    box: wp.vec4i,
-    tall: wp.bool,
-    planes: Planes,
-    lines: Lines,
-    m: wp.vec3d,
-    counts: wp.array(dtype=wp.int32),
-    records: wp.array2d(dtype=wp.vec4f),
-    depths: wp.array(dtype=wp.vec3d),
-    items: wp.array(dtype=wp.vec4i),
-):
+def queue_triangle(queue: Queue, box: wp.vec4i, tall: wp.bool, candidate: Candidate, lines: Lines):
     """Queue a triangle's rows. An item is (triangle, first row and rows << 16, first column and last << 16, 0).
 
     Of a tall one its columns: (triangle, first column and columns << 16, first row and last << 16, 1).
     """
-    set_entry_of_four(records, i, 0, wp.vec4f(planes.n0[0], planes.n0[1], planes.n0[2], lines.start[0]))
-    set_entry_of_four(records, i, 1, wp.vec4f(planes.n1[0], planes.n1[1], planes.n1[2], lines.start[1]))
-    set_entry_of_four(records, i, 2, wp.vec4f(planes.n2[0], planes.n2[1], planes.n2[2], lines.start[2]))
-    set_entry_of_four(records, i, 3, wp.vec4f(lines.inverse[0], lines.inverse[1], lines.inverse[2], 0.0))
-    depths[i] = m
+    i = candidate.i
+    n0 = candidate.planes.n0
+    n1 = candidate.planes.n1
+    n2 = candidate.planes.n2
+    set_entry_of_four(queue.records, i, 0, wp.vec4f(n0[0], n0[1], n0[2], lines.start[0]))
+    set_entry_of_four(queue.records, i, 1, wp.vec4f(n1[0], n1[1], n1[2], lines.start[1]))
+    set_entry_of_four(queue.records, i, 2, wp.vec4f(n2[0], n2[1], n2[2], lines.start[2]))
+    set_entry_of_four(
+        queue.records, i, 3, wp.vec4f(lines.inverse[0], lines.inverse[1], lines.inverse[2], 0.0)
+    )
+    queue.depths[i] = candidate.m
     first = box[1]
     last = box[3]
     along = box[0] | (box[2] << 16)
@@ -133,34 +138,25 @@ def queue_triangle(
         last = box[2]
         along = box[1] | (box[3] << 16)
     groups = (last - first + GROUP) // GROUP
-    at = reserve(counts, ITEMS, groups)
+    at = reserve(queue.counts, ITEMS, groups)
     for g in range(groups):
-        if at + g < items.shape[0]:
+        if at + g < queue.items.shape[0]:
             y = first + g * GROUP
             rows = wp.min(GROUP, last - y + 1)
-            set_entry(items, at + g, wp.vec4i(i, y | (rows << 16), along, wp.int32(tall)))
+            set_entry(queue.items, at + g, wp.vec4i(i, y | (rows << 16), along, wp.int32(tall)))
 
 
 @wp.func
-def box_of(
-    a: wp.vec3f,
-    b: wp.vec3f,
-    c: wp.vec3f,
-    o: wp.vec3f,
-    axes: wp.array(dtype=wp.vec3f),
-    tangents: wp.array(dtype=wp.float32),
-    width: wp.int32,
-    height: wp.int32,
-) -> wp.vec4i:
+def box_of(corners: Corners, o: wp.vec3f, camera: Camera) -> wp.vec4i:
     """First and last column and row of the pixels that may see the triangle; empty if last < first."""
-    ca = camera_space(a, o, axes)
-    cb = camera_space(b, o, axes)
-    cc = camera_space(c, o, axes)
+    a = camera_space(corners.a, o, camera.axes)
+    b = camera_space(corners.b, o, camera.axes)
+    c = camera_space(corners.c, o, camera.axes)
     # What lies in front of the eye and beside the view has an empty box.
-    if not in_front(ca, cb, cc):
-        if out_of_view(ca, cb, cc, tangents[0], tangents[1]):
+    if not in_front(a, b, c):
+        if out_of_view(a, b, c, camera.tangents[0], camera.tangents[1]):
             return wp.vec4i(0, 0, -1, -1)
-    return pixel_box(ca, cb, cc, tangents[0], tangents[1], width, height)
+    return pixel_box(a, b, c, camera.tangents[0], camera.tangents[1], camera.width, camera.height)
 
 
 @functools.cache
@@ -169,80 +165,61 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=REGISTERS)
     def stream_kernel(
-        triangle_count: wp.int32,
-        share: wp.int32,
-        shares: wp.int32,
-        width: wp.int32,
-        height: wp.int32,
+        share: Share,
         inline_pixels: wp.int32,
-        eye: wp.array(dtype=wp.vec3f),
-        axes: wp.array(dtype=wp.vec3f),
-        tangents: wp.array(dtype=wp.float32),
-        column: wp.array(dtype=wp.vec3f),
-        row: wp.array(dtype=wp.vec3f),
-        points: wp.array(dtype=wp.vec3f),
-        triangles: wp.array(dtype=wp.vec3i),
-        valid: wp.array(dtype=wp.uint8),
+        camera: Camera,
+        mesh: Mesh,
         alpha: Alpha,
         nearest: wp.array(dtype=wp.uint64),
-        counts: wp.array(dtype=wp.int32),
-        records: wp.array2d(dtype=wp.vec4f),
-        depths: wp.array(dtype=wp.vec3d),
-        items: wp.array(dtype=wp.vec4i),
-        doubts: wp.array(dtype=wp.vec2i),
+        queue: Queue,
     ):
-        i = triangle_of(wp.tid(), share, shares)
-        if i >= triangle_count:
+        i = triangle_of(wp.tid(), share)
+        if i >= share.triangles:
             return
         # No branch before all is asked for that a box needs: memory answers one load as soon as many.
-        face = entry(triangles, i)
-        counted = entry(valid, i) != wp.uint8(0)
-        o = entry(eye, 0)
-        a = entry(points, face[0])
-        b = entry(points, face[1])
-        c = entry(points, face[2])
-        box = box_of(a, b, c, o, axes, tangents, width, height)
+        face = entry(mesh.triangles, i)
+        counted = entry(mesh.valid, i) != wp.uint8(0)
+        o = entry(camera.eye, 0)
+        corners = Corners(
+            entry(mesh.points, face[0]), entry(mesh.points, face[1]), entry(mesh.points, face[2])
+        )
+        box = box_of(corners, o, camera)
         if not counted or box[2] < box[0] or box[3] < box[1]:
             return
-        bound = sign_bound(tangents)
-        planes = edge_planes(o, a, b, c)
-        m = inverse_depth(o, a, b, c)
-        sure = bound
+        candidate = Candidate()
+        candidate.i = i
+        candidate.bound = sign_bound(camera.tangents)
+        candidate.planes = edge_planes(o, corners)
+        candidate.m = inverse_depth(o, corners)
+        candidate.sure = candidate.bound
         if wp.static(effects.alpha):
             if alpha.masked[i] != wp.uint8(0):
-                sure = wp.INF
+                candidate.sure = wp.INF
         if (box[2] - box[0] + 1) * (box[3] - box[1] + 1) <= inline_pixels:
-            offer_box(i, box, planes, bound, sure, m, width, column, row, nearest, counts, doubts)
+            test_box(nearest, queue, box, candidate, camera)
             return
         tall = wp.bool(False)
         if wp.static(queued):
             tall = box[3] - box[1] >= TALL * (box[2] - box[0] + 1)
-        start = entry(column, 0)
-        end = entry(column, width - 1)
-        length = width
+        start = entry(camera.column, 0)
+        end = entry(camera.column, camera.width - 1)
+        length = camera.width
         if tall:
-            start = entry(row, 0)
-            end = entry(row, height - 1)
-            length = height
-        lines = lines_of(planes, bound, start, end, length)
+            start = entry(camera.row, 0)
+            end = entry(camera.row, camera.height - 1)
+            length = camera.height
+        lines = lines_of(candidate.planes, candidate.bound, start, end, length)
         if wp.static(not queued):
             for y in range(box[1], box[3] + 1):
-                ends = pixels_of_row(planes, bound, lines, entry(row, y), box[0], box[2], width)
+                d = entry(camera.row, y)
+                ends = pixels_of_row(
+                    candidate.planes, candidate.bound, lines, d, box[0], box[2], camera.width
+                )
                 for x in range(ends[0], ends[1] + 1):
-                    offer(
-                        y * width + x,
-                        i,
-                        entry(column, x) + entry(row, y),
-                        planes,
-                        bound,
-                        sure,
-                        m,
-                        nearest,
-                        counts,
-                        doubts,
-                    )
+                    pixel = y * camera.width + x
+                    test_pixel_or_queue(nearest, queue, pixel, candidate, direction_at(camera, x, y))
             return
-        queue_triangle(i, box, tall, planes, lines, m, counts, records, depths, items)
+        queue_triangle(queue, box, tall, candidate, lines)
 
     return stream_kernel
 
@@ -252,24 +229,27 @@ def doubt_kernel(
     threads: wp.int32,
     camera: Camera,
     mesh: Mesh,
-    counts: wp.array(dtype=wp.int32),
-    doubts: wp.array(dtype=wp.vec2i),
     alpha: Alpha,
     nearest: wp.array(dtype=wp.uint64),
+    queue: Queue,
 ):
     """(triangle, pixel) pairs that float32 could not decide."""
     k = wp.tid()
-    stop = wp.min(counts[DOUBTS], doubts.shape[0])
+    stop = wp.min(queue.counts[DOUBTS], queue.doubts.shape[0])
     while k < stop:
-        pair = doubts[k]
-        k += threads
-        ray = ray_of(camera, pair[1])
-        corners = corners_of(mesh, pair[0])
-        weld = weld_of(mesh, pair[0])
+        pair = entry(queue.doubts, k)
+        i = pair[0]
+        y = wp.int32(wp.uint32(pair[1]) // wp.uint32(camera.width))
+        ray = Ray(entry(camera.eye, 0), direction_at(camera, pair[1] - y * camera.width, y))
+        corners = corners_at(mesh, i)
+        weld = weld_at(mesh, i)
         t = hit_distance(ray, corners, weld)
         hits = t > wp.float64(0.0)
         if wp.static(effects.alpha):
             if hits:
-                hits = opaque_at_hit(alpha, pair[0], ray, corners, weld)
+                hits = opaque_at_hit(alpha, i, ray, corners, weld)
         if hits:
-            wp.atomic_max(nearest, pair[1], hit_word(wp.float64(1.0) / t, pair[0]))
+            # The pair is read again: held until here, it would leave room for one block of threads less.
+            again = entry(queue.doubts, k)
+            raise_entry(nearest, again[1], hit_word(wp.float64(1.0) / t, again[0]))
+        k += threads

@@ -4,16 +4,46 @@ from __future__ import annotations
 
 import warp as wp
 
+from ....harness.frame.geometry import Camera, Hits
+from ....harness.frame.specialise import effects
 from ...common.entries import entry, set_entry
 from ...common.pixels import tile_pixel
 from ...common.reserve import number_in
+from ...common.triangle import to_float32
 from ..aim import FACE, FACES, HIGH_U, HIGH_V, LARGEST, LOW_U, LOW_V, from_ordered
+from ..cube import place_and_record
 from ..queues import RAYS
 from ..warps import scan_row
-from .reach import note_receiver
+from .reach import raise_farthest
 
 SPARE = wp.constant(4)
 """Words between two rows of cells: where a row ends, and none to keep rows on 16-byte addresses."""
+
+
+@wp.struct
+class RayCells:
+    """The shadow rays of one light, sorted into the cells of its cube.
+
+    cells      along a face: where rays lie on several faces, and where one holds them all
+    rectangle  int32 [11]: what the rays cover (:mod:`..aim`)
+    table      vec4f [7]: each face's rectangle for triangles, cells along a face, largest coordinate (:func:`scan_kernel`)
+    place      vec4f [pixels]: (u, v, face, depth) of each pixel's ray    point  vec4f [pixels]: hit point and pixel
+    slot       vec2i [pixels]: cell and rank of each pixel's ray
+    count, offset  int32 [6 faces * rows * (cells + SPARE)] and, of offset, one more: rays of each cell; first ray
+    rays       vec4f [pixels]: points in the order of cells
+    farthest   int32 [6 faces * tiles of 8 x 8 cells]: bits of the greatest depth of a ray
+    """
+
+    cells: wp.vec2i
+    rectangle: wp.array(dtype=wp.int32)
+    table: wp.array(dtype=wp.vec4f)
+    place: wp.array(dtype=wp.vec4f)
+    point: wp.array(dtype=wp.vec4f)
+    slot: wp.array(dtype=wp.vec2i)
+    count: wp.array(dtype=wp.int32)
+    offset: wp.array(dtype=wp.int32)
+    rays: wp.array(dtype=wp.vec4f)
+    farthest: wp.array(dtype=wp.int32)
 
 
 @wp.func
@@ -71,45 +101,67 @@ def cells_in_use(rectangle: wp.array(dtype=wp.int32), cells: wp.vec2i) -> wp.int
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
-def count_kernel(
-    width: wp.int32,
-    height: wp.int32,
-    cells_either: wp.vec2i,
-    place: wp.array(dtype=wp.vec4f),
-    rectangle: wp.array(dtype=wp.int32),
-    count: wp.array(dtype=wp.int32),
-    slot: wp.array(dtype=wp.vec2i),
-    farthest: wp.array(dtype=wp.int32),
+def map_kernel(
+    light: wp.int32,
+    camera: Camera,
+    lights: wp.array(dtype=wp.vec3f),
+    axes: wp.array(dtype=wp.mat33d),
+    hits: Hits,
+    hit_points: wp.array(dtype=wp.vec3d),
+    receivers: wp.array2d(dtype=wp.uint8),
+    cells: RayCells,
+    visibility: wp.array2d(dtype=wp.uint8),
 ):
-    """Cell of every ray, and its rank there; the farthest receivers. Ranks depend on the order of threads; no answer
-    does."""
-    at = tile_pixel(wp.tid(), width, height)
-    if at[0] < 0:
-        return
-    pixel = at[1] * width + at[0]
-    p = entry(place, pixel)
-    face = wp.int32(p[2])
-    if face < 0:
-        set_entry(slot, pixel, wp.vec2i(-1, 0))
-        return
-    cells = cells_in_use(rectangle, cells_either)
-    r = face_rectangle(face, rectangle, cells)
-    x = cell_along(p[0], r[0], r[2], cells)
-    y = cell_along(p[1], r[1], r[3], cells)
-    cell = cell_index(face, x, y, cells)
-    set_entry(slot, pixel, wp.vec2i(cell, number_in(count, cell)))
-    note_receiver(farthest, face, x, y, p[3], cells)
+    """Places of all rays (face -1: no shadow ray), the rectangle of face 0, and the faces in use; empties ``farthest``.
+
+    point: the hit in float32, and the pixel's number in the bits of the fourth.
+    """
+    tile = wp.tid()
+    while tile < cells.farthest.shape[0]:
+        cells.farthest[tile] = 0
+        tile += ((camera.width + 7) >> 3) * ((camera.height + 3) >> 2) * 32
+    at = tile_pixel(wp.tid(), camera.width, camera.height)
+    hit = wp.vec3d()
+    wanted = wp.bool(False)
+    pixel = at[1] * camera.width + at[0]
+    if at[0] >= 0:
+        visibility[light, pixel] = wp.uint8(0)
+        wanted = hits.triangle[pixel] >= 0
+        if wp.static(effects.receivers):
+            wanted = receivers[light, pixel] != wp.uint8(0)
+        if wanted:
+            hit = hit_points[pixel]
+    p = place_and_record(wanted, hit, lights[light], axes[light], cells.rectangle)
+    if at[0] >= 0:
+        set_entry(cells.place, pixel, p)
+        h = to_float32(hit)
+        set_entry(cells.point, pixel, wp.vec4f(h[0], h[1], h[2], wp.cast(pixel, wp.float32)))
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
-def scan_kernel(
-    cells_either: wp.vec2i,
-    rectangle: wp.array(dtype=wp.int32),
-    count: wp.array(dtype=wp.int32),
-    offset: wp.array(dtype=wp.int32),
-    counts: wp.array(dtype=wp.int32),
-    table: wp.array(dtype=wp.vec4f),
-):
+def count_kernel(camera: Camera, cells: RayCells):
+    """Cell of every ray, and its rank there; the farthest receivers. Ranks depend on the order of threads; no answer
+    does."""
+    at = tile_pixel(wp.tid(), camera.width, camera.height)
+    if at[0] < 0:
+        return
+    pixel = at[1] * camera.width + at[0]
+    p = entry(cells.place, pixel)
+    face = wp.int32(p[2])
+    if face < 0:
+        set_entry(cells.slot, pixel, wp.vec2i(-1, 0))
+        return
+    along = cells_in_use(cells.rectangle, cells.cells)
+    r = face_rectangle(face, cells.rectangle, along)
+    x = cell_along(p[0], r[0], r[2], along)
+    y = cell_along(p[1], r[1], r[3], along)
+    cell = cell_index(face, x, y, along)
+    set_entry(cells.slot, pixel, wp.vec2i(cell, number_in(cells.count, cell)))
+    raise_farthest(cells.farthest, face, x, y, p[3], along)
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def scan_kernel(cells: RayCells, counts: wp.array(dtype=wp.int32)):
     """Where each row's rays lie (GPU: 128 threads a row, faces without rays left out), and the faces' rectangles.
 
     table: each face's rectangle in float32, for triangles: (low u, low v, cells per u, cells per v); zero if unused.
@@ -117,16 +169,16 @@ def scan_kernel(
     """
     k = wp.tid()
     row = k // 128
-    cells = cells_in_use(rectangle, cells_either)
-    if rectangle[FACE + row // cells] == 0:
-        scan_row(count, offset, row * (cells + SPARE), cells, counts, RAYS)
+    along = cells_in_use(cells.rectangle, cells.cells)
+    if cells.rectangle[FACE + row // along] == 0:
+        scan_row(cells.count, cells.offset, row * (along + SPARE), along, counts, RAYS)
     if k < FACES:
         t = wp.vec4f(0.0, 0.0, 0.0, 0.0)
-        if rectangle[FACE + k] == 0:
-            t = face_rectangle(k, rectangle, cells)
-        table[k] = t
+        if cells.rectangle[FACE + k] == 0:
+            t = face_rectangle(k, cells.rectangle, along)
+        cells.table[k] = t
     if k == FACES:
-        table[k] = wp.vec4f(wp.float32(cells), wp.cast(rectangle[LARGEST], wp.float32), 0.0, 0.0)
+        cells.table[k] = wp.vec4f(wp.float32(along), wp.cast(cells.rectangle[LARGEST], wp.float32), 0.0, 0.0)
 
 
 @wp.func
@@ -142,19 +194,12 @@ def reach_of(table: wp.array(dtype=wp.vec4f)) -> wp.float32:
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
-def scatter_kernel(
-    width: wp.int32,
-    height: wp.int32,
-    point: wp.array(dtype=wp.vec4f),
-    slot: wp.array(dtype=wp.vec2i),
-    offset: wp.array(dtype=wp.int32),
-    rays: wp.array(dtype=wp.vec4f),
-):
+def scatter_kernel(camera: Camera, cells: RayCells):
     """Rays in cell order: float32 hit point, and the pixel's number in the bits of the fourth."""
-    at = tile_pixel(wp.tid(), width, height)
+    at = tile_pixel(wp.tid(), camera.width, camera.height)
     if at[0] < 0:
         return
-    pixel = at[1] * width + at[0]
-    s = entry(slot, pixel)
+    pixel = at[1] * camera.width + at[0]
+    s = entry(cells.slot, pixel)
     if s[0] >= 0:
-        set_entry(rays, offset[s[0]] + s[1], entry(point, pixel))
+        set_entry(cells.rays, cells.offset[s[0]] + s[1], entry(cells.point, pixel))

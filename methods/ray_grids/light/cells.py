@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import warp as wp
 
-from ...common.triangle import U32, largest
+from ....harness.frame.geometry import Corners
+from ...common.triangle import U32, largest, total
 from ..aim import Cube
 from ..cube import on_face
 
@@ -35,6 +36,12 @@ def turned(v: wp.vec3f, cube: Cube) -> wp.vec3f:
 @wp.func
 def cube_space(p: wp.vec3f, cube: Cube) -> wp.vec3f:
     return turned(p - cube.middle, cube) + wp.vec3f(cube.distance, 0.0, 0.0)
+
+
+@wp.func
+def reach_from(middle: wp.vec3f, corners: Corners) -> wp.float32:
+    """The largest |p - middle|_1 of the corners."""
+    return wp.max(total(corners.a - middle), wp.max(total(corners.b - middle), total(corners.c - middle)))
 
 
 @wp.func
@@ -157,14 +164,7 @@ def side_of_plane(n: wp.vec3f, error: wp.float32, r: wp.vec4f, middle: wp.float3
 
 @wp.func
 def sides_of_planes(
-    light: wp.vec3f,
-    cube: Cube,
-    face: wp.int32,
-    a: wp.vec3f,
-    b: wp.vec3f,
-    c: wp.vec3f,
-    r: wp.vec4f,
-    cells: wp.int32,
+    light: wp.vec3f, cube: Cube, face: wp.int32, corners: Corners, r: wp.vec4f, cells: wp.int32
 ) -> Sides:
     """Lines of a triangle that reaches behind the face's centre.
 
@@ -173,9 +173,9 @@ def sides_of_planes(
     light are precise enough.
     """
     sides = Sides()
-    qa = on_face(turned(a - light, cube), face)
-    qb = on_face(turned(b - light, cube), face)
-    qc = on_face(turned(c - light, cube), face)
+    qa = on_face(turned(corners.a - light, cube), face)
+    qb = on_face(turned(corners.b - light, cube), face)
+    qc = on_face(turned(corners.c - light, cube), face)
     ab = qb - qa
     bc = qc - qb
     ca = qa - qc

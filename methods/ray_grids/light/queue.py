@@ -13,14 +13,23 @@ from ...common.alpha import opaque_to_light
 from ...common.entries import entry, set_entry
 from ...common.reserve import reserve
 from ...common.segment import occludes
-from ...common.triangle import largest, total
+from ...common.triangle import largest
 from ..aim import Cube
 from ..cube import on_face
-from ..queues import DOUBTS, ITEMS, LARGE, PARTS, queue_parts
-from ..warps import LANES, filled_lane, gather, lane_at, of_lane, sum_to_lane
-from .bins import cells_of, span_of
-from .cells import Sides, cells_of_row, cube_space, on_cells, sides_of_flat, sides_of_planes
-from .rays import NO, bound_of, left_open, occluder_at, shade, verdict
+from ..queues import DOUBTS, ITEMS, LARGE, PARTS, Queue, queue_parts
+from ..warps import LANES, append_pairs, filled_lane, lane_at, of_lane, sum_to_lane
+from .bins import RayCells, cells_of, span_of
+from .cells import Sides, cells_of_row, cube_space, on_cells, reach_from, sides_of_flat, sides_of_planes
+from .rays import (
+    NO,
+    Occluder,
+    ShadowBits,
+    bound_of,
+    float32_verdict,
+    set_bit_or_doubt,
+    stored_planes,
+    test_ray,
+)
 
 REGISTERS = 56
 """Registers a thread that empties a queue: nine blocks of 128 a multiprocessor."""
@@ -32,16 +41,12 @@ SPLITTERS = wp.constant(2)
 @wp.kernel(enable_backward=False, grid_stride=False)
 def split_kernel(
     threads: wp.int32,
-    index: wp.int32,
+    light: wp.int32,
     lights: wp.array(dtype=wp.vec3f),
     cubes: wp.array(dtype=Cube),
     table: wp.array(dtype=wp.vec4f),
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    large: wp.array(dtype=wp.vec4i),
-    counts: wp.array(dtype=wp.int32),
-    items: wp.array(dtype=wp.vec4i),
-    lines: wp.array2d(dtype=wp.vec4f),
+    mesh: Mesh,
+    queue: Queue,
 ):
     """Queue the rows of large triangles in groups, with the lines that bound them.
 
@@ -49,14 +54,14 @@ def split_kernel(
     bound), and three lines.
     """
     k = wp.tid()
-    stop = wp.min(counts[LARGE], large.shape[0])
-    cube = cubes[index]
+    stop = wp.min(queue.counts[LARGE], queue.large.shape[0])
+    cube = cubes[light]
     cells = cells_of(table)
-    light = lights[index]
+    position = lights[light]
     first = k % SPLITTERS
     k = k // SPLITTERS
     while k < stop:
-        work = entry(large, k)
+        work = entry(queue.large, k)
         k += threads // SPLITTERS
         i = work[0]
         face = work[1]
@@ -65,30 +70,27 @@ def split_kernel(
         number = (high - low + LANES) // LANES - first
         if number > 0:
             number = (number + SPLITTERS - 1) // SPLITTERS
-            corners = triangles[i]
-            a = points[corners[0]]
-            b = points[corners[1]]
-            c = points[corners[2]]
-            reach = wp.max(total(a - cube.middle), wp.max(total(b - cube.middle), total(c - cube.middle)))
-            qa = on_face(cube_space(a, cube), face)
-            qb = on_face(cube_space(b, cube), face)
-            flat = on_cells(qa, qb, on_face(cube_space(c, cube), face), reach, table[face])
+            corners = corners_of(mesh, i)
+            qa = on_face(cube_space(corners.a, cube), face)
+            qb = on_face(cube_space(corners.b, cube), face)
+            qc = on_face(cube_space(corners.c, cube), face)
+            flat = on_cells(qa, qb, qc, reach_from(cube.middle, corners), table[face])
             sides = Sides()
             if flat.known:
                 sides = sides_of_flat(flat)
             else:
-                sides = sides_of_planes(light, cube, face, a, b, c, table[face], cells)
-            bound = bound_of(table, a, b, c)
-            place = reserve(counts, ITEMS, number)
+                sides = sides_of_planes(position, cube, face, corners, table[face], cells)
+            bound = bound_of(table, corners)
+            place = reserve(queue.counts, ITEMS, number)
             for g in range(number):
-                if place + g < items.shape[0]:
+                if place + g < queue.items.shape[0]:
                     y = low + (first + g * SPLITTERS) * LANES
                     rows = wp.min(LANES, high - y + 1)
                     which = face | (rows << 4) | (y << 16)
-                    set_entry(items, place + g, wp.vec4i(i, which, work[2], wp.cast(bound, wp.int32)))
-                    set_entry(lines, place + g, 0, sides.line0)
-                    set_entry(lines, place + g, 1, sides.line1)
-                    set_entry(lines, place + g, 2, sides.line2)
+                    set_entry(queue.items, place + g, wp.vec4i(i, which, work[2], wp.cast(bound, wp.int32)))
+                    set_entry(queue.lines, place + g, 0, sides.line0)
+                    set_entry(queue.lines, place + g, 1, sides.line1)
+                    set_entry(queue.lines, place + g, 2, sides.line2)
 
 
 @wp.func
@@ -104,7 +106,7 @@ def rays_of_row(
 
 
 @wp.func
-def ray_of(
+def ray_of_lane(
     base: wp.int32,
     start: wp.int32,
     at: wp.int32,
@@ -132,27 +134,18 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
     def item_kernel(
         threads: wp.int32,
         size: wp.int32,
-        index: wp.int32,
-        table: wp.array(dtype=wp.vec4f),
-        records: wp.array2d(dtype=wp.vec4f),
-        offset: wp.array(dtype=wp.int32),
-        rays: wp.array(dtype=wp.vec4f),
-        triangle: wp.array(dtype=wp.int32),
-        items: wp.array(dtype=wp.vec4i),
-        lines: wp.array2d(dtype=wp.vec4f),
+        cells: RayCells,
         alpha: Alpha,
-        visibility: wp.array2d(dtype=wp.uint8),
-        counts: wp.array(dtype=wp.int32),
-        parts: wp.array(dtype=wp.vec2i),
-        doubts: wp.array(dtype=wp.vec2i),
+        bits: ShadowBits,
+        queue: Queue,
     ):
         k = wp.tid()
-        stop = counts[wp.static(counter)]
+        stop = queue.counts[wp.static(counter)]
         if wp.static(again):
-            stop = wp.min(stop, parts.shape[0])
+            stop = wp.min(stop, queue.parts.shape[0])
         else:
-            stop = wp.min(stop, items.shape[0])
-        cells = cells_of(table)
+            stop = wp.min(stop, queue.items.shape[0])
+        along = cells_of(cells.table)
         step = threads
         lane = wp.int32(0)
         if wp.static(cuda):
@@ -164,27 +157,29 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
             item = k
             part = wp.int32(0)
             if wp.static(again):
-                further = entry(parts, k)
+                further = entry(queue.parts, k)
                 item = further[0]
                 part = further[1]
             k += step
-            work = entry(items, item)
+            work = entry(queue.items, item)
             i = work[0]
             sides = Sides()
-            sides.line0 = entry(lines, item, 0)
-            sides.line1 = entry(lines, item, 1)
-            sides.line2 = entry(lines, item, 2)
+            sides.line0 = entry(queue.lines, item, 0)
+            sides.line1 = entry(queue.lines, item, 1)
+            sides.line2 = entry(queue.lines, item, 2)
             rows = (work[1] >> 4) & 63
-            bound = wp.cast(work[3], wp.float32)
-            sure = bound
+            occluder = Occluder()
+            occluder.i = i
+            occluder.bound = wp.cast(work[3], wp.float32)
+            occluder.sure = occluder.bound
             if wp.static(effects.alpha):
                 if alpha.masked[i] != wp.uint8(0):
-                    sure = wp.INF
+                    occluder.sure = wp.INF
             number = wp.int32(0)
             if wp.static(cuda):
                 span = wp.vec2i(0, 0)
                 if lane < rows:
-                    span = rays_of_row(work, lane, sides, cells, offset)
+                    span = rays_of_row(work, lane, sides, along, cells.offset)
                 # From here on a lane has a row that holds rays, as long as there are any.
                 length = span[1] - span[0]
                 own = filled_lane(length)
@@ -196,55 +191,46 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                 at = part * size
                 end = wp.min(number, at + size)
                 if at < end:
-                    occluder = occluder_at(records, i)
-                    # Two rays at a time, and the next two asked for before these are settled: memory is far.
-                    h = ray_of(base, start, at, lane, end, rays)
-                    g = ray_of(base, start, at + LANES, lane, end, rays)
+                    occluder = stored_planes(queue.records, occluder)
+                    # Two rays at a time, and the next two asked for before these are acted on: memory is far.
+                    h = ray_of_lane(base, start, at, lane, end, cells.rays)
+                    g = ray_of_lane(base, start, at + LANES, lane, end, cells.rays)
                     while at < end:
-                        said = wp.int32(NO)
-                        said_other = wp.int32(NO)
+                        verdict = wp.int32(NO)
+                        verdict_other = wp.int32(NO)
                         if at + lane < end:
-                            said = verdict(h, occluder, bound, sure)
+                            verdict = float32_verdict(h, occluder)
                         if at + LANES + lane < end:
-                            said_other = verdict(g, occluder, bound, sure)
+                            verdict_other = float32_verdict(g, occluder)
                         pixel = wp.cast(h[3], wp.int32)
                         pixel_other = wp.cast(g[3], wp.int32)
                         at += 2 * LANES
                         if at < end:
-                            h = ray_of(base, start, at, lane, end, rays)
-                            g = ray_of(base, start, at + LANES, lane, end, rays)
+                            h = ray_of_lane(base, start, at, lane, end, cells.rays)
+                            g = ray_of_lane(base, start, at + LANES, lane, end, cells.rays)
                         unsure = wp.bool(False)
                         unsure_other = wp.bool(False)
-                        if said != NO:
-                            unsure = left_open(said, i, pixel, index, triangle, visibility)
-                        if said_other != NO:
-                            unsure_other = left_open(said_other, i, pixel_other, index, triangle, visibility)
-                        held = gather(unsure, i, pixel, held, False, counts, DOUBTS, doubts)
-                        held = gather(unsure_other, i, pixel_other, held, False, counts, DOUBTS, doubts)
+                        if verdict != NO:
+                            unsure = set_bit_or_doubt(bits, verdict, i, pixel)
+                        if verdict_other != NO:
+                            unsure_other = set_bit_or_doubt(bits, verdict_other, i, pixel_other)
+                        held = append_pairs(unsure, i, pixel, held, False, queue.counts, DOUBTS, queue.doubts)
+                        held = append_pairs(
+                            unsure_other, i, pixel_other, held, False, queue.counts, DOUBTS, queue.doubts
+                        )
             else:
-                occluder = occluder_at(records, i)
+                occluder = stored_planes(queue.records, occluder)
                 for r in range(rows):
-                    span = rays_of_row(work, r, sides, cells, offset)
+                    span = rays_of_row(work, r, sides, along, cells.offset)
                     for ray in range(span[0], span[1]):
                         # A part has its share of the group's rays in order, as on the GPU.
                         if number // size == part:
-                            shade(
-                                i,
-                                entry(rays, ray),
-                                index,
-                                occluder,
-                                bound,
-                                sure,
-                                triangle,
-                                visibility,
-                                counts,
-                                doubts,
-                            )
+                            test_ray(bits, queue, entry(cells.rays, ray), occluder)
                         number += 1
             if wp.static(not again):
-                queue_parts(item, number, size, lane, counts, parts)
+                queue_parts(queue, item, number, size, lane)
         if wp.static(cuda):
-            gather(False, 0, 0, held, True, counts, DOUBTS, doubts)
+            append_pairs(False, 0, 0, held, True, queue.counts, DOUBTS, queue.doubts)
 
     return item_kernel
 
@@ -252,31 +238,30 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
 @wp.kernel(enable_backward=False, grid_stride=False)
 def doubt_kernel(
     threads: wp.int32,
-    index: wp.int32,
     lights: wp.array(dtype=wp.vec3f),
     camera: Camera,
     mesh: Mesh,
-    hit: wp.array(dtype=wp.vec3d),
-    counts: wp.array(dtype=wp.int32),
-    doubts: wp.array(dtype=wp.vec2i),
     alpha: Alpha,
-    visibility: wp.array2d(dtype=wp.uint8),
+    hit_points: wp.array(dtype=wp.vec3d),
+    bits: ShadowBits,
+    queue: Queue,
 ):
-    """Pairs that float32 could not decide."""
+    """(triangle, pixel) pairs that float32 could not decide."""
     k = wp.tid()
-    stop = wp.min(counts[DOUBTS], doubts.shape[0])
+    stop = wp.min(queue.counts[DOUBTS], queue.doubts.shape[0])
     origin_size = wp.float64(largest(camera.eye[0]))
+    light = lights[bits.light]
     while k < stop:
-        pair = doubts[k]
+        pair = queue.doubts[k]
         k += threads
-        if visibility[index, pair[1]] == wp.uint8(0):
-            corners = corners_of(mesh, pair[0])
-            weld = weld_of(mesh, pair[0])
-            shadowed = occludes(hit[pair[1]], lights[index], corners, weld, origin_size)
+        i = pair[0]
+        if bits.visibility[bits.light, pair[1]] == wp.uint8(0):
+            h = hit_points[pair[1]]
+            corners = corners_of(mesh, i)
+            weld = weld_of(mesh, i)
+            shadowed = occludes(h, light, corners, weld, origin_size)
             if wp.static(effects.alpha):
                 if shadowed:
-                    shadowed = opaque_to_light(
-                        alpha, pair[0], hit[pair[1]], lights[index], corners, weld, origin_size
-                    )
+                    shadowed = opaque_to_light(alpha, i, h, light, corners, weld, origin_size)
             if shadowed:
-                visibility[index, pair[1]] = wp.uint8(1)
+                bits.visibility[bits.light, pair[1]] = wp.uint8(1)

@@ -27,7 +27,7 @@ def tile_index(face: wp.int32, x: wp.int32, y: wp.int32, cells: wp.int32) -> wp.
 
 
 @wp.func
-def note_receiver(
+def raise_farthest(
     farthest: wp.array(dtype=wp.int32),
     face: wp.int32,
     x: wp.int32,
@@ -40,7 +40,7 @@ def note_receiver(
 
 
 @wp.func
-def all_end_before(
+def all_rays_end_before(
     depth: wp.float32,
     farthest: wp.array(dtype=wp.int32),
     face: wp.int32,

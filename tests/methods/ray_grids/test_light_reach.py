@@ -9,7 +9,7 @@ import warp as wp
 from helpers.brute_force import make_scene
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.methods.ray_grids.light.reach import all_end_before, note_receiver
+from shadowbench.methods.ray_grids.light.reach import all_rays_end_before, raise_farthest
 
 CELLS = 32
 
@@ -20,7 +20,7 @@ def note_kernel(
 ):
     i = wp.tid()
     c = cells[i]
-    note_receiver(farthest, c[0], c[1], c[2], depths[i], CELLS)
+    raise_farthest(farthest, c[0], c[1], c[2], depths[i], CELLS)
 
 
 @wp.kernel(enable_backward=False)
@@ -31,7 +31,7 @@ def ask_kernel(
     answers: wp.array(dtype=wp.bool),
 ):
     i = wp.tid()
-    answers[i] = all_end_before(depths[i], farthest, 2, boxes[i], CELLS)
+    answers[i] = all_rays_end_before(depths[i], farthest, 2, boxes[i], CELLS)
 
 
 def test_a_box_is_left_out_only_where_every_tile_ends_before(device):

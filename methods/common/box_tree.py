@@ -1,0 +1,87 @@
+"""A wp.Bvh over padded boxes, rebuilt in place so that a captured graph may hold it, and the one traversal of it.
+
+Warp's slab test computes a distance with three roundings, so a ray that touches a box may be found to miss it. Boxes
+are therefore padded by what those roundings can amount to (:data:`.bounds.PADDED_UNITS`; Ize 2013, "Robust BVH Ray
+Traversal", does the same in the ray).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import warp as wp
+
+from ...harness.frame.alpha import Alpha
+from ...harness.frame.frame import Frame
+from ...harness.frame.geometry import Mesh
+from ...harness.frame.passes import Pass
+from .bounds import PADDED_UNITS, launch_boxes
+from .ray_queries import Found
+
+
+@wp.func
+def traverse(
+    test: wp.Function,
+    tree: wp.uint64,
+    mesh: Mesh,
+    alpha: Alpha,
+    start: wp.vec3f,
+    direction: wp.vec3f,
+    query: Any,
+    found: Found,
+) -> Found:
+    """Put every valid triangle whose box the ray start + t direction meets through ``test``; what was found.
+
+    ``test`` is compiled in. It is called as test(mesh, alpha, i, query, found), as in :mod:`.ray_queries`; it may lower
+    ``found.limit``, and sets ``found.done`` to end the query.
+    """
+    result = found
+    i = wp.int32(0)
+    boxes = wp.bvh_query_ray(tree, start, direction)
+    # Not left by a break: of some tests a GPU's compiler then makes a loop whose lanes go on one by one (3.4 of 32
+    # active instead of 10.5, and three times as long).
+    while not result.done and wp.bvh_query_next(boxes, i, result.limit):
+        result.tests += 1
+        if mesh.valid[i] != wp.uint8(0):
+            result = test(mesh, alpha, i, query, result)
+    return result
+
+
+class BoxTree:
+    """The boxes of a frame's triangles and the tree over them, with the passes that rebuild both.
+
+    constructor  "sah", "median" or "lbvh": the order in which Warp builds it; on CUDA only "lbvh" can be rebuilt in place
+    leaf_size    triangles a leaf, at least 1
+    padding      of the boxes, in units of 2^-24 of the largest coordinate of scene and eye; 0 leaves them as they are
+    box          float32 [6]: the box of all triangles, as :func:`.bounds.launch_bounds` writes it
+    """
+
+    def __init__(self, frame: Frame, constructor: str, leaf_size: int, padding: float = PADDED_UNITS):
+        self._frame, self._constructor, self._padding = frame, constructor, padding
+        # The tree must exist before the first frame; its buffers are what every rebuild uses again.
+        points, valid = frame.prepared.points(0)
+        corners = points[frame.prepared.faces]
+        corners[valid == 0] = 0.0
+        with wp.ScopedDevice(frame.device):
+            self.box = wp.zeros(6, dtype=wp.float32)
+            self._lowers = wp.array(corners.min(axis=1), dtype=wp.vec3f)
+            self._uppers = wp.array(corners.max(axis=1), dtype=wp.vec3f)
+        self._bvh = wp.Bvh(self._lowers, self._uppers, constructor=constructor, leaf_size=leaf_size)
+
+    @property
+    def id(self) -> int:
+        """What a kernel takes as ``tree``."""
+        return int(self._bvh.id)
+
+    def passes(self) -> list[Pass]:
+        """Boxes, then the tree: the resource "bvh"."""
+        return [
+            Pass("boxes", "build", ("points", "triangles", "reach"), ("boxes",), self._launch_boxes),
+            Pass("rebuild", "build", ("boxes",), ("bvh",), self._rebuild),
+        ]
+
+    def _launch_boxes(self) -> None:
+        launch_boxes(self._frame, self.box, self._lowers, self._uppers, self._padding)
+
+    def _rebuild(self) -> None:
+        self._bvh.rebuild(self._constructor)
