@@ -28,6 +28,7 @@ def answer(name: str, settings: dict[str, str], prepared: Prepared, moment: Mome
     from ..frame.devices import device_for
     from ..frame.registry import make_method
     from ..frame.session import Session
+    from ..runner.measure import differing, hashes
 
     method = make_method(name, settings)
     place = device_for(type(method), device)
@@ -38,7 +39,15 @@ def answer(name: str, settings: dict[str, str], prepared: Prepared, moment: Mome
         return outcome
     try:
         session = Session(method, prepared, moment.width, moment.height, place, len(moment.lights))
-        outcome.answers = session.answers(moment)
+        answers = session.answers(moment)
+        wrong = differing(session, hashes(answers))
+        if wrong:
+            outcome.status, outcome.reason = (
+                "failed",
+                f"the same frame run again answers otherwise: {', '.join(wrong)}",
+            )
+        else:
+            outcome.answers = answers
     except CapacityRejected as error:
         outcome.status, outcome.reason = "rejected", str(error)
     except Exception as error:  # one method's crash must not hide what the others answer

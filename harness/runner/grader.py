@@ -7,20 +7,17 @@ are kept, so that ``shadowbench score DIR`` fills the score in elsewhere.
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..files import write_arrays
 from ..scene.effects import Effects
 from ..scene.moment import Moment
 from ..scene.prepared import Prepared
 from .machine_lock import MACHINE
-
-Answers = dict[str, NDArray]
+from .measure import Answers, hashes
 
 
 def hand_over(path: Path, answers: Answers) -> None:
@@ -48,7 +45,7 @@ class Grader:
         self.folder, self.device = folder, device
         self.effects = Effects.of(prepared.scene)
         self._judges: dict[int, Any] = {}
-        self._scores: dict[tuple[int, str], Any] = {}
+        self._scores: dict[tuple[Any, ...], Any] = {}
 
     def grade(
         self, key: str, save_answers: bool, score: bool, picture: Path, shows: str, wrong_maps: bool = False
@@ -104,7 +101,7 @@ class Grader:
             scored, looks = keep_wrong(self.folder, key, frame, judge, answers)
         else:
             # Methods that are exact answer bit for bit the same: what was judged once is not judged again.
-            known = (frame, digest_of(answers))
+            known = (frame, tuple(hashes(answers).items()))
             if known not in self._scores:
                 self._scores[known] = score_answers(judge, answers)
             scored = self._scores[known]
@@ -121,16 +118,6 @@ class Grader:
         path = answer_path(self.folder, key, frame)
         extra = {"key": key, "frame": frame}
         save_raw(path, self.prepared, self.moments[frame], answers, self.scene_argument, self.effects, extra)
-
-
-def digest_of(answers: Answers) -> str:
-    """Of every bit of a frame's answers, and of their names, types and shapes."""
-    summary = hashlib.blake2b(digest_size=16)
-    for name in sorted(answers):
-        values = np.ascontiguousarray(answers[name])
-        summary.update(f"{name} {values.dtype.str} {values.shape};".encode())
-        summary.update(values.tobytes())
-    return summary.hexdigest()
 
 
 def shadow_rays(answers: Answers, effects: Effects) -> int:

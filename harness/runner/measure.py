@@ -136,7 +136,12 @@ class MeasuredPoint:
                     "memory_source": self.memory_source,
                 }
             )
-            self._judged_as_timed(frame)
+            wrong = differing(self.session, self.hashes[frame])
+            if wrong:
+                where = f"frame {frame}: {', '.join(wrong)}"
+                raise UnsteadyError(
+                    f"the frames that were timed do not answer as the frame that was judged ({where})"
+                )
         return {
             "started": started,
             "spent_s": time.time() - started,
@@ -160,19 +165,6 @@ class MeasuredPoint:
             session.run_complete()
         raise RuntimeError(f"{session.method.name}: needs of one frame change from run to run")
 
-    def _judged_as_timed(self, frame: int) -> None:
-        """Run the frame once more exactly as it was timed, over poisoned answers: it must answer what was handed over."""
-        session = self.session
-        session.poison()
-        session.replay()
-        wp.synchronize_device(session.device)
-        found = hashes(session.frame.answers.to_host())
-        wrong = [name for name, value in self.hashes[frame].items() if found[name] != value]
-        if wrong:
-            raise UnsteadyError(
-                f"the frames that were timed do not answer as the frame that was judged (frame {frame}: {', '.join(wrong)})"
-            )
-
 
 ALLOWED_GROWTH = 256 << 20
 """Bytes that a process may grow by beside what its method holds: compilers and what they make."""
@@ -189,6 +181,18 @@ def hashes(answers: Answers) -> dict[str, str]:
         name: hashlib.blake2b(np.ascontiguousarray(values).tobytes(), digest_size=16).hexdigest()
         for name, values in answers.items()
     }
+
+
+def differing(session: Session, known: Mapping[str, str]) -> list[str]:
+    """The answers whose bits are not those of ``known`` where a frame is run once more as it is timed.
+
+    They are poisoned before, so that a method which leaves standing what an earlier run wrote is seen, too.
+    """
+    session.poison()
+    session.replay()
+    wp.synchronize_device(session.device)
+    found = hashes(session.frame.answers.to_host())
+    return [name for name, value in known.items() if found[name] != value]
 
 
 def affordable_frames(

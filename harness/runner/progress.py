@@ -87,7 +87,9 @@ class Bar(Silent):
 
     def point(self, record: Record) -> None:
         times = [median(frame.total_ms) for frame in record.frames if frame.total_ms]
-        result = f"{fmean(times):.3g} ms per frame" if record.status == "ok" and times else record.status
+        mean = fmean(times) if times else 0.0
+        result = f"{mean:{',.0f' if mean >= 100 else '.3g'}} ms per frame" if times else "no time"
+        result = result if record.status == "ok" else record.status
         why = f": {record.reason}" if record.reason else ""
         self._line(f"{record.scene['name']}, {record.method['label']}: {result}{why}")
 

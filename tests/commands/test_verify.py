@@ -57,6 +57,18 @@ class Lazy(Right):
         pass
 
 
+class Once(Right):
+    """Traces only when it is called for the first time."""
+
+    name = title = "once"
+    traced = False
+
+    def trace_primary(self, frame):
+        if not self.traced:
+            super().trace_primary(frame)
+        self.traced = True
+
+
 class Crashing(Right):
     name = title = "crashing"
 
@@ -90,7 +102,7 @@ class Point:
 
 @pytest.fixture(autouse=True)
 def methods(monkeypatch):
-    known = {cls.name: Point(cls) for cls in (Right, Wrong, Honest, Lazy, Crashing, Greedy, Choosy)}
+    known = {cls.name: Point(cls) for cls in (Right, Wrong, Honest, Lazy, Once, Crashing, Greedy, Choosy)}
     monkeypatch.setattr(registry, "_entry_points", lambda: known)
 
 
@@ -138,6 +150,16 @@ def test_unwritten_shadows_are_found(capsys, mesh):
     score = report["scenes"][0]["methods"][0]["score"]
     assert code == 1
     assert score["shadow"][0]["invalid"] == 40 * 30
+
+
+def test_a_method_that_traces_only_once_fails(capsys, mesh):
+    code, report = run(capsys, "once", scenes=[mesh])
+    row = report["scenes"][0]["methods"][0]
+    assert code == 1
+    assert (row["status"], row["reason"]) == (
+        "failed",
+        "the same frame run again answers otherwise: triangle, t, u, v",
+    )
 
 
 def test_one_method_does_not_hide_another(capsys, mesh):
