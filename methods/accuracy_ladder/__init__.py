@@ -18,6 +18,7 @@ from ...harness.scene.effects import Effects, Limits
 from ..common.box_tree import BoxTree
 from ..common.misses import miss_passes
 from ..common.pixels import thread_count
+from ..common.ray_passes import shadow_ray_passes
 from .kernels import make_kernels
 from .parameters import ORIGINS, PADDED_UNITS, Build, Trace, known_inexact
 
@@ -47,23 +48,11 @@ class AccuracyLadder(BaseMethod):
         padding = PADDED_UNITS[self.build.padding]
         self._tree = BoxTree(frame, constructor, self.build.leaf_size, padding)
         self._hit = wp.zeros(frame.pixels, dtype=wp.vec3d, device=frame.device)
-        passes = [
+        return [
             *self._tree.passes(),
             Pass("primary rays", "trace", ("bvh", "camera"), ("hits",), self._primary),
+            *shadow_ray_passes(effects, ("bvh", "hits", "camera"), self._shadow),
         ]
-        for i, wanted in enumerate(effects.shadows):
-            if wanted:
-                passes.append(
-                    Pass(
-                        f"light {i}: shadow rays",
-                        "shadow",
-                        ("bvh", "hits", "camera", f"light/{i}"),
-                        (f"visibility/{i}",),
-                        lambda i=i: self._shadow(i),  # type: ignore[misc]
-                        effect=f"shadows/{i}",
-                    )
-                )
-        return passes
 
     def built(self) -> dict[str, Any]:
         return {"test": self.trace.test, "origin": self.trace.origin, "padding": self.build.padding}

@@ -1,4 +1,4 @@
-"""The knobs of the ladder: each one alone changes how right, or how fast, the same tree answers."""
+"""The parameters of the ladder: each changes alone how accurate, or how fast, the same tree is."""
 
 from __future__ import annotations
 
@@ -42,11 +42,11 @@ ORIGIN_ERRORS = {
 class Build:
     """How the tree is made and the kernels compiled.
 
-    padding    "none": the triangles' own boxes, as most engines have them; "3_ulp": padded by three of the largest
-               coordinate's last places, which is what is commonly advised; "rounding": by what the roundings of
-               Warp's slab test can amount to (the boxes of the exact tree)
+    padding    by how much boxes are larger than their triangles: "none", as in most engines; "3_ulp": 3 ulp of the
+               largest coordinate, the common advice; "rounding": a bound on the rounding of Warp's slab test, as in the
+               exact tree
     leaf_size  triangles a leaf
-    fast_math  let the compiler reorder, contract and approximate float arithmetic
+    fast_math  whether the compiler may reorder, contract and approximate float arithmetic
     """
 
     padding: str = "rounding"
@@ -64,12 +64,12 @@ class Build:
 class Trace:
     """How rays are tested.
 
-    test    the triangle test of primary and shadow rays: "moller_trumbore" (Moeller & Trumbore 1997, float32,
+    test    triangle test of primary and shadow rays: "moller_trumbore" (Moeller & Trumbore 1997, float32,
             det != 0), "moller_trumbore_epsilon" (the textbook's |det| > 1e-7), "woop" (Woop, Benthin & Wald 2013,
             float32), "woop_float64" (the same, an edge function of zero decided in float64, as published),
             "edge_planes" (float32, edges in weld order), "float64" (every candidate), "exact" (float32 rejects,
             float64 decides)
-    origin  where shadow rays start and what they skip: "hit_point" (the float64 hit point; skips its own triangle
+    origin  where shadow rays start and which triangles they skip: "hit_point" (the float64 hit point; skips its own triangle
             and, where the test is float64, all that contain the point), "identity" (the float32 barycentric point,
             own triangle skipped), "barycentric" (that point, nothing skipped), "ray" (o + t d in float32, nothing
             skipped), "epsilon_1e-2", "epsilon_1e-4", "epsilon_1e-6" (the barycentric point moved that share of

@@ -16,6 +16,7 @@ from ...harness.scene.effects import Effects
 from ..common.bounces import bounced_tests
 from ..common.box_tree import BoxTree, traverse
 from ..common.pixels import pixel_of, thread_count
+from ..common.ray_passes import shadow_ray_passes
 from ..common.ray_queries import (
     SLACK,
     any_hit,
@@ -145,17 +146,7 @@ class ExactBvh:
         self.lights = [i for i, wanted in enumerate(effects.shadows) if wanted]
         reads = ("bvh", "camera", *effects.surface_reads())
         passes = [*self.tree.passes(), Pass("primary rays", "trace", reads, ("hits",), self._primary)]
-        for i in self.lights:
-            passes.append(
-                Pass(
-                    f"light {i}: shadow rays",
-                    "shadow",
-                    ("bvh", "hits", "camera", f"light/{i}", *effects.mask_reads(i), *effects.surface_reads()),
-                    (f"visibility/{i}",),
-                    lambda i=i: self._shadow(i),  # type: ignore[misc]
-                    effect=f"shadows/{i}",
-                )
-            )
+        passes += shadow_ray_passes(effects, ("bvh", "hits", "camera"), self._shadow)
         passes += traced_bounces(
             effects,
             ("bvh", "points", "triangles"),

@@ -20,6 +20,7 @@ from ...harness.scene.effects import Effects, Limits
 from ..common.misses import miss_passes, write_misses
 from ..common.offset import SHADOW_END
 from ..common.pixels import thread_count
+from ..common.ray_passes import shadow_ray_passes
 from .exact import ExactBvh
 from .mesh_kernels import mesh_indices_kernel, mesh_primary_kernel, mesh_shadow_kernel
 
@@ -33,16 +34,15 @@ MESH_INEXACT = (
 
 @dataclass(frozen=True)
 class Build:
-    """How the tree is made and kept up to date.
+    """How the tree is built and updated.
 
-    update       "rebuild": a new wp.Mesh each frame (the rule of Table 1; it allocates, so no graph holds it);
-                 "refit": the tree of the animation's first frame, its boxes refitted each frame;
-                 "static": built once, for geometry that does not move;
-                 "bvh_rebuild": wp.Bvh.rebuild() in place over our own padded boxes, with our own triangle tests:
-                 exact, and it fits in a graph
-    constructor  "default" (LBVH on CUDA, SAH on the CPU), "sah", "median", "lbvh", "cubql". What Warp cannot do
-                 on a device it replaces (LBVH on the CPU becomes SAH): the record says what was really built.
-    leaf_size    triangles a leaf; 0 = Warp's own default for the constructor
+    update       "rebuild": a new wp.Mesh in each frame, as in Table 1 (it allocates, so it cannot be captured in a CUDA
+                 graph); "refit": the tree of the animation's first frame, its boxes refitted in each frame; "static": built
+                 once, for geometry that does not move; "bvh_rebuild": a wp.Bvh over padded boxes, rebuilt in place in each
+                 frame and queried with this project's triangle tests: exact, and it can be captured
+    constructor  how Warp builds the tree: "default" (LBVH on CUDA, SAH on the CPU), "sah", "median", "lbvh", "cubql". Warp
+                 replaces what a device does not support (LBVH on the CPU by SAH); the record holds what was built
+    leaf_size    triangles a leaf; 0: Warp's default for the constructor
     """
 
     update: str = "rebuild"
@@ -64,7 +64,7 @@ class Build:
 class Trace:
     """How rays are traced.
 
-    swizzle  whether 32 consecutive threads take a block of 8x4 pixels instead of a stretch of a row
+    swizzle  whether 32 consecutive threads trace a block of 8x4 pixels (true) or 32 pixels of a row (false)
     """
 
     swizzle: bool = True
@@ -111,18 +111,7 @@ class WarpBvh(BaseMethod):
             if self.build.update == "refit":
                 passes.append(Pass("refit", "build", ("points", "triangles"), ("mesh",), self._refit))
         passes.append(Pass("primary rays", "trace", ("mesh", "camera"), ("hits",), self._primary))
-        for i, wanted in enumerate(effects.shadows):
-            if wanted:
-                passes.append(
-                    Pass(
-                        f"light {i}: shadow rays",
-                        "shadow",
-                        ("mesh", "hits", "camera", f"light/{i}", *effects.mask_reads(i)),
-                        (f"visibility/{i}",),
-                        lambda i=i: self._shadow(i),  # type: ignore[misc]
-                        effect=f"shadows/{i}",
-                    )
-                )
+        passes += shadow_ray_passes(effects, ("mesh", "hits", "camera"), self._shadow)
         passes += traced_bounces(effects, ("mesh", "points", "triangles"), self._primary, self._shadow)
         return passes
 

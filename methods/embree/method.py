@@ -29,6 +29,7 @@ from ...harness.frame.passes import Pass
 from ...harness.scene.effects import Effects, Limits
 from ..common.misses import miss_passes
 from ..common.offset import SHADOW_END, launch_shadow_origins
+from ..common.ray_passes import shadow_ray_passes
 
 FARTHEST = np.float32(1e37)
 """What embreex reports as the distance of a miss."""
@@ -44,8 +45,8 @@ SMALLEST_BLOCK = 1024
 class Build:
     """How the tree is built.
 
-    robust  Embree's RTC_SCENE_FLAG_ROBUST: conservative box tests and watertight edges, 10 to 25 % slower;
-            without it rays aimed at edges and vertices escape
+    robust  whether the scene is built with RTC_SCENE_FLAG_ROBUST: conservative box tests and watertight edges, 10 to 25 %
+            slower; without it rays aimed at edges and vertices escape
     """
 
     robust: bool = True
@@ -55,8 +56,8 @@ class Build:
 class Trace:
     """How rays are traced.
 
-    threads  threads over blocks of rays; 0 = one for each core this process may use. The build is Embree's
-             own and uses its own threads in any case.
+    threads  threads that trace blocks of rays; 0: one for each core that this process may use. The build always uses
+             Embree's own threads
     """
 
     threads: int = 0
@@ -103,18 +104,7 @@ class Embree(BaseMethod):
             Pass("copy and commit", "build", ("points", "triangles"), ("embree",), self._commit),
             Pass("primary rays", "trace", ("embree", "camera"), ("hits",), self._primary),
         ]
-        for i, wanted in enumerate(effects.shadows):
-            if wanted:
-                passes.append(
-                    Pass(
-                        f"light {i}: shadow rays",
-                        "shadow",
-                        ("embree", "hits", "camera", f"light/{i}", *effects.mask_reads(i)),
-                        (f"visibility/{i}",),
-                        lambda i=i: self._shadow(i),  # type: ignore[misc]
-                        effect=f"shadows/{i}",
-                    )
-                )
+        passes += shadow_ray_passes(effects, ("embree", "hits", "camera"), self._shadow)
         passes += traced_bounces(effects, ("embree", "points", "triangles"), self._bounced, self._shadow)
         return passes
 

@@ -72,13 +72,13 @@ class RayGrids(BaseMethod):
         camera = CameraStream(frame, self.build, queues, effects)
         passes = camera.passes()
         wanted = [i for i, wanted in enumerate(effects.shadows) if wanted]
-        lanes = [(queues, cell_arrays(frame, self.build))] if wanted else []
+        branches = [(queues, cell_arrays(frame, self.build))] if wanted else []
         for _ in range(1, min(len(wanted), beside)):
-            lanes.append((queues.with_own_lists(), cell_arrays(frame, self.build)))
+            branches.append((queues.with_own_lists(), cell_arrays(frame, self.build)))
         for number, i in enumerate(wanted):
-            lane = number % len(lanes)
-            light = LightStream(frame, i, self.build, camera.hit, *lanes[lane], aims, effects)
-            passes += light.passes(lane)
+            branch = number % len(branches)
+            light = LightStream(frame, i, self.build, camera.hit, *branches[branch], aims, effects)
+            passes += light.passes(branch)
         return passes
 
     def needs(self) -> wp.array | None:

@@ -1,4 +1,4 @@
-"""Where the shadow rays lie on the light's cube, and what is said of all of them: a rectangle (:mod:`.aim`).
+"""Where the shadow rays lie on the light's cube, and the rectangle that holds them all (:mod:`.aim`).
 
 On a face, planes through the light are lines, so bounds of what lies on it are exact there.
 """
@@ -108,7 +108,7 @@ def record_rays(
 
 @wp.func
 def place_of(hit: wp.vec3d, light: wp.vec3f, frame: wp.mat33d) -> wp.vec4f:
-    """(u, v, face, depth) of a hit point; reckoned in float64, so that u and v keep a float's digits at any distance.
+    """(u, v, face, depth) of a hit point; computed in float64, so that u and v keep a float's digits at any distance.
 
     The depth is taken along the face's axis; infinite where the point is the light.
     """

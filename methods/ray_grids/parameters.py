@@ -1,4 +1,4 @@
-"""What can be set of the ray grids. None of it changes an answer."""
+"""The parameters of the ray grids. None of them changes an answer."""
 
 from __future__ import annotations
 
@@ -9,23 +9,28 @@ QUEUES = ("auto", "always", "never")
 
 @dataclass(frozen=True)
 class Build:
-    """Ray grid parameters.
+    """How triangles are streamed over the rays.
 
-    cells          cells along a face of the light's cube, a multiple of 8; 0 chooses: as many as pixels along an
-                   image side where triangles rival pixels, or (seen on the device, each frame) where one face holds
-                   all rays; else half as many
-    inline_pixels  a triangle whose box on the image holds at most so many pixels tests them in its own thread
-    inline_cells   a triangle whose box on a face covers at most so many cells (in at most 16 rows) looks up how many
-                   rays they hold
-    inline_rays    and tests them in its own thread if they are at most so many, on one face; a second one is queued
-    part           pixels or rays of a queued group of 32 rows that one warp tests at a time: groups with more are cut in
-                   parts
-    beside         with queues: lights that the GPU sees to at once, each with queues and rays of its own
-    shares         with queues: parts of the triangles that the GPU streams at once, each with queues of its own
-    queue          larger triangles go through queues: "auto" on the GPU only, "always", "never"
-    item_capacity  initial room for queued work items, and for triangles waiting to become some; 0 chooses; grows as needed
-    part_capacity  initial room for further parts of items with many pixels or rays; 0 chooses; grows as needed
-    doubt_capacity initial room for (triangle, pixel or ray) pairs left to float64; 0 chooses; grows as needed
+    cells          cells along each side of a face of the light's cube, a multiple of 8; 0 chooses in each frame: about
+                   the square root of the number of pixels where one face holds all rays, or where triangles are more
+                   than half as many as pixels; else half of that
+    inline_pixels  a triangle whose box on the image holds at most this many pixels tests them in its own thread; a
+                   larger one is queued
+    inline_cells   a triangle whose box on a face covers at most this many cells, in at most 16 rows, counts the rays in
+                   them; a larger one is queued
+    inline_rays    a triangle that has counted at most this many rays, on one face, tests them in its own thread; with
+                   more, or on a second face, it is queued
+    part           pixels or rays of a queued group of 32 rows that one warp tests; larger groups are split into parts
+    beside         with queues: lights whose passes run at the same time on the GPU, each with queues and rays of its own
+    shares         with queues: parts of the triangles that are streamed at the same time on the GPU, each with queues of
+                   its own
+    queue          whether larger triangles go through queues: "auto" (on the GPU only), "always", "never"
+    item_capacity  initial capacity, entries, of the queues of work items and of large triangles; 0 chooses; grows when a
+                   frame needs more
+    part_capacity  initial capacity, entries, of the queue of further parts of work items; 0 chooses; grows when a frame
+                   needs more
+    doubt_capacity  initial capacity, entries, of the queue of (triangle, pixel) pairs that float64 decides; 0 chooses;
+                   grows when a frame needs more
     """
 
     cells: int = 0

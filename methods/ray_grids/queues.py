@@ -122,8 +122,8 @@ def more_room(needed: NDArray[np.int64], before: Capacity, memory: int) -> Capac
 class Queues:
     """What the streams of one frame share: queues, counters, and planes of queued triangles.
 
-    Of each stream the triangles may go in ``shares`` beside each other, each with queues and a row of counters of its
-    own. nearest uint64 [pixels]; counts int32 [streams * shares, 6]. Without queues (CPU) all arrays of a
+    The triangles of a stream may be divided into ``shares`` that run at the same time, each with queues and a row of
+    counters of its own. nearest uint64 [pixels]; counts int32 [streams * shares, 6]. Without queues (CPU) all arrays of a
     :class:`Queue` but the doubts are one element long.
     """
 
@@ -163,7 +163,7 @@ class Queues:
             ]
 
     def with_own_lists(self) -> Queues:
-        """The same counters with lists and records of their own, for a stream that runs beside those of this one."""
+        """The same counters, lists and records of their own: for a stream that runs at the same time as these."""
         other = copy.copy(self)
         other._make_lists()
         return other
@@ -204,7 +204,7 @@ def in_shares(
     writes: tuple[str, ...],
     effect: str | None = None,
 ) -> list[Pass]:
-    """Passes of a stream's steps, the shares beside each other. All read ``reads`` and add to ``writes``."""
+    """Passes of a stream's steps; the shares may run at the same time. All read ``reads`` and add to ``writes``."""
     passes = []
     for name, taken, made, launch in steps:
         for share in range(shares):

@@ -141,7 +141,7 @@ class ShadowMap(BaseMethod):
         return before != (self._capacity, self._strip_capacity, self._faces)
 
     def counters(self) -> dict[str, int]:
-        """Texels kept, and of each light the faces used and the strips queued (GPU)."""
+        """Texels of a map, and of each light the faces used and the strips queued (GPU)."""
         if self._needs is None:
             return {}
         result = {"texels": self.build.size**2 * self._faces}

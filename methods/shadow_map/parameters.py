@@ -1,4 +1,4 @@
-"""What can be set of the shadow map: its resolution and shape (build), and how it is asked (trace)."""
+"""The parameters of the shadow map: its resolution and shape (build), and how it is looked up (trace)."""
 
 from __future__ import annotations
 
@@ -18,10 +18,11 @@ SIZES = (64, 16384)
 class Build:
     """How the depth map is made.
 
-    size   texels along a side of a map (of each face of a cube)
+    size   texels along each side of a map, or of each face of a cube
     shape  "aimed": one perspective map that holds the scene's box; "cube": six maps around the light; "auto":
            aimed where the box fits into 60 degrees about the light's view of its middle, else a cube
-    strip_capacity  initial room for queued strips of large triangles (GPU); 0 chooses; grows as needed
+    strip_capacity  initial capacity, entries, of the queue of strips of large triangles (GPU); 0 chooses; grows when a
+                    frame needs more
     """
 
     size: int = 2048
@@ -39,15 +40,17 @@ class Build:
 
 @dataclass(frozen=True)
 class Trace:
-    """How the map is asked.
+    """How the map is looked up.
 
-    bias    "none": the hit point as it is; "constant": nearer to the light by ``amount`` of the map's depth range;
-            "slope": by ``amount`` texels times the receiver's slope against the map (slope-scaled, at most 10
-            texels); "normal": moved along its normal by ``amount`` texels times the sine of the light's angle
-    amount  see bias; negative chooses what engines start from: 0.002, 1 texel, 1.5 texels
-    filter  "nearest": one texel; "pcf": percentage-closer filtering (Reeves et al. 1987), 3 x 3 comparisons of
-            which more than half must say shadow. Slope and normal amounts are tripled for it, because it looks
-            that much further sideways.
+    bias    what is done against self-shadowing: "none"; "constant": the hit point is compared as nearer to the light by
+            ``amount`` of the map's depth range; "slope": as nearer by ``amount`` texels times the slope of its surface
+            against the map, at most 10 texels; "normal": moved along its normal by ``amount`` texels times the sine of
+            the light's angle
+    amount  of the bias: a share of the depth range ("constant") or texels ("slope", "normal"); negative chooses what
+            engines start from: 0.002, 1, 1.5
+    filter  "nearest": one texel; "pcf": percentage-closer filtering (Reeves et al. 1987), a shadow where more than half
+            of 3 x 3 texels are nearer; slope and normal amounts are tripled for it, because it looks up texels farther
+            away
     """
 
     bias: str = "slope"

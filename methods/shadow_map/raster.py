@@ -1,7 +1,7 @@
 """Triangles rasterised into a depth map: the nearest depth of every texel centre, by atomic minimum.
 
 Homogeneous rasterisation (Olano & Greer 1997): a triangle's edge planes through the light are linear over the
-texels, also where a corner lies behind the light, so nothing is clipped. Depths are kept as the bits of a float32
+texels, also where a corner lies behind the light, so nothing is clipped. Depths are stored as the bits of a float32
 that is not negative: their order is that of the integers.
 """
 

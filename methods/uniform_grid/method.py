@@ -26,6 +26,7 @@ from ..common.bounds import launch_bounds
 from ..common.misses import miss_passes
 from ..common.pairs import PairList, grown
 from ..common.pixels import thread_count
+from ..common.ray_passes import shadow_ray_passes
 from .binning import LANES, LARGE_AT_ONCE, LargeTriangles, Pairs, bin_kernel, bin_large_kernel
 from .grid import Grid, place_grid_kernel
 from .traversal import Cells, primary_kernel, shadow_kernel
@@ -38,9 +39,9 @@ MOST_CELLS = 1 << 28
 class Build:
     """How the grid is built.
 
-    density   cells for each triangle (lambda of Kalojanov & Slusallek's resolution rule); along each axis in
-              proportion to the box
-    capacity  pairs to make room for at first; 0 = four for each triangle. It grows when a frame needs more.
+    density   cells per triangle (lambda of Kalojanov & Slusallek's resolution rule), divided among the axes in
+              proportion to the scene's box
+    capacity  initial capacity, (triangle, cell) pairs; 0: four per triangle; grows when a frame needs more
     """
 
     density: float = 4.0
@@ -57,7 +58,7 @@ class Build:
 class Trace:
     """How rays are traced.
 
-    swizzle  whether 32 consecutive threads take a block of 8x4 pixels instead of a stretch of a row
+    swizzle  whether 32 consecutive threads trace a block of 8x4 pixels (true) or 32 pixels of a row (false)
     """
 
     swizzle: bool = True
@@ -126,25 +127,7 @@ class UniformGrid(BaseMethod):
                 self._primary,
             ),
         ]
-        for i in self._lights:
-            passes.append(
-                Pass(
-                    f"light {i}: shadow rays",
-                    "shadow",
-                    (
-                        "cells",
-                        "sorted pairs",
-                        "grid",
-                        "hits",
-                        f"light/{i}",
-                        *effects.mask_reads(i),
-                        *effects.surface_reads(),
-                    ),
-                    (f"visibility/{i}",),
-                    lambda i=i: self._shadow(i),  # type: ignore[misc]
-                    effect=f"shadows/{i}",
-                )
-            )
+        passes += shadow_ray_passes(effects, ("cells", "sorted pairs", "grid", "hits"), self._shadow)
         structure = ("cells", "sorted pairs", "grid", "points", "triangles")
         passes += traced_bounces(
             effects, structure, lambda b: self._primary(bounce=b), lambda i, b: self._shadow(i, bounce=b)

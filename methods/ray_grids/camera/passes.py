@@ -32,7 +32,7 @@ class CameraStream:
             self.hit = wp.zeros(frame.pixels, dtype=wp.vec3d)
 
     def passes(self) -> list[Pass]:
-        """Clear, stream the triangles in shares beside each other, and resolve."""
+        """Clear, stream the shares of the triangles at the same time, and resolve."""
         scene = ("points", "triangles", "camera", *self.effects.surface_reads())
         words = ("nearest words",)
         passes = [Pass("camera: clear", "trace", scene, words, self.queues.cleared.zero_)]

@@ -1,6 +1,6 @@
 """One pixel of the image against one triangle: edge planes in float32, and nearest hits as words.
 
-The nearest hit of a pixel is kept as one 64-bit word, 40 bits of 1 / t and 24 of the complemented index, by atomic
+The nearest hit of a pixel is stored as one 64-bit word, 40 bits of 1 / t and 24 of the complemented index, by atomic
 maximum: the order in which triangles arrive does not matter. Edge functions in float32 with an error bound decide
 all but a few pixels; those, and every 1 / t, are float64 (:mod:`..common.triangle`).
 """

@@ -1,6 +1,6 @@
 """Primary rays: one ray a pixel lies in the grid; triangles are streamed over it.
 
-How a pixel is tested, and what is kept of it, is in :mod:`.camera.pixels`.
+How a pixel is tested, and what is stored for it, is in :mod:`.camera.pixels`.
 """
 
 from __future__ import annotations
@@ -87,11 +87,11 @@ def pixels_of_row(
     """First and last pixel of first..last that are not certainly outside an edge plane, in the row of direction d.
 
     Or in the column; ``length``: pixels along the whole of it.
-    The hair covers the rounding of the quotient. A plane that is not a number cuts nothing.
+    ``margin`` covers the rounding of the quotient. A plane that is not a number cuts nothing.
     """
     low = wp.float32(first)
     high = wp.float32(last)
-    hair = 0.01 + 4.0e-7 * wp.float32(length)
+    margin = 0.01 + 4.0e-7 * wp.float32(length)
     for k in range(3):
         n = planes.n0
         if k == 1:
@@ -101,11 +101,11 @@ def pixels_of_row(
         rest = lines.start[k] + wp.dot(n, d)
         x = -rest * lines.inverse[k]
         if lines.inverse[k] > 0.0:
-            if x - hair > low:
-                low = x - hair
+            if x - margin > low:
+                low = x - margin
         elif lines.inverse[k] < 0.0:
-            if x + hair < high:
-                high = x + hair
+            if x + margin < high:
+                high = x + margin
         elif rest + bound < 0.0:
             high = -1.0
     return wp.vec2i(
@@ -176,7 +176,7 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
         i = triangle_of(wp.tid(), share)
         if i >= share.triangles:
             return
-        # No branch before all is asked for that a box needs: memory answers one load as soon as many.
+        # All loads that a box needs come before the first branch: many loads take no longer than one.
         face = entry(mesh.triangles, i)
         counted = entry(mesh.valid, i) != wp.uint8(0)
         o = entry(camera.eye, 0)

@@ -17,7 +17,7 @@ from ..warps import scan_row
 from .reach import raise_farthest
 
 SPARE = wp.constant(4)
-"""Words between two rows of cells: where a row ends, and none to keep rows on 16-byte addresses."""
+"""Words between two rows of cells: one for where a row ends, the others so that rows begin on 16-byte addresses."""
 
 
 @wp.struct
@@ -59,11 +59,11 @@ def face_rectangle(face: wp.int32, rectangle: wp.array(dtype=wp.int32), cells: w
         high_u = -from_ordered(rectangle[HIGH_U])
         high_v = -from_ordered(rectangle[HIGH_V])
     n = wp.float32(cells)
-    hair = (
+    margin = (
         1.0e-6 * wp.max(wp.max(wp.abs(low_u), wp.abs(high_u)), wp.max(wp.abs(low_v), wp.abs(high_v)))
         + 1.0e-30
     )
-    return wp.vec4f(low_u, low_v, n / (high_u - low_u + hair), n / (high_v - low_v + hair))
+    return wp.vec4f(low_u, low_v, n / (high_u - low_u + margin), n / (high_v - low_v + margin))
 
 
 @wp.func

@@ -110,7 +110,7 @@ def beyond_face(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, slack: wp.float32) -> wp.
 @wp.struct
 class Sides:
     """Lines that bound a triangle's cells: in row y, cell coordinate line[0] + (y - line[1]) line[2] is a least one
-    where line[3] > 0, a greatest one where it is < 0, and says nothing where it is 0."""
+    where line[3] > 0, a greatest one where it is < 0, and no bound where it is 0."""
 
     line0: wp.vec4f
     line1: wp.vec4f

@@ -85,8 +85,8 @@ class LightStream:
         answers = frame.answers
         self.bits = filled(ShadowBits, light=index, triangle=answers.triangle, visibility=answers.visibility)
 
-    def passes(self, lane: int = 0) -> list[Pass]:
-        """The light's passes, in a branch of their own beside those of lights on another ``lane``."""
+    def passes(self, branch: int = 0) -> list[Pass]:
+        """The light's passes, which may run at the same time as those of lights in another branch."""
         i = self.index
         who, build = f"light {i}", "light build"
         light, effect = f"light/{i}", f"shadows/{i}"
@@ -117,7 +117,7 @@ class LightStream:
             ]
         steps.append(("doubtful pairs", (), (), self.launch_doubts))
         passes += in_shares(who, "shadow", steps, self.queues.shares, (*scene, bits), (bits,), effect)
-        return [replace(work, branch=(lane, *work.branch)) for work in passes]
+        return [replace(work, branch=(branch, *work.branch)) for work in passes]
 
     def launch_aim(self) -> None:
         f, a = self.frame, self.aims

@@ -192,7 +192,7 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                 end = wp.min(number, at + size)
                 if at < end:
                     occluder = stored_planes(queue.records, occluder)
-                    # Two rays at a time, and the next two asked for before these are acted on: memory is far.
+                    # Two rays at a time, and the next two are loaded before these are acted on, to hide the latency.
                     h = ray_of_lane(base, start, at, lane, end, cells.rays)
                     g = ray_of_lane(base, start, at + LANES, lane, end, cells.rays)
                     while at < end:

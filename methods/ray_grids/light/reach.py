@@ -16,7 +16,7 @@ TILE_SHIFT = wp.constant(3)
 TILE_CELLS = wp.constant(64)
 
 MOST_TILES = wp.constant(32)
-"""A triangle over more tiles is not asked about: its thread looks them up one after the other."""
+"""A triangle over more tiles is not looked up: its thread would read them one after the other."""
 
 
 @wp.func

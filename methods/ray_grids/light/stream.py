@@ -1,6 +1,6 @@
 """Shadow rays: triangles streamed over the rays in the cells of the light's cube.
 
-Which cells a triangle covers is reckoned relative to the scene's middle in float32, with a pad that covers its rounding
+Which cells a triangle covers is computed relative to the scene's middle in float32, with a pad that covers its rounding
 (:mod:`.light.cells`); rays are placed in float64. How a ray is tested is in :mod:`.light.rays`.
 """
 
@@ -56,7 +56,7 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
     A large triangle is (triangle, face, first cell and last << 16, first row and last << 16).
     """
 
-    # 64 registers: a triangle waits for memory more than it reckons, so more of them at a time pays.
+    # 64 registers: a thread waits for memory longer than it computes, so more threads at a time are faster.
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=64)
     def stream_kernel(
         share: Share,
@@ -73,7 +73,7 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
         i = triangle_of(wp.tid(), share)
         if i >= share.triangles:
             return
-        # Asked for together, no branch between: what is invalid has corners, too, but no face is large enough for it.
+        # Loaded together, without a branch between: an invalid triangle has corners too, but no face is large enough for it.
         smallest = wp.where(entry(mesh.valid, i) != wp.uint8(0), wp.float32(0.0), wp.INF)
         corners = corners_at(mesh, i)
         cube = cubes[bits.light]
@@ -143,7 +143,7 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
                                         bits, queue, cells, along, face, y, ends[0], ends[1], planes
                                     )
         if here >= 0 or queued_too:
-            # Corners are read again: kept, they would take the registers of the loop.
+            # Corners are read again: held until here, they would take the registers of the loop.
             planes_here = set_planes(occluder, lights[bits.light], corners_at(mesh, i))
             if queued_too:
                 store_planes(queue.records, planes_here)

@@ -1,0 +1,25 @@
+"""The passes of shadow rays, for methods that trace one ray a pixel and light."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+
+from ...harness.frame.passes import Pass
+from ...harness.scene.effects import Effects
+
+
+def shadow_ray_passes(effects: Effects, reads: tuple[str, ...], launch: Callable[[int], None]) -> list[Pass]:
+    """A pass for each light that casts shadows: ``launch(light)`` reads ``reads``, the light, its receivers and holes."""
+    return [
+        Pass(
+            f"light {i}: shadow rays",
+            "shadow",
+            (*reads, f"light/{i}", *effects.mask_reads(i), *effects.surface_reads()),
+            (f"visibility/{i}",),
+            functools.partial(launch, i),
+            effect=f"shadows/{i}",
+        )
+        for i, wanted in enumerate(effects.shadows)
+        if wanted
+    ]
