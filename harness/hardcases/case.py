@@ -1,4 +1,4 @@
-"""What a hard case is: a named construction, what breaks on it, and what is expected by hand.
+"""Hard cases: a named construction, the errors it provokes, and the counts that are known by hand.
 
 Rays through vertices and edges must be exact in float32. With the view along an axis, half widths that are powers
 of two (or small multiples) and an image side of a power of two, pixel centres lie at odd multiples of
@@ -26,13 +26,13 @@ F64 = NDArray[np.float64]
 Mesh = tuple[F64, NDArray[np.int64]]
 
 EXCUSABLE = 0.02
-"""The share of a case's rays whose answers may be excused by the nearness of an edge. Rays are aimed at edges in many
-cases; a test that is exact, or leaves what is doubtful to float64, still needs 0.014 at most."""
+"""The largest share of a case's rays whose answers may be excused because an edge is near. Many cases aim rays at edges.
+A triangle test that is exact, or decides doubtful cases in float64, needs at most 0.014."""
 
 
 @dataclass(frozen=True)
 class Counts:
-    """What is expected: pixels that hit something, and for each light those that are shadowed. None: not stated."""
+    """Expected counts: pixels with a hit, and shadowed pixels of each light. None: not stated."""
 
     hit: int | None = None
     shadowed: tuple[int | None, ...] | None = None
@@ -73,7 +73,7 @@ class Trial:
 
 @dataclass(frozen=True, eq=False)
 class HardCase:
-    """A named case. ``breaks``: what fails on it when written naively, and why. ``make`` builds it anew.
+    """A named case. ``breaks``: which errors of a naive implementation it provokes. ``make`` builds it.
 
     ``refused``: the scene cannot be made; making it must raise :class:`~..errors.UserError`.
     ``excusable``: the share of its rays whose answers may be excused before the case fails all the same.

@@ -29,11 +29,11 @@ from .case import (
 )
 
 ORIGIN = (0.0, 0.0, 0.0)
-NO_RULE = "unpadded boxes; no rule for edges"
-NEIGHBOURS = "neighbours taken for occluders"
-FLAT = "hit points off their ray by their rounding, and far along it where it meets the triangle flat"
-UNWELDED = "edge planes in vertex order"
-FAR = "float64 edge functions that cancel: rays through vertices"
+NO_RULE = "boxes without padding; no rule for rays through edges"
+NEIGHBOURS = "neighbours of the hit triangle taken for occluders"
+FLAT = "hit points off their ray by rounding, and far along it at grazing incidence"
+UNWELDED = "edge planes built in the order of vertex indices"
+FAR = "cancellation in float64 edge functions, for rays through vertices"
 
 SIDE = 64
 """Rays along a side of the image, where many are needed: holes are rare."""

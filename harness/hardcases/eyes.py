@@ -149,26 +149,35 @@ def up_along_the_view() -> Trial:
 CASES = (
     *(
         HardCase(
-            f"P01{suffix}", "triangle across the eye", "a vertex behind the eye is mirrored by the division",
+            f"P01{suffix}", "triangle across the eye", "a vertex behind the eye is mirrored by the perspective division",
             partial(across_the_eye, turn),
         )
         for turn, suffix in enumerate(("", "y", "z"))
     ),
     HardCase("P01s", "two hundred triangles around the eye", "the same, with every shape", many_across),
-    HardCase("P02", "triangle behind the eye", "a mirror image after the division", behind_the_eye),
-    HardCase("P03", "eye inside a closed box", "culling of back faces: a black image", inside_a_box),
-    HardCase("P03b", "ray into the corner of a box", "the box test and the edges at a corner", into_a_corner),
-    HardCase("P07", "rays with components 0", "1/0, 0 times infinity", zero_components),
+    HardCase("P02", "triangle behind the eye", "a mirror image after the perspective division", behind_the_eye),
+    HardCase("P03", "eye inside a closed box", "back-face culling gives a black image", inside_a_box),
+    HardCase("P03b", "ray into the corner of a box", "the box test and the edge tests at a corner", into_a_corner),
+    HardCase("P07", "rays with components 0", "division by 0; 0 times infinity", zero_components),
     *(
-        HardCase(f"P07n{suffix}", "rays with components -0", "1/-0, the step of -0", partial(minus_zero, turn))
+        HardCase(
+            f"P07n{suffix}", "rays with components -0", "division by -0; the sign of a step along -0",
+            partial(minus_zero, turn),
+        )
         for turn, suffix in enumerate(("", "y", "z"))
     ),
-    HardCase("P09", "rays in a plane", "an endless walk; a coplanar hit", in_the_plane),
-    HardCase("P10", "diagonal through corners of cells", "the walk picks one neighbour", lambda: diagonal_cells(0.0)),
-    HardCase("P10b", "the same from afar", "the walk picks one neighbour", lambda: diagonal_cells(-64.0)),
-    HardCase("P18", "up along the view", "a basis of NaN", up_along_the_view, refused=True),
+    HardCase("P09", "rays in a plane", "endless traversal of a grid; a hit on a coplanar triangle", in_the_plane),
+    HardCase(
+        "P10", "diagonal through corners of cells",
+        "grid traversal visits only one of the neighbouring cells", lambda: diagonal_cells(0.0),
+    ),
+    HardCase(
+        "P10b", "the same from afar",
+        "grid traversal visits only one of the neighbouring cells", lambda: diagonal_cells(-64.0),
+    ),
+    HardCase("P18", "up along the view", "camera axes of NaN", up_along_the_view, refused=True),
     HardCase("P19", "eye on a wall", "t = 0 taken for a hit", on_a_wall),
-    HardCase("P20", "eye on a shared vertex", "directions 0/0, every edge function 0", on_a_vertex),
+    HardCase("P20", "eye on a shared vertex", "directions of 0 divided by 0; every edge function 0", on_a_vertex),
     HardCase("P21", "eye one step from a wall", "a near plane, an absolute epsilon", touching),
-    HardCase("P22", "eye at 1e5 scene sizes", "o - v rounds; boxes thinner than a step", far_away),
+    HardCase("P22", "eye at 1e5 scene sizes", "rounding of o - v; boxes thinner than a float32 step", far_away),
 )  # fmt: skip

@@ -78,8 +78,8 @@ def far_light() -> Trial:
 
 
 CASES = (
-    HardCase("P32", "a triangle on the borders of tiles", "tiles without a pad", leaning_away),
-    HardCase("P33", "a triangle in the face of its box", "cells that do not overlap", in_one_cell),
-    HardCase("S32", "directional light along edges", "bounds of the light's tiles without a pad", along_the_light),
-    HardCase("S33", "rays of a far light that float32 cannot tell apart", "bounds without a pad", far_light),
+    HardCase("P32", "a triangle on the borders of tiles", "tile bounds without padding", leaning_away),
+    HardCase("P33", "a triangle in the face of its box", "cell bounds without padding", in_one_cell),
+    HardCase("S32", "directional light along edges", "light-tile bounds without padding", along_the_light),
+    HardCase("S33", "rays of a far light that float32 cannot tell apart", "bounds without padding", far_light),
 )  # fmt: skip

@@ -101,7 +101,7 @@ CASES = (
     ),
     *(
         HardCase(
-            f"H03{suffix}", "a grate before the light", "any hit ends the search, hole or not",
+            f"H03{suffix}", "a grate before the light", "any-hit traversal that ends at a hole",
             partial(grate, 1 / 8, 128, turn),
         )
         for turn, suffix in enumerate(("", "y", "z"))
@@ -110,6 +110,6 @@ CASES = (
         "H04", "shadow rays on the borders of texels", "the texel of a rounded coordinate lies on either side",
         partial(grate, 1 / 16, 256),
     ),
-    HardCase("H06", "coordinates along a border", "a margin of the rounding is zero here", along_a_border),
-    HardCase("H05", "a light in a cage", "all of the above, seen from both sides", partial(caged_light, 6)),
+    HardCase("H06", "coordinates along a border", "a rounding bound that is zero here", along_a_border),
+    HardCase("H05", "a light in a cage", "all of the above, from both sides", partial(caged_light, 6)),
 )  # fmt: skip

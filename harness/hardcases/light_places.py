@@ -224,16 +224,16 @@ def light_at_eye() -> Trial:
 
 
 CASES = (
-    HardCase("S06", "light in a triangle", "whether t = 1 counts", light_in_triangle),
+    HardCase("S06", "light in a triangle", "a surface at the light (t = 1) taken for an occluder", light_in_triangle),
     HardCase("S07", "light on a vertex and on an edge", "a vertex without a direction: atan2(0, 0)", light_on_vertex),
     HardCase("S08", "closed box from within", "culling from the light drops every wall", box_from_within),
-    HardCase("S08b", "closed box from without", "a frustum around the light is the full sphere", box_from_without),
-    HardCase("S09", "slab 2e-6 thick around the light", "an offset thicker than the slab leaks", thin_slab),
+    HardCase("S08b", "closed box from without", "a light frustum that must be the full sphere", box_from_without),
+    HardCase("S09", "slab 2e-6 thick around the light", "light leaks if the ray offset exceeds the thickness", thin_slab),
     HardCase("S09b", "onto the thin slab", "a near plane beyond its faces", onto_thin_slab),
     *(
         HardCase(
             f"S10 {distance:g}", f"light at {distance:g}",
-            "v - L rounds; rays from the light that end before 1 lose every shadow",
+            "rounding of v - L; rays from the light that end before t = 1 lose every shadow",
             partial(far_light, distance),
         )
         for distance in (1e3, 1e5, 1e7)
@@ -267,17 +267,17 @@ CASES = (
         )
     ),
     HardCase("S14", "receiver at the light", "a ray of length 0: NaN tile", receiver_at_light),
-    HardCase("S15", "two lights at one place", "a grid kept by light, not by content", same_place),
+    HardCase("S15", "two lights at one place", "a light grid shared or overwritten by another light", same_place),
     HardCase("S16", "all shadow rays in one tile", "chunk counts, short counters, empty tiles", one_tile),
     *(
         HardCase(
-            f"S34{suffix}", "triangles that touch the outermost shadow rays", "a grid around the rays without a pad",
+            f"S34{suffix}", "triangles that touch the outermost shadow rays", "light-grid bounds without padding",
             partial(beyond_the_rays, light),
         )
         for suffix, light in (
             ("", (1.796875, -1.8671875, -0.71484375)), ("b", (1.2890625, 1.7890625, -0.50390625))
         )
     ),
-    HardCase("S21", "wall on a floor that holds the light", "segments that touch an edge along a plane", wall_on_floor),
+    HardCase("S21", "wall on a floor that holds the light", "segments in a plane that touch an edge", wall_on_floor),
     HardCase("S22", "light at the eye", "acne at silhouettes", light_at_eye),
 )  # fmt: skip

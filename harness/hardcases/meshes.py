@@ -26,8 +26,8 @@ from .case import (
 )
 
 ORIGIN = (0.0, 0.0, 0.0)
-FAR = "float64 edge functions that cancel: rays through vertices"
-NO_THICKNESS = "a box without thickness, its upper faces"
+FAR = "cancellation in float64 edge functions, for rays through vertices"
+NO_THICKNESS = "bounding boxes without thickness: rays in their faces"
 
 
 def huge_triangle() -> Trial:
@@ -258,13 +258,16 @@ def through_every_cell() -> Trial:
 
 
 CASES = (
-    HardCase("P04", "one triangle 2e4 wide", "as many pairs as tiles", huge_triangle),
-    HardCase("P05", "broken triangles before a square", "0/0; a tile of NaN; a box of NaN", lambda: broken_triangles(False)),
-    HardCase("P05b", "nothing but broken triangles", "a scene without a box", lambda: broken_triangles(True)),
-    HardCase("P06", "every triangle three times", "an order of reduction that shows", three_of_each),
+    HardCase("P04", "one triangle 2e4 wide", "one pair for every tile", huge_triangle),
+    HardCase(
+        "P05", "broken triangles before a square",
+        "division of 0 by 0; NaN as a tile or a bounding box", lambda: broken_triangles(False),
+    ),
+    HardCase("P05b", "nothing but broken triangles", "a scene without a bounding box", lambda: broken_triangles(True)),
+    HardCase("P06", "every triangle three times", "ties that depend on the order of a reduction", three_of_each),
     HardCase("P08", "flat sheet, rays to its border", NO_THICKNESS, lambda: flat_sheet(1, False)),
     HardCase("P08b", "flat sheet, rays through edges", NO_THICKNESS, lambda: flat_sheet(2, False)),
-    HardCase("P08c", "flat sheet with split vertices", "edges without a rule", lambda: flat_sheet(2, True)),
+    HardCase("P08c", "flat sheet with split vertices", "no rule for rays through edges", lambda: flat_sheet(2, True)),
     *(
         HardCase(
             f"P08{'d' if upper else 'e'}{suffix}", f"rays in the {'upper' if upper else 'lower'} face of the scene's box",
@@ -276,9 +279,9 @@ CASES = (
     HardCase("P11", "one triangle, all miss", "arrays of length 0", one_triangle_missed),
     HardCase("P11b", "empty scene", "an inverted box, arrays of length 0", lambda: empty(0)),
     HardCase("P11c", "vertices but no triangles", "an inverted box, arrays of length 0", lambda: empty(4)),
-    HardCase("P16", "teapot in a stadium", "one cell holds the teapot; a fixed epsilon", teapot_in_stadium),
-    HardCase("P23", "slivers", "t and weights from thin triangles", slivers),
-    HardCase("S26", "slivers as occluders", "signs and planes of thin triangles", shadow_slivers),
+    HardCase("P16", "teapot in a stadium", "one cell holds the whole cluster; a fixed epsilon", teapot_in_stadium),
+    HardCase("P23", "slivers", "rounding of t and barycentric weights of thin triangles", slivers),
+    HardCase("S26", "slivers as occluders", "rounding of edge signs and planes of thin triangles", shadow_slivers),
     *(
         HardCase(f"P30 {radii:g}", f"a ball seen from {radii:g} radii", FAR, partial(far_ball, radii))
         for radii in (1e3, 1e5, 1e6, 1e7)
@@ -289,9 +292,9 @@ CASES = (
         )
         for radii in (1e3, 1e5, 1e6, 1e7)
     ),
-    HardCase("P24", "a fan of 96 triangles", "many candidates at one vertex", lambda: fan(96)),
-    HardCase("P25", "boxes that share faces", "coplanar ties, lights on corners", touching_boxes),
-    HardCase("P26", "triangles through every cell", "long lists, a hit found in another cell", through_every_cell),
+    HardCase("P24", "a fan of 96 triangles", "many candidate triangles at one vertex", lambda: fan(96)),
+    HardCase("P25", "boxes that share faces", "ties of coplanar triangles; lights on corners", touching_boxes),
+    HardCase("P26", "triangles through every cell", "long lists; a hit that lies in another cell", through_every_cell),
     HardCase("P28", "flat sheet, odd directions to its border", NO_THICKNESS, lambda: on_odd_rays((0, 0, -1), 0.7)),
     HardCase("P28b", "flat squares apart, met at their corners", NO_THICKNESS, lambda: patches(False)),
     HardCase("S25", "shadow rays at the corners of flat squares", NO_THICKNESS, lambda: patches(True)),

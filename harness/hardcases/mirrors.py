@@ -73,7 +73,7 @@ CASES = (
     *(
         HardCase(
             f"M01{suffix}", "a hall of mirrors: rays at its edges and corners",
-            "a mirrored ray finds its own mirror again, or leaves where two mirrors meet", partial(hall, 16.0, turn),
+            "a mirrored ray hits its own mirror again, or escapes where two mirrors meet", partial(hall, 16.0, turn),
         )
         for turn, suffix in enumerate(("", "y", "z"))
     ),
@@ -97,10 +97,10 @@ CASES = (
     ),
     HardCase(
         "M04", "two mirrors in one place",
-        "only the mirror that was named is left out, and the ray meets the other", duplicates,
+        "only the mirror that was hit is excluded, and the ray hits its duplicate", duplicates,
     ),
     HardCase(
-        "M05", "a shadow that only a mirror shows", "shadow rays start at what the eye sees, not the mirror",
+        "M05", "a shadow that only a mirror shows", "shadow rays that start at primary hits, not at mirrored ones",
         behind_the_eye,
     ),
     HardCase(
