@@ -98,10 +98,8 @@ def read(folder: Path) -> pd.DataFrame:
     table = document.named(frames)
     for name, label in (("ratio", BASE), ("ratio_to_best", BEST), ("ratio_to_tree", TREE)):
         found = compare.ratios(frames, frames["label"] == label)
-        table[name], table[f"{name}_spread"] = (
-            table["key"].map(found["ratio"]),
-            table["key"].map(found["spread"]),
-        )
+        table[name] = table["key"].map(found["ratio"])
+        table[f"{name}_spread"] = table["key"].map(found["spread"])
     pairs = table.filter(regex=r"^counter\..* pairs$").sum(axis=1)
     table["pairs"] = pairs.where(pairs > 0)
     for rays in ("primary", "shadow"):
@@ -120,11 +118,10 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         files.append(picture(changed, "ratio", BASE, folder / "ablation.svg"))
     if len(back):
         files.append(picture(back, "ratio_to_best", BEST, folder / "ablation-ours.svg"))
+    ours = back[back["label"] != TREE]
     tables = {
         f"Frame time over that of {BASE}": ratios(changed, "ratio"),
-        f"Frame time over that of {BEST}, one of its changes taken back": ratios(
-            back[back["label"] != TREE], "ratio_to_best"
-        ),
+        f"Frame time over that of {BEST}, one of its changes taken back": ratios(ours, "ratio_to_best"),
         f"Frame time over that of {TREE}": ratios(done[done["label"].isin([BASE, BEST])], "ratio_to_tree"),
     }
     return document.write(folder, "ablation", EXPERIMENT.title, finding(done), tables, files, table, quiet)
@@ -138,9 +135,7 @@ def ratios(own: pd.DataFrame, column: str) -> pd.DataFrame:
     if own.empty:
         return pd.DataFrame()
     texts = [document.carried(*pair) for pair in own[[column, f"{column}_spread"]].to_numpy()]
-    wide = own.assign(text=texts).pivot_table(
-        index="label", columns="title", values="text", aggfunc="last", sort=False
-    )
+    wide = own.assign(text=texts).groupby(["label", "title"], sort=False)["text"].last().unstack("title")
     mean = own.groupby("label")[column].agg(compare.geometric)
     wide.insert(0, "geometric mean", mean.map("{:.2f}".format))
     return wide.loc[mean.sort_values().index].reset_index(names="configuration")
@@ -180,9 +175,8 @@ def picture(own: pd.DataFrame, column: str, base: str, path: Path) -> Path:
         axes.axvline(1.0, color="black", lw=0.8)
         for i, (title, mine) in enumerate(own.groupby("title", sort=False)):
             heights = [labels.index(label) + 0.8 * ((i + 0.5) / len(scenes) - 0.5) for label in mine["label"]]
-            axes.plot(
-                mine[column], heights, style.MARKERS[i % 8], color=style.COLOURS[i % 8], ms=2.6, label=title
-            )
+            look = {"marker": style.MARKERS[i % 8], "color": style.COLOURS[i % 8], "ls": "none", "ms": 2.6}
+            axes.plot(mine[column], heights, label=title, **look)
         axes.set_yticks(range(len(labels)), labels)
         axes.tick_params(axis="y", length=0)
         axes.set_ylim(len(labels) - 0.5, -0.5)

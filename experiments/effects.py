@@ -94,13 +94,12 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     files = [document.write_csv(table, folder / "effects.csv", COLUMNS)]
     done = document.measured(table)
     effects, moved = done[(done["moved"] == "") & done["ratio"].notna()], done[done["moved"] != ""]
-    tables = {}
-    for title, own in effects.groupby("title", sort=False):
-        tables[f"{title}: what each effect adds to the frame of {BASE}, ms (times its time)"] = effects_table(
-            own
-        )
-    for title, own in moved.groupby("title", sort=False):
-        tables[f"{title}: a frame by what alone moved since the last one, ms"] = moved_table(own)
+    adds, moves = (
+        f"what each effect adds to the frame of {BASE}, ms (times its time)",
+        "a frame by what alone moved, ms",
+    )
+    tables = {f"{title}: {adds}": effects_table(own) for title, own in effects.groupby("title", sort=False)}
+    tables |= {f"{title}: {moves}": moved_table(own) for title, own in moved.groupby("title", sort=False)}
     if len(effects):
         files.append(effects_picture(effects, folder / "effects.svg"))
     if len(moved):
@@ -113,9 +112,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
 
 def finding(effects: pd.DataFrame) -> str:
     """The effects that cost most and least, over all methods and scenes."""
-    means = np.exp(
-        np.log(effects.loc[effects["light_label"] != BASE, "ratio"]).groupby(effects["light_label"]).mean()
-    )
+    means = effects[effects["light_label"] != BASE].groupby("light_label")["ratio"].agg(compare.geometric)
     if means.empty:
         return f"No effect was measured beside {BASE}."
     return (
@@ -136,9 +133,7 @@ def effects_table(own: pd.DataFrame) -> pd.DataFrame:
                 texts[f"{BASE}, ms"] = document.carried(r.total_ms, r.spread)
                 texts["the same, once more, ms"] = style.number(r.again_ms)
             else:
-                ratio = document.carried(r.ratio, r.noise_ms / (r.total_ms - r.added_ms)).strip(
-                    document.NOISY
-                )
+                ratio = document.carried(r.ratio, r.noise_ms * r.ratio / r.total_ms).strip(document.NOISY)
                 texts[r.light_label] = f"{document.carried(r.added_ms, r.noise_ms, '+')} (x{ratio})"
         columns[label] = texts
     order = [f"{BASE}, ms", "the same, once more, ms", *own["light_label"].unique()]
@@ -152,9 +147,7 @@ def moved_table(own: pd.DataFrame) -> pd.DataFrame:
         f"{document.carried(r.total_ms, r.spread)} ({r.builds:.0f})" if r.passes else "no launch"
         for r in own.itertuples()
     ]
-    shown = own.assign(text=texts).pivot_table(
-        index="label", columns="moved", values="text", aggfunc="last", sort=False
-    )
+    shown = own.assign(text=texts).groupby(["label", "moved"], sort=False)["text"].last().unstack("moved")
     return shown.reindex(columns=[x for x in MOVED if x in shown]).rename_axis("method").reset_index()
 
 
@@ -164,10 +157,8 @@ def effects_picture(effects: pd.DataFrame, path: Path) -> Path:
     names, looks = list(own["light_label"].unique()), panels.looks(effects)
     scenes = own["title"].nunique()
     size = (style.COLUMN_WIDTH * max(1.0, 0.45 + 0.55 * scenes), 0.27 * len(names) + 1.35)
-    with panels.sheet(path, size, 1, scenes, legend=2 + (scenes > 1), sharex=True, sharey=True) as (
-        figure,
-        grid,
-    ):
+    columns = 2 + (scenes > 1)
+    with panels.sheet(path, size, 1, scenes, legend=columns, sharex=True, sharey=True) as (figure, grid):
         for axes, (title, here) in zip(grid[0], own.groupby("title", sort=False), strict=True):
             axes.axvline(1.0, color="#444444", lw=0.8)
             for k, (label, look) in enumerate(looks.items()):

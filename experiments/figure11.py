@@ -81,17 +81,15 @@ COLUMNS = [
 ]  # fmt: skip
 """``without_balancing``: traversal without load balancing over that at this r, with the light at the same place."""
 PANEL = ["clamp", "axes"]
-PLACE = ["scene", "title", "run", *PANEL, "light_distance"]
+PAPER_SAYS = "The paper: time grows as the light moves away, and breaking full tiles into chunks of r rays compensates."
 
 
 def read(folder: Path) -> pd.DataFrame:
     """The points, nearest light first, with what their panel is, the time of the traversal alone, and the work counted."""
     frames = document.frames(folder)
     table = document.named(frames).sort_values("light_distance", kind="stable")
-    table["clamp"], table["precision"], table["r"] = (
-        table["set.clamp"],
-        table["set.precision"],
-        table["set.r"].astype(int),
+    table = table.assign(
+        clamp=table["set.clamp"], precision=table["set.precision"], r=table["set.r"].astype(int)
     )
     table["axes"] = [AXES[str(value).lower() in ("true", "1")] for value in table["set.aimed"]]
     table["traversal_ms"] = stage_ms(table, "shadow", TRAVERSAL)
@@ -109,9 +107,8 @@ def read(folder: Path) -> pd.DataFrame:
     for name in ("total_ms", "counter.light 0 pairs"):
         if name in own:
             table[f"{name.split()[-1]}_over_exact"] = table["key"].map(own[name] / same[name])
-    table["exact_tiles"] = table["key"].map(
-        same.get("counter.light 0 tiles with rays", same["total_ms"] * np.nan)
-    )
+    tiles = same.get("counter.light 0 tiles with rays", same["total_ms"] * np.nan)
+    table["exact_tiles"] = table["key"].map(tiles)
     return table
 
 
@@ -119,7 +116,8 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Of each scene time against distance and against r, and tiles that hold rays; CSV, and what is work, what format."""
     table = read(folder)
     files = [document.write_csv(table, folder / "figure11.csv", COLUMNS)]
-    tables, findings = {}, []
+    tables: dict[str, pd.DataFrame] = {}
+    findings = []
     one = table["file"].nunique() == 1
     for (name, title), own in table.groupby(["file", "title"], sort=False):
         done = document.measured(own)
@@ -132,21 +130,16 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
             tiles_picture(own, folder / f"{stem}-tiles.svg"),
         ]
         exact = done[done["precision"] == PRECISE]
-        tables[
-            f"{title}: shadow traversal with the light 10 radii away or more, over that at about one, {PRECISE}"
-        ] = growth(exact)
-        tables[f"{title}: by the light's distance in radii, {PRECISE}"] = by_distance(exact)
-        tables[f"{title}: number formats against {PRECISE}, at the farthest light where both have a time"] = (
-            formats(own)
-        )
+        tables |= {
+            f"{title}: shadow traversal with the light 10 radii away or more, over that at one, {PRECISE}": growth(exact),
+            f"{title}: by the light's distance in radii, {PRECISE}": by_distance(exact),
+            f"{title}: number formats against {PRECISE}, at the farthest light where both have a time": formats(own),
+        }  # fmt: skip
         findings.append(conclusion(title, own))
     finding = " ".join(findings) or "Nothing was measured."
-    notes = [
-        "The paper: time grows as the light moves away, and breaking full tiles into chunks of r rays compensates."
-    ]
     apart = [lighting.label for lighting in FORMATS_PRESET.lightings]
     return document.write(
-        folder, "figure11", EXPERIMENT.title, finding, tables, files, table, quiet, notes, apart
+        folder, "figure11", EXPERIMENT.title, finding, tables, files, table, quiet, [PAPER_SAYS], apart
     )
 
 
@@ -172,20 +165,14 @@ def by_distance(exact: pd.DataFrame) -> pd.DataFrame:
     best = exact[exact["r"] != int(UNBALANCED)].sort_values("traversal_ms", kind="stable")
     lines = {
         "traversal at the fastest r, ms": (best, "traversal_ms", style.number),
-        f"without load balancing (r = {UNBALANCED}), over the fastest r": (
-            best,
-            "without_balancing",
-            "{:.2f}".format,
-        ),
+        f"without load balancing (r = {UNBALANCED}), over the fastest r": (best, "without_balancing", "{:.2f}".format),
         "tests per shadow ray": (exact, "tests_a_ray", "{:,.0f}".format),
         "tiles that hold rays": (exact, "tiles_with_rays", "{:,.0f}".format),
-    }
+    }  # fmt: skip
     made = []
     for name, (rows, column, form) in lines.items():
-        first = rows.groupby([*PANEL, "light_distance"], sort=False)[column].first().dropna()
-        made.append(
-            first.map(form).unstack("light_distance").assign(quantity=name).set_index("quantity", append=True)
-        )
+        first = rows.groupby([*PANEL, "light_distance"], sort=False)[column].first().dropna().map(form)
+        made.append(first.unstack("light_distance").assign(quantity=name).set_index("quantity", append=True))
     wide = pd.concat(made).sort_index(axis=1).rename(columns=short)
     return titled(wide.sort_index(level=PANEL, sort_remaining=False, kind="stable"))
 
@@ -195,9 +182,8 @@ def formats(own: pd.DataFrame) -> pd.DataFrame:
     import pandas as pd
 
     made = []
-    for (clamp, axes, precision), rows in own[own["precision"] != PRECISE].groupby(
-        [*PANEL, "precision"], sort=False
-    ):
+    other = own[own["precision"] != PRECISE]
+    for (clamp, axes, precision), rows in other.groupby([*PANEL, "precision"], sort=False):
         both = rows[rows["total_ms_over_exact"].notna()]
         lost = rows[rows["status"].isin(REJECTED)]
         line = {"rectangle": CLAMP_TITLES[clamp], "axes": axes, "format": precision}
@@ -205,10 +191,8 @@ def formats(own: pd.DataFrame) -> pd.DataFrame:
             line |= {"at, radii": short(x.light_distance), "frame time": f"x{x.total_ms_over_exact:,.2f}",
                      "pairs": f"x{x.pairs_over_exact:,.1f}",
                      "tiles that hold rays": f"{x.tiles_with_rays:,.0f} for {x.exact_tiles:,.0f}"}  # fmt: skip
-        line["not measured at, radii"] = ", ".join(
-            f"{short(x.light_distance)} ({x.status})" for x in lost.itertuples()
-        )
-        made.append(line)
+        told = [f"{short(x.light_distance)} ({x.status})" for x in lost.itertuples()]
+        made.append({**line, "not measured at, radii": ", ".join(told)})
     return pd.DataFrame(made).replace({"": None, "xnan": None, "nan for nan": None})
 
 
@@ -217,22 +201,15 @@ def conclusion(title: str, own: pd.DataFrame) -> str:
     rows = own[(own["precision"] == PRECISE) & (own["light_distance"] >= 1.0)].dropna(subset="traversal_ms")
     ends = rows[rows["r"] == rows["r"].min()].groupby(PANEL)["traversal_ms"]
     grown = (ends.last() / ends.first())[ends.count() > 1].groupby("clamp")
-    work = [
-        f"{document.span(grown.get_group(clamp))} {CLAMP_TITLES[clamp]}"
-        for clamp in CLAMPS
-        if clamp in grown.groups
+    known = [clamp for clamp in CLAMPS if clamp in grown.groups]
+    work = " and ".join(f"{document.span(grown.get_group(clamp))} {CLAMP_TITLES[clamp]}" for clamp in known)
+    text = [
+        f"with the farthest light the traversal takes {work} times as long as at one radius ({PRECISE}: work)"
     ]
-    text = []
-    if work:
-        text.append(
-            f"with the farthest light the traversal takes {' and '.join(work)} times as long as at one radius "
-            f"({PRECISE}: work)"
-        )
+    text *= bool(work)
     for precision, other in own[own["precision"] != PRECISE].groupby("precision", sort=False):
-        ratios, lost = (
-            other["total_ms_over_exact"].dropna(),
-            other.loc[other["status"].isin(REJECTED), "light_distance"],
-        )
+        ratios = other["total_ms_over_exact"].dropna()
+        lost = other.loc[other["status"].isin(REJECTED), "light_distance"]
         frames = f"{document.span(ratios)} times the frame" if len(ratios) else "no frame in time"
         refused = f", or it is rejected (from {short(lost.min())} radii on)" if len(lost) else ""
         text.append(f"the number format {precision} costs {frames}{refused}")
@@ -255,11 +232,7 @@ def line(axes: Any, own: pd.DataFrame, key: str, label: str, **look: Any) -> Non
                   label=f"{status} ({lost['precision'].iloc[0]})")  # fmt: skip
 
 
-def log_axes(axes: Any) -> None:
-    """Distance and what it costs, both logarithmic, with room for the marks at the upper edge."""
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.margins(y=0.14)
+DISTANCE = "distance of the light from the middle, scene radii; "
 
 
 def distance_picture(own: pd.DataFrame, path: Path) -> Path:
@@ -272,23 +245,15 @@ def distance_picture(own: pd.DataFrame, path: Path) -> Path:
             exact = here[here["precision"] == PRECISE]
             for i, r in enumerate(values):
                 label = f"r = {r}{' (no balancing)' if r == int(UNBALANCED) else ''}"
-                line(
-                    axes,
-                    exact[exact["r"] == r],
-                    "traversal_ms",
-                    label,
-                    color=style.COLOURS[i],
-                    marker=style.MARKERS[i],
-                )
+                look = {"color": style.COLOURS[i], "marker": style.MARKERS[i]}
+                line(axes, exact[exact["r"] == r], "traversal_ms", label, **look)
             for precision, look in LOOKS.items():
                 rows = here[here["precision"] == precision]
                 if len(rows):
                     line(axes, rows, "traversal_ms", f"{precision}, r = {rows['r'].iloc[0]}", **look)
             axes.set_title(f"{CLAMP_TITLES[place[0]]},\n{place[1]}", fontsize=6.5)
-            log_axes(axes)
-        figure.supxlabel(
-            f"distance of the light from the middle, scene radii; {own['title'].iloc[0]}", fontsize=6.5
-        )
+            axes.set(xscale="log", yscale="log", ymargin=0.14)
+        figure.supxlabel(DISTANCE + own["title"].iloc[0], fontsize=6.5)
         figure.supylabel("shadow traversal, ms", fontsize=7)
     return path
 
@@ -297,23 +262,18 @@ def tiles_picture(own: pd.DataFrame, path: Path) -> Path:
     """A panel a rectangle: tiles of the light's grid that hold shadow rays against distance, the same for every r."""
     one = own.sort_values("r", kind="stable").drop_duplicates([*PANEL, "precision", "light_distance"])
     one = one.sort_values("light_distance", kind="stable")
-    with panels.sheet(path, (style.COLUMN_WIDTH, 2.4), 1, len(CLAMPS), sharex=True, sharey=True) as (
-        figure,
-        grid,
-    ):
+    size = (style.COLUMN_WIDTH, 2.4)
+    with panels.sheet(path, size, 1, len(CLAMPS), sharex=True, sharey=True) as (figure, grid):
         for clamp, axes in zip(CLAMPS, grid[0], strict=True):
-            for (name, precision), rows in one[one["clamp"] == clamp].groupby(
-                ["axes", "precision"], sort=False
-            ):
+            here = one[one["clamp"] == clamp]
+            for (name, precision), rows in here.groupby(["axes", "precision"], sort=False):
                 i = (PRECISE, *FORMATS).index(precision)
                 hollow = {"mfc": "none", "ms": 6.0} if precision == CENTRED else {}
                 line(axes, rows, "tiles_with_rays", f"{name}, {precision}", color=style.COLOURS[i],
                      marker=style.MARKERS[i], ls="-" if name == AXES[True] else "--", **hollow)  # fmt: skip
             axes.set_title(CLAMP_TITLES[clamp], fontsize=6.5)
-            log_axes(axes)
-        figure.supxlabel(
-            f"distance of the light from the middle, scene radii; {own['title'].iloc[0]}", fontsize=6.5
-        )
+            axes.set(xscale="log", yscale="log", ymargin=0.14)
+        figure.supxlabel(DISTANCE + own["title"].iloc[0], fontsize=6.5)
         figure.supylabel("tiles that hold rays", fontsize=7)
     return path
 
@@ -328,15 +288,12 @@ def threshold_picture(done: pd.DataFrame, path: Path) -> Path:
     ticks: list[int] = []
     for r in sorted(map(int, exact["r"].unique())):  # labels that do not touch
         ticks += [r] * (not ticks or r >= 4 * ticks[-1])
-    with panels.sheet(path, (style.COLUMN_WIDTH, 4.3), len(measures), len(columns), legend=3, sharex=True,
-                      sharey="row") as (figure, grid):  # fmt: skip
-        for (i, (key, title)), (j, (clamp, name)) in itertools.product(
-            enumerate(measures.items()), enumerate(columns)
+    size = (style.COLUMN_WIDTH, 4.3)
+    with panels.sheet(path, size, 3, 2, legend=3, sharex=True, sharey="row") as (figure, grid):
+        for axes, ((key, title), (clamp, name)) in zip(
+            grid.ravel(), itertools.product(measures.items(), columns), strict=True
         ):
-            axes, here = (
-                grid[i, j],
-                exact[(exact["clamp"] == clamp) & (exact["axes"] == name)].sort_values("r"),
-            )
+            here = exact[(exact["clamp"] == clamp) & (exact["axes"] == name)].sort_values("r")
             for place, distance in enumerate(distances):
                 rows = here[(here["light_distance"] == distance) & here[key].notna()]
                 axes.plot(rows["r"], rows[key], color=style.COLOURS[place % 8], marker=style.MARKERS[place % 8],
@@ -344,12 +301,9 @@ def threshold_picture(done: pd.DataFrame, path: Path) -> Path:
             axes.set_xscale("log", base=2)
             axes.set_xticks(ticks, ticks)
             axes.minorticks_off()
-            if key == "lane_fill":
-                axes.set_ylim(0, 1.02)
-            else:
-                axes.set_yscale("log")
-            axes.set_ylabel(title if j == 0 else "")
-            axes.set_title(f"{CLAMP_TITLES[clamp]}, {name}" if i == 0 else "", fontsize=6.5)
+            axes.set(**{"ylim": (0, 1.02)} if key == "lane_fill" else {"yscale": "log"})
+            axes.set_ylabel(title if (clamp, name) == columns[0] else "")
+            axes.set_title(f"{CLAMP_TITLES[clamp]}, {name}" * (key == "traversal_ms"), fontsize=6.5)
         figure.supxlabel(f"r, rays a block at most; {exact['title'].iloc[0]}", fontsize=7)
     return path
 

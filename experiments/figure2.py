@@ -36,9 +36,9 @@ METHODS = (
 SHOWN = (DIRECT, DIRECT_SMALL, INDIRECT)
 """Maps of these are drawn; further settings stand in table and CSV."""
 BASES = {"": DIRECT, "_same_tiles": DIRECT_SMALL}
+STATISTICS = ["tests_mean", "tests_median", "tests_p99", "tests_most"]
 COLUMNS = [
-    *document.COMMON, "tests_mean", "tests_median", "tests_p99", "tests_most",
-    "speed_up", "most_share", "speed_up_same_tiles", "most_share_same_tiles",
+    *document.COMMON, *STATISTICS, "speed_up", "most_share", "speed_up_same_tiles", "most_share_same_tiles",
 ]  # fmt: skip
 """``speed_up`` and ``most_share``: against direct mapping with tiles as large as indirect mapping's blocks;
 ``_same_tiles``: with tiles as small as its sorting tiles."""
@@ -54,9 +54,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     done = document.measured(table)
     maps = {r.key: read(folder, r.key, r.frame_numbers[-1]) for r in done.itertuples()}
     for key, counts in maps.items():
-        table.loc[table["key"] == key, ["tests_mean", "tests_median", "tests_p99", "tests_most"]] = (
-            statistics(counts)
-        )
+        table.loc[table["key"] == key, STATISTICS] = statistics(counts)
     for ending, label in BASES.items():
         own, base = compare.pairs(frames, frames["label"] == label)
         most = table[table["label"] == label].groupby(["title", "run"])["tests_most"].first().rename("most")
@@ -136,15 +134,12 @@ def picture(own: pd.DataFrame, maps: Sequence[Counts], path: Path) -> Path:
             axes.set_title(f"{r.label.replace(', ', chr(10))}\n{about}", fontsize=6.5)
             axes.set(xticks=[], yticks=[])
             axes.spines[:].set_visible(False)
-        bar = figure.colorbar(
-            image, ax=list(grid[0]), orientation="horizontal", shrink=0.9, aspect=35, pad=0.02
-        )
+        wide = {"orientation": "horizontal", "shrink": 0.9, "aspect": 35, "pad": 0.02}
+        bar = figure.colorbar(image, ax=list(grid[0]), **wide)
         between = [x for x in (1, 3, 10, 30, 100, 300, 1000, 3000, 10000, 30000) if 0.01 < x / most < 0.75]
         bar.set_ticks([0, *between, most], labels=[f"{x:,}" for x in (0, *between, most)])
-        bar.set_label(
-            f"triangles checked for the pixel's primary ray (grey: none)\n{own['title'].iloc[0]}",
-            fontsize=6.5,
-        )
+        about = "triangles checked for the pixel's primary ray (grey: none)"
+        bar.set_label(f"{about}\n{own['title'].iloc[0]}", fontsize=6.5)
     return path
 
 

@@ -110,15 +110,11 @@ def contact_sheet(own: pd.DataFrame, folder: Path, path: Path) -> list[Path]:
     for r in own.drop_duplicates("light_label").itertuples():
         kept = opened(folder / "images" / f"{'-'.join(filter(None, (r.scene, r.light_label)))}.png")
         if kept is not None:
-            held = (
-                f"; shadow rays: {r.shadow_ray_share:.0%}"
-                if pd.notna(r.spot) and r.shadow_ray_share >= 0
-                else ""
-            )
+            spot = pd.notna(r.spot) and r.shadow_ray_share >= 0
+            held = f"; shadow rays: {r.shadow_ray_share:.0%}" if spot else ""
             whole = kept.convert("RGB")  # below the picture itself stands its own caption
-            picture = whole.crop(
-                (0, 0, whole.width, min(whole.height, round(whole.width * r.height / r.width)))
-            )
+            high = min(whole.height, round(whole.width * r.height / r.width))
+            picture = whole.crop((0, 0, whole.width, high))
             made.append(captioned(picture, r.light[:1].upper() + r.light[1:] + held))
     if not made:
         return []

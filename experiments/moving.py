@@ -49,17 +49,11 @@ COLUMNS = [
 
 def steps(folder: Path, done: pd.DataFrame) -> pd.DataFrame:
     """A row a measured frame of the points: the light's place on its path in turns, the frame's median time, its work."""
-    frames = tidy(folder).rename(
-        columns={f"counter.{counter}": name.replace(" ", "_") for name, counter in WORK.items()}
-    )
-    work = [name.replace(" ", "_") for name in WORK]
-    frames = frames.reindex(columns=[*frames.columns, *(name for name in work if name not in frames)])
-    frames["tests_a_shadow_ray"] /= 100
     own = {"total_ms": "frame_ms", "iqr_ms": "frame_iqr_ms", "true_errors": "frame_true_errors"}
     own |= {name.removeprefix("frame_"): name for name in PART_MS.values()}
-    path = done.drop(columns=work, errors="ignore").merge(
-        frames[["key", "frame", *own, *work]].rename(columns=own), on="key"
-    )
+    own |= {f"counter.{counter}": name.replace(" ", "_") for name, counter in WORK.items()}
+    path = done.merge(tidy(folder).reindex(columns=["key", "frame", *own]).rename(columns=own), on="key")
+    path["tests_a_shadow_ray"] /= 100
     last = (path["frame_count"].fillna(1) - 1).clip(lower=1)
     path["turn"] = (path["frame"] / last * path["light_turns"].fillna(0.0)).astype(float)
     return path
@@ -76,7 +70,9 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     path = steps(folder, done)
     files = [document.write_csv(path, folder / "moving.csv", COLUMNS)]
     if path.empty:
-        return document.write(folder, "moving", EXPERIMENT.title, NOTHING, {}, files, table, quiet)
+        return document.write(
+            folder, "moving", EXPERIMENT.title, "Nothing was measured.", {}, files, table, quiet
+        )
     files.append(picture(path, folder / "moving.svg"))
     lines = path.groupby(["title", "label"], sort=False)
     ranges = pd.DataFrame([line_range(title, label, own) for (title, label), own in lines])
@@ -85,13 +81,12 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         "Milliseconds along the path": ranges,
         f"Places that take over {SPIKE:g} times the median of their path": slow,
     }
+    notes = [
+        "The paper moves its lights too, and says that everything is rebuilt each frame; it shows no path."
+    ]
     return document.write(
-        folder, "moving", EXPERIMENT.title, finding(path), tables, files, table, quiet,
-        ["The paper moves its lights too, and says that everything is rebuilt each frame; it shows no path."],
-    )  # fmt: skip
-
-
-NOTHING = "No frame was measured."
+        folder, "moving", EXPERIMENT.title, finding(path), tables, files, table, quiet, notes
+    )
 
 
 def finding(path: pd.DataFrame) -> str:
@@ -125,11 +120,10 @@ def slow_place(title: str, label: str, own: pd.DataFrame) -> list[dict[str, str]
         return []
     part = max(PART_MS, key=lambda name: slow[PART_MS[name]] - usual[PART_MS[name]])
     ms = f"{style.number(slow[PART_MS[part]])} ({style.number(usual[PART_MS[part]])})"
-    work = {name: name.replace(" ", "_") for name in WORK}
-    counted = {
-        name: f"{slow[key]:,.0f} ({usual[key]:,.0f})" if own[key].notna().all() else "not counted"
-        for name, key in work.items()
-    }
+    counted = dict.fromkeys(WORK, "not counted")
+    for name, key in ((name, name.replace(" ", "_")) for name in WORK):
+        if own[key].notna().all():
+            counted[name] = f"{slow[key]:,.0f} ({usual[key]:,.0f})"
     first = {"scene": title, "method": label, "at turn": f"{slow['turn']:.2f}", "slowest part": part}
     return [{**first, "its ms there (median)": ms, **counted}]
 
@@ -144,9 +138,7 @@ def picture(path: pd.DataFrame, file: Path) -> Path:
     with panels.sheet(file, size, down, across, sharex=True) as (figure, grid):
         for i, axes in enumerate(grid.ravel()):
             axes.set_visible(i < len(scenes))
-            axes.tick_params(
-                labelbottom=i + across >= len(scenes)
-            )  # the lowest panel of a column has the numbers
+            axes.tick_params(labelbottom=i + across >= len(scenes))  # the lowest of a column has the numbers
         for axes, (title, own) in zip(grid.ravel(), path.groupby("title", sort=False), strict=False):
             for label, line in own.groupby("label", sort=False):
                 look = {**looks[label], "ms": 2.5, "elinewidth": 0.6, "label": label}
@@ -154,13 +146,7 @@ def picture(path: pd.DataFrame, file: Path) -> Path:
             wrong = own[own["frame_true_errors"].fillna(0) > 0]
             if len(wrong):
                 axes.plot(
-                    wrong["turn"],
-                    wrong["frame_ms"],
-                    "kx",
-                    ls="",
-                    ms=5,
-                    mew=0.9,
-                    label="a frame with wrong answers",
+                    wrong["turn"], wrong["frame_ms"], "kx", ms=5, mew=0.9, label="a frame with wrong answers"
                 )
             axes.set_title(title, fontsize=6.5)
             axes.set_ylim(bottom=0)

@@ -7,7 +7,7 @@ sweep that waits for them, take longer than all the others together; table1 has 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..harness.report import compare, document, panels, style
 from ..harness.runner.experiment import Entry, Experiment, Preset
@@ -100,15 +100,18 @@ def lights_table(done: pd.DataFrame) -> pd.DataFrame:
             if row := by_count.get(count):
                 line[f"{count} light{'s' * (count > 1)}, ms"] = document.carried(row.total_ms, row.spread)
         if two := by_count.get(2):
-            line["frames/s with 2"] = document.carried(
-                two.frames_per_s, two.spread * two.frames_per_s / two.total_ms
-            )
+            line["frames/s with 2"] = rate(two)
             line["2 lights over 1"] = document.carried(two.second_share, two.share_spread, "+%")
         for count, row in by_count.items():
             if count > 1:
                 line[f"each further of {count} over the first"] = style.number(row.further_over_first)
         lines.append(line)
     return pd.DataFrame(lines)
+
+
+def rate(row: Any) -> str:
+    """Frames a second, with the digits that the spread carries."""
+    return document.carried(row.frames_per_s, row.spread * row.frames_per_s / row.total_ms)
 
 
 def finding(done: pd.DataFrame) -> str:
@@ -118,10 +121,7 @@ def finding(done: pd.DataFrame) -> str:
         return "No frame with two lights was measured."
     fairy = two[two["scene"] == "fairy"]
     own = fairy if len(fairy) else two[two["scene"] == two["scene"].iloc[0]]
-    rates = ", ".join(
-        f"{document.carried(row.frames_per_s, row.spread * row.frames_per_s / row.total_ms)} ({row.label})"
-        for row in own.itertuples()
-    )
+    rates = ", ".join(f"{rate(row)} ({row.label})" for row in own.itertuples())
     return f"Two lights on {own['title'].iloc[0]}: {rates} frames a second{f'; {PAPER}' * bool(len(fairy))}."
 
 

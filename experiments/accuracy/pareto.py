@@ -38,13 +38,11 @@ def draw(table: pd.DataFrame, path: Path) -> list[Path]:
     rows = math.ceil(len(labels) / (2 * across))
     key = 0.105 * rows
     size = (3.6 * across, 2.7 * down + key + 1.1)
-    with panels.sheet(path, size, down + 1, across, legend=0, height_ratios=[2.7] * down + [key]) as (
-        figure,
-        grid,
-    ):
-        heights = {
-            family: BOTTOM * (FLOOR / BOTTOM) ** ((i + 0.3) / len(looks)) for i, family in enumerate(looks)
-        }
+    ratios = [2.7] * down + [key]
+    heights = {
+        family: BOTTOM * (FLOOR / BOTTOM) ** ((i + 0.3) / len(looks)) for i, family in enumerate(looks)
+    }
+    with panels.sheet(path, size, down + 1, across, legend=0, height_ratios=ratios) as (figure, grid):
         for axes, (title, own) in zip(grid[:down].ravel(), known.groupby("title", sort=False), strict=False):
             panel(axes, title, own, looks, heights)
         for axes in grid.ravel()[max(0, scenes - across) : scenes]:
@@ -66,13 +64,8 @@ def draw(table: pd.DataFrame, path: Path) -> list[Path]:
 
 def families(table: pd.DataFrame) -> dict[str, dict[str, Any]]:
     """Colour and marker of each family, in the order of the rows."""
-    return {
-        family: {
-            "color": style.COLOURS[i % len(style.COLOURS)],
-            "marker": style.MARKERS[i % len(style.MARKERS)],
-        }
-        for i, family in enumerate(table["family"].unique())
-    }
+    kinds = enumerate(table["family"].unique())
+    return {family: {"color": style.COLOURS[i % 8], "marker": style.MARKERS[i % 8]} for i, family in kinds}
 
 
 def height(own: pd.DataFrame, heights: dict[str, float]) -> pd.Series:
@@ -95,24 +88,15 @@ def panel(
     axes.step(line["total_ms"], line["height"], where="post", color="#bbbbbb", linewidth=2.5, zorder=1,
               solid_joinstyle="round", label="frontier: no other point is both faster and less wrong")  # fmt: skip
     for (family, device), mine in own.groupby(["family", "device"], sort=False):
-        look = looks[family] | {
-            "mfc": None if device == here else "white",
-            "ls": "none",
-            "ms": MARKER,
-            "mew": 0.6,
-        }
+        face = None if device == here else "white"
         elsewhere = "" if device == here else f" (hollow: on {mine['device_name'].iloc[0]}, another device)"
         ends = [
             (mine["total_ms"] - mine["q1_ms"]).clip(lower=0),
             (mine["q3_ms"] - mine["total_ms"]).clip(lower=0),
         ]
-        label = TITLES.get(family, family) + elsewhere
-        axes.errorbar(
-            mine["total_ms"], mine["height"], xerr=ends, elinewidth=0.7, alpha=0.9, label=label, **look
-        )
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.set_ylim(BOTTOM / 2, own["wrong_per_frame"].max() * 6 + 2)
+        axes.errorbar(mine["total_ms"], mine["height"], xerr=ends, elinewidth=0.7, alpha=0.9, ls="none", ms=MARKER, mew=0.6,
+                      mfc=face, label=TITLES.get(family, family) + elsewhere, **looks[family])  # fmt: skip
+    axes.set(xscale="log", yscale="log", ylim=(BOTTOM / 2, own["wrong_per_frame"].max() * 6 + 2))
     axes.set_xlim(own["total_ms"].min() * 0.5, own["total_ms"].max() * 2.2)
     top = int(math.log10(axes.get_ylim()[1]))
     axes.set_yticks(10.0 ** np.arange(0, top + 1, 1 if top < 5 else 2))
@@ -129,10 +113,8 @@ def number(axes: Any, own: pd.DataFrame, looks: dict[str, dict[str, Any]]) -> No
     To be called once the layout stands: room is measured in what is drawn.
     """
     unit = axes.figure.dpi / 72
-    taken = [
-        box(x, y, MARKER * unit, MARKER * unit)
-        for x, y in axes.transData.transform(own[["total_ms", "height"]])
-    ]
+    places = axes.transData.transform(own[["total_ms", "height"]])
+    taken = [box(x, y, MARKER * unit, MARKER * unit) for x, y in places]
     frame = axes.get_window_extent()
     right = own[own["wrong_per_frame"] == 0].sort_values("total_ms")
     for family, mine in right.groupby("family"):
@@ -150,10 +132,11 @@ def number(axes: Any, own: pd.DataFrame, looks: dict[str, dict[str, Any]]) -> No
         for radius, turn in itertools.product((5.5, 9, 13, 18, 24, 31, 40), np.arange(16) / 16):
             right, up = radius * np.cos(2 * np.pi * turn), radius * np.sin(2 * np.pi * turn)
             here = box(x + right * unit, y + up * unit, width, high)
-            inside = (
-                here[0] >= frame.x0 and here[2] <= frame.x1 and here[1] >= frame.y0 and here[3] <= frame.y1
-            )
-            if inside and not any(meet(here, other) for other in taken):
+            if (
+                frame.contains(*here[:2])
+                and frame.contains(*here[2:])
+                and not any(meet(here, other) for other in taken)
+            ):
                 arrow = {"arrowstyle": "-", "lw": 0.3, "color": "#888888", "shrinkA": 0, "shrinkB": 2}
                 axes.annotate(str(r.number), (r.total_ms, r.height), xytext=(right, up), textcoords="offset points",
                               fontsize=NUMBER_SIZE, ha="center", va="center", color=looks[r.family]["color"],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,8 +55,8 @@ def draw_costs(cost: pd.DataFrame, base: str, path: Path) -> list[Path]:
         own.assign(added=added)
         .pivot(index="scene_title", columns="measure", values="added")
         .loc[scenes, names]
-        .fillna(0.0)
     )
+    shares = shares.fillna(0.0)
     with panels.sheet(path, (7.0, 0.62 * len(scenes) + 1.3), legend=0, grid="x") as (figure, grid):
         axes = grid[0, 0]
         left = 100 - shares.sum(axis=1)
@@ -81,7 +81,7 @@ def draw_costs(cost: pd.DataFrame, base: str, path: Path) -> list[Path]:
     return [path]
 
 
-def described(c) -> str:
+def described(c: Any) -> str:
     """A measure's cost in words, with its noise where that is larger."""
     if np.isnan(c.noise_ms):
         return "too few repeats to tell"
@@ -106,9 +106,7 @@ def draw_where(folder: Path, table: pd.DataFrame, shown: Sequence[str]) -> list[
             continue
         across = min(ACROSS, len(kept))
         down = -(-len(kept) // across)
-        part = window(
-            wrong_in(max((classes for *_, classes in kept), key=lambda classes: wrong_in(classes).sum()))
-        )
+        part = window(max((wrong_in(classes) for *_, classes in kept), key=np.sum))
         inks = [colour for _, colour in PAINT.values()]
         path = folder / f"accuracy_where-{name}.png"
         size = (2.2 * across, 2.45 * down + 0.6)

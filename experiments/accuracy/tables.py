@@ -86,11 +86,8 @@ def equal_error(table: pd.DataFrame) -> pd.DataFrame:
     same = ["title", "family"]
     good = known[known["wrong_per_frame"] < FEW].sort_values("total_ms").drop_duplicates(same).set_index(same)
     groups = known.groupby(same, sort=False).agg(
-        scene=("scene", "first"),
-        device=("device", "first"),
-        points=("key", "size"),
-        best_wrong=("wrong_per_frame", "min"),
-    )
+        scene=("scene", "first"), device=("device", "first"), points=("key", "size"), best_wrong=("wrong_per_frame", "min")
+    )  # fmt: skip
     made = groups.join(good[["label", "total_ms", "wrong_per_frame"]]).reset_index()
     return made.assign(scene_title=made["title"]).fillna({"label": ""})
 
@@ -111,9 +108,8 @@ def costs(folder: Path, measures: Sequence[Measure]) -> pd.DataFrame:
         own, other = compare.pairs(both, both["label"] == without)
         own = own[own["label"] == with_]
         other = other.loc[own.index]
-        noise = np.maximum(
-            *(2 * compare.spread(side).where(side["samples"] >= ENOUGH) for side in (own, other))
-        )
+        spreads = [2 * compare.spread(side).where(side["samples"] >= ENOUGH) for side in (own, other)]
+        noise = np.maximum(*spreads)
         cost = own["total_ms"] - other["total_ms"]
         found.append(own[["scene", "device"]].assign(
             scene_title=titles.loc[own.index], measure=name, **{"with": with_, "without": without},
@@ -122,22 +118,15 @@ def costs(folder: Path, measures: Sequence[Measure]) -> pd.DataFrame:
             wrong_with=own["wrong_per_frame"], wrong_without=other["wrong_per_frame"],
         ))  # fmt: skip
     rank = {title: i for i, title in enumerate(titles.unique())}
-    return pd.concat(found).sort_values(
-        "scene_title", key=lambda s: s.map(rank), kind="stable", ignore_index=True
-    )
+    made = pd.concat(found)
+    return made.sort_values("scene_title", key=lambda s: s.map(rank), kind="stable", ignore_index=True)
 
 
 def name_of(family: str, level: str) -> str:
     """A point's label where its family is not said beside it."""
-    if family == "as used":
+    if family in ("as used", level):
         return level
-    return (
-        f"grids with {level}"
-        if family == "in the grids"
-        else level
-        if family == level
-        else f"{family}: {level}"
-    )
+    return f"grids with {level}" if family == "in the grids" else f"{family}: {level}"
 
 
 def frontier_table(table: pd.DataFrame) -> pd.DataFrame:
@@ -166,17 +155,15 @@ def cost_table(cost: pd.DataFrame, hard: pd.DataFrame) -> pd.DataFrame:
         else document.carried(c.share, c.noise_ms / c.without_ms, "+%")
         for c in cost.itertuples()
     ]  # fmt: skip
-    wide = cost.assign(text=texts).pivot_table(
+    texts = cost.assign(text=texts)
+    wide = texts.pivot_table(
         index="measure", columns="scene_title", values="text", aggfunc="last", sort=False
     )
     groups = cost.groupby("measure", sort=False)
     wrong = groups[["wrong_without", "wrong_with"]].sum()
     wide["wrong without (with)"] = [f"{a:,.0f} ({b:,.0f})" for a, b in wrong.to_numpy()]
-    pairs = (
-        groups[["without", "with"]]
-        .first()
-        .map(lambda label: f"{errors[label]:,}" if label in errors else "-")
-    )
+    sides = groups[["without", "with"]].first()
+    pairs = sides.map(lambda label: f"{errors[label]:,}" if label in errors else "-")
     wide["hard cases"] = pairs["without"] + " (" + pairs["with"] + ")"
     return wide.reset_index()
 
@@ -193,10 +180,7 @@ def finding(table: pd.DataFrame, cost: pd.DataFrame) -> str:
     text = f"{never.sum()} of {len(never)} points are never wrong on these scenes"
     text += f", the fastest of them {' and '.join(counts)}" if counts else ""
     clear = cost[~cost["within_noise"].astype(bool)]
-    if len(cost):
-        text += (
-            f"; {len(clear)} of {len(cost)} differences with and without a safety measure exceed the noise"
-        )
+    text += f"; of {len(cost)} differences with and without a safety measure {len(clear)} exceed the noise"
     if len(clear):
         most = clear.loc[clear["share"].idxmax()]
         text += f", the dearest {most['measure']} on {most['scene_title']} ({most['share']:+.0%})"
@@ -207,10 +191,9 @@ def notes(table: pd.DataFrame) -> list[str]:
     """What else must be known to read the tables."""
     known = usable(table)
     result = [
-        f"Fewer than {FEW} wrong answers: the fastest point of each family is in accuracy_equal_error.csv."
+        f"The fastest point of each family with fewer than {FEW} wrong answers: accuracy_equal_error.csv."
     ]
-    devices = known["device_name"].unique()
-    if len(devices) > 1:
+    if known["device_name"].nunique() > 1:
         result.append("Points on another device than most of their scene's are on no frontier.")
     sampled = known.reindex(columns=["primary.unjudged"])["primary.unjudged"] > 0
     if sampled.any():

@@ -18,6 +18,7 @@ from shadowbench.experiments.accuracy.hard_cases import hard_rows
 from shadowbench.experiments.accuracy.offsets import error_grid, offset_by
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
+from shadowbench.harness.hardcases import all_cases
 from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.judge.verdict import Verdict
 from shadowbench.harness.report import flip as looks
@@ -370,3 +371,13 @@ def test_families_have_colours_of_their_own():
     made = pd.DataFrame({"family": [str(i) for i in range(len(style.COLOURS))]})
     looks = pareto.families(made).values()
     assert len({(look["color"], look["marker"]) for look in looks}) == len(made)
+
+
+def test_the_quick_preset_keeps_hard_cases_that_tell():
+    names = {case.name for case in all_cases()}
+    assert set(declared.TELLING) <= names
+    assert all(name.startswith(declared.LONG) for name in declared.TELLING)
+    (entry,) = [e for e in declared.IN_GRIDS if e.label == "in the grids: Möller-Trumbore"]
+    # Without them one wrong answer of thousands is left.
+    (row,) = hard_rows([entry], "cpu", without=("H", "M", "V", "P", "S"), but=("P29d", "P29e"))
+    assert row["true_errors"] > 50
