@@ -136,11 +136,12 @@ def report_json(options: Options, records: list[Record], files: list[Path]) -> d
     """What ``--json`` prints: one row a point, and what was written."""
     from ..results.means import point_rows
 
+    built = {record.key: record.method.get("built") for record in records}
     return {
         "experiment": options.experiment.name,
         "preset": options.preset_name,
         "device": options.device,
         "out": str(options.out),
         "files": [str(file) for file in files],
-        "points": point_rows(records),
+        "points": [{**row, "built": built[row["key"]]} for row in point_rows(records)],
     }

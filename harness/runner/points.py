@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import re
 from dataclasses import dataclass
 from typing import Any
@@ -135,6 +136,11 @@ def make_point(
     readable = re.sub(r"[^a-z0-9_.-]+", "-", stem.lower()).strip("-.")[:60]
     key = f"{readable}-{preset.width}x{preset.height}-{digest(configuration)[:16]}"
     return Point(key, entry, scene, method, configuration, frames, preset)
+
+
+def seed_of(text: str) -> int:
+    """A number that is the same for the same text, whatever the process."""
+    return int.from_bytes(hashlib.sha256(text.encode()).digest()[:4], "big")
 
 
 def orders(count: int, rounds: int, seed: int) -> list[list[int]]:

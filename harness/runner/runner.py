@@ -8,7 +8,6 @@ and it for them: see :mod:`.runner.machine_lock`.
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import os
 import time
 from collections.abc import Callable
@@ -16,23 +15,22 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..frame.devices import device_title
 from ..results.folder import ResultsFolder
 from ..results.record import FAILURES, Record, make_record
 from ..results.settle import settled
 from ..scene.facts import contents
 from ..scene.overrides import Lighting
-from .experiment import Entry, Preset
+from .experiment import Entry
 from .job import Job, Options
 from .machine import environment, keep
 from .machine_lock import MACHINE
-from .points import describe_method, make_point, orders
+from .points import describe_method, make_point, orders, seed_of
 from .progress import Silent
 from .protocol import LOAD_S, grade_command, load_command, prepare_command
 from .redraw import repaint
 from .scene_cache import known_scene, learn_scene
 from .worker_process import Remote, WorkerError, WorkerLostError
-from .workload import Estimate, expected_work
+from .workload import Estimate, announcement, expected_work, points_of, steps_of
 
 GRADER = "grading"
 """The name of the worker that makes scenes and grades answers (no method may be called so)."""
@@ -42,11 +40,6 @@ GRADERS = max(1, min(8, (os.cpu_count() or 1) // 2))
 
 
 Described = list[tuple[Entry, dict[str, Any]]]
-
-
-def _points(preset: Preset) -> int:
-    """Points of a preset, those that come after it left out."""
-    return len(preset.scenes) * len(preset.lightings) * len(preset.methods)
 
 
 @dataclass(eq=False)
@@ -73,18 +66,12 @@ class Run:
         options = self.options
         MACHINE.say = self.report.note
         with self.folder.locked(), MACHINE.shared():
-            self.report.note(self._announcement())
+            self.report.note(announcement(options))
             with self.folder.writing():
                 self.environment = keep(options.out, environment())
             parts = options.preset.parts()
-            self.report.steps(sum(_points(part) * (part.rounds + 2) for part in parts))
-            estimate = Estimate(
-                sum(
-                    expected_work(scene, part) * len(part.lightings) * len(part.methods)
-                    for part in parts
-                    for scene in part.scenes
-                )
-            )
+            self.report.steps(sum(points_of(part) * steps_of(part) for part in parts))
+            estimate = Estimate.of(parts)
             records: list[Record] = []
             try:
                 for part in parts:
@@ -102,19 +89,6 @@ class Run:
                 self.folder.shared_scene.unlink(missing_ok=True)
             self.report.doing("settling the pixels that several methods dispute")
             return settled(self.folder, records)
-
-    def _announcement(self) -> str:
-        options, parts = self.options, self.options.preset.parts()
-        points = sum(_points(part) for part in parts)
-        scenes = len({scene for part in parts for scene in part.scenes})
-        return (
-            f"{options.experiment.name}, preset {options.preset_name}, on {device_title(options.device)}: {points} "
-            f"point{'s' * (points != 1)} on {scenes} scene{'s' * (scenes != 1)}, results go to {options.out}. "
-            f"Kernels that are not in Warp's cache are compiled at the first scene"
-        )
-
-    def _steps_a_point(self) -> int:
-        return self.options.preset.rounds + 2
 
     # --- one scene ---
 
@@ -173,8 +147,10 @@ class Run:
             if not job.journal.first("finished"):
                 self._attempt(job, "compiling and warming up")
         jobs = [job for job in jobs if job.record is None]
+        scene = jobs[0].scene if jobs else ""
+        seed = seed_of(f"{self.options.experiment.name}/{scene}/{self.options.seed}")
         with MACHINE.exclusive():
-            for number, order in enumerate(orders(len(jobs), self.options.preset.rounds, self._seed(jobs))):
+            for number, order in enumerate(orders(len(jobs), self.options.preset.rounds, seed)):
                 for place, index in enumerate(order):
                     job = jobs[index]
                     if job.record is None and number not in job.journal.rounds() and not self._spent(job):
@@ -207,15 +183,11 @@ class Run:
         taken = [event["spent_s"] for event in job.journal.rounds().values()]
         return bool(taken) and sum(taken) * (len(taken) + 1) / len(taken) > self.options.preset.budget_s
 
-    def _seed(self, jobs: list[Job]) -> int:
-        text = f"{self.options.experiment.name}/{jobs[0].scene if jobs else ''}/{self.options.seed}"
-        return int.from_bytes(hashlib.sha256(text.encode()).digest()[:4], "big")
-
     def _jobs(self, scene: str, facts: dict[str, Any], methods: Described) -> list[Job]:
         options, jobs = self.options, []
         for entry, method in methods:
             point = make_point(options.experiment.name, options.preset, entry, facts, method, options.seed)
-            job = Job(point, scene, self.folder.journal(point.key), self._steps_a_point())
+            job = Job(point, scene, self.folder.journal(point.key), steps_of(options.preset))
             kept = self.folder.record(point.key)
             if kept and not (options.retry and kept.status in FAILURES):
                 job.record = kept

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
+from ..frame.devices import device_title
 from ..scene.names import ANIMATED, TRIANGLES
 from ..scene.standins import balls
 from .experiment import Preset
+from .job import Options
 
 PIXEL = 1.75
 """What a pixel costs, in triangles: about so over the methods of Table 1 on a CPU."""
@@ -28,12 +31,44 @@ def expected_work(scene: str, preset: Preset) -> float:
     return frames * preset.rounds * (triangles + PIXEL * preset.width * preset.height)
 
 
+def points_of(preset: Preset) -> int:
+    """Points of a preset, those that come after it left out."""
+    return len(preset.scenes) * len(preset.lightings) * len(preset.methods)
+
+
+def steps_of(preset: Preset) -> int:
+    """Steps of a point: it is prepared, measured in rounds, and judged."""
+    return preset.rounds + 2
+
+
+def announcement(options: Options) -> str:
+    """What a run is going to do, in one line."""
+    parts = options.preset.parts()
+    points = sum(points_of(part) for part in parts)
+    scenes = len({scene for part in parts for scene in part.scenes})
+    return (
+        f"{options.experiment.name}, preset {options.preset_name}, on {device_title(options.device)}: {points} "
+        f"point{'s' * (points != 1)} on {scenes} scene{'s' * (scenes != 1)}, results go to {options.out}. "
+        f"Kernels that are not in Warp's cache are compiled at the first scene"
+    )
+
+
 class Estimate:
     """How long the scenes that are left will take, from how long those took that were measured."""
 
     def __init__(self, work: float):
         self.to_do = work
         self._done = self._seconds = 0.0
+
+    @classmethod
+    def of(cls, parts: Sequence[Preset]) -> Estimate:
+        """For all scenes of some presets."""
+        each = (
+            expected_work(scene, part) * points_of(part) / len(part.scenes)
+            for part in parts
+            for scene in part.scenes
+        )
+        return cls(sum(each))
 
     def measured(self, work: float, seconds: float) -> None:
         """A scene was measured; ``seconds`` without those that come only once (compiling)."""
