@@ -112,15 +112,21 @@ class Corners:
 
 
 @wp.func
-def direction_of(camera: Camera, pixel: wp.int32) -> wp.vec3f:
-    """The direction of a pixel's ray; pixel = row * width + column."""
-    return camera.column[pixel % camera.width] + camera.row[pixel // camera.width]
+def direction_through(camera: Camera, x: wp.int32, y: wp.int32) -> wp.vec3f:
+    """The direction of the pixel in a column and a row."""
+    return camera.column[x] + camera.row[y]
+
+
+@wp.func
+def ray_through(camera: Camera, x: wp.int32, y: wp.int32) -> Ray:
+    """The primary ray of the pixel in a column and a row."""
+    return Ray(camera.eye[0], direction_through(camera, x, y))
 
 
 @wp.func
 def ray_of(camera: Camera, pixel: wp.int32) -> Ray:
     """The primary ray of a pixel; pixel = row * width + column."""
-    return Ray(camera.eye[0], direction_of(camera, pixel))
+    return ray_through(camera, pixel % camera.width, pixel // camera.width)
 
 
 @wp.func

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import warp as wp
 
+from ...harness.frame.geometry import Camera, Corners
 from .triangle import U32, largest, total
 
 
@@ -17,7 +18,18 @@ def camera_space(p: wp.vec3f, eye: wp.vec3f, axes: wp.array(dtype=wp.vec3f)) -> 
 
 
 @wp.func
-def beside(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, plane: wp.vec3f) -> wp.bool:
+def in_camera_space(camera: Camera, corners: Corners) -> Corners:
+    """A triangle's corners in camera space."""
+    eye = camera.eye[0]
+    return Corners(
+        camera_space(corners.a, eye, camera.axes),
+        camera_space(corners.b, eye, camera.axes),
+        camera_space(corners.c, eye, camera.axes),
+    )
+
+
+@wp.func
+def outside_plane(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, plane: wp.vec3f) -> wp.bool:
     """Whether the whole triangle lies certainly outside a plane through the eye."""
     slack = 32.0 * U32 * total(plane)
     return (
@@ -31,11 +43,11 @@ def beside(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, plane: wp.vec3f) -> wp.bool:
 def out_of_view(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, tx: wp.float32, ty: wp.float32) -> wp.bool:
     """Whether the triangle lies certainly outside one plane of the view frustum."""
     return (
-        beside(a, b, c, wp.vec3f(1.0, 0.0, -tx))
-        or beside(a, b, c, wp.vec3f(-1.0, 0.0, -tx))
-        or beside(a, b, c, wp.vec3f(0.0, 1.0, -ty))
-        or beside(a, b, c, wp.vec3f(0.0, -1.0, -ty))
-        or beside(a, b, c, wp.vec3f(0.0, 0.0, -1.0))
+        outside_plane(a, b, c, wp.vec3f(1.0, 0.0, -tx))
+        or outside_plane(a, b, c, wp.vec3f(-1.0, 0.0, -tx))
+        or outside_plane(a, b, c, wp.vec3f(0.0, 1.0, -ty))
+        or outside_plane(a, b, c, wp.vec3f(0.0, -1.0, -ty))
+        or outside_plane(a, b, c, wp.vec3f(0.0, 0.0, -1.0))
     )
 
 

@@ -53,9 +53,9 @@ def _share(part: int, whole: int) -> int:
 
 
 def _lists(name: str, bins: TileBins, made: bool = True) -> dict[str, int]:
-    lengths = (bins.end.numpy() - bins.begin.numpy()) * made
+    lengths = (bins.lists.end.numpy() - bins.lists.begin.numpy()) * made
     lengths = lengths[lengths > 0]
-    keys = bins.keys.numpy()[: int(lengths.sum())]
+    keys = bins.lists.keys.numpy()[: int(lengths.sum())]
     return {
         f"{name} pairs": len(keys),
         f"{name} occupied tiles": len(lengths),

@@ -7,17 +7,23 @@ from __future__ import annotations
 
 import warp as wp
 
-from ....harness.frame.geometry import Camera, Mesh, corners_of, weld_of
-from ...common.screen import camera_space, out_of_view, pixel_box
+from ....harness.frame.geometry import Camera, Corners, Mesh, corners_of, weld_of
+from ...common.screen import in_camera_space, out_of_view, pixel_box
 from ...common.triangle import largest
 from ..culling import faces_away
-from ..lists.binning import queue_large
+from ..lists.binning import PieceQueue, queue_large
 from .ray_tests import plane_record, vertex_record
 
 
 @wp.func
-def widened(p: wp.vec3f, middle: wp.vec3f, widening: wp.float32) -> wp.vec3f:
-    return p + (p - middle) * widening
+def widened(corners: Corners, widening: wp.float32) -> Corners:
+    """A triangle grown about its middle by ``widening`` of its size."""
+    middle = (corners.a + corners.b + corners.c) / 3.0
+    return Corners(
+        corners.a + (corners.a - middle) * widening,
+        corners.b + (corners.b - middle) * widening,
+        corners.c + (corners.c - middle) * widening,
+    )
 
 
 @wp.func
@@ -31,32 +37,26 @@ def project(
     mesh: Mesh,
     boxes: wp.array(dtype=wp.vec4i),
     records: wp.array(dtype=wp.vec4f),
-    lanes: wp.int32,
-    queue: wp.array(dtype=wp.vec2i),
-    needs: wp.array(dtype=wp.int64),
-    slot: wp.int32,
+    queue: PieceQueue,
 ) -> wp.vec2f:
     """A valid triangle's box, record and place in the queue; returns its range of depth, (inf, -inf) if unseen."""
     unseen = wp.vec2f(wp.INF, -wp.INF)
     corners = corners_of(mesh, i)
     o = camera.eye[0]
-    a = camera_space(corners.a, o, camera.axes)
-    b = camera_space(corners.b, o, camera.axes)
-    c = camera_space(corners.c, o, camera.axes)
-    middle = (a + b + c) / 3.0
-    a = widened(a, middle, widening)
-    b = widened(b, middle, widening)
-    c = widened(c, middle, widening)
+    seen = widened(in_camera_space(camera, corners), widening)
+    a = seen.a
+    b = seen.b
+    c = seen.c
     if out_of_view(a, b, c, camera.tangents[0], camera.tangents[1]):
         return unseen
-    seen = pixel_box(a, b, c, camera.tangents[0], camera.tangents[1], camera.width, camera.height)
-    if seen[2] < seen[0] or seen[3] < seen[1]:
+    pixels = pixel_box(a, b, c, camera.tangents[0], camera.tangents[1], camera.width, camera.height)
+    if pixels[2] < pixels[0] or pixels[3] < pixels[1]:
         return unseen
     if faces_away(outward, o, corners):
         return unseen
-    box = wp.vec4i(seen[0] // tile, seen[1] // tile, seen[2] // tile, seen[3] // tile)
+    box = wp.vec4i(pixels[0] // tile, pixels[1] // tile, pixels[2] // tile, pixels[3] // tile)
     boxes[i] = box
-    queue_large(i, box, lanes, queue, needs, slot)
+    queue_large(i, box, queue)
     r = plane_record(o, corners, weld_of(mesh, i))
     if test == 2:  # Moeller-Trumbore
         r = vertex_record(o, corners, weld_of(mesh, i))
@@ -77,14 +77,11 @@ def project_kernel(
     test: wp.int32,
     camera: Camera,
     mesh: Mesh,
-    lanes: wp.int32,
-    slot: wp.int32,
     boxes: wp.array(dtype=wp.vec4i),
     depths: wp.array(dtype=wp.vec2f),
     depth_range: wp.array(dtype=wp.float32),
     records: wp.array(dtype=wp.vec4f),
-    queue: wp.array(dtype=wp.vec2i),
-    needs: wp.array(dtype=wp.int64),
+    queue: PieceQueue,
 ):
     """Each triangle's box of tiles, range of depth and record; queue the large ones; range of all depths.
 
@@ -97,9 +94,7 @@ def project_kernel(
     if i < boxes.shape[0]:
         boxes[i] = wp.vec4i(0, 0, -1, -1)
         if i < triangle_count and mesh.valid[i] != wp.uint8(0):
-            depth = project(
-                i, tile, widening, outward, test, camera, mesh, boxes, records, lanes, queue, needs, slot
-            )
+            depth = project(i, tile, widening, outward, test, camera, mesh, boxes, records, queue)
             depths[i] = depth
     low = wp.tile_extract(wp.tile_min(wp.tile(depth[0])), 0)
     high = wp.tile_extract(wp.tile_max(wp.tile(depth[1])), 0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warp as wp
 
 from ....harness.frame.frame import Frame
+from ....harness.frame.geometry import filled
 from ....harness.frame.passes import Pass
 from ....harness.frame.specialise import specialised
 from ....harness.scene.effects import Effects
@@ -63,14 +64,17 @@ class CameraGrid:
             self.hit = wp.zeros(frame.pixels, dtype=wp.vec3d)
             self.no_tests = wp.zeros(1, dtype=wp.int32)
             self.nearest = wp.zeros(frame.pixels if trace.triangle_chunk else 1, dtype=wp.uint64)
-        self.tiles = ImageTiles()
-        self.tiles.width, self.tiles.height = frame.width, frame.height
-        self.tiles.tile, self.tiles.slices = build.tile, build.slices
-        self.tiles.spans = build.depth_lists == "spans"
-        self.tiles.tangents, self.tiles.depth_range = frame.tangents, self.depth_range
+        self.tiles = filled(
+            ImageTiles,
+            tile=build.tile,
+            across=self.across,
+            slices=build.slices,
+            spans=build.depth_lists == "spans",
+            depth_range=self.depth_range,
+        )
         split, sources = trace.triangle_chunk, self.across * self.down if trace.triangle_chunk else 1
         # A list of n pairs has at most one part and one for every full chunk.
-        self.items = Items(sources, sources + (capacity[0] // split if split else 0), frame.device)
+        self.items = Items(sources, sources + (capacity[0] // split if split else 0), split, frame.device)
         self.item_need = wp.zeros(1, dtype=wp.int64, device=frame.device)
 
     def passes(self) -> list[Pass]:
@@ -98,9 +102,9 @@ class CameraGrid:
             dim=-(-b.items // BIN_BLOCK) * BIN_BLOCK,
             inputs=[
                 f.triangle_count, self.build.tile, self.widening, self.outward,
-                TRIANGLE_TESTS.index(self.build.triangle_test), f.camera, f.mesh, b.lanes, b.slot + 1,
+                TRIANGLE_TESTS.index(self.build.triangle_test), f.camera, f.mesh,
             ],
-            outputs=[b.boxes, self.depths, self.depth_range, self.records, b.queue, b.needs],
+            outputs=[b.boxes, self.depths, self.depth_range, self.records, b.queue],
             block_dim=BIN_BLOCK,
             device=f.device,
         )  # fmt: skip
@@ -111,23 +115,21 @@ class CameraGrid:
         wp.launch(
             bin_kernel,
             dim=b.threads,
-            inputs=[
-                self.tiles, b.lanes, self.widening, f.eye, f.axes, f.points, f.triangles, b.boxes, self.depths,
-                b.queue, b.pairs,
-            ],
+            inputs=[self.widening, f.camera, f.mesh, self.tiles, b.boxes, self.depths, b.queue],
+            outputs=[b.pairs],
             block_dim=BIN_BLOCK,
             device=f.device,
-        )  # fmt: skip
+        )
 
     def launch_trace(self, tests: wp.array | None = None) -> None:
-        """Closest hits. ``tests`` (int32 [pixels]) receives the triangle tests of each pixel, if given."""
-        f, pairs, split = self.frame, self.bins, self.trace.triangle_chunk
+        """Closest hits. ``tests`` (int32 [pixels]) is raised by the triangle tests of each pixel, if given."""
+        f, bins, split = self.frame, self.bins, self.trace.triangle_chunk
         # Of a split list a block takes one sorting tile; otherwise a tracing tile of k x k of them.
         k = 1 if split else self.trace.k
         sources = -(-self.across // k) * -(-self.down // k)
         if split:
             sources = self.items.capacity
-            self.items.launch(count_tiles_kernel, [split, pairs.begin, pairs.end], self.item_need, 0)
+            self.items.launch(count_tiles_kernel, [split, bins.lists], self.item_need, 0)
             self.nearest.fill_(int(NO_NEAREST))
         variant, area = Variant.of(self.build), (k * self.build.tile) ** 2
         block = block_for(area)
@@ -138,9 +140,7 @@ class CameraGrid:
             specialised(kernel, self.effects.switches()),
             dim=sources * (-(-area // block) * block if in_blocks else area),
             inputs=[
-                self.build.tile, k, self.build.slices, split, f.camera, f.mesh, self.depth_range, pairs.begin,
-                pairs.end, pairs.keys, pairs.values, self.records, f.alpha, self.items.items, self.items.scan,
-                self.nearest,
+                k, f.camera, f.mesh, f.alpha, self.tiles, bins.lists, self.records, self.items.parts, self.nearest,
             ],
             outputs=outputs,
             block_dim=block,

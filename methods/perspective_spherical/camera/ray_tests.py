@@ -170,6 +170,13 @@ def near_inside(e: wp.vec3d) -> wp.bool:
     return sum != wp.float64(0.0) and e[0] >= least and e[1] >= least and e[2] >= least
 
 
+@wp.func
+def count_tests(tests: wp.array(dtype=wp.int32), pixel: wp.int32, number: wp.int32):
+    """Add to a pixel's triangle tests, where they are counted; an array of one element is not written."""
+    if tests.shape[0] > 1:
+        wp.atomic_add(tests, pixel, number)
+
+
 RAY_RECORDS = (plane_record, plane_record, vertex_record)
 RAY_PASSES = (passes_bounded, passes_planes, passes_moller_trumbore)
 RAY_DECIDES = (hit_distance, hit_distance_near, hit_distance_near)

@@ -10,10 +10,11 @@ from __future__ import annotations
 
 import warp as wp
 
+from ....harness.frame.geometry import Camera, Corners, Mesh, corners_of
 from ...common.reserve import reserve_many
-from ...common.screen import camera_space
+from ...common.screen import in_camera_space
 from ...common.triangle import FLOOR32, U32, largest
-from ..lists.binning import PairSink, piece_of, write_pair
+from ..lists.binning import PairSink, PieceQueue, piece_of, write_pair
 from .bounds import widened
 
 
@@ -36,21 +37,12 @@ class ScreenTriangle:
 
 
 @wp.func
-def screen_triangle(
-    face: wp.vec3i,
-    widening: wp.float32,
-    eye: wp.vec3f,
-    axes: wp.array(dtype=wp.vec3f),
-    tangents: wp.array(dtype=wp.float32),
-    points: wp.array(dtype=wp.vec3f),
-) -> ScreenTriangle:
-    a = camera_space(points[face[0]], eye, axes)
-    b = camera_space(points[face[1]], eye, axes)
-    c = camera_space(points[face[2]], eye, axes)
-    middle = (a + b + c) / 3.0
-    a = widened(a, middle, widening)
-    b = widened(b, middle, widening)
-    c = widened(c, middle, widening)
+def screen_triangle(camera: Camera, corners: Corners, widening: wp.float32) -> ScreenTriangle:
+    """The planes of a triangle that is widened about its middle."""
+    seen = widened(in_camera_space(camera, corners), widening)
+    a = seen.a
+    b = seen.b
+    c = seen.c
     ab = b - a
     bc = c - b
     ca = a - c
@@ -64,7 +56,9 @@ def screen_triangle(
     s.n0 = wp.cross(b, bc)
     s.n1 = wp.cross(c, ca)
     s.n2 = wp.cross(a, ab)
-    s.error = (1.0 + tangents[0] + tangents[1]) * (32.0 * U32 * reach * edge + 6.0 * reach * slack) + FLOOR32
+    s.error = (1.0 + camera.tangents[0] + camera.tangents[1]) * (
+        32.0 * U32 * reach * edge + 6.0 * reach * slack
+    ) + FLOOR32
     n_error = 16.0 * U32 * edge * edge + 6.0 * edge * slack
     det_error = 3.0 * n_error * reach + 16.0 * U32 * largest(n) * reach + 3.0 * largest(n) * slack + FLOOR32
     s.oriented = wp.abs(det) > det_error
@@ -75,8 +69,23 @@ def screen_triangle(
     s.refine = wp.abs(det) > 100.0 * det_error and largest(n) > 100.0 * n_error
     if s.refine:
         s.m = n / det
-        s.m_error = 0.03 * largest(s.m) * (1.0 + tangents[0] + tangents[1])
+        s.m_error = 0.03 * largest(s.m) * (1.0 + camera.tangents[0] + camera.tangents[1])
     return s
+
+
+@wp.struct
+class ImageTiles:
+    """The grid: side of a tile in pixels, tiles in a row, slices of depth.
+
+    spans        lists in every slice, not only the first
+    depth_range  float32 [2]: nearest and farthest depth of all triangles
+    """
+
+    tile: wp.int32
+    across: wp.int32
+    slices: wp.int32
+    spans: wp.bool
+    depth_range: wp.array(dtype=wp.float32)
 
 
 @wp.func
@@ -94,43 +103,30 @@ def slice_of(depth: wp.float32, near: wp.float32, per_slice: wp.float32, slices:
 
 
 @wp.func
-def slice_scale(depth_range: wp.array(dtype=wp.float32), slices: wp.int32) -> wp.float32:
+def slice_scale(grid: ImageTiles) -> wp.float32:
     """Slices a metre; 0 where all depths agree or there are none."""
-    span = depth_range[1] - depth_range[0]
+    span = grid.depth_range[1] - grid.depth_range[0]
     if span > 0.0:
-        return wp.float32(slices) / span
+        return wp.float32(grid.slices) / span
     return wp.float32(0.0)
-
-
-@wp.struct
-class ImageTiles:
-    """The grid: image size, side of a tile in pixels, slices; ``spans``: lists in every slice, not only the first."""
-
-    width: wp.int32
-    height: wp.int32
-    tile: wp.int32
-    slices: wp.int32
-    spans: wp.bool
-    tangents: wp.array(dtype=wp.float32)
-    depth_range: wp.array(dtype=wp.float32)
 
 
 @wp.func
 def slices_in_tile(
-    g: ImageTiles, s: ScreenTriangle, depth: wp.vec2f, column: wp.int32, row: wp.int32
+    camera: Camera, grid: ImageTiles, s: ScreenTriangle, depth: wp.vec2f, column: wp.int32, row: wp.int32
 ) -> wp.vec2i:
     """First and last slice that the triangle is listed in within a tile; last < first where it is missed."""
-    tx = g.tangents[0]
-    ty = g.tangents[1]
+    tx = camera.tangents[0]
+    ty = camera.tangents[1]
     pad = 4.0e-6 * (1.0 + wp.max(tx, ty))
-    left = wp.float32(column * g.tile)
-    right = wp.float32(wp.min(column * g.tile + g.tile, g.width) - 1)
-    top = wp.float32(row * g.tile)
-    bottom = wp.float32(wp.min(row * g.tile + g.tile, g.height) - 1)
-    x0 = (2.0 * (left + 0.5) / wp.float32(g.width) - 1.0) * tx - pad
-    x1 = (2.0 * (right + 0.5) / wp.float32(g.width) - 1.0) * tx + pad
-    y1 = (1.0 - 2.0 * (top + 0.5) / wp.float32(g.height)) * ty + pad
-    y0 = (1.0 - 2.0 * (bottom + 0.5) / wp.float32(g.height)) * ty - pad
+    left = wp.float32(column * grid.tile)
+    right = wp.float32(wp.min(column * grid.tile + grid.tile, camera.width) - 1)
+    top = wp.float32(row * grid.tile)
+    bottom = wp.float32(wp.min(row * grid.tile + grid.tile, camera.height) - 1)
+    x0 = (2.0 * (left + 0.5) / wp.float32(camera.width) - 1.0) * tx - pad
+    x1 = (2.0 * (right + 0.5) / wp.float32(camera.width) - 1.0) * tx + pad
+    y1 = (1.0 - 2.0 * (top + 0.5) / wp.float32(camera.height)) * ty + pad
+    y0 = (1.0 - 2.0 * (bottom + 0.5) / wp.float32(camera.height)) * ty - pad
     if tile_missed(s, x0, x1, y0, y1):
         return wp.vec2i(0, -1)
     low = depth[0]
@@ -144,42 +140,38 @@ def slices_in_tile(
             low = wp.max(low, 1.0 / inverse_high)
         if inverse_low > 0.0:
             high = wp.min(high, 1.0 / inverse_low)
-    per_slice = slice_scale(g.depth_range, g.slices)
-    near = g.depth_range[0]
-    first = slice_of(low * 0.99999, near, per_slice, g.slices)
+    per_slice = slice_scale(grid)
+    near = grid.depth_range[0]
+    first = slice_of(low * 0.99999, near, per_slice, grid.slices)
     last = first
-    if g.spans:
-        last = wp.max(first, slice_of(high * 1.00001, near, per_slice, g.slices))
+    if grid.spans:
+        last = wp.max(first, slice_of(high * 1.00001, near, per_slice, grid.slices))
     return wp.vec2i(first, last)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def bin_kernel(
-    g: ImageTiles,
-    lanes: wp.int32,
     widening: wp.float32,
-    eye: wp.array(dtype=wp.vec3f),
-    axes: wp.array(dtype=wp.vec3f),
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
+    camera: Camera,
+    mesh: Mesh,
+    grid: ImageTiles,
     boxes: wp.array(dtype=wp.vec4i),
     depths: wp.array(dtype=wp.vec2f),
-    queue: wp.array(dtype=wp.vec2i),
+    queue: PieceQueue,
     out: PairSink,
 ):
     """Write the pairs of one piece of work: count them, reserve their places, find them again."""
-    p = piece_of(wp.tid(), lanes, boxes, queue, out.needs[out.slot + 1])
+    p = piece_of(wp.tid(), boxes, queue)
     if p.item < 0:
         return
-    s = screen_triangle(triangles[p.item], widening, eye[0], axes, g.tangents, points)
+    s = screen_triangle(camera, corners_of(mesh, p.item), widening)
     depth = depths[p.item]
-    across = (g.width + g.tile - 1) // g.tile
     number = wp.int32(0)
     hits = wp.int32(0)
     kept_at = wp.int32(-1)
     kept = wp.vec2i(0, -1)
     for at in range(p.first, p.stop, p.step):
-        found = slices_in_tile(g, s, depth, p.x + at % p.w, p.y + at // p.w)
+        found = slices_in_tile(camera, grid, s, depth, p.x + at % p.w, p.y + at // p.w)
         if found[1] >= found[0]:
             number += found[1] - found[0] + 1
             hits = hits | (1 << ((at - p.first) // p.step))
@@ -194,8 +186,8 @@ def bin_kernel(
             row = p.y + at // p.w
             found = kept
             if at != kept_at:
-                found = slices_in_tile(g, s, depth, column, row)
-            cell = (row * across + column) * g.slices
+                found = slices_in_tile(camera, grid, s, depth, column, row)
+            cell = (row * grid.across + column) * grid.slices
             for slice in range(found[0], found[1] + 1):
                 write_pair(place, cell + slice, p.item, out)
                 place += wp.int64(1)

@@ -17,13 +17,15 @@ import functools
 import warp as wp
 
 from ....harness.frame.alpha import Alpha
-from ....harness.frame.geometry import Camera, Hits, Mesh, Ray, corners_of, ray_of, weld_of
+from ....harness.frame.geometry import Camera, Hits, Mesh, Ray, corners_of, ray_of, ray_through, weld_of
 from ....harness.frame.specialise import effects
 from ...common.alpha import opaque_at_hit
-from ...common.triangle import NO_HIT, depth_key, nearer, write_hit
+from ...common.triangle import NO_HIT, depth_key, nearer, total, write_hit
+from ..lists.binning import TileLists
+from ..lists.items import ListParts, pairs_of_part, part_of
 from ..variants import Variant
-from .ray_tests import RAY_DECIDES, RAY_PASSES, RayRecord
-from .tiles import slice_scale
+from .ray_tests import RAY_DECIDES, RAY_PASSES, RayRecord, count_tests
+from .tiles import ImageTiles, slice_scale
 
 INDEX_BITS = wp.constant(wp.uint64(24))
 """Bits of a packed hit that hold the triangle; the upper 40 hold the depth key."""
@@ -33,31 +35,28 @@ NO_NEAREST = wp.constant(wp.uint64(0xFFFFFFFFFFFFFFFF))
 
 @wp.func
 def indirect_pixel(
-    block: wp.int32, rest: wp.int32, width: wp.int32, height: wp.int32, tile: wp.int32, k: wp.int32
+    camera: Camera, grid: ImageTiles, k: wp.int32, block: wp.int32, place: wp.int32
 ) -> wp.vec3i:
-    """(x, y, sorting tile) of a place in a tracing tile: sorting tiles row by row, in them pixels. -1 outside."""
-    across = (width + tile - 1) // tile
-    blocks_across = (across + k - 1) // k
-    area = tile * tile
-    sub = rest // area
-    inside = rest % area
+    """(x, y, sorting tile) of a place in a tracing tile of k x k: sorting tiles row by row, in them pixels. -1 outside."""
+    blocks_across = (grid.across + k - 1) // k
+    area = grid.tile * grid.tile
+    sub = place // area
+    inside = place % area
     column = (block % blocks_across) * k + sub % k
     row = (block // blocks_across) * k + sub // k
-    x = column * tile + inside % tile
-    y = row * tile + inside // tile
-    if sub >= k * k or x >= width or y >= height:
+    x = column * grid.tile + inside % grid.tile
+    y = row * grid.tile + inside // grid.tile
+    if sub >= k * k or x >= camera.width or y >= camera.height:
         return wp.vec3i(-1, -1, -1)
-    return wp.vec3i(x, y, row * across + column)
+    return wp.vec3i(x, y, row * grid.across + column)
 
 
 @wp.func
-def slice_start(
-    depth_range: wp.array(dtype=wp.float32), per_slice: wp.float32, slice: wp.int32
-) -> wp.float32:
+def slice_start(grid: ImageTiles, per_slice: wp.float32, slice: wp.int32) -> wp.float32:
     """A depth that no triangle first listed in ``slice`` comes before, less what rounding may move it."""
     if slice == 0 or per_slice == 0.0:
         return wp.float32(-1.0)
-    return (depth_range[0] + wp.float32(slice) / per_slice) * 0.9999 - 1.0e-5 * depth_range[0]
+    return (grid.depth_range[0] + wp.float32(slice) / per_slice) * 0.9999 - 1.0e-5 * grid.depth_range[0]
 
 
 @wp.func
@@ -85,6 +84,26 @@ def record_at(records: wp.array(dtype=wp.vec4f), i: wp.int32) -> RayRecord:
     return r
 
 
+@wp.func
+def write_nearest(
+    pixel: wp.int32,
+    ray: Ray,
+    best: wp.int32,
+    t: wp.float64,
+    mesh: Mesh,
+    parts: ListParts,
+    nearest: wp.array(dtype=wp.uint64),
+    hits: Hits,
+    hit_points: wp.array(dtype=wp.vec3d),
+):
+    """Write a pixel's closest hit; of a split list, the nearest of this part and those before it to ``nearest``."""
+    if parts.split > 0:
+        if best >= 0:
+            wp.atomic_min(nearest, pixel, packed_hit(t, best))
+    else:
+        write_hit(hits, hit_points, pixel, ray, best, t, mesh)
+
+
 @functools.cache
 def make_trace_kernel(variant: Variant) -> wp.Kernel:
     """One thread a pixel, each reading triangles for itself: direct on any device, the twin of the staged kernel."""
@@ -93,67 +112,54 @@ def make_trace_kernel(variant: Variant) -> wp.Kernel:
 
     @wp.kernel(enable_backward=False, module="unique", grid_stride=False)
     def trace_kernel(
-        tile: wp.int32,
         k: wp.int32,
-        slices: wp.int32,
-        split: wp.int32,
         camera: Camera,
         mesh: Mesh,
-        depth_range: wp.array(dtype=wp.float32),
-        begin: wp.array(dtype=wp.int32),
-        end: wp.array(dtype=wp.int32),
-        keys: wp.array(dtype=wp.int32),
-        values: wp.array(dtype=wp.int32),
-        records: wp.array(dtype=wp.vec4f),
         alpha: Alpha,
-        items: wp.array(dtype=wp.vec2i),
-        item_scan: wp.array(dtype=wp.int64),
+        grid: ImageTiles,
+        lists: TileLists,
+        records: wp.array(dtype=wp.vec4f),
+        parts: ListParts,
         nearest: wp.array(dtype=wp.uint64),
         hits: Hits,
         hit_points: wp.array(dtype=wp.vec3d),
         tests: wp.array(dtype=wp.int32),
     ):
         thread = wp.tid()
-        area = k * k * tile * tile
-        block = thread // area
-        part = wp.int32(0)
-        if split > 0:
-            if wp.int64(block) >= item_scan[item_scan.shape[0] - 1]:
-                return
-            part = items[block][1]
-            block = items[block][0]
-        place = indirect_pixel(block, thread % area, camera.width, camera.height, tile, k)
+        area = k * k * grid.tile * grid.tile
+        work = part_of(parts, thread // area)
+        if work[0] < 0:
+            return
+        place = indirect_pixel(camera, grid, k, work[0], thread % area)
         if place[0] < 0:
             return
         pixel = place[1] * camera.width + place[0]
-        ray = Ray(camera.eye[0], camera.column[place[0]] + camera.row[place[1]])
-        d = ray.direction
-        size = wp.abs(d[0]) + wp.abs(d[1]) + wp.abs(d[2])
-        per_slice = slice_scale(depth_range, slices)
+        ray = ray_through(camera, place[0], place[1])
+        size = total(ray.direction)
+        per_slice = slice_scale(grid)
         best = wp.int32(-1)
         best_t = wp.float64(wp.INF)
         depth = wp.float32(wp.INF)
+        if parts.split > 0:
+            depth = packed_depth(nearest[pixel])
         number = wp.int32(0)
         slice = wp.int32(-1)
-        j = begin[place[2]]
-        stop = end[place[2]]
-        if split > 0:
-            depth = packed_depth(nearest[pixel])
-            j += part * split
-            stop = wp.min(stop, j + split)
+        pairs = pairs_of_part(lists, place[2], parts, work[1])
+        j = pairs[0]
+        stop = pairs[1]
         while j < stop:
             i = wp.int32(-1)
             while j < stop and i < 0:
                 if depth < wp.INF:
-                    here = keys[j] - place[2] * slices
+                    here = lists.keys[j] - place[2] * grid.slices
                     if here != slice:
                         slice = here
-                        if depth < slice_start(depth_range, per_slice, slice):
+                        if depth < slice_start(grid, per_slice, slice):
                             stop = j
                             break
                 number += 1
-                if passes(d, size, record_at(records, values[j])):
-                    i = values[j]
+                if passes(ray.direction, size, record_at(records, lists.values[j])):
+                    i = lists.values[j]
                 j += 1
             if i >= 0:
                 corners = corners_of(mesh, i)
@@ -166,15 +172,8 @@ def make_trace_kernel(variant: Variant) -> wp.Kernel:
                     best = i
                     best_t = t
                     depth = wp.min(depth, wp.float32(best_t))
-        if split > 0:
-            if best >= 0:
-                wp.atomic_min(nearest, pixel, packed_hit(best_t, best))
-            if tests.shape[0] > 1:
-                wp.atomic_add(tests, pixel, number)
-        else:
-            write_hit(hits, hit_points, pixel, ray, best, best_t, mesh)
-            if tests.shape[0] > 1:
-                tests[pixel] = number
+        write_nearest(pixel, ray, best, best_t, mesh, parts, nearest, hits, hit_points)
+        count_tests(tests, pixel, number)
 
     return trace_kernel
 

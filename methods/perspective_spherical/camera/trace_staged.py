@@ -13,14 +13,16 @@ import functools
 import warp as wp
 
 from ....harness.frame.alpha import Alpha
-from ....harness.frame.geometry import Camera, Hits, Mesh, Ray, corners_of, weld_of
+from ....harness.frame.geometry import Camera, Hits, Mesh, Ray, corners_of, direction_through, weld_of
 from ....harness.frame.specialise import effects
 from ...common.alpha import opaque_at_hit
-from ...common.triangle import NO_HIT, nearer, write_hit
+from ...common.triangle import NO_HIT, nearer, total
+from ..lists.binning import TileLists
+from ..lists.items import ListParts, pairs_of_part, part_of
 from ..variants import Variant
-from .ray_tests import RAY_DECIDES, RAY_PASSES, RayRecord
-from .tiles import slice_scale
-from .trace import indirect_pixel, packed_depth, packed_hit, record_at, slice_start
+from .ray_tests import RAY_DECIDES, RAY_PASSES, RayRecord, count_tests
+from .tiles import ImageTiles, slice_scale
+from .trace import indirect_pixel, packed_depth, record_at, slice_start, write_nearest
 
 TRACE_REGISTERS = 64
 """A cap that lets more warps hide each other's waiting than what it spills costs: 0.30 to 0.25 ms on Buddha."""
@@ -40,21 +42,14 @@ def make_staged_trace_kernel(variant: Variant, block: int) -> wp.Kernel:
 
     @wp.kernel(enable_backward=False, module="unique", grid_stride=False, cuda_max_registers=TRACE_REGISTERS)
     def staged_trace_kernel(
-        tile: wp.int32,
         k: wp.int32,
-        slices: wp.int32,
-        split: wp.int32,
         camera: Camera,
         mesh: Mesh,
-        depth_range: wp.array(dtype=wp.float32),
-        begin: wp.array(dtype=wp.int32),
-        end: wp.array(dtype=wp.int32),
-        keys: wp.array(dtype=wp.int32),
-        values: wp.array(dtype=wp.int32),
-        records: wp.array(dtype=wp.vec4f),
         alpha: Alpha,
-        items: wp.array(dtype=wp.vec2i),
-        item_scan: wp.array(dtype=wp.int64),
+        grid: ImageTiles,
+        lists: TileLists,
+        records: wp.array(dtype=wp.vec4f),
+        parts: ListParts,
         nearest: wp.array(dtype=wp.uint64),
         hits: Hits,
         hit_points: wp.array(dtype=wp.vec3d),
@@ -62,50 +57,43 @@ def make_staged_trace_kernel(variant: Variant, block: int) -> wp.Kernel:
     ):
         thread = wp.tid()
         lane = thread % wp.static(slots)
-        area = k * k * tile * tile
+        tile_area = grid.tile * grid.tile
+        area = k * k * tile_area
         shares = (area + wp.static(slots) - 1) // wp.static(slots)
-        source = (thread // wp.static(slots)) // shares
         first = ((thread // wp.static(slots)) % shares) * wp.static(slots)
-        part = wp.int32(0)
-        if split > 0:
-            if wp.int64(source) >= item_scan[item_scan.shape[0] - 1]:
-                return
-            part = items[source][1]
-            source = items[source][0]
-        place = indirect_pixel(source, first + lane, camera.width, camera.height, tile, k)
+        work = part_of(parts, (thread // wp.static(slots)) // shares)
+        if work[0] < 0:
+            return
+        place = indirect_pixel(camera, grid, k, work[0], first + lane)
         # The sorting tiles of this block, and how many records of each fit.
-        first_sub = first // (tile * tile)
-        last_sub = wp.min(first + wp.static(slots), area) - 1
-        room = wp.static(slots) // (last_sub // (tile * tile) - first_sub + 1)
+        first_sub = first // tile_area
+        last_sub = (wp.min(first + wp.static(slots), area) - 1) // tile_area
+        room = wp.static(slots) // (last_sub - first_sub + 1)
         # What this thread loads for, by the first pixel of its sorting tile (outside the image if that is).
         mine = wp.vec3i(-1, -1, -1)
-        if first_sub + lane // room <= last_sub // (tile * tile):
-            mine = indirect_pixel(
-                source, (first_sub + lane // room) * tile * tile, camera.width, camera.height, tile, k
-            )
+        if first_sub + lane // room <= last_sub:
+            mine = indirect_pixel(camera, grid, k, work[0], (first_sub + lane // room) * tile_area)
         load = wp.int32(0)
         load_stop = wp.int32(0)
         if mine[0] >= 0:
-            load = begin[mine[2]] + part * split
-            load_stop = end[mine[2]]
-            if split > 0:
-                load_stop = wp.min(load_stop, load + split)
-            load += lane % room
-        ray = Ray(camera.eye[0], wp.vec3f(0.0, 0.0, 0.0))
+            pairs = pairs_of_part(lists, mine[2], parts, work[1])
+            load = pairs[0] + lane % room
+            load_stop = pairs[1]
+        direction = wp.vec3f(0.0, 0.0, 0.0)
         pixel = wp.int32(0)
         left = wp.int32(0)
         depth = wp.float32(wp.INF)
         if place[0] >= 0:
             pixel = place[1] * camera.width + place[0]
-            ray.direction = camera.column[place[0]] + camera.row[place[1]]
-            left = end[place[2]] - begin[place[2]]
-            if split > 0:
-                left = wp.min(left - part * split, split)
+            direction = direction_through(camera, place[0], place[1])
+            pairs = pairs_of_part(lists, place[2], parts, work[1])
+            left = pairs[1] - pairs[0]
+            if parts.split > 0:
                 depth = packed_depth(nearest[pixel])
-        d = ray.direction
-        size = wp.abs(d[0]) + wp.abs(d[1]) + wp.abs(d[2])
-        per_slice = slice_scale(depth_range, slices)
-        own = (((first + lane) // (tile * tile)) - first_sub) * room
+        ray = Ray(camera.eye[0], direction)
+        size = total(ray.direction)
+        per_slice = slice_scale(grid)
+        own = ((first + lane) // tile_area - first_sub) * room
         best = wp.int32(-1)
         best_t = wp.float64(wp.INF)
         number = wp.int32(0)
@@ -117,9 +105,9 @@ def make_staged_trace_kernel(variant: Variant, block: int) -> wp.Kernel:
             r = RayRecord()
             loads = load < load_stop and lane // room * room + room <= wp.static(slots)
             if loads:
-                i = values[load]
+                i = lists.values[load]
                 r = record_at(records, i)
-                r.q1 = tagged(r.q1, slice_start(depth_range, per_slice, keys[load] - mine[2] * slices))
+                r.q1 = tagged(r.q1, slice_start(grid, per_slice, lists.keys[load] - mine[2] * grid.slices))
                 r.q2 = tagged(r.q2, wp.cast(i, wp.float32))
             load += room
             wp.tile_scatter_masked(shared0, lane, r.q0, loads)
@@ -139,7 +127,7 @@ def make_staged_trace_kernel(variant: Variant, block: int) -> wp.Kernel:
                     s.q0 = wp.tile_extract(shared0, own + j)
                     s.q2 = wp.tile_extract(shared2, own + j)
                     number += 1
-                    if passes(d, size, s):
+                    if passes(ray.direction, size, s):
                         i = wp.cast(s.q2[3], wp.int32)
                     j += 1
                 if i >= 0:
@@ -156,14 +144,7 @@ def make_staged_trace_kernel(variant: Variant, block: int) -> wp.Kernel:
             left = wp.max(0, left - room)
             going = wp.tile_extract(wp.tile_max(wp.tile(left)), 0)
         if place[0] >= 0:
-            if split > 0:
-                if best >= 0:
-                    wp.atomic_min(nearest, pixel, packed_hit(best_t, best))
-                if tests.shape[0] > 1:
-                    wp.atomic_add(tests, pixel, number)
-            else:
-                write_hit(hits, hit_points, pixel, ray, best, best_t, mesh)
-                if tests.shape[0] > 1:
-                    tests[pixel] = number
+            write_nearest(pixel, ray, best, best_t, mesh, parts, nearest, hits, hit_points)
+            count_tests(tests, pixel, number)
 
     return staged_trace_kernel

@@ -13,10 +13,10 @@ import warp as wp
 from ....harness.frame.geometry import Corners, Mesh, corners_of, weld_of
 from ...common.triangle import U64, largest, to_float64, total
 from ..culling import faces_away
-from ..lists.binning import INLINE_TILES, queue_large
-from .frame import EXTENT, distance_slice, tile_of
+from ..lists.binning import INLINE_TILES, PieceQueue, queue_large
 from .mapping import BOUNDS, LOOSE_BOUNDS, WRAPS, face_frame
 from .segment_tests import SegmentRecord, segment_exact, segment_planes, segment_vertices
+from .space import EXTENT, LightSpace, LightTiles, distance_slice, tile_of
 from .sphere import ROUNDING, TWO_PI
 
 FAR_EYE = wp.constant(wp.float64(2.0**-16))
@@ -58,15 +58,11 @@ def holds_light(light: wp.vec3f, corners: Corners) -> wp.bool:
 
 
 @wp.func
-def lit_triangle(
-    light: wp.vec3f,
-    axes: wp.mat33d,
-    face: wp.int32,
-    widening: wp.float64,
-    pad: wp.float64,
-    corners: Corners,
-) -> LitTriangle:
-    l64 = to_float64(light)
+def lit_triangle(space: LightSpace, face: wp.int32, widening: wp.float64, corners: Corners) -> LitTriangle:
+    """A triangle that is widened about its middle, in the frame of a face."""
+    l64 = to_float64(space.posts[space.index])
+    axes = space.axes[0]
+    pad = space.pads[0]
     a = face_frame(axes * (to_float64(corners.a) - l64), face)
     b = face_frame(axes * (to_float64(corners.b) - l64), face)
     c = face_frame(axes * (to_float64(corners.c) - l64), face)
@@ -101,10 +97,13 @@ def lit_triangle(
 
 
 @wp.func
-def covered(
-    low: wp.float64, high: wp.float64, first: wp.float64, last: wp.float64, tiles: wp.int32, wrap: wp.int32
-) -> wp.vec2i:
-    """Tiles of first..last that low..high may touch, also one turn further where it wraps; (1, 0) for none."""
+def covered(grid: LightTiles, axis: wp.int32, low: wp.float64, high: wp.float64, wrap: wp.int32) -> wp.vec2i:
+    """Tiles along an axis of a rectangle that low..high may touch, also one turn further where it wraps; (1, 0) for none.
+
+    axis  place of the rectangle's lowest coordinate in ``grid.extent``
+    """
+    first = grid.extent[axis]
+    last = grid.extent[axis + 3]
     result = wp.vec2i(1, 0)
     overlaps = wp.int32(0)
     turns = wp.int32(0)
@@ -115,34 +114,32 @@ def covered(
         if high + shift >= first and low + shift <= last:
             overlaps += 1
             result = wp.vec2i(
-                tile_of(low + shift, first, last, tiles), tile_of(high + shift, first, last, tiles)
+                tile_of(low + shift, first, last, grid.tiles), tile_of(high + shift, first, last, grid.tiles)
             )
     if overlaps > 1:
         # Both ends of the rectangle: everything, and the planes through the edges sort out the middle.
-        return wp.vec2i(0, tiles - 1)
+        return wp.vec2i(0, grid.tiles - 1)
     return result
 
 
 @wp.func
-def no_ray_in(
-    box: wp.vec4i, slice: wp.int32, side: wp.int32, tiles: wp.int32, deepest: wp.array(dtype=wp.int32)
-) -> wp.bool:
+def no_ray_in(grid: LightTiles, box: wp.vec4i, slice: wp.int32, side: wp.int32) -> wp.bool:
     """Whether no shadow ray in a small box of tiles reaches ``slice``; large boxes are not looked at."""
     if (box[2] - box[0] + 1) * (box[3] - box[1] + 1) > INLINE_TILES:
         return False
     for row in range(box[1], box[3] + 1):
         for column in range(box[0], box[2] + 1):
-            if deepest[(side * tiles + row) * tiles + column] >= slice:
+            if grid.deepest[(side * grid.tiles + row) * grid.tiles + column] >= slice:
                 return False
     return True
 
 
 @wp.func
-def ray_size(box: wp.array(dtype=wp.float64), eye: wp.vec3f) -> wp.float32:
-    """Bounds every coordinate of the hit points in ``box``; and what an eye far away may have rounded them by."""
-    most = wp.float64(largest(eye)) * FAR_EYE
+def ray_size(space: LightSpace) -> wp.float32:
+    """Bounds every coordinate of the hit points; and what an eye far away may have rounded them by."""
+    most = wp.float64(largest(space.eye[0])) * FAR_EYE
     for axis in range(6):
-        most = wp.max(most, wp.abs(box[axis]))
+        most = wp.max(most, wp.abs(space.box[axis]))
     return wp.float32(most * wp.float64(1.000001))
 
 
@@ -154,51 +151,32 @@ def make_bound_kernel(map: int, bounds: str = "exact") -> wp.Kernel:
     @wp.kernel(enable_backward=False, module="unique", cuda_max_registers=128)
     def bound_kernel(
         triangle_count: wp.int32,
-        index: wp.int32,
-        faces: wp.int32,
-        tiles: wp.int32,
-        slices: wp.int32,
-        widening: wp.float64,
-        pads: wp.array(dtype=wp.float64),
-        distance_pad: wp.float64,
-        outward: wp.float64,
         test: wp.int32,
-        skip_empty: wp.bool,
-        deepest: wp.array(dtype=wp.int32),
-        eye: wp.array(dtype=wp.vec3f),
-        ray_box: wp.array(dtype=wp.float64),
-        lights: wp.array(dtype=wp.vec3f),
-        posts: wp.array(dtype=wp.vec3f),
-        frame: wp.array(dtype=wp.mat33d),
-        extent: wp.array(dtype=wp.float64),
+        widening: wp.float64,
+        outward: wp.float64,
+        space: LightSpace,
+        grid: LightTiles,
         mesh: Mesh,
-        lanes: wp.int32,
-        slot: wp.int32,
         boxes: wp.array(dtype=wp.vec4i),
         spans: wp.array(dtype=wp.vec2i),
         records: wp.array(dtype=wp.vec4f),
-        queue: wp.array(dtype=wp.vec2i),
-        needs: wp.array(dtype=wp.int64),
+        queue: PieceQueue,
     ):
-        """Each item's box of tiles, span of slices and record; queue the large ones.
-
-        ``pads[0]``: a ray's direction is known to this; ``distance_pad``: its distance, relative
-        """
+        """Each item's box of tiles, span of slices and record; queue the large ones."""
         item = wp.tid()
         boxes[item] = wp.vec4i(0, 0, -1, -1)
-        i = item // faces
-        side = item % faces
+        i = item // grid.faces
+        side = item % grid.faces
         offset = side * EXTENT
-        if i >= triangle_count or not (extent[offset + 3] >= extent[offset]):
+        if i >= triangle_count or not (grid.extent[offset + 3] >= grid.extent[offset]):
             return
         if mesh.valid[i] == wp.uint8(0):
             return
-        light = lights[index]
+        light = space.lights[space.index]
         corners = corners_of(mesh, i)
         if holds_light(light, corners) or faces_away(outward, light, corners):
             return
-        pad = pads[0]
-        s = lit_triangle(posts[index], frame[0], side, widening, pad, corners)
+        s = lit_triangle(space, side, widening, corners)
         # Nearest point: no nearer than the plane, nor than the nearest vertex less the longest edge.
         normal = wp.cross(s.b - s.a, s.c - s.a)
         size = wp.length(normal)
@@ -210,28 +188,28 @@ def make_bound_kernel(map: int, bounds: str = "exact") -> wp.Kernel:
         if size > wp.float64(1.0e-9) * longest * longest:
             plane = wp.abs(wp.dot(normal, s.a)) / size
             near = wp.max(near, plane - wp.float64(1.0e-5) * longest)
-        near = near * (wp.float64(1.0) - distance_pad)
-        if near > extent[offset + 5]:
+        near = near * (wp.float64(1.0) - space.distance_pad)
+        if near > grid.extent[offset + 5]:
             return
-        bounds = bounds_of(s.a, s.b, s.c, pad)
+        bounds = bounds_of(s.a, s.b, s.c, space.pads[0])
         if not (bounds[1] >= bounds[0]):
             return
-        x = covered(bounds[0], bounds[1], extent[offset], extent[offset + 3], tiles, wp.static(wrap[0]))
-        y = covered(bounds[2], bounds[3], extent[offset + 1], extent[offset + 4], tiles, wp.static(wrap[1]))
+        x = covered(grid, offset, bounds[0], bounds[1], wp.static(wrap[0]))
+        y = covered(grid, offset + 1, bounds[2], bounds[3], wp.static(wrap[1]))
         if x[1] < x[0] or y[1] < y[0]:
             return
         box = wp.vec4i(x[0], y[0], x[1], y[1])
-        first = distance_slice(near, extent, side, slices)
-        if skip_empty and no_ray_in(box, first, side, tiles, deepest):
+        first = distance_slice(near, grid, side)
+        if grid.skip_empty and no_ray_in(grid, box, first, side):
             return
         boxes[item] = box
-        far = wp.max(la, wp.max(lb, lc)) * (wp.float64(1.0) + distance_pad)
-        spans[item] = wp.vec2i(first, distance_slice(far, extent, side, slices))
-        queue_large(item, box, lanes, queue, needs, slot)
+        far = wp.max(la, wp.max(lb, lc)) * (wp.float64(1.0) + space.distance_pad)
+        spans[item] = wp.vec2i(first, distance_slice(far, grid, side))
+        queue_large(item, box, queue)
         r = SegmentRecord()
         weld = weld_of(mesh, i)
         if test == 0:
-            r = segment_exact(light, corners, weld, ray_size(ray_box, eye[0]))
+            r = segment_exact(light, corners, weld, ray_size(space))
         elif test == 1:
             r = segment_planes(light, corners, weld, 0.0)
         else:

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import warp as wp
 
+from ....harness.frame.geometry import Hits
 from ....harness.frame.specialise import effects
 from ...common.axes import axes_along
 from ...common.reserve import number_in, raise_to
 from ...common.triangle import largest, to_float64
 from .mapping import ray_place, ray_place32, ray_place_centred
-
-EXTENT = wp.constant(8)
-"""Length of a face's extent: two coordinates and distance, lowest then highest, and two unused."""
+from .space import EXTENT, LightSpace, LightTiles, distance_slice, tile_of
 
 FINEST = wp.constant(wp.float64(4.0e-14))
 """What a direction is known to in float64, relative to its length."""
@@ -41,8 +40,8 @@ def box_kernel(
     pixels: wp.int32,
     threads: wp.int32,
     index: wp.int32,
-    triangle: wp.array(dtype=wp.int32),
-    hit: wp.array(dtype=wp.vec3d),
+    hits: Hits,
+    hit_points: wp.array(dtype=wp.vec3d),
     receivers: wp.array2d(dtype=wp.uint8),
     receiver: wp.array(dtype=wp.uint8),
     box: wp.array(dtype=wp.float64),
@@ -54,13 +53,13 @@ def box_kernel(
     pixel = k
     while pixel < pixels:
         flag = wp.uint8(0)
-        wanted = triangle[pixel] >= 0
+        wanted = hits.triangle[pixel] >= 0
         if wp.static(effects.receivers):
             wanted = receivers[index, pixel] != wp.uint8(0)
         if wanted:
             flag = wp.uint8(1)
-            low = wp.min(low, hit[pixel])
-            high = wp.max(high, hit[pixel])
+            low = wp.min(low, hit_points[pixel])
+            high = wp.max(high, hit_points[pixel])
         receiver[pixel] = flag
         pixel += threads
     reduce_extent(low, high, k % wp.block_dim(), box)
@@ -88,30 +87,34 @@ def reduce_extent(low: wp.vec3d, high: wp.vec3d, lane: wp.int32, extent: wp.arra
                 wp.atomic_max(extent, 3 + axis, highs[axis])
 
 
+@wp.func
+def box_middle(box: wp.array(dtype=wp.float64)) -> wp.vec3d:
+    half = wp.float64(0.5)
+    return wp.vec3d(half * (box[0] + box[3]), half * (box[1] + box[4]), half * (box[2] + box[5]))
+
+
 @wp.kernel(enable_backward=False)
 def aim_kernel(
-    index: wp.int32,
     aimed: wp.bool,
-    lights: wp.array(dtype=wp.vec3f),
-    spots: wp.array2d(dtype=wp.float64),
-    box: wp.array(dtype=wp.float64),
     centred: wp.bool,
     pad: wp.float64,
-    frame: wp.array(dtype=wp.mat33d),
-    pads: wp.array(dtype=wp.float64),
+    spots: wp.array2d(dtype=wp.float64),
+    space: LightSpace,
 ):
-    """The light's axes as rows: forward to the middle of the hit points, or of its spot (or +x); right; up.
+    """Fill ``space.axes`` and ``space.pads`` of a light.
 
-    ``pads``: what a ray's direction is known to, and the distance of the middle where ``centred`` rays are told from
-    it: only of an aimed light without a spot, at least twice as far as the hit points reach, else 0
+    axes  rows: forward to the middle of the hit points, or along its spot (or +x); right; up
+    pads  what a ray's direction is known to; and how far away the middle of the hit points is, where rays are given
+          relative to it (``centred``): only of an aimed light without a spot, at least twice as far as the hit points
+          reach; else 0
     """
-    pads[0] = pad
-    pads[1] = wp.float64(0.0)
-    half = wp.float64(0.5)
-    middle = wp.vec3d(half * (box[0] + box[3]), half * (box[1] + box[4]), half * (box[2] + box[5]))
-    forward = middle - to_float64(lights[index])
+    index = space.index
+    space.pads[0] = pad
+    space.pads[1] = wp.float64(0.0)
+    middle = box_middle(space.box)
+    forward = middle - to_float64(space.posts[index])
     if aimed and spots[index, 0] != wp.float64(0.0):
-        frame[0] = wp.matrix_from_rows(
+        space.axes[0] = wp.matrix_from_rows(
             wp.vec3d(spots[index, 1], spots[index, 2], spots[index, 3]),
             wp.vec3d(spots[index, 4], spots[index, 5], spots[index, 6]),
             wp.vec3d(spots[index, 7], spots[index, 8], spots[index, 9]),
@@ -121,29 +124,26 @@ def aim_kernel(
     if not aimed or not (size > wp.float64(0.0)) or not (size < wp.float64(wp.INF)):
         forward = wp.vec3d(wp.float64(1.0), wp.float64(0.0), wp.float64(0.0))
         size = wp.float64(1.0)
-    frame[0] = axes_along(wp.normalize(forward / size))
+    space.axes[0] = axes_along(wp.normalize(forward / size))
     if centred:
-        distance = wp.length(middle - to_float64(lights[index]))
+        distance = wp.length(middle - to_float64(space.posts[index]))
+        box = space.box
         reach = wp.length(wp.vec3d(box[3] - box[0], box[4] - box[1], box[5] - box[2]))
         if distance >= reach and distance < wp.float64(1.0e30):
             # Rounded are coordinates no larger than half the reach; no ray is shorter than half the distance.
-            pads[0] = wp.max(FINEST, wp.float64(2.0) * pad * reach / distance)
-            pads[1] = distance
+            space.pads[0] = wp.max(FINEST, wp.float64(2.0) * pad * reach / distance)
+            space.pads[1] = distance
 
 
 @wp.kernel(enable_backward=False)
 def map_kernel(
     pixels: wp.int32,
     threads: wp.int32,
-    index: wp.int32,
     map: wp.int32,
     single: wp.bool,
-    lights: wp.array(dtype=wp.vec3f),
-    frame: wp.array(dtype=wp.mat33d),
+    space: LightSpace,
     receiver: wp.array(dtype=wp.uint8),
-    hit: wp.array(dtype=wp.vec3d),
-    box: wp.array(dtype=wp.float64),
-    pads: wp.array(dtype=wp.float64),
+    hit_points: wp.array(dtype=wp.vec3d),
     place: wp.array(dtype=wp.vec4d),
     extent: wp.array(dtype=wp.float64),
 ):
@@ -151,20 +151,20 @@ def map_kernel(
     k = wp.tid()
     low = wp.vec3d(wp.float64(wp.INF))
     high = -low
-    light = to_float64(lights[index])
-    axes = frame[0]
-    half = wp.float64(0.5)
-    middle = wp.vec3d(half * (box[0] + box[3]), half * (box[1] + box[4]), half * (box[2] + box[5]))
+    light = to_float64(space.posts[space.index])
+    axes = space.axes[0]
+    middle = box_middle(space.box)
     pixel = k
     while pixel < pixels:
         if receiver[pixel] != wp.uint8(0):
             p = wp.vec4d()
-            if single and pads[1] > wp.float64(0.0):
-                p = ray_place_centred(map, axes, hit[pixel] - middle, pads[1], hit[pixel] - light)
+            if single and space.pads[1] > wp.float64(0.0):
+                beside = hit_points[pixel] - middle
+                p = ray_place_centred(map, axes, beside, space.pads[1], hit_points[pixel] - light)
             elif single:
-                p = ray_place32(map, axes, hit[pixel] - light)
+                p = ray_place32(map, axes, hit_points[pixel] - light)
             else:
-                p = ray_place(map, axes * (hit[pixel] - light))
+                p = ray_place(map, axes * (hit_points[pixel] - light))
             place[pixel] = p
             if map == 2:
                 offset = wp.int32(p[3]) * EXTENT
@@ -181,67 +181,45 @@ def map_kernel(
         reduce_extent(low, high, k % wp.block_dim(), extent)
 
 
-@wp.func
-def tile_of(angle: wp.float64, low: wp.float64, high: wp.float64, tiles: wp.int32) -> wp.int32:
-    """Index of the tile along one axis. Monotone, and the same function for rays and triangles."""
-    if not (high > low):
-        return 0
-    share = (angle - low) / (high - low)
-    return wp.int32(wp.clamp(share * wp.float64(tiles), wp.float64(0.0), wp.float64(tiles) - wp.float64(0.5)))
-
-
-@wp.func
-def distance_slice(
-    distance: wp.float64, extent: wp.array(dtype=wp.float64), face: wp.int32, slices: wp.int32
-) -> wp.int32:
-    """Slice between the nearest and the farthest ray of a face; nearer triangles fall into the first."""
-    return tile_of(distance, extent[face * EXTENT + 2], extent[face * EXTENT + 5], slices)
-
-
 @wp.kernel(enable_backward=False)
 def key_kernel(
-    tiles: wp.int32,
-    faces: wp.int32,
-    slices: wp.int32,
-    distance_pad: wp.float64,
+    counted: wp.bool,
+    space: LightSpace,
+    grid: LightTiles,
     receiver: wp.array(dtype=wp.uint8),
     place: wp.array(dtype=wp.vec4d),
-    extent: wp.array(dtype=wp.float64),
     keys: wp.array(dtype=wp.int32),
     values: wp.array(dtype=wp.int32),
     last_slice: wp.array(dtype=wp.int32),
-    deepest: wp.array(dtype=wp.int32),
-    visibility: wp.array2d(dtype=wp.uint8),
-    index: wp.int32,
-    counted: wp.bool,
     tile_count: wp.array(dtype=wp.int32),
+    visibility: wp.array2d(dtype=wp.uint8),
 ):
     """(light tile, primary ray) pairs; no shadow ray has the key behind every tile. Resets the shadow bits.
 
     last_slice  of each shadow ray: the last slice that it reaches
-    deepest     int32 [tiles], raised from -1: the last slice that a ray of the tile reaches
+    grid.deepest  int32 [tiles], raised from -1: the last slice that a ray of the tile reaches
     tile_count  int32 [tiles], raised from 0 if ``counted``: then a ray's value is its number in its tile instead
     """
     pixel = wp.tid()
-    visibility[index, pixel] = wp.uint8(0)
+    visibility[space.index, pixel] = wp.uint8(0)
     if not counted:
         values[pixel] = pixel
     if receiver[pixel] == wp.uint8(0):
-        keys[pixel] = faces * tiles * tiles
+        keys[pixel] = grid.faces * grid.tiles * grid.tiles
         return
     p = place[pixel]
     face = wp.int32(p[3])
     offset = face * EXTENT
-    column = tile_of(p[0], extent[offset], extent[offset + 3], tiles)
-    row = tile_of(p[1], extent[offset + 1], extent[offset + 4], tiles)
-    tile = (face * tiles + row) * tiles + column
+    column = tile_of(p[0], grid.extent[offset], grid.extent[offset + 3], grid.tiles)
+    row = tile_of(p[1], grid.extent[offset + 1], grid.extent[offset + 4], grid.tiles)
+    tile = (face * grid.tiles + row) * grid.tiles + column
     keys[pixel] = tile
     if counted:
         values[pixel] = number_in(tile_count, tile)
     # A triangle is listed from its nearest point on: what lies behind the ray's own slice cannot shadow it.
-    slice = distance_slice(p[2] * (wp.float64(1.0) + distance_pad), extent, face, slices)
+    slice = distance_slice(p[2] * (wp.float64(1.0) + space.distance_pad), grid, face)
     last_slice[pixel] = slice
-    raise_to(deepest, tile, slice)
+    raise_to(grid.deepest, tile, slice)
 
 
 @wp.kernel(enable_backward=False)
@@ -251,8 +229,8 @@ def place_rays_kernel(
     numbers: wp.array(dtype=wp.int32),
     tile_count: wp.array(dtype=wp.int32),
     tile_end: wp.array(dtype=wp.int32),
-    ray_keys: wp.array(dtype=wp.int32),
-    ray_values: wp.array(dtype=wp.int32),
+    ray_tiles: wp.array(dtype=wp.int32),
+    ray_pixels: wp.array(dtype=wp.int32),
     begin: wp.array(dtype=wp.int32),
     end: wp.array(dtype=wp.int32),
 ):
@@ -264,5 +242,5 @@ def place_rays_kernel(
     if i < keys.shape[0] and keys[i] < tiles:
         tile = keys[i]
         at = tile_end[tile] - tile_count[tile] + numbers[i]
-        ray_keys[at] = tile
-        ray_values[at] = i
+        ray_tiles[at] = tile
+        ray_pixels[at] = i

@@ -5,20 +5,22 @@ from __future__ import annotations
 import warp as wp
 
 from ....harness.frame.frame import Frame
+from ....harness.frame.geometry import filled
 from ....harness.frame.passes import Pass
 from ....harness.frame.specialise import specialised
 from ....harness.scene.effects import Effects
 from ..camera.grid import CameraGrid
 from ..camera.ray_tests import WIDENINGS
 from ..lists.binning import BIN_BLOCK, MOST_COUNTED, TileBins
-from ..lists.chunks import Chunks
+from ..lists.chunks import Chunks, RayChunks
 from ..lists.items import Items, count_chunks_kernel
 from ..parameters import TRIANGLE_TESTS, Build, Trace
 from ..variants import Variant, block_for, staged, wide
 from . import frame as rays
 from .bounds import make_bound_kernel
 from .placement import LightPlaces
-from .tiles import LightTiles, bin_kernel
+from .space import LightTiles
+from .tiles import bin_kernel
 from .trace import make_shadow_kernel
 from .trace_staged import make_staged_shadow_kernel
 
@@ -69,6 +71,7 @@ class LightGrid:
         self.items = Items(
             self.chunks.capacity if split else 1,
             capacity[2] or 2 * self.chunks.capacity if split else 1,
+            split,
             frame.device,
         )
         self.counted = build.sort == "counting" and self.tile_count <= MOST_COUNTED
@@ -91,14 +94,27 @@ class LightGrid:
             self.deepest = wp.zeros(self.tile_count, dtype=wp.int32)
             self.no_tests = wp.zeros(1, dtype=wp.int32)
 
-        self.tiles = LightTiles()
-        self.tiles.faces, self.tiles.tiles = build.light_faces, build.light_tiles
-        self.tiles.slices = build.light_slices
-        self.tiles.spans = build.depth_lists == "spans"
-        self.tiles.skip_empty = build.skip_empty and not self.places.of_scene
-        self.tiles.extent, self.tiles.stretch = self.places.extent, self.places.stretch
-        self.tiles.columns, self.tiles.rows = self.places.columns, self.places.rows
-        self.tiles.deepest = self.deepest
+        places = self.places
+        self.tiles = filled(
+            LightTiles,
+            faces=build.light_faces,
+            tiles=build.light_tiles,
+            slices=build.light_slices,
+            spans=build.depth_lists == "spans",
+            skip_empty=build.skip_empty and not places.of_scene,
+            extent=places.extent,
+            columns=places.columns,
+            rows=places.rows,
+            stretch=places.stretch,
+            deepest=self.deepest,
+        )
+        self.ray_chunks = filled(
+            RayChunks,
+            tiles=self.ray_keys,
+            pixels=self.ray_values,
+            first=self.chunks.outArr,
+            total=self.chunks.numCBlocks,
+        )
 
     def passes(self) -> list[Pass]:
         """Map and sort the rays, build the grid in their rectangle, trace."""
@@ -138,7 +154,7 @@ class LightGrid:
         ]  # fmt: skip
 
     def launch_sort_rays(self) -> None:
-        f, b, chunks, places = self.frame, self.build, self.chunks, self.places
+        f, chunks, places = self.frame, self.chunks, self.places
         self.deepest.fill_(-1)
         if self.counted:
             self.tile_rays.zero_()
@@ -146,15 +162,9 @@ class LightGrid:
         self._launch(
             rays.key_kernel,
             f.pixels,
-            [
-                b.light_tiles, b.light_faces, b.light_slices, places.distance_pad, places.receiver, places.place,
-                places.extent,
-            ],
-            [
-                self.pixel_keys, self.pixel_values, self.last_slice, self.deepest, f.answers.visibility, self.index,
-                self.counted, self.tile_rays,
-            ],
-        )  # fmt: skip
+            [self.counted, places.space, self.tiles, places.receiver, places.place],
+            [self.pixel_keys, self.pixel_values, self.last_slice, self.tile_rays, f.answers.visibility],
+        )
         if not self.counted:
             wp.utils.radix_sort_pairs(self.ray_keys, self.ray_values, f.pixels, 0, self.key_bits)
             return
@@ -176,26 +186,22 @@ class LightGrid:
             make_bound_kernel(places.map, b.light_bounds),
             bins.items,
             [
-                f.triangle_count, self.index, b.light_faces, b.light_tiles, b.light_slices, self.widening,
-                places.pads, places.distance_pad, self.outward, self.test, self.tiles.skip_empty, self.deepest, places.eye,
-                places.box, f.lights, f.posts, places.axes, places.extent, f.mesh, bins.lanes, bins.slot + 1,
+                f.triangle_count, self.test, self.widening, self.outward, places.space, self.tiles, f.mesh,
             ],
-            [bins.boxes, self.spans, self.records, bins.queue, bins.needs],
+            [bins.boxes, self.spans, self.records, bins.queue],
         )  # fmt: skip
 
     def launch_bin(self) -> None:
-        f, bins, places = self.frame, self.bins, self.places
+        f, bins = self.frame, self.bins
         bins.clear_pairs()
         wp.launch(
             bin_kernel,
             dim=bins.threads,
-            inputs=[
-                self.tiles, bins.lanes, self.index, self.widening, places.pads, f.posts, places.axes, f.mesh,
-                bins.boxes, self.spans, bins.queue, bins.pairs,
-            ],
+            inputs=[self.widening, self.places.space, self.tiles, f.mesh, bins.boxes, self.spans, bins.queue],
+            outputs=[bins.pairs],
             block_dim=BIN_BLOCK,
             device=f.device,
-        )  # fmt: skip
+        )
 
     def traced(self) -> bool:
         """Whether the last frame traced rays to this light; else what is here is of an older frame. Reads back."""
@@ -203,20 +209,13 @@ class LightGrid:
 
     def launch_split(self) -> None:
         """The parts of lists that are tested apart."""
-        pairs, chunks = self.bins, self.chunks
-        self.items.launch(
-            count_chunks_kernel,
-            [
-                self.trace.triangle_chunk, self.ray_keys, chunks.outArr, chunks.numCBlocks, pairs.begin, pairs.end,
-            ],
-            self.needs,
-            self.item_slot,
-        )  # fmt: skip
+        inputs = [self.trace.triangle_chunk, self.ray_chunks, self.bins.lists]
+        self.items.launch(count_chunks_kernel, inputs, self.needs, self.item_slot)
 
     def launch_trace(self, tests: wp.array | None = None) -> None:
         """Shadow bits. ``tests`` (int32 [pixels]) is raised by the triangle tests of each pixel's ray, if given."""
-        f, pairs, chunks, split = self.frame, self.bins, self.chunks, self.trace.triangle_chunk
-        blocks = chunks.capacity
+        f, split = self.frame, self.trace.triangle_chunk
+        blocks = self.chunks.capacity
         if split:
             blocks = self.items.capacity
             if tests is not None:
@@ -230,10 +229,8 @@ class LightGrid:
             specialised(kernel, self.effects.switches(self.index)),
             dim=blocks * lanes,
             inputs=[
-                self.index, lanes, self.build.light_slices, split, f.lights, f.camera, f.mesh,
-                f.hits(0), self.camera.hit, self.last_slice, self.ray_keys,
-                self.ray_values, chunks.outArr, chunks.numCBlocks, pairs.begin, pairs.end, pairs.keys, pairs.values,
-                self.records, f.alpha, self.items.items, self.items.scan,
+                lanes, self.build.light_slices, self.places.space, f.camera, f.mesh, f.alpha, f.hits(0),
+                self.camera.hit, self.last_slice, self.ray_chunks, self.bins.lists, self.records, self.items.parts,
             ],
             outputs=[f.answers.visibility, self.no_tests if tests is None else tests],
             block_dim=self.block,

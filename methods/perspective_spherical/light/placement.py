@@ -5,6 +5,7 @@ from __future__ import annotations
 import warp as wp
 
 from ....harness.frame.frame import Frame
+from ....harness.frame.geometry import filled
 from ....harness.frame.passes import Pass
 from ....harness.frame.specialise import specialised
 from ....harness.scene.effects import Effects
@@ -14,6 +15,7 @@ from ..parameters import CLAMPS, LIGHT_MAPS, Build
 from ..variants import wide
 from . import frame as rays
 from .rectangle import clamp_kernel, scene_kernel
+from .space import EXTENT, LightSpace
 from .tile_edges import edges_kernel
 
 FLOAT64_PAD, FLOAT32_PAD = 4.0e-14, 64 * 2.0**-24
@@ -31,9 +33,7 @@ class LightPlaces:
 
     receiver   uint8 [pixels]: which pixels have a shadow ray
     place      vec4d [pixels]: where the ray lies in the light's rectangles, its distance, which rectangle
-    box        float64 [6]: of the hit points, or of the scene where the rectangle is the scene's
-    axes       mat33d [1]: of the light
-    pads       float64 [2]: what a ray's direction is known to, relative to its length; see :func:`.light.frame.aim_kernel`
+    space      :class:`.light.space.LightSpace`
     extent     float64 [faces, 8]: lowest then highest coordinates and distance: the clamped rectangles
     columns, rows  vec4d [faces * light_tiles]: edges of the tiles
     """
@@ -44,7 +44,6 @@ class LightPlaces:
         self.pad = FLOAT64_PAD if build.precision == "float64" else FLOAT32_PAD
         if effects.is_directional(index):
             self.pad += PARALLEL_PAD
-        self.distance_pad = FLOAT32_PAD if build.precision == "float32" else 1e-9
         self.of_scene = build.clamp == "scene"
         n, faces = build.light_tiles, build.light_faces
         many = wide(frame.device)
@@ -54,15 +53,23 @@ class LightPlaces:
         with wp.ScopedDevice(frame.device):
             self.receiver = wp.zeros(frame.pixels, dtype=wp.uint8)
             self.place = wp.zeros(frame.pixels, dtype=wp.vec4d)
-            self.box = wp.zeros(6, dtype=wp.float64)
-            self.axes = wp.zeros(1, dtype=wp.mat33d)
-            self.pads = wp.zeros(2, dtype=wp.float64)
-            self.extent = wp.zeros(faces * int(rays.EXTENT), dtype=wp.float64)
+            self.space = filled(
+                LightSpace,
+                index=index,
+                lights=frame.lights,
+                posts=frame.posts,
+                axes=wp.zeros(1, dtype=wp.mat33d),
+                pads=wp.zeros(2, dtype=wp.float64),
+                distance_pad=FLOAT32_PAD if build.precision == "float32" else 1e-9,
+                # Where the rectangle is the scene's, the scene's box and a bound take the place of hit points and eye.
+                eye=wp.zeros(1, dtype=wp.vec3f) if self.of_scene else frame.eye,
+                box=wp.zeros(6, dtype=wp.float64),
+            )
+            self.extent = wp.zeros(faces * int(EXTENT), dtype=wp.float64)
             self.columns = wp.zeros(faces * n, dtype=wp.vec4d)
             self.rows = wp.zeros(faces * n, dtype=wp.vec4d)
             self.stretch = wp.zeros(faces, dtype=wp.vec2d)
             # Where the rectangle is the scene's: what it is made from, and what the rays are reduced to apart from it.
-            self.eye = wp.zeros(1, dtype=wp.vec3f) if self.of_scene else frame.eye
             self.scene_box = wp.zeros(6 if self.of_scene else 0, dtype=wp.float32)
             self.ray_box = wp.zeros(6 if self.of_scene else 0, dtype=wp.float64)
             self.ray_extent = wp.zeros(self.extent.shape[0] if self.of_scene else 0, dtype=wp.float64)
@@ -95,8 +102,8 @@ class LightPlaces:
         self._launch(
             scene_kernel,
             b.light_faces,
-            [self.index, self.map, b.aimed, f.posts, f.spots, self.scene_box, f.reach],
-            [self.box, self.eye, self.extent],
+            [self.map, b.aimed, self.space, f.spots, self.scene_box, f.reach],
+            [self.extent],
         )
         self._aim()
         self._edges()
@@ -110,8 +117,8 @@ class LightPlaces:
     def launch_map(self) -> None:
         """Receivers, the light's axes, the place of every ray, the rectangles and the edges of their tiles."""
         f, b = self.frame, self.build
-        self._launch(rays.reset_kernel, self.extent.shape[0], [], [self.box, self.extent])
-        self._box(self.box)
+        self._launch(rays.reset_kernel, self.extent.shape[0], [], [self.space.box, self.extent])
+        self._box(self.space.box)
         self._aim()
         self._map(self.extent)
         if b.clamp != "hits":
@@ -119,8 +126,8 @@ class LightPlaces:
                 clamp_kernel,
                 b.light_faces,
                 [
-                    self.index, self.map, b.light_faces, CLAMPS.index(b.clamp), b.aimed, 6, f.posts, f.spots,
-                    self.axes, f.eye, f.axes, f.tangents, self.camera.depth_range,
+                    self.map, b.light_faces, CLAMPS.index(b.clamp), b.aimed, 6, self.space, f.spots, f.camera,
+                    self.camera.depth_range,
                 ],
                 [self.extent],
             )  # fmt: skip
@@ -131,14 +138,7 @@ class LightPlaces:
         wp.launch(
             specialised(rays.box_kernel, self.effects.switches(self.index)),
             dim=self.reduce_threads,
-            inputs=[
-                f.pixels,
-                self.reduce_threads,
-                self.index,
-                f.answers.triangle,
-                self.camera.hit,
-                f.receivers,
-            ],
+            inputs=[f.pixels, self.reduce_threads, self.index, f.hits(0), self.camera.hit, f.receivers],
             outputs=[self.receiver, box],
             block_dim=REDUCE_BLOCK,
             device=f.device,
@@ -147,12 +147,7 @@ class LightPlaces:
     def _aim(self) -> None:
         f, b = self.frame, self.build
         centred = b.precision == "float32-centred"
-        self._launch(
-            rays.aim_kernel,
-            1,
-            [self.index, b.aimed, f.posts, f.spots, self.box, centred, self.pad],
-            [self.axes, self.pads],
-        )
+        self._launch(rays.aim_kernel, 1, [b.aimed, centred, self.pad, f.spots], [self.space])
 
     def _map(self, extent: wp.array) -> None:
         f, b = self.frame, self.build
@@ -160,8 +155,8 @@ class LightPlaces:
             rays.map_kernel,
             dim=self.reduce_threads,
             inputs=[
-                f.pixels, self.reduce_threads, self.index, self.map, b.precision != "float64", f.posts, self.axes,
-                self.receiver, self.camera.hit, self.box, self.pads,
+                f.pixels, self.reduce_threads, self.map, b.precision != "float64", self.space, self.receiver,
+                self.camera.hit,
             ],
             outputs=[self.place, extent],
             block_dim=REDUCE_BLOCK,

@@ -4,24 +4,19 @@ from __future__ import annotations
 
 import warp as wp
 
+from ....harness.frame.geometry import Camera
 from ...common.bounds import box_high, box_low
 from ...common.triangle import to_float64
-from .frame import EXTENT
 from .mapping import face_frame, map_bounds, whole, wraps
+from .space import EXTENT, LightSpace
 from .sphere import HALF_PI, PI, ROUNDING
 
 
 @wp.func
-def frustum_corner(
-    i: wp.int32,
-    eye: wp.vec3f,
-    axes: wp.array(dtype=wp.vec3f),
-    tangents: wp.array(dtype=wp.float32),
-    depth: wp.vec2f,
-) -> wp.vec3d:
-    """Corner i of the camera's frustum: bit 0 right, bit 1 up, bit 2 far."""
-    x = wp.float64(tangents[0])
-    y = wp.float64(tangents[1])
+def frustum_corner(camera: Camera, depth: wp.vec2f, i: wp.int32) -> wp.vec3d:
+    """Corner i of the camera's frustum between two depths: bit 0 right, bit 1 up, bit 2 far."""
+    x = wp.float64(camera.tangents[0])
+    y = wp.float64(camera.tangents[1])
     z = wp.float64(depth[0])
     if i % 2 == 0:
         x = -x
@@ -29,41 +24,31 @@ def frustum_corner(
         y = -y
     if i >= 4:
         z = wp.float64(depth[1])
-    d = to_float64(axes[2]) + x * to_float64(axes[0]) + y * to_float64(axes[1])
-    return to_float64(eye) + z * d
+    d = to_float64(camera.axes[2]) + x * to_float64(camera.axes[0]) + y * to_float64(camera.axes[1])
+    return to_float64(camera.eye[0]) + z * d
 
 
 @wp.func
-def in_frustum(
-    p: wp.vec3d,
-    eye: wp.vec3f,
-    axes: wp.array(dtype=wp.vec3f),
-    tangents: wp.array(dtype=wp.float32),
-    depth: wp.vec2f,
-) -> wp.bool:
-    v = p - to_float64(eye)
-    z = wp.dot(v, to_float64(axes[2]))
+def in_frustum(camera: Camera, depth: wp.vec2f, p: wp.vec3d) -> wp.bool:
+    v = p - to_float64(camera.eye[0])
+    z = wp.dot(v, to_float64(camera.axes[2]))
     if z < wp.float64(depth[0]) or z > wp.float64(depth[1]):
         return False
-    return wp.abs(wp.dot(v, to_float64(axes[0]))) <= z * wp.float64(tangents[0]) and wp.abs(
-        wp.dot(v, to_float64(axes[1]))
-    ) <= z * wp.float64(tangents[1])
+    x = wp.abs(wp.dot(v, to_float64(camera.axes[0])))
+    y = wp.abs(wp.dot(v, to_float64(camera.axes[1])))
+    return x <= z * wp.float64(camera.tangents[0]) and y <= z * wp.float64(camera.tangents[1])
 
 
 @wp.kernel(enable_backward=False)
 def clamp_kernel(
-    index: wp.int32,
     map: wp.int32,
     faces: wp.int32,
     clamp: wp.int32,
     aimed: wp.bool,
     sides: wp.int32,
-    lights: wp.array(dtype=wp.vec3f),
+    space: LightSpace,
     spots: wp.array2d(dtype=wp.float64),
-    frame: wp.array(dtype=wp.mat33d),
-    eye: wp.array(dtype=wp.vec3f),
-    axes: wp.array(dtype=wp.vec3f),
-    tangents: wp.array(dtype=wp.float32),
+    camera: Camera,
     depth_range: wp.array(dtype=wp.float32),
     extent: wp.array(dtype=wp.float64),
 ):
@@ -82,14 +67,12 @@ def clamp_kernel(
         return
     bounds = whole(map)
     if clamp == 1:
-        bounds = view_bounds(
-            map, face, to_float64(lights[index]), frame[0], eye[0], axes, tangents,
-            wp.vec2f(wp.max(0.0, depth_range[0]), depth_range[1]), sides,
-        )  # fmt: skip
+        depth = wp.vec2f(wp.max(0.0, depth_range[0]), depth_range[1])
+        bounds = view_bounds(map, face, space, camera, depth, sides)
         if not (bounds[1] >= bounds[0]):
             return
-    elif map == 0 and aimed and spots[index, 0] != wp.float64(0.0):
-        bounds = spot_bounds(spots, index)
+    elif map == 0 and aimed and spots[space.index, 0] != wp.float64(0.0):
+        bounds = spot_bounds(spots, space.index)
     offset = face * EXTENT
     # No ray in this face: its own depth planes are empty, those of all rays serve.
     if not (extent[offset + 5] >= extent[offset + 2]):
@@ -103,21 +86,18 @@ def clamp_kernel(
 
 @wp.kernel(enable_backward=False)
 def scene_kernel(
-    index: wp.int32,
     map: wp.int32,
     aimed: wp.bool,
-    lights: wp.array(dtype=wp.vec3f),
+    space: LightSpace,
     spots: wp.array2d(dtype=wp.float64),
     scene: wp.array(dtype=wp.float32),
     reach: wp.array(dtype=wp.float32),
-    box: wp.array(dtype=wp.float64),
-    eye: wp.array(dtype=wp.vec3f),
     extent: wp.array(dtype=wp.float64),
 ):
     """Rectangles that hold the sphere around the scene, whatever the camera sees; empty where it lies in no face.
 
-    ``scene``: its box, as :mod:`..common.bounds` tells it; ``box``: the same for what takes the hit points' box;
-    ``eye``: a bound on the eye's coordinates. A light in the sphere has rays in all directions, and so have maps and
+    ``scene``: its box, as :mod:`..common.bounds` writes it. Fills ``space.box`` with it, and ``space.eye`` with a bound
+    on the eye's coordinates. A light in the sphere has rays in all directions, and so have maps and
     axes that do not look along the way to the scene; a spot has its own.
     """
     face = wp.tid()
@@ -126,21 +106,21 @@ def scene_kernel(
         extent[offset + axis] = wp.float64(wp.INF)
         extent[offset + 3 + axis] = wp.float64(-wp.INF)
         if face == 0:
-            box[axis] = wp.float64(scene[axis])
-            box[3 + axis] = -wp.float64(scene[3 + axis])
+            space.box[axis] = wp.float64(scene[axis])
+            space.box[3 + axis] = -wp.float64(scene[3 + axis])
     if face == 0:
-        eye[0] = wp.vec3f(reach[0], reach[0], reach[0])
+        space.eye[0] = wp.vec3f(reach[0], reach[0], reach[0])
     low = to_float64(box_low(scene))
     high = to_float64(box_high(scene))
     if not (low[0] <= high[0]):
         return
     half = wp.float64(0.5)
     radius = half * wp.length(high - low) * wp.float64(1.0 + 1.0e-6)
-    distance = wp.length((low + high) * half - to_float64(lights[index]))
+    distance = wp.length((low + high) * half - to_float64(space.posts[space.index]))
     bounds = whole(map)
-    if spots[index, 0] != wp.float64(0.0):
+    if spots[space.index, 0] != wp.float64(0.0):
         if map == 0 and aimed:
-            bounds = spot_bounds(spots, index)
+            bounds = spot_bounds(spots, space.index)
     elif aimed and distance > wp.float64(1.5) * radius and map != 1:
         angle = wp.asin(radius / distance)
         if map == 2:
@@ -173,17 +153,16 @@ def spot_bounds(spots: wp.array2d(dtype=wp.float64), index: wp.int32) -> wp.vec4
 def view_bounds(
     map: wp.int32,
     face: wp.int32,
-    light: wp.vec3d,
-    frame: wp.mat33d,
-    eye: wp.vec3f,
-    axes: wp.array(dtype=wp.vec3f),
-    tangents: wp.array(dtype=wp.float32),
+    space: LightSpace,
+    camera: Camera,
     depth: wp.vec2f,
     sides: wp.int32,
 ) -> wp.vec4d:
     """Bounding rectangle of the camera's frustum, between its nearest and farthest triangle, seen from the light."""
     all = whole(map)
-    if in_frustum(light, eye, axes, tangents, depth):
+    light = to_float64(space.posts[space.index])
+    axes = space.axes[0]
+    if in_frustum(camera, depth, light):
         return all
     wrap = wraps(map)
     low_u = wp.float64(wp.INF)
@@ -199,12 +178,10 @@ def view_bounds(
         if bit == 0:
             step = 2
         other = 7 - (1 << bit) - step
-        p0 = face_frame(frame * (frustum_corner(fixed, eye, axes, tangents, depth) - light), face)
-        p1 = face_frame(frame * (frustum_corner(fixed + step, eye, axes, tangents, depth) - light), face)
-        p2 = face_frame(
-            frame * (frustum_corner(fixed + step + other, eye, axes, tangents, depth) - light), face
-        )
-        p3 = face_frame(frame * (frustum_corner(fixed + other, eye, axes, tangents, depth) - light), face)
+        p0 = face_frame(axes * (frustum_corner(camera, depth, fixed) - light), face)
+        p1 = face_frame(axes * (frustum_corner(camera, depth, fixed + step) - light), face)
+        p2 = face_frame(axes * (frustum_corner(camera, depth, fixed + step + other) - light), face)
+        p3 = face_frame(axes * (frustum_corner(camera, depth, fixed + other) - light), face)
         for half in range(sides // 3):
             corner = p1
             if half == 1:

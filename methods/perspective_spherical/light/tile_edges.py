@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from .frame import EXTENT
+from .space import EXTENT
 from .sphere import HALF_PI
 
 UNTESTED = wp.constant(wp.float64(4.0))

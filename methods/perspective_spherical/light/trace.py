@@ -15,8 +15,13 @@ from ....harness.frame.geometry import Camera, Hits, Mesh, corners_of, weld_of
 from ....harness.frame.specialise import effects
 from ...common.alpha import opaque_to_light
 from ...common.triangle import U32, largest, to_float32
+from ..camera.ray_tests import count_tests
+from ..lists.binning import TileLists
+from ..lists.chunks import RayChunks
+from ..lists.items import ListParts, pairs_of_part, part_of
 from ..variants import Variant
 from .segment_tests import DOUBT, SEGMENT_DECIDES, SEGMENT_PASSES, YES, SegmentRecord
+from .space import LightSpace
 
 
 @wp.func
@@ -45,47 +50,34 @@ def make_shadow_kernel(variant: Variant) -> wp.Kernel:
 
     @wp.kernel(enable_backward=False, module="unique", grid_stride=False)
     def shadow_kernel(
-        index: wp.int32,
         lanes: wp.int32,
         slices: wp.int32,
-        split: wp.int32,
-        lights: wp.array(dtype=wp.vec3f),
+        space: LightSpace,
         camera: Camera,
         mesh: Mesh,
+        alpha: Alpha,
         hits: Hits,
         hit_points: wp.array(dtype=wp.vec3d),
         last_slice: wp.array(dtype=wp.int32),
-        ray_tiles: wp.array(dtype=wp.int32),
-        rays: wp.array(dtype=wp.int32),
-        first: wp.array(dtype=wp.int32),
-        total: wp.array(dtype=wp.int32),
-        begin: wp.array(dtype=wp.int32),
-        end: wp.array(dtype=wp.int32),
-        keys: wp.array(dtype=wp.int32),
-        values: wp.array(dtype=wp.int32),
+        chunks: RayChunks,
+        lists: TileLists,
         records: wp.array(dtype=wp.vec4f),
-        alpha: Alpha,
-        items: wp.array(dtype=wp.vec2i),
-        item_scan: wp.array(dtype=wp.int64),
+        parts: ListParts,
         visibility: wp.array2d(dtype=wp.uint8),
         tests: wp.array(dtype=wp.int32),
     ):
         k = wp.tid()
-        chunk = k // lanes
-        part = wp.int32(0)
-        if split > 0:
-            if wp.int64(chunk) >= item_scan[item_scan.shape[0] - 1]:
-                return
-            part = items[chunk][1]
-            chunk = items[chunk][0]
-        if chunk >= total[0]:
+        work = part_of(parts, k // lanes)
+        chunk = work[0]
+        if chunk < 0 or chunk >= chunks.total[0]:
             return
-        light = lights[index]
+        light = space.lights[space.index]
         origin_size = wp.float64(largest(camera.eye[0]))
-        tile = ray_tiles[first[chunk]]
-        at = first[chunk] + k % lanes
-        while at < first[chunk + 1]:
-            pixel = rays[at]
+        tile = chunks.tiles[chunks.first[chunk]]
+        pairs = pairs_of_part(lists, tile, parts, work[1])
+        at = chunks.first[chunk] + k % lanes
+        while at < chunks.first[chunk + 1]:
+            pixel = chunks.pixels[at]
             at += lanes
             h64 = hit_points[pixel]
             h = to_float32(h64)
@@ -94,29 +86,28 @@ def make_shadow_kernel(variant: Variant) -> wp.Kernel:
             behind = tile * slices + last_slice[pixel] + 1
             number = wp.int32(0)
             shadowed = wp.bool(False)
-            j = begin[tile] + part * split
-            stop = end[tile]
-            if split > 0:
-                stop = wp.min(stop, j + split)
-                if visibility[index, pixel] != wp.uint8(0):
+            j = pairs[0]
+            stop = pairs[1]
+            if parts.split > 0:
+                if visibility[space.index, pixel] != wp.uint8(0):
                     stop = j
             while j < stop:
                 i = wp.int32(-1)
                 while j < stop and i < 0:
-                    if keys[j] >= behind:
+                    if lists.keys[j] >= behind:
                         stop = j
                         break
-                    if values[j] != own:
+                    if lists.values[j] != own:
                         number += 1
-                        verdict = judge(h, light, h_error, segment_at(records, values[j]))
+                        verdict = judge(h, light, h_error, segment_at(records, lists.values[j]))
                         if wp.static(effects.alpha):
-                            if verdict == YES and alpha.masked[values[j]] != wp.uint8(0):
+                            if verdict == YES and alpha.masked[lists.values[j]] != wp.uint8(0):
                                 verdict = DOUBT
                         if verdict == YES:
                             shadowed = wp.bool(True)
                             stop = j
                         if verdict == DOUBT:
-                            i = values[j]
+                            i = lists.values[j]
                     j += 1
                 if i >= 0:
                     corners = corners_of(mesh, i)
@@ -128,8 +119,7 @@ def make_shadow_kernel(variant: Variant) -> wp.Kernel:
                     if shadowed:
                         stop = j
             if shadowed:
-                visibility[index, pixel] = wp.uint8(1)
-            if tests.shape[0] > 1:
-                wp.atomic_add(tests, pixel, number)
+                visibility[space.index, pixel] = wp.uint8(1)
+            count_tests(tests, pixel, number)
 
     return shadow_kernel

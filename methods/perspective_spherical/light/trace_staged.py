@@ -16,8 +16,13 @@ from ....harness.frame.geometry import Camera, Hits, Mesh, corners_of, weld_of
 from ....harness.frame.specialise import effects
 from ...common.alpha import opaque_to_light
 from ...common.triangle import largest, to_float32
+from ..camera.ray_tests import count_tests
+from ..lists.binning import TileLists
+from ..lists.chunks import RayChunks
+from ..lists.items import ListParts, pairs_of_part, part_of
 from ..variants import Variant
 from .segment_tests import DOUBT, SEGMENT_DECIDES, SEGMENT_PASSES, USED, YES, SegmentRecord
+from .space import LightSpace
 from .trace import hit_error, segment_at
 
 SHADOW_REGISTERS = 80
@@ -34,49 +39,33 @@ def make_staged_shadow_kernel(variant: Variant, block: int) -> wp.Kernel:
 
     @wp.kernel(enable_backward=False, module="unique", grid_stride=False, cuda_max_registers=SHADOW_REGISTERS)
     def staged_shadow_kernel(
-        index: wp.int32,
         lanes: wp.int32,
         slices: wp.int32,
-        split: wp.int32,
-        lights: wp.array(dtype=wp.vec3f),
+        space: LightSpace,
         camera: Camera,
         mesh: Mesh,
+        alpha: Alpha,
         hits: Hits,
         hit_points: wp.array(dtype=wp.vec3d),
         last_slice: wp.array(dtype=wp.int32),
-        ray_tiles: wp.array(dtype=wp.int32),
-        rays: wp.array(dtype=wp.int32),
-        first: wp.array(dtype=wp.int32),
-        total: wp.array(dtype=wp.int32),
-        begin: wp.array(dtype=wp.int32),
-        end: wp.array(dtype=wp.int32),
-        keys: wp.array(dtype=wp.int32),
-        values: wp.array(dtype=wp.int32),
+        chunks: RayChunks,
+        lists: TileLists,
         records: wp.array(dtype=wp.vec4f),
-        alpha: Alpha,
-        items: wp.array(dtype=wp.vec2i),
-        item_scan: wp.array(dtype=wp.int64),
+        parts: ListParts,
         visibility: wp.array2d(dtype=wp.uint8),
         tests: wp.array(dtype=wp.int32),
     ):
         thread = wp.tid()
         lane = thread % wp.static(slots)
-        chunk = thread // wp.static(slots)
-        part = wp.int32(0)
-        if split > 0:
-            if wp.int64(chunk) >= item_scan[item_scan.shape[0] - 1]:
-                return
-            part = items[chunk][1]
-            chunk = items[chunk][0]
-        if chunk >= total[0]:
+        work = part_of(parts, thread // wp.static(slots))
+        chunk = work[0]
+        if chunk < 0 or chunk >= chunks.total[0]:
             return
-        light = lights[index]
+        light = space.lights[space.index]
         origin_size = wp.float64(largest(camera.eye[0]))
-        tile = ray_tiles[first[chunk]]
-        start = begin[tile] + part * split
-        stop = end[tile]
-        if split > 0:
-            stop = wp.min(stop, start + split)
+        tile = chunks.tiles[chunks.first[chunk]]
+        pairs = pairs_of_part(lists, tile, parts, work[1])
+        stop = pairs[1]
         shared0 = wp.tile_zeros(shape=wp.static(slots), dtype=wp.vec4f, storage="shared")
         shared1 = wp.tile_zeros(shape=wp.static(slots), dtype=wp.vec4f, storage="shared")
         shared2 = wp.tile_zeros(shape=wp.static(slots), dtype=wp.vec4f, storage="shared")
@@ -84,27 +73,27 @@ def make_staged_shadow_kernel(variant: Variant, block: int) -> wp.Kernel:
         shared4 = wp.tile_zeros(shape=wp.static(slots), dtype=wp.vec4f, storage="shared")
         shared5 = wp.tile_zeros(shape=wp.static(slots), dtype=wp.vec4f, storage="shared")
         tags = wp.tile_zeros(shape=wp.static(slots), dtype=wp.vec2i, storage="shared")
-        base = first[chunk]
-        while base < first[chunk + 1]:
+        base = chunks.first[chunk]
+        while base < chunks.first[chunk + 1]:
             at = base + lane
             base += wp.static(slots)
             pixel = wp.int32(0)
             own = wp.int32(-1)
             h64 = wp.vec3d()
             deepest = wp.int32(-1)
-            if at < first[chunk + 1]:
-                pixel = rays[at]
+            if at < chunks.first[chunk + 1]:
+                pixel = chunks.pixels[at]
                 h64 = hit_points[pixel]
                 own = hits.triangle[pixel]
                 deepest = last_slice[pixel]
-                if split > 0:
-                    if visibility[index, pixel] != wp.uint8(0):
+                if parts.split > 0:
+                    if visibility[space.index, pixel] != wp.uint8(0):
                         deepest = -1
             h = to_float32(h64)
             h_error = hit_error(h)
             number = wp.int32(0)
             shadowed = wp.bool(False)
-            load = start
+            load = pairs[0]
             active = wp.int32(0)
             if deepest >= 0:
                 active = 1
@@ -114,9 +103,9 @@ def make_staged_shadow_kernel(variant: Variant, block: int) -> wp.Kernel:
                 tag = wp.vec2i(0, 0)
                 loads = load + lane < stop
                 if loads:
-                    i = values[load + lane]
+                    i = lists.values[load + lane]
                     r = segment_at(records, i)
-                    tag = wp.vec2i(i, keys[load + lane] - tile * slices)
+                    tag = wp.vec2i(i, lists.keys[load + lane] - tile * slices)
                 wp.tile_scatter_masked(shared0, lane, r.q0, loads)
                 wp.tile_scatter_masked(shared1, lane, r.q1, loads)
                 wp.tile_scatter_masked(shared2, lane, r.q2, loads)
@@ -173,8 +162,8 @@ def make_staged_shadow_kernel(variant: Variant, block: int) -> wp.Kernel:
                 load += wp.static(slots)
                 going = wp.tile_extract(wp.tile_max(wp.tile(active)), 0)
             if shadowed:
-                visibility[index, pixel] = wp.uint8(1)
-            if number > 0 and tests.shape[0] > 1:
-                wp.atomic_add(tests, pixel, number)
+                visibility[space.index, pixel] = wp.uint8(1)
+            if number > 0:
+                count_tests(tests, pixel, number)
 
     return staged_shadow_kernel

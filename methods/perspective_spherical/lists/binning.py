@@ -16,6 +16,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from ....harness.frame.geometry import filled
 from ...common.pairs import grown
 from ...common.reserve import reserve_many
 
@@ -53,6 +54,29 @@ class PairSink:
 
 
 @wp.struct
+class PieceQueue:
+    """Pieces of large items: pieces vec2i [row_capacity], each (item, first tile of its box); ``needs[slot]`` of them.
+
+    lanes  threads of a piece
+    """
+
+    lanes: wp.int32
+    slot: wp.int32
+    needs: wp.array(dtype=wp.int64)
+    pieces: wp.array(dtype=wp.vec2i)
+
+
+@wp.struct
+class TileLists:
+    """The list of each tile: values[begin[tile]:end[tile]] are triangles; their cells are ``keys``, front slices first."""
+
+    begin: wp.array(dtype=wp.int32)
+    end: wp.array(dtype=wp.int32)
+    keys: wp.array(dtype=wp.int32)
+    values: wp.array(dtype=wp.int32)
+
+
+@wp.struct
 class Piece:
     """One thread's tiles: numbers ``first``, ``first + step`` ... below ``stop`` of item's box, row by row.
 
@@ -77,45 +101,32 @@ def piece_size(tiles: wp.int32, lanes: wp.int32) -> wp.int32:
 
 
 @wp.func
-def queue_large(
-    item: wp.int32,
-    box: wp.vec4i,
-    lanes: wp.int32,
-    queue: wp.array(dtype=wp.vec2i),
-    needs: wp.array(dtype=wp.int64),
-    slot: wp.int32,
-):
+def queue_large(item: wp.int32, box: wp.vec4i, queue: PieceQueue):
     """Queue every piece of ``box``. Beyond the capacity only counted; the harness repeats the frame."""
     tiles = (box[2] - box[0] + 1) * (box[3] - box[1] + 1)
     if tiles <= INLINE_TILES:
         return
-    size = piece_size(tiles, lanes)
+    size = piece_size(tiles, queue.lanes)
     number = (tiles + size - 1) // size
-    first = reserve_many(needs, slot, number)
+    first = reserve_many(queue.needs, queue.slot, number)
     for j in range(number):
         place = first + wp.int64(j)
-        if place < wp.int64(queue.shape[0]):
-            queue[wp.int32(place)] = wp.vec2i(item, j * size)
+        if place < wp.int64(queue.pieces.shape[0]):
+            queue.pieces[wp.int32(place)] = wp.vec2i(item, j * size)
 
 
 @wp.func
-def piece_of(
-    thread: wp.int32,
-    lanes: wp.int32,
-    boxes: wp.array(dtype=wp.vec4i),
-    queue: wp.array(dtype=wp.vec2i),
-    queued: wp.int64,
-) -> Piece:
-    """The work of a thread: first one each for the items, then ``lanes`` for each queued piece."""
+def piece_of(thread: wp.int32, boxes: wp.array(dtype=wp.vec4i), queue: PieceQueue) -> Piece:
+    """The work of a thread: first one each for the items, then ``queue.lanes`` for each queued piece."""
     p = Piece()
     p.item = -1
     p.step = 1
     item = thread
-    k = (thread - boxes.shape[0]) // lanes
+    k = (thread - boxes.shape[0]) // queue.lanes
     if thread >= boxes.shape[0]:
-        if k >= queue.shape[0] or wp.int64(k) >= queued:
+        if k >= queue.pieces.shape[0] or wp.int64(k) >= queue.needs[queue.slot]:
             return p
-        item = queue[k][0]
+        item = queue.pieces[k][0]
     box = boxes[item]
     p.x = box[0]
     p.y = box[1]
@@ -123,9 +134,9 @@ def piece_of(
     tiles = p.w * (box[3] - box[1] + 1)
     if thread >= boxes.shape[0]:
         p.item = item
-        p.first = queue[k][1] + (thread - boxes.shape[0]) % lanes
-        p.stop = wp.min(tiles, queue[k][1] + piece_size(tiles, lanes))
-        p.step = lanes
+        p.first = queue.pieces[k][1] + (thread - boxes.shape[0]) % queue.lanes
+        p.stop = wp.min(tiles, queue.pieces[k][1] + piece_size(tiles, queue.lanes))
+        p.step = queue.lanes
     elif box[2] >= box[0] and tiles <= INLINE_TILES:
         p.item = item
         p.stop = tiles
@@ -153,10 +164,7 @@ def place_pairs_kernel(
     slices: wp.int32,
     pairs: PairSink,
     cell_end: wp.array(dtype=wp.int32),
-    keys: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.int32),
-    begin: wp.array(dtype=wp.int32),
-    end: wp.array(dtype=wp.int32),
+    lists: TileLists,
 ):
     """The counting sort's last step: every pair to its cell; and the run of each tile.
 
@@ -171,22 +179,22 @@ def place_pairs_kernel(
             last = cell_end[(i + 1) * slices - 1]
             if i > 0:
                 first = cell_end[i * slices - 1]
-        begin[i] = first
-        end[i] = last
+        lists.begin[i] = first
+        lists.end[i] = last
     if i < pairs.capacity and wp.int64(i) < needed:
         cell = pairs.keys[i]
         at = cell_end[cell] - pairs.cell_count[cell] + pairs.ranks[i]
-        keys[at] = cell
-        values[at] = pairs.values[i]
+        lists.keys[at] = cell
+        lists.values[at] = pairs.values[i]
 
 
 @wp.kernel(enable_backward=False)
-def drop_lists_kernel(pairs: PairSink, begin: wp.array(dtype=wp.int32), end: wp.array(dtype=wp.int32)):
+def drop_lists_kernel(pairs: PairSink, lists: TileLists):
     """The same of pairs that a radix sort put in order."""
     tile = wp.tid()
     if pairs.needs[pairs.slot] > wp.int64(pairs.capacity):
-        begin[tile] = 0
-        end[tile] = 0
+        lists.begin[tile] = 0
+        lists.end[tile] = 0
 
 
 @wp.kernel(enable_backward=False)
@@ -214,10 +222,10 @@ class TileBins:
 
     An item is a triangle (in a cube of six rectangles: a triangle in one of them).
 
-    boxes         vec4i [items]: first column, first row, last column, last row; empty if last < first
-    queue         vec2i [row_capacity]: (item, first tile of its box) of the pieces of large items
-    keys, values  int32 [capacity or more]: cells (tile * slices + slice) and triangles, sorted by cell
-    begin, end    int32 [tiles]: the run of a tile is values[begin:end], in it front slices first
+    boxes   vec4i [items]: first column, first row, last column, last row; empty if last < first
+    queue   :class:`PieceQueue`
+    pairs   :class:`PairSink`, before the sort
+    lists   :class:`TileLists`, after it: begin, end int32 [tiles]; keys (tile * slices + slice), values int32 [capacity]
     ``slot`` and ``slot + 1`` of ``needs`` hold the pairs and the queued pieces that the last frame needed.
     """
 
@@ -239,29 +247,41 @@ class TileBins:
         self.needs, self.slot = needs, slot
         self.capacity = max(1, capacity[0])
         self.counted = sort == "counting" and self.cells <= MOST_COUNTED
-        self.lanes = LANES if wp.get_device(device).is_cuda else 1
+        # A radix sort works in place, in arrays twice as long as what they sort.
+        length = self.capacity if self.counted else 2 * self.capacity
         with wp.ScopedDevice(device):
             self.boxes = wp.zeros(self.items, dtype=wp.vec4i)
-            self.queue = wp.zeros(max(1, capacity[1]), dtype=wp.vec2i)
-            self.begin = wp.zeros(tiles, dtype=wp.int32)
-            self.end = wp.zeros(tiles, dtype=wp.int32)
-            # A radix sort works in place, in arrays twice as long as what they sort.
-            length = self.capacity if self.counted else 2 * self.capacity
-            self.keys = wp.zeros(length, dtype=wp.int32)
-            self.values = wp.zeros(length, dtype=wp.int32)
+            self.queue = filled(
+                PieceQueue,
+                lanes=LANES if wp.get_device(device).is_cuda else 1,
+                slot=slot + 1,
+                needs=needs,
+                pieces=wp.zeros(max(1, capacity[1]), dtype=wp.vec2i),
+            )
+            self.lists = filled(
+                TileLists,
+                begin=wp.zeros(tiles, dtype=wp.int32),
+                end=wp.zeros(tiles, dtype=wp.int32),
+                keys=wp.zeros(length, dtype=wp.int32),
+                values=wp.zeros(length, dtype=wp.int32),
+            )
             self.cell_end = wp.zeros(self.cells if self.counted else 1, dtype=wp.int32)
-            self.pairs = PairSink()
-            self.pairs.capacity, self.pairs.counted, self.pairs.slot = self.capacity, self.counted, slot
-            self.pairs.needs = needs
-            self.pairs.keys = wp.zeros(length, dtype=wp.int32) if self.counted else self.keys
-            self.pairs.values = wp.zeros(length, dtype=wp.int32) if self.counted else self.values
-            self.pairs.ranks = wp.zeros(length if self.counted else 1, dtype=wp.int32)
-            self.pairs.cell_count = wp.zeros(self.cells if self.counted else 1, dtype=wp.int32)
+            self.pairs = filled(
+                PairSink,
+                capacity=self.capacity,
+                counted=self.counted,
+                slot=slot,
+                needs=needs,
+                keys=wp.zeros(length, dtype=wp.int32) if self.counted else self.lists.keys,
+                values=wp.zeros(length, dtype=wp.int32) if self.counted else self.lists.values,
+                ranks=wp.zeros(length if self.counted else 1, dtype=wp.int32),
+                cell_count=wp.zeros(self.cells if self.counted else 1, dtype=wp.int32),
+            )
 
     @property
     def threads(self) -> int:
         """Threads of a kernel that takes its work from :func:`piece_of`."""
-        return self.items + self.queue.shape[0] * self.lanes
+        return self.items + self.queue.pieces.shape[0] * self.queue.lanes
 
     def clear_queue(self) -> None:
         """Before the kernel that makes the boxes and queues the large ones."""
@@ -273,7 +293,7 @@ class TileBins:
         if self.counted:
             self.pairs.cell_count.zero_()
         else:
-            self.keys.fill_(self.cells)
+            self.lists.keys.fill_(self.cells)
 
     def launch_sort(self) -> None:
         """Sort the pairs by cell and mark the run of each tile."""
@@ -283,25 +303,26 @@ class TileBins:
                 place_pairs_kernel,
                 dim=max(self.capacity, self.tiles),
                 inputs=[self.tiles, self.slices, self.pairs, self.cell_end],
-                outputs=[self.keys, self.values, self.begin, self.end],
+                outputs=[self.lists],
                 device=self.device,
             )
             return
-        wp.utils.radix_sort_pairs(self.keys, self.values, self.capacity, 0, self.bits)
-        self.begin.zero_()
-        self.end.zero_()
+        lists = self.lists
+        wp.utils.radix_sort_pairs(lists.keys, lists.values, self.capacity, 0, self.bits)
+        lists.begin.zero_()
+        lists.end.zero_()
         wp.launch(
             mark_tiles_kernel,
             dim=self.capacity,
-            inputs=[self.tiles, self.slices, self.capacity, self.keys],
-            outputs=[self.begin, self.end],
+            inputs=[self.tiles, self.slices, self.capacity, lists.keys],
+            outputs=[lists.begin, lists.end],
             device=self.device,
         )
         wp.launch(
             drop_lists_kernel,
             dim=self.tiles,
             inputs=[self.pairs],
-            outputs=[self.begin, self.end],
+            outputs=[lists],
             device=self.device,
         )
 

@@ -19,6 +19,21 @@ import warp as wp
 from .binning import mark_tiles_kernel
 
 
+@wp.struct
+class RayChunks:
+    """Chunks of one light's shadow rays, which are sorted by tile.
+
+    tiles, pixels  int32 [rays or more]: the light tile and the pixel of each ray
+    first  int32 [rays + 1]: first ray of each chunk, then the number of rays (the paper's outArr)
+    total  int32 [1]: chunks
+    """
+
+    tiles: wp.array(dtype=wp.int32)
+    pixels: wp.array(dtype=wp.int32)
+    first: wp.array(dtype=wp.int32)
+    total: wp.array(dtype=wp.int32)
+
+
 @wp.kernel(enable_backward=False)
 def tag_thread_kernel(threadArr: wp.array(dtype=wp.int32)):
     """F: thread numbers."""

@@ -9,37 +9,73 @@ from __future__ import annotations
 
 import warp as wp
 
+from ....harness.frame.geometry import filled
 from ...common.pairs import need_kernel
+from .binning import TileLists
+from .chunks import RayChunks
+
+
+@wp.struct
+class ListParts:
+    """Work items of lists that are split into parts of ``split`` triangles; 0: no list is split.
+
+    items  vec2i [capacity]: (source, part)   scan  int64 [sources]: its last is the number of items
+    """
+
+    split: wp.int32
+    items: wp.array(dtype=wp.vec2i)
+    scan: wp.array(dtype=wp.int64)
+
+
+@wp.func
+def part_of(parts: ListParts, item: wp.int32) -> wp.vec2i:
+    """(source, part) of a work item, source -1 beyond the last one. Where no list is split, an item is a source."""
+    if parts.split == 0:
+        return wp.vec2i(item, 0)
+    if wp.int64(item) >= parts.scan[parts.scan.shape[0] - 1]:
+        return wp.vec2i(-1, 0)
+    return parts.items[item]
+
+
+@wp.func
+def pairs_of_part(lists: TileLists, tile: wp.int32, parts: ListParts, part: wp.int32) -> wp.vec2i:
+    """First pair of a part of a tile's list, and the pair behind its last; the whole list where none is split."""
+    first = lists.begin[tile] + part * parts.split
+    stop = lists.end[tile]
+    if parts.split > 0:
+        stop = wp.min(stop, first + parts.split)
+    return wp.vec2i(first, stop)
+
+
+@wp.func
+def part_count(lists: TileLists, tile: wp.int32, split: wp.int32) -> wp.int32:
+    """Parts of a tile's list."""
+    return (lists.end[tile] - lists.begin[tile] + split - 1) // split
 
 
 @wp.kernel(enable_backward=False)
 def count_tiles_kernel(
     split: wp.int32,
-    begin: wp.array(dtype=wp.int32),
-    end: wp.array(dtype=wp.int32),
+    lists: TileLists,
     count: wp.array(dtype=wp.int64),
 ):
     """Parts of a tile's list; one where it is empty, so that its pixels are still written."""
     tile = wp.tid()
-    count[tile] = wp.int64(wp.max(1, (end[tile] - begin[tile] + split - 1) // split))
+    count[tile] = wp.int64(wp.max(1, part_count(lists, tile, split)))
 
 
 @wp.kernel(enable_backward=False)
 def count_chunks_kernel(
     split: wp.int32,
-    ray_tiles: wp.array(dtype=wp.int32),
-    first: wp.array(dtype=wp.int32),
-    total: wp.array(dtype=wp.int32),
-    begin: wp.array(dtype=wp.int32),
-    end: wp.array(dtype=wp.int32),
+    chunks: RayChunks,
+    lists: TileLists,
     count: wp.array(dtype=wp.int64),
 ):
     """Parts of the list that a chunk of shadow rays is tested against."""
     chunk = wp.tid()
     number = wp.int64(0)
-    if chunk < total[0]:
-        tile = ray_tiles[first[chunk]]
-        number = wp.int64((end[tile] - begin[tile] + split - 1) // split)
+    if chunk < chunks.total[0]:
+        number = wp.int64(part_count(lists, chunks.tiles[chunks.first[chunk]], split))
     count[chunk] = number
 
 
@@ -57,24 +93,28 @@ def write_kernel(
 
 
 class Items:
-    """Work items of one grid. items vec2i [capacity]: (source, part); scan int64 [sources], its last their number."""
+    """Work items of one grid (:class:`ListParts`). ``split``: triangles of a part, 0 where lists are not split."""
 
-    def __init__(self, sources: int, capacity: int, device: str):
+    def __init__(self, sources: int, capacity: int, split: int, device: str):
         self.sources, self.capacity, self.device = max(1, sources), max(1, capacity), device
         with wp.ScopedDevice(device):
             self.count = wp.zeros(self.sources, dtype=wp.int64)
-            self.scan = wp.zeros(self.sources, dtype=wp.int64)
-            self.items = wp.zeros(self.capacity, dtype=wp.vec2i)
+            self.parts = filled(
+                ListParts,
+                split=split,
+                items=wp.zeros(self.capacity, dtype=wp.vec2i),
+                scan=wp.zeros(self.sources, dtype=wp.int64),
+            )
 
     def launch(self, kernel: wp.Kernel, inputs: list, needs: wp.array, slot: int) -> None:
         """Count with ``kernel``, scan, write; the number of items goes to ``needs[slot]``."""
         wp.launch(kernel, dim=self.sources, inputs=inputs, outputs=[self.count], device=self.device)
-        wp.utils.array_scan(self.count, self.scan, inclusive=True)
-        wp.launch(need_kernel, dim=1, inputs=[self.scan], outputs=[needs, slot], device=self.device)
+        wp.utils.array_scan(self.count, self.parts.scan, inclusive=True)
+        wp.launch(need_kernel, dim=1, inputs=[self.parts.scan], outputs=[needs, slot], device=self.device)
         wp.launch(
             write_kernel,
             dim=self.sources,
-            inputs=[self.count, self.scan],
-            outputs=[self.items],
+            inputs=[self.count, self.parts.scan],
+            outputs=[self.parts.items],
             device=self.device,
         )

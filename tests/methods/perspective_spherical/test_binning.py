@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import warp as wp
+from shadowbench.harness.frame.geometry import filled
 from shadowbench.methods.perspective_spherical.lists.binning import (
     ENOUGH,
     INLINE_TILES,
     LANES,
     THREAD_TILES,
+    PieceQueue,
     TileBins,
     piece_of,
     queue_large,
@@ -18,26 +20,22 @@ from shadowbench.methods.perspective_spherical.lists.binning import (
 
 @wp.kernel(enable_backward=False)
 def queue_kernel(
-    lanes: wp.int32,
     boxes: wp.array(dtype=wp.vec4i),
-    queue: wp.array(dtype=wp.vec2i),
-    needs: wp.array(dtype=wp.int64),
+    queue: PieceQueue,
 ):
     i = wp.tid()
     if boxes[i][2] >= boxes[i][0]:
-        queue_large(i, boxes[i], lanes, queue, needs, 0)
+        queue_large(i, boxes[i], queue)
 
 
 @wp.kernel(enable_backward=False)
 def visit_kernel(
-    lanes: wp.int32,
     boxes: wp.array(dtype=wp.vec4i),
-    queue: wp.array(dtype=wp.vec2i),
-    needs: wp.array(dtype=wp.int64),
+    queue: PieceQueue,
     visits: wp.array3d(dtype=wp.int32),
     most: wp.array(dtype=wp.int32),
 ):
-    p = piece_of(wp.tid(), lanes, boxes, queue, needs[0])
+    p = piece_of(wp.tid(), boxes, queue)
     if p.item < 0:
         return
     number = wp.int32(0)
@@ -70,14 +68,16 @@ def test_every_tile_of_every_box_is_one_threads_work(lanes):
         boxes.append((x, y, x + w - 1, y + h - 1))
     boxes = wp.array(np.array(boxes), dtype=wp.vec4i, device="cpu")
     needs = wp.zeros(1, dtype=wp.int64, device="cpu")
-    queue = wp.zeros(5000, dtype=wp.vec2i, device="cpu")
-    wp.launch(queue_kernel, dim=len(shapes), inputs=[lanes, boxes, queue, needs], device="cpu")
+    room = 5000
+    pieces = wp.zeros(room, dtype=wp.vec2i, device="cpu")
+    queue = filled(PieceQueue, lanes=lanes, slot=0, needs=needs, pieces=pieces)
+    wp.launch(queue_kernel, dim=len(shapes), inputs=[boxes, queue], device="cpu")
     queued = int(needs.numpy()[0])
-    assert 0 < queued <= queue.shape[0]
+    assert 0 < queued <= room
     visits = wp.zeros((len(shapes), side, side), dtype=wp.int32, device="cpu")
     most = wp.zeros(1, dtype=wp.int32, device="cpu")
-    threads = len(shapes) + queue.shape[0] * lanes
-    wp.launch(visit_kernel, dim=threads, inputs=[lanes, boxes, queue, needs, visits, most], device="cpu")
+    threads = len(shapes) + room * lanes
+    wp.launch(visit_kernel, dim=threads, inputs=[boxes, queue, visits, most], device="cpu")
     for seen, (x0, y0, x1, y1) in zip(visits.numpy(), boxes.numpy(), strict=True):
         expected = np.zeros((side, side), dtype=int)
         expected[y0 : y1 + 1, x0 : x1 + 1] = 1
@@ -112,11 +112,11 @@ def test_pairs_come_out_sorted_and_a_tile_has_its_run(sort):
         bins.pairs.ranks.assign(np.pad(ranks, (0, capacity - count)))
         bins.pairs.cell_count.assign(np.bincount(cells, minlength=tiles * slices))
     bins.launch_sort()
-    keys, values = bins.keys.numpy()[:count], bins.values.numpy()[:count]
+    keys, values = bins.lists.keys.numpy()[:count], bins.lists.values.numpy()[:count]
     assert (np.diff(keys) >= 0).all()
     assert (keys == cells[values]).all()
     assert sorted(values) == list(range(count))
-    begin, end = bins.begin.numpy(), bins.end.numpy()
+    begin, end = bins.lists.begin.numpy(), bins.lists.end.numpy()
     for tile in range(tiles):
         assert (keys[begin[tile] : end[tile]] // slices == tile).all()
     assert (end - begin).tolist() == np.bincount(cells // slices, minlength=tiles).tolist()
@@ -133,4 +133,4 @@ def test_pairs_that_do_not_fit_are_no_lists(sort):
     for needed, length in ((101, 0), (100, 100)):
         needs.assign([needed, 0])
         bins.launch_sort()
-        assert (bins.end.numpy() - bins.begin.numpy()).tolist() == [length, 0, 0]
+        assert (bins.lists.end.numpy() - bins.lists.begin.numpy()).tolist() == [length, 0, 0]
