@@ -56,9 +56,8 @@ def screen_triangle(camera: Camera, corners: Corners, widening: wp.float32) -> S
     s.n0 = wp.cross(b, bc)
     s.n1 = wp.cross(c, ca)
     s.n2 = wp.cross(a, ab)
-    s.error = (1.0 + camera.tangents[0] + camera.tangents[1]) * (
-        32.0 * U32 * reach * edge + 6.0 * reach * slack
-    ) + FLOOR32
+    longest = 1.0 + camera.tangents[0] + camera.tangents[1]  # |d|_1 of a pixel's direction, at most
+    s.error = longest * (32.0 * U32 * reach * edge + 6.0 * reach * slack) + FLOOR32
     n_error = 16.0 * U32 * edge * edge + 6.0 * edge * slack
     det_error = 3.0 * n_error * reach + 16.0 * U32 * largest(n) * reach + 3.0 * largest(n) * slack + FLOOR32
     s.oriented = wp.abs(det) > det_error
@@ -69,7 +68,7 @@ def screen_triangle(camera: Camera, corners: Corners, widening: wp.float32) -> S
     s.refine = wp.abs(det) > 100.0 * det_error and largest(n) > 100.0 * n_error
     if s.refine:
         s.m = n / det
-        s.m_error = 0.03 * largest(s.m) * (1.0 + camera.tangents[0] + camera.tangents[1])
+        s.m_error = 0.03 * largest(s.m) * longest
     return s
 
 
