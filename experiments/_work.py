@@ -24,13 +24,10 @@ ITEM, RECORD, LINES, PAIR = 16, 64, 48, 8
 """Bytes of a queued item, of a triangle's planes, of an item's lines, of a doubtful pair."""
 
 
-def ray_grids(record: dict[str, Any], frame: dict[str, Any], name: str) -> Work | None:
-    """The work of a pass of ``ray_grids``, by its name; queues by the counters of the frame."""
-    scene, point = record["scene"], record["point"]
-    pixels = point["width"] * point["height"]
-    mesh = scene["triangles"] * TRIANGLE + scene.get("vertices", 0) * VERTEX
-    rays = frame.get("shadow_rays") or 0
-    counters = frame.get("counters") or {}
+def ray_grids(row: dict[str, Any], name: str) -> Work | None:
+    """The work of a pass of ``ray_grids``, by its name; queues by the counters of the frame. ``row``: of a tidy table."""
+    pixels, rays = row["pixels"], row["shadow_rays"]
+    mesh = row["triangles"] * TRIANGLE + row["vertices"] * VERTEX
     match = re.fullmatch(r"(camera|light \d+): (.+?)(?:, share \d+ of (\d+))?", name)
     if match is None:
         return None
@@ -39,7 +36,7 @@ def ray_grids(record: dict[str, Any], frame: dict[str, Any], name: str) -> Work 
     stage = f"{who}: {what}"
 
     def queued(kind: str) -> float:
-        return share * counters.get(f"{who} {kind}", 0)
+        return share * row.get(f"counter.{who} {kind}", 0)
 
     if what == "stream triangles":
         # The camera writes words; a light reads rays. Queued work is written.

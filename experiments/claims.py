@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from ..harness.report import claims
 from ..harness.report.claims import Claim
 from ..harness.runner.experiment import Experiment
 from . import _judges as judge
@@ -78,8 +79,6 @@ CLAIMS = (
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Every claim with its verdict and numbers, as markdown and CSV."""
-    from ..harness.report import claims
-
     return claims.draw(folder, quiet, CLAIMS)
 
 

@@ -7,26 +7,50 @@ resolution: so every scene is measured at half the width and height too, in the 
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+import numpy as np
+
+from ..harness.report import compare, document, panels, style
+from ..harness.results.table import stage_ms
 from ..harness.runner.experiment import Experiment, Preset
-from ._figures.figure10 import Stage
 from ._paper import SCENES, faithful
 
+if TYPE_CHECKING:
+    import pandas as pd
+
+PRIMARY, SHADOW = "#0072B2", "#D55E00"
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Passes that are counted together: those of ``part`` whose names match ``pattern``.
+
+    ``of`` is :data:`PRIMARY` or :data:`SHADOW`; ``light`` how far that colour is mixed with white.
+    """
+
+    key: str
+    title: str
+    part: str
+    pattern: str
+    of: str
+    light: float
+
+    @property
+    def colour(self) -> tuple[float, float, float]:
+        return style.lightened(self.of, self.light)
+
+
 STAGES = (
-    Stage("grid_build", "grid build", "build", "", "primary", 0.6),
-    Stage("primary_traversal", "primary traversal", "trace", "", "primary", 0.0),
+    Stage("grid_build", "grid build", "build", "", PRIMARY, 0.6),
+    Stage("primary_traversal", "primary traversal", "trace", "", PRIMARY, 0.0),
     Stage(
-        "rearrangement",
-        "ray mapping and rearrangement",
-        "shadow",
-        "map rays|sort rays|chunks",
-        "shadow",
-        0.75,
+        "rearrangement", "ray mapping and rearrangement", "shadow", "map rays|sort rays|chunks", SHADOW, 0.75
     ),
-    Stage("light_grid_build", "light grid build", "light build", "", "shadow", 0.45),
-    Stage("shadow_traversal", "shadow traversal", "shadow", "shadow rays", "shadow", 0.0),
+    Stage("light_grid_build", "light grid build", "light build", "", SHADOW, 0.45),
+    Stage("shadow_traversal", "shadow traversal", "shadow", "shadow rays", SHADOW, 0.0),
 )
 
 METHODS = (faithful("paper-faithful"),)
@@ -37,11 +61,102 @@ def with_half(base: Preset) -> Preset:
     return replace(base, also=(replace(base, width=base.width // 2, height=base.height // 2),))
 
 
-def draw(folder: Path, quiet: bool = False) -> list[Path]:
-    """Stacked bars, CSV, and whether rearrangement depends on the model and on the resolution."""
-    from ._figures import figure10 as stages
+COLUMNS = [*document.COMMON, *(f"{stage.key}_ms" for stage in STAGES), "other_ms", "shadow_rays"]
+REARRANGEMENT = "rearrangement_ms"
 
-    return stages.draw(folder, quiet, STAGES, "rearrangement")
+
+def with_stages(table: pd.DataFrame) -> pd.DataFrame:
+    """The table, of frames or of points, with the stages' times in ms, what no stage holds, and the rays mapped."""
+    times = {f"{s.key}_ms": stage_ms(table, s.part, s.pattern) for s in STAGES}
+    parts = table[["build_ms", "trace_ms", "light_build_ms", "shadow_ms"]].sum(axis=1, skipna=False)
+    # Sums of the same numbers in another order: what differs by a rounding is nothing, and never minus zero.
+    rays = table.filter(regex=r"^counter\.light .* rays$").sum(axis=1)
+    other = (parts - sum(times.values())).round(9) + 0.0
+    return table.assign(**times, other_ms=other, shadow_rays=rays.where(rays > 0))
+
+
+def variation(values: pd.Series) -> float:
+    """Coefficient of variation: standard deviation over mean."""
+    return float(values.std(ddof=0) / values.mean()) if len(values) and values.mean() > 0 else 0.0
+
+
+def growth(frames: pd.DataFrame) -> pd.DataFrame:
+    """Every stage's time at the largest size over that at the smallest, a row a scene, over the frames that both have."""
+    smallest, largest = frames["pixels"].min(), frames["pixels"].max()
+    high, low = compare.pairs(frames, frames["pixels"] == smallest, (*compare.SCENE, *compare.LIGHTS))
+    high = high[(high["pixels"] == largest) & (smallest < largest)]
+    keys = [f"{stage.key}_ms" for stage in STAGES]
+    return (with_stages(high)[keys] / with_stages(low.loc[high.index])[keys].replace(0.0, np.nan)).set_axis(
+        high["scene"]
+    )
+
+
+def draw(folder: Path, quiet: bool = False) -> list[Path]:
+    """Stacked bars of the largest size, CSV, and whether rearrangement depends on the model and on the resolution."""
+    frames = document.frames(folder)
+    table = with_stages(document.named(frames))
+    files = [document.write_csv(table, folder / "figure10.csv", COLUMNS)]
+    largest = frames["pixels"] == frames["pixels"].max()
+    widest = document.measured(with_stages(document.named(frames[largest])))
+    if len(widest):
+        files.append(picture(widest, folder / "figure10.svg"))
+    grown = growth(frames)
+    tables = {"Stages at the largest size, ms": by_stage(widest, grown)}
+    return document.write(
+        folder, "figure10", EXPERIMENT.title, finding(widest, grown), tables, files, table, quiet
+    )
+
+
+def finding(widest: pd.DataFrame, grown: pd.DataFrame) -> str:
+    """How much rearrangement varies with the model and grows with the pixels. Claims judge whether the paper is right."""
+    times = widest[REARRANGEMENT]
+    if widest["scene"].nunique() < 2:
+        return "One scene alone does not say how the stages depend on the model."
+    text = (
+        f"Rearrangement takes {document.span(times)} ms over {len(times)} scenes, a coefficient of variation of "
+        f"{variation(times):.0%} (the paper: more or less the same for all models)"
+    )
+    if len(grown):
+        text += (
+            f"; {compare.geometric(grown[REARRANGEMENT]):.1f} times as long at the larger size, same frames"
+        )
+    return text + "."
+
+
+def by_stage(widest: pd.DataFrame, grown: pd.DataFrame) -> pd.DataFrame:
+    """Stages down, scenes across, then how much a stage varies over them and grows from the smallest size."""
+    import pandas as pd
+
+    lines = []
+    for stage in STAGES:
+        times = widest.set_index("title")[f"{stage.key}_ms"]
+        line = {"stage": stage.title, **times.map(style.number), "variation": f"{variation(times):.0%}"}
+        if len(grown):
+            line["larger over smaller size"] = f"{compare.geometric(grown[f'{stage.key}_ms']):.1f}"
+        lines.append(line)
+    rays = widest.set_index("title")["shadow_rays"].dropna()
+    if len(rays):
+        lines.append(
+            {"stage": "shadow rays", **rays.map("{:,.0f}".format), "variation": f"{variation(rays):.0%}"}
+        )
+    return pd.DataFrame(lines)
+
+
+def picture(widest: pd.DataFrame, path: Path) -> Path:
+    """One stacked bar a point; the number at its end is the whole frame's median, measured apart."""
+    tints = {f"{stage.key}_ms": stage.colour for stage in STAGES}
+    with panels.sheet(path, (style.COLUMN_WIDTH, 0.26 * len(widest) + 1.25), grid="x") as (figure, grid):
+        axes = grid[0, 0]
+        for stage in STAGES:
+            axes.fill_between([], [], color=stage.colour, edgecolor="#444444", lw=0.3, label=stage.title)
+        panels.bars(
+            axes, widest, [tints] * len(widest), list(widest["total_ms"].map(style.number)), edge="#444444"
+        )
+        several = widest["label"].nunique() > 1
+        axes.set_yticks(range(len(widest)), widest["title"] + (", " + widest["label"] if several else ""))
+        axes.set_xlim(0, widest["total_ms"].max() * 1.2)
+        figure.supxlabel("ms per frame; black tick and number: the whole frame", fontsize=7)
+    return path
 
 
 EXPERIMENT = Experiment(

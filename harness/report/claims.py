@@ -6,16 +6,17 @@ compared; the verdict is computed from the records of all experiments in a folde
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import numpy as np
+from . import document, style
+from .evidence import Data, Evidence, collect
 
-from . import points
-from .evidence import Data, Evidence, Row, collect
-from .sheet import error_text
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 HOLDS, FAILS, OPEN = "holds", "does not hold", "can't tell"
 
@@ -47,9 +48,9 @@ class Claim:
     counted: bool = False
 
 
-def geometric(values: Sequence[float]) -> float:
+def geometric(values: Collection[float]) -> float:
     """Geometric mean."""
-    return float(np.exp(np.mean(np.log(values))))
+    return math.exp(sum(map(math.log, values)) / len(values))
 
 
 def each(values: dict[str, float], form: str = "{:.2f}") -> str:
@@ -66,7 +67,7 @@ def by_ratio(values: dict[str, float], what: str) -> Finding:
     """Holds where the geometric mean of ratios lies above 1 by over 3 %."""
     if not values:
         return lacking("either of the two")
-    mean = geometric(list(values.values()))
+    mean = geometric(values.values())
     verdict = HOLDS if mean > 1.03 else FAILS if mean < 0.97 else OPEN
     return Finding(verdict, f"{what} {mean:.2f} (geometric mean; {each(values)})")
 
@@ -99,75 +100,62 @@ def decide(claim: Claim, data: Data) -> tuple[Finding, str]:
 
 def origin(evidence: Evidence, data: Data) -> str:
     """The folders of evidence, and the methods in it of which there are records of a later version."""
-    old = [m for m, version in evidence.versions.items() if data.versions(m)[-1] != version]
+    old = [m for m, version in evidence.versions.items() if data.newest(m) != version]
     earlier = f", an earlier version of {' and '.join(sorted(old))}" if old else ""
     return " and ".join(evidence.folders) + earlier
 
 
-def judge_all(claims: Sequence[Claim], data: Data) -> list[Row]:
-    """One row a claim."""
+def judge_all(claims: Sequence[Claim], data: Data) -> DataFrame:
+    """One row a claim: number, claim, section, verdict, numbers, judged_from."""
+    import pandas as pd
+
     made = []
     for number, claim in enumerate(claims, 1):
         found, source = decide(claim, data)
         if not claim.counted and not data.gpu and found.verdict != OPEN:
             found = Finding(OPEN, f"on a CPU, which does not decide it: {found.numbers}")
-        made.append({"number": number, "claim": claim.text, "section": claim.section, "verdict": found.verdict,
-                     "numbers": found.numbers, "judged_from": source})  # fmt: skip
-    return made
+        made.append((number, claim.text, claim.section, found.verdict, found.numbers, source))
+    return pd.DataFrame(made, columns=["number", "claim", "section", "verdict", "numbers", "judged_from"])
 
 
-COLUMNS = ("number", "claim", "section", "verdict", "numbers", "judged_from")
-
-
-def draw(folder: Path | str, quiet: bool, claims: Sequence[Claim]) -> list[Path]:
+def draw(folder: Path, quiet: bool, claims: Sequence[Claim]) -> list[Path]:
     """``claims.md`` and ``claims.csv`` in the folder; printed unless ``quiet``."""
-    folder = Path(folder)
     data = collect(folder)
     made = judge_all(claims, data)
-    with open(folder / "claims.csv", "w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(made)
-    text = "\n".join(markdown(made, data))
-    (folder / "claims.md").write_text(text + "\n", encoding="utf-8")
+    path = folder / "claims.md"
+    path.write_text("\n".join(markdown(made, data)) + "\n", encoding="utf-8")
     if not quiet:
-        for r in made:
-            print(f"{r['number']:2}  {r['verdict']:13}  {r['claim']} ({r['section']})\n{'':19}{r['numbers']}")
-    return [folder / "claims.md", folder / "claims.csv"]
+        for r in made.itertuples():
+            print(f"{r.number:2}  {r.verdict:13}  {r.claim} ({r.section})\n{'':19}{r.numbers}")
+    return [path, document.write_csv(made, folder / "claims.csv", list(made))]
 
 
-def markdown(made: Sequence[Row], data: Data) -> list[str]:
+def markdown(made: DataFrame, data: Data) -> list[str]:
     """The table, what it was measured on, and what was wrong among the answers behind it."""
-    counts = {v: sum(r["verdict"] == v for r in made) for v in (HOLDS, FAILS, OPEN)}
-    lines = [
+    points = document.named(data.frames)
+    counts = made["verdict"].value_counts()
+    shown = made.assign(verdict="**" + made["verdict"] + "**").rename(
+        columns={"number": "", "numbers": "measured", "judged_from": "judged from"}
+    )
+    checks = list(points["error"])
+    old = {method: data.earlier(method) for method in sorted(points["method"].unique())}
+    return [
         "# Claims of the paper, measured here",
         "",
-        f"{counts[HOLDS]} hold, {counts[FAILS]} do not hold, {counts[OPEN]} cannot be told from these records. "
-        f"{points.where(data.made)}. Scenes are stand-ins where their title says so; the paper's own numbers come from a "
+        f"{counts.get(HOLDS, 0)} hold, {counts.get(FAILS, 0)} do not hold, {counts.get(OPEN, 0)} cannot be told from these "
+        "records.",
+        "",
+        f"{document.where(points)}. Scenes are stand-ins where their title says so; the paper's own numbers come from a "
         "GTX 280. A ratio is taken within one run, over the same frames; where there are several runs, that of the last "
         "versions of the methods counts.",
         "",
-        "| | claim | section | verdict | measured | judged from |",
-        "|---|---|---|---|---|---|",
-    ]
-    for r in made:
-        cells = [
-            str(r["number"]),
-            r["claim"],
-            r["section"],
-            f"**{r['verdict']}**",
-            r["numbers"],
-            r["judged_from"],
-        ]
-        lines.append("| " + " | ".join(c.replace("|", "\\|") for c in cells) + " |")
-    wrong = sum(1 for r in data.made if error_text(r).startswith("✗"))
-    unscored = sum(1 for r in data.made if error_text(r) == "unscored")
-    for method in points.in_order(r["method"] for r in data.made):
-        old = data.earlier(method)
-        if old:
-            lines += ["", f"Records of an earlier version of {method}: {', '.join(old)}."]
-    lines += [
+        *document.markdown(shown),
+        *(
+            f"\nRecords of an earlier version of {method}: {', '.join(folders)}."
+            for method, folders in old.items()
+            if folders
+        ),
         "",
-        f"Of {len(data.made)} points measured {wrong} have wrong answers and {unscored} are unscored.",
+        f"Of {len(checks)} points measured {sum(text.startswith(style.WRONG) for text in checks)} have wrong answers and "
+        f"{checks.count(style.UNSCORED)} are unscored.",
     ]
-    return lines

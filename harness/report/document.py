@@ -68,7 +68,11 @@ def carried(value: float, spread: float, form: str = "") -> str:
 
 def frames(folder: Path | str) -> DataFrame:
     """The tidy table of a folder in the order of tables: the paper's scenes, then others; methods as registered."""
-    table = tidy(folder)
+    return in_order(tidy(folder))
+
+
+def in_order(table: DataFrame) -> DataFrame:
+    """The rows in the order of tables."""
     scenes = [*paper.ROWS, *sorted(set(table["scene"]) - set(paper.ROWS))]
     methods = list(style.colours(table["method"]))
     rank = {"scene": scenes.index, "method": methods.index}
@@ -84,6 +88,7 @@ def read(folder: Path | str) -> DataFrame:
     title        the scene's, with "(stand-in)" where it is one, and with the size of the image where there are several
     spread       see :func:`.report.compare.spread`
     file         a name for the scene's files: with the size too where there are several
+    error        :func:`check_text`: a tick, how many answers are wrong, or "unscored"
     light_count  the column ``lights``, as every CSV calls it
     """
     return named(frames(folder))
@@ -101,6 +106,7 @@ def named(table: DataFrame) -> DataFrame:
         spread=spread(table),
         file=table["scene"] + size.where(size == "", "-" + size),
         light_count=table["lights"],
+        error=[check_text(row) for row in table.to_dict("records")],
     )
 
 
@@ -214,8 +220,7 @@ def errors(table: DataFrame) -> str:
     done = measured(table)
     lights = done["light_label"].where(done["light_label"] == "", ", " + done["light_label"])
     names = done["title"] + ", " + done["label"] + lights
-    texts = [check_text(row) for row in done.to_dict("records")]
-    bad = [f"{name}: {text}" for name, text in zip(names, texts, strict=True) if text != style.OK]
+    bad = [f"{name}: {text}" for name, text in zip(names, done["error"], strict=True) if text != style.OK]
     bad += [text for text in never_hit_notes(table) if "warning" in text]
     if not bad:
         return "Every answer behind these times was found right."

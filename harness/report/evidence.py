@@ -1,149 +1,127 @@
-"""What a claim may rest on: measured rows that may be held against each other.
+"""What a claim may rest on: points of one experiment that may be held against each other.
 
-The general rule: a ratio is taken within one run (a folder of records and the environment they were made in), between
-records of the same scene, size, lights and frames, and with one version of each method. :class:`Evidence` holds
-nothing else, and :func:`ratio` refuses all else, so that a claim cannot mix runs or versions unnoticed.
+The rule: a ratio is taken within one run, between points of the same scene, size, lights and frames, and with one
+version of each method (:func:`.report.compare.pairs`). :class:`Evidence` holds one version of each method throughout.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import operator
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache, cached_property, reduce
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..errors import UserError
-from . import points
+from . import compare, document
 
-Row = dict[str, Any]
-Measure = Callable[[Row], Any]
+if TYPE_CHECKING:
+    from pandas import DataFrame, Series
 
-
-class MixedError(ValueError):
-    """Rows of different runs, versions, scenes, sizes, lights or frames were about to be compared."""
-
-
-def version_of(row: Row) -> str:
-    """The hash of the source of a row's method."""
-    return row["record"]["method"].get("source_sha256") or ""
+RUN = ["folder", "run"]
+SCENE = ["scene", "scene_title", "scene_sha256"]
+Measure = Callable[["DataFrame"], "Series"]
 
 
-def measured_at(row: Row) -> float:
-    """When a row's last round began, seconds."""
-    return max((max(f["started"]) for f in row["record"]["frames"] if f.get("started")), default=0.0)
+def matching(table: DataFrame, **wanted: Any) -> Series:
+    """Which rows have these values in these columns."""
+    return reduce(operator.and_, (table[name] == value for name, value in wanted.items()))
 
 
-def scene_of(row: Row) -> tuple[str, str, str]:
-    """What tells a scene from all others: its name, its title, and the hash of its arrays."""
-    return row["scene"], row["scene_title"], row["record"]["scene"].get("arrays_sha256") or ""
-
-
-def ratio(one: Row, other: Row, measure: Measure, sizes: bool = False) -> float | None:
-    """``measure`` of one row over that of another, over the frames that both have; None where either has no value.
-
-    ``sizes``: the two may differ in the size of the image. Raises :class:`MixedError` where they differ in anything that
-    would make it no comparison.
-    """
-    same: dict[str, Measure] = {
-        "run": lambda r: r["run"],
-        "scene": scene_of,
-        "lights": lambda r: (r["light_label"], r["light_count"]),
-        "device": lambda r: r["device"],
-    }
-    if not sizes:
-        same["size"] = lambda r: (r["width"], r["height"])
-    if one["method"] == other["method"]:
-        same["version"] = version_of
-    for name, of in same.items():
-        if of(one) != of(other):
-            raise MixedError(f"another {name}: {of(one)} and {of(other)}")
-    common = set(one["frame_numbers"]) & set(other["frame_numbers"])
-    if not common:
-        raise MixedError(f"other frames: {one['frame_numbers']} and {other['frame_numbers']}")
-    a, b = (measure(points.of_frames(r, common)) for r in (one, other))
-    return a / b if a and b else None
+def by_scene(points: DataFrame) -> DataFrame:
+    """Of each scene the point measured last, by the scene's name; by its title beside a stand-in of the same name."""
+    last = points.sort_values("started").drop_duplicates(SCENE[:2], keep="last").sort_index()
+    alone = last.groupby("scene")["scene_title"].transform("nunique") == 1
+    return last.set_index(last["scene"].where(alone | (last["stand_in"] != ""), last["scene_title"]))
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """Rows of one experiment: those of each scene from one run, and one version of each method throughout.
-
-    Raises :class:`MixedError` for any others.
-    """
+    """The measured frames of one experiment: one version of each method, and of each scene those of one run."""
 
     experiment: str
-    made: tuple[Row, ...]
+    frames: DataFrame
 
-    def __post_init__(self) -> None:
-        if any(len({r["run"] for r in self.made if scene_of(r) == s}) > 1 for s in map(scene_of, self.made)):
-            raise MixedError(f"{self.experiment}: a scene's rows are of several runs")
-        for method in {r["method"] for r in self.made}:
-            if len({version_of(r) for r in self.made if r["method"] == method}) > 1:
-                raise MixedError(f"{self.experiment}: {method} has several versions")
-
-    @property
+    @cached_property
     def versions(self) -> dict[str, str]:
         """The version of each method."""
-        return {r["method"]: version_of(r) for r in self.made}
+        return dict(self.frames.groupby("method")["method_sha256"].last())
+
+    @cached_property
+    def scenes(self) -> set[tuple[str, ...]]:
+        """What tells each scene from all others: its name, its title, and the hash of its arrays."""
+        return set(self.frames[SCENE].itertuples(index=False, name=None))
 
     @property
     def folders(self) -> list[str]:
-        """The folders that the rows come from."""
-        return points.in_order(r["run"][0] for r in self.made)
+        """The folders that the points come from."""
+        return sorted(self.frames["folder"].unique())
 
-    def rows(self, **wanted: Any) -> list[Row]:
-        """Rows whose columns have these values, of the largest image size unless a width is named."""
-        widest = max(r["width"] for r in self.made)
-        return [r for r in self.made if all(r.get(k) == v for k, v in {"width": widest, **wanted}.items())]
-
-    def by_scene(self, **wanted: Any) -> dict[str, Row]:
-        """One row a scene, by its name; a scene of the same name as a stand-in goes by its title."""
-        rows = sorted(self.rows(**wanted), key=measured_at)
-        titles = {r["scene"]: {x["scene_title"] for x in rows if x["scene"] == r["scene"]} for r in rows}
-        return {
-            r["scene"] if len(titles[r["scene"]]) == 1 or r["stand_in"] else r["scene_title"]: r for r in rows
-        }
-
-    def ratios(self, one: Row, other: Row, measure: Measure) -> dict[str, float]:
-        """Measure of the rows with the columns of ``one`` over that of those with ``other``'s, by scene."""
-        first, second = self.by_scene(**one), self.by_scene(**other)
-        known = {s: ratio(first[s], second[s], measure) for s in sorted(first.keys() & second.keys())}
-        return {scene: value for scene, value in known.items() if value is not None}
-
-    def sizes(self) -> list[int]:
+    @cached_property
+    def widths(self) -> list[int]:
         """Image widths, smallest first."""
-        return points.in_order(r["width"] for r in self.made)
+        return sorted(self.frames["width"].unique())
 
+    def of(self, **wanted: Any) -> DataFrame:
+        """Frames whose columns have these values, of the largest image size unless a width is named."""
+        return self.frames[matching(self.frames, **{"width": self.widths[-1], **wanted})]
+
+    def by_scene(self, **wanted: Any) -> DataFrame:
+        """One point a scene (:func:`by_scene`) of the frames that :meth:`of` gives."""
+        return by_scene(document.named(self.of(**wanted)))
+
+    def ratios(self, one: dict[str, Any], other: dict[str, Any], measure: Measure) -> dict[str, float]:
+        """Measure of the points with the columns of ``one`` over that of those with ``other``'s, by scene."""
+        frames = self.of()
+        own, base = matching(frames, **one), matching(frames, **other)
+        return over(frames[base | own], base, measure, **one) if own.any() and base.any() else {}
+
+    @cache  # noqa: B019  (the data of one command)
     def described(self) -> str:
         """Where it is from, and what others must agree with: sizes, frames and versions."""
-        sizes = ", ".join(dict.fromkeys(f"{r['width']}x{r['height']}" for r in self.made))
-        counts = points.in_order(len(r["frame_numbers"]) for r in self.made)
-        frames = " or ".join(map(str, counts)) + f" frame{'s' * (counts != [1])}"
+        sizes = ", ".join(dict.fromkeys(f"{w}x{h}" for w, h in self.frames[["width", "height"]].to_numpy()))
+        counts = sorted(self.frames.groupby("key")["frame"].nunique().unique())
+        frames = " or ".join(map(str, counts)) + f" frame{'s' if counts != [1] else ''}"
         versions = ", ".join(f"{m} {v[:8]}" if v else m for m, v in sorted(self.versions.items()))
         return f"{' and '.join(self.folders)} ({sizes}; {frames} a scene; {versions})"
 
 
+def over(frames: DataFrame, base: Series, measure: Measure, **wanted: Any) -> dict[str, float]:
+    """Measure of the points that have these columns over that of their base, by scene, over the frames that both have."""
+    own, others = compare.pairs(frames, base.loc[frames.index])
+    own = own.reset_index()
+    known = by_scene(own[matching(own, **wanted)])
+    values = (
+        (measure(known) / measure(others.loc[known["key"]]).to_numpy()).replace(0.0, float("nan")).dropna()
+    )
+    return dict(sorted(values[values < float("inf")].items()))
+
+
 @dataclass(frozen=True, eq=False)
 class Data:
-    """The measured rows of every experiment below a folder. What may be compared comes from :meth:`evidence` alone."""
+    """The measured frames of every experiment below a folder. What may be compared comes from :meth:`evidence` alone."""
 
-    made: tuple[Row, ...]
+    frames: DataFrame
 
     @property
     def gpu(self) -> bool:
-        """Whether anything was measured on a GPU; then CPU rows are left out."""
-        return any(str(r["device"]).startswith("cuda") for r in self.made)
+        """Whether anything was measured on a GPU; then CPU points are left out."""
+        return bool(self.frames["device"].str.startswith("cuda").any())
 
-    def versions(self, method: str) -> list[str]:
-        """Versions of a method among the records, in the order in which each was last measured."""
-        own = sorted((r for r in self.made if r["method"] == method), key=measured_at)
-        return list(dict.fromkeys(version_of(r) for r in reversed(own)))[::-1]
+    @cached_property
+    def last(self) -> dict[tuple[str, str], float]:
+        """When each version of each method was last measured."""
+        return dict(self.frames.groupby(["method", "method_sha256"])["started"].max())
+
+    def newest(self, method: str) -> str:
+        """The version of a method that was measured last."""
+        return max((when, version) for (name, version), when in self.last.items() if name == method)[1]
 
     def earlier(self, method: str) -> list[str]:
         """Folders whose records of a method are not all of its last version."""
-        last = self.versions(method)[-1:]
-        own = [r for r in self.made if r["method"] == method]
-        return points.in_order(r["run"][0] for r in own if [version_of(r)] != last)
+        own = self.frames[self.frames["method"] == method]
+        return sorted(own.loc[own["method_sha256"] != self.newest(method), "folder"].unique())
 
     def evidence(self, *experiments: str) -> list[Evidence]:
         """What there is of these experiments, the last versions of the methods first, then as they are named.
@@ -152,51 +130,45 @@ class Data:
         run, its last one counts.
         """
         found = [e for name in experiments for e in self._joined(name)]
-        last: dict[tuple[str, str], float] = {}
-        for r in self.made:
-            key = (r["method"], version_of(r))
-            last[key] = max(last.get(key, 0.0), measured_at(r))
         # Two that share a version are equally recent, whichever of them was measured later.
-        return sorted(found, key=lambda e: -max(last[item] for item in e.versions.items()))
+        return sorted(found, key=lambda e: -max(self.last[item] for item in e.versions.items()))
 
+    @cache  # noqa: B019  (the data of one command)
     def _joined(self, experiment: str) -> list[Evidence]:
-        groups: list[list[Row]] = []
-        for rows in sorted(self._runs(experiment), key=lambda rows: -max(map(measured_at, rows))):
+        import pandas as pd
+
+        own = self.frames[self.frames["experiment"] == experiment].sort_values("started", kind="stable")
+        latest = own.groupby([*RUN, "method"])["method_sha256"].transform("last")
+        runs = [run for _, run in own[own["method_sha256"] == latest].groupby(RUN, sort=False)]
+        # What other experiments count and set are columns of this one too, all empty.
+        fresh = [Evidence(experiment, run.dropna(axis=1, how="all").copy()) for run in runs]
+        groups: list[list[Evidence]] = []
+        for run in sorted(fresh, key=lambda e: -e.frames["started"].max()):
             for group in groups:
-                ones, others = _versions(group), _versions(rows)
-                shared = ones.keys() & others.keys()
-                agree = shared and all(ones[method] == others[method] for method in shared)
-                if agree and not {scene_of(r) for r in group} & {scene_of(r) for r in rows}:
-                    group += rows
+                known = {m: version for e in group for m, version in e.versions.items()}
+                shared = known.keys() & run.versions.keys()
+                agree = shared and all(known[m] == run.versions[m] for m in shared)
+                if agree and not run.scenes & {scene for e in group for scene in e.scenes}:
+                    group.append(run)
                     break
             else:
-                groups.append(rows)
-        return [Evidence(experiment, tuple(rows)) for rows in groups]
-
-    def _runs(self, experiment: str) -> list[list[Row]]:
-        """The rows of each run of an experiment."""
-        runs: dict[Any, list[Row]] = {}
-        for r in self.made:
-            if r["experiment"] == experiment:
-                runs.setdefault(r["run"], []).append(r)
-        last = {run: _versions(rows) for run, rows in runs.items()}
-        return [[r for r in rows if version_of(r) == last[run][r["method"]]] for run, rows in runs.items()]
-
-
-def _versions(rows: Sequence[Row]) -> dict[str, str]:
-    """The last version of each method among rows of a run."""
-    return {r["method"]: version_of(r) for r in sorted(rows, key=measured_at)}
+                groups.append([run])
+        whole = [
+            g[0].frames if len(g) == 1 else pd.concat([e.frames for e in g]).sort_index() for g in groups
+        ]
+        return [Evidence(experiment, frames) for frames in whole]
 
 
 def collect(folder: Path) -> Data:
     """Every record in the folder and the folders in it. Raises :class:`UserError` where there is none."""
+    import pandas as pd
+
     places = [path.parent for path in sorted([*folder.glob("records"), *folder.glob("*/records")])]
-    made = []
-    for place in places:
-        if any((place / "records").glob("*.json*")):
-            rows = points.measured(points.rows(place))
-            made += [{**r, "run": (place.name, r["environment"])} for r in rows]
-    if not made:
+    tables = [document.frames(place) for place in places if any((place / "records").glob("*.json*"))]
+    if not tables:
         raise UserError(f"{folder}: no records in it or in its folders; name a folder of results")
-    on_gpu = [r for r in made if str(r["device"]).startswith("cuda")]
-    return Data(tuple(on_gpu or made))
+    frames = pd.concat(tables, ignore_index=True)
+    frames["key"] = frames["folder"] + "/" + frames["key"]  # the same point may be in several folders
+    frames = frames[(frames["status"] == "ok") & frames["total_ms"].notna()]
+    on_gpu = frames["device"].str.startswith("cuda")
+    return Data(frames[on_gpu] if on_gpu.any() else frames)

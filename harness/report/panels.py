@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from PIL import Image
 
+from ..results.table import PART_COLUMNS
 from . import style
 from .picture import inked_png_bytes, png_bytes
 
@@ -69,6 +71,56 @@ def looks(table: DataFrame) -> dict[str, dict[str, Any]]:
             "mfc": "white" if before else None,
         }
     return result
+
+
+def bars(
+    axes: Any, table: DataFrame, tints: Sequence[Mapping[str, Any]], texts: Sequence[str], limit: float = math.inf,
+    edge: str | None = None, size: float = 6.0,
+) -> None:  # fmt: skip
+    """A stacked bar a row of ``table``, from the top down. Black tick: ``total_ms``; whisker: its interquartile range.
+
+    tints  the colour of each column that is stacked, a mapping a row; its first colour is the edge unless ``edge`` is
+    texts  what stands at each bar's end: red where answers are wrong, alone and in italics where nothing was measured
+    limit  ms at which a longer bar is cut off, with a mark
+    """
+    for place, (row, colours, text) in enumerate(zip(table.to_dict("records"), tints, texts, strict=True)):
+        if math.isnan(row["total_ms"]):
+            axes.annotate(
+                text, (0, place), (3, 0), textcoords="offset points", va="center", size=size, style="italic"
+            )
+            continue
+        left = 0.0
+        for column, colour in colours.items():
+            # Stages are differences: on a busy machine one may be negative, and all together more than the frame.
+            width = max(0.0, min(row[column], limit - left))
+            axes.barh(place, width, left=left, height=0.74, color=colour, lw=0.4,
+                      edgecolor=edge or next(iter(colours.values())))  # fmt: skip
+            left += width
+        end = max(left, row["total_ms"] + row["iqr_ms"] / 2)
+        if end > limit:
+            axes.text(limit, place, "//", ha="center", va="center", fontsize=9)
+        else:
+            axes.errorbar(row["total_ms"], place, xerr=row["iqr_ms"] / 2, fmt="|", color="black", ms=6, mew=0.8,
+                          elinewidth=0.6)  # fmt: skip
+        axes.annotate(text, (min(end, limit), place), (5 if end > limit else 3, 0), textcoords="offset points",
+                      va="center", size=size, color="#B00000" if style.WRONG in text else "black")  # fmt: skip
+    axes.tick_params(axis="y", length=0)
+    axes.set_ylim(len(table) - 0.4, -0.6)
+
+
+def name_parts(axes: Any) -> None:
+    """Name the parts of a frame in the legend, in greys."""
+    for part, share in style.PART_SHARE.items():
+        grey = style.lightened("#555555", share)
+        axes.fill_between([], [], color=grey, edgecolor="#555555", lw=0.4, label=part)
+
+
+def part_tints(colour: str) -> dict[str, Any]:
+    """A method's colour, lighter part by part, by the column of the part."""
+    return {
+        f"{column}_ms": style.lightened(colour, style.PART_SHARE[part])
+        for part, column in PART_COLUMNS.items()
+    }
 
 
 def save(figure: Any, path: Path, colours: int = 0, inks: Sequence[str] = ()) -> Path:

@@ -71,7 +71,7 @@ def points(table: DataFrame) -> DataFrame:
             *_errors(table),
         ],
         axis=1,
-    )
+    ).copy()  # in one piece: hundreds of columns came from a handful of tables
     rounds = [c for c in table if c.startswith("round.")]
     # A round that did not measure every frame has no time of the point.
     times = found[rounds].where(groups[rounds].count().eq(found["frames"], axis=0))
@@ -84,12 +84,13 @@ def points(table: DataFrame) -> DataFrame:
         f"{name}_mrays_per_s": rays[name].astype("float64") / ms[name].where(ms[name] != 0) / 1e3
         for name in ms
     }
-    return found.assign(
-        between_ms=between,
-        stage_gap=(parts - ms["frame"]) / ms["frame"].where(ms["frame"] != 0),
-        wrong_per_frame=found["true_errors"].astype("float64") / found["frames"].astype("float64"),
+    derived = {
+        "between_ms": between,
+        "stage_gap": (parts - ms["frame"]) / ms["frame"].where(ms["frame"] != 0),
+        "wrong_per_frame": found["true_errors"].astype("float64") / found["frames"].astype("float64"),
         **rates,
-    ).reset_index()
+    }
+    return pd.concat([found, pd.DataFrame(derived)], axis=1).reset_index()
 
 
 def _errors(table: DataFrame) -> list[Series]:

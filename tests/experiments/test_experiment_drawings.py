@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import csv
-import json
 
 import numpy as np
 import pytest
 from helpers.made_records import keep, made
 from PIL import Image
-from shadowbench.experiments import _paper, figure2, figure6, figure11, two_lights
-from shadowbench.experiments._figures import figure10 as stages
+from shadowbench.experiments import figure2, figure6, figure11, two_lights
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.errors import UserError
-from shadowbench.harness.report import document, points
+from shadowbench.harness.report import document
 from shadowbench.harness.results.pixel_maps import map_path, write_map
 from shadowbench.harness.runner.experiment import Entry, find_experiment
 from shadowbench.harness.scene.overrides import Lighting
@@ -83,57 +81,6 @@ def test_figure6_has_a_captioned_panel_for_each_light(tmp_path):
     table = list(csv.DictReader((tmp_path / "figure6.csv").open()))
     assert [r["spot"] for r in table] == ["", "cone", "rectangle", "cone"]
     assert [r["spot_rise"] for r in table] == ["", "", "4", ""]
-
-
-def staged(scene, rearranged):
-    passes = [("camera grid: sort pairs", "build", 1.0), ("primary rays", "trace", 2.0),
-              ("light 0: map rays", "shadow", rearranged / 2), ("light 0: sort rays", "shadow", rearranged / 2),
-              ("light 0: count", "light build", 1.5), ("light 0: shadow rays", "shadow", 3.0)]  # fmt: skip
-    entry = _paper.faithful("paper-faithful")
-    return made("figure10", entry, scene, ms=7.5 + rearranged, passes=passes, counters={"light 0 rays": 1000})
-
-
-def test_figure10_counts_every_pass_once_and_judges_the_spread(tmp_path):
-    keep(tmp_path, [staged(scene, 1.0 + 0.01 * i) for i, scene in enumerate(("fairy", "sibenik", "cloth"))])
-    show("figure10", tmp_path, quiet=True)
-    text = (tmp_path / "figure10.md").read_text()
-    assert 'for all models" holds here' in text
-    assert "longer than primary traversal on 3 of 3" in text
-    rows = [points.row(json.loads(p.read_text())) for p in sorted((tmp_path / "records").glob("*.json"))]
-    from shadowbench.experiments.figure10 import STAGES
-
-    for r in rows:
-        stages.add(r, STAGES)
-        assert r["other_ms"] == pytest.approx(0.0, abs=1e-9)
-        assert r["shadow_traversal_ms"] == pytest.approx(3.0)
-    keep(tmp_path, [staged(scene, 1.0 + 4.0 * i) for i, scene in enumerate(("fairy", "sibenik", "cloth"))])
-    show("figure10", tmp_path, quiet=True)
-    assert "does not hold here" in (tmp_path / "figure10.md").read_text()
-
-
-def test_figure10_draws_the_largest_size_and_tells_how_rearrangement_grows(tmp_path):
-    scenes = ("fairy", "sibenik", "cloth")
-    small = [staged(scene, 1.0) for scene in scenes]
-    for r in small:
-        r["point"].update(width=32, height=32)
-        r["key"] += "-small"
-    keep(tmp_path, [*(staged(scene, 1.6) for scene in scenes), *small])
-    show("figure10", tmp_path, quiet=True)
-    text = (tmp_path / "figure10.md").read_text()
-    assert (
-        "From 32x32 to 64x64, 4 times the pixels, ray mapping and rearrangement takes 1.6 times as long"
-        in text
-    )
-    assert "geometric mean of 3 scenes" in text
-    assert "primary traversal 1.0" in text
-    assert "1.60 to 1.60 ms over 3 scenes" in text
-    assert (tmp_path / "figure10.svg").read_text().count("Cloth (stand-in)") == 1
-    # Other frames at the other size: nothing is said of it.
-    for r in small:
-        r["frames"][0]["frame"] = 5
-    keep(tmp_path, small)
-    show("figure10", tmp_path, quiet=True)
-    assert "times the pixels" not in (tmp_path / "figure10.md").read_text()
 
 
 def distance_records(scene="cloth", growth=1.0):
@@ -325,16 +272,3 @@ def test_lightings_with_points_of_their_own_are_missed_by_nobody_and_miss_none(t
     table = document.read(tmp_path)
     assert document.not_measured(table) == ["b: no record (Cloth (stand-in) with far)"]
     assert document.not_measured(table, apart=["far"]) == []
-
-
-@pytest.mark.filterwarnings("error::UserWarning")
-def test_stages_that_add_up_to_more_than_the_frame_stay_within_the_drawing(tmp_path):
-    (entry,) = find_experiment("figure10").presets["quick"].methods
-    passes = [
-        ("build", "build", 400.0),
-        ("primary rays", "trace", 900.0),
-        ("light 0: shadow rays", "shadow", 900.0),
-    ]
-    keep(tmp_path, [made("figure10", entry, "cloth", ms=10.0, passes=passes, counters={"light 0 rays": 9})])
-    show("figure10", tmp_path, quiet=True)
-    assert (tmp_path / "figure10.svg").stat().st_size > 0

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import csv
+
 import pytest
 from helpers.brute_force import make_scene, soup
 from helpers.made_records import keep, made
-from shadowbench.experiments._figures import frame_time
+from shadowbench.experiments import frame_time
 from shadowbench.experiments._work import ray_grids
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.frame.registry import make_method
@@ -14,38 +16,55 @@ from shadowbench.harness.report import roofline as floor
 from shadowbench.harness.report.roofline import Machine, Work
 from shadowbench.harness.runner.experiment import Entry
 
-
-def row(label: str, scene: str, total: float, between: float = 0.0) -> dict:
-    return {
-        "label": label, "scene": scene, "scene_title": scene.title(), "stand_in": None, "total_ms": total,
-        "between_ms": between, "status": "ok", "key": label + scene,
-    }  # fmt: skip
+OURS, GRAPH, MESH = (Entry("ray_grids", {}, "ray grids"), Entry("bvh", {}, "LBVH rebuilt in a graph"),
+                     Entry("bvh", {}, "mesh rebuilt"))  # fmt: skip
 
 
-def test_ratio_is_to_the_fastest_of_its_kind_and_carries_the_rounds_range():
-    rows = [
-        row("ours", "a", 2.0, 0.2),
-        row("slow", "a", 10.0),
-        row("fast", "a", 6.0, 0.4),
-        row("ours", "b", 1.0),
-        row("fast", "b", 3.0),
-        {**row("slow", "b", 1.0), "status": "failed", "total_ms": None},
-    ]
-    frame_time.add(rows, "ours")
-    best = frame_time.fastest(rows, "a", ["slow", "fast"])
-    assert best is not None
-    assert best["label"] == "fast"
-    assert best["times_slower"] == pytest.approx(3.0)
-    assert (best["low"], best["high"]) == (pytest.approx(5.8 / 2.1), pytest.approx(6.2 / 1.9))
-    said = " ".join(frame_time.sentences(rows, "ours", {"rebuild": ["slow", "fast"], "refit": ["none"]}))
-    assert "Least 3.00, geometric mean 3.00" in said
-    assert "refit" not in said
+def timed(entry, scene, *times):
+    """A record with one frame, a sample a round."""
+    record = made("frame_time", entry, scene)
+    record["frames"][0].update(total_ms=list(times), wall_ms=list(times), round=list(range(len(times))))
+    return record
 
 
-def test_without_our_method_nothing_is_claimed():
-    rows = [row("fast", "a", 3.0)]
-    frame_time.add(rows, "ours")
-    assert frame_time.sentences(rows, "ours", {"rebuild": ["fast"]}) == ["ours was not measured."]
+def drawn(folder, records):
+    show("frame_time", keep(folder, records), quiet=True)
+    with open(folder / "frame_time.csv", newline="") as file:
+        rows = {(r["scene"], r["label"]): r for r in csv.DictReader(file)}
+    return (folder / "frame_time.md").read_text(), rows
+
+
+def test_ratio_is_to_the_fastest_of_its_kind_and_carries_the_rounds_range(tmp_path):
+    text, rows = drawn(tmp_path, [
+        timed(OURS, "cloth", 1.9, 2.1), timed(MESH, "cloth", 10.0), timed(GRAPH, "cloth", 5.8, 6.2),
+        timed(OURS, "fairy", 1.0), timed(GRAPH, "fairy", 3.0), made("frame_time", MESH, "fairy", status="failed"),
+    ])  # fmt: skip
+    best = {
+        name: float(rows["cloth", "LBVH rebuilt in a graph"][name])
+        for name in ("times_slower", "low", "high")
+    }
+    assert best == pytest.approx({"times_slower": 3.0, "low": 5.8 / 2.1, "high": 6.2 / 1.9}, rel=1e-5)
+    assert "the fastest peer that rebuilds its tree 3.00 times that (geometric mean 3.00)" in text
+    assert "refits" not in text
+    assert "| Cloth (stand-in) | 2.00 | 3.00 (2.76 to 3.26; LBVH rebuilt in a graph) |" in text
+    assert rows["fairy", "mesh rebuilt"]["times_slower"] == ""
+
+
+def test_a_ratio_is_over_the_frames_that_both_have(tmp_path):
+    """Means over unlike frames would say 2.5."""
+    ours, peer = made("frame_time", OURS, frames=3, ms=1.0), made("frame_time", MESH, ms=5.0)
+    for i, frame in enumerate(ours["frames"]):
+        frame["total_ms"] = [1.0 + i, 1.0 + i]
+    peer["frames"][0]["total_ms"] = [5.0, 5.0]
+    text, rows = drawn(tmp_path, [ours, peer])
+    assert rows["cloth", "mesh rebuilt"]["times_slower"] == "5"
+    assert "5.00 (5.00 to 5.00; mesh rebuilt)" in text
+
+
+def test_without_our_method_nothing_is_claimed(tmp_path):
+    text, _ = drawn(tmp_path, [timed(MESH, "cloth", 3.0)])
+    assert "ray grids was not measured." in text
+    assert "times that" not in text
 
 
 def test_a_floor_is_the_larger_of_moving_and_testing_and_the_launches():
@@ -73,7 +92,7 @@ def test_the_floor_is_told_stage_by_stage(monkeypatch, tmp_path):
     lines = (tmp_path / "frame_time-stages.csv").read_text().splitlines()
     assert lines[0] == ",".join(floor.COLUMNS)
     assert f"camera: resolve,trace,0.4,{resolve:.6g},{0.4 / resolve:.6g}" in lines[1]
-    assert f"{resolve + scatter:.3f} ms" in text
+    assert f"| {resolve + scatter:.3f} |" in text
     assert "light 0: scatter rays by 0.590 ms" in text
     assert "floor of ray grids" in (tmp_path / "frame_time.svg").read_text()
 
@@ -95,7 +114,7 @@ def test_a_stage_without_a_floor_leaves_the_frame_without_one(monkeypatch, tmp_p
     _, text = floored(
         monkeypatch, tmp_path, [("camera: resolve", "trace", 0.4), ("a new stage", "trace", 0.1)]
     )
-    assert "Floor" not in text
+    assert "floor" not in text.lower()
     lines = (tmp_path / "frame_time-stages.csv").read_text().splitlines()
     assert lines[2].startswith("cloth,a new stage,trace,0.1,,")
 
@@ -105,9 +124,8 @@ def test_every_stage_of_the_method_has_its_work():
     vertices, faces = soup(3, 20)
     prepared = make_scene(vertices, faces, [(2.0, 3.0, 4.0), (1.0, 2.0, 3.0)])
     session = Session(make_method("ray_grids", {"queue": "always"}), prepared, 16, 16, "cpu")
-    record = {"scene": {"triangles": 20, "vertices": 60}, "point": {"width": 16, "height": 16}}
-    frame = {"shadow_rays": 100, "counters": {}}
-    works = {work.name: ray_grids(record, frame, work.name) for work in session.all_passes}
+    row = {"triangles": 20, "vertices": 60, "pixels": 256, "shadow_rays": 100}
+    works = {work.name: ray_grids(row, work.name) for work in session.all_passes}
     assert not [name for name, work in works.items() if work is None]
     shared = {work.stage for name, work in works.items() if ", share 2 of 2" in name}
     assert len(shared) == 3 * 4 + 2  # of the camera four steps, of each light five
@@ -116,10 +134,10 @@ def test_every_stage_of_the_method_has_its_work():
 
 def test_a_bar_says_three_digits_and_what_is_wrong_of_it():
     """No time without its error: a mark and a count where answers are wrong, a word where nothing is known."""
-    right = {**row("fast", "a", 6.678), "times_slower": 6.68, "true_errors": 0, "check": "ok"}
-    assert frame_time.beside(right, "ours") == "6.68 ms, 6.68x"
-    assert frame_time.beside({**right, "true_errors": 4}, "ours") == "6.68 ms, 6.68x  ✗ 4"
-    assert frame_time.beside({**right, "true_errors": None}, "fast") == "6.68 ms  unscored"
+    right = {"label": "fast", "total_ms": 6.678, "times_slower": 6.68, "error": "✓"}
+    assert frame_time.beside(right) == "6.68 ms, 6.68x"
+    assert frame_time.beside({**right, "error": "✗ 4 wrong"}) == "6.68 ms, 6.68x  ✗ 4"
+    assert frame_time.beside({**right, "error": "unscored", "label": frame_time.OURS}) == "6.68 ms  unscored"
     assert [frame_time.digits(x) for x in (0.3091, 5.0, 30.12, 1234.0, 0.0)] == [
         "0.309",
         "5.00",
@@ -136,6 +154,6 @@ def test_the_picture_marks_wrong_answers_and_explains_its_parts(tmp_path):
     show("frame_time", tmp_path, quiet=True)
     text = (tmp_path / "frame_time.svg").read_text()
     assert "✗ 4" in text
-    assert "n wrong pixels and shadow bits" in text
+    assert "n wrong pixels and visibility bits" in text
     assert "twice the time of ray grids" in text
     assert all(f">{part}<" in text for part in ("build", "trace", "light build", "shadow"))

@@ -8,8 +8,7 @@ import itertools
 import numpy as np
 import pytest
 from helpers.made_records import keep, made
-from shadowbench.experiments import scaling as experiment
-from shadowbench.experiments._figures import scaling
+from shadowbench.experiments import scaling
 from shadowbench.harness.commands.run import plan_run
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.runner.experiment import Entry, find_experiment
@@ -81,18 +80,18 @@ def test_named_scenes_or_a_size_leave_the_other_sweeps_out(tmp_path):
 def test_sweeps_run_one_after_another_into_one_folder(tmp_path):
     declared = find_experiment("scaling")
     base = dataclasses.replace(
-        declared.presets["quick"], width=16, height=16, scenes=("balls-300",), methods=experiment.METHODS[:1],
+        declared.presets["quick"], width=16, height=16, scenes=("balls-300",), methods=scaling.METHODS[:1],
         samples=1, most=1, rounds=1, also=(),
     )  # fmt: skip
-    small = experiment.sweeps(base, ("balls-1k",), (8, 24), (2,))
+    small = scaling.sweeps(base, ("balls-1k",), (8, 24), (2,))
     out = tmp_path / "out"
     records = Run(Options(declared, "quick", small, "cpu", out, score=False), Silent()).go()
-    assert [r["status"] for r in records] == ["ok"] * 5
-    assert [(r["scene"]["name"], r["point"]["width"], len(r["scene"]["lights"])) for r in records] == [
+    assert [r.status for r in records] == ["ok"] * 5
+    assert [(r.scene["name"], r.point["width"], len(r.scene["lights"])) for r in records] == [
         ("balls-300", 16, 1), ("balls-1k", 16, 1), ("balls-300", 8, 1), ("balls-300", 24, 1), ("balls-300", 16, 2),
     ]  # fmt: skip
     again = Run(Options(declared, "quick", small, "cpu", out, score=False), Silent()).go()
-    assert [r["key"] for r in again] == [r["key"] for r in records], "nothing is measured twice"
+    assert [r.key for r in again] == [r.key for r in records], "nothing is measured twice"
     files = {file.name for file in show("scaling", out, quiet=True)}
     assert files == {"scaling.csv", "scaling.svg", "scaling.md"}
     rows = (out / "scaling.csv").read_text().splitlines()
@@ -118,7 +117,7 @@ def test_the_exponent_is_that_of_the_power_law():
 
 def records():
     """Time proportional to pixels, to the root of triangles, and 2 + 0.5 a light."""
-    entry, other = Entry("ray_grids", {}, experiment.OURS), Entry("bvh")
+    entry, other = Entry("ray_grids", {}, scaling.OURS), Entry("bvh")
     result = []
     for e, scale in ((entry, 1.0), (other, 3.0)):
         points = [(t, 64, 1) for t in (1000, 10_000, 100_000)] + [(10_000, s, 1) for s in (32, 128)]
@@ -136,10 +135,16 @@ def test_text_and_picture(tmp_path):
     keep(tmp_path, records())
     show("scaling", tmp_path, quiet=True)
     text = (tmp_path / "scaling.md").read_text()
-    assert "1k to 100k triangles: ray grids 0.791 to 7.91 ms" in text
-    assert "exponent 0.50 ± 0.00" in text
-    assert "exponent 1.00 ± 0.00" in text
-    assert "A further light costs: ray grids 0.500 ms, 20% of the first frame; bvh 1.50 ms, 20%" in text
+    assert "| method | 1k triangles, ms | 100k, ms | exponent | from |" in text
+    assert "| ray grids | 0.791 | 7.91 | 0.50 ± 0.00 | 1k |" in text
+    assert "| 1.00 ± 0.00 |" in text
+    assert "| a further light, ms | of the first frame |" in text
+    assert "| 0.500 | 20% |" in text
+    assert "| 1.50 | 20% |" in text
+    assert (
+        "grows with triangles to the power of 0.50 ± 0.00 (from 1k) and with pixels to the power of 1.00"
+        in text
+    )
     drawn = (tmp_path / "scaling.svg").read_text()
     for word in ("triangles", "pixels", "lights", "100k"):
         assert f">{word}<" in drawn, word

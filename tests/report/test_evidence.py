@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from helpers.made_records import keep, made
-from shadowbench.harness.report.evidence import Evidence, MixedError, collect, ratio
+from shadowbench.harness.report.evidence import collect
 from shadowbench.harness.runner.experiment import find_experiment
 
 ENTRIES = {e.label or e.method: e for e in find_experiment("frame_time").presets["paper"].methods}
@@ -28,60 +28,30 @@ def pair(ms, scene="cloth", frames=1, **changes):
     ]
 
 
-def total(r):
-    return r["total_ms"]
+def total(table):
+    return table["total_ms"]
 
 
 def ours_over_tree(evidence):
     return evidence.ratios({"label": OURS.label}, {"label": TREE.label}, total)
 
 
-def test_a_ratio_of_two_runs_is_refused(tmp_path):
+def test_points_of_two_runs_are_never_compared(tmp_path):
     """Two folders are two runs; so are two environments in one folder."""
     keep(tmp_path / "a", pair(1.0)[:1])
     keep(tmp_path / "b", pair(1.0)[1:])
-    ours, tree = collect(tmp_path).made
-    with pytest.raises(MixedError, match="another run"):
-        ratio(ours, tree, total)
-    with pytest.raises(MixedError, match="of several runs"):
-        Evidence("frame_time", (ours, tree))
+    assert [ours_over_tree(e) for e in collect(tmp_path).evidence("frame_time")] == [{}, {}]
     keep(tmp_path / "c", [changed(r, environment=e) for r, e in zip(pair(1.0, "fairy"), "ef", strict=True)])
     assert [ours_over_tree(e) for e in collect(tmp_path / "c").evidence("frame_time")] == [{}, {}]
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (lambda r: r["method"].update(source_sha256="other"), "another version"),
-        (lambda r: r["point"].update(width=128), "another size"),
-        (lambda r: r["scene"].update(lights=[{}, {}]), "another lights"),
-        (lambda r: r["scene"].update(arrays_sha256="other"), "another scene"),
-        (lambda r: r["frames"][0].update(frame=7), "other frames"),
-    ],
-)
-def test_a_ratio_of_what_is_not_alike_is_refused(tmp_path, change, words):
-    records = [made("frame_time", e, "cloth", ms=2.0) for e in (OURS, ENTRIES["ray grids"])]
-    records[1]["method"]["name"] = OURS.method
-    keep(tmp_path / "a", records)
-    one, other = collect(tmp_path).made
-    assert ratio(one, other, total) == pytest.approx(1.0)
-    change(records[1])
-    keep(tmp_path / "a", records)
-    one, other = collect(tmp_path).made
-    with pytest.raises(MixedError, match=words):
-        ratio(one, other, total)
-
-
 def test_versions_of_a_method_in_one_folder_are_not_mixed(tmp_path):
     """A run that was gone on with after a change: what the last version did counts, and the rest is not compared."""
-    keep(
-        tmp_path / "a", pair(1.0, version="old", started=1.0) + pair(1.0, "fairy", version="new", started=2.0)
-    )
-    data = collect(tmp_path)
-    with pytest.raises(MixedError, match="several versions"):
-        Evidence("frame_time", data.made)
-    (evidence,) = data.evidence("frame_time")
+    old, new = pair(1.0, version="old", started=1.0), pair(1.0, "fairy", version="new", started=2.0)
+    keep(tmp_path / "a", old + new)
+    (evidence,) = collect(tmp_path).evidence("frame_time")
     assert list(ours_over_tree(evidence)) == ["fairy"]
+    assert set(evidence.versions.values()) == {"new"}
 
 
 def test_the_last_version_comes_before_more_frames_and_runs_of_one_version_are_joined(tmp_path):
@@ -102,18 +72,6 @@ def test_experiments_of_one_version_come_in_the_order_asked_for(tmp_path):
     keep(tmp_path / "b", other)
     for names in (("frame_time", "table1"), ("table1", "frame_time")):
         assert tuple(e.experiment for e in collect(tmp_path).evidence(*names)) == names
-
-
-def test_only_frames_that_both_have_are_compared(tmp_path):
-    ours, tree = pair(1.0, frames=4)
-    for frame, ms in zip(ours["frames"], (1.0, 1.0, 9.0, 9.0), strict=True):
-        frame["total_ms"] = [ms, ms]
-    for frame in tree["frames"]:
-        frame["total_ms"] = [2.0, 2.0]
-    tree["frames"] = tree["frames"][:2]
-    keep(tmp_path / "a", [ours, tree])
-    (evidence,) = collect(tmp_path).evidence("frame_time")
-    assert ours_over_tree(evidence) == {"cloth": pytest.approx(0.5)}
 
 
 def test_a_stand_in_keeps_its_name_beside_a_real_mesh_of_that_name(tmp_path):

@@ -5,15 +5,22 @@ from __future__ import annotations
 import csv
 import io
 
+import numpy as np
+import pandas as pd
 import pytest
 from helpers.fake_records import METHODS, SCENES, record, score, write
 from matplotlib.figure import Figure
 from rich.console import Console
-from shadowbench.experiments._figures import table1
+from shadowbench.experiments.table1 import drawing as table1
+from shadowbench.experiments.table1 import sheet
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.errors import UserError
-from shadowbench.harness.report import bars, points, sheet, style, tidy
+from shadowbench.harness.report import document, style
 from shadowbench.harness.report import paper_table1 as paper
+from shadowbench.harness.results.newest import newest
+from shadowbench.harness.results.record import Record
+from shadowbench.harness.results.schema import checked
+from shadowbench.harness.results.table import table_of
 
 
 def test_the_papers_numbers_are_as_printed():
@@ -33,6 +40,16 @@ def records():
     return [record(scene, method) for scene in SCENES for method in METHODS]
 
 
+def table_from(records):
+    """The points of records, in the order of tables."""
+    return document.named(document.in_order(table_of([checked(Record, made) for made in records])))
+
+
+def row_of(made):
+    (row,) = table_from([made]).to_dict("records")
+    return row
+
+
 def printed(made: sheet.Sheet, width: int) -> str:
     console = Console(width=width, file=io.StringIO(), force_terminal=False)
     table1.show(made, console)
@@ -47,30 +64,30 @@ def test_a_time_never_stands_without_its_error(records):
                 frame["score"] = score(256, wrong=4)
             if kind == "unscored":
                 frame.update(score=None, unscored="no truth here")
-        words[kind] = sheet.cell(tidy.row(made)).lines
+        words[kind] = sheet.cell(row_of(made)).lines
     assert words["ok"][1].endswith(" ✓")
     assert words["wrong"][1].endswith("✗ 12 wrong"), "errors are summed over frames"
     assert words["unscored"][1].endswith(" unscored")
     failed = score(256)
     failed.update(check="failed", excused_share=0.02)
     records[4]["frames"][0]["score"] = failed
-    assert sheet.cell(tidy.row(records[4])).lines[1].endswith("✗ 2.00% excused")
+    assert sheet.cell(row_of(records[4])).lines[1].endswith("✗ 2.00% excused")
 
 
 def test_frames_without_truth_are_never_counted_as_right(records):
     records[0]["frames"][1].update(score=None, unscored="the truth took too long")
-    row = tidy.row(records[0])
-    assert row["true_errors"] is None
-    assert sheet.error_text(row) == style.UNSCORED
+    row = row_of(records[0])
+    assert pd.isna(row["true_errors"])
+    assert row["error"] == style.UNSCORED
     assert row["unscored"].startswith("2 of 3 frames scored")
     records[0]["frames"][0]["score"] = score(256, wrong=2)
-    assert sheet.error_text(tidy.row(records[0])) == "✗ 2 wrong", "a known error is shown all the same"
+    assert row_of(records[0])["error"] == "✗ 2 wrong", "a known error is shown all the same"
 
 
 def test_points_that_were_not_measured_stand_there_with_their_reason(records):
     for made, status in zip(records[:4], ("skipped", "failed", "timeout", "rejected"), strict=True):
         made.update(status=status, reason=f"because of {status}", frames=[])
-    made = sheet.sheet(tidy.rows(records))
+    made = sheet.sheet(table_from(records))
     text = printed(made, 200)
     for status in ("skipped", "failed", "timeout", "rejected"):
         assert f"{status} [" in text
@@ -78,13 +95,13 @@ def test_points_that_were_not_measured_stand_there_with_their_reason(records):
 
 
 def test_the_fastest_right_answer_is_marked_and_a_wrong_one_never(records):
-    rows = tidy.rows(records)
-    line = sheet.sheet(rows).lines[0]
+    line = sheet.sheet(table_from(records)).lines[0]
     best = [cell.best for cell in line.cells]
     assert sum(best) == 1
-    fastest = min((row for row in rows if row["scene"] == "fairy"), key=lambda row: row["total_ms"])
-    fastest["true_errors"] = 1
-    again = sheet.sheet(rows).lines[0]
+    times = {made["key"]: row_of(made)["total_ms"] for made in records if made["scene"]["name"] == "fairy"}
+    (fastest,) = (made for made in records if made["key"] == min(times, key=times.get))
+    fastest["frames"][0]["score"] = score(256, wrong=1)
+    again = sheet.sheet(table_from(records)).lines[0]
     assert [cell.best for cell in again.cells] != best
     assert not again.cells[best.index(True)].best
     assert again.cells[best.index(True)].bad
@@ -92,7 +109,7 @@ def test_the_fastest_right_answer_is_marked_and_a_wrong_one_never(records):
 
 @pytest.mark.parametrize("width", [220, 80])
 def test_the_terminal_table_has_every_method_scene_and_printed_number(records, width):
-    text = printed(sheet.sheet(tidy.rows(records)), width)
+    text = printed(sheet.sheet(table_from(records)), width)
     flat = " ".join(text.split())
     for scene, (title, triangles, _) in SCENES.items():
         assert title.split(" (")[0] in flat
@@ -106,19 +123,19 @@ def test_the_terminal_table_has_every_method_scene_and_printed_number(records, w
 
 
 def test_at_the_papers_size_nothing_warns_of_the_size():
-    rows = tidy.rows([record("fairy", "bvh", size=1024)])
-    assert not any("not to be held" in note for note in sheet.sheet(rows).notes)
+    table = table_from([record("fairy", "bvh", size=1024)])
+    assert not any("not to be held" in note for note in sheet.sheet(table).notes)
 
 
 def test_the_spread_is_over_repeats_and_never_over_frames(records):
     made = records[0]
     for i, frame in enumerate(made["frames"]):
         frame["total_ms"] = [10.0 * (i + 1)] * 10
-    row = tidy.row(made)
+    row = row_of(made)
     assert row["iqr_ms"] == 0
     assert row["between_ms"] == 0
     made["frames"][0]["total_ms"] = [10.0] * 5 + [13.0] * 5
-    assert tidy.row(made)["between_ms"] == pytest.approx(1.0), (
+    assert row_of(made)["between_ms"] == pytest.approx(1.0), (
         "a mean over three frames, one of which moved by 3"
     )
 
@@ -129,18 +146,20 @@ def test_rates_count_primary_and_shadow_rays(records):
     frame.update(shadow_rays=1000, total_ms=[2.0] * 10)
     for step in frame["passes"]:
         step["ms"] = [0.5] * 10
-    row = tidy.row(made)
+    row = row_of(made)
     assert row["primary_mrays_per_s"] == pytest.approx(256 * 256 / 0.5e-3 / 1e6)
     assert row["shadow_mrays_per_s"] == pytest.approx(1000 / 0.5e-3 / 1e6)
     assert row["frame_mrays_per_s"] == pytest.approx((256 * 256 + 1000) / 2e-3 / 1e6)
     frame.update(shadow_rays=None, score=None)
-    assert tidy.row(made)["shadow_mrays_per_s"] is None
+    assert np.isnan(row_of(made)["shadow_mrays_per_s"])
 
 
 def test_errors_of_the_reference_have_their_own_note(records):
-    row = tidy.row(records[0])
-    assert row["reference_errors"] == 9, "one wrong pixel and two wrong bits in each of three frames"
-    assert any("Embree" in note and "Fairy Forest (stand-in) 9" in note for note in sheet.sheet([row]).notes)
+    table = table_from(records[:1])
+    assert list(table["reference_errors"]) == [9], (
+        "one wrong pixel and two wrong bits in each of three frames"
+    )
+    assert any("Embree" in note and "Fairy Forest (stand-in) 9" in note for note in sheet.sheet(table).notes)
 
 
 def test_draw_writes_a_tidy_csv_a_markdown_table_and_bars(records, tmp_path, capsys):
@@ -190,8 +209,8 @@ def test_only_the_newest_record_of_a_point_is_shown(tmp_path):
     new = record("bunny", "bvh", seed=1, key="new", rounds=[{"round": 0, "noted": 200.0}])
     other = record("bunny", "embree", rounds=[{"round": 0, "noted": 1.0}])
     write(tmp_path, [new, old, other])
-    chosen, older = tidy.newest(tmp_path)
-    assert {made["key"] for made in chosen} == {"new", other["key"]}
+    chosen, older = newest(tmp_path)
+    assert {made.key for made in chosen} == {"new", other["key"]}
     assert older == 1
     table1.draw(tmp_path, quiet=True)
     assert "1 older record" in (tmp_path / "table1.md").read_text()
@@ -204,34 +223,34 @@ def test_settings_and_originals_have_entries_of_their_own(tmp_path):
     original = record("sibenik", "bvh", seed=2, key="original")
     original["scene"].update(title="Sibenik", stand_in=None)
     write(tmp_path, [plain, refit, original])
-    rows = tidy.rows(tidy.newest(tmp_path)[0])
-    made = sheet.sheet(rows)
+    table = document.read(tmp_path)
+    made = sheet.sheet(table)
     assert made.columns == ("Warp Mesh, rebuilt", "Warp Mesh, rebuilt, update refit")
     assert [line.title for line in made.lines] == ["Sibenik", "Sibenik Cathedral (stand-in)"]
     assert [[cell.lines[0] for cell in line.cells].count("-") for line in made.lines] == [1, 0]
-    (path,) = bars.draw(rows, tmp_path / "bars.svg")
+    path = table1.bars(sheet.with_columns(table), tmp_path / "bars.svg")
     assert "update refit" in path.read_text()
 
 
 def test_two_devices_are_two_columns():
     other = record("bunny", "bvh", seed=1)
+    other["key"] += "-gpu"
     other["method"].update(device="cuda:0", device_name="Imaginary GPU")
-    made = sheet.sheet(tidy.rows([record("bunny", "bvh"), other]))
+    made = sheet.sheet(table_from([record("bunny", "bvh"), other]))
     assert made.columns == ("Warp Mesh, rebuilt, cpu", "Warp Mesh, rebuilt, cuda:0")
     assert "Imaginary CPU, Imaginary GPU" in made.title
 
 
 def test_bars_are_compact_and_drawn_only_where_there_is_something(records, tmp_path):
-    (path,) = bars.draw(tidy.rows(records), tmp_path / "bars.svg")
-    text = path.read_text()
+    text = table1.bars(sheet.with_columns(table_from(records)), tmp_path / "bars.svg").read_text()
     assert len(text) < 200_000
     for label, _ in METHODS.values():
         assert label in text
-    for word in ("build", "trace", "light build", "shadow", "ms a frame", "(stand-in)", "✓"):
+    for word in ("build", "trace", "light build", "shadow", "ms per frame", "(stand-in)", "✓"):
         assert word in text
     records[0].update(status="failed", frames=[])
-    assert bars.draw(tidy.rows(records[:1]), tmp_path / "none.svg") == []
-    assert not (tmp_path / "none.svg").exists()
+    assert "table1.svg" not in {file.name for file in table1.draw(write(tmp_path, records[:1]), quiet=True)}
+    assert not (tmp_path / "table1.svg").exists()
 
 
 def test_a_method_keeps_its_colour_whoever_else_is_drawn():
@@ -271,7 +290,7 @@ def test_a_scene_that_nothing_can_hit_is_told_beside_its_tick(tmp_path, capsys):
     for text in (" ".join(capsys.readouterr().out.split()), (tmp_path / "table1.md").read_text()):
         assert "Cloth (stand-in): warning: none of 92,210 triangles can ever be hit" in text
         assert "4 of 174,117 triangles can never be hit" in text
-    said = points.errors([points.row(blind)])
+    said = document.errors(table_from([blind]))
     assert "warning: none of 92,210 triangles" in said
 
 
@@ -287,7 +306,7 @@ def test_a_bar_that_dwarfs_the_others_is_cut_and_keeps_its_number(tmp_path):
     records = [record("bunny", method) for method in METHODS]
     for frame in records[0]["frames"]:
         frame["total_ms"] = [12345.0] * 10
-    text = bars.draw(tidy.rows(records), tmp_path / "bars.svg")[0].read_text()
+    text = table1.bars(sheet.with_columns(table_from(records)), tmp_path / "bars.svg").read_text()
     assert ">//<" in text
     assert "12,345 ✓" in text
     assert ">10000<" not in text, "the axis is that of the other bars"
@@ -295,17 +314,17 @@ def test_a_bar_that_dwarfs_the_others_is_cut_and_keeps_its_number(tmp_path):
 
 def test_frames_left_out_for_the_budget_are_named_and_nothing_is_best_over_different_frames(records):
     """A mean over the first frame alone is another number than one over three."""
-    title = tidy.row(records[0])["scene_title"]
+    title = records[0]["scene"]["title"]
 
     def line(made):
         return next(line for line in made.lines if line.title.startswith(title))
 
-    whole = sheet.sheet(tidy.rows(records))
+    whole = sheet.sheet(table_from(records))
     assert any(cell.best for cell in line(whole).cells)
     assert not any("left out" in note for note in whole.notes)
     records[0]["frames_left_out"] = [f["frame"] for f in records[0]["frames"][1:]]
     del records[0]["frames"][1:]
-    short = sheet.sheet(tidy.rows(records))
+    short = sheet.sheet(table_from(records))
     assert not any(cell.best for cell in line(short).cells)
     (note,) = [note for note in short.notes if "left out" in note]
     assert "(1 of 3)" in note
@@ -334,8 +353,16 @@ def test_logarithmic_axes_have_plain_numbers(low: float, high: float, labels: li
 
 
 def test_one_round_says_nothing_of_the_time_between_rounds(records):
-    rows = tidy.rows(records)
-    assert "at most (" in sheet.between_rounds(rows)
-    assert (
-        sheet.between_rounds([{**r, "rounds": 1} for r in rows]) == "Between rounds: not known of one round."
+    table = table_from(records)
+    assert "at most (" in sheet.between_rounds(table)
+    assert sheet.between_rounds(table.assign(rounds=1)) == "Between rounds: not known of one round."
+
+
+def test_times_of_two_runs_stand_apart_and_none_is_best(records):
+    for made in records:
+        made["rounds"] = [{"round": 0, "run": "b" if made["method"]["name"] == "bvh" else "a"}]
+    made = sheet.sheet(table_from(records))
+    assert not any(cell.best for line in made.lines for cell in line.cells)
+    assert any(
+        "Cloth (stand-in) was measured in 2 runs, which are not compared" in note for note in made.notes
     )

@@ -56,4 +56,4 @@ def test_every_claim_stands_in_the_table():
 def test_the_claims_kept_follow_from_the_records_kept():
     """Records, or judges, that changed without a new ``show claims`` are found out."""
     made = judge_all(CLAIMS, collect(MACHINE))
-    assert [{key: str(value) for key, value in r.items()} for r in made] == list(kept().values())
+    assert made.astype(str).to_dict("records") == list(kept().values())

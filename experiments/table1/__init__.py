@@ -7,9 +7,9 @@ methods below on this machine. The quick preset is for a CPU: at its size it is 
 from __future__ import annotations
 
 from importlib.util import find_spec
-from pathlib import Path
 
-from ..harness.runner.experiment import Entry, Experiment, Preset
+from ...harness.runner.experiment import Entry, Experiment, Preset
+from .drawing import draw
 
 SCENES = ("fairy", "sibenik", "bunny_dragon", "conference", "cloth", "buddha")
 """The paper's, in its order."""
@@ -18,13 +18,6 @@ REAL = ("bunny",) if find_spec("pxr") else ()
 """A small real scene that needs no download, where USD files can be read."""
 
 METHODS = (Entry("perspective_spherical"), Entry("uniform_grid"), Entry("bvh"), Entry("embree"))
-
-
-def draw(folder: Path, quiet: bool = False) -> list[Path]:
-    """Table, drawing and gallery from the records in a folder; printed too unless ``quiet``."""
-    from ._figures import table1
-
-    return table1.draw(folder, quiet)
 
 
 EXPERIMENT = Experiment(
