@@ -1,8 +1,7 @@
-"""The command line: ``shadowbench COMMAND``. It only reads arguments; the work is in :mod:`.commands`.
+"""The command line: ``shadowbench COMMAND``. It only reads arguments; :mod:`.commands` does the work.
 
-Exit codes: 0 done, 1 the answer is no (a check failed, a point failed), 2 the call was wrong. An error is one line
-on standard error; ``--debug`` adds the traceback. Imports of the work are made when a command runs, so that help
-is quick.
+Exit codes: 0: success; 1: a check or a point failed; 2: the command line was wrong. An error is one line on standard
+error; ``--debug`` adds the traceback. Each command imports what it needs when it runs, so that ``--help`` is fast.
 """
 
 from __future__ import annotations
@@ -42,9 +41,10 @@ app = typer.Typer(
 
 @app.callback()
 def everywhere(
-    debug: Annotated[bool, typer.Option("--debug", help="Show a traceback with an error.")] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="Print the traceback of an error.")] = False,
     no_wait: Annotated[
-        bool, typer.Option("--no-wait", help="Refuse to start while another run on this machine measures.")
+        bool,
+        typer.Option("--no-wait", help="Stop with an error if another run on this machine is measuring."),
     ] = False,
 ) -> None:
     if debug:
@@ -53,19 +53,19 @@ def everywhere(
 
 
 EVERYWHERE = ("--debug", "--no-wait")
-"""Options of the program itself: taken before the command and after it."""
+"""Options of the program itself: accepted before and after the command."""
 
 
 def command(name: str, example: str) -> Callable[[Callable[..., int | None]], Callable[..., int | None]]:
-    """Register a command: its exit code is what it returns; its help ends with an example."""
+    """Register a command. The function returns its exit code; the help text ends with the example."""
 
     def register(work: Callable[..., int | None]) -> Callable[..., int | None]:
         @functools.wraps(work)
         def checked(*args: Any, **kwargs: Any) -> None:
             try:
                 code = work(*args, **kwargs)
-            except KeyboardInterrupt:  # caught here: typer would end without a word
-                way_on = "; the same command goes on where this one stopped" if name == "run" else ""
+            except KeyboardInterrupt:  # typer would exit without a message
+                way_on = "; run the same command again to continue" if name == "run" else ""
                 print(f"shadowbench: interrupted{way_on}", file=sys.stderr)
                 raise SystemExit(INTERRUPTED) from None
             finally:
@@ -74,8 +74,8 @@ def command(name: str, example: str) -> Callable[[Callable[..., int | None]], Ca
 
         text = inspect.cleandoc(work.__doc__ or "")
         always = (
-            "With every command: --debug shows a traceback with an error; --no-wait refuses to start while "
-            "another run on this machine measures."
+            "Every command also takes --debug (print the traceback of an error) and --no-wait (stop with an error "
+            "if another run on this machine is measuring)."
         )
         app.command(name, help=f"{text}\n\n{always}\n\n\b\nExample:\n  {example}")(checked)
         return work
@@ -89,51 +89,60 @@ def run_(
         str, typer.Argument(help="Name of an experiment; see shadowbench list experiments.")
     ],
     preset: Annotated[
-        str | None, typer.Option("--preset", help="quick or paper. Default: by device.")
+        str | None, typer.Option("--preset", help="quick or paper. Default: quick on a CPU, paper on a GPU.")
     ] = None,
     device: Device = None,
     scene: Annotated[
-        list[str] | None, typer.Option("--scene", help="A scene's name or a file; again for more.")
+        list[str] | None, typer.Option("--scene", help="Name of a scene, or a mesh file. Repeatable.")
     ] = None,
     method: Annotated[
-        list[str] | None, typer.Option("--method", help="A method's name; again for more.")
+        list[str] | None, typer.Option("--method", help="Name of a method. Repeatable.")
     ] = None,
     setting: Settings = None,
     scene_dir: SceneDir = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", help="Results folder, made where there is none. A second run goes on in it."),
+        typer.Option(
+            "--out", help="Results folder; created if missing. A second run measures only what is missing."
+        ),
     ] = None,
     size: Annotated[str | None, typer.Option("--size", help="Image size, such as 256x256.")] = None,
     frames: Annotated[
-        int | None, typer.Option("--frames", help="Frames of an animated scene; 1: its middle one.")
+        int | None,
+        typer.Option("--frames", help="Number of frames of an animated scene; 1: the middle frame."),
     ] = None,
     samples: Annotated[
-        int | None, typer.Option("--samples", help="Samples a frame and round, at least.")
+        int | None, typer.Option("--samples", help="Minimum number of timing samples per frame and round.")
     ] = None,
     rounds: Annotated[
-        int | None, typer.Option("--rounds", help="How often each point is measured anew.")
+        int | None,
+        typer.Option("--rounds", help="Number of times that each point is measured, in interleaved order."),
     ] = None,
     budget: Annotated[
-        float | None, typer.Option("--budget", help="Seconds of samples a point may take.")
+        float | None, typer.Option("--budget", help="Time limit for the timing samples of a point, seconds.")
     ] = None,
     timeout: Annotated[
-        float | None, typer.Option("--timeout", help="Seconds before a silent method is given up.")
+        float | None,
+        typer.Option("--timeout", help="Seconds without a reply after which a method counts as failed."),
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Seed of the order of rounds.")] = 0,
+    seed: Annotated[
+        int, typer.Option("--seed", help="Seed of the random order of the points in each round.")
+    ] = 0,
     memory_limit: Annotated[
         int | None,
         typer.Option(
             "--memory-limit",
-            help="Bytes that a method may hold, on the device and, within 256 MiB, in the process. Default: 8 GiB.",
+            help="Memory that a method may allocate, bytes. Its process may use 256 MiB more. Default: 8 GiB.",
         ),
     ] = None,
-    save_answers: Annotated[bool, typer.Option("--save-answers", help="Keep every raw answer.")] = False,
-    score: Annotated[bool, typer.Option("--score/--no-score", help="Compare the answers with truth.")] = True,
+    save_answers: Annotated[bool, typer.Option("--save-answers", help="Save all answers as arrays.")] = False,
+    score: Annotated[
+        bool, typer.Option("--score/--no-score", help="Compare the answers with the exact reference.")
+    ] = True,
     retry: Annotated[bool, typer.Option("--retry", help="Measure failed points again.")] = False,
     as_json: Json = False,
 ) -> int:
-    """Measure an experiment: every method on every scene, checked against truth, drawn at the end."""
+    """Measure an experiment: every method on every scene. Check the answers against the exact reference, then draw."""
     from .commands.run import plan_run, run
 
     options = plan_run(
@@ -160,11 +169,14 @@ def run_(
 def show_(
     experiment: Annotated[str, typer.Argument(help="Name of an experiment.")],
     folder: Annotated[
-        Path | None, typer.Argument(help="A results folder. Default: the newest local one.")
+        Path | None,
+        typer.Argument(
+            help="A results folder. Default: the newest folder of this experiment in results/local."
+        ),
     ] = None,
     as_json: Json = False,
 ) -> int:
-    """Draw again from records, without timing."""
+    """Draw the figures and tables of an experiment from its records. Nothing is measured."""
     from .commands.run import newest
     from .commands.show import show
 
@@ -182,7 +194,7 @@ def list_(
     kind: Annotated[str, typer.Argument(help="methods, scenes or experiments.")],
     as_json: Json = False,
 ) -> int:
-    """Say what there is to name: methods, scenes or experiments."""
+    """List the methods, scenes or experiments."""
     from .commands.listing import as_text, listing
 
     rows = listing(kind)
@@ -192,11 +204,11 @@ def list_(
 
 @command("render", "shadowbench render cloth --method bvh --out cloth.png --size 512x512")
 def render_(
-    scene: Annotated[str, typer.Argument(help="A scene's name or a file.")],
-    method: Annotated[str, typer.Option("--method", help="The method whose answers are shown.")],
+    scene: Annotated[str, typer.Argument(help="Name of a scene, or a mesh file.")],
+    method: Annotated[str, typer.Option("--method", help="The method that traces the picture.")],
     out: Annotated[
         Path,
-        typer.Option("--out", help="The picture to write, .png; its folder is made where there is none."),
+        typer.Option("--out", help="PNG file to write; its folder is created if missing."),
     ],
     size: Annotated[str, typer.Option("--size", help="Image size.")] = "512x512",
     frame: Annotated[int, typer.Option("--frame", help="Frame of an animated scene, from 0.")] = 0,
@@ -207,9 +219,9 @@ def render_(
     device: Device = None,
     scene_dir: SceneDir = None,
 ) -> int:
-    """Draw a scene from a method's answers, with the shadows that it found.
+    """Render a scene from the hits and shadow bits that a method finds.
 
-    A stand-in's picture says so in a caption below it.
+    The picture of a stand-in scene has a caption that says so.
     """
     from .commands.render import render
     from .runner.experiment import Entry
@@ -222,7 +234,7 @@ def render_(
     return 0
 
 
-# These carry their own annotations: they are registered as they are.
+# These functions declare their own options.
 command("check", "shadowbench check perspective_spherical --device cpu")(check)
 command("plan", "shadowbench plan cloth --method uniform_grid")(plan)
 command("verify", "shadowbench verify cloth bunny.ply --method bvh --json")(verify)
@@ -232,13 +244,14 @@ command("keep", "shadowbench keep results/local/table1-quick --out results/my-ma
 
 
 SEVERAL = ("--scene", "--method", "--set")
-"""Options that take several values after one flag, once the command's own argument has been read."""
+"""Options that take several values after one flag, if they come after the command's own argument."""
 
 
 def spread_values(arguments: list[str]) -> list[str]:
-    """``--scene a b`` as ``--scene a --scene b``, which is all that typer reads.
+    """Rewrite ``--scene a b`` as ``--scene a --scene b``, the form that typer reads.
 
-    Only after the command and one argument (``run table1 --scene a b``): before them a word may be the argument.
+    This applies only after the command and its argument (``run table1 --scene a b``): before them, ``b`` could be the
+    argument.
     """
     result: list[str] = []
     plain, flag, taken = 0, "", False
@@ -248,7 +261,7 @@ def spread_values(arguments: list[str]) -> list[str]:
         elif flag in SEVERAL and taken and plain >= 2:
             result.append(flag)
         elif flag:
-            # One value each; what follows a value (or a flag without one) is an argument again.
+            # An option takes one value; the next word is an argument.
             taken = True
             if flag not in SEVERAL:
                 flag = ""
@@ -271,7 +284,7 @@ def main() -> None:
     except MemoryError as error:
         if os.environ.get(DEBUG):
             raise
-        reason = " ".join(str(error).split()) or "no more to be had"
+        reason = " ".join(str(error).split()) or "allocation failed"
         print(f"shadowbench: not enough memory ({reason}); choose a smaller --size", file=sys.stderr)
         raise SystemExit(2) from None
     except KeyboardInterrupt:

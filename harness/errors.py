@@ -1,4 +1,4 @@
-"""The one kind of error a user may see: a line that names the thing and the way out."""
+"""Errors that are shown to the user, warnings, and suggestions for misspelt names."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ from collections.abc import Iterable
 
 
 class UserError(Exception):
-    """The call was wrong (exit code 2). The message is one line: what is wrong, then what to do."""
+    """A wrong command line or a bad file (exit code 2). The message is one line: what is wrong, then what to do."""
 
 
 class CapacityRejected(Exception):
-    """A frame needs more than a method may take. Becomes the status ``rejected`` with this text as reason."""
+    """A method exceeds its memory limit or a capacity. The record gets the status ``rejected`` with this reason."""
 
 
 @functools.cache
 def warn(text: str) -> None:
-    """Say on standard error, once a process, what a person should know and nothing stops at."""
+    """Print a warning on standard error, each text once per process."""
     print(f"shadowbench: warning: {text}", file=sys.stderr)
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Return ``'; did you mean X?'`` for the nearest known word, or what there is to choose from."""
+    """``'; did you mean X?'`` with the most similar known word; if none is similar, the list of known words."""
     names = sorted(known)
     near = difflib.get_close_matches(word, names, n=1, cutoff=0.5)
     if near:

@@ -1,4 +1,4 @@
-"""The answers of a method to one frame; failures are reported as a status."""
+"""The answers of a method to one frame. A failure is reported as a status."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..scene.prepared import Prepared
 
 @dataclass(eq=False)
 class Outcome:
-    """A method on a moment. ``status``: ok, skipped, rejected or failed; ``answers`` is None unless it is "ok"."""
+    """The answers of a method to one frame. ``status``: ok, skipped, rejected or failed; ``answers`` is None unless ok."""
 
     method: str
     status: str
@@ -24,7 +24,7 @@ class Outcome:
 
 
 def answer(name: str, settings: dict[str, str], prepared: Prepared, moment: Moment, device: str) -> Outcome:
-    """The answers of a method to a moment; or skipped, rejected or failed, with the reason. Never raises for one."""
+    """The answers of a method to one frame, or the reason why there are none. Errors of the method are caught."""
     from ..frame.devices import device_for
     from ..frame.registry import make_method
     from ..frame.session import Session
@@ -44,12 +44,12 @@ def answer(name: str, settings: dict[str, str], prepared: Prepared, moment: Mome
         if wrong:
             outcome.status, outcome.reason = (
                 "failed",
-                f"the same frame run again answers otherwise: {', '.join(wrong)}",
+                f"the same frame gave different answers when run again: {', '.join(wrong)}",
             )
         else:
             outcome.answers = answers
     except CapacityRejected as error:
         outcome.status, outcome.reason = "rejected", str(error)
-    except Exception as error:  # one method's crash must not hide what the others answer
+    except Exception as error:  # the failure of one method must not hide the answers of the others
         outcome.status, outcome.reason = "failed", f"{type(error).__name__}: {error}"
     return outcome

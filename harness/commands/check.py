@@ -1,4 +1,4 @@
-"""``shadowbench check``: is a method right before it is ever timed?"""
+"""``shadowbench check``: test a method for correctness before it is timed."""
 
 from __future__ import annotations
 
@@ -19,21 +19,23 @@ if TYPE_CHECKING:
 
 
 def check(
-    method: Annotated[str, typer.Argument(help="A method's name; see shadowbench list methods.")],
+    method: Annotated[str, typer.Argument(help="Name of a method; see shadowbench list methods.")],
     device: Device = None,
-    setting: Annotated[list[str] | None, typer.Option("--set", help="param=value; may be repeated.")] = None,
+    setting: Annotated[
+        list[str] | None, typer.Option("--set", help="Parameter, as param=value. Repeatable.")
+    ] = None,
     case: Annotated[
-        list[str] | None, typer.Option("--case", help="A hard case's name; may be repeated. Default: all.")
+        list[str] | None, typer.Option("--case", help="Name of a hard case. Repeatable. Default: all.")
     ] = None,
     as_json: Json = False,
 ) -> int:
-    """Run the hard cases and the rules of conduct on one method, and judge every answer exactly.
+    """Run one method on small scenes that are hard to trace, and test that it keeps the rules of the interface.
 
-    A wrong answer that float32 rounding explains (near-tie, edge) is excused, up to a limit in each case; any other
-    wrong answer is a true error. Exit code 1 where a case has a true error or too many excused answers, or where a rule
-    is broken, also for a method that declares itself inexact. A method declares what it cannot do, with the reason, in
-    its attribute ``outside``: {case: reason} is shown and not run; with {"shadows": reason} wrong shadow bits are
-    counted and do not fail the check.
+    Every answer is compared with exact arithmetic. A wrong answer that float32 rounding explains (near-tie, edge) is
+    excused, up to a limit per case; any other wrong answer is a true error. Exit code 1 if a case has a true error or
+    too many excused answers, or if a rule is broken; this also holds for a method that declares itself inexact. A
+    method declares what it does not support in its attribute ``outside``: a case in {case: reason} is listed and not
+    run; with {"shadows": reason}, wrong shadow bits are counted but do not fail the check.
     """
     from ..frame.devices import device_for, find_device
     from ..frame.registry import make_method, method_class
@@ -49,7 +51,7 @@ def check(
     outside = dict(outside_of(made))
     unknown = sorted(set(outside) - {one.name for one in all_cases()} - {SHADOWS})
     if unknown:
-        raise UserError(f"{method} declares {unknown[0]!r} as outside, which is not a hard case")
+        raise UserError(f"{method}: its attribute 'outside' names {unknown[0]!r}, which is not a hard case")
     MACHINE.share()
     findings = judge_method(lambda: make_method(method, settings), place, cases, {})
     checks = [] if case else conformance(lambda: make_method(method, settings), place)
@@ -130,7 +132,7 @@ def _print(facts: dict[str, Any], findings: list[Finding], checks: list[Check]) 
 
 
 def _result(finding: Finding) -> str:
-    """A case's result in words: errors after ERROR, ties and excused answers apart from them."""
+    """The result of a case in words: errors follow ERROR, ties and excused answers are listed separately."""
     errors = _listed(finding, wrong=True)
     others = _listed(finding, wrong=False)
     if finding.bits_outside:
@@ -152,7 +154,7 @@ def _listed(finding: Finding, wrong: bool) -> list[str]:
 
 
 def _example(example: dict[str, Any]) -> str:
-    """One wrong answer as a line."""
+    """One wrong answer as one line of text."""
     parts = [str(example["kind"])]
     if "pixel" in example:
         parts.append(f"at pixel {example['pixel'][0]},{example['pixel'][1]}")

@@ -1,4 +1,4 @@
-"""``shadowbench explain``: one pixel; every method's answer, the reference's and the exact one."""
+"""``shadowbench explain``: the answer of every method, of the reference and of exact arithmetic at one pixel."""
 
 from __future__ import annotations
 
@@ -21,21 +21,23 @@ if TYPE_CHECKING:
 
 
 def explain(
-    scene: Annotated[str, typer.Argument(help="A scene's name or a mesh file.")],
-    pixel: Annotated[str, typer.Option("--pixel", help="Column and row of the pixel, from 0: X,Y.")],
+    scene: Annotated[str, typer.Argument(help="Name of a scene, or a mesh file.")],
+    pixel: Annotated[str, typer.Option("--pixel", help="Column and row of the pixel, counted from 0: X,Y.")],
     method: Methods = None,
     device: Device = None,
-    size: Annotated[str, typer.Option("--size", help="Image size that the pixel belongs to.")] = "256x256",
+    size: Annotated[
+        str, typer.Option("--size", help="Size of the image that contains the pixel.")
+    ] = "256x256",
     frame: Frame = 0,
     setting: Settings = None,
     scene_dir: SceneDir = None,
     as_json: Json = False,
 ) -> int:
-    """Show one pixel: every method's answer and its class, the reference's, and the exact answer.
+    """Show the answer of every method at one pixel with its class, the answer of the reference, and the exact answer.
 
     The classes are those that `verify --every-pixel` counts. Distances to edges are in units of the error bound of a
-    float32 triangle test: below 1, a wrong answer is excused. Exit code 1 where an answer of a method is wrong and not
-    excused, and the method does not declare itself inexact.
+    float32 triangle test: below 1, a wrong answer is excused. Exit code 1 if an answer is wrong and not excused, and
+    the method does not declare itself inexact.
     """
     from ..frame.devices import find_device
     from ..frame.registry import method_names
@@ -62,7 +64,7 @@ def explain(
     if not 0 <= frame < prepared.frame_count:
         raise UserError(f"--frame {frame}: {scene} has frames 0 to {prepared.frame_count - 1}")
     moment = prepared.moment(frame, width, height)
-    # A frame of that pixel alone: the same ray, judged as any other frame is.
+    # A frame of only that pixel: it has the same ray and is judged like any other frame.
     alone = replace(moment, column=moment.column[[x]], row=moment.row[[y]])
     judge = Judge.of(prepared, alone, device=place)
     of_reference = judge_rays(judge, judge.reference.answers())
@@ -105,7 +107,7 @@ def explain(
 
 
 def answers_at(answers: dict[str, NDArray], index: int) -> dict[str, NDArray]:
-    """A frame's answers at one pixel, in the form of answers to a frame of that pixel alone."""
+    """The answers at one pixel of a frame, as the answers to a frame of only that pixel."""
     vectors = ("bounce_origin", "bounce_direction")
     return {
         name: values[..., [index], :] if name in vectors else values[..., [index]]
@@ -114,7 +116,8 @@ def answers_at(answers: dict[str, NDArray], index: int) -> dict[str, NDArray]:
 
 
 def exact_facts(found: Judgement) -> dict[str, Any]:
-    """The exact answer of a judged pixel: tie set, t, the nearest edge in units of the bound, and each shadow."""
+    """The exact answer at a judged pixel: set of tied triangles, t, distance to the nearest edge in units of the error
+    bound, and each shadow bit."""
     import numpy as np
 
     from ..judge import arithmetic as exact
@@ -151,7 +154,7 @@ def exact_facts(found: Judgement) -> dict[str, Any]:
 
 
 def _row(found: Judgement) -> dict[str, Any]:
-    """The answer at a judged pixel, and the class of each part of it as the score counts it."""
+    """The answer at a judged pixel, and the class of each of its parts as the score counts them."""
 
     answers, classes = found.checked.answers, found.classes
     primary = Verdict(int(classes.primary[0]))
@@ -205,7 +208,8 @@ def _print(facts: dict[str, Any]) -> None:
 
 
 def _print_rows(console: Any, rows: list[dict[str, Any]]) -> None:
-    """Answers, one row a method, with the exact triangle where each has a ray of its own; then why others have none."""
+    """The answers, one row per method, then the reason of each method without an answer. Where each method has a ray
+    of its own, the row also holds the exact triangle for that ray."""
     bounced = any("exact" in row for row in rows)
     table = make_table(
         *("method", "triangle", "t", "u", "v", "class", "shadows", *(("exact",) if bounced else ()))

@@ -1,4 +1,4 @@
-"""``shadowbench keep``: a run made small enough to travel, and several runs of one experiment made one."""
+"""``shadowbench keep``: pack the results of one or several runs of an experiment into a small folder."""
 
 from __future__ import annotations
 
@@ -19,44 +19,43 @@ from ..results.schema import ARCHIVE, read_records, write_archive
 from .show import show
 
 BULKY = ("images", "maps")
-"""Folders that are left out unless they are asked for: pictures of scenes, and what each pixel cost or got wrong."""
+"""Folders that are left out by default: pictures of scenes, and maps of the cost or the errors of each pixel."""
 
 DRAWN = (".csv", ".md", ".svg", ".png")
-"""What lies beside the records and comes along: drawings, tables, and what somebody wrote about them."""
+"""Files beside the records that are copied: drawings, tables and notes."""
 
-Sources = Annotated[list[Path], typer.Argument(help="Folders that run wrote, of one experiment.")]
-Out = Annotated[Path, typer.Option("--out", help="The folder to make.")]
+Sources = Annotated[list[Path], typer.Argument(help="Results folders of one experiment.")]
+Out = Annotated[Path, typer.Option("--out", help="The folder to create.")]
 With = Annotated[
     list[str] | None,
-    typer.Option("--with", help="images or maps, which are left out otherwise; again for both."),
+    typer.Option("--with", help="Also copy images or maps. Repeatable."),
 ]
-Replace = Annotated[
-    bool, typer.Option("--replace", help="What is in --out already gives way to what is made.")
-]
+Replace = Annotated[bool, typer.Option("--replace", help="Replace the contents of --out.")]
 
 
 def keep(sources: Sources, out: Out, extras: With = None, replace: Replace = False) -> int:
-    """Keep what runs measured: all records in one compressed file, their environments, and the drawings made again.
+    """Pack results: all records in one compressed file, the environments of their runs, and the drawings made again.
 
-    Of a point that several folders have, the record of the last one named is taken that is no failure. Journals, logs,
-    answers and what can be computed again are left behind. The folder is made beside ``--out`` and put there whole.
+    If several folders hold a record of the same point, the last folder whose record is not a failure counts. Journals,
+    logs, answers and everything that can be computed again are left out. ``--out`` appears only when it is complete.
     """
     unknown = [name for name in extras or () if name not in BULKY]
     if unknown:
-        raise UserError(f"--with {unknown[0]}: choose of {', '.join(BULKY)}")
+        raise UserError(f"--with {unknown[0]}: choose {' or '.join(BULKY)}")
     if out.resolve() in [source.resolve() for source in sources]:
-        raise UserError(f"--out {out}: is one of the folders to keep; name another")
+        raise UserError(f"--out {out}: is one of the folders to read; choose another")
     if out.exists() and (not out.is_dir() or any(out.iterdir())) and not replace:
-        raise UserError(f"--out {out}: there is something already; name another, or give --replace")
+        raise UserError(f"--out {out}: is not empty; choose another, or give --replace")
     found = [record for source in sources for record in read_records(source)]
     experiments = sorted({record.experiment for record in found})
     if len(experiments) > 1:
-        raise UserError(f"records of {' and '.join(experiments)}; keep each in a folder of its own")
+        raise UserError(f"records of {' and '.join(experiments)}; pack each experiment into its own folder")
     records = chosen(found)
     unscored = sum(1 for source in sources for _ in (source / "answers").glob("*.npz"))
     if unscored:
         print(
-            f"left behind: {unscored} answers that nobody scored; `shadowbench score` first", file=sys.stderr
+            f"left out: {unscored} answers without a score; to include their scores, run `shadowbench score` first",
+            file=sys.stderr,
         )
     fresh = out.with_name(f".{out.name}.{os.getpid()}")
     try:
@@ -65,7 +64,7 @@ def keep(sources: Sources, out: Out, extras: With = None, replace: Replace = Fal
                 held.enter_context(ResultsFolder(place).idle())
             _fill(fresh, sources, records)
             show(experiments[0], fresh, quiet=True)
-            for name in set(BULKY) - set(extras or ()):  # drawings are made from them, and stay
+            for name in set(BULKY) - set(extras or ()):  # the drawings are made from them
                 shutil.rmtree(fresh / name, ignore_errors=True)
             _put(fresh, out)
     except OSError as error:
@@ -78,7 +77,7 @@ def keep(sources: Sources, out: Out, extras: With = None, replace: Replace = Fal
 
 
 def chosen(records: Iterable[Record]) -> list[Record]:
-    """One record a point: the last that is no failure, else the last."""
+    """One record per point: the last that is not a failure, else the last."""
     failures_first = sorted(records, key=lambda record: record.status not in FAILURES)
     return list({record.key: record for record in failures_first}.values())
 
@@ -98,7 +97,7 @@ def _fill(fresh: Path, sources: Sequence[Path], records: Sequence[Record]) -> No
 
 
 def _put(fresh: Path, out: Path) -> None:
-    """The new folder in the place of the old one; the old one is gone only once the new one is there."""
+    """Put the new folder in the place of the old one. The old one is deleted only after the new one is there."""
     old = out.with_name(f".{out.name}.{os.getpid()}.old")
     if out.exists():
         out.rename(old)

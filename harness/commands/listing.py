@@ -1,4 +1,4 @@
-"""``shadowbench list``: what there is to name on the command line."""
+"""``shadowbench list``: the methods, scenes and experiments."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ KINDS = ("methods", "scenes", "experiments")
 def listing(kind: str) -> list[dict[str, Any]]:
     """Rows of one kind. Raises :class:`UserError` for an unknown one."""
     if kind not in KINDS:
-        raise UserError(f"list {kind!r}: there is nothing of that kind{did_you_mean(kind, KINDS)}")
+        raise UserError(f"list {kind!r}: unknown kind{did_you_mean(kind, KINDS)}")
     return {"methods": methods, "scenes": scenes, "experiments": experiments}[kind]()
 
 
 def methods() -> list[dict[str, Any]]:
-    """Every method with its devices and its parameters: default, meaning and the values that are allowed."""
+    """Every method with its devices and its parameters: default, meaning and allowed values."""
     rows = []
     for name in method_names():
         try:
             cls = method_class(name)
             found = {p.name: dataclasses.asdict(p) for p in parameters(cls)}
-        except Exception as error:  # a broken package of someone else's must not hide the others
+        except Exception as error:  # one broken method must not hide the others
             rows.append({"name": name, "title": f"cannot be used: {error}", "devices": [], "parameters": {}})
             continue
         rows.append({"name": name, "title": cls.title, "devices": list(cls.devices), "parameters": found})
@@ -37,15 +37,13 @@ def methods() -> list[dict[str, Any]]:
 
 
 def scenes() -> list[dict[str, Any]]:
-    """The catalogue, and what a stand-in stands in for. Files can be given instead of a name."""
+    """The scenes of the catalogue; for a stand-in also what it replaces. A mesh file can be given instead of a name."""
     rows = []
     for name in scene_names():
         try:
             found = resolve(name)
             rows.append({"name": name, "title": TITLES[name], "stand_in": found.stand_in})
-        except (
-            UserError
-        ) as error:  # a broken original, or a package that is missing, must not hide the others
+        except UserError as error:  # one broken original or a missing package must not hide the others
             rows.append({"name": name, "title": f"{TITLES[name]}: {error}", "stand_in": None})
     return rows
 
@@ -61,7 +59,7 @@ def experiments() -> list[dict[str, Any]]:
 
 
 def as_text(rows: list[dict[str, Any]], columns: int | None = None) -> str:
-    """Rows for a person, in lines of at most ``columns`` (the terminal's): details are indented under each name."""
+    """Rows as text, in lines of at most ``columns`` (default: the terminal's width), details indented."""
     columns = columns or max(40, shutil.get_terminal_size().columns)
     width = max((len(row["name"]) for row in rows), default=0) + 2
     lines = []

@@ -1,4 +1,4 @@
-"""Options that several commands take, each worded once."""
+"""Options that several commands share."""
 
 from __future__ import annotations
 
@@ -16,28 +16,36 @@ from ..scene.moment import ray_tables
 from ..scene.scene import Light, Scene, Vector
 
 Methods = Annotated[
-    list[str] | None, typer.Option("--method", help="A method's name; again for more. Default: all.")
+    list[str] | None, typer.Option("--method", help="Name of a method. Repeatable. Default: all methods.")
 ]
-Settings = Annotated[list[str] | None, typer.Option("--set", help="method.param=value; again for more.")]
+Settings = Annotated[
+    list[str] | None, typer.Option("--set", help="Parameter of a method, as method.param=value. Repeatable.")
+]
 Device = Annotated[
-    str | None, typer.Option("--device", help="cpu or cuda:0. Default: cuda:0 where there is one.")
+    str | None, typer.Option("--device", help="cpu or cuda:0. Default: cuda:0 if present, else cpu.")
 ]
-Size = Annotated[str, typer.Option("--size", help="Image size.")]
+Size = Annotated[str, typer.Option("--size", help="Image size, such as 512x512.")]
 Frame = Annotated[int, typer.Option("--frame", help="Frame of an animated scene, from 0.")]
 SceneDir = Annotated[
     Path | None,
-    typer.Option("--scene-dir", help="Folder of original scenes. Default: the variable SHADOWBENCH_SCENES."),
+    typer.Option(
+        "--scene-dir", help="Folder of original scenes. Default: the environment variable SHADOWBENCH_SCENES."
+    ),
 ]
-Json = Annotated[bool, typer.Option("--json", help="Print nothing but JSON.")]
+Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 CameraPlace = Annotated[
     tuple[str, str] | None,
-    typer.Option("--camera", metavar="EYE TARGET", help="X,Y,Z of the eye and of what it looks at."),
+    typer.Option(
+        "--camera", metavar="EYE TARGET", help="Position of the camera and the point it looks at, each X,Y,Z."
+    ),
 ]
-Fov = Annotated[float | None, typer.Option("--fov", help="Vertical field of view of the camera, degrees.")]
+Fov = Annotated[float | None, typer.Option("--fov", help="Vertical field of view, degrees.")]
 Lights = Annotated[
     list[str] | None,
     typer.Option(
-        "--light", metavar="X,Y,Z", help="A point light in place of the scene's lights; repeatable."
+        "--light",
+        metavar="X,Y,Z",
+        help="Position of a point light that replaces the scene's lights. Repeatable.",
     ),
 ]
 
@@ -45,10 +53,10 @@ Lights = Annotated[
 def seen_as(
     scene: Scene, camera: tuple[str, str] | None, fov: float | None, lights: list[str] | None
 ) -> Scene:
-    """The scene under the camera and point lights of ``--camera``, ``--fov`` and ``--light``, where they are given.
+    """The scene with the camera and the point lights of ``--camera``, ``--fov`` and ``--light``, where given.
 
-    Places are in the scene's own coordinates. Lights that are given do not move. Raises :class:`UserError` for what is
-    no place, and for a camera that cannot look.
+    Positions are in scene coordinates. These lights do not move. Raises :class:`UserError` for a malformed position
+    and for a degenerate camera.
     """
     if lights:
         placed = tuple(Light(_place("--light", text)) for text in lights)
@@ -69,12 +77,12 @@ def _place(option: str, text: str) -> Vector:
     except ValueError:
         raise UserError(f"{option} {text!r}: give three numbers, as in {option} 0,1.7,4") from None
     if not all(abs(number) <= FARTHEST for number in (x, y, z)):
-        raise UserError(f"{option} {text!r}: lies beyond what float32 holds")
+        raise UserError(f"{option} {text!r}: is outside the range of float32")
     return x, y, z
 
 
 def _upright(view: NDArray[np.float64], up: Vector) -> Vector:
-    """``up``, or the axis farthest from the view where the view runs along it."""
+    """``up``; if it is parallel to the view direction, the coordinate axis most perpendicular to the view."""
     size = float(np.abs(view).max())
     if size and np.linalg.norm(np.cross(np.divide(view, size), up)) > 1e-6 * np.linalg.norm(up):
         return up

@@ -1,4 +1,4 @@
-"""``shadowbench plan``: which passes a frame of a scene runs, for every method, and why; nothing is launched."""
+"""``shadowbench plan``: list the passes that each method runs per frame of a scene, and why. Nothing is launched."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 def plan(
-    scene: Annotated[str, typer.Argument(help="A scene's name or a file.")],
+    scene: Annotated[str, typer.Argument(help="Name of a scene, or a mesh file.")],
     method: Methods = None,
     setting: Settings = None,
     size: Size = "256x256",
@@ -36,8 +36,11 @@ def plan(
     scene_dir: SceneDir = None,
     as_json: Json = False,
 ) -> int:
-    """Say what a scene calls for and which passes run: in the first frame, where only the camera, one light or the
-    geometry moved since the last frame, and where nothing did; each with its reason."""
+    """List the effects of a scene and the passes of each method, with the reason why each pass runs.
+
+    The passes are listed for the first frame, and for a later frame in which only the camera, only one light, only the
+    geometry or nothing has changed.
+    """
     found = frame_plan(scene, method or [], size, device, scene_dir, setting or [])
     if as_json:
         print(json.dumps(found, indent=1))
@@ -54,7 +57,7 @@ def frame_plan(
     scene_dir: Path | None = None,
     settings: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """What the command prints, as JSON can hold it. Raises :class:`UserError` for a wrong name."""
+    """What the command prints, as JSON types. Raises :class:`UserError` for an unknown name."""
     width, height = parse_size(size)
     place = find_device(device)
     entries = parse_settings(list(settings), tuple(Entry(name) for name in methods or method_names()))
@@ -74,7 +77,7 @@ def frame_plan(
 
 
 def declared(scene: Scene, prepared: Prepared) -> dict[str, Any]:
-    """What the scene says of itself, in words."""
+    """The properties of the scene, in words."""
     motion = prepared.geometry.motion
     moves = "static"
     if prepared.frame_count > 1:
@@ -102,18 +105,18 @@ def declared(scene: Scene, prepared: Prepared) -> dict[str, Any]:
 
 
 def shadow_rays(scene: Scene) -> str:
-    """Where shadow rays start, in words."""
+    """Which receivers have a shadow ray, in words."""
     where = "where the surface faces the light" if scene.facing else "at every hit point"
     spots = any(light.spot for light in scene.lights if light.shadows)
     if spots:
-        where += ", of a spot those that its cone holds"
+        where += ", for a spotlight only inside its cone"
     if scene.facing or spots:
-        where += "; passes of a light that reaches none are skipped on the device"
+        where += "; the passes of a light without receivers are skipped on the device"
     return where
 
 
 def change_sets(light_count: int) -> dict[str, frozenset[str]]:
-    """The frames that a plan tells of: what changed since the last one, by the inputs' names."""
+    """The kinds of frame that are listed: for each, the names of the inputs that changed since the last frame."""
     lights = {f"light {i}": frozenset({f"light/{i}"}) for i in range(light_count)}
     return {
         "camera": frozenset({"camera"}),
@@ -124,7 +127,7 @@ def change_sets(light_count: int) -> dict[str, frozenset[str]]:
 
 
 def method_plan(entry: Entry, prepared: Prepared, width: int, height: int, device: str) -> dict[str, Any]:
-    """The passes of one method and what becomes of each after every change; or the reason why it has none."""
+    """The passes of one method and which of them run after each change; or why the method cannot trace the scene."""
     settings = dict(entry.settings)
     facts: dict[str, Any] = {"method": entry.method, "settings": settings, "cannot": None, "passes": []}
     try:
@@ -139,7 +142,7 @@ def method_plan(entry: Entry, prepared: Prepared, width: int, height: int, devic
     except CapacityRejected as error:
         facts["cannot"] = f"rejected: {error}"
         return facts
-    except Exception as error:  # a stranger's method may fail in any way; the others are still told of
+    except Exception as error:  # a method may fail in any way; the others are still listed
         facts["cannot"] = f"{type(error).__name__}: {' '.join(str(error).split())}"
         return facts
     after = {
@@ -166,22 +169,22 @@ def method_plan(entry: Entry, prepared: Prepared, width: int, height: int, devic
 
 
 def verdict(step: Step) -> dict[str, Any]:
-    """A step's verdict."""
+    """Whether a pass runs, and why."""
     return {"runs": step.runs, "reason": step.reason}
 
 
 def first_reason(work: Pass, passes: list[Pass], wanted: tuple[str, ...]) -> str:
-    """Why a pass runs in the first frame: what is wanted of it, or which pass reads it."""
+    """Why a pass runs in the first frame: its output is requested, or another pass reads it."""
     for name in work.writes:
         if name in wanted:
-            return f"{name} is wanted"
+            return f"output {name}"
     later = passes[passes.index(work) + 1 :]
     reader = next((other for other in later if set(other.reads) & set(work.writes)), None)
-    return f'read by "{reader.name}"' if reader else "written together with what is wanted"
+    return f'read by "{reader.name}"' if reader else "written together with an output"
 
 
 def show(found: dict[str, Any]) -> None:
-    """Print the plan as wide as the terminal: one table a method, with the reason why each pass runs."""
+    """Print one table per method, as wide as the terminal, with the reason why each pass runs."""
     from rich.console import Console
     from rich.padding import Padding
 
@@ -201,8 +204,8 @@ def show(found: dict[str, Any]) -> None:
             )
         )
     console.print(
-        "\nEach column after the first frame: what alone changed since the last frame. A cell says what made the pass "
-        "run; a dot means that it does not run."
+        "\nThe other columns are later frames in which only the named input has changed. A cell names the input that "
+        "makes the pass run; a dot means that the pass does not run."
     )
     for method in found["methods"]:
         console.print()
@@ -212,7 +215,7 @@ def show(found: dict[str, Any]) -> None:
         console.print(f"{_called(method)} on {method['device']}")
         console.print(_table(method, list(found["changes"])))
         if method["left_out"]:
-            console.print(f"  left out, nothing needs what they make: {', '.join(method['left_out'])}")
+            console.print(f"  left out, because nothing reads their output: {', '.join(method['left_out'])}")
 
 
 def _table(method: dict[str, Any], changes: list[str]) -> Table:
@@ -230,7 +233,7 @@ def _table(method: dict[str, Any], changes: list[str]) -> Table:
 
 
 def _called(method: dict[str, Any]) -> str:
-    """A method's name with what is set of it."""
+    """A method's name with its settings."""
     given = ", ".join(f"{key}={value}" for key, value in method["settings"].items())
     return f"{method['method']} ({given})" if given else method["method"]
 

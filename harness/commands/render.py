@@ -1,4 +1,4 @@
-"""``shadowbench render``: a picture of a scene from a method's own answers, shadows as the method found them."""
+"""``shadowbench render``: a picture of a scene, shaded from the hits and shadow bits of one method."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ def render(
     fov: float | None = None,
     lights: list[str] | None = None,
 ) -> Path:
-    """Draw one frame into a PNG file, with a caption under it where the scene is a stand-in.
+    """Draw one frame into a PNG file, with a caption if the scene is a stand-in.
 
-    Raises :class:`UserError` for whatever the caller can mend.
+    Raises :class:`UserError` for wrong arguments, and if the method cannot trace the scene.
     """
     from ..report.gallery import captioned
     from ..report.picture import save_png, shade
@@ -44,7 +44,7 @@ def render(
     described = seen_as(resolve(scene, scene_dir), camera, fov, lights)
     reason = chosen.applies(described, place)
     if reason:
-        raise UserError(f"{method} cannot do {scene}: {reason}; choose another --method")
+        raise UserError(f"{method} cannot trace {scene}: {reason}; choose another --method")
     MACHINE.share()
     prepared = prepare(described)
     if not 0 <= frame < prepared.frame_count:

@@ -1,4 +1,4 @@
-"""``shadowbench run``: check the whole call, run what has no record yet, draw."""
+"""``shadowbench run``: check the arguments, measure every point that has no record yet, and draw."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from ..scene.catalogue import folder as scene_folder
 from ..scene.catalogue import resolve
 
 RESULTS = Path("results/local")
-"""Where results go unless ``--out`` says otherwise."""
+"""The parent folder of results without ``--out``."""
 
 
 def plan_run(
@@ -40,10 +40,10 @@ def plan_run(
     overrides: dict[str, Any] | None = None,
     **options: Any,
 ) -> Options:
-    """A call of ``run``, checked as far as that can be done before anything starts.
+    """The checked options of a run.
 
-    ``overrides``: fields of the preset to replace where not None. Where scenes or a size are named, they are all that
-    is run, and presets that would come after (:attr:`.plan.Preset.also`) are not. Raises :class:`UserError`.
+    ``overrides``: fields of the preset to replace where not None. If scenes or a size are given, only those are run,
+    without the further presets of :attr:`.Preset.also`. Raises :class:`UserError` for a wrong argument.
     """
     declared = find_experiment(experiment)
     place = find_device(device)
@@ -53,7 +53,7 @@ def plan_run(
         if not (value > 0 and math.isfinite(value)):
             finite = "" if math.isfinite(value) else " and finite"
             raise UserError(f"--{key.removesuffix('_s')} {value:g}: must be more than 0{finite}")
-    # Part of the point: a record that was rejected under one limit says nothing about another.
+    # The limit is part of the point's configuration: a method rejected under one limit may pass under another.
     memory = options.pop("memory_limit", None)
     if memory is not None:
         if memory <= 0:
@@ -79,10 +79,12 @@ def plan_run(
     where = str(scene_folder(scene_dir)) if scene_folder(scene_dir) else None
     named: dict[str, str] = {}
     for scene in changes["scenes"]:
-        # Pictures and tables know a scene by its name.
+        # Pictures and tables identify a scene by its name.
         other = named.setdefault(resolve(scene, where).name, scene)
         if other != scene:
-            raise UserError(f"--scene {scene}: of the same name as {other}; rename one, or run it apart")
+            raise UserError(
+                f"--scene {scene}: has the same name as {other}; rename one of them, or run it separately"
+            )
     return Options(
         experiment=declared,
         preset_name=name,
@@ -95,7 +97,7 @@ def plan_run(
 
 
 def run(options: Options, as_json: bool = False) -> int:
-    """Run, draw, and say how it went: 0 where every point was measured or skipped with a reason, 1 otherwise."""
+    """Run and draw. Return 0 if every point was measured or skipped with a reason, else 1."""
     MACHINE.share()
     with Silent() if as_json else Bar() as report:
         measure = options.experiment.measure
@@ -123,17 +125,17 @@ def run(options: Options, as_json: bool = False) -> int:
 
 
 def newest(experiment: str) -> Path:
-    """The local results folder of an experiment that was written last. Raises :class:`UserError` for none."""
+    """The local results folder of an experiment that was written last. Raises :class:`UserError` if there is none."""
     if not find_experiment(experiment).presets and RESULTS.is_dir():
-        return RESULTS  # it reads what the others measured
+        return RESULTS  # it reads the results of the others
     folders = [path.parent for path in RESULTS.glob(f"{experiment}-*/records")]
     if not folders:
-        raise UserError(f"no results of {experiment} in {RESULTS}; run it, or name a folder")
+        raise UserError(f"no results of {experiment} in {RESULTS}; run it first, or name a folder")
     return max(folders, key=lambda path: (path / "records").stat().st_mtime)
 
 
 def report_json(options: Options, records: list[Record], files: list[Path]) -> dict[str, Any]:
-    """What ``--json`` prints: one row a point, and what was written."""
+    """What ``--json`` prints: one row per point, and the files written."""
     from ..results.means import point_rows
 
     built = {record.key: record.method.get("built") for record in records}

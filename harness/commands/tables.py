@@ -1,4 +1,4 @@
-"""The console and the tables of commands: as wide as the terminal or the variable COLUMNS, else 80 columns."""
+"""The console and the tables of the commands. Width: the terminal or the variable COLUMNS, else 80 columns."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ def make_console() -> Console:
 
 
 def print_lines(console: Console, *lines: str) -> None:
-    """Lines of text: wrapped at words in a terminal, whole in a file or a pipe."""
+    """Print lines of text: wrapped at words in a terminal, not wrapped in a file or a pipe."""
     for line in lines:
         console.print(line, soft_wrap=not console.is_terminal)
 
 
 def print_legend(console: Console, kinds: Iterable[Verdict], *more: str) -> None:
-    """What classes mean, a line each, wrapped at words."""
+    """Print the meaning of each class on its own line."""
     shown = set(kinds)
     for line in (*(f"{kind.label}: {MEANINGS[kind]}" for kind in MEANINGS if kind in shown), *more):
         console.print(line, style="dim")
 
 
 def make_table(*names: str, numbers: tuple[str, ...] = ()) -> Table:
-    """An empty table: columns of text, which are folded where there is no room, then columns of numbers."""
+    """An empty table: columns of text, folded if the table is too wide, then columns of numbers."""
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False, collapse_padding=True, header_style="bold")

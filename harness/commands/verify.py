@@ -1,7 +1,7 @@
-"""``shadowbench verify`` and ``score``: every answer against Embree and the exact referee.
+"""``shadowbench verify`` and ``score``: compare every answer with Embree and the exact referee.
 
-The functions carry their own command-line annotations and return an exit code; imports of the work are made when
-one is called, so that help is quick.
+The functions declare their own command-line options and return an exit code. They import what they need when called,
+so that ``--help`` is fast.
 """
 
 from __future__ import annotations
@@ -35,15 +35,18 @@ def verify(
     size: Size = "256x256",
     frame: Frame = 0,
     everything: Annotated[
-        bool, typer.Option("--every-pixel", help="Let the exact referee decide every pixel.")
+        bool,
+        typer.Option(
+            "--every-pixel", help="Decide every pixel exactly, not only those where two answers differ."
+        ),
     ] = False,
     scene_dir: SceneDir = None,
     as_json: Json = False,
 ) -> int:
-    """Compare every answer of every method with Embree, and decide each pixel exactly where any two differ.
+    """Compare every answer of every method with Embree. Where any two differ, exact arithmetic decides the pixel.
 
-    Exit code 1 where a method has a true error, fails, or needs more than 0.1 % of the pixels excused; a method
-    that declares itself inexact, with its reason, is reported and does not change the exit code.
+    Exit code 1 if a method has a true error, fails, or has more than 0.1 % of its pixels excused. A method that
+    declares itself inexact is reported and does not change the exit code.
     """
     from ..frame.devices import find_device
     from ..frame.registry import method_names
@@ -133,14 +136,16 @@ def _verify_scene(
 
 
 def score(
-    folder: Annotated[Path, typer.Argument(help="A results folder with raw answers in it.")],
-    again: Annotated[bool, typer.Option("--again", help="Also score answers that have a score.")] = False,
+    folder: Annotated[Path, typer.Argument(help="A results folder with saved answers.")],
+    again: Annotated[
+        bool, typer.Option("--again", help="Also score answers that already have a score.")
+    ] = False,
     scene_dir: SceneDir = None,
     as_json: Json = False,
 ) -> int:
-    """Score answers that a run kept unscored, and write the scores into their records.
+    """Score the answers that a run saved without a score, and write the scores into the records.
 
-    Exit code 1 where answers cannot be scored, or a method that does not declare itself inexact has true errors.
+    Exit code 1 if answers cannot be scored, or if a method that does not declare itself inexact has true errors.
     """
     from ..files import write_atomic
     from ..frame.warp_init import start_warp
@@ -151,7 +156,7 @@ def score(
     files = [path for path in files if not path.name.startswith(("mesh-", "."))]
     if not files:
         raise UserError(
-            f"{folder}: no raw answers in it; name a folder with answers/*.npz, as `run` keeps them"
+            f"{folder}: no saved answers in it; name a folder with files answers/*.npz, as `run --save-answers` writes them"
         )
     MACHINE.share()
     rows = []
@@ -175,7 +180,7 @@ def score(
 
 
 def _score_file(path: Path, folder: Path, again: bool, scene_dir: Path | None) -> dict[str, Any]:
-    """Score one file of raw answers, and put the score into its record where there is one."""
+    """Score one file of saved answers, and write the score into its record, if there is one."""
     from ..judge.answer_files import read_facts, score_raw
     from ..judge.counts import Score
     from ..results.record import Frame as RecordFrame
@@ -218,7 +223,7 @@ def _score_file(path: Path, folder: Path, again: bool, scene_dir: Path | None) -
 
 
 def _share_errors(rows: list[dict[str, Any]], folders: set[Path]) -> None:
-    """Charge the records of each folder with the errors that their scores share; rows then show those scores."""
+    """Add the errors that an answer shares with the reference to the scores of each folder and of these rows."""
     from ..judge.counts import Score
     from ..results.settle import settle_folder
 
@@ -233,7 +238,7 @@ def _share_errors(rows: list[dict[str, Any]], folders: set[Path]) -> None:
 
 
 def _known_inexact(row: dict[str, Any]) -> str | None:
-    """The reason why the method of a record declares itself inexact, with the settings it ran with."""
+    """Why the method of a record declares itself inexact under its settings; None if it does not."""
     from ..frame.registry import make_method
 
     if row["record"] is None:
@@ -241,5 +246,5 @@ def _known_inexact(row: dict[str, Any]) -> str | None:
     try:
         method = make_method(row["method"], row["record"].method.get("settings"))
     except (UserError, ImportError):
-        return None  # answers of a method that is not installed here: judged like any other
+        return None  # the method is not installed here; its answers are judged like any others
     return getattr(method, "known_inexact", None)

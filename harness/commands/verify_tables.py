@@ -1,4 +1,4 @@
-"""The tables that ``shadowbench verify`` and ``score`` print, at most 80 columns wide, and their legend."""
+"""The tables and the legend that ``shadowbench verify`` and ``score`` print, at most 80 columns wide."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ COLUMNS = ("differ", "tie", "near\ntie", "edge", "true", "acne", "leak", "t erro
 
 SHOWN = (Verdict.TIE, Verdict.NEAR_TIE, Verdict.EDGE, Verdict.TRUE, Verdict.ACNE, Verdict.LEAK)
 LEGEND = (
-    "differ: hits and shadow bits that are not the reference's; t error: the largest, relative",
-    f"check: ok without true, acne and leak, and with at most {EXCUSED_LIMIT:.1%} of the pixels excused (exc. %)",
+    "differ: hits and shadow bits that differ from the reference; t error: the largest relative error of t",
+    f"check: ok if there is no true error, acne or leak, and at most {EXCUSED_LIMIT:.1%} of the pixels are excused (exc. %)",
 )
 
 
 def print_reports(reports: list[dict[str, Any]]) -> None:
-    """What ``verify`` found, one table a scene."""
+    """Print the result of ``verify``, one table per scene."""
     console = make_console()
     notes: list[str] = []
     for report in reports:
@@ -45,7 +45,7 @@ def print_reports(reports: list[dict[str, Any]]) -> None:
         if most is not None and most.reference_errors:
             table.add_row("reference", *_reference_cells(most.reference_errors))
             notes.append(
-                f"reference on {scene}: its own errors at {most.primary.judged:,} pixels decided exactly"
+                f"reference on {scene}: errors of Embree at {most.primary.judged:,} pixels that were decided exactly"
             )
         print_lines(console, f"{scene}, {report['triangles']:,} triangles")
         console.print(table)
@@ -54,7 +54,7 @@ def print_reports(reports: list[dict[str, Any]]) -> None:
 
 
 def print_scores(rows: list[dict[str, Any]]) -> None:
-    """What ``score`` found, one table a scene, one row a file of answers."""
+    """Print the result of ``score``: one table per scene, one row per file of answers."""
     console = make_console()
     for scene in dict.fromkeys(row["scene"] for row in rows):
         table = _table()
@@ -74,7 +74,7 @@ def _table() -> Table:
 
 
 def _cells(score: Score | None, status: str, known_inexact: str | None = None) -> list[str]:
-    """The columns of a score; of a method without one its status."""
+    """The columns of a score; without a score, only the status."""
     if score is None:
         return [""] * (len(COLUMNS) - 1) + [status]
     primary = score.primary

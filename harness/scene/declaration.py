@@ -180,7 +180,7 @@ def _told_at_once(path: Path, where: str, rule: Callable[[], Any]) -> None:
 
 def _near(path: Path, where: str, point: tuple[float, float, float]) -> None:
     if max(abs(x) for x in point) > FARTHEST:
-        raise UserError(f"{path}: {where} {point} lies beyond what float32 holds")
+        raise UserError(f"{path}: {where} {point} is outside the range of float32")
 
 
 def _made(path: Path, where: str, kind: type, given: dict[str, Any]) -> Any:

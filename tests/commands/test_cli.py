@@ -82,7 +82,7 @@ def test_no_command_shows_help(call):
         (["run", "table1", "--memory-limit", "-5"], "--memory-limit -5: must be more than 0 bytes"),
         (["run", "table1", "--device", "cuda:77"], "no device 'cuda:77' on this machine; there is cpu"),
         (["run", "table1", "--scene-dir", "nowhere"], "nowhere: no such folder of scenes"),
-        (["list", "method"], "list 'method': there is nothing of that kind; did you mean methods?"),
+        (["list", "method"], "list 'method': unknown kind; did you mean methods?"),
         (["show", "table2", "."], "no experiment 'table2'; did you mean table1?"),
         (["show", "table1", "nowhere"], "nowhere: no such folder"),
         (["render", "cloth", "--method", "bvh", "--out", "a.gif"], "--out a.gif: pictures are PNG files"),
@@ -104,7 +104,7 @@ def test_a_wrong_call_is_one_line_and_exit_2(call, arguments, said):
 def test_debug_shows_where_it_came_from(monkeypatch):
     monkeypatch.setattr(sys, "argv", ["shadowbench", "list", "nothing", "--debug"])
     monkeypatch.setenv(cli.DEBUG, "")
-    with pytest.raises(cli.UserError, match="nothing of that kind"):
+    with pytest.raises(cli.UserError, match="unknown kind"):
         cli.main()
 
 
@@ -118,7 +118,7 @@ def test_interrupting_says_how_to_go_on(call, monkeypatch, scene, tmp_path):
     code, out, err = call("run", "table1", "--scene", scene, "--method", "bvh", "--out", tmp_path / "out")
     assert code == cli.INTERRUPTED
     assert out == ""
-    assert err == "shadowbench: interrupted; the same command goes on where this one stopped\n"
+    assert err == "shadowbench: interrupted; run the same command again to continue\n"
 
 
 @pytest.mark.parametrize("kind", ["methods", "scenes", "experiments"])

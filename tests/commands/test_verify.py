@@ -158,7 +158,7 @@ def test_a_method_that_traces_only_once_fails(capsys, mesh):
     assert code == 1
     assert (row["status"], row["reason"]) == (
         "failed",
-        "the same frame run again answers otherwise: triangle, t, u, v",
+        "the same frame gave different answers when run again: triangle, t, u, v",
     )
 
 
@@ -366,5 +366,5 @@ def test_score_says_what_it_cannot_score(capsys, folder):
 
 
 def test_score_of_a_folder_without_answers(tmp_path):
-    with pytest.raises(UserError, match="no raw answers"):
+    with pytest.raises(UserError, match="no saved answers"):
         score(tmp_path)

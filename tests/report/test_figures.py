@@ -297,7 +297,7 @@ def test_a_scene_that_nothing_can_hit_is_told_beside_its_tick(tmp_path, capsys):
 def test_records_of_another_experiment_are_not_drawn(tmp_path):
     write(tmp_path, [record("cloth", "bvh")])
     with pytest.raises(
-        UserError, match=r"its records are of table1, not of figure2; shadowbench show table1 "
+        UserError, match=r"its records belong to table1, not to figure2; run shadowbench show table1 "
     ):
         show("figure2", tmp_path)
 

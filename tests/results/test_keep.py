@@ -79,7 +79,7 @@ def test_pictures_and_maps_come_along_where_asked_for(tmp_path: Path) -> None:
 def test_what_is_there_already_is_never_lost_unasked(tmp_path: Path) -> None:
     run, other = run_folder(tmp_path / "run"), run_folder(tmp_path / "other", name="table1")
     before = {path: path.read_bytes() for path in other.rglob("*") if path.is_file()}
-    with pytest.raises(UserError, match=r"there is something already; name another, or give --replace"):
+    with pytest.raises(UserError, match=r"is not empty; choose another, or give --replace"):
         keep([run], other)
     # Nor where what is made comes to nothing.
     (run / "records" / "bad.json").write_text("{")
@@ -115,7 +115,7 @@ def test_what_somebody_laid_beside_the_records_comes_along(tmp_path: Path, capsy
     (run / "images" / "more").mkdir()
     keep([run], tmp_path / "out")
     assert "ncu.md" in files(tmp_path / "out")
-    assert "1 answers that nobody scored" in capsys.readouterr().err
+    assert "1 answers without a score" in capsys.readouterr().err
 
 
 def test_what_was_kept_can_be_kept_again(tmp_path: Path) -> None:
@@ -156,7 +156,7 @@ def test_wrong_calls_are_one_line_each(tmp_path: Path) -> None:
         ([run], run, [], "is one of the folders to keep"),
         ([run], tmp_path / "out", ["answers"], "--with answers: choose of images, maps"),
         ([tmp_path], tmp_path / "out", [], "no records here"),
-        ([run], run / "scenes.json", [], "there is something already"),
+        ([run], run / "scenes.json", [], "is not empty"),
         ([run], run / "scenes.json" / "in", [], "cannot be read or written"),
     ):
         with pytest.raises(UserError, match=said) as refused:

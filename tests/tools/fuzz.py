@@ -117,7 +117,7 @@ def main() -> int:
     )
     parser.add_argument("--seconds", type=float, default=1e9, help="stop after so long")
     parser.add_argument("--folder", type=Path, default=REGRESSIONS, help="where failures are frozen")
-    parser.add_argument("--method", action="append", choices=METHODS, help="again for more; default: all")
+    parser.add_argument("--method", action="append", choices=METHODS, help="repeatable; default: all")
     parser.add_argument("--device", default="cpu")
     given = parser.parse_args()
     start_warp()
