@@ -174,7 +174,9 @@ def test_the_table_of_an_experiment_counts_every_bit(monkeypatch) -> None:
 
 
 def test_a_case_that_does_not_exist_cannot_be_declared(own_methods) -> None:
-    with pytest.raises(UserError, match="misspelt: its attribute 'outside' names 'S1', which is not a hard case"):
+    with pytest.raises(
+        UserError, match="misspelt: its attribute 'outside' names 'S1', which is not a hard case"
+    ):
         check("misspelt", "cpu", None, ["S01"], True)
 
 

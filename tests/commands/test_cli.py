@@ -216,7 +216,7 @@ def test_two_scenes_of_one_name_are_refused(call, tmp_path):
         file.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     code, _, err = call("run", "table1", "--scene", files[0], "--scene", files[1], "--out", tmp_path / "out")
     assert code == 2
-    assert f"{files[1]}: of the same name as {files[0]}" in err
+    assert f"{files[1]}: has the same name as {files[0]}" in err
 
 
 def test_stand_ins_are_listed_as_such(call):

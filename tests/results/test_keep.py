@@ -153,8 +153,8 @@ def test_wrong_calls_are_one_line_each(tmp_path: Path) -> None:
     other = run_folder(tmp_path / "other", name="table1")
     for sources, out, take, said in (
         ([run, other], tmp_path / "out", [], "records of frame_time and table1"),
-        ([run], run, [], "is one of the folders to keep"),
-        ([run], tmp_path / "out", ["answers"], "--with answers: choose of images, maps"),
+        ([run], run, [], "is one of the folders to read"),
+        ([run], tmp_path / "out", ["answers"], "--with answers: choose images or maps"),
         ([tmp_path], tmp_path / "out", [], "no records here"),
         ([run], run / "scenes.json", [], "is not empty"),
         ([run], run / "scenes.json" / "in", [], "cannot be read or written"),

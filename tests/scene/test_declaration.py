@@ -160,7 +160,10 @@ WRONG = {
     ),
     "bounces without end": ('mesh = "roof.obj"\n[mirror]\nbounces = 1000000', r"must lie in 0\.\.64"),
     "an eye nowhere": ('mesh = "roof.obj"\n[camera]\neye = [nan, 0, 0]', "camera.eye must be finite"),
-    "an eye beyond float32": ('mesh = "roof.obj"\n[camera]\neye = [1e300, 0, 0]', "outside the range of float32"),
+    "an eye beyond float32": (
+        'mesh = "roof.obj"\n[camera]\neye = [1e300, 0, 0]',
+        "outside the range of float32",
+    ),
     "no view": (
         'mesh = "roof.obj"\n[camera]\neye = [1, 0, 0]\ntarget = [1, 0, 0]',
         "must be finite and different",
