@@ -183,8 +183,8 @@ class Frame:
 
     def masks(self, bounce: int) -> wp.array:
         """The receivers [light_count, pixels] among the hits of a bounce; empty where no light has receivers."""
-        held = self.answers.bounces.receivers
-        return held[bounce - 1] if bounce and held.size else self.receivers
+        bounced = self.answers.bounces.receivers
+        return bounced[bounce - 1] if bounce and bounced.size else self.receivers
 
     def load(self, moment: Moment) -> None:
         """Copy the next moment in. Outside every timing: the paper does not count transfers either.
@@ -192,10 +192,10 @@ class Frame:
         Raises ValueError for a moment that the frame was not planned for: another size, mesh or number of lights.
         """
         planned = (self.width, self.height, self.vertex_count, self.triangle_count, self.light_count)
-        told = (moment.width, moment.height, len(moment.points), len(moment.valid), len(moment.lights))
-        if planned != told:
+        given = (moment.width, moment.height, len(moment.points), len(moment.valid), len(moment.lights))
+        if planned != given:
             names = ("width", "height", "vertices", "triangles", "lights")
-            wrong = [f"{b} {n}, not {a}" for n, a, b in zip(names, planned, told, strict=True) if a != b]
+            wrong = [f"{b} {n}, not {a}" for n, a, b in zip(names, planned, given, strict=True) if a != b]
             raise ValueError(f"this frame was not planned for that moment: {'; '.join(wrong)}")
         self.host = moment
         if self.vertex_count:

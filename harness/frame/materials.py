@@ -29,8 +29,8 @@ def reflectances(prepared: Prepared) -> NDArray[np.float32]:
     """Linear reflectance of each triangle, float32 [triangle_count, 3]."""
     # A scene declared in a file is one by its mesh: two declarations of it can be compared.
     known = prepared.scene.name in scene_names()
-    told = prepared.scene.name.encode() if known else np.sort(prepared.faces, axis=1).tobytes()
-    digest = hashlib.sha256(told).digest()
+    identity = prepared.scene.name.encode() if known else np.sort(prepared.faces, axis=1).tobytes()
+    digest = hashlib.sha256(identity).digest()
     base = HUES[digest[0] % len(HUES)]
     piece = pieces(prepared)
     # A multiplicative hash spreads neighbouring piece numbers; two of its bytes vary value and warmth.

@@ -1,9 +1,9 @@
 """The mask of receivers as a pass: made once a light by the harness, read by every method alike.
 
-The rule is :mod:`.judge.receivers`'s, in the same float64 words; a hit point is that of the answer's triangle, computed
-anew, so that the mask depends on no method's own numbers. The pass clears the light's row of shadow bits and says on
+The rule is :mod:`.judge.receivers`'s, in the same float64 arithmetic; a hit point is that of the answer's triangle, computed
+anew, so that the mask depends on no method's own numbers. The pass clears the light's row of shadow bits and records on
 the device whether anything receives the light: where nothing does, the light's other passes are not launched
-(:func:`skippable`), which a captured graph decides by itself.
+(:func:`skippable`); in a captured graph the device decides that.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ DOUBT64 = wp.constant(wp.float64(DOUBT))
 
 @wp.func
 def in_spot(spots: wp.array2d(dtype=wp.float64), index: wp.int32, v: wp.vec3d) -> wp.bool:
-    """Whether a point v away from the light lies in its spot: :func:`.judge.receivers.receivers` in its words."""
+    """Whether a point v away from the light lies in its spot: as in :func:`.judge.receivers.receivers`."""
     kind = spots[index, 0]
     if kind == wp.float64(0.0):
         return True
@@ -137,7 +137,7 @@ def skippable(passes: list[Pass], frame: Frame, effects: Effects) -> list[Pass]:
 
     Where rays bounce, what a method builds for a light serves the hits of every bounce, so that only the passes
     that trace its rays, which read the mask of their own hits, are given. In a captured graph passes that take scratch
-    memory run in any case, on what is left from the last frame that was traced: nobody reads what they then make.
+    memory run in any case, on the data of the last frame that was traced; their results are then not read.
     """
     # One array a condition: neighbours under the same one are one branch.
     given: dict[str | None, wp.array] = {}

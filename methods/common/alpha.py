@@ -1,4 +1,4 @@
-"""Whether a hit on a triangle with holes counts: the same float64 words for every method (:mod:`.scene.alpha`).
+"""Whether a hit on a triangle with holes counts: the same float64 arithmetic for every method (:mod:`.scene.alpha`).
 
 Called under ``if wp.static(effects.alpha):`` only, for a hit that the triangle test has accepted. Weights come from
 edge functions, each known to the bound of :mod:`.triangle`; what that leaves in doubt counts as opaque if anything

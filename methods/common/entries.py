@@ -1,8 +1,8 @@
 """Entries of contiguous arrays, read and written where they lie, 8 or 16 bytes at once.
 
-Warp's own index wraps below zero and multiplies by a stride that it is told at the launch: eight instructions an
+Warp's own index wraps below zero and multiplies by a stride that the launch passes: eight instructions an
 access, of the fifty that a pixel's test takes. Arrays of the frame and of the queues are contiguous, and their indices
-within: one instruction does. Nothing is checked here.
+within: one instruction does. Indices are not checked.
 
 Warp's vectors promise no more alignment than their components have, so the compiler moves them one component at a
 time: four times the instructions, and where a warp's lanes lie apart four times the traffic with the second cache.
@@ -117,7 +117,7 @@ def set_entry_of_four(values: wp.array2d(dtype=wp.vec4f), row: wp.int32, column:
     """Set an entry of an array that is known to have four columns."""
 
 
-# Relaxed and volatile: a plain load is put off by the compiler until something needs the value.
+# Relaxed and volatile: the compiler moves a plain load to where its value is first used.
 @wp.func_native("""
 #if defined(__CUDA_ARCH__)
 unsigned long long value;
@@ -128,7 +128,7 @@ return values.data[i];
 #endif
 """)
 def entry_now(values: wp.array(dtype=wp.uint64), i: wp.int32) -> wp.uint64:
-    """values[i], asked for here, so that it comes while other things are reckoned. Read past the first cache."""
+    """values[i], loaded here, so that other instructions hide its latency. Bypasses the first cache."""
 
 
 @wp.func_native("""

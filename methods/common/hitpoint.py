@@ -31,8 +31,8 @@ def fused(a: wp.float64, b: wp.float64, c: wp.float64) -> wp.float64: ...
 #endif
 """)
 def rounded(a: wp.float64, b: wp.float64) -> wp.float64:
-    """a b rounded by itself. A GPU's compiler fuses a product with the sum that it goes into, unless it is told not to:
-    then that sum is not the one whose loss is reckoned."""
+    """a b, rounded. A GPU's compiler would fuse the product with a sum that takes it, and the rounding error of that sum
+    would not be the one computed here."""
 
 
 @wp.func

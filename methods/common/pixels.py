@@ -36,7 +36,7 @@ def tile_pixel(k: wp.int32, width: wp.int32, height: wp.int32) -> wp.vec2i:
     """Column and row of a thread's pixel, 8 x 4 pixels a warp, or -1: neighbours on the image mostly share a cell."""
     across = (width + 7) >> 3
     tile = k >> 5
-    # Unsigned: it rounds one way and asks for no signs.
+    # Unsigned division has no case for negative numbers.
     down = wp.int32(wp.uint32(tile) // wp.uint32(across))
     x = ((tile - down * across) << 3) | (k & 7)
     y = (down << 2) | ((k >> 3) & 3)

@@ -2,7 +2,7 @@
 
 A shadow ray is the open segment from a hit point to a light. It is tested against planes through the light and each
 edge, since all shadow rays of a light meet there, evaluated relative to an end of the edge: right at any distance of
-the light. The hit point is float64 and rounded; what the bounds allow for it is said with each test.
+the light. The hit point is float64 and rounded; each test states what its bound allows for that.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The triangle tests that every method of ours shares: float32 rejects, float64 decides.
 
-A float32 test may only say "certainly not": it compares its edge functions with a bound on their own rounding.
-What it cannot rule out is decided in float64, with each edge taken in weld order, so that the two triangles at
+A float32 test only rejects: it compares its edge functions with a bound on their rounding.
+What it cannot reject is decided in float64, with each edge taken in weld order, so that the two triangles at
 an edge compute the same number with opposite sign and no ray can pass between them. An answer therefore never
 depends on which structure offered the triangle, in which order, or how often.
 
@@ -67,7 +67,7 @@ def edge_function(
     o: wp.vec3d, d: wp.vec3d, p: wp.vec3d, q: wp.vec3d, weld_p: wp.int32, weld_q: wp.int32
 ) -> wp.float64:
     """d . ((p - o) x (q - p)) in float64, taken from the vertex with the lower weld index."""
-    # Ends are chosen, not branches: a warp would reckon both.
+    # Ends are selected instead of branching, since a warp would compute both branches.
     ordered = weld_p < weld_q
     first = wp.where(ordered, p, q)
     value = wp.dot(wp.cross(first - o, wp.where(ordered, q, p) - first), d)
@@ -93,7 +93,7 @@ def inside(e: wp.vec3d) -> wp.bool:
     The triangle is closed, so doubt counts as inside: six edges that meet at a vertex could otherwise all round to
     the side that lets a ray exactly through the vertex pass. Rounding is at most 16 u64 times distance over height of
     the triangle, as a share of the sum: the slack covers triangles seen from half a million times their height, and is
-    a thousandth of what float32 says of a corner. (Of a shadow segment, the distance is the hit point's, not the
+    a thousandth of float32's resolution at a corner. (Of a shadow segment, the distance is the hit point's, not the
     light's.) From farther away such a ray may pass: of fans of six, aimed at exactly, none of 200,000 let it pass at
     1e7 edge lengths and 78 at 1e8, where a step of a float32 direction is six edges long. The slack shrinks with the
     sum, and is not the larger bound on rounding itself, so that a ray almost in the plane does not hit far beside it.
@@ -131,7 +131,7 @@ def nearness_key(inverse: wp.float64) -> wp.uint64:
     """The leading 40 bits of 1 / t > 0 (eleven of exponent, 29 of fraction): larger is nearer.
 
     1 / t is linear in the direction for rays that share an origin, so a method that streams pixels over a triangle
-    has it without a division.
+    gets it without a division.
     """
     return wp.cast(inverse, wp.uint64) >> wp.uint64(23)
 

@@ -125,15 +125,15 @@ class PerspectiveSpherical(BaseMethod):
         grew = False
         for grid, capacity in self._capacity.items():
             room = grown_bins(
-                needed[SLOTS * grid : SLOTS * (grid + 1)], self._held(grid, capacity), self._memory
+                needed[SLOTS * grid : SLOTS * (grid + 1)], self._in_force(grid, capacity), self._memory
             )
-            if room == self._held(grid, capacity):
+            if room == self._in_force(grid, capacity):
                 room = capacity
             grew = grew or room != capacity
             self._capacity[grid] = room
         return grew
 
-    def _held(self, grid: int, capacity: tuple[int, int, int]) -> tuple[int, int, int]:
+    def _in_force(self, grid: int, capacity: tuple[int, int, int]) -> tuple[int, int, int]:
         """The capacities in force: a light's first guess of its items is its own."""
         light = next((light for light in self.lights if light.index == grid - 1), None)
         return (*capacity[:2], light.items.capacity if light else 0)

@@ -3,7 +3,7 @@
 Culling changes no answer there, up to ties: a ray from outside enters a closed surface through a front face, and a
 segment that leaves the surface towards a light outside crosses, if anything, a face that the light sees. Of two
 triangles that a ray meets at one place, culling may leave the other one, and with it another rounding of the hit point.
-Seen from inside, or through a hole, culling would lose hits; so it would where the triangle test itself lets a ray slip
+Seen from inside, or through a hole, culling would lose hits; so it would where the triangle test itself lets a ray pass
 between two front faces, which then meets no back face either. Such scenes and tests are refused, not traced wrongly.
 """
 
@@ -40,7 +40,7 @@ def faces_away(outward: wp.float64, viewer: wp.vec3f, corners: Corners) -> wp.bo
 
 
 def loses_hits(triangle_test: str) -> str | None:
-    """Why back faces must stay under a triangle test, or None: a ray may slip between front faces of all but one."""
+    """Why back faces must stay under a triangle test, or None. All tests but one may let rays pass between front faces."""
     if triangle_test == "exact":
         return None
     return f"culling needs triangle_test=exact: what slips between two front faces of {triangle_test} is lost behind"

@@ -9,7 +9,7 @@ import warp as wp
 from .parameters import TRIANGLE_TESTS, Build, Trace
 
 BLOCKS = (32, 64, 128, 256)
-"""Threads of a block on CUDA. On a CPU, blocks have one thread unless Warp is told otherwise."""
+"""Threads of a block on CUDA. On a CPU, blocks have one thread unless ``wp.config.enable_cpu_blocks`` is set."""
 
 
 @dataclass(frozen=True)
@@ -32,10 +32,10 @@ def block_for(threads: int) -> int:
 
 
 def wide(device: str) -> bool:
-    """Whether thread blocks have more than one thread: on CUDA, and on a CPU only where Warp is told so."""
+    """Whether thread blocks have more than one thread: on CUDA, and on a CPU with ``wp.config.enable_cpu_blocks``."""
     return wp.get_device(device).is_cuda or bool(wp.config.enable_cpu_blocks)
 
 
 def staged(trace: Trace, device: str) -> bool:
-    """Whether triangles are staged: asked for, and there is someone to share them with."""
+    """Whether triangles are staged: where that is set, and blocks have more than one thread."""
     return trace.staging == "shared" and wide(device)

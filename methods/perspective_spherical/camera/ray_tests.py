@@ -177,7 +177,6 @@ def count_tests(tests: wp.array(dtype=wp.int32), pixel: wp.int32, number: wp.int
         wp.atomic_add(tests, pixel, number)
 
 
-RAY_RECORDS = (plane_record, plane_record, vertex_record)
 RAY_PASSES = (passes_bounded, passes_planes, passes_moller_trumbore)
 RAY_DECIDES = (hit_distance, hit_distance_near, hit_distance_near)
-"""By test: make the record, reject in float32, decide what is left."""
+"""By test: reject in float32, decide the rest in float64."""

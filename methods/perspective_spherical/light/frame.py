@@ -1,7 +1,7 @@
 """Shadow rays in a light's space (paper, sections 4.1 and 4.2): frame, place of each ray, rectangle, sort key.
 
 The frame is aimed at the middle of the hit points and everything in it is float64, so that a light at 1e7 scene
-radii still has its rays spread over all tiles; world axes and float32 are there to show what they cost.
+radii still has its rays spread over all tiles; world axes and float32 are options, to measure what they cost.
 """
 
 from __future__ import annotations

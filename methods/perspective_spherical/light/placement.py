@@ -86,7 +86,7 @@ class LightPlaces:
                 rect,
                 rect,
             )
-        # The rectangle knows nothing of the rays, so the grid stays where only the camera moves.
+        # The rectangle does not depend on the rays, so the grid is not rebuilt where only the camera moves.
         place = f"ray places/{i}"
         around = ("points", "triangles", "reach", light)
         passes = [

@@ -1,7 +1,7 @@
 """Float32 tests of a shadow segment against a triangle, on a record made once a frame and light.
 
 The same three tests as :mod:`.camera.ray_tests`. The verdict is NO, YES, or DOUBT, which float64 decides; only the
-exact test says YES. Which side of the triangle's plane the ends lie on is never decided by float32 in doubt.
+exact test returns YES. Which side of the triangle's plane the ends lie on is never decided by float32 in doubt.
 
 exact        four planes n . h + c, the bound on their rounding the same for all: 16 multiply-adds
 edge_planes  planes through the light and each edge, evaluated relative to the scene, n . (h - p) with p the edge's
@@ -34,7 +34,7 @@ PLANE_BOUND = wp.constant(160.0 * 2.0**-24)
 @wp.struct
 class SegmentRecord:
     """Exact: q0, q1, q2 inward planes (n, c) through the light and the edges; q3 the triangle's, positive at the light.
-    All zero where float32 cannot tell inward, so that everything is in doubt.
+    All zero where float32 does not know which side is inward, so that everything is in doubt.
 
     Edge planes: vertices in weld order v0, v1, v2
     q0: v0, scale of the plane values' error     q1: v1, square of the longest edge
@@ -247,7 +247,6 @@ def occludes_near(
     return near_inside(light_edge_functions(l64, h, a64, b64, c64, weld))
 
 
-SEGMENT_RECORDS = (segment_exact, segment_planes, segment_vertices)
 SEGMENT_PASSES = (segment_bounded, segment_plain, segment_moller_trumbore)
 SEGMENT_DECIDES = (occludes, occludes_near, occludes_near)
-"""By test: make the record, judge in float32, decide what is left."""
+"""By test: judge in float32, decide the doubtful in float64."""

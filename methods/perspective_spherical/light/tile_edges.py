@@ -134,8 +134,8 @@ def missed(
 ) -> wp.bool:
     """Whether a tile certainly misses the triangle with inward planes n0, n1, n2, known to ``error`` for unit d.
 
-    A ray's place is known to a pad in angle, and its direction (1, tan, tan) to that times its length squared: where
-    two tangents tell a direction near the plane x = 0 they tell it badly.
+    A ray's place is known to a pad in angle, and its direction (1, tan, tan) to that times its length squared: near the
+    plane x = 0 two tangents are an ill-conditioned form of a direction.
     """
     two = wp.float64(2.0)
     if column[0] > two or row[0] > two:
