@@ -174,13 +174,16 @@ def show_(
             help="A results folder. Default: the newest folder of this experiment in results/local."
         ),
     ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder to write to. Default: the results folder itself.")
+    ] = None,
     as_json: Json = False,
 ) -> int:
     """Draw the figures and tables of an experiment from its records. Nothing is measured."""
     from .commands.run import newest
     from .commands.show import show
 
-    files = show(experiment, folder or newest(experiment), quiet=as_json)
+    files = show(experiment, folder or newest(experiment), quiet=as_json, out=out)
     if as_json:
         print(json.dumps({"files": [str(file) for file in files]}))
     else:

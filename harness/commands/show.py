@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 from ..errors import UserError
@@ -10,10 +12,11 @@ from ..results.schema import read_records
 from ..runner.experiment import find_experiment
 
 
-def show(experiment: str, folder: Path | str, quiet: bool = False) -> list[Path]:
+def show(experiment: str, folder: Path | str, quiet: bool = False, out: Path | None = None) -> list[Path]:
     """Draw an experiment from the records in ``folder``; print its table unless ``quiet``. Returns the files written.
 
-    Raises :class:`UserError` for an unknown experiment, and for a folder without its records or without write access.
+    ``out``: the folder to write to, where that is not ``folder`` itself. Raises :class:`UserError` for an unknown
+    experiment, and for a folder without its records or without write access.
     """
     declared = find_experiment(experiment)
     folder = Path(folder)
@@ -27,12 +30,38 @@ def show(experiment: str, folder: Path | str, quiet: bool = False) -> list[Path]
     if declared.presets:
         refuse_others(experiment, folder)
     try:
-        return list(draw(folder, quiet))
+        with nullcontext() if out is None else lent(folder, out):
+            return list(draw(out or folder, quiet))
     except OSError as error:
         reason = error.strerror or " ".join(str(error).split())
         raise UserError(
-            f"{error.filename or folder}: cannot be read or written ({reason}); change its permissions or free space"
+            f"{error.filename or folder}: cannot be read or written ({reason}); change its permissions or free space, or "
+            "write elsewhere with --out"
         ) from error
+
+
+@contextmanager
+def lent(folder: Path, out: Path) -> Iterator[None]:
+    """``out`` with what drawings are made from: copies of the tables, and links to the folders until all is drawn.
+
+    Raises :class:`UserError` where ``out`` has records of its own.
+    """
+    if (out / "records").exists():
+        raise UserError(f"--out {out}: has records of its own; name another folder")
+    out.mkdir(parents=True, exist_ok=True)
+    links = []
+    try:
+        for path in sorted(folder.iterdir()):
+            if path.is_dir() and path.resolve() != out.resolve():
+                links.append(out / path.name)
+                links[-1].symlink_to(path.resolve(), target_is_directory=True)
+            elif path.suffix in (".csv", ".md", ".svg", ".png"):
+                shutil.copyfile(path, out / path.name)
+        yield
+    finally:
+        for link in links:
+            if link.is_symlink():
+                link.unlink()
 
 
 def refuse_others(experiment: str, folder: Path) -> None:

@@ -6,7 +6,9 @@
 from __future__ import annotations
 
 import math
+import os
 import re
+import sys
 from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -248,14 +250,16 @@ def linked(path: Path) -> list[str]:
 def terminal(
     title: str, finding: str, tables: Mapping[str, DataFrame], about: Sequence[str], lost: Sequence[str]
 ) -> None:
-    """Print a report at the width of the terminal."""
+    """Print a report at the width of the terminal; where there is none, in 160 columns unless COLUMNS says otherwise."""
     from rich.console import Console
-    from rich.table import Table
+    from rich.table import Column, Table
 
-    console = Console(highlight=False, markup=False)
+    wide = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 160
+    console = Console(highlight=False, markup=False, width=wide)
     console.print(f"{title}\n  {finding}")
     for heading, body in tables.items():
-        shown = Table(*map(str, body.columns), title=heading, title_justify="left", box=None, pad_edge=False)
+        columns = [Column(str(name), overflow="fold") for name in body.columns]
+        shown = Table(*columns, title=heading, title_justify="left", box=None, pad_edge=False)
         for line in body.astype(object).where(body.notna(), "-").astype(str).to_numpy().tolist():
             shown.add_row(*line)
         console.print(shown)

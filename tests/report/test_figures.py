@@ -280,6 +280,25 @@ def test_show_draws_again_and_says_what_is_wrong_with_a_folder(records, tmp_path
         show("table1", tmp_path / "records")
 
 
+def test_a_folder_that_can_only_be_read_is_drawn_elsewhere(records, tmp_path):
+    folder, out = write(tmp_path / "kept", records), tmp_path / "out"
+    table1.draw(folder, quiet=True)
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    for path in (folder / "table1.md", folder):
+        path.chmod(0o555)
+    files = show("table1", folder, quiet=True, out=out)
+    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
+    assert {file.parent for file in files} == {out}
+    for name in ("table1.csv", "table1.md", "table1.svg"):
+        assert (out / name).read_bytes() == before[folder / name]
+    assert sorted(path.name for path in out.iterdir()) == ["table1.csv", "table1.md", "table1.svg"], (
+        "no link stays"
+    )
+    folder.chmod(0o755)
+    with pytest.raises(UserError, match="has records of its own"):
+        show("table1", folder, quiet=True, out=folder)
+
+
 def test_a_scene_that_nothing_can_hit_is_told_beside_its_tick(tmp_path, capsys):
     """Misses are then the right answer, and a plain tick would say more than was checked."""
     blind, partly = (record(scene, "bvh") for scene in ("cloth", "fairy"))
