@@ -48,7 +48,7 @@ def method_class(name: str) -> type[Method]:
         except (ImportError, AttributeError) as error:
             place = points[name].value
             raise UserError(
-                f"method {name!r}: {place} cannot be imported ({error}); mend that package"
+                f"method {name!r}: {place} cannot be imported ({error}); correct that package"
             ) from error
     raise UserError(f"no method {name!r}{did_you_mean(name, method_names())}")
 

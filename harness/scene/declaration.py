@@ -1,10 +1,10 @@
-"""A scene declared in a file of its own: a mesh or a catalogue scene, and what it calls for (TOML).
+"""A scene declared in a TOML file: a mesh or a catalogue scene with its own camera, lights and effects.
 
     mesh = "room.ply"                 # a file or folder beside this one, or a scene of the catalogue
     title = "Room at night"
     closed = false
     facing = true                     # shadow rays only where a surface faces the light
-    outputs = ["ids", "shadows"]      # of depth, ids, shadows, color, counters
+    outputs = ["ids", "shadows"]      # any of depth, ids, shadows, color, counters
 
     [camera]
     eye = [0, 1.7, 4]
@@ -16,24 +16,24 @@
     spot = {direction = [0, -1, 0], angle = 40}
 
     [[lights]]
-    position = [1, 3, 0.5]            # the way to it
+    position = [1, 3, 0.5]            # of a directional light: the direction towards it
     directional = true
     shadows = false
 
-    [orbit]                           # every light turns about an axis, over the frames
+    [orbit]                           # every light turns about an axis during the animation
     centre = [0, 1, 0]
     turns = 1
-    frames = 12                       # of a mesh that does not move itself
+    frames = 12                       # number of frames, if the mesh is static
 
     [alpha]
     every = 4                         # every fourth triangle has holes
     holes = 4
 
     [mirror]
-    share = 0.5                       # the largest triangles, which make half of the area
+    share = 0.5                       # the largest triangles that together have half of the area are mirrors
     bounces = 1
 
-What is not declared stays as the mesh has it.
+Everything else is taken from the mesh.
 """
 
 from __future__ import annotations
@@ -61,103 +61,108 @@ from .surface_rules import largest_triangles, perforated
 SUFFIX = ".toml"
 
 MOST_BOUNCES = 64
-"""A frame has passes and buffers for every bounce that is declared, so that absurd numbers must end somewhere."""
+"""Largest number of bounces: a frame has passes and buffers for each one."""
 
 FARTHEST = 1e38
-"""What float32 holds, about: an eye or a light beyond it would stand at infinity."""
+"""Largest coordinate of an eye or a light, about the largest float32."""
 
 BRIGHTEST = 1e12
-"""Intensity and colour end somewhere: float32 holds their product."""
+"""Largest intensity and colour; float32 can hold their product."""
 
 MOST = 2**31 - 1
 
 MOST_HOLES = 2**20
-"""More along a side of a triangle are no picture any more, and soon beyond what texels can be told by."""
+"""Largest number of holes along a side of a triangle; with more, texel numbers would leave the range of int32."""
 
 TOP = ("mesh", "title", "closed", "facing", "outputs", "camera", "lights", "orbit", "alpha", "mirror")
 
 
 def declared_scene(path: Path, resolve: Callable[[str], Scene]) -> Scene:
-    """The scene that a file declares; ``resolve`` finds its mesh. Raises :class:`UserError` for whatever is wrong."""
+    """The scene that a file declares. ``resolve`` finds its mesh. Raises :class:`UserError` for any mistake in it."""
     if exists(path) and not path.is_file():
-        raise UserError(f"{path}: is not a file")
+        raise UserError(f"{path}: not a file")
     try:
         data = path.read_bytes()
-        told = tomllib.loads(data.decode("utf-8-sig"))  # editors put a mark before the text
+        table = tomllib.loads(data.decode("utf-8-sig"))  # some editors write a byte order mark
     except OSError as error:
         raise UserError(f"{path}: cannot read ({error.strerror})") from error
-    except (ValueError, RecursionError) as error:  # of TOML, of its text, of a number's digits, of its depth
-        raise UserError(f"{path}: not TOML: {' '.join(str(error).split())}") from error
-    _known(path, "", told, TOP)
-    mesh = told.get("mesh")
+    except (
+        ValueError,
+        RecursionError,
+    ) as error:  # wrong syntax or encoding, a number too long, nesting too deep
+        raise UserError(f"{path}: not valid TOML: {' '.join(str(error).split())}") from error
+    _known(path, "", table, TOP)
+    mesh = table.get("mesh")
     if not isinstance(mesh, str) or not mesh:
-        raise UserError(f'{path}: say which mesh: mesh = "FILE or scene"')
+        raise UserError(f'{path}: add the mesh: mesh = "FILE or name of a scene"')
     beside = path.parent / mesh
     try:
         base = resolve(str(beside) if exists(beside) else mesh)
     except UserError as error:
         raise UserError(f"{path}: mesh: {error}") from error
     fields: dict[str, Any] = {
-        "title": _title(path, told.get("title", f"{base.title} ({path.name})")),
-        "closed": _typed(path, "closed", told.get("closed", base.closed), bool),
-        "facing": _typed(path, "facing", told.get("facing", base.facing), bool),
+        "title": _title(path, table.get("title", f"{base.title} ({path.name})")),
+        "closed": _typed(path, "closed", table.get("closed", base.closed), bool),
+        "facing": _typed(path, "facing", table.get("facing", base.facing), bool),
         "source": dataclasses.replace(
             base.source, file=f"{path.name}: {base.source.file or base.name}", sha256=_hash(base, data)
         ),
     }
-    if "outputs" in told:
-        fields["outputs"] = _outputs(path, told["outputs"])
-    if "camera" in told:
-        _known(path, "camera", told["camera"], ("eye", "target", "up", "fov", "moves"))
-        given = dict(told["camera"])
+    if "outputs" in table:
+        fields["outputs"] = _outputs(path, table["outputs"])
+    if "camera" in table:
+        _known(path, "camera", table["camera"], ("eye", "target", "up", "fov", "moves"))
+        given = dict(table["camera"])
         fields["camera_moves"] = _typed(path, "camera.moves", given.pop("moves", False), bool)
         camera = _made(path, "camera", Camera, {**dataclasses.asdict(base.camera), **given})
         _near(path, "camera.eye", camera.eye)
-        _told_at_once(path, "", lambda: ray_tables(camera, 1, 1, np.zeros(3)))
+        _with_path(path, "", lambda: ray_tables(camera, 1, 1, np.zeros(3)))
         fields["camera"] = camera
-    if "lights" in told:
-        if not isinstance(told["lights"], list):
-            raise UserError(f"{path}: lights are tables of their own: write [[lights]]")
-        fields["lights"] = tuple(_light(path, i, light) for i, light in enumerate(told["lights"]))
+    if "lights" in table:
+        if not isinstance(table["lights"], list):
+            raise UserError(f"{path}: write each light as a table [[lights]]")
+        fields["lights"] = tuple(_light(path, i, light) for i, light in enumerate(table["lights"]))
         fields["light_path"] = None
-    if "orbit" in told:
-        _known(path, "orbit", told["orbit"], ("centre", "axis", "turns", "frames"))
-        given = dict(told["orbit"])
+    if "orbit" in table:
+        _known(path, "orbit", table["orbit"], ("centre", "axis", "turns", "frames"))
+        given = dict(table["orbit"])
         frames = _whole(path, "orbit.frames", given.pop("frames", 1))
         orbit = _made(path, "orbit", Orbit, given)
         if not any(orbit.axis):
             raise UserError(f"{path}: orbit.axis must not be zero")
         fields["light_path"] = orbit
         fields["geometry"] = lambda: base.geometry().lasting(frames)
-    if "alpha" in told:
-        _known(path, "alpha", told["alpha"], ("every", "holes"))
-        for name, value in told["alpha"].items():
+    if "alpha" in table:
+        _known(path, "alpha", table["alpha"], ("every", "holes"))
+        for name, value in table["alpha"].items():
             _whole(path, f"alpha.{name}", value, MOST_HOLES if name == "holes" else MOST)
-        fields["alpha"] = functools.partial(perforated, **told["alpha"])
-    if "mirror" in told:
-        _known(path, "mirror", told["mirror"], ("share", "bounces"))
-        share = _number(path, "mirror.share", told["mirror"].get("share", 0.5))
+        fields["alpha"] = functools.partial(perforated, **table["alpha"])
+    if "mirror" in table:
+        _known(path, "mirror", table["mirror"], ("share", "bounces"))
+        share = _number(path, "mirror.share", table["mirror"].get("share", 0.5))
         if not 0.0 < share <= 1.0:
-            raise UserError(f"{path}: mirror.share {share} must lie above 0 and not above 1")
+            raise UserError(f"{path}: mirror.share {share} must be greater than 0 and at most 1")
         fields["mirror"] = functools.partial(largest_triangles, share=share)
-        fields["bounces"] = _typed(path, "mirror.bounces", told["mirror"].get("bounces", 1), int)
+        fields["bounces"] = _typed(path, "mirror.bounces", table["mirror"].get("bounces", 1), int)
         if not 0 <= fields["bounces"] <= MOST_BOUNCES:
             raise UserError(f"{path}: mirror.bounces {fields['bounces']} must lie in 0..{MOST_BOUNCES}")
     return dataclasses.replace(base, **fields)
 
 
-def _light(path: Path, index: int, told: Any) -> Light:
+def _light(path: Path, index: int, table: Any) -> Light:
     where = f"lights[{index}]"
-    _known(path, where, told, tuple(field.name for field in dataclasses.fields(Light)))
-    given = dict(told)
+    _known(path, where, table, tuple(field.name for field in dataclasses.fields(Light)))
+    given = dict(table)
     if "position" not in given:
-        raise UserError(f"{path}: {where}: say its position (of a directional light: the way to it)")
+        raise UserError(
+            f"{path}: {where}: add its position (of a directional light: the direction towards it)"
+        )
     if "spot" in given:
         _known(path, f"{where}.spot", given["spot"], tuple(field.name for field in dataclasses.fields(Spot)))
         spot = _made(path, f"{where}.spot", Spot, given["spot"])
         if spot.falloff < 0.0:
             raise UserError(f"{path}: {where}.spot.falloff must not be negative")
-        _told_at_once(path, f"{where}: ", lambda: spot_row(spot))
+        _with_path(path, f"{where}: ", lambda: spot_row(spot))
         given["spot"] = spot
     light: Light = _made(path, where, Light, given)
     for name, values in (("color", light.color), ("intensity", (light.intensity,))):
@@ -166,12 +171,12 @@ def _light(path: Path, index: int, told: Any) -> Light:
     if not light.directional:
         _near(path, f"{where}.position", light.position)
     elif not any(light.position):
-        raise UserError(f"{path}: {where}.position: the way to a directional light must not be zero")
+        raise UserError(f"{path}: {where}.position: the direction of a directional light must not be zero")
     return light
 
 
-def _told_at_once(path: Path, where: str, rule: Callable[[], Any]) -> None:
-    """Try a rule that a frame goes by, so that the file is named and nothing starts before."""
+def _with_path(path: Path, where: str, rule: Callable[[], Any]) -> None:
+    """Apply a check that would otherwise fail only when a frame is made, and add the file to its error."""
     try:
         rule()
     except UserError as error:
@@ -184,11 +189,11 @@ def _near(path: Path, where: str, point: tuple[float, float, float]) -> None:
 
 
 def _made(path: Path, where: str, kind: type, given: dict[str, Any]) -> Any:
-    """A frozen dataclass of plain values, each of the kind of its field's name."""
+    """A frozen dataclass made from TOML values; the name of each field determines its type."""
     missing = dataclasses.MISSING
     for field in dataclasses.fields(kind):
         if field.default is missing and field.default_factory is missing and field.name not in given:
-            raise UserError(f"{path}: {where}: say its {field.name}")
+            raise UserError(f"{path}: {where}: add its {field.name}")
     values: dict[str, Any] = {}
     for name, value in given.items():
         if name in ("eye", "target", "up", "position", "direction", "color", "centre", "axis"):
@@ -205,18 +210,18 @@ def _made(path: Path, where: str, kind: type, given: dict[str, Any]) -> Any:
         raise UserError(f"{path}: {where}: {error}") from error
 
 
-def _outputs(path: Path, told: Any) -> tuple[str, ...]:
-    names = tuple(_typed(path, "outputs", told, list))
+def _outputs(path: Path, table: Any) -> tuple[str, ...]:
+    names = tuple(_typed(path, "outputs", table, list))
     for name in names:
         if name not in OUTPUTS:
-            raise UserError(f"{path}: output {name!r} is not one{did_you_mean(str(name), OUTPUTS)}")
+            raise UserError(f"{path}: unknown output {name!r}{did_you_mean(str(name), OUTPUTS)}")
     if not names or len(set(names)) < len(names):
-        raise UserError(f"{path}: outputs: name at least one of {', '.join(OUTPUTS)}, each once")
+        raise UserError(f"{path}: outputs: give at least one of {', '.join(OUTPUTS)}, each once")
     return names
 
 
-def _title(path: Path, told: Any) -> str:
-    title: str = _typed(path, "title", told, str)
+def _title(path: Path, table: Any) -> str:
+    title: str = _typed(path, "title", table, str)
     if not title.strip() or not title.isprintable():
         raise UserError(f"{path}: title must be one line of text")
     return title
@@ -228,10 +233,10 @@ def _whole(path: Path, where: str, value: Any, most: int = MOST) -> int:
     return int(value)
 
 
-def _known(path: Path, where: str, told: Any, names: tuple[str, ...]) -> None:
-    if not isinstance(told, dict):
+def _known(path: Path, where: str, table: Any, names: tuple[str, ...]) -> None:
+    if not isinstance(table, dict):
         raise UserError(f"{path}: {where} must be a table")
-    for name in told:
+    for name in table:
         if name not in names:
             spot = f"{where}: " if where else ""
             raise UserError(f"{path}: {spot}unknown key {name!r}{did_you_mean(name, names)}")
@@ -239,7 +244,7 @@ def _known(path: Path, where: str, told: Any, names: tuple[str, ...]) -> None:
 
 def _typed(path: Path, where: str, value: Any, kind: type) -> Any:
     if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
-        raise UserError(f"{path}: {where} must be of kind {kind.__name__}, not {value!r}")
+        raise UserError(f"{path}: {where} must have type {kind.__name__}, not {value!r}")
     return value
 
 
@@ -248,7 +253,7 @@ def _number(path: Path, where: str, value: Any) -> float:
         raise UserError(f"{path}: {where} must be a number, not {value!r}")
     try:
         number = float(value)
-    except OverflowError:  # TOML's whole numbers have no end
+    except OverflowError:  # TOML integers have no limit
         number = math.inf
     if not math.isfinite(number):
         raise UserError(f"{path}: {where} must be finite, not {value!r}")
@@ -263,5 +268,5 @@ def _vector(path: Path, where: str, value: Any) -> tuple[float, float, float]:
 
 
 def _hash(base: Scene, data: bytes) -> str:
-    """Of the mesh and of what is declared about it."""
+    """A hash of the mesh and of the declaration."""
     return hashlib.sha256(base.source.sha256.encode() + data).hexdigest()

@@ -110,7 +110,7 @@ class Prepared:
             return position - self.centre
         size = np.abs(position).max(initial=0.0)
         if not 0.0 < size < np.inf:
-            raise UserError(f"directional light: its way {light.position} must be finite and not zero")
+            raise UserError(f"directional light: its direction {light.position} must be finite and not zero")
         way = position / size
         reach = 2.0 ** np.ceil(np.log2(self.radius))
         return way / np.linalg.norm(way) * (INFINITELY_FAR * reach)
@@ -191,7 +191,7 @@ def check_faces(faces: NDArray[np.int32], vertex_count: int, name: str) -> None:
     if len(faces) and (faces.min() < 0 or faces.max() >= vertex_count):
         bad = int(faces.max()) if faces.max() >= vertex_count else int(faces.min())
         raise UserError(
-            f"{name}: a face names vertex {bad}, but there are {vertex_count} vertices; mend the file"
+            f"{name}: a face names vertex {bad}, but there are {vertex_count} vertices; correct the file"
         )
 
 

@@ -117,7 +117,7 @@ def test_folders_that_are_none(tmp_path, monkeypatch):
     with pytest.raises(UserError, match="give an existing folder"):
         catalogue.resolve("cloth", tmp_path / "absent")
     monkeypatch.setenv(catalogue.FOLDER_VARIABLE, str(tmp_path / "absent"))
-    with pytest.raises(UserError, match="mend or unset SHADOWBENCH_SCENES"):
+    with pytest.raises(UserError, match="correct or unset SHADOWBENCH_SCENES"):
         catalogue.resolve("cloth")
 
 

@@ -109,16 +109,16 @@ def test_a_scene_of_the_catalogue_can_be_declared_about(folder):
 
 
 WRONG = {
-    "no mesh": ("facing = true", "say which mesh"),
+    "no mesh": ("facing = true", "add the mesh"),
     "unknown mesh": ('mesh = "rof.obj"', "rof.obj"),
     "unknown key": ('mesh = "roof.obj"\nshadow = true', "unknown key 'shadow'"),
     "unknown key of a light": ('mesh = "roof.obj"\n[[lights]]\nplace = [0,0,0]', "unknown key 'place'"),
-    "a light without a place": ('mesh = "roof.obj"\n[[lights]]\nshadows = true', "say its position"),
+    "a light without a place": ('mesh = "roof.obj"\n[[lights]]\nshadows = true', "add its position"),
     "lights as a table": ('mesh = "roof.obj"\n[lights]\nposition = [0,0,0]', r"write \[\[lights\]\]"),
     "two numbers": ('mesh = "roof.obj"\n[[lights]]\nposition = [0,0]', "three numbers"),
     "a word for a number": ('mesh = "roof.obj"\n[camera]\nfov = "wide"', "must be a number"),
-    "a number for a flag": ('mesh = "roof.obj"\nfacing = 1', "must be of kind bool"),
-    "an unknown output": ('mesh = "roof.obj"\noutputs = ["colour"]', "output 'colour' is not one"),
+    "a number for a flag": ('mesh = "roof.obj"\nfacing = 1', "must have type bool"),
+    "an unknown output": ('mesh = "roof.obj"\noutputs = ["colour"]', "unknown output 'colour'"),
     "a directional spot": (
         'mesh = "roof.obj"\n[[lights]]\nposition=[0,1,0]\ndirectional=true\nspot={direction=[0,-1,0],angle=20}',
         "cannot be a spot",
@@ -127,17 +127,17 @@ WRONG = {
         'mesh = "roof.obj"\n[[lights]]\nposition=[0,1,0]\nspot={direction=[0,-1,0]}',
         "angle",
     ),
-    "too much of a mirror": ('mesh = "roof.obj"\n[mirror]\nshare = 2', "must lie above 0"),
-    "half a bounce": ('mesh = "roof.obj"\n[mirror]\nbounces = 0.5', "must be of kind int"),
-    "half a hole": ('mesh = "roof.obj"\n[alpha]\nholes = 1.5', "must be of kind int"),
+    "too much of a mirror": ('mesh = "roof.obj"\n[mirror]\nshare = 2', "must be greater than 0"),
+    "half a bounce": ('mesh = "roof.obj"\n[mirror]\nbounces = 0.5', "must have type int"),
+    "half a hole": ('mesh = "roof.obj"\n[alpha]\nholes = 1.5', "must have type int"),
     "no hole": ('mesh = "roof.obj"\n[alpha]\nevery = 0', r"alpha.every must lie in 1\.\.2147483647"),
     "holes beyond a number": (f'mesh = "roof.obj"\n[alpha]\nevery = 1{"0" * 30}', "alpha.every must lie in"),
     "more holes than texels": (
         'mesh = "roof.obj"\n[alpha]\nholes = 1000000000',
         r"alpha.holes must lie in 1\.\.1048576",
     ),
-    "digits without end": (f'mesh = "roof.obj"\n[camera]\nfov = {"1" * 5000}', "not TOML"),
-    "arrays without end": (f'mesh = "roof.obj"\nx = {"[" * 5000}', "not TOML"),
+    "digits without end": (f'mesh = "roof.obj"\n[camera]\nfov = {"1" * 5000}', "not valid TOML"),
+    "arrays without end": (f'mesh = "roof.obj"\nx = {"[" * 5000}', "not valid TOML"),
     "a light that takes away": (
         'mesh = "roof.obj"\n[[lights]]\nposition = [1, 1, 1]\ncolor = [-1, 0, 0]',
         r"lights\[0\].color must lie in 0",
@@ -146,7 +146,7 @@ WRONG = {
         'mesh = "roof.obj"\n[[lights]]\nposition = [1, 1, 1]\nintensity = 1e300',
         "intensity must lie in",
     ),
-    "no output": ('mesh = "roof.obj"\noutputs = []', "name at least one of"),
+    "no output": ('mesh = "roof.obj"\noutputs = []', "give at least one of"),
     "an output twice": ('mesh = "roof.obj"\noutputs = ["ids", "ids"]', "each once"),
     "two lines of title": ('mesh = "roof.obj"\ntitle = "A\\nB"', "title must be one line"),
     "no title": ('mesh = "roof.obj"\ntitle = " "', "title must be one line"),
@@ -191,13 +191,13 @@ WRONG = {
         'mesh = "roof.obj"\n[[lights]]\nposition=[0,1,0]\nspot={direction=[0,-1,0], angle=20, falloff=-1}',
         "falloff must not be negative",
     ),
-    "its own mesh": ('mesh = "scene.toml"', "leads back to itself"),
-    "not TOML": ("mesh = ", "not TOML"),
+    "its own mesh": ('mesh = "scene.toml"', "refers back to this file"),
+    "not TOML": ("mesh = ", "not valid TOML"),
 }
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_what_is_wrong_is_told_in_one_line(folder, case):
+def test_mistakes_are_reported_in_one_line(folder, case):
     text, message = WRONG[case]
     with pytest.raises(UserError, match=message) as caught:
         resolve(declare(folder, text))
@@ -211,7 +211,7 @@ def test_a_link_to_itself_and_a_folder_are_no_declaration(folder):
     with pytest.raises(UserError, match="cannot read"):
         resolve(loop)
     (folder / "room.toml").mkdir()
-    with pytest.raises(UserError, match="is not a file"):
+    with pytest.raises(UserError, match="not a file"):
         resolve(folder / "room.toml")
 
 
@@ -246,7 +246,7 @@ def test_a_declaration_can_be_declared_about_but_not_in_a_circle(folder):
     declare(folder, 'mesh = "roof.obj"\nfacing = true', "inner.toml")
     assert resolve(declare(folder, 'mesh = "inner.toml"')).facing
     declare(folder, 'mesh = "scene.toml"', "inner.toml")
-    with pytest.raises(UserError, match="leads back to itself"):
+    with pytest.raises(UserError, match="refers back to this file"):
         resolve(folder / "scene.toml")
 
 

@@ -123,9 +123,9 @@ def test_broken_obj_files(tmp_path, text, word):
         (files.ply_binary(faces=2_000_000_000), "claims 2000000000 of 'face'"),
         (files.ply_ascii(vertices=2_000_000_000), "claims 2000000000"),
         (files.ply_binary(faces=5), "truncated"),
-        (files.ply_binary(faces=3), "13 bytes are left"),
+        (files.ply_binary(faces=3), "13 bytes remain"),
         (files.ply_binary(vertices=4), "truncated or its header wrong"),
-        (files.ply_ascii(faces=3), "4 numbers are left"),
+        (files.ply_ascii(faces=3), "4 numbers remain"),
         (files.ply_ascii(faces=5), "end inside"),
         (files.ply_binary()[:-1], "truncated"),
         (files.ply_binary()[:-20], "truncated"),
@@ -139,13 +139,13 @@ def test_broken_obj_files(tmp_path, text, word):
         (files.ply_binary(polygons=[]), "no triangles"),
         (files.ply_binary().replace(b"float z", b"float w"), "lacks x, y or z"),
         (files.ply_binary().replace(b"vertex_indices", b"other_indices"), "vertex_indices"),
-        (files.ply_binary().replace(b"list uchar", b"list float"), "no integer type"),
+        (files.ply_binary().replace(b"list uchar", b"list float"), "not of an integer type"),
         (
             files.ply_binary().replace(b"property float x", b"property quad x"),
             "header line 'property quad x'",
         ),
         (files.ply_ascii().replace(b"0.5 0.5 1", b"0.5 half 1"), "not a number"),
-        (files.ply_ascii().replace(b"3 0 1 2\n", b"3 0 1.5 2\n"), "no whole number"),
+        (files.ply_ascii().replace(b"3 0 1 2\n", b"3 0 1.5 2\n"), "not a whole number"),
     ],
 )
 def test_broken_ply_files(tmp_path, content, word):

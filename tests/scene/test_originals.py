@@ -22,7 +22,7 @@ def test_what_bears_an_originals_name_and_is_no_file_is_told(tmp_path, capsys, m
     said = capsys.readouterr().err
     assert said.count("\n") == 1
     assert f"warning: {tmp_path / 'sibenik.ply'}: a " in said
-    assert "the stand-in is taken" in said
+    assert "using the stand-in" in said
 
 
 def test_of_two_originals_it_is_said_which_is_taken(tmp_path, capsys):
@@ -30,12 +30,12 @@ def test_of_two_originals_it_is_said_which_is_taken(tmp_path, capsys):
     put(tmp_path / "sibenik.ply")
     assert catalogue.resolve("sibenik", tmp_path).source.file == "sibenik.ply"
     said = capsys.readouterr().err
-    assert "sibenik.ply and sibenik.obj are all sibenik; sibenik.ply is taken" in said
+    assert "sibenik.ply and sibenik.obj are all originals of sibenik; using sibenik.ply" in said
 
 
 @pytest.mark.parametrize(
     ("size", "said"),
-    [(1e-44, "too little for float32"), (9e-39, "too little"), (2e37, "too large"), (1e38, "too large for float32 rays"),
+    [(1e-44, "too small for float32"), (9e-39, "too small"), (2e37, "too large"), (1e38, "too large for float32 rays"),
      (1.1e-38, ""), (1e37, ""), (1e300, "")],
 )  # fmt: skip
 def test_sizes_that_float32_cannot_trace_are_refused(tmp_path, size, said):

@@ -1,4 +1,4 @@
-"""What every reader of scene files shares: one kind of error, limits, fan triangulation, the last check."""
+"""Shared by all readers of scene files: errors, limits, triangulation of polygons, and the final check."""
 
 from __future__ import annotations
 
@@ -15,22 +15,20 @@ from ...errors import UserError
 from ..scene import Geometry, Vector
 
 MAX_LINE = 1 << 20
-"""Bytes a line of a text file may have; a longer one is not a mesh and would cost many times its size to
-split.
-"""
+"""Longest line of a text file, bytes. A longer line is not part of a mesh, and splitting it takes much memory."""
 
 _FAN_BLOCK = 1 << 16
-"""Corners that are made into fans at a time."""
+"""Corners that are triangulated at a time."""
 
 MAX_TRIANGLES = 1 << 27
-"""Triangles a scene may have: the methods index corners with int32."""
+"""Largest number of triangles: the methods index corners with int32."""
 
 
 SMALLEST, LARGEST = 1e-38, 1e37
-"""What a mesh must extend at least, unless it is one point, and what none of its coordinates may exceed.
+"""Smallest extent of a mesh (unless it is a single point) and largest coordinate.
 
-Beyond, float32 has too few bits left for what the methods' rounding bounds assume (it rounds what is small to
-multiples of 1.4e-45), or rays from a camera beside the mesh overflow.
+Below, the rounding bounds of the methods do not hold, because float32 numbers are multiples of 1.4e-45. Above, rays
+from a camera outside the mesh overflow.
 """
 
 
@@ -38,9 +36,9 @@ multiples of 1.4e-45), or rays from a camera beside the mesh overflow.
 class Mesh:
     """What a reader returns for one file.
 
-    points  float32 or float64 [vertex_count, 3], as stored: nothing merged, nothing dropped; may hold NaN
+    points  float32 or float64 [vertex_count, 3], as stored, nothing merged or dropped; may hold NaN
     faces   int32 [triangle_count, 3], in the order of the file; polygons as fans (0, i, i + 1)
-    up      the direction that the file declares as up, or None where it declares none
+    up      the up direction that the file declares, or None
     """
 
     points: NDArray[np.floating]
@@ -52,8 +50,8 @@ class Mesh:
 class Loaded:
     """A file, or a sequence of files with the same connectivity.
 
-    frames  one array of positions [vertex_count, 3] a frame
-    files   what was read, in frame order (one file for an ``.npz``)
+    frames  one array of positions [vertex_count, 3] per frame
+    files   the files read, in frame order (one file for an ``.npz``)
     """
 
     faces: NDArray[np.int32]
@@ -68,14 +66,14 @@ class Loaded:
 
 
 def broken(path: Path, problem: str, way_out: str = "export the file again") -> UserError:
-    """The error for a file that cannot be used: one line that names file, problem and way out."""
+    """The error for an unusable file: one line with the file, the problem and what to do."""
     line = " ".join(f"{path}: {problem}; {way_out}".split())
     return UserError(line if len(line) <= 400 else line[:397] + "...")
 
 
 @contextmanager
 def guarded(path: Path, what: str) -> Iterator[None]:
-    """Turn whatever another library raises into a :class:`UserError` that names the file; trimesh logs nothing."""
+    """Turn any error of another library into a :class:`UserError` that names the file; silence trimesh's log."""
     log = logging.getLogger("trimesh")
     level = log.level
     log.setLevel(logging.CRITICAL)
@@ -91,15 +89,15 @@ def guarded(path: Path, what: str) -> Iterator[None]:
 
 
 def exists(path: Path) -> bool:
-    """Whether something is there; no error for what no file could be called."""
+    """Whether the path exists; False for an invalid file name."""
     try:
         return path.exists()
-    except (OSError, ValueError):  # too long, or no file name at all
+    except (OSError, ValueError):  # the name is too long or invalid
         return False
 
 
 def is_file(path: Path) -> bool:
-    """Whether a file is there; a link that leads back to itself is none."""
+    """Whether the path is a file; False for a cycle of links."""
     try:
         return path.is_file()
     except (OSError, RuntimeError, ValueError):
@@ -107,21 +105,21 @@ def is_file(path: Path) -> bool:
 
 
 def read_bytes(path: Path) -> bytes:
-    """The whole file. Raises :class:`UserError` where it is missing, a folder or unreadable."""
+    """The contents of a file. Raises :class:`UserError` if it is missing, a folder or unreadable."""
     try:
         return path.read_bytes()
     except FileNotFoundError:
         raise UserError(f"{path}: no such file; check the path") from None
     except OSError as error:
         raise UserError(
-            f"{path}: cannot be read ({error.strerror or error}); check the path and its rights"
+            f"{path}: cannot be read ({error.strerror or error}); check the path and its permissions"
         ) from None
 
 
 def within_range(loaded: Loaded) -> None:
-    """Raise :class:`UserError` where vertices that faces use lie outside :data:`SMALLEST` to :data:`LARGEST`.
+    """Raise :class:`UserError` if the used vertices exceed :data:`LARGEST` or extend less than :data:`SMALLEST`.
 
-    What float32 holds as infinite, or is not a number, does not count: such triangles are never hit.
+    Vertices that are NaN or infinite in float32 are ignored: their triangles are never hit.
     """
     used = np.unique(loaded.faces)
     way_out = f"scale it to coordinates between {SMALLEST:g} and {LARGEST:g}"
@@ -135,14 +133,14 @@ def within_range(loaded: Loaded) -> None:
         if most > LARGEST:
             raise broken(path, f"has coordinates of {most:.3g}, too large for float32 rays", way_out)
         if 0.0 < extent < SMALLEST:
-            raise broken(path, f"extends {extent:.3g} only, too little for float32", way_out)
+            raise broken(path, f"has an extent of only {extent:.3g}, too small for float32", way_out)
 
 
 def fan(counts: NDArray[np.integer], corners: NDArray[np.integer]) -> NDArray[np.int32]:
-    """Triangles of polygons, each a fan about its first corner, in order. int32 [sum(counts - 2), 3].
+    """Triangulate polygons as fans about their first corner, in order. int32 [sum(counts - 2), 3].
 
-    ``counts``: corners of each polygon, at least 3. ``corners``: their vertex indices one after another, below
-    2^31. Works in blocks, so that it needs little more than its result.
+    ``counts``: number of corners of each polygon, at least 3. ``corners``: the vertex indices of all polygons
+    concatenated, below 2^31. It works in blocks and needs little memory beside its result.
     """
     if (counts == 3).all():
         return corners.astype(np.int32, copy=False).reshape(-1, 3)
@@ -163,9 +161,7 @@ def fan(counts: NDArray[np.integer], corners: NDArray[np.integer]) -> NDArray[np
 
 
 def polygon_sizes(path: Path, counts: NDArray[np.integer]) -> None:
-    """Raise :class:`UserError` where a polygon has fewer than 3 corners: dropping it would shift all
-    indices.
-    """
+    """Raise :class:`UserError` if a polygon has fewer than 3 corners. Dropping it would shift the triangle indices."""
     small = np.flatnonzero(np.asarray(counts) < 3)
     if len(small):
         raise broken(
@@ -174,7 +170,7 @@ def polygon_sizes(path: Path, counts: NDArray[np.integer]) -> None:
 
 
 def checked(path: Path, points: NDArray, faces: NDArray, up: Vector | None = None) -> Mesh:
-    """The mesh, after the last check: shapes, at least one triangle, every index in range."""
+    """The mesh, after checking that shapes and types fit, every index is in range and there is a triangle."""
     points = np.asarray(points)
     if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind != "f":
         raise broken(
@@ -193,7 +189,9 @@ def checked(path: Path, points: NDArray, faces: NDArray, up: Vector | None = Non
     if low < 0 or high >= len(points):
         bad = high if high >= len(points) else low
         raise broken(
-            path, f"a face names vertex {bad} (from 0), but there are {len(points)}", "mend or export again"
+            path,
+            f"a face names vertex {bad} (from 0), but there are {len(points)}",
+            "correct the file or export it again",
         )
     native = points.astype(points.dtype.newbyteorder("="), copy=False)
     return Mesh(np.ascontiguousarray(native), np.ascontiguousarray(faces, dtype=np.int32), up)

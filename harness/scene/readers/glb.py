@@ -1,11 +1,9 @@
-"""GLB (binary glTF 2.0): trimesh decodes the meshes, every instance of each with its node's transform
-applied.
+"""GLB (binary glTF 2.0). trimesh decodes the meshes; each instance is transformed by its node.
 
-Order: nodes depth first from the roots of the default scene, children in the order of the file; of a node,
-the primitives of its mesh in the order of the file. Nodes are walked here because trimesh names the
-primitives of a mesh at random and so has no order, drops what hangs below a camera, and skips what it does
-not know. It also trusts the file's counts: the JSON part is checked first and its own count of triangles
-compared with what was read.
+Order: nodes depth first from the roots of the default scene, children in file order; the primitives of a mesh in file
+order. The nodes are traversed here because trimesh gives the primitives of a mesh random names and so loses their
+order, drops the children of a camera, and skips unknown entries. trimesh also trusts the file's counts; so the JSON
+part is checked first, and its number of triangles is compared with the number read.
 """
 
 from __future__ import annotations
@@ -27,20 +25,20 @@ _HARMLESS = ("KHR_materials_", "KHR_texture_", "KHR_lights_", "EXT_texture_")
 _POINTS, _LINES, _TRIANGLES, _STRIP, _FAN = 0, 1, 4, 5, 6
 _JSON, _BIN = 0x4E4F534A, 0x004E4942
 _JSON_LIMIT = 1 << 25
-"""Bytes of JSON that are parsed; Python objects take up to twenty times as much."""
+"""Largest JSON part, bytes. Parsed into Python objects it takes up to twenty times as much memory."""
 
 _INSTANCED = 1 << 25
-"""Triangles that a file may name by instancing; a few hundred bytes could name any number."""
+"""Largest number of triangles including instances; through nested instances a small file could have any number."""
 
 
 def read_glb(path: Path) -> Mesh:
-    """All triangles of the default scene; float64 where a transform moves them. glTF declares y as up.
+    """All triangles of the default scene; transformed positions are float64. In glTF, y is up.
 
-    Morph targets and skins are ignored (the rest pose is read), points and lines are skipped. Raises
-    :class:`UserError` for compressed or external data, for counts beyond the file, and where trimesh read
-    another number of triangles than the file names.
+    Morph targets and skins are ignored (the rest pose is read); points and lines are skipped. Raises
+    :class:`UserError` for compressed or external data, for counts that exceed the file's size, and if trimesh reads
+    another number of triangles than the file declares.
     """
-    from trimesh.exchange.gltf import load_glb  # slow to import, and most runs read no GLB
+    from trimesh.exchange.gltf import load_glb  # imported here because it is slow and most runs read no GLB
 
     blob = read_bytes(path)
     with guarded(path, "GLB"):
@@ -62,7 +60,7 @@ def read_glb(path: Path) -> Mesh:
             raise broken(path, f"{expected} triangles, but {read} could be read")
         faces, at, offset = np.empty((expected, 3), dtype=np.int32), 0, 0
         for node, own, corners, _ in parts:
-            # Checked mesh by mesh: an index too large for one must not name a vertex of the next.
+            # Checked per mesh: an index that is too large must not refer to a vertex of the next mesh.
             if len(corners) and (corners.min() < 0 or corners.max() >= len(own)):
                 raise broken(path, f"node {node} names vertex {corners.max()}, but there are {len(own)}")
             np.add(corners, offset, out=faces[at : at + len(corners)], dtype=np.int64, casting="unsafe")
@@ -74,7 +72,7 @@ def read_glb(path: Path) -> Mesh:
 def _json_part(path: Path, blob: bytes) -> tuple[dict[str, Any], int]:
     """The JSON chunk, and the size of the binary chunk."""
     if blob[:4] != b"glTF" or len(blob) < 20:
-        raise broken(path, "does not begin as GLB", "this is not a binary glTF file")
+        raise broken(path, "does not begin with the GLB signature", "this is not a binary glTF file")
     version, length = struct.unpack_from("<II", blob, 4)
     if version != 2:
         raise broken(path, f"glTF version {version}", "export as glTF 2.0")
@@ -100,12 +98,12 @@ def _json_part(path: Path, blob: bytes) -> tuple[dict[str, Any], int]:
             binary = size
         at += 8 + size
     if not isinstance(head, dict):
-        raise broken(path, "the JSON chunk is no object")
+        raise broken(path, "the JSON chunk is not an object")
     used = [str(name) for name in head.get("extensionsRequired", []) if not str(name).startswith(_HARMLESS)]
     if used:
         raise broken(path, f"needs the extension {used[0]}", "export it uncompressed and without extensions")
     if len(head.get("buffers", [])) > 1 or any("uri" in entry for entry in head.get("buffers", [])):
-        raise broken(path, "its data lie in other buffers than its own", "export one self-contained .glb")
+        raise broken(path, "its data are in external buffers", "export one self-contained .glb")
     return head, binary
 
 
@@ -117,7 +115,7 @@ def _whole(path: Path, entry: dict[str, Any], key: str, default: int | None = No
 
 
 def _check_accessors(path: Path, head: dict[str, Any], buffer_size: int) -> None:
-    """Every view inside the buffer, every accessor inside its view: nothing may be allocated on a claim."""
+    """Check that every view lies in the buffer and every accessor in its view, before memory is allocated by counts."""
     views = head.get("bufferViews", [])
     for i, view in enumerate(views):
         if _whole(path, view, "byteOffset", 0) + _whole(path, view, "byteLength") > buffer_size:
@@ -142,18 +140,19 @@ def _check_accessors(path: Path, head: dict[str, Any], buffer_size: int) -> None
 
 
 def _count(path: Path, head: dict[str, Any]) -> int:
-    """Triangles that the default scene names, instances counted."""
+    """Number of triangles of the default scene, including instances."""
     sizes = [sum(_primitive(path, head, p) for p in mesh["primitives"]) for mesh in head.get("meshes", [])]
     total = sum(sizes[head["nodes"][node]["mesh"]] for node, _ in _instances(path, head))
     if total > _INSTANCED:
-        problem = f"names {total} triangles by instancing, more than {_INSTANCED}"
+        problem = f"has {total} triangles with instances, more than {_INSTANCED}"
         raise broken(path, problem, "export a part of it")
     return total
 
 
 def _instances(path: Path, head: dict[str, Any]) -> list[tuple[int, NDArray[np.float64]]]:
-    """Every node of the default scene that has a mesh, with its transform to the scene. The nodes must form
-    trees.
+    """The nodes of the default scene that have a mesh, each with its transform to the scene.
+
+    The nodes must form trees.
     """
     nodes, scenes = head.get("nodes", []), head.get("scenes", [])
     if not scenes:
@@ -165,7 +164,9 @@ def _instances(path: Path, head: dict[str, Any]) -> list[tuple[int, NDArray[np.f
     while waiting:
         node, above = waiting.pop()
         if not isinstance(node, int) or not 0 <= node < len(nodes) or node in seen:
-            raise broken(path, f"node {node!r} does not exist or is met twice", "its nodes must form trees")
+            raise broken(
+                path, f"node {node!r} does not exist or has two parents", "its nodes must form trees"
+            )
         seen.add(node)
         with np.errstate(over="ignore", invalid="ignore"):
             matrix = above @ _transform(nodes[node])
@@ -177,7 +178,7 @@ def _instances(path: Path, head: dict[str, Any]) -> list[tuple[int, NDArray[np.f
 
 
 def _transform(node: dict[str, Any]) -> NDArray[np.float64]:
-    """The matrix of a node: given whole (column by column), or translation * rotation * scale."""
+    """The matrix of a node: its own matrix (column-major), or translation * rotation * scale."""
     if "matrix" in node:
         return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
     matrix = np.eye(4)
@@ -193,7 +194,7 @@ def _transform(node: dict[str, Any]) -> NDArray[np.float64]:
 
 
 def _moved(points: NDArray, matrix: NDArray[np.float64]) -> NDArray:
-    """Positions under a transform, float64; untouched where it is the identity."""
+    """Transformed positions, float64; unchanged if the transform is the identity."""
     if np.array_equal(matrix, np.eye(4)):
         return points
     with np.errstate(over="ignore", invalid="ignore"):
@@ -201,8 +202,8 @@ def _moved(points: NDArray, matrix: NDArray[np.float64]) -> NDArray:
 
 
 def _by_mesh(head: dict[str, Any], decoded: list[dict[str, Any]]) -> list[list[tuple[NDArray, NDArray]]]:
-    """Positions and faces of the triangle primitives of each mesh; trimesh returns all it knows one after
-    another.
+    """Positions and faces of the triangle primitives of each mesh. trimesh returns the primitives of all meshes in one
+    list.
     """
     result, left = [], iter(decoded)
     for mesh in head.get("meshes", []):
@@ -217,7 +218,7 @@ def _by_mesh(head: dict[str, Any], decoded: list[dict[str, Any]]) -> list[list[t
 
 
 def _primitive(path: Path, head: dict[str, Any], primitive: dict[str, Any]) -> int:
-    """Triangles of a primitive."""
+    """Number of triangles of a primitive."""
     accessors = head.get("accessors", [])
     mode = primitive.get("mode", _TRIANGLES)
     vertices = accessors[_whole(path, primitive["attributes"], "POSITION")]
@@ -226,13 +227,13 @@ def _primitive(path: Path, head: dict[str, Any], primitive: dict[str, Any]) -> i
     if mode not in (_TRIANGLES, _STRIP):
         return 0
     if vertices["componentType"] != 5126 or vertices["type"] != "VEC3":
-        raise broken(path, "holds positions that are no float triples", "export it without quantisation")
+        raise broken(path, "its positions are not vectors of three floats", "export it without quantisation")
     entry = accessors[_whole(path, primitive, "indices")] if "indices" in primitive else vertices
     count = entry["count"]
     if "indices" in primitive and (
         entry["type"] != "SCALAR" or entry["componentType"] not in (5121, 5123, 5125)
     ):
-        raise broken(path, "holds indices that are no unsigned integers")
+        raise broken(path, "its indices are not unsigned integers")
     if mode == _STRIP:
         return max(0, count - 2)
     if count % 3:

@@ -1,6 +1,4 @@
-"""Scene files: any of the known formats, checked, in the order of the file, nothing merged and nothing
-dropped.
-"""
+"""Read scene files of any supported format. Triangles keep the order of the file; nothing is merged or dropped."""
 
 from __future__ import annotations
 
@@ -30,21 +28,21 @@ READERS: dict[str, Callable[[Path], Mesh]] = {
 }
 
 SUFFIXES = (".npz", *READERS)
-"""Every file name ending that can be read."""
+"""The supported file name endings."""
 
 
 def load(path: str | Path) -> Loaded:
     """A mesh file, an ``.npz`` sequence, or a folder of numbered frames.
 
-    Raises :class:`UserError`, one line naming file, problem and way out, for everything that is not a valid
-    mesh of at least one triangle. Vertices with NaN are kept: their triangles are never hit.
+    Raises :class:`UserError` for everything that is not a valid mesh of at least one triangle. Vertices with NaN are
+    allowed: their triangles are never hit.
     """
     path = Path(path)
     if path.is_dir():
         frames = numbered(path)
         if not frames:
             raise UserError(
-                f"{path}: no numbered .ply or .obj frames in this folder; give a file or such a folder"
+                f"{path}: this folder has no numbered .ply or .obj frames; give a file or a folder that has them"
             )
         return load_sequence(frames)
     suffix = path.suffix.lower()
@@ -64,7 +62,7 @@ def load_sequence(paths: list[Path]) -> Loaded:
 
 
 def source(files: tuple[Path, ...]) -> Source:
-    """Names and one SHA-256 over the contents of all files in order, for the record."""
+    """The names of the files and one SHA-256 of their contents in order, for the record."""
     digest = hashlib.sha256()
     for path in files:
         with path.open("rb") as stream:

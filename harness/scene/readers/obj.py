@@ -1,9 +1,9 @@
 """Wavefront OBJ: positions and faces, in the order of the file.
 
-Read here and not through trimesh, whose 5.2 returns another mesh for legal files: it moves faces into groups
-of one material, splits vertices by texture and normal indices, counts relative (negative) indices from the
-end of the file instead of from their line, and takes index 0 for vertex 1. The order of faces is part of a
-record, and pixels name triangles by it. Plain files are compared with trimesh in the tests.
+trimesh 5.2 is not used because it changes valid files: it groups faces by material, splits vertices by texture and
+normal indices, counts relative (negative) indices from the end of the file instead of from their line, and reads index
+0 as vertex 1. The order of faces must stay, because answers identify triangles by it. The tests compare simple files
+with what trimesh reads.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ _INDEX_LIMIT = 1 << 31
 
 
 def read_obj(path: Path) -> Mesh:
-    """Positions float64 (``v``; weights and colours after them are ignored) and fans of ``f``.
+    """Positions float64 (``v``; weights and colours are ignored) and the triangulated faces (``f``).
 
-    Vertices stay as they are, used or not. Texture, normal, group, material, line and curve records are
-    skipped. Needs about 6 times the file's size. Raises :class:`UserError` for an index that is 0, out of
-    range or not a number, for a face of fewer than 3 vertices and for a file without faces.
+    Unused vertices are kept. Texture, normal, group, material, line and curve records are skipped. Needs memory of about
+    6 times the file's size. Raises :class:`UserError` for an index that is 0, out of range or not a number, for a face of
+    fewer than 3 vertices and for a file without faces.
     """
     blob = read_bytes(path)
     if b"\r" in blob and b"\n" not in blob:
@@ -46,7 +46,7 @@ def read_obj(path: Path) -> Mesh:
             _record(line, points, corners)
         except (ValueError, OverflowError, UserError) as error:
             raise broken(
-                path, f"line {number}: {error}", "mend that line or export the file again"
+                path, f"line {number}: {error}", "correct that line or export the file again"
             ) from error
         line = b""
         if not more:
@@ -59,7 +59,7 @@ def read_obj(path: Path) -> Mesh:
 
 
 def _record(line: bytes, points: array, corners: array) -> None:
-    """Append what one line says. Raises ValueError with the reason where it says nothing sensible."""
+    """Append the contents of one line. Raises ValueError with the reason if the line is invalid."""
     words = line.split()
     if not words:
         return
@@ -80,8 +80,9 @@ def _record(line: bytes, points: array, corners: array) -> None:
 
 
 def _index(word: bytes, count: int) -> int:
-    """Vertex index from 0 of a corner ``v``, ``v/vt``, ``v//vn`` or ``v/vt/vn``; negative counts back from
-    here.
+    """Vertex index, counted from 0, of a corner ``v``, ``v/vt``, ``v//vn`` or ``v/vt/vn``.
+
+    A negative index counts back from the last vertex read, of ``count`` so far.
     """
     index = int(word.split(b"/", 1)[0])
     if index == 0:
@@ -91,5 +92,5 @@ def _index(word: bytes, count: int) -> int:
             raise ValueError(f"a face names vertex {index}, but only {count} vertices came before it")
         return count + index
     if index >= _INDEX_LIMIT:
-        raise ValueError(f"a face names vertex {index}, more than can be indexed")
+        raise ValueError(f"a face names vertex {index}, which exceeds int32")
     return index - 1

@@ -1,9 +1,9 @@
 """Stanford PLY: ASCII and binary of either byte order, any element order, polygons of any size.
 
-trimesh 5.2 is not used here. It refuses binary files that mix triangles and larger polygons, and files whose elements
-or lists come in another order than usual; it puts the second halves of quads after all other faces; it reads a
-truncated ASCII file as a smaller mesh, and an index of 1.5 as 1. tests/scene/test_load.py has a file for each. Files
-of triangles are compared with what trimesh reads.
+trimesh 5.2 is not used because it refuses binary files that mix triangles and larger polygons, and files whose elements
+or lists have an unusual order; it moves the second halves of quads behind all other faces; it reads a truncated ASCII
+file as a smaller mesh, and an index of 1.5 as 1. tests/scene/test_load.py has a file for each case, and compares files
+of triangles with what trimesh reads.
 """
 
 from __future__ import annotations
@@ -62,9 +62,9 @@ class _Element:
 
 
 def read_ply(path: Path) -> Mesh:
-    """Positions (float32 where a binary file stores float32, else float64) and fans of the faces, in the file's order.
+    """Positions (float32 if a binary file stores float32, else float64) and triangulated faces, in file order.
 
-    Needs up to about ten times the file's size. Raises :class:`UserError` where header and contents disagree, an
+    Needs memory of up to about ten times the file's size. Raises :class:`UserError` if header and contents disagree, an
     index is out of range, a face has fewer than 3 vertices, or there are no faces.
     """
     data = _Data(path, *_header(path, read_bytes(path)))
@@ -84,18 +84,18 @@ def read_ply(path: Path) -> Mesh:
 
 
 def _fans(path: Path, counts: NDArray, corners: NDArray) -> NDArray[np.int32]:
-    """Fans, after a check that the corners are whole numbers that int32 can hold."""
+    """The triangulated faces, after checking that the vertex indices are integers in the range of int32."""
     limit = 1 << 31
     whole = not len(corners) or (corners.min() >= -limit and corners.max() < limit)
     if whole and corners.dtype.kind == "f":
         whole = not (corners % 1 != 0).any()
     if not whole:
-        raise broken(path, "a face names a vertex that is no whole number below 2^31")
+        raise broken(path, "a face has a vertex index that is not a whole number below 2^31")
     return fan(counts, corners)
 
 
 def _header(path: Path, blob: bytes) -> tuple[str, list[_Element], memoryview]:
-    """Byte order ('' for ASCII), elements, and the data after the header."""
+    """Byte order ('' for ASCII), elements, and the bytes after the header."""
     if blob[:3].lower() != b"ply":
         raise broken(path, "does not begin with 'ply'", "this is not a PLY file")
     end = blob.find(b"end_header", 0, _HEADER_LIMIT)
@@ -135,7 +135,9 @@ def _check_element(path: Path, element: _Element, all_names: list[str]) -> None:
     if element.length < 0 or all_names.count(element.name) > 1 or len(set(names)) < len(names):
         raise broken(path, f"header: element {element.name!r} has a negative count or a name twice")
     if any(p.count_kind[0] == "f" for p in element.lists):
-        raise broken(path, f"header: a list of element {element.name!r} has a length that is no integer type")
+        raise broken(
+            path, f"header: a list of element {element.name!r} has a length that is not of an integer type"
+        )
     if element.name == "vertex" and not {"x", "y", "z"} <= set(scalars):
         raise broken(path, "header: element 'vertex' lacks x, y or z")
     if element.name == "face" and not {p.name for p in element.lists} & set(_CORNERS):
@@ -147,7 +149,7 @@ def _check_element(path: Path, element: _Element, all_names: list[str]) -> None:
 class _Data:
     """The data after the header, read element by element.
 
-    The numbers of an ASCII file are made float64 first. They are then read as a binary file of float64 would be.
+    The numbers of an ASCII file are first converted to float64, and then read like a binary file of float64.
     """
 
     def __init__(self, path: Path, order: str, elements: list[_Element], data: memoryview):
@@ -161,7 +163,7 @@ class _Data:
                 element.properties = [
                     _Property(p.name, "f8", "f8" if p.count_kind else "") for p in element.properties
                 ]
-        for element in elements:  # before anything is allocated by these counts; lists may be empty
+        for element in elements:  # checked before memory is allocated by these counts; lists may be empty
             least = element.length * sum(int((p.count_kind or p.kind)[1]) for p in element.properties)
             if least > len(self.data):
                 claim = (
@@ -173,7 +175,9 @@ class _Data:
     def positions(self, element: _Element) -> NDArray:
         """x, y, z [length, 3]; other properties of the vertices are skipped."""
         if element.lists:
-            raise broken(self.path, "vertices that carry lists are not supported", "export positions only")
+            raise broken(
+                self.path, "vertices with list properties are not supported", "export positions only"
+            )
         rows = self._rows(element, [])
         if rows is None:
             raise self._short(element)
@@ -185,7 +189,7 @@ class _Data:
         return points
 
     def corners(self, element: _Element) -> tuple[NDArray, NDArray]:
-        """Lengths and contents of the lists of corners; both empty for an element without such a list."""
+        """Lengths and contents of the lists of vertex indices; both empty for an element without such a list."""
         nothing = np.zeros(0, dtype=np.int64), np.zeros(0)
         if not element.length or not element.properties:
             return nothing
@@ -205,7 +209,7 @@ class _Data:
         return np.array(counts, dtype=np.int64), np.frombuffer(corners) if corners else np.zeros(0)
 
     def _rows(self, element: _Element, sizes: list[int]) -> NDArray | None:
-        """The element as a structured array, where the lists of each row have these sizes; None where they have not."""
+        """The element as a structured array if the lists of every row have these sizes, else None."""
         fields: list[tuple] = []
         left = iter(sizes)
         for p in element.properties:
@@ -225,7 +229,7 @@ class _Data:
         return rows
 
     def _walk(self, element: _Element, length: int) -> tuple[array, array, list[int]]:
-        """Row by row: lengths and contents of the corner lists, and the list lengths of the last row."""
+        """Read row by row: lengths and contents of the index lists, and the list lengths of the last row."""
         counts, corners = array("q"), array("d")
         sizes: list[int] = []
         kinds = [(p.name in _CORNERS, p.count_kind, p.kind) for p in element.properties]
@@ -257,15 +261,17 @@ class _Data:
         return broken(self.path, problem, _WRONG)
 
     def finish(self) -> None:
-        """Raise :class:`UserError` where anything but white space is left."""
+        """Raise :class:`UserError` if anything but white space is left."""
         left = len(self.data) - self.at
         if left and (self.unit > 1 or bytes(self.data[self.at :]).strip()):
-            problem = f"{left // self.unit} {self.unit_name} are left after the counts of the header"
+            problem = (
+                f"{left // self.unit} {self.unit_name} remain after the elements that the header claims"
+            )
             raise broken(self.path, problem, "its header is wrong")
 
 
 def _numbers(path: Path, text: bytes) -> NDArray[np.float64]:
-    """The numbers of a text, in their order."""
+    """The numbers in a text, float64."""
     if not text.strip():
         return np.zeros(0)
     try:
@@ -273,4 +279,6 @@ def _numbers(path: Path, text: bytes) -> NDArray[np.float64]:
             warnings.simplefilter("error", DeprecationWarning)
             return np.fromstring(text.decode("ascii"), sep=" ")
     except (ValueError, DeprecationWarning):
-        raise broken(path, "something after the header is not a number", "mend or export again") from None
+        raise broken(
+            path, "a value after the header is not a number", "correct the file or export it again"
+        ) from None

@@ -16,14 +16,13 @@ from .checks import Loaded, Mesh, broken, checked, guarded
 FRAME_SUFFIXES = (".ply", ".obj")
 _NUMBERED = re.compile(r"^(.*?)[ _.-]?(\d+)$")
 _NPZ_GROWTH, _NPZ_FLOOR = 16, 1 << 26
-"""An archive may unpack to this many times its size, or to this many bytes: more is not a mesh but a trap."""
+"""An archive may unpack to this many times its size, or to this many bytes, whichever is more; this stops zip bombs."""
 
 
 def numbered(folder: Path, name: str | None = None) -> list[Path]:
-    """Files ``name_001.ply name_002.ply ...`` of a folder in the order of their numbers; empty where there
-    are none.
+    """The files ``name_001.ply name_002.ply ...`` of a folder, in the order of their numbers; may be empty.
 
-    ``name`` None takes any prefix. Raises :class:`UserError` where the folder mixes prefixes or formats.
+    ``name`` None accepts any prefix. Raises :class:`UserError` if the folder has several prefixes or formats.
     """
     groups: dict[tuple[str, str], list[tuple[int, Path]]] = {}
     for entry in sorted(folder.iterdir()):
@@ -40,7 +39,7 @@ def numbered(folder: Path, name: str | None = None) -> list[Path]:
 
 
 def load_frames(paths: list[Path], read: Callable[[Path], Mesh]) -> Loaded:
-    """One mesh a file. Raises :class:`UserError` where a file's connectivity differs from the first one's."""
+    """One frame per file. Raises :class:`UserError` if the connectivity of a file differs from that of the first."""
     first = read(paths[0])
     frames = [first.points]
     for path in paths[1:]:
@@ -53,10 +52,10 @@ def load_frames(paths: list[Path], read: Callable[[Path], Mesh]) -> Loaded:
 
 
 def load_npz(path: Path) -> Loaded:
-    """``V`` float [frames, vertices, 3] (or [vertices, 3]) and ``F`` int [triangles, 3]; nothing pickled.
+    """Arrays ``V``: float [frames, vertices, 3] or [vertices, 3], and ``F``: int [triangles, 3]; nothing pickled.
 
-    Raises :class:`UserError` for other names, shapes or types, for indices out of range, and for an archive
-    that claims more than it can hold.
+    Raises :class:`UserError` for other names, shapes or types, for indices out of range, and for an archive whose
+    declared sizes do not match its contents.
     """
     if not path.is_file():
         raise UserError(f"{path}: no such file; check the path")
@@ -84,7 +83,7 @@ def load_npz(path: Path) -> Loaded:
 
 
 def _check_archive(path: Path) -> None:
-    """Sizes claimed by the members against each other and against the file, before anything is unpacked."""
+    """Check the declared sizes of the members against each other and against the file, before unpacking anything."""
     limit = max(_NPZ_FLOOR, _NPZ_GROWTH * path.stat().st_size)
     with zipfile.ZipFile(path) as archive:
         if sum(info.file_size for info in archive.infolist()) > limit:
@@ -98,4 +97,4 @@ def _check_archive(path: Path) -> None:
                 shape, _, dtype = read(member)
             claimed = int(np.prod([int(n) for n in shape], dtype=object)) * dtype.itemsize
             if dtype.hasobject or claimed > info.file_size:
-                raise broken(path, f"{info.filename} claims {claimed} bytes, but holds {info.file_size}")
+                raise broken(path, f"{info.filename} declares {claimed} bytes, but has {info.file_size}")

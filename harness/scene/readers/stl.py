@@ -1,4 +1,4 @@
-"""STL through trimesh, binary and ASCII, with the counts checked before and after."""
+"""STL, binary and ASCII. trimesh reads it; the number of triangles is checked before and after."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from .checks import Mesh, broken, checked, guarded, read_bytes
 
 _HEADER, _RECORD = 84, 50
 _UP = (0.0, 0.0, 1.0)
-"""Programs that write STL, for printing and machining, take z as up; the format itself says nothing."""
+"""Programs that write STL (printing, machining) take z as up; the format does not define it."""
 
 
 def read_stl(path: Path) -> Mesh:
-    """Three vertices of its own for every triangle, as the file has them; several solids one after another.
+    """Every triangle has three vertices of its own, in file order; several solids are concatenated.
 
-    Raises :class:`UserError` where a binary file's count does not give its size, or where trimesh read
-    another number of triangles than the text holds.
+    Raises :class:`UserError` if the count of a binary file does not match its size, or if trimesh reads another number
+    of triangles than an ASCII file has.
     """
-    import trimesh  # slow to import, and most runs read no STL
+    import trimesh  # imported here because it is slow and most runs read no STL
 
     blob = read_bytes(path)
     claimed = int.from_bytes(blob[80:84], "little") if len(blob) >= _HEADER else -1
@@ -41,7 +41,7 @@ def read_stl(path: Path) -> Mesh:
             "the file is truncated or its header wrong",
         )
     else:
-        raise broken(path, "neither binary nor ASCII STL", "the file is truncated or of another kind")
+        raise broken(path, "is neither binary nor ASCII STL", "the file is truncated or of another kind")
     if not expected:
         raise broken(path, "holds no triangles", "give a triangle mesh")
     with guarded(path, "STL"):

@@ -24,23 +24,23 @@ def available() -> bool:
 
 
 def read_usd(path: Path) -> Mesh:
-    """Meshes as fans, float64 after their transforms, at the stage's default time; ``up`` as the stage says.
+    """The triangulated meshes at the stage's default time, transformed, float64; ``up`` is the stage's up axis.
 
-    Prims that are invisible, or guides or proxies, are skipped, and so are holes and subdivision: the control
-    mesh is what is measured. Instances are expanded. Raises :class:`UserError` where usd-core is missing, the
-    stage cannot be opened or its arrays contradict each other.
+    Invisible prims, guides and proxies are skipped. Holes and subdivision are ignored: the control mesh is read.
+    Instances are expanded. Raises :class:`UserError` if usd-core is missing, the stage cannot be opened, or its arrays
+    contradict each other.
     """
     if not available():
         raise UserError(f"{path}: {MISSING}")
     from pxr import Tf, Usd, UsdGeom
 
-    read_bytes(path)  # missing and unreadable files get the same line as every other format
+    read_bytes(path)  # missing and unreadable files get the same message as in every other format
     parts, offset = [], 0
     with guarded(path, "USD"):
         try:
             stage = Usd.Stage.Open(str(path))
-        except Tf.ErrorException:  # its text names lines of the library's own source
-            raise broken(path, "USD cannot open it: damaged, truncated or of another kind") from None
+        except Tf.ErrorException:  # USD's own message names lines of its source code
+            raise broken(path, "USD cannot open it: it is damaged, truncated or not a USD file") from None
         axis = str(UsdGeom.GetStageUpAxis(stage))
         transforms = UsdGeom.XformCache()
         for prim in stage.Traverse(Usd.TraverseInstanceProxies()):
@@ -52,7 +52,7 @@ def read_usd(path: Path) -> Mesh:
             own, faces = _one(path, mesh)
             matrix = np.array(transforms.GetLocalToWorldTransform(prim), dtype=np.float64)
             with np.errstate(over="ignore", invalid="ignore"):
-                # USD multiplies row vectors from the left.
+                # USD multiplies row vectors by the matrix on their right.
                 moved = own if np.array_equal(matrix, np.eye(4)) else own @ matrix[:3, :3] + matrix[3, :3]
             parts.append((moved, faces + offset))
             offset += len(own)
@@ -69,7 +69,9 @@ def _one(path: Path, mesh: Any) -> tuple[NDArray, NDArray]:
     corners = _values(mesh.GetFaceVertexIndicesAttr(), np.int64)
     polygon_sizes(path, counts)
     if counts.sum() != len(corners):
-        raise broken(path, f"{mesh.GetPath()}: {counts.sum()} corners are counted, {len(corners)} are there")
+        raise broken(
+            path, f"{mesh.GetPath()}: {counts.sum()} corners are declared, but there are {len(corners)}"
+        )
     if len(corners) and (corners.min() < 0 or corners.max() >= len(points)):
         bad = int(corners.max()) if corners.min() >= 0 else int(corners.min())
         raise broken(path, f"{mesh.GetPath()}: a face names vertex {bad}, but there are {len(points)}")
