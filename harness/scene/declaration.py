@@ -120,7 +120,7 @@ def declared_scene(path: Path, resolve: Callable[[str], Scene]) -> Scene:
         fields["camera"] = camera
     if "lights" in table:
         if not isinstance(table["lights"], list):
-            raise UserError(f"{path}: write each light as a table [[lights]]")
+            raise UserError(f"{path}: write [[lights]] before each light")
         fields["lights"] = tuple(_light(path, i, light) for i, light in enumerate(table["lights"]))
         fields["light_path"] = None
     if "orbit" in table:

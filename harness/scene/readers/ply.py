@@ -264,9 +264,7 @@ class _Data:
         """Raise :class:`UserError` if anything but white space is left."""
         left = len(self.data) - self.at
         if left and (self.unit > 1 or bytes(self.data[self.at :]).strip()):
-            problem = (
-                f"{left // self.unit} {self.unit_name} remain after the elements that the header claims"
-            )
+            problem = f"{left // self.unit} {self.unit_name} remain after the elements that the header claims"
             raise broken(self.path, problem, "its header is wrong")
 
 
