@@ -1,1 +1,1 @@
-"""What a method sees of one moment and fills: the contract, passes, the session, and the effects."""
+"""A frame as a method sees it: the interface of a method, its input arrays and answers, passes and the session."""

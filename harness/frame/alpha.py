@@ -1,4 +1,4 @@
-"""Triangles with holes in kernels: the texture lookup that every method shares."""
+"""Triangles with holes: the texture lookup in kernels, shared by all methods."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ..scene.scene import AlphaMask
 
 OPAQUE, CLEAR = 1, 2
-"""Bits of :func:`texels_near`: something opaque, something transparent."""
+"""Bits of :func:`texels_near`: an opaque texel, a transparent texel."""
 
 
 ROUNDING = wp.constant(wp.float64(2.0**-50))
@@ -20,7 +20,7 @@ HALF = wp.constant(wp.float64(0.5))
 
 @wp.struct
 class Alpha:
-    """A mask on a device: :class:`.scene.scene.AlphaMask`'s arrays, or arrays without elements where there is none."""
+    """The arrays of an :class:`.scene.scene.AlphaMask` on a device; empty arrays if the scene has no mask."""
 
     masked: wp.array(dtype=wp.uint8)
     coordinates: wp.array2d(dtype=wp.vec2f)
@@ -28,7 +28,7 @@ class Alpha:
 
 
 def device_alpha(mask: AlphaMask | None, device: str) -> Alpha:
-    """A checked mask on ``device``; None: arrays without elements, which take no memory."""
+    """A checked mask on ``device``; empty arrays for None."""
     alpha = Alpha()
     with wp.ScopedDevice(device):
         if mask is None:
@@ -36,7 +36,7 @@ def device_alpha(mask: AlphaMask | None, device: str) -> Alpha:
             alpha.coordinates = wp.zeros((0, 0), dtype=wp.vec2f)
             alpha.opaque = wp.zeros((0, 0), dtype=wp.uint8)
         else:
-            # At least one element each, so that an empty mesh has addresses too.
+            # At least one element each, so that the arrays of an empty mesh have addresses too.
             alpha.masked = wp.array(_padded(mask.triangles), dtype=wp.uint8)
             alpha.coordinates = wp.array(_padded(mask.coordinates), dtype=wp.vec2f)
             alpha.opaque = wp.array(mask.opaque, dtype=wp.uint8)
@@ -49,7 +49,7 @@ def _padded(array: NDArray) -> NDArray:
 
 @wp.func
 def wrapped(texel: wp.float64, size: wp.int32) -> wp.int32:
-    """A texel's number in the bitmap, which repeats; ``texel`` is a whole number."""
+    """Index of a texel in the repeating bitmap; ``texel`` is a whole number."""
     k = wp.int32(texel) % size
     if k < 0:
         k += size
@@ -58,9 +58,9 @@ def wrapped(texel: wp.float64, size: wp.int32) -> wp.int32:
 
 @wp.func
 def texels_near(alpha: Alpha, i: wp.int32, v: wp.float64, w: wp.float64, doubt: wp.float64) -> wp.int32:
-    """What lies where vertices 1 and 2 of triangle i have weights v and w, each known to ``doubt``.
+    """The kinds of texel near the point of triangle i with weights v and w, each known with an error of ``doubt``.
 
-    OPAQUE, CLEAR, or both added; both wherever half a texel or more is in doubt.
+    OPAQUE, CLEAR, or their sum; the sum wherever the error is half a texel or more.
     """
     c0 = alpha.coordinates[i, 0]
     c1 = alpha.coordinates[i, 1]
@@ -79,10 +79,10 @@ def texels_near(alpha: Alpha, i: wp.int32, v: wp.float64, w: wp.float64, doubt: 
     high = wp.abs(y1) + wp.abs(y2)
     reach_x = (doubt * wide + ROUNDING * (wp.abs(x0) + wide)) * wp.float64(columns)
     reach_y = (doubt * high + ROUNDING * (wp.abs(y0) + high)) * wp.float64(rows)
-    # Not a number comes out here too.
+    # NaN also ends here.
     if not (reach_x < HALF and reach_y < HALF and wp.abs(x) + wp.abs(y) < wp.float64(2.0e9)):
         return 3
-    # Texels are closed: where nothing is in doubt, a border still belongs to both its sides.
+    # Texels are closed sets: even with an error of zero, a border belongs to both its sides.
     left = wrapped(wp.ceil(x - reach_x) - wp.float64(1.0), columns)
     right = wrapped(wp.floor(x + reach_x), columns)
     low = wrapped(wp.ceil(y - reach_y) - wp.float64(1.0), rows)

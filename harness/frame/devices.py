@@ -1,4 +1,4 @@
-"""Devices by the names that a person gives them."""
+"""Devices by name, as ``--device`` gives them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .warp_init import start_warp
 
 
 def find_device(name: str | None) -> str:
-    """The device to run on: ``cuda:0`` where there is one, else ``cpu``, unless ``name`` says which."""
+    """The device ``name``; by default ``cuda:0`` if present, else ``cpu``."""
     start_warp()
     if name is None:
         return "cuda:0" if wp.is_cuda_available() else "cpu"
@@ -22,13 +22,13 @@ def find_device(name: str | None) -> str:
     chosen = "cuda:0" if name == "cuda" else name
     if chosen not in known:
         raise UserError(
-            f"no device {name!r} on this machine; there is {' and '.join(known)}: give --device {known[-1]}"
+            f"no device {name!r} on this machine; it has {' and '.join(known)}: give --device {known[-1]}"
         )
     return chosen
 
 
 def device_for(cls: type[Method], device: str) -> str:
-    """The device a method runs on: the one asked for where it can, else the CPU (the record says so)."""
+    """The device a method runs on: the requested one if the method supports it, else the CPU (recorded)."""
     kind = device.split(":")[0]
     if kind not in cls.devices and "cpu" in cls.devices:
         return "cpu"
@@ -36,13 +36,13 @@ def device_for(cls: type[Method], device: str) -> str:
 
 
 def device_title(device: str) -> str:
-    """The name a person knows a device by."""
+    """The product name of a device."""
     return str(wp.get_device(device).name) if device.startswith("cuda") else cpu_model()
 
 
 @functools.cache
 def cpu_model() -> str:
-    """The processor's name. (psutil does not say it, and ``platform.processor`` is empty or a mere kind on Linux.)"""
+    """The processor's name. (psutil does not give it; on Linux ``platform.processor`` is empty or only the type.)"""
     try:
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
             if line.lower().startswith("model name"):

@@ -1,7 +1,7 @@
-"""What a method sees of one moment: device arrays at fixed addresses, and the answers it fills.
+"""The input arrays of one frame on the device, at fixed addresses, and the answers that a method fills.
 
-Whatever may differ between frames lives in an array whose address never changes, because a captured graph
-freezes its arguments. :meth:`Frame.load` copies the next moment in.
+Everything that may change between frames is in an array whose address never changes, because a captured graph stores
+the addresses. :meth:`Frame.load` copies the data of the next frame into these arrays.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ MISS = -1
 
 
 BOUNCED = ("origin", "direction", "active", "triangle", "t", "u", "v", "visibility")
-"""What the host gets of :class:`.geometry.Bounces`, each under its name with "bounce_" before it."""
+"""The fields of :class:`.geometry.Bounces` that are copied to the host, there prefixed with "bounce_"."""
 
 
 @dataclass(eq=False)
 class Answers:
-    """What a method answers for a frame; pixel index = row * width + column. All on the frame's device.
+    """The answers of a method to a frame, on the frame's device. Pixel index = row * width + column.
 
     triangle    int32 [pixels]: the closest triangle, ties to the lowest index; -1 at a miss
     t           float32 [pixels]: distance in lengths of the pixel's direction; inf at a miss
     u, v        float32 [pixels]: weights of vertices 1 and 2 (Embree's convention); 0 at a miss
     visibility  uint8 [light_count, pixels]: 1 = shadowed; 0 at a miss and for lights without shadows
-    bounces     what mirrored rays meet (:class:`.geometry.Bounces`)
+    bounces     the answers for mirrored rays (:class:`.geometry.Bounces`)
     """
 
     triangle: wp.array
@@ -48,7 +48,7 @@ class Answers:
     bounces: Any
 
     def to_host(self) -> dict[str, NDArray]:
-        """Copies of all answers as numpy arrays; those of :data:`BOUNCED` only where something is mirrored."""
+        """Copies of all answers as numpy arrays; those of :data:`BOUNCED` only if the scene has mirrors."""
         result = {
             name: np.array(getattr(self, name).numpy()) for name in ("triangle", "t", "u", "v", "visibility")
         }
@@ -57,7 +57,7 @@ class Answers:
         return result
 
     def poison(self) -> None:
-        """Fill with values that no method may leave behind, so that an unwritten answer shows."""
+        """Fill with invalid values, so that an answer that was not written is detected."""
         self.triangle.fill_(-77)
         self.t.fill_(-77.0)
         self.u.fill_(-77.0)
@@ -106,7 +106,7 @@ class Frame:
         self.triangle_count = prepared.triangle_count
         self.vertex_count = prepared.vertex_count
         with wp.ScopedDevice(device):
-            # At least one element each, so that an empty mesh has addresses too.
+            # At least one element each, so that the arrays of an empty mesh have addresses too.
             self.points = wp.zeros(max(1, self.vertex_count), dtype=wp.vec3f)
             self.triangles = wp.zeros(max(1, self.triangle_count), dtype=wp.vec3i)
             self.weld = wp.zeros(max(1, self.vertex_count), dtype=wp.int32)
@@ -170,33 +170,33 @@ class Frame:
                 )
 
     def rays(self, bounce: int) -> Any:
-        """The mirrored rays of a bounce from 1 (:class:`.geometry.Rays`); without arrays for 0."""
+        """The mirrored rays of a bounce, counted from 1 (:class:`.geometry.Rays`); for 0 without arrays."""
         return self._rays[bounce]
 
     def hits(self, bounce: int) -> Any:
-        """The closest hits of the rays of a bounce (:class:`.geometry.Hits`); of the primary rays for 0."""
+        """The closest hits of the rays of a bounce (:class:`.geometry.Hits`); bounce 0: of the primary rays."""
         return self._hits[bounce]
 
     def bits(self, bounce: int) -> wp.array:
-        """The shadow bits [light_count, pixels] of the hits of a bounce; of the primary hits for 0."""
+        """The shadow bits [light_count, pixels] of the hits of a bounce; bounce 0: of the primary hits."""
         return self.answers.bounces.visibility[bounce - 1] if bounce else self.answers.visibility
 
     def masks(self, bounce: int) -> wp.array:
-        """The receivers [light_count, pixels] among the hits of a bounce; empty where no light has receivers."""
+        """The receiver flags [light_count, pixels] of the hits of a bounce; empty if every hit is a receiver."""
         bounced = self.answers.bounces.receivers
         return bounced[bounce - 1] if bounce and bounced.size else self.receivers
 
     def load(self, moment: Moment) -> None:
-        """Copy the next moment in. Outside every timing: the paper does not count transfers either.
+        """Copy the data of the next frame to the device. This is not timed, as in the paper.
 
-        Raises ValueError for a moment that the frame was not planned for: another size, mesh or number of lights.
+        Raises ValueError for another image size, mesh or number of lights than this frame was made for.
         """
         planned = (self.width, self.height, self.vertex_count, self.triangle_count, self.light_count)
         given = (moment.width, moment.height, len(moment.points), len(moment.valid), len(moment.lights))
         if planned != given:
             names = ("width", "height", "vertices", "triangles", "lights")
             wrong = [f"{b} {n}, not {a}" for n, a, b in zip(names, planned, given, strict=True) if a != b]
-            raise ValueError(f"this frame was not planned for that moment: {'; '.join(wrong)}")
+            raise ValueError(f"the moment does not fit this frame: {'; '.join(wrong)}")
         self.host = moment
         if self.vertex_count:
             self.points.assign(moment.points)

@@ -1,7 +1,7 @@
-"""What kernels take of a frame: its mesh, its camera, rays and their closest hits, grouped in Warp structs.
+"""Warp structs that kernels take as arguments: mesh, camera, rays and closest hits of a frame.
 
-A struct is copied into a kernel's arguments at the launch, with the addresses of its arrays. Those are fixed for a
-frame's lifetime, so a captured graph may hold them. :class:`.frame.Frame` makes every struct once.
+A launch copies a struct, with the addresses of its arrays, into the kernel's arguments. The addresses are fixed for the
+lifetime of a frame, so a captured graph may store them. :class:`.frame.Frame` makes each struct once.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ T = TypeVar("T")
 
 @dataclass_transform()
 def value_struct(kind: type[T]) -> type[T]:
-    """``wp.struct``, with the constructor that kernels use, by position, known to type checkers."""
+    """``wp.struct`` with type information for its constructor, which kernels call with positional arguments."""
     return wp.struct(kind)
 
 
@@ -36,11 +36,11 @@ class Mesh:
 
 @wp.struct
 class Camera:
-    """The image's size, the eye, and the pixels' directions.
+    """The image size, the eye and the directions of the pixels.
 
     eye     vec3f [1]                 axes  vec3f [3]: right, up, forward
     column  vec3f [width], row  vec3f [height]: the direction of pixel (x, y) is column[x] + row[y]
-    tangents  float32 [2]: of half the view's width and height
+    tangents  float32 [2]: half width and half height of the image plane at distance 1
     """
 
     width: wp.int32
@@ -54,7 +54,7 @@ class Camera:
 
 @wp.struct
 class Hits:
-    """Closest hits of one ray a pixel; see :class:`.frame.Answers`. Each array has a length of [pixels]."""
+    """Closest hits of one ray per pixel, arrays [pixels]; see :class:`.frame.Answers`."""
 
     triangle: wp.array(dtype=wp.int32)
     t: wp.array(dtype=wp.float32)
@@ -64,7 +64,7 @@ class Hits:
 
 @wp.struct
 class Rays:
-    """Mirrored rays of one bounce, one a pixel [pixels]; ``active`` is 0 where the pixel has none."""
+    """Mirrored rays of one bounce, arrays [pixels]; ``active`` is 0 where a pixel has no ray."""
 
     origin: wp.array(dtype=wp.vec3f)
     direction: wp.array(dtype=wp.vec3f)
@@ -73,14 +73,14 @@ class Rays:
 
 @wp.struct
 class Bounces:
-    """Mirrored rays and what a method answers for them; row b - 1 is bounce b. No element where nothing is mirrored.
+    """Mirrored rays and the answers of a method to them; row b - 1 is bounce b. Empty if the scene has no mirrors.
 
     origin, direction  vec3f [bounces, pixels]: the rays, made by the harness (:mod:`.frame.mirrors`)
-    active      uint8 [bounces, pixels]: 1 = the pixel has such a ray; it is zero elsewhere
+    active      uint8 [bounces, pixels]: 1 = the pixel has a ray; where it is 0, the ray is zero
     triangle, t, u, v  [bounces, pixels]: the ray's closest hit as in :class:`.frame.Answers`; a miss where there is no ray
     visibility  uint8 [bounces, light_count, pixels]: the shadow bits of those hits
-    receivers   uint8 [bounces, light_count, pixels]: which of those hits have a shadow ray; empty unless a light
-                has receivers
+    receivers   uint8 [bounces, light_count, pixels]: 1 = the hit has a shadow ray; empty if every hit is
+                a receiver
     """
 
     origin: wp.array2d(dtype=wp.vec3f)
@@ -131,7 +131,7 @@ def ray_of(camera: Camera, pixel: wp.int32) -> Ray:
 
 @wp.func
 def mirrored_ray(rays: Rays, pixel: wp.int32) -> Ray:
-    """The mirrored ray of a pixel; zero where ``rays.active`` is."""
+    """The mirrored ray of a pixel; zero where ``rays.active`` is 0."""
     return Ray(rays.origin[pixel], rays.direction[pixel])
 
 
@@ -144,13 +144,13 @@ def corners_of(mesh: Mesh, triangle: wp.int32) -> Corners:
 
 @wp.func
 def weld_of(mesh: Mesh, triangle: wp.int32) -> wp.vec3i:
-    """The weld indices of a triangle's corners: the order in which edge functions take an edge's ends."""
+    """The weld indices of a triangle's corners. Edge functions take the two ends of an edge in this order."""
     face = mesh.triangles[triangle]
     return wp.vec3i(mesh.weld[face[0]], mesh.weld[face[1]], mesh.weld[face[2]])
 
 
 def filled(kind: Any, **fields: Any) -> Any:
-    """A struct with its fields set. Arrays that are left out stay empty: for fields that a kernel does not read."""
+    """A struct with the given fields. Fields that a kernel does not read may be left out; their arrays are empty."""
     struct = kind()
     for name, value in fields.items():
         setattr(struct, name, value)
@@ -158,7 +158,7 @@ def filled(kind: Any, **fields: Any) -> Any:
 
 
 def bounce_arrays(bounces: int, lights: int, pixels: int, limited: bool) -> Any:
-    """:class:`Bounces` on the current device, zero; without elements for no bounces."""
+    """:class:`Bounces` on the current device, filled with zeros; empty for 0 bounces."""
     plane = (bounces, pixels) if bounces else (0, 0)
     bits = (bounces, max(1, lights), pixels) if bounces else (0, 0, 0)
     kinds = {

@@ -1,4 +1,4 @@
-"""What surfaces and lights look like: a reflectance for each triangle, and a row of numbers for each light."""
+"""Appearance of surfaces and lights: a reflectance per triangle and a row of numbers per light."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ HUES = np.array(
         [0.66, 0.61, 0.66],  # heather
     ]
 )
-"""Linear reflectances. A scene, or a mesh, always gets the same one; its separate pieces vary around it."""
+"""Linear reflectances. Each scene or mesh has one of them; its connected pieces vary around it."""
 
 
 def reflectances(prepared: Prepared) -> NDArray[np.float32]:
     """Linear reflectance of each triangle, float32 [triangle_count, 3]."""
-    # A scene declared in a file is one by its mesh: two declarations of it can be compared.
+    # A declared scene gets the reflectance of its mesh, so that two declarations of one mesh look alike.
     known = prepared.scene.name in scene_names()
     identity = prepared.scene.name.encode() if known else np.sort(prepared.faces, axis=1).tobytes()
     digest = hashlib.sha256(identity).digest()
     base = HUES[digest[0] % len(HUES)]
     piece = pieces(prepared)
-    # A multiplicative hash spreads neighbouring piece numbers; two of its bytes vary value and warmth.
+    # A multiplicative hash of the piece number; two of its bytes vary the brightness and the warmth.
     mixed = (piece.astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)) >> np.uint64(40)
     value = (mixed & np.uint64(255)).astype(np.float64) / 255 - 0.5
     warmth = ((mixed >> np.uint64(8)) & np.uint64(255)).astype(np.float64) / 255 - 0.5
@@ -45,8 +45,8 @@ def reflectances(prepared: Prepared) -> NDArray[np.float32]:
 def pieces(prepared: Prepared) -> NDArray[np.int64]:
     """For each triangle the lowest vertex of the connected piece that it belongs to, int64 [triangle_count].
 
-    Connected means sharing a vertex of the welded mesh. Lowest labels are handed across triangles, with
-    pointer jumping, until nothing changes.
+    Two triangles are connected if they share a vertex of the welded mesh. The lowest label spreads over connected
+    triangles, with pointer jumping, until no label changes.
     """
     corners = prepared.weld[prepared.faces].astype(np.int64)
     label = np.arange(prepared.vertex_count, dtype=np.int64)
@@ -63,13 +63,14 @@ def pieces(prepared: Prepared) -> NDArray[np.int64]:
 
 
 LAMP = 5
-"""Numbers of a light's look: red, green and blue, fall-off, and whether its shadow bits count."""
+"""Numbers per light: red, green, blue, fall-off, and whether its shadow bits count."""
 
 
 def lamp_rows(lights: Sequence[Light], shadows: Sequence[bool]) -> NDArray[np.float64]:
-    """The look of each light, float64 [light_count, 5]; all lights together, seen face on, make 1.
+    """Colour, fall-off and shadow flag of each light, float64 [light_count, 5].
 
-    ``shadows``: whether the bits of each count.
+    The lights are scaled so that a surface that faces all of them receives 1. ``shadows``: whether the shadow bits of
+    each light count.
     """
     strength = sum(light.intensity * max(light.color) for light in lights) or 1.0
     rows = np.zeros((len(lights), LAMP))

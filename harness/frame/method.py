@@ -1,9 +1,9 @@
-"""The contract of a method, and a base class for simple ones.
+"""The interface of a method, and a base class for simple methods.
 
-A method is made with two frozen dataclasses, build and trace parameters: one build serves a sweep of trace
-parameters. It never times, never scores and never reads truth. Inside a frame it only launches. When a capacity
-does not suffice it counts on and drops nothing silently: the harness reads :meth:`Method.needs` after the frame,
-discards the frame, calls :meth:`Method.grow`, plans again, and records ``regrown``.
+A method is constructed from two frozen dataclasses, its build parameters and its trace parameters. A method never
+measures time, never scores and never reads the reference. Inside a frame it only launches kernels. If a buffer is too
+small, the method continues to count what it needs and does not drop anything silently: after the frame the harness
+reads :meth:`Method.needs`, discards the frame, calls :meth:`Method.grow`, plans again, and records ``regrown``.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from .passes import Pass
 
 @dataclass(frozen=True)
 class NoParameters:
-    """For methods that have nothing to set."""
+    """For methods without parameters."""
 
 
 @runtime_checkable
 class Method(Protocol):
-    """What the harness asks of a method. ``build`` and ``trace`` are its parameters."""
+    """The interface of a method. ``build`` and ``trace`` are its parameters."""
 
     name: ClassVar[str]
     title: ClassVar[str]
@@ -43,41 +43,41 @@ class Method(Protocol):
     def __init__(self, build: Any, trace: Any) -> None: ...
 
     def applies(self, scene: Scene, device: str) -> str | None:
-        """None, or the reason why this method cannot do this scene on this device."""
+        """None, or the reason why this method cannot trace this scene on this device."""
 
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
-        """Allocate, and return the passes of a frame. Launches nothing. Called again after :meth:`grow`."""
+        """Allocate memory and return the passes of a frame. Launches nothing. Called again after :meth:`grow`."""
 
     def needs(self) -> wp.array | None:
-        """Device int64 array: what the last frame needed of each capacity, or None where nothing can overflow."""
+        """Device int64 array: the capacity that the last frame needed of each buffer; None if no buffer can overflow."""
 
     def grow(self, needed: NDArray[np.int64]) -> bool:
-        """Between frames: True if a capacity was exceeded (and raised), so that the frame must be repeated.
+        """Between frames: if a capacity was exceeded, raise it and return True; the frame is then repeated.
 
-        Raises :class:`~.errors.CapacityRejected` where the need lies beyond the limits given to :meth:`plan`.
+        Raises :class:`~.errors.CapacityRejected` if the need exceeds the limits given to :meth:`plan`.
         """
 
     def counters(self) -> dict[str, int]:
-        """Deterministic work counters of the last frame. May read back; never called inside a timing."""
+        """Deterministic counters of the work of the last frame. May read from the device; never called while timing."""
 
     def built(self) -> dict[str, Any]:
-        """What was really built (constructor, threads, ...), for the record and the table."""
+        """Facts about the acceleration structure (constructor, threads, ...), for the record and the table."""
 
 
 class BaseMethod:
-    """Defaults for the parts of the contract that many methods do not need."""
+    """Defaults for the parts of the interface that many methods do not need."""
 
     name: ClassVar[str] = ""
     title: ClassVar[str] = ""
     capturable: bool = True
     devices: ClassVar[tuple[str, ...]] = ("cpu", "cuda")
     simulates: frozenset[str] = frozenset({"shadows", "directional"})
-    """The effects (:meth:`~.scene.scene.Effects.names`) that it takes part in; what it leaves out it says with a reason."""
+    """The effects (:meth:`~.scene.effects.Effects.names`) that it supports; give reasons for others in ``cannot``."""
     cannot: ClassVar[Mapping[str, str]] = {}
-    """Reasons for effects that it cannot simulate, shown as they stand."""
+    """{effect: reason} for effects that it does not support; the reason is shown to the user."""
     outside: Mapping[str, str] = MappingProxyType({})
-    """Hard cases that lie outside what it can do, each with the reason, which ``shadowbench check`` shows: they are not
-    run. Under "shadows" the reason why no shadow bit is held against it; everything else still is."""
+    """{hard case: reason} for the hard cases that it does not support. ``shadowbench check`` shows the reason and does
+    not run the case. With the key "shadows", wrong shadow bits do not fail the check; wrong hits still do."""
     Build: ClassVar[type] = NoParameters
     Trace: ClassVar[type] = NoParameters
 
@@ -107,14 +107,14 @@ class BaseMethod:
 
 
 class SimpleMethod(BaseMethod):
-    """For authors of simple methods: three plain functions become the passes of a frame.
+    """Base class for simple methods: three functions become the passes of a frame.
 
-    Override :meth:`build_structure`, :meth:`trace_primary` and :meth:`trace_shadow`; allocate in
-    :meth:`prepare`. Set ``capturable = False`` where one of them allocates or touches the host.
+    Override :meth:`build_structure`, :meth:`trace_primary` and :meth:`trace_shadow`; allocate in :meth:`prepare`. Set
+    ``capturable = False`` if one of them allocates memory or synchronises with the host.
     """
 
     def prepare(self, frame: Frame) -> None:
-        """Allocate what the frame needs. Launches nothing."""
+        """Allocate the memory of the method. Launches nothing."""
 
     def build_structure(self, frame: Frame) -> None:
         """Build the structure from ``frame.points`` and ``frame.triangles``."""
@@ -129,11 +129,11 @@ class SimpleMethod(BaseMethod):
         raise NotImplementedError
 
     def trace_bounce(self, frame: Frame, bounce: int) -> None:
-        """Fill ``frame.hits(bounce)`` from ``frame.rays(bounce)``; asked for where ``simulates`` has "mirror"."""
+        """Fill ``frame.hits(bounce)`` from ``frame.rays(bounce)``. Needed only if ``simulates`` has "mirror"."""
         raise NotImplementedError
 
     def trace_bounce_shadow(self, frame: Frame, light: int, bounce: int) -> None:
-        """Fill row ``light`` of ``frame.bits(bounce)``: shadows where mirrored rays hit; with "mirror" as well."""
+        """Fill row ``light`` of ``frame.bits(bounce)``, the shadow bits of the hits of mirrored rays. With "mirror" only."""
         raise NotImplementedError
 
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:

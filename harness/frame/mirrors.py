@@ -1,9 +1,10 @@
-"""Mirrored rays: made once by the harness from the hits of the bounce before, and given alike to every method and truth.
+"""Mirrored rays. The harness makes them from the hits of the previous bounce, in the same way for every method and for
+the exact reference.
 
-The rays ARE the definition of what is mirrored: float32 arrays, so that the closest hit with t > 0 needs no rule that
-leaves a triangle out. A direction is reflected at the geometric normal in float64 and rounded once. A start is the
-hit point on its triangle's plane, computed anew in float64, moved off the surface to the side that the ray came
-from by :func:`left_surface`'s bound and rounded outward, so that no query in float32 finds the mirror again.
+The float32 rays define what is mirrored. The closest hit with t > 0 counts; no triangle is excluded. The direction is
+reflected at the geometric normal in float64 and rounded once. The origin is the hit point, computed again in float64 on
+the plane of its triangle, moved off the surface to the side that the ray came from by the bound of
+:func:`left_surface`, and rounded outward, so that no float32 query hits the mirror again.
 """
 
 from __future__ import annotations
@@ -20,24 +21,24 @@ from .specialise import effects, specialised
 from .vectors import largest, to_float32, to_float64
 
 GAMMA7 = wp.constant(wp.float64(7.0 * 2.0**-24 / (1.0 - 7.0 * 2.0**-24)))
-"""What seven float32 roundings amount to (Pharr, Jakob & Humphreys, PBRT, 4th edition, section 6.8)."""
+"""Relative error bound of seven float32 roundings (Pharr, Jakob & Humphreys, PBRT, 4th edition, section 6.8)."""
 
 FINE = wp.constant(wp.float64(2.0**-48))
-"""The float64 hit point's own rounding, 32 of its units."""
+"""Relative error of the float64 hit point: 32 units in the last place."""
 
 OUTWARD = wp.constant(wp.float64(2.0**-23))
-"""A unit in the last place, at least, of any float32."""
+"""At least one unit in the last place of any float32, relative."""
 
 
 @wp.func
 def spread(a: wp.float64, b: wp.float64, c: wp.float64, x: wp.float64) -> wp.float64:
-    """|x| and the largest distance from x to a, b and c: what a query subtracts along one axis."""
+    """|x| and the largest distance from x to a, b and c: the numbers that a query subtracts along one axis."""
     return wp.abs(x) + wp.max(wp.abs(a - x), wp.max(wp.abs(b - x), wp.abs(c - x)))
 
 
 @wp.func
 def outward(x: wp.float64, step: wp.float64) -> wp.float64:
-    """x + step, and a unit in the last place further, so that rounding to float32 never moves it back."""
+    """x + step and one more unit in the last place, so that rounding to float32 does not undo the step."""
     y = x + step
     if step > wp.float64(0.0):
         return y + OUTWARD * wp.abs(y)
@@ -50,11 +51,11 @@ def outward(x: wp.float64, step: wp.float64) -> wp.float64:
 def left_surface(
     h: wp.vec3d, side: wp.vec3d, way: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, size: wp.float64
 ) -> wp.vec3d:
-    """Where a ray along ``way`` starts that leaves the triangle (a, b, c) at h, on the side of the unit normal ``side``.
+    """Origin of the ray along ``way`` that leaves the triangle (a, b, c) at h, on the side of the unit normal ``side``.
 
-    Moved by what a float32 query may be wrong by across the surface: the coordinates that it subtracts and
-    multiplies, projected on the normal; and, where it measures along the ray, that ray's share of the triangle's
-    extent. ``size`` is the largest coordinate that h was made from.
+    The point h is moved by the error bound of a float32 query perpendicular to the surface: the coordinates that the
+    query subtracts and multiplies, projected on the normal, and for a query that measures along the ray, the extent of
+    the triangle along the ray. ``size`` is the largest coordinate that h was computed from.
     """
     reach = wp.max(largest(a - h), wp.max(largest(b - h), largest(c - h)))
     step = FINE * (reach + largest(h) + size) + GAMMA7 * (
@@ -105,7 +106,7 @@ def mirror_kernel(
         side = -side
     start = to_float32(left_surface(h, side, way, a, b, c, largest(o)))
     onward = to_float32(way)
-    # A ray in the mirror's plane, which only an answer without a hit can name, leads nowhere.
+    # A ray in the plane of the mirror is not traced; only a wrong answer can produce one.
     if wp.isfinite(start) and wp.isfinite(onward):
         mirrored.origin[pixel] = start
         mirrored.direction[pixel] = onward
@@ -113,7 +114,7 @@ def mirror_kernel(
 
 
 def mirror_passes(frame: Frame, effects: Effects) -> list[Pass]:
-    """The passes that make the rays of each bounce from the hits of the one before."""
+    """The passes that make the rays of each bounce from the hits of the previous bounce."""
 
     def launch(bounce: int) -> None:
         before = bounce - 1
@@ -151,7 +152,7 @@ def traced_bounces(
 ) -> list[Pass]:
     """A method's own passes for mirrored rays, after those of its primary rays.
 
-    structure  what tracing reads of the method's resources (and of the harness's, where it needs more than surfaces)
+    structure  the resources of the method that tracing reads, and those of the harness apart from the surfaces
     trace      trace(bounce) fills ``frame.hits(bounce)`` from ``frame.rays(bounce)``, a miss where there is no ray
     shadow     shadow(light, bounce) fills row ``light`` of ``frame.bits(bounce)`` for those hits
     """

@@ -1,4 +1,4 @@
-"""A frame is a list of passes. Stages, graph capture, plans and launch lists all follow from that list."""
+"""A frame is a list of passes. Timed stages, graph capture and the schedule follow from that list."""
 
 from __future__ import annotations
 
@@ -17,20 +17,22 @@ BUILD_PARTS = ("build", "light build")
 class Pass:
     """One step of a frame.
 
-    name    what a person reads: "light 0: sort pairs"
-    part    the column it is counted in, one of :data:`PARTS`
-    reads   what must be there: "points" "triangles" "camera" "light/0" "hits", or a method's own resources
-    writes  what it makes: "hits" "visibility/0" "bvh" "light grid/0" ...
-    launch  launches only: no allocation, no read-back, no host synchronisation (unless the method says it is
-            not capturable)
-    effect  the effect that asks for it, or None where every frame needs it
-    scratch whether a library in it takes memory while it runs (scans and sorts do): what a captured graph launches under
-            a condition cannot hold such a pass, so there it is launched whether or not its neighbours are
-    ahead   whether no pass makes what it reads: a captured graph then runs it beside the passes that come before it
-    branch  neighbours that have one run beside each other in a captured graph, each branch in order, and may fork again
-            at the next number; elsewhere, and where a pass has a condition, all run one after another. (): none
-    adds    whether it only adds to what it writes (atomics, bits that stay set), so that another may do so at once
-    only_if int32 [1] on the device: launched only where it is not 0 (set by the harness, decided inside the frame)
+    name    shown to the user: "light 0: sort pairs"
+    part    the column of the time table that it belongs to, one of :data:`PARTS`
+    reads   resources that it reads: "points" "triangles" "camera" "light/0" "hits", or the method's own
+    writes  resources that it writes: "hits" "visibility/0" "bvh" "light grid/0" ...
+    launch  launches kernels only: no allocation, no read-back, no synchronisation with the host (unless the method is
+            declared not capturable)
+    effect  the effect that needs it, or None if every frame does
+    scratch whether a library call in it allocates memory while it runs (scans and sorts do). A conditional branch of a
+            captured graph cannot contain such a pass; there it is launched unconditionally
+    ahead   whether it reads no output of another pass of the frame; in a captured graph it then runs concurrently with
+            the passes before it
+    branch  branch numbers, one per level of nesting. In a captured graph, neighbouring passes with different numbers run
+            concurrently, passes with the same number in order. Without graph or with a condition all passes run in order
+    adds    whether it only adds to what it writes (atomics, bits that stay set), so that another pass may do so
+            concurrently
+    only_if int32 [1] on the device: the pass is launched only if it is not 0 (set by the harness inside the frame)
     """
 
     name: str
@@ -50,14 +52,14 @@ class Pass:
             raise ValueError(f"pass {self.name!r}: part {self.part!r} is not one of {PARTS}")
 
     def run(self) -> None:
-        """Launch it, if its condition says so."""
+        """Launch it, if its condition holds."""
         run_passes([self])
 
 
 class PassRunner:
-    """Launches passes on a device: one after another, or as a captured graph, as they are timed.
+    """Launches passes on a device, in order or as a captured graph.
 
-    passes      what :meth:`run`, :meth:`graph` and :meth:`replay` launch; may be replaced by others
+    passes      the passes that :meth:`run`, :meth:`graph` and :meth:`replay` launch; may be replaced
     capturable  whether they may be captured as a graph
     """
 
@@ -69,7 +71,7 @@ class PassRunner:
 
     @property
     def replays(self) -> bool:
-        """Whether the passes are timed as one graph: on CUDA, where they can be captured."""
+        """Whether the passes are timed as one graph: on CUDA, if they can be captured."""
         return self.capturable and wp.get_device(self.device).is_cuda
 
     def run(self) -> None:
@@ -85,7 +87,7 @@ class PassRunner:
         return self._graphs[chosen]
 
     def replay(self) -> None:
-        """Launch the passes as they are timed: the graph where there is one, plain launches elsewhere."""
+        """Launch the passes as they are timed: as a graph if possible, else one by one."""
         if self.replays:
             wp.capture_launch(self.graph())
         else:
@@ -93,7 +95,7 @@ class PassRunner:
 
 
 def run_passes(passes: Sequence[Pass]) -> None:
-    """Launch every pass in order. Neighbours under one condition are one branch, also of a captured graph."""
+    """Launch every pass in order. Neighbouring passes with the same condition form one conditional branch."""
     for only_if, group in itertools.groupby(passes, key=_condition):
         together = list(group)
         if only_if is None:
@@ -103,16 +105,18 @@ def run_passes(passes: Sequence[Pass]) -> None:
 
 
 def capture_passes(passes: Sequence[Pass], device: str) -> Any:
-    """The passes as a graph (CUDA). Those that may run ahead are a branch of their own, joined where they stand.
+    """The passes as a graph (CUDA). Each ``ahead`` pass is a branch that joins at its place in the list.
 
-    Raises ValueError where one of these reads what a pass of the frame makes, and where passes that would run beside each
-    other share what one of them writes.
+    Raises ValueError if an ``ahead`` pass reads the output of another pass of the frame, and if concurrent passes use a
+    resource that one of them writes.
     """
     made = {name for work in passes for name in work.writes}
     early = [work for work in passes if work.ahead and work.only_if is None]
     for work in early:
         if not made.isdisjoint(work.reads):
-            raise ValueError(f"pass {work.name!r} cannot run ahead: it reads what the frame makes")
+            raise ValueError(
+                f"pass {work.name!r} cannot run ahead: it reads what another pass of the frame writes"
+            )
     place = passes.index(early[0]) if early else len(passes)
     _refuse_shared(passes)
     with wp.ScopedDevice(device), wp.ScopedCapture() as capture:
@@ -128,7 +132,7 @@ def capture_passes(passes: Sequence[Pass], device: str) -> Any:
 
 
 def _forks(passes: Sequence[Pass], depth: int) -> Iterator[tuple[bool, list[list[Pass]]]]:
-    """Groups to run one after another: whether the group forks at ``depth``, and its branches (one, where it does not)."""
+    """Groups of passes that run in order: whether the group forks at ``depth``, and its branches (one if it does not)."""
 
     def forks(work: Pass) -> bool:
         return len(work.branch) > depth and work.only_if is None
@@ -147,7 +151,7 @@ def _refuse_shared(passes: Sequence[Pass], depth: int = 0) -> None:
                 shared = {*work.reads, *work.writes}.intersection(beside.writes)
                 if shared and not (work.adds and beside.adds):
                     raise ValueError(
-                        f"pass {work.name!r} cannot run beside {beside.name!r}, which writes {min(shared)}"
+                        f"pass {work.name!r} cannot run concurrently with {beside.name!r}, which writes {min(shared)}"
                     )
         for branch in branches if forked else ():
             _refuse_shared(branch, depth + 1)
@@ -163,7 +167,7 @@ def _capture(passes: Sequence[Pass], device: str, depth: int = 0) -> None:
             continue
         ends = []
         for branch in branches:
-            with wp.ScopedStream(wp.Stream(device)) as stream:  # begins where the frame is
+            with wp.ScopedStream(wp.Stream(device)) as stream:  # the branch begins at this place of the frame
                 _capture(branch, device, depth + 1)
                 ends.append(stream.record_event())
         for end in ends:
@@ -171,7 +175,7 @@ def _capture(passes: Sequence[Pass], device: str, depth: int = 0) -> None:
 
 
 def _condition(work: Pass) -> wp.array | None:
-    """The condition of a pass, None where it cannot stand in a branch of the graph that is being captured."""
+    """The condition of a pass; None if it cannot be part of a conditional branch of the graph being captured."""
     if work.only_if is not None and work.scratch:
         device = work.only_if.device
         if device.is_cuda and device.stream.is_capturing:

@@ -1,9 +1,9 @@
-"""The mask of receivers as a pass: made once a light by the harness, read by every method alike.
+"""Receivers: the hits that have a shadow ray to a light. A pass of the harness marks them for every method.
 
-The rule is :mod:`.judge.receivers`'s, in the same float64 arithmetic; a hit point is that of the answer's triangle, computed
-anew, so that the mask depends on no method's own numbers. The pass clears the light's row of shadow bits and records on
-the device whether anything receives the light: where nothing does, the light's other passes are not launched
-(:func:`skippable`); in a captured graph the device decides that.
+The rule and its float64 arithmetic are those of :mod:`.judge.receivers`. The hit point is computed again from the
+triangle of the answer, so that the mask does not depend on a method's own t. The pass clears the light's row of shadow
+bits and records on the device whether the light has any receiver. If not, the light's other passes are not launched
+(:func:`skippable`); in a captured graph the device decides this.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ DOUBT64 = wp.constant(wp.float64(DOUBT))
 
 @wp.func
 def in_spot(spots: wp.array2d(dtype=wp.float64), index: wp.int32, v: wp.vec3d) -> wp.bool:
-    """Whether a point v away from the light lies in its spot: as in :func:`.judge.receivers.receivers`."""
+    """Whether the point at offset v from the light lies in its spot: as in :func:`.judge.receivers.receivers`."""
     kind = spots[index, 0]
     if kind == wp.float64(0.0):
         return True
@@ -46,7 +46,8 @@ def in_spot(spots: wp.array2d(dtype=wp.float64), index: wp.int32, v: wp.vec3d) -
 
 @wp.func
 def faces(n: wp.vec3d, size: wp.float64, seen: wp.vec3d, lit: wp.vec3d) -> wp.bool:
-    """Whether eye and light, ``seen`` and ``lit`` away, may lie on one side of the plane (``judge.receivers.facing``)."""
+    """Whether eye and light, at offsets ``seen`` and ``lit``, may lie on one side of the plane
+    (``judge.receivers.facing``)."""
     side_e = wp.dot(n, seen)
     side_l = wp.dot(n, lit)
     sure_e = wp.abs(side_e) > size * largest(seen)
@@ -92,11 +93,11 @@ def receivers_kernel(
         wanted = faces(n, largest(e) * largest(f) * DOUBT64, o - a, place - a)
     receivers[light, pixel] = wp.uint8(wanted)
     if wanted and reached[0] == 0:
-        reached[0] = 1  # every thread that writes writes the same
+        reached[0] = 1  # all threads write the same value
 
 
 def receiver_passes(frame: Frame, effects: Effects) -> list[Pass]:
-    """A pass for every light that only some hit points have a shadow ray to, and for every bounce."""
+    """One pass per bounce and per light to which only some hit points have a shadow ray."""
 
     def launch(light: int, bounce: int) -> None:
         reached = reached_by(frame, light, bounce)
@@ -133,13 +134,13 @@ def receiver_passes(frame: Frame, effects: Effects) -> list[Pass]:
 
 
 def skippable(passes: list[Pass], frame: Frame, effects: Effects) -> list[Pass]:
-    """The same passes, those of a light with a mask given only that something receives it.
+    """The same passes, with the condition that the light has a receiver added to the passes of each masked light.
 
-    Where rays bounce, what a method builds for a light serves the hits of every bounce, so that only the passes
-    that trace its rays, which read the mask of their own hits, are given. In a captured graph passes that take scratch
-    memory run in any case, on the data of the last frame that was traced; their results are then not read.
+    If rays bounce, the structure that a method builds for a light serves the hits of every bounce. So only the tracing
+    passes, which read the mask of their own hits, get the condition. In a captured graph, passes with scratch memory
+    always run; without receivers they process the data of the last traced frame, and their results are not read.
     """
-    # One array a condition: neighbours under the same one are one branch.
+    # One array per condition: neighbouring passes with the same condition form one branch.
     given: dict[str | None, wp.array] = {}
     for i in range(len(effects.shadows)):
         for b in range(effects.bounces + 1):
@@ -155,6 +156,6 @@ def skippable(passes: list[Pass], frame: Frame, effects: Effects) -> list[Pass]:
 
 
 def reached_by(frame: Frame, light: int, bounce: int) -> wp.array:
-    """Int32 [1]: not 0 where a hit of the bounce receives the light."""
+    """Int32 [1]: not 0 if a hit of the bounce is a receiver of the light."""
     at = bounce * frame.light_count + light
     return frame.reached[at : at + 1]

@@ -1,7 +1,7 @@
-"""Finding methods by name: folders of the methods package, and entry points of other packages.
+"""Find methods by name: subpackages of ``shadowbench.methods``, and entry points of other packages.
 
-The harness never names a method; a built-in one is a subpackage of ``shadowbench.methods`` that has a ``METHOD``.
-A package of someone else's declares ``[project.entry-points."shadowbench.methods"]  name = "package:Class"``.
+A built-in method is a subpackage of ``shadowbench.methods`` with an attribute ``METHOD``; the harness itself names no
+method. Another package declares ``[project.entry-points."shadowbench.methods"]  name = "package:Class"``.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ PACKAGE = __name__.rsplit(".", 3)[0] + ".methods"
 
 
 def method_names() -> list[str]:
-    """Every method that can be asked for, built in first."""
+    """The names of all methods, built-in ones first."""
     return [*_built_in(), *(name for name in sorted(_entry_points()) if name not in _built_in())]
 
 
@@ -55,7 +55,7 @@ def method_class(name: str) -> type[Method]:
 
 @dataclass(frozen=True)
 class Parameter:
-    """What can be set of a method. ``meaning``: from the docstring of its dataclass; ``allowed``: its rule, in words."""
+    """A parameter of a method. ``meaning``: from the docstring of its dataclass; ``allowed``: the allowed values."""
 
     name: str
     default: Any
@@ -85,7 +85,7 @@ def parameters(cls: type[Method]) -> list[Parameter]:
 
 
 def _meanings(block: type) -> dict[str, str]:
-    """What a docstring says of each field, in lines ``name  meaning`` that may go on in indented ones."""
+    """The description of each field in a docstring: lines ``name  meaning``, continued by indented lines."""
     names = {entry.name for entry in dataclasses.fields(block)}
     found: dict[str, list[str]] = {}
     words: list[str] = []
@@ -101,21 +101,21 @@ def _meanings(block: type) -> dict[str, str]:
 
 
 def _allowed(block: Any, name: str, kind: type) -> str:
-    """The rule for a parameter: what its dataclass says when it refuses a value that nobody can mean."""
+    """The allowed values of a parameter, from the error of its dataclass for an invalid value."""
     if kind is bool:
         return "must be true or false"
     for value in {int: (-(2**63),), float: (math.nan, -math.inf), str: ("",)}.get(kind, ()):
         try:
             dataclasses.replace(block, **{name: value})
         except ValueError as error:
-            return str(error)[max(0, str(error).find("must ")) :]  # without the names before
-        except Exception:  # a stranger's class may fail otherwise on such a value
+            return str(error)[max(0, str(error).find("must ")) :]  # without the name of the parameter
+        except Exception:  # a class may raise any error for such a value
             break
     return ""
 
 
 def make_method(name: str, settings: dict[str, str] | None = None) -> Method:
-    """A method with some of its parameters set from text, as ``--set method.param=value`` gives them."""
+    """A method with parameters given as text, as in ``--set method.param=value``."""
     cls = method_class(name)
     blocks = {"trace": cls.Trace(), "build": cls.Build()}
     place = {entry.name: part for part, block in blocks.items() for entry in dataclasses.fields(block)}

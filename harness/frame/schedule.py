@@ -1,4 +1,4 @@
-"""Which passes of a frame run: those that its outputs need, and of these those whose inputs changed.
+"""Which passes of a frame run: those that its outputs need and whose inputs changed.
 
 This follows from the resources that each pass reads and writes (:class:`.frame.passes.Pass`). Resources are names. The
 inputs of a frame are :data:`INPUTS` and ``light/i``; its outputs follow from its effects (:func:`wanted_of`).
@@ -40,7 +40,7 @@ def inputs_of(light_count: int) -> tuple[str, ...]:
 
 
 def arranged(passes: Sequence[Pass], added: Sequence[Pass]) -> list[Pass]:
-    """``passes`` with those of the harness, ``added``, each as early as possible: after the writers of what it reads."""
+    """``passes`` and those of the harness, ``added``, each as early as possible after the passes whose output it reads."""
     result = list(passes)
     for extra in added:
         place = 0
@@ -52,7 +52,7 @@ def arranged(passes: Sequence[Pass], added: Sequence[Pass]) -> list[Pass]:
 
 
 def live(passes: Sequence[Pass], wanted: Collection[str]) -> list[Pass]:
-    """The passes that the ``wanted`` resources need, directly or not, in order."""
+    """The passes that the ``wanted`` resources depend on, directly or indirectly, in order."""
     needed = set(wanted)
     kept: list[Pass] = []
     for work in reversed(passes):
@@ -70,8 +70,7 @@ def stale(passes: Sequence[Pass], changed: Collection[str]) -> list[Pass]:
 def steps(passes: Sequence[Pass], changed: Collection[str]) -> list[Step]:
     """Every pass, whether it runs and why, if only the ``changed`` inputs differ from those of the last frame.
 
-    A pass runs if something that it reads has changed, or if another pass runs that writes the same resource, which the
-    two make together.
+    A pass runs if a resource that it reads has changed, or if another pass that writes the same resource runs.
     """
     dirty = dict.fromkeys(changed, "")
     why: dict[int, str] = {}
@@ -88,7 +87,7 @@ def steps(passes: Sequence[Pass], changed: Collection[str]) -> list[Step]:
                 cause = next((name for name in work.writes if name in dirty), None)
                 if cause is None:
                     continue
-                why[k] = f"{cause} is made anew"
+                why[k] = f"{cause} is written again"
             dirty.update(dict.fromkeys(work.writes, ""))
             found = True
     return [

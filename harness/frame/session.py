@@ -1,4 +1,4 @@
-"""One method on the frames of a scene: plan its passes, load a moment, run, and grow capacities that are exceeded.
+"""Run one method on the frames of a scene: plan its passes, load a frame, run it, and enlarge buffers that overflow.
 
 Timing, verification, rendering and tests all run methods through a session.
 """
@@ -23,7 +23,7 @@ from .schedule import arranged, inputs_of, live, stale, wanted_of
 from .shading import shading_passes
 
 GROWTH_LIMIT = 8
-"""How often a frame is repeated before a method whose needs keep growing is an error."""
+"""Largest number of repetitions of a frame; if a buffer still overflows then, the method is in error."""
 
 
 class Session(PassRunner):
@@ -32,7 +32,7 @@ class Session(PassRunner):
     planned     the passes of the method and of the harness
     all_passes  those that the outputs of the frame need
     passes      those that :meth:`run` and :meth:`graph` launch: all, or fewer after :meth:`select`
-    made        the moment whose complete frame the arrays hold, which :meth:`advance` starts from, or None
+    made        the moment of the complete frame in the arrays, from which :meth:`advance` continues, or None
     regrown     how often a capacity was exceeded, so that the frame was discarded and run again
     """
 
@@ -111,7 +111,7 @@ class Session(PassRunner):
         Shadow bits are not: they are cleared where no ray is traced.
         """
         wanted = set(wanted_of(self.effects))
-        launched: dict[wp.array, bool] = {}  # passes share conditions: each is read back once
+        launched: dict[wp.array, bool] = {}  # passes share conditions; each condition is read back once
         for work in self.passes:
             if work.only_if is None or wanted.issuperset(work.writes):
                 continue
@@ -123,7 +123,7 @@ class Session(PassRunner):
                 self._outdated.add(work)
 
     def _outdated_inputs(self, passes: Collection[Pass]) -> set[str]:
-        """Resources to make again before ``passes`` run: outdated ones of the same lights."""
+        """The outdated resources of the lights of ``passes``, which must be written again before these run."""
         return {
             name
             for skipped in self._outdated
@@ -132,9 +132,9 @@ class Session(PassRunner):
         }
 
     def run_complete(self) -> None:
-        """Run the frame, again after each growth, until no capacity is exceeded. Replays of the same moment then fit.
+        """Run the frame until no buffer overflows, enlarging buffers after each run. Replays of the same frame then fit.
 
-        Raises :class:`~.errors.CapacityRejected` where a need lies beyond the limits.
+        Raises :class:`~.errors.CapacityRejected` if a need exceeds the limits.
         """
         for _ in range(GROWTH_LIMIT):
             self.run()
@@ -143,7 +143,9 @@ class Session(PassRunner):
                 if self.passes is self.all_passes:
                     self.made = self.frame.host
                 return
-        raise RuntimeError(f"{self.method.name}: needs still grow after {GROWTH_LIMIT} repeats of one frame")
+        raise RuntimeError(
+            f"{self.method.name}: buffers still overflow after {GROWTH_LIMIT} repeats of one frame"
+        )
 
     def overflowed(self) -> bool:
         """Whether the last frame exceeded a capacity. If so, the capacity is raised and the frame must be run again."""
@@ -169,16 +171,16 @@ class Session(PassRunner):
         return self.frame.answers.to_host()
 
     def poison(self) -> None:
-        """Fill the answers that :attr:`passes` write with values that no method may leave behind.
+        """Fill the answers that :attr:`passes` write with invalid values.
 
-        Shadow bits of lights that cast none are nobody's to write: they are 0. Where only some lights are traced again
-        (:meth:`select`), the bits of the others and the hit points stay, mirrored ones among them.
+        The bits of lights without shadows are 0, because no pass writes them. After :meth:`select`, the answers that
+        no selected pass writes stay as they are.
         """
         answers, written = self.frame.answers, {name for work in self.passes for name in work.writes}
         whole = self.passes is self.all_passes or "hits" in written
         if whole:
             answers.poison()
-        for i in range(len(answers.visibility)):  # a frame without lights has a row too
+        for i in range(len(answers.visibility)):  # a frame without lights has one row, too
             if whole and (i >= len(self.effects.shadows) or not self.effects.shadows[i]):
                 answers.visibility[i].zero_()
                 for bounce in range(1, self.effects.bounces + 1):

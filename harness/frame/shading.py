@@ -1,13 +1,13 @@
-"""Shading: linear colour of each pixel from its hits, shadow bits and mirrored hits. One kernel for frames and pictures.
+"""Shading: linear colour of each pixel from its hits, shadow bits and mirrored hits. Frames and pictures use one kernel.
 
-Surfaces are diffuse and two-sided: the geometric normal is turned to where the ray came from. A light adds its colour
-times intensity times the cosine, times what its spot sends that way (nothing outside, cos^falloff inside); it does not
-grow weaker with distance, so that a scene looks the same at any scale. A light behind the side that is seen, and one
-whose bit says shadowed, add nothing. With the geometric normal this leaves no terminator to hide: a triangle is dark
-by the cosine exactly where its own plane would shadow it, and no triangle shadows its own plane. A mirror shows
-:data:`REFLECTANCE` of what its ray meets over the rest of its own surface.
+Surfaces are diffuse and two-sided: the geometric normal is turned towards the origin of the ray. A light adds colour
+times intensity times the cosine, times the spot's factor (0 outside, cos^falloff inside); there is no attenuation with
+distance, so that a scene looks the same at any scale. A light behind the visible side and a light whose shadow bit is
+set add nothing. Because the geometric normal is used, there is no terminator problem: the cosine is zero or less exactly
+where the triangle's own plane would shadow it. A mirror adds :data:`REFLECTANCE` of the colour that its ray sees to the
+rest of its own colour.
 
-What is shown is what a method answered: the triangle decides the normal, t the place. A wrong answer is seen as one.
+The picture shows the answers of a method: the triangle gives the normal, t the position. Wrong answers are visible.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ from .vectors import to_float64
 AMBIENT = wp.constant(wp.float64(0.22))
 HEADLIGHT = wp.constant(wp.float64(0.05))
 SKYLIGHT = wp.constant(wp.vec3d(0.96, 0.99, 1.04))
-"""Colour of the ambient light: light from the sky is a little blue."""
+"""Colour of the ambient light, slightly blue as from the sky."""
 
 SKY_TOP = wp.constant(wp.vec3d(0.60085957, 0.70707411, 0.84391996))
 SKY_BOTTOM = wp.constant(wp.vec3d(0.93063122, 0.95278825, 0.97524999))
-"""Linear radiance of the background: the colours (0.80, 0.86, 0.93) and (0.96, 0.97, 0.98) once displayed."""
+"""Linear radiance of the background; displayed as the colours (0.80, 0.86, 0.93) and (0.96, 0.97, 0.98)."""
 
 REFLECTANCE = wp.constant(wp.float64(0.85))
-"""Share of a mirror's colour that is what it reflects; the rest is its own surface."""
+"""Share of the reflection in the colour of a mirror; the rest is the colour of its surface."""
 
 ZERO = wp.constant(wp.float64(0.0))
 ONE = wp.constant(wp.float64(1.0))
@@ -49,19 +49,19 @@ ONE = wp.constant(wp.float64(1.0))
 
 @wp.func
 def sky(share: wp.float64) -> wp.vec3d:
-    """The background, 0 at the top to 1 at the bottom."""
+    """The background colour; the argument is 0 at the top and 1 at the bottom."""
     return SKY_TOP * (ONE - share) + SKY_BOTTOM * share
 
 
 @wp.func
 def sky_along(d: wp.vec3d, up: wp.vec3d) -> wp.vec3d:
-    """What a mirrored ray sees that meets nothing."""
+    """The background colour for a mirrored ray that hits nothing."""
     return sky((ONE - wp.dot(wp.normalize(d), up)) * wp.float64(0.5))
 
 
 @wp.struct
 class Looks:
-    """What surfaces and lights look like.
+    """Appearance of surfaces and lights.
 
     up      the camera's up direction, unit length
     count   triangles of the scene
@@ -88,7 +88,7 @@ def radiance(
     looks: Looks,
     visibility: wp.array2d(dtype=wp.uint8),
 ) -> wp.vec3d:
-    """What the surface of triangle ``hit`` sends back along the ray o + t d."""
+    """The radiance from the surface of triangle ``hit`` towards the origin of the ray o + t d."""
     corners = corners_of(mesh, hit)
     a = to_float64(corners.a)
     n = wp.normalize(wp.cross(to_float64(corners.b) - a, to_float64(corners.c) - a))
@@ -125,11 +125,11 @@ def color_kernel(
     mirrored: Bounces,
     color: wp.array(dtype=wp.vec3f),
 ):
-    """The linear colour of pixel ``start`` + thread, written at the thread's own place."""
+    """The linear colour of pixel ``start`` + thread index, written at the thread index."""
     pixel = start + wp.tid()
     hit = hits.triangle[pixel]
     t = hits.t[pixel]
-    # An answer that names no triangle of this scene is shown as a miss; the score is what reports it.
+    # An answer with an invalid triangle index is shown as a miss; the score reports it.
     seen = sky(wp.float64(pixel // camera.width) / wp.float64(wp.max(1, camera.height - 1)))
     if hit >= 0 and hit < looks.count and wp.isfinite(t):
         ray = ray_of(camera, pixel)
@@ -157,13 +157,13 @@ def color_kernel(
 
 
 def unit_up(up: Sequence[float]) -> wp.vec3d:
-    """A camera's up direction, unit length; zero where it has none."""
+    """The up direction of a camera, unit length; zero if the camera has none."""
     vector = np.asarray(up, dtype=np.float64)
     return wp.vec3d(*(vector / (np.linalg.norm(vector) or 1.0)))
 
 
 def shading_passes(frame: Frame, effects: Effects) -> list[Pass]:
-    """The pass that fills ``frame.color``, where colour is wanted."""
+    """The pass that fills ``frame.color``, if colour is an output."""
     if not effects.color:
         return []
     looks = filled(
@@ -210,10 +210,11 @@ def shaded(
     lights: Sequence[Light],
     block: int,
 ) -> Iterator[tuple[slice, NDArray[np.float32]]]:
-    """Linear colours float32 [n, 3] of answers on the host (:meth:`.frame.frame.Answers.to_host`), ``block`` pixels a time.
+    """Linear colours float32 [n, 3] of answers on the host (:meth:`.frame.frame.Answers.to_host`), in blocks of ``block``
+    pixels.
 
-    Of lights without shadows the bits do not count. ``lights`` has the looks; places and spots are the moment's.
-    On the CPU, or, where Warp cannot compile for it, on the first GPU.
+    The bits of lights without shadows do not count. ``lights`` gives colours and flags; positions and spots come from
+    the moment. Runs on the CPU; if Warp cannot compile for it, on the first GPU.
     """
     device = "cpu" if wp.is_cpu_available() else "cuda:0"
 
@@ -267,4 +268,4 @@ BOUNCED = (
     ("origin", wp.vec3f), ("direction", wp.vec3f), ("active", wp.uint8),
     ("triangle", wp.int32), ("t", wp.float32), ("visibility", wp.uint8),
 )  # fmt: skip
-"""What the kernel reads of mirrored rays: name and type."""
+"""The arrays of mirrored rays that the kernel reads: name and type."""

@@ -1,10 +1,9 @@
-"""Kernels compiled for the effects that a frame calls for, and for nothing else.
+"""Compile kernels for exactly the effects that a frame needs.
 
-A kernel says what an effect adds in a branch under ``if wp.static(effects.NAME):``, where ``effects`` is this
-module's :data:`effects`, with everything off. :func:`specialised` makes the same kernel anew with other switches on;
-Warp leaves a branch out of the code where its condition is off, so that what is not asked for costs nothing, which
-``tests/frame/test_effects_compiled.py`` proves on the machine code. The variants are made when they are first asked for
-and kept.
+In a kernel, the code of an effect is in a branch ``if wp.static(effects.NAME):``, where ``effects`` is this module's
+:data:`effects`, with every switch off. :func:`specialised` makes a variant of the kernel with other switches on. Warp
+does not compile a branch whose condition is false, so an effect that is not needed costs nothing;
+``tests/frame/test_effects_compiled.py`` tests this on the machine code. Variants are made on first use and cached.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from ..scene.effects import Switches
 NAMES = tuple(field.name for field in fields(Switches))
 
 effects = Switches()
-"""What a kernel is compiled for unless it is specialised: nothing."""
+"""The switches of a kernel that is not specialised: all off."""
 
 
 @functools.cache
@@ -36,7 +35,7 @@ def named(kernel: wp.Kernel) -> tuple[str, ...]:
     }
     unknown = used - set(NAMES)
     if unknown:
-        raise ValueError(f"{kernel.key} names an effect that there is not: {', '.join(sorted(unknown))}")
+        raise ValueError(f"{kernel.key} uses an unknown effect: {', '.join(sorted(unknown))}")
     return tuple(name for name in NAMES if name in used)
 
 
@@ -46,7 +45,7 @@ def is_effects(node: ast.AST) -> bool:
 
 
 def specialised(kernel: wp.Kernel, switches: Switches) -> wp.Kernel:
-    """``kernel`` compiled with ``switches``: itself where it names none of those that are on."""
+    """``kernel`` compiled with ``switches``; the kernel itself if it uses none of the switches that are on."""
     on = tuple(name for name in named(kernel) if getattr(switches, name))
     return _made(kernel, on) if on else kernel
 
@@ -68,7 +67,7 @@ def _made(kernel: wp.Kernel, on: tuple[str, ...]) -> wp.Kernel:
 
 
 def switch_sets(kernel: wp.Kernel) -> Iterator[Switches]:
-    """Every set of switches that makes another kernel of this one, the plain one first."""
+    """Every set of switches that gives a different variant of this kernel, the unspecialised one first."""
     names = named(kernel)
     for bits in range(1 << len(names)):
         yield Switches(**{name: bool(bits >> i & 1) for i, name in enumerate(names)})

@@ -1,4 +1,4 @@
-"""What kernels of harness and methods alike do to a vector: casts, the largest coordinate, the sum of all."""
+"""Vector functions for the kernels of the harness and of the methods: casts, largest coordinate, sum."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Starting Warp without chatter: nothing on standard output, and no warning that a machine without a GPU has none."""
+"""Start Warp without output on standard output and without its warning on machines that have no GPU."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import tempfile
 import warp as wp
 
 NO_DRIVER = "Could not find or load the NVIDIA CUDA driver"
-"""Warp's native code says so on standard error whenever it starts on a machine without a GPU."""
+"""Message of Warp's native code on standard error when it starts on a machine without a GPU."""
 
 
 def start_warp() -> None:
-    """Initialise Warp (again does nothing). Whatever it says on standard error but :data:`NO_DRIVER` is passed on."""
+    """Initialise Warp; a second call does nothing. Its output on standard error, except :data:`NO_DRIVER`, is kept."""
     wp.config.log_level = wp.LOG_WARNING
     sys.stderr.flush()
     kept = os.dup(2)

@@ -80,7 +80,7 @@ def test_no_command_shows_help(call):
         (["run", "table1", "--budget", "-1"], "--budget -1: must be more than 0"),
         (["run", "table1", "--budget", "nan"], "--budget nan: must be more than 0 and finite"),
         (["run", "table1", "--memory-limit", "-5"], "--memory-limit -5: must be more than 0 bytes"),
-        (["run", "table1", "--device", "cuda:77"], "no device 'cuda:77' on this machine; there is cpu"),
+        (["run", "table1", "--device", "cuda:77"], "no device 'cuda:77' on this machine; it has cpu"),
         (["run", "table1", "--scene-dir", "nowhere"], "nowhere: no such folder of scenes"),
         (["list", "method"], "list 'method': unknown kind; did you mean methods?"),
         (["show", "table2", "."], "no experiment 'table2'; did you mean table1?"),

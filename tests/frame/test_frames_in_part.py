@@ -90,7 +90,7 @@ def test_passes_that_share_what_one_writes_cannot_run_beside_each_other(given, p
     launched = []
     first = beside(*place, 0, writes=("bits",), launch=lambda: launched.append(0))
     other = beside(*place, 1, launch=lambda: launched.append(1), **given)
-    with pytest.raises(ValueError, match=r"cannot run beside .*, which writes bits"):
+    with pytest.raises(ValueError, match=r"cannot run concurrently with .*, which writes bits"):
         passes.capture_passes([first, other], "cpu")
     assert not launched
 
@@ -184,7 +184,7 @@ def test_pass_graph_on_a_small_frame():
     assert stale(kept, set()) == []
     reasons = {step.work.name: step.reason for step in steps(kept, {"camera"})}
     assert reasons["shadow"] == "hits changed"
-    assert reasons["clear"] == "bits is made anew"
+    assert reasons["clear"] == "bits is written again"
 
 
 # --- what a captured graph leaves out ------------------------------------------------------------------------------
