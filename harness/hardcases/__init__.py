@@ -1,7 +1,7 @@
-"""Hard cases: small scenes on which ray tracers are known to go wrong, each named, and with its exact answer.
+"""Hard cases: small named scenes on which ray tracers are known to give wrong answers.
 
-A case is a construction (:class:`.case.HardCase`); the exact referee gives the expected answer, and where a hand
-can say it, the case says it too. ``shadowbench check METHOD`` runs them all.
+A :class:`.case.HardCase` constructs the scene. The exact referee computes the expected answer; cases whose answer can be
+derived by hand also state it. ``shadowbench check METHOD`` runs all cases.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
-"""Hard cases: a named construction, the errors it provokes, and the counts that are known by hand.
+"""Hard cases: a named scene, the errors it provokes, and the counts that are known by hand.
 
-Rays through vertices and edges must be exact in float32. With the view along an axis, half widths that are powers
-of two (or small multiples) and an image side of a power of two, pixel centres lie at odd multiples of
-half / side: :func:`pixel_centres`. A plane at a dyadic depth is then met at dyadic points.
+Rays through vertices and edges must be exact in float32. If the view is along an axis, the half width is a power of two
+(or a small multiple) and the image side is a power of two, then the pixel centres are odd multiples of half / side:
+:func:`pixel_centres`. Rays then meet a plane at a dyadic depth in dyadic points.
 
-To put receivers where a case wants them, the camera looks at a plane of receivers from its far side: visibility
-is geometric, so the plane itself never shadows its own points, and the occluder does not hide them.
+To place receivers freely, the camera looks at a plane of receivers from the side that is away from the light. Visibility
+is geometric: the plane does not shadow its own points, and the occluder does not hide them from the camera.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ F64 = NDArray[np.float64]
 Mesh = tuple[F64, NDArray[np.int64]]
 
 EXCUSABLE = 0.02
-"""The largest share of a case's rays whose answers may be excused because an edge is near. Many cases aim rays at edges.
-A triangle test that is exact, or decides doubtful cases in float64, needs at most 0.014."""
+"""Largest share of the rays of a case whose answers may be excused because an edge is near. Many cases aim rays at edges.
+With a triangle test that is exact, or that decides uncertain cases in float64, the share is at most 0.014."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Counts:
     shadowed: tuple[int | None, ...] | None = None
 
     def agrees(self, exact: Counts) -> bool:
-        """Whether everything stated here is so in ``exact``, which states everything."""
+        """Whether every count stated here equals that in ``exact``, which states all counts."""
         if self.hit not in (None, exact.hit):
             return False
         if self.shadowed is None or exact.shadowed is None:
@@ -55,13 +55,13 @@ class Counts:
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """One moment of a case, ready to trace.
+    """One frame of a case, ready to trace.
 
-    stated      by hand, for people; a test holds it against the exact answer
-    same_lights pairs of lights whose rows of bits must be the same
-    watertight  a pixel that exactly hits must hit, and one exactly shadowed must be: here no nearness of an edge
-                excuses a miss. Every edge that a ray meets is shared by triangles on both of its sides; or (P08)
-                it is the border of a flat sheet, and all that decides is exact in float32
+    stated      counts derived by hand; a test compares them with the exact answer
+    same_lights pairs of lights that must have the same shadow bits
+    watertight  a miss is an error wherever the exact ray hits, and a lit pixel wherever the exact bit is shadowed, even
+                if an edge is near. Every edge that a ray meets is shared by triangles on both of its sides; or (P08) it
+                is the border of a flat sheet, and the decision is exact in float32
     """
 
     prepared: Prepared
@@ -73,10 +73,10 @@ class Trial:
 
 @dataclass(frozen=True, eq=False)
 class HardCase:
-    """A named case. ``breaks``: which errors of a naive implementation it provokes. ``make`` builds it.
+    """A named case. ``breaks``: the errors of a naive implementation that it provokes. ``make`` builds the scene.
 
-    ``refused``: the scene cannot be made; making it must raise :class:`~..errors.UserError`.
-    ``excusable``: the share of its rays whose answers may be excused before the case fails all the same.
+    ``refused``: the scene is invalid; making it must raise :class:`~..errors.UserError`.
+    ``excusable``: largest share of its rays whose answers may be excused; with more, the case fails.
     """
 
     name: str
@@ -109,8 +109,8 @@ def view(
     """A trial from plain numbers.
 
     towards  direction of the view (not a point);  half: half height of the image plane at distance 1
-    turn     roll coordinates so often (x, y, z -> z, x, y), so that seams and poles lie elsewhere
-    scale, offset  applied to mesh, eye and lights after turning, in float64
+    turn     number of times that the coordinates are permuted (x, y, z -> z, x, y), which moves seams and poles
+    scale, offset  applied to mesh, eye and lights after the permutation, in float64
     """
     towards = np.asarray(towards, dtype=np.float64)
     if up is None:
@@ -153,7 +153,7 @@ def spot_light(position: Vector, direction: Vector, angle: float, rise: float | 
 
 
 def pixel_centres(count: int, half: float = 1.0) -> F64:
-    """Where pixel centres lie on the image plane at distance 1, from -half to half: odd multiples of half / count."""
+    """The pixel centres on the image plane at distance 1, from -half to half: odd multiples of half / count."""
     return (2 * np.arange(count) + 1 - count) / count * half
 
 
@@ -161,7 +161,7 @@ def pixel_centres(count: int, half: float = 1.0) -> F64:
 
 
 def triangles(*corners: Any) -> Mesh:
-    """Triangles from their corners, nothing shared."""
+    """Triangles from their corners, without shared vertices."""
     points = np.asarray(corners, dtype=np.float64).reshape(-1, 3)
     return points, np.arange(len(points)).reshape(-1, 3)
 
@@ -172,7 +172,7 @@ def quad(a: Any, b: Any, c: Any, d: Any) -> Mesh:
 
 
 def plane(axis: int, at: float, half: float, middle: tuple[float, float] = (0.0, 0.0)) -> Mesh:
-    """A square across ``axis``; ``middle`` along the next two axes."""
+    """A square perpendicular to ``axis``; ``middle`` gives its centre along the next two axes."""
     corners = np.zeros((4, 3))
     corners[:, axis] = at
     corners[:, (axis + 1) % 3] = middle[0] + half * np.array([-1, 1, 1, -1])
@@ -191,7 +191,7 @@ def joined(*meshes: Mesh) -> Mesh:
 
 
 def box(low: Any, high: Any) -> Mesh:
-    """A closed box of twelve triangles, wound outwards."""
+    """A closed box of twelve triangles that face outwards."""
     low, high = np.broadcast_to(low, 3), np.broadcast_to(high, 3)
     corners = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
     sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
@@ -202,8 +202,8 @@ def box(low: Any, high: Any) -> Mesh:
 def sheet(x: Any, y: Any, depth: Any) -> Mesh:
     """A welded grid of triangles in front of the origin, seen along -z.
 
-    ``x`` [m], ``y`` [n]: places on the image plane at distance 1. ``depth``: a number, or [n, m]: a vertex lies
-    at depth * (x, y, -1), so on the ray through (x, y) whatever its depth.
+    ``x`` [m], ``y`` [n]: coordinates on the image plane at distance 1. ``depth``: a number, or [n, m]. A vertex is
+    depth * (x, y, -1), so it lies on the ray through (x, y) at any depth.
     """
     x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
     across, along = np.meshgrid(x, y)
@@ -216,7 +216,7 @@ def sheet(x: Any, y: Any, depth: Any) -> Mesh:
 
 
 def closed_behind(mesh: Mesh, tip: Any) -> Mesh:
-    """A mesh with its border closed by a cone to ``tip``: the surface that an eye between the two sees all around."""
+    """A mesh whose border is closed by a cone to ``tip``; an eye between mesh and tip sees the surface all around."""
     points, faces = mesh
     edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     count = len(points)
@@ -226,13 +226,13 @@ def closed_behind(mesh: Mesh, tip: Any) -> Mesh:
 
 
 def split(mesh: Mesh) -> Mesh:
-    """The same triangles with vertices of their own: what a file without shared vertices gives."""
+    """The same triangles without shared vertices, as from a file that does not share them."""
     points, faces = mesh
     return points[faces].reshape(-1, 3), np.arange(3 * len(faces)).reshape(-1, 3)
 
 
 def moved(mesh: Mesh, by: Any, scale: float = 1.0) -> Mesh:
-    """A mesh scaled, then moved."""
+    """The mesh scaled, then translated."""
     return mesh[0] * scale + np.asarray(by, dtype=np.float64), mesh[1]
 
 
@@ -260,7 +260,7 @@ def ball(radius: float, centre: Any, rings: int = 6, sectors: int = 9) -> Mesh:
 
 
 def icosphere(times: int) -> Mesh:
-    """The unit sphere as an icosahedron whose triangles are cut in four so many times."""
+    """The unit sphere as an icosahedron whose triangles are repeatedly split into four."""
     g = (1 + 5**0.5) / 2
     points = [p for a in (-1.0, 1.0) for b in (-g, g) for p in ((0, a, b), (a, b, 0), (b, 0, a))]
     corners = np.array(points) / np.hypot(1, g)

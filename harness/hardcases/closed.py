@@ -1,8 +1,8 @@
-"""P12i, P29-P31, S19, S20, S31 and more: rays exactly through vertices and edges of closed surfaces, from within.
+"""P12i, P29-P31, S19, S20, S31 and more: rays exactly through vertices and edges of closed surfaces, from inside.
 
-Seen from within there is no silhouette: every vertex has a closed fan of neighbours around the ray, so a ray that
-hits nothing went through the surface, whatever was rounded. Sheets are closed by a cone behind the eye
-(:func:`~.case.closed_behind`); the eye, or the light, lies inside.
+From inside there is no silhouette: around every vertex that a ray meets, the triangles form a closed fan. So a ray that
+hits nothing has leaked through the surface, whatever the rounding. Sheets are closed by a cone behind the eye
+(:func:`~.case.closed_behind`); the eye or the light is inside.
 """
 
 from __future__ import annotations
@@ -36,16 +36,16 @@ UNWELDED = "edge planes built in the order of vertex indices"
 FAR = "cancellation in float64 edge functions, for rays through vertices"
 
 SIDE = 64
-"""Rays along a side of the image, where many are needed: holes are rare."""
+"""Side of the image in pixels for cases that need many rays, because leaks are rare."""
 
 ODD = ((1.0, 0.4, -0.8), (-0.3, 0.9, -0.5), (0.2, -0.1, 1.0))
-"""Views along no axis: directions with all bits of float32."""
+"""View directions that are not along an axis, so that all bits of a float32 direction are used."""
 
 
 def bumpy(every: int, unwelded: bool, shift: float = 0.0) -> Trial:
-    """A sheet whose vertices lie at mixed depths on the pixels' rays; coordinates are small dyadic numbers.
+    """A sheet whose vertices lie at varying depths on the rays of pixels; coordinates are small dyadic numbers.
 
-    ``every``: 1 vertices only, 2 vertices, edges and diagonals.
+    ``every``: 1: rays through vertices only; 2: rays through vertices, edges and diagonals.
     """
     x = pixel_centres(16)[::every]
     depth = 1 + np.random.default_rng(9).integers(0, 16, (len(x), len(x))) / 16
@@ -66,8 +66,8 @@ def directions(towards: tuple[float, float, float], half: float, side: int) -> F
 def on_rays(towards: tuple[float, float, float], half: float, deepest: int, side: int = SIDE) -> Mesh:
     """A closed surface with a vertex exactly on the float32 ray of every pixel, whatever its direction.
 
-    A vertex is its pixel's direction times a power of two up to 2^deepest, so nothing is rounded but the tests'
-    own arithmetic. The cone's tip lies as far behind the eye as the deepest vertex may lie before it.
+    A vertex is its pixel's direction times a power of two up to 2^deepest, so that only the arithmetic of the
+    intersection test rounds. The tip of the cone is as far behind the eye as the deepest vertex is in front of it.
     """
     depth = 2.0 ** np.random.default_rng(21).integers(0, deepest + 1, (side * side, 1))
     _, faces = sheet(np.arange(side), np.arange(side), 1.0)
@@ -78,7 +78,7 @@ def on_rays(towards: tuple[float, float, float], half: float, deepest: int, side
 def odd_vertices(
     towards: tuple[float, float, float], half: float, deepest: int, unwelded: bool = False
 ) -> Trial:
-    """Every ray of the image meets a vertex of :func:`on_rays`. No light, to keep hits apart: see :func:`odd_lights`."""
+    """Every ray of the image meets a vertex of :func:`on_rays`. Without lights; :func:`odd_lights` has them."""
     mesh = on_rays(towards, half, deepest)
     return view(
         split(mesh) if unwelded else mesh, [], ORIGIN, towards, half, (SIDE, SIDE),
@@ -89,10 +89,10 @@ def odd_vertices(
 def odd_lights(
     towards: tuple[float, float, float], half: float, deepest: int, side: int, behind: bool = True
 ) -> Trial:
-    """The same with a light at the eye, which sees what the eye sees, and one behind the eye where ``behind`` is set.
+    """The same with a light at the eye, and with ``behind`` one more behind the eye.
 
-    The deeper the surface, the flatter some rays meet the triangle that is named: where a hit point is off along such a
-    ray by more than its rounding, a neighbour that faces the ray shadows it.
+    The deeper the surface, the more grazing some rays meet their triangle. If a hit point is wrong along such a ray by
+    more than its rounding, a neighbouring triangle that faces the ray shadows it.
     """
     lights = [ORIGIN, tuple((-np.asarray(towards)).tolist())][: 1 + behind]
     return view(
@@ -102,9 +102,9 @@ def odd_lights(
 
 
 def odd_shadow_vertices(half: float) -> Trial:
-    """Every shadow ray meets a vertex of :func:`on_rays`, which holds the light; receivers lie beyond it.
+    """Every shadow ray meets a vertex of :func:`on_rays`, which contains the light; the receivers are outside.
 
-    From behind, pixels meet the plane z = -8 at eight times their directions from the light, exactly.
+    Seen from behind, the pixels' rays meet the plane z = -8 at exactly eight times their directions from the light.
     """
     mesh = on_rays((0, 0, -1), half, 2)
     return view(
@@ -116,7 +116,7 @@ def odd_shadow_vertices(half: float) -> Trial:
 def through_vertices(unwelded: bool, every: int) -> Trial:
     """Shadow rays exactly through the vertices (every = 1) or vertices, edges and diagonals (2) of a bumpy sheet.
 
-    The light is where an eye would be: a receiver at 4 (x, y, -1) is shadowed through the vertex on that ray.
+    The light is at the origin. A receiver at 4 (x, y, -1) is shadowed by the vertex on that ray.
     """
     x = pixel_centres(16)[::every]
     bumps = 1 + np.random.default_rng(5).integers(0, 8, (len(x), len(x))) / 8
@@ -129,9 +129,9 @@ def through_vertices(unwelded: bool, every: int) -> Trial:
 
 
 def through_rim() -> Trial:
-    """A flat sheet whose rim, met by the outer shadow rays, lies in faces of a box of its own; walls behind it.
+    """A flat sheet whose border, met by the outer shadow rays, lies in the faces of its bounding box; walls behind it.
 
-    Receivers at 3 (x, y, -1), sheet at (x, y, -1): thirds round, so that an unpadded box is missed at its face.
+    Receivers at 3 (x, y, -1), sheet at (x, y, -1): thirds are rounded, so a ray can miss an unpadded box at its face.
     """
     x = pixel_centres(16)
     return view(
@@ -141,10 +141,10 @@ def through_rim() -> Trial:
 
 
 def snapped_sphere(eye: tuple[float, float, float]) -> Mesh:
-    """An icosphere on a grid of 2^-12 whose vertices before the eye lie exactly on rays of pixels.
+    """An icosphere on a grid of 2^-12 whose vertices in front of the eye lie exactly on rays of pixels.
 
-    Each vertex before the eye moves to the nearest ray of an even column and row, at a depth on the grid: pixels
-    meet it exactly, and the pixel half way between two of them meets their edge. Nothing is rounded.
+    Each vertex in front of the eye is moved to the nearest ray of an even column and row, at a depth on the grid. Pixels
+    meet it exactly, and the pixel half way between two vertices meets their edge. Nothing is rounded.
     """
     points, faces = icosphere(3)
     arms = np.round(points * 4096) / 4096 - eye
@@ -169,11 +169,11 @@ def inside_sphere(eye: tuple[float, float, float]) -> Trial:
 
 
 AXES = np.array([(0.48, 0.64, 0.6), (0.8, -0.6, 0.0), (0.36, 0.48, -0.8)])
-"""Towards the far eye or light, and across."""
+"""The direction towards the distant eye or light, and a perpendicular one."""
 
 
 def far_shell(radii: float) -> Mesh:
-    """A bumpy patch of the size of a unit across the way to a point so many units off, closed behind that point."""
+    """A bumpy patch of size 1, perpendicular to the direction of a point ``radii`` away, closed behind that point."""
     x = np.linspace(-1, 1, 19)
     bumps = np.random.default_rng(17).uniform(-0.05, 0.05, (19, 19)).ravel()
     flat, faces = sheet(x, x, 1.0)
@@ -182,7 +182,7 @@ def far_shell(radii: float) -> Mesh:
 
 
 def far_inside(radii: float) -> Trial:
-    """The patch seen from within its shell, from afar: the rays' own rounding is larger than its triangles."""
+    """The patch seen from inside its shell, from far away: the rounding of the rays is larger than its triangles."""
     eye = AXES[0] * radii
     light = tuple((eye * 0.5).tolist())
     return view(
@@ -192,7 +192,7 @@ def far_inside(radii: float) -> Trial:
 
 
 def far_light_inside(radii: float) -> Trial:
-    """A far light within the shell, and a floor beyond the patch, seen from behind: all of it is dark."""
+    """A distant light inside the shell, and a floor behind the patch, seen from behind: the floor is all in shadow."""
     floor = [
         (-2.0 * AXES[0] + 0.75 * (i * AXES[1] + j * AXES[2])) for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))
     ]

@@ -1,7 +1,7 @@
-"""What every method must hold to whatever it answers: frames that follow one another, replays, and no allocation.
+"""Requirements on every method apart from right answers: sequences of frames, graph replays and allocations.
 
-Run by ``shadowbench check`` beside the hard cases, which look at single frames (right answers, every answer
-written, two runs alike).
+``shadowbench check`` tests them after the hard cases, which test single frames (right answers, every answer written, two
+runs with the same bits).
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Check:
 
 
 def moving_scene() -> Prepared:
-    """A ball that falls onto a floor and is squashed, and flies off in the last frame; two lights."""
+    """A ball that falls onto a floor, is squashed, and flies away in the last frame; two lights."""
     points, faces = joined(quad((-3, 0, -3), (3, 0, -3), (3, 0, 3), (-3, 0, 3)), ball(0.5, (0, 0.6, 0)))
 
     def positions(frame: int) -> NDArray[np.float64]:
@@ -49,7 +49,7 @@ def moving_scene() -> Prepared:
         result[4:] *= (1 + 0.3 * frame, 1 - 0.25 * frame, 1 + 0.1 * frame)
         result[4:] += (0.2 * frame, 0.4 if frame == 1 else 0.0, -0.3 * frame)
         if frame == FRAMES - 1:
-            result[4:] *= 40.0  # capacities must follow
+            result[4:] *= 40.0  # buffers must grow
         return result
 
     lights = (Light((1.0, 2.5, 0.5)), Light((-0.7, 0.3, 0.9)))
@@ -61,7 +61,7 @@ def moving_scene() -> Prepared:
 
 
 def moments(prepared: Prepared) -> list[Moment]:
-    """Every frame of the mesh, then one with camera and lights moved too, then the first one again."""
+    """Every frame of the mesh, then one in which camera and lights have also moved, then the first one again."""
     width, height = SIZE
     found = [prepared.moment(k, width, height) for k in range(FRAMES)]
     elsewhere = prepared.moment(
@@ -85,7 +85,7 @@ def conformance(make_method: Callable[[], Method], device: str) -> list[Check]:
     for name, test in zip(names, (_frames, _replays, _allocations, _unasked, _partial), strict=True):
         try:
             checks.append(test(name, make_method, prepared, device))
-        except Exception as error:  # a crash is what a check is there to find
+        except Exception as error:  # any exception is a finding of the check
             checks.append(Check(name, "error", f"{type(error).__name__}: {error}"))
     return checks
 
@@ -99,7 +99,7 @@ def _unlike(some: dict[str, NDArray], others: dict[str, NDArray]) -> list[str]:
 
 
 def _frames(name: str, make_method: Callable[[], Method], prepared: Prepared, device: str) -> Check:
-    """Frame k of one session has the bits of a fresh session's only frame: nothing stale is left in a buffer."""
+    """Frame k of a session has the same bits as the only frame of a new session: no buffer holds outdated data."""
     session = _session(make_method, prepared, device)
     for k, moment in enumerate(moments(prepared)):
         unlike = _unlike(session.answers(moment), _session(make_method, prepared, device).answers(moment))
@@ -109,10 +109,10 @@ def _frames(name: str, make_method: Callable[[], Method], prepared: Prepared, de
 
 
 def _partial(name: str, make_method: Callable[[], Method], prepared: Prepared, device: str) -> Check:
-    """A frame made from the last by running only the passes that read what changed has the bits of a whole frame.
+    """A frame made from the last one, by running only the passes whose inputs changed, has the bits of a complete frame.
 
-    So what passes say they read and write is true, and no buffer that outlives a frame is shared by accident. Once
-    more under a spot that nothing receives for a while: what was skipped must be made up for.
+    This tests that passes declare correctly what they read and write, and that no buffer is shared by mistake. It is
+    repeated with a spotlight that has no receivers in some frames: skipped work must be done later.
     """
     found = _in_turns(name, make_method, prepared, device, _turns(prepared))
     spotted = _spotted(make_method, prepared, device)
@@ -127,13 +127,13 @@ SPOTTED = (Light((1.0, 2.5, 0.5), spot=Spot((-1.0, -2.0, -0.5), 40.0)), Light((-
 
 
 def _spotted(make_method: Callable[[], Method], prepared: Prepared, device: str) -> Prepared | None:
-    """The scene under a spot, with shadow rays only where surfaces face a light; None for a method without."""
+    """The scene with a spotlight and shadow rays only where surfaces face a light; None if the method has no receivers."""
     scene = replace(prepared.scene, lights=SPOTTED, facing=True)
     return prepare(scene) if make_method().applies(scene, device) is None else None
 
 
 def _turns(prepared: Prepared) -> list[Turn]:
-    """What moves, one thing after another: (frame, camera, lights)."""
+    """Moments in which one input after the other changes: (frame, camera, lights)."""
     view, lights = Camera((-2.0, 0.4, -1.5), (0.0, 0.5, 0.0)), prepared.scene.lights
     moved = (lights[0].moved((0, 40, 3)), *lights[1:])
     return [
@@ -147,7 +147,7 @@ def _turns(prepared: Prepared) -> list[Turn]:
 
 
 def _turns_away() -> list[Turn]:
-    """The spot moves, and so does the mesh, while the camera looks where the spot reaches nothing; then it looks back."""
+    """Spotlight and mesh move while the camera sees no receiver of the spotlight; then the camera looks back."""
     away = Camera((0.3, 1.7, 3.1), (0.3, 30.0, 3.2))
     moved = (SPOTTED[0].moved((0.8, 2.8, 0.7)), SPOTTED[1])
     return [
@@ -163,7 +163,7 @@ def _turns_away() -> list[Turn]:
 def _in_turns(
     name: str, make_method: Callable[[], Method], prepared: Prepared, device: str, turns: list[Turn]
 ) -> Check:
-    """Frames in part, one after another, against whole frames of fresh sessions."""
+    """Compare partial frames in sequence with complete frames of new sessions."""
     session = _session(make_method, prepared, device)
     width, height = SIZE
     session.answers(prepared.moment(0, width, height))
@@ -175,14 +175,14 @@ def _in_turns(
             session.frame.answers.to_host(), _session(make_method, prepared, device).answers(moment)
         )
         if unlike:
-            return Check(name, "error", f"after {label}: {', '.join(unlike)} differ from a whole frame")
+            return Check(name, "error", f"after {label}: {', '.join(unlike)} differ from a complete frame")
     return Check(name)
 
 
 def _replays(name: str, make_method: Callable[[], Method], prepared: Prepared, device: str) -> Check:
-    """A captured graph gives the bits of plain launches when points, camera and lights have moved since.
+    """A captured graph gives the bits of plain launches, also after points, camera and lights have moved.
 
-    Once more under a spot, of which a graph leaves out what nothing receives.
+    This is repeated with a spotlight, whose passes the graph skips if it has no receivers.
     """
     found = _replayed(name, make_method, prepared, device, moments(prepared))
     spotted = _spotted(make_method, prepared, device)
@@ -197,11 +197,11 @@ def _replays(name: str, make_method: Callable[[], Method], prepared: Prepared, d
 def _replayed(
     name: str, make_method: Callable[[], Method], prepared: Prepared, device: str, shown: list[Moment]
 ) -> Check:
-    """Each moment by plain launches, then all of them again by replays."""
+    """Run each moment by plain launches, then all of them again by graph replays."""
     session = _session(make_method, prepared, device)
     if not session.replays:
         captures = session.method.capturable
-        return Check(name, "exempt", "graphs are a CUDA matter" if captures else "not capturable")
+        return Check(name, "exempt", "there are graphs on CUDA only" if captures else "not capturable")
     wanted = [(moment, session.answers(moment)) for moment in shown]
     for k, (moment, eager) in enumerate(wanted):
         session.load(moment)
@@ -209,7 +209,9 @@ def _replayed(
         session.replay()
         if session.overflowed():
             return Check(
-                name, "error", f"frame {k}: capacities that had sufficed were exceeded by its replay"
+                name,
+                "error",
+                f"frame {k}: its replay overflowed buffers that were large enough for the frame",
             )
         wp.synchronize_device(device)
         unlike = _unlike(session.frame.answers.to_host(), eager)
@@ -219,10 +221,10 @@ def _replayed(
 
 
 def _allocations(name: str, make_method: Callable[[], Method], prepared: Prepared, device: str) -> Check:
-    """A frame that runs again, as it is timed, allocates nothing through Warp, on any device.
+    """A frame that runs again, as it is timed, allocates no memory through Warp, on any device.
 
-    On CUDA that is a replay of its graph: a scan or a sort launched eagerly takes scratch memory each time, while
-    a graph owns what it captured.
+    On CUDA this is a replay of the graph: a scan or a sort that is launched eagerly allocates scratch memory each time,
+    while a graph owns the memory that it captured.
     """
     session = _session(make_method, prepared, device)
     if not session.method.capturable:
@@ -236,7 +238,7 @@ def _allocations(name: str, make_method: Callable[[], Method], prepared: Prepare
 
 
 def _unasked(name: str, make_method: Callable[[], Method], prepared: Prepared, device: str) -> Check:
-    """Lights that ask for no shadows change no closest hit and get bits of 0."""
+    """Lights without shadows do not change the closest hits, and their shadow bits are 0."""
     moment = moments(prepared)[0]
     both = _session(make_method, prepared, device).answers(moment)
     one = Session(make_method(), prepared, *SIZE, device, effects=Effects(shadows=(False, True))).answers(
@@ -252,7 +254,7 @@ def _unasked(name: str, make_method: Callable[[], Method], prepared: Prepared, d
 
 
 def counted_allocations(work: Callable[[], None]) -> tuple[int, str]:
-    """How often ``work`` allocates through Warp, its own native code included, and by what."""
+    """Number of allocations that ``work`` makes through Warp, including Warp's native code, and where."""
     reports: list[str] = []
     with wp.ScopedMemoryTracker("frame", report_func=reports.append) as tracker:
         tracker.clear()

@@ -1,4 +1,4 @@
-"""P01-P03, P07, P09-P10, P17-P18 and more: eyes in, on, near and far from what they see, and odd images."""
+"""P01-P03, P07, P09-P10, P17-P18 and more: eyes inside, on, near to and far from surfaces, and unusual image sizes."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ def across_the_eye(turn: int = 0) -> Trial:
 
 
 def many_across() -> Trial:
-    """Two hundred triangles of all sizes around the eye: many begin behind it."""
+    """Two hundred triangles of all sizes around the eye; many are partly behind it."""
     return view(
         soup(31, 200, 1.5, 0.5), [(0.1, 0.05, -0.1), (30, 20, 10)], ORIGIN, (0.2, 0.1, -1), 1.0, (24, 24)
     )
 
 
 def behind_the_eye() -> Trial:
-    """A triangle wholly behind the eye."""
+    """A triangle entirely behind the eye."""
     return view(
         triangles((-1, -1, 5), (1, -1, 5), (0, 1, 5)),
         [ABOVE],
@@ -55,7 +55,7 @@ def behind_the_eye() -> Trial:
 
 
 def inside_a_box() -> Trial:
-    """An eye inside a closed box: every pixel hits a back face; the eye's rays meet edges and a corner of it."""
+    """An eye inside a closed box: every pixel hits a back face; rays meet its edges and a corner."""
     return view(
         box(-1, 1), [(0.5, 0.5, 0.5), (0, 0, 9)], ORIGIN, (0, 0, -1), 2.0, (17, 17), watertight=True, stated=Counts(289),
         closed=True,
@@ -63,14 +63,14 @@ def inside_a_box() -> Trial:
 
 
 def into_a_corner() -> Trial:
-    """The middle ray goes exactly through the corner of the box, where three walls meet."""
+    """The central ray goes exactly through a corner of the box, where three walls meet."""
     return view(
         box(-1, 1), [ORIGIN], ORIGIN, (1, 1, 1), 0.75, (17, 17), watertight=True, stated=Counts(289, (0,))
     )
 
 
 def layers() -> Mesh:
-    """Three squares before the origin, one behind the other, of 64 cells each."""
+    """Three squares in front of the origin, one behind the other, of 64 cells each."""
     x = np.arange(-4, 5) / 4
     return joined(*[sheet(x / depth, x / depth, depth) for depth in (1.0, 2.0, 3.0)])
 
@@ -105,7 +105,7 @@ def in_the_plane() -> Trial:
 
 
 def diagonal_cells(start: float) -> Trial:
-    """The middle ray goes along x = y = z, through the corners of cells; triangles across it in each diagonal cell."""
+    """The central ray goes along x = y = z, through the corners of cells; each diagonal cell has triangles across it."""
     cells = np.arange(1.0, 5.0)
     corners = [p for k in cells for p in ((k + 1, k, k), (k, k + 1, k), (k, k, k + 1))]
     return view(
@@ -142,7 +142,7 @@ def far_away() -> Trial:
 
 
 def up_along_the_view() -> Trial:
-    """A camera whose up is its view: no picture, an error."""
+    """A camera whose up direction is its view direction: an error is expected."""
     return view(plane(2, 0, 1), [ABOVE], (0, 0, 4), (0, 0, -1), up=(0, 0, 1))
 
 

@@ -1,8 +1,8 @@
-"""P32, P33, S32, S33: what random examples found on methods without one of their pads, kept as they were found.
+"""P32, P33, S32, S33: cases found by random search on methods with one rounding margin (pad) removed.
 
-Each is a few triangles of small dyadic numbers whose borders rays meet exactly, seen by a tile of one pixel, or by
-one cell: no other case depends on these pads. With default settings they are ordinary; tests run them with those
-settings under which the pad decides.
+Each has a few triangles with small dyadic coordinates. Rays meet their borders exactly, in a tile of one pixel or in one
+cell. No other case depends on these pads. With default settings the cases are easy; tests run them with the settings for
+which the pad decides.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ def found(
     light: Light,
     size: tuple[int, int],
 ) -> Trial:
-    """A trial from numbers, to the last bit."""
+    """A trial from exact numbers."""
     mesh = np.array(points), np.array(faces)
     prepared = prepare(Scene("found", "Found", lambda: Geometry.static(*mesh), camera, (light,)))
     return Trial(prepared, prepared.moment(0, *size))
 
 
 def leaning_away() -> Trial:
-    """A triangle met at a corner and along its edges: all that tiles of a pixel see of it lies on their border."""
+    """A triangle met at a corner and along its edges; it touches tiles of one pixel only at their border."""
     return found(
         [(1.3177083730697632, 2.625, 0.468505859375), (1.2065972089767456, 1.625, 0.1907280832529068),
          (2.3177082538604736, 3.625, -0.5870497226715088)], [(0, 2, 1)],
@@ -40,7 +40,7 @@ def leaning_away() -> Trial:
 
 
 def in_one_cell() -> Trial:
-    """A triangle whose edge lies in the face of its box, where rays enter the grid; many cells."""
+    """A triangle with an edge in the face of its bounding box, where rays enter the grid; many cells."""
     return found(
         [(-0.0263671875, 0.000972747802734375, -0.01416015625), (-0.0263671875, 0.000972747802734375, -0.01806640625),
          (-0.0732421875, -0.013187408447265625, -0.0283203125)], [(0, 1, 2)],
@@ -53,7 +53,7 @@ def in_one_cell() -> Trial:
 
 
 def along_the_light() -> Trial:
-    """Directional light that two triangles share a vertex under: float32 places the rays beside their bounds."""
+    """A directional light and two triangles with a common vertex: float32 rounds the rays to outside their bounds."""
     return found(
         [(-0.102294921875, -0.096923828125, -0.078125), (-0.121826171875, -0.112548828125, -0.19921875),
          (-0.125732421875, -0.065673828125, -0.1171875), (-0.063232421875, -0.065673828125, -0.1796875),
@@ -67,7 +67,7 @@ def along_the_light() -> Trial:
 
 
 def far_light() -> Trial:
-    """A far light whose rays to three triangles differ by less than float32 tells."""
+    """A distant light whose rays to three triangles differ by less than float32 can resolve."""
     return found(
         [(-1.749755859375, -1.249755859375, -7.75), (-1.749755859375, -1.249755859375, -6.25),
          (0.249755859375, -1.249755859375, -7.75), (0.249755859375, -1.249755859375, -6.25),

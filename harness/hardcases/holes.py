@@ -1,7 +1,7 @@
-"""Triangles with holes: rays on the borders of texels, holes in duplicates, and light that falls through.
+"""Triangles with holes: rays on the borders of texels, holes in duplicate triangles, and light through holes.
 
-The bitmap is a chequerboard laid over x and y, so that rays through pixel centres meet texels where a case wants it:
-on their borders, or in their middle.
+The bitmap is a chequerboard over x and y, so that rays through pixel centres meet texels exactly on their borders, or in
+their middle.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ Mask = Callable[[Geometry], AlphaMask]
 
 
 def chequered(mesh: Mesh, side: float, count: int, turned: int = 0) -> Mask:
-    """The first ``count`` triangles of a mesh chequered over x and y, fields ``side`` long, a corner at the origin.
+    """A mask: the first ``count`` triangles get a chequerboard over x and y with fields of length ``side``.
 
-    ``turned``: so many of these, the last ones, have their fields swapped.
+    A corner of the board is at the origin. ``turned``: the last ``turned`` of these triangles have the fields swapped.
     """
     points, faces = mesh[0], np.asarray(mesh[1])
     coordinates = np.zeros((len(faces), 3, 2), dtype=np.float32)
@@ -35,7 +35,7 @@ def square(z: float, half: float) -> Mesh:
 
 
 def on_borders(scale: float) -> Trial:
-    """Every ray meets the common corner of four texels; at a scale that is no power of two, nearly so."""
+    """Every ray meets the common corner of four texels; exactly, if the scale is a power of two."""
     mesh = square(-1, 1.5)
     return view(
         mesh, [], (0, 0, 0), (0, 0, -1), 1.0, scale=scale, alpha=chequered(mesh, 1 / 16, 2),
@@ -44,7 +44,7 @@ def on_borders(scale: float) -> Trial:
 
 
 def along_a_border() -> Trial:
-    """Coordinates that never leave the border between a transparent row and an opaque one: nothing is rounded there."""
+    """Texture coordinates exactly on the border between a transparent and an opaque row; nothing is rounded."""
     mesh = square(-1, 1.5)
     flags, opaque = np.ones(2, dtype=np.uint8), np.array([[0], [1]], dtype=np.uint8)
     mask = AlphaMask(flags, np.zeros((2, 3, 2), dtype=np.float32), opaque)
@@ -52,7 +52,7 @@ def along_a_border() -> Trial:
 
 
 def in_duplicates() -> Trial:
-    """Two squares in one place: where one has a hole the other is opaque. Light from behind, and none falls through."""
+    """Two squares in one place: where one has a hole, the other is opaque. No light passes from behind."""
     mesh = joined(square(-1, 1.5), square(-1, 1.5), square(-3, 8))
     return view(
         mesh,
@@ -66,7 +66,8 @@ def in_duplicates() -> Trial:
 
 
 def grate(side: float, shadowed: int, turn: int = 0) -> Trial:
-    """A grate between a light and receivers seen from their far side: shadow rays in the middle of texels, or not."""
+    """A grate between a light and receivers that are seen from behind; shadow rays meet texels in the middle or on
+    borders."""
     mesh = joined(square(2, 1), plane(2, 4, 8))
     return view(
         mesh, [(0, 0, 0)], (0, 0, 8), (0, 0, -1), 0.5, turn=turn, alpha=chequered(mesh, side, 2),
@@ -75,7 +76,7 @@ def grate(side: float, shadowed: int, turn: int = 0) -> Trial:
 
 
 def caged_light(fields: int) -> Trial:
-    """A light in a ball full of holes over a floor, and one outside that shines through both walls of it."""
+    """A light inside a perforated ball over a floor, and a light outside that shines through both of its walls."""
     mesh = joined(ball(0.5, (0, 0.6, 0)), quad((-3, 0, -3), (3, 0, -3), (3, 0, 3), (-3, 0, 3)))
     count = len(mesh[1])
     corners = np.array([[0, 0], [fields / 2, 0], [0, fields / 2]], dtype=np.float32)

@@ -1,4 +1,4 @@
-"""P17: images whose sides divide by nothing, small, narrow and large."""
+"""P17: images with unusual sides: prime numbers, small, narrow and large."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .case import HardCase, Trial, ball, joined, quad, triangles, view
 
 
 def odd_image(width: int, height: int) -> Trial:
-    """A ball on a floor in an image whose sides divide by nothing."""
+    """A ball on a floor in an image whose sides are not multiples of a tile or block size."""
     floor = quad((-3, 0, -3), (3, 0, -3), (3, 0, 3), (-3, 0, 3))
     return view(
         joined(floor, ball(0.5, (0, 0.6, 0))), [(1, 2.5, 0.5)], (0.3, 1.7, 3.1), (-0.1, -0.45, -1),
@@ -19,9 +19,9 @@ def odd_image(width: int, height: int) -> Trial:
 
 
 def large_image(width: int, height: int) -> Trial:
-    """Small triangles at the corners, along the sides and in the middle of a large image, before nothing.
+    """Small triangles at the corners, along the sides and in the middle of a large image, without a background.
 
-    Most pixels miss, which costs the judge little; where tiles are partial, and at the last pixel, something is hit.
+    Most pixels miss, which makes judging fast; pixels in partial tiles and the last pixel hit a triangle.
     """
     half, reach = 1.0, width / height
     places = [(x, y) for x in (-1, -0.5, 0, 0.5, 1) for y in (-1, -0.5, 0, 0.5, 1) if x or y]

@@ -1,4 +1,4 @@
-"""A method on a hard case: expected, got, and the class of every answer that differs from the exact one."""
+"""Run a method on a hard case: expected and given counts, and the class of every wrong answer."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ from .case import Counts, HardCase, Trial
 
 Answers = dict[str, NDArray]
 ERROR_NAMES = ("hole", *(kind.key for kind in ERRORS), "differs", "failed")
-"""What is counted as an error: a ray through a closed surface, the judge's classes, two answers that must be the same, a
-crash."""
+"""What counts as an error: a ray that leaks through a closed surface, the judge's error classes, two different answers
+that must be the same, a crash."""
 
 NOT_OK = (Verdict.TIE, *EXCUSED, *ERRORS)
 OF_BITS = tuple(kind.key for kind in WRONG_BIT)
 
 SHADOWS = "shadows"
-"""What a method names in ``outside`` where all of its shadow bits lie outside what it can do."""
+"""Key in a method's ``outside``: it does not claim that its shadow bits are right."""
 
 
 @dataclass
 class Finding:
-    """What came of one case.
+    """The result of one case.
 
-    ``status``: ok; outside (declared, or does not apply); error; or excused (more answers than the case allows had to
-    be, :attr:`.case.HardCase.excusable`). ``classes`` counts answers that are not ok; ``examples`` are some of them as
-    :mod:`.judge.score` describes them. ``excused`` of ``rays`` answers are wrong, but pass an edge within rounding;
-    ``bits_outside`` are wrong shadow bits of a method that declares them to lie outside what it can do.
+    ``status``: ok; outside (declared by the method, or not applicable); error; or excused (more answers were excused
+    than :attr:`.case.HardCase.excusable` allows). ``classes`` counts answers that are not ok; ``examples`` are some of
+    them, as :mod:`.judge.score` describes them. ``excused``: of ``rays`` answers, those that are wrong by rounding near
+    an edge. ``bits_outside``: wrong shadow bits of a method that declares shadows as outside.
     """
 
     case: str
@@ -83,21 +83,21 @@ class Judged:
 
     @property
     def exact(self) -> Answers:
-        """The right answers, as a method gives them."""
+        """The exact answers, in the form in which a method gives them."""
         return self.judge.checked_reference.answers
 
     @property
     def rays(self) -> int:
-        """Rays of the case: one a pixel, and one from each hit to each light that asks for shadows."""
+        """Number of rays: one per pixel, and one from each hit to each light with shadows."""
         triangle = self.exact["triangle"]
         return len(triangle) + int((triangle >= 0).sum()) * int(self.judge.wanted.sum())
 
     def count(
         self, answers: Answers, shadows: bool = True
     ) -> tuple[dict[str, int], list[dict[str, Any]], int]:
-        """Counts of the classes other than ok, examples, and wrong shadow bits that are not held against the method.
+        """Counts of the classes other than ok, examples, and wrong shadow bits that do not count as errors.
 
-        ``shadows``: whether wrong shadow bits are.
+        ``shadows``: whether wrong shadow bits count as errors.
         """
         classes: dict[str, int] = {}
         examples: list[dict[str, Any]] = []
@@ -121,7 +121,7 @@ class Judged:
                     else:
                         add(kind.key, count)
         wrong = sum(bounce.rays_wrong for bounce in score.bounces)
-        add("differs", wrong, f"{wrong} mirrored rays are not those that the hits before them make")
+        add("differs", wrong, f"{wrong} mirrored rays differ from those that follow from the previous hits")
         if self.trial.watertight:
             holes = self._holes(found[0], shadows)
             add("hole", holes, f"{holes} rays through closed surfaces")
@@ -133,17 +133,17 @@ class Judged:
         return classes, examples + shown, bits_outside
 
     def _holes(self, found: Judgement, shadows: bool) -> int:
-        """Misses where the exact ray hits, and lit pixels of the right triangle where the exact segment is cut.
+        """Misses where the exact ray hits, and lit pixels with the right triangle where the exact segment is occluded.
 
-        A segment that begins or ends within the bound of its occluder's plane may still be excused: whether that
-        plane holds the hit point is beyond float64. That it passes an edge excuses nothing here.
+        A segment that begins or ends within the error bound of its occluder's plane may still be excused, because
+        float64 cannot decide whether the hit point lies in that plane. A near edge is no excuse here.
         """
         exact, given, referee = self.exact, found.checked.answers, self.judge.referee
         same = given["triangle"] == exact["triangle"]
         holes = int(np.count_nonzero((given["triangle"] == -1) & ~same))
         lit = (given["visibility"] == 0) & (exact["visibility"] == 1) & same & shadows
         for i, light in enumerate(self.trial.moment.lights):
-            # Such a bit differs from the reference's: the referee was asked.
+            # Such a bit differs from the reference, so the referee has decided it.
             rows = np.nonzero(lit[i, found.selection.judged])[0]
             corners = referee.corners(found.exact.occluders[i, rows])
             points = referee.hit_points(found.exact.hits.take(rows))
@@ -154,7 +154,7 @@ class Judged:
 
 
 def counts_of(answers: Answers, lights: int) -> Counts:
-    """What a set of answers says, counted."""
+    """The counts of hits and shadowed pixels in a set of answers."""
     shadowed = tuple(int((answers["visibility"][i] == 1).sum()) for i in range(lights))
     return Counts(int((answers["triangle"] >= 0).sum()), shadowed)
 
@@ -162,7 +162,7 @@ def counts_of(answers: Answers, lights: int) -> Counts:
 def judge_case(judged: Judged, method: Method, device: str, every_bit: bool = False) -> Finding:
     """Run a method on a case, twice: the classes of its answers, and whether both runs gave the same bits.
 
-    ``every_bit``: wrong shadow bits count also where the method declares that they lie outside what it can do.
+    ``every_bit``: wrong shadow bits count even if the method declares shadows as outside.
     """
     case, trial = judged.case, judged.trial
     lights = len(trial.moment.lights)
@@ -180,7 +180,7 @@ def judge_case(judged: Judged, method: Method, device: str, every_bit: bool = Fa
     except CapacityRejected as error:
         finding.status, finding.reason = "outside", f"rejected: {error}"
         return finding
-    except Exception as error:  # a crash is what a check is there to find
+    except Exception as error:  # any exception is a finding of the check
         finding.classes, finding.status = {"failed": 1}, "error"
         finding.got = finding.reason = f"{type(error).__name__}: {error}"
         return finding
@@ -198,18 +198,18 @@ def judge_case(judged: Judged, method: Method, device: str, every_bit: bool = Fa
         finding.status = "error"
     elif finding.excused > case.excusable * finding.rays:
         finding.status = "excused"
-        most = f"{finding.excused / finding.rays:.1%} of its rays excused, {case.excusable:.1%} are allowed"
+        most = f"{finding.excused / finding.rays:.1%} of its rays are excused, more than the {case.excusable:.1%} allowed"
         finding.reason = f"{finding.reason}; {most}" if finding.reason else most
     return finding
 
 
 def outside_of(method: Method) -> Mapping[str, str]:
-    """What a method declares to lie outside what it can do: names of cases, or :data:`SHADOWS`, each with a reason."""
+    """The cases, or :data:`SHADOWS`, that a method declares as not supported, each with the reason."""
     return getattr(method, "outside", None) or {}
 
 
 def judge_refusal(case: HardCase) -> Finding:
-    """A case that cannot be made must be refused with a line for the user."""
+    """A case with an invalid scene: making it must raise a :class:`UserError`."""
     finding = Finding(case.name, case.title, "refused")
     try:
         case.make()
@@ -232,7 +232,7 @@ def judge_method(
     judged: dict[str, Judged],
     every_bit: bool = False,
 ) -> list[Finding]:
-    """Every case on one method. ``judged`` keeps exact answers between methods; ``every_bit`` as in :func:`judge_case`."""
+    """Run every case on one method. ``judged``: a cache of exact answers; ``every_bit`` as in :func:`judge_case`."""
     findings = []
     for case in cases:
         MACHINE.give_way()

@@ -1,6 +1,6 @@
-"""S01-S05, S17: directions around the light at which a map of the sphere has seams, poles and bulges.
+"""S01-S05, S17: occluders in directions where a spherical map around the light has seams, poles and curved edges.
 
-Each is given three times with the coordinates rolled, so that a seam or pole along any axis is met.
+Each case exists three times with permuted coordinates, so that it meets a seam or pole along any axis.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def seam(turn: int = 0) -> Trial:
 
 
 def pole_inside(turn: int = 0) -> Trial:
-    """A triangle that holds the pole; receivers three times as far."""
+    """A triangle that contains the pole; the receivers are three times as far away."""
     roof = triangles((0.4, 0, 1), (-0.3, 0.35, 1), (-0.2, -0.3, 1))
     return view(
         joined(roof, plane(2, 3, 8)), [ORIGIN], (0, 0, 7), (0, 0, -1), 3 / 32, (8, 8), turn=turn,
@@ -41,8 +41,8 @@ def nadir(turn: int = 0) -> Trial:
 
 
 def edge_through_pole(turn: int = 0) -> Trial:
-    """An edge that passes exactly over the light: azimuths differ by pi. The middle row of receivers is met at
-    the edge itself, which belongs to the closed triangle; the others lie outside.
+    """An edge that passes exactly over the light: the azimuths of its ends differ by pi. The shadow rays of the middle
+    row of receivers meet the edge, which belongs to the closed triangle; the others miss it.
     """
     blade = triangles((1, 0, 2), (-1, 0, 2), (-1, 1e-3, 2))
     return view(
@@ -66,7 +66,7 @@ def bulge(turn: int = 0) -> Trial:
 
 
 def around_the_light(turn: int = 0) -> Trial:
-    """Large triangles on every side of the light, seam and poles among them, and receivers beyond them all."""
+    """Large triangles on every side of the light, across the seam and both poles, and receivers behind all of them."""
     shell = plane(2, 1, 3), plane(2, -1, 3), plane(0, 1, 3), plane(0, -1, 3), plane(1, 1, 3), plane(1, -1, 3)
     return view(
         joined(*shell, plane(2, -4, 64)), [ORIGIN], (0, 0, -8), (0, 0, 1), 8.0, turn=turn,
@@ -75,9 +75,9 @@ def around_the_light(turn: int = 0) -> Trial:
 
 
 def spot_over_seam(turn: int = 0, seam: bool = True) -> Trial:
-    """S01 under a spot whose rectangle of azimuth runs from 170 to 190 degrees, over the seam.
+    """S01 with a spotlight whose rectangle of azimuth runs from 170 to 190 degrees, across the seam.
 
-    ``seam`` False: all of it turned by half a circle, exactly: from -10 to 10 degrees, and the same picture.
+    ``seam`` False: the same scene rotated by exactly 180 degrees, so that the rectangle runs from -10 to 10 degrees.
     """
     side = -1.0 if seam else 1.0
     wall = quad((-2, -1, -1), (-2, 0.25, -1), (-2, 0.25, 1), (-2, -1, 1))

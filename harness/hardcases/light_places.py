@@ -1,4 +1,4 @@
-"""S06-S16 and more: lights in, on, near and far from what they light."""
+"""S06-S16 and more: lights inside, on, near to and far from surfaces."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ORIGIN = (0.0, 0.0, 0.0)
 
 
 def light_in_triangle() -> Trial:
-    """A light exactly in a triangle is not shadowed by it; one just under it is."""
+    """A light exactly in the plane of a triangle, which does not shadow it, and one just below, which it shadows."""
     floor = triangles((4, 0, 0), (-4, 4, 0), (-4, -4, 0))
     lights = [ORIGIN, (0, 0, 0.5), (0, 0, -0.25)]
     return view(
@@ -70,7 +70,7 @@ def thin_slab() -> Trial:
 
 
 def onto_thin_slab() -> Trial:
-    """The same slab seen itself: its upper face is lit from within, 1e-6 away, and dark from under it."""
+    """The slab itself as receiver: its upper face is lit by a light inside, 1e-6 away, and shadowed from one below."""
     slab = box((-1, -1, -1e-6), (1, 1, 1e-6))
     return view(
         slab, [ORIGIN, (0, 0, -1)], (0, 0, 4), (0, 0, -1), 0.125, stated=Counts(256, (0, 256)), closed=True
@@ -104,7 +104,7 @@ def tiny_occluder() -> Trial:
 
 
 def grazing_floor() -> Trial:
-    """A tilted floor of many triangles under a light that grazes it: nothing shadows it, least of all itself."""
+    """A tilted floor of many triangles under a grazing light; nothing shadows it."""
     x = pixel_centres(12, 2.0)
     points, faces = sheet(x, x, 1.0)
     points = points.copy()
@@ -114,9 +114,9 @@ def grazing_floor() -> Trial:
 
 
 def two_sheets(above: bool, steps: int) -> Trial:
-    """Two planes so many float32 steps apart. From above the upper one is seen and lit; the lower one lies under it.
+    """Two planes ``steps`` float32 steps apart. From above, the upper plane is visible and lit.
 
-    Within one step a wrong bit is excused: rounding explains it. 64 steps are twice the bound that excuses.
+    At one step a wrong bit is excused, because rounding explains it. 64 steps are twice the bound of excused errors.
     """
     low, high = 1.0, 1.0 + steps * 2.0**-23
     eye, towards = ((0, 0, 3), (0, 0, -1)) if above else ((0, 0, -1), (0, 0, 1))
@@ -128,10 +128,10 @@ def two_sheets(above: bool, steps: int) -> Trial:
 
 
 def on_their_plane(steps: int, turn: int) -> Trial:
-    """Receivers exactly on their plane, which float32 holds (0 steps), or rounded to above or below it (1, 3).
+    """Receivers exactly on their plane (0 steps), or rounded to above or below it (1, 3).
 
-    A sheet that rises by so many float32 steps from end to end, met at its vertices too, under lights that graze it
-    from both sides: its own triangles shadow nothing.
+    A sheet that rises by ``steps`` float32 steps from end to end, under grazing lights from both sides; some rays meet
+    its vertices. Its triangles do not shadow each other.
     """
     x = pixel_centres(9, 2.0)
     points, faces = sheet(x, x, 1.0)
@@ -150,14 +150,14 @@ def on_their_plane(steps: int, turn: int) -> Trial:
 
 
 def receiver_at_light() -> Trial:
-    """Pixels whose hit point is the light itself: no direction to it, and lit. The floor holds the light."""
+    """Pixels whose hit point is the position of the light: there is no direction to it, and they are lit."""
     near = 4 * float(pixel_centres(16, 0.5)[9])
     lights = [(near, near, 0), (near, -near, 0), ORIGIN]
     return view(plane(2, 0, 4), lights, (0, 0, 4), (0, 0, -1), 0.5, stated=Counts(256, (0, 0, 0)))
 
 
 def wall_on_floor() -> Trial:
-    """Light and receivers in the floor's plane, a wall standing on it: met at its lower edge, which belongs to it."""
+    """Light and receivers in the plane of the floor, and a wall on it; shadow rays meet the wall's lower edge."""
     wall = quad((1, -8, 0), (1, 8, 0), (1, 8, 2), (1, -8, 2))
     return view(joined(plane(2, 0, 4), wall), [(3, 0, 0)], (0, 0, 4), (0, 0, -1), 0.5, stated=Counts(256))
 
@@ -177,10 +177,10 @@ def same_place() -> Trial:
 
 
 def one_tile() -> Trial:
-    """All receivers but a column of 256 in one tile of the light: 130,816 rays, twice what 16 bits count.
+    """All receivers except a column of 256 lie in one tile of the light: 130,816 rays, twice the range of 16 bits.
 
-    The eye looks at a small part of a near screen, half of it behind a wall; past the screen's edge it sees a plane
-    hardly behind the light, whose directions stretch the rectangle of all rays over a quarter of the sphere.
+    The eye sees a small part of a near screen, half of it behind a wall. Past the edge of the screen it sees a plane just
+    behind the light. The directions to this plane extend the rectangle of all rays over a quarter of the sphere.
     """
     above = 3 / 128
     edge = 510 / 512 / 128 / 16  # between the last two columns
@@ -195,9 +195,9 @@ def one_tile() -> Trial:
 def beyond_the_rays(light: tuple[float, float, float]) -> Trial:
     """Sixty small triangles, each touching one of the outermost shadow rays with a vertex, from outside.
 
-    The vertex is half way to the receiver, exactly; the light lies beside the middle, so that its frame is turned
-    and rounds vertex and receiver each in its own way. All of the triangle but that vertex lies outside the
-    rectangle of the rays: where the vertex rounds outwards, a grid without a pad leaves the triangle out.
+    The vertex is exactly half way to the receiver. The light is off centre, so that its frame is rotated, and vertex and
+    receiver are rounded differently. Except for that vertex, the triangle is outside the rectangle of the rays: if the
+    vertex is rounded outwards, a grid without a pad omits the triangle.
     """
     x = 4 * pixel_centres(16)
     across, along = (places.ravel() for places in np.meshgrid(x, x))
@@ -215,7 +215,7 @@ def beyond_the_rays(light: tuple[float, float, float]) -> Trial:
 
 
 def light_at_eye() -> Trial:
-    """A light at the eye: every hit is the first surface the light meets, so none is shadowed."""
+    """A light at the eye: every closest hit is also the surface closest to the light, so none is shadowed."""
     floor = quad((-3, 0, -3), (3, 0, -3), (3, 0, 3), (-3, 0, 3))
     return view(
         joined(floor, ball(0.5, (0, 0.6, 0))), [(0.3, 1.7, 3.1)], (0.3, 1.7, 3.1), (-0.1, -0.45, -1), 0.5,

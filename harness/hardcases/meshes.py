@@ -1,4 +1,4 @@
-"""P04-P06, P08, P11-P16, the empty scene and more: what a mesh may hold."""
+"""P04-P06, P08, P11-P16, the empty scene and more: unusual meshes."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def huge_triangle() -> Trial:
 
 
 def broken_triangles(only: bool) -> Trial:
-    """Points, lines, NaN and infinite triangles before a square; ``only``: without the square."""
+    """Zero-area, NaN and infinite triangles in front of a square; ``only``: without the square."""
     odd = [
         (0, 0, -1), (0.5, 0, -1), (1, 0, -1), (np.nan, 0, -1), (np.inf, 0, -1), (0, -np.inf, 0), (3e38, 3e38, -1),
     ]  # fmt: skip
@@ -55,8 +55,8 @@ def broken_triangles(only: bool) -> Trial:
 def three_of_each() -> Trial:
     """Every triangle three times, in three vertex orders; shadows from and onto duplicates.
 
-    Which of the three is named is a convention, the lowest index, and only where a method's own t ties: to name
-    another is classed a tie and no error. Of our methods a test expects the exact index.
+    By convention the lowest index is the answer; another one counts as a tie, not as an error. For the built-in methods,
+    a test requires the exact index.
     """
     points, faces = ball(0.5, (0, 0.6, 0))
     floor, floor_faces = quad((-3, 0, -3), (3, 0, -3), (3, 0, 3), (-3, 0, 3))
@@ -77,9 +77,10 @@ def flat_sheet(every: int, unwelded: bool) -> Trial:
 
 
 def beside_the_eye(turn: int, upper: bool) -> Trial:
-    """A flat sheet that ends at the eye's own x: the middle column of rays lies in the upper (or lower) face of its box.
+    """A flat sheet that ends at the x of the eye: the middle column of rays lies in the upper (or lower) face of its
+    bounding box.
 
-    Their x is 0 and so is the border's: nothing that decides is rounded. The border belongs to the closed triangles.
+    Rays and border have x = 0, so the decision is not rounded. The border belongs to the closed triangles.
     """
     y = np.arange(-8, 9) / 4.0
     x = np.arange(-8, 1) / 4.0
@@ -111,7 +112,7 @@ def patches(shadow: bool) -> Trial:
     mesh = directions, np.concatenate([np.stack(f, axis=-1).reshape(-1, 3) for f in ((a, b, c), (a, c, d))])
     if not shadow:
         return view(mesh, [(0, 0, 1)], ORIGIN, (0, 0, -1), 0.7, stated=Counts(256, (0,)))
-    # From behind, pixels meet the plane z = -4 at four times the corners, exactly: column x and row y are the same.
+    # Seen from behind, the rays meet the plane z = -4 at exactly four times the corners: column x and row y agree.
     return view(
         joined(mesh, plane(2, -4, 8)), [ORIGIN], (0, 0, -8), (0, 0, 1), 0.7,
         stated=Counts(256, (256,)),
@@ -140,7 +141,7 @@ def empty(vertices: int) -> Trial:
 
 
 def no_light() -> Trial:
-    """A scene without a light: closest hits and nothing else."""
+    """A scene without lights: closest hits only."""
     return view(box(-1, 1), [], (0, 0, 4), (0, 0, -1), 0.5, (9, 9), stated=Counts(None, ()))
 
 
@@ -160,7 +161,7 @@ def teapot_in_stadium() -> Trial:
 
 
 def needles(middle: F64, towards: F64, seed: int) -> Mesh:
-    """Triangles 2 long and 2e-5 wide in every direction about points [n, 3], broad side to rays along ``towards``."""
+    """Triangles 2 long and 2e-5 wide about points [n, 3], in all orientations perpendicular to ``towards``."""
     along = np.random.default_rng(seed).normal(size=middle.shape)
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     across = np.cross(along, towards)
@@ -201,7 +202,7 @@ def far_ball(radii: float) -> Trial:
 
 
 def far_from_occluder(radii: float) -> Trial:
-    """A ball half way between a light and a small floor across the way, both so many of its radii away."""
+    """A ball half way between a light and a small floor, both ``radii`` of its radii away."""
     towards = np.array([0.48, 0.64, 0.6])
     right = np.array([0.8, -0.6, 0.0])
     up = np.cross(right, towards)
@@ -214,7 +215,7 @@ def far_from_occluder(radii: float) -> Trial:
 
 
 def slivers() -> Trial:
-    """Triangles of aspect 1e5 in every direction, each met by the ray of a pixel, before a wall."""
+    """Triangles of aspect ratio 1e5 in all orientations in front of a wall, each met by the ray of a pixel."""
     middle = on_segments(12)
     return view(
         joined(plane(2, -5, 16), needles(middle, middle, 17)),
@@ -226,7 +227,7 @@ def slivers() -> Trial:
 
 
 def fan(count: int) -> Trial:
-    """Many triangles that share one vertex, on the middle ray; the light's axis passes through it too."""
+    """Many triangles that share one vertex on the central ray; the axis of the light also passes through it."""
     around = [(np.cos(a), np.sin(a), -2 + 0.3 * np.sin(5 * a)) for a in 2 * np.pi * np.arange(count) / count]
     corners = [c for i in range(count) for c in ((0, 0, -1.5), around[i], around[(i + 1) % count])]
     return view(

@@ -1,7 +1,6 @@
-"""Mirrors: rays that start on surfaces, at edges and corners, at a slant, and shadows of what is only seen in a mirror.
+"""Mirrors: rays that start on surfaces, edges and corners, and shadows on surfaces that are only visible in a mirror.
 
-The rays are the harness's (:mod:`.frame.mirrors`): what is judged is whether a method finds their closest hits, and no
-more than these.
+The harness makes the rays (:mod:`.frame.mirrors`); the cases test whether a method finds their closest hits.
 """
 
 from __future__ import annotations
@@ -24,9 +23,9 @@ def first(count: int) -> Mirrors:
 
 
 def hall(half: float, turn: int = 0, scale: float = 1.0, offset: float = 0.0) -> Trial:
-    """A closed box of mirrors seen from its middle; with ``half`` 16 rays meet its edges and corners exactly.
+    """A closed box of mirrors seen from its centre; with ``half`` = 16, rays meet its edges and corners exactly.
 
-    A light outside shines on the inner side of the wall that it stands before: of 256 rays 72 meet that one.
+    A light outside lights the wall next to it through that wall's plane: 72 of 256 rays meet this wall.
     """
     return view(
         box(-1, 1), [(0.5, 0.25, 0.75), (0, 4, 0)], (0, 0, 0), (0, 0, -1), half, turn=turn, scale=scale,
@@ -36,7 +35,7 @@ def hall(half: float, turn: int = 0, scale: float = 1.0, offset: float = 0.0) ->
 
 
 def at_a_slant(scale: float) -> Trial:
-    """A wide mirror hardly below the eye, and balls on it that touch their reflections."""
+    """A wide mirror just below the eye, and balls on it that touch their reflections."""
     mesh = joined(
         plane(1, 0, 64),
         ball(0.5, (0, 0.5, -4)),
@@ -47,7 +46,7 @@ def at_a_slant(scale: float) -> Trial:
 
 
 def duplicates() -> Trial:
-    """Two mirrors in one place, one wound the other way: a ray that starts on one starts on both."""
+    """Two mirrors in one place with opposite orientation: a ray that starts on one starts on both."""
     square = [(-3, -3, -1), (3, -3, -1), (3, 3, -1), (-3, 3, -1)]
     mesh = joined(quad(*square), quad(*square[::-1]), plane(2, 3, 16))
     return view(
@@ -56,7 +55,7 @@ def duplicates() -> Trial:
 
 
 def behind_the_eye() -> Trial:
-    """A square that only a mirror shows, and its shadow on a wall that only the mirror shows."""
+    """A square and its shadow on a wall, both visible only in a mirror."""
     mesh = joined(plane(2, -1, 4), quad((-1, -1, 2), (1, -1, 2), (1, 1, 2), (-1, 1, 2)), plane(2, 4, 16))
     return view(
         mesh, [(0, 0, 1)], (0, 0, 0), (0, 0, -1), 0.5, mirror=first(2), bounces=1, stated=Counts(256, (0,))
@@ -64,7 +63,7 @@ def behind_the_eye() -> Trial:
 
 
 def splinters(seed: int) -> Trial:
-    """Triangles of all sizes through each other, all mirrors: rays start next to whatever crosses them."""
+    """Intersecting triangles of all sizes, all mirrors: rays start next to the triangles that cross them."""
     mesh = soup(seed, 200, 0.5)
     return view(mesh, [(2, 3, 1)], (0, 0, 3), (0, 0, -1), 0.5, mirror=first(len(mesh[1])), bounces=3)
 

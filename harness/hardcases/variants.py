@@ -1,6 +1,6 @@
 """The same cases at other scales, far from the origin, and with lights at other distances.
 
-Scales and offsets that are no powers of two round the mesh anew: the referee decides on what everyone gets.
+With scales and offsets that are not powers of two the mesh is rounded again; the referee judges on the rounded mesh.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def small_scene(scale: float, offset: float) -> Trial:
 
 
 def soup_scene(scale: float, offset: float) -> Trial:
-    """A soup of mixed sizes with a light among the triangles."""
+    """A triangle soup of mixed sizes with a light inside."""
     place = np.array([-0.3, 0.9, 0.7]) * offset * 3 * scale
     return view(
         soup(77, 80), [(0.3, 0.4, 0.2), (4, 5, 6)], (0.3, 0.2, 3), (0, 0, -1), 0.5, scale=scale, offset=place
@@ -56,7 +56,7 @@ def vertex_sheet(scale: float, offset: float) -> Trial:
 
 
 def light_distance(radii: float, inside: bool) -> Trial:
-    """A light so many scene radii from a point on the ball's top, or from the middle of the floor's edge."""
+    """A light ``radii`` scene radii from a point on top of the ball, or from the middle of the floor's edge."""
     direction = np.array([0.36, 0.8, 0.48])
     start = np.array([0, 1.1, 0]) if inside else np.array([2.0, 0.0, 1.0])
     x, y, z = (start + direction * radii * 4.3).tolist()

@@ -197,7 +197,7 @@ def test_too_much_excused_fails_a_case() -> None:
     found = judge_case(two_sheets(), Behind(), "cpu")
     assert (found.status, found.excused, found.rays) == ("excused", 256, 512)
     assert found.true_errors == 0
-    assert found.reason == "50.0% of its rays excused, 2.0% are allowed"
+    assert found.reason == "50.0% of its rays are excused, more than the 2.0% allowed"
     assert judge_case(two_sheets(), ExactMethod(), "cpu").status == "ok"
 
 

@@ -1,1 +1,1 @@
-"""Stand-ins: geometry made by a program in place of the scenes of the paper."""
+"""Stand-ins: procedural geometry that replaces the scenes of the paper, which cannot be distributed."""

@@ -1,7 +1,7 @@
-"""Bumpy balls over rolling ground, at any triangle count: the same surfaces, sampled finer or coarser.
+"""Bumpy balls over rolling ground, with any number of triangles: the same surfaces, sampled finer or coarser.
 
-For measurements of how time grows with triangles. Nothing is simulated or searched, so ten million triangles take
-seconds. The balls hide one another and cast shadows on one another and on the ground.
+They are used to measure how time grows with the number of triangles. Ten million triangles are generated in seconds. The
+balls occlude one another and cast shadows on one another and on the ground.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ I32 = NDArray[np.int32]
 NAME = re.compile(r"balls-([1-9]\d*)(k|m)?")
 BALLS = 24
 GROUND_SHARE = 0.4
-"""Share of the triangles that the ground gets; the balls get the rest, each as many."""
+"""Share of the triangles that belong to the ground; the balls share the rest equally."""
 HALF = 6.0
 """Half the ground's side in metres."""
 
 
 def count_of(name: str) -> int | None:
-    """The triangle count that a name such as ``balls-30k`` or ``balls-10m`` asks for, or None for another name."""
+    """The triangle count in a name such as ``balls-30k`` or ``balls-10m``; None for another name."""
     match = NAME.fullmatch(name)
     if not match:
         return None
@@ -34,7 +34,7 @@ def count_of(name: str) -> int | None:
 
 
 def scene(name: str) -> Scene:
-    """The scene of a name that :func:`count_of` knows; its triangle count is within a tenth of what was asked."""
+    """The scene of such a name; its triangle count is within 10 % of the number in the name."""
     count = count_of(name)
     assert count is not None
     return Scene(
@@ -80,7 +80,7 @@ def ground(side: int) -> tuple[F64, I32]:
 
 
 def ball(centre: F64, radius: float, waves: F64, rows: int, around: int) -> tuple[F64, I32]:
-    """A bumpy ball of ``rows`` x ``around`` squares; those at the poles have a side of no length, so one triangle."""
+    """A bumpy ball of ``rows`` x ``around`` squares; those at the poles degenerate to one triangle."""
     theta = np.linspace(0.0, np.pi, rows + 1)[:, None]
     phi = np.linspace(0.0, 2 * np.pi, around + 1)[None, :]
     x, y, z = np.sin(theta) * np.cos(phi), np.cos(theta) + 0.0 * phi, np.sin(theta) * np.sin(phi)
@@ -93,7 +93,7 @@ def ball(centre: F64, radius: float, waves: F64, rows: int, around: int) -> tupl
 
 
 def squares(rows: int, columns: int, stride: int) -> I32:
-    """Two triangles a square of a lattice of points, row by row: (a, b, c) and (b, d, c)."""
+    """Two triangles per square of a lattice of points, row by row: (a, b, c) and (b, d, c)."""
     a = (np.arange(rows)[:, None] * stride + np.arange(columns)[None, :]).ravel()
     b, c, d = a + 1, a + stride, a + stride + 1
     return np.stack([a, b, c, b, d, c], axis=1).reshape(-1, 3).astype(np.int32)

@@ -1,7 +1,7 @@
 """Organic bodies from blended round cones and ellipsoids, for the animated stand-ins.
 
 A :class:`Body` is a list of :class:`Blob` united smoothly, one after the other (polynomial smooth minimum, Quilez);
-its surface is meshed by :mod:`.scene.standins.implicit`, drawn onto the zero set and roughened. Lengths in metres.
+its surface is meshed by :mod:`.scene.standins.implicit`, projected onto the zero set and roughened. Lengths in metres.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ class Blob:
 
     radii  of the round cone at start and end; unused for an ellipsoid
     axes   radii of the ellipsoid along its own x, y, z; ``turn`` is (axis, degrees) of those from the world's
-    blend  width of the smooth union with what came before, 0 for a sharp one
-    cut    True: taken away instead of added
+    blend  width of the smooth union with the previous blobs, 0 for a sharp union
+    cut    True: subtracted instead of added
     group  a name for :meth:`Body.shares`
     """
 
@@ -45,7 +45,7 @@ class Blob:
     group: str = ""
 
     def distance(self, points: F32) -> F32:
-        """About the signed distance of points [3, n]: never too deep inside, nearly exact outside."""
+        """Approximate signed distance of points [3, n]: nearly exact outside, never too negative inside."""
         if self.axes is None:
             return self._cone(points)
         arm = [points[i] - np.float32(self.start[i]) for i in range(3)]
@@ -163,7 +163,7 @@ class Body:
         return near[beyond[near] < self._blend[near[beyond[near] < self._blend[near]]].max() + 0.01]
 
     def mesh(self, spacing: float) -> Mesh:
-        """The surface, in cells of about ``spacing``, each vertex drawn onto the zero set."""
+        """The surface, in cells of about ``spacing``, each vertex projected onto the zero set."""
         reach = (self._most + 4 * spacing)[:, None]
         ends = np.stack([self._start, self._start + self._along])
         low, high = (ends - reach).min(axis=(0, 1)), (ends + reach).max(axis=(0, 1))
@@ -187,7 +187,7 @@ class Body:
 
 
 def _curve_index(points: F32) -> NDArray[np.int64]:
-    """Place of each point [n, 3] along a Morton curve through 128 cubes a side: near in it is near in space."""
+    """Index of each point [n, 3] on a Morton curve through 128 cubes per side, so that neighbours in order are near."""
     low = points.min(axis=0)
     size = max(float((points.max(axis=0) - low).max()), 1e-9) / 127.0
     cube = ((points - low) / np.float32(size)).astype(np.int64)

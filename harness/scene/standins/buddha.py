@@ -25,7 +25,7 @@ BLOCK = 8192
 
 
 def scene() -> Scene:
-    """The statue fills most of the image; the light is outside, in front and above."""
+    """Camera: the statue fills most of the image. The light is in front of it and above."""
     return Scene(
         name="buddha",
         title="Buddha (stand-in)",

@@ -16,7 +16,7 @@ from .shapes import Mesh, join, noise
 
 FRAMES = 16
 FRAME_TIME = 0.036
-"""Seconds from frame to frame."""
+"""Time between frames, seconds."""
 IMPACT_TIME = 0.144
 BUNNY_SPEED = 2.2
 GRAVITY = 9.81
@@ -253,7 +253,7 @@ class _Pieces:
         bound = np.minimum(bound, IMPACT_TIME + 0.25 * (self.release - IMPACT_TIME))
         shift = self.thrown * bound[:, None] + self.speed * loose
         shift[:, 1] -= 0.5 * GRAVITY * loose[:, 0] ** 2
-        # Added to the place at rest, so that patches still together keep their common vertices to the last bit.
+        # Added to the rest position, so that patches that are still joined share bit-identical vertices.
         moved = self.rest + shift[self.piece]
         turn = _turns(self.axis, self.spin * loose[:, 0])[self.piece]
         arm = self.arm

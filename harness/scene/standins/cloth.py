@@ -61,7 +61,7 @@ def _geometry() -> Geometry:
 
 @lru_cache(maxsize=1)
 def _simulated() -> F64:
-    """The whole animation of the coarse sheet, run once a process, when the first frame is asked for."""
+    """The animation of the coarse sheet; simulated once per process, when the first frame is needed."""
     return simulate(SETTINGS, FRAMES, FRAME_TIME)
 
 

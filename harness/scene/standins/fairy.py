@@ -18,7 +18,7 @@ from .shapes import Mesh, patch, transform
 
 FRAMES = 21
 TRIANGLES = 174_117
-"""Of the original; leaves are added until no further one fits."""
+"""Triangle count of the original; leaves are added up to this number."""
 GRASS = 4600
 FAIRY_SPACING = 0.0101
 DRAGONFLY_SPACING = 0.0075
