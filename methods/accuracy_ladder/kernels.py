@@ -9,7 +9,7 @@ import warp as wp
 
 from ...harness.frame.alpha import Alpha
 from ...harness.frame.geometry import Camera, Hits, Mesh, Ray, corners_of, ray_of, weld_of
-from ..common.box_tree import traverse
+from ..common.box_tree import traverse, traverse_alike
 from ..common.hitpoint import hit_point, plane_distance
 from ..common.pixels import pixel_of
 from ..common.ray_queries import SLACK, Found, Segment, any_hit, nothing_found, shadow_segment
@@ -126,7 +126,7 @@ def make_kernels(test: str, fast_math: bool) -> tuple[Any, Any]:
             if scheme != IDENTITY:
                 segment.own = -1
         way = segment.light - segment.start
-        found = traverse(occluder, tree, mesh, Alpha(), segment.start, way, segment, nothing_found(SLACK))
+        found = traverse_alike(occluder, tree, mesh, Alpha(), segment.start, way, segment, nothing_found(SLACK))
         visibility[light, pixel] = wp.uint8(found.done)
 
     return primary_kernel, shadow_kernel
