@@ -1,0 +1,90 @@
+"""A binary tree of our own, rebuilt each frame inside the graph and traced in packets and from the light.
+
+What tuned trees of GPU ray tracers do, exact: float32 decides what it can with a bound on its error, float64 the rest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, ClassVar
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from ...harness.errors import CapacityRejected
+from ...harness.frame.frame import Frame
+from ...harness.frame.method import BaseMethod
+from ...harness.frame.passes import Pass
+from ...harness.scene.effects import Effects, Limits
+from ..common.misses import miss_passes
+from ..common.pairs import grown
+from ..common.reserve import counted
+from .parameters import FLOAT32_INEXACT, Build, Trace
+from .refit import Refitted
+from .tracing import Rays
+from .tree import Rebuilt
+
+MOST_TRIANGLES = 2**24
+"""A hit packs into 64 bits with 24 for the triangle."""
+
+
+class BinaryTree(BaseMethod):
+    """See the package. Needs: pairs left to float64, of the eye's rays, then of each light's."""
+
+    name: ClassVar[str] = "bvh2"
+    title: ClassVar[str] = "BVH2 (rebuilt in the graph)"
+    simulates = frozenset({"shadows", "receivers", "directional", "alpha", "mirror"})
+    Build: ClassVar[type] = Build
+    Trace: ClassVar[type] = Trace
+
+    def __init__(self, build: Any = None, trace: Any = None):
+        super().__init__(build, trace)
+        self.known_inexact = FLOAT32_INEXACT if self.trace.precision == "float32" else None
+        self._capacity = 0
+        self._memory = 0
+        self._rays: Rays | None = None
+
+    def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
+        if frame.triangle_count == 0:
+            return miss_passes(frame, effects)
+        if frame.triangle_count >= MOST_TRIANGLES:
+            raise CapacityRejected(f"holds at most {MOST_TRIANGLES - 1:,} triangles")
+        self._memory = limits.memory
+        if not self._capacity:
+            self._capacity = self.build.doubt_capacity or max(262144, frame.pixels // 2)
+        tree = Rebuilt(frame, self.build) if self.build.update == "rebuild" else Refitted(frame, self.build)
+        ordered, grows = tree.passes()
+        rays = Rays(
+            frame, self.build, self.trace, effects, tree.tree, tree.leaves, tree.extent, self._capacity
+        )
+        self._rays = rays
+        passes = [replace(grows, branch=(0,)), *(replace(p, branch=(1,)) for p in rays.records_passes())]
+        return [*ordered, *passes, *rays.passes()]
+
+    def needs(self) -> wp.array | None:
+        return self._rays.counts if self._rays is not None else None
+
+    def grow(self, needed: NDArray[np.int64]) -> bool:
+        before = self._capacity
+        self._capacity = grown(int(counted(needed).max()), before, self._memory, "doubtful pairs")
+        return self._capacity != before
+
+    def counters(self) -> dict[str, int]:
+        """Pairs that were left to float64 in the last frame."""
+        if self._rays is None:
+            return {}
+        found = counted(self._rays.counts.numpy().astype(np.int64)).sum(axis=1)
+        counts = {"primary doubtful pairs": int(found[0]), "shadow doubtful pairs": int(found[1:].sum())}
+        if self.build.update == "refit":
+            host = self._rays.frame.host
+            counts["frames since the tree was made"] = host.index if host is not None else 0
+        return counts
+
+    def built(self) -> dict[str, Any]:
+        rebuilt = self.build.update == "rebuild"
+        tree = self.build.builder if rebuilt else "SAH of the first frame, on the host"
+        return {"update": self.build.update, "tree": tree}
+
+
+METHOD = BinaryTree

@@ -1,0 +1,352 @@
+"""H-PLOC: clusters merged bottom-up with their nearest neighbours, within the nodes of the radix tree.
+
+Benthin, Meister, Barczak, Mehalwal, Tsakok & Kensler, "H-PLOC: Hierarchical Parallel Locally-Ordered Clustering for
+Bounding Volume Hierarchy Construction" (HPG 2024). The radix tree is climbed (:mod:`.climb`); at each of its nodes with
+more than :data:`CLUSTERS` leaves a warp holds the clusters of both halves, in their order, and merges those that
+are each other's best within ``radius`` places, by the area of the box of both, until no more than :data:`CLUSTERS` are
+left; at the root, until one is. A warp that has merged a node stays with it and climbs on until the other half is not
+there yet.
+
+How high a tree becomes has no bound in the paper: each merge of a node may add one level, so that triangles whose sizes
+halve from one to the next make a chain. Here a cluster carries its height. Where one of a node's clusters is
+:data:`TALL` levels high, neighbours are merged in pairs, whatever their area: one level for each node of the radix tree
+that is still to come, and five at its root. So no tree is higher than TALL + 54 + 5 (:data:`.snippets.STACK`).
+
+Threads that climb through small nodes leave nothing in memory: whoever merges such a half reckons its leaves' boxes
+anew. So only warps that leave merged clusters release and acquire.
+
+The tree depends on the keys alone, not on who came first: a merged cluster keeps the first leaf of its left part as its
+name, and the name that the right part loses is the new node's number. The CPU builds the same tree, one leaf after
+another.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from .climb import CLIMB
+from .nodes import ROUNDED_UP, WRITE, padding
+from .snippets import BASICS
+
+CLUSTERS = 16
+"""Clusters that a node may keep: half a warp's lanes, so that two nodes' fit one warp."""
+
+TALL = 64
+
+BLOCK = 64
+"""Threads a block on the GPU, or fewer."""
+
+HEIGHT_BIT = 25
+"""A cluster's name takes the bits below, its height those above."""
+
+SHARED = (
+    f"""
+constexpr int CLUSTERS = {CLUSTERS}, BLOCK = {BLOCK}, HEIGHT_BIT = {HEIGHT_BIT};
+constexpr unsigned int TALL = {TALL}u, NAME = (1u << HEIGHT_BIT) - 1u;
+struct Cluster {{ float box[6]; unsigned int ref, name; }};
+"""
+    + """
+auto cost_of = [&](const float* p, const float* q) {
+    float x = sum(high(p[3], q[3]), -low(p[0], q[0]));
+    float y = sum(high(p[4], q[4]), -low(p[1], q[1]));
+    float z = sum(high(p[5], q[5]), -low(p[2], q[2]));
+    float area = sum(sum(product(x, y), product(y, z)), product(z, x));
+    return bits(area < 3.0e38f ? area : 3.0e38f) & ~31u;  // the place of a neighbour goes into the low bits
+};
+auto merged = [&](const Cluster& p, const Cluster& q) {
+    Cluster both;
+    for (int axis = 0; axis < 3; axis++) {
+        both.box[axis] = low(p.box[axis], q.box[axis]);
+        both.box[axis + 3] = high(p.box[axis + 3], q.box[axis + 3]);
+    }
+    both.ref = q.name & NAME;
+    unsigned int height = p.name >> HEIGHT_BIT, other = q.name >> HEIGHT_BIT;
+    both.name = (p.name & NAME) | ((height > other ? height : other) + 1u) << HEIGHT_BIT;
+    put_node((float*)nodes.data, both.ref, pad, p.box, p.ref, q.box, q.ref);
+    return both;
+};
+"""
+)
+
+BY_WARPS = """
+const unsigned int ALL = 0xffffffffu;
+__shared__ int lanes[BLOCK];
+int lane = threadIdx.x & 31, *mine = lanes + (threadIdx.x & ~31);
+float4* kept = reinterpret_cast<float4*>(scratch.data);
+auto store = [&](int k, const Cluster& c) {
+    __stcg(kept + 2 * k, make_float4(c.box[0], c.box[1], c.box[2], real(c.ref)));
+    __stcg(kept + 2 * k + 1, make_float4(c.box[3], c.box[4], c.box[5], real(c.name)));
+};
+auto load = [&](int k, bool leaf) {
+    if (leaf) {
+        Cluster c;
+        box_of(k, c.box);
+        c.ref = LEAF | (unsigned int)k;
+        c.name = (unsigned int)k;
+        return c;
+    }
+    float4 p = __ldcg(kept + 2 * k), q = __ldcg(kept + 2 * k + 1);
+    return Cluster{{p.x, p.y, p.z, q.x, q.y, q.z}, bits(p.w), bits(q.w)};
+};
+auto of_lane = [&](const Cluster& c, int from) {
+    Cluster there;
+    for (int k = 0; k < 6; k++) there.box[k] = __shfl_sync(ALL, c.box[k], from);
+    there.ref = __shfl_sync(ALL, c.ref, from);
+    there.name = __shfl_sync(ALL, c.name, from);
+    return there;
+};
+auto merge_down = [&](Cluster& c, int& number, int enough) {
+    while (number > enough) {
+        unsigned int best = NONE;
+        if (__any_sync(ALL, lane < number && (c.name >> HEIGHT_BIT) >= TALL)) {
+            if ((lane ^ 1) < number) best = lane ^ 1;
+        } else {
+#pragma unroll
+            for (int step = 1; step <= RADIUS; step++) {
+                float beside[6];
+                for (int k = 0; k < 6; k++) beside[k] = __shfl_sync(ALL, c.box[k], lane + step);
+                unsigned int cost = lane + step < number ? cost_of(c.box, beside) : NONE;
+                if (cost != NONE) best = min(best, cost | (lane + step));
+                unsigned int back = __shfl_sync(ALL, cost, lane - step);
+                if (lane >= step && back != NONE) best = min(best, back | (lane - step));
+            }
+        }
+        int other = best & 31;
+        int chosen = __shfl_sync(ALL, best == NONE ? 32 : other, other);
+        bool held = lane < number, paired = held && best != NONE && chosen == lane;
+        Cluster beside = of_lane(c, other);
+        bool first = paired && lane < other;
+        if (first) c = merged(c, beside);
+        unsigned int stay = __ballot_sync(ALL, first || (held && !paired));
+        number = __popc(stay);
+        if (stay >> lane & 1u) mine[__popc(stay & ((1u << lane) - 1u))] = lane;
+        __syncwarp();
+        int from = lane < number ? mine[lane] : lane;
+        __syncwarp();
+        c = of_lane(c, from);
+        if (lane >= number) c.ref = NONE;
+    }
+};
+bool on = i < count && keys.data[i] != last;
+int left = i, right = i, split = i + 1;
+unsigned int before = NONE, after = NONE;
+if (on) {
+    before = gap(i - 1);
+    after = gap(i);
+}
+while (true) {
+    bool ready = false;
+    while (on && !ready) {
+        if (right - left >= CLUSTERS || (before == NONE && after == NONE)) {
+            ready = true;
+            break;
+        }
+        Flag other;
+        if (is_left(left, right, before, after)) {
+            other = atomicExch((Flag*)flags.data + right, far_end(left, before));
+            if (other != EMPTY) split = right + 1, right = (int)(unsigned int)other, after = other >> 32;
+        } else {
+            other = atomicExch((Flag*)flags.data + left - 1, far_end(right, after));
+            if (other != EMPTY) split = left, left = (int)(unsigned int)other, before = other >> 32;
+        }
+        on = other != EMPTY;
+    }
+    unsigned int waiting = __ballot_sync(ALL, ready);
+    if (!waiting) break;
+    while (waiting) {
+        int source = __ffs(waiting) - 1;
+        waiting &= waiting - 1;
+        int l = __shfl_sync(ALL, left, source), r = __shfl_sync(ALL, right, source);
+        int middle = __shfl_sync(ALL, split, source);
+        unsigned int lower = __shfl_sync(ALL, before, source), upper = __shfl_sync(ALL, after, source);
+        Cluster c;
+        for (int k = 0; k < 6; k++) c.box[k] = 0.0f;
+        c.ref = NONE;
+        c.name = 0;
+        int first = lane < CLUSTERS ? l : middle, length = lane < CLUSTERS ? middle - l : r + 1 - middle;
+        int place = first + (lane & (CLUSTERS - 1));
+        __threadfence();  // acquires what the other half's warp released
+        __syncwarp();
+        if (place < first + length) c = load(place, length <= CLUSTERS);
+        unsigned int filled = __ballot_sync(ALL, c.ref != NONE);
+        int number = __popc(filled), halfway = __popc(filled & 0xffffu);
+        c = of_lane(c, lane < halfway ? lane : CLUSTERS + lane - halfway);
+        if (lane >= number) c.ref = NONE;
+        while (true) {
+            bool whole = lower == NONE && upper == NONE;
+            merge_down(c, number, whole ? 1 : CLUSTERS);
+            if (whole) {
+                if (lane == 0) root.data[0] = (int)c.ref;
+                break;
+            }
+            bool is_lower = is_left(l, r, lower, upper);
+            int flag = is_lower ? r : l - 1;
+            Flag other = EMPTY;
+            if (lane == 0) other = peek(flag);
+            other = __shfl_sync(ALL, other, 0);
+            __syncwarp();
+            if (other == EMPTY) {
+                if (lane < CLUSTERS) store(l + lane, c);
+                __syncwarp();
+                if (lane == 0) other = exchange(flag, is_lower ? far_end(l, lower) : far_end(r, upper));
+                other = __shfl_sync(ALL, other, 0);
+                __syncwarp();
+                if (other == EMPTY) break;
+            }
+            int first = is_lower ? r + 1 : (int)(unsigned int)other;
+            int end = is_lower ? (int)(unsigned int)other : l - 1;
+            Cluster beside = c;
+            beside.ref = NONE;
+            if (lane < CLUSTERS && first + lane <= end) beside = load(first + lane, end - first < CLUSTERS);
+            int more = __popc(__ballot_sync(ALL, beside.ref != NONE));
+            if (is_lower) {
+                Cluster moved = of_lane(beside, lane - number);
+                if (lane >= number) c = moved;
+                r = end, upper = other >> 32;
+            } else {
+                Cluster moved = of_lane(c, lane - more);
+                c = lane < more ? beside : moved;
+                l = first, lower = other >> 32;
+            }
+            number += more;
+            if (lane >= number) c.ref = NONE;
+        }
+        if (lane == source) on = false;
+    }
+}
+"""
+
+ONE_BY_ONE = """
+if (i >= count || keys.data[i] == last) return;
+auto store = [&](int k, const Cluster& c) {
+    keep(scratch.data, 2 * k, c.box[0], c.box[1], c.box[2], real(c.ref));
+    keep(scratch.data, 2 * k + 1, c.box[3], c.box[4], c.box[5], real(c.name));
+};
+auto load = [&](int k) {
+    Quad p = fetch(scratch.data, 2 * k), q = fetch(scratch.data, 2 * k + 1);
+    return Cluster{{p.x, p.y, p.z, q.x, q.y, q.z}, bits(p.w), bits(q.w)};
+};
+auto merge_down = [&](Cluster* held, int& number, int enough) {
+    while (number > enough) {
+        bool tall = false;
+        for (int k = 0; k < number; k++) tall = tall || (held[k].name >> HEIGHT_BIT) >= TALL;
+        int other[32];
+        for (int k = 0; k < number; k++) {
+            unsigned int best = NONE;
+            for (int near = k - RADIUS; near <= k + RADIUS; near++)
+                if (!tall && near >= 0 && near < number && near != k) {
+                    unsigned int cost = cost_of(held[near < k ? near : k].box, held[near < k ? k : near].box) | near;
+                    if (cost < best) best = cost;
+                }
+            other[k] = best == NONE ? 32 : (int)(best & 31u);
+            if (tall && (k ^ 1) < number) other[k] = k ^ 1;
+        }
+        int stay = 0;
+        Cluster next[32];
+        for (int k = 0; k < number; k++) {
+            bool paired = other[k] < number && other[other[k]] == k;
+            if (paired && k < other[k]) next[stay++] = merged(held[k], held[other[k]]);
+            else if (!paired) next[stay++] = held[k];
+        }
+        for (int k = 0; k < stay; k++) held[k] = next[k];
+        number = stay;
+    }
+};
+Cluster own;
+box_of(i, own.box);
+own.ref = LEAF | (unsigned int)i;
+own.name = (unsigned int)i;
+store(i, own);
+int left = i, right = i, split = i + 1;
+unsigned int before = gap(i - 1), after = gap(i);
+while (true) {
+    bool whole = before == NONE && after == NONE;
+    if (right - left >= CLUSTERS || whole) {
+        Cluster held[32];
+        int number = 0;
+        for (int half = 0; half < 2; half++) {
+            int first = half ? split : left, end = half ? right + 1 : split;
+            for (int k = first; k < end && k < first + CLUSTERS; k++) {
+                Cluster c = load(k);
+                if (c.ref != NONE) held[number++] = c;
+            }
+        }
+        merge_down(held, number, whole ? 1 : CLUSTERS);
+        if (whole) {
+            root.data[0] = (int)held[0].ref;
+            return;
+        }
+        for (int k = 0; k < CLUSTERS; k++) {
+            if (k >= number) held[k].ref = NONE;
+            store(left + k, held[k]);
+        }
+    }
+    Flag other;
+    if (is_left(left, right, before, after)) {
+        other = exchange(right, far_end(left, before));
+        if (other == EMPTY) return;
+        split = right + 1, right = (int)(unsigned int)other, after = (unsigned int)(other >> 32);
+    } else {
+        other = exchange(left - 1, far_end(right, after));
+        if (other == EMPTY) return;
+        split = left, left = (int)(unsigned int)other, before = (unsigned int)(other >> 32);
+    }
+}
+"""
+
+
+@functools.cache
+def make_hploc_kernel(radius: int, node_bytes: int) -> wp.Kernel:
+    """A thread for each triangle in key order, and up to a full block of :data:`BLOCK`."""
+
+    @wp.func_native(
+        BASICS
+        + f"constexpr int RADIUS = {radius};"
+        + CLIMB
+        + ROUNDED_UP
+        + WRITE[node_bytes]
+        + SHARED
+        + "\n#if defined(__CUDA_ARCH__)\n"
+        + BY_WARPS
+        + "\n#else\n"
+        + ONE_BY_ONE
+        + "\n#endif\n"
+    )
+    def build(
+        i: wp.int32,
+        count: wp.int32,
+        last: wp.int32,
+        pad: wp.float32,
+        keys: wp.array(dtype=wp.int32),
+        values: wp.array(dtype=wp.int32),
+        points: wp.array(dtype=wp.vec3f),
+        triangles: wp.array(dtype=wp.vec3i),
+        scratch: wp.array(dtype=wp.vec4f),
+        flags: wp.array(dtype=wp.uint64),
+        nodes: wp.array(dtype=wp.vec4f),
+        root: wp.array(dtype=wp.int32),
+    ): ...
+
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
+    def hploc_kernel(
+        count: wp.int32,
+        last: wp.int32,
+        reach: wp.array(dtype=wp.float32),
+        extent: wp.array(dtype=wp.float32),
+        keys: wp.array(dtype=wp.int32),
+        values: wp.array(dtype=wp.int32),
+        points: wp.array(dtype=wp.vec3f),
+        triangles: wp.array(dtype=wp.vec3i),
+        scratch: wp.array(dtype=wp.vec4f),
+        flags: wp.array(dtype=wp.uint64),
+        nodes: wp.array(dtype=wp.vec4f),
+        root: wp.array(dtype=wp.int32),
+    ):
+        pad = padding(reach[0], extent[0])
+        build(wp.tid(), count, last, pad, keys, values, points, triangles, scratch, flags, nodes, root)
+
+    kernel: Any = hploc_kernel
+    return kernel

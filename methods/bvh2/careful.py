@@ -1,0 +1,207 @@
+"""Rays that float64 decides as they go: those that mirrors reflect, and all where triangles have holes.
+
+They are few, or stop at what float32 cannot call a hit. Walkers go from pixel to pixel, each with a stack of its own in
+the device's memory; float32 rejects triangles and float64 decides, by the tests that every method shares.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from ...harness.frame.alpha import Alpha
+from ...harness.frame.geometry import Camera, Hits, Mesh, Rays, mirrored_ray, ray_of, weld_of
+from ...harness.frame.specialise import effects
+from ..common.alpha import opaque_at_hit, opaque_to_light
+from ..common.entries import entry
+from ..common.hitpoint import hit_point, plane_distance
+from ..common.segment import may_occlude, occludes
+from ..common.triangle import (
+    NO_HIT,
+    U32,
+    hit_distance,
+    hit_weights,
+    largest,
+    may_hit,
+    nearer,
+    to_float32,
+)
+from .nodes import make_children_of
+from .primary import Tree
+from .records import Leaves, triangle_corners
+from .shadow import Starts
+
+MISSED = wp.constant(9.9e37)
+FARTHEST = wp.constant(9.0e37)
+SLACK = wp.constant(1.0 + 2.0**-20)
+EMPTY_TREE = wp.constant(-1)
+PLACE = wp.constant(0x7FFFFFFF)
+
+
+@wp.func
+def nearer_child(children: wp.vec4f) -> wp.int32:
+    """0 or 1: the child that is met first; -1 where the ray meets neither."""
+    if children[0] > MISSED and children[1] > MISSED:
+        return -1
+    if children[1] < children[0]:
+        return 1
+    return 0
+
+
+@functools.cache
+def make_closest_kernel(node_bytes: int) -> Any:
+    """stack int32 [walkers * STACK]: entry k of a walker at k * walkers + walker."""
+    children_of = make_children_of(node_bytes)
+
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
+    def closest_kernel(
+        walkers: wp.int32,
+        pixels: wp.int32,
+        camera: Camera,
+        tree: Tree,
+        mesh: Mesh,
+        leaves: Leaves,
+        alpha: Alpha,
+        rays: Rays,
+        stack: wp.array(dtype=wp.int32),
+        hits: Hits,
+        starts: Starts,
+    ):
+        walker = wp.tid()
+        pixel = wp.int32(walker)
+        while pixel < pixels:
+            ray = ray_of(camera, pixel)
+            now = entry(tree.root, 0)
+            if wp.static(effects.bounced):
+                ray = mirrored_ray(rays, pixel)
+                if rays.active[pixel] == wp.uint8(0):
+                    now = EMPTY_TREE
+            best = wp.int32(-1)
+            place = wp.int32(-1)
+            best_t = wp.float64(wp.INF)
+            limit = wp.float32(FARTHEST)
+            held = wp.int32(0)
+            while now != EMPTY_TREE:
+                following = wp.int32(EMPTY_TREE)
+                if now >= 0:
+                    children = children_of(tree.nodes, now, ray.origin, ray.direction, limit)
+                    first = nearer_child(children)
+                    if first >= 0:
+                        following = wp.cast(children[2 + first], wp.int32)
+                        if children[0] < MISSED and children[1] < MISSED:
+                            stack[held * walkers + walker] = wp.cast(children[3 - first], wp.int32)
+                            held += 1
+                else:
+                    at = now & PLACE
+                    i = entry(leaves.order, at)
+                    corners = triangle_corners(mesh, i)
+                    if may_hit(ray, corners):
+                        distance = hit_distance(ray, corners, weld_of(mesh, i))
+                        if wp.static(effects.alpha):
+                            if distance > wp.float64(0.0):
+                                if not opaque_at_hit(alpha, i, ray, corners, weld_of(mesh, i)):
+                                    distance = NO_HIT
+                        if distance > wp.float64(0.0) and nearer(distance, i, best_t, best):
+                            best = i
+                            place = at
+                            best_t = distance
+                            limit = wp.min(wp.float32(distance) * SLACK, FARTHEST)
+                if following == EMPTY_TREE and held > 0:
+                    held -= 1
+                    following = stack[held * walkers + walker]
+                now = following
+            hits.triangle[pixel] = best
+            starts.seat[pixel] = place
+            hits.t[pixel] = wp.float32(best_t)
+            uv = wp.vec2f()
+            if best >= 0:
+                met = triangle_corners(mesh, best)
+                uv = hit_weights(ray, met, weld_of(mesh, best))
+                starts.point[pixel] = to_float32(hit_point(ray, best_t, met))
+            hits.u[pixel] = uv[0]
+            hits.v[pixel] = uv[1]
+            pixel += walkers
+
+    return closest_kernel
+
+
+@functools.cache
+def make_shadow_kernel(node_bytes: int) -> Any:
+    """Shadow bits, walked from the hit points. ``stack`` as in :func:`make_closest_kernel`."""
+    children_of = make_children_of(node_bytes)
+
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
+    def shadow_kernel(
+        walkers: wp.int32,
+        pixels: wp.int32,
+        camera: Camera,
+        light: wp.int32,
+        lights: wp.array(dtype=wp.vec3f),
+        tree: Tree,
+        mesh: Mesh,
+        leaves: Leaves,
+        alpha: Alpha,
+        hits: Hits,
+        receivers: wp.array2d(dtype=wp.uint8),
+        rays: Rays,
+        stack: wp.array(dtype=wp.int32),
+        visibility: wp.array2d(dtype=wp.uint8),
+    ):
+        walker = wp.tid()
+        pixel = wp.int32(walker)
+        target = entry(lights, light)
+        while pixel < pixels:
+            own = entry(hits.triangle, pixel)
+            now = entry(tree.root, 0)
+            if own < 0:
+                now = EMPTY_TREE
+            if wp.static(effects.receivers):
+                if receivers[light, pixel] == wp.uint8(0):
+                    now = EMPTY_TREE
+            shadowed = wp.bool(False)
+            h = wp.vec3d()
+            size = wp.float64(0.0)
+            start = wp.vec3f()
+            way = wp.vec3f()
+            error = wp.float32(0.0)
+            if now != EMPTY_TREE:
+                ray = ray_of(camera, pixel)
+                if wp.static(effects.bounced):
+                    ray = mirrored_ray(rays, pixel)
+                met = triangle_corners(mesh, own)
+                h = hit_point(ray, plane_distance(ray, met), met)
+                size = wp.float64(largest(ray.origin))
+                start = to_float32(h)
+                way = target - start
+                error = U32 * largest(start)
+            held = wp.int32(0)
+            while now != EMPTY_TREE:
+                following = wp.int32(EMPTY_TREE)
+                if now >= 0:
+                    children = children_of(tree.nodes, now, start, way, SLACK)
+                    first = nearer_child(children)
+                    if first >= 0:
+                        following = wp.cast(children[2 + first], wp.int32)
+                        if children[0] < MISSED and children[1] < MISSED:
+                            stack[held * walkers + walker] = wp.cast(children[3 - first], wp.int32)
+                            held += 1
+                else:
+                    i = entry(leaves.order, now & PLACE)
+                    corners = triangle_corners(mesh, i)
+                    if i != own and may_occlude(start, target, corners, error):
+                        shadowed = occludes(h, target, corners, weld_of(mesh, i), size)
+                        if wp.static(effects.alpha):
+                            if shadowed:
+                                shadowed = opaque_to_light(
+                                    alpha, i, h, target, corners, weld_of(mesh, i), size
+                                )
+                if following == EMPTY_TREE and held > 0 and not shadowed:
+                    held -= 1
+                    following = stack[held * walkers + walker]
+                now = following
+            visibility[light, pixel] = wp.where(shadowed, wp.uint8(1), wp.uint8(0))
+            pixel += walkers
+
+    return shadow_kernel

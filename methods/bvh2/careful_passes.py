@@ -1,0 +1,56 @@
+"""Arrays and launches of the rays that float64 decides as they go (:mod:`.careful`)."""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ...harness.frame.frame import Frame
+from ...harness.frame.specialise import specialised
+from ...harness.scene.effects import Effects
+from .careful import make_closest_kernel, make_shadow_kernel
+from .parameters import Build
+from .primary import Tree
+from .records import Leaves
+from .shadow import Starts
+from .snippets import STACK
+
+WALKERS = 256
+"""Walkers a multiprocessor of the GPU, and on the CPU, which walks for one after another."""
+
+
+class Careful:
+    """stack int32 [walkers * STACK]: each walker's; empty where no ray needs one."""
+
+    def __init__(self, frame: Frame, build: Build, effects: Effects, tree: Tree, leaves: Leaves):
+        self.frame, self.effects = frame, effects
+        self.tree, self.leaves = tree, leaves
+        self.node_bytes = build.node_bytes
+        device = wp.get_device(frame.device)
+        self.walkers = WALKERS * (device.sm_count if device.is_cuda else 1)
+        needed = effects.alpha or effects.bounces > 0
+        self.stack = wp.zeros(self.walkers * STACK if needed else 0, dtype=wp.int32, device=device)
+
+    def launch_closest(self, bounce: int, starts: Starts) -> None:
+        f = self.frame
+        wp.launch(
+            specialised(make_closest_kernel(self.node_bytes), self.effects.switches(bounce=bounce)),
+            dim=self.walkers,
+            inputs=[
+                self.walkers, f.pixels, f.camera, self.tree, f.mesh, self.leaves, f.alpha, f.rays(bounce), self.stack,
+            ],
+            outputs=[f.hits(bounce), starts],
+            device=f.device,
+        )  # fmt: skip
+
+    def launch_shadow(self, light: int, bounce: int) -> None:
+        f = self.frame
+        wp.launch(
+            specialised(make_shadow_kernel(self.node_bytes), self.effects.switches(light, bounce)),
+            dim=self.walkers,
+            inputs=[
+                self.walkers, f.pixels, f.camera, light, f.lights, self.tree, f.mesh, self.leaves, f.alpha,
+                f.hits(bounce), f.masks(bounce), f.rays(bounce), self.stack,
+            ],
+            outputs=[f.bits(bounce)],
+            device=f.device,
+        )  # fmt: skip

@@ -1,0 +1,153 @@
+"""Morton keys of the triangles, and what a frame's build begins by clearing.
+
+A key interleaves the bits of the middle of a triangle's box, on a cube as large as the scene's longest side (Lauterbach
+et al. 2009). A triangle that is never hit (without area, not a number) is left out: it gets the largest key, which no
+other has, so that it lies behind all others; builders stop before it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from ...harness.frame.frame import Frame
+from ..common.bounds import BLOCK, BLOCKS, box_high, box_low
+from ..common.entries import entry, set_entry
+
+EMPTY = wp.constant(wp.uint64(0xFFFFFFFFFFFFFFFF))
+"""A flag at which neither child has arrived."""
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def box_kernel(
+    count: wp.int32,
+    blocks: wp.int32,
+    points: wp.array(dtype=wp.vec3f),
+    used: wp.array(dtype=wp.uint8),
+    box: wp.array(dtype=wp.float32),
+):
+    """Minimum over the vertices that triangles use, and that are numbers, of x, y, z, -x, -y, -z.
+
+    A triangle that is left out may enlarge the box: keys are then coarser, and bounds wider.
+    """
+    block, lane = wp.tid()
+    low = wp.vec3f(wp.INF, wp.INF, wp.INF)
+    high = wp.vec3f(-wp.INF, -wp.INF, -wp.INF)
+    i = block * wp.block_dim() + lane
+    while i < count:
+        p = entry(points, i)
+        if entry(used, i) != wp.uint8(0) and wp.isfinite(p):
+            low = wp.min(low, p)
+            high = wp.max(high, p)
+        i += blocks * wp.block_dim()
+    x0 = wp.tile_min(wp.tile(low[0]))
+    y0 = wp.tile_min(wp.tile(low[1]))
+    z0 = wp.tile_min(wp.tile(low[2]))
+    x1 = wp.tile_min(wp.tile(-high[0]))
+    y1 = wp.tile_min(wp.tile(-high[1]))
+    z1 = wp.tile_min(wp.tile(-high[2]))
+    vx0 = x0[0]
+    vy0 = y0[0]
+    vz0 = z0[0]
+    vx1 = x1[0]
+    vy1 = y1[0]
+    vz1 = z1[0]
+    if lane == 0:
+        wp.atomic_min(box, 0, vx0)
+        wp.atomic_min(box, 1, vy0)
+        wp.atomic_min(box, 2, vz0)
+        wp.atomic_min(box, 3, vx1)
+        wp.atomic_min(box, 4, vy1)
+        wp.atomic_min(box, 5, vz1)
+
+
+def used_vertices(faces: NDArray[np.int32], vertices: int) -> NDArray[np.uint8]:
+    """1 for each vertex that a triangle has."""
+    used = np.zeros(max(1, vertices), dtype=np.uint8)
+    used[faces.ravel()] = 1
+    return used
+
+
+def launch_box(frame: Frame, used: wp.array, box: wp.array) -> None:
+    """Fill ``box`` (float32 [6]: low, then negated high corner). All inf where nothing is there."""
+    box.fill_(math.inf)
+    blocks = 1 if wp.get_device(frame.device).is_cpu else BLOCKS
+    wp.launch_tiled(
+        box_kernel,
+        dim=[blocks],
+        inputs=[frame.vertex_count, blocks, frame.points, used],
+        outputs=[box],
+        block_dim=BLOCK,
+        device=frame.device,
+    )
+
+
+@wp.func
+def spread(x: wp.int32) -> wp.int32:
+    """Ten bits, two zeros after each."""
+    x = (x | (x << 16)) & 0x030000FF
+    x = (x | (x << 8)) & 0x0300F00F
+    x = (x | (x << 4)) & 0x030C30C3
+    return (x | (x << 2)) & 0x09249249
+
+
+@wp.func
+def cell(x: wp.float32, low: wp.float32, scale: wp.float32, last: wp.float32) -> wp.int32:
+    """Where x lies among the cells 0..last."""
+    return wp.int32(wp.min(wp.max((x - low) * scale, 0.0), last))
+
+
+@wp.func
+def extent_of(box: wp.array(dtype=wp.float32)) -> wp.float32:
+    """The largest coordinate of the scene's box; infinite where nothing is valid."""
+    return wp.max(wp.max(wp.abs(box_low(box)), wp.abs(box_high(box))))
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def key_kernel(
+    count: wp.int32,
+    bits: wp.int32,
+    points: wp.array(dtype=wp.vec3f),
+    triangles: wp.array(dtype=wp.vec3i),
+    valid: wp.array(dtype=wp.uint8),
+    box: wp.array(dtype=wp.float32),
+    keys: wp.array(dtype=wp.int32),
+    values: wp.array(dtype=wp.int32),
+    flags: wp.array(dtype=wp.uint64),
+    root: wp.array(dtype=wp.int32),
+    extent: wp.array(dtype=wp.float32),
+):
+    """Key and index of each triangle; empties the flags, and the tree. extent: the box's largest coordinate."""
+    i = wp.tid()
+    if i >= count:
+        return
+    face = entry(triangles, i)
+    left_out = entry(valid, i) == wp.uint8(0)
+    flags[i] = EMPTY
+    set_entry(values, i, i)
+    if i == 0:
+        root[0] = -1
+        extent[0] = extent_of(box)
+    largest = (wp.int32(1) << bits) - 1
+    if left_out:
+        set_entry(keys, i, largest)
+        return
+    a = entry(points, face[0])
+    b = entry(points, face[1])
+    c = entry(points, face[2])
+    low = box_low(box)
+    size = wp.max(box_high(box) - low)
+    cells = wp.float32(wp.int32(1) << (bits // 3))
+    scale = wp.float32(0.0)
+    # Of a scene too large or too small for this all keys are one: the tree is right, if not good.
+    if size > 1.0e-30 and size < 1.0e30:
+        scale = cells / size
+    # Halves first: a sum may overflow.
+    middle = 0.5 * wp.min(a, wp.min(b, c)) + 0.5 * wp.max(a, wp.max(b, c))
+    x = cell(middle[0], low[0], scale, cells - 1.0)
+    y = cell(middle[1], low[1], scale, cells - 1.0)
+    z = cell(middle[2], low[2], scale, cells - 1.0)
+    set_entry(keys, i, wp.min((spread(x) << 2) | (spread(y) << 1) | spread(z), largest - 1))

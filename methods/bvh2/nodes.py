@@ -1,0 +1,133 @@
+"""Nodes: the boxes of both children as centre and extent, in 64 bytes, or in 48 with extents in bfloat16.
+
+A node is four or three words of 16 bytes: (centre of child 0, its reference), (extent), (centre of child 1, its
+reference), (extent); or the two centres with their references and then six extents of 16 bits, rounded up. A slab is
+then (centre * inverse - origin) -+ extent * |inverse|: whether a direction is negative is never asked.
+
+Boxes are padded when they are written. What the slab test of a ray o + t d can be wrong by, as a way along one axis, with
+A the largest coordinate of o, B that of the scene's box, u = 2^-24, and where t d lies within the scene:
+
+    o * inverse rounded           A u          the direction, through 1 / d rounded             (A + B) u
+    centre * inverse - that       (A + B) u    the direction itself, if it is h - light         (A + B) u
+    -+ extent * |inverse|         (A + B) u    h's own rounding                                 B u
+    both products by themselves (no fused operations)  2 B u;    the centre rounded  B u
+    the extent rounded: nothing, it is enlarged by 2^-22 of itself
+
+5 A u + 8 B u in all; :func:`padding` is more, with A = ``frame.reach``, which bounds the eye; a light that is farther is not
+traced from (:mod:`.walk_shadow`). (Ize 2013, "Robust BVH Ray Traversal", pads the ray instead.)
+A direction's part of less than 2^-40 of its largest is replaced by that: it moves a ray by 2^-40 of its way.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from ..common.triangle import U32
+from .snippets import BASICS
+
+EMPTY_EXTENT = -1.0e30
+"""Extent of a child without triangles: no ray meets it."""
+
+ROUNDED_UP = f"""
+const float larger = 1.0f + 1.0f / 4194304.0f;
+auto middle = [&](float l, float h) {{ return l <= h ? product(0.5f, sum(l, h)) : 0.0f; }};
+auto extent = [&](float l, float h, float c, float pad) {{
+    return l <= h ? sum(product(high(sum(h, -c), sum(c, -l)), larger), pad) : {EMPTY_EXTENT}f;
+}};
+"""
+
+WRITE = {
+    64: """
+auto put_node = [&](float* nodes, unsigned int id, float pad, const float* a, unsigned int r, const float* b,
+                    unsigned int s) {
+    float ax = middle(a[0], a[3]), ay = middle(a[1], a[4]), az = middle(a[2], a[5]);
+    float bx = middle(b[0], b[3]), by = middle(b[1], b[4]), bz = middle(b[2], b[5]);
+    float* node = nodes + 16 * (size_t)id;
+    keep(node, 0, ax, ay, az, real(r));
+    keep(node, 1, extent(a[0], a[3], ax, pad), extent(a[1], a[4], ay, pad), extent(a[2], a[5], az, pad), 0.0f);
+    keep(node, 2, bx, by, bz, real(s));
+    keep(node, 3, extent(b[0], b[3], bx, pad), extent(b[1], b[4], by, pad), extent(b[2], b[5], bz, pad), 0.0f);
+};
+""",
+    48: """
+auto half = [&](float value) { return (bits(value) + 0xffffu) >> 16; };
+auto put_node = [&](float* nodes, unsigned int id, float pad, const float* a, unsigned int r, const float* b,
+                    unsigned int s) {
+    float ax = middle(a[0], a[3]), ay = middle(a[1], a[4]), az = middle(a[2], a[5]);
+    float bx = middle(b[0], b[3]), by = middle(b[1], b[4]), bz = middle(b[2], b[5]);
+    unsigned int e0 = half(extent(a[0], a[3], ax, pad)), e1 = half(extent(a[1], a[4], ay, pad));
+    unsigned int e2 = half(extent(a[2], a[5], az, pad)), f0 = half(extent(b[0], b[3], bx, pad));
+    unsigned int f1 = half(extent(b[1], b[4], by, pad)), f2 = half(extent(b[2], b[5], bz, pad));
+    float* node = nodes + 12 * (size_t)id;
+    keep(node, 0, ax, ay, az, real(r));
+    keep(node, 1, bx, by, bz, real(s));
+    keep(node, 2, real(e0 | (e1 << 16)), real(e2 | (f0 << 16)), real(f1 | (f2 << 16)), 0.0f);
+};
+""",
+}
+"""``put_node(nodes, id, pad, a, r, b, s)``: boxes a and b (low, then high corner) with references r and s."""
+
+READ = {
+    64: """
+    Quad a = fetch(nodes.data, 4 * (int)now), b = fetch(nodes.data, 4 * (int)now + 1);
+    Quad e = fetch(nodes.data, 4 * (int)now + 2), f = fetch(nodes.data, 4 * (int)now + 3);
+""",
+    48: """
+    Quad a = fetch(nodes.data, 3 * (int)now), e = fetch(nodes.data, 3 * (int)now + 1);
+    Quad w = fetch(nodes.data, 3 * (int)now + 2), b, f;
+    unsigned int wx = bits(w.x), wy = bits(w.y), wz = bits(w.z);
+    b.x = real(wx << 16), b.y = real(wx & 0xffff0000u), b.z = real(wy << 16);
+    f.x = real(wy & 0xffff0000u), f.y = real(wz << 16), f.z = real(wz & 0xffff0000u);
+""",
+}
+
+INVERSE = """
+float largest = high(size(d[0]), high(size(d[1]), size(d[2])));
+float least = largest * 9.0949470e-13f + tiny;
+auto inverse_of = [&](float x) { return 1.0f / (size(x) > least ? x : (x < 0.0f ? -least : least)); };
+float ix = inverse_of(d[0]), iy = inverse_of(d[1]), iz = inverse_of(d[2]);
+float ox = o[0] * ix, oy = o[1] * iy, oz = o[2] * iz, jx = size(ix), jy = size(iy), jz = size(iz);
+"""
+"""What a slab needs of a ray (o, d): one over its direction and the origin times that. ``tiny`` > 0: the least part of a
+direction whose inverse, and a coordinate times that, float32 still holds."""
+
+SLABS = """
+    float x = a.x * ix - ox, y = a.y * iy - oy, z = a.z * iz - oz;
+    float near0 = high(high(x - b.x * jx, y - b.y * jy), high(z - b.z * jz, 0.0f));
+    float far0 = low(low(x + b.x * jx, y + b.y * jy), low(z + b.z * jz, limit));
+    x = e.x * ix - ox, y = e.y * iy - oy, z = e.z * iz - oz;
+    float near1 = high(high(x - f.x * jx, y - f.y * jy), high(z - f.z * jz, 0.0f));
+    float far1 = low(low(x + f.x * jx, y + f.y * jy), low(z + f.z * jz, limit));
+    bool met0 = near0 <= far0, met1 = near1 <= far1;
+    unsigned int ref0 = bits(a.w), ref1 = bits(e.w);
+"""
+"""Both children of a node: whether the ray meets them between 0 and ``limit``, where it enters, their references."""
+
+
+@wp.func
+def padding(reach: wp.float32, extent: wp.float32) -> wp.float32:
+    """What boxes are padded by. ``reach``: bounds the origins that rays come from; ``extent``: the scene's box."""
+    return U32 * (6.0 * reach + 12.0 * extent) + 1.0e-37
+
+
+@functools.cache
+def make_children_of(node_bytes: int) -> Any:
+    """A function of (nodes, node, o, d, limit): (entry of child 0, of child 1, bits of their references); 1e38: missed."""
+
+    @wp.func_native(
+        BASICS
+        + "const float tiny = 1.0e-37f;"
+        + INVERSE
+        + "unsigned int now = (unsigned int)node;"
+        + READ[node_bytes]
+        + SLABS
+        + "return {met0 ? near0 : 1.0e38f, met1 ? near1 : 1.0e38f, real(ref0), real(ref1)};"
+    )
+    def children_of(
+        nodes: wp.array(dtype=wp.vec4f), node: wp.int32, o: wp.vec3f, d: wp.vec3f, limit: wp.float32
+    ) -> wp.vec4f: ...
+
+    return children_of

@@ -1,0 +1,194 @@
+"""Primary rays: the walk, and in float64 what it left, t, weights and the point that shadow rays start at."""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from ...harness.frame.geometry import Camera, Hits, Mesh, Ray, weld_of
+from ..common.entries import entry, set_entry
+from ..common.hitpoint import flat_hit_point, is_flat, plane_distance, steep_hit_point
+from ..common.pixels import tile_pixel
+from ..common.triangle import hit_distance, hit_weights, nearness_key, to_float32
+from .records import Leaves, triangle_corners
+from .walk_primary import make_walk
+
+BLOCK = 128
+"""Threads a block: :func:`pixel_at` and the stacks of packets count on it."""
+
+RESOLVE_REGISTERS = 72
+
+
+@wp.struct
+class Tree:
+    """Nodes of a tree, and the reference to its root: see :mod:`.nodes` and :mod:`.snippets`."""
+
+    nodes: wp.array(dtype=wp.vec4f)
+    root: wp.array(dtype=wp.int32)
+
+
+@wp.struct
+class Part:
+    """A share of the pixels: every ``shares``-th block of threads, from block ``share`` on."""
+
+    share: wp.int32
+    shares: wp.int32
+
+
+@wp.func
+def pixel_at(camera: Camera, part: Part, thread: wp.int32) -> wp.vec2i:
+    """Column and row of a thread's pixel, 8 x 4 pixels a warp, or -1."""
+    block = (thread >> 7) * part.shares + part.share
+    return tile_pixel((block << 7) | (thread & 127), camera.width, camera.height)
+
+
+@wp.func
+def direction_at(camera: Camera, at: wp.vec2i) -> wp.vec3f:
+    """Of a pixel; of the first one for a thread without."""
+    return entry(camera.column, wp.max(at[0], 0)) + entry(camera.row, wp.max(at[1], 0))
+
+
+@functools.cache
+def make_exact_kernel(packets: bool, node_bytes: int, registers: int) -> Any:
+    """One thread a pixel, 8 x 4 a warp: the place of the certain closest hit (-1: none), and its chain of doubts."""
+    walk = make_walk("exact", packets, node_bytes)
+
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=registers)
+    def exact_kernel(
+        camera: Camera,
+        part: Part,
+        tree: Tree,
+        records: wp.array(dtype=wp.vec4f),
+        counts: wp.array(dtype=wp.int32),
+        doubts: wp.array(dtype=wp.vec2i),
+        seat: wp.array(dtype=wp.int32),
+        chain: wp.array(dtype=wp.int32),
+    ):
+        at = pixel_at(camera, part, wp.tid())
+        seen = at[0] >= 0
+        pixel = at[1] * camera.width + at[0]
+        found = walk(
+            seen, entry(camera.eye, 0), direction_at(camera, at), tree.nodes, tree.root, records, counts, doubts
+        )  # fmt: skip
+        if seen:
+            set_entry(seat, pixel, wp.cast(found[3], wp.int32))
+            set_entry(chain, pixel, wp.cast(found[2], wp.int32))
+
+    return exact_kernel
+
+
+@functools.cache
+def make_float32_kernel(packets: bool, node_bytes: int, registers: int) -> Any:
+    """One thread a pixel, 8 x 4 a warp: answers in float32, and the points that shadow rays start at."""
+    walk = make_walk("float32", packets, node_bytes)
+
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=registers)
+    def float32_kernel(
+        camera: Camera,
+        part: Part,
+        tree: Tree,
+        records: wp.array(dtype=wp.vec4f),
+        order: wp.array(dtype=wp.int32),
+        counts: wp.array(dtype=wp.int32),
+        doubts: wp.array(dtype=wp.vec2i),
+        hits: Hits,
+        seat: wp.array(dtype=wp.int32),
+        start: wp.array(dtype=wp.vec3f),
+    ):
+        at = pixel_at(camera, part, wp.tid())
+        seen = at[0] >= 0
+        pixel = at[1] * camera.width + at[0]
+        found = walk(
+            seen, entry(camera.eye, 0), direction_at(camera, at), tree.nodes, tree.root, records, counts, doubts
+        )  # fmt: skip
+        if seen:
+            place = wp.cast(found[3], wp.int32)
+            best = wp.int32(-1)
+            distance = wp.float32(wp.INF)
+            if place >= 0:
+                best = entry(order, place)
+                distance = found[0]
+                start[pixel] = entry(camera.eye, 0) + direction_at(camera, at) * distance
+            set_entry(hits.triangle, pixel, best)
+            set_entry(hits.t, pixel, distance)
+            set_entry(hits.u, pixel, found[1])
+            set_entry(hits.v, pixel, found[2])
+            set_entry(seat, pixel, place)
+
+    return float32_kernel
+
+
+@wp.func
+def hit_word(t: wp.float64, i: wp.int32) -> wp.uint64:
+    """A hit as one word, 40 bits of 1 / t and 24 of the index: a larger one is nearer, or as near with a lower index."""
+    return (nearness_key(wp.float64(1.0) / t) << wp.uint64(24)) | wp.uint64(0xFFFFFF - i)
+
+
+@wp.func
+def float64_word(mesh: Mesh, i: wp.int32, ray: Ray) -> wp.uint64:
+    """:func:`hit_word` of triangle i, decided in float64; 0: the ray does not hit it."""
+    t = hit_distance(ray, triangle_corners(mesh, i), weld_of(mesh, i))
+    if t > wp.float64(0.0):
+        return hit_word(t, i)
+    return wp.uint64(0)
+
+
+@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=RESOLVE_REGISTERS)
+def resolve_kernel(
+    camera: Camera,
+    part: Part,
+    mesh: Mesh,
+    leaves: Leaves,
+    doubts: wp.array(dtype=wp.vec2i),
+    chain: wp.array(dtype=wp.int32),
+    seat: wp.array(dtype=wp.int32),
+    hits: Hits,
+    start: wp.array(dtype=wp.vec3f),
+):
+    """The nearest of the certain hit and the doubtful ones; t, weights and hit point of it in float64."""
+    at = pixel_at(camera, part, wp.tid())
+    if at[0] < 0:
+        return
+    pixel = at[1] * camera.width + at[0]
+    place = entry(seat, pixel)
+    last = entry(chain, pixel)
+    ray = Ray(entry(camera.eye, 0), direction_at(camera, at))
+    if last >= 0:
+        nearest = wp.uint64(0)
+        if place >= 0:
+            i = entry(leaves.order, place)
+            nearest = hit_word(plane_distance(ray, triangle_corners(mesh, i)), i)
+        while last >= 0:
+            doubt = entry(doubts, last)
+            last = doubt[1]
+            word = float64_word(mesh, entry(leaves.order, doubt[0]), ray)
+            if word > nearest:
+                nearest = word
+                place = doubt[0]
+        set_entry(seat, pixel, place)
+    best = wp.int32(-1)
+    distance32 = wp.float32(wp.INF)
+    uv = wp.vec2f()
+    point = wp.vec3d()
+    flat = wp.bool(False)
+    # Nothing is written before all is reckoned: after a store the compiler would read and widen the corners again.
+    if place >= 0:
+        best = entry(leaves.order, place)
+        corners = triangle_corners(mesh, best)
+        distance64 = plane_distance(ray, corners)
+        distance32 = wp.float32(distance64)
+        uv = hit_weights(ray, corners, weld_of(mesh, best))
+        point = steep_hit_point(ray, distance64, corners)
+        flat = is_flat(ray.direction, corners)
+    set_entry(hits.triangle, pixel, best)
+    set_entry(hits.t, pixel, distance32)
+    set_entry(hits.u, pixel, uv[0])
+    set_entry(hits.v, pixel, uv[1])
+    start[pixel] = to_float32(point)
+    # Flat rays are few, and long to reckon: from corners that are read again, so that nothing is held for them till here.
+    if flat:
+        again = triangle_corners(mesh, best)
+        seen = Ray(entry(camera.eye, 0), direction_at(camera, at))
+        start[pixel] = to_float32(flat_hit_point(seen, plane_distance(seen, again), again))

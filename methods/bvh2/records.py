@@ -1,0 +1,238 @@
+"""Triangles set up for an origin that many rays share: a test is then a few multiplications and additions.
+
+For the eye: three edge planes through it, n_k . d > 0 inside, and m with 1 / t = m . d on the triangle's plane; 48 bytes.
+For a light: three planes through it and the edges, n_k . p + c_k > 0 inside, and the triangle's plane, positive on the
+light's side, for hit points p; 48 bytes, and 16 apart, which few tests read. With the light's own
+place as origin a test would be as short as the eye's, but wrong where the light is far: here all errors are those of the
+scene's size.
+
+Planes are reckoned in float64, rounded, and scaled in float32: two roundings. Each is scaled by its own largest part, or by
+a little more where the slack that closed triangles have (:func:`..common.triangle.inside`: 2^-30 of the sum s of the
+unscaled edge functions) would otherwise be more than a part of the bound, or where float64's own rounding would show. So
+with u = 2^-24, of directions d, and of hit points and corners whose coordinates the scene's box bounds by M:
+
+* n . d is known to 5 u |d|_1 (two roundings of n, three of products and sums) and the slack is at most
+  2^-30 |n|_1 |d|_1 / (2^-8 |n|_1) = 4 u |d|_1: beyond :data:`EYE_UNITS` = 10 units its sign is that of float64's verdict.
+* n . p + c is known to 30 u M (6 for n, 6 for c, 3 for p's own rounding, 15 for products and sums). The sum s is at most
+  |n|_1 (M + |light|), so that here planes are scaled by at least 2^-8 |n|_1 (M + |light|) / M, and the slack is at most
+  4 u M again: :data:`LIGHT_UNITS` = 40 units of M.
+* m . d is known to 8 u |m|_max |d|_1 (three roundings of m, three of products and sums) where the triangle's height over
+  the eye, as float64 has it, is right to 2^-27; else the record is zero.
+
+A record of zeros leaves every ray to float64: triangles seen edge-on, and sizes that float32 does not hold.
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ...harness.frame.geometry import Corners, Mesh
+from ..common.entries import entry, set_entry
+from ..common.triangle import largest, to_float64, total
+
+EYE_UNITS = 10.0
+DEPTH_UNITS = 8.0
+LIGHT_UNITS = 40.0
+
+REGISTERS = 64
+"""Registers a thread of the kernels that set triangles up: they wait for memory."""
+
+CLOSED = wp.constant(2.0**-8)
+ROUNDED = wp.constant(2.0**-20)
+FLAT = wp.constant(2.0**-22)
+SMALLEST = wp.constant(1.0e-30)
+LARGEST = wp.constant(1.0e35)
+DEEPEST = wp.constant(1.0e30)
+
+
+@wp.struct
+class Leaves:
+    """The triangles in the tree's order.
+
+    order  int32 [triangles, or twice that]: the triangle at each place
+    keys   likewise: ``last`` at places that no triangle has
+    """
+
+    count: wp.int32
+    last: wp.int32
+    keys: wp.array(dtype=wp.int32)
+    order: wp.array(dtype=wp.int32)
+
+
+@wp.func
+def triangle_corners(mesh: Mesh, triangle: wp.int32) -> Corners:
+    """The corners of a triangle, read where they lie (:mod:`..common.entries`)."""
+    face = entry(mesh.triangles, triangle)
+    return Corners(entry(mesh.points, face[0]), entry(mesh.points, face[1]), entry(mesh.points, face[2]))
+
+
+@wp.struct
+class Seen:
+    """Of a triangle seen from an origin o: its edge planes and normal from float64, as float32; sizes; which way it faces.
+
+    size: the largest distance of a corner times the longest edge; inward: +-1, 0: edge-on, or too large or small
+    """
+
+    a: wp.vec3d
+    b: wp.vec3d
+    c: wp.vec3d
+    x: wp.vec3d
+    y: wp.vec3d
+    z: wp.vec3d
+    normal: wp.vec3d
+    height: wp.float64
+    size: wp.float32
+    inward: wp.float32
+
+
+@wp.func
+def near32(v: wp.vec3d) -> wp.vec3f:
+    return wp.vec3f(wp.float32(v[0]), wp.float32(v[1]), wp.float32(v[2]))
+
+
+@wp.func
+def seen_from(o32: wp.vec3f, corners: Corners) -> Seen:
+    s = Seen()
+    a32 = corners.a
+    b32 = corners.b
+    c32 = corners.c
+    o = to_float64(o32)
+    s.a = to_float64(a32)
+    s.b = to_float64(b32)
+    s.c = to_float64(c32)
+    ab = s.b - s.a
+    bc = s.c - s.b
+    ca = s.a - s.c
+    s.normal = wp.cross(ca, ab)
+    s.height = wp.dot(s.normal, s.a - o)
+    s.x = wp.cross(s.b - o, bc)
+    s.y = wp.cross(s.c - o, ca)
+    s.z = wp.cross(s.a - o, ab)
+    # Sizes choose scales and thresholds: float32 knows them well enough.
+    reach = wp.max(largest(a32 - o32), wp.max(largest(b32 - o32), largest(c32 - o32)))
+    edge = wp.max(largest(b32 - a32), wp.max(largest(c32 - b32), largest(a32 - c32)))
+    s.size = reach * edge
+    s.inward = 0.0
+    height = wp.float32(s.height)
+    if s.size * edge > SMALLEST and s.size * reach < LARGEST and edge * edge > SMALLEST:
+        if height > FLAT * (s.size * edge):
+            s.inward = 1.0
+        if height < -FLAT * (s.size * edge):
+            s.inward = -1.0
+    return s
+
+
+@wp.func
+def scale_of(n: wp.vec3f, s: Seen, spread: wp.float32) -> wp.float32:
+    """What an edge plane is multiplied by; ``spread``: the most that its slack may come from."""
+    return s.inward / wp.max(largest(n), wp.max(CLOSED * spread, ROUNDED * s.size))
+
+
+@wp.func
+def leads_here(leaves: Leaves, at: wp.int32) -> wp.bool:
+    """Whether there is a triangle at a place of the tree's order."""
+    if at >= leaves.count:
+        return False
+    return entry(leaves.keys, at) != leaves.last
+
+
+@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
+def eye_kernel(mesh: Mesh, leaves: Leaves, eye: wp.array(dtype=wp.vec3f), records: wp.array(dtype=wp.vec4f)):
+    """Three words a triangle in the tree's order: the edge planes and m, one after the other."""
+    at = wp.tid()
+    if not leads_here(leaves, at):
+        return
+    s = seen_from(entry(eye, 0), triangle_corners(mesh, entry(leaves.order, at)))
+    x = wp.vec3f()
+    y = wp.vec3f()
+    z = wp.vec3f()
+    m = wp.vec3f()
+    if s.inward != 0.0:
+        n = near32(s.normal)
+        spread = total(n)
+        x = near32(s.x)
+        x = x * scale_of(x, s, spread)
+        y = near32(s.y)
+        y = y * scale_of(y, s, spread)
+        z = near32(s.z)
+        z = z * scale_of(z, s, spread)
+        m = n / wp.float32(s.height)
+        if not (largest(m) < DEEPEST and largest(m) * DEEPEST > 1.0):
+            m = wp.vec3f()
+    set_entry(records, 3 * at, wp.vec4f(x[0], x[1], x[2], y[0]))
+    set_entry(records, 3 * at + 1, wp.vec4f(y[1], y[2], z[0], z[1]))
+    set_entry(records, 3 * at + 2, wp.vec4f(z[2], m[0], m[1], m[2]))
+
+
+@wp.func
+def plane_word(n: wp.vec3d, p: wp.vec3d, n32: wp.vec3f, scale: wp.float32) -> wp.vec4f:
+    """(n, c) of the plane n . x + c through p, scaled; ``n32`` is n rounded."""
+    c = wp.float32(-wp.dot(n, p))
+    return wp.vec4f(n32[0] * scale, n32[1] * scale, n32[2] * scale, c * scale)
+
+
+@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
+def light_kernel(
+    mesh: Mesh,
+    leaves: Leaves,
+    light: wp.int32,
+    lights: wp.array(dtype=wp.vec3f),
+    extent: wp.array(dtype=wp.float32),
+    records: wp.array(dtype=wp.vec4f),
+    sides: wp.array(dtype=wp.vec4f),
+):
+    """Three words a triangle in the tree's order, the planes through the light, and one apart: the triangle's."""
+    at = wp.tid()
+    if not leads_here(leaves, at):
+        return
+    place = entry(lights, light)
+    s = seen_from(place, triangle_corners(mesh, entry(leaves.order, at)))
+    none = wp.vec4f()
+    first = none
+    second = none
+    third = none
+    own = none
+    if s.inward != 0.0:
+        n = near32(s.normal)
+        spread = total(n) * (1.0 + largest(place) / extent[0])
+        x = near32(s.x)
+        first = plane_word(s.x, s.b, x, scale_of(x, s, spread))
+        y = near32(s.y)
+        second = plane_word(s.y, s.c, y, scale_of(y, s, spread))
+        z = near32(s.z)
+        third = plane_word(s.z, s.a, z, scale_of(z, s, spread))
+        # The light is where n . (light - a) = -height.
+        own = plane_word(s.normal, s.a, n, -s.inward / largest(n))
+    set_entry(records, 3 * at, first)
+    set_entry(records, 3 * at + 1, second)
+    set_entry(records, 3 * at + 2, third)
+    set_entry(sides, at, own)
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def float32_kernel(
+    mesh: Mesh,
+    leaves: Leaves,
+    index: wp.int32,
+    origins: wp.array(dtype=wp.vec3f),
+    records: wp.array(dtype=wp.vec4f),
+):
+    """Three words a triangle for float32 tests from ``origins[index]``: what is left of Moeller & Trumbore 1997.
+
+    With s = o - a, e = b - a, f = c - a: (f x e, f . (s x e)), (f x s, 0), (s x e, 0), so that for a direction d the
+    determinant, u, v and t are three products with d and one number.
+    """
+    at = wp.tid()
+    if not leads_here(leaves, at):
+        return
+    corners = triangle_corners(mesh, entry(leaves.order, at))
+    a = corners.a
+    e = corners.b - a
+    f = corners.c - a
+    s = entry(origins, index) - a
+    n = wp.cross(f, e)
+    p = wp.cross(f, s)
+    q = wp.cross(s, e)
+    set_entry(records, 3 * at, wp.vec4f(n[0], n[1], n[2], wp.dot(f, q)))
+    set_entry(records, 3 * at + 1, wp.vec4f(p[0], p[1], p[2], 0.0))
+    set_entry(records, 3 * at + 2, wp.vec4f(q[0], q[1], q[2], 0.0))

@@ -1,0 +1,59 @@
+"""What the native snippets of this method have in common: C++ that a GPU and the CPU compile alike.
+
+Loops over a tree need an array of their own for the stack, votes of a warp and 16-byte loads, for which Warp has no
+words. A snippet is the body of one function, so what several share is text that each begins with.
+"""
+
+from __future__ import annotations
+
+LEAF = 0x80000000
+"""Bit of a reference to a child that says that it is a triangle: the other bits are its place in the tree's order."""
+
+NONE = 0xFFFFFFFF
+"""The reference to nothing: the root of a tree without triangles."""
+
+STACK = 128
+"""Entries of a stack: no tree is deeper (:mod:`.build_hploc`, :mod:`.build_lbvh`, :mod:`.sah`)."""
+
+BASICS = (
+    f"""
+struct Quad {{ float x, y, z, w; }};
+constexpr unsigned int LEAF = {LEAF}u, NONE = {NONE}u;
+"""
+    + """
+auto bits = [](float value) { union { float f; unsigned int u; } both; both.f = value; return both.u; };
+auto real = [](unsigned int value) { union { float f; unsigned int u; } both; both.u = value; return both.f; };
+#if defined(__CUDA_ARCH__)
+auto low = [](float a, float b) { return fminf(a, b); };
+auto high = [](float a, float b) { return fmaxf(a, b); };
+auto size = [](float a) { return fabsf(a); };
+auto fetch = [](const void* at, int k) {
+    float4 v = __ldg(reinterpret_cast<const float4*>(at) + k);
+    return Quad{v.x, v.y, v.z, v.w};
+};
+auto keep = [](void* at, int k, float x, float y, float z, float w) {
+    reinterpret_cast<float4*>(at)[k] = make_float4(x, y, z, w);
+};
+auto about = [](float a) {
+    float inverse;
+    asm("rcp.approx.ftz.f32 %0, %1;" : "=f"(inverse) : "f"(a));
+    return inverse;
+};
+auto sum = [](float a, float b) { return __fadd_rn(a, b); };
+auto product = [](float a, float b) { return __fmul_rn(a, b); };
+#else
+auto low = [](float a, float b) { return a < b ? a : b; };
+auto high = [](float a, float b) { return a > b ? a : b; };
+auto size = [](float a) { return a < 0.0f ? -a : a; };
+auto fetch = [](const void* at, int k) { return reinterpret_cast<const Quad*>(at)[k]; };
+auto keep = [](void* at, int k, float x, float y, float z, float w) {
+    reinterpret_cast<Quad*>(at)[k] = Quad{x, y, z, w};
+};
+auto about = [](float a) { return 1.0f / a; };
+auto sum = [](float a, float b) { return a + b; };
+auto product = [](float a, float b) { return a * b; };
+#endif
+"""
+)
+"""``about`` is one over a number, as well as a GPU finds it at once. ``sum`` and ``product`` round by themselves: a GPU's
+compiler would fuse them, and build another tree than the CPU."""

@@ -1,0 +1,209 @@
+"""Sorting keys with their triangles on the GPU, in place in a captured graph: a radix sort of one sweep a digit.
+
+Adinets & Merrill, "Onesweep: A Faster Least Significant Digit Radix Sort for GPUs" (2022): the digits of all keys are
+counted once; then each pass reads and writes every key once. A block takes the next tile, ranks its keys by digit within
+the block, and learns how many keys of each digit lie in the tiles before by looking back over what their blocks told: a
+count of their own, or of all up to them (Merrill & Garland 2016). It is stable: triangles with one key stay in their order.
+
+Warp's own sort, which takes scratch memory each time and copies an odd number of passes back, sorts on the CPU.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import warp as wp
+
+DIGIT = 8
+DIGITS = 1 << DIGIT
+THREADS = 256
+COUNT_BLOCKS = 264
+MANY = 400_000
+"""Keys from here on are taken 16 a thread, fewer 8, so that tiles fill the GPU."""
+
+COUNT = f"""
+#if defined(__CUDA_ARCH__)
+__shared__ int found[4 * {DIGITS}];
+for (int k = threadIdx.x; k < passes * {DIGITS}; k += {THREADS}) found[k] = 0;
+__syncthreads();
+for (int i = blockIdx.x * {THREADS} + threadIdx.x; i < count; i += gridDim.x * {THREADS}) {{
+    unsigned int key = keys.data[i];
+    for (int pass = 0; pass < passes; pass++)
+        atomicAdd(found + pass * {DIGITS} + ((key >> pass * {DIGIT}) & {DIGITS - 1}), 1);
+}}
+__syncthreads();
+for (int k = threadIdx.x; k < passes * {DIGITS}; k += {THREADS})
+    if (found[k]) atomicAdd(state.data + k, found[k]);
+#endif
+"""
+
+SWEEP = (
+    f"""
+#if defined(__CUDA_ARCH__)
+constexpr unsigned int ALL = 0xffffffffu, OWN = 1u << 30, UPTO = 2u << 30, NUMBER = OWN - 1u;
+constexpr int WARPS = {THREADS} / 32;
+__shared__ int of_warp[WARPS][{DIGITS}];
+__shared__ int base[{DIGITS}];
+__shared__ int sums[WARPS];
+__shared__ int taken;
+int thread = threadIdx.x, lane = thread & 31, warp = thread >> 5;
+"""
+    + """
+if (thread == 0) taken = atomicAdd(state.data + 4 * DIGITS + pass_, 1);
+for (int k = 0; k < WARPS; k++) of_warp[k][thread] = 0;
+__syncthreads();
+int tile = taken, first = tile * THREADS * ITEMS + warp * 32 * ITEMS + lane;
+unsigned int key[ITEMS];
+int rank[ITEMS], shift = pass_ * DIGIT;
+#pragma unroll
+for (int k = 0; k < ITEMS; k++) key[k] = first + 32 * k < count ? from_keys.data[first + 32 * k] : ALL;
+#pragma unroll
+for (int k = 0; k < ITEMS; k++) {
+    int digit = (key[k] >> shift) & (DIGITS - 1), before = 0;
+    unsigned int peers = __match_any_sync(ALL, digit);
+    int leader = __ffs(peers) - 1;
+    if (lane == leader) {
+        before = of_warp[warp][digit];
+        of_warp[warp][digit] = before + __popc(peers);
+    }
+    rank[k] = __shfl_sync(ALL, before, leader) + __popc(peers & ((1u << lane) - 1u));
+    __syncwarp();
+}
+__syncthreads();
+// From here a thread is a digit.
+int own = 0;
+for (int k = 0; k < WARPS; k++) {
+    int here = of_warp[k][thread];
+    of_warp[k][thread] = own;
+    own += here;
+}
+volatile unsigned int* told = (volatile unsigned int*)state.data + 4 * DIGITS + 32 + (size_t)pass_ * tiles * DIGITS;
+if (tile < tiles - 1) told[tile * DIGITS + thread] = (tile ? OWN : UPTO) | (unsigned int)own;
+// Keys of smaller digits, of all tiles.
+int number = state.data[pass_ * DIGITS + thread], smaller = number;
+for (int step = 1; step < 32; step <<= 1) {
+    int other = __shfl_up_sync(ALL, smaller, step);
+    if (lane >= step) smaller += other;
+}
+if (lane == 31) sums[warp] = smaller;
+__syncthreads();
+smaller -= number;
+for (int k = 0; k < warp; k++) smaller += sums[k];
+int earlier = 0;
+for (int back = tile - 1; back >= 0; back--) {
+    unsigned int said;
+    do said = told[back * DIGITS + thread]; while (said < OWN);
+    earlier += said & NUMBER;
+    if (said >= UPTO) break;
+}
+if (tile && tile < tiles - 1) told[tile * DIGITS + thread] = UPTO | (unsigned int)(earlier + own);
+base[thread] = smaller + earlier;
+__syncthreads();
+#pragma unroll
+for (int k = 0; k < ITEMS; k++) {
+    int digit = (key[k] >> shift) & (DIGITS - 1);
+    if (first + 32 * k < count) {
+        int place = base[digit] + of_warp[warp][digit] + rank[k];
+        to_keys.data[place] = key[k];
+        to_values.data[place] = from_values.data[first + 32 * k];
+    }
+}
+#endif
+"""
+)
+
+
+@wp.func_native(COUNT)
+def count_digits(
+    count: wp.int32, passes: wp.int32, keys: wp.array(dtype=wp.int32), state: wp.array(dtype=wp.int32)
+): ...
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def count_kernel(
+    count: wp.int32, passes: wp.int32, keys: wp.array(dtype=wp.int32), state: wp.array(dtype=wp.int32)
+):
+    """How many keys have each digit, for all passes at once."""
+    count_digits(count, passes, keys, state)
+
+
+@functools.cache
+def make_sweep_kernel(items: int) -> Any:
+    """One pass: a block of :data:`THREADS` for each tile of ``items`` keys a thread."""
+    constants = f"constexpr int DIGIT = {DIGIT}, DIGITS = {DIGITS}, THREADS = {THREADS}, ITEMS = {items};"
+
+    @wp.func_native(constants + SWEEP)
+    def sweep(
+        count: wp.int32,
+        pass_: wp.int32,
+        tiles: wp.int32,
+        from_keys: wp.array(dtype=wp.int32),
+        from_values: wp.array(dtype=wp.int32),
+        state: wp.array(dtype=wp.int32),
+        to_keys: wp.array(dtype=wp.int32),
+        to_values: wp.array(dtype=wp.int32),
+    ): ...
+
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
+    def sweep_kernel(
+        count: wp.int32,
+        pass_: wp.int32,
+        tiles: wp.int32,
+        from_keys: wp.array(dtype=wp.int32),
+        from_values: wp.array(dtype=wp.int32),
+        state: wp.array(dtype=wp.int32),
+        to_keys: wp.array(dtype=wp.int32),
+        to_values: wp.array(dtype=wp.int32),
+    ):
+        sweep(count, pass_, tiles, from_keys, from_values, state, to_keys, to_values)
+
+    return sweep_kernel
+
+
+class Sort:
+    """Sorts ``keys`` with ``values``, each int32 [2 * count]: the result is their first half.
+
+    ``begin``: the half, 0 or 1, that unsorted keys and values are to be written to.
+    state int32: digits' counts [4, 256], tickets [32], and what tiles tell [passes, tiles, 256]; cleared each time
+    """
+
+    def __init__(self, keys: wp.array, values: wp.array, count: int, bits: int):
+        self.keys, self.values, self.count, self.bits = keys, values, count, bits
+        self.device = keys.device
+        self.passes = -(-bits // DIGIT)
+        self.begin = self.passes % 2 if self.device.is_cuda else 0
+        self.items = 8 if count < MANY else 16
+        self.tiles = -(-count // (THREADS * self.items))
+        words = 4 * DIGITS + 32 + self.passes * self.tiles * DIGITS
+        self.state = wp.zeros(words if self.device.is_cuda else 0, dtype=wp.int32, device=self.device)
+
+    def half(self, which: int) -> tuple[wp.array, wp.array]:
+        """Keys and values of one half."""
+        part = slice(which * self.count, (which + 1) * self.count)
+        return self.keys[part], self.values[part]
+
+    def launch(self) -> None:
+        if self.device.is_cpu:
+            wp.utils.radix_sort_pairs(self.keys, self.values, self.count, 0, self.bits)
+            return
+        self.state.zero_()
+        begin = self.half(self.begin)
+        wp.launch(
+            count_kernel,
+            dim=THREADS * min(COUNT_BLOCKS, self.tiles),
+            inputs=[self.count, self.passes, begin[0]],
+            outputs=[self.state],
+            device=self.device,
+            block_dim=THREADS,
+        )
+        for k in range(self.passes):
+            source, target = self.half((self.begin + k) % 2), self.half((self.begin + k + 1) % 2)
+            wp.launch(
+                make_sweep_kernel(self.items),
+                dim=THREADS * self.tiles,
+                inputs=[self.count, k, self.tiles, *source, self.state],
+                outputs=list(target),
+                device=self.device,
+                block_dim=THREADS,
+            )

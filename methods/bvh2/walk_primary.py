@@ -1,0 +1,194 @@
+"""The closest hit of a ray from the eye: a walk down the tree with a stack, for one ray or for a warp's 32 together.
+
+A packet of rays has one stack and visits the union of what its rays would: the warp votes which child comes first
+(Wald et al. 2001; Guenther et al. 2007). So all lanes read the same nodes and triangles. It gives the answers of single
+rays, which is how the CPU walks.
+
+Exact: an edge plane or a depth that float32 does not decide leaves the pair to float64, and the walk goes on without it.
+What is kept is certain: a triangle that lies certainly before what was kept until then. Of two hits whose depths
+overlap within their bounds the second is left to float64.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from .doubt_text import CHAIN
+from .nodes import INVERSE, READ, SLABS
+from .records import DEPTH_UNITS, EYE_UNITS
+from .snippets import BASICS, STACK
+
+EXACT_BEGIN = f"""
+const float unit = 5.9604645e-08f, slack = 1.0f + 1.0f / 1048576.0f;
+float length = size(d[0]) + size(d[1]) + size(d[2]);
+float bound = {EYE_UNITS}f * unit * length + 1.0e-36f, fuzz = {DEPTH_UNITS}f * unit * length;
+float sure_from = seen ? 0.0f : 3.4e38f, sure_to = 0.0f;
+int best = -1;
+"""
+
+EXACT_LEAF = """
+Quad p = fetch(records.data, 3 * at), q = fetch(records.data, 3 * at + 1), r = fetch(records.data, 3 * at + 2);
+float e0 = d[0] * p.x + d[1] * p.y + d[2] * p.z;
+float e1 = d[0] * p.w + d[1] * q.x + d[2] * q.y;
+float e2 = d[0] * q.z + d[1] * q.w + d[2] * r.x;
+float inside = low(e0, low(e1, e2));
+if (!(inside < -bound)) {
+    float depth = d[0] * r.y + d[1] * r.z + d[2] * r.w;
+    float error = fuzz * high(size(r.y), high(size(r.z), size(r.w)));
+    if (!(depth + error < sure_from)) {
+        if (inside > bound && depth - error > sure_to) {
+            best = at;
+            sure_from = depth - error;
+            sure_to = depth + error;
+            limit = slack / sure_from;
+        } else if (REAL) {
+            leave(at);
+        }
+    }
+}
+"""
+"""Depths are 1 / t: nearer is larger. ``sure_from`` and ``sure_to`` bound the depth of what is kept."""
+
+EXACT_END = "return {0.0f, 0.0f, real((unsigned int)last), real((unsigned int)best)};"
+
+FLOAT32_BEGIN = """
+float u = 0.0f, v = 0.0f;
+int best = -1;
+"""
+
+FLOAT32_LEAF = """
+Quad p = fetch(records.data, 3 * at), q = fetch(records.data, 3 * at + 1), r = fetch(records.data, 3 * at + 2);
+float inverse = about(d[0] * p.x + d[1] * p.y + d[2] * p.z);
+float s = (d[0] * q.x + d[1] * q.y + d[2] * q.z) * inverse;
+float w = (d[0] * r.x + d[1] * r.y + d[2] * r.z) * inverse;
+float t = p.w * inverse;
+if (s >= 0.0f && w >= 0.0f && s + w <= 1.0f && t > 0.0f && t < limit) {
+    limit = t;
+    u = s;
+    v = w;
+    best = at;
+}
+"""
+
+FLOAT32_END = "return {limit, u, v, real((unsigned int)best)};"
+
+SINGLE = (
+    f"""
+unsigned int stack[{STACK}];
+int held = 0;
+"""
+    + """
+while (now != NONE) {
+    bool done = true;
+    if (!(now & LEAF)) {
+        READ
+        SLABS
+        if (met0 || met1) {
+            bool both = met0 && met1, second = both ? near1 < near0 : met1;
+            if (both) stack[held++] = second ? ref0 : ref1;
+            now = second ? ref1 : ref0;
+            done = false;
+        }
+    } else {
+        int at = (int)(now & ~LEAF);
+        TRIANGLE
+    }
+    if (done) {
+        if (held == 0) break;
+        now = stack[--held];
+    }
+}
+"""
+)
+"""One step a turn, down to a child or through a triangle, so that the lanes of a warp meet after each."""
+
+PACKET = (
+    f"""
+__shared__ unsigned int stacks[4 * {STACK}];
+volatile unsigned int* stack = stacks + {STACK} * (threadIdx.x >> 5);
+const unsigned int ALL = 0xffffffffu;
+bool leader = (threadIdx.x & 31) == 0;
+int held = 0;
+if (!seen) limit = -1.0f;
+"""
+    + """
+while (now != NONE) {
+    while (!(now & LEAF)) {
+        READ
+        SLABS
+        unsigned int some0 = __ballot_sync(ALL, met0), some1 = __ballot_sync(ALL, met1);
+        if (some0 && some1) {
+            unsigned int for1 = __ballot_sync(ALL, met1 && (!met0 || near1 < near0));
+            bool second = 2 * __popc(for1) > __popc(some0 | some1);
+            if (leader) stack[held] = second ? ref0 : ref1;
+            __syncwarp();
+            held++;
+            now = second ? ref1 : ref0;
+        } else if (some0) {
+            now = ref0;
+        } else if (some1) {
+            now = ref1;
+        } else {
+            if (held == 0) goto walked;
+            now = stack[--held];
+            __syncwarp();
+        }
+    }
+    {
+        int at = (int)(now & ~LEAF);
+        TRIANGLE
+    }
+    if (held == 0) break;
+    now = stack[--held];
+    __syncwarp();
+}
+walked:;
+"""
+)
+"""Blocks of 128 threads. A lane outside the image has a limit that no box is before."""
+
+
+@functools.cache
+def make_walk(precision: str, packets: bool, node_bytes: int) -> Any:
+    """A function of a ray that gives (t, u, v, bits of the place of the closest hit or of -1); exact: (0, 0, last, place),
+    with the chain of what it left (:mod:`.doubt_text`).
+
+    ``seen`` is False in a lane without a ray; ``packets`` walks as one only where a warp does, on the GPU.
+    """
+    exact = precision == "exact"
+    triangle = EXACT_LEAF if exact else FLOAT32_LEAF
+
+    def walk_of(text: str, real_ray: str) -> str:
+        inner = triangle.replace("REAL", real_ray)
+        return text.replace("READ", READ[node_bytes]).replace("SLABS", SLABS).replace("TRIANGLE", inner)
+
+    single = "if (!seen) now = NONE;" + walk_of(SINGLE, "true")
+    walking = single
+    if packets:
+        together = walk_of(PACKET, "seen")
+        walking = f"\n#if defined(__CUDA_ARCH__)\n{together}\n#else\n{single}\n#endif\n"
+
+    @wp.func_native(
+        BASICS
+        + CHAIN
+        + "unsigned int now = (unsigned int)root.data[0];\nfloat limit = 3.4e38f;\nconst float tiny = 1.0e-37f;\n"
+        + INVERSE
+        + (EXACT_BEGIN if exact else FLOAT32_BEGIN)
+        + walking
+        + (EXACT_END if exact else FLOAT32_END)
+    )
+    def walk(
+        seen: wp.bool,
+        o: wp.vec3f,
+        d: wp.vec3f,
+        nodes: wp.array(dtype=wp.vec4f),
+        root: wp.array(dtype=wp.int32),
+        records: wp.array(dtype=wp.vec4f),
+        counts: wp.array(dtype=wp.int32),
+        doubts: wp.array(dtype=wp.vec2i),
+    ) -> wp.vec4f: ...
+
+    return walk

@@ -1,0 +1,147 @@
+"""The binary tree's answers: exact against brute force and the referee, and the same bits whatever its settings."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from helpers.brute_force import make_scene, soup
+from helpers.drawn_examples import EXAMPLES, some
+from helpers.holed_scenes import answers_of as holed_answers
+from helpers.holed_scenes import holed
+from helpers.lattice_examples import Example, true_errors
+from helpers.method_trials import assert_exact, assert_nearly, hard_trials, random_trial, trace
+from helpers.mirror_scenes import answered, hall_of_mirrors
+from hypothesis import given
+from hypothesis import strategies as st
+from shadowbench.harness.errors import UserError
+from shadowbench.harness.frame.registry import make_method
+from shadowbench.harness.frame.session import Session
+from shadowbench.harness.scene.prepared import Prepared, prepare
+from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
+
+NAME = "bvh2"
+SETTINGS = [
+    {},
+    {"builder": "lbvh", "key_bits": "30"},
+    {"radius": "8", "node_bytes": "64", "shares": "1"},
+    {"primary": "packet", "radius": "1", "shares": "4"},
+    {"update": "refit"},
+    {"update": "static", "node_bytes": "64", "primary": "packet"},
+]
+TRIALS = {name: (prepared, width, height) for name, prepared, width, height in hard_trials()}
+
+
+@pytest.mark.parametrize("seed", range(18))
+def test_equals_brute_force_on_random_scenes(seed, device):
+    assert_exact(NAME, SETTINGS[seed % len(SETTINGS)], *random_trial(seed + 300), device)
+
+
+@pytest.mark.parametrize("settings", SETTINGS[:2] + SETTINGS[4:5], ids=str)
+@pytest.mark.parametrize("trial", TRIALS)
+def test_equals_brute_force_on_hard_scenes(trial, settings, device):
+    assert_exact(NAME, settings, *TRIALS[trial], device)
+
+
+@some(60)
+@given(EXAMPLES, st.sampled_from(SETTINGS))
+def test_has_no_true_error_on_lattice_examples(example: Example, settings: dict[str, str]) -> None:
+    example = dataclasses.replace(example, settings={**example.settings, NAME: settings})
+    assert true_errors(example, (NAME,)) == {}
+
+
+def small_scene() -> Prepared:
+    return make_scene(*soup(7, 300), [(0.1, 0.2, 0.3), (5.0, 4.0, 3.0)])
+
+
+def test_settings_change_no_bit(device):
+    prepared = small_scene()
+    _, _, first = trace(NAME, SETTINGS[0], prepared, 33, 21, device)
+    others = [trace(NAME, settings, prepared, 33, 21, device)[2] for settings in SETTINGS[1:]]
+    others.append(trace("ray_grids", {}, prepared, 33, 21, device)[2])
+    others.append(trace(NAME, SETTINGS[0], prepared, 33, 21, "cpu")[2])
+    for other in others:
+        for key, values in first.items():
+            np.testing.assert_array_equal(other[key], values, key)
+
+
+def test_queues_grow_and_the_frame_is_repeated(device):
+    """A fan of triangles at whose middle every ray is aimed leaves more pairs than there is room for."""
+    prepared, width, height = TRIALS["rays at vertices"]
+    _, _, roomy = trace(NAME, {}, prepared, width, height, device)
+    session, _, tight = trace(NAME, {"doubt_capacity": "1"}, prepared, width, height, device)
+    assert session.regrown > 0
+    for key, values in roomy.items():
+        np.testing.assert_array_equal(tight[key], values, key)
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+def test_float32_is_nearly_right(scale, device):
+    vertices, faces = soup(21, 150, size=0.2)
+    lights = [(2.0 * scale, 3.0 * scale, 4.0 * scale), (0.1 * scale, 0.0, 0.2 * scale)]
+    prepared = make_scene(vertices * scale, faces, lights, (0.0, 0.5 * scale, 3.0 * scale))
+    assert_nearly(NAME, {"precision": "float32"}, prepared, 41, 29, device, share=0.02)
+
+
+def test_float32_says_that_it_is_inexact():
+    assert make_method(NAME, {"precision": "float32"}).known_inexact
+    assert not make_method(NAME).known_inexact
+
+
+def moving(broken: bool) -> Prepared:
+    """Four frames of a soup; with ``broken``, triangles are NaN in the first two frames and sound again after."""
+    vertices, faces = soup(11, 120, size=0.2)
+    moved = [vertices.copy(), vertices * 1.5, np.roll(vertices, 1, axis=1), vertices * 0.1]
+    if broken:
+        moved[0][30:60] = np.nan
+        moved[1][:3] = np.nan
+    scene = Scene(
+        "moving",
+        "moving",
+        lambda: Geometry(faces.astype(np.int32), lambda k: moved[k], len(moved)),
+        Camera((0.0, 0.0, 3.0), (0.0, 0.0, 0.0)),
+        (Light((2.0, 3.0, 4.0)),),
+    )
+    return prepare(scene)
+
+
+@pytest.mark.parametrize("broken", [False, True])
+@pytest.mark.parametrize("settings", [{}, {"builder": "lbvh"}, {"update": "refit"}], ids=str)
+def test_moving_geometry_replayed_equals_a_fresh_start(settings, broken, device):
+    """A triangle that is left out in a frame is back in the next, also in a tree that was made without it."""
+    prepared = moving(broken)
+    session = Session(make_method(NAME, settings), prepared, 24, 16, device)
+    for k in (0, 1, 2, 3, 0):
+        moment = prepared.moment(k, 24, 16)
+        session.load(moment)
+        session.frame.answers.poison()
+        session.run_complete()
+        session.replay()
+        got = session.frame.answers.to_host()
+        fresh = Session(make_method("uniform_grid"), prepared, 24, 16, device).answers(moment)
+        for key in ("triangle", "visibility"):
+            np.testing.assert_array_equal(got[key], fresh[key], f"{key} of frame {k}")
+    assert session.method.counters().get("frames since the tree was made", 0) == 0
+
+
+def test_static_refuses_moving_geometry():
+    with pytest.raises(UserError, match="4 frames"):
+        Session(make_method(NAME, {"update": "static"}), moving(False), 8, 8, "cpu")
+
+
+def test_holes_are_seen_through(device):
+    prepared, _, _ = holed()
+    wanted = holed_answers("uniform_grid", {}, prepared, device=device)
+    for settings in SETTINGS[:2]:
+        got = holed_answers(NAME, settings, prepared, device=device)
+        for key in ("triangle", "visibility"):
+            np.testing.assert_array_equal(got[key], wanted[key], key)
+
+
+def test_mirrors_reflect(device):
+    prepared = hall_of_mirrors()
+    _, wanted = answered("uniform_grid", {}, prepared, device)
+    _, got = answered(NAME, {}, prepared, device)
+    for key in ("triangle", "visibility", "bounce_triangle", "bounce_visibility"):
+        np.testing.assert_array_equal(got[key], wanted[key], key)

@@ -1,0 +1,159 @@
+"""The tree itself: every triangle once, boxes that hold their children, depth, and the same tree on every device."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import warp as wp
+from helpers.brute_force import make_scene, soup
+from numpy.typing import NDArray
+from shadowbench.harness.frame.registry import make_method
+from shadowbench.harness.frame.session import Session
+from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.methods.bvh2.sah import DEEP, sah_topology
+from shadowbench.methods.bvh2.snippets import LEAF, NONE, STACK
+from shadowbench.methods.bvh2.sort import Sort
+
+BUILDS = [
+    {"builder": "lbvh"},
+    {"builder": "lbvh", "key_bits": "30", "node_bytes": "64"},
+    {"radius": "1"},
+    {"radius": "2"},
+    {"radius": "8", "node_bytes": "64"},
+    {"update": "refit"},
+]
+
+
+def built(prepared: Prepared, settings: dict[str, str], device: str = "cpu") -> Session:
+    session = Session(make_method("bvh2", settings), prepared, 8, 8, device)
+    session.answers(prepared.moment(0, 8, 8))
+    return session
+
+
+def children(session: Session) -> tuple[NDArray, NDArray, NDArray, int]:
+    """(centres, extents, references) of both children, [nodes, 2, ...], and the root's reference."""
+    rays = session.method._rays
+    words = rays.build.node_bytes // 4
+    nodes = rays.tree.nodes.numpy().reshape(-1, words)
+    if words == 16:
+        boxes = nodes.reshape(-1, 2, 2, 4)
+        centres, extents, refs = boxes[:, :, 0, :3], boxes[:, :, 1, :3], boxes[:, :, 0, 3]
+    else:
+        centres, refs = nodes.reshape(-1, 3, 4)[:, :2, :3], nodes.reshape(-1, 3, 4)[:, :2, 3]
+        packed = np.ascontiguousarray(nodes[:, 8:11]).view(np.uint16).reshape(-1, 2, 3)
+        extents = (packed.astype(np.uint32) << 16).view(np.float32)
+    root = int(rays.tree.root.numpy().view(np.uint32)[0])
+    return centres, extents, np.ascontiguousarray(refs).view(np.uint32).reshape(-1, 2), root
+
+
+def checked_depth(session: Session, prepared: Prepared) -> int:
+    """The tree's depth, once it is known to hold every valid triangle once, each in all boxes above it."""
+    points, valid = prepared.points(0)
+    corners = points[prepared.faces].astype(np.float64)
+    centres, extents, refs, root = children(session)
+    low, high = centres.astype(np.float64) - extents, centres.astype(np.float64) + extents
+    order = session.method._rays.leaves.order.numpy()
+    if root == NONE:
+        assert not valid.any()
+        return 0
+    found, deepest = [], 0
+    now = np.array([root], dtype=np.int64)
+    inside = np.array([[[-np.inf] * 3, [np.inf] * 3]])
+    while len(now):
+        leaf = (now & LEAF) != 0
+        triangles = order[now[leaf] & ~LEAF]
+        counted = valid[triangles] != 0
+        found += triangles[counted].tolist()
+        held, box = corners[triangles[counted]], inside[leaf][counted]
+        assert (held.min(axis=1) > box[:, 0]).all()
+        assert (held.max(axis=1) < box[:, 1]).all()
+        nodes, above = now[~leaf], inside[~leaf]
+        if not len(nodes):
+            break
+        deepest += 1
+        # What a triangle must lie in: the boxes of all its ancestors.
+        inner = np.stack(
+            [np.maximum(above[:, None, 0], low[nodes]), np.minimum(above[:, None, 1], high[nodes])], axis=2
+        )
+        now, inside = refs[nodes].ravel().astype(np.int64), inner.reshape(-1, 2, 3)
+    assert sorted(found) == np.flatnonzero(valid).tolist()
+    return deepest
+
+
+def scenes() -> dict[str, tuple[NDArray, NDArray]]:
+    one = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    halved = np.concatenate([one * 2.0**-k for k in range(120)])
+    # Boxes that share their middle, ever smaller: neighbours in every order are one inside the other.
+    nested = np.concatenate([(one - [0.5, 0.5, 0.0]) * 0.98**k for k in range(3000)])
+    same = np.concatenate([one + 1e-7 * (k % 7) for k in range(20000)])
+    broken = soup(3, 400)[0].copy()
+    broken[::21] = np.nan
+    sets = {"soup": soup(5, 5000)[0], "one": one, "two": np.concatenate([one, one + 1.0])}
+    sets |= {
+        "few": soup(6, 17)[0],
+        "halved": halved,
+        "nested": nested,
+        "one centroid": same,
+        "broken": broken,
+    }
+    return {name: (points, np.arange(len(points)).reshape(-1, 3)) for name, points in sets.items()}
+
+
+SCENES = scenes()
+
+
+@pytest.mark.parametrize("settings", BUILDS, ids=str)
+@pytest.mark.parametrize("name", SCENES)
+def test_every_triangle_once_in_boxes_that_hold_it(name, settings, device):
+    prepared = make_scene(*SCENES[name], [(5.0, 4.0, 3.0)])
+    assert checked_depth(built(prepared, settings, device), prepared) <= STACK
+
+
+def test_a_tree_of_one_centroid_is_as_deep_as_its_bits():
+    prepared = make_scene(*SCENES["one centroid"], [(5.0, 4.0, 3.0)])
+    assert checked_depth(built(prepared, {"builder": "lbvh"}), prepared) <= 24 + 15
+
+
+def test_nothing_valid_is_an_empty_tree(device):
+    points = np.full((9, 3), np.nan)
+    prepared = make_scene(points, np.arange(9).reshape(-1, 3), [(5.0, 4.0, 3.0)])
+    for settings in BUILDS:
+        assert checked_depth(built(prepared, settings, device), prepared) in (0, 1, 2)
+
+
+@pytest.mark.parametrize("settings", BUILDS, ids=str)
+def test_devices_and_runs_make_the_same_tree(settings, device):
+    prepared = make_scene(*soup(9, 3000), [(5.0, 4.0, 3.0)])
+    trees = [built(prepared, settings, where) for where in ("cpu", device, device)]
+    nodes = [session.method._rays.tree.nodes.numpy().view(np.uint32) for session in trees]
+    for other in nodes[1:]:
+        np.testing.assert_array_equal(other, nodes[0])
+
+
+def test_deep_sah_trees_are_halved():
+    """Each triangle is larger than all before it together: binned splits take one off at a time."""
+    one = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    corners = np.stack([one * 1.4**k for k in range(220)]).astype(np.float32)
+    topology = sah_topology(corners, np.ones(len(corners), dtype=np.uint8))
+    depth, above = 0, topology.leaf_parent
+    while (above >= 0).any():
+        depth += 1
+        above = np.where(above >= 0, topology.node_parent[above >> 1], -1)
+    assert depth <= DEEP + 8
+    assert sorted(topology.order) == list(range(len(corners)))
+
+
+@pytest.mark.parametrize("count", [1, 31, 2047, 2048, 2049, 70_000, 450_000])
+@pytest.mark.parametrize("bits", [24, 30])
+def test_sorting_is_stable(count, bits, device):
+    random = np.random.default_rng(count)
+    keys = random.integers(0, 2**bits if count % 2 else 300, count).astype(np.int32)
+    sort = Sort(*(wp.zeros(2 * count, dtype=wp.int32, device=device) for _ in range(2)), count, bits)
+    for _ in range(2):
+        into = sort.half(sort.begin)
+        into[0].assign(keys)
+        into[1].assign(np.arange(count, dtype=np.int32))
+        sort.launch()
+        wanted = np.argsort(keys, kind="stable")
+        np.testing.assert_array_equal(sort.half(0)[1].numpy(), wanted)
+        np.testing.assert_array_equal(sort.half(0)[0].numpy(), keys[wanted])
