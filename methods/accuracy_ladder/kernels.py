@@ -126,7 +126,9 @@ def make_kernels(test: str, fast_math: bool) -> tuple[Any, Any]:
             if scheme != IDENTITY:
                 segment.own = -1
         way = segment.light - segment.start
-        found = traverse_alike(occluder, tree, mesh, Alpha(), segment.start, way, segment, nothing_found(SLACK))
+        found = traverse_alike(
+            occluder, tree, mesh, Alpha(), segment.start, way, segment, nothing_found(SLACK)
+        )
         visibility[light, pixel] = wp.uint8(found.done)
 
     return primary_kernel, shadow_kernel

@@ -22,6 +22,8 @@ import shadowbench.methods
 import warp as wp
 from shadowbench.harness.frame.specialise import is_effects, named
 from shadowbench.harness.scene.effects import Switches
+from shadowbench.methods.bvh2 import careful
+from shadowbench.methods.bvh2 import shadow as tree_shadow
 from shadowbench.methods.perspective_spherical.camera.trace import make_trace_kernel
 from shadowbench.methods.perspective_spherical.camera.trace_staged import make_staged_trace_kernel
 from shadowbench.methods.perspective_spherical.light.trace import make_shadow_kernel
@@ -145,6 +147,9 @@ def made_kernels() -> dict[str, wp.Kernel]:
         camera_queue.make_item_kernel: camera_queue.make_item_kernel(True, False),
         light_stream.make_stream_kernel: light_stream.make_stream_kernel(True),
         light_queue.make_item_kernel: light_queue.make_item_kernel(True, False),
+        careful.make_closest_kernel: careful.make_closest_kernel(48),
+        careful.make_shadow_kernel: careful.make_shadow_kernel(48),
+        tree_shadow.make_shadow_kernel: tree_shadow.make_shadow_kernel("exact", 48, 40),
     }
     return {f"{f.__module__.split('.', 1)[1]}.{f.__name__}": kernel for f, kernel in made.items()}
 
