@@ -169,7 +169,7 @@ def inside_sphere(eye: tuple[float, float, float]) -> Trial:
 
 
 AXES = np.array([(0.48, 0.64, 0.6), (0.8, -0.6, 0.0), (0.36, 0.48, -0.8)])
-"""The direction towards the distant eye or light, and a perpendicular one."""
+"""The direction towards the distant eye or light, and two perpendicular ones."""
 
 
 def far_shell(radii: float) -> Mesh:
