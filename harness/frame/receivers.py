@@ -138,21 +138,25 @@ def skippable(passes: list[Pass], frame: Frame, effects: Effects) -> list[Pass]:
 
     If rays bounce, the structure that a method builds for a light serves the hits of every bounce. So only the tracing
     passes, which read the mask of their own hits, get the condition. In a captured graph, passes with scratch memory
-    always run; without receivers they process the data of the last traced frame, and their results are not read.
+    always run; without receivers they process the data of the last traced frame, and their results are not read. Passes
+    listed before the mask is made always run too: the condition would be that of the last frame.
     """
     # One array per condition: neighbouring passes with the same condition form one branch.
-    given: dict[str | None, wp.array] = {}
+    given: dict[str | None, tuple[str, wp.array]] = {}
     for i in range(len(effects.shadows)):
         for b in range(effects.bounces + 1):
             for mask in effects.mask_reads(i, b):
-                given[mask] = reached_by(frame, i, b)
+                given[mask] = mask, reached_by(frame, i, b)
         if effects.has_receivers(i) and not effects.bounces:
             given[f"shadows/{i}"] = given[f"receivers/{i}"]
 
-    def condition(work: Pass) -> wp.array | None:
-        return next((given[name] for name in (work.effect, *work.reads) if name in given), None)
-
-    return [replace(work, only_if=condition(work)) for work in passes]
+    result: list[Pass] = []
+    made: set[str] = set()
+    for work in passes:
+        names = [name for name in (work.effect, *work.reads) if name in given and given[name][0] in made]
+        result.append(replace(work, only_if=given[names[0]][1] if names else None))
+        made.update(work.writes)
+    return result
 
 
 def reached_by(frame: Frame, light: int, bounce: int) -> wp.array:

@@ -231,6 +231,24 @@ def test_what_runs_in_any_case_leaves_no_bit_where_nothing_receives(name, settin
 
 
 @pytest.mark.parametrize(("name", "settings"), VARIANTS)
+def test_no_pass_depends_on_receivers_that_are_counted_after_it(name, settings):
+    """The condition would be that of the last frame, and the graph would leave out what this frame needs."""
+    prepared = scene((SPOT, BEHIND), facing=True)
+    method = make_method(name, settings)
+    if method.applies(prepared.scene, "cpu"):
+        pytest.skip(f"{name}: {method.applies(prepared.scene, 'cpu')}")
+    made, conditional = set(), 0
+    for work in Session(method, prepared, *SIZE, "cpu").all_passes:
+        if work.only_if is not None:
+            conditional += 1
+            light = (work.effect or "").removeprefix("shadows/")
+            masks = {name for name in work.reads if name.startswith("receivers/")} or {f"receivers/{light}"}
+            assert masks <= made, work.name
+        made.update(work.writes)
+    assert conditional
+
+
+@pytest.mark.parametrize(("name", "settings"), VARIANTS)
 def test_what_a_graph_may_leave_out_takes_no_scratch_memory(name, settings, monkeypatch):
     """A branch of a captured graph holds kernels, fills and copies alone: scans and sorts allocate inside."""
     prepared = scene((SPOT, BEHIND), facing=True)

@@ -18,6 +18,7 @@ SIZE = (24, 18)
 EXACT = [
     ("uniform_grid", {}),
     ("bvh", {"update": "bvh_rebuild"}),
+    ("bvh2", {}),
     ("perspective_spherical", {}),
     ("ray_grids", {}),
     ("ray_grids", {"queue": "always", "inline_cells": "0"}),
