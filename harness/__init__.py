@@ -1,1 +1,1 @@
-"""The instrument: scenes, the contract of a method, timing, truth, scoring, records. It never names a method."""
+"""The benchmark harness: scenes, the interface of a method, timing, the exact reference, scoring, records, reports."""

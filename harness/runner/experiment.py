@@ -1,7 +1,7 @@
-"""What to run: an experiment's declaration, the points that follow from it, and the keys of their records.
+"""Experiments and their presets.
 
-A point is one method with its settings on one scene at one size on one device. Its key is a readable prefix and a
-hash of the whole configuration, so that whatever would invalidate a record gives another key.
+A point is one method with its settings on one scene at one image size on one device. Its key is a readable prefix and a
+hash of the whole configuration, so that every change that would invalidate a record gives another key.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from ..scene.overrides import Lighting
 PACKAGE = __name__.rsplit(".", 3)[0] + ".experiments"
 
 MOST_PIXELS = 2**31 - 1
-"""Pixels of an image at most: they are counted with int32."""
+"""Largest number of pixels of an image: pixel indices are int32."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A method in an experiment. ``settings`` are texts as ``--set`` gives them; ``label`` heads its column."""
+    """A method in an experiment. ``settings`` are texts as in ``--set``; ``label`` is the title of its column."""
 
     method: str
     settings: Mapping[str, str] = field(default_factory=dict)
@@ -39,17 +39,17 @@ class Entry:
 class Preset:
     """One size of an experiment.
 
-    frames         frames of an animated scene, spread evenly from its first to its last, or its middle one; a static
-                   scene has one
-    samples        whole-frame samples a frame and round at least, ``most`` at most (see :class:`.runner.timing.Sampling`)
-    rounds         how often every point is measured anew, interleaved with the others in balanced random order
-    budget_s       seconds a point may spend on samples, over all its frames and rounds
-    timeout_s      seconds after which a silent worker is given up
-    lightings      lights to put in place of each scene's own: every method on every scene under each of them
-    memory         bytes a method may take for its structures, where the call does not say
-    maps           keep what each pixel cost (tests of its primary ray) as a map of each point's last frame
-    wrong_maps     keep where each point's last frame is wrong, as a map of classes, and how it looks (FLIP)
-    also           presets that are run after this one, into the same folder: other sizes, scenes, lights
+    frames         number of frames of an animated scene, evenly spaced from the first to the last; 1: the middle frame
+    samples        minimum number of whole-frame samples per frame and round; ``most``: the maximum (see
+                   :class:`.runner.timing.Sampling`)
+    rounds         number of times that every point is measured, interleaved with the others in balanced random order
+    budget_s       time limit for the samples of a point, over all frames and rounds, seconds
+    timeout_s      seconds without a reply after which a worker is stopped
+    lightings      lights that replace those of each scene: every method runs on every scene with each of them
+    memory         memory limit of a method's structures, bytes, if the command line gives none
+    maps           save a map of the cost of each pixel (tests of its primary ray) in the last frame of each point
+    wrong_maps     save a map of the classes of wrong pixels in the last frame of each point, and its FLIP difference
+    also           presets that are run after this one into the same folder: other sizes, scenes, lights
     """
 
     width: int
@@ -71,16 +71,17 @@ class Preset:
     also: tuple[Preset, ...] = ()
 
     def parts(self) -> tuple[Preset, ...]:
-        """This preset alone, and those that come after it."""
+        """This preset, then those of ``also``."""
         return (dataclasses.replace(self, also=()), *self.also)
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """A named declaration: what to run (a preset a name) and how to draw it (from a results folder).
+    """A named experiment: its presets, and a function that draws its results from a folder.
 
-    ``after``: untimed work of its own, told the options of the run once every point has its record. ``measure``: what it
-    measures where that is no method on a scene; told the options and whom to report to, it returns its records.
+    ``after``: a function for additional untimed work, called with the options of the run when every point has its record.
+    ``measure``: a function for measurements that are not a method on a scene; it is called with the options and the
+    progress report, and returns its records.
     """
 
     name: str
@@ -94,7 +95,7 @@ class Experiment:
 
 
 def experiment_names() -> list[str]:
-    """Every experiment that can be run: the modules of the experiments package."""
+    """The names of all experiments: the modules of the experiments package."""
     package = importlib.import_module(PACKAGE)
     names = [module.name for module in pkgutil.iter_modules(package.__path__)]
     return sorted(name for name in names if not name.startswith("_"))
@@ -111,7 +112,7 @@ def find_preset(experiment: Experiment, name: str | None, device: str) -> tuple[
     """A preset by name; by default the one declared for the kind of device."""
     if not experiment.presets:
         raise UserError(
-            f"{experiment.name} measures nothing; run the others, then `shadowbench show {experiment.name} DIR`"
+            f"{experiment.name} measures nothing; run other experiments, then `shadowbench show {experiment.name} DIR`"
         )
     chosen = name or (experiment.gpu if device.startswith("cuda") else experiment.cpu)
     if chosen not in experiment.presets:
@@ -122,7 +123,7 @@ def find_preset(experiment: Experiment, name: str | None, device: str) -> tuple[
 
 
 def choose_methods(entries: tuple[Entry, ...], names: list[str] | None) -> tuple[Entry, ...]:
-    """The entries of the methods named; a method that the experiment does not declare is added with its defaults."""
+    """The entries of the given methods; a method that the experiment does not have is added with default settings."""
     if not names:
         return entries
     chosen: list[Entry] = []
@@ -134,7 +135,7 @@ def choose_methods(entries: tuple[Entry, ...], names: list[str] | None) -> tuple
 
 
 def parse_size(text: str) -> tuple[int, int]:
-    """Width and height of ``256x256``. Raises :class:`UserError` for more pixels than an int32 can count."""
+    """Width and height from text such as ``256x256``. Raises :class:`UserError` for more than 2^31 - 1 pixels."""
     match = re.fullmatch(r"([1-9]\d{0,4})x([1-9]\d{0,4})", text)
     if not match:
         raise UserError(f"--size {text!r}: write it as WIDTHxHEIGHT, each 1 to 99999, such as 256x256")

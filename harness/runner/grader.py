@@ -1,8 +1,8 @@
-"""After timing: answers scored against truth, kept where they must be, and drawn. Never part of anything timed.
+"""Score answers against the exact reference after timing, save them if required, and draw them. Nothing here is timed.
 
-One process grades for every method, so that truth and referee of a moment are made once, and so that they cost no
-method's process any memory. Where truth is not to be had a frame stays unscored with the reason, and its raw answers
-are kept, so that ``shadowbench score DIR`` fills the score in elsewhere.
+Separate processes do this for all methods, so that reference and referee of a frame are computed once and do not use the
+memory of a method's process. If the reference is not available, the frame has no score but a reason, and its answers are
+saved, so that ``shadowbench score DIR`` can score them on another machine.
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ from .measure import Answers, hashes
 
 
 def hand_over(path: Path, answers: Answers) -> None:
-    """Write a frame's answers for the grader: plain .npz, atomically."""
+    """Write the answers of a frame for the grader: an .npz file, written atomically."""
     write_arrays(path, answers, compressed=False)
 
 
 def answer_path(folder: Path, key: str, frame: int) -> Path:
-    """Where the raw answers of a point's frame are kept."""
+    """The file of the saved answers of a frame of a point."""
     return folder / "answers" / f"{key}-{frame}.npz"
 
 
 def handed_path(folder: Path, key: str, frame: int) -> Path:
-    """Where a method's worker puts the answers that the grader takes."""
+    """The file in which a method's worker hands answers to the grader."""
     return folder / "journal" / f"{key}-{frame}.npz"
 
 
 class Grader:
-    """Grades the answers of every method to the moments of one scene. ``scene_argument``: as a person typed it."""
+    """Scores the answers of every method to the frames of one scene. ``scene_argument``: as on the command line."""
 
     def __init__(
         self, prepared: Prepared, moments: dict[int, Moment], scene_argument: str, folder: Path, device: str
@@ -50,16 +50,16 @@ class Grader:
     def grade(
         self, key: str, save_answers: bool, score: bool, picture: Path, shows: str, wrong_maps: bool = False
     ) -> list[dict[str, Any]]:
-        """For every frame its score, or the reason why there is none.
+        """The score of every frame, or the reason why there is none.
 
-        The middle one is drawn as ``picture``, unless a picture is there that was made from what ``shows`` names.
-        ``wrong_maps``: where the last frame is wrong, and how different it looks, are kept too.
+        The middle frame is drawn as ``picture``, unless there is a picture made from the same data (``shows``).
+        ``wrong_maps``: also save a map of the wrong pixels of the last frame, and its FLIP difference.
         """
         from ..report.picture import shown_in
 
         frames = []
         last = list(self.moments)[-1]
-        # Frames beyond the point's budget were left out.
+        # Frames beyond the point's time budget were not measured.
         drawn = shown_in(picture) == shows
         there = [frame for frame in self.moments if handed_path(self.folder, key, frame).exists()]
         for frame in there:
@@ -67,7 +67,7 @@ class Grader:
             handed = handed_path(self.folder, key, frame)
             with np.load(handed) as stored:
                 answers = {name: stored[name] for name in stored.files}
-            unscored = "not asked for; shadowbench score DIR fills it in"
+            unscored = "not requested; shadowbench score DIR adds it"
             graded: dict[str, Any] = {"frame": frame, "score": None, "unscored": unscored}
             graded["shadow_rays"] = shadow_rays(answers, self.effects)
             if score:
@@ -88,7 +88,7 @@ class Grader:
             from ..results.settle import keep_disputes
         except ImportError as error:
             missing = error.name or str(error)
-            reason = f"no truth here, {missing} is not installed; shadowbench score fills it in where it is"
+            reason = f"no exact reference: {missing} is not installed; shadowbench score adds it on a machine that has it"
             return {"score": None, "unscored": reason}
         if frame not in self._judges:
             truth = self.folder / "truth"
@@ -100,7 +100,7 @@ class Grader:
         if wrong_map:
             scored, looks = keep_wrong(self.folder, key, frame, judge, answers)
         else:
-            # Methods that are exact answer bit for bit the same: what was judged once is not judged again.
+            # Exact methods give answers with the same bits; equal answers are scored once.
             known = (frame, tuple(hashes(answers).items()))
             if known not in self._scores:
                 self._scores[known] = score_answers(judge, answers)
@@ -112,7 +112,7 @@ class Grader:
         try:
             from ..judge.answer_files import save_raw
         except ImportError:
-            # Without truth's packages the raw format cannot be made either; the arrays themselves are kept.
+            # Without the packages of the reference the format of saved answers is not available: save plain arrays.
             hand_over(answer_path(self.folder, key, frame), answers)
             return
         path = answer_path(self.folder, key, frame)
@@ -121,7 +121,7 @@ class Grader:
 
 
 def shadow_rays(answers: Answers, effects: Effects) -> int:
-    """Shadow rays of a frame: one a light that asks for shadows and a pixel whose ray, or mirrored ray, hits something."""
+    """Number of shadow rays of a frame: one per light with shadows and per hit of a primary or mirrored ray."""
     hits = int(np.count_nonzero(answers["triangle"] >= 0))
     if "bounce_triangle" in answers:
         hits += int(np.count_nonzero(answers["bounce_triangle"] >= 0))
@@ -129,7 +129,7 @@ def shadow_rays(answers: Answers, effects: Effects) -> int:
 
 
 def draw_picture(prepared: Prepared, moment: Moment, answers: Answers, path: Path, shows: str) -> None:
-    """The frame as a picture with its shadows and a caption that says if the scene is a stand-in."""
+    """Draw the frame with its shadows and a caption that says whether the scene is a stand-in."""
     from ..report.gallery import scene_picture
 
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""What a run is asked for, and a point of it under way."""
+"""The options of a run, and a point that is being measured."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .points import Point
 
 @dataclass(frozen=True)
 class Options:
-    """One call of ``shadowbench run``, checked."""
+    """The checked options of one ``shadowbench run``."""
 
     experiment: Experiment
     preset_name: str
@@ -29,7 +29,7 @@ class Options:
 
 @dataclass(eq=False)
 class Job:
-    """A point under way: ``scene`` as it was named, the generation of the worker that prepared it, steps to come."""
+    """A point being measured: ``scene`` as given, the generation of the worker that prepared it, remaining steps."""
 
     point: Point
     scene: str

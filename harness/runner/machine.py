@@ -1,4 +1,4 @@
-"""What a measurement was made with: machine, driver, versions, commit. One record, referenced by its id."""
+"""The environment of a measurement: machine, driver, versions, commit. Stored once, referenced by its id."""
 
 from __future__ import annotations
 
@@ -74,13 +74,13 @@ def keep(folder: Path, facts: dict[str, Any]) -> str:
 
 
 def system() -> str:
-    """Kind of system, version number of its kernel, machine: not the name that somebody gave a build of it."""
+    """Operating system, kernel version and machine type, without the name of a particular build."""
     number = re.match(r"\d+(\.\d+)*", platform.release())
     return "-".join((platform.system(), number[0] if number else "unknown", platform.machine()))
 
 
 def cpu_flags() -> str:
-    """A hash of the instruction sets that the processor names (empty where the system does not say; psutil does not)."""
+    """A hash of the processor's instruction sets; empty if the system does not list them (psutil does not)."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -92,13 +92,13 @@ def cpu_flags() -> str:
 
 
 def usable_cores() -> int:
-    """How many cores this process may use."""
+    """Number of cores that this process may use."""
     affinity = getattr(os, "sched_getaffinity", None)
     return len(affinity(0)) if affinity else (os.cpu_count() or 1)
 
 
 def gpus() -> list[dict[str, Any]]:
-    """One entry a CUDA device, as Warp and nvidia-smi name them; empty where there is none."""
+    """One entry per CUDA device, with the data of Warp and nvidia-smi; empty without devices."""
     found = [
         {
             "alias": device.alias,
@@ -109,7 +109,7 @@ def gpus() -> list[dict[str, Any]]:
         for device in wp.get_cuda_devices()
     ]
     if found and shutil.which("nvidia-smi"):
-        # The device's own number pairs the two lists and is not kept: it names one card, not a kind of machine.
+        # The UUID matches the two lists. It is not stored, because it identifies a single card.
         fields = ("uuid", *GPU_FIELDS)
         query = ["nvidia-smi", f"--query-gpu={','.join(fields)}", "--format=csv,noheader,nounits"]
         try:
@@ -126,7 +126,7 @@ def gpus() -> list[dict[str, Any]]:
 
 
 def packages() -> dict[str, str]:
-    """Installed versions of what the measurements rest on."""
+    """Installed versions of the packages that affect measurements."""
     versions = {}
     for name in PACKAGES:
         try:
@@ -137,7 +137,7 @@ def packages() -> dict[str, str]:
 
 
 def git_state() -> dict[str, Any] | None:
-    """Commit and whether tracked files differ from it; None where the code is no checkout or git is absent."""
+    """Commit and whether tracked files differ from it; None without a git checkout or without git."""
     here = Path(__file__).resolve().parent
     try:
         command = ["git", "-C", str(here), "rev-parse", "HEAD"]
@@ -168,7 +168,7 @@ CLOCK_FIELDS = (
 
 
 def clock_state(device: str) -> dict[str, Any]:
-    """Clocks, power and throttle reasons of a GPU (null where nvidia-smi does not say), and the host's load."""
+    """Clocks, power and throttle reasons of a GPU (null if nvidia-smi does not report them), and the host's load."""
     state: dict[str, Any] = {"load": round(os.getloadavg()[0], 2), "gpu": None}
     if device.startswith("cuda") and shutil.which("nvidia-smi"):
         state["gpu"] = _query_gpu(device)

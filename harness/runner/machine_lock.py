@@ -1,14 +1,13 @@
-"""The lock on the machine: runs at the same time share it, but while one takes samples it has the machine alone.
+"""A lock per machine: several runs may prepare and score at the same time, but only one runs while it takes samples.
 
-A run that makes scenes, compiles or grades would falsify what another one measures beside it. So a process that works
-holds the lock shared with all others, gives way where somebody waits to measure, and measures holding it exclusively.
-The lock is on files in the system's folder of temporary files, or in the one that the environment names
-(``SHADOWBENCH_TURNS``: for containers that share a machine). It goes with the process that held it, however that
-ended. Where no such file can be had, nobody waits.
+A run that makes scenes, compiles or scores would disturb the times of another run on the same machine. So every working
+process holds the lock in shared mode, releases it for a process that waits to measure, and measures in exclusive mode.
+The lock consists of files in the system's folder for temporary files, or in the folder given by the environment variable
+``SHADOWBENCH_TURNS``; containers that share a machine must be given a common folder. The lock is released when its
+process ends, for whatever reason. If the files cannot be created, there is no locking.
 
-It is made with flock: the lock of the filelock package that can be shared is a database which must be writable for
-every user of the machine, lets those who share it in before who waits to have it alone, and fails where a disk has
-no locks.
+It uses flock. The shared lock of the filelock package is a database that must be writable for every user of the machine,
+prefers shared over waiting exclusive users, and fails on file systems without locks.
 """
 
 from __future__ import annotations
@@ -27,15 +26,15 @@ import psutil
 from ..errors import UserError
 
 FOLDER = "SHADOWBENCH_TURNS"
-"""The variable of the environment that names the folder of lock files."""
+"""The environment variable that gives the folder of the lock files."""
 
 PASSING_S = 0.05
-"""Others need no longer to pass the gate, seconds: who waits longer is told so."""
+"""Seconds after which a message says that this process waits; passing the gate takes less."""
 
 FREE, SHARED, EXCLUSIVE = 0, fcntl.LOCK_SH, fcntl.LOCK_EX
 
-WHAT_FOR = {SHARED: "has taken its samples", EXCLUSIVE: "comes to the end of a step"}
-"""What the process that is in the way is waited for, by how the lock is wanted."""
+WHAT_FOR = {SHARED: "has taken its samples", EXCLUSIVE: "has finished its current step"}
+"""What this process waits for, by the requested mode of the lock."""
 
 
 def _to_stderr(text: str) -> None:
@@ -44,15 +43,16 @@ def _to_stderr(text: str) -> None:
 
 
 class MachineLock:
-    """The lock as this process holds it.
+    """The lock on the machine, as held by this process.
 
-    folder  where the lock files lie; processes with the same one heed each other
-    say     is given a line where this process begins to wait, and an empty text when it need wait no longer
+    folder  folder of the lock files; only processes with the same folder exclude each other
+    say     called with a message when this process begins to wait, and with an empty text when it stops waiting
     wait    False: raise :class:`UserError` instead of waiting
     held    FREE, SHARED or EXCLUSIVE
     waited  seconds that this process has waited
 
-    Two files: who wants to measure holds the gate and waits for the others to leave; who wants to share passes it.
+    There are two lock files. A process that wants to measure locks the first one ("gate"), so that no other process can
+    begin a step, and waits for the second one. Every process passes the gate before it locks the second file.
     """
 
     def __init__(self, folder: Path | None = None):
@@ -65,32 +65,32 @@ class MachineLock:
 
     @contextlib.contextmanager
     def shared(self) -> Iterator[None]:
-        """Work beside others, but not while one of them measures. Inside :meth:`exclusive` it does nothing."""
+        """Hold the lock in shared mode: no other process measures meanwhile. Inside :meth:`exclusive` it does nothing."""
         with self._holding(self.held or SHARED):
             yield
 
     @contextlib.contextmanager
     def exclusive(self) -> Iterator[None]:
-        """Measure: the others have come to the end of a step, and begin none."""
+        """Hold the lock exclusively, to measure: all other processes have finished their step and wait."""
         with self._holding(EXCLUSIVE):
             yield
 
     @contextlib.contextmanager
     def released(self) -> Iterator[None]:
-        """Wait for processes that hold the lock themselves, which could not while this one has it."""
+        """Release the lock while waiting for other processes that take it themselves."""
         with self._holding(FREE):
             yield
 
     def share(self) -> None:
-        """Work beside others from here on, to the end of the process or to :meth:`release`."""
+        """Hold the lock in shared mode until :meth:`release` or the end of the process."""
         self._change(self.held or SHARED)
 
     def release(self) -> None:
-        """Hold the lock no longer."""
+        """Release the lock."""
         self._change(FREE)
 
     def give_way(self) -> None:
-        """Let whoever waits measure first. For between the steps of work that is shared; elsewhere it does nothing."""
+        """Between two steps of shared work: let a waiting process measure first. In other modes it does nothing."""
         if self.held == SHARED:
             self._change(FREE)
             self._change(SHARED)
@@ -102,7 +102,7 @@ class MachineLock:
         try:
             yield
         except KeyboardInterrupt:
-            before = FREE  # who is interrupted waits for nobody
+            before = FREE  # an interrupted process does not wait for the lock
             raise
         finally:
             self._change(before)
@@ -149,22 +149,22 @@ class MachineLock:
 
 
 def in_the_way(file: int) -> tuple[str, str]:
-    """Which process holds a lock file, and what to do where that process is suspended."""
-    with contextlib.suppress(psutil.Error, IndexError):  # it may end while it is looked at
+    """Which process holds a lock file, and what to do if that process is suspended."""
+    with contextlib.suppress(psutil.Error, IndexError):  # the process may end meanwhile
         others = holders(file)
         suspended = [process for process in others if process.status() == psutil.STATUS_STOPPED]
         first = (suspended or others)[0]
         command = " ".join(Path(word).name if i < 2 else word for i, word in enumerate(first.cmdline()))
         who = f"process {first.pid} ({' '.join(command.split())[:60]})"
-        advice = f"; it is suspended: kill -CONT {first.pid} lets it go on, kill {first.pid} ends it"
+        advice = f"; it is suspended: kill -CONT {first.pid} continues it, kill {first.pid} ends it"
         return who, advice if suspended else ""
     return "another process", ""
 
 
 def holders(file: int) -> list[psutil.Process]:
-    """The other processes that hold a lock on a file, as Linux lists them; none where the system does not say.
+    """The other processes that hold a lock on a file, from Linux's list of locks; empty on other systems.
 
-    psutil does not tell who holds a lock.
+    psutil does not provide this.
     """
     found: list[psutil.Process] = []
     number = os.fstat(file).st_ino
@@ -177,7 +177,7 @@ def holders(file: int) -> list[psutil.Process]:
 
 
 def _locked(file: int, kind: int) -> bool:
-    """Whether the file could be locked at once. On a disk that has no locks everything can."""
+    """Try to lock the file without waiting. On a file system without locks this always succeeds."""
     try:
         fcntl.flock(file, kind | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -193,7 +193,7 @@ def _unlock(file: int) -> None:
 
 
 def _opened(path: Path) -> int:
-    """A file to lock, whoever made it: for that it need not be writable."""
+    """Open a file to lock it. It may belong to another user and need not be writable."""
     try:
         return os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     except FileNotFoundError:
@@ -201,4 +201,4 @@ def _opened(path: Path) -> int:
 
 
 MACHINE = MachineLock()
-"""This process's."""
+"""The lock of this process."""

@@ -1,7 +1,7 @@
-"""One point in its worker: prepared once, then a round of samples of every frame whenever it is asked for.
+"""Measure one point in its worker process: prepare it once, then take rounds of samples of every frame on request.
 
-Everything that times a method or counts its memory is here or imported from here, and nothing else is: an edit of these
-modules makes every record stale (:mod:`.runner.source_closure`).
+This module and its imports contain everything that times a method or counts its memory, and nothing else, because an edit
+of these modules makes every record outdated (:mod:`.runner.source_closure`).
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ Answers = dict[str, NDArray]
 
 
 class SkippedError(Exception):
-    """The method says that it cannot do this scene; the text is its reason."""
+    """The method cannot trace this scene; the text is its reason."""
 
 
 class UnsteadyError(Exception):
-    """The frames that were timed do not answer as the frame that is judged; the text says where."""
+    """The timed frames give other answers than the frame that is judged; the text says where."""
 
 
 class MeasuredPoint:
-    """A method on the moments of one scene, planned and compiled, with capacities that suffice for every frame.
+    """A method on the frames of one scene, planned and compiled, with buffers large enough for every frame.
 
-    facts    what preparing it showed, for the record: seconds, counters, passes, frames left out
+    facts    facts for the record from the preparation: seconds, counters, passes, frames left out
     changed  the inputs in which a timed frame differs from the one before it; None: whole frames are timed
     """
 
@@ -52,11 +52,11 @@ class MeasuredPoint:
         changed: frozenset[str] | None,
         answered: Callable[[Method, int, Answers], None],
     ):
-        """Plan, compile and run every frame until its capacities suffice; each frame's answers go to ``answered``.
+        """Plan, compile and run every frame until no buffer overflows. ``answered`` receives the answers of each frame.
 
-        Memory is counted meanwhile: it is what the method held at most, up to and with each frame. Where the samples of
-        all frames would be beyond the point's budget (``spec["budget_s"]``), some frames are left out. Raises
-        :class:`~.errors.CapacityRejected` where the method holds more than ``spec["memory_limit"]`` bytes.
+        The memory of a frame is the maximum that the method has held up to and including that frame. If the samples of
+        all frames would exceed the point's budget (``spec["budget_s"]``), some frames are left out. Raises
+        :class:`~.errors.CapacityRejected` if the method holds more than ``spec["memory_limit"]`` bytes.
         """
         method = make()
         reason = method.applies(prepared.scene, spec["device"])
@@ -88,11 +88,11 @@ class MeasuredPoint:
                     seconds = time.perf_counter() - start - compiling.seconds
                     frames = affordable_frames(frames, session, seconds, spec["runs"], spec["budget_s"])
         tracker.pause()
-        # Structures outside Warp's allocators (a library's own) show only in how far the process grew.
+        # Memory that a library allocates itself, not through Warp, shows only in the growth of the process.
         growth = tracker.growth()
         outside = self.device == "cpu" and max(held.values()) < growth / 2 and not method.capturable
         if outside:
-            # The growth holds what was compiled and loaded meanwhile, too: it is counted again, now that that is there.
+            # The growth includes compiling and loading. Now that this is done, the memory is counted again.
             del self.session, session, method, given, answers
             give_back_memory()
             tracker.start()
@@ -119,7 +119,7 @@ class MeasuredPoint:
         }
 
     def round(self, sampling: Sampling) -> dict[str, Any]:
-        """One round of samples of every frame. Raises :class:`UnsteadyError` where a timed frame answers otherwise."""
+        """One round of samples of every frame. Raises :class:`UnsteadyError` if a timed frame gives other answers."""
         started, frames = time.time(), []
         for frame, memory in self.memory.items():
             measured, regrown = self._fitting_samples(self.moments[frame], sampling)
@@ -140,7 +140,7 @@ class MeasuredPoint:
             if wrong:
                 where = f"frame {frame}: {', '.join(wrong)}"
                 raise UnsteadyError(
-                    f"the frames that were timed do not answer as the frame that was judged ({where})"
+                    f"the timed frames gave other answers than the frame that was judged ({where})"
                 )
         return {
             "started": started,
@@ -151,28 +151,30 @@ class MeasuredPoint:
         }
 
     def _fitting_samples(self, moment: Moment, sampling: Sampling) -> tuple[FrameSamples, int]:
-        """Samples of frames that fitted: after a regrowth what was measured is thrown away and taken again."""
+        """Samples of frames without overflow: if a buffer had to grow, the samples are discarded and taken again."""
         session = self.session
         for _ in range(3):
             session.load(moment)
             if self.changed is not None:
-                session.run()  # the last frame, of which all that did not change stays
+                session.run()  # the previous frame, whose unchanged results are reused
                 session.select(self.changed)
             measured = sample_frame(session, sampling)
-            # What the last launch needed is still there to be read.
+            # The counters of the last launch are still on the device.
             if not session.overflowed():
                 return measured, session.regrown
             session.run_complete()
-        raise RuntimeError(f"{session.method.name}: needs of one frame change from run to run")
+        raise RuntimeError(
+            f"{session.method.name}: the buffer sizes that one frame needs change from run to run"
+        )
 
 
 ALLOWED_GROWTH = 256 << 20
-"""Bytes that a process may grow by beside what its method holds: compilers and what they make."""
+"""Bytes that a process may grow in addition to the memory of its method, for compilers and compiled code."""
 
 
 def _within(limit: int, *held: int) -> None:
     if max(held) > limit:
-        raise CapacityRejected(f"holds {max(held):,} bytes, allowed are {limit:,}")
+        raise CapacityRejected(f"needs {max(held):,} bytes; the limit is {limit:,}")
 
 
 def hashes(answers: Answers) -> dict[str, str]:
@@ -184,9 +186,9 @@ def hashes(answers: Answers) -> dict[str, str]:
 
 
 def differing(session: Session, known: Mapping[str, str]) -> list[str]:
-    """The answers whose bits are not those of ``known`` where a frame is run once more as it is timed.
+    """Run the frame once more, as it is timed, and return the names of the answers whose hashes differ from ``known``.
 
-    They are poisoned before, so that a method which leaves standing what an earlier run wrote is seen, too.
+    The answers are filled with invalid values first, so that a method that relies on an earlier run is detected.
     """
     session.poison()
     session.replay()
@@ -198,9 +200,9 @@ def differing(session: Session, known: Mapping[str, str]) -> list[str]:
 def affordable_frames(
     frames: list[int], session: Session, seconds: float, runs: int, budget_s: float
 ) -> list[int]:
-    """The frames whose samples fit into a budget, spread evenly, the first among them; at least one.
+    """The frames whose samples fit into the budget: evenly spaced, including the first; at least one.
 
-    ``seconds`` is how long the first took with all that comes only once; ``runs`` how often each one will run.
+    ``seconds``: time of the first frame including one-time costs. ``runs``: number of times that each frame will run.
     """
     if len(frames) == 1 or seconds * runs * len(frames) <= budget_s:
         return frames
@@ -216,7 +218,7 @@ def affordable_frames(
 
 
 def spread_frames(frame_count: int, wanted: int) -> list[int]:
-    """``wanted`` frames spread evenly from the first to the last; all of them where there are fewer; one: the middle.
+    """``wanted`` evenly spaced frames from the first to the last; all if there are fewer; for 1 the middle frame.
 
     An animation's first frame is often its simplest, such as a cloth before it falls.
     """

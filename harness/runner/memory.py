@@ -16,17 +16,17 @@ import warp as wp
 
 
 class Memory:
-    """Bytes that a method holds, as Warp's allocators count them on every device, and how far the process grew.
+    """Counts the memory of a method: bytes held by Warp's allocators on every device, and the growth of the process.
 
-    Count from :meth:`start` (before the method plans) with the tracker on; it is paused around the samples of
-    methods that allocate inside a frame, so that it costs them nothing.
+    Counting begins with :meth:`start`, before the method plans. It is paused during samples, so that methods that
+    allocate inside a frame are not slowed down.
     """
 
     def __init__(self) -> None:
         self._resident = 0
 
     def start(self) -> None:
-        """Forget everything and count from now."""
+        """Reset the counters and start counting."""
         core = _core()
         core.wp_alloc_tracker_enable(1)
         core.wp_alloc_tracker_reset()
@@ -37,11 +37,11 @@ class Memory:
         _core().wp_alloc_tracker_enable(0)
 
     def peak(self) -> int:
-        """Most bytes that Warp's allocators held since :meth:`start`."""
+        """Maximum number of bytes that Warp's allocators have held since :meth:`start`."""
         return int(_core().wp_alloc_tracker_get_peak_bytes())
 
     def growth(self) -> int:
-        """Bytes by which the process has grown since :meth:`start`: for structures outside Warp's allocators."""
+        """Growth of the process since :meth:`start`, bytes; this includes memory not allocated through Warp."""
         return max(0, resident_bytes() - self._resident)
 
 
@@ -52,27 +52,27 @@ def _core() -> Any:
 
 
 def resident_bytes() -> int:
-    """Bytes of this process in memory now."""
+    """Resident memory of this process, bytes."""
     return int(psutil.Process().memory_info().rss)
 
 
 def give_back_memory() -> None:
-    """Free what nothing refers to and, with glibc, return it to the system, so that the next growth can be seen."""
+    """Collect garbage and, with glibc, return free memory to the system, so that later growth can be measured."""
     gc.collect()
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).malloc_trim(0)
 
 
 def reset_peak_resident() -> None:
-    """Let :func:`peak_resident_bytes` count from now (Linux; elsewhere it counts from the start of the process)."""
+    """Reset the peak of :func:`peak_resident_bytes` (Linux only; elsewhere it counts from the start of the process)."""
     with contextlib.suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5")
 
 
 def peak_resident_bytes() -> int:
-    """Most bytes that this process had in memory.
+    """Peak resident memory of this process, bytes.
 
-    Linux's own number is read first: unlike getrusage's it can be reset, and psutil gives no peak on Linux.
+    On Linux it is read from /proc, which can be reset, unlike the value of getrusage; psutil gives no peak on Linux.
     """
     with contextlib.suppress(OSError):
         match = re.search(r"VmHWM:\s+(\d+) kB", Path("/proc/self/status").read_text())
@@ -83,6 +83,6 @@ def peak_resident_bytes() -> int:
 
 
 def array_bytes(*holders: object) -> int:
-    """Bytes of the Warp arrays among the attributes of some objects, one that has two names counted once."""
+    """Bytes of the Warp arrays among the attributes of some objects; an array with two names is counted once."""
     arrays = {id(a): a for holder in holders for a in vars(holder).values() if isinstance(a, wp.array)}
     return sum(a.capacity for a in arrays.values())

@@ -21,7 +21,7 @@ from .source_closure import source_hash
 
 
 def parse_settings(texts: list[str], entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
-    """Entries with ``method.param=value`` settings added to every entry of that method, each checked at once."""
+    """Entries with ``method.param=value`` settings added to every entry of that method; each setting is checked."""
     result = list(entries)
     for text in texts:
         match = re.fullmatch(r"([\w-]+)\.(\w+)=(.*)", text)
@@ -31,7 +31,7 @@ def parse_settings(texts: list[str], entries: tuple[Entry, ...]) -> tuple[Entry,
         if method not in {entry.method for entry in entries}:
             known = {entry.method for entry in entries}
             raise UserError(
-                f"--set {text!r}: {method!r} is not among the methods run{did_you_mean(method, known)}"
+                f"--set {text!r}: {method!r} is not one of the methods to run{did_you_mean(method, known)}"
             )
         result = [
             dataclasses.replace(e, settings={**e.settings, key: value}) if e.method == method else e
@@ -48,7 +48,7 @@ def check_entries(entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
 
 
 def describe_method(entry: Entry, device: str) -> dict[str, Any]:
-    """What a record says of a method before it runs. ``broken`` says why one cannot even be made."""
+    """Facts about a method for its records. ``broken``: why the method cannot be constructed."""
     facts: dict[str, Any] = {
         "name": entry.method,
         "title": entry.method,
@@ -75,14 +75,14 @@ def describe_method(entry: Entry, device: str) -> dict[str, Any]:
         )
     except UserError:
         raise
-    except Exception as error:  # a stranger's package may fail in any way; it costs its own points only
-        facts["broken"] = f"cannot be made: {type(error).__name__}: {' '.join(str(error).split())}"
+    except Exception as error:  # a package may fail in any way; this affects only its own points
+        facts["broken"] = f"cannot be constructed: {type(error).__name__}: {' '.join(str(error).split())}"
     return {**facts, "device_name": device_title(facts["device"])}
 
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """One planned measurement. ``configuration`` is everything its key is made of."""
+    """One planned measurement. ``configuration``: everything that its key depends on."""
 
     key: str
     entry: Entry
@@ -144,9 +144,10 @@ def seed_of(text: str) -> int:
 
 
 def orders(count: int, rounds: int, seed: int) -> list[list[int]]:
-    """A random order of ``count`` points for each round, balanced: over rounds each stands in each place alike.
+    """A random order of ``count`` points for each round; over the rounds, each point has each place equally often.
 
-    Rows of a cyclic Latin square over a random first order, every second one reversed, so that neighbours change.
+    The orders are rows of a cyclic Latin square over a random first order. Every second row is reversed, so that
+    neighbours change.
     """
     first = np.random.default_rng(seed).permutation(count).tolist()
     result = []

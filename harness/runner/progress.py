@@ -1,4 +1,4 @@
-"""What a person sees of long work, on standard error: a bar with an estimate on a terminal, elsewhere plain lines."""
+"""Progress messages on standard error: a bar with an estimate on a terminal, else plain lines."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from ..results.record import Record
 
 QUIET_S = 10.0
-"""Where there is no bar a step is told of if it is of a new kind, or if nothing was said for so many seconds."""
+"""Without a bar, a step is reported if it is of a new kind, or if nothing was printed for this many seconds."""
 
 
 class Silent:
-    """Told what goes on, and says nothing. A step is one command to one worker."""
+    """Receives progress events and prints nothing. A step is one command to one worker."""
 
     def __enter__(self) -> Silent:
         return self
@@ -23,26 +23,26 @@ class Silent:
     def __exit__(self, *_: object) -> None: ...
 
     def steps(self, count: int) -> None:
-        """How many steps there are in all."""
+        """Set the total number of steps."""
 
     def doing(self, what: str, who: str = "") -> None:
-        """A step begins: of what kind, and which of its kind."""
+        """A step begins: its kind, and what it works on."""
 
     def note(self, text: str) -> None:
-        """Something that a person should know of, also where no bar is shown; nothing where the text is empty."""
+        """A message that is printed with or without a bar; an empty text removes it."""
 
     def done(self, count: int = 1) -> None:
-        """Steps have been done."""
+        """Steps are finished."""
 
     def left(self, seconds: float) -> None:
-        """The work that is left will take about so long from now."""
+        """Set the estimated remaining time."""
 
     def point(self, record: Record) -> None:
         """A record was written."""
 
 
 class Bar(Silent):
-    """A bar on a terminal, elsewhere a line for each kind of step; and on both a line for each record."""
+    """Prints a bar on a terminal, else a line per kind of step; in both cases a line per record."""
 
     def __init__(self) -> None:
         self.console = Console(stderr=True)

@@ -1,4 +1,4 @@
-"""What a run asks of its workers: the commands to load a scene, to prepare a point and to grade its answers."""
+"""The commands that a run sends to its workers: load a scene, prepare a point, score its answers."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from ..scene.overrides import Lighting
 from .job import Job, Options
 
 LOAD_S = 300.0
-"""Seconds a worker may take to start and to load a scene, at least: no method's doing, whatever its time limit."""
+"""Minimum time limit for a worker to start and load a scene, seconds; it does not depend on the method's limit."""
 
 
 def load_command(
     options: Options, folder: ResultsFolder, lighting: Lighting, scene: str, make: bool = False
 ) -> dict[str, Any]:
-    """What has a worker load the scene: ``make`` it, or take the one that was made."""
+    """The command to load the scene: ``make`` it, or read the one that another worker has made."""
     preset = options.preset
     return {
         "do": "load",
@@ -34,7 +34,7 @@ def load_command(
 
 
 def prepare_command(options: Options, job: Job) -> dict[str, Any]:
-    """What has a worker prepare a point and hand its answers over."""
+    """The command to prepare a point and hand over its answers."""
     preset = options.preset
     spec = {
         "key": job.point.key,
@@ -50,7 +50,7 @@ def prepare_command(options: Options, job: Job) -> dict[str, Any]:
 
 
 def grade_command(options: Options, folder: ResultsFolder, lighting: Lighting, job: Job) -> dict[str, Any]:
-    """What has a worker grade a job's answers, and draw its scene's picture where there is none of it."""
+    """The command to score the answers of a job, and to draw the picture of its scene if there is none."""
     return {
         "do": "grade",
         "key": job.point.key,
@@ -59,11 +59,11 @@ def grade_command(options: Options, folder: ResultsFolder, lighting: Lighting, j
         "save_answers": options.save_answers,
         "score": options.score,
         "picture": str(picture_of(folder, lighting, job)),
-        # Another scene of the same name, an original for its stand-in, gets a picture of its own.
+        # Another scene of the same name (an original instead of its stand-in) is drawn again.
         "shows": digest(contents(job.point.scene)),
     }
 
 
 def picture_of(folder: ResultsFolder, lighting: Lighting, job: Job) -> Path:
-    """Where the picture of a job's scene under its lights lies."""
+    """The file of the picture of a job's scene with its lights."""
     return folder.image(job.point.scene["name"] + (f"-{lighting.label}" if lighting.label else ""))

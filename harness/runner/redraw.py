@@ -1,4 +1,4 @@
-"""A scene's picture drawn again where every point has its record but the picture is gone or damaged."""
+"""Draw the picture of a scene again if all of its points have records but the picture is missing or damaged."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from .worker_process import Remote, WorkerError
 
 
 def repaint(options: Options, folder: ResultsFolder, lighting: Lighting, jobs: Sequence[Job]) -> None:
-    """Have a worker of its own answer the first measured point of a scene once more, untimed, and draw it.
+    """Run the first measured point of a scene once more, untimed, in a separate worker, and draw it.
 
-    Nothing is done where the picture can be read. Where none can be made, that is said and nothing else is lost.
+    Nothing is done if the picture can be read. If it cannot be drawn, a message says so.
     """
     from ..report.picture import opened
 

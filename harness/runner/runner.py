@@ -1,8 +1,8 @@
-"""From an experiment to records: scene by scene, one worker a method, rounds interleaved, killed and resumed at will.
+"""Run an experiment: scene by scene, one worker process per method, rounds interleaved; a run can be stopped and resumed.
 
-Only one worker has the token at a time: the parent asks one and waits for its reply. (Taking over a scene that was
-made and grading answers are not timed; there several work at once.) Runs beside this one wait while it takes samples,
-and it for them: see :mod:`.runner.machine_lock`.
+Only one worker runs at a time: the parent sends a command and waits for its reply. Reading a prepared scene and scoring
+answers are not timed; several workers may do this at once. Other runs on the machine wait while this one takes samples,
+and this one waits for them: see :mod:`.runner.machine_lock`.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ from .worker_process import Remote, WorkerError, WorkerLostError
 from .workload import Estimate, announcement, expected_work, points_of, steps_of
 
 GRADER = "grading"
-"""The name of the worker that makes scenes and grades answers (no method may be called so)."""
+"""The name of the worker that makes scenes and scores answers; no method may have this name."""
 
 GRADERS = max(1, min(8, (os.cpu_count() or 1) // 2))
-"""Workers that grade at once, after everything of a scene was timed. Each holds the scene."""
+"""Number of workers that score at the same time, after the timing of a scene. Each has the scene in memory."""
 
 
 Described = list[tuple[Entry, dict[str, Any]]]
@@ -44,7 +44,7 @@ Described = list[tuple[Entry, dict[str, Any]]]
 
 @dataclass(eq=False)
 class Run:
-    """Carries out the points of an experiment; :meth:`go` returns their records in the order declared."""
+    """Measures the points of an experiment; :meth:`go` returns their records in the declared order."""
 
     options: Options
     report: Silent
@@ -52,17 +52,17 @@ class Run:
     loaded: dict[str, int] = field(default_factory=dict)
     environment: str = ""
     lighting: Lighting = field(default_factory=Lighting)
-    """The lights of the scene under way."""
+    """The lights of the current scene."""
     compiling: float = 0.0
-    """Seconds that the scene under way spent on compiling kernels."""
+    """Seconds of the current scene spent on compiling kernels."""
 
     def __post_init__(self) -> None:
         self.folder = ResultsFolder(self.options.out)
-        # Points of one run are interleaved: tables compare no others.
+        # Tables compare only points of one run, because these are interleaved.
         self.name = os.urandom(6).hex()
 
     def go(self) -> list[Record]:
-        """Run what has no record yet. Raises :class:`~.errors.UserError` where the folder cannot be written."""
+        """Measure every point without a record. Raises :class:`~.errors.UserError` if the folder cannot be written."""
         options = self.options
         MACHINE.say = self.report.note
         with self.folder.locked(), MACHINE.shared():
@@ -77,7 +77,7 @@ class Run:
                 for part in parts:
                     self.options = dataclasses.replace(options, preset=part)
                     methods = [(entry, describe_method(entry, options.device)) for entry in part.methods]
-                    # Small scenes first: their results are there soon.
+                    # Small scenes first, so that the first results come soon.
                     found = {
                         scene: self._lightings(scene, methods, estimate)
                         for scene in sorted(part.scenes, key=lambda name: expected_work(name, part))
@@ -87,13 +87,13 @@ class Run:
                 for worker in self.workers.values():
                     worker.stop()
                 self.folder.shared_scene.unlink(missing_ok=True)
-            self.report.doing("settling the pixels that several methods dispute")
+            self.report.doing("updating scores at pixels where several methods differ")
             return settled(self.folder, records)
 
     # --- one scene ---
 
     def _lightings(self, name: str, methods: Described, estimate: Estimate) -> list[Record]:
-        """The records of a scene under each lighting, and what they say of how long the rest will take."""
+        """The records of a scene with each lighting; also updates the estimate of the remaining time."""
         records, work = [], expected_work(name, self.options.preset)
         for lighting in self.options.preset.lightings:
             self.lighting = lighting
@@ -109,7 +109,7 @@ class Run:
         return records
 
     def _scene(self, name: str, methods: Described) -> tuple[list[Record], int]:
-        """The records of a scene under one lighting, and how many points were measured now."""
+        """The records of a scene with one lighting, and the number of points measured now."""
         self.loaded.clear()
         command = self._load_command(name)
         facts = known_scene(self.folder, command)
@@ -118,7 +118,7 @@ class Run:
             wanted = {job.method for job in jobs if job.record is None}
             fresh, lost = self._load(name, wanted or {entry.method for entry, _ in methods})
             if fresh is None:
-                # Nobody could make the scene: every point gets a record that says why.
+                # The scene could not be made: every point gets a record with the reason.
                 facts = facts or {
                     "name": Path(name).stem.lower(),
                     "title": name,
@@ -159,9 +159,10 @@ class Run:
         self._finish_all([job for job in jobs if job.record is None])
 
     def _finish_all(self, jobs: list[Job]) -> None:
-        """Have the answers of jobs graded and close them. The first one alone: it makes what the others find.
+        """Have the answers of jobs scored, and close the jobs. The first job runs alone: it computes the exact reference,
+        which the others read.
 
-        That takes long, so each grader holds the machine's lock itself and gives way between frames.
+        Scoring takes long, so each scoring process holds the machine lock itself and releases it between frames.
         """
         waiting = [job for job in jobs if not job.journal.first("finished")]
         names = [GRADER, *(f"{GRADER}-{i}" for i in range(2, GRADERS + 1))]
@@ -179,7 +180,7 @@ class Run:
                 self._close(job)
 
     def _spent(self, job: Job) -> bool:
-        """Whether one more round as long as those so far would be beyond the point's budget: then it is left out."""
+        """Whether one more round, as long as the previous ones, would exceed the point's budget."""
         taken = [event["spent_s"] for event in job.journal.rounds().values()]
         return bool(taken) and sum(taken) * (len(taken) + 1) / len(taken) > self.options.preset.budget_s
 
@@ -198,7 +199,7 @@ class Run:
     # --- steps of a point ---
 
     def _attempt(self, job: Job, what: str, step: Callable[..., None] | None = None, *arguments: Any) -> None:
-        """Do a step, preparing the job first where its worker is new; close the job if it comes to nothing."""
+        """Do a step; prepare the job first if its worker is new. Close the job if the step fails."""
         self.report.doing(f"{job.point.scene['name']}: {what}", job.point.method["label"])
         try:
             if job.point.method.get("broken"):
@@ -238,7 +239,7 @@ class Run:
         self._note(job, {"event": "round", **where, **reply})
 
     def _ask_grades(self, job: Job, grader: str) -> None:
-        """Ask for grades of the answers that the method's worker handed over when it was prepared."""
+        """Send the command to score the answers that the method's worker handed over when the job was prepared."""
         try:
             self._ensure_loaded(grader, job.scene)
         except WorkerError as error:
@@ -259,8 +260,8 @@ class Run:
         self._note(job, {"event": "finished", "frames": reply["frames"]})
 
     def _ungraded(self, job: Job, error: WorkerError) -> None:
-        """The times stand, whatever becomes of their grades."""
-        unscored = {"score": None, "unscored": f"grading failed: {error.reason}"}
+        """Record that scoring failed; the times remain valid."""
+        unscored = {"score": None, "unscored": f"scoring failed: {error.reason}"}
         answered = (job.journal.first("prepared") or {}).get("frames", ())
         graded = [{"frame": frame["frame"], **unscored} for frame in answered]
         self._note(job, {"event": "finished", "frames": graded})
@@ -301,7 +302,8 @@ class Run:
         return self._reply(worker, timeout)
 
     def _send(self, worker: Remote, **command: Any) -> None:
-        """Send a command. Its work is done under the machine's lock: this process's, or where it has none the worker's."""
+        """Send a command. It runs under the machine lock of this process or, if this process does not hold it, the
+        worker's."""
         worker.send(**command, share=not MACHINE.held)
 
     def _reply(self, worker: Remote, timeout: float) -> dict[str, Any]:
@@ -313,7 +315,7 @@ class Run:
             raise
 
     def _tell(self, worker: Remote, **command: Any) -> None:
-        """A command whose failure costs nobody a point: a worker that cannot do it is stopped."""
+        """Send a command whose failure affects no point: the worker is stopped if it fails."""
         try:
             self._command(worker, **command)
         except WorkerLostError:
@@ -331,7 +333,8 @@ class Run:
         return load_command(self.options, self.folder, self.lighting, scene, make)
 
     def _load(self, name: str, methods: set[str]) -> tuple[dict[str, Any] | None, dict[str, WorkerError]]:
-        """Have one worker make the scene and the others take it: its facts (None where it failed), and who failed."""
+        """Have one worker make the scene and the others read it. Returns its facts (None on failure) and the workers that
+        failed."""
         self.report.doing(f"{name}: making the scene")
         with self.folder.writing():
             self.folder.shared_scene.parent.mkdir(parents=True, exist_ok=True)

@@ -1,10 +1,10 @@
-"""Samples of one frame: whole frames un-instrumented, and passes apart; clocks, memory, and what stopped it.
+"""Time samples of one frame: whole frames without instrumentation and, separately, single passes.
 
-CPU: a clock around the whole frame; in other samples a clock around each pass. CUDA: the whole frame as one graph
-with events outside it, replayed back to back, so that the queue is never empty and launch latency is not counted;
-wall time from an idle device to an idle device in samples of its own. Stages are differences of prefix graphs
-(passes 0..k from a reset state), so that they add up to a whole frame. Methods that cannot be captured are launched
-eagerly between synchronizations.
+CPU: a clock around the whole frame; in other samples, a clock around each pass. CUDA: the whole frame is one graph with
+events outside it. It is replayed back to back, so that the queue is never empty and launch latency is not counted. Wall
+time, from an idle device to an idle device, is measured in separate samples. The time of a pass is the difference of two
+prefix graphs (passes 0..k from a reset state), so that the passes add up to the whole frame. Methods that cannot be
+captured are launched directly between synchronisations.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from ..frame.passes import PassRunner
 
 @dataclass(frozen=True)
 class Sampling:
-    """How many samples a round takes of one frame.
+    """Number of samples of one frame in a round.
 
-    samples        whole-frame samples at least (unless the budget runs out first)
-    most           whole-frame samples at most
-    deviation      relative standard error of the mean below which sampling stops, or None: stop at ``samples``
-    stage_samples  samples of every pass, taken apart from the whole frames
-    budget_s       seconds a round may spend on one frame, three quarters of them on whole frames; at least one
+    samples        minimum number of whole-frame samples (unless the budget is exhausted)
+    most           maximum number of whole-frame samples
+    deviation      relative standard error of the mean below which sampling stops; None: stop at ``samples``
+    stage_samples  number of samples of every pass, separate from the whole frames
+    budget_s       time limit of one frame in a round, seconds, three quarters of it for whole frames; at least one
                    sample of each kind is always taken
     """
 
@@ -44,9 +44,9 @@ class Sampling:
 
 @dataclass
 class FrameSamples:
-    """What one round measured of one frame, in milliseconds.
+    """The samples of one frame in one round, milliseconds.
 
-    ``total_ms`` is device time (on a CPU the wall clock), ``wall_ms`` the host's clock; one pair a sample.
+    ``total_ms`` is device time (on a CPU the wall clock), ``wall_ms`` the host's clock; one pair per sample.
     ``stopped_by`` is ``samples``, ``deviation``, ``most`` or ``budget``.
     """
 
@@ -57,13 +57,13 @@ class FrameSamples:
     started: float = 0.0
 
     def add(self, pairs: list[tuple[float, float]]) -> None:
-        """Keep samples of whole frames. Nanoseconds are finer than any clock here."""
+        """Add samples of whole frames, rounded to nanoseconds, which is finer than any clock used."""
         self.total_ms += [round(total, 6) for total, _ in pairs]
         self.wall_ms += [round(wall, 6) for _, wall in pairs]
 
 
 def sample_frame(session: PassRunner, sampling: Sampling) -> FrameSamples:
-    """Measure passes that run through (a session's, once its frame fits). The garbage collector rests meanwhile."""
+    """Measure passes (of a session whose frame fits its buffers). Garbage collection is disabled meanwhile."""
     result = FrameSamples(started=time.time())
     with _quiet(session):
         take = _whole_frames(session)
@@ -71,7 +71,7 @@ def sample_frame(session: PassRunner, sampling: Sampling) -> FrameSamples:
         # Warm-up: caches, clocks, lazily made graphs and scratch memory.
         cold = take(1)
         if time.perf_counter() > deadline:
-            # One frame takes more than all of the budget: what warms up is small against it.
+            # One frame takes longer than the whole budget; warm-up costs are small compared with it.
             result.add(cold)
             result.stopped_by = "budget"
         while not result.stopped_by:
@@ -89,7 +89,7 @@ def sample_frame(session: PassRunner, sampling: Sampling) -> FrameSamples:
 
 
 def stop_reason(total_ms: list[float], sampling: Sampling, in_time: bool) -> str:
-    """Why sampling stops now, or an empty text where it goes on."""
+    """Why sampling stops now; an empty text if it continues."""
     if not in_time:
         return "budget"
     if len(total_ms) >= sampling.samples:
@@ -105,8 +105,8 @@ Take = Callable[[int], list[tuple[float, float]]]
 
 
 def _take_batch(take: Take, count: int, deadline: float, result: FrameSamples) -> bool:
-    """Take ``count`` samples; False where the deadline passed before all were taken."""
-    # Short frames in one go, so that a device's queue stays full; long ones singly, so that the budget holds.
+    """Take ``count`` samples; False if the deadline passed before all were taken."""
+    # Short frames together, so that the device's queue stays full; long ones one by one, to stay within the budget.
     first = take(1) if not result.total_ms else []
     pairs = first
     lasts = max([w for _, w in first] + result.wall_ms, default=0.0) / 1e3
@@ -140,7 +140,7 @@ def _events(device: Any, count: int) -> list[Any]:
 
 def _replay_whole(device: Any, graph: Any, count: int) -> list[tuple[float, float]]:
     with wp.ScopedDevice(device):
-        # One replay ahead keeps the queue full, so that the events stand between frames and not in idle time.
+        # One replay ahead keeps the queue full, so that no idle time lies between the events.
         events = _events(device, count + 1)
         wp.capture_launch(graph)
         wp.record_event(events[0])
@@ -207,7 +207,7 @@ def _stages(session: PassRunner) -> list[float]:
 
 @contextlib.contextmanager
 def _quiet(session: PassRunner) -> Iterator[None]:
-    """No garbage collection inside samples; the device idle before and after."""
+    """Disable garbage collection during samples; wait for the device before and after."""
     enabled = gc.isenabled()
     gc.collect()
     gc.disable()

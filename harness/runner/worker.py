@@ -1,8 +1,8 @@
-"""The worker process of one method: it prepares, measures a round when told to, answers, and is scored.
+"""A worker process. It loads scenes and, on command, prepares and measures the points of one method, or scores answers.
 
-``python -m shadowbench.harness.runner.worker`` reads one JSON command a line and writes one JSON reply a line. It does
-nothing unasked, so that the parent, by waiting for each reply, lets only one worker run. What methods print goes to
-standard error. The worker ends when its input does.
+``python -m shadowbench.harness.runner.worker`` reads one JSON command per line and writes one JSON reply per line. It
+works only on command; the parent waits for each reply, so that only one worker runs at a time. Output of methods goes to
+standard error. The worker ends when its input ends.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Worker:
         self.changed: frozenset[str] | None = None
 
     def do(self, command: dict[str, Any]) -> dict[str, Any]:
-        """Carry out one command and return its reply. ``share``: hold the machine's lock, which the parent does not."""
+        """Carry out one command and return its reply. ``share``: hold the machine lock, because the parent does not."""
         kind, share = command.pop("do"), command.pop("share", False)
         actions: dict[str, Callable[..., dict[str, Any]]] = {
             "load": self.load, "prepare": self.prepare, "round": self.round,
@@ -114,7 +114,7 @@ class Worker:
     def round(self, key: str, sampling: dict[str, Any]) -> dict[str, Any]:
         """One round of samples of every frame of a point."""
         point = self.points[key]
-        # The clocks afterwards, never between samples: asking a GPU for them disturbs it.
+        # Clocks are read after the samples, because reading them disturbs a GPU.
         return {**point.round(Sampling(**sampling)), "clock": clock_state(point.device)}
 
     def grade(
@@ -128,7 +128,7 @@ class Worker:
         shows: str,
         wrong_maps: bool = False,
     ) -> dict[str, Any]:
-        """Grade answers that a method's worker handed over (this command is for the grading process)."""
+        """Score answers that a method's worker handed over (a command for the scoring processes)."""
         assert self.prepared is not None
         if self.grader is None:
             self.grader = Grader(self.prepared, self.moments, self.scene_argument, Path(folder), device)
@@ -137,7 +137,7 @@ class Worker:
         return {"frames": frames, "compile_s": compiling.seconds}
 
     def free(self, key: str | None = None) -> dict[str, Any]:
-        """Forget one point, or the scene and all of its points."""
+        """Free one point, or the scene and all of its points."""
         if key is None:
             self.points.clear()
             self.moments.clear()
@@ -149,7 +149,7 @@ class Worker:
 
 
 def keep_map(method: Any, moment: Moment, path: Path) -> None:
-    """Keep what each pixel of the last frame cost, where the method counts it (``tests_per_pixel``)."""
+    """Save the number of tests of each pixel of the last frame, if the method counts them (``tests_per_pixel``)."""
     counted = getattr(method, "tests_per_pixel", None)
     if counted is not None:
         write_map(path, counted()[0].reshape(moment.height, moment.width))
@@ -196,13 +196,13 @@ def serve(commands: IO[str], replies: IO[str]) -> None:
 
 
 def die_with_parent() -> None:
-    """On Linux, end when the parent does, even in the midst of a launch."""
+    """On Linux, end this process when its parent ends, even during a launch."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(1, signal.SIGKILL)
 
 
 def main() -> None:
-    """Keep standard output for replies, send every print to standard error, and serve."""
+    """Reserve standard output for replies, redirect all other output to standard error, and serve."""
     die_with_parent()
     replies = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)

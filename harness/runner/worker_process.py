@@ -1,4 +1,4 @@
-"""The parent's end of a worker process: start it, ask it, give it up when it is silent or dead."""
+"""The parent's side of a worker process: start it, send commands, stop it if it does not reply or has died."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from pathlib import Path
 from typing import IO, Any
 
 GRACE_S = 0.5
-"""How long a reply may be on its way after its time, seconds."""
+"""Additional time for a reply to arrive after its time limit, seconds."""
 
 POLL_S = 60.0
-"""A wait without an end is made of waits of this many seconds."""
+"""Waiting without a time limit is done in intervals of this many seconds."""
 
 PACKAGE = __name__.rsplit(".", 1)[0]
 
 
 class WorkerError(Exception):
-    """A command came to nothing. ``status`` is the status of the point's record; the text is the reason."""
+    """A command failed. ``status`` is the status for the record of the point; the text is the reason."""
 
     def __init__(self, status: str, reason: str):
         super().__init__(reason)
@@ -32,13 +32,13 @@ class WorkerError(Exception):
 
 
 class WorkerLostError(WorkerError):
-    """The worker is gone, and with it everything that it had prepared."""
+    """The worker has ended, and everything that it had prepared is lost."""
 
 
 class Remote:
-    """One worker process. It starts with the first request and again with the first after it was lost.
+    """One worker process. It starts with the first command, and again with the first command after it has ended.
 
-    ``generation`` counts the starts: what was prepared in an earlier one is gone.
+    ``generation`` counts the starts; points prepared in an earlier generation are lost.
     """
 
     def __init__(self, name: str, log: Path):
@@ -52,14 +52,14 @@ class Remote:
 
     @property
     def running(self) -> bool:
-        """Whether there is a process that has not been lost."""
+        """Whether the process runs."""
         return self._process is not None
 
     def ask(self, timeout: float, **command: Any) -> dict[str, Any]:
         """Send a command and wait for its reply, at most ``timeout`` seconds.
 
-        Raises :class:`WorkerError` with the reason that the worker gave, :class:`WorkerLostError` where it died or
-        stayed silent; it is stopped then.
+        Raises :class:`WorkerError` with the worker's reason, and :class:`WorkerLostError` if it died or did not reply; it
+        is then stopped.
         """
         self.send(**command)
         return self.receive(timeout)
@@ -73,10 +73,10 @@ class Remote:
             process.stdin.write(json.dumps(command) + "\n")
             process.stdin.flush()
         except OSError:
-            pass  # it is dead: receive() finds the end of its output and says so
+            pass  # the worker has died; receive() reports it
 
     def receive(self, timeout: float) -> dict[str, Any]:
-        """The reply to the last command, within ``timeout`` seconds. Waiting for the machine does not count."""
+        """The reply to the last command, within ``timeout`` seconds. Waiting for the machine lock does not count."""
         reply = self._reply(timeout)
         while "waiting" in reply:
             self._asked = math.inf if reply["waiting"] else time.monotonic()
@@ -93,7 +93,7 @@ class Remote:
             return json.loads(line)
         except ValueError:
             self.stop()
-            reason = f"the worker said something else than a reply: {line.strip()[:80]}"
+            reason = f"the worker wrote something that is not a reply: {line.strip()[:80]}"
             raise WorkerLostError("failed", reason) from None
 
     def _line(self, timeout: float) -> str | None:
@@ -101,7 +101,7 @@ class Remote:
         while (left := self._asked + timeout - time.monotonic()) > 0:
             with contextlib.suppress(queue.Empty):
                 return self._replies.get(timeout=min(left, POLL_S))
-        # This process may itself have been suspended, and the reply be here all the while.
+        # This process may have been suspended, and the reply may have arrived meanwhile.
         with contextlib.suppress(queue.Empty):
             return self._replies.get(timeout=GRACE_S)
         self.stop()
@@ -118,7 +118,7 @@ class Remote:
                 stderr=log,
                 text=True,
                 encoding="utf-8",
-                # Ctrl-C is the parent's to handle: it stops its workers in order.
+                # The parent handles Ctrl-C and stops its workers.
                 start_new_session=True,
             )
         self.generation += 1

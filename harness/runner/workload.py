@@ -1,4 +1,4 @@
-"""How much work a scene is, roughly: for the order in which scenes are measured, and for how long the rest will take."""
+"""A rough estimate of the work of a scene, for the order of the scenes and the remaining time."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from .experiment import Preset
 from .job import Options
 
 PIXEL = 1.75
-"""What a pixel costs, in triangles: about so over the methods of Table 1 on a CPU."""
+"""Cost of a pixel relative to a triangle, roughly, for the methods of Table 1 on a CPU."""
 
 BYTES = 50
-"""Of a mesh file to a triangle, about."""
+"""Bytes of a mesh file per triangle, roughly."""
 
 UNKNOWN = 100_000
-"""Triangles of what cannot be told from its name: a declared scene, a folder of frames."""
+"""Assumed number of triangles if the name does not tell: a declared scene, a folder of frames."""
 
 
 def expected_work(scene: str, preset: Preset) -> float:
-    """The work of one method on a scene under one lighting, in triangles. ``scene`` as it was typed."""
+    """The work of one method on a scene with one lighting, in triangles. ``scene`` as on the command line."""
     path = Path(scene)
     triangles = TRIANGLES.get(scene) or balls.count_of(scene)
     if triangles is None:
@@ -32,7 +32,7 @@ def expected_work(scene: str, preset: Preset) -> float:
 
 
 def points_of(preset: Preset) -> int:
-    """Points of a preset, those that come after it left out."""
+    """Points of a preset, without the presets that follow it."""
     return len(preset.scenes) * len(preset.lightings) * len(preset.methods)
 
 
@@ -54,7 +54,7 @@ def announcement(options: Options) -> str:
 
 
 class Estimate:
-    """How long the scenes that are left will take, from how long those took that were measured."""
+    """Estimates the time of the remaining scenes from the times of those already measured."""
 
     def __init__(self, work: float):
         self.to_do = work
@@ -71,13 +71,13 @@ class Estimate:
         return cls(sum(each))
 
     def measured(self, work: float, seconds: float) -> None:
-        """A scene was measured; ``seconds`` without those that come only once (compiling)."""
+        """A scene was measured; ``seconds`` excludes one-time costs (compiling)."""
         self._done += work
         self._seconds += seconds
         self.to_do -= work
 
     def skipped(self, work: float) -> None:
-        """A scene had its records."""
+        """A scene already had all of its records."""
         self.to_do -= work
 
     def left(self) -> float | None:

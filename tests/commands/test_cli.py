@@ -59,7 +59,7 @@ def test_no_command_shows_help(call):
         (["run", "table1", "--set", "update=refit"], "--set 'update=refit': write it as method.param=value"),
         (
             ["run", "table1", "--set", "bhv.update=refit"],
-            "'bhv' is not among the methods run; did you mean bvh?",
+            "'bhv' is not one of the methods to run; did you mean bvh?",
         ),
         (["run", "table1", "--size", "256"], "--size '256': write it as WIDTHxHEIGHT"),
         *(

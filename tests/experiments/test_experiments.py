@@ -74,7 +74,7 @@ def test_direct_and_indirect_mapping_trace_with_blocks_of_one_size():
 
 
 def test_an_experiment_without_presets_says_what_to_do():
-    with pytest.raises(UserError, match="claims measures nothing; run the others"):
+    with pytest.raises(UserError, match="claims measures nothing; run other experiments"):
         find_preset(find_experiment("claims"), None, "cpu")
 
 

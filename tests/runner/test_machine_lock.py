@@ -22,7 +22,7 @@ STEP_S = 0.02
 PATIENCE_S = 120.0
 """How long what must happen is waited for: the machine may have much else to do."""
 
-STEP_ENDS, SAMPLES_TAKEN = "comes to the end of a step", "has taken its samples"
+STEP_ENDS, SAMPLES_TAKEN = "has finished its current step", "has taken its samples"
 
 OTHER = """
     import sys, time
@@ -137,7 +137,7 @@ def test_whoever_waits_is_told_for_which_process_and_what_to_do(tmp_path: Path) 
         assert not noted(waiting, "suspended")
         process.send_signal(signal.SIGSTOP)
         others.append(other(tmp_path, waiting, "with lock.shared():\n    note('in')"))
-        until(lambda: noted(waiting, f"it is suspended: kill -CONT {process.pid} lets it go on"))
+        until(lambda: noted(waiting, f"it is suspended: kill -CONT {process.pid} continues it"))
     finally:
         process.kill()
         process.wait(PATIENCE_S)

@@ -64,7 +64,7 @@ def troubled(package, scene, tmp_path_factory):
     return out, go(options(out, [scene], entries, timeout_s=3.0))
 
 
-UNSTEADY = "the frames that were timed do not answer as the frame that was judged"
+UNSTEADY = "the timed frames gave other answers than the frame that was judged"
 
 
 @pytest.mark.parametrize(
@@ -82,7 +82,7 @@ UNSTEADY = "the frames that were timed do not answer as the frame that was judge
         ("rejects", "rejected", "needs 1000000000 pairs, allowed are 1048576"),
         ("skips", "skipped", "only for closed scenes"),
         ("grows", "ok", ""),
-        ("broken", "failed", "cannot be made: ImportError: libmissing.so: cannot open"),
+        ("broken", "failed", "cannot be constructed: ImportError: libmissing.so: cannot open"),
     ],
 )
 def test_trouble_costs_its_own_point_only(troubled, label, status, reason):
@@ -108,7 +108,7 @@ def test_a_record_holds_every_sample(troubled):
         ("light 0: shadow rays", "shadow", 4),
     ]
     assert frame.counters == {"frames": 1}
-    assert frame.unscored.startswith("not asked for")
+    assert frame.unscored.startswith("not requested")
     assert records["steady"].stopped_by == "samples"
     assert {r["place"] for r in records["steady"].rounds} <= set(range(13))
 
@@ -139,7 +139,7 @@ def test_a_method_that_holds_more_than_it_may_is_rejected(package, scene, tmp_pa
     entries = [Entry(name, {}, name) for name in ("steady", "greedy", "bvh")]
     records = go(options(tmp_path, [scene], entries, memory=1 << 20, rounds=1))
     assert [records[name].status for name in ("steady", "greedy", "bvh")] == ["ok", "rejected", "ok"]
-    assert re.fullmatch(r"holds [\d,]+ bytes, allowed are 1,048,576", records["greedy"].reason)
+    assert re.fullmatch(r"needs [\d,]+ bytes; the limit is 1,048,576", records["greedy"].reason)
     less = go(options(tmp_path, [scene], ["uniform_grid"], memory=1 << 10, rounds=1))
     assert {r.status for r in less.values()} == {"rejected"}
 
