@@ -1,4 +1,5 @@
-"""The class of every pixel's answers: the referee's where it was asked, agreement with the reference elsewhere."""
+"""The class of every pixel's answers: decided by the referee at selected pixels, by comparison with the reference
+elsewhere."""
 
 from __future__ import annotations
 
@@ -17,7 +18,7 @@ from .verdict import EXCUSED, GRAVEST_BIT, RIGHT, Verdict
 
 @dataclass(frozen=True, eq=False)
 class Exact:
-    """What is exact at the judged pixels. ``occluders`` int32 [lights, judged]: -1 where lit, or nobody asked."""
+    """The exact answers at the judged pixels. ``occluders`` int32 [lights, judged]: -1 if lit or not judged."""
 
     hits: Hits
     occluders: NDArray[np.int32]
@@ -54,13 +55,13 @@ class Classes:
 
     @cached_property
     def excused(self) -> NDArray[np.bool_]:
-        """Pixels with an answer that had to be excused."""
+        """Pixels with an excused answer."""
         return np.isin(self.primary, EXCUSED) | np.isin(self.shadow, EXCUSED).any(axis=0)
 
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
-    """What was found of a method's answers to one set of rays; ``reference``: of the reference's own answers."""
+    """The classes of a method's answers to one set of rays; ``reference``: those of the reference's answers."""
 
     judge: Judge
     checked: Checked

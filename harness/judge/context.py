@@ -1,4 +1,4 @@
-"""What answers to one set of rays are judged by: the scene, the rays, the reference and the exact referee."""
+"""The data for judging answers to one set of rays: the scene, the rays, the reference and the exact referee."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from .referee import Referee
 from .reference import Reference, reference_for
 
 JUDGE_LIMIT = 100_000
-"""Disputed pixels judged; beyond it a seeded sample is judged and every other one counts as a true error."""
+"""Largest number of disputed pixels that are judged. Of more, a seeded sample is judged; the others count as errors."""
 
 RANDOM_PIXELS = 200
-"""Pixels judged beyond those in dispute, chosen by the seed."""
+"""Number of random pixels that are judged in addition to the disputed ones; chosen by the seed."""
 
 
 @dataclass(frozen=True, eq=False)
 class Judge:
-    """All that answers to one set of rays are judged by, made once and shared by every method.
+    """The data for judging answers to one set of rays; made once and shared by all methods.
 
     moment         the rays: primary ones, or those of a bounce (:class:`.judge.bounces.Mirrored`)
     reference      answers to these rays, to compare with
@@ -65,7 +65,7 @@ class Judge:
         return replace(self, moment=moment, reference=reference, random_pixels=random_pixels)
 
     def with_random_pixels(self, count: int) -> Judge:
-        """The same judge with another number of random pixels."""
+        """A copy of the judge with another number of random pixels."""
         return replace(self, random_pixels=count)
 
     @property
@@ -74,7 +74,7 @@ class Judge:
 
     @cached_property
     def wanted(self) -> NDArray[np.bool_]:
-        """Which lights ask for shadows. bool [lights]"""
+        """Which lights have shadow rays. bool [lights]"""
         flags = np.zeros(len(self.moment.lights), dtype=bool)
         known = self.effects.shadows[: len(flags)]
         flags[: len(known)] = known
@@ -82,7 +82,7 @@ class Judge:
 
     @cached_property
     def checked_reference(self) -> Checked:
-        """The reference's own answers, as a method would give them: without bits where there is no shadow ray."""
+        """The answers of the reference in the form of a method's answers: bits are 0 where there is no shadow ray."""
         answers = self.reference.answers()
         outside = not_receivers(self.prepared, self.moment, answers["triangle"])
         answers["visibility"] = np.where(outside, 0, answers["visibility"]).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""What the referee decides in integers: which of a few triangles a ray, or a segment to a light, meets."""
+"""Exact decisions in integer arithmetic: which of a few triangles a ray, or a segment to a light, intersects."""
 
 from __future__ import annotations
 

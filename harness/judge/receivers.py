@@ -1,7 +1,7 @@
-"""Receivers: one rule, given alike to every method and to truth, for which hit points have a shadow ray to a light.
+"""Receivers: the hit points that have a shadow ray to a light. Every method and the exact reference use the same rule.
 
-Two things limit them: a light may be a spot, and a scene may ask for shadow rays only where the surface, as the eye
-sees it, faces the light (:func:`facing`; elsewhere it is dark with or without a shadow).
+There are two restrictions. A light may be a spotlight; and a scene may request shadow rays only where the visible side of
+the surface faces the light (:func:`facing`; elsewhere the surface is dark with or without a shadow).
 
 A spot is twelve float64 numbers (:func:`spot_row`): kind (0 none, 1 cone, 2 rectangle); direction, right and up,
 unit length, right-handed; then the cosine of the cone's half-angle and 0, or the half-widths in azimuth and
@@ -21,7 +21,7 @@ from .planes import plane_numbers
 
 
 def receivers(moment: Moment, points: NDArray[np.floating], light: int) -> NDArray[np.bool_]:
-    """Which hit points [n, 3] a light's spot holds: those alone have a shadow ray, all others have bit 0."""
+    """Which hit points [n, 3] lie in a light's spot. Only these have a shadow ray; all others have bit 0."""
     if light >= len(moment.spots) or moment.spots[light, 0] == NO_SPOT:
         return np.ones(len(points), dtype=bool)
     row = moment.spots[light]
@@ -39,10 +39,10 @@ def receivers(moment: Moment, points: NDArray[np.floating], light: int) -> NDArr
 def facing(
     moment: Moment, corners: NDArray[np.floating], light: int, eye: NDArray[np.floating] | None = None
 ) -> NDArray[np.bool_]:
-    """Which triangles [n, 3, 3] may face the light as the eye sees them: both on one side of the plane, or in doubt.
+    """Which triangles [n, 3, 3] may face the light: eye and light are on the same side of the plane, or it is uncertain.
 
-    ``eye``: where they are seen from, default the moment's. Doubt is :data:`DOUBT` of the terms of the product: a
-    triangle seen edge on by the light keeps its shadow rays.
+    ``eye``: the origin of the rays, by default the moment's. A sign is uncertain below :data:`DOUBT` of the terms of the
+    product: a triangle that the light sees edge-on keeps its shadow rays.
     """
     a, b, c = (corners[:, i].astype(np.float64) for i in range(3))
     normal = np.cross(b - a, c - a)
@@ -57,7 +57,7 @@ def facing(
 
 
 def strength(spot: Spot | None, away: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Share of its light that a spot sends along ``away`` [n, 3], for pictures: 0 outside, cos^falloff inside."""
+    """Relative intensity of a spot in the directions ``away`` [n, 3], for pictures: 0 outside, cos^falloff inside."""
     away = np.asarray(away, dtype=np.float64)
     if spot is None:
         return np.ones(len(away))

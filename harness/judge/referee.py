@@ -1,8 +1,8 @@
-"""The exact judge: closest hits, tie sets and shadow bits on the same float32 inputs, and the class of an answer.
+"""The exact referee: closest hits, tie sets and shadow bits for the same float32 inputs, and the class of an answer.
 
-A float64 filter with a proven bound (:mod:`.judge.filter_kernels`) leaves a handful of triangles for each ray;
-integers (:mod:`.judge.arithmetic`) decide among them. The classes say whether a wrong answer can be excused by the rounding
-of a float32 triangle test, and only :func:`.judge.arithmetic.edge_bound` says how near an edge that is.
+A float64 filter with a proven error bound (:mod:`.judge.filter_kernels`) leaves a few candidate triangles per ray; integer
+arithmetic (:mod:`.judge.arithmetic`) decides among them. The class says whether the rounding of a float32 triangle test
+can excuse a wrong answer; :func:`.judge.arithmetic.edge_bound` defines how near an edge the ray must be.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""The reference that every answer is compared with: Embree robust, used directly, with its provenance.
+"""The reference that every answer is compared with: Embree in robust mode, with its provenance.
 
-Embree makes errors too: where a method and Embree differ the exact referee decides, and Embree's own errors are counted
-apart. Rules of its Python binding: build the whole scene before the first query, pass a copy of the ray lengths (they
-are overwritten), do not read the details of an OCCLUDED query (they are uninitialised), check indices first (it does
-not). It has no lower ray length, so the start of a shadow ray is moved off the surface by a bound of its rounding.
+Embree also makes errors: where a method and Embree differ, the exact referee decides, and Embree's errors are counted
+separately. Rules for its Python binding: build the whole scene before the first query; pass a copy of the ray lengths,
+which are overwritten; do not read the details of an OCCLUDED query, which are uninitialised; check indices, because it
+does not. It has no minimum ray length; so the origin of a shadow ray is moved off the surface by a bound of its rounding.
 """
 
 from __future__ import annotations
@@ -61,11 +61,11 @@ class Reference:
 
     @property
     def exact(self) -> bool:
-        """Whether these are the referee's own answers: then nothing in them can be wrong."""
+        """Whether these are the referee's answers, which are exact."""
         return self.provenance.get("reference") == EXACT
 
     def answers(self) -> dict[str, NDArray]:
-        """As a method gives them."""
+        """The answers in the form of a method's answers."""
         return {name: getattr(self, name) for name in ("triangle", "t", "u", "v", "visibility")}
 
 

@@ -1,14 +1,14 @@
-"""Answers judged and counted, from top to bottom:
+"""Judge and count answers, in these steps:
 
-1. consistency  is it an answer at all, and do t, u and v fit the triangle named?   :func:`.consistency.check_consistency`
-2. agreement    where does it differ from the reference?                            :func:`.selection.compare`
-3. selection    those pixels, their neighbours and a random sample                  :func:`.selection.select`
-4. referee      what is exact at the selected pixels                                :func:`.classify.decide`
-5. classes      of every pixel's closest hit and of every shadow bit                :func:`.classify.classify`
-6. counts       how many of each class: the score                                   :func:`score_answers`
+1. consistency  is the answer valid, and do t, u and v fit its triangle?        :func:`.consistency.check_consistency`
+2. agreement    where does it differ from the reference?                        :func:`.selection.compare`
+3. selection    those pixels, their neighbours and a random sample              :func:`.selection.select`
+4. referee      the exact answers at the selected pixels                        :func:`.classify.decide`
+5. classes      the class of every pixel's closest hit and of every shadow bit  :func:`.classify.classify`
+6. counts       the number of answers in each class: the score                  :func:`score_answers`
 
-A pixel is never excused by its place in the image, only by :func:`.judge.arithmetic.edge_bound`. Nothing here times,
-and nothing flows back to a method.
+An answer is never excused by its position in the image, only by :func:`.judge.arithmetic.edge_bound`. Nothing here is
+timed, and methods get no information from it.
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ def score_frame(judge: Judge, answers: dict[str, NDArray], found: list[Judgement
 
 
 def _count(found: Judgement) -> RayCounts:
-    """Agreement with the reference counts as right where the referee was not asked."""
+    """Where the referee has not decided, an answer that agrees with the reference counts as right."""
     judge, checked, classes = found.judge, found.checked, found.classes
     lights = np.nonzero(judge.wanted)[0].tolist()
     unjudged, named = len(found.selection.unjudged), classes.named
@@ -153,7 +153,7 @@ def _count(found: Judgement) -> RayCounts:
 
 
 def _count_reference(found: Judgement, lights: list[int]) -> ReferenceErrors:
-    """The reference's own answers at the judged pixels, counted the same way."""
+    """The answers of the reference at the judged pixels, counted in the same way."""
     classes, checked, judged = found.reference, found.judge.checked_reference, found.selection.judged
     primary = PrimaryClasses(
         judged=len(judged),

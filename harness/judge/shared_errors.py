@@ -1,12 +1,13 @@
 """Errors that methods share with the reference.
 
-A method is decided exactly where it differs from the reference (:mod:`.judge.selection`). Everywhere else its answer
-*is* the reference's, and the referee may have decided that one for another method's sake. So each score keeps, for each
-set of rays, where its own answers were decided and what was found of the reference (:class:`Disputes`). Once all methods
-of a moment are scored, :func:`share_errors` charges each with the reference's errors where it was not decided itself:
-every pixel on which two of the methods differ, or one of them and the reference, has then been decided for all of them.
+The referee decides the answers of a method where they differ from the reference (:mod:`.judge.selection`). Everywhere
+else the method gave the same answer as the reference, and the referee may have decided that pixel because another method
+differs there. So each score stores, for each set of rays, the pixels at which its own answers were decided and the classes
+of the reference's answers there (:class:`Disputes`). When all methods of a frame are scored, :func:`share_errors` adds the
+errors of the reference to each method at the pixels where the method itself was not decided. Every pixel at which two
+methods differ, or a method and the reference, is then decided for all methods.
 
-A wrong t, u or v is not shared: those are checked on every pixel of every method, with the triangle it names.
+Wrong t, u or v are not shared, because they are checked at every pixel of every method.
 """
 
 from __future__ import annotations

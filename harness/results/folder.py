@@ -1,4 +1,4 @@
-"""A folder of results: who may write there, what lies where, and one line for a person when writing fails."""
+"""A folder of results: its files, the lock of the run that writes to it, and errors of writing."""
 
 from __future__ import annotations
 

@@ -9,9 +9,9 @@ from typing import Any
 
 
 class Journal:
-    """What is known of a point under way: one JSON object a line, on the disk before :meth:`append` returns.
+    """The events of an unfinished point: one JSON object per line, written to disk before :meth:`append` returns.
 
-    A line torn by a crash is cut off when the journal is opened again; the lines before it stay.
+    An incomplete last line, left by a crash, is removed when the journal is opened again.
     """
 
     def __init__(self, path: Path):
@@ -59,5 +59,5 @@ class Journal:
         return next((event for event in self.events if event["event"] == kind), None)
 
     def remove(self) -> None:
-        """Forget the journal: its record is written."""
+        """Delete the journal after its record is written."""
         self.path.unlink(missing_ok=True)

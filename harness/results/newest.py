@@ -1,4 +1,4 @@
-"""Which of several records of one table entry is shown: the one that was asked for last."""
+"""Of several records for one table entry, select the one that a run used last."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""A results folder settled: what the scores of single points left to each other (:mod:`.judge.shared_errors`), and their records.
+"""Add errors that methods share with the reference to the records of a folder (:mod:`.judge.shared_errors`).
 
-Beside Embree's answers, in ``truth/`` and so outside version control, lies one small file a scored frame. With all of
-them :func:`settle_folder` rewrites the records whose counts change; a run does so at its end, however often it was
-stopped, and ``shadowbench score`` once its answers are scored. The records keep the counts, and the files are only
-needed again where more points are scored in the same folder.
+Each scored frame has a small file in ``truth/``, beside Embree's answers and ignored by git. From all of these files,
+:func:`settle_folder` computes the shared errors and rewrites the records whose counts change. A run does this at its end,
+and ``shadowbench score`` after scoring. The records then have the counts; the files are needed again only if more points
+are scored in the same folder.
 """
 
 from __future__ import annotations

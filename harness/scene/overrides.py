@@ -1,8 +1,7 @@
-"""Lights and effects in place of a scene's own, for experiments: how many, how far, a spot, a path, what it calls for.
+"""Lights and effects that replace those of a scene in experiments: number, distance, spot, path and effects.
 
-A lighting is a few plain numbers, so that an experiment can declare it, a worker can be told of it, and a record
-can say it. It is applied to a scene that is prepared, because distances are told in radii of the scene from its
-middle.
+A lighting consists of plain numbers, so that an experiment can declare it, a worker can receive it and a record can store
+it. It is applied to a prepared scene, because distances are in radii of the scene from its centre.
 """
 
 from __future__ import annotations

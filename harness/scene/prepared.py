@@ -1,7 +1,7 @@
-"""The conventions fixed once: recentring, float32, ray tables, weld, zero-area flags.
+"""Prepared scenes: recentred in float64, rounded to float32 once, with welded vertices and zero-area flags.
 
-A :class:`Prepared` scene is recentred in float64 and rounded to float32 once; every method, Embree and the
-referee get the same arrays. A :class:`Moment` is one frame of it, at one image size, with its lights.
+Every method, Embree and the referee get the same arrays. A :class:`Moment` is one frame of a prepared scene, at one image
+size, with its lights.
 """
 
 from __future__ import annotations

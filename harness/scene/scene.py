@@ -1,7 +1,7 @@
-"""What a scene is: geometry over time, a camera, lights, and what it calls for. Frozen, and the same for everyone.
+"""A scene: geometry over time, a camera, lights and effects. Immutable, and the same for every method.
 
-Lengths are metres unless the file says otherwise; right-handed coordinates; angles in degrees where a person
-writes them. Nothing here is rounded: a scene is float64 until :mod:`.scene.prepared` recentres and rounds it once.
+Lengths are metres unless the file says otherwise; coordinates are right-handed; angles in declarations are in degrees. A
+scene is float64 until :mod:`.scene.prepared` recentres and rounds it once.
 """
 
 from __future__ import annotations

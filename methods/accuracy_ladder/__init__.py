@@ -1,8 +1,8 @@
-"""One plain tree in which each safety measure is a parameter, so that its error and its cost can be seen alone.
+"""A plain tree for the accuracy experiment: each measure against rounding errors is a parameter.
 
-A wp.Bvh rebuilt in place each frame over the triangles' boxes, 8 x 4 pixel blocks, nothing else: only the triangle
-test, the start of the shadow rays, the padding of the boxes and the compiler's float arithmetic change. With its
-defaults it is exact; :func:`.parameters.known_inexact` says what is not.
+A wp.Bvh over the bounding boxes of the triangles is rebuilt in place each frame and traced in blocks of 8 x 4 pixels. The
+parameters change only the triangle test, the origin of the shadow rays, the padding of the boxes and the compiler's float
+arithmetic. The defaults are exact; :func:`.parameters.known_inexact` says which settings are not.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Bounding volume hierarchies of Warp: its Mesh as users call it, and its Bvh rebuilt in place."""
+"""Bounding volume hierarchies of Warp: wp.Mesh through its public interface, and wp.Bvh rebuilt in place."""
 
 from .method import WarpBvh
 

@@ -1,1 +1,1 @@
-"""What methods share: the triangle test, hit points, binning."""
+"""Code shared by methods: the triangle test, hit points, binning."""

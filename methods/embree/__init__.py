@@ -1,4 +1,4 @@
-"""Embree through embreex, used directly: a CPU peer of every other method."""
+"""Embree, through its Python binding embreex: a CPU method to compare with."""
 
 from .method import Embree
 

@@ -1,4 +1,4 @@
-"""The paper: a perspective grid for primary rays, a spherical grid for each light, both rebuilt every frame."""
+"""The paper's method: a perspective grid for primary rays and a spherical grid per light, rebuilt every frame."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class PerspectiveSpherical(BaseMethod):
         return reason
 
     def built(self) -> dict[str, Any]:
-        """What ran of the parameters that may change an answer; all others never do."""
+        """The values of the parameters that may change an answer; all others never do."""
         built = {"triangle test": self.build.triangle_test, "culling": self.build.cull}
         if self.build.light_bounds != "exact":
             built["light bounds"] = self.build.light_bounds

@@ -1,9 +1,10 @@
-"""Rays in the grid, triangles streamed over them: the dual of the paper's method, on the paper's idea.
+"""Rays in grid cells, with the triangles streamed over them: the dual of the paper's method.
 
-The paper lists triangles in the cells of a grid made for the rays and lets rays walk the lists. Here the rays lie
-in the cells and every triangle tests the rays in the cells it covers: no triangle list, no sort, no pair. In the
-camera's grid a cell is a pixel; in a light's grid the cells lie on a cube around the light and hold the hit points,
-counted and scattered each frame. Kin: the irregular z-buffer (Johnson 2005; Aila & Laine 2004; Wyman 2015).
+The paper lists triangles in the cells of a grid made for the rays, and each ray traverses the list of its cell. Here the
+cells contain the rays, and every triangle tests the rays in the cells that it covers; there are no lists of triangles and
+nothing is sorted. In the camera's grid a cell is a pixel. In a light's grid the cells lie on a cube around the light and
+contain the hit points, which are counted and scattered each frame. Related work: the irregular z-buffer (Johnson 2005;
+Aila & Laine 2004; Wyman 2015).
 """
 
 from __future__ import annotations
@@ -25,14 +26,14 @@ from .parameters import Build
 from .queues import COUNTERS, DOUBTS, ITEMS, PARTS, Capacity, Queues, more_room
 
 MOST_TRIANGLES = 2**24
-"""A hit packs into 64 bits with 24 for the triangle."""
+"""A hit is packed into 64 bits, 24 of them for the triangle index."""
 
 MOST_PIXELS_ALONG = 32767
 """A queued item packs two pixel coordinates into 32 bits."""
 
 
 class RayGrids(BaseMethod):
-    """The streamed dual. Needs: items, parts and doubts of the camera's stream, then of each light's."""
+    """Rays in grids. Needs: queued items, parts and undecided pairs of the camera, then of each light."""
 
     name: ClassVar[str] = "ray_grids"
     title: ClassVar[str] = "Ray grids (streamed)"
@@ -91,7 +92,7 @@ class RayGrids(BaseMethod):
         return self._capacity != before
 
     def counters(self) -> dict[str, int]:
-        """Queued work of the last frame, and pairs that were left to float64."""
+        """Queued work of the last frame, and pairs that were decided in float64."""
         assert self._needs is not None
         result = {}
         assert self._queues is not None

@@ -1,7 +1,7 @@
-"""The approximate competitor that engines use: exact primary rays, shadows from a rasterised depth map.
+"""Shadow mapping, the approximate method of game engines: exact primary rays, shadows from a rasterised depth map.
 
-Williams 1978; slope-scaled bias, normal offset and percentage-closer filtering as engines do them. Only the shadow
-bits are approximate: primary rays come from a rasteriser that decides every doubtful pixel in float64.
+Williams 1978; slope-scaled bias, normal offset and percentage-closer filtering as in engines. Only the shadow bits are
+approximate: primary rays come from a rasteriser that decides every uncertain pixel in float64.
 """
 
 from __future__ import annotations
