@@ -89,7 +89,10 @@ def run_(
         str, typer.Argument(help="Name of an experiment; see shadowbench list experiments.")
     ],
     preset: Annotated[
-        str | None, typer.Option("--preset", help="quick or paper. Default: quick on a CPU, paper on a GPU.")
+        str | None,
+        typer.Option(
+            "--preset", help="Name of a preset, such as quick or paper. Default: depends on the device."
+        ),
     ] = None,
     device: Device = None,
     scene: Annotated[

@@ -57,7 +57,7 @@ class ResultsFolder:
     def idle(self) -> Iterator[None]:
         """Hold a folder that is there, so that no run writes to it. Raises :class:`UserError` where one does.
 
-        A folder without a lock file is nobody's, and none is made in it: it may be one that can only be read.
+        A folder without a lock file is not locked, and no lock file is created, because the folder may be read-only.
         """
         with ExitStack() as held:
             try:
@@ -82,8 +82,8 @@ class ResultsFolder:
     def unwritable(self, reason: str) -> UserError:
         """The error to raise where nothing can be written."""
         return UserError(
-            f"{self.path}: cannot write ({reason}); what was measured is kept: make room or mend the folder, then "
-            f"run the same command to go on"
+            f"{self.path}: cannot write ({reason}); finished measurements are kept: free space or correct the permissions, "
+            f"then run the same command again to continue"
         )
 
     @property
@@ -114,7 +114,7 @@ class ResultsFolder:
         return archived(self.path / "records")
 
     def keep_record(self, record: Record, journal: Journal) -> None:
-        """Write a record; its journal, and answers that nobody graded, have then done their work."""
+        """Write a record, then delete its journal and the answers that were handed over for scoring."""
         with self.writing():
             write_atomic(self.path / "records" / f"{record.key}.json", record.to_json())
             for path in (self.path / "journal").glob(f"{glob.escape(record.key)}-*.npz"):

@@ -89,7 +89,7 @@ class Lighting:
 
     @staticmethod
     def read(facts: dict[str, Any] | None) -> Lighting:
-        """The lighting that :meth:`facts` told of."""
+        """The lighting with these :meth:`facts`."""
         known = dict(facts or {})
         if known.get("target"):
             known["target"] = tuple(known["target"])

@@ -349,7 +349,7 @@ def test_a_full_folder_keeps_what_was_measured_and_goes_on(package, scene, tmp_p
 
     monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(
-        UserError, match=r"cannot write \(No space left on device\); what was measured is kept"
+        UserError, match=r"cannot write \(No space left on device\); finished measurements are kept"
     ):
         Run(chosen, Silent()).go()
     (journal,) = (tmp_path / "out" / "journal").glob("*.jsonl")
