@@ -64,7 +64,7 @@ def test_key_bits_runs_draws_goes_on_and_is_read(tmp_path):
     assert "Every answer behind these times was found right" in text
     assert len((tmp_path / "out" / "key_bits.csv").read_text().splitlines()) == 1 + len(BITS)
     (evidence,) = collect(tmp_path).evidence("key_bits")
-    assert len(evidence.made) == len(BITS)
+    assert len(evidence.frames) == len(BITS)
 
 
 def test_key_bits_takes_no_scene_and_no_method(tmp_path):

@@ -300,7 +300,7 @@ def test_kill_9_loses_at_most_one_round(package, tmp_path):
     finished = {p: p.read_bytes() for p in (out / "records").iterdir()}
     assert len(finished) == 1
 
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=900)
     assert done.returncode == 0, done.stderr
     assert [p["status"] for p in json.loads(done.stdout)["points"]] == ["ok", "ok"]
     for path, content in finished.items():
@@ -313,7 +313,8 @@ def test_kill_9_loses_at_most_one_round(package, tmp_path):
     assert len(whole["frames"][0]["total_ms"]) == 6 * whole["point"]["samples"]
 
 
-def _wait_for(condition, process, seconds=90.0):
+def _wait_for(condition, process, seconds=900.0):
+    """Until the condition holds. The time only ends a hang: it is far beyond what a busy machine needs."""
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "waited too long"
