@@ -5,7 +5,7 @@ import sys
 
 import numpy as np
 import pytest
-from helpers.runs import write_scene
+from helpers.tiny_runs import write_scene
 from PIL import Image
 from shadowbench.harness import cli
 from shadowbench.harness.cli import spread_values

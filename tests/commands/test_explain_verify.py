@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
-from helpers import exact_cases as cases
+from helpers import rational_brute_force as cases
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from shadowbench.harness.commands import answering

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 import trimesh
-from helpers import exact_cases as cases
+from helpers import rational_brute_force as cases
 from helpers.exact_method import ExactMethod
-from helpers.made_records import made
+from helpers.experiment_records import record_of
 from shadowbench.harness.commands.verify import explain, score, verify
 from shadowbench.harness.errors import CapacityRejected, UserError
 from shadowbench.harness.frame import registry
@@ -320,7 +320,7 @@ def folder(tmp_path, mesh):
         cls().spoil(answers)
         key = f"point-{cls.name}"
         save_raw(tmp_path / "answers" / f"{key}-0.npz", prepared, moment, answers, mesh, extra={"key": key})
-        record = {**made("table1", Entry(cls.name)), "key": key}
+        record = {**record_of("table1", Entry(cls.name)), "key": key}
         record["frames"][0].update(
             total_ms=[1.25], wall_ms=[1.25], round=[0], score=None, unscored="no Embree there"
         )

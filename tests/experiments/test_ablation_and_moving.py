@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
-from helpers.made_records import keep, made
+from helpers.experiment_records import record_of, write_records
 from shadowbench.experiments import _paper, ablation
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.runner.experiment import find_experiment
@@ -20,10 +20,10 @@ def test_ablation_holds_ours_against_the_tree_and_takes_each_change_back(tmp_pat
         "Warp's tree rebuilt": 2.0,
         "ours with radix sort": 1.5,
     }
-    records = [made("ablation", known[label], "buddha", ms=ms) for label, ms in times.items()]
+    records = [record_of("ablation", known[label], "buddha", ms=ms) for label, ms in times.items()]
     slow = {**times, "all of ours": 3.0}
-    records += [made("ablation", known[label], "cloth", ms=ms) for label, ms in slow.items()]
-    keep(tmp_path, records)
+    records += [record_of("ablation", known[label], "cloth", ms=ms) for label, ms in slow.items()]
+    write_records(tmp_path, records)
     files = show("ablation", tmp_path, quiet=True)
     text = (tmp_path / "ablation.md").read_text()
     assert (
@@ -40,7 +40,7 @@ def test_ablation_holds_ours_against_the_tree_and_takes_each_change_back(tmp_pat
     for word in ("Warp's tree rebuilt", "ours with radix sort", "frame time over that of all of ours"):
         assert word in drawn, word
     records[2]["environment"] = "another run"
-    keep(tmp_path / "old", records[:3])
+    write_records(tmp_path / "old", records[:3])
     show("ablation", tmp_path / "old", quiet=True)
     assert "were not both measured" in (tmp_path / "old" / "ablation.md").read_text()
     assert not (tmp_path / "old" / "ablation-ours.svg").exists()
@@ -58,13 +58,13 @@ def test_ablation_takes_back_every_setting_in_which_ours_differs_from_the_papers
 def test_moving_has_a_row_a_frame(tmp_path):
     preset = find_experiment("moving").presets["quick"]
     records = [
-        made("moving", e, s, preset.lightings[0], frames=8)
+        record_of("moving", e, s, preset.lightings[0], frames=8)
         for e in preset.methods
         for s in ("cloth", "fairy")
     ]
     for i, frame in enumerate(records[0]["frames"]):
         frame["total_ms"] = [10.0 + i] * 2
-    keep(tmp_path, records)
+    write_records(tmp_path, records)
     show("moving", tmp_path, quiet=True)
     lines = (tmp_path / "moving.csv").read_text().splitlines()
     assert len(lines) == 1 + 8 * len(records)
@@ -75,15 +75,15 @@ def test_moving_has_a_row_a_frame(tmp_path):
 def test_moving_explains_a_slow_place_from_its_counters(tmp_path):
     preset = find_experiment("moving").presets["quick"]
     ours, _, tree = preset.methods
-    slow, uncounted = (made("moving", e, "sibenik", preset.lightings[0], frames=8) for e in (ours, tree))
-    even = made("moving", ours, "fairy", preset.lightings[0], frames=8)
+    slow, uncounted = (record_of("moving", e, "sibenik", preset.lightings[0], frames=8) for e in (ours, tree))
+    even = record_of("moving", ours, "fairy", preset.lightings[0], frames=8)
     for r in (slow, uncounted):
         r["frames"][3]["total_ms"] = [30.0, 30.0]
         r["frames"][3]["passes"] = [{"name": "light 0: shadow rays", "part": "shadow", "ms": [24.0]}]
     for i, frame in enumerate(slow["frames"]):
         frame["counters"] = {"shadow tests a hundred rays": 9000 if i == 3 else 2000,
                              "light 0 tiles with rays": 50 if i == 3 else 120}  # fmt: skip
-    keep(tmp_path, [slow, uncounted, even])
+    write_records(tmp_path, [slow, uncounted, even])
     show("moving", tmp_path, quiet=True)
     text = (tmp_path / "moving.md").read_text()
     ranges, slowest = (part for part in text.split("\n## ")[1:])
@@ -108,9 +108,9 @@ def test_ablation_compares_with_its_base_on_the_same_scene(tmp_path):
         for i, e in enumerate(entries):
             lost = "culled" in e.label and scene == "cloth"
             records.append(
-                made("ablation", e, scene, ms=base * (1 + 0.1 * i), status="skipped" if lost else "ok")
+                record_of("ablation", e, scene, ms=base * (1 + 0.1 * i), status="skipped" if lost else "ok")
             )
-    keep(tmp_path, records)
+    write_records(tmp_path, records)
     show("ablation", tmp_path, quiet=True)
     text = (tmp_path / "ablation.md").read_text()
     assert "| direct mapping, 16x16 tiles | 1.10 | 1.10 | 1.10 |" in text

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from helpers.brute_force import make_scene, soup
-from helpers.fake_records import record, write
+from helpers.table1_records import record, write_records
 from shadowbench.experiments import accuracy as declared
 from shadowbench.experiments.accuracy import hard_cases, offsets, pareto, tables
 from shadowbench.experiments.accuracy.hard_cases import hard_rows
@@ -207,7 +207,7 @@ def folder(tmp_path):
         point("b: quick", 5.0, 2000),
         point("c: as wrong as quick", 6.0, 2000),
     ]
-    return write(tmp_path, made)
+    return write_records(tmp_path, made)
 
 
 def test_the_frontier_is_what_nothing_beats(folder):
@@ -249,7 +249,7 @@ def test_a_difference_within_the_noise_is_no_cost(tmp_path):
         point("a: once", 10.0, 7, count=2),
     ]
     names = ("without", "cheap", "once")
-    found = tables.costs(write(tmp_path, made), [(name, "a: with", f"a: {name}") for name in names])
+    found = tables.costs(write_records(tmp_path, made), [(name, "a: with", f"a: {name}") for name in names])
     assert found["within_noise"].tolist() == [True, False, True]
     assert found["cost_ms"][1] == pytest.approx(10.0)
     assert np.isnan(found["noise_ms"][2])
@@ -362,7 +362,7 @@ def test_the_report_names_the_hard_cases_that_were_left_out(tmp_path):
 def test_a_folder_without_scores_says_so(tmp_path):
     made = point("a: exact", 20.0, 0)
     made["frames"][0].update(score=None, unscored="no truth here")
-    files = declared.draw(write(tmp_path, [made]), quiet=True)
+    files = declared.draw(write_records(tmp_path, [made]), quiet=True)
     assert "No point has both a time and a score." in (tmp_path / "accuracy.md").read_text()
     assert not any(path.suffix == ".svg" for path in files)
 

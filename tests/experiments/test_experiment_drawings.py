@@ -6,7 +6,7 @@ import csv
 
 import numpy as np
 import pytest
-from helpers.made_records import keep, made
+from helpers.experiment_records import record_of, write_records
 from PIL import Image
 from shadowbench.experiments import figure2, figure6, figure11, two_lights
 from shadowbench.harness.commands.show import show
@@ -21,8 +21,8 @@ def test_figure2_says_how_much_the_most_drops(tmp_path):
     counted = {figure2.DIRECT: (14.0, 1000), figure2.INDIRECT: (10.0, 400), figure2.DIRECT_SMALL: (8.0, 500)}
     for e in figure2.METHODS:
         ms, most = counted.get(e.label, (9.0, 200))
-        r = made("figure2", e, "buddha", ms=ms, counters={"primary tests, most": most})
-        keep(tmp_path, [r])
+        r = record_of("figure2", e, "buddha", ms=ms, counters={"primary tests, most": most})
+        write_records(tmp_path, [r])
         write_map(map_path(tmp_path, r["key"], 0), np.array([[0, 0, 0], [0, 0, most], [0, most // 2, 1]]))
     files = show("figure2", tmp_path, quiet=True)
     text = (tmp_path / "figure2.md").read_text()
@@ -54,7 +54,7 @@ def test_figure2_says_how_much_the_most_drops(tmp_path):
 
 
 def test_figure2_without_its_maps_says_so(tmp_path):
-    keep(tmp_path, [made("figure2", figure2.METHODS[0], "buddha")])
+    write_records(tmp_path, [record_of("figure2", figure2.METHODS[0], "buddha")])
     with pytest.raises(UserError, match="run figure2 again"):
         show("figure2", tmp_path, quiet=True)
 
@@ -63,7 +63,7 @@ def test_figure6_has_a_captioned_panel_for_each_light(tmp_path):
     counted = {"": 1000, "cone": 250, "rectangle": 300, "cone-fall-off": 400}
     for lighting in figure6.LIGHTINGS:
         rays = {"light 0 rays": counted[lighting.label]}
-        keep(tmp_path, [made("figure6", figure6.METHODS[0], "fairy", lighting, counters=rays)])
+        write_records(tmp_path, [record_of("figure6", figure6.METHODS[0], "fairy", lighting, counters=rays)])
         name = f"fairy-{lighting.label}" if lighting.label else "fairy"
         (tmp_path / "images").mkdir(exist_ok=True)
         # A square picture with a caption below it, which the sheet has but once.
@@ -97,7 +97,7 @@ def distance_records(scene="cloth", growth=1.0):
             counted = {"light 0 pairs": 1000, "light 0 chunks": 50, "light 0 lanes": 50 * r,
                        "light 0 rays": 1600, "light 0 tiles with rays": tiles}  # fmt: skip
             records.append(
-                made(
+                record_of(
                     "figure11",
                     e,
                     scene,
@@ -112,7 +112,7 @@ def distance_records(scene="cloth", growth=1.0):
 
 def test_figure11_tells_work_from_number_format(tmp_path):
     records = distance_records()
-    keep(tmp_path, records)
+    write_records(tmp_path, records)
     files = show("figure11", tmp_path, quiet=True)
     text = (tmp_path / "figure11.md").read_text()
     table = [line for line in text.splitlines() if line.startswith("| unclamped | aimed | ")]
@@ -170,7 +170,7 @@ def test_figure11_tells_work_from_number_format(tmp_path):
 
 def test_figure11_draws_each_scene_apart(tmp_path):
     slow = distance_records("fairy", 7.0)
-    keep(tmp_path, [*distance_records(), *slow])
+    write_records(tmp_path, [*distance_records(), *slow])
     files = {file.name for file in show("figure11", tmp_path, quiet=True)}
     for scene in ("cloth", "fairy"):
         assert {f"figure11-{scene}.svg", f"figure11-{scene}-r.svg", f"figure11-{scene}-tiles.svg"} <= files
@@ -192,7 +192,7 @@ def test_figure11_draws_each_scene_apart(tmp_path):
 
 
 def test_lane_fill_is_rays_over_lanes(tmp_path):
-    table = figure11.read(keep(tmp_path, distance_records()[:1]))
+    table = figure11.read(write_records(tmp_path, distance_records()[:1]))
     assert table["lane_fill"].tolist() == pytest.approx(1600 / (50 * table["r"]))
     assert set(table["axes"]) <= set(figure11.AXES.values())
 
@@ -205,9 +205,9 @@ def test_two_lights_states_frames_a_second_and_what_each_further_light_costs(tmp
         light = 8.0 + 6.0 * (lighting.count - 1)
         passes = [("build", "build", 1.0), ("primary rays", "trace", 3.0), ("light 0: count", "light build", light / 4),
                   ("light 0: shadow rays", "shadow", light * 0.75)]  # fmt: skip
-        return made("two_lights", e, "fairy", lighting, ms=(4.0 + light) / 1.01, passes=passes)
+        return record_of("two_lights", e, "fairy", lighting, ms=(4.0 + light) / 1.01, passes=passes)
 
-    keep(tmp_path, [lit(e, x) for e in preset.methods for x in preset.lightings])
+    write_records(tmp_path, [lit(e, x) for e in preset.methods for x in preset.lightings])
     show("two_lights", tmp_path, quiet=True)
     text = (tmp_path / "two_lights.md").read_text()
     line = next(x for x in text.splitlines() if x.startswith("| Fairy (stand-in) | bvh |"))
@@ -222,21 +222,23 @@ def test_two_lights_states_frames_a_second_and_what_each_further_light_costs(tmp
 def test_what_a_further_light_costs_is_not_the_noise_of_the_frames(tmp_path):
     entry = find_experiment("two_lights").presets["quick"].methods[0]
     records = [
-        made("two_lights", entry, "fairy", Lighting(f"{n}", count=n), ms=90.0 - n,
+        record_of("two_lights", entry, "fairy", Lighting(f"{n}", count=n), ms=90.0 - n,
              passes=[("count", "light build", 1.0 * n), ("rays", "shadow", 2.0 + n)])
         for n in (1, 2, 8)
     ]  # fmt: skip
-    table = two_lights.read(keep(tmp_path, records)).set_index("lights")
+    table = two_lights.read(write_records(tmp_path, records)).set_index("lights")
     assert table["further_over_first"].dropna().to_dict() == {2: pytest.approx(0.5), 8: pytest.approx(0.5)}
 
 
 def test_a_share_that_its_spread_does_not_carry_has_fewer_digits_and_a_mark(tmp_path):
     entry = find_experiment("two_lights").presets["quick"].methods[0]
-    records = [made("two_lights", entry, "fairy", Lighting(f"{n}", count=n), ms=10.0 * n) for n in (1, 2)]
+    records = [
+        record_of("two_lights", entry, "fairy", Lighting(f"{n}", count=n), ms=10.0 * n) for n in (1, 2)
+    ]
     for r in records:
         r["frames"][0].update(total_ms=[r["frames"][0]["total_ms"][0] * x for x in (0.6, 1.0, 1.4, 1.8)],
                               wall_ms=[1.0] * 4, round=[0, 0, 1, 1])  # fmt: skip
-    show("two_lights", keep(tmp_path, records), quiet=True)
+    show("two_lights", write_records(tmp_path, records), quiet=True)
     text = (tmp_path / "two_lights.md").read_text()
     assert "| ~12 | ~24 | ~40 | ~+100% |" in text
     assert "~+100%" in text
@@ -245,7 +247,7 @@ def test_a_share_that_its_spread_does_not_carry_has_fewer_digits_and_a_mark(tmp_
 
 def test_two_lights_without_one_light_has_nothing_to_compare(tmp_path):
     preset = find_experiment("two_lights").presets["quick"]
-    keep(tmp_path, [made("two_lights", preset.methods[0], "fairy", preset.lightings[1])])
+    write_records(tmp_path, [record_of("two_lights", preset.methods[0], "fairy", preset.lightings[1])])
     show("two_lights", tmp_path, quiet=True)
     text = (tmp_path / "two_lights.md").read_text()
     assert "2 lights, ms" in text
@@ -255,8 +257,8 @@ def test_two_lights_without_one_light_has_nothing_to_compare(tmp_path):
 
 def test_what_a_stopped_run_did_not_come_to_is_told(tmp_path):
     entries = find_experiment("ablation").presets["quick"].methods[:3]
-    records = [made("ablation", e, "cloth", ms=10.0) for e in entries]
-    keep(tmp_path, [*records, *(made("ablation", e, "buddha", ms=10.0) for e in entries[:1])])
+    records = [record_of("ablation", e, "cloth", ms=10.0) for e in entries]
+    write_records(tmp_path, [*records, *(record_of("ablation", e, "buddha", ms=10.0) for e in entries[:1])])
     show("ablation", tmp_path, quiet=True)
     text = (tmp_path / "ablation.md").read_text()
     for entry in entries[1:]:
@@ -267,8 +269,8 @@ def test_what_a_stopped_run_did_not_come_to_is_told(tmp_path):
 def test_lightings_with_points_of_their_own_are_missed_by_nobody_and_miss_none(tmp_path):
     few, many = [Entry("bvh", {}, "a")], [Entry("bvh", {}, "a"), Entry("ray_grids", {}, "b")]
     near, far = Lighting("near", distance=1.0), Lighting("far", distance=9.0)
-    keep(tmp_path, [made("figure11", e, lighting=near) for e in many])
-    keep(tmp_path, [made("figure11", e, lighting=far) for e in few])
+    write_records(tmp_path, [record_of("figure11", e, lighting=near) for e in many])
+    write_records(tmp_path, [record_of("figure11", e, lighting=far) for e in few])
     table = document.read(tmp_path)
     assert document.not_measured(table) == ["b: no record (Cloth (stand-in) with far)"]
     assert document.not_measured(table, apart=["far"]) == []

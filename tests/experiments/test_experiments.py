@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import pytest
-from helpers.runs import write_scene
+from helpers.tiny_runs import write_scene
 from shadowbench.experiments import _paper, figure2
 from shadowbench.experiments.ablation import CULLED, TREE
 from shadowbench.harness.commands.show import show

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 
 import pytest
-from helpers.made_records import keep, made
+from helpers.experiment_records import record_of, write_records
 from shadowbench.experiments import _paper
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.runner.experiment import find_experiment
@@ -18,11 +18,13 @@ def staged(scene, rearranged):
               ("light 0: map rays", "shadow", rearranged / 2), ("light 0: sort rays", "shadow", rearranged / 2),
               ("light 0: count", "light build", 1.5), ("light 0: shadow rays", "shadow", 3.0)]  # fmt: skip
     entry = _paper.faithful("paper-faithful")
-    return made("figure10", entry, scene, ms=7.5 + rearranged, passes=passes, counters={"light 0 rays": 1000})
+    return record_of(
+        "figure10", entry, scene, ms=7.5 + rearranged, passes=passes, counters={"light 0 rays": 1000}
+    )
 
 
 def drawn(folder, records):
-    show("figure10", keep(folder, records), quiet=True)
+    show("figure10", write_records(folder, records), quiet=True)
     with open(folder / "figure10.csv", newline="") as file:
         return (folder / "figure10.md").read_text(), list(csv.DictReader(file))
 
@@ -64,5 +66,8 @@ def test_stages_that_add_up_to_more_than_the_frame_stay_within_the_drawing(tmp_p
         ("primary rays", "trace", 900.0),
         ("light 0: shadow rays", "shadow", 900.0),
     ]
-    drawn(tmp_path, [made("figure10", entry, "cloth", ms=10.0, passes=passes, counters={"light 0 rays": 9})])
+    drawn(
+        tmp_path,
+        [record_of("figure10", entry, "cloth", ms=10.0, passes=passes, counters={"light 0 rays": 9})],
+    )
     assert (tmp_path / "figure10.svg").stat().st_size > 0

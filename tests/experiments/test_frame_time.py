@@ -6,7 +6,7 @@ import csv
 
 import pytest
 from helpers.brute_force import make_scene, soup
-from helpers.made_records import keep, made
+from helpers.experiment_records import record_of, write_records
 from shadowbench.experiments import frame_time
 from shadowbench.experiments._work import ray_grids
 from shadowbench.harness.commands.show import show
@@ -22,13 +22,13 @@ OURS, GRAPH, MESH = (Entry("ray_grids", {}, "ray grids"), Entry("bvh", {}, "LBVH
 
 def timed(entry, scene, *times):
     """A record with one frame, a sample a round."""
-    record = made("frame_time", entry, scene)
+    record = record_of("frame_time", entry, scene)
     record["frames"][0].update(total_ms=list(times), wall_ms=list(times), round=list(range(len(times))))
     return record
 
 
 def drawn(folder, records):
-    show("frame_time", keep(folder, records), quiet=True)
+    show("frame_time", write_records(folder, records), quiet=True)
     with open(folder / "frame_time.csv", newline="") as file:
         rows = {(r["scene"], r["label"]): r for r in csv.DictReader(file)}
     return (folder / "frame_time.md").read_text(), rows
@@ -37,7 +37,7 @@ def drawn(folder, records):
 def test_ratio_is_to_the_fastest_of_its_kind_and_carries_the_rounds_range(tmp_path):
     text, rows = drawn(tmp_path, [
         timed(OURS, "cloth", 1.9, 2.1), timed(MESH, "cloth", 10.0), timed(GRAPH, "cloth", 5.8, 6.2),
-        timed(OURS, "fairy", 1.0), timed(GRAPH, "fairy", 3.0), made("frame_time", MESH, "fairy", status="failed"),
+        timed(OURS, "fairy", 1.0), timed(GRAPH, "fairy", 3.0), record_of("frame_time", MESH, "fairy", status="failed"),
     ])  # fmt: skip
     best = {
         name: float(rows["cloth", "LBVH rebuilt in a graph"][name])
@@ -52,7 +52,7 @@ def test_ratio_is_to_the_fastest_of_its_kind_and_carries_the_rounds_range(tmp_pa
 
 def test_a_ratio_is_over_the_frames_that_both_have(tmp_path):
     """Means over unlike frames would say 2.5."""
-    ours, peer = made("frame_time", OURS, frames=3, ms=1.0), made("frame_time", MESH, ms=5.0)
+    ours, peer = record_of("frame_time", OURS, frames=3, ms=1.0), record_of("frame_time", MESH, ms=5.0)
     for i, frame in enumerate(ours["frames"]):
         frame["total_ms"] = [1.0 + i, 1.0 + i]
     peer["frames"][0]["total_ms"] = [5.0, 5.0]
@@ -75,10 +75,10 @@ def test_a_floor_is_the_larger_of_moving_and_testing_and_the_launches():
 
 def floored(monkeypatch, folder, passes):
     monkeypatch.setitem(floor.MACHINES, "Imaginary GPU", Machine(1e12, 1e15, 0.01))
-    record = made("frame_time", Entry("ray_grids", {}, "ray grids"), passes=passes, ms=1.0)
+    record = record_of("frame_time", Entry("ray_grids", {}, "ray grids"), passes=passes, ms=1.0)
     record["scene"].update(triangles=1_000_000, vertices=500_000)
     record["frames"][0].update(shadow_rays=3000, counters={"camera items": 10, "light 0 items": 20})
-    keep(folder, [record])
+    write_records(folder, [record])
     files = show("frame_time", folder, quiet=True)
     return {file.name for file in files}, (folder / "frame_time.md").read_text()
 
@@ -148,9 +148,9 @@ def test_a_bar_says_three_digits_and_what_is_wrong_of_it():
 
 
 def test_the_picture_marks_wrong_answers_and_explains_its_parts(tmp_path):
-    wrong = made("frame_time", Entry("bvh", {}, "mesh rebuilt"), ms=3.0)
+    wrong = record_of("frame_time", Entry("bvh", {}, "mesh rebuilt"), ms=3.0)
     wrong["frames"][0]["score"] = {**wrong["frames"][0]["score"], "true_errors": 4}
-    keep(tmp_path, [made("frame_time", Entry("ray_grids", {}, "ray grids"), ms=1.0), wrong])
+    write_records(tmp_path, [record_of("frame_time", Entry("ray_grids", {}, "ray grids"), ms=1.0), wrong])
     show("frame_time", tmp_path, quiet=True)
     text = (tmp_path / "frame_time.svg").read_text()
     assert "✗ 4" in text

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from helpers.runs import write_scene
+from helpers.tiny_runs import write_scene
 from shadowbench.experiments._sorting import Trial
 from shadowbench.experiments.key_bits import BITS, EXPERIMENT
 from shadowbench.harness.commands.run import plan_run

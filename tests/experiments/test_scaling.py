@@ -7,7 +7,7 @@ import itertools
 
 import numpy as np
 import pytest
-from helpers.made_records import keep, made
+from helpers.experiment_records import record_of, write_records
 from shadowbench.experiments import scaling
 from shadowbench.harness.commands.run import plan_run
 from shadowbench.harness.commands.show import show
@@ -124,15 +124,15 @@ def records():
         points += [(10_000, 64, n) for n in (2, 4)]
         for triangles, side, count in points:
             ms = scale * (triangles / 1e4) ** 0.5 * (side / 64) ** 2 * (2.0 + 0.5 * count)
-            r = made("scaling", e, f"balls-{triangles}", Lighting(f"{count} lights", count=count) if count > 1 else None,
-                     ms=ms / 1.01, size=side)  # fmt: skip
+            lighting = Lighting(f"{count} lights", count=count) if count > 1 else None
+            r = record_of("scaling", e, f"balls-{triangles}", lighting, ms=ms / 1.01, size=side)
             r["scene"]["triangles"] = triangles
             result.append(r)
     return result
 
 
 def test_text_and_picture(tmp_path):
-    keep(tmp_path, records())
+    write_records(tmp_path, records())
     show("scaling", tmp_path, quiet=True)
     text = (tmp_path / "scaling.md").read_text()
     assert "| method | 1k triangles, ms | 100k, ms | exponent | from |" in text
@@ -158,14 +158,14 @@ def test_text_and_picture(tmp_path):
 
 
 def test_a_sweep_that_was_not_measured_is_told(tmp_path):
-    keep(tmp_path, [r for r in records() if len(r["scene"]["lights"]) == 1])
+    write_records(tmp_path, [r for r in records() if len(r["scene"]["lights"]) == 1])
     show("scaling", tmp_path, quiet=True)
     assert "Not measured: time against lights." in (tmp_path / "scaling.md").read_text()
     assert "against lights: not measured" in (tmp_path / "scaling.svg").read_text()
 
 
 def test_nothing_measured_is_said(tmp_path):
-    keep(tmp_path, [made("scaling", Entry("bvh"), status="rejected")])
+    write_records(tmp_path, [record_of("scaling", Entry("bvh"), status="rejected")])
     files = show("scaling", tmp_path, quiet=True)
     assert {file.name for file in files} == {"scaling.csv", "scaling.md"}
     assert "Not measured" in (tmp_path / "scaling.md").read_text()

@@ -9,8 +9,8 @@ from functools import cache
 import numpy as np
 import pytest
 import warp as wp
-from helpers.exact_cases import inside, rational, solve
 from helpers.holed_scenes import EXACT, NAMES, SIZE, answers_of, ball_on_floor, holed, make, same
+from helpers.rational_brute_force import inside, rational, solve
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.hardcases import holes

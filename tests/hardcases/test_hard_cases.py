@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import warp as wp
-from helpers.judged_cases import CASES, judged
+from helpers.judged_hard_cases import CASES, judged
 from shadowbench.harness.frame.method import SimpleMethod
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session

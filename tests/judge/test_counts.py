@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 
 import pytest
-from helpers.scored_case import ball_case, plant_hole
+from helpers.answered_scene import answered_ball, plant_hole
 from shadowbench.harness.judge.counts import Score
 from shadowbench.harness.judge.score import score_answers
 from shadowbench.harness.results.schema import read_records
@@ -21,7 +21,7 @@ KEPT = {
 
 
 def test_a_score_is_read_as_it_was_written():
-    case = ball_case()
+    case = answered_ball()
     answers = case.answers()
     plant_hole(case, answers)
     score = score_answers(case.judge, answers).score

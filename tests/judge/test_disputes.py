@@ -9,8 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import exact_cases as cases
-from helpers.court import WIDTH, Court, lose
+from helpers import rational_brute_force as cases
+from helpers.answered_scene import WIDTH, lose
+from helpers.wrong_reference import WrongReference
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.hardcases import find_case
@@ -28,47 +29,47 @@ pytestmark = pytest.mark.skipif(not embree_installed(), reason="an exact referen
 
 
 @pytest.fixture(scope="module")
-def court() -> Court:
-    return Court()
+def ball() -> WrongReference:
+    return WrongReference()
 
 
-def test_alone_a_method_that_errs_with_the_reference_is_not_caught(court):
-    score, left = court.score(court.wrong)
+def test_alone_a_method_that_errs_with_the_reference_is_not_caught(ball):
+    score, left = ball.score(ball.wrong)
     assert (score.true_errors, score.primary.judged) == (0, 0)
     (shared,) = share_errors([(score, left)])
     assert shared.settled == Shared(scores=1, true_errors=0, excused=0, changes={})
-    assert court.counts(shared) == court.counts(score)
+    assert ball.counts(shared) == ball.counts(score)
 
 
 @pytest.mark.parametrize("order", list(itertools.permutations(range(3))))
-def test_one_method_that_is_right_charges_all_that_err_with_the_reference(court, order):
+def test_one_method_that_is_right_charges_all_that_err_with_the_reference(ball, order):
     """Whichever was scored first; and each is charged as if the referee had been asked about every pixel."""
-    other = {name: value.copy() for name, value in court.wrong.items()}
-    floor = np.nonzero(court.right["triangle"] == 0)[0]
+    other = {name: value.copy() for name, value in ball.wrong.items()}
+    floor = np.nonzero(ball.right["triangle"] == 0)[0]
     lose(other, int(floor[3]))  # an error of its own as well
-    given = [court.right, court.wrong, other]
-    rows = [court.score(given[i]) for i in order]
+    given = [ball.right, ball.wrong, other]
+    rows = [ball.score(given[i]) for i in order]
     scores = dict(zip(order, share_errors(rows), strict=True))
     assert [scores[i].true_errors for i in range(3)] == [0, 3, 4]
     assert [scores[i].settled.true_errors for i in range(3)] == [0, 3, 3]
     assert scores[1].settled.scores == 3
     for i, answers in enumerate(given):
-        assert court.counts(scores[i]) == court.whole(answers)
+        assert ball.counts(scores[i]) == ball.whole(answers)
     assert scores[1].primary.true == 1
     assert (scores[1].shadow[0].acne, scores[1].shadow[1].leak) == (1, 1)
     shown = {(one["kind"], one.get("light"), *one["pixel"]) for one in scores[1].examples}
     assert shown == {
-        ("true", None, court.lost % WIDTH, court.lost // WIDTH),
-        ("acne", 0, court.acne % WIDTH, court.acne // WIDTH),
-        ("leak", 1, court.leak % WIDTH, court.leak // WIDTH),
+        ("true", None, ball.lost % WIDTH, ball.lost // WIDTH),
+        ("acne", 0, ball.acne % WIDTH, ball.acne // WIDTH),
+        ("leak", 1, ball.leak % WIDTH, ball.leak // WIDTH),
     }
     json.dumps([score.to_json() for score in scores.values()], allow_nan=False)
 
 
-def test_sharing_again_changes_nothing_and_more_rows_only_add(court):
-    early, kept = court.score(court.wrong)
+def test_sharing_again_changes_nothing_and_more_rows_only_add(ball):
+    early, kept = ball.score(ball.wrong)
     (early,) = share_errors([(early, kept)])
-    late, of_late = court.score(court.right)
+    late, of_late = ball.score(ball.right)
     both = share_errors([(early, kept), (late, of_late)])
     assert both[0] != early
     assert both[1] != late
@@ -81,25 +82,25 @@ def test_sharing_again_changes_nothing_and_more_rows_only_add(court):
     assert both[0].true_errors == 3
 
 
-def test_a_wrong_distance_of_the_reference_is_nobody_elses(court):
+def test_a_wrong_distance_of_the_reference_is_nobody_elses(ball):
     """A method that names the same triangle has its own t checked."""
-    tilted = copy.copy(court)
-    tilted.wrong = court.answers()
-    tilted.wrong["t"][court.lost] *= np.float32(1.01)
-    asked = court.answers()
-    asked["visibility"][0, court.lost] ^= 1
-    rows = [tilted.score(asked), tilted.score(court.right), tilted.score(tilted.wrong)]
+    tilted = copy.copy(ball)
+    tilted.wrong = ball.answers()
+    tilted.wrong["t"][ball.lost] *= np.float32(1.01)
+    asked = ball.answers()
+    asked["visibility"][0, ball.lost] ^= 1
+    rows = [tilted.score(asked), tilted.score(ball.right), tilted.score(tilted.wrong)]
     assert rows[0][0].reference_errors.primary.true == 1
     scores = share_errors(rows)
     assert [score.true_errors for score in scores] == [1, 0, 1]
     assert [score.settled.true_errors for score in scores] == [0, 0, 0]
 
 
-def test_another_moment_is_another_matter(court):
+def test_another_moment_is_another_matter(ball):
     """What is known of the reference of one moment is no news of another."""
-    elsewhere = copy.copy(court)
-    elsewhere.moment = replace(court.moment, facing=True)
-    rows = [court.score(court.wrong), elsewhere.score(court.right)]
+    elsewhere = copy.copy(ball)
+    elsewhere.moment = replace(ball.moment, facing=True)
+    rows = [ball.score(ball.wrong), elsewhere.score(ball.right)]
     score, _ = share_errors(rows)
     assert score.settled.scores == 1
     assert score.true_errors == 0
@@ -110,28 +111,28 @@ def test_ties_and_edges_keep_their_classes():
     corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0.0)])
     faces = [(0, 1, 2), (0, 2, 3), (0, 1, 2), (0, 2, 3)]
     scene = cases.make_scene(corners, faces, Camera((0, 0, 2), (0, 0, 0)), Light((0, 0, 3)))
-    court = Court.__new__(Court)
-    court.prepared = prepare(scene)
+    ball = WrongReference.__new__(WrongReference)
+    ball.prepared = prepare(scene)
     steps = (np.arange(33, dtype=np.float32) - 16) / 8
     zero = np.zeros(33, dtype=np.float32)
     column, row = np.stack([steps, zero, zero - 1], axis=1), np.stack([zero, -steps, zero], axis=1)
-    court.moment = replace(court.prepared.moment(0, 33, 33), column=column, row=row)
-    court.judge = Judge.of(court.prepared, court.moment)
-    court.right = cases.exact_answers(court.prepared, court.moment, court.judge.referee)
-    court.provenance = court.judge.reference.provenance
+    ball.moment = replace(ball.prepared.moment(0, 33, 33), column=column, row=row)
+    ball.judge = Judge.of(ball.prepared, ball.moment)
+    ball.right = cases.exact_answers(ball.prepared, ball.moment, ball.judge.referee)
+    ball.provenance = ball.judge.reference.provenance
     middle = 16 * 33 + 16
     inside = 16 * 33 + 20  # in the first triangle, away from its edges
-    assert court.right["triangle"][inside] == 0
-    court.wrong = court.answers()
-    lose(court.wrong, middle)
-    court.wrong["triangle"][inside] = 1  # wrong, and so is the duplicate that the other one names
-    higher = {name: value.copy() for name, value in court.wrong.items()}
+    assert ball.right["triangle"][inside] == 0
+    ball.wrong = ball.answers()
+    lose(ball.wrong, middle)
+    ball.wrong["triangle"][inside] = 1  # wrong, and so is the duplicate that the other one names
+    higher = {name: value.copy() for name, value in ball.wrong.items()}
     higher["triangle"][higher["triangle"] >= 0] += 2
-    rows = [court.score(answers) for answers in (court.right, court.wrong, higher)]
+    rows = [ball.score(answers) for answers in (ball.right, ball.wrong, higher)]
     assert rows[2][0].primary.tie > 50
     scores = share_errors(rows)
-    for score, answers in zip(scores, (court.right, court.wrong, higher), strict=True):
-        primary, whole = score.primary, court.score(answers, 33 * 33)[0].primary
+    for score, answers in zip(scores, (ball.right, ball.wrong, higher), strict=True):
+        primary, whole = score.primary, ball.score(answers, 33 * 33)[0].primary
         for name in ("edge", "near_tie", "true", "invalid"):
             assert getattr(primary, name) == getattr(whole, name), name
         assert primary.ok + primary.tie == whole.ok + whole.tie

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from helpers.scored_case import Case, ball_case, plant_hole
+from helpers.answered_scene import AnsweredScene, answered_ball, plant_hole
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.judge.answer_files import save_raw, score_raw
 from shadowbench.harness.judge.score import score_answers
 
 
 @pytest.fixture(scope="module")
-def ball() -> Case:
-    return ball_case()
+def ball() -> AnsweredScene:
+    return answered_ball()
 
 
 def test_raw_answers_score_the_same_elsewhere(ball, tmp_path):

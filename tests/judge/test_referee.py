@@ -6,7 +6,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from helpers import exact_cases as cases
+from helpers import rational_brute_force as cases
 from helpers.devices import needs_gpu
 from hypothesis import given, settings
 from hypothesis import strategies as st

@@ -7,8 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import exact_cases as cases
-from helpers.scored_case import HEIGHT, WIDTH, Case, ball_case, floor_pixel, plant_hole, sky_pixel
+from helpers import rational_brute_force as cases
+from helpers.answered_scene import (
+    HEIGHT,
+    WIDTH,
+    AnsweredScene,
+    answered_ball,
+    floor_pixel,
+    plant_hole,
+    sky_pixel,
+)
 from shadowbench.harness.judge.consistency import check_consistency
 from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.judge.score import score_answers
@@ -18,8 +26,8 @@ from shadowbench.harness.scene.scene import Camera, Light
 
 
 @pytest.fixture(scope="module")
-def ball() -> Case:
-    return ball_case()
+def ball() -> AnsweredScene:
+    return answered_ball()
 
 
 def test_right_answers_pass(ball):
@@ -36,7 +44,7 @@ def test_right_answers_pass(ball):
     json.dumps(score.to_json(), allow_nan=False)
 
 
-def ball_pixel(case: Case) -> int:
+def ball_pixel(case: AnsweredScene) -> int:
     """A pixel whose neighbours all see the ball: far from its outline."""
     inner = (case.right["triangle"] > 1).reshape(HEIGHT, WIDTH)
     for axis in (0, 1):
@@ -275,7 +283,7 @@ def test_duplicates_are_ties_without_being_disputed():
     base = cases.ball_on_floor()
     geometry = base.geometry()
     faces = np.concatenate([geometry.faces, geometry.faces[:, [1, 2, 0]]])
-    case = Case(cases.make_scene(geometry.positions(0), faces, base.camera, *base.lights))
+    case = AnsweredScene(cases.make_scene(geometry.positions(0), faces, base.camera, *base.lights))
     answers = case.answers()
     count = len(geometry.faces)
     moved = answers["triangle"] >= 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from helpers import exact_cases as cases
+from helpers import rational_brute_force as cases
 from shadowbench.harness.judge import arithmetic as exact
 from shadowbench.harness.judge.referee import Referee
 from shadowbench.harness.judge.verdict import Verdict

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.judged_cases import CASES, judged
+from helpers.judged_hard_cases import CASES, judged
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.hardcases import HardCase
 from shadowbench.harness.hardcases.case import Counts, Trial

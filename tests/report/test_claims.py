@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from helpers.made_records import keep, made
+from helpers.experiment_records import record_of, write_records
 from shadowbench.experiments import _judges, figure2, figure11, key_bits
 from shadowbench.experiments.ablation import BASE, CULLED, EXACT
 from shadowbench.experiments.claims import CLAIMS
@@ -31,7 +31,7 @@ def entries(name):
 
 
 def ablated(label, ms, scene="cloth", **counters):
-    return made("ablation", entries("ablation")[label], scene, ms=ms, counters=counters)
+    return record_of("ablation", entries("ablation")[label], scene, ms=ms, counters=counters)
 
 
 def unbalanced(clamp="none"):
@@ -44,7 +44,7 @@ def moved(times, clamp="none", scene="cloth"):
     """Records of figure11: milliseconds of r = 32, 64 and 65536, by the light's distance."""
     lights = {x.distance: x for x in figure11.distances(*times)}
     return [
-        made("figure11", e, scene, lights[d], ms=ms, passes=[("light 0: shadow rays", "shadow", ms)])
+        record_of("figure11", e, scene, lights[d], ms=ms, passes=[("light 0: shadow rays", "shadow", ms)])
         for d, all_ms in times.items()
         for e, ms in zip(unbalanced(clamp), all_ms, strict=True)
     ]
@@ -53,7 +53,7 @@ def moved(times, clamp="none", scene="cloth"):
 def sorted_pairs(size, times):
     records = []
     for bits, ms in zip(key_bits.BITS, times, strict=True):
-        record = made("key_bits", Entry("sort", {"bits": str(bits)}, f"{bits} bits"), "random pairs", size=size,
+        record = record_of("key_bits", Entry("sort", {"bits": str(bits)}, f"{bits} bits"), "random pairs", size=size,
                       passes=[("copy pairs", "build", 0.1), ("sort pairs", "build", ms)])  # fmt: skip
         record["point"].update(bits=bits, pairs=size * size)
         records.append(record)
@@ -69,15 +69,15 @@ def everything():
               ("light 0: shadow rays", "shadow", 4.0)]  # fmt: skip
     small = [(name, part, ms * 0.5) for name, part, ms in passes]
     return [
-        *(made("figure2", e, "buddha", ms=ms, counters={"primary tests, most": most})
+        *(record_of("figure2", e, "buddha", ms=ms, counters={"primary tests, most": most})
           for e, ms, most in zip(figure2.METHODS[:2], (14.0, 10.0), (9, 4), strict=True)),
-        *(made("figure10", faithful, scene, passes=passes, size=64) for scene in SIX),
-        *(made("figure10", faithful, scene, passes=small, size=32) for scene in SIX),
+        *(record_of("figure10", faithful, scene, passes=passes, size=64) for scene in SIX),
+        *(record_of("figure10", faithful, scene, passes=small, size=32) for scene in SIX),
         *(ablated(label, 10.0 + i, scene, **{"camera pairs": 100 - i})
           for i, label in enumerate(entries("ablation")) for scene in SIX),
-        *(made("frame_time", compared[label], scene, ms=ms) for scene in SIX
+        *(record_of("frame_time", compared[label], scene, ms=ms) for scene in SIX
           for label, ms in (("the paper's grids", 1.0), (BASE, 1.5), ("mesh rebuilt", 2.0), ("uniform grid", 3.0))),
-        *(made("two_lights", methods[label], "fairy", two, ms=ms)
+        *(record_of("two_lights", methods[label], "fairy", two, ms=ms)
           for label, ms in ((BASE, 4.0), ("perspective + spherical, best", 2.0), ("bvh", 3.0))),
         *moved({1.0: (2.0, 3.0, 3.0), 100.0: (2.0, 3.0, 9.0)}),
         *sorted_pairs(64, (1.0, 2.0, 2.0, 3.0, 3.0, 3.0, 4.0)),
@@ -85,7 +85,7 @@ def everything():
 
 
 def test_every_claim_has_a_verdict_and_says_what_is_missing(tmp_path):
-    keep(tmp_path / "a", [made("figure2", figure2.METHODS[0], "buddha")])
+    write_records(tmp_path / "a", [record_of("figure2", figure2.METHODS[0], "buddha")])
     found = judged(tmp_path)
     assert len(found) == len(CLAIMS)
     assert {r["verdict"] for r in found.values()} == {claims.OPEN}
@@ -99,12 +99,12 @@ def test_a_claim_that_compares_is_judged_within_one_run_or_not_at_all(tmp_path):
     """A run an experiment decides every claim; with a run of its own for each record only those claims are decided that
     look at one record at a time."""
     for record in everything():
-        keep(tmp_path / "together" / record["experiment"], [record])
+        write_records(tmp_path / "together" / record["experiment"], [record])
     found = judged(tmp_path / "together")
     assert [r["claim"] for r in found.values() if "not measured" in r["numbers"]] == []
     assert all(r["judged_from"] in claim.experiments for claim, r in zip(CLAIMS, found.values(), strict=True))
     for i, record in enumerate(everything()):
-        keep(tmp_path / "apart" / f"run{i}", [record])
+        write_records(tmp_path / "apart" / f"run{i}", [record])
     alone = ("Interactive rates", "Building the grid", "Shadow traversal", "Rearranging the shadow rays")
     for text, r in judged(tmp_path / "apart").items():
         if text.startswith(alone):
@@ -115,10 +115,10 @@ def test_a_claim_that_compares_is_judged_within_one_run_or_not_at_all(tmp_path):
 
 
 def test_claims_follow_the_records(tmp_path):
-    keep(tmp_path / "ablation", [ablated(BASE, 10.0), ablated("light not clamped", 20.0), ablated("cube map", 8.0),
+    write_records(tmp_path / "ablation", [ablated(BASE, 10.0), ablated("light not clamped", 20.0), ablated("cube map", 8.0),
                                  ablated("two-angle map", 11.0), ablated("direct mapping, 16x16 tiles", 10.1),
                                  ablated("4x4 of 4x4 tiles", 10.2)])  # fmt: skip
-    keep(tmp_path / "figure2", [made("figure2", e, "buddha", ms=ms, counters={"primary tests, most": most})
+    write_records(tmp_path / "figure2", [record_of("figure2", e, "buddha", ms=ms, counters={"primary tests, most": most})
                                 for e, ms, most in zip(figure2.METHODS[:2], (14.0, 10.0), (9, 5), strict=True)])  # fmt: skip
     found = judged(tmp_path)
     assert found["Clamping the light's rectangle to the view helps"]["verdict"] == claims.HOLDS
@@ -133,9 +133,9 @@ def test_claims_follow_the_records(tmp_path):
 def test_our_own_claim_counts_the_scenes(tmp_path):
     known = entries("frame_time")
     scenes = (("cloth", 1.5), ("fairy", 2.5))
-    records = [made("frame_time", known["the paper's grids"], scene, ms=ms) for scene, ms in scenes]
-    records += [made("frame_time", known["mesh rebuilt"], scene, ms=2.0) for scene, _ in scenes]
-    found = starting(judged(keep(tmp_path / "a", records).parent), "Ours")
+    records = [record_of("frame_time", known["the paper's grids"], scene, ms=ms) for scene, ms in scenes]
+    records += [record_of("frame_time", known["mesh rebuilt"], scene, ms=2.0) for scene, _ in scenes]
+    found = starting(judged(write_records(tmp_path / "a", records).parent), "Ours")
     assert found["verdict"] == claims.FAILS
     assert "1 of 2 scenes; our time over the tree's: cloth 0.75, fairy 1.25" in found["numbers"]
 
@@ -145,9 +145,9 @@ def test_large_triangles_are_judged_by_the_papers_grids_where_a_tree_is_beside_t
     tree = next(e for e in find_experiment("ablation").presets["paper"].methods if e.method == "bvh")
     for scene in SIX:
         large = scene in _judges.LARGE
-        keep(tmp_path / "f", [made("frame_time", known["the paper's grids"], scene, ms=1.1 if large else 1.0),
-                              made("frame_time", known["mesh rebuilt"], scene, ms=2.0),
-                              made("frame_time", known["uniform grid"], scene, ms=8.0 if large else 2.0)])  # fmt: skip
+        write_records(tmp_path / "f", [record_of("frame_time", known["the paper's grids"], scene, ms=1.1 if large else 1.0),
+                              record_of("frame_time", known["mesh rebuilt"], scene, ms=2.0),
+                              record_of("frame_time", known["uniform grid"], scene, ms=8.0 if large else 2.0)])  # fmt: skip
     found = starting(judged(tmp_path), "Large triangles")
     assert found["verdict"] == claims.OPEN
     assert (
@@ -155,8 +155,8 @@ def test_large_triangles_are_judged_by_the_papers_grids_where_a_tree_is_beside_t
     )
     assert "1.10 times as much with large ones" in found["numbers"]
     for scene in SIX:
-        keep(tmp_path / "a", [ablated(BASE, 3.0 if scene in _judges.LARGE else 2.0, scene),
-                              made("ablation", tree, scene, ms=2.0)])  # fmt: skip
+        write_records(tmp_path / "a", [ablated(BASE, 3.0 if scene in _judges.LARGE else 2.0, scene),
+                              record_of("ablation", tree, scene, ms=2.0)])  # fmt: skip
     found = starting(judged(tmp_path), "Large triangles")
     assert found["verdict"] == claims.HOLDS
     assert "1.50 times as much" in found["numbers"]
@@ -164,20 +164,20 @@ def test_large_triangles_are_judged_by_the_papers_grids_where_a_tree_is_beside_t
 
 
 def test_culling_is_judged_with_the_exact_test_and_wrong_answers_are_named(tmp_path):
-    old = made("ablation", Entry("perspective_spherical", {"cull": "primary", "triangle_test": "moller_trumbore"},
+    old = record_of("ablation", Entry("perspective_spherical", {"cull": "primary", "triangle_test": "moller_trumbore"},
                                  "back faces culled, primary"), "buddha", ms=8.0, counters={"camera pairs": 48})  # fmt: skip
     old["frames"][0]["score"]["true_errors"] = 20
-    keep(tmp_path / "a", [old, ablated(BASE, 10.0, "buddha", **{"camera pairs": 100})])
+    write_records(tmp_path / "a", [old, ablated(BASE, 10.0, "buddha", **{"camera pairs": 100})])
     found = starting(judged(tmp_path), "Culling")
     assert found["verdict"] == claims.OPEN
     assert "culled with moller_trumbore, answers are wrong: buddha 20; run ablation" in found["numbers"]
     culled = ablated(CULLED, 8.0, "buddha", **{"camera pairs": 48})
-    keep(tmp_path / "a", [culled, ablated(EXACT, 10.0, "buddha", **{"camera pairs": 100})])
+    write_records(tmp_path / "a", [culled, ablated(EXACT, 10.0, "buddha", **{"camera pairs": 100})])
     found = starting(judged(tmp_path), "Culling")
     assert found["verdict"] == claims.HOLDS
     assert "pairs buddha 0.48; build time buddha 0.80" in found["numbers"]
     culled["frames"][0]["score"]["true_errors"] = 3
-    keep(tmp_path / "a", [culled])
+    write_records(tmp_path / "a", [culled])
     found = starting(judged(tmp_path), "Culling")
     assert found["verdict"] == claims.OPEN
     assert "wrong answers: buddha 3" in found["numbers"]
@@ -185,18 +185,20 @@ def test_culling_is_judged_with_the_exact_test_and_wrong_answers_are_named(tmp_p
 
 def test_the_resolution_is_judged_between_sizes_of_one_run_and_the_runs_that_there_are_are_told(tmp_path):
     passes = [("light 0: map rays", "shadow", 3.0), ("primary rays", "trace", 1.0)]
-    low = made("figure10", entries("figure10")[BASE], "cloth", passes=passes, size=32, frames=3)
-    high = made("figure10", entries("figure10")[BASE], "cloth", passes=[(n, p, 2 * x) for n, p, x in passes])
+    low = record_of("figure10", entries("figure10")[BASE], "cloth", passes=passes, size=32, frames=3)
+    high = record_of(
+        "figure10", entries("figure10")[BASE], "cloth", passes=[(n, p, 2 * x) for n, p, x in passes]
+    )
     high["method"]["source_sha256"] = "0123456789"
-    keep(tmp_path / "one", [high])
-    keep(tmp_path / "two", [low])
+    write_records(tmp_path / "one", [high])
+    write_records(tmp_path / "two", [low])
     found = starting(judged(tmp_path), "... and depends")
     assert found["verdict"] == claims.OPEN
     for word in ("not to be mixed", "one (64x64; 1 frame a scene; perspective_spherical 01234567)", "two (32x32; 3 frames",
                  "run figure10"):  # fmt: skip
         assert word in found["numbers"], word
     del high["method"]["source_sha256"]
-    keep(tmp_path / "one", [high, low])
+    write_records(tmp_path / "one", [high, low])
     found = starting(judged(tmp_path), "... and depends")
     assert found["verdict"] == claims.HOLDS
     assert "2.0 times the time for 4 times the pixels (cloth 2.00)" in found["numbers"]
@@ -216,7 +218,7 @@ def test_the_resolution_is_judged_between_sizes_of_one_run_and_the_runs_that_the
     ],
 )
 def test_load_balancing_is_held_against_none_at_every_distance(tmp_path, times, verdict, words):
-    keep(tmp_path / "a", moved(times) + moved(times, "hits"))
+    write_records(tmp_path / "a", moved(times) + moved(times, "hits"))
     found = starting(judged(tmp_path), "Load balancing")
     assert found["verdict"] == verdict
     assert words in found["numbers"]
@@ -227,7 +229,7 @@ def test_load_balancing_is_judged_scene_by_scene(tmp_path):
     """Two scenes are two curves: one that is slow everywhere is no growth of the other."""
     times = {1.0: (2.0, 3.0, 2.0), 100.0: (2.5, 3.0, 18.0)}
     slow = {distance: tuple(100 * ms for ms in all_ms) for distance, all_ms in times.items()}
-    keep(tmp_path / "a", moved(times) + moved(slow, scene="fairy"))
+    write_records(tmp_path / "a", moved(times) + moved(slow, scene="fairy"))
     found = starting(judged(tmp_path), "Load balancing")
     assert found["verdict"] == claims.HOLDS
     assert found["numbers"].count("9.00 without, 1.25 with it") == 2
@@ -235,7 +237,7 @@ def test_load_balancing_is_judged_scene_by_scene(tmp_path):
 
 
 def test_the_papers_configuration_decides_and_ours_stands_beside_it(tmp_path):
-    keep(tmp_path, everything())
+    write_records(tmp_path, everything())
     two = starting(judged(tmp_path), "Two lights")
     assert two["verdict"] == claims.FAILS
     assert "0.75 times a rebuilt tree; our configuration: holds, 1.50 times a rebuilt tree" in two["numbers"]
@@ -245,11 +247,11 @@ def test_the_papers_configuration_decides_and_ours_stands_beside_it(tmp_path):
 
 
 def test_without_an_unbalanced_curve_load_balancing_cannot_be_told(tmp_path):
-    keep(
+    write_records(
         tmp_path / "a",
         [r for r in moved({1.0: (2, 3, 4), 9.0: (2, 3, 9)}) if r["method"]["settings"]["r"] != "65536"],
     )
-    keep(tmp_path / "b", [ablated("no load balancing", 15.0), ablated(BASE, 10.0)])
+    write_records(tmp_path / "b", [ablated("no load balancing", 15.0), ablated(BASE, 10.0)])
     found = starting(judged(tmp_path), "Load balancing")
     assert found["verdict"] == claims.OPEN
     assert (
@@ -268,7 +270,7 @@ def test_without_an_unbalanced_curve_load_balancing_cannot_be_told(tmp_path):
     ],
 )
 def test_key_bits_are_judged_at_equal_numbers_of_pairs(tmp_path, times, verdict):
-    keep(tmp_path / "a", sorted_pairs(64, times) + sorted_pairs(128, times))
+    write_records(tmp_path / "a", sorted_pairs(64, times) + sorted_pairs(128, times))
     found = starting(judged(tmp_path), "Sorting costs less")
     assert found["verdict"] == verdict
     assert "4,096 pairs" in found["numbers"]
@@ -277,11 +279,11 @@ def test_key_bits_are_judged_at_equal_numbers_of_pairs(tmp_path, times, verdict)
 
 
 def test_a_cpu_decides_nothing_about_times(tmp_path):
-    records = [made("figure2", e, "buddha", ms=ms, counters={"primary tests, most": most})
+    records = [record_of("figure2", e, "buddha", ms=ms, counters={"primary tests, most": most})
                for e, ms, most in zip(figure2.METHODS[:2], (14.0, 10.0), (9, 4), strict=True)]  # fmt: skip
     for r in records:
         r["method"].update(device="cpu")
-    keep(tmp_path / "figure2", records)
+    write_records(tmp_path / "figure2", records)
     found = judged(tmp_path)
     assert found["Indirect mapping makes Buddha 30-50 % faster"]["verdict"] == claims.OPEN
     assert "40% faster" in found["Indirect mapping makes Buddha 30-50 % faster"]["numbers"]

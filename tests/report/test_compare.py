@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from helpers.made_records import keep, made
+from helpers.experiment_records import record_of, write_records
 from shadowbench.harness.report import compare, document
 from shadowbench.harness.runner.experiment import Entry
 
@@ -12,8 +12,8 @@ OURS, TREE = Entry("ray_grids", {}, "ours"), Entry("bvh", {}, "tree")
 
 def two(ms=1.0, frames=1, scene="cloth"):
     return [
-        made("frame_time", OURS, scene, ms=ms, frames=frames),
-        made("frame_time", TREE, scene, ms=2.0, frames=frames),
+        record_of("frame_time", OURS, scene, ms=ms, frames=frames),
+        record_of("frame_time", TREE, scene, ms=2.0, frames=frames),
     ]
 
 
@@ -24,7 +24,7 @@ def timed(record, *times):
 
 
 def found(tmp_path, records):
-    frames = document.frames(keep(tmp_path, records))
+    frames = document.frames(write_records(tmp_path, records))
     ratios = compare.ratios(frames, frames["label"] == "tree")
     return {key.split("-")[2]: row for key, row in ratios.to_dict("index").items()}
 
@@ -64,10 +64,10 @@ def test_what_is_not_alike_has_no_ratio(tmp_path, change):
 
 def test_runs_in_one_folder_are_named(tmp_path):
     records = two()
-    frames = document.read(keep(tmp_path / "one", records))
+    frames = document.read(write_records(tmp_path / "one", records))
     assert compare.apart(frames) == []
     records[0]["rounds"], records[1]["rounds"] = [{"run": "a"}], [{"run": "b"}]
-    (line,) = compare.apart(document.read(keep(tmp_path / "two", records)))
+    (line,) = compare.apart(document.read(write_records(tmp_path / "two", records)))
     assert line == "Cloth (stand-in) was measured in 2 runs, which are not compared: tree | ours."
 
 
@@ -87,7 +87,7 @@ def test_any_measure_of_a_pair_is_over_the_common_frames(tmp_path):
         "passes": [{"name": "all rays", "part": "shadow", "ms": [40.0]}],
     }
     del tree["frames"][1]
-    frames = document.frames(keep(tmp_path, [ours, tree]))
+    frames = document.frames(write_records(tmp_path, [ours, tree]))
     one, other = compare.pairs(frames, frames["label"] == "tree")
     shadow = (one["shadow_ms"] / other["shadow_ms"])[one["label"] == "ours"]
     assert list(shadow) == pytest.approx([0.5])

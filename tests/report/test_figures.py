@@ -8,7 +8,7 @@ import io
 import numpy as np
 import pandas as pd
 import pytest
-from helpers.fake_records import METHODS, SCENES, record, score, write
+from helpers.table1_records import METHODS, SCENES, record, score, write_records
 from matplotlib.figure import Figure
 from rich.console import Console
 from shadowbench.experiments.table1 import drawing as table1
@@ -164,7 +164,7 @@ def test_errors_of_the_reference_have_their_own_note(records):
 
 def test_draw_writes_a_tidy_csv_a_markdown_table_and_bars(records, tmp_path, capsys):
     records[1].update(status="rejected", reason="needs 9 pairs", frames=[])
-    write(tmp_path, records)
+    write_records(tmp_path, records)
     files = table1.draw(tmp_path, quiet=True)
     assert capsys.readouterr().out == ""
     assert [file.name for file in files] == ["table1.csv", "table1.md", "table1.svg"]
@@ -199,7 +199,7 @@ def test_draw_writes_a_tidy_csv_a_markdown_table_and_bars(records, tmp_path, cap
 
 
 def test_the_same_records_give_the_same_bytes(records, tmp_path):
-    write(tmp_path, records)
+    write_records(tmp_path, records)
     first = [file.read_bytes() for file in table1.draw(tmp_path, quiet=True)]
     assert [file.read_bytes() for file in table1.draw(tmp_path, quiet=True)] == first
 
@@ -208,7 +208,7 @@ def test_only_the_newest_record_of_a_point_is_shown(tmp_path):
     old = record("bunny", "bvh", key="old", rounds=[{"round": 0, "noted": 100.0}])
     new = record("bunny", "bvh", seed=1, key="new", rounds=[{"round": 0, "noted": 200.0}])
     other = record("bunny", "embree", rounds=[{"round": 0, "noted": 1.0}])
-    write(tmp_path, [new, old, other])
+    write_records(tmp_path, [new, old, other])
     chosen, older = newest(tmp_path)
     assert {made.key for made in chosen} == {"new", other["key"]}
     assert older == 1
@@ -222,7 +222,7 @@ def test_settings_and_originals_have_entries_of_their_own(tmp_path):
     refit["method"]["settings"] = {"update": "refit"}
     original = record("sibenik", "bvh", seed=2, key="original")
     original["scene"].update(title="Sibenik", stand_in=None)
-    write(tmp_path, [plain, refit, original])
+    write_records(tmp_path, [plain, refit, original])
     table = document.read(tmp_path)
     made = sheet.sheet(table)
     assert made.columns == ("Warp Mesh, rebuilt", "Warp Mesh, rebuilt, update refit")
@@ -249,7 +249,9 @@ def test_bars_are_compact_and_drawn_only_where_there_is_something(records, tmp_p
     for word in ("build", "trace", "light build", "shadow", "ms per frame", "(stand-in)", "✓"):
         assert word in text
     records[0].update(status="failed", frames=[])
-    assert "table1.svg" not in {file.name for file in table1.draw(write(tmp_path, records[:1]), quiet=True)}
+    assert "table1.svg" not in {
+        file.name for file in table1.draw(write_records(tmp_path, records[:1]), quiet=True)
+    }
     assert not (tmp_path / "table1.svg").exists()
 
 
@@ -268,7 +270,7 @@ def test_numbers_have_no_exponents(value, text):
 
 
 def test_show_draws_again_and_says_what_is_wrong_with_a_folder(records, tmp_path, capsys):
-    write(tmp_path, records)
+    write_records(tmp_path, records)
     files = show("table1", tmp_path)
     assert "Table 1 on Imaginary CPU" in capsys.readouterr().out
     assert all(file.exists() for file in files)
@@ -281,7 +283,7 @@ def test_show_draws_again_and_says_what_is_wrong_with_a_folder(records, tmp_path
 
 
 def test_a_folder_that_can_only_be_read_is_drawn_elsewhere(records, tmp_path):
-    folder, out = write(tmp_path / "kept", records), tmp_path / "out"
+    folder, out = write_records(tmp_path / "kept", records), tmp_path / "out"
     table1.draw(folder, quiet=True)
     before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
     for path in (folder / "table1.md", folder):
@@ -304,7 +306,7 @@ def test_a_scene_that_nothing_can_hit_is_told_beside_its_tick(tmp_path, capsys):
     blind, partly = (record(scene, "bvh") for scene in ("cloth", "fairy"))
     blind["scene"]["invalid_triangles"] = blind["scene"]["triangles"]
     partly["scene"]["invalid_triangles"] = 4
-    write(tmp_path, [blind, partly])
+    write_records(tmp_path, [blind, partly])
     table1.draw(tmp_path)
     for text in (" ".join(capsys.readouterr().out.split()), (tmp_path / "table1.md").read_text()):
         assert "Cloth (stand-in): warning: none of 92,210 triangles can ever be hit" in text
@@ -314,7 +316,7 @@ def test_a_scene_that_nothing_can_hit_is_told_beside_its_tick(tmp_path, capsys):
 
 
 def test_records_of_another_experiment_are_not_drawn(tmp_path):
-    write(tmp_path, [record("cloth", "bvh")])
+    write_records(tmp_path, [record("cloth", "bvh")])
     with pytest.raises(
         UserError, match=r"its records belong to table1, not to figure2; run shadowbench show table1 "
     ):

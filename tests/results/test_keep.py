@@ -6,9 +6,9 @@ import dataclasses
 import lzma
 from pathlib import Path
 
-from helpers import made_records
+from helpers import experiment_records
 import pytest
-from helpers.made_records import made
+from helpers.experiment_records import record_of
 from shadowbench.harness.commands.keep import keep
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.results.folder import ResultsFolder
@@ -24,7 +24,7 @@ ENTRIES = [
 
 def run_folder(place: Path, scenes=("cloth",), name="frame_time", **changed) -> Path:
     """A folder as a run leaves it."""
-    made_records.keep(place, [made(name, entry, scene, **changed) for scene in scenes for entry in ENTRIES])
+    experiment_records.write_records(place, [record_of(name, entry, scene, **changed) for scene in scenes for entry in ENTRIES])
     for part, text in (
         ("environments/e.json", "{}"), ("environments/other.json", "{}"), ("images/cloth.png", "picture"),
         ("maps/a.png", "map"), ("journal/a.jsonl", "{}"), ("answers/a.npz", "bits"), ("scenes.json", "{}"),
@@ -132,7 +132,7 @@ def test_a_run_into_a_kept_folder_goes_on_from_its_records(tmp_path: Path) -> No
     assert ResultsFolder(tmp_path / "kept").record("another") is None
     # What is measured there since has a file of its own, and that one counts.
     newer = dataclasses.replace(one, reason="measured again")
-    made_records.keep(tmp_path / "kept", [newer.to_json()])
+    experiment_records.write_records(tmp_path / "kept", [newer.to_json()])
     assert ResultsFolder(tmp_path / "kept").record(one.key) == newer
     assert newer in read_records(tmp_path / "kept")
     assert len(read_records(tmp_path / "kept")) == 3

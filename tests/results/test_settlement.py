@@ -6,9 +6,10 @@ import json
 
 import numpy as np
 import pytest
-from helpers.court import Court, lose
-from helpers.made_records import made
-from helpers.runs import install_trouble, options, write_scene
+from helpers.answered_scene import lose
+from helpers.wrong_reference import WrongReference
+from helpers.experiment_records import record_of
+from helpers.tiny_runs import install_misbehaving, options, write_scene
 from shadowbench.harness.results import pixel_maps
 from shadowbench.harness.report import flip as looks
 from shadowbench.harness.judge import reference
@@ -28,29 +29,29 @@ pytestmark = pytest.mark.skipif(not embree_installed(), reason="an exact referen
 
 
 @pytest.fixture(scope="module")
-def court() -> Court:
-    return Court()
+def ball() -> WrongReference:
+    return WrongReference()
 
 
 def record_of(key: str, graded: list[dict]) -> dict:
-    record = made("table1", Entry("embree", {}, key))
+    record = record_of("table1", Entry("embree", {}, key))
     (frame,) = record["frames"]
     return {**record, "key": key, "frames": [{**frame, **one} for one in graded]}
 
 
-def grade(court, folder, key, answers, wrong_maps=False):
+def grade(ball, folder, key, answers, wrong_maps=False):
     """One point scored by a grader of its own, as where a run goes on after it was stopped."""
     hand_over(handed_path(folder, key, 0), answers)
-    grader = Grader(court.prepared, {0: court.moment}, "ball", folder, "cpu")
+    grader = Grader(ball.prepared, {0: ball.moment}, "ball", folder, "cpu")
     graded = grader.grade(key, False, True, folder / "picture.png", "ball", wrong_maps)
     (folder / "records").mkdir(exist_ok=True)
     (folder / "records" / f"{key}.json").write_text(json.dumps(record_of(key, graded)))
 
 
 @pytest.fixture
-def blind(court, monkeypatch):
+def blind(ball, monkeypatch):
     """Every judge takes the wrong reference, and samples no pixels."""
-    monkeypatch.setattr(reference, "embree_reference", lambda *arguments: court.reference)
+    monkeypatch.setattr(reference, "embree_reference", lambda *arguments: ball.reference)
     plain = Judge.of
     without_sample = staticmethod(lambda *arguments: plain(*arguments).with_random_pixels(0))
     monkeypatch.setattr(Judge, "of", without_sample)
@@ -60,18 +61,18 @@ def errors(folder, key):
     return json.loads((folder / "records" / f"{key}.json").read_text())["frames"][0]["score"]["true_errors"]
 
 
-def test_a_folder_is_settled_when_it_goes_on_and_only_then_rewritten(court, blind, tmp_path):
-    grade(court, tmp_path, "b", court.wrong, wrong_maps=True)
+def test_a_folder_is_settled_when_it_goes_on_and_only_then_rewritten(ball, blind, tmp_path):
+    grade(ball, tmp_path, "b", ball.wrong, wrong_maps=True)
     settle_folder(tmp_path)
     assert errors(tmp_path, "b") == 0
-    grade(court, tmp_path, "a", court.right, wrong_maps=True)
+    grade(ball, tmp_path, "a", ball.right, wrong_maps=True)
     changed = settle_folder(tmp_path)
     assert set(changed) == {"a", "b"}
     assert changed["b"].frames[0].score["settled"]["true_errors"] == 3
     assert (errors(tmp_path, "a"), errors(tmp_path, "b")) == (0, 3)
     classes = pixel_maps.read_wrong(looks.wrong_path(tmp_path, "b", 0)).ravel()
-    assert classes[court.lost] == Verdict.TRUE
-    assert (classes[court.acne], classes[court.leak]) == (Verdict.ACNE, Verdict.LEAK)
+    assert classes[ball.lost] == Verdict.TRUE
+    assert (classes[ball.acne], classes[ball.leak]) == (Verdict.ACNE, Verdict.LEAK)
     assert (classes > Verdict.TIE).sum() == 3
     assert (pixel_maps.read_wrong(looks.wrong_path(tmp_path, "a", 0)) > Verdict.TIE).sum() == 0
     before = {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in tmp_path.glob("[rm]*/*")}
@@ -80,20 +81,20 @@ def test_a_folder_is_settled_when_it_goes_on_and_only_then_rewritten(court, blin
     assert all(path.stat().st_size < 4000 for path in (tmp_path / "truth").glob("disputes-*"))
 
 
-def test_a_torn_file_of_disputes_costs_its_own_point_only(court, blind, tmp_path):
-    for key, answers in (("a", court.right), ("b", court.wrong), ("c", court.wrong)):
-        grade(court, tmp_path, key, answers)
+def test_a_torn_file_of_disputes_costs_its_own_point_only(ball, blind, tmp_path):
+    for key, answers in (("a", ball.right), ("b", ball.wrong), ("c", ball.wrong)):
+        grade(ball, tmp_path, key, answers)
     kept_path(tmp_path, "c", 0).write_bytes(b"PK\x03\x04 torn")
     assert read_disputes(kept_path(tmp_path, "c", 0)) is None
     settle_folder(tmp_path)
     assert (errors(tmp_path, "b"), errors(tmp_path, "c")) == (3, 0)
 
 
-def test_answers_scored_later_are_settled_with_those_scored_before(court, blind, tmp_path, capsys):
-    kept = {"b": court.wrong, "a": court.right}
+def test_answers_scored_later_are_settled_with_those_scored_before(ball, blind, tmp_path, capsys):
+    kept = {"b": ball.wrong, "a": ball.right}
     for key, answers in kept.items():
         path = tmp_path / "answers" / f"{key}-0.npz"
-        save_raw(path, court.prepared, court.moment, answers, "ball", extra={"key": key})
+        save_raw(path, ball.prepared, ball.moment, answers, "ball", extra={"key": key})
         (tmp_path / "records").mkdir(exist_ok=True)
         record = record_of(key, [{"frame": 0, "score": None, "unscored": "no truth there"}])
         (tmp_path / "records" / f"{key}.json").write_text(json.dumps(record))
@@ -111,7 +112,7 @@ def test_answers_scored_later_are_settled_with_those_scored_before(court, blind,
 
 def test_a_run_that_goes_on_charges_what_it_scored_before(tmp_path, monkeypatch):
     """Embree's answers on the disk say that everything misses; so does the method measured first."""
-    monkeypatch.setenv("PYTHONPATH", install_trouble(tmp_path / "packages"))
+    monkeypatch.setenv("PYTHONPATH", install_misbehaving(tmp_path / "packages"))
     monkeypatch.syspath_prepend(str(tmp_path / "packages"))
     scene = write_scene(tmp_path / "tetra.obj")
     size = {"width": 32, "height": 32, "frames": 1, "score": True}

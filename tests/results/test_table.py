@@ -8,7 +8,7 @@ import sys
 
 import numpy as np
 import pytest
-from helpers.fake_records import METHODS, SCENES, record, score, write
+from helpers.table1_records import METHODS, SCENES, record, score, write_records
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.results import points, samples, tidy
 from shadowbench.harness.results.table import COUNTS, NUMBERS, TEXTS, stage_ms
@@ -21,7 +21,7 @@ def records():
 
 def test_a_row_a_point_and_frame(records, tmp_path):
     records[0].update(status="rejected", reason="needs 9 pairs", frames=[])
-    table = tidy(write(tmp_path, records))
+    table = tidy(write_records(tmp_path, records))
     assert len(table) == 1 + sum(len(r["frames"]) for r in records)
     (row,) = table[table["key"] == records[0]["key"]].to_dict("records")
     assert (row["status"], row["reason"], row["unscored"]) == ("rejected", "needs 9 pairs", "not measured")
@@ -36,7 +36,7 @@ def test_a_row_a_point_and_frame(records, tmp_path):
 
 
 def test_the_columns_and_their_types_are_those_documented(records, tmp_path):
-    table = tidy(write(tmp_path, records))
+    table = tidy(write_records(tmp_path, records))
     lines = re.findall(r"^    ([a-z_, \d]+?) +(?:text|Int64|float)", tidy.__doc__, re.MULTILINE)
     assert {c for c in table if "." not in c} == set(re.findall(r"\w+", " ".join(lines)))
     assert {str(table[c].dtype) for c in COUNTS} == {"Int64"}
@@ -48,7 +48,7 @@ def test_errors_are_missing_where_nothing_was_judged(records, tmp_path):
     records[2]["frames"][1].update(score=None, unscored="no reference here")
     records[2]["frames"][0]["score"] = score(256, wrong=2)
     records[3]["frames"][1].update(score=None, unscored="no reference here")
-    table = tidy(write(tmp_path, records)).set_index("key")
+    table = tidy(write_records(tmp_path, records)).set_index("key")
     assert list(table.loc[records[2]["key"], "true_errors"].isna()) == [False, True, False]
     found = points(table.reset_index()).set_index("key")
     assert found.loc[records[2]["key"], "true_errors"] == 2, "a known error counts"
@@ -60,14 +60,14 @@ def test_errors_are_missing_where_nothing_was_judged(records, tmp_path):
 
 
 def test_a_stage_is_the_passes_that_a_pattern_names(records, tmp_path):
-    table = tidy(write(tmp_path, records))
+    table = tidy(write_records(tmp_path, records))
     np.testing.assert_allclose(stage_ms(table, "shadow"), table["shadow_ms"])
     assert (stage_ms(table, "shadow", "nothing") == 0).all()
     np.testing.assert_allclose(stage_ms(table, "light build", "the l"), table["light_build_ms"])
 
 
 def test_samples_in_long_form(records, tmp_path):
-    found = samples(write(tmp_path, records[:1]))
+    found = samples(write_records(tmp_path, records[:1]))
     frames = records[0]["frames"]
     steps = sum(len(step["ms"]) for f in frames for step in f["passes"])
     assert len(found) == sum(2 * len(f["total_ms"]) for f in frames) + steps
@@ -80,7 +80,7 @@ def test_samples_in_long_form(records, tmp_path):
 def test_only_the_newest_record_of_an_entry_counts(tmp_path):
     old = record("bunny", "bvh", key="old", rounds=[{"round": 0, "noted": 100.0, "run": "a"}])
     new = record("bunny", "bvh", seed=1, key="new", rounds=[{"round": 0, "noted": 200.0, "run": "b"}])
-    table = tidy(write(tmp_path, [new, old]))
+    table = tidy(write_records(tmp_path, [new, old]))
     assert set(table["key"]) == {"new"}
     assert set(table["run"]) == {"b"}
     assert table.attrs["older"] == 1

@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 
 import pytest
-from helpers.runs import TETRAHEDRON
+from helpers.tiny_runs import TETRAHEDRON
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.runner import runner as run_module
 from shadowbench.harness.runner.machine_lock import EXCLUSIVE, FOLDER, FREE, SHARED, MachineLock

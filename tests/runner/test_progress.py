@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from helpers.made_records import made
-from helpers.runs import options, write_scene
+from helpers.experiment_records import record_of
+from helpers.tiny_runs import options, write_scene
 from shadowbench.harness.results.record import Record
 from shadowbench.harness.results.schema import checked
 from shadowbench.harness.runner import progress
@@ -61,8 +61,8 @@ def test_the_estimate_is_said_once_there_is_one(clock, capsys):
 
 def test_a_point_is_told_with_its_time_or_with_what_went_wrong(clock, capsys):
     bar = Bar()
-    bar.point(checked(Record, made("table1", Entry("bvh"), ms=12.345)))
-    bar.point(checked(Record, made("table1", Entry("bvh"), status="rejected")))
+    bar.point(checked(Record, record_of("table1", Entry("bvh"), ms=12.345)))
+    bar.point(checked(Record, record_of("table1", Entry("bvh"), status="rejected")))
     assert said(capsys) == [
         "[   0 s] cloth, bvh: 12.5 ms per frame",
         "[   0 s] cloth, bvh: rejected: needs 9 pairs",

@@ -1,4 +1,4 @@
-"""Whole runs: what each kind of trouble costs, killing and going on, folders that cannot be written."""
+"""Whole runs: what a misbehaving method costs, stopping and resuming, folders that cannot be written."""
 
 import errno
 import json
@@ -11,7 +11,7 @@ import time
 
 import numpy as np
 import pytest
-from helpers.runs import install_trouble, options, write_scene
+from helpers.tiny_runs import install_misbehaving, options, write_scene
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.results.folder import ResultsFolder
 from shadowbench.harness.results.journal import Journal
@@ -23,10 +23,10 @@ from shadowbench.harness.runner.runner import Run
 
 @pytest.fixture(scope="module")
 def package(tmp_path_factory):
-    """The package of troublesome methods, for this process and for its workers."""
+    """The package of misbehaving methods, for this process and for its workers."""
     folder = tmp_path_factory.mktemp("packages")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("PYTHONPATH", install_trouble(folder))
+        patch.setenv("PYTHONPATH", install_misbehaving(folder))
         patch.syspath_prepend(str(folder))
         yield folder
 

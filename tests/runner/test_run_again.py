@@ -3,8 +3,8 @@
 import json
 
 import pytest
-from helpers.made_records import made
-from helpers.runs import options, write_scene
+from helpers.experiment_records import record_of
+from helpers.tiny_runs import options, write_scene
 from shadowbench.harness.results.folder import ResultsFolder
 from shadowbench.harness.runner.experiment import Entry
 from shadowbench.harness.runner.progress import Silent
@@ -44,7 +44,7 @@ def test_what_is_no_whole_record_is_measured_again(tmp_path, text):
     path.parent.mkdir()
     path.write_text(text)
     assert ResultsFolder(tmp_path).record("a") is None
-    whole = made("table1", Entry("bvh"))
+    whole = record_of("table1", Entry("bvh"))
     path.write_text(json.dumps({**whole, "key": "a"}))
     assert ResultsFolder(tmp_path).record("a").key == "a"
     path.write_text(json.dumps({**whole, "key": "a", "point": {**whole["point"], "width": "abc"}}))

@@ -1,4 +1,4 @@
-"""Helpers for tests of whole runs: a package of troublesome methods, a tiny scene, and options for a run of them."""
+"""For tests of whole runs: an installed package of misbehaving methods, a tiny scene, and options for a run of them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
-from helpers import trouble
+from helpers import misbehaving_methods
 from shadowbench.harness.runner.experiment import Entry, Experiment, Preset
 from shadowbench.harness.runner.runner import Options
 
@@ -28,15 +28,17 @@ PRESET = Preset(
 )
 
 
-def install_trouble(folder: Path) -> str:
+def install_misbehaving(folder: Path) -> str:
     """Put the package where Python finds it as an installed one; return the PYTHONPATH that workers need."""
-    package = folder / "trouble_package"
+    package = folder / "misbehaving_package"
     package.mkdir(parents=True)
-    shutil.copy(trouble.__file__, package / "__init__.py")
-    about = folder / "trouble_package-0.1.dist-info"
+    shutil.copy(misbehaving_methods.__file__, package / "__init__.py")
+    about = folder / "misbehaving_package-0.1.dist-info"
     about.mkdir()
-    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: trouble-package\nVersion: 0.1\n")
-    points = "\n".join(f"{cls.name} = trouble_package:{cls.__name__}" for cls in trouble.CLASSES)
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: misbehaving-package\nVersion: 0.1\n")
+    points = "\n".join(
+        f"{cls.name} = misbehaving_package:{cls.__name__}" for cls in misbehaving_methods.CLASSES
+    )
     (about / "entry_points.txt").write_text(f"[shadowbench.methods]\n{points}\n")
     return os.pathsep.join([str(folder), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
 

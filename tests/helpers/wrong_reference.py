@@ -4,36 +4,26 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-from helpers import exact_cases as cases
-from shadowbench.harness.judge.context import Judge
+from helpers import rational_brute_force as cases
+from helpers.answered_scene import HEIGHT, WIDTH, AnsweredScene, lose
 from shadowbench.harness.judge.reference import Reference
 from shadowbench.harness.judge.score import score_answers
-from shadowbench.harness.scene.prepared import prepare
-
-WIDTH, HEIGHT = 60, 45
 
 
-class Court:
+class WrongReference(AnsweredScene):
     """A scene, its exact answers, and a reference that is wrong in some pixels."""
 
     def __init__(self, scene=None):
-        self.prepared = prepare(scene or cases.ball_on_floor(lights=2))
-        self.moment = self.prepared.moment(0, WIDTH, HEIGHT)
-        self.judge = Judge.of(self.prepared, self.moment)
-        self.right = cases.exact_answers(self.prepared, self.moment, self.judge.referee)
+        super().__init__(scene or cases.ball_on_floor(lights=2))
         self.provenance = self.judge.reference.provenance
         self.wrong = self.answers()
         right, floor = self.right, self.right["triangle"] == 0
-        self.lost = pixel_of(floor)
-        self.acne = pixel_of((right["triangle"] == 1) & (right["visibility"][0] == 0))
-        self.leak = pixel_of((right["triangle"] <= 1) & (right["visibility"][1] == 1))
+        self.lost = self.pixel(floor)
+        self.acne = self.pixel((right["triangle"] == 1) & (right["visibility"][0] == 0))
+        self.leak = self.pixel((right["triangle"] <= 1) & (right["visibility"][1] == 1))
         lose(self.wrong, self.lost)
         self.wrong["visibility"][0, self.acne] = 1
         self.wrong["visibility"][1, self.leak] = 0
-
-    def answers(self):
-        return {name: value.copy() for name, value in self.right.items()}
 
     @property
     def reference(self) -> Reference:
@@ -58,15 +48,3 @@ class Court:
     def whole(self, answers):
         """The counts where the referee decides every pixel."""
         return self.counts(self.score(answers, WIDTH * HEIGHT)[0])
-
-
-def pixel_of(test) -> int:
-    found = np.nonzero(test)[0]
-    assert len(found) > 10
-    return int(found[len(found) // 2])
-
-
-def lose(answers, pixel):
-    answers["triangle"][pixel], answers["t"][pixel] = -1, np.inf
-    answers["u"][pixel] = answers["v"][pixel] = 0
-    answers["visibility"][:, pixel] = 0

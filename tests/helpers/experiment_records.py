@@ -1,4 +1,4 @@
-"""Records of experiments as a run would write them, made up: for what is drawn and judged from records."""
+"""Made-up records of any experiment, as a run would write them: for tests of drawings and of claims."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import json
 from shadowbench.harness.scene.overrides import Lighting
 
 
-def made(
+def record_of(
     name,
     entry,
     scene="cloth",
@@ -48,7 +48,7 @@ def made(
     }  # fmt: skip
 
 
-def keep(folder, records):
+def write_records(folder, records):
     place = folder / "records"
     place.mkdir(parents=True, exist_ok=True)
     for r in records:

@@ -1,5 +1,5 @@
-"""Methods of someone else's package, each with its own trouble. Copied into a folder of its own and found by entry
-points, as an installed package would be; see ``trouble_package`` in test_run.py."""
+"""Methods of another package, each of which misbehaves in its own way. Copied into a folder of its own and found by entry
+points, as an installed package would be; see :func:`.tiny_runs.install_misbehaving`."""
 
 import os
 import time

@@ -1,9 +1,9 @@
-"""A scored scene with its exact answers, to plant errors in: a ball on a floor, lit by two lights."""
+"""A scene with its judge and its exact answers, to plant errors in: a ball on a floor, lit by two lights."""
 
 from __future__ import annotations
 
 import numpy as np
-from helpers import exact_cases as cases
+from helpers import rational_brute_force as cases
 from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import Scene
@@ -11,7 +11,9 @@ from shadowbench.harness.scene.scene import Scene
 WIDTH, HEIGHT = 60, 45
 
 
-class Case:
+class AnsweredScene:
+    """A scene, its judge, and what every method must answer."""
+
     def __init__(self, scene: Scene):
         self.prepared = prepare(scene)
         self.moment = self.prepared.moment(0, WIDTH, HEIGHT)
@@ -28,22 +30,27 @@ class Case:
         return int(found[len(found) // 2])
 
 
-def ball_case() -> Case:
-    return Case(cases.ball_on_floor(lights=2))
+def answered_ball() -> AnsweredScene:
+    return AnsweredScene(cases.ball_on_floor(lights=2))
 
 
-def floor_pixel(case: Case) -> int:
+def floor_pixel(case: AnsweredScene) -> int:
     return case.pixel(case.right["triangle"] == 0)
 
 
-def sky_pixel(case: Case) -> int:
+def sky_pixel(case: AnsweredScene) -> int:
     return case.pixel(case.right["triangle"] == -1)
 
 
-def plant_hole(case: Case, answers: dict[str, np.ndarray]) -> int:
+def plant_hole(case: AnsweredScene, answers: dict[str, np.ndarray]) -> int:
     """A pixel of the floor that misses; which one."""
     pixel = floor_pixel(case)
+    lose(answers, pixel)
+    return pixel
+
+
+def lose(answers: dict[str, np.ndarray], pixel: int) -> None:
+    """A pixel misses."""
     answers["triangle"][pixel], answers["t"][pixel] = -1, np.inf
     answers["u"][pixel] = answers["v"][pixel] = 0
     answers["visibility"][:, pixel] = 0
-    return pixel

@@ -1,4 +1,4 @@
-"""Records as a run would write them, made up: for tests of tables and drawings only."""
+"""Made-up records of Table 1, as a run would write them, with plausible times: for tests of tables and drawings."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def score(size: int, wrong: int = 0) -> dict[str, Any]:
     }
 
 
-def write(folder: Path, records: list[dict[str, Any]]) -> Path:
+def write_records(folder: Path, records: list[dict[str, Any]]) -> Path:
     """Write records where a run would."""
     (folder / "records").mkdir(parents=True, exist_ok=True)
     for made in records:
