@@ -33,7 +33,7 @@ def ball() -> WrongReference:
     return WrongReference()
 
 
-def record_of(key: str, graded: list[dict]) -> dict:
+def graded_record(key: str, graded: list[dict]) -> dict:
     record = record_of("table1", Entry("embree", {}, key))
     (frame,) = record["frames"]
     return {**record, "key": key, "frames": [{**frame, **one} for one in graded]}
@@ -45,7 +45,7 @@ def grade(ball, folder, key, answers, wrong_maps=False):
     grader = Grader(ball.prepared, {0: ball.moment}, "ball", folder, "cpu")
     graded = grader.grade(key, False, True, folder / "picture.png", "ball", wrong_maps)
     (folder / "records").mkdir(exist_ok=True)
-    (folder / "records" / f"{key}.json").write_text(json.dumps(record_of(key, graded)))
+    (folder / "records" / f"{key}.json").write_text(json.dumps(graded_record(key, graded)))
 
 
 @pytest.fixture
@@ -96,7 +96,7 @@ def test_answers_scored_later_are_settled_with_those_scored_before(ball, blind, 
         path = tmp_path / "answers" / f"{key}-0.npz"
         save_raw(path, ball.prepared, ball.moment, answers, "ball", extra={"key": key})
         (tmp_path / "records").mkdir(exist_ok=True)
-        record = record_of(key, [{"frame": 0, "score": None, "unscored": "no truth there"}])
+        record = graded_record(key, [{"frame": 0, "score": None, "unscored": "no truth there"}])
         (tmp_path / "records" / f"{key}.json").write_text(json.dumps(record))
     held_back = tmp_path / "answers" / "a-0.npz"
     held_back.rename(tmp_path / "a-0.npz")
