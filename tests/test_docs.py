@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib.util
 import itertools
 import re
@@ -12,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers import brute_force
+from helpers.import_graph import modules
 from shadowbench.harness.frame.registry import method_names
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.runner.experiment import experiment_names
@@ -101,3 +103,20 @@ def test_every_dependency_is_pinned():
     assert {name.lower().replace("_", "-") for name in named} <= {
         name.lower().replace("_", "-") for name in pins
     }
+
+
+def test_roles_in_docstrings_name_what_exists():
+    files = {name: file.read_text(encoding="utf-8") for name, file in modules().items()}
+    defined = {name: {getattr(n, "name", getattr(n, "id", getattr(n, "attr", ""))) for n in ast.walk(ast.parse(text))}
+               for name, text in files.items()}  # fmt: skip
+    lost = []
+    for module, text in files.items():
+        for kind, target in re.findall(r":(\w+):`[.~]*([\w.]+)`", text):
+            path, _, name = target.rpartition(".")
+            if kind == "mod":
+                found = any(f".{other}".endswith(f".{target}") for other in files)
+            else:
+                homes = [other for other in files if f".{other}".endswith(f".{path}")] if path else []
+                found = name in set().union(*(defined[home] for home in homes or files))
+            lost += [] if found else [f"{module}: {kind} {target}"]
+    assert lost == []

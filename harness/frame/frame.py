@@ -81,7 +81,7 @@ class Frame:
     posts     vec3f [light_count]: what grids of a light look from (:class:`.scene.prepared.Moment`)
     receivers uint8 [light_count, pixels]: 1 = has a shadow ray (:mod:`.frame.receivers`); empty unless a light has receivers
     reached   int32 [(bounces + 1) * light_count]: not 0 where a hit of a bounce receives a light; empty like ``receivers``
-    alpha     the scene's mask (:class:`.scene.alpha.Alpha`), the resource "surfaces"; empty unless the effects hold alpha
+    alpha     the scene's mask (:class:`.frame.alpha.Alpha`), the resource "surfaces"; empty unless the effects hold alpha
     mirror    uint8 [triangle_count]: 1 = a mirror; empty unless rays bounce
     color     vec3f [pixels]: linear colour (:mod:`.frame.shading`); tint vec3f [triangle_count], lamps float64
               [light_count, 5]: looks of surfaces and lights. All three are empty unless colour is wanted

@@ -13,7 +13,6 @@ import functools
 import inspect
 import textwrap
 import types
-from collections.abc import Iterator
 from dataclasses import fields
 
 import warp as wp
@@ -64,10 +63,3 @@ def _made(kernel: wp.Kernel, on: tuple[str, ...]) -> wp.Kernel:
         function.__doc__,
     )
     return wp.kernel(copy, module="unique", **kernel.options)
-
-
-def switch_sets(kernel: wp.Kernel) -> Iterator[Switches]:
-    """Every set of switches that gives a different variant of this kernel, the unspecialised one first."""
-    names = named(kernel)
-    for bits in range(1 << len(names)):
-        yield Switches(**{name: bool(bits >> i & 1) for i, name in enumerate(names)})

@@ -37,15 +37,6 @@ class Counts:
     hit: int | None = None
     shadowed: tuple[int | None, ...] | None = None
 
-    def agrees(self, exact: Counts) -> bool:
-        """Whether every count stated here equals that in ``exact``, which states all counts."""
-        if self.hit not in (None, exact.hit):
-            return False
-        if self.shadowed is None or exact.shadowed is None:
-            return self.shadowed is None
-        pairs = zip(self.shadowed, exact.shadowed, strict=True)
-        return all(stated in (None, counted) for stated, counted in pairs)
-
     def __str__(self) -> str:
         parts = [] if self.hit is None else [f"{self.hit} hit"]
         if self.shadowed:

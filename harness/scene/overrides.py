@@ -45,7 +45,7 @@ class Lighting:
     directional  every light becomes directional, shining as it does at the scene's middle
     facing    only hit points that face a light have a shadow ray
     color     the frame is shaded
-    alpha     every so many-th triangle has holes (:func:`.scene.alpha.perforated`); 0: none
+    alpha     every so many-th triangle has holes (:func:`.scene.surface_rules.perforated`); 0: none
     bounces   mirrored rays of the scene's largest triangles go on so often; 0: nothing reflects
     moved     what alone changed since the last frame, of :data:`MOVED`: only what that calls for is timed; None: all
     """

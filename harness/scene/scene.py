@@ -110,7 +110,7 @@ class AlphaMask:
 class Geometry:
     """A triangle mesh over time: fixed topology, one array of positions a frame.
 
-    ``faces``: int32, shape [triangle_count, 3], indices in range (checked by :func:`validate`).
+    ``faces``: int32, shape [triangle_count, 3], indices in range (checked by :func:`.scene.prepared.check_faces`).
     ``positions(k)``: float64 or float32, shape [vertex_count, 3], for frame k in 0..frame_count-1. May hold
     NaN or infinite coordinates: such triangles are never hit and keep their index.
     ``motion``: how it moves, for people and plans; None is all of it, deforming, where there are several frames.

@@ -1,10 +1,10 @@
 """Hit points in float64: where shadow rays start, by one function for every method.
 
-A hit point that is rounded beside its ray by u, and then led back onto a plane that the ray meets at an angle of
-sine s, moves by u / s along the ray. Where the ray is flat that is off the planes of the triangle's neighbours by more
-than their shadow test allows for one rounding (:func:`.segment.stands_between`), and the neighbours would shadow it. So
-for flat rays sums and products are carried with what their rounding lost (the error-free transformations of Knuth and
-Dekker, the dot product of Ogita, Rump and Oishi 2005), and the point is rounded once, at the end: by tests it is
+A hit point that is rounded beside its ray by u, and then led back onto a plane that the ray meets at an angle of sine
+s, moves by u / s along the ray. Where the ray is flat that is off the planes of the triangle's neighbours by more than
+their shadow test allows for one rounding (:func:`.segment.plane_crosses_segment`), and the neighbours would shadow it.
+So for flat rays sums and products are carried with what their rounding lost (the error-free transformations of Knuth
+and Dekker, the dot product of Ogita, Rump and Oishi 2005), and the point is rounded once, at the end: by tests it is
 off by one unit at most, and that of other rays by three.
 """
 

@@ -17,7 +17,7 @@ from helpers.compiled_twins import (
     with_source,
 )
 from shadowbench.harness.frame import specialise
-from shadowbench.harness.frame.specialise import NAMES, named, specialised, switch_sets
+from shadowbench.harness.frame.specialise import NAMES, named, specialised
 from shadowbench.harness.scene.effects import Switches
 
 KERNELS = kernels_with_effects()
@@ -71,6 +71,13 @@ def test_every_branch_on_an_effect_is_in_a_kernel_that_is_compared():
                     f"{file.name}: {node.name} branches on an effect and is not compared"
                 )
     assert seen >= 6
+
+
+def switch_sets(kernel):
+    """Every set of switches that gives a different variant of this kernel, the unspecialised one first."""
+    names = named(kernel)
+    for bits in range(1 << len(names)):
+        yield Switches(**{name: bool(bits >> i & 1) for i, name in enumerate(names)})
 
 
 def test_variants_are_few_and_made_once():

@@ -16,11 +16,21 @@ from shadowbench.harness.hardcases.judge import counts_of, judge_refusal
 from shadowbench.harness.scene.moment import Moment
 
 
+def agree(stated: Counts, exact: Counts) -> bool:
+    """Whether every count that is stated equals the exact one."""
+    if stated.hit not in (None, exact.hit):
+        return False
+    if stated.shadowed is None or exact.shadowed is None:
+        return stated.shadowed is None
+    pairs = zip(stated.shadowed, exact.shadowed, strict=True)
+    return all(one in (None, counted) for one, counted in pairs)
+
+
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_what_is_stated_is_exact(case: HardCase) -> None:
     one = judged(case.name)
     exact = counts_of(one.exact, len(one.trial.moment.lights))
-    assert one.trial.stated.agrees(exact), f"stated {one.trial.stated}, exact {exact}"
+    assert agree(one.trial.stated, exact), f"stated {one.trial.stated}, exact {exact}"
 
 
 def test_catalogue() -> None:

@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 import warp as wp
 from helpers.brute_force import make_scene, soup
+from helpers.compiled_variants import (
+    FACTORIES,
+    WITHOUT_FACTORY,
+    Compiled,
+    compiled_variants,
+)
 from helpers.paper_knobs import answers_of, drawn
 from shadowbench.harness.frame import specialise
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Light, Spot
 from shadowbench.harness.scene.surface_rules import perforated
 from shadowbench.methods.perspective_spherical.camera import grid as camera
-from shadowbench.methods.perspective_spherical.compiled import (
-    FACTORIES,
-    WITHOUT_FACTORY,
-    Compiled,
-    compiled_variants,
-)
 from shadowbench.methods.perspective_spherical.light import grid as light
 from shadowbench.methods.perspective_spherical.light import placement as light_places
 from shadowbench.methods.perspective_spherical.parameters import LIGHT_BOUNDS, LIGHT_MAPS, TRIANGLE_TESTS

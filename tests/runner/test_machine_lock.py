@@ -189,9 +189,11 @@ def test_after_an_error_the_lock_is_free(tmp_path: Path) -> None:
 
 
 def test_where_no_lock_file_can_be_had_nobody_waits(tmp_path: Path) -> None:
-    lock = MachineLock(tmp_path / "is not there")
+    lock, said = lock_on(tmp_path / "is not there")
     with lock.shared(), lock.exclusive():
         lock.give_way()
+    assert said == [], "it does not wait"
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_the_environment_names_the_folder_in_common(tmp_path: Path, monkeypatch) -> None:

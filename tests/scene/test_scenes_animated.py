@@ -6,13 +6,13 @@ import hashlib
 
 import numpy as np
 import pytest
+from helpers.mesh_checks import edge_faults
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from shadowbench.harness.scene.scene import Geometry
 from shadowbench.harness.scene.standins import bodies, bunny_dragon, cloth, cloth_solver, fairy
 from shadowbench.harness.scene.standins.motion import Swing
-from shadowbench.harness.scene.standins.shapes import edge_faults
 
 MODULES = {"fairy": fairy, "bunny_dragon": bunny_dragon, "cloth": cloth}
 TRIANGLES = {"fairy": 174_000, "bunny_dragon": 252_000, "cloth": 92_000}

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
+from helpers.mesh_checks import areas, edge_faults
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.standins import buddha, conference, implicit, shapes, sibenik
@@ -71,7 +72,7 @@ def test_every_vertex_is_used(name: str) -> None:
 
 def test_buddha_is_closed_and_faces_outwards() -> None:
     assert buddha.scene().closed
-    assert shapes.edge_faults(prepared("buddha").faces) == 0
+    assert edge_faults(prepared("buddha").faces) == 0
     points, faces = prepared("buddha").points(0)[0].astype(np.float64), prepared("buddha").faces
     a, b, c = (points[faces[:, k]] for k in range(3))
     volume = (a * np.cross(b, c)).sum() / 6
@@ -112,7 +113,7 @@ def test_view_is_filled_with_lit_and_shadowed_parts(name: str, low: float, high:
 def test_triangles_of_very_different_sizes(name: str) -> None:
     """What the rooms stand in for: a few triangles of many square metres, and very many tiny ones."""
     points, _ = prepared(name).points(0)
-    area = shapes.areas(shapes.Mesh(points.astype(np.float64), prepared(name).faces))
+    area = areas(shapes.Mesh(points.astype(np.float64), prepared(name).faces))
     assert area.max() > 40.0
     assert np.median(area) < 0.02
     assert (area > 1.0).sum() > 50
@@ -120,7 +121,7 @@ def test_triangles_of_very_different_sizes(name: str) -> None:
 
 def test_buddha_triangles_are_nearly_of_one_size() -> None:
     points, _ = prepared("buddha").points(0)
-    area = shapes.areas(shapes.Mesh(points.astype(np.float64), prepared("buddha").faces))
+    area = areas(shapes.Mesh(points.astype(np.float64), prepared("buddha").faces))
     low, high = np.percentile(area, [5, 95])
     assert high < 12 * low
 
@@ -146,9 +147,9 @@ def test_shapes_are_closed_and_face_outwards(shape: str) -> None:
     mesh = CLOSED[shape]
     assert mesh.vertices.dtype == np.float64
     assert mesh.faces.dtype == np.int32
-    assert shapes.edge_faults(mesh.faces) == 0
+    assert edge_faults(mesh.faces) == 0
     assert volume_of(mesh) > 0
-    assert shapes.areas(mesh).min() > 0
+    assert areas(mesh).min() > 0
 
 
 def test_volumes_of_known_bodies() -> None:
@@ -166,8 +167,8 @@ def test_transform_order_and_mirror() -> None:
 
 def test_edge_faults_sees_a_hole_and_a_turned_triangle() -> None:
     faces = CLOSED["box"].faces
-    assert shapes.edge_faults(faces[1:]) == 3
-    assert shapes.edge_faults(np.concatenate([faces[:1, ::-1], faces[1:]])) > 0
+    assert edge_faults(faces[1:]) == 3
+    assert edge_faults(np.concatenate([faces[:1, ::-1], faces[1:]])) > 0
 
 
 def test_noise_depends_on_its_seed_only() -> None:
@@ -186,7 +187,7 @@ def ball(points: np.ndarray) -> np.ndarray:
 def test_surface_of_a_signed_distance() -> None:
     spacing = 0.02
     mesh = implicit.polygonise(ball, (-0.6, -0.6, -0.6), (0.6, 0.6, 0.6), spacing)
-    assert shapes.edge_faults(mesh.faces) == 0
+    assert edge_faults(mesh.faces) == 0
     assert volume_of(mesh) == pytest.approx(4 / 3 * np.pi * 0.5**3, rel=0.01)
     assert np.abs(ball(mesh.vertices)).max() < 0.2 * spacing
 
@@ -199,7 +200,7 @@ def test_surface_stays_closed_where_sheets_touch() -> None:
 
     mesh = implicit.polygonise(sponge, (-0.6, -0.6, -0.6), (0.6, 0.6, 0.6), 0.02, slack=3.0)
     assert len(mesh.faces) > 20_000
-    assert shapes.edge_faults(mesh.faces) == 0
+    assert edge_faults(mesh.faces) == 0
 
 
 @pytest.mark.parametrize("name", NAMES)

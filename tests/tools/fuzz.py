@@ -2,7 +2,7 @@
 
     python tests/tools/fuzz.py --examples 100000 --seed 1 --seconds 1800
 
-Prints how many examples ran and what was found. A failure is made smaller and frozen in ``tests/regressions``, where
+Prints how many examples ran and what was found. A failure is made smaller and frozen in ``tests/data/regressions``, where
 test_regressions.py replays it for ever after. Exit code 1 where something was found.
 """
 

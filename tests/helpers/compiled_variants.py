@@ -1,4 +1,4 @@
-"""Every kernel of this method that is compiled in variants: a short fixed list, whatever sizes and settings are chosen.
+"""Every kernel of the paper's method that is compiled in variants: a short fixed list, whatever the sizes and settings.
 
 What is no argument of a factory here, and no switch, is a run-time value: image, tiles, slices, r, k, rectangles, clamp,
 chunks. Kernels that are not listed are compiled once.
@@ -11,15 +11,14 @@ from itertools import combinations
 from typing import Any, NamedTuple
 
 import warp as wp
-
-from .camera.trace import make_resolve_kernel, make_trace_kernel
-from .camera.trace_staged import make_staged_trace_kernel
-from .light.bounds import make_bound_kernel
-from .light.frame import box_kernel
-from .light.trace import make_shadow_kernel
-from .light.trace_staged import make_staged_shadow_kernel
-from .parameters import LIGHT_BOUNDS, LIGHT_MAPS
-from .variants import BLOCKS, VARIANTS
+from shadowbench.methods.perspective_spherical.camera.trace import make_resolve_kernel, make_trace_kernel
+from shadowbench.methods.perspective_spherical.camera.trace_staged import make_staged_trace_kernel
+from shadowbench.methods.perspective_spherical.light.bounds import make_bound_kernel
+from shadowbench.methods.perspective_spherical.light.frame import box_kernel
+from shadowbench.methods.perspective_spherical.light.trace import make_shadow_kernel
+from shadowbench.methods.perspective_spherical.light.trace_staged import make_staged_shadow_kernel
+from shadowbench.methods.perspective_spherical.parameters import LIGHT_BOUNDS, LIGHT_MAPS
+from shadowbench.methods.perspective_spherical.variants import BLOCKS, VARIANTS
 
 
 class Compiled(NamedTuple):
