@@ -1,7 +1,7 @@
 """What decides each claim of the paper: a function of the evidence of one experiment, with its thresholds.
 
 A claim's words are the paper's, so the paper's configuration decides it; ours is judged beside it, never instead of it.
-Times that differ by less than 3 % can't be told apart.
+Times that differ by less than 3 % cannot be told apart.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def column(name: str) -> Callable[[DataFrame], Series]:
 
 
 def with_ours(judge: Callable[[dict[str, Any]], Finding]) -> Finding:
-    """What the paper's configuration decides, and what ours would: told the columns of each."""
+    """What the paper's configuration decides, and what ours would: given the columns of each."""
     paper, ours = judge(FAITHFUL), judge(OURS)
     beside = "" if ours.lacking else f"; our configuration: {ours.verdict}, {ours.numbers}"
     return Finding(paper.verdict, paper.numbers + beside, paper.lacking)

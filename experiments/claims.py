@@ -1,7 +1,7 @@
 """The paper's claims one by one, judged from the records of the other experiments. It measures nothing itself.
 
 ``shadowbench show claims DIR`` reads every results folder in DIR. Thresholds stand with each claim in ``_judges``: a
-comparison of times that differ by less than 3 % can't be told. A ratio is taken within one run.
+comparison of times that differ by less than 3 % is left open. A ratio is taken within one run.
 """
 
 from __future__ import annotations

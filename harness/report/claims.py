@@ -35,7 +35,7 @@ class Claim:
     """A sentence of the paper (or of ours), where it stands, and what decides it.
 
     experiments  whose records may decide it; the last versions of the methods come first, then this order
-    judge        told one piece of evidence at a time, until one has all that it needs: it never sees two
+    judge        given one piece of evidence at a time, until one has all that it needs: it never sees two
     beside       (experiment, phrase): what another experiment says of the same thing; it decides nothing
     counted      it is about counted work, the same on every device; all others are about times on a GPU
     """

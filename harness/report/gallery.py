@@ -89,7 +89,7 @@ def captioned(
 def contact_sheet(
     pictures: Sequence[Path], path: Path | str, columns: int | None = None, width: int = 352, title: str = ""
 ) -> Path | None:
-    """All pictures on one sheet, captions and all. None where there are none; a damaged one is left out, and told.
+    """All pictures on one sheet, captions and all. None where there are none; a damaged one is left out with a message.
 
     Each is ``width`` pixels wide; or, where that would make it higher, four times as high.
     """

@@ -12,8 +12,8 @@ halve from one to the next make a chain. Here a cluster carries its height. Wher
 :data:`TALL` levels high, neighbours are merged in pairs, whatever their area: one level for each node of the radix tree
 that is still to come, and five at its root. So no tree is higher than TALL + 54 + 5 (:data:`.snippets.STACK`).
 
-Threads that climb through small nodes leave nothing in memory: whoever merges such a half reckons its leaves' boxes
-anew. So only warps that leave merged clusters release and acquire.
+Threads that climb through small nodes leave nothing in memory: the warp that merges such a half computes its
+leaves' boxes again. So only warps that leave merged clusters release and acquire.
 
 The tree depends on the keys alone, not on who came first: a merged cluster keeps the first leaf of its left part as its
 name, and the name that the right part loses is the new node's number. The CPU builds the same tree, one leaf after

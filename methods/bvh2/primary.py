@@ -173,7 +173,7 @@ def resolve_kernel(
     uv = wp.vec2f()
     point = wp.vec3d()
     flat = wp.bool(False)
-    # Nothing is written before all is reckoned: after a store the compiler would read and widen the corners again.
+    # Nothing is written before all is computed: after a store the compiler would read and widen the corners again.
     if place >= 0:
         best = entry(leaves.order, place)
         corners = triangle_corners(mesh, best)
@@ -187,7 +187,7 @@ def resolve_kernel(
     set_entry(hits.u, pixel, uv[0])
     set_entry(hits.v, pixel, uv[1])
     start[pixel] = to_float32(point)
-    # Flat rays are few, and long to reckon: from corners that are read again, so that nothing is held for them till here.
+    # Flat rays are few, and slow to compute: from corners that are read again, so that no register holds them until here.
     if flat:
         again = triangle_corners(mesh, best)
         seen = Ray(entry(camera.eye, 0), direction_at(camera, at))

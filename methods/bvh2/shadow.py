@@ -81,7 +81,7 @@ def shadow_doubt_kernel(
     doubts: wp.array(dtype=wp.vec2i),
     visibility: wp.array2d(dtype=wp.uint8),
 ):
-    """(place, pixel) pairs that float32 did not decide. The hit point is reckoned again, in float64."""
+    """(place, pixel) pairs that float32 did not decide. The hit point is computed again, in float64."""
     k = wp.tid()
     stop = wp.min(entry(counts, 0), doubts.shape[0])
     while k < stop:

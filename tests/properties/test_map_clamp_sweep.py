@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.paper_knobs import same
 from numpy.typing import NDArray
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
@@ -80,11 +81,6 @@ def combinations(small: bool) -> Iterator[tuple[str, str, str, float]]:
             for radii in distances:
                 for aimed in ("true",) if radii > 1e3 else ("true", "false"):
                     yield light_map, clamp, aimed, radii
-
-
-def same(got: dict[str, NDArray], expected: dict[str, NDArray], what: object) -> None:
-    for name, values in expected.items():
-        assert (got[name] == values).all(), (what, name, int((got[name] != values).sum()))
 
 
 def check(name: str) -> None:

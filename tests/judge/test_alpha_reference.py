@@ -1,4 +1,4 @@
-"""Truth, classes, declaration and files of triangles with holes."""
+"""References, classes, declarations and files of triangles with holes."""
 
 from __future__ import annotations
 
