@@ -175,7 +175,7 @@ def traced_bounces(
                     Pass(
                         f"bounce {b}, light {i}: shadow rays",
                         "shadow",
-                        (*structure, f"rays/{b}", f"hits/{b}", f"light/{i}", *effects.mask_reads(i, b)),
+                        (*structure, f"rays/{b}", f"hits/{b}", f"light/{i}", *effects.receiver_reads(i, b)),
                         (f"visibility/{i}/{b}",),
                         lambda i=i, b=b: shadow(i, b),  # type: ignore[misc]
                         effect="mirror",

@@ -123,7 +123,7 @@ def receiver_passes(frame: Frame, effects: Effects) -> list[Pass]:
                 "triangles",
                 f"light/{i}",
             ),
-            (*effects.mask_reads(i, b), f"visibility/{i}/{b}" if b else f"visibility/{i}"),
+            (*effects.receiver_reads(i, b), f"visibility/{i}/{b}" if b else f"visibility/{i}"),
             lambda i=i, b=b: launch(i, b),  # type: ignore[misc]
             effect="receivers" if b == 0 else "mirror",
         )
@@ -134,19 +134,19 @@ def receiver_passes(frame: Frame, effects: Effects) -> list[Pass]:
 
 
 def skippable(passes: list[Pass], frame: Frame, effects: Effects) -> list[Pass]:
-    """The same passes, with the condition that the light has a receiver added to the passes of each masked light.
+    """The same passes; those of a light with a mask of receivers get the condition that the light has a receiver.
 
     If rays bounce, the structure that a method builds for a light serves the hits of every bounce. So only the tracing
-    passes, which read the mask of their own hits, get the condition. In a captured graph, passes with scratch memory
+    passes, which read the receivers of their own hits, get the condition. In a captured graph, passes with scratch memory
     always run; without receivers they process the data of the last traced frame, and their results are not read. Passes
-    listed before the mask is made always run too: the condition would be that of the last frame.
+    listed before the receivers are found always run too: the condition would be that of the last frame.
     """
     # One array per condition: neighbouring passes with the same condition form one branch.
     given: dict[str | None, tuple[str, wp.array]] = {}
     for i in range(len(effects.shadows)):
         for b in range(effects.bounces + 1):
-            for mask in effects.mask_reads(i, b):
-                given[mask] = mask, reached_by(frame, i, b)
+            for receivers in effects.receiver_reads(i, b):
+                given[receivers] = receivers, reached_by(frame, i, b)
         if effects.has_receivers(i) and not effects.bounces:
             given[f"shadows/{i}"] = given[f"receivers/{i}"]
 

@@ -70,7 +70,7 @@ class Effects:
         spot = light < len(self.limited) and self.limited[light]
         return light < len(self.shadows) and self.shadows[light] and (self.facing or spot)
 
-    def mask_reads(self, light: int, bounce: int = 0) -> tuple[str, ...]:
+    def receiver_reads(self, light: int, bounce: int = 0) -> tuple[str, ...]:
         """The receivers that a pass reads which traces shadow rays to ``light`` from the hits of a bounce."""
         if not self.has_receivers(light):
             return ()

@@ -136,7 +136,14 @@ class Rays:
                 Pass(f"primary rays{of}", "trace", primary_reads, ("hits", hits), run(self._primary, share))
             ]
         for i in self.lights:
-            reads = (*seen, hits, f"light/{i}", f"light triangles/{i}", "reach", *self.effects.mask_reads(i))
+            reads = (
+                *seen,
+                hits,
+                f"light/{i}",
+                f"light triangles/{i}",
+                "reach",
+                *self.effects.receiver_reads(i),
+            )
             bits, doubts, effect = f"visibility/{i}", f"shadow doubts/{i}{of}", f"shadows/{i}"
             passes.append(
                 Pass(

@@ -15,7 +15,7 @@ def shadow_ray_passes(effects: Effects, reads: tuple[str, ...], launch: Callable
         Pass(
             f"light {i}: shadow rays",
             "shadow",
-            (*reads, f"light/{i}", *effects.mask_reads(i), *effects.surface_reads()),
+            (*reads, f"light/{i}", *effects.receiver_reads(i), *effects.surface_reads()),
             (f"visibility/{i}",),
             functools.partial(launch, i),
             effect=f"shadows/{i}",

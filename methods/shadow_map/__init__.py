@@ -121,8 +121,8 @@ class ShadowMap(BaseMethod):
             Pass(f"light {i}: clear map", "light build", ("box", light), (depth,), lambda: self._clear(i), effect),
             Pass(f"light {i}: draw map", "light build", (*scene, depth), (depth,), lambda: self._draw(i), effect),
             Pass(
-                f"light {i}: look up", "shadow", ("hits", light, depth, *self._effects.mask_reads(i)), (f"visibility/{i}",),
-                lambda: self._look_up(i), effect,
+                f"light {i}: look up", "shadow", ("hits", light, depth, *self._effects.receiver_reads(i)),
+                (f"visibility/{i}",), lambda: self._look_up(i), effect,
             ),
         ]  # fmt: skip
 

@@ -79,7 +79,7 @@ class LightPlaces:
         i, light, effect = self.index, f"light/{self.index}", f"shadows/{self.index}"
         rect = f"light rectangle/{i}"
         view = ("camera", "camera boxes") if self.build.clamp == "view" else ()
-        seen = ("hits", light, *view, *self.effects.mask_reads(i))
+        seen = ("hits", light, *view, *self.effects.receiver_reads(i))
         if not self.of_scene:
             return (
                 [Pass(f"light {i}: map rays", "shadow", seen, (rect,), self.launch_map, effect)],

@@ -90,7 +90,7 @@ class LightStream:
         i = self.index
         who, build = f"light {i}", "light build"
         light, effect = f"light/{i}", f"shadows/{i}"
-        seen = ("hits", f"light aim/{i}", *self.effects.mask_reads(i))
+        seen = ("hits", f"light aim/{i}", *self.effects.receiver_reads(i))
         aim, place, rays, bits = f"light aim/{i}", f"ray places/{i}", f"ray cells/{i}", f"visibility/{i}"
         offsets = f"ray offsets/{i}"
         scene = ("points", "triangles", "hits", light, aim, rays, *self.effects.surface_reads())
