@@ -10,6 +10,7 @@ import typer
 
 from ..errors import UserError
 from ..judge.verdict import Verdict
+from ..runner.machine_lock import MACHINE
 from .options import Device, Json
 from .tables import make_console, make_table, print_legend, print_lines
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from ..hardcases.judge import Finding
 
 
+@MACHINE.restored()
 def check(
     method: Annotated[str, typer.Argument(help="Name of a method; see shadowbench list methods.")],
     device: Device = None,
@@ -42,7 +44,6 @@ def check(
     from ..hardcases import all_cases, find_case
     from ..hardcases.conformance import conformance
     from ..hardcases.judge import SHADOWS, judge_method, outside_of
-    from ..runner.machine_lock import MACHINE
 
     settings = _settings(method, setting or [])
     place = device_for(method_class(method), find_device(device))

@@ -11,6 +11,7 @@ import typer
 
 from ..errors import UserError
 from ..judge.verdict import ERRORS, Verdict
+from ..runner.machine_lock import MACHINE
 from .options import Device, Frame, Json, Methods, SceneDir, Settings
 from .tables import make_console, make_table, print_legend, print_lines
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from ..judge.score import Judgement
 
 
+@MACHINE.restored()
 def explain(
     scene: Annotated[str, typer.Argument(help="Name of a scene, or a mesh file.")],
     pixel: Annotated[str, typer.Option("--pixel", help="Column and row of the pixel, counted from 0: X,Y.")],
@@ -44,7 +46,6 @@ def explain(
     from ..judge.context import Judge
     from ..judge.score import judge_frame, judge_rays
     from ..runner.experiment import Entry, parse_size
-    from ..runner.machine_lock import MACHINE
     from ..runner.points import parse_settings
     from ..scene.catalogue import resolve
     from ..scene.prepared import prepare

@@ -15,6 +15,7 @@ from ..scene.prepared import prepare
 from .options import seen_as
 
 
+@MACHINE.restored()
 def render(
     scene: str,
     method: str,

@@ -96,6 +96,7 @@ def plan_run(
     )
 
 
+@MACHINE.restored()
 def run(options: Options, as_json: bool = False) -> int:
     """Run and draw. Return 0 if every point was measured or skipped with a reason, else 1."""
     MACHINE.share()

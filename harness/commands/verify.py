@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import UserError
+from ..runner.machine_lock import MACHINE
 from ..typed_json import to_json
 from .answering import answer
 from .explain import explain
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 __all__ = ["answer", "explain", "score", "verify"]
 
 
+@MACHINE.restored()
 def verify(
     scene: Annotated[list[str], typer.Argument(help="Names of scenes, or mesh files.")],
     method: Methods = None,
@@ -51,7 +53,6 @@ def verify(
     from ..frame.devices import find_device
     from ..frame.registry import method_names
     from ..runner.experiment import Entry, parse_size
-    from ..runner.machine_lock import MACHINE
     from ..runner.points import parse_settings
     from ..scene.catalogue import resolve
 
@@ -135,6 +136,7 @@ def _verify_scene(
     }
 
 
+@MACHINE.restored()
 def score(
     folder: Annotated[Path, typer.Argument(help="A results folder with saved answers.")],
     again: Annotated[
@@ -149,7 +151,6 @@ def score(
     """
     from ..files import write_atomic
     from ..frame.warp_init import start_warp
-    from ..runner.machine_lock import MACHINE
 
     start_warp()
     files = sorted(path for path in folder.glob("**/*.npz") if path.parent.name == "answers")
@@ -182,7 +183,6 @@ def score(
 def _score_file(path: Path, folder: Path, again: bool, scene_dir: Path | None) -> dict[str, Any]:
     """Score one file of saved answers, and write the score into its record, if there is one."""
     from ..judge.answer_files import read_facts, score_raw
-    from ..judge.counts import Score
     from ..results.record import Frame as RecordFrame
     from ..results.schema import read_record
     from ..results.settle import keep_disputes
@@ -210,12 +210,12 @@ def _score_file(path: Path, folder: Path, again: bool, scene_dir: Path | None) -
             row["method"] = record.method["name"]
             frame = next((f for f in record.frames if f.frame == facts["frame"]), None)
         if frame and frame.score and not again:
-            row["status"], row["score"] = "had a score", Score.from_json(frame.score)
+            row["status"], row["score"] = "had a score", frame.score
         else:
             scored = score_raw(path, scene_dir, folder / "truth")
             row["score"] = scored.score
             if frame:
-                frame.score, frame.unscored, row["changed"] = scored.score.to_json(), None, True
+                frame.score, frame.unscored, row["changed"] = scored.score, None, True
                 keep_disputes(path.parent.parent, record.key, frame.frame, scored.disputes)
     except UserError as error:
         row["status"], row["reason"] = "not scored", str(error)
@@ -224,7 +224,6 @@ def _score_file(path: Path, folder: Path, again: bool, scene_dir: Path | None) -
 
 def _share_errors(rows: list[dict[str, Any]], folders: set[Path]) -> None:
     """Add the errors that an answer shares with the reference to the scores of each folder and of these rows."""
-    from ..judge.counts import Score
     from ..results.settle import settle_folder
 
     for folder in sorted(folders):
@@ -234,7 +233,7 @@ def _share_errors(rows: list[dict[str, Any]], folders: set[Path]) -> None:
                 own = changed.get(row["record"].key)
                 frames = own.frames if own else ()
                 charged = (f.score for f in frames if f.frame == row["frame"])
-                row["score"] = next((Score.from_json(one) for one in charged), row["score"])
+                row["score"] = next(charged, row["score"])
 
 
 def _known_inexact(row: dict[str, Any]) -> str | None:

@@ -11,6 +11,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, fields
 from typing import Annotated, Any, TypedDict
 
+from ..judge.counts import Score
+from ..typed_json import OMITTED, to_json
+
 SCHEMA = 1
 """Version of the files. Another one is refused."""
 
@@ -109,16 +112,16 @@ class Frame:
     stage_round: list[int]
     passes: list[PassTimes]
     regrown: int
-    score: dict[str, Any] | None = None
+    score: Score | None = None
     unscored: str | None = None
     started: list[float] = field(default_factory=list)
     stopped_by: list[str] = field(default_factory=list)
     memory_bytes: float | None = None
-    memory_source: str | None = None
+    memory_source: str | None = field(default=None, metadata=OMITTED)
     counters: dict[str, float] | None = field(default_factory=dict)
-    shadow_rays: int | None = None
-    flip: float | None = None
-    flip_missing: str | None = None
+    shadow_rays: int | None = field(default=None, metadata=OMITTED)
+    flip: float | None = field(default=None, metadata=OMITTED)
+    flip_missing: str | None = field(default=None, metadata=OMITTED)
 
     def __post_init__(self) -> None:
         for name in ("wall_ms", "round"):
@@ -162,7 +165,7 @@ class Record:
     frames_left_out: list[int] | None = field(default_factory=list)
     peak_rss_bytes: float | None = None
     baseline_rss_bytes: float | None = None
-    asked: float | None = None
+    asked: float | None = field(default=None, metadata=OMITTED)
 
     def __post_init__(self) -> None:
         if self.status not in STATUSES:
@@ -175,18 +178,7 @@ class Record:
 
     def to_json(self) -> dict[str, Any]:
         """The record as JSON has it."""
-        return _plain(self)
-
-
-LEFT_OUT = ("shadow_rays", "flip", "flip_missing", "memory_source", "asked")
-"""Fields that are not written where they are None."""
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Record | Frame | PassTimes):
-        found = {one.name: getattr(value, one.name) for one in fields(value)}
-        return {k: _plain(v) for k, v in found.items() if v is not None or k not in LEFT_OUT}
-    return [_plain(one) for one in value] if isinstance(value, list) else value
+        return to_json(self)
 
 
 def make_record(
@@ -212,7 +204,7 @@ def make_record(
     for extra in (*prepared.get("frames", ()), *finished.get("frames", ())):
         frame = frames.setdefault(extra["frame"], _empty_frame(extra["frame"]))
         for name, value in extra.items():
-            setattr(frame, name, value)
+            setattr(frame, name, Score.from_json(value) if name == "score" and value else value)
     last = rounds[-1].get("method", {}) if rounds else {}
     facts: Any = {**method, **prepared.get("method", {}), **last}
     sized: Any = point

@@ -15,7 +15,6 @@ from pathlib import Path
 
 import numpy as np
 
-from ..judge.counts import Score
 from ..judge.shared_errors import Disputes, charge, charged_pixels, pooled
 from .pixel_maps import mark_wrong, wrong_path
 from ..files import DAMAGED, write_arrays, write_atomic
@@ -78,10 +77,9 @@ def settle_folder(folder: Path) -> dict[str, Record]:
         whole = read_disputes(path) if score else None
         if score is None or whole is None:
             continue
-        before = Score.from_json(score, f"{place}: score")
-        charged = charge(before, whole[2], pool)
-        if charged is not before:
-            next(one for one in record.frames if one.frame == frame).score = charged.to_json()
+        charged = charge(score, whole[2], pool)
+        if charged is not score:
+            next(one for one in record.frames if one.frame == frame).score = charged
             write_atomic(place, record.to_json())
             changed[key] = record
         mark_wrong(wrong_path(folder, key, frame), *charged_pixels(whole[2], pool))

@@ -17,6 +17,7 @@ import numpy as np
 
 from ..frame.passes import BUILD_PARTS, PARTS
 from .newest import newest, settings_text
+from ..judge.counts import Score, total
 from ..judge.verdict import ERRORS
 from .record import Frame, Record
 
@@ -271,33 +272,32 @@ def _score(frame: Frame) -> dict[str, Any]:
     """What the judge found of a frame: true errors, or why there is no such number (then it is missing, never 0)."""
     row: dict[str, Any] = {"flip": frame.flip, "flip_missing": frame.flip_missing}
     score = frame.score
-    if not score:
+    if score is None:
         return {**row, "unscored": frame.unscored or "not judged", "pixels_scored": 0}
-    row |= {f"primary.{name}": value for name, value in score["primary"].items()}
-    for light in score["shadow"]:
-        for name, value in light.items():
+    row |= {f"primary.{name}": value for name, value in vars(score.primary).items()}
+    for light in score.shadow:
+        for name, value in vars(light).items():
             if name != "light":
                 row[f"shadow.{name}"] = row.get(f"shadow.{name}", 0) + value
     return {
         **row,
         "unscored": "",
-        "true_errors": score["true_errors"],
-        "excused_share": score["excused_share"],
-        "check": "ok" if score["check"] in (True, "ok") else "failed",
-        "pixels_scored": score["primary"]["pixels"],
+        "true_errors": score.true_errors,
+        "excused_share": score.excused_share,
+        "check": score.check,
+        "pixels_scored": score.primary.pixels,
         "reference_errors": reference_errors(score),
     }
 
 
-def reference_errors(score: dict[str, Any]) -> int:
+def reference_errors(score: Score) -> int:
     """How many answers of the reference the referee found wrong while it decided this score's disputes."""
-    counts = score.get("reference_errors") or {}
-    groups = [counts.get("primary") or {}, *(counts.get("shadow") or [])]
-    return sum(int(group.get(kind.key, 0)) for group in groups for kind in ERRORS)
+    counts = score.reference_errors
+    return sum(total(counts, kind) for kind in ERRORS) if counts else 0
 
 
 def _shadow_rays(frame: Frame) -> int | None:
     """How many shadow rays a frame asks for. Old records do not say, but have the number judged."""
     if frame.shadow_rays is not None or not frame.score:
         return frame.shadow_rays
-    return sum(int(light["scored"]) for light in frame.score["shadow"])
+    return sum(light.scored for light in frame.score.shadow)

@@ -81,6 +81,12 @@ class MachineLock:
         with self._holding(FREE):
             yield
 
+    @contextlib.contextmanager
+    def restored(self) -> Iterator[None]:
+        """Give back at the end what :meth:`share` took within. Also a decorator, for functions that a script may call."""
+        with self._holding(self.held):
+            yield
+
     def share(self) -> None:
         """Hold the lock in shared mode until :meth:`release` or the end of the process."""
         self._change(self.held or SHARED)

@@ -68,7 +68,7 @@ def test_a_folder_is_settled_when_it_goes_on_and_only_then_rewritten(ball, blind
     grade(ball, tmp_path, "a", ball.right, wrong_maps=True)
     changed = settle_folder(tmp_path)
     assert set(changed) == {"a", "b"}
-    assert changed["b"].frames[0].score["settled"]["true_errors"] == 3
+    assert changed["b"].frames[0].score.settled.true_errors == 3
     assert (errors(tmp_path, "a"), errors(tmp_path, "b")) == (0, 3)
     classes = pixel_maps.read_wrong(looks.wrong_path(tmp_path, "b", 0)).ravel()
     assert classes[ball.lost] == Verdict.TRUE
@@ -129,11 +129,11 @@ def test_a_run_that_goes_on_charges_what_it_scored_before(tmp_path, monkeypatch)
     np.savez(out / "truth" / path.name, **arrays)
     (steady,) = Run(options(out, [scene], ["steady"], **size), Silent()).go()
     alone = steady.frames[0].score
-    assert 0 < alone["true_errors"] < hits  # what a random sample of pixels finds
+    assert 0 < alone.true_errors < hits  # what a random sample of pixels finds
     both = Run(options(out, [scene], ["steady", "uniform_grid"], **size), Silent()).go()
     found = {record.method["name"]: record.frames[0].score for record in both}
-    assert found["uniform_grid"]["true_errors"] == 0
-    assert found["steady"]["true_errors"] == hits
-    assert found["steady"]["settled"]["true_errors"] == hits - alone["true_errors"]
+    assert found["uniform_grid"].true_errors == 0
+    assert found["steady"].true_errors == hits
+    assert found["steady"].settled.true_errors == hits - alone.true_errors
     assert both[0] == read_record(out / "records" / f"{both[0].key}.json")
-    assert honest.frames[0].score["true_errors"] == 0
+    assert honest.frames[0].score.true_errors == 0

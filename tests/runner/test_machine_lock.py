@@ -13,9 +13,10 @@ from pathlib import Path
 
 import pytest
 from helpers.tiny_runs import TETRAHEDRON
+from shadowbench.harness.commands.explain import explain
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.runner import runner as run_module
-from shadowbench.harness.runner.machine_lock import EXCLUSIVE, FOLDER, FREE, SHARED, MachineLock
+from shadowbench.harness.runner.machine_lock import EXCLUSIVE, FOLDER, FREE, MACHINE, SHARED, MachineLock
 from shadowbench.harness.runner.progress import Silent
 
 STEP_S = 0.02
@@ -305,3 +306,11 @@ def test_graders_wait_while_another_process_measures(tmp_path, monkeypatch) -> N
         assert "scene" in worker.receive(PATIENCE_S)
     finally:
         worker.stop()
+
+
+def test_a_command_called_from_a_script_does_not_keep_the_lock(tmp_path: Path) -> None:
+    """Its arguments are read before it takes the lock; that there is no such frame is found while it holds it."""
+    (tmp_path / "tetra.obj").write_text(TETRAHEDRON)
+    with pytest.raises(UserError, match="--frame 99"):
+        explain(str(tmp_path / "tetra.obj"), "0,0", frame=99, size="8x8", device="cpu")
+    assert MACHINE.held == FREE

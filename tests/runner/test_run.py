@@ -215,8 +215,8 @@ def test_answers_are_scored_against_truth(scene, tmp_path):
     chosen = options(tmp_path, [scene], ["bvh"], width=32, height=32, score=True, save_answers=True)
     (measured,) = Run(chosen, Silent()).go()
     score = measured.frames[0].score
-    assert score["primary"]["pixels"] == 32 * 32
-    assert score["true_errors"] == 0
+    assert score.primary.pixels == 32 * 32
+    assert score.true_errors == 0
     assert measured.frames[0].unscored is None
     assert measured.frames[0].shadow_rays > 0
     assert list((tmp_path / "truth").glob("*.npz"))
@@ -239,7 +239,7 @@ def test_several_graders_give_the_scores_of_one(scene, tmp_path, monkeypatch):
         assert len(list((out / "maps").glob("*-wrong.png"))) == len(entries)
         assert not list((out / "journal").iterdir())
     for label, one in found[1].items():
-        assert one.frames[0].score["check"] == "ok", label
+        assert one.frames[0].score.check == "ok", label
         assert one.frames[0].score == found[3][label].frames[0].score, label
 
 
