@@ -72,25 +72,17 @@ class Rays:
         self.careful = Careful(frame, build, effects, tree, leaves)
 
     def records_passes(self) -> list[Pass]:
-        """Triangles set up for the eye and for each light; they need the order of the triangles, not the tree."""
+        """Triangles set up for the eye, and for lights that every hit receives: they need only the order of triangles."""
         if self.effects.alpha:
             return []
-        mesh = ("points", "triangles", "order")
-        eye = Pass("eye: triangles", "trace", (*mesh, "camera"), ("eye triangles",), self._eye_records)
-        return [
-            eye,
-            *(
-                Pass(
-                    f"light {i}: triangles",
-                    "light build",
-                    (*mesh, f"light/{i}"),
-                    (f"light triangles/{i}",),
-                    functools.partial(self._light_records, i),
-                    effect=f"shadows/{i}",
-                )
-                for i in self.lights
-            ),
-        ]
+        reads = ("points", "triangles", "order", "camera")
+        eye = Pass("eye: triangles", "trace", reads, ("eye triangles",), self._eye_records)
+        return [eye, *(self._light_pass(i) for i in self.lights if not self.effects.has_receivers(i))]
+
+    def _light_pass(self, light: int) -> Pass:
+        reads = ("points", "triangles", "order", f"light/{light}")
+        made, launch = (f"light triangles/{light}",), functools.partial(self._light_records, light)
+        return Pass(f"light {light}: triangles", "light build", reads, made, launch, f"shadows/{light}")
 
     def passes(self) -> list[Pass]:
         """Primary rays and shadow rays, the shares beside each other; then mirrored ones."""
@@ -105,6 +97,10 @@ class Rays:
                 for steps in zip(*(self._share(share, scene) for share in range(self.shares)), strict=True)
                 for share, step in enumerate(steps)
             ]
+            for i in filter(self.effects.has_receivers, self.lights):
+                # After the hits: where none of them receives the light, it is left out.
+                place = next(k for k, step in enumerate(passes) if f"visibility/{i}" in step.writes)
+                passes.insert(place, self._light_pass(i))
         planes = () if self.effects.alpha else tuple(f"light triangles/{i}" for i in self.lights)
         return passes + traced_bounces(
             self.effects,

@@ -60,13 +60,16 @@ WITHOUT = {
 def assert_only_its_passes(label: str, effect: str, monkeypatch: pytest.MonkeyPatch) -> None:
     on, off, tags = WITHOUT[effect]
     with_it, without = session_of(label, scene(**on)), session_of(label, scene(**off))
-    assert names(without) == [work.name for work in with_it.all_passes if work.effect not in tags]
+    # As often as without, not in the same order: bvh2 sets triangles up for a light later where it may have no receiver.
+    assert sorted(names(without)) == sorted(
+        work.name for work in with_it.all_passes if work.effect not in tags
+    )
     assert any(work.effect in tags for work in with_it.all_passes) == bool(tags)
     for session, prepared in ((with_it, scene(**on)), (without, scene(**off))):
         session.load(prepared.moment(0, *SIZE))
         session.run_complete()
     counted = launches(with_it, monkeypatch), launches(without, monkeypatch)
-    assert effect_free(counted[0], tags) == effect_free(counted[1], set())
+    assert sorted(effect_free(counted[0], tags)) == sorted(effect_free(counted[1], set()))
 
 
 @pytest.mark.parametrize("label", LAMPS)
