@@ -125,7 +125,7 @@ def _prepared(trial: Trial, journal: Journal) -> dict[str, Any] | None:
         return None
     pixels = {"pixels": trial.pairs, "ok": trial.pairs - wrong, "true": wrong}
     check = "failed" if wrong else "ok"
-    score = {"true_errors": wrong, "excused_share": 0.0, "check": check, "primary": pixels, "shadow": ()}
+    score = {"true_errors": wrong, "excused_share": 0.0, "check": check, "primary": pixels, "shadow": []}
     frame = {"frame": 0, "counters": {"pairs": trial.pairs}, "score": score, "unscored": None}
     return {
         "event": "prepared",

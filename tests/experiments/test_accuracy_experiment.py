@@ -193,7 +193,9 @@ def point(label, ms, wrong, spread=0.01, scene="buddha", count=10):
     frame["round"] = [0, 1] * (count // 2)
     frame["score"]["true_errors"] = wrong
     frame["score"]["primary"] |= {"true": 0, "invalid": 0, "near_tie": 1, "edge": 2, "tie": 5}
-    frame["score"]["shadow"] = [{"scored": 100, "acne": wrong, "leak": 0, "edge": 3, "invalid": 0}]
+    frame["score"]["shadow"] = [
+        {"light": 0, "scored": 100, "acne": wrong, "leak": 0, "edge": 3, "invalid": 0}
+    ]
     frame |= {"flip": 0.25, "flip_missing": ""}
     return made
 

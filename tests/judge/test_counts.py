@@ -61,4 +61,5 @@ def test_a_missing_field_is_named():
 def test_scores_of_kept_results_can_be_read(request, experiment):
     folder = request.config.rootpath / "results" / "nvidia-h200" / experiment
     scores = [frame.score for record in read_records(folder) for frame in record.frames]
-    assert len([Score.from_json(score) for score in scores if score]) > 5
+    assert len([score for score in scores if isinstance(score, Score)]) > 5
+    assert all(Score.from_json(score.to_json()) == score for score in scores if score)
