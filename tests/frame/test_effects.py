@@ -60,8 +60,9 @@ WITHOUT = {
 def assert_only_its_passes(label: str, effect: str, monkeypatch: pytest.MonkeyPatch) -> None:
     on, off, tags = WITHOUT[effect]
     with_it, without = session_of(label, scene(**on)), session_of(label, scene(**off))
-    # As often as without, not in the same order: bvh2 sets triangles up for a light later where it may have no receiver.
-    assert sorted(names(without)) == sorted(
+    # Of bvh2 the order differs too: it sets triangles up for a light later where the light may have no receiver.
+    listed = sorted if label == "bvh2" else list
+    assert listed(names(without)) == listed(
         work.name for work in with_it.all_passes if work.effect not in tags
     )
     assert any(work.effect in tags for work in with_it.all_passes) == bool(tags)
@@ -69,7 +70,7 @@ def assert_only_its_passes(label: str, effect: str, monkeypatch: pytest.MonkeyPa
         session.load(prepared.moment(0, *SIZE))
         session.run_complete()
     counted = launches(with_it, monkeypatch), launches(without, monkeypatch)
-    assert sorted(effect_free(counted[0], tags)) == sorted(effect_free(counted[1], set()))
+    assert listed(effect_free(counted[0], tags)) == listed(effect_free(counted[1], set()))
 
 
 @pytest.mark.parametrize("label", LAMPS)
