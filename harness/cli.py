@@ -18,6 +18,7 @@ from typing import Annotated, Any
 import typer
 
 from .commands.check import check
+from .commands.compare import compare
 from .commands.keep import keep
 from .commands.options import CameraPlace, Device, Fov, Json, Lights, SceneDir, Settings
 from .commands.plan import plan
@@ -246,6 +247,9 @@ command("plan", "shadowbench plan cloth --method uniform_grid")(plan)
 command("verify", "shadowbench verify cloth bunny.ply --method bvh --json")(verify)
 command("explain", "shadowbench explain cloth --pixel 120,80")(explain)
 command("score", "shadowbench score results/local/table1-quick")(score)
+command("compare", "shadowbench compare results/local/last-week results/local/today --fail-on slower")(
+    compare
+)
 command("keep", "shadowbench keep results/local/table1-quick --out results/my-machine/table1")(keep)
 
 

@@ -13,7 +13,7 @@ from functools import cache, cached_property, reduce
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import UserError
+from ..results.schema import folders_with_records
 from . import compare, document
 
 if TYPE_CHECKING:
@@ -163,10 +163,7 @@ def collect(folder: Path) -> Data:
     """Every record in the folder and the folders in it. Raises :class:`UserError` where there is none."""
     import pandas as pd
 
-    places = [path.parent for path in sorted([*folder.glob("records"), *folder.glob("*/records")])]
-    tables = [document.frames(place) for place in places if any((place / "records").glob("*.json*"))]
-    if not tables:
-        raise UserError(f"{folder}: no records in it or in its folders; name a folder of results")
+    tables = [document.frames(place) for place in folders_with_records(folder)]
     frames = pd.concat(tables, ignore_index=True)
     frames["key"] = frames["folder"] + "/" + frames["key"]  # the same point may be in several folders
     frames = frames[(frames["status"] == "ok") & frames["total_ms"].notna()]

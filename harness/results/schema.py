@@ -43,6 +43,18 @@ def read_records(folder: Path | str) -> list[Record]:
     return [found[key] for key in sorted(found)]
 
 
+def folders_with_records(folder: Path | str) -> list[Path]:
+    """The folder, or the folders in it, that have records. Raises :class:`UserError` where there is none."""
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise UserError(f"{folder}: no such folder; name a folder of results")
+    places = [path.parent for path in sorted([*folder.glob("records"), *folder.glob("*/records")])]
+    places = [place for place in places if any((place / "records").glob("*.json*"))]
+    if not places:
+        raise UserError(f"{folder}: no records in it or in its folders; name a folder of results")
+    return places
+
+
 def archived(place: Path) -> dict[str, Record]:
     """By key the records in the archives of a folder ``records/``; of two that have one, the later name's."""
     paths = sorted(place.glob(ARCHIVES))

@@ -1,0 +1,280 @@
+"""``shadowbench compare``: what is faster and what is slower in run B than in run A, told with its uncertainty."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ..errors import UserError
+from ..files import plain
+from ..report import style, two_runs
+from ..report.two_runs import OPEN, VERDICTS, Comparison, Row
+from ..results.folder import read_json
+from ..results.newest import newest
+from ..results.record import Record
+from ..results.schema import folders_with_records
+from .options import Json
+from .tables import make_console, make_table, print_lines
+
+ALLOWED = ("machine", "driver", "scene", "versions")
+"""What may differ where ``--allow`` says so; ``versions``: several versions of one method within a run."""
+
+FAILS = ("slower", "faster", "cannot-tell")
+
+One = Annotated[Path, typer.Argument(metavar="A", help="A results folder, or a folder of them: the base.")]
+Other = Annotated[Path, typer.Argument(metavar="B", help="The results to compare with A.")]
+Again = Annotated[
+    Path | None,
+    typer.Option(
+        "--again",
+        help="A second run of A on the same machine: its gap to A counts as the machine's own spread.",
+    ),
+]
+Allow = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--allow", help="Compare although this differs: machine, driver, scene or versions. Repeatable."
+    ),
+]
+FailOn = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--fail-on", help="Exit code 1 for this verdict: slower, faster or cannot-tell. Repeatable."
+    ),
+]
+Margin = Annotated[float, typer.Option("--margin", help="A gap up to this share counts as no difference.")]
+
+
+def compare(
+    a: One, b: Other, again: Again = None, allow: Allow = None, fail_on: FailOn = None,
+    margin: Margin = two_runs.MARGIN, as_json: Json = False,
+) -> int:  # fmt: skip
+    """Compare two runs: for each scene and method, and for the geometric mean, tell whether B is faster, slower or the same.
+
+    A difference needs nine rounds in both runs, a Mann-Whitney test on the medians of rounds (Holm's correction), and a gap
+    above the margin and above the machine's own spread. Rounds whose clocks were throttled are named and left out.
+    """
+    for given, known, option in ((allow, ALLOWED, "--allow"), (fail_on, FAILS, "--fail-on")):
+        for word in given or ():
+            if word not in known:
+                raise UserError(f"{option} {word}: choose {', '.join(known[:-1])} or {known[-1]}")
+    if not 0 < margin < 1:
+        raise UserError(f"--margin {margin:g}: must be between 0 and 1")
+    folders = {"A": a, "B": b, **({"again": again} if again else {})}
+    runs = {name: Run.read(name, folder) for name, folder in folders.items()}
+    refuse(runs, allow or ())
+    found = two_runs.compared(
+        runs["A"].entries, runs["B"].entries, runs["again"].entries if again else None, margin
+    )
+    if not found.rows:
+        raise UserError(f"{a} and {b}: have no entry in common (experiment, scene, method, settings, size)")
+    notes = list(notes_of(runs, found, allow or ()))
+    if as_json:
+        print(json.dumps(as_data(folders, found, notes, margin), indent=1))
+    else:
+        print_comparison(found, notes, margin)
+    wanted = [OPEN if word == "cannot-tell" else word for word in fail_on or ()]
+    return 1 if any(found.count(verdict) for verdict in wanted) else 0
+
+
+@dataclasses.dataclass(frozen=True)
+class Run:
+    """One side of a comparison: the newest record of each entry, and the environments that these refer to."""
+
+    name: str
+    folder: Path
+    entries: dict[tuple, Record]
+    older: int
+    environments: dict[str, dict[str, Any]]
+
+    @classmethod
+    def read(cls, name: str, folder: Path) -> Run:
+        records, older, known = [], 0, {}
+        for place in folders_with_records(folder):
+            found, others = newest(place)
+            older += others
+            records += found
+            for one in {name for record in found for name in environments_of(record)}:
+                facts = read_json(place / "environments" / f"{one}.json")
+                if facts is not None:
+                    known[one] = facts
+        return cls(name, folder, two_runs.entries(records), older, known)
+
+    def of(self, record: Record) -> list[dict[str, Any]]:
+        """The environments that a record was measured in, as far as they are known."""
+        return [self.environments[one] for one in environments_of(record) if one in self.environments]
+
+
+def environments_of(record: Record) -> list[str]:
+    """The names of the environments of a record: one, or several where a run went on elsewhere."""
+    names = [
+        record.environment,
+        *(str(one["environment"]) for one in record.rounds or () if "environment" in one),
+    ]
+    return list(dict.fromkeys(names))
+
+
+def machine(facts: Mapping[str, Any]) -> str:
+    """What a measurement ran on, as a phrase."""
+    gpus = [gpu.get("name", "?") for gpu in facts.get("gpus") or ()]
+    cpu = facts.get("cpu") or {}
+    return " and ".join(
+        dict.fromkeys([*gpus, f"{cpu.get('model', '?')} ({cpu.get('usable_cores', '?')} cores)"])
+    )
+
+
+def driver(facts: Mapping[str, Any]) -> str:
+    """The driver's version; "" where there is no GPU."""
+    versions = [(gpu.get("smi") or {}).get("driver_version", "?") for gpu in facts.get("gpus") or ()]
+    cuda = (facts.get("cuda") or {}).get("driver")
+    return ", ".join(dict.fromkeys([*versions, *([f"CUDA {cuda}"] if cuda else [])]))
+
+
+def refuse(runs: Mapping[str, Run], allow: Iterable[str]) -> None:
+    """Raise :class:`UserError` where the runs differ in what would be compared besides the methods."""
+    base = runs["A"]
+    shared = [entry for entry in base.entries if all(entry in run.entries for run in runs.values())]
+    for what, told in (("machine", machine), ("driver", driver)):
+        if what in allow:
+            continue
+        seen: dict[str, str] = {}
+        for name, run in runs.items():
+            for entry in shared:
+                facts = run.of(run.entries[entry])
+                if not facts:
+                    missing = run.entries[entry].environment
+                    raise UserError(
+                        f"{run.folder}: environments/{missing}.json is not there, so that the {what} is not known; "
+                        f"--allow {what} compares all the same"
+                    )
+                for one in facts:
+                    seen.setdefault(told(one), name)
+        if len(seen) > 1:
+            (first, one), (second, other) = list(seen.items())[:2]
+            raise UserError(
+                f"{what}: {first} in {one}, {second} in {other}; --allow {what} compares all the same"
+            )
+    if "scene" not in allow:
+        for entry in shared:
+            hashes = {run.entries[entry].scene.get("arrays_sha256") for run in runs.values()}
+            if len(hashes) > 1:
+                scene = base.entries[entry].scene
+                raise UserError(
+                    f"scene {scene.get('title') or scene['name']}: is not the same version in both (its arrays have other "
+                    "hashes); --allow scene compares all the same"
+                )
+    if "versions" not in allow:
+        for run in runs.values():
+            for method in dict.fromkeys(record.method["name"] for record in run.entries.values()):
+                own = {
+                    r.method.get("source_sha256") or ""
+                    for r in run.entries.values()
+                    if r.method["name"] == method
+                }
+                if len(own) > 1:
+                    told = " and ".join(sorted(version[:8] or "unknown" for version in own))
+                    raise UserError(
+                        f"{run.folder}: has several versions of {method} ({told}); compare folders of one version each, or "
+                        "--allow versions"
+                    )
+
+
+def notes_of(runs: Mapping[str, Run], found: Comparison, allow: Iterable[str]) -> Iterable[str]:
+    """What a reader must know besides the verdicts, a line each."""
+    for run, point, number, why in found.left_out:
+        yield f"left out: round {number} of {run}, {point}: clocks throttled ({why})"
+    for name, run in runs.items():
+        if run.older:
+            yield f"{name}: {run.older} older records of the same entries are left out"
+    for name, points in found.only.items():
+        if points:
+            yield f"only in {name}: {'; '.join(points[:6])}" + f" and {len(points) - 6} more" * (
+                len(points) > 6
+            )
+    packages = [
+        {text for facts in run.environments.values() if (text := f"Warp {facts.get('warp', '?')}")}
+        for run in runs.values()
+    ]
+    if len(set.union(*packages)) > 1:
+        yield f"versions differ: {', '.join(sorted(set.union(*packages)))}"
+    for what in allow:
+        yield f"allowed to differ: {what}"
+
+
+def print_comparison(found: Comparison, notes: Iterable[str], margin: float) -> None:
+    """The verdicts as a table, geometric means last; then what was left out."""
+    console = make_console()
+    table = make_table(
+        "scene", "method", "verdict", numbers=("A, ms", "B, ms", "gap", "95 %", "own", "wrong")
+    )
+    for row in (*found.rows, *found.means):
+        table.add_row(
+            row.scene, row.label + " *" * row.changed, row.verdict, style.number(row.a_ms), style.number(row.b_ms),
+            percent(row.gap), interval(row), percent(row.spread, sign=False), wrong(row),
+            style={"slower": "red", "faster": "green", OPEN: "dim"}.get(row.verdict, ""),
+        )  # fmt: skip
+    console.print(table)
+    counts = ", ".join(f"{count} {verdict}" for verdict in VERDICTS if (count := found.count(verdict)))
+    lines = [f"{counts}.", f"gap: B over A less one; own: the machine's own spread; margin {margin:.0%}; "
+             "wrong: answers of A and B; *: another version of the method"]  # fmt: skip
+    reasons: dict[str, list[str]] = {}
+    for row in (*found.rows, *found.means):
+        if row.reason:
+            reasons.setdefault(row.reason, []).append(f"{row.scene}, {row.label}")
+    why = [f"can't tell: {reason} ({some(points)})" for reason, points in reasons.items()]
+    print_lines(console, *lines, *why, *notes)
+    sys.stdout.flush()
+
+
+def some(names: Sequence[str], most: int = 4) -> str:
+    """The first of many names, and how many more there are."""
+    return "; ".join(names[:most]) + f" and {len(names) - most} more" * (len(names) > most)
+
+
+def percent(share: float, sign: bool = True) -> str:
+    """A share as text; a dash where it is not known."""
+    return "-" if math.isnan(share) else f"{share:{'+' if sign else ''}.1%}"
+
+
+def interval(row: Row) -> str:
+    """The 95 % interval of a row's gap."""
+    return "-" if math.isnan(row.low) else f"{row.low:+.1%} {row.high:+.1%}"
+
+
+def wrong(row: Row) -> str:
+    """Wrong answers of A and B; one number where they are equal, "?" where answers were not judged."""
+    if row.scenes > 1:
+        return ""
+    texts = ["?" if n is None else f"{n:,}" for n in (row.wrong_a, row.wrong_b)]
+    return texts[0] if texts[0] == texts[1] else " ".join(texts)
+
+
+def as_data(
+    folders: Mapping[str, Path], found: Comparison, notes: Iterable[str], margin: float
+) -> dict[str, Any]:
+    """What ``--json`` prints: null where something is not known."""
+
+    def row(one: Row) -> dict[str, Any]:
+        facts = dataclasses.asdict(one)
+        return {k: None if isinstance(v, float) and math.isnan(v) else plain(v) for k, v in facts.items()}
+
+    return {
+        "folders": {name: str(folder) for name, folder in folders.items()},
+        "margin": margin,
+        "counts": {verdict: found.count(verdict) for verdict in VERDICTS},
+        "points": [row(one) for one in found.rows],
+        "geometric_means": [row(one) for one in found.means],
+        "left_out": [
+            {"run": run, "point": point, "round": number, "reason": why}
+            for run, point, number, why in found.left_out
+        ],
+        "only": {name: list(points) for name, points in found.only.items()},
+        "notes": list(notes),
+    }

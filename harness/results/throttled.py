@@ -1,0 +1,59 @@
+"""Rounds whose clocks were throttled, from what a record has of the GPU's clocks at the end of each round."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from statistics import median
+from typing import Any
+
+from .record import Record
+
+REASONS = {
+    0x04: "power limit",
+    0x08: "hardware slowdown",
+    0x10: "synchronised with a slower GPU",
+    0x20: "temperature (software)",
+    0x40: "temperature (hardware)",
+    0x80: "power brake",
+}
+"""Bits of NVML's clock event reasons that slow a GPU under load. The others, idle and clocks that a user set, do not."""
+
+LOWEST = 0.97
+"""Share of the usual clock below which a round counts as throttled where the driver reports no reasons."""
+
+
+def usual_clock(records: Iterable[Record]) -> float:
+    """The median of the SM clocks that rounds have, MHz; NaN where none has one."""
+    known = [mhz for record in records for one in record.rounds or () if (mhz := _clock(one)) is not None]
+    return median(known) if known else float("nan")
+
+
+def throttled(one: Mapping[str, Any], usual: float) -> str:
+    """Why a round of :attr:`.results.record.Record.rounds` counts as throttled; "" where it does not, or nothing is known.
+
+    usual  :func:`usual_clock` of the runs that are compared, MHz
+    """
+    bits = _number(_gpu(one).get("clocks_throttle_reasons.active"))
+    if bits is not None:
+        return ", ".join(name for bit, name in REASONS.items() if int(bits) & bit)
+    mhz = _clock(one)
+    if mhz is not None and mhz < LOWEST * usual:
+        return f"{mhz:.0f} MHz where {usual:.0f} are usual"
+    return ""
+
+
+def _gpu(one: Mapping[str, Any]) -> Mapping[str, Any]:
+    clock = one.get("clock") or {}
+    return (clock.get("gpu") or {}) if isinstance(clock, Mapping) else {}
+
+
+def _clock(one: Mapping[str, Any]) -> float | None:
+    return _number(_gpu(one).get("clocks.sm"))
+
+
+def _number(text: Any) -> float | None:
+    """A number as nvidia-smi prints it, decimal or "0x..."; None for "[N/A]" and the like."""
+    try:
+        return float(int(text, 16)) if str(text).startswith("0x") else float(text)
+    except (TypeError, ValueError):
+        return None

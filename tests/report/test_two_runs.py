@@ -1,0 +1,210 @@
+"""The verdict between two runs, on made records: equal, 3 % slower, throttled, too few rounds, too noisy."""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+import sys
+
+import numpy as np
+import pytest
+from helpers.experiment_records import record_of, write_records
+from shadowbench.harness import cli
+from shadowbench.harness.report import two_runs
+from shadowbench.harness.runner.experiment import Entry
+
+TREE, GRIDS, EMBREE = (
+    Entry("bvh", {}, "tree"),
+    Entry("ray_grids", {}, "grids"),
+    Entry("embree", {}, "on the CPU"),
+)
+FACTS = {
+    "cpu": {"model": "A CPU", "usable_cores": 2},
+    "warp": "1.0",
+    "gpus": [{"name": "A GPU", "smi": {"driver_version": "1"}}],
+}
+CLEAR, THERMAL = "0x0000000000000000", "0x0000000000000020"
+
+
+def made(entry, ms, seed, scene="cloth", rounds=9, noise=0.004, throttled=(), slow=1.5):
+    """A record of ``rounds`` rounds about ``ms``; those of ``throttled`` take ``slow`` times as long and say why."""
+    record = record_of("frame_time", entry, scene, ms=ms)
+    draws = np.random.default_rng(seed).normal(1.0, noise, (rounds, 3)) * ms
+    for number in throttled:
+        draws[number] *= slow
+    (frame,) = record["frames"]
+    frame["total_ms"] = frame["wall_ms"] = [float(x) for x in draws.ravel()]
+    frame["round"] = [i for i in range(rounds) for _ in range(3)]
+    record["method"]["source_sha256"] = f"version of {entry.method}"
+    record["scene"]["arrays_sha256"] = f"arrays of {scene}"
+    record["rounds"] = [
+        {"round": i, "run": "one", "clock": {"gpu": {"clocks.sm": "1980",
+         "clocks_throttle_reasons.active": THERMAL if i in throttled else CLEAR}}}
+        for i in range(rounds)
+    ]  # fmt: skip
+    return record
+
+
+def write(folder, records, facts=FACTS):
+    write_records(folder, records)
+    (folder / "environments").mkdir()
+    (folder / "environments" / "e.json").write_text(json.dumps(facts))
+    return folder
+
+
+@pytest.fixture
+def call(monkeypatch, capsys):
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["shadowbench", "compare", *map(str, arguments)])
+        monkeypatch.delenv(cli.DEBUG, raising=False)
+        with pytest.raises(SystemExit) as stopped:
+            cli.main()
+        said = capsys.readouterr()
+        return stopped.value.code or 0, said.out, said.err
+
+    return run
+
+
+@pytest.fixture
+def pair(tmp_path):
+    """Two runs: the tree is equal in both, the grids take 3 % longer in B, Embree's B has two throttled rounds."""
+    a = [made(e, ms, i, s) for i, (e, ms, s) in enumerate((e, ms, s) for s in ("cloth", "buddha")
+         for e, ms in ((TREE, 1.0), (GRIDS, 0.5), (EMBREE, 20.0)))]  # fmt: skip
+    b = [made(e, ms, 50 + i, s, **more) for i, (e, ms, s, more) in enumerate((e, ms, s, more) for s in ("cloth", "buddha")
+         for e, ms, more in ((TREE, 1.0, {}), (GRIDS, 0.515, {}),
+                             (EMBREE, 20.0, {"rounds": 11, "throttled": (3, 7)})))]  # fmt: skip
+    return write(tmp_path / "a", a), write(tmp_path / "b", b)
+
+
+def test_equal_slower_and_throttled_runs(call, pair):
+    code, out, _ = call(*pair, "--json")
+    found = json.loads(out)
+    verdicts = {(row["scene"], row["label"]): row for row in found["points"]}
+    assert {key: row["verdict"] for key, row in verdicts.items()} == {
+        (f"{scene} (stand-in)", label): verdict
+        for scene in ("Cloth", "Buddha")
+        for label, verdict in (("tree", "same"), ("grids", "slower"), ("on the CPU", "same"))
+    }
+    assert {row["label"]: row["verdict"] for row in found["geometric_means"]} == {
+        "tree": "same", "grids": "slower", "on the CPU": "same",
+    }  # fmt: skip
+    assert verdicts["Cloth (stand-in)", "grids"]["gap"] == pytest.approx(0.03, abs=0.006)
+    assert {(left["run"], left["round"], left["reason"]) for left in found["left_out"]} == {
+        ("B", 3, "temperature (software)"), ("B", 7, "temperature (software)"),
+    }  # fmt: skip
+    assert code == 0
+
+
+def test_exit_codes_follow_the_verdicts(call, pair):
+    a, b = pair
+    assert call(a, b, "--fail-on", "slower")[0] == 1
+    assert call(a, b, "--fail-on", "faster")[0] == 0
+    assert call(b, a, "--fail-on", "faster")[0] == 1
+    code, out, _ = call(a, b)
+    assert code == 0
+    assert (
+        "left out: round 3 of B, Cloth (stand-in), on the CPU: clocks throttled (temperature (software))"
+        in out
+    )
+
+
+def test_a_throttled_run_would_be_called_slower_if_its_rounds_counted(tmp_path):
+    a, b = made(TREE, 1.0, 1), made(TREE, 1.0, 2, rounds=11, throttled=range(11), slow=1.1)
+    for one in b["rounds"]:
+        one["clock"]["gpu"]["clocks_throttle_reasons.active"] = CLEAR
+    assert verdict(tmp_path, a, b).verdict == two_runs.SLOWER
+
+
+def verdict(tmp_path, a, b, again=None):
+    from shadowbench.harness.results.schema import read_records
+
+    runs = []
+    for number, record in enumerate(filter(None, (a, b, again))):
+        runs.append(two_runs.entries(read_records(write_records(tmp_path / str(number), [record]))))
+    (row,) = two_runs.compared(*runs).rows
+    return row
+
+
+def test_few_rounds_say_what_to_run(tmp_path):
+    row = verdict(tmp_path, made(TREE, 1.0, 1, rounds=8), made(TREE, 2.0, 2))
+    assert row.verdict == two_runs.OPEN
+    assert row.reason == "8 in A of 9 rounds; run with --rounds 9"
+
+
+def test_noise_and_drift_of_the_machine_hide_a_gap(tmp_path):
+    noisy = verdict(tmp_path / "noisy", made(TREE, 1.0, 1, noise=0.2), made(TREE, 1.03, 2, noise=0.2))
+    assert noisy.verdict == two_runs.OPEN
+    drifting = [made(TREE, ms, i, rounds=12, noise=0.001) for i, ms in enumerate((1.0, 1.04))]
+    for number, one in enumerate(drifting[0]["frames"][0]["round"]):
+        drifting[0]["frames"][0]["total_ms"][number] *= 1.0 + 0.1 * (one > 5)
+    row = verdict(tmp_path / "drift", *drifting)
+    assert row.spread > 0.09
+    assert row.verdict == two_runs.OPEN
+
+
+def test_a_second_run_of_a_tells_the_spread_between_runs(tmp_path):
+    a, b, again = (made(TREE, ms, i) for i, ms in enumerate((1.0, 1.04, 1.06)))
+    assert verdict(tmp_path / "alone", a, b).verdict == two_runs.SLOWER
+    row = verdict(tmp_path / "again", a, b, again)
+    assert row.verdict == two_runs.OPEN
+    assert row.spread == pytest.approx(0.06, abs=0.01)
+
+
+def test_a_lower_clock_counts_as_throttled_where_no_reason_is_reported(tmp_path):
+    b = made(TREE, 1.0, 2, rounds=10, throttled=(4,))
+    for one in b["rounds"]:
+        one["clock"]["gpu"] = {"clocks.sm": "1200" if one["round"] == 4 else "1980"}
+    row = verdict(tmp_path, made(TREE, 1.0, 1), b)
+    assert (row.verdict, row.rounds_b) == (two_runs.SAME, 9)
+
+
+@pytest.mark.parametrize(
+    ("change", "said", "allow"),
+    [
+        (lambda r, f: f["gpus"][0].update(name="Another"), "machine: A GPU and A CPU (2 cores) in A, Another", "machine"),
+        (lambda r, f: f["gpus"][0]["smi"].update(driver_version="2"), "driver: 1 in A, 2 in B", "driver"),
+        (lambda r, f: r["scene"].update(arrays_sha256="x"), "scene Cloth (stand-in): is not the same version", "scene"),
+    ],
+)  # fmt: skip
+def test_what_is_not_alike_is_refused_unless_asked(call, tmp_path, change, said, allow):
+    record, facts = made(TREE, 1.0, 2), copy.deepcopy(FACTS)
+    change(record, facts)
+    a, b = write(tmp_path / "a", [made(TREE, 1.0, 1)]), write(tmp_path / "b", [record], facts)
+    code, out, err = call(a, b)
+    assert (code, out) == (2, "")
+    assert said in err
+    assert f"--allow {allow}" in err
+    assert len(err.splitlines()) == 1
+    assert call(a, b, "--allow", allow)[0] == 0
+
+
+def test_bad_input_is_one_line(call, tmp_path):
+    whole = write(tmp_path / "a", [made(TREE, 1.0, 1)])
+    (tmp_path / "empty").mkdir()
+    half = write(tmp_path / "half", [made(TREE, 1.0, 1)])
+    path = next((half / "records").glob("*.json"))
+    path.write_text(path.read_text()[:300])
+    two = [made(TREE, 1.0, 1), made(TREE, 1.0, 1, scene="buddha")]
+    two[1]["method"]["source_sha256"] = "another"
+    mixed = write(tmp_path / "mixed", two)
+    for other, said in (
+        (tmp_path / "none", "no such folder"),
+        (tmp_path / "empty", "no records in it"),
+        (half, "not a record"),
+        (mixed, "has several versions of bvh"),
+        (write(tmp_path / "others", [made(GRIDS, 1.0, 1)]), "have no entry in common"),
+    ):
+        code, out, err = call(whole, other)
+        assert (code, out, len(err.splitlines())) == (2, "", 1)
+        assert said in err
+
+
+def test_holm_and_the_spread_of_a_run_against_itself():
+    assert two_runs.holm([0.01, 0.04, math.nan, 0.03]) == pytest.approx(
+        [0.03, 0.06, math.nan, 0.06], nan_ok=True
+    )
+    quiet = np.full(9, 2.0)
+    assert two_runs.own_spread(quiet) == 0.0
+    gap, low, high = two_runs.gap_between(quiet, quiet * 1.1)
+    assert (gap, low, high) == pytest.approx((0.1, 0.1, 0.1))
