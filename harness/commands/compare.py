@@ -6,7 +6,7 @@ import dataclasses
 import json
 import math
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -59,7 +59,8 @@ def compare(
     """Compare two runs: for each scene and method, and for the geometric mean, tell whether B is faster, slower or the same.
 
     A difference needs nine rounds in both runs, a Mann-Whitney test on the medians of rounds (Holm's correction), and a gap
-    above the margin and above the machine's own spread. Rounds whose clocks were throttled are named and left out.
+    above the margin and above the machine's own spread. Rounds whose clocks were throttled are named and left out, and on a
+    CPU those in which the machine had more to do than it has cores.
     """
     for given, known, option in ((allow, ALLOWED, "--allow"), (fail_on, FAILS, "--fail-on")):
         for word in given or ():
@@ -71,7 +72,11 @@ def compare(
     runs = {name: Run.read(name, folder) for name, folder in folders.items()}
     refuse(runs, allow or ())
     found = two_runs.compared(
-        runs["A"].entries, runs["B"].entries, runs["again"].entries if again else None, margin
+        runs["A"].entries,
+        runs["B"].entries,
+        runs["again"].entries if again else None,
+        margin,
+        cores(runs.values()),
     )
     if not found.rows:
         raise UserError(f"{a} and {b}: have no entry in common (experiment, scene, method, settings, size)")
@@ -101,7 +106,7 @@ class Run:
             found, others = newest(place)
             older += others
             records += found
-            for one in {name for record in found for name in environments_of(record)}:
+            for one in {known_as for record in found for known_as in environments_of(record)}:
                 facts = read_json(place / "environments" / f"{one}.json")
                 if facts is not None:
                     known[one] = facts
@@ -137,11 +142,20 @@ def driver(facts: Mapping[str, Any]) -> str:
     return ", ".join(dict.fromkeys([*versions, *([f"CUDA {cuda}"] if cuda else [])]))
 
 
+def cores(runs: Iterable[Run]) -> int | None:
+    """The cores that all runs may use: the least that an environment has; None where none is known."""
+    known = [
+        (facts.get("cpu") or {}).get("usable_cores") for run in runs for facts in run.environments.values()
+    ]
+    return min((count for count in known if count), default=None)
+
+
 def refuse(runs: Mapping[str, Run], allow: Iterable[str]) -> None:
     """Raise :class:`UserError` where the runs differ in what would be compared besides the methods."""
     base = runs["A"]
     shared = [entry for entry in base.entries if all(entry in run.entries for run in runs.values())]
-    for what, told in (("machine", machine), ("driver", driver)):
+    facts_of: Mapping[str, Callable[[Mapping[str, Any]], str]] = {"machine": machine, "driver": driver}
+    for what, told in facts_of.items():
         if what in allow:
             continue
         seen: dict[str, str] = {}
@@ -157,9 +171,9 @@ def refuse(runs: Mapping[str, Run], allow: Iterable[str]) -> None:
                 for one in facts:
                     seen.setdefault(told(one), name)
         if len(seen) > 1:
-            (first, one), (second, other) = list(seen.items())[:2]
+            (first, in_one), (second, in_other) = list(seen.items())[:2]
             raise UserError(
-                f"{what}: {first} in {one}, {second} in {other}; --allow {what} compares all the same"
+                f"{what}: {first} in {in_one}, {second} in {in_other}; --allow {what} compares all the same"
             )
     if "scene" not in allow:
         for entry in shared:
@@ -179,9 +193,9 @@ def refuse(runs: Mapping[str, Run], allow: Iterable[str]) -> None:
                     if r.method["name"] == method
                 }
                 if len(own) > 1:
-                    told = " and ".join(sorted(version[:8] or "unknown" for version in own))
+                    named = " and ".join(sorted(version[:8] or "unknown" for version in own))
                     raise UserError(
-                        f"{run.folder}: has several versions of {method} ({told}); compare folders of one version each, or "
+                        f"{run.folder}: has several versions of {method} ({named}); compare folders of one version each, or "
                         "--allow versions"
                     )
 
@@ -189,10 +203,10 @@ def refuse(runs: Mapping[str, Run], allow: Iterable[str]) -> None:
 def notes_of(runs: Mapping[str, Run], found: Comparison, allow: Iterable[str]) -> Iterable[str]:
     """What a reader must know besides the verdicts, a line each."""
     for run, point, number, why in found.left_out:
-        yield f"left out: round {number} of {run}, {point}: clocks throttled ({why})"
-    for name, run in runs.items():
-        if run.older:
-            yield f"{name}: {run.older} older records of the same entries are left out"
+        yield f"left out: round {number} of {run}, {point}: {why}"
+    for name, own in runs.items():
+        if own.older:
+            yield f"{name}: {own.older} older records of the same entries are left out"
     for name, points in found.only.items():
         if points:
             yield f"only in {name}: {'; '.join(points[:6])}" + f" and {len(points) - 6} more" * (

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ..results.newest import entry_of
 from ..results.record import Record
-from ..results.throttled import throttled, usual_clock
+from ..results.throttled import disturbed, usual_clock
 
 FASTER, SLOWER, SAME, OPEN = "faster", "slower", "same", "can't tell"
 VERDICTS = (FASTER, SLOWER, SAME, OPEN)
@@ -95,9 +95,9 @@ class Comparison:
         return sum(row.verdict == verdict for row in (*self.rows, *self.means))
 
 
-def timed(record: Record, frames: Iterable[int], usual: float) -> Timed:
+def timed(record: Record, frames: Iterable[int], usual: float, cores: int | None = None) -> Timed:
     """The point's rounds: each the mean, over ``frames``, of the medians of its samples. A round counts where it measured
-    all of these frames and its clocks were not throttled.
+    all of these frames and was not disturbed (:func:`.results.throttled.disturbed`).
     """
     wanted = set(frames)
     medians: dict[int, list[float]] = {}
@@ -107,22 +107,28 @@ def timed(record: Record, frames: Iterable[int], usual: float) -> Timed:
             for number in np.unique(numbers):
                 medians.setdefault(int(number), []).append(float(np.median(total[numbers == number])))
     whole = {number: float(np.mean(ms)) for number, ms in sorted(medians.items()) if len(ms) == len(wanted)}
-    why = {int(one["round"]): throttled(one, usual) for one in record.rounds or () if "round" in one}
+    why = {
+        int(one["round"]): disturbed(one, usual, record.method["device"], cores)
+        for one in record.rounds or ()
+        if "round" in one
+    }
     slow = {number: text for number, text in why.items() if text and number in whole}
     return Timed(record, {n: ms for n, ms in whole.items() if n not in slow}, slow)
 
 
 def compared(
     a: Mapping[tuple, Record], b: Mapping[tuple, Record], again: Mapping[tuple, Record] | None = None,
-    margin: float = MARGIN,
+    margin: float = MARGIN, cores: int | None = None,
 ) -> Comparison:  # fmt: skip
-    """Compare the records of two runs, by entry (:func:`entries`). ``again``: a second run of A on the same machine, whose
-    gap to A is added to what is known of the machine's own spread.
+    """Compare the records of two runs, by entry (:func:`entries`).
+
+    again  a second run of A on the same machine, whose gap to A is added to what is known of the machine's own spread
+    cores  of the machine: points of a CPU leave out rounds in which it had more to do than that. None: not known
     """
     usual = usual_clock([*a.values(), *b.values()])
     shared = [entry for entry in a if entry in b]
-    pairs = {entry: _pair(a[entry], b[entry], usual) for entry in shared}
-    repeats = {e: _pair(a[e], again[e], usual) for e in shared if again and e in again}
+    pairs = {entry: _pair(a[entry], b[entry], usual, cores) for entry in shared}
+    repeats = {e: _pair(a[e], again[e], usual, cores) for e in shared if again and e in again}
     rows = {entry: _row(*pair, repeats.get(entry)) for entry, pair in pairs.items()}
     means = _means(pairs, repeats)
     tested = list(itertools.chain(rows.values(), means))
@@ -190,10 +196,10 @@ def holm(values: Sequence[float]) -> list[float]:
     return result
 
 
-def _pair(a: Record, b: Record, usual: float) -> tuple[Timed, Timed]:
+def _pair(a: Record, b: Record, usual: float, cores: int | None) -> tuple[Timed, Timed]:
     """Two records of one entry over the frames that both measured."""
     frames = {frame.frame for frame in a.measured} & {frame.frame for frame in b.measured}
-    return timed(a, frames, usual), timed(b, frames, usual)
+    return timed(a, frames, usual, cores), timed(b, frames, usual, cores)
 
 
 def _row(a: Timed, b: Timed, again: tuple[Timed, Timed] | None) -> Row:
@@ -229,17 +235,17 @@ def _means(
             continue
         record = pairs[own[0]][0].record
         light = (record.scene.get("lighting") or {}).get("label", "")
-        a, b = (_by_round([pairs[entry][i] for entry in own]) for i in (0, 1))
+        ms_a, ms_b = (_by_round([pairs[entry][i] for entry in own]) for i in (0, 1))
         whole = all(entry in repeats for entry in own)
         repeat = tuple(_by_round([repeats[entry][i] for entry in own]) for i in (0, 1)) if whole else None
         row = Row(
             f"geometric mean of {len(own)} scenes" + f", {light}" * bool(light),
             _label(record), record.method["device"], OPEN,
-            rounds_a=len(a), rounds_b=len(b), scenes=len(own),
+            rounds_a=len(ms_a), rounds_b=len(ms_b), scenes=len(own),
             changed=any(pairs[e][0].record.method.get("source_sha256")
                         != pairs[e][1].record.method.get("source_sha256") for e in own),
         )  # fmt: skip
-        rows.append(_tested(row, a, b, repeat))  # type: ignore[arg-type]
+        rows.append(_tested(row, ms_a, ms_b, repeat))  # type: ignore[arg-type]
     return rows
 
 
@@ -248,7 +254,7 @@ def _tested(row: Row, a: F64, b: F64, repeat: tuple[F64, F64] | None) -> Row:
     from scipy.stats import mannwhitneyu
 
     if not len(a) or not len(b):
-        return replace(row, reason="no frame that both measured, or every round was throttled")
+        return replace(row, reason="no frame that both measured, or every round was disturbed")
     row = replace(row, a_ms=float(np.median(a)), b_ms=float(np.median(b)))
     if min(len(a), len(b)) < ROUNDS:
         few = " and ".join(f"{len(x)} in {run}" for run, x in (("A", a), ("B", b)) if len(x) < ROUNDS)

@@ -1,4 +1,4 @@
-"""Rounds whose clocks were throttled, from what a record has of the GPU's clocks at the end of each round."""
+"""Rounds that were disturbed, from what a record has of the GPU's clocks and the host's load at the end of each round."""
 
 from __future__ import annotations
 
@@ -26,6 +26,23 @@ def usual_clock(records: Iterable[Record]) -> float:
     """The median of the SM clocks that rounds have, MHz; NaN where none has one."""
     known = [mhz for record in records for one in record.rounds or () if (mhz := _clock(one)) is not None]
     return median(known) if known else float("nan")
+
+
+CROWDED = 1.25
+"""Load of a host over its cores, above which programs wait for each other: what a CPU takes then says little."""
+
+
+def disturbed(one: Mapping[str, Any], usual: float, device: str, cores: int | None) -> str:
+    """Why a round should not count: its clocks were throttled or, on a CPU, the machine had more to do than it has cores.
+
+    "" where neither is known. ``cores``: that a run may use; None: not known. The load is the mean of the last minute.
+    """
+    if device.startswith("cuda"):
+        return (found := throttled(one, usual)) and f"clocks throttled ({found})"
+    load = _number((one.get("clock") or {}).get("load"))
+    if cores and load is not None and load > CROWDED * cores:
+        return f"load {load:.1f} on {cores} cores"
+    return ""
 
 
 def throttled(one: Mapping[str, Any], usual: float) -> str:

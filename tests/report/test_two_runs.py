@@ -91,7 +91,7 @@ def test_equal_slower_and_throttled_runs(call, pair):
     }  # fmt: skip
     assert verdicts["Cloth (stand-in)", "grids"]["gap"] == pytest.approx(0.03, abs=0.006)
     assert {(left["run"], left["round"], left["reason"]) for left in found["left_out"]} == {
-        ("B", 3, "temperature (software)"), ("B", 7, "temperature (software)"),
+        ("B", 3, "clocks throttled (temperature (software))"), ("B", 7, "clocks throttled (temperature (software))"),
     }  # fmt: skip
     assert code == 0
 
@@ -157,6 +157,18 @@ def test_a_lower_clock_counts_as_throttled_where_no_reason_is_reported(tmp_path)
         one["clock"]["gpu"] = {"clocks.sm": "1200" if one["round"] == 4 else "1980"}
     row = verdict(tmp_path, made(TREE, 1.0, 1), b)
     assert (row.verdict, row.rounds_b) == (two_runs.SAME, 9)
+
+
+def test_rounds_of_a_cpu_that_had_too_much_to_do_are_left_out(call, tmp_path):
+    busy = made(EMBREE, 20.0, 2, rounds=10)
+    busy["method"]["device"] = "cpu"
+    for one in busy["rounds"]:
+        one["clock"] = {"load": 2.6 if one["round"] == 5 else 1.0, "gpu": None}
+    quiet = {**made(EMBREE, 20.0, 1), "method": busy["method"]}
+    a, b = write(tmp_path / "a", [quiet]), write(tmp_path / "b", [busy])
+    _, out, _ = call(a, b)
+    assert "left out: round 5 of B, Cloth (stand-in), on the CPU: load 2.6 on 2 cores" in out
+    assert "1 same." in out
 
 
 @pytest.mark.parametrize(
