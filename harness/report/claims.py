@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from . import document, style
 from .evidence import Data, Evidence, collect
+from .terminal import print_table
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -125,8 +126,8 @@ def draw(folder: Path, quiet: bool, claims: Sequence[Claim]) -> list[Path]:
     path = folder / "claims.md"
     path.write_text("\n".join(markdown(made, data)) + "\n", encoding="utf-8")
     if not quiet:
-        for r in made.itertuples():
-            print(f"{r.number:2}  {r.verdict:13}  {r.claim} ({r.section})\n{'':19}{r.numbers}")
+        told = made["claim"] + " (" + made["section"] + "): " + made["numbers"]
+        print_table(made[["number", "verdict"]].assign(**{"claim (section): what was measured": told}))
     return [path, document.write_csv(made, folder / "claims.csv", list(made))]
 
 

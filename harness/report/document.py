@@ -6,9 +6,7 @@
 from __future__ import annotations
 
 import math
-import os
 import re
-import sys
 from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +18,7 @@ from . import paper_table1 as paper
 from . import style
 from .compare import apart as runs_apart
 from .compare import spread
+from .terminal import make_console, print_table
 
 if TYPE_CHECKING:
     from pandas import DataFrame, Series
@@ -250,18 +249,10 @@ def linked(path: Path) -> list[str]:
 def terminal(
     title: str, finding: str, tables: Mapping[str, DataFrame], about: Sequence[str], lost: Sequence[str]
 ) -> None:
-    """Print a report at the width of the terminal; where there is none, in 160 columns unless COLUMNS says otherwise."""
-    from rich.console import Console
-    from rich.table import Column, Table
-
-    wide = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 160
-    console = Console(highlight=False, markup=False, width=wide)
+    """Print a report: see :mod:`.report.terminal` for the width."""
+    console = make_console()
     console.print(f"{title}\n  {finding}")
     for heading, body in tables.items():
-        columns = [Column(str(name), overflow="fold") for name in body.columns]
-        shown = Table(*columns, title=heading, title_justify="left", box=None, pad_edge=False)
-        for line in body.astype(object).where(body.notna(), "-").astype(str).to_numpy().tolist():
-            shown.add_row(*line)
-        console.print(shown)
+        print_table(body, heading, console)
     for line in [*about, *(["Not measured: " + "; ".join(lost)] if lost else [])]:
         console.print(f"  {line}")
