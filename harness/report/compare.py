@@ -83,6 +83,20 @@ def spread(table: DataFrame) -> Series:
     return (table[["iqr_ms", "between_ms"]].max(axis=1) / 2).where(table["samples"] > 1)
 
 
+def pass_spread(samples: DataFrame, part: str, pattern: str = "") -> Series:
+    """How far the time of passes may lie from what is shown, ms, by key: as :func:`spread`, of the sums of the passes.
+
+    samples  every sample of a folder (:func:`.results.table.samples`)
+    part, pattern  which passes: those of the part whose names hold the pattern, a regular expression
+    """
+    own = samples[(samples["part"] == part) & samples["pass"].str.contains(pattern)]
+    sums = own.groupby(["key", "frame", "round", "sample"], sort=False)["ms"].sum()
+    repeats = sums.groupby(["key", "frame"])
+    iqr = (repeats.quantile(0.75) - repeats.quantile(0.25)).where(repeats.size() > 1).groupby("key").mean()
+    rounds = sums.groupby(["key", "frame", "round"]).median().groupby(["key", "round"]).mean().groupby("key")
+    return np.fmax(iqr, (rounds.max() - rounds.min()).where(iqr.notna())) / 2
+
+
 def geometric(values: Series) -> float:
     """Geometric mean of the values that are known; NaN where none is."""
     return float(np.exp(np.log(values.dropna().astype("float64")).mean()))

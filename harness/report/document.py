@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 
 __all__ = [
     "carried",
+    "carry",
+    "complete",
+    "cross_table",
     "errors",
     "frames",
     "markdown",
@@ -32,6 +35,7 @@ __all__ = [
     "read",
     "span",
     "stage_ms",
+    "texts",
     "write",
     "write_csv",
 ]
@@ -42,6 +46,9 @@ COMMON = (
     "frames samples true_errors unscored environment key"
 ).split()
 """Columns that every CSV of an experiment begins with."""
+
+NO_RECORD = "no record"
+"""Status of what a run that was stopped did not come to."""
 
 NOISY = "~"
 """Before a number that is shown with fewer digits, as its spread carries no more or is not known."""
@@ -67,6 +74,37 @@ def carried(value: float, spread: float, form: str = "") -> str:
     return NOISY * (coarsest > (finest if share else max(finest, size - 2))) + text
 
 
+def carry(values: Series, spreads: Series, form: str = "") -> Series:
+    """:func:`carried` of each value with its spread; what is not known is missing."""
+    texts = [carried(*pair, form) for pair in zip(values.astype("float64"), spreads, strict=True)]
+    return values.astype(object).where(values.isna(), texts)
+
+
+def texts(table: DataFrame, columns: Mapping[str, tuple[str, str | Callable[[Any], str]]]) -> DataFrame:
+    """A table of texts: {heading: (column, form)}; a form is a function or a format such as "{:.1%}"."""
+    import pandas as pd
+
+    made = {}
+    for heading, (column, form) in columns.items():
+        shown = form.format if isinstance(form, str) else form
+        made[heading] = table[column].astype(object).map(shown, na_action="ignore")
+    return pd.DataFrame(made, index=table.index)
+
+
+def cross_table(
+    table: DataFrame, rows: Sequence[str] | Mapping[str, str], columns: str, value: str
+) -> DataFrame:
+    """``value`` with ``rows`` down and ``columns`` across, both in the table's order; of several in one cell the last.
+
+    ``rows``: names of columns, or their headings by name. A cell is missing where there is no such row.
+    """
+    down = list(rows)
+    wide = table.groupby([*down, columns], sort=False, dropna=False)[value].last().unstack(columns)
+    order = table[down].drop_duplicates().set_index(down).index
+    wide = wide.reindex(index=order, columns=table[columns].unique()).rename_axis(columns=None).reset_index()
+    return wide.rename(columns=dict(rows)) if isinstance(rows, Mapping) else wide
+
+
 def frames(folder: Path | str) -> DataFrame:
     """The tidy table of a folder in the order of tables: the paper's scenes, then others; methods as registered."""
     return in_order(tidy(folder))
@@ -74,12 +112,14 @@ def frames(folder: Path | str) -> DataFrame:
 
 def in_order(table: DataFrame) -> DataFrame:
     """The rows in the order of tables."""
-    scenes = [*paper.ROWS, *sorted(set(table["scene"]) - set(paper.ROWS))]
-    methods = list(style.colours(table["method"]))
-    rank = {"scene": scenes.index, "method": methods.index}
+    orders = {"scene": [*paper.ROWS, *sorted(set(table["scene"]) - set(paper.ROWS))],
+              "method": style.in_order(table["method"])}  # fmt: skip
     by = ["scene", "scene_title", "method", "label", "device", "key", "frame"]
     return table.sort_values(
-        by, key=lambda c: c.map(rank[c.name]) if c.name in rank else c, kind="stable", ignore_index=True
+        by,
+        key=lambda c: c.map(orders[c.name].index) if c.name in orders else c,
+        kind="stable",
+        ignore_index=True,
     )
 
 
@@ -137,26 +177,51 @@ def measured(table: DataFrame) -> DataFrame:
     return table[(table["status"] == "ok") & table["total_ms"].notna()]
 
 
-def not_measured(table: DataFrame, apart: Collection[str] = ()) -> list[str]:
-    """What has no time, a line a reason; and what has no record, a line a method.
+def complete(table: DataFrame, apart: Collection[str] = ()) -> DataFrame:
+    """The points, and a row with the status :data:`NO_RECORD` for each that a run never came to, scene after scene.
 
     A run that was stopped leaves no record of what it did not reach: other scenes, sizes and lights show what is missing.
     ``apart``: lightings at which only some points are measured on purpose.
     """
-    lost = table.drop(measured(table).index)
-    names = [lost["label"].where(lost["light_label"] == "", lost["label"] + ", " + lost["light_label"])]
-    lines = [
-        f"{name}: {status}: {reason or 'no reason given'} ({', '.join(own['title'].unique())})"
-        for (name, status, reason), own in lost.groupby([*names, "status", "reason"], sort=False)
-    ]
+    import pandas as pd
+
     planned = table[~table["light_label"].isin(apart)]
-    there = planned.groupby(["title", "light_label", "width", "height"], sort=False)["label"].agg(set)
-    missing: dict[str, list[str]] = {}
-    for (title, light, _, _), labels in there.items():
-        for label in table["label"].unique():
-            if label not in labels:
-                missing.setdefault(label, []).append(title + f" with {light}" * bool(light))
-    return lines + [f"{label}: no record ({', '.join(places)})" for label, places in missing.items()]
+    place = ["title", "light_label", "width", "height"]
+    same = [
+        "scene",
+        "scene_title",
+        "stand_in",
+        "file",
+        "lights",
+        "light_count",
+        "light_distance",
+        "pixels",
+        *place,
+    ]
+    whose = planned.drop_duplicates("label")[["label", "method", "method_title", "settings"]]
+    every = planned.drop_duplicates(place)[same].merge(whose, how="cross")
+    known = planned[[*place, "label"]].drop_duplicates()
+    missing = (
+        every.merge(known, how="left", indicator=True).query("_merge == 'left_only'").drop(columns="_merge")
+    )
+    if missing.empty:
+        return table
+    missing = missing.assign(status=NO_RECORD, reason="", **dict.fromkeys(("light", "error", "key"), ""))
+    whole = pd.concat([table, missing[[c for c in missing if c in table]]], ignore_index=True)
+    titles, labels = list(table["title"].unique()), list(table["label"].unique())
+    order = whole["title"].map(titles.index) * len(labels) + whole["label"].map(labels.index)
+    return whole.loc[order.sort_values(kind="stable").index].reset_index(drop=True)
+
+
+def not_measured(table: DataFrame, apart: Collection[str] = ()) -> list[str]:
+    """What has no time, a line a reason; and what has no record (see :func:`complete`)."""
+    lost = complete(table, apart)
+    lost = lost[(lost["status"] != "ok") | lost["total_ms"].isna()]
+    names = lost["label"].where(lost["light_label"] == "", lost["label"] + ", " + lost["light_label"])
+    reasons = lost["reason"].where((lost["reason"] != "") | (lost["status"] == NO_RECORD), "no reason given")
+    why = lost["status"].where(reasons == "", lost["status"] + ": " + reasons)
+    told = lost["title"].groupby([names, why], sort=False).unique()
+    return [f"{name}: {reason} ({', '.join(titles)})" for (name, reason), titles in told.items()]
 
 
 def write(

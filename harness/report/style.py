@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import zlib
 from collections.abc import Iterable
 from typing import Any
 
@@ -23,16 +24,38 @@ PART_SHARE = dict(zip(PARTS, (0.0, 0.40, 0.68, 0.88), strict=True))
 COLUMN_WIDTH = 3.4
 """Inches: one column of a two-column page."""
 
+LOST = {"rejected": "x", "timeout": "+", "failed": "1", "skipped": "2"}
+"""The mark of a point without a time, by its status."""
+
 OK, WRONG, UNSCORED = "✓", "✗", "unscored"
 
 
-def colours(methods: Iterable[str]) -> dict[str, str]:
-    """A colour for each method: the same in every figure, because it follows the registry's order."""
+SLOTS = 3114110
+"""Start of the checksum that gives a method its colour and its marker: one that gives the built-in methods eight of each."""
+
+
+def in_order(methods: Iterable[str]) -> list[str]:
+    """The registry's methods, then others by name: the order of rows and columns."""
     from ..frame.registry import method_names
 
     known = method_names()
-    order = known + sorted(set(methods) - set(known))
-    return {name: COLOURS[i % len(COLOURS)] for i, name in enumerate(order)}
+    return known + sorted(set(methods) - set(known))
+
+
+def look(method: str) -> dict[str, str]:
+    """The colour and the marker of a method. They follow from its name alone: the same in every figure and every run,
+    whatever else is measured or installed.
+    """
+    slot = zlib.crc32(method.encode(), SLOTS)
+    return {
+        "color": COLOURS[slot % len(COLOURS)],
+        "marker": MARKERS[slot // len(COLOURS) % len(MARKERS)],
+    }
+
+
+def colours(methods: Iterable[str]) -> dict[str, str]:
+    """The colour of each method, in their order."""
+    return {name: look(name)["color"] for name in in_order(methods)}
 
 
 def lightened(colour: str, share: float) -> tuple[float, float, float]:

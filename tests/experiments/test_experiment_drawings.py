@@ -272,5 +272,5 @@ def test_lightings_with_points_of_their_own_are_missed_by_nobody_and_miss_none(t
     write_records(tmp_path, [record_of("figure11", e, lighting=near) for e in many])
     write_records(tmp_path, [record_of("figure11", e, lighting=far) for e in few])
     table = document.read(tmp_path)
-    assert document.not_measured(table) == ["b: no record (Cloth (stand-in) with far)"]
+    assert document.not_measured(table) == ["b, far: no record (Cloth (stand-in))"]
     assert document.not_measured(table, apart=["far"]) == []
