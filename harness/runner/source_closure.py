@@ -28,7 +28,12 @@ MEASURING = (f"{HARNESS}.runner.measure",)
 
 
 def source_hash(cls: type, root: Path = ROOT) -> str:
-    """The hash of all source that a method's records depend on. ``root``: the folder of this project's packages.
+    """The hash of all source that a method's records depend on. ``root``: the folder of this project's packages."""
+    return hash_of(source_files(cls, root))
+
+
+def source_files(cls: type, root: Path = ROOT) -> dict[str, Path]:
+    """The file of every module that a method's records depend on.
 
     Base classes count wherever they were imported from, so that an edited base makes its subclasses' records stale.
     """
@@ -42,13 +47,18 @@ def source_hash(cls: type, root: Path = ROOT) -> str:
         file = str(getattr(sys.modules[name], "__file__", None))
         if file.endswith(".py") and not name.startswith(f"{PROJECT}."):
             places |= distribution(name, Path(file).resolve())
-    return closure_hash(roots, places)
+    return closure(roots, places)
 
 
 def closure_hash(roots: Iterable[str], places: Mapping[str, Path] | None = None) -> str:
-    """Sha256 of the names and bytes of :func:`closure`, by default in this project; the same wherever its folders lie."""
+    """The hash of :func:`closure`, by default in this project."""
+    return hash_of(closure(roots, places or project()))
+
+
+def hash_of(files: Mapping[str, Path]) -> str:
+    """Sha256 of the names and bytes of modules; the same wherever their folders lie."""
     total = hashlib.sha256()
-    for name, file in sorted(closure(roots, places or project()).items()):
+    for name, file in sorted(files.items()):
         content = file.read_bytes()
         total.update(f"{name} {len(content)}\0".encode() + content)
     return total.hexdigest()

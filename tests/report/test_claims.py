@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pandas as pd
 import pytest
 from helpers.experiment_records import record_of, write_records
 from shadowbench.experiments import _judges, figure2, figure11, key_bits
@@ -10,15 +11,16 @@ from shadowbench.experiments.claims import CLAIMS
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.report import claims
-from shadowbench.harness.report.evidence import collect
 from shadowbench.harness.runner.experiment import Entry, find_experiment
 
 SIX = (*_judges.LARGE, *_judges.SMALL)
 
 
 def judged(folder):
+    """What ``show claims`` wrote of each claim."""
     show("claims", folder, quiet=True)
-    return {r["claim"]: r for r in claims.judge_all(CLAIMS, collect(folder)).to_dict("records")}
+    table = pd.read_csv(folder / "claims.csv", keep_default_na=False)
+    return {row["claim"]: row for row in table.to_dict("records")}
 
 
 def starting(found, text):
@@ -103,7 +105,8 @@ def test_a_claim_that_compares_is_judged_within_one_run_or_not_at_all(tmp_path):
     found = judged(tmp_path / "together")
     assert [r["claim"] for r in found.values() if "not measured" in r["numbers"]] == []
     assert all(r["judged_from"] in claim.experiments for claim, r in zip(CLAIMS, found.values(), strict=True))
-    for i, record in enumerate(everything()):
+    some = [r for r in everything() if r["experiment"] != "ablation" or r["scene"]["name"] in SIX[::4]]
+    for i, record in enumerate(some):
         write_records(tmp_path / "apart" / f"run{i}", [record])
     alone = ("Interactive rates", "Building the grid", "Shadow traversal", "Rearranging the shadow rays")
     for text, r in judged(tmp_path / "apart").items():
