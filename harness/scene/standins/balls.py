@@ -2,57 +2,155 @@
 
 They are used to measure how time grows with the number of triangles. Ten million triangles are generated in seconds. The
 balls occlude one another and cast shadows on one another and on the ground.
+
+A name says how many triangles there are, and may say what share of the pixels sees the ground and what share of the
+triangles moves, in per cent: ``balls-300k``, ``balls-300k-seen10``, ``balls-300k-moving30``.
 """
 
 from __future__ import annotations
 
 import functools
 import re
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene import Camera, Geometry, Light, Scene
+from ..scene import Camera, Geometry, Light, Moves, Scene
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 
-NAME = re.compile(r"balls-([1-9]\d*)(k|m)?")
+NAME = re.compile(r"balls-([1-9]\d*)(k|m)?(?:-seen(100|[1-9]\d?))?(?:-moving(100|\d\d?))?")
 BALLS = 24
 GROUND_SHARE = 0.4
 """Share of the triangles that belong to the ground; the balls share the rest equally."""
 HALF = 6.0
 """Half the ground's side in metres."""
+FRAMES = 21
+"""Of a scene of which a share moves."""
+CAMERA = Camera(eye=(7.5, 4.2, 8.5), target=(0.0, 0.7, 0.0), fov=42.0)
 
 
-def count_of(name: str) -> int | None:
-    """The triangle count in a name such as ``balls-30k`` or ``balls-10m``; None for another name."""
+@dataclass(frozen=True)
+class Name:
+    """What a name says.
+
+    count   triangles, about
+    seen    share of the pixels that see the ground, 0..1; None: as :data:`CAMERA` sees it
+    moving  share of the triangles that move, 0..1; None: the scene has one frame
+    """
+
+    count: int
+    seen: float | None = None
+    moving: float | None = None
+
+
+def read_name(name: str) -> Name | None:
+    """What a name such as ``balls-30k`` or ``balls-10m-seen5-moving30`` says; None for another name."""
     match = NAME.fullmatch(name)
     if not match:
         return None
-    return int(match[1]) * {"": 1, "k": 1000, "m": 1_000_000}[match[2] or ""]
+    count = int(match[1]) * {"": 1, "k": 1000, "m": 1_000_000}[match[2] or ""]
+    seen, moving = (None if share is None else int(share) / 100 for share in match.groups()[2:])
+    return Name(count, seen, moving)
+
+
+def count_of(name: str) -> int | None:
+    """The triangle count in a name; None for another name."""
+    known = read_name(name)
+    return known.count if known else None
 
 
 def scene(name: str) -> Scene:
     """The scene of such a name; its triangle count is within 10 % of the number in the name."""
-    count = count_of(name)
-    assert count is not None
+    known = read_name(name)
+    assert known is not None
     return Scene(
         name=name,
-        title=f"Balls {name.removeprefix('balls-')}",
-        geometry=functools.partial(geometry, count),
-        camera=Camera(eye=(7.5, 4.2, 8.5), target=(0.0, 0.7, 0.0), fov=42.0),
+        title=f"Balls {name.removeprefix('balls-').replace('-', ', ')}",
+        geometry=functools.partial(moving_geometry, known.count, known.moving),
+        camera=CAMERA if known.seen is None else camera_for(known.seen),
         lights=(Light((-5.0, 9.0, 4.0)),),
         notes="balls over rolling ground: the same surfaces at every triangle count",
     )
 
 
-def geometry(count: int) -> Geometry:
-    """About ``count`` triangles, 100 at least."""
+def camera_for(seen: float) -> Camera:
+    """The camera with which a square picture sees the flat ground in a share of its pixels.
+
+    The eye goes back along the view where the share is below that of :data:`CAMERA`; else its field of view narrows.
+    Found by bisection on 128x128 rays. Balls that stand out over the ground's edge add to the share.
+    """
+    across = (np.arange(128) + 0.5) / 64 - 1.0
+    x, y = (axis[..., None] for axis in np.meshgrid(across, across))
+
+    def closer(scale: float) -> Camera:
+        if scale < 1.0:
+            half = scale * np.tan(np.radians(CAMERA.fov / 2))
+            return replace(CAMERA, fov=float(2 * np.degrees(np.arctan(half))))
+        target = np.array(CAMERA.target)
+        back = target + scale * (np.array(CAMERA.eye) - target)
+        return replace(CAMERA, eye=(float(back[0]), float(back[1]), float(back[2])))
+
+    def share(camera: Camera) -> float:
+        eye = np.array(camera.eye)
+        forward = np.array(camera.target) - eye
+        forward /= np.linalg.norm(forward)
+        right = np.cross(forward, camera.up)
+        right /= np.linalg.norm(right)
+        half = np.tan(np.radians(camera.fov / 2))
+        rays = forward + half * (x * right + y * np.cross(right, forward))
+        down = rays[..., 1] < 0.0
+        distance = -eye[1] / np.where(down, rays[..., 1], -1.0)
+        ground = eye + distance[..., None] * rays
+        return float((down & (np.abs(ground[..., [0, 2]]) < HALF).all(axis=-1)).mean())
+
+    low, high = 1e-3, 1e3
+    for _ in range(40):
+        middle = (low * high) ** 0.5
+        low, high = (middle, high) if share(closer(middle)) >= seen else (low, middle)
+    return closer(low)
+
+
+def moving_geometry(count: int, moving: float | None) -> Geometry:
+    """The geometry, of which a share turns about the vertical through the middle, each ball at its own speed.
+
+    Balls move first; with a share above theirs the ground turns as well.
+    """
+    still = geometry(count)
+    if moving is None:
+        return still
+    around, side = divisions(count)
+    size = (max(2, around // 2) + 1) * (around + 1)
+    ground_size = (side + 1) ** 2
+    balls = BALLS if moving > 1 - GROUND_SHARE else round(BALLS * moving / (1 - GROUND_SHARE))
+    speeds = np.zeros(len(still.positions(0)))
+    turns = np.radians(np.random.default_rng(11).uniform(60.0, 240.0, BALLS))
+    speeds[ground_size : ground_size + balls * size] = np.repeat(turns[:balls], size)
+    if moving > 1 - GROUND_SHARE:
+        speeds[:ground_size] = np.radians(90.0)
+
+    def positions(frame: int) -> NDArray[np.floating]:
+        angle = (speeds * (frame / (FRAMES - 1))).astype(np.float32)
+        x, y, z = still.positions(0).T
+        sin, cos = np.sin(angle), np.cos(angle)
+        return np.stack([cos * x + sin * z, y, cos * z - sin * x], axis=-1)
+
+    return Geometry(still.faces, positions, FRAMES, Moves("rigid"))
+
+
+def divisions(count: int) -> tuple[int, int]:
+    """Squares around a ball, and squares along a side of the ground, for about ``count`` triangles, 100 at least."""
     count = max(count, 100)
-    side = max(2, round((GROUND_SHARE * count / 2) ** 0.5))
     # A ball of n squares around and n / 2 rows has n^2 - 2 n triangles.
     around = max(4, round(1 + (1 + (1 - GROUND_SHARE) * count / BALLS) ** 0.5))
+    return around, max(2, round((GROUND_SHARE * count / 2) ** 0.5))
+
+
+def geometry(count: int) -> Geometry:
+    """About ``count`` triangles, 100 at least."""
+    around, side = divisions(count)
     random = np.random.default_rng(7)
     parts = [ground(side)]
     for k in range(BALLS):

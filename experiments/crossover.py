@@ -1,0 +1,260 @@
+"""Where one structure becomes faster than another: over triangles, pixels, lights, pixels hit, and what moves.
+
+Everything is rebuilt every frame but where a label says that a tree is refitted. The scenes are the balls of
+:mod:`.scene.standins.balls`: the same surfaces at every triangle count, seen from nearer or farther, with more or fewer
+of them moving. The sweeps cross in one setting; two maps take two quantities at once.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..harness.report import document, panels, style
+from ..harness.runner.experiment import Entry, Experiment, Preset
+from ..harness.scene.overrides import Lighting
+from ..harness.scene.standins import balls
+from ._rivals import STRONGEST
+from .scaling import short
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+AXES = {
+    "triangles": "triangles",
+    "pixels": "pixels",
+    "lights": "lights",
+    "seen": "pixels that see the ground, %",
+    "moving": "triangles that move, %",
+}
+"""What is swept, by the column that holds it."""
+MAPS = (("triangles", "pixels"), ("triangles", "seen"))
+NATURAL = -1
+"""In the columns ``seen`` and ``moving``: the scene's own camera; nothing moves and there is one frame."""
+COLUMNS = [*document.COMMON, *AXES, "memory_bytes", "fastest_exact", "fastest"]
+EXACT, EVERY = "exact", "all, exact or not"
+
+
+def settings(
+    base: Preset, sides: Iterable[int], names: Iterable[str], counts: Iterable[int] = (1,)
+) -> Iterator[Preset]:
+    """``base`` at every size on every scene with every number of lights; 0 lights: the light casts no shadow."""
+    for side, name in itertools.product(sides, names):
+        lightings = tuple(
+            Lighting(f"{n} lights", count=n) if n else Lighting("no shadows", count=1, shadows=False)
+            for n in counts
+        )
+        yield replace(base, width=side, height=side, scenes=(name,), lightings=lightings, also=())
+
+
+def sweeps(
+    base: Preset, triangles: tuple[str, ...], middle: str, sides: tuple[int, ...], lights: tuple[int, ...],
+    seen: tuple[int, ...], few: tuple[str, ...], moving: tuple[int, ...],
+) -> Preset:  # fmt: skip
+    """A map of triangles and pixels, one of triangles (``few``) and pixels hit, and the two other sweeps.
+
+    All cross at ``middle`` triangles, at the size of ``base``, with one light.
+    """
+    parts = [
+        *settings(base, sides, (f"balls-{n}" for n in triangles)),
+        *settings(base, (base.width,), (f"balls-{middle}",), [n for n in lights if n != 1]),
+        *settings(base, (base.width,), (f"balls-{n}-seen{share}" for share in seen for n in few)),
+        *settings(base, (base.width,), (f"balls-{middle}-moving{share}" for share in moving)),
+    ]
+    return replace(parts[0], also=tuple(parts[1:]))
+
+
+def read(folder: Path) -> pd.DataFrame:
+    """The points, with what is swept as columns of its own, and the label of the fastest of each setting.
+
+    ``triangles`` is the number in the scene's name. ``exact``: the method calls itself exact and no answer was wrong.
+    """
+    table = document.read(folder)
+    names = [balls.read_name(name) for name in table["scene"]]
+    table["triangles"] = [name.count if name else None for name in names]
+    for column in ("seen", "moving"):
+        shares = [getattr(name, column) if name else None for name in names]
+        table[column] = [NATURAL if share is None else round(100 * share) for share in shares]
+    table["lights"] = table["lights"].where(table["light_label"] != "no shadows", 0)
+    table["exact"] = (table["known_inexact"] == "") & (table["true_errors"].fillna(1) == 0)
+    for column, own in (("fastest", table), ("fastest_exact", table[table["exact"]])):
+        first = winners(own).set_index([*AXES])["label"]
+        table[column] = [first.get(key, "") for key in table[[*AXES]].itertuples(index=False, name=None)]
+    return table
+
+
+def winners(table: pd.DataFrame) -> pd.DataFrame:
+    """The fastest point of each setting: with ``next``, the label of the second, ``times``, how many times slower that is,
+    and ``told``, whether the gap is more than the spreads of the two."""
+    import pandas as pd
+
+    rows = []
+    for _, own in document.measured(table).groupby([*AXES], sort=True):
+        first, *others = own.sort_values("total_ms").to_dict("records")
+        row = {**first, "next": "", "times": float("nan"), "told": True}
+        if others:
+            gap = others[0]["total_ms"] - first["total_ms"]
+            # A spread that is not known (one sample) tells nothing: NaN compares false.
+            told = gap > (first["spread"] ** 2 + others[0]["spread"] ** 2) ** 0.5
+            row |= {
+                "next": others[0]["label"],
+                "times": others[0]["total_ms"] / first["total_ms"],
+                "told": told,
+            }
+        rows.append(row)
+    return pd.DataFrame(rows, columns=[*table.columns, "next", "times", "told"])
+
+
+def along(table: pd.DataFrame, *axes: str) -> pd.DataFrame:
+    """The points that differ in nothing but ``axes``: of all such groups the one with most settings."""
+    others = [axis for axis in AXES if axis not in axes]
+    sizes = table.groupby(others)[[*axes]].apply(lambda own: len(own.drop_duplicates()))
+    if sizes.empty:
+        return table
+    kept = table[(table[others] == list(sizes.idxmax())).all(axis=1)]
+    return kept[(kept[[*axes]] != NATURAL).all(axis=1)]
+
+
+def draw(folder: Path, quiet: bool = False) -> list[Path]:
+    """Lines over each quantity, two maps of the winners, a table of every setting, CSV."""
+    table = read(folder)
+    files = [document.write_csv(table, folder / "crossover.csv", COLUMNS)]
+    done = document.measured(table)
+    lines = {axis: along(done, axis) for axis in AXES}
+    lines = {axis: line for axis, line in lines.items() if line[axis].nunique() > 1}
+    if lines:
+        files.append(line_picture(lines, done, folder / "crossover.svg"))
+    maps = [pair for pair in MAPS if all(along(done, *pair)[axis].nunique() > 1 for axis in pair)]
+    if maps:
+        files.append(map_picture(maps, done, folder / "crossover-maps.svg"))
+    tables = {f"Fastest over {AXES[axis]}": winner_table(line, axis) for axis, line in lines.items()}
+    notes = [f"Over {name}: not measured." for axis, name in AXES.items() if len(done) and axis not in lines]
+    notes += [ABOUT] * bool(len(done))
+    return document.write(
+        folder, "crossover", EXPERIMENT.title, finding(done), tables, files, table, quiet, notes
+    )
+
+
+ABOUT = "~ before a factor: the gap is within the spread of the two. A method that answered wrongly is not counted as exact."
+
+
+def finding(done: pd.DataFrame) -> str:
+    """In how many settings each structure is the fastest, of the exact ones and of all."""
+    if done.empty:
+        return "Nothing was measured."
+    told = []
+    for kind, own in ((EXACT, done[done["exact"]]), (EVERY, done)):
+        counts = winners(own)["label"].value_counts()
+        told.append(f"{kind}: " + ", ".join(f"{label} in {n}" for label, n in counts.items()))
+    return f"Fastest of {len(winners(done))} settings, {'; '.join(told)}."
+
+
+def winner_table(line: pd.DataFrame, axis: str) -> pd.DataFrame:
+    """A row a value of ``axis``: the fastest of the exact and of all, its time, and the next with its factor."""
+    import pandas as pd
+
+    rows: dict[Any, dict[str, str]] = {}
+    for kind, own in ((EXACT, line[line["exact"]]), (EVERY, line)):
+        for row in winners(own).itertuples():
+            value = getattr(row, axis)
+            texts = rows.setdefault(value, {AXES[axis]: short(value)})
+            texts[f"fastest, {kind}"] = f"{row.label}, {document.carried(row.total_ms, row.spread)} ms"
+            texts[f"next, {kind}"] = f"{row.next} {factor(row)}" if row.next else "-"
+    return pd.DataFrame([rows[value] for value in sorted(rows)])
+
+
+def factor(row: Any) -> str:
+    """How many times slower the next is, marked where the spreads do not tell."""
+    return f"{document.NOISY * (not row.told)}x{row.times:.2f}"
+
+
+def line_picture(lines: dict[str, pd.DataFrame], done: pd.DataFrame, path: Path) -> Path:
+    """A panel a quantity: time against it, a line a method."""
+    from matplotlib.ticker import NullFormatter, NullLocator
+
+    looks = panels.looks(done)
+    across = min(3, len(lines))
+    down = -(-len(lines) // across)
+    size = (2 * style.COLUMN_WIDTH, 2.3 * down + 0.7)
+    with panels.sheet(path, size, down, across, legend=3, sharey=True) as (figure, grid):
+        for axes, (axis, line) in zip(grid.ravel(), lines.items(), strict=False):
+            for label, own in line.sort_values(axis).groupby("label", sort=False):
+                axes.errorbar(own[axis], own["total_ms"], yerr=own["spread"], label=label, elinewidth=0.7,
+                              **looks[label])  # fmt: skip
+            values = sorted(line[axis].unique())
+            axes.set_xscale(
+                "symlog" if values[0] <= 0 else "log", **({"linthresh": 1} if values[0] <= 0 else {})
+            )
+            axes.set_xticks(values, [short(value) for value in values])
+            axes.xaxis.set_minor_locator(NullLocator())
+            axes.xaxis.set_minor_formatter(NullFormatter())
+            axes.set_xlabel(AXES[axis])
+        for axes in grid[:, 0]:
+            axes.set_ylabel("ms per frame")
+            style.plain_log(axes)
+        for axes in grid.ravel()[len(lines) :]:
+            axes.set_axis_off()
+    return path
+
+
+def map_picture(maps: list[tuple[str, str]], done: pd.DataFrame, path: Path) -> Path:
+    """Who wins over two quantities: a square a setting in the winner's colour, and how many times slower the next is.
+
+    Left the exact methods alone, right all. Hatched: the spreads of the two do not tell them apart.
+    """
+    from matplotlib.patches import Rectangle
+
+    looks = panels.looks(done)
+    kinds = {EXACT: done[done["exact"]], EVERY: done}
+    size = (2 * style.COLUMN_WIDTH, 2.5 * len(maps) + 0.7)
+    with panels.sheet(path, size, len(maps), 2, legend=3, grid="") as (figure, grid):
+        for row, pair in zip(grid, maps, strict=True):
+            for axes, (kind, table) in zip(row, kinds.items(), strict=True):
+                field = along(table, *pair)
+                columns, rows = (sorted(field[axis].unique()) for axis in pair)
+                for cell in winners(field).itertuples():
+                    x, y = columns.index(getattr(cell, pair[0])), rows.index(getattr(cell, pair[1]))
+                    colour = looks[cell.label]["color"]
+                    axes.add_patch(Rectangle((x - 0.5, y - 0.5), 1, 1, fc=style.lightened(colour, 0.35), ec="white",
+                                             hatch=None if cell.told else "//"))  # fmt: skip
+                    text = f"{style.number(cell.total_ms)} ms" + (f"\n{factor(cell)}" if cell.next else "")
+                    axes.text(x, y, text, ha="center", va="center", size=5.5)
+                for label in winners(field)["label"].unique():
+                    axes.fill_between([], [], label=label, color=style.lightened(looks[label]["color"], 0.35))
+                axes.set_xticks(range(len(columns)), map(short, columns))
+                axes.set_yticks(range(len(rows)), map(short, rows))
+                axes.set_xlim(-0.5, len(columns) - 0.5)
+                axes.set_ylim(-0.5, len(rows) - 0.5)
+                axes.tick_params(length=0)
+                axes.set_title(f"fastest, {kind}", loc="left")
+                axes.set_xlabel(AXES[pair[0]])
+                axes.set_ylabel(AXES[pair[1]])
+        figure.supxlabel("in a square: its time, and how many times longer the next one takes (hatched: within the spread)",
+                         fontsize=7)  # fmt: skip
+    return path
+
+
+EXPERIMENT = Experiment(
+    name="crossover",
+    title="Crossover: which structure is the fastest where",
+    presets={
+        "quick": sweeps(
+            Preset(
+                128, 128, ("balls-10k",), STRONGEST, frames=1, samples=3, most=5, stage_samples=1, rounds=2, budget_s=1.0,
+            ),
+            ("1k", "10k", "100k"), "10k", (64, 128, 256), (0, 1, 4), (10, 100), ("1k", "10k", "100k"), (0, 60),
+        ),
+        "paper": sweeps(
+            Preset(
+                1024, 1024, ("balls-100k",), STRONGEST, frames=1, samples=10, most=20, deviation=0.01, stage_samples=1,
+                rounds=2, budget_s=0.5, timeout_s=300.0, memory=24 << 30,
+            ),
+            ("1k", "10k", "100k", "1m", "10m"), "100k", (256, 512, 1024, 2048, 4096), (0, 1, 2, 4, 8, 16),
+            (1, 3, 10, 30, 100), ("1k", "10k", "100k", "1m"), (0, 10, 30, 60, 100),
+        ),
+    },
+    draw=draw,
+)  # fmt: skip
