@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..harness.report import document, panels, style
-from ..harness.runner.experiment import Entry, Experiment, Preset
+from ..harness.runner.experiment import Experiment, Preset
 from ..harness.scene.overrides import Lighting
 from ..harness.scene.standins import balls
 from ._rivals import STRONGEST
@@ -109,12 +109,19 @@ def winners(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def along(table: pd.DataFrame, *axes: str) -> pd.DataFrame:
-    """The points that differ in nothing but ``axes``: of all such groups the one with most settings."""
+    """The points that differ in nothing but ``axes``: of all such groups the one with most settings.
+
+    Of several such groups the one whose other values are the most common: where the sweeps cross.
+    """
     others = [axis for axis in AXES if axis not in axes]
-    sizes = table.groupby(others)[[*axes]].apply(lambda own: len(own.drop_duplicates()))
-    if sizes.empty:
+    if table.empty:
         return table
-    kept = table[(table[others] == list(sizes.idxmax())).all(axis=1)]
+    common = sum((table[axis].map(table[axis].value_counts()) for axis in others), start=table["pixels"] * 0)
+    groups = table.assign(common=common).groupby(others)
+    sizes = groups.agg(common=("common", "first"))
+    sizes["settings"] = groups[[*axes]].apply(lambda own: len(own.drop_duplicates()))
+    best = sizes.sort_values(["settings", "common"]).index[-1]
+    kept = table[(table[others] == list(best)).all(axis=1)]
     return kept[(kept[[*axes]] != NATURAL).all(axis=1)]
 
 
@@ -130,7 +137,10 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     maps = [pair for pair in MAPS if all(along(done, *pair)[axis].nunique() > 1 for axis in pair)]
     if maps:
         files.append(map_picture(maps, done, folder / "crossover-maps.svg"))
-    tables = {f"Fastest over {AXES[axis]}": winner_table(line, axis) for axis, line in lines.items()}
+    tables = {
+        f"Fastest over {AXES[axis]} ({crossing(line, axis)})": winner_table(line, axis)
+        for axis, line in lines.items()
+    }
     notes = [f"Over {name}: not measured." for axis, name in AXES.items() if len(done) and axis not in lines]
     notes += [ABOUT] * bool(len(done))
     return document.write(
@@ -160,7 +170,7 @@ def winner_table(line: pd.DataFrame, axis: str) -> pd.DataFrame:
     for kind, own in ((EXACT, line[line["exact"]]), (EVERY, line)):
         for row in winners(own).itertuples():
             value = getattr(row, axis)
-            texts = rows.setdefault(value, {AXES[axis]: short(value)})
+            texts = rows.setdefault(value, {AXES[axis]: counted(axis, value)})
             texts[f"fastest, {kind}"] = f"{row.label}, {document.carried(row.total_ms, row.spread)} ms"
             texts[f"next, {kind}"] = f"{row.next} {factor(row)}" if row.next else "-"
     return pd.DataFrame([rows[value] for value in sorted(rows)])
@@ -173,31 +183,39 @@ def factor(row: Any) -> str:
 
 def line_picture(lines: dict[str, pd.DataFrame], done: pd.DataFrame, path: Path) -> Path:
     """A panel a quantity: time against it, a line a method."""
-    from matplotlib.ticker import NullFormatter, NullLocator
+    from matplotlib.ticker import NullLocator
 
     looks = panels.looks(done)
     across = min(3, len(lines))
     down = -(-len(lines) // across)
-    size = (2 * style.COLUMN_WIDTH, 2.3 * down + 0.7)
-    with panels.sheet(path, size, down, across, legend=3, sharey=True) as (figure, grid):
-        for axes, (axis, line) in zip(grid.ravel(), lines.items(), strict=False):
+    size = (2 * style.COLUMN_WIDTH, 2.1 * down + 0.7)
+    with panels.sheet(path, size, down, across, legend=3, sharey=True) as (_, grid):
+        for axes, (axis, line) in zip(grid.flat, lines.items(), strict=False):
             for label, own in line.sort_values(axis).groupby("label", sort=False):
-                axes.errorbar(own[axis], own["total_ms"], yerr=own["spread"], label=label, elinewidth=0.7,
-                              **looks[label])  # fmt: skip
+                panels.line(axes, own, axis, "total_ms", "spread", label, looks[label])
             values = sorted(line[axis].unique())
-            axes.set_xscale(
-                "symlog" if values[0] <= 0 else "log", **({"linthresh": 1} if values[0] <= 0 else {})
-            )
-            axes.set_xticks(values, [short(value) for value in values])
+            if values[0] > 0:
+                axes.set_xscale("log")
+            axes.set_xticks(values, [counted(axis, value) for value in values])
             axes.xaxis.set_minor_locator(NullLocator())
-            axes.xaxis.set_minor_formatter(NullFormatter())
             axes.set_xlabel(AXES[axis])
         for axes in grid[:, 0]:
             axes.set_ylabel("ms per frame")
             style.plain_log(axes)
-        for axes in grid.ravel()[len(lines) :]:
-            axes.set_axis_off()
+        for axes in grid.flat[len(lines) :]:
+            axes.set_visible(False)
     return path
+
+
+def crossing(line: pd.DataFrame, axis: str) -> str:
+    """The values of what is not swept: "pixels: 128², lights: 1"."""
+    others = [other for other in AXES if other != axis and line[other].iloc[0] != NATURAL]
+    return ", ".join(f"{AXES[other]}: {counted(other, line[other].iloc[0])}" for other in others)
+
+
+def counted(axis: str, value: float) -> str:
+    """A value of an axis for people: pixels as the square of a side."""
+    return f"{round(value**0.5)}²" if axis == "pixels" else short(value)
 
 
 def map_picture(maps: list[tuple[str, str]], done: pd.DataFrame, path: Path) -> Path:
@@ -208,6 +226,12 @@ def map_picture(maps: list[tuple[str, str]], done: pd.DataFrame, path: Path) -> 
     from matplotlib.patches import Rectangle
 
     looks = panels.looks(done)
+    # Labels of one method have one colour: the later ones are lighter.
+    place = done.drop_duplicates("label").set_index("label").groupby("method").cumcount()
+    tint = {
+        label: style.lightened(look["color"], min(0.8, 0.2 + 0.3 * place[label]))
+        for label, look in looks.items()
+    }
     kinds = {EXACT: done[done["exact"]], EVERY: done}
     size = (2 * style.COLUMN_WIDTH, 2.5 * len(maps) + 0.7)
     with panels.sheet(path, size, len(maps), 2, legend=3, grid="") as (figure, grid):
@@ -217,15 +241,14 @@ def map_picture(maps: list[tuple[str, str]], done: pd.DataFrame, path: Path) -> 
                 columns, rows = (sorted(field[axis].unique()) for axis in pair)
                 for cell in winners(field).itertuples():
                     x, y = columns.index(getattr(cell, pair[0])), rows.index(getattr(cell, pair[1]))
-                    colour = looks[cell.label]["color"]
-                    axes.add_patch(Rectangle((x - 0.5, y - 0.5), 1, 1, fc=style.lightened(colour, 0.35), ec="white",
+                    axes.add_patch(Rectangle((x - 0.5, y - 0.5), 1, 1, fc=tint[cell.label], ec="white",
                                              hatch=None if cell.told else "//"))  # fmt: skip
                     text = f"{style.number(cell.total_ms)} ms" + (f"\n{factor(cell)}" if cell.next else "")
                     axes.text(x, y, text, ha="center", va="center", size=5.5)
                 for label in winners(field)["label"].unique():
-                    axes.fill_between([], [], label=label, color=style.lightened(looks[label]["color"], 0.35))
-                axes.set_xticks(range(len(columns)), map(short, columns))
-                axes.set_yticks(range(len(rows)), map(short, rows))
+                    axes.fill_between([], [], label=label, color=tint[label])
+                axes.set_xticks(range(len(columns)), [counted(pair[0], value) for value in columns])
+                axes.set_yticks(range(len(rows)), [counted(pair[1], value) for value in rows])
                 axes.set_xlim(-0.5, len(columns) - 0.5)
                 axes.set_ylim(-0.5, len(rows) - 0.5)
                 axes.tick_params(length=0)
