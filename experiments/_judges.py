@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 FAITHFUL = {"label": BASE}
 OURS = {"method": "perspective_spherical", "settings": "-"}
-TREE = {"method": "bvh", "settings": "-"}
+TREE = {"method": "warp_bvh", "settings": "-"}
 GRID = {"method": "uniform_grid", "settings": "-"}
 """The paper's configuration; ours; Warp's tree built anew each frame; one uniform grid."""
 

@@ -77,7 +77,7 @@ METHODS = (
     faithful("no shared memory", staging="none"),
     faithful("lists in chunks of 256", triangle_chunk="256"),
     Entry(METHOD, {}, BEST),
-    Entry("bvh", {}, TREE),
+    Entry("warp_bvh", {}, TREE),
     *LEFT_OUT,
 )
 

@@ -20,8 +20,8 @@ METHODS = (
     Entry(METHOD, {"clamp": "scene"}, "the same, clamped to the scene"),
     Entry("ray_grids"),
     Entry("uniform_grid"),
-    Entry("bvh"),
-    Entry("bvh", {"update": "bvh_rebuild"}, "BVH rebuilt in place, exact"),
+    Entry("warp_bvh"),
+    Entry("warp_bvh", {"update": "bvh_rebuild"}, "BVH rebuilt in place, exact"),
     Entry("embree"),
 )
 

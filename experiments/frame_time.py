@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 
 OURS = "ray grids"
 REBUILD = (
-    Entry("bvh", {}, "mesh rebuilt"),
-    Entry("bvh", {"update": "bvh_rebuild"}, "LBVH rebuilt in a graph"),
+    Entry("warp_bvh", {}, "mesh rebuilt"),
+    Entry("warp_bvh", {"update": "bvh_rebuild"}, "LBVH rebuilt in a graph"),
 )
 REFIT = (
-    Entry("bvh", {"update": "refit", "constructor": "cubql"}, "cubql refitted"),
-    Entry("bvh", {"update": "refit", "constructor": "sah"}, "SAH refitted"),
-    Entry("bvh", {"update": "refit", "constructor": "lbvh"}, "LBVH refitted"),
+    Entry("warp_bvh", {"update": "refit", "constructor": "cubql"}, "cubql refitted"),
+    Entry("warp_bvh", {"update": "refit", "constructor": "sah"}, "SAH refitted"),
+    Entry("warp_bvh", {"update": "refit", "constructor": "lbvh"}, "LBVH refitted"),
 )
 METHODS = (
     Entry("ray_grids", {}, OURS),

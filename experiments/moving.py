@@ -18,7 +18,7 @@ from ._paper import METHOD, SCENES
 if TYPE_CHECKING:
     import pandas as pd
 
-METHODS = (Entry(METHOD, {}, "perspective + spherical"), Entry("ray_grids"), Entry("bvh"))
+METHODS = (Entry(METHOD, {}, "perspective + spherical"), Entry("ray_grids"), Entry("warp_bvh"))
 ANIMATED = ("fairy", "bunny_dragon", "cloth")
 STATIC = tuple(scene for scene in SCENES if scene not in ANIMATED)
 

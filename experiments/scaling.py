@@ -26,7 +26,7 @@ OURS = "ray grids"
 METHODS = (
     Entry("ray_grids", {}, OURS),
     Entry(METHOD, {}, "the paper's grids"),
-    Entry("bvh", {"update": "bvh_rebuild"}, "LBVH rebuilt in a graph"),
+    Entry("warp_bvh", {"update": "bvh_rebuild"}, "LBVH rebuilt in a graph"),
 )
 
 

@@ -21,7 +21,7 @@ GRIDS = (
     faithful("paper-faithful"),
     Entry(METHOD, {}, "perspective + spherical, best"),
     Entry("ray_grids"),
-    Entry("bvh"),
+    Entry("warp_bvh"),
 )
 WITH_EMBREE = (*GRIDS, Entry("embree"))
 

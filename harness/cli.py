@@ -84,7 +84,7 @@ def command(name: str, example: str) -> Callable[[Callable[..., int | None]], Ca
     return register
 
 
-@command("run", "shadowbench run table1 --preset quick --scene cloth --method bvh --method embree")
+@command("run", "shadowbench run table1 --preset quick --scene cloth --method warp_bvh --method embree")
 def run_(
     experiment: Annotated[
         str, typer.Argument(help="Name of an experiment; see shadowbench list experiments.")
@@ -209,7 +209,7 @@ def list_(
     return 0
 
 
-@command("render", "shadowbench render cloth --method bvh --out cloth.png --size 512x512")
+@command("render", "shadowbench render cloth --method warp_bvh --out cloth.png --size 512x512")
 def render_(
     scene: Annotated[str, typer.Argument(help="Name of a scene, or a mesh file.")],
     method: Annotated[str, typer.Option("--method", help="The method that traces the picture.")],
@@ -244,7 +244,7 @@ def render_(
 # These functions declare their own options.
 command("check", "shadowbench check perspective_spherical --device cpu")(check)
 command("plan", "shadowbench plan cloth --method uniform_grid")(plan)
-command("verify", "shadowbench verify cloth bunny.ply --method bvh --json")(verify)
+command("verify", "shadowbench verify cloth bunny.ply --method warp_bvh --json")(verify)
 command("explain", "shadowbench explain cloth --pixel 120,80")(explain)
 command("score", "shadowbench score results/local/table1-quick")(score)
 command("compare", "shadowbench compare results/local/last-week results/local/today --fail-on slower")(

@@ -81,7 +81,7 @@ PEERS = (
     Entry("perspective_spherical", {}, GRIDS),
     Entry("ray_grids", {}, "as used: ray grids"),
     Entry("uniform_grid", {}, "as used: uniform grid"),
-    Entry("bvh", {}, "as used: Warp mesh"),
+    Entry("warp_bvh", {}, "as used: Warp mesh"),
     Entry("embree", {"threads": "1"}, "Embree: robust, 1 thread"),
     Entry("embree", {"threads": "1", "robust": "false"}, "Embree: fast, 1 thread"),
 )

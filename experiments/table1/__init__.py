@@ -17,7 +17,7 @@ SCENES = ("fairy", "sibenik", "bunny_dragon", "conference", "cloth", "buddha")
 REAL = ("bunny",) if find_spec("pxr") else ()
 """A small real scene that needs no download, where USD files can be read."""
 
-METHODS = (Entry("perspective_spherical"), Entry("uniform_grid"), Entry("bvh"), Entry("embree"))
+METHODS = (Entry("perspective_spherical"), Entry("uniform_grid"), Entry("warp_bvh"), Entry("embree"))
 
 
 EXPERIMENT = Experiment(

@@ -69,6 +69,8 @@ class BaseMethod:
 
     name: ClassVar[str] = ""
     title: ClassVar[str] = ""
+    formerly: ClassVar[tuple[str, ...]] = ()
+    """Names that it had in earlier versions. Records with such a name are read as its own."""
     capturable: bool = True
     devices: ClassVar[tuple[str, ...]] = ("cpu", "cuda")
     simulates: frozenset[str] = frozenset({"shadows", "directional"})

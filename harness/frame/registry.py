@@ -58,7 +58,27 @@ def method_class(name: str) -> type[Method]:
             raise UserError(
                 f"method {name!r}: {place} cannot be imported ({error}); correct that package"
             ) from error
+    present = current_name(name)
+    if present != name:
+        raise UserError(f"method {name!r} is now called {present}; use that name")
     raise UserError(f"no method {name!r}{did_you_mean(name, method_names())}")
+
+
+@functools.cache
+def current_name(name: str) -> str:
+    """The name of the method that declares ``name`` as a former one (``formerly``); ``name`` itself where none does.
+
+    Records keep the name that a method had when they were measured; on reading they get the present one.
+    """
+    if name in _built_in():
+        return name
+    for other in method_names():
+        try:
+            if name in getattr(method_class(other), "formerly", ()):
+                return other
+        except (UserError, ImportError):  # it cannot run here, so it cannot be asked
+            continue
+    return name
 
 
 @dataclass(frozen=True)

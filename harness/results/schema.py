@@ -12,6 +12,7 @@ from pathlib import Path
 
 from ..errors import UserError
 from ..files import write_bytes
+from ..frame.registry import current_name
 from ..typed_json import WrongFieldError, checked
 from .record import SCHEMA, Record
 
@@ -112,6 +113,8 @@ def _record_in(text: str, where: str, remedy: str = "remove it and run again") -
             f"{where}: schema {found.get('schema')}, this version reads {SCHEMA}; run again into a new folder"
         )
     try:
-        return checked(Record, found)
+        record = checked(Record, found)
     except WrongFieldError as error:
         raise UserError(f"{where}: not a record ({error}); {remedy}") from error
+    record.method["name"] = current_name(record.method["name"])
+    return record

@@ -107,7 +107,9 @@ def test_an_exact_method_passes_and_the_output_says_so(capsys) -> None:
     assert found["cases"][0]["rays"] == found["rays"] - found["cases"][2]["rays"]
 
 
-@pytest.mark.parametrize(("method", "case", "kind"), [("bvh", "P03b", "acne"), ("embree", "P12", "acne")])
+@pytest.mark.parametrize(
+    ("method", "case", "kind"), [("warp_bvh", "P03b", "acne"), ("embree", "P12", "acne")]
+)
 def test_a_method_that_says_it_is_inexact_fails_all_the_same(capsys, method, case, kind) -> None:
     assert check(method, "cpu", None, [case], False) == 1
     shown = capsys.readouterr().out
@@ -119,12 +121,12 @@ def test_a_method_that_says_it_is_inexact_fails_all_the_same(capsys, method, cas
 
 def test_ties_are_shown_apart_from_errors(capsys, monkeypatch) -> None:
     monkeypatch.setenv("COLUMNS", "80")
-    assert check("bvh", "cpu", None, ["P03b"], False) == 1
+    assert check("warp_bvh", "cpu", None, ["P03b"], False) == 1
     shown = capsys.readouterr().out
     table = shown.partition("P03b: ")[0]
     assert max(map(len, table.splitlines())) <= 80
     monkeypatch.setenv("COLUMNS", "200")
-    assert check("bvh", "cpu", None, ["P03b"], False) == 1
+    assert check("warp_bvh", "cpu", None, ["P03b"], False) == 1
     assert "ERROR: 9 acne; not errors: 9 tie" in capsys.readouterr().out
 
 
@@ -132,7 +134,7 @@ def test_a_setting_that_is_inexact_fails(capsys) -> None:
     settings = ["light_bounds=vertices"]
     assert check("perspective_spherical", "cpu", settings, ["S02", "S03"], False) == 1
     assert "perspective_spherical declares itself inexact" in capsys.readouterr().out
-    assert check("bvh", "cpu", ["update=bvh_rebuild"], ["P03b"], False) == 0
+    assert check("warp_bvh", "cpu", ["update=bvh_rebuild"], ["P03b"], False) == 0
     assert "inexact" not in capsys.readouterr().out
 
 

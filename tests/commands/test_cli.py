@@ -53,13 +53,16 @@ def test_no_command_shows_help(call):
         (["run", "table1", "--preset", "quik"], "table1 has no preset 'quik'; did you mean quick?"),
         (["run", "table1", "--scene", "fary"], "no scene or file 'fary'; did you mean fairy?"),
         (["run", "table1", "--scene", "nowhere/x.ply"], "nowhere/x.ply: no such file"),
-        (["run", "table1", "--method", "bhv"], "no method 'bhv'; did you mean bvh?"),
-        (["run", "table1", "--set", "bvh.updat=refit"], "bvh has no parameter 'updat'; did you mean update?"),
-        (["run", "table1", "--set", "bvh.leaf_size=many"], "bvh.leaf_size='many': not a valid int"),
+        (["run", "table1", "--method", "warp_bhv"], "no method 'warp_bhv'; did you mean warp_bvh?"),
+        (
+            ["run", "table1", "--set", "warp_bvh.updat=refit"],
+            "warp_bvh has no parameter 'updat'; did you mean update?",
+        ),
+        (["run", "table1", "--set", "warp_bvh.leaf_size=many"], "warp_bvh.leaf_size='many': not a valid int"),
         (["run", "table1", "--set", "update=refit"], "--set 'update=refit': write it as method.param=value"),
         (
-            ["run", "table1", "--set", "bhv.update=refit"],
-            "'bhv' is not one of the methods to run; did you mean bvh?",
+            ["run", "table1", "--set", "warp_bhv.update=refit"],
+            "'warp_bhv' is not one of the methods to run; did you mean warp_bvh?",
         ),
         (["run", "table1", "--size", "256"], "--size '256': write it as WIDTHxHEIGHT"),
         *(
@@ -72,7 +75,7 @@ def test_no_command_shows_help(call):
                 "plan cloth",
                 "verify cloth",
                 "explain cloth --pixel 1,1",
-                "render cloth --method bvh --out a.png",
+                "render cloth --method warp_bvh --out a.png",
             )
         ),
         (["run", "table1", "--size", "0x9"], "--size '0x9': write it as WIDTHxHEIGHT"),
@@ -85,9 +88,12 @@ def test_no_command_shows_help(call):
         (["list", "method"], "list 'method': unknown kind; did you mean methods?"),
         (["show", "table2", "."], "no experiment 'table2'; did you mean table1?"),
         (["show", "table1", "nowhere"], "nowhere: no such folder"),
-        (["render", "cloth", "--method", "bvh", "--out", "a.gif"], "--out a.gif: pictures are PNG files"),
         (
-            ["render", "clot", "--method", "bvh", "--out", "a.png"],
+            ["render", "cloth", "--method", "warp_bvh", "--out", "a.gif"],
+            "--out a.gif: pictures are PNG files",
+        ),
+        (
+            ["render", "clot", "--method", "warp_bvh", "--out", "a.png"],
             "no scene or file 'clot'; did you mean cloth?",
         ),
     ],
@@ -115,7 +121,9 @@ def test_interrupting_says_how_to_go_on(call, monkeypatch, scene, tmp_path):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("shadowbench.harness.commands.run.Run.go", interrupted)
-    code, out, err = call("run", "table1", "--scene", scene, "--method", "bvh", "--out", tmp_path / "out")
+    code, out, err = call(
+        "run", "table1", "--scene", scene, "--method", "warp_bvh", "--out", tmp_path / "out"
+    )
     assert code == cli.INTERRUPTED
     assert out == ""
     assert err == "shadowbench: interrupted; run the same command again to continue\n"
@@ -128,7 +136,7 @@ def test_lists_as_text_and_as_json(call, kind, monkeypatch):
     rows = json.loads(out)
     assert code == 0
     names = [row["name"] for row in rows]
-    assert {"methods": "bvh", "scenes": "cloth", "experiments": "table1"}[kind] in names
+    assert {"methods": "warp_bvh", "scenes": "cloth", "experiments": "table1"}[kind] in names
     _, text, _ = call("list", kind)
     assert all(name in text for name in names)
     assert max(map(len, text.splitlines())) <= 80
@@ -136,7 +144,17 @@ def test_lists_as_text_and_as_json(call, kind, monkeypatch):
 
 def test_run_show_and_json(call, scene, tmp_path):
     out_folder = tmp_path / "out"
-    arguments = ["run", "table1", "--scene", scene, "--method", "bvh", "embree", "--set", "embree.threads=1"]
+    arguments = [
+        "run",
+        "table1",
+        "--scene",
+        scene,
+        "--method",
+        "warp_bvh",
+        "embree",
+        "--set",
+        "embree.threads=1",
+    ]
     arguments += [
         "--preset",
         "quick",
@@ -155,7 +173,7 @@ def test_run_show_and_json(call, scene, tmp_path):
     report = json.loads(out)
     assert (code, err) == (0, "")
     assert [(p["method"], p["status"], p["samples"]) for p in report["points"]] == [
-        ("bvh", "ok", 2),
+        ("warp_bvh", "ok", 2),
         ("embree", "ok", 2),
     ]
     assert report["points"][1]["built"]["threads"] == 1
@@ -175,7 +193,7 @@ def test_run_show_and_json(call, scene, tmp_path):
 def test_an_unwritable_folder_is_refused(call, scene, tmp_path):
     (tmp_path / "file").write_text("")
     code, _, err = call(
-        "run", "table1", "--scene", scene, "--method", "bvh", "--out", tmp_path / "file" / "out"
+        "run", "table1", "--scene", scene, "--method", "warp_bvh", "--out", tmp_path / "file" / "out"
     )
     assert code == 2
     assert "cannot write there" in err
@@ -183,13 +201,15 @@ def test_an_unwritable_folder_is_refused(call, scene, tmp_path):
 
 
 def test_render_draws_what_a_method_answers(call, scene, tmp_path):
-    code, _, err = call("render", scene, "--method", "bvh", "--out", tmp_path / "a.png", "--size", "48x32")
+    code, _, err = call(
+        "render", scene, "--method", "warp_bvh", "--out", tmp_path / "a.png", "--size", "48x32"
+    )
     assert code == 0
     assert "written" in err
     pixels = np.asarray(Image.open(tmp_path / "a.png"))
     assert pixels.shape[:2] == (32, 48)
     assert pixels.std() > 5
-    code, _, err = call("render", scene, "--method", "bvh", "--out", tmp_path / "a.png", "--frame", "3")
+    code, _, err = call("render", scene, "--method", "warp_bvh", "--out", tmp_path / "a.png", "--frame", "3")
     assert code == 2
     assert "frames 0 to 0" in err
 

@@ -97,7 +97,7 @@ def test_moving_explains_a_slow_place_from_its_counters(tmp_path):
     work = "90 (20) | 50 (120) | not counted | not counted | not counted"
     assert f"| {ours.label} | 0.43 | shadow | 24.0 (4.00) | {work} |" in slowest
     uncounted_work = " | ".join(["not counted"] * 5)
-    assert f"| bvh | 0.43 | shadow | 24.0 (4.00) | {uncounted_work} |" in slowest
+    assert f"| warp_bvh | 0.43 | shadow | 24.0 (4.00) | {uncounted_work} |" in slowest
 
 
 def test_ablation_compares_with_its_base_on_the_same_scene(tmp_path):

@@ -210,8 +210,10 @@ def test_two_lights_states_frames_a_second_and_what_each_further_light_costs(tmp
     write_records(tmp_path, [lit(e, x) for e in preset.methods for x in preset.lightings])
     show("two_lights", tmp_path, quiet=True)
     text = (tmp_path / "two_lights.md").read_text()
-    line = next(x for x in text.splitlines() if x.startswith("| Fairy (stand-in) | bvh |"))
-    assert line == "| Fairy (stand-in) | bvh | 12.0 | 18.0 | 55.6 | +50% | 0.750 | 0.750 | 0.750 | 0.750 |"
+    line = next(x for x in text.splitlines() if x.startswith("| Fairy (stand-in) | warp_bvh |"))
+    assert (
+        line == "| Fairy (stand-in) | warp_bvh | 12.0 | 18.0 | 55.6 | +50% | 0.750 | 0.750 | 0.750 | 0.750 |"
+    )
     assert "7.6 frames a second" in text
     assert "5.26" in text
     assert "number of lights" in (tmp_path / "two_lights-fairy.svg").read_text()
@@ -267,7 +269,7 @@ def test_what_a_stopped_run_did_not_come_to_is_told(tmp_path):
 
 
 def test_lightings_with_points_of_their_own_are_missed_by_nobody_and_miss_none(tmp_path):
-    few, many = [Entry("bvh", {}, "a")], [Entry("bvh", {}, "a"), Entry("ray_grids", {}, "b")]
+    few, many = [Entry("warp_bvh", {}, "a")], [Entry("warp_bvh", {}, "a"), Entry("ray_grids", {}, "b")]
     near, far = Lighting("near", distance=1.0), Lighting("far", distance=9.0)
     write_records(tmp_path, [record_of("figure11", e, lighting=near) for e in many])
     write_records(tmp_path, [record_of("figure11", e, lighting=far) for e in few])

@@ -16,8 +16,8 @@ from shadowbench.harness.report import roofline as floor
 from shadowbench.harness.report.roofline import Machine, Work
 from shadowbench.harness.runner.experiment import Entry
 
-OURS, GRAPH, MESH = (Entry("ray_grids", {}, "ray grids"), Entry("bvh", {}, "LBVH rebuilt in a graph"),
-                     Entry("bvh", {}, "mesh rebuilt"))  # fmt: skip
+OURS, GRAPH, MESH = (Entry("ray_grids", {}, "ray grids"), Entry("warp_bvh", {}, "LBVH rebuilt in a graph"),
+                     Entry("warp_bvh", {}, "mesh rebuilt"))  # fmt: skip
 
 
 def timed(entry, scene, *times):
@@ -148,7 +148,7 @@ def test_a_bar_says_three_digits_and_what_is_wrong_of_it():
 
 
 def test_the_picture_marks_wrong_answers_and_explains_its_parts(tmp_path):
-    wrong = record_of("frame_time", Entry("bvh", {}, "mesh rebuilt"), ms=3.0)
+    wrong = record_of("frame_time", Entry("warp_bvh", {}, "mesh rebuilt"), ms=3.0)
     wrong["frames"][0]["score"] = {**wrong["frames"][0]["score"], "true_errors": 4}
     write_records(tmp_path, [record_of("frame_time", Entry("ray_grids", {}, "ray grids"), ms=1.0), wrong])
     show("frame_time", tmp_path, quiet=True)

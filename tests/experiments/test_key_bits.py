@@ -68,7 +68,7 @@ def test_key_bits_runs_draws_goes_on_and_is_read(tmp_path):
 
 
 def test_key_bits_takes_no_scene_and_no_method(tmp_path):
-    for asked in ({"scenes": [write_scene(tmp_path / "tetra.obj")]}, {"methods": ["bvh"]}):
+    for asked in ({"scenes": [write_scene(tmp_path / "tetra.obj")]}, {"methods": ["warp_bvh"]}):
         options = plan_run("key_bits", preset="quick", device="cpu", out=tmp_path / "out", **asked)
         with pytest.raises(UserError, match="takes no --scene and no --method"):
             EXPERIMENT.measure(options, Silent())

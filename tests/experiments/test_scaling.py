@@ -117,7 +117,7 @@ def test_the_exponent_is_that_of_the_power_law():
 
 def records():
     """Time proportional to pixels, to the root of triangles, and 2 + 0.5 a light."""
-    entry, other = Entry("ray_grids", {}, scaling.OURS), Entry("bvh")
+    entry, other = Entry("ray_grids", {}, scaling.OURS), Entry("warp_bvh")
     result = []
     for e, scale in ((entry, 1.0), (other, 3.0)):
         points = [(t, 64, 1) for t in (1000, 10_000, 100_000)] + [(10_000, s, 1) for s in (32, 128)]
@@ -165,7 +165,7 @@ def test_a_sweep_that_was_not_measured_is_told(tmp_path):
 
 
 def test_nothing_measured_is_said(tmp_path):
-    write_records(tmp_path, [record_of("scaling", Entry("bvh"), status="rejected")])
+    write_records(tmp_path, [record_of("scaling", Entry("warp_bvh"), status="rejected")])
     files = show("scaling", tmp_path, quiet=True)
     assert {file.name for file in files} == {"scaling.csv", "scaling.md"}
     assert "Not measured" in (tmp_path / "scaling.md").read_text()

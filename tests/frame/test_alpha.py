@@ -242,7 +242,7 @@ def test_without_masks_nothing_is_kept_or_launched():
     assert reading == ["primary rays", "light 0: shadow rays", "light 1: shadow rays"]
 
 
-@pytest.mark.parametrize("name", ["embree", "bvh", "accuracy_ladder"])
+@pytest.mark.parametrize("name", ["embree", "warp_bvh", "accuracy_ladder"])
 def test_what_cannot_take_part_says_why(name):
     reason = make_method(name, {}).applies(holed()[0].scene, "cpu")
     assert reason is not None

@@ -150,7 +150,7 @@ def test_a_moving_light_rebuilds_its_own_grid_and_nothing_else(label):
     assert not [work for work in builds(run) if work.part == "build"]
 
 
-@pytest.mark.parametrize("label", ["uniform_grid", "bvh", "bvh rebuilt in place", "embree"])
+@pytest.mark.parametrize("label", ["uniform_grid", "warp_bvh", "bvh rebuilt in place", "embree"])
 def test_a_moving_camera_rebuilds_no_world_structure(label):
     assert not builds(stale(session_of(label, scene()).all_passes, {"camera"}))
 
@@ -191,7 +191,7 @@ def test_pass_graph_on_a_small_frame():
 
 VARIANTS = [
     *((name, {}) for name in method_names()),
-    ("bvh", {"update": "bvh_rebuild"}),
+    ("warp_bvh", {"update": "bvh_rebuild"}),
     ("perspective_spherical", {"sort": "radix", "balancing": "algorithm-1"}),
     ("perspective_spherical", {"sort": "radix", "triangle_chunk": "3"}),
     ("perspective_spherical", {"triangle_chunk": "2", "clamp": "scene"}),

@@ -138,7 +138,7 @@ def test_mirrors_of_any_shape_have_no_error(seed):
     score = score_answers(Judge.of(prepared, moment).with_random_pixels(SIZE * SIZE), answers).score
     assert score.true_errors == 0, score.examples
     assert score.bounces[0].rays > 20
-    other = answered("bvh", {"update": "bvh_rebuild"}, prepared)[1]
+    other = answered("warp_bvh", {"update": "bvh_rebuild"}, prepared)[1]
     for key in answers:
         np.testing.assert_array_equal(answers[key], other[key], key)
 
@@ -166,7 +166,7 @@ def test_a_mirror_shows_holes_as_holes():
     assert Effects.of(scene).switches(0, 1) == Switches(receivers=True, alpha=True, bounced=True)
     holed = prepare(scene)
     moment, answers = answered("uniform_grid", {}, holed)
-    _, other = answered("bvh", {"update": "bvh_rebuild"}, holed)
+    _, other = answered("warp_bvh", {"update": "bvh_rebuild"}, holed)
     for key in answers:
         np.testing.assert_array_equal(answers[key], other[key], key)
     score = score_answers(Judge.of(holed, moment).with_random_pixels(SIZE * SIZE), answers).score

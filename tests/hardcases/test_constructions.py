@@ -77,7 +77,7 @@ def test_one_tile_holds_all_rays_but_a_column() -> None:
     assert np.count_nonzero(tiles) < 256 < len(tiles)
 
 
-@pytest.mark.parametrize("name", ["perspective_spherical", "uniform_grid", "ray_grids", "bvh", "embree"])
+@pytest.mark.parametrize("name", ["perspective_spherical", "uniform_grid", "ray_grids", "warp_bvh", "embree"])
 @pytest.mark.parametrize("turn", ["", "y", "z"])
 def test_a_spot_over_the_seam_is_the_same_spot_turned_away_from_it(name: str, turn: str) -> None:
     both = []
@@ -101,11 +101,11 @@ def padded(width: int, height: int) -> tuple[Trial, Moment]:
     return trial, moment
 
 
-@pytest.mark.parametrize("name", ["perspective_spherical", "uniform_grid", "ray_grids", "bvh"])
+@pytest.mark.parametrize("name", ["perspective_spherical", "uniform_grid", "ray_grids", "warp_bvh"])
 @pytest.mark.parametrize(("width", "height"), [(33, 25), (1023, 769), (7, 5000)])
 def test_an_odd_image_is_a_crop_of_a_padded_one(name: str, width: int, height: int) -> None:
     trial, moment = padded(width, height)
-    settings = {"update": "bvh_rebuild"} if name == "bvh" else {}
+    settings = {"update": "bvh_rebuild"} if name == "warp_bvh" else {}
     alone = Session(make_method(name, settings), trial.prepared, width, height, "cpu").answers(trial.moment)
     whole = Session(make_method(name, settings), trial.prepared, width + 2, height + 2, "cpu").answers(moment)
     for key, values in alone.items():

@@ -30,7 +30,7 @@ EXACT = (
     ("uniform_grid", (("density", "100"),)),
     ("ray_grids", (("queue", "never"),)),
     ("ray_grids", (("queue", "always"), ("inline_cells", "0"))),
-    ("bvh", (("update", "bvh_rebuild"),)),
+    ("warp_bvh", (("update", "bvh_rebuild"),)),
 )
 
 EXCUSED = ("V sheet x1e-06", "V sheet x0.001", "V sheet x1e-6 ")
@@ -62,7 +62,7 @@ def test_exact_methods_pass_every_case(name, settings, device) -> None:
             mirrored = case.name.startswith("M") and "mirror" in finding.reason
             assert mirrored or (case.name.startswith("S17") and "spot" in finding.reason), finding.reason
     assert wrong == {}
-    if name in ("uniform_grid", "bvh"):
+    if name in ("uniform_grid", "warp_bvh"):
         outside = judge_case(judged("M01"), make_method(name, dict(settings)), device)
         assert outside.status == "ok", outside.reason
 
@@ -83,7 +83,7 @@ def test_known_weaknesses_of_others_show() -> None:
     """Warp's Mesh and Embree lose rays and segments through vertices of closed surfaces seen from within; Embree
     loses those in the upper faces of the scene's box, not in the lower; both shadow what touches a vertex.
     """
-    for method in ("bvh", "embree"):
+    for method in ("warp_bvh", "embree"):
         for name in ("P29", "S19c"):
             found = judge_case(judged(name), make_method(method, {}), "cpu")
             assert found.status == "error"
@@ -93,7 +93,7 @@ def test_known_weaknesses_of_others_show() -> None:
         assert (upper.status, upper.classes["hole"]) == ("error", 17)
         lower = judge_case(judged(f"P08e{suffix}"), make_method("embree", {}), "cpu")
         assert (lower.status, lower.classes.get("hole", 0)) == ("ok", 0)
-    assert judge_case(judged("P03b"), make_method("bvh", {}), "cpu").classes["acne"] > 0
+    assert judge_case(judged("P03b"), make_method("warp_bvh", {}), "cpu").classes["acne"] > 0
 
 
 # --- the judge itself, on methods with an error planted ----------------------------------------------------------
@@ -219,7 +219,7 @@ def test_crashes_and_declared_cases() -> None:
 
 
 def test_stale_frames_and_allocations_are_found() -> None:
-    class Stale(type(make_method("bvh", {}))):  # type: ignore[misc]
+    class Stale(type(make_method("warp_bvh", {}))):  # type: ignore[misc]
         """Builds its tree once only, and allocates in every frame."""
 
         def plan(self, frame, effects, limits):

@@ -19,7 +19,7 @@ POINT = Light((1.5, 3.0, 1.0))
 BEHIND = Light((0.5, -0.2, -4.0))
 SPOT = replace(POINT, spot=Spot((-1.5, -3.0, -1.0), 12.0))
 LAMPS = {
-    "bvh rebuilt in place": ("bvh", {"update": "bvh_rebuild"}),
+    "bvh rebuilt in place": ("warp_bvh", {"update": "bvh_rebuild"}),
     "grids clamped to the scene": ("perspective_spherical", {"clamp": "scene"}),
     **{name: (name, {}) for name in method_names()},
 }

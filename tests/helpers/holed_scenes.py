@@ -17,7 +17,7 @@ from shadowbench.harness.scene.surface_rules import perforated
 SIZE = (24, 18)
 EXACT = [
     ("uniform_grid", {}),
-    ("bvh", {"update": "bvh_rebuild"}),
+    ("warp_bvh", {"update": "bvh_rebuild"}),
     ("bvh2", {}),
     ("perspective_spherical", {}),
     ("ray_grids", {}),

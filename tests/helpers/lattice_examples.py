@@ -60,11 +60,11 @@ CHOICES: dict[str, dict[str, tuple[str, ...]]] = {
         "shares": ("1", "2", "3"),
         "beside": ("1", "2"),
     },
-    "bvh": {"leaf_size": ("0", "2", "8"), "swizzle": ("true", "false")},
+    "warp_bvh": {"leaf_size": ("0", "2", "8"), "swizzle": ("true", "false")},
 }
 """Settings that must change no answer: the first of each is the plainest."""
 
-ALWAYS = {"bvh": {"update": "bvh_rebuild"}}
+ALWAYS = {"warp_bvh": {"update": "bvh_rebuild"}}
 """What makes a method exact."""
 
 CULLING = ("off", "primary", "primary+light")

@@ -15,8 +15,8 @@ from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Light, Spot
 
 SIZE = 24
-EXACT = [("uniform_grid", {}), ("bvh", {"update": "bvh_rebuild"})]
-INEXACT = [("bvh", {"update": "rebuild"}), ("bvh", {"update": "refit"}), ("embree", {})]
+EXACT = [("uniform_grid", {}), ("warp_bvh", {"update": "bvh_rebuild"})]
+INEXACT = [("warp_bvh", {"update": "rebuild"}), ("warp_bvh", {"update": "refit"}), ("embree", {})]
 
 needs_embree = pytest.mark.skipif(not embree_installed(), reason="truth needs Embree")
 

@@ -73,6 +73,6 @@ def test_both_sides_are_met() -> None:
         there, back = a.directions(pixels).reshape(SIDE, SIDE, 3), b.directions(pixels).reshape(SIDE, SIDE, 3)
         forward = a.axes[2]
         np.testing.assert_array_equal(there, back[:, ::-1] + 2 * forward)
-        shadowed.append((answers_of(one, "bvh")["triangle"] < first).mean())
+        shadowed.append((answers_of(one, "warp_bvh")["triangle"] < first).mean())
     assert 0.1 < np.mean(shadowed) < 0.9
     assert np.mean([0 < share < 1 for share in shadowed]) > 0.5

@@ -53,7 +53,7 @@ class Lit:
             lights.append(Light((x, y, z)))
         self.lights = dict(zip(RADII, lights, strict=True))
         self.prepared = under(whole, replace(whole.scene, lights=tuple(lights), light_path=None))
-        exact = self.traced("bvh", {"update": "bvh_rebuild"}, self.prepared.moment(0, SIZE, SIZE))
+        exact = self.traced("warp_bvh", {"update": "bvh_rebuild"}, self.prepared.moment(0, SIZE, SIZE))
         self.exact = {
             radii: {**exact, "visibility": exact["visibility"][i : i + 1]} for i, radii in enumerate(RADII)
         }

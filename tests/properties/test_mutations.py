@@ -17,7 +17,6 @@ import warp as wp
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.hardcases import find_case
 from shadowbench.harness.hardcases.judge import Judged, judge_case
-from shadowbench.methods.bvh import exact
 from shadowbench.methods.common import bounds, hitpoint, ray_queries, segment, triangle
 from shadowbench.methods.perspective_spherical.camera import tiles as camera_grid
 from shadowbench.methods.perspective_spherical.light import frame as light_frame
@@ -30,6 +29,7 @@ from shadowbench.methods.ray_grids.light import queue as light_queue
 from shadowbench.methods.ray_grids.light import stream as light_stream
 from shadowbench.methods.uniform_grid import grid
 from shadowbench.methods.uniform_grid import method as uniform_grid
+from shadowbench.methods.warp_bvh import exact
 
 PACKAGE = "shadowbench.methods."
 
@@ -103,7 +103,7 @@ MUTATIONS = (
                 bounds,
             ),
         ),
-        "bvh",
+        "warp_bvh",
         EXACT_BVH,
         ("P07", "P24"),
     ),
@@ -117,7 +117,7 @@ MUTATIONS = (
                 ray_queries,
             ),
         ),
-        "bvh",
+        "warp_bvh",
         EXACT_BVH,
         ("V ball x1e-06", "P16"),
     ),
@@ -134,7 +134,7 @@ MUTATIONS = (
                 exact,
             ),
         ),
-        "bvh",
+        "warp_bvh",
         EXACT_BVH,
         ("S10 1e+07",),
     ),
@@ -144,7 +144,7 @@ MUTATIONS = (
             Planted(segment, "plane_crosses_segment", ((OWN_TRIANGLE, ""),), segment),
             Planted(ray_queries, "any_hit", (("if i != segment.own:", "if i >= 0:"),), exact),
         ),
-        "bvh",
+        "warp_bvh",
         EXACT_BVH,
         ("S12",),
     ),
@@ -159,21 +159,21 @@ MUTATIONS = (
                 ray_queries,
             ),
         ),
-        "bvh",
+        "warp_bvh",
         EXACT_BVH,
         ("P29", "P29b"),
     ),
     Mutation(
         "flat hit points off by their rounding, and along by the angle",
         (Planted(hitpoint, "is_flat", (("wp.float64(0.125)", "wp.float64(0.0)"),), hitpoint),),
-        "bvh",
+        "warp_bvh",
         EXACT_BVH,
         ("S35", "S35b"),
     ),
     Mutation(
         "doubt at an edge is outside",
         (Planted(triangle, "inside", (("wp.float64(9.313225746154785e-10)", "wp.float64(0.0)"),), triangle),),
-        "bvh",
+        "warp_bvh",
         EXACT_BVH,
         ("P29", "P29b"),
     ),

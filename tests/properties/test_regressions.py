@@ -29,8 +29,8 @@ def test_an_error_is_found_made_small_and_frozen(tmp_path: Path, monkeypatch, ca
     """A planted error that needs one triangle in two and one light: the frozen example has little else."""
 
     def fails(example: Example, names=METHODS, device="cpu") -> dict[str, str]:
-        wrong = len(example.faces) >= 2 and "bvh" in names
-        return {"bvh": "planted"} if wrong else {}
+        wrong = len(example.faces) >= 2 and "warp_bvh" in names
+        return {"warp_bvh": "planted"} if wrong else {}
 
     monkeypatch.setattr(fuzz, "true_errors", fails)
     source = random.Random(4)
@@ -39,9 +39,9 @@ def test_an_error_is_found_made_small_and_frozen(tmp_path: Path, monkeypatch, ca
     assert len(least.faces) == 2
     assert len(least.lights) == 1
     assert len(least.points) <= 6
-    path = fuzz.freeze(least, "bvh", "planted", tmp_path)
+    path = fuzz.freeze(least, "warp_bvh", "planted", tmp_path)
     again = Example.thawed(json.loads(path.read_text()))
     assert again.faces.tolist() == least.faces.tolist()
-    assert again.settings == {"bvh": least.settings["bvh"]}
+    assert again.settings == {"warp_bvh": least.settings["warp_bvh"]}
     assert fuzz.fuzz(1000, 4, 60.0, tmp_path, METHODS, "cpu") == fuzz.MOST_FINDINGS
     assert "frozen as" in capsys.readouterr().out

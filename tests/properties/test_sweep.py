@@ -22,7 +22,7 @@ METHODS = (
     ("perspective_spherical", {}),
     ("ray_grids", {}),
     ("uniform_grid", {}),
-    ("bvh", {"update": "bvh_rebuild"}),
+    ("warp_bvh", {"update": "bvh_rebuild"}),
 )
 
 PLACES = ((1e-6, 0.0), (1e6, 0.0), (1.0, 1e5), (1e-6, 1e5))

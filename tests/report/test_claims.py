@@ -80,7 +80,7 @@ def everything():
         *(record_of("frame_time", compared[label], scene, ms=ms) for scene in SIX
           for label, ms in (("the paper's grids", 1.0), (BASE, 1.5), ("mesh rebuilt", 2.0), ("uniform grid", 3.0))),
         *(record_of("two_lights", methods[label], "fairy", two, ms=ms)
-          for label, ms in ((BASE, 4.0), ("perspective + spherical, best", 2.0), ("bvh", 3.0))),
+          for label, ms in ((BASE, 4.0), ("perspective + spherical, best", 2.0), ("warp_bvh", 3.0))),
         *moved({1.0: (2.0, 3.0, 3.0), 100.0: (2.0, 3.0, 9.0)}),
         *sorted_pairs(64, (1.0, 2.0, 2.0, 3.0, 3.0, 3.0, 4.0)),
     ]  # fmt: skip
@@ -145,7 +145,7 @@ def test_our_own_claim_counts_the_scenes(tmp_path):
 
 def test_large_triangles_are_judged_by_the_papers_grids_where_a_tree_is_beside_them(tmp_path):
     known = entries("frame_time")
-    tree = next(e for e in find_experiment("ablation").presets["paper"].methods if e.method == "bvh")
+    tree = next(e for e in find_experiment("ablation").presets["paper"].methods if e.method == "warp_bvh")
     for scene in SIX:
         large = scene in _judges.LARGE
         write_records(tmp_path / "f", [record_of("frame_time", known["the paper's grids"], scene, ms=1.1 if large else 1.0),

@@ -7,7 +7,7 @@ from helpers.experiment_records import record_of, write_records
 from shadowbench.harness.report import compare, document
 from shadowbench.harness.runner.experiment import Entry
 
-OURS, TREE = Entry("ray_grids", {}, "ours"), Entry("bvh", {}, "tree")
+OURS, TREE = Entry("ray_grids", {}, "ours"), Entry("warp_bvh", {}, "tree")
 
 
 def two(ms=1.0, frames=1, scene="cloth"):
@@ -52,7 +52,7 @@ def test_only_frames_that_both_have_are_compared(tmp_path):
         lambda r: r["scene"].update(title="another"),
         lambda r: r["method"].update(device="cpu"),
         lambda r: r["frames"][0].update(frame=7),
-        lambda r: r["method"].update(name="bvh", source_sha256="an older version"),
+        lambda r: r["method"].update(name="warp_bvh", source_sha256="an older version"),
     ],
 )
 def test_what_is_not_alike_has_no_ratio(tmp_path, change):

@@ -123,7 +123,7 @@ def test_the_terminal_table_has_every_method_scene_and_printed_number(records, w
 
 
 def test_at_the_papers_size_nothing_warns_of_the_size():
-    table = table_from([record("fairy", "bvh", size=1024)])
+    table = table_from([record("fairy", "warp_bvh", size=1024)])
     assert not any("not to be held" in note for note in sheet.sheet(table).notes)
 
 
@@ -205,8 +205,8 @@ def test_the_same_records_give_the_same_bytes(records, tmp_path):
 
 
 def test_only_the_newest_record_of_a_point_is_shown(tmp_path):
-    old = record("bunny", "bvh", key="old", rounds=[{"round": 0, "noted": 100.0}])
-    new = record("bunny", "bvh", seed=1, key="new", rounds=[{"round": 0, "noted": 200.0}])
+    old = record("bunny", "warp_bvh", key="old", rounds=[{"round": 0, "noted": 100.0}])
+    new = record("bunny", "warp_bvh", seed=1, key="new", rounds=[{"round": 0, "noted": 200.0}])
     other = record("bunny", "embree", rounds=[{"round": 0, "noted": 1.0}])
     write_records(tmp_path, [new, old, other])
     chosen, older = newest(tmp_path)
@@ -217,10 +217,10 @@ def test_only_the_newest_record_of_a_point_is_shown(tmp_path):
 
 
 def test_settings_and_originals_have_entries_of_their_own(tmp_path):
-    plain = record("sibenik", "bvh")
-    refit = record("sibenik", "bvh", seed=1, key="refit")
+    plain = record("sibenik", "warp_bvh")
+    refit = record("sibenik", "warp_bvh", seed=1, key="refit")
     refit["method"]["settings"] = {"update": "refit"}
-    original = record("sibenik", "bvh", seed=2, key="original")
+    original = record("sibenik", "warp_bvh", seed=2, key="original")
     original["scene"].update(title="Sibenik", stand_in=None)
     write_records(tmp_path, [plain, refit, original])
     table = document.read(tmp_path)
@@ -233,10 +233,10 @@ def test_settings_and_originals_have_entries_of_their_own(tmp_path):
 
 
 def test_two_devices_are_two_columns():
-    other = record("bunny", "bvh", seed=1)
+    other = record("bunny", "warp_bvh", seed=1)
     other["key"] += "-gpu"
     other["method"].update(device="cuda:0", device_name="Imaginary GPU")
-    made = sheet.sheet(table_from([record("bunny", "bvh"), other]))
+    made = sheet.sheet(table_from([record("bunny", "warp_bvh"), other]))
     assert made.columns == ("Warp Mesh, rebuilt, cpu", "Warp Mesh, rebuilt, cuda:0")
     assert "Imaginary CPU, Imaginary GPU" in made.title
 
@@ -256,8 +256,8 @@ def test_bars_are_compact_and_drawn_only_where_there_is_something(records, tmp_p
 
 
 def test_a_method_keeps_its_colour_whoever_else_is_drawn():
-    alone, together = style.colours(["bvh"]), style.colours([*METHODS, "somebodys"])
-    assert alone["bvh"] == together["bvh"]
+    alone, together = style.colours(["warp_bvh"]), style.colours([*METHODS, "somebodys"])
+    assert alone["warp_bvh"] == together["warp_bvh"]
     assert len({together[name] for name in METHODS}) == len(METHODS)
 
 
@@ -303,7 +303,7 @@ def test_a_folder_that_can_only_be_read_is_drawn_elsewhere(records, tmp_path):
 
 def test_a_scene_that_nothing_can_hit_is_told_beside_its_tick(tmp_path, capsys):
     """Misses are then the right answer, and a plain tick would say more than was checked."""
-    blind, partly = (record(scene, "bvh") for scene in ("cloth", "fairy"))
+    blind, partly = (record(scene, "warp_bvh") for scene in ("cloth", "fairy"))
     blind["scene"]["invalid_triangles"] = blind["scene"]["triangles"]
     partly["scene"]["invalid_triangles"] = 4
     write_records(tmp_path, [blind, partly])
@@ -316,7 +316,7 @@ def test_a_scene_that_nothing_can_hit_is_told_beside_its_tick(tmp_path, capsys):
 
 
 def test_records_of_another_experiment_are_not_drawn(tmp_path):
-    write_records(tmp_path, [record("cloth", "bvh")])
+    write_records(tmp_path, [record("cloth", "warp_bvh")])
     with pytest.raises(
         UserError, match=r"its records belong to table1, not to figure2; run shadowbench show table1 "
     ):
@@ -381,7 +381,7 @@ def test_one_round_says_nothing_of_the_time_between_rounds(records):
 
 def test_times_of_two_runs_stand_apart_and_none_is_best(records):
     for made in records:
-        made["rounds"] = [{"round": 0, "run": "b" if made["method"]["name"] == "bvh" else "a"}]
+        made["rounds"] = [{"round": 0, "run": "b" if made["method"]["name"] == "warp_bvh" else "a"}]
     made = sheet.sheet(table_from(records))
     assert not any(cell.best for line in made.lines for cell in line.cells)
     assert any(

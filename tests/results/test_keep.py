@@ -17,7 +17,7 @@ from shadowbench.harness.results.schema import ARCHIVE, read_records
 
 ENTRIES = [
     Entry("perspective_spherical", {}, "ours"),
-    Entry("bvh", {}, "tree"),
+    Entry("warp_bvh", {}, "tree"),
     Entry("ray_grids", {}, "grids"),
 ]
 

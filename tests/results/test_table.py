@@ -78,8 +78,8 @@ def test_samples_in_long_form(records, tmp_path):
 
 
 def test_only_the_newest_record_of_an_entry_counts(tmp_path):
-    old = record("bunny", "bvh", key="old", rounds=[{"round": 0, "noted": 100.0, "run": "a"}])
-    new = record("bunny", "bvh", seed=1, key="new", rounds=[{"round": 0, "noted": 200.0, "run": "b"}])
+    old = record("bunny", "warp_bvh", key="old", rounds=[{"round": 0, "noted": 100.0, "run": "a"}])
+    new = record("bunny", "warp_bvh", seed=1, key="new", rounds=[{"round": 0, "noted": 200.0, "run": "b"}])
     table = tidy(write_records(tmp_path, [new, old]))
     assert set(table["key"]) == {"new"}
     assert set(table["run"]) == {"b"}

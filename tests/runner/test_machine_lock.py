@@ -269,7 +269,7 @@ def test_a_run_takes_its_rounds_alone_and_does_the_rest_shared(tmp_path, monkeyp
             sent.append((command["do"], worker.name.startswith(run_module.GRADER), lock.held))
 
     options = plan_run(
-        "table1", "quick", "cpu", ["cloth"], ["bvh"], out=tmp_path / "out", size="32x32",
+        "table1", "quick", "cpu", ["cloth"], ["warp_bvh"], out=tmp_path / "out", size="32x32",
         overrides={"frames": 1, "rounds": 2, "budget_s": 1.0},
     )  # fmt: skip
     Watching(options, Silent()).go()

@@ -61,11 +61,11 @@ def test_the_estimate_is_said_once_there_is_one(clock, capsys):
 
 def test_a_point_is_told_with_its_time_or_with_what_went_wrong(clock, capsys):
     bar = Bar()
-    bar.point(checked(Record, record_of("table1", Entry("bvh"), ms=12.345)))
-    bar.point(checked(Record, record_of("table1", Entry("bvh"), status="rejected")))
+    bar.point(checked(Record, record_of("table1", Entry("warp_bvh"), ms=12.345)))
+    bar.point(checked(Record, record_of("table1", Entry("warp_bvh"), status="rejected")))
     assert said(capsys) == [
-        "[   0 s] cloth, bvh: 12.5 ms per frame",
-        "[   0 s] cloth, bvh: rejected: needs 9 pairs",
+        "[   0 s] cloth, warp_bvh: 12.5 ms per frame",
+        "[   0 s] cloth, warp_bvh: rejected: needs 9 pairs",
     ]
 
 
@@ -91,7 +91,7 @@ def test_small_scenes_are_measured_first_and_records_come_in_the_order_declared(
             measured.append(record.scene["name"])
 
     scenes = [str(tmp_path / "large.npz"), small]
-    records = Run(options(tmp_path / "out", scenes, ["bvh"], rounds=1), Noted()).go()
+    records = Run(options(tmp_path / "out", scenes, ["warp_bvh"], rounds=1), Noted()).go()
     assert measured == ["small", "large"]
     assert [record.scene["name"] for record in records] == ["large", "small"]
 

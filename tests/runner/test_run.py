@@ -136,15 +136,15 @@ def test_what_answers_otherwise_later_has_the_rounds_before_it(troubled):
 
 
 def test_a_method_that_holds_more_than_it_may_is_rejected(package, scene, tmp_path):
-    entries = [Entry(name, {}, name) for name in ("steady", "greedy", "bvh")]
+    entries = [Entry(name, {}, name) for name in ("steady", "greedy", "warp_bvh")]
     records = go(options(tmp_path, [scene], entries, memory=1 << 20, rounds=1))
-    assert [records[name].status for name in ("steady", "greedy", "bvh")] == ["ok", "rejected", "ok"]
+    assert [records[name].status for name in ("steady", "greedy", "warp_bvh")] == ["ok", "rejected", "ok"]
     assert re.fullmatch(r"needs [\d,]+ bytes; the limit is 1,048,576", records["greedy"].reason)
     less = go(options(tmp_path, [scene], ["uniform_grid"], memory=1 << 10, rounds=1))
     assert {r.status for r in less.values()} == {"rejected"}
 
 
-@pytest.mark.parametrize("name", ["bvh", "embree"])
+@pytest.mark.parametrize("name", ["warp_bvh", "embree"])
 def test_memory_does_not_depend_on_what_the_process_did_before(scene, tmp_path, name):
     """The first point of a process compiles kernels and loads libraries."""
     pytest.importorskip("embreex", reason="embree is what is measured")
@@ -212,7 +212,7 @@ def _breaking(runner, path):
 
 def test_answers_are_scored_against_truth(scene, tmp_path):
     pytest.importorskip("embreex", reason="truth needs Embree")
-    chosen = options(tmp_path, [scene], ["bvh"], width=32, height=32, score=True, save_answers=True)
+    chosen = options(tmp_path, [scene], ["warp_bvh"], width=32, height=32, score=True, save_answers=True)
     (measured,) = Run(chosen, Silent()).go()
     score = measured.frames[0].score
     assert score.primary.pixels == 32 * 32
@@ -377,10 +377,10 @@ def test_another_scene_of_the_same_name_gets_a_picture_of_its_own(tmp_path):
     scene, out = tmp_path / "tetra.obj", tmp_path / "out"
     write_scene(scene)
     picture = out / "images" / "tetra.png"
-    go(options(out, [str(scene)], ["bvh"]))
+    go(options(out, [str(scene)], ["warp_bvh"]))
     first, when = picture.read_bytes(), picture.stat().st_mtime_ns
-    go(options(out, [str(scene)], ["bvh", "uniform_grid"]))
+    go(options(out, [str(scene)], ["warp_bvh", "uniform_grid"]))
     assert picture.stat().st_mtime_ns == when
     scene.write_text("v 0 0 0\nv 5 0 0\nv 0 1 0\nf 1 2 3\n")
-    go(options(out, [str(scene)], ["bvh"]))
+    go(options(out, [str(scene)], ["warp_bvh"]))
     assert picture.read_bytes() != first

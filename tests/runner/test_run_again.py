@@ -22,7 +22,7 @@ def go(chosen):
 
 @pytest.mark.parametrize("damage", [lambda whole: None, lambda whole: whole[: len(whole) // 2]])
 def test_a_picture_that_is_gone_or_damaged_is_drawn_again(scene, tmp_path, damage):
-    chosen = options(tmp_path, [str(scene)], ["bvh"])
+    chosen = options(tmp_path, [str(scene)], ["warp_bvh"])
     (first,) = go(chosen).values()
     picture = tmp_path / "images" / "tetra.png"
     whole = picture.read_bytes()
@@ -44,7 +44,7 @@ def test_what_is_no_whole_record_is_measured_again(tmp_path, text):
     path.parent.mkdir()
     path.write_text(text)
     assert ResultsFolder(tmp_path).record("a") is None
-    whole = record_of("table1", Entry("bvh"))
+    whole = record_of("table1", Entry("warp_bvh"))
     path.write_text(json.dumps({**whole, "key": "a"}))
     assert ResultsFolder(tmp_path).record("a").key == "a"
     path.write_text(json.dumps({**whole, "key": "a", "point": {**whole["point"], "width": "abc"}}))

@@ -108,8 +108,8 @@ def test_what_every_measurement_runs_makes_all_methods_stale(stale, module) -> N
 @pytest.mark.parametrize(
     ("module", "methods"),
     [
-        ("methods.bvh.exact", {"bvh"}),
-        ("methods.common.box_tree", {"bvh", "accuracy_ladder"}),
+        ("methods.warp_bvh.exact", {"warp_bvh"}),
+        ("methods.common.box_tree", {"warp_bvh", "accuracy_ladder"}),
         ("methods.ray_grids.aim", {"ray_grids", "shadow_map"}),
         ("methods.uniform_grid.traversal", {"uniform_grid"}),
     ],

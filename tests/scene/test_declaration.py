@@ -235,9 +235,11 @@ def test_a_mesh_has_one_hue_whatever_is_declared_about_it(folder):
 
 def test_plan_takes_settings(folder):
     path = str(declare(folder, 'mesh = "roof.obj"\n[alpha]\nevery = 2'))
-    (plain,) = frame_plan(path, ["bvh"], "16x16", "cpu")["methods"]
-    assert "bvh.update=bvh_rebuild" in plain["cannot"]
-    (chosen,) = frame_plan(path, ["bvh"], "16x16", "cpu", settings=["bvh.update=bvh_rebuild"])["methods"]
+    (plain,) = frame_plan(path, ["warp_bvh"], "16x16", "cpu")["methods"]
+    assert "warp_bvh.update=bvh_rebuild" in plain["cannot"]
+    (chosen,) = frame_plan(path, ["warp_bvh"], "16x16", "cpu", settings=["warp_bvh.update=bvh_rebuild"])[
+        "methods"
+    ]
     assert not chosen["cannot"]
     assert chosen["settings"] == {"update": "bvh_rebuild"}
 

@@ -78,8 +78,8 @@ def test_other_mirrors_or_holes_are_another_point(tmp_path: Path) -> None:
 def test_every_tree_is_measured_where_only_a_middle_frame_is_asked_for(tmp_path: Path) -> None:
     """Found on a GPU: with one frame of an animation, trees that begin with its first frame did not find that."""
     entries = [
-        Entry("accuracy_ladder", {}, "ladder"), Entry("bvh", {}, "rebuilt"),
-        Entry("bvh", {"update": "refit"}, "refitted"), Entry("bvh", {"update": "bvh_rebuild"}, "in place"),
+        Entry("accuracy_ladder", {}, "ladder"), Entry("warp_bvh", {}, "rebuilt"),
+        Entry("warp_bvh", {"update": "refit"}, "refitted"), Entry("warp_bvh", {"update": "bvh_rebuild"}, "in place"),
     ]  # fmt: skip
     options = plan_run(
         "table1", "quick", "cpu", ["cloth"], out=tmp_path / "out", size="24x24",

@@ -52,7 +52,7 @@ def hot_modules() -> dict[str, wp.Module | str]:
     from shadowbench.methods.ray_grids.light import stream as light_stream
 
     return {
-        "bvh": importlib.import_module("shadowbench.methods.bvh.exact").__name__,
+        "warp_bvh": importlib.import_module("shadowbench.methods.warp_bvh.exact").__name__,
         "uniform_grid": importlib.import_module("shadowbench.methods.uniform_grid.traversal").__name__,
         "ray_grids camera: stream": camera_stream.make_stream_kernel(True).module,
         "ray_grids camera: rows": camera_queue.make_item_kernel(True, False).module,

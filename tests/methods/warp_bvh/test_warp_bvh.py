@@ -19,7 +19,7 @@ from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 
-NAME = "bvh"
+NAME = "warp_bvh"
 EXACT = {"update": "bvh_rebuild"}
 MESHES = [
     {"update": "rebuild"},

@@ -73,11 +73,12 @@ class Trace:
 class WarpBvh(BaseMethod):
     """See the module. The variants that query a wp.Mesh inherit its float32 answers; ``bvh_rebuild`` is exact."""
 
-    name = "bvh"
+    name = "warp_bvh"
     title = "BVH (Warp)"
+    formerly = ("bvh",)
     simulates = frozenset({"shadows", "receivers", "directional", "mirror"})
     cannot = MappingProxyType(
-        {"alpha": "a query of wp.Mesh cannot skip a hit; choose --set bvh.update=bvh_rebuild"}
+        {"alpha": "a query of wp.Mesh cannot skip a hit; choose --set warp_bvh.update=bvh_rebuild"}
     )
     Build = Build
     Trace = Trace
@@ -150,7 +151,7 @@ class WarpBvh(BaseMethod):
         prepared = frame.prepared
         if self.build.update == "static" and prepared.frame_count > 1:
             raise UserError(
-                f"bvh.update=static: {prepared.scene.name} moves over {prepared.frame_count} frames; "
+                f"warp_bvh.update=static: {prepared.scene.name} moves over {prepared.frame_count} frames; "
                 "choose rebuild or refit"
             )
         points, valid = prepared.points(0)
