@@ -68,7 +68,7 @@ def test_runs_in_one_folder_are_named(tmp_path):
     assert compare.apart(frames) == []
     records[0]["rounds"], records[1]["rounds"] = [{"run": "a"}], [{"run": "b"}]
     (line,) = compare.apart(document.read(write_records(tmp_path / "two", records)))
-    assert line == "Cloth (stand-in) was measured in 2 runs, which are not compared: tree | ours."
+    assert line == "Cloth (stand-in) was measured in 2 runs, which are not compared: ours | tree."
 
 
 def test_a_ratio_has_the_range_of_its_rounds(tmp_path):

@@ -6,14 +6,15 @@ import dataclasses
 import lzma
 from pathlib import Path
 
-from helpers import experiment_records
 import pytest
+from helpers import experiment_records
 from helpers.experiment_records import record_of
 from shadowbench.harness.commands.keep import keep
 from shadowbench.harness.errors import UserError
+from shadowbench.harness.frame.registry import method_class
 from shadowbench.harness.results.folder import ResultsFolder
-from shadowbench.harness.runner.experiment import Entry
 from shadowbench.harness.results.schema import ARCHIVE, read_records
+from shadowbench.harness.runner.experiment import Entry
 
 ENTRIES = [
     Entry("perspective_spherical", {}, "ours"),
@@ -182,3 +183,14 @@ def test_a_damaged_archive_is_told_by_its_name(tmp_path: Path, damage, said) -> 
         read_records(tmp_path / "out")
     assert ARCHIVE in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+def test_records_of_a_renamed_method_are_read_as_its_own(tmp_path: Path) -> None:
+    place = run_folder(tmp_path / "old")
+    for path in (place / "records").glob("*.json"):
+        text = path.read_text(encoding="utf-8")
+        path.write_text(text.replace('"name": "warp_bvh"', '"name": "bvh"'), encoding="utf-8")
+    assert '"bvh"' in "".join(path.read_text(encoding="utf-8") for path in (place / "records").iterdir())
+    assert {record.method["name"] for record in read_records(place)} == {entry.method for entry in ENTRIES}
+    with pytest.raises(UserError, match="method 'bvh' is now called warp_bvh"):
+        method_class("bvh")
