@@ -11,7 +11,7 @@ from shadowbench.harness.report import compare, document, panels, style
 from shadowbench.harness.results.table import samples
 from shadowbench.harness.runner.experiment import Entry
 
-OURS, TREE = Entry("ray_grids", {}, "ours"), Entry("bvh", {}, "tree")
+OURS, TREE = Entry("ray_grids", {}, "ours"), Entry("warp_bvh", {}, "tree")
 
 
 def test_a_method_looks_the_same_whatever_else_is_drawn_or_installed(monkeypatch):
@@ -19,12 +19,12 @@ def test_a_method_looks_the_same_whatever_else_is_drawn_or_installed(monkeypatch
     for part in ("color", "marker"):
         assert len({look[part] for look in looks.values()}) == min(8, len(looks)), "built-in methods differ"
     alone = pd.DataFrame({"label": ["x"], "method": ["ray_grids"]})
-    several = pd.DataFrame({"label": ["a", "b", "x"], "method": ["bvh", "bvh", "ray_grids"]})
+    several = pd.DataFrame({"label": ["a", "b", "x"], "method": ["warp_bvh", "warp_bvh", "ray_grids"]})
     assert panels.looks(alone)["x"] == panels.looks(several)["x"]
     assert panels.looks(several)["a"]["color"] == panels.looks(several)["b"]["color"]
     monkeypatch.setattr("shadowbench.harness.frame.registry.method_names", lambda: ["another", *looks])
     assert {name: style.look(name) for name in looks} == looks
-    assert style.colours(["bvh"])["bvh"] == looks["bvh"]["color"]
+    assert style.colours(["warp_bvh"])["warp_bvh"] == looks["warp_bvh"]["color"]
 
 
 def test_a_bar_is_as_long_as_the_time_beside_it_says():
@@ -57,7 +57,7 @@ def test_what_a_run_did_not_come_to_has_a_row_and_a_word_in_its_panel(tmp_path):
     records = [record_of("moving", e, s) for e, s in ((OURS, "cloth"), (TREE, "cloth"), (OURS, "buddha"))]
     table = document.complete(document.read(write_records(tmp_path, records)))
     (lost,) = table[table["status"] == document.NO_RECORD].to_dict("records")
-    assert (lost["scene"], lost["label"], lost["method"]) == ("buddha", "tree", "bvh")
+    assert (lost["scene"], lost["label"], lost["method"]) == ("buddha", "tree", "warp_bvh")
     with panels.lines(tmp_path / "a.svg", table, "triangles", "total_ms", (3, 2), facet="title", across=2):
         pass
     assert "tree: no record" in (tmp_path / "a.svg").read_text()

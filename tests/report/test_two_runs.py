@@ -15,7 +15,7 @@ from shadowbench.harness.report import two_runs
 from shadowbench.harness.runner.experiment import Entry
 
 TREE, GRIDS, EMBREE = (
-    Entry("bvh", {}, "tree"),
+    Entry("warp_bvh", {}, "tree"),
     Entry("ray_grids", {}, "grids"),
     Entry("embree", {}, "on the CPU"),
 )
