@@ -20,15 +20,22 @@ from .walk_shadow import make_shadow_walk
 
 @wp.struct
 class Starts:
-    """Of the pixels' hits: the triangle's place in the tree's order, and the point, rounded; nothing at a miss."""
+    """Where shadow rays start.
+
+    seat   int32 [pixels]: the place of the hit triangle in the tree's order; or [triangles]: the place of each triangle
+    point  vec3f [pixels]: the hit point, rounded; nothing at a miss
+    """
 
     seat: wp.array(dtype=wp.int32)
     point: wp.array(dtype=wp.vec3f)
 
 
 @functools.cache
-def make_shadow_kernel(precision: str, node_bytes: int, registers: int) -> Any:
-    """One thread a pixel, 8 x 4 a warp: the shadow bit as far as float32 decides it, and doubts."""
+def make_shadow_kernel(precision: str, node_bytes: int, registers: int, by_triangle: bool = False) -> Any:
+    """One thread a pixel, 8 x 4 a warp: the shadow bit as far as float32 decides it, and doubts.
+
+    ``by_triangle``: the places of ``starts`` are those of all triangles, not of the pixels' hits.
+    """
     walk = make_shadow_walk(precision, node_bytes)
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=registers)
@@ -53,13 +60,17 @@ def make_shadow_kernel(precision: str, node_bytes: int, registers: int) -> Any:
         if at[0] < 0:
             return
         pixel = at[1] * camera.width + at[0]
-        wanted = entry(hits.triangle, pixel) >= 0
+        hit = entry(hits.triangle, pixel)
+        wanted = hit >= 0
         if wp.static(effects.receivers):
             wanted = wanted and receivers[light, pixel] != wp.uint8(0)
         bit = wp.int32(0)
         if wanted:
+            own = pixel
+            if wp.static(by_triangle):
+                own = hit
             bit = walk(
-                entry(starts.point, pixel), entry(lights, light), entry(starts.seat, pixel), pixel, reach, extent,
+                entry(starts.point, pixel), entry(lights, light), entry(starts.seat, own), pixel, reach, extent,
                 tree.nodes, tree.root, records, sides, counts, doubts,
             )  # fmt: skip
         visibility[light, pixel] = wp.uint8(bit)

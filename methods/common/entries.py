@@ -93,6 +93,10 @@ def set_entry(values: wp.array(dtype=wp.float32), i: wp.int32, value: wp.float32
 
 
 @wp.func_native(WRITE)
+def set_entry(values: wp.array(dtype=wp.vec3f), i: wp.int32, value: wp.vec3f): ...
+
+
+@wp.func_native(WRITE)
 def set_entry(values: wp.array(dtype=wp.vec3d), i: wp.int32, value: wp.vec3d): ...
 
 

@@ -52,6 +52,26 @@ class RayGrids(BaseMethod):
         self._queued = False
 
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
+        passes, camera, queues = self.camera_stream(frame, effects, limits, 1 + len(effects.shadows))
+        aims = LightAims(frame, len(effects.shadows))
+        wanted = [i for i, wanted in enumerate(effects.shadows) if wanted]
+        branches = [(queues, cell_arrays(frame, self.build))] if wanted else []
+        beside = self.build.beside if self._queued else 1
+        for _ in range(1, min(len(wanted), beside)):
+            branches.append((queues.with_own_lists(), cell_arrays(frame, self.build)))
+        for number, i in enumerate(wanted):
+            branch = number % len(branches)
+            light = LightStream(frame, i, self.build, camera.hit, *branches[branch], aims, effects)
+            passes += light.passes(branch)
+        return passes
+
+    def camera_stream(
+        self, frame: Frame, effects: Effects, limits: Limits, streams: int = 1, rounded: bool = False
+    ) -> tuple[list[Pass], CameraStream, Queues]:
+        """The passes of the primary rays alone, what launches them, and queues for ``streams`` streams.
+
+        ``rounded``: hit points are wanted in float32. :meth:`needs` and :meth:`grow` go on as after :meth:`plan`.
+        """
         if frame.triangle_count >= MOST_TRIANGLES:
             raise CapacityRejected(f"holds at most {MOST_TRIANGLES - 1:,} triangles")
         if max(frame.width, frame.height) > MOST_PIXELS_ALONG:
@@ -60,27 +80,17 @@ class RayGrids(BaseMethod):
         self._queued = self.build.queue == "always" or (
             self.build.queue == "auto" and wp.get_device(frame.device).is_cuda
         )
-        shares, beside = (self.build.shares, self.build.beside) if self._queued else (1, 1)
+        shares = self.build.shares if self._queued else 1
         if self._capacity is None:  # of each share
             self._capacity = (
                 self.build.item_capacity or max(262144, frame.triangle_count // shares),
                 self.build.part_capacity or 65536,
                 self.build.doubt_capacity or max(262144, frame.pixels // (2 * shares)),
             )
-        queues = Queues(frame, self._queued, self._capacity, 1 + len(effects.shadows), shares)
+        queues = Queues(frame, self._queued, self._capacity, streams, shares)
         self._queues, self._needs = queues, queues.counts
-        aims = LightAims(frame, len(effects.shadows))
-        camera = CameraStream(frame, self.build, queues, effects)
-        passes = camera.passes()
-        wanted = [i for i, wanted in enumerate(effects.shadows) if wanted]
-        branches = [(queues, cell_arrays(frame, self.build))] if wanted else []
-        for _ in range(1, min(len(wanted), beside)):
-            branches.append((queues.with_own_lists(), cell_arrays(frame, self.build)))
-        for number, i in enumerate(wanted):
-            branch = number % len(branches)
-            light = LightStream(frame, i, self.build, camera.hit, *branches[branch], aims, effects)
-            passes += light.passes(branch)
-        return passes
+        camera = CameraStream(frame, self.build, queues, effects, rounded=rounded)
+        return camera.passes(), camera, queues
 
     def needs(self) -> wp.array | None:
         return self._needs

@@ -17,19 +17,26 @@ from . import stream as camera_stream
 
 
 class CameraStream:
-    """Primary rays. hit vec3d [pixels]: float64 hit points.
+    """Primary rays. hit vec3d [pixels]: float64 hit points; vec3f, if they are to be ``rounded``.
 
     ``needs`` (int64): where another method wants the stream's counters copied to.
     """
 
     def __init__(
-        self, frame: Frame, build: Build, queues: Queues, effects: Effects, needs: wp.array | None = None
+        self,
+        frame: Frame,
+        build: Build,
+        queues: Queues,
+        effects: Effects,
+        needs: wp.array | None = None,
+        rounded: bool = False,
     ):
         self.frame, self.build, self.queues = frame, build, queues
         self.effects, self.needs = effects, needs
         self.queue = queues.of_stream(0)
+        self.resolve = camera_resolve.rounded_kernel if rounded else camera_resolve.resolve_kernel
         with wp.ScopedDevice(frame.device):
-            self.hit = wp.zeros(frame.pixels, dtype=wp.vec3d)
+            self.hit = wp.zeros(frame.pixels, dtype=wp.vec3f if rounded else wp.vec3d)
 
     def passes(self) -> list[Pass]:
         """Clear, stream the shares of the triangles at the same time, and resolve."""
@@ -94,7 +101,7 @@ class CameraStream:
     def launch_resolve(self) -> None:
         f = self.frame
         wp.launch(
-            camera_resolve.resolve_kernel,
+            self.resolve,
             dim=thread_count(f.width, f.height, True),
             inputs=[f.camera, f.mesh, self.queues.nearest],
             outputs=[f.hits(0), self.hit],

@@ -2,28 +2,43 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import warp as wp
 
 from ....harness.frame.geometry import Camera, Hits, Mesh, Ray
 from ...common.entries import entry, set_entry
 from ...common.hitpoint import flat_hit_point, is_flat, plane_distance, steep_hit_point
 from ...common.pixels import tile_pixel
-from ...common.triangle import hit_weights
+from ...common.triangle import hit_weights, to_float32
 from ..fetch import corners_at, direction_at, weld_at
 
 REGISTERS = 72
 """Registers a thread: seven blocks of 128 a multiprocessor; 64 spill."""
 
 
+@wp.func
+def set_point(points: wp.array(dtype=wp.vec3d), i: wp.int32, point: wp.vec3d):
+    set_entry(points, i, point)
+
+
+@wp.func
+def set_point(points: wp.array(dtype=wp.vec3f), i: wp.int32, point: wp.vec3d):
+    set_entry(points, i, to_float32(point))
+
+
 @wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
-def resolve_kernel(
+def resolve_points(
     camera: Camera,
     mesh: Mesh,
     nearest: wp.array(dtype=wp.uint64),
     hits: Hits,
-    hit_points: wp.array(dtype=wp.vec3d),
+    hit_points: wp.array(dtype=Any),
 ):
-    """One thread a pixel, 8 x 4 a warp. What :func:`..common.triangle.write_hit` writes, to the bit."""
+    """One thread a pixel, 8 x 4 a warp. What :func:`..common.triangle.write_hit` writes, to the bit.
+
+    hit_points: vec3d, or vec3f for who needs them rounded.
+    """
     at = tile_pixel(wp.tid(), camera.width, camera.height)
     if at[0] < 0:
         return
@@ -49,10 +64,14 @@ def resolve_kernel(
     set_entry(hits.t, pixel, t)
     set_entry(hits.u, pixel, uv[0])
     set_entry(hits.v, pixel, uv[1])
-    set_entry(hit_points, pixel, hit)
+    set_point(hit_points, pixel, hit)
     # Flat rays are few and take long: all they need is read again, so that no registers hold it until here.
     if flat:
         corners = corners_at(mesh, best)
         y = wp.int32(wp.uint32(pixel) // wp.uint32(camera.width))
         ray = Ray(entry(camera.eye, 0), direction_at(camera, pixel - y * camera.width, y))
-        set_entry(hit_points, pixel, flat_hit_point(ray, plane_distance(ray, corners), corners))
+        set_point(hit_points, pixel, flat_hit_point(ray, plane_distance(ray, corners), corners))
+
+
+resolve_kernel = wp.overload(resolve_points, {"hit_points": wp.array(dtype=wp.vec3d)})
+rounded_kernel = wp.overload(resolve_points, {"hit_points": wp.array(dtype=wp.vec3f)})

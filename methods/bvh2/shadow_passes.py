@@ -1,0 +1,199 @@
+"""Shadow rays through a tree, of primary and of mirrored rays' hits: arrays, launches, and the passes of a frame."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from dataclasses import replace
+
+import warp as wp
+
+from ...harness.frame.frame import Frame
+from ...harness.frame.geometry import filled
+from ...harness.frame.mirrors import traced_bounces
+from ...harness.frame.passes import Pass
+from ...harness.frame.specialise import specialised
+from ...harness.scene.effects import Effects
+from ..common.pixels import thread_count
+from . import records, shadow
+from .careful_passes import Careful
+from .parameters import Build, Trace
+from .primary import BLOCK, Part, Tree
+from .records import Leaves
+from .shadow import Starts
+
+DOUBT_THREADS = 256
+"""Threads a multiprocessor that go through the doubts, a few thousand mostly."""
+
+
+class ShadowRays:
+    """What shadow rays and mirrored rays need of a tree whose order of triangles is ``leaves``.
+
+    counts  int32 [slots, shares]: pairs left to float64; slot 0 is free for the primary rays, one a light for each bounce
+    doubts  vec2i [capacity] for each share: those pairs, of one slot after another (:mod:`.doubt_text`)
+    primary_starts, or for each bounce seat int32 [pixels], start vec3f [pixels]: see :class:`.shadow.Starts`
+    of each light light_records vec4f [3 * triangles], sides vec4f [triangles]: :mod:`.records`
+
+    ``primary_starts``: where the primary hits' shadow rays start, if another method finds those hits: the places of all
+    triangles in the tree's order, and the points. By default each pixel's place is kept here.
+    """
+
+    def __init__(
+        self,
+        frame: Frame,
+        build: Build,
+        trace: Trace,
+        effects: Effects,
+        tree: Tree,
+        leaves: Leaves,
+        extent: wp.array,
+        doubt_capacity: int,
+        primary_starts: Starts | None = None,
+    ):
+        self.frame, self.build, self.trace, self.effects = frame, build, trace, effects
+        self.tree, self.leaves, self.extent = tree, leaves, extent
+        self.exact = trace.precision == "exact"
+        self.lights = [i for i, wanted in enumerate(effects.shadows) if wanted]
+        device = wp.get_device(frame.device)
+        self.shares = trace.shares if device.is_cuda else 1
+        blocks = -(-thread_count(frame.width, frame.height, True) // BLOCK)
+        self.threads = BLOCK * -(-blocks // self.shares)
+        self.doubters = DOUBT_THREADS * (device.sm_count if device.is_cuda else 1)
+        self.primary_starts = primary_starts
+        own = effects.bounces + (primary_starts is None)
+        slots = 1 + frame.light_count * (effects.bounces + 1)
+        with wp.ScopedDevice(frame.device):
+            self.counts = wp.zeros((slots, self.shares), dtype=wp.int32)
+            self.doubts = [wp.zeros(doubt_capacity, dtype=wp.vec2i) for _ in range(self.shares)]
+            seat = wp.zeros((own, frame.pixels), dtype=wp.int32)
+            start = wp.zeros((own, frame.pixels), dtype=wp.vec3f)
+            words = 0 if effects.alpha else frame.triangle_count
+            self.light_records = {i: wp.zeros(3 * words, dtype=wp.vec4f) for i in self.lights}
+            sided = words if self.exact else 0
+            self.sides = {i: wp.zeros(sided, dtype=wp.vec4f) for i in self.lights}
+        kept = [filled(Starts, seat=seat[k], point=start[k]) for k in range(own)]
+        self.starts = kept if primary_starts is None else [primary_starts, *kept]
+        self.parts = [filled(Part, share=share, shares=self.shares) for share in range(self.shares)]
+        self.careful = Careful(frame, build, effects, tree, leaves)
+
+    def light_passes(self, received: bool) -> list[Pass]:
+        """Triangles set up for each light that every hit receives, or (not ``received``) for each other one.
+
+        The former need only the order of triangles. The latter come after the hits: where none receives the light, they
+        are left out.
+        """
+        if self.effects.alpha:
+            return []
+        return [self._light_pass(i) for i in self.lights if self.effects.has_receivers(i) != received]
+
+    def _light_pass(self, light: int) -> Pass:
+        reads = ("points", "triangles", "order", f"light/{light}")
+        made, launch = (f"light triangles/{light}",), functools.partial(self._light_records, light)
+        return Pass(f"light {light}: triangles", "light build", reads, made, launch, f"shadows/{light}")
+
+    def clear_passes(self) -> list[Pass]:
+        """Each light's counters, before its shadow rays."""
+        return [
+            Pass(
+                f"light {i}: clear counts", "shadow", (), (f"shadow counts/{i}",), self.counts[1 + i].zero_, f"shadows/{i}"
+            )
+            for i in self.lights
+        ]  # fmt: skip
+
+    def in_shares(self, of_share: Callable[[int], list[Pass]]) -> list[Pass]:
+        """The passes ``of_share`` of every share of the pixels, beside each other, each light's triangles before its rays."""
+        passes = [
+            replace(step, branch=(share,), adds=True)
+            for steps in zip(*(of_share(share) for share in range(self.shares)), strict=True)
+            for share, step in enumerate(steps)
+        ]
+        for late in self.light_passes(received=False):
+            made = set(late.writes)
+            passes.insert(next(k for k, step in enumerate(passes) if made.intersection(step.reads)), late)
+        return passes
+
+    def share_passes(self, share: int, seen: tuple[str, ...]) -> list[Pass]:
+        """The shadow rays of one share of the pixels, light after light. ``seen``: what they read apart from the lights."""
+        of = self.of(share)
+        run = functools.partial
+        passes = []
+        for i in self.lights:
+            counts, planes = f"shadow counts/{i}", f"light triangles/{i}"
+            reads = (*seen, f"light/{i}", planes, counts, "reach", *self.effects.receiver_reads(i))
+            bits, doubts, effect = f"visibility/{i}", f"shadow doubts/{i}{of}", f"shadows/{i}"
+            name, launch = f"light {i}: shadow rays{of}", run(self._shadow, i, 0, share)
+            passes.append(Pass(name, "shadow", reads, (bits, doubts, counts), launch, effect))
+            if self.exact:
+                name, launch = f"light {i}: doubts{of}", run(self._shadow_doubts, i, 0, share)
+                passes.append(Pass(name, "shadow", (*reads, doubts), (bits,), launch, effect))
+        return passes
+
+    def of(self, share: int) -> str:
+        """What the names of a share's passes and resources end with."""
+        return f", share {share + 1} of {self.shares}" if self.shares > 1 else ""
+
+    def bounce_passes(self) -> list[Pass]:
+        """Mirrored rays, and the shadow rays of their hits."""
+        planes = () if self.effects.alpha else tuple(f"light triangles/{i}" for i in self.lights)
+        return traced_bounces(
+            self.effects,
+            ("bvh", "order", "points", "triangles", "reach", *planes),
+            lambda b: self.careful.launch_closest(b, self.starts[b]),
+            self._bounce_shadow,
+        )
+
+    def _light_records(self, light: int) -> None:
+        f = self.frame
+        if self.exact:
+            kernel, inputs = records.light_kernel, [f.mesh, self.leaves, light, f.lights, self.extent]
+            outputs = [self.light_records[light], self.sides[light]]
+        else:
+            kernel, inputs = records.float32_kernel, [f.mesh, self.leaves, light, f.lights]
+            outputs = [self.light_records[light]]
+        wp.launch(kernel, dim=f.triangle_count, inputs=inputs, outputs=outputs, device=f.device)
+
+    def _shadow_counts(self, light: int, bounce: int, share: int) -> wp.array:
+        slot = 1 + bounce * self.frame.light_count + light
+        return self.counts[slot, share : share + 1]
+
+    def _shadow(self, light: int, bounce: int, share: int) -> None:
+        f, counts = self.frame, self._shadow_counts(light, bounce, share)
+        by_triangle = bounce == 0 and self.primary_starts is not None
+        kernel = shadow.make_shadow_kernel(
+            self.trace.precision, self.build.node_bytes, self.trace.registers, by_triangle
+        )
+        wp.launch(
+            specialised(kernel, self.effects.switches(light, bounce)),
+            dim=self.threads,
+            inputs=[
+                f.camera, self.parts[share], light, f.lights, self.tree, self.light_records[light], self.sides[light],
+                f.reach, self.extent, f.hits(bounce), self.starts[bounce], f.masks(bounce),
+            ],
+            outputs=[counts, self.doubts[share], f.bits(bounce)],
+            device=f.device,
+            block_dim=BLOCK,
+        )  # fmt: skip
+
+    def _shadow_doubts(self, light: int, bounce: int, share: int) -> None:
+        f = self.frame
+        wp.launch(
+            specialised(shadow.shadow_doubt_kernel, self.effects.switches(light, bounce)),
+            dim=self.doubters,
+            inputs=[
+                self.doubters, f.camera, light, f.lights, f.mesh, self.leaves, f.hits(bounce), f.rays(bounce),
+                self._shadow_counts(light, bounce, share), self.doubts[share],
+            ],
+            outputs=[f.bits(bounce)],
+            device=f.device,
+            block_dim=BLOCK,
+        )  # fmt: skip
+
+    def _bounce_shadow(self, light: int, bounce: int) -> None:
+        if self.effects.alpha:
+            self.careful.launch_shadow(light, bounce)
+            return
+        self.counts[1 + bounce * self.frame.light_count + light].zero_()
+        for share in range(self.shares):
+            self._shadow(light, bounce, share)
+            if self.exact:
+                self._shadow_doubts(light, bounce, share)

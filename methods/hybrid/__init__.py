@@ -1,0 +1,144 @@
+"""Primary rays by a stream of triangles over the pixels, shadow rays and mirrored rays by a tree built beside it.
+
+The camera's stream of ``ray_grids`` is faster than any tree for primary rays, but needs a grid of its own for each light
+and has none for mirrored rays. A tree depends on the geometry alone: the graph of a frame builds it while the camera's
+stream runs. Which of both is there follows from the effects: without shadows and mirrors there is no tree.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, ClassVar
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from ...harness.frame.frame import Frame
+from ...harness.frame.geometry import filled
+from ...harness.frame.method import BaseMethod
+from ...harness.frame.passes import Pass
+from ...harness.scene.effects import Effects, Limits
+from ..bvh2.refit import Refitted
+from ..bvh2.shadow import Starts
+from ..bvh2.shadow_passes import ShadowRays
+from ..bvh2.tree import Rebuilt
+from ..common.misses import miss_passes
+from ..common.pairs import grown
+from ..common.ray_passes import shadow_ray_passes
+from ..common.reserve import counted
+from ..ray_grids import RayGrids
+from .parameters import Build, Trace
+from .places import places_kernel
+
+STREAM, TREE = 0, 1
+"""Branches of the graph."""
+
+
+class Hybrid(BaseMethod):
+    """See the package. Needs: those of the streams (:class:`..ray_grids.RayGrids`), then the tree's doubtful pairs."""
+
+    name: ClassVar[str] = "hybrid"
+    title: ClassVar[str] = "Hybrid (streamed primary rays, tree for the others)"
+    simulates = frozenset({"shadows", "receivers", "directional", "alpha", "mirror"})
+    Build: ClassVar[type] = Build
+    Trace: ClassVar[type] = Trace
+
+    def __init__(self, build: Any = None, trace: Any = None):
+        super().__init__(build, trace)
+        self._streams = RayGrids()
+        self._capacity = 0
+        self._memory = 0
+        self._rays: ShadowRays | None = None
+
+    def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
+        self._memory, self._rays = limits.memory, None
+        shadows = any(effects.shadows) and self.build.shadows == "tree"
+        if not shadows and not effects.bounces:
+            return self._streams.plan(frame, effects, limits)
+        if frame.triangle_count == 0:
+            return miss_passes(frame, effects)
+        if not self._capacity:
+            self._capacity = self.build.doubt_capacity or max(262144, frame.pixels // 2)
+        places = wp.zeros(frame.triangle_count, dtype=wp.int32, device=frame.device)
+        starts = Starts()
+        if shadows:
+            streamed, camera, _ = self._streams.camera_stream(frame, effects, limits, rounded=True)
+            starts = filled(Starts, seat=places, point=camera.hit)
+        else:
+            streamed = self._streams.plan(frame, effects, limits)
+        tree = Rebuilt(frame, self.build) if self.build.update == "rebuild" else Refitted(frame, self.build)
+        ordered, grows = tree.passes()
+        rays = ShadowRays(
+            frame,
+            self.build,
+            self.trace.of_tree(),
+            effects,
+            tree.tree,
+            tree.leaves,
+            tree.extent,
+            self._capacity,
+            starts,
+        )
+        self._rays = rays
+        after = rays.light_passes(received=True)
+        if shadows and not effects.alpha:
+            after.insert(0, self._places_pass(frame, rays, places))
+        effect = "shadows" if shadows else "mirror"
+        passes = [replace(work, branch=(TREE,), effect=effect) for work in ordered]
+        passes.append(replace(grows, branch=(TREE, 0), effect=effect))
+        passes += [replace(work, branch=(TREE, 1)) for work in after]
+        passes += [replace(work, branch=(STREAM, *work.branch)) for work in streamed]
+        return [*passes, *self._shadow_passes(rays, effects, shadows), *rays.bounce_passes()]
+
+    def _places_pass(self, frame: Frame, rays: ShadowRays, places: wp.array) -> Pass:
+        def launch() -> None:
+            count = rays.leaves.count
+            wp.launch(places_kernel, dim=count, inputs=[rays.leaves], outputs=[places], device=frame.device)
+
+        return Pass("places", "build", ("order",), ("places",), launch, "shadows")
+
+    def _shadow_passes(self, rays: ShadowRays, effects: Effects, shadows: bool) -> list[Pass]:
+        """Of the primary hits, after both branches."""
+        scene = ("bvh", "order", "points", "triangles", "camera", "hits", *effects.surface_reads())
+        if not shadows:
+            return rays.light_passes(received=False)
+        if effects.alpha:
+            return shadow_ray_passes(effects, scene, lambda i: rays.careful.launch_shadow(i, 0))
+        seen = (*scene, "places")
+        return [*rays.clear_passes(), *rays.in_shares(lambda share: rays.share_passes(share, seen))]
+
+    def needs(self) -> wp.array | None:
+        streamed = self._streams.needs()
+        if self._rays is None or streamed is None:
+            return streamed
+        both = [array.numpy().astype(np.int64).ravel() for array in (streamed, self._rays.counts)]
+        return wp.array(np.concatenate(both), dtype=wp.int64, device="cpu")
+
+    def grow(self, needed: NDArray[np.int64]) -> bool:
+        streamed = self._streams.needs()
+        assert streamed is not None
+        more = self._streams.grow(needed.ravel()[: streamed.size])
+        before = self._capacity
+        if self._rays is not None:
+            found = counted(needed.ravel()[streamed.size :])
+            self._capacity = grown(int(found.max()), before, self._memory, "doubtful pairs")
+        return more or self._capacity != before
+
+    def counters(self) -> dict[str, int]:
+        """Those of the streams, and shadow rays' pairs that the tree left to float64 in the last frame."""
+        if self._streams.needs() is None:
+            return {}
+        counts = self._streams.counters()
+        if self._rays is not None:
+            found = counted(self._rays.counts.numpy().astype(np.int64))
+            counts["tree: shadow doubtful pairs"] = int(found.sum())
+        return counts
+
+    def built(self) -> dict[str, Any]:
+        rebuilt = self.build.update == "rebuild"
+        tree = self.build.builder if rebuilt else "SAH of the first frame, on the host"
+        return {"shadows": self.build.shadows, "update": self.build.update, "tree": tree}
+
+
+METHOD = Hybrid

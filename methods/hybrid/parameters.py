@@ -1,0 +1,47 @@
+"""What can be set of the hybrid. Nothing here changes an answer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..bvh2.parameters import Build as TreeBuild
+from ..bvh2.parameters import Trace as TreeTrace
+
+SHADOWS = ("tree", "grid")
+
+
+@dataclass(frozen=True)
+class Build(TreeBuild):
+    """How the tree is made, as of bvh2; and what takes the shadow rays."""
+
+    shadows: str = "tree"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.shadows not in SHADOWS:
+            raise ValueError(f"shadows must be one of {', '.join(SHADOWS)}")
+
+
+Build.__doc__ = f"""{TreeBuild.__doc__}
+    shadows     what takes the shadow rays: "tree": the tree, which all lights share; "grid": a grid of each light, as in
+                ray_grids; the tree is then built for mirrored rays only
+    """
+
+
+@dataclass(frozen=True)
+class Trace:
+    """How rays are traced through the tree, exactly.
+
+    registers  a thread of the kernels that trace may take on the GPU
+    shares     parts of the pixels whose shadow rays the GPU traces at once, each with queues of its own
+    """
+
+    registers: int = TreeTrace.registers
+    shares: int = TreeTrace.shares
+
+    def __post_init__(self) -> None:
+        self.of_tree()
+
+    def of_tree(self) -> TreeTrace:
+        """The same for the tree."""
+        return TreeTrace(registers=self.registers, shares=self.shares)
