@@ -22,6 +22,9 @@ COUNT_BLOCKS = 264
 MANY = 400_000
 """Keys from here on are taken 16 a thread, fewer 8, so that tiles fill the GPU."""
 
+AHEAD = 4
+"""Tiles that a thread that looks back reads at once."""
+
 COUNT = f"""
 #if defined(__CUDA_ARCH__)
 __shared__ int found[4 * {DIGITS}];
@@ -45,7 +48,8 @@ constexpr unsigned int ALL = 0xffffffffu, OWN = 1u << 30, UPTO = 2u << 30, NUMBE
 constexpr int WARPS = {THREADS} / 32;
 __shared__ int of_warp[WARPS][{DIGITS}];
 __shared__ int base[{DIGITS}];
-__shared__ int sums[WARPS];
+__shared__ int sums[2][WARPS];
+__shared__ unsigned int kept[{THREADS} * ITEMS];
 __shared__ int taken;
 int thread = threadIdx.x, lane = thread & 31, warp = thread >> 5;
 """
@@ -80,35 +84,60 @@ for (int k = 0; k < WARPS; k++) {
 }
 volatile unsigned int* told = (volatile unsigned int*)state.data + 4 * DIGITS + 32 + (size_t)pass_ * tiles * DIGITS;
 if (tile < tiles - 1) told[tile * DIGITS + thread] = (tile ? OWN : UPTO) | (unsigned int)own;
-// Keys of smaller digits, of all tiles.
-int number = state.data[pass_ * DIGITS + thread], smaller = number;
+// Keys of smaller digits, of all tiles and of this one.
+int number = state.data[pass_ * DIGITS + thread], smaller = number, inner = own;
 for (int step = 1; step < 32; step <<= 1) {
-    int other = __shfl_up_sync(ALL, smaller, step);
-    if (lane >= step) smaller += other;
+    int other = __shfl_up_sync(ALL, smaller, step), beside = __shfl_up_sync(ALL, inner, step);
+    if (lane >= step) smaller += other, inner += beside;
 }
-if (lane == 31) sums[warp] = smaller;
+if (lane == 31) sums[0][warp] = smaller, sums[1][warp] = inner;
 __syncthreads();
 smaller -= number;
-for (int k = 0; k < warp; k++) smaller += sums[k];
-int earlier = 0;
-for (int back = tile - 1; back >= 0; back--) {
-    unsigned int said;
-    do said = told[back * DIGITS + thread]; while (said < OWN);
-    earlier += said & NUMBER;
-    if (said >= UPTO) break;
+inner -= own;
+for (int k = 0; k < warp; k++) smaller += sums[0][k], inner += sums[1][k];
+for (int k = 0; k < WARPS; k++) of_warp[k][thread] += inner;
+int value[ITEMS], earlier = 0;
+#pragma unroll
+for (int k = 0; k < ITEMS; k++) value[k] = first + 32 * k < count ? from_values.data[first + 32 * k] : 0;
+for (int back = tile - 1; back >= 0; back -= AHEAD) {
+    unsigned int said[AHEAD];
+#pragma unroll
+    for (int k = 0; k < AHEAD; k++) said[k] = back - k < 0 ? UPTO : told[(back - k) * DIGITS + thread];
+    bool all = false;
+#pragma unroll
+    for (int k = 0; k < AHEAD; k++) {
+        while (!all && said[k] < OWN) said[k] = told[(back - k) * DIGITS + thread];
+        if (!all) earlier += said[k] & NUMBER;
+        all = all || said[k] >= UPTO;
+    }
+    if (all) break;
 }
 if (tile && tile < tiles - 1) told[tile * DIGITS + thread] = UPTO | (unsigned int)(earlier + own);
-base[thread] = smaller + earlier;
+base[thread] = smaller + earlier - inner;
 __syncthreads();
+// Through shared memory in the order of digits, so that neighbours are written together.
 #pragma unroll
 for (int k = 0; k < ITEMS; k++) {
-    int digit = (key[k] >> shift) & (DIGITS - 1);
-    if (first + 32 * k < count) {
-        int place = base[digit] + of_warp[warp][digit] + rank[k];
-        to_keys.data[place] = key[k];
-        to_values.data[place] = from_values.data[first + 32 * k];
-    }
+    rank[k] += of_warp[warp][(key[k] >> shift) & (DIGITS - 1)];
+    kept[rank[k]] = key[k];
 }
+__syncthreads();
+int here = count - tile * THREADS * ITEMS;
+int place[ITEMS];
+#pragma unroll
+for (int k = 0; k < ITEMS; k++) {
+    int at = thread + THREADS * k;
+    unsigned int sorted = kept[at];
+    place[k] = at < here ? base[(sorted >> shift) & (DIGITS - 1)] + at : -1;
+    if (place[k] >= 0) to_keys.data[place[k]] = sorted;
+}
+__syncthreads();
+#pragma unroll
+for (int k = 0; k < ITEMS; k++) kept[rank[k]] = value[k];
+__syncthreads();
+#pragma unroll
+for (int k = 0; k < ITEMS; k++)
+    if (place[k] >= 0) to_values.data[place[k]] = kept[thread + THREADS * k];
 #endif
 """
 )
@@ -131,7 +160,7 @@ def count_kernel(
 @functools.cache
 def make_sweep_kernel(items: int) -> Any:
     """One pass: a block of :data:`THREADS` for each tile of ``items`` keys a thread."""
-    constants = f"constexpr int DIGIT = {DIGIT}, DIGITS = {DIGITS}, THREADS = {THREADS}, ITEMS = {items};"
+    constants = f"constexpr int DIGIT = {DIGIT}, DIGITS = {DIGITS}, THREADS = {THREADS}, ITEMS = {items}, AHEAD = {AHEAD};"
 
     @wp.func_native(constants + SWEEP)
     def sweep(

@@ -19,6 +19,7 @@ EXACT = [
     ("uniform_grid", {}),
     ("warp_bvh", {"update": "bvh_rebuild"}),
     ("bvh2", {}),
+    ("hybrid", {}),
     ("perspective_spherical", {}),
     ("ray_grids", {}),
     ("ray_grids", {"queue": "always", "inline_cells": "0"}),

@@ -1,0 +1,120 @@
+"""The hybrid's answers are those of ray_grids, whoever takes the shadow rays; the tree is there only for who needs it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers.brute_force import make_scene, soup
+from helpers.effect_scenes import POINT, scene
+from helpers.holed_scenes import answers_of as holed_answers
+from helpers.holed_scenes import holed
+from helpers.method_trials import assert_exact, hard_trials, trace
+from helpers.mirror_scenes import answered, hall_of_mirrors
+from shadowbench.harness.frame.registry import make_method
+from shadowbench.harness.frame.session import Session
+from shadowbench.harness.scene.prepared import Prepared
+
+NAME = "hybrid"
+SETTINGS: list[dict[str, str]] = [
+    {},
+    {"shadows": "grid"},
+    {"update": "refit", "shares": "1"},
+    {"builder": "lbvh"},
+]
+TRIALS = {name: (prepared, width, height) for name, prepared, width, height in hard_trials()}
+TREE = {"keys", "sort", "tree", "places"}
+
+
+def two_lights() -> Prepared:
+    return make_scene(*soup(7, 300), [(0.1, 0.2, 0.3), (5.0, 4.0, 3.0)])
+
+
+@pytest.mark.parametrize("trial", TRIALS)
+def test_equals_brute_force_on_hard_scenes(trial, device):
+    assert_exact(NAME, {}, *TRIALS[trial], device)
+
+
+@pytest.mark.parametrize("settings", SETTINGS, ids=str)
+def test_has_the_bits_of_ray_grids(settings, device):
+    prepared = two_lights()
+    _, _, wanted = trace("ray_grids", {}, prepared, 33, 21, device)
+    _, _, got = trace(NAME, settings, prepared, 33, 21, device)
+    for key, values in wanted.items():
+        np.testing.assert_array_equal(got[key], values, key)
+
+
+@pytest.mark.parametrize("settings", SETTINGS[:2], ids=str)
+def test_effects_have_the_bits_of_other_methods(settings, device):
+    prepared, _, _ = holed()
+    wanted = holed_answers("ray_grids", {}, prepared, device=device)
+    got = holed_answers(NAME, settings, prepared, device=device)
+    for key in ("triangle", "visibility"):
+        np.testing.assert_array_equal(got[key], wanted[key], key)
+    mirrors = hall_of_mirrors()
+    _, wanted = answered("uniform_grid", {}, mirrors, device)
+    _, got = answered(NAME, settings, mirrors, device)
+    for key in ("triangle", "visibility", "bounce_triangle", "bounce_visibility"):
+        np.testing.assert_array_equal(got[key], wanted[key], key)
+
+
+def passes_of(prepared: Prepared, settings: dict[str, str]) -> set[str]:
+    return {work.name for work in Session(make_method(NAME, settings), prepared, 8, 8, "cpu").all_passes}
+
+
+def test_effects_decide_the_structure():
+    lit, mirrored = two_lights(), hall_of_mirrors(1)
+    unlit = scene((replace(POINT, shadows=False),))
+    streams = Session(make_method("ray_grids"), lit, 8, 8, "cpu").all_passes
+    assert passes_of(lit, {}) >= TREE
+    assert passes_of(lit, {"shadows": "grid"}) == {work.name for work in streams}
+    assert not passes_of(unlit, {}) & TREE
+    assert passes_of(mirrored, {"shadows": "grid"}) & TREE == TREE - {"places"}
+
+
+@pytest.mark.parametrize(
+    ("changed", "left_out"),
+    [
+        ("light/0", {"camera: resolve", "tree", "light 1: triangles", "light 1: shadow rays"}),
+        ("camera", TREE),
+    ],
+)
+def test_what_did_not_move_is_not_made_again(changed, left_out):
+    session = Session(make_method(NAME), two_lights(), 8, 8, "cpu")
+    session.select({changed})
+    run = {work.name for work in session.passes}
+    assert "light 0: shadow rays" in run
+    assert not run & left_out
+
+
+def test_tree_and_stream_are_branches_of_one_fork():
+    session = Session(make_method(NAME), two_lights(), 8, 8, "cpu")
+    forked = []
+    for work in session.all_passes:
+        if not work.branch:
+            break
+        forked.append(work)
+    branches = {name: {w.branch[0] for w in forked if w.name == name} for name in ("tree", "camera: resolve")}
+    assert len(branches["tree"] | branches["camera: resolve"]) == 2
+
+
+def test_replays_of_the_graph_repeat_the_answers(device):
+    """On the GPU: the branches of the captured graph share nothing that one of them writes."""
+    prepared = two_lights()
+    session = Session(make_method(NAME), prepared, 33, 21, device)
+    wanted = session.answers(prepared.moment(0, 33, 21))
+    for _ in range(3):
+        session.poison()
+        session.replay()
+    for key, values in session.frame.answers.to_host().items():
+        np.testing.assert_array_equal(values, wanted[key], key)
+
+
+def test_queues_of_both_parts_grow(device):
+    prepared, width, height = TRIALS["rays at vertices"]
+    _, _, roomy = trace(NAME, {}, prepared, width, height, device)
+    session, _, tight = trace(NAME, {"doubt_capacity": "1"}, prepared, width, height, device)
+    assert session.regrown > 0
+    for key, values in roomy.items():
+        np.testing.assert_array_equal(tight[key], values, key)
