@@ -101,7 +101,7 @@ class ShadowRays:
         ]  # fmt: skip
 
     def in_shares(self, of_share: Callable[[int], list[Pass]]) -> list[Pass]:
-        """The passes ``of_share`` of every share of the pixels, beside each other, each light's triangles before its rays."""
+        """The passes ``of_share`` of all shares beside each other, each light's triangles before its rays."""
         passes = [
             replace(step, branch=(share,), adds=True)
             for steps in zip(*(of_share(share) for share in range(self.shares)), strict=True)
