@@ -9,7 +9,7 @@ import warp as wp
 
 from ...harness.frame.geometry import Corners, Ray
 from ..common.bounds import box_high, box_low
-from ..common.offset import shadow_origin
+from ..common.offset import shadow_origin, stepped
 from ..common.triangle import to_float32, to_float64
 from .parameters import ORIGINS
 
@@ -18,21 +18,6 @@ HIT_POINT, IDENTITY, BARYCENTRIC, RAY = (
 )
 WACHTER_BINDER, ERROR_BOUND = (wp.constant(ORIGINS.index(name)) for name in ("wachter_binder", "error_bound"))
 EPSILON_2, EPSILON_4 = (wp.constant(ORIGINS.index(name)) for name in ("epsilon_1e-2", "epsilon_1e-4"))
-
-NEAR_ZERO = wp.constant(1.0 / 32.0)
-FLOAT_STEP = wp.constant(1.0 / 65536.0)
-INTEGER_STEP = wp.constant(256.0)
-
-
-@wp.func
-def stepped(p: wp.float32, n: wp.float32) -> wp.float32:
-    """Waechter & Binder, Ray Tracing Gems 2019, chapter 6: so many floats onward, or a fixed step near zero."""
-    if wp.abs(p) < NEAR_ZERO:
-        return p + FLOAT_STEP * n
-    steps = wp.int32(INTEGER_STEP * n)
-    if p < 0.0:
-        steps = -steps
-    return wp.cast(wp.cast(p, wp.int32) + steps, wp.float32)
 
 
 @wp.func

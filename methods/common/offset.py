@@ -25,6 +25,11 @@ UNIT = wp.constant(wp.float64(2.0**-24))
 SHADOW_END = 1.0 - 2.0**-22
 """Where a shadow segment from the surface (0) to the light (1) ends: a surface exactly at the light does not count."""
 
+NEAR_ZERO = wp.constant(1.0 / 32.0)
+FLOAT_STEP = wp.constant(1.0 / 65536.0)
+INTEGER_STEP = wp.constant(256.0)
+"""The constants of Waechter and Binder's rule."""
+
 
 @wp.func
 def edge_error(
@@ -151,3 +156,14 @@ def launch_shadow_origins(frame: Frame, light: int, origin: wp.array, sheared: b
         outputs=[origin],
         device=frame.device,
     )  # fmt: skip
+
+
+@wp.func
+def stepped(p: wp.float32, n: wp.float32) -> wp.float32:
+    """Waechter & Binder, Ray Tracing Gems 2019, chapter 6: so many floats onward, or a fixed step near zero."""
+    if wp.abs(p) < NEAR_ZERO:
+        return p + FLOAT_STEP * n
+    steps = wp.int32(INTEGER_STEP * n)
+    if p < 0.0:
+        steps = -steps
+    return wp.cast(wp.cast(p, wp.int32) + steps, wp.float32)

@@ -1,4 +1,4 @@
-"""Kernels around Warp's own mesh queries, and the index array that keeps invalid triangles harmless."""
+"""Kernels around Warp's own mesh queries: closest hits, and shadow rays from a start that an error bound gives."""
 
 from __future__ import annotations
 
@@ -12,31 +12,17 @@ from ..common.triangle import write_miss
 
 
 @wp.kernel(enable_backward=False)
-def mesh_indices_kernel(mesh: Mesh, indices: wp.array(dtype=wp.int32)):
-    """Indices of a triangle; an invalid one becomes a finite point, which no ray hits and no box suffers from."""
-    i = wp.tid()
-    if mesh.valid[i] != wp.uint8(0) and indices[3 * i] != indices[3 * i + 1]:
-        return  # as it was: most frames of most meshes write nothing
-    face = mesh.triangles[i]
-    if mesh.valid[i] == wp.uint8(0):
-        v = face[0]
-        if not wp.isfinite(mesh.points[v]):
-            v = face[1]
-        if not wp.isfinite(mesh.points[v]):
-            v = face[2]
-        if not wp.isfinite(mesh.points[v]):
-            v = wp.int32(0)
-            while v < mesh.points.shape[0] - 1 and not wp.isfinite(mesh.points[v]):
-                v += wp.int32(1)
-        face = wp.vec3i(v, v, v)
-    indices[3 * i] = face[0]
-    indices[3 * i + 1] = face[1]
-    indices[3 * i + 2] = face[2]
-
-
-@wp.kernel(enable_backward=False)
-def mesh_primary_kernel(blocks: wp.bool, tree: wp.uint64, camera: Camera, mirrored: Rays, hits: Hits):
-    """Closest hit of each pixel, as a query of the wp.Mesh ``tree`` finds it."""
+def mesh_primary_kernel(
+    blocks: wp.bool,
+    tree: wp.uint64,
+    names: wp.array(dtype=wp.int32),
+    camera: Camera,
+    mirrored: Rays,
+    hits: Hits,
+):
+    """Closest hit of each pixel, as a query of the wp.Mesh ``tree`` finds it. ``names``: the triangle of each of its
+    faces; empty where a face has its triangle's number.
+    """
     pixel = pixel_of(wp.tid(), camera.width, camera.height, blocks)
     if pixel < 0:
         return
@@ -48,7 +34,10 @@ def mesh_primary_kernel(blocks: wp.bool, tree: wp.uint64, camera: Camera, mirror
         ray = mirrored_ray(mirrored, pixel)
     found = wp.mesh_query_ray(tree, ray.origin, ray.direction, wp.INF)
     if found.result:
-        hits.triangle[pixel] = found.face
+        triangle = found.face
+        if names.shape[0] > 0:
+            triangle = names[triangle]
+        hits.triangle[pixel] = triangle
         hits.t[pixel] = found.t
         # Warp's (u, v) are the weights of vertices 0 and 1; ours those of 1 and 2.
         hits.u[pixel] = found.v

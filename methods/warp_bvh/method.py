@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import warp as wp
-from numpy.typing import NDArray
 
 from ...harness.errors import UserError
 from ...harness.frame.frame import Frame
@@ -22,14 +21,19 @@ from ..common.offset import SHADOW_END
 from ..common.pixels import thread_count
 from ..common.ray_passes import shadow_ray_passes
 from .exact import ExactBvh
-from .mesh_kernels import mesh_indices_kernel, mesh_primary_kernel, mesh_shadow_kernel
+from .mesh_kernels import mesh_primary_kernel, mesh_shadow_kernel
+from .plain import cut_shadow_kernel, plain_shadow_kernel
+from .triangles import TreeTriangles, may_be_hit
 
 UPDATES = ("rebuild", "refit", "static", "bvh_rebuild")
 CONSTRUCTORS = ("default", "sah", "median", "lbvh", "cubql")
-MESH_INEXACT = (
-    "float32 with boxes that are not padded: rays through vertices and edges may escape, and shadow rays start a "
-    "rounding bound away from the surface"
-)
+SHADOW_KERNELS = {"exact": mesh_shadow_kernel, "plain": plain_shadow_kernel, "plain_cut": cut_shadow_kernel}
+MESH_INEXACT = "float32 with boxes that are not padded: rays through vertices and edges may escape, and shadow rays start "
+STARTS = {
+    "exact": "a rounding bound away from the surface",
+    "plain": "off the surface by Waechter and Binder's rule, which is no bound: some shadow bits are wrong",
+    "plain_cut": "after a millionth of the way to the light, which is no bound: some shadow bits are wrong",
+}
 
 
 @dataclass(frozen=True)
@@ -65,9 +69,18 @@ class Trace:
     """How rays are traced.
 
     swizzle  whether 32 consecutive threads trace a block of 8x4 pixels (true) or 32 pixels of a row (false)
+    origin   where shadow rays start. "exact": at the exact hit point, with update=bvh_rebuild, or off the surface by a bound
+             of the query's rounding, computed in float64; "plain": float32 throughout, as users of Warp write it, off the
+             surface by the rule of Waechter and Binder (Ray Tracing Gems, chapter 6); "plain_cut": after 1e-6 of the way to
+             the light. The plain ones are for queries of wp.Mesh, are not exact, and stand in ratios as Warp's peer
     """
 
     swizzle: bool = True
+    origin: str = "exact"
+
+    def __post_init__(self) -> None:
+        if self.origin not in STARTS:
+            raise ValueError(f"origin must be one of {', '.join(STARTS)}")
 
 
 class WarpBvh(BaseMethod):
@@ -86,11 +99,19 @@ class WarpBvh(BaseMethod):
     def __init__(self, build: Build | None = None, trace: Trace | None = None):
         super().__init__(build, trace)
         if self.build.update == "bvh_rebuild":
+            if self.trace.origin != "exact":
+                raise UserError(
+                    f"warp_bvh.origin={self.trace.origin} is for queries of wp.Mesh: choose update=rebuild, refit or static"
+                )
             self.simulates = self.simulates | {"alpha"}
         self.capturable = self.build.update != "rebuild"
-        self.known_inexact = None if self.build.update == "bvh_rebuild" else MESH_INEXACT
+        self.known_inexact = (
+            None if self.build.update == "bvh_rebuild" else MESH_INEXACT + STARTS[self.trace.origin]
+        )
         self._device = ""
         self._mesh: wp.Mesh | None = None
+        self._triangles: TreeTriangles | None = None
+        self._valid: Any = None
         self._exact: ExactBvh | None = None
 
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
@@ -103,7 +124,7 @@ class WarpBvh(BaseMethod):
             return self._exact.passes(effects)
         self._frame, self._effects = frame, effects
         self._threads = thread_count(frame.width, frame.height, self.trace.swizzle)
-        self._indices = wp.zeros(3 * frame.triangle_count, dtype=wp.int32, device=frame.device)
+        self._mesh = self._triangles = self._valid = None
         passes = []
         if self.build.update == "rebuild":
             passes.append(Pass("new mesh", "build", ("points", "triangles"), ("mesh",), self._rebuild))
@@ -154,59 +175,47 @@ class WarpBvh(BaseMethod):
                 f"warp_bvh.update=static: {prepared.scene.name} moves over {prepared.frame_count} frames; "
                 "choose rebuild or refit"
             )
-        points, valid = prepared.points(0)
-        self._indices.assign(harmless_indices(prepared.faces, valid))
-        self._mesh = self._make_mesh(wp.array(points, dtype=wp.vec3f, device=frame.device), self._indices)
+        self._triangles = triangles = TreeTriangles(frame, may_be_hit(prepared))
+        if triangles.count == 0:
+            return
+        self._mesh = self._make_mesh(triangles.at_first_frame(), triangles.indices)
         if self.build.update == "refit":
             self._mesh.points = frame.points
-
-    def _launch_indices(self) -> None:
-        frame = self._frame
-        wp.launch(
-            mesh_indices_kernel,
-            dim=frame.triangle_count,
-            inputs=[frame.mesh],
-            outputs=[self._indices],
-            device=frame.device,
-        )
 
     def _rebuild(self) -> None:
         frame = self._frame
         assert frame.host is not None
         valid = frame.host.valid
         self._mesh = None
-        if not valid.any():
-            return
-        if valid.all():
-            # What a user would pass: the face array itself, flat.
-            flat = wp.array(
-                ptr=frame.triangles.ptr,
-                dtype=wp.int32,
-                shape=(3 * frame.triangle_count,),
-                device=frame.device,
-            )
-            self._mesh = self._make_mesh(frame.points, flat)
-        else:
-            self._launch_indices()
-            self._mesh = self._make_mesh(frame.points, self._indices)
+        if self._triangles is None or not (valid is self._valid or np.array_equal(valid, self._valid)):
+            # Most animations keep their flags: which triangles the tree holds is then found in the first frame only.
+            self._valid = valid
+            self._triangles = TreeTriangles(frame, np.flatnonzero(valid))
+        triangles = self._triangles
+        if triangles.count:
+            self._mesh = self._make_mesh(frame.points, triangles.indices)
 
     def _refit(self) -> None:
-        assert self._mesh is not None
-        self._launch_indices()
+        if self._mesh is None or self._triangles is None:
+            return
+        if self._frame.prepared.frame_count > 1:  # else the flags do not change
+            self._triangles.launch_indices()
         self._mesh.refit()
 
     def _primary(self, bounce: int = 0) -> None:
         frame = self._frame
-        if self._mesh is None:
+        if self._mesh is None or self._triangles is None:
             write_misses(frame, bounce)
             return
         wp.launch(
             specialised(mesh_primary_kernel, self._effects.switches(bounce=bounce)),
             dim=self._threads,
-            inputs=[self.trace.swizzle, self._mesh.id, frame.camera, frame.rays(bounce)],
+            inputs=[
+                self.trace.swizzle, self._mesh.id, self._triangles.names, frame.camera, frame.rays(bounce),
+            ],
             outputs=[frame.hits(bounce)],
             device=frame.device,
-        )
+        )  # fmt: skip
 
     def _shadow(self, light: int, bounce: int = 0) -> None:
         frame = self._frame
@@ -214,7 +223,7 @@ class WarpBvh(BaseMethod):
             frame.bits(bounce)[light].zero_()
             return
         wp.launch(
-            specialised(mesh_shadow_kernel, self._effects.switches(light, bounce)),
+            specialised(SHADOW_KERNELS[self.trace.origin], self._effects.switches(light, bounce)),
             dim=self._threads,
             inputs=[
                 self.trace.swizzle, light, SHADOW_END, self._mesh.id, frame.camera, frame.mesh, frame.lights,
@@ -223,11 +232,3 @@ class WarpBvh(BaseMethod):
             outputs=[frame.bits(bounce)],
             device=frame.device,
         )  # fmt: skip
-
-
-def harmless_indices(faces: NDArray[np.int32], valid: NDArray[np.uint8]) -> NDArray[np.int32]:
-    """Flat indices in which every invalid triangle is one vertex of the first valid one, three times."""
-    indices = np.array(faces, dtype=np.int32)
-    anchor = faces[int(np.argmax(valid)), 0] if valid.any() else 0
-    indices[valid == 0] = anchor
-    return indices.ravel()

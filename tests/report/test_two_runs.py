@@ -204,7 +204,7 @@ def test_bad_input_is_one_line(call, tmp_path):
         (tmp_path / "none", "no such folder"),
         (tmp_path / "empty", "no records in it"),
         (half, "not a record"),
-        (mixed, "has several versions of bvh"),
+        (mixed, "has several versions of warp_bvh"),
         (write(tmp_path / "others", [made(GRIDS, 1.0, 1)]), "have no entry in common"),
     ):
         code, out, err = call(whole, other)
