@@ -13,9 +13,9 @@ from __future__ import annotations
 import warp as wp
 
 from ...harness.frame.geometry import Corners, Mesh, corners_of
-from ..common.pairs import pair_place
-from ..common.triangle import largest, to_float64
 from .grid import Grid, cell_index, cell_of, to_grid
+from .pairs import pair_place
+from .triangle import largest, to_float64
 
 LARGE_COLUMNS = wp.constant(256)
 """A triangle whose box has more columns of cells than this is binned by many threads."""
@@ -210,7 +210,7 @@ def write_pair(
 
 @wp.struct
 class Pairs:
-    """Where (cell, triangle) pairs are counted and written: the arrays of :class:`..common.pairs.PairList`."""
+    """Where (cell, triangle) pairs are counted and written: the arrays of :class:`.pairs.PairList`."""
 
     count: wp.array(dtype=wp.int64)
     scan: wp.array(dtype=wp.int64)
@@ -219,16 +219,85 @@ class Pairs:
 
 
 @wp.struct
-class LargeTriangles:
-    """The queue of triangles that many threads bin together.
+class LargeItems:
+    """The queue of triangles that many threads bin together. An item is a triangle and the grid it is binned into.
 
-    size       int32 [1]: how many                 triangles  int32 [triangle_count]
-    cursor     int32 [triangle_count]: pairs written so far of each queued triangle
+    size    int32 [1]: how many                 items  int32 [items]
+    cursor  int32 [items]: pairs written so far of each queued item
     """
 
     size: wp.array(dtype=wp.int32)
-    triangles: wp.array(dtype=wp.int32)
+    items: wp.array(dtype=wp.int32)
     cursor: wp.array(dtype=wp.int32)
+
+
+@wp.func
+def bin_item(
+    emit: wp.bool, grid: Grid, base: wp.int32, corners: Corners, triangle: wp.int32, item: wp.int32, pairs: Pairs,
+    large: LargeItems,
+):  # fmt: skip
+    """Count the cells of a triangle, or emit its pairs; cells are numbered from ``base``.
+
+    Large triangles are queued when counting, and left out when emitting.
+    """
+    s = span_of(grid, corners)
+    columns = wp.int64(s.high[0] - s.low[0] + 1) * wp.int64(s.high[1] - s.low[1] + 1)
+    if columns > wp.int64(LARGE_COLUMNS):
+        if not emit:
+            pairs.count[item] = wp.int64(0)
+            slot = wp.atomic_add(large.size, 0, 1)
+            large.items[slot] = item
+            large.cursor[slot] = 0
+        return
+    place = wp.int64(0)
+    if emit:
+        place = pair_place(pairs.scan, pairs.count, item)
+    found = wp.int64(0)
+    for y in range(s.low[1], s.high[1] + 1):
+        for x in range(s.low[0], s.high[0] + 1):
+            cells = column_cells(s, x, y)
+            for z in range(cells[0], cells[1] + 1):
+                if touches(s, x, y, z):
+                    if emit:
+                        cell = base + index_of(grid.res, s.axis, x, y, z)
+                        write_pair(place + found, cell, triangle, pairs.keys, pairs.values)
+                    found += wp.int64(1)
+    if not emit:
+        pairs.count[item] = found
+
+
+@wp.func
+def bin_columns(
+    emit: wp.bool, slot: wp.int32, lane: wp.int32, lanes: wp.int32, grid: Grid, base: wp.int32, corners: Corners,
+    triangle: wp.int32, item: wp.int32, pairs: Pairs, large: LargeItems,
+):  # fmt: skip
+    """One lane's part of a queued item: every ``lanes``-th column.
+
+    Which lane's pairs come first is chance; a triangle has a cell once, and the stable sort by cell leaves the
+    triangles of a cell in the order of the items, so the lists are the same in every run.
+    """
+    s = span_of(grid, corners)
+    across = s.high[0] - s.low[0] + 1
+    columns = across * (s.high[1] - s.low[1] + 1)
+    place = wp.int64(0)
+    if emit:
+        place = pair_place(pairs.scan, pairs.count, item)
+    found = wp.int64(0)
+    column = wp.int32(lane)
+    while column < columns:
+        x = s.low[0] + column % across
+        y = s.low[1] + column // across
+        cells = column_cells(s, x, y)
+        for z in range(cells[0], cells[1] + 1):
+            if touches(s, x, y, z):
+                if emit:
+                    at = wp.int64(wp.atomic_add(large.cursor, slot, 1))
+                    cell = base + index_of(grid.res, s.axis, x, y, z)
+                    write_pair(place + at, cell, triangle, pairs.keys, pairs.values)
+                found += wp.int64(1)
+        column += lanes
+    if not emit and found > wp.int64(0):
+        wp.atomic_add(pairs.count, item, found)
 
 
 @wp.kernel(enable_backward=False)
@@ -237,40 +306,15 @@ def bin_kernel(
     grid: wp.array(dtype=Grid),
     mesh: Mesh,
     pairs: Pairs,
-    large: LargeTriangles,
+    large: LargeItems,
 ):
-    """Count the cells of each triangle, or emit its pairs. Large triangles are queued when counting."""
+    """Bin every triangle into one grid; its item is its index."""
     i = wp.tid()
     if mesh.valid[i] == wp.uint8(0):
         if not emit:
             pairs.count[i] = wp.int64(0)
         return
-    g = grid[0]
-    s = span_of(g, corners_of(mesh, i))
-    columns = wp.int64(s.high[0] - s.low[0] + 1) * wp.int64(s.high[1] - s.low[1] + 1)
-    if columns > wp.int64(LARGE_COLUMNS):
-        if not emit:
-            pairs.count[i] = wp.int64(0)
-            slot = wp.atomic_add(large.size, 0, 1)
-            large.triangles[slot] = i
-            large.cursor[slot] = 0
-        return
-    place = wp.int64(0)
-    if emit:
-        place = pair_place(pairs.scan, pairs.count, i)
-    found = wp.int64(0)
-    for y in range(s.low[1], s.high[1] + 1):
-        for x in range(s.low[0], s.high[0] + 1):
-            cells = column_cells(s, x, y)
-            for z in range(cells[0], cells[1] + 1):
-                if touches(s, x, y, z):
-                    if emit:
-                        write_pair(
-                            place + found, index_of(g.res, s.axis, x, y, z), i, pairs.keys, pairs.values
-                        )
-                    found += wp.int64(1)
-    if not emit:
-        pairs.count[i] = found
+    bin_item(emit, grid[0], 0, corners_of(mesh, i), i, i, pairs, large)
 
 
 @wp.kernel(enable_backward=False)
@@ -281,43 +325,12 @@ def bin_large_kernel(
     grid: wp.array(dtype=Grid),
     mesh: Mesh,
     pairs: Pairs,
-    large: LargeTriangles,
+    large: LargeItems,
 ):
-    """The same for the queue: ``lanes`` threads share the columns of one triangle.
-
-    Which thread's pairs come first is chance; a triangle has a cell once, and the stable sort by cell leaves the
-    triangles of a cell in index order, so the lists are the same in every run.
-    """
+    """The same for the queue: ``lanes`` threads share the columns of one triangle."""
     group, lane = wp.tid()
-    g = grid[0]
-    slot = group
+    slot = wp.int32(group)
     while slot < large.size[0]:
-        i = large.triangles[slot]
-        s = span_of(g, corners_of(mesh, i))
-        across = s.high[0] - s.low[0] + 1
-        columns = across * (s.high[1] - s.low[1] + 1)
-        place = wp.int64(0)
-        if emit:
-            place = pair_place(pairs.scan, pairs.count, i)
-        found = wp.int64(0)
-        column = lane
-        while column < columns:
-            x = s.low[0] + column % across
-            y = s.low[1] + column // across
-            cells = column_cells(s, x, y)
-            for z in range(cells[0], cells[1] + 1):
-                if touches(s, x, y, z):
-                    if emit:
-                        at = wp.atomic_add(large.cursor, slot, 1)
-                        write_pair(
-                            place + wp.int64(at),
-                            index_of(g.res, s.axis, x, y, z),
-                            i,
-                            pairs.keys,
-                            pairs.values,
-                        )
-                    found += wp.int64(1)
-            column += lanes
-        if not emit and found > wp.int64(0):
-            wp.atomic_add(pairs.count, i, found)
+        i = large.items[slot]
+        bin_columns(emit, slot, lane, lanes, grid[0], 0, corners_of(mesh, i), i, i, pairs, large)
         slot += at_once

@@ -1,0 +1,115 @@
+"""The kernels that trace one ray a pixel through any structure: closest hits and shadow bits.
+
+A structure brings its struct of arrays and a ``walk``: walk(test, structure, mesh, alpha, start, direction, end, own,
+query) puts the triangles that the ray start + t direction, 0 <= t <= end, may meet through ``test``
+(:mod:`.ray_queries`), nearest first where it can, and returns what was found. start and direction are vec3d; triangle
+``own`` is left out (-1: none).
+"""
+
+# Annotations are evaluated here: the struct is an argument of the factory, which Warp could not look up by its name.
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from ...harness.frame.alpha import Alpha
+from ...harness.frame.geometry import Camera, Hits, Mesh, Rays, mirrored_ray, ray_of
+from ...harness.frame.specialise import effects
+from .pixels import pixel_of
+from .ray_queries import (
+    any_hit,
+    any_opaque_hit,
+    closest_hit,
+    closest_opaque_hit,
+    shadow_segment,
+)
+from .triangle import to_float64, write_hit, write_miss
+
+FOREVER = wp.constant(wp.float64(wp.inf))
+
+
+@functools.cache
+def make_primary_kernel(structure_type: Any, walk: Any) -> Any:
+    """Closest hit of each pixel: nearest by float64 t, ties to the lowest index. Empty ``tests``: not counted."""
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def primary_kernel(
+        blocks: wp.bool,
+        structure: structure_type,
+        camera: Camera,
+        mesh: Mesh,
+        alpha: Alpha,
+        mirrored: Rays,
+        hits: Hits,
+        hit_points: wp.array(dtype=wp.vec3d),
+        tests: wp.array(dtype=wp.int32),
+    ):
+        pixel = pixel_of(wp.tid(), camera.width, camera.height, blocks)
+        if pixel < 0:
+            return
+        ray = ray_of(camera, pixel)
+        if wp.static(effects.bounced):
+            if mirrored.active[pixel] == wp.uint8(0):
+                write_miss(hits, pixel)
+                return
+            ray = mirrored_ray(mirrored, pixel)
+        o = to_float64(ray.origin)
+        d = to_float64(ray.direction)
+        if wp.static(effects.alpha):
+            found = walk(closest_opaque_hit, structure, mesh, alpha, o, d, FOREVER, -1, ray)
+        else:
+            found = walk(closest_hit, structure, mesh, alpha, o, d, FOREVER, -1, ray)
+        if tests.shape[0] > 0:
+            tests[pixel] = found.tests
+        write_hit(hits, hit_points, pixel, ray, found.triangle, found.t, mesh)
+
+    return primary_kernel
+
+
+@functools.cache
+def make_shadow_kernel(structure_type: Any, walk: Any) -> Any:
+    """Whether anything meets the open segment from each float64 hit point to the light; ``tests`` is added to."""
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def shadow_kernel(
+        blocks: wp.bool,
+        light: wp.int32,
+        structure: structure_type,
+        camera: Camera,
+        mesh: Mesh,
+        alpha: Alpha,
+        lights: wp.array(dtype=wp.vec3f),
+        hits: Hits,
+        hit_points: wp.array(dtype=wp.vec3d),
+        receivers: wp.array2d(dtype=wp.uint8),
+        mirrored: Rays,
+        visibility: wp.array2d(dtype=wp.uint8),
+        tests: wp.array(dtype=wp.int32),
+    ):
+        pixel = pixel_of(wp.tid(), camera.width, camera.height, blocks)
+        if pixel < 0:
+            return
+        own = hits.triangle[pixel]
+        if own < 0:
+            visibility[light, pixel] = wp.uint8(0)
+            return
+        if wp.static(effects.receivers):
+            if receivers[light, pixel] == wp.uint8(0):
+                visibility[light, pixel] = wp.uint8(0)
+                return
+        origin = camera.eye[0]
+        if wp.static(effects.bounced):
+            origin = mirrored.origin[pixel]
+        segment = shadow_segment(hit_points[pixel], lights[light], own, origin)
+        way = to_float64(segment.light) - segment.hit
+        one = wp.float64(1.0)
+        if wp.static(effects.alpha):
+            found = walk(any_opaque_hit, structure, mesh, alpha, segment.hit, way, one, own, segment)
+        else:
+            found = walk(any_hit, structure, mesh, alpha, segment.hit, way, one, own, segment)
+        if tests.shape[0] > 0:
+            tests[pixel] = tests[pixel] + found.tests
+        visibility[light, pixel] = wp.uint8(found.done)
+
+    return shadow_kernel

@@ -1,0 +1,106 @@
+"""Launches of the kernels of :mod:`.ray_kernels`, their passes, and the tests that they count."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from ...harness.frame.frame import Frame
+from ...harness.frame.mirrors import traced_bounces
+from ...harness.frame.passes import Pass
+from ...harness.frame.specialise import specialised
+from ...harness.scene.effects import Effects
+from .bounces import bounced_tests
+from .pixels import thread_count
+from .ray_passes import shadow_ray_passes
+
+
+class PixelRays:
+    """The rays of a frame, one a pixel, light and bounce, through one structure.
+
+    structure  the struct that the kernels take; primary, shadow: of :mod:`.ray_kernels`
+    swizzle    whether 32 consecutive threads trace a block of 8x4 pixels, or 32 pixels of a row
+    """
+
+    def __init__(
+        self, frame: Frame, effects: Effects, structure: Any, primary: wp.Kernel, shadow: wp.Kernel, swizzle: bool
+    ):  # fmt: skip
+        self._frame, self._effects, self._structure = frame, effects, structure
+        self._primary_kernel, self._shadow_kernel, self._swizzle = primary, shadow, swizzle
+        self._threads = thread_count(frame.width, frame.height, swizzle)
+        bounces = effects.bounces
+        with wp.ScopedDevice(frame.device):
+            self._hit = wp.zeros(frame.pixels, dtype=wp.vec3d)
+            self._bounced_hit = wp.zeros((bounces, frame.pixels) if bounces else (0, 0), dtype=wp.vec3d)
+            self._uncounted = wp.zeros(0, dtype=wp.int32)
+
+    def passes(self, structure: tuple[str, ...]) -> list[Pass]:
+        """Primary rays, shadow rays, mirrored rays. ``structure``: the resources of the structure."""
+        effects = self._effects
+        reads = (*structure, "camera", *effects.surface_reads())
+        passes = [Pass("primary rays", "trace", reads, ("hits",), self.launch_primary)]
+        passes += shadow_ray_passes(effects, (*structure, "hits"), self.launch_shadow)
+        return passes + traced_bounces(
+            effects,
+            (*structure, "points", "triangles"),
+            lambda b: self.launch_primary(bounce=b),
+            lambda i, b: self.launch_shadow(i, bounce=b),
+        )
+
+    def tests_per_pixel(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Triangle tests of each pixel's primary ray and of its shadow rays: the last frame traced again, counted."""
+        primary = wp.zeros(self._frame.pixels, dtype=wp.int32, device=self._frame.device)
+        shadow = wp.zeros_like(primary)
+        self.launch_primary(primary)
+        for light, wanted in enumerate(self._effects.shadows):
+            if wanted:
+                self.launch_shadow(light, shadow)
+        return primary.numpy(), shadow.numpy()
+
+    def counters(self) -> dict[str, int]:
+        """Triangle tests of all rays of the last frame."""
+        primary, shadow = self.tests_per_pixel()
+        mirrored = bounced_tests(self._frame, self._effects, self.launch_primary, self.launch_shadow)
+        return {
+            "primary tests": int(primary.sum(dtype=np.int64)),
+            "shadow tests": int(shadow.sum(dtype=np.int64)),
+            **mirrored,
+        }
+
+    def _hits(self, bounce: int) -> wp.array:
+        return self._bounced_hit[bounce - 1] if bounce else self._hit
+
+    def launch_primary(self, tests: wp.array | None = None, bounce: int = 0) -> None:
+        """Closest hits of the primary rays, or of the mirrored rays of a bounce."""
+        frame = self._frame
+        wp.launch(
+            specialised(self._primary_kernel, self._effects.switches(bounce=bounce)),
+            dim=self._threads,
+            inputs=[
+                self._swizzle,
+                self._structure,
+                frame.camera,
+                frame.mesh,
+                frame.alpha,
+                frame.rays(bounce),
+            ],
+            outputs=[frame.hits(bounce), self._hits(bounce), self._uncounted if tests is None else tests],
+            device=frame.device,
+        )
+
+    def launch_shadow(self, light: int, tests: wp.array | None = None, bounce: int = 0) -> None:
+        """Shadow bits of the hits of :meth:`launch_primary`."""
+        frame = self._frame
+        wp.launch(
+            specialised(self._shadow_kernel, self._effects.switches(light, bounce)),
+            dim=self._threads,
+            inputs=[
+                self._swizzle, light, self._structure, frame.camera, frame.mesh, frame.alpha, frame.lights,
+                frame.hits(bounce), self._hits(bounce), frame.masks(bounce), frame.rays(bounce),
+            ],
+            outputs=[frame.bits(bounce), self._uncounted if tests is None else tests],
+            device=frame.device,
+        )  # fmt: skip
