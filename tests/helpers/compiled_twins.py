@@ -24,6 +24,7 @@ from shadowbench.harness.frame.specialise import is_effects, named
 from shadowbench.harness.scene.effects import Switches
 from shadowbench.methods.bvh2 import careful
 from shadowbench.methods.bvh2 import shadow as tree_shadow
+from shadowbench.methods.common import ray_kernels
 from shadowbench.methods.perspective_spherical.camera.trace import make_trace_kernel
 from shadowbench.methods.perspective_spherical.camera.trace_staged import make_staged_trace_kernel
 from shadowbench.methods.perspective_spherical.light.trace import make_shadow_kernel
@@ -33,6 +34,7 @@ from shadowbench.methods.ray_grids.camera import queue as camera_queue
 from shadowbench.methods.ray_grids.camera import stream as camera_stream
 from shadowbench.methods.ray_grids.light import queue as light_queue
 from shadowbench.methods.ray_grids.light import stream as light_stream
+from shadowbench.methods.uniform_grid import traversal as grid_traversal
 from warp._src.context import Module
 
 ARCH = 90
@@ -147,6 +149,8 @@ def made_kernels() -> dict[str, wp.Kernel]:
         camera_queue.make_item_kernel: camera_queue.make_item_kernel(True, False),
         light_stream.make_stream_kernel: light_stream.make_stream_kernel(True),
         light_queue.make_item_kernel: light_queue.make_item_kernel(True, False),
+        ray_kernels.make_primary_kernel: grid_traversal.PRIMARY,
+        ray_kernels.make_shadow_kernel: grid_traversal.SHADOW,
         careful.make_closest_kernel: careful.make_closest_kernel(48),
         careful.make_shadow_kernel: careful.make_shadow_kernel(48),
         tree_shadow.make_shadow_kernel: tree_shadow.make_shadow_kernel("exact", 48, 40),

@@ -17,6 +17,7 @@ from shadowbench.harness.scene.surface_rules import perforated
 SIZE = (24, 18)
 EXACT = [
     ("uniform_grid", {}),
+    ("two_level_grid", {}),
     ("warp_bvh", {"update": "bvh_rebuild"}),
     ("bvh2", {}),
     ("hybrid", {}),

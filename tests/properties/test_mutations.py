@@ -17,7 +17,7 @@ import warp as wp
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.hardcases import find_case
 from shadowbench.harness.hardcases.judge import Judged, judge_case
-from shadowbench.methods.common import bounds, hitpoint, ray_queries, segment, triangle
+from shadowbench.methods.common import bounds, grid, grid_build, hitpoint, ray_queries, segment, triangle
 from shadowbench.methods.perspective_spherical.camera import tiles as camera_grid
 from shadowbench.methods.perspective_spherical.light import frame as light_frame
 from shadowbench.methods.perspective_spherical.light import mapping as light_map
@@ -184,7 +184,7 @@ MUTATIONS = (
                 grid,
                 "place_grid_kernel",
                 (("wp.min(FINEST_SLACK + ROUNDING * (distance + largest(count)), COARSEST_SLACK)", "wp.float64(0.0)"),),
-                uniform_grid,
+                grid_build,
             ),
         ),
         "uniform_grid",

@@ -1,0 +1,132 @@
+"""The second level: a grid in each occupied cell of the top grid, with a resolution that its own triangles ask for.
+
+A leaf grid is a grid like any other (:class:`..common.grid.Grid`), so triangles are binned into it by the same code. Its
+slack covers that of the top grid: a ray passes within the top grid's slack of every point of it in the top cells that it
+visits, and that is res times as much in cells of the leaf grid. The same factor holds for rounding.
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ...harness.frame.geometry import Mesh, corners_of
+from ..common.grid import Grid, cell_counts
+from ..common.grid_binning import LargeItems, Pairs, bin_columns, bin_item
+
+FINEST_LEAF = wp.constant(1024)
+"""Leaf cells along an axis at most: what ten bits hold, and a slack of 2^-5 of a leaf cell or less near the scene."""
+
+EMPTY_CELL = wp.constant(-1)
+
+
+@wp.struct
+class TopCells:
+    """What the top grid says of its cells. ``members[begin[cell]:end[cell]]`` are the triangles of a cell.
+
+    grid   Grid [1]                           begin, end  int32 [top cells]
+    keys   int32 [2 * top pairs]: the cell of each pair; ``cells`` or more where there is none
+    members  int32 [2 * top pairs]            cells  number of top cells that there is room for
+    res    int32 [top cells]: leaf resolution, :func:`packed_res`
+    first  int32 [top cells]: the first leaf cell, EMPTY_CELL where the cell is empty
+    """
+
+    grid: wp.array(dtype=Grid)
+    begin: wp.array(dtype=wp.int32)
+    end: wp.array(dtype=wp.int32)
+    keys: wp.array(dtype=wp.int32)
+    members: wp.array(dtype=wp.int32)
+    cells: wp.int32
+    res: wp.array(dtype=wp.int32)
+    first: wp.array(dtype=wp.int32)
+
+
+@wp.func
+def packed_res(res: wp.vec3i) -> wp.int32:
+    """Three numbers of 1 to FINEST_LEAF in 30 bits."""
+    return (res[0] - 1) | ((res[1] - 1) << 10) | ((res[2] - 1) << 20)
+
+
+@wp.func
+def unpacked_res(packed: wp.int32) -> wp.vec3i:
+    return wp.vec3i((packed & 1023) + 1, ((packed >> 10) & 1023) + 1, ((packed >> 20) & 1023) + 1)
+
+
+@wp.func
+def leaf_grid(top: Grid, cell: wp.int32, res: wp.vec3i) -> Grid:
+    """The grid of ``res`` cells in a cell of the top grid."""
+    row = cell // top.res[0]
+    place = wp.vec3d(
+        wp.float64(cell - row * top.res[0]), wp.float64(row % top.res[1]), wp.float64(row // top.res[1])
+    )
+    finer = wp.vec3d(wp.float64(res[0]), wp.float64(res[1]), wp.float64(res[2]))
+    leaf = Grid()
+    leaf.origin = top.origin + wp.cw_div(place, top.scale)
+    leaf.scale = wp.cw_mul(top.scale, finer)
+    leaf.res = res
+    leaf.slack = wp.float64(2.0) * top.slack * wp.max(finer[0], wp.max(finer[1], finer[2]))
+    return leaf
+
+
+@wp.kernel(enable_backward=False)
+def resolution_kernel(density: wp.float64, top: TopCells, counts: wp.array(dtype=wp.int64)):
+    """The resolution of each cell's leaf grid, ``density`` cells a triangle, and how many cells that makes."""
+    cell = wp.tid()
+    held = top.end[cell] - top.begin[cell]
+    if held == 0:
+        counts[cell] = wp.int64(0)
+        return
+    wanted = wp.max(1, wp.int32(wp.float64(held) * density))
+    one = wp.vec3d(wp.float64(1.0), wp.float64(1.0), wp.float64(1.0))
+    res = cell_counts(wp.cw_div(one, top.grid[0].scale), wanted)
+    most = wp.vec3i(FINEST_LEAF, FINEST_LEAF, FINEST_LEAF)
+    res = wp.min(res, most)
+    top.res[cell] = packed_res(res)
+    counts[cell] = wp.int64(res[0] * res[1] * res[2])
+
+
+@wp.kernel(enable_backward=False)
+def first_kernel(counts: wp.array(dtype=wp.int64), scan: wp.array(dtype=wp.int64), top: TopCells):
+    """Where the cells of each leaf grid begin."""
+    cell = wp.tid()
+    first = wp.int32(EMPTY_CELL)
+    if counts[cell] > wp.int64(0):
+        first = wp.int32(scan[cell] - counts[cell])
+    top.first[cell] = first
+
+
+@wp.kernel(enable_backward=False)
+def bin_leaf_kernel(emit: wp.bool, top: TopCells, mesh: Mesh, pairs: Pairs, large: LargeItems):
+    """Bin the triangle of each top pair into the leaf grid of its cell."""
+    item = wp.tid()
+    cell = top.keys[item]
+    if cell >= top.cells:
+        if not emit:
+            pairs.count[item] = wp.int64(0)
+        return
+    i = top.members[item]
+    leaf = leaf_grid(top.grid[0], cell, unpacked_res(top.res[cell]))
+    bin_item(emit, leaf, top.first[cell], corners_of(mesh, i), i, item, pairs, large)
+
+
+@wp.kernel(enable_backward=False)
+def bin_large_leaf_kernel(
+    emit: wp.bool,
+    lanes: wp.int32,
+    at_once: wp.int32,
+    top: TopCells,
+    mesh: Mesh,
+    pairs: Pairs,
+    large: LargeItems,
+):
+    """The same for the queue: ``lanes`` threads share the columns of one pair."""
+    group, lane = wp.tid()
+    slot = wp.int32(group)
+    while slot < large.size[0]:
+        item = large.items[slot]
+        cell = top.keys[item]
+        i = top.members[item]
+        leaf = leaf_grid(top.grid[0], cell, unpacked_res(top.res[cell]))
+        bin_columns(
+            emit, slot, lane, lanes, leaf, top.first[cell], corners_of(mesh, i), i, item, pairs, large
+        )
+        slot += at_once

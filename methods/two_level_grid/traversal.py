@@ -1,0 +1,145 @@
+"""A ray's walk through both levels, in one loop of steps, so that the lanes of a warp that are in leaf grids stay together.
+
+Each step ends in another cell: of the leaf grid, or of the top grid where the ray leaves its leaf grid or finds none. Both
+walks are in the top grid's coordinates; a face of a leaf cell lies at cell + k / res there.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import warp as wp
+
+from ...harness.frame.alpha import Alpha
+from ...harness.frame.geometry import Mesh
+from ..common.grid import Grid, cell_index, cell_of
+from ..common.grid_walk import FOREVER, TIE, Walk, advance, enter, inside, next_leave
+from ..common.ray_kernels import make_primary_kernel, make_shadow_kernel
+from ..common.ray_queries import Found, nothing_found
+from .leaves import unpacked_res
+
+
+@wp.struct
+class LeafCells:
+    """Both levels. The triangles of a leaf cell are ``members[begin[cell]:end[cell]]``, in index order.
+
+    grid         Grid [1]: the top grid        res, first  int32 [top cells]: see :class:`.leaves.TopCells`
+    begin, end   int32 [leaf cells]            members     int32 [leaf pairs]
+    """
+
+    grid: wp.array(dtype=Grid)
+    res: wp.array(dtype=wp.int32)
+    first: wp.array(dtype=wp.int32)
+    begin: wp.array(dtype=wp.int32)
+    end: wp.array(dtype=wp.int32)
+    members: wp.array(dtype=wp.int32)
+
+
+@wp.struct
+class LeafWalk:
+    """A walk within one leaf grid.
+
+    first  its first cell; -1: the ray is in no leaf grid     res    cells along each axis
+    cell   where the ray is                                  leave  when it leaves that cell on each axis
+    """
+
+    first: wp.int32
+    res: wp.vec3i
+    cell: wp.vec3i
+    leave: wp.vec3d
+
+
+@wp.func
+def leaf_leave(w: Walk, leaf: LeafWalk, axis: wp.int32) -> wp.float64:
+    """When the ray leaves its leaf cell along one axis; never, if it does not move along it."""
+    if w.step[axis] == 0:
+        return FOREVER
+    face = leaf.cell[axis]
+    if w.step[axis] > 0:
+        face += 1
+    at = wp.float64(w.cell[axis]) + wp.float64(face) / wp.float64(leaf.res[axis])
+    return (at - w.origin[axis]) * w.inverse[axis]
+
+
+@wp.func
+def enter_leaf(w: Walk, at: wp.vec3d, first: wp.int32, res: wp.vec3i) -> LeafWalk:
+    """Start in the leaf grid of the top cell that the walk is in, at grid coordinates ``at``."""
+    leaf = LeafWalk()
+    leaf.first = first
+    leaf.res = res
+    for axis in range(wp.static(3)):
+        within = (at[axis] - wp.float64(w.cell[axis])) * wp.float64(res[axis])
+        leaf.cell[axis] = cell_of(within, res[axis])
+        leaf.leave[axis] = leaf_leave(w, leaf, axis)
+    return leaf
+
+
+@wp.func
+def leaf_advance(w: Walk, leaf: LeafWalk) -> LeafWalk:
+    """Step across the face that is reached first, the lower axis where two are."""
+    axis = wp.int32(2)
+    if leaf.leave[0] <= leaf.leave[1] and leaf.leave[0] <= leaf.leave[2]:
+        axis = 0
+    elif leaf.leave[1] <= leaf.leave[2]:
+        axis = 1
+    leaf.cell[axis] = leaf.cell[axis] + w.step[axis]
+    leaf.leave[axis] = leaf_leave(w, leaf, axis)
+    return leaf
+
+
+@wp.func
+def walk(
+    test: wp.Function,
+    cells: LeafCells,
+    mesh: Mesh,
+    alpha: Alpha,
+    start: wp.vec3d,
+    direction: wp.vec3d,
+    end: wp.float64,
+    own: wp.int32,
+    query: Any,
+) -> Found:
+    """Put the triangles in the leaf cells of a ray through ``test``: see :mod:`..common.ray_kernels`.
+
+    The walk ends behind the closest hit and all that may tie with it, or when ``test`` sets ``found.done``.
+    """
+    found = nothing_found(wp.INF)
+    grid = cells.grid[0]
+    way = wp.cw_mul(direction, grid.scale)
+    w = enter(grid, start, direction, end)
+    leaf = LeafWalk()
+    leaf.first = -1
+    entered = w.start
+    going = w.start <= w.end
+    while going:
+        if leaf.first < 0:
+            cell = cell_index(grid.res, w.cell[0], w.cell[1], w.cell[2])
+            first = cells.first[cell]
+            if first >= 0:
+                leaf = enter_leaf(w, w.origin + way * entered, first, unpacked_res(cells.res[cell]))
+        leave = next_leave(w)
+        left = leaf.first < 0
+        if leaf.first >= 0:
+            at = leaf.first + cell_index(leaf.res, leaf.cell[0], leaf.cell[1], leaf.cell[2])
+            for k in range(cells.begin[at], cells.end[at]):
+                i = cells.members[k]
+                if i != own and not found.done:
+                    found.tests += 1
+                    found = test(mesh, alpha, i, query, found)
+            leaf_end = wp.min(leaf.leave[0], wp.min(leaf.leave[1], leaf.leave[2]))
+            leave = wp.min(leave, leaf_end)
+            if leaf_end < FOREVER:
+                leaf = leaf_advance(w, leaf)
+                left = not inside(leaf.cell, leaf.res)
+        if found.done or leave > wp.min(found.t * TIE, end) + w.margin or leave == FOREVER:
+            going = False
+        elif left:
+            leaf.first = -1
+            entered = next_leave(w)
+            w = advance(w)
+            going = inside(w.cell, grid.res)
+    return found
+
+
+PRIMARY = make_primary_kernel(LeafCells, walk)
+SHADOW = make_shadow_kernel(LeafCells, walk)
