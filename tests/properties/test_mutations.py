@@ -27,8 +27,6 @@ from shadowbench.methods.ray_grids.camera import stream as camera_stream
 from shadowbench.methods.ray_grids.light import cells as light_cells
 from shadowbench.methods.ray_grids.light import queue as light_queue
 from shadowbench.methods.ray_grids.light import stream as light_stream
-from shadowbench.methods.uniform_grid import grid
-from shadowbench.methods.uniform_grid import method as uniform_grid
 from shadowbench.methods.warp_bvh import exact
 
 PACKAGE = "shadowbench.methods."
