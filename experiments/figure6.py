@@ -13,6 +13,7 @@ from PIL import Image, ImageDraw
 
 from ..harness.report import compare, document, gallery, style
 from ..harness.report.picture import opened, save_png
+from ..harness.results.folder import image_name
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
 from ._paper import METHOD
@@ -108,7 +109,7 @@ def contact_sheet(own: pd.DataFrame, folder: Path, path: Path) -> list[Path]:
 
     made = []
     for r in own.drop_duplicates("light_label").itertuples():
-        kept = opened(folder / "images" / f"{'-'.join(filter(None, (r.scene, r.light_label)))}.png")
+        kept = opened(folder / "images" / image_name(r.scene, r.light_label, r.width, r.height))
         if kept is not None:
             spot = pd.notna(r.spot) and r.shadow_ray_share >= 0
             held = f"; shadow rays: {r.shadow_ray_share:.0%}" if spot else ""

@@ -31,7 +31,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     stand_ins = scenes["stand_in"].notna() & (scenes["stand_in"] != "")
     known = scenes[scenes["paper_triangles"].notna()]
     about = f"Figure 9: {len(scenes)} test scenes, {int(stand_ins.sum())} of them stand-ins"
-    files += gallery.draw(folder, list(scenes["scene"]), f"{about}; {document.where(table)}")
+    files += gallery.draw(folder, scenes, f"{about}; {document.where(table)}")
     share = (known["triangles_to_paper"] - 1).abs().max()
     shown = pd.DataFrame({
         "scene": scenes["title"], "triangles": scenes["triangles"].map("{:,.0f}".format, na_action="ignore"),

@@ -7,16 +7,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw, ImageFont, ImageOps
 
 from ..errors import warn
+from ..results.folder import image_name
 from ..scene.moment import Moment
 from ..scene.prepared import Prepared
 from ..scene.scene import Light
 from .picture import opened, save_png, shade
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 SMALLEST = 512
 """Pictures below this width are enlarged by a whole factor: one ray stays one square."""
@@ -35,17 +40,13 @@ WARNING = (160, 70, 0)
 
 
 def scene_picture(
-    prepared: Prepared,
-    moment: Moment,
-    answers: dict[str, NDArray],
-    lights: Sequence[Light],
-    path: Path | str,
+    prepared: Prepared, moment: Moment, answers: dict[str, NDArray], lights: Sequence[Light], path: Path | str,
     shows: str = "",
-) -> Path:
+) -> Path:  # fmt: skip
     """Shade a frame's answers, write a caption under it, save it as PNG, and return the path.
 
-    The caption has the scene's title, its triangles, the frame of an animation, and, for a stand-in, what it
-    stands in for. ``shows`` is kept in the file: see :func:`.report.picture.shown_in`.
+    The caption has the scene's title, its triangles, the frame of an animation, the size of the frame, and, for a
+    stand-in, what it stands in for. ``shows`` is kept in the file: see :func:`.report.picture.shown_in`.
     """
     scene = prepared.scene
     picture = shade(prepared, moment, answers, lights)
@@ -56,6 +57,7 @@ def scene_picture(
     facts = f"{prepared.triangle_count:,} triangles"
     if prepared.frame_count > 1:
         facts += f", frame {moment.index + 1} of {prepared.frame_count}"
+    facts += f", {moment.width}x{moment.height}"
     return save_png(captioned(picture, scene.title, facts, scene.stand_in), path, shows)
 
 
@@ -66,56 +68,49 @@ def captioned(
 
     A picture too narrow for text gets a margin at its right.
     """
-    margin = max(0, NARROWEST - picture.shape[1])
-    sheet = Image.new("RGB", (margin, picture.shape[0]), PAPER)
-    if margin:
-        picture = np.concatenate([picture, np.asarray(sheet)], axis=1)
-    width = picture.shape[1]
+    width = max(NARROWEST, picture.shape[1])
     size = max(13, width // 34)
-    line = round(size * 1.35)
-    small = font(round(size * 0.82))
+    line, small = round(size * 1.35), font(round(size * 0.82))
     lines = [(f"{title}: {facts}" if title else facts, font(size), INK)]
     if stand_in:
         lines += [
             (text, small, WARNING) for text in wrapped(stand_in_text(stand_in), small, width - 2 * size)
         ]
-    strip = Image.new("RGB", (width, round(size * 0.8) + line * len(lines)), PAPER)
-    draw = ImageDraw.Draw(strip)
+    sheet = Image.new("RGB", (width, picture.shape[0] + round(size * 0.8) + line * len(lines)), PAPER)
+    sheet.paste(Image.fromarray(picture))
+    draw = ImageDraw.Draw(sheet)
     for i, (text, face, ink) in enumerate(lines):
-        draw.text((size // 2, size // 3 + i * line), text, fill=ink, font=fitted(text, face, width - size))
-    return np.concatenate([picture, np.asarray(strip)])
+        place = (size // 2, picture.shape[0] + size // 3 + i * line)
+        draw.text(place, text, fill=ink, font=fitted(text, face, width - size))
+    return np.asarray(sheet)
 
 
 def contact_sheet(
-    pictures: Sequence[Path], path: Path | str, columns: int | None = None, width: int = 352, title: str = ""
+    pictures: Sequence[Path], path: Path | str, width: int = 352, title: str = ""
 ) -> Path | None:
     """All pictures on one sheet, captions and all. None where there are none; a damaged one is left out with a message.
 
     Each is ``width`` pixels wide; or, where that would make it higher, four times as high.
     """
-    images: list[Image.Image] = []
+    images = []
     for file in pictures:
         image = opened(file)
         if image is None:
             warn(f"{file}: not a whole picture, left out; the same `shadowbench run` draws it again")
         else:
-            images.append(image.convert("RGB"))
+            images.append(
+                ImageOps.contain(image.convert("RGB"), (width, 4 * width), Image.Resampling.LANCZOS)
+            )
     if not images:
         return None
     gap = width // 24
-    images = [
-        i.resize((max(1, round(i.width * scale)), max(1, round(i.height * scale))), Image.Resampling.LANCZOS)
-        for i in images
-        for scale in [min(width / i.width, 4 * width / i.height)]
-    ]
-    columns = columns or (len(images) if len(images) <= 4 else 3 if len(images) in (5, 6, 9) else 4)
+    columns = len(images) if len(images) <= 4 else 3 if len(images) in (5, 6, 9) else 4
     rows = [images[i : i + columns] for i in range(0, len(images), columns)]
-    head = round(gap * 2.2) if title else 0
-    height = head + gap + sum(max(i.height for i in row) + gap for row in rows)
+    top = gap + round(gap * 2.2) * bool(title)
+    height = top + sum(max(i.height for i in row) + gap for row in rows)
     sheet = Image.new("RGB", (columns * width + (columns + 1) * gap, height), PAPER)
-    if title:
-        ImageDraw.Draw(sheet).text((gap, gap * 0.7), title, fill=FAINT, font=font(round(gap * 1.1)))
-    top = head + gap
+    face = fitted(title, font(round(gap * 1.1)), sheet.width - 2 * gap)
+    ImageDraw.Draw(sheet).text((gap, gap * 0.7), title, fill=FAINT, font=face)
     for row in rows:
         for i, image in enumerate(row):
             sheet.paste(image, (gap + i * (width + gap), top))
@@ -123,13 +118,17 @@ def contact_sheet(
     return save_png(np.asarray(sheet), path)
 
 
-def draw(folder: Path | str, names: Sequence[str] = (), title: str = "") -> list[Path]:
-    """Make ``gallery.png`` from the pictures in ``folder/images``: those of ``names`` first, in order."""
-    folder = Path(folder)
-    found = {file.stem: file for file in sorted((folder / "images").glob("*.png"))}
-    order = [name for name in names if name in found] + [name for name in found if name not in names]
-    sheet = contact_sheet([found[name] for name in order], folder / "gallery.png", title=title)
-    return [sheet] if sheet else []
+def draw(folder: Path, points: DataFrame, title: str = "") -> list[Path]:
+    """The pictures of the scenes of ``points`` on a sheet for each size: ``gallery.png``, ``gallery-WxH.png`` of several.
+
+    points  a table with the columns scene, width and height; its order is the sheet's
+    """
+    sheets, sizes = [], list(points.groupby(["width", "height"], sort=False))
+    for (width, height), own in sizes:
+        files = [folder / "images" / image_name(scene, "", width, height) for scene in own["scene"].unique()]
+        name = "gallery.png" if len(sizes) == 1 else f"gallery-{width}x{height}.png"
+        sheets.append(contact_sheet([file for file in files if file.exists()], folder / name, title=title))
+    return [sheet for sheet in sheets if sheet]
 
 
 def stand_in_text(stand_in: str) -> str:

@@ -91,9 +91,9 @@ class ResultsFolder:
         """Where the scene under way is handed from one worker to the others."""
         return self.path / "journal" / "scene.npz"
 
-    def image(self, scene: str) -> Path:
-        """The picture of a scene."""
-        return self.path / "images" / f"{scene}.png"
+    def image(self, scene: str, light: str, width: int, height: int) -> Path:
+        """The picture of a scene: see :func:`image_name`."""
+        return self.path / "images" / image_name(scene, light, width, height)
 
     def log(self, worker: str) -> Path:
         """What a worker, and the method in it, wrote on standard error."""
@@ -120,6 +120,11 @@ class ResultsFolder:
             for path in (self.path / "journal").glob(f"{glob.escape(record.key)}-*.npz"):
                 path.unlink()
             journal.remove()
+
+
+def image_name(scene: str, light: str, width: int, height: int) -> str:
+    """The file of the picture of a scene in ``images``. ``light``: the label of its lighting; "" for its own lights."""
+    return "-".join(filter(None, (scene, light, f"{width}x{height}"))) + ".png"
 
 
 def read_json(path: Path) -> dict[str, Any] | None:

@@ -65,5 +65,6 @@ def grade_command(options: Options, folder: ResultsFolder, lighting: Lighting, j
 
 
 def picture_of(folder: ResultsFolder, lighting: Lighting, job: Job) -> Path:
-    """The file of the picture of a job's scene with its lights."""
-    return folder.image(job.point.scene["name"] + (f"-{lighting.label}" if lighting.label else ""))
+    """The file of the picture of a job's scene with its lights, at its size."""
+    preset = job.point.preset
+    return folder.image(job.point.scene["name"], lighting.label, preset.width, preset.height)

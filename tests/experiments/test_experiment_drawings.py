@@ -12,6 +12,7 @@ from shadowbench.experiments import figure2, figure6, figure11, two_lights
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.report import document
+from shadowbench.harness.results.folder import image_name
 from shadowbench.harness.results.pixel_maps import map_path, write_map
 from shadowbench.harness.runner.experiment import Entry, find_experiment
 from shadowbench.harness.scene.overrides import Lighting
@@ -63,11 +64,15 @@ def test_figure6_has_a_captioned_panel_for_each_light(tmp_path):
     counted = {"": 1000, "cone": 250, "rectangle": 300, "cone-fall-off": 400}
     for lighting in figure6.LIGHTINGS:
         rays = {"light 0 rays": counted[lighting.label]}
-        write_records(tmp_path, [record_of("figure6", figure6.METHODS[0], "fairy", lighting, counters=rays)])
-        name = f"fairy-{lighting.label}" if lighting.label else "fairy"
+        r = record_of("figure6", figure6.METHODS[0], "fairy", lighting, counters=rays)
+        write_records(tmp_path, [r])
         (tmp_path / "images").mkdir(exist_ok=True)
         # A square picture with a caption below it, which the sheet has but once.
-        Image.new("RGB", (512, 560), (200, 30, 30)).save(tmp_path / "images" / f"{name}.png")
+        Image.new("RGB", (512, 560), (200, 30, 30)).save(
+            tmp_path
+            / "images"
+            / image_name(r["scene"]["name"], lighting.label, r["point"]["width"], r["point"]["height"])
+        )
     show("figure6", tmp_path, quiet=True)
     text = (tmp_path / "figure6.md").read_text()
     order = ["everywhere | 1,000 | 1,000 | 100%", "cone of 12 degrees | 1,000 | 250 | 25%",

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import io
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from PIL import Image
 from shadowbench.harness.frame.materials import pieces
 from shadowbench.harness.report import gallery
 from shadowbench.harness.report.picture import png_bytes, save_png, shade, shown_in
+from shadowbench.harness.results.folder import image_name
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 
@@ -23,6 +26,16 @@ def square(lights: tuple[Light, ...], name: str = "square", stand_in: str | None
     faces = np.array([[0, 1, 2], [0, 2, 3]])
     camera = Camera((0.0, 0.0, 4.0), (0.0, 0.0, 0.0))
     return prepare(Scene(name, "Square", lambda: Geometry.static(vertices, faces), camera, lights, stand_in))
+
+
+def points(*scenes: str, size: tuple[int, int] = (60, 40)) -> pd.DataFrame:
+    """Measured points of these scenes, as a gallery needs them."""
+    return pd.DataFrame({"scene": scenes, "width": size[0], "height": size[1]})
+
+
+def kept(folder: Path, scene: str, size: tuple[int, int] = (60, 40)) -> Path:
+    """Where the picture of a scene is kept."""
+    return folder / "images" / image_name(scene, "", *size)
 
 
 def answers_to(prepared: Prepared, shadowed: np.ndarray | None = None):
@@ -164,27 +177,38 @@ def test_a_stand_in_says_so_in_its_picture(tmp_path):
 
 
 def test_the_contact_sheet_holds_every_picture(tmp_path):
-    assert gallery.draw(tmp_path) == []
+    names = [f"s{i}" for i in (3, 0, 1, 2)]
+    assert gallery.draw(tmp_path, points(*names)) == []
     for i in range(4):
-        save_png(np.full((40 + 10 * i, 60, 3), 60 * i, dtype=np.uint8), tmp_path / "images" / f"s{i}.png")
-    (path,) = gallery.draw(tmp_path, ["s3"], "title")
+        save_png(np.full((40 + 10 * i, 60, 3), 60 * i, dtype=np.uint8), kept(tmp_path, f"s{i}"))
+    (path,) = gallery.draw(tmp_path, points(*names), "title")
     sheet_ = np.asarray(Image.open(path).convert("L"))
     assert {0, 60, 120, 180} <= set(np.unique(sheet_).tolist())
 
 
+def test_pictures_of_two_sizes_are_on_two_sheets(tmp_path):
+    small, large = points("a", "b"), points("a", size=(120, 80))
+    for i, (scene, size) in enumerate((("a", (60, 40)), ("b", (60, 40)), ("a", (120, 80)))):
+        save_png(np.full((40, 60, 3), 60 * i, dtype=np.uint8), kept(tmp_path, scene, size))
+    sheets = gallery.draw(tmp_path, pd.concat([small, large]))
+    assert [sheet.name for sheet in sheets] == ["gallery-60x40.png", "gallery-120x80.png"]
+    shades = [set(np.unique(Image.open(sheet).convert("L")).tolist()) for sheet in sheets]
+    assert [{0, 60, 120} & shade for shade in shades] == [{0, 60}, {120}]
+
+
 def test_a_damaged_picture_is_left_out_of_the_sheet_and_told(tmp_path, capsys):
-    whole = save_png(np.zeros((40, 60, 3), dtype=np.uint8), tmp_path / "images" / "a.png", "it")
-    half = tmp_path / "images" / "b.png"
+    whole = save_png(np.zeros((40, 60, 3), dtype=np.uint8), kept(tmp_path, "a"), "it")
+    half = kept(tmp_path, "b")
     half.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
-    (tmp_path / "images" / "c.png").write_bytes(b"no picture")
+    kept(tmp_path, "c").write_bytes(b"no picture")
     assert shown_in(whole) == "it"
     assert shown_in(half) is None
-    (sheet,) = gallery.draw(tmp_path)
+    (sheet,) = gallery.draw(tmp_path, points(*"abc"))
     assert sheet.name == "gallery.png"
     said = capsys.readouterr().err
-    assert [f"{name}.png: not a whole picture" in said for name in "abc"] == [False, True, True]
+    assert [f"{name}-60x40.png: not a whole picture" in said for name in "abc"] == [False, True, True]
     whole.unlink()
-    assert gallery.draw(tmp_path) == []
+    assert gallery.draw(tmp_path, points(*"abc")) == []
 
 
 def test_a_picture_says_what_it_was_made_from(tmp_path):
@@ -209,12 +233,12 @@ def test_pictures_of_odd_sizes_stay_small(tmp_path, width, height):
         "t": np.full(width * height, np.inf),
         "visibility": np.zeros((1, width * height), dtype=np.uint8),
     }
-    path = gallery.scene_picture(prepared, moment, answers, (), tmp_path / "images" / "odd.png")
+    path = gallery.scene_picture(prepared, moment, answers, (), kept(tmp_path, "odd"))
     with Image.open(path) as image:
         assert gallery.NARROWEST <= image.width <= max(2 * gallery.SMALLEST, width)
         assert image.height <= factor_limit
     captioned = gallery.captioned(flat, "Odd", "2 triangles", "procedural stand-in for another")
     assert captioned.shape[1] == max(width, gallery.NARROWEST)
-    (sheet_,) = gallery.draw(tmp_path)
+    (sheet_,) = gallery.draw(tmp_path, points("odd"))
     with Image.open(sheet_) as image:
         assert image.width * image.height < 10_000_000

@@ -221,7 +221,7 @@ def test_answers_are_scored_against_truth(scene, tmp_path):
     assert measured.frames[0].shadow_rays > 0
     assert list((tmp_path / "truth").glob("*.npz"))
     assert (tmp_path / "answers" / f"{measured.key}-0.npz").exists()
-    assert (tmp_path / "images" / "tetra.png").stat().st_size > 1000
+    assert (tmp_path / "images" / "tetra-8x8.png").stat().st_size > 1000
     assert measured.frames[0].memory_bytes > 0
 
 
@@ -376,7 +376,7 @@ def test_another_scene_of_the_same_name_gets_a_picture_of_its_own(tmp_path):
     """As where an original takes the place of its stand-in in a folder that has records of the stand-in."""
     scene, out = tmp_path / "tetra.obj", tmp_path / "out"
     write_scene(scene)
-    picture = out / "images" / "tetra.png"
+    picture = out / "images" / "tetra-8x8.png"
     go(options(out, [str(scene)], ["warp_bvh"]))
     first, when = picture.read_bytes(), picture.stat().st_mtime_ns
     go(options(out, [str(scene)], ["warp_bvh", "uniform_grid"]))

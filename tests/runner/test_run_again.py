@@ -24,7 +24,7 @@ def go(chosen):
 def test_a_picture_that_is_gone_or_damaged_is_drawn_again(scene, tmp_path, damage):
     chosen = options(tmp_path, [str(scene)], ["warp_bvh"])
     (first,) = go(chosen).values()
-    picture = tmp_path / "images" / "tetra.png"
+    picture = tmp_path / "images" / "tetra-8x8.png"
     whole = picture.read_bytes()
     left = damage(whole)
     picture.unlink()
