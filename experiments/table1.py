@@ -27,6 +27,7 @@ METHODS = (
     faithful("paper-faithful"),
     Entry(METHOD, {}, "perspective + spherical, tuned"),
     Entry("ray_grids", {}, "ray grids"),
+    Entry("hybrid", {}, "hybrid"),
     Entry("bvh2", {}, "bvh2"),
     Entry("bvh2", {"precision": "float32"}, "bvh2, float32"),
     Entry("uniform_grid", {}, "uniform grid"),
@@ -54,8 +55,8 @@ COLUMNS = (
 
 FRAME = "Whole frame with shadows, everything rebuilt, ms"
 PARTS = {"build_ms": "build", "trace_ms": "trace", "light_build_ms": "light build", "shadow_ms": "shadow"}
-CUT = 4.0
-"""A bar more than this many times longer than the median of its scene is cut off, with a mark; its number stands beside it."""
+CUT = 3.0
+"""A bar more than this many times longer than the median of its scene is cut off; its number stands beside it."""
 
 
 def read(folder: Path) -> DataFrame:
@@ -142,19 +143,17 @@ def finding(done: DataFrame) -> str:
 
 def frame_table(table: DataFrame, scenes: list[str]) -> DataFrame:
     """Methods down, scenes across: frame time with its error, or why there is none; the fastest right one in bold."""
-    time = (
-        document.carry(table["total_ms"], table["spread"]) + " " + table["error"].str.removesuffix(" wrong")
-    )
-    text = time.where(table["status"] == "ok", table["status"])
-    wide = document.cross_table(
-        table.assign(text=text.where(~table["best"], "**" + text + "**")), ["row"], "title", "text"
-    )
-    theirs = (
-        table.drop_duplicates("title")
-        .set_index("title")["scene"]
-        .map(lambda scene: f"*{paper.cells(scene)[-1]}*")
-    )
-    wide.loc[len(wide)] = {"row": f"*the paper, {paper.GPU}*", **theirs}
+    time = document.carry(table["total_ms"], table["spread"])
+    text = time + " " + table["error"].str.removesuffix(" wrong")
+    text = text.where(table["status"] == "ok", table["status"])
+    marked = table.assign(text=text.where(~table["best"], "**" + text + "**"))
+    wide = document.cross_table(marked, ["row"], "title", "text")
+    printed = dict(table[table["scene"].isin(paper.ROWS)].groupby("title")["scene"].first().map(paper.total))
+    if printed:
+        wide.loc[len(wide)] = {
+            "row": f"*the paper, {paper.GPU}*",
+            **{t: f"*{ms}*" for t, ms in printed.items()},
+        }
     return wide[["row", *scenes]].rename(columns={"row": "method"})
 
 
@@ -170,21 +169,18 @@ def parts_table(own: DataFrame) -> DataFrame:
     import pandas as pd
 
     done = document.measured(own)
-    columns = {"method": ("row", str)} | {name: (column, style.number) for column, name in PARTS.items()}
+    columns = {"method": ("row", str)}
+    columns |= {name: (column, lambda ms: style.number(ms or None)) for column, name in PARTS.items()}
     columns |= {"whole": ("total_ms", style.number), "±": ("spread", style.number), "answers": ("error", str)}
     columns |= {"Mrays/s": ("frame_mrays_per_s", style.number), "MB": ("memory_bytes", style.megabytes)}
-    theirs = [
-        {
-            "method": f"paper: {c.title}",
-            **dict(zip(("whole",) if len(parts) == 1 else ("build", "trace"), parts, strict=True)),
-        }
-        for c, text in zip(paper.COLUMNS, paper.cells(own["scene"].iloc[0]), strict=True)
-        if text not in ("-", paper.NOT_AVAILABLE)
-        for parts in [text.removesuffix(" ms").split(" / ")]
-    ]
-    return pd.concat(
-        [document.texts(done, columns), pd.DataFrame(theirs).map("*{}*".format, na_action="ignore")]
-    )
+    theirs = []
+    for column, text in zip(paper.COLUMNS, paper.cells(own["scene"].iloc[0]), strict=True):
+        if text not in ("-", paper.NOT_AVAILABLE):
+            names = ("build", "trace") if " / " in text else ("whole",)
+            parts = [part.replace("*", r"\*") for part in text.removesuffix(" ms").split(" / ")]
+            theirs.append({"method": f"paper: {column.title}", **dict(zip(names, parts, strict=True))})
+    printed = pd.DataFrame(theirs).map("*{}*".format, na_action="ignore")
+    return pd.concat([document.texts(done, columns), printed])
 
 
 def methods_table(table: DataFrame) -> DataFrame:
@@ -196,15 +192,13 @@ def methods_table(table: DataFrame) -> DataFrame:
 
 def scenes_table(table: DataFrame, scenes: list[str]) -> DataFrame:
     """What each scene stands in for, and what of its answers needs to be known."""
-    import pandas as pd
-
-    groups = table.groupby("title")
-    made = pd.DataFrame({
-        "scene": scenes, "made as": groups["stand_in"].first().reindex(scenes).replace("", "-").to_numpy(),
-        "excused as too close to an edge, at most": groups["excused_share"].max().reindex(scenes).map("{:.4%}".format).to_numpy(),
-        "answers that the reference (Embree) got wrong": groups["reference_errors"].max().reindex(scenes).to_numpy(),
-    })  # fmt: skip
-    return made
+    own = table.groupby("title").agg({"stand_in": "first", "excused_share": "max", "reference_errors": "max"})
+    columns = {
+        "scene": ("title", str), "made as": ("stand_in", lambda text: text or "-"),
+        "excused as too close to an edge, at most": ("excused_share", "{:.4%}"),
+        "answers that the reference (Embree) got wrong": ("reference_errors", "{:,}"),
+    }  # fmt: skip
+    return document.texts(own.loc[scenes].reset_index(), columns)
 
 
 def notes(table: DataFrame) -> list[str]:
@@ -215,7 +209,8 @@ def notes(table: DataFrame) -> list[str]:
         f"{style.UNSCORED}: there was no exact reference. Mrays/s: primary and shadow rays over the whole frame. MB: "
         "structures and work buffers. Where a scene moves, times are means over its frames."
     ]
-    if set(table["width"]) | set(table["height"]) != set(paper.SIZE):
+    theirs = set(table["scene"]) & set(paper.ROWS)
+    if theirs and set(table["width"]) | set(table["height"]) != set(paper.SIZE):
         told.append(
             f"Only {paper.SIZE[0]}x{paper.SIZE[1]} is to be held against the paper's rows ({paper.LABEL})."
         )
@@ -235,13 +230,16 @@ def notes(table: DataFrame) -> list[str]:
         told.append(
             f"Not shown: older records of these points, or of other scenes of their names: {table.attrs['older']}."
         )
+    missing = [entry.label for entry in METHODS if entry.label not in set(table["label"])]
+    if missing and set(table["preset"]) == {"quick"}:
+        told.append(f"Not in this run: {', '.join(missing)}; the preset paper has all.")
     printed = " ".join(cell for scene in table["scene"].unique() for cell in paper.cells(scene))
     footnotes = [note for note in paper.FOOTNOTES if note.split()[0] in printed or note.startswith("Our")]
-    return [
-        *told,
-        *document.never_hit_notes(table),
-        f"The paper's rows: {paper.LABEL}, as printed. {' '.join(footnotes)}",
-    ]
+    sources = "; ".join(f"{c.title}: {c.source}" for c in paper.COLUMNS).replace("*", r"\*")
+    told += document.never_hit_notes(table)
+    if theirs:
+        told.append(f"The paper's rows: {paper.LABEL}, as printed. {sources}. {' '.join(footnotes)}")
+    return told
 
 
 def paper_rows(scenes: Iterable[str]) -> DataFrame:

@@ -320,4 +320,4 @@ def terminal(
     for heading, body in tables.items():
         print_table(body, heading, console)
     for line in [*about, *(["Not measured: " + "; ".join(lost)] if lost else [])]:
-        console.print(f"  {line}")
+        console.print("  " + line.replace(r"\*", "*"))

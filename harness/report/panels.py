@@ -188,8 +188,8 @@ def bar_panels(
             limit = cut * own["total_ms"].median()
             bars(axes, own, [tints[value] for value in own[by]], own[text], limit, edge, font)
             beside = places[place - 1][1] if place % across else own[:0]
-            shown = own[name].where(list(own[name]) != list(beside[name]), "")
-            axes.set_yticks(range(len(own)), shown)
+            named = list(own[name]) == list(beside[name])
+            axes.set_yticks(range(len(own)), [""] * len(own) if named else own[name])
             longest = own["total_ms"].max()
             axes.set_xlim(0, room * min(limit, longest) if longest > 0 else 1)
             axes.set_title(title, loc="left", fontsize=7)

@@ -72,6 +72,11 @@ def cells(scene: str) -> tuple[str, ...]:
     return ROWS[scene].cells if scene in ROWS else ("-",) * len(COLUMNS)
 
 
+def total(scene: str) -> str:
+    """The time of a whole frame with shadows that the paper prints for one of its scenes, ms."""
+    return ROWS[scene].cells[-1].removesuffix(" ms")
+
+
 def numbers(scene: str, column: str) -> dict[str, float]:
     """A printed entry as numbers in milliseconds: of ``build``, ``trace`` and ``total`` those that it has."""
     if scene not in ROWS:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 PIPE_WIDTH = 160
 GAP = 2
 """Columns between two columns of a table."""
-SENTENCE = 28
+SENTENCE = 38
 """Columns from which a column of a table holds sentences: it may be broken between words."""
 MARKS = (("**", "bold green"), ("*", "dim"))
 """Emphasis of a whole cell in Markdown, and its style in a terminal."""
@@ -95,6 +95,7 @@ def styled(cell: str) -> Text:
 
     from .style import WRONG
 
+    cell = cell.replace(r"\*", "*")
     for mark, look in MARKS:
         if cell.startswith(mark) and cell.endswith(mark) and len(cell) > 2 * len(mark):
             return Text(cell[len(mark) : -len(mark)], style=look)

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import csv
-import io
 
 import numpy as np
 import pandas as pd
 import pytest
 from helpers.table1_records import METHODS, SCENES, record, score, write_records
 from matplotlib.figure import Figure
-from rich.console import Console
-from shadowbench.experiments.table1 import drawing as table1
-from shadowbench.experiments.table1 import sheet
+from shadowbench.experiments import table1
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.report import document, style
@@ -50,28 +47,35 @@ def row_of(made):
     return row
 
 
-def printed(made: sheet.Sheet, width: int) -> str:
-    console = Console(width=width, file=io.StringIO(), force_terminal=False)
-    table1.show(made, console)
-    return console.file.getvalue()
+def points_of(folder, records):
+    """The points of Table 1, from a folder with these records."""
+    return table1.read(write_records(folder, records))
 
 
-def test_a_time_never_stands_without_its_error(records):
-    words = {"ok": [], "wrong": [], "unscored": []}
-    for made, kind in zip(records[:3], words, strict=False):
+def best(table):
+    """Row by scene of what is marked as fastest."""
+    return dict(table.loc[table["best"], ["title", "row"]].to_numpy())
+
+
+def test_a_time_never_stands_without_its_error(records, tmp_path):
+    fairy = records[: len(METHODS)]
+    for made, kind in zip(fairy, ("ok", "wrong", "unscored", "excused"), strict=True):
         for frame in made["frames"]:
             if kind == "wrong":
                 frame["score"] = score(256, wrong=4)
             if kind == "unscored":
                 frame.update(score=None, unscored="no truth here")
-        words[kind] = sheet.cell(row_of(made)).lines
-    assert words["ok"][1].endswith(" ✓")
-    assert words["wrong"][1].endswith("✗ 12 wrong"), "errors are summed over frames"
-    assert words["unscored"][1].endswith(" unscored")
-    failed = score(256)
-    failed.update(check="failed", excused_share=0.02)
-    records[4]["frames"][0]["score"] = failed
-    assert sheet.cell(row_of(records[4])).lines[1].endswith("✗ 2.00% excused")
+            if kind == "excused":
+                frame["score"] = {**score(256), "check": "failed", "excused_share": 0.02}
+    table = points_of(tmp_path, fairy)
+    (title,) = table["title"].unique()
+    cells = table1.frame_table(table, [title]).set_index("method")[title]
+    ends = dict(zip(METHODS, ("✓", "✗ 12", "unscored", "✗ 2.00% excused"), strict=True))
+    for method, (label, _) in METHODS.items():
+        assert cells[label].strip("*").endswith(" " + ends[method]), "errors are summed over frames"
+    answers = table1.parts_table(table).set_index("method")["answers"]
+    assert answers[METHODS["uniform_grid"][0]] == "✗ 12 wrong"
+    assert any("no truth here" in note for note in table1.notes(table))
 
 
 def test_frames_without_truth_are_never_counted_as_right(records):
@@ -84,47 +88,77 @@ def test_frames_without_truth_are_never_counted_as_right(records):
     assert row_of(records[0])["error"] == "✗ 2 wrong", "a known error is shown all the same"
 
 
-def test_points_that_were_not_measured_stand_there_with_their_reason(records):
+def test_points_that_were_not_measured_stand_there_with_their_reason(records, tmp_path):
     for made, status in zip(records[:4], ("skipped", "failed", "timeout", "rejected"), strict=True):
         made.update(status=status, reason=f"because of {status}", frames=[])
-    made = sheet.sheet(table_from(records))
-    text = printed(made, 200)
+    write_records(tmp_path, records)
+    table1.draw(tmp_path, quiet=True)
+    text = (tmp_path / "table1.md").read_text()
     for status in ("skipped", "failed", "timeout", "rejected"):
-        assert f"{status} [" in text
-        assert any(f"{status}: because of {status}" in note for note in made.notes)
+        assert f"| {status} |" in text
+        assert f"{status}: because of {status} (Fairy Forest (stand-in))" in text
 
 
-def test_the_fastest_right_answer_is_marked_and_a_wrong_one_never(records):
-    line = sheet.sheet(table_from(records)).lines[0]
-    best = [cell.best for cell in line.cells]
-    assert sum(best) == 1
-    times = {made["key"]: row_of(made)["total_ms"] for made in records if made["scene"]["name"] == "fairy"}
-    (fastest,) = (made for made in records if made["key"] == min(times, key=times.get))
+def test_the_fastest_right_answer_is_marked_and_a_wrong_one_never(records, tmp_path):
+    marked = best(points_of(tmp_path / "right", records))
+    assert len(marked) == len(SCENES)
+    fastest = min((r for r in records if r["scene"]["name"] == "fairy"), key=lambda r: row_of(r)["total_ms"])
+    assert marked["Fairy Forest (stand-in)"] == fastest["method"]["label"]
     fastest["frames"][0]["score"] = score(256, wrong=1)
-    again = sheet.sheet(table_from(records)).lines[0]
-    assert [cell.best for cell in again.cells] != best
-    assert not again.cells[best.index(True)].best
-    assert again.cells[best.index(True)].bad
+    again = points_of(tmp_path / "wrong", records)
+    assert best(again)["Fairy Forest (stand-in)"] not in ("", fastest["method"]["label"])
+    assert f"{fastest['method']['label']} on" in table1.finding(again), "it is fastest on other scenes"
 
 
 @pytest.mark.parametrize("width", [220, 80])
-def test_the_terminal_table_has_every_method_scene_and_printed_number(records, width):
-    text = printed(sheet.sheet(table_from(records)), width)
+def test_the_terminal_table_has_every_method_scene_and_printed_number(
+    records, width, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setenv("COLUMNS", str(width))
+    table1.draw(write_records(tmp_path, records))
+    text = capsys.readouterr().out
     flat = " ".join(text.split())
     for scene, (title, triangles, _) in SCENES.items():
-        assert title.split(" (")[0] in flat
-        assert f"{triangles:,}" in flat
-        for entry in paper.cells(scene):
-            assert entry in flat
+        assert f"{title}: {triangles:,} triangles" in flat
+        for word in " ".join(paper.cells(scene)).split():
+            assert word in flat or word in ("-", paper.NOT_AVAILABLE, "ms")
+    for label, _ in METHODS.values():
+        assert label in flat
     assert "GTX 280" in flat
-    assert "(stand-in)" in flat
-    assert "not to be held against the paper" in flat
+    assert "Only 1024x1024 is to be held against the paper" in flat
     assert max(map(len, text.splitlines())) <= width
 
 
-def test_at_the_papers_size_nothing_warns_of_the_size():
-    table = table_from([record("fairy", "warp_bvh", size=1024)])
-    assert not any("not to be held" in note for note in sheet.sheet(table).notes)
+def test_at_the_papers_size_nothing_warns_of_the_size(tmp_path):
+    table = points_of(tmp_path, [record("fairy", "warp_bvh", size=1024)])
+    assert not any("to be held against" in note for note in table1.notes(table))
+
+
+def test_footnotes_are_those_of_what_is_shown(tmp_path):
+    text = " ".join(table1.notes(points_of(tmp_path / "fairy", [record("fairy", "warp_bvh")])))
+    assert "[#] Fairy" in text
+    assert "Cloth model" not in text
+    assert "paper's rows" not in " ".join(
+        table1.notes(points_of(tmp_path / "own", [record("bunny", "warp_bvh")]))
+    )
+
+
+def test_two_sizes_are_told_apart_and_never_in_one_cell(tmp_path):
+    both = [
+        record(scene, method, size)
+        for size in (256, 64)
+        for scene in ("cloth", "bunny")
+        for method in METHODS
+    ]
+    table = points_of(tmp_path, both)
+    titles = {
+        f"{title}, {size}x{size}" for size in (64, 256) for title in ("Cloth (stand-in)", "Bunny (file)")
+    }
+    assert set(table["title"]) == titles
+    shown = table1.frame_table(table, sorted(titles))
+    assert set(shown.columns) == {"method", *titles}
+    assert shown.iloc[: len(METHODS)].notna().all(axis=None)
+    assert set(best(table)) == titles
 
 
 def test_the_spread_is_over_repeats_and_never_over_frames(records):
@@ -154,12 +188,13 @@ def test_rates_count_primary_and_shadow_rays(records):
     assert np.isnan(row_of(made)["shadow_mrays_per_s"])
 
 
-def test_errors_of_the_reference_have_their_own_note(records):
-    table = table_from(records[:1])
+def test_errors_of_the_reference_have_their_own_column(records, tmp_path):
+    table = points_of(tmp_path, records[:1])
     assert list(table["reference_errors"]) == [9], (
         "one wrong pixel and two wrong bits in each of three frames"
     )
-    assert any("Embree" in note and "Fairy Forest (stand-in) 9" in note for note in sheet.sheet(table).notes)
+    (line,) = table1.scenes_table(table, ["Fairy Forest (stand-in)"]).to_dict("records")
+    assert line["answers that the reference (Embree) got wrong"] == "9"
 
 
 def test_draw_writes_a_tidy_csv_a_markdown_table_and_bars(records, tmp_path, capsys):
@@ -167,7 +202,7 @@ def test_draw_writes_a_tidy_csv_a_markdown_table_and_bars(records, tmp_path, cap
     write_records(tmp_path, records)
     files = table1.draw(tmp_path, quiet=True)
     assert capsys.readouterr().out == ""
-    assert [file.name for file in files] == ["table1.csv", "table1.md", "table1.svg"]
+    assert [file.name for file in files] == ["table1.csv", "table1.svg", "table1.md"]
     with open(tmp_path / "table1.csv", newline="") as file:
         rows = list(csv.DictReader(file))
     own = [row for row in rows if row["origin"] == "this run"]
@@ -190,11 +225,9 @@ def test_draw_writes_a_tidy_csv_a_markdown_table_and_bars(records, tmp_path, cap
         "the paper states no errors",
     )
     text = (tmp_path / "table1.md").read_text()
-    table = [line for line in text.splitlines() if line.startswith("|")]
-    assert len({line.count("|") for line in table[: 2 + len(SCENES)]}) == 1, "every row has every column"
-    assert "8.73 / 32.43" in text
-    assert r"39 / n/a\*" in text
-    assert r"- \* Cloth model" in text
+    assert "| *paper: Our Method* | *8.73* | *32.43* |" in text
+    assert r"*n/a\**" in text
+    assert "* Cloth model" in text
     assert "stand-in" in text
 
 
@@ -213,7 +246,10 @@ def test_only_the_newest_record_of_a_point_is_shown(tmp_path):
     assert {made.key for made in chosen} == {"new", other["key"]}
     assert older == 1
     table1.draw(tmp_path, quiet=True)
-    assert "1 older record" in (tmp_path / "table1.md").read_text()
+    assert (
+        "older records of these points, or of other scenes of their names: 1."
+        in (tmp_path / "table1.md").read_text()
+    )
 
 
 def test_settings_and_originals_have_entries_of_their_own(tmp_path):
@@ -222,27 +258,34 @@ def test_settings_and_originals_have_entries_of_their_own(tmp_path):
     refit["method"]["settings"] = {"update": "refit"}
     original = record("sibenik", "warp_bvh", seed=2, key="original")
     original["scene"].update(title="Sibenik", stand_in=None)
-    write_records(tmp_path, [plain, refit, original])
-    table = document.read(tmp_path)
-    made = sheet.sheet(table)
-    assert made.columns == ("Warp Mesh, rebuilt", "Warp Mesh, rebuilt, update refit")
-    assert [line.title for line in made.lines] == ["Sibenik", "Sibenik Cathedral (stand-in)"]
-    assert [[cell.lines[0] for cell in line.cells].count("-") for line in made.lines] == [1, 0]
-    path = table1.bars(sheet.with_columns(table), tmp_path / "bars.svg")
-    assert "update refit" in path.read_text()
+    table = points_of(tmp_path, [plain, refit, original])
+    assert set(table["row"]) == {"Warp Mesh, rebuilt", "Warp Mesh, rebuilt, update refit"}
+    shown = table1.frame_table(table, ["Sibenik", "Sibenik Cathedral (stand-in)"]).iloc[:2]
+    assert list(shown.isna().sum()) == [0, 1, 0]
+    table1.draw(tmp_path, quiet=True)
+    assert "update refit" in (tmp_path / "table1.svg").read_text()
 
 
-def test_two_devices_are_two_columns():
+def test_a_declared_row_does_not_repeat_its_settings(tmp_path):
+    entry = next(entry for entry in table1.METHODS if len(entry.settings) > 1)
+    made = record("sibenik", "warp_bvh")
+    made["method"].update(name=entry.method, label=entry.label, settings={**entry.settings, "tile": "32"})
+    (row,) = points_of(tmp_path, [made])["row"]
+    assert row == f"{entry.label}, tile 32"
+
+
+def test_two_devices_are_two_rows(tmp_path):
     other = record("bunny", "warp_bvh", seed=1)
     other["key"] += "-gpu"
     other["method"].update(device="cuda:0", device_name="Imaginary GPU")
-    made = sheet.sheet(table_from([record("bunny", "warp_bvh"), other]))
-    assert made.columns == ("Warp Mesh, rebuilt, cpu", "Warp Mesh, rebuilt, cuda:0")
-    assert "Imaginary CPU, Imaginary GPU" in made.title
+    table = points_of(tmp_path, [record("bunny", "warp_bvh"), other])
+    assert set(table["row"]) == {"Warp Mesh, rebuilt, cpu", "Warp Mesh, rebuilt, cuda:0"}
+    assert "on Imaginary CPU and Imaginary GPU" in document.where(table)
 
 
 def test_bars_are_compact_and_drawn_only_where_there_is_something(records, tmp_path):
-    text = table1.bars(sheet.with_columns(table_from(records)), tmp_path / "bars.svg").read_text()
+    table1.draw(write_records(tmp_path / "all", records), quiet=True)
+    text = (tmp_path / "all" / "table1.svg").read_text()
     assert len(text) < 200_000
     for label, _ in METHODS.values():
         assert label in text
@@ -272,7 +315,7 @@ def test_numbers_have_no_exponents(value, text):
 def test_show_draws_again_and_says_what_is_wrong_with_a_folder(records, tmp_path, capsys):
     write_records(tmp_path, records)
     files = show("table1", tmp_path)
-    assert "Table 1 on Imaginary CPU" in capsys.readouterr().out
+    assert "Table 1: build, trace and shadow times" in capsys.readouterr().out
     assert all(file.exists() for file in files)
     with pytest.raises(UserError, match="did you mean table1"):
         show("tabel1", tmp_path)
@@ -327,28 +370,31 @@ def test_a_bar_that_dwarfs_the_others_is_cut_and_keeps_its_number(tmp_path):
     records = [record("bunny", method) for method in METHODS]
     for frame in records[0]["frames"]:
         frame["total_ms"] = [12345.0] * 10
-    text = table1.bars(sheet.with_columns(table_from(records)), tmp_path / "bars.svg").read_text()
+    table1.draw(write_records(tmp_path, records), quiet=True)
+    text = (tmp_path / "table1.svg").read_text()
     assert "bar cut off" in text
     assert "12,345 ✓" in text
     assert ">10000<" not in text, "the axis is that of the other bars"
 
 
-def test_frames_left_out_for_the_budget_are_named_and_nothing_is_best_over_different_frames(records):
+def test_frames_left_out_are_named_and_the_best_is_so_over_the_frames_that_both_have(records, tmp_path):
     """A mean over the first frame alone is another number than one over three."""
     title = records[0]["scene"]["title"]
-
-    def line(made):
-        return next(line for line in made.lines if line.title.startswith(title))
-
-    whole = sheet.sheet(table_from(records))
-    assert any(cell.best for cell in line(whole).cells)
-    assert not any("left out" in note for note in whole.notes)
-    records[0]["frames_left_out"] = [f["frame"] for f in records[0]["frames"][1:]]
-    del records[0]["frames"][1:]
-    short = sheet.sheet(table_from(records))
-    assert not any(cell.best for cell in line(short).cells)
-    (note,) = [note for note in short.notes if "left out" in note]
-    assert "(1 of 3)" in note
+    whole = points_of(tmp_path / "whole", records)
+    fastest = best(whole)[title]
+    assert not any("left out" in note for note in table1.notes(whole))
+    other = next(r for r in records if r["scene"]["title"] == title and r["method"]["label"] != fastest)
+    other["frames_left_out"] = [f["frame"] for f in other["frames"][1:]]
+    del other["frames"][1:]
+    # Its one frame is faster than the mean of the three of the fastest, and slower than the first of them.
+    (first,) = (r for r in records if r["scene"]["title"] == title and r["method"]["label"] == fastest)
+    for i, frame in enumerate(first["frames"]):
+        frame["total_ms"] = [10.0 + 10 * i] * 10
+    other["frames"][0]["total_ms"] = [11.0] * 10
+    short = points_of(tmp_path / "short", records)
+    assert title not in best(short)
+    (note,) = [note for note in table1.notes(short) if "left out" in note]
+    assert f"{title}, {other['method']['label']}" in note
 
 
 @pytest.mark.parametrize(
@@ -373,17 +419,10 @@ def test_logarithmic_axes_have_plain_numbers(low: float, high: float, labels: li
     assert shown == labels
 
 
-def test_one_round_says_nothing_of_the_time_between_rounds(records):
-    table = table_from(records)
-    assert "at most (" in sheet.between_rounds(table)
-    assert sheet.between_rounds(table.assign(rounds=1)) == "Between rounds: not known of one round."
-
-
-def test_times_of_two_runs_stand_apart_and_none_is_best(records):
+def test_times_of_two_runs_stand_apart_and_none_is_best(records, tmp_path):
     for made in records:
         made["rounds"] = [{"round": 0, "run": "b" if made["method"]["name"] == "warp_bvh" else "a"}]
-    made = sheet.sheet(table_from(records))
-    assert not any(cell.best for line in made.lines for cell in line.cells)
-    assert any(
-        "Cloth (stand-in) was measured in 2 runs, which are not compared" in note for note in made.notes
-    )
+    assert not best(points_of(tmp_path, records))
+    table1.draw(tmp_path, quiet=True)
+    text = (tmp_path / "table1.md").read_text()
+    assert "Cloth (stand-in) was measured in 2 runs, which are not compared" in text
