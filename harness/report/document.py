@@ -47,6 +47,9 @@ COMMON = (
 ).split()
 """Columns that every CSV of an experiment begins with."""
 
+Columns = dict[str, tuple[str, str | Callable[[Any], str]]]
+"""Of a table of texts: the column behind each heading, and its form."""
+
 NO_RECORD = "no record"
 """Status of what a run that was stopped did not come to."""
 
@@ -80,7 +83,7 @@ def carry(values: Series, spreads: Series, form: str = "") -> Series:
     return values.astype(object).where(values.isna(), texts)
 
 
-def texts(table: DataFrame, columns: Mapping[str, tuple[str, str | Callable[[Any], str]]]) -> DataFrame:
+def texts(table: DataFrame, columns: Columns) -> DataFrame:
     """A table of texts: {heading: (column, form)}; a form is a function or a format such as "{:.1%}"."""
     import pandas as pd
 
