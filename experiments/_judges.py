@@ -21,6 +21,9 @@ from .ablation import BASE, CULLED, EXACT
 from .figure2 import DIRECT, INDIRECT
 from .figure11 import TRAVERSAL
 from .key_bits import HERE
+from .reflection import MIRRORED
+from .reflection import ONE_GRID as REFLECTING_GRID
+from .reflection import ONE_TREE as REFLECTING_TREE
 
 if TYPE_CHECKING:
     from pandas import DataFrame, Series
@@ -306,6 +309,23 @@ def key_bits(evidence: Evidence) -> Finding:
         )
     verdict = HOLDS if all(rises) and all(saves) else OPEN if any(saves) else FAILS
     return Finding(verdict, "; ".join(told))
+
+
+def reflected(evidence: Evidence) -> Finding:
+    """Times of the passes that trace mirrored rays: a grid over a tree built anew each frame."""
+    found = evidence.ratios(
+        {"label": REFLECTING_GRID, "light_label": "4 bounces"},
+        {"label": REFLECTING_TREE, "light_label": "4 bounces"},
+        lambda t: stage_ms(t, "trace", MIRRORED),
+    )
+    if not found:
+        return lacking("a grid and a tree with mirrors")
+    mean = geometric(found.values())
+    verdict = HOLDS if mean < 0.97 else FAILS if mean > 1.03 else OPEN
+    return Finding(
+        verdict,
+        f"mirrored rays of 4 bounces, {REFLECTING_GRID} over {REFLECTING_TREE}: {mean:.2f} (geometric mean; {each(found)})",
+    )
 
 
 def small_cells(evidence: Evidence) -> Finding:

@@ -14,14 +14,14 @@ OURS = Entry("ray_grids", {}, "ray grids")
 REBUILT = (
     Entry("bvh2", {}, "BVH2 rebuilt"),
     Entry("bvh2", {"precision": "float32"}, "BVH2 rebuilt, float32"),
-    Entry("bvh", {"update": "bvh_rebuild"}, "Warp LBVH rebuilt"),
+    Entry("warp_bvh", {"update": "bvh_rebuild"}, "Warp LBVH rebuilt"),
 )
 """Trees built anew each frame."""
 
 REFITTED = (
     Entry("bvh2", {"update": "refit"}, "BVH2 refitted"),
     Entry("bvh2", {"update": "refit", "precision": "float32"}, "BVH2 refitted, float32"),
-    Entry("bvh", {"update": "refit", "constructor": "cubql"}, "Warp cuBQL refitted"),
+    Entry("warp_bvh", {"update": "refit", "constructor": "cubql"}, "Warp cuBQL refitted"),
 )
 """Trees of the first frame whose boxes are refitted: less is asked of them than of the others."""
 

@@ -18,6 +18,7 @@ PER_FRAME = (
 ).split()
 SERIES = ("pass.", "counter.", "primary.", "shadow.", "round.")
 GREATEST = ["memory_bytes", "regrown", "excused_share", "started"]
+RAYS = ["shadow_rays", "mirrored_rays"]
 SUMS = ["pixels_scored", "reference_errors"]
 
 
@@ -51,7 +52,7 @@ def points(table: DataFrame) -> DataFrame:
         "frame",
         "samples",
         "check",
-        "shadow_rays",
+        *RAYS,
         "true_errors",
         "unscored",
     }
@@ -63,9 +64,7 @@ def points(table: DataFrame) -> DataFrame:
             groups[SUMS].sum(),
             groups["samples"].min().fillna(0),
             groups["check"].agg(lambda checks: "failed" if "failed" in set(checks) else max(checks)),
-            groups["shadow_rays"]
-            .agg(lambda known: known.astype("float64").mean(skipna=False))
-            .astype("float64"),
+            groups[RAYS].agg(lambda known: known.astype("float64").mean(skipna=False)).astype("float64"),
             groups["frame"].count().astype("Int64").rename("frames"),
             groups["frame"].agg(lambda numbers: tuple(numbers.dropna())).rename("frame_numbers"),
             *_errors(table),

@@ -29,7 +29,8 @@ PART_COLUMNS = {part: part.replace(" ", "_") for part in PARTS}
 
 COUNTS = (
     "triangles vertices invalid_triangles frame_count width height pixels lights rounds frames_left_out frame samples "
-    "regrown memory_bytes peak_rss_bytes shadow_rays pixels_scored true_errors reference_errors pass_count build_count"
+    "regrown memory_bytes peak_rss_bytes shadow_rays mirrored_rays pixels_scored true_errors reference_errors "
+    "pass_count build_count"
 ).split()
 """Columns of whole numbers: ``Int64``, ``<NA>`` where not known."""
 
@@ -95,6 +96,7 @@ def tidy(folder: Path | str) -> DataFrame:
     regrown             Int64     how often a capacity grew before the frame was measured
     pass_count, build_count  Int64  passes that the frame launches, and those that build structures
     shadow_rays         Int64     one a light and pixel that needs one
+    mirrored_rays       Int64     of all bounces; <NA>: not judged
     true_errors         Int64     wrong pixels and visibility bits; <NA>: the frame was not judged
     unscored            text      why it was not judged
     check               text      ok or failed: no true error, and at most 0.1 % of the pixels excused
@@ -282,6 +284,7 @@ def _score(frame: Frame) -> dict[str, Any]:
     return {
         **row,
         "unscored": "",
+        "mirrored_rays": sum(bounce.rays for bounce in score.bounces),
         "true_errors": score.true_errors,
         "excused_share": score.excused_share,
         "check": score.check,

@@ -1,0 +1,177 @@
+"""Mirrors: what one and four bounces of mirrored rays cost in every structure that can trace them.
+
+The paper (section 6): grids are inefficient for reflected rays, since these are incoherent; trees do better on them, but
+only where the SIMD width is low. Its own grids have no place for such rays: they hold what the eye and the lights see.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..harness.report import compare, document, panels, style
+from ..harness.runner.experiment import Entry, Experiment, Preset
+from ..harness.scene.overrides import Lighting
+from ._paper import SCENES
+from ._rivals import REBUILT, REFITTED
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+GRIDS = (Entry("uniform_grid", {}, "uniform grid"),)
+TREES = (*REBUILT, REFITTED[0], Entry("embree", {}, "Embree"))
+METHODS = (*GRIDS, *TREES)
+ONE_GRID, ONE_TREE = GRIDS[0].label, TREES[0].label
+"""What the paper's sentence on reflected rays is judged by."""
+
+BASE = "no mirrors"
+LIGHTINGS = (
+    Lighting(BASE, count=1),
+    Lighting("1 bounce", count=1, bounces=1),
+    Lighting("4 bounces", count=1, bounces=4),
+)
+"""The scene's largest triangles are mirrors (:func:`.scene.surface_rules.largest_triangles`)."""
+
+MIRRORED = r"bounce \d+: mirrored rays"
+COLUMNS = [
+    *document.COMMON,
+    "mirrored_rays",
+    "primary_ns",
+    "mirrored_ns",
+    "loss",
+    "added_ms",
+    "ratio",
+    "memory_bytes",
+]
+HEADINGS = {"title": "scene", "light_label": "mirrors"}
+KINDS = {**{entry.label: "grid" for entry in GRIDS}, **{entry.label: "tree" for entry in TREES}}
+
+
+def read(folder: Path) -> pd.DataFrame:
+    """The points, with what mirrors add to the frame of :data:`BASE` of the same method and scene, and by ray:
+
+    primary_ns, mirrored_ns  time of tracing a primary and a mirrored ray, ns, without shadow rays and without the build
+    loss                     mirrored_ns over primary_ns: what is lost with the coherence of the rays
+    """
+    frames = document.frames(folder)
+    table = document.named(frames)
+    same = (*compare.SCENE, *compare.SIZE, "label")
+    own, base = compare.pairs(frames, frames["light_label"] == BASE, same)
+    table["added_ms"] = table["key"].map(own["total_ms"] - base["total_ms"])
+    table["added_spread"] = table["key"].map((compare.spread(own) ** 2 + compare.spread(base) ** 2) ** 0.5)
+    table["ratio"] = table["key"].map(compare.ratios(frames, frames["light_label"] == BASE, same)["ratio"])
+    rays = table["mirrored_rays"].where(table["mirrored_rays"] > 0).astype("float64")
+    bounces = document.stage_ms(table, "trace", "bounce ")
+    table["primary_ns"] = (
+        (document.stage_ms(table, "trace") - bounces) * 1e6 / table["pixels"].astype("float64")
+    )
+    table["mirrored_ns"] = document.stage_ms(table, "trace", MIRRORED) * 1e6 / rays
+    table["loss"] = table["mirrored_ns"] / table["primary_ns"]
+    return table
+
+
+def draw(folder: Path, quiet: bool = False) -> list[Path]:
+    """What a bounce adds to the frame, and the time of a mirrored ray beside that of a primary ray; CSV."""
+    table = read(folder)
+    files = [document.write_csv(table, folder / "reflection.csv", COLUMNS)]
+    done = document.measured(table)
+    bounced = done[done["mirrored_ns"].notna()]
+    tables = {}
+    if len(bounced):
+        files.append(picture(bounced, folder / "reflection.svg"))
+        shown = bounced.assign(
+            added=document.carry(bounced["added_ms"], bounced["added_spread"], "+"),
+            each=bounced["mirrored_ns"].map(style.number) + " (x" + bounced["loss"].map(style.number) + ")",
+        )
+        tables = {
+            f"What mirrors add to the frame of {BASE}, ms": added_table(shown, done),
+            "A mirrored ray, ns, and over a primary ray of the same structure": document.cross_table(
+                shown, HEADINGS, "label", "each"
+            ),
+        }
+    notes = [f"{MIRRORS} Shadow rays of mirrored hits count in the frame, not in the time of a mirrored ray."]
+    return document.write(
+        folder,
+        "reflection",
+        EXPERIMENT.title,
+        finding(bounced),
+        tables,
+        files,
+        table,
+        quiet,
+        notes * bool(len(bounced)),
+    )
+
+
+MIRRORS = "The scene's largest triangles, half of its area, are mirrors."
+
+
+def added_table(shown: pd.DataFrame, done: pd.DataFrame) -> pd.DataFrame:
+    """Scenes and bounces down, methods across: the frame without mirrors, then what bounces add to it."""
+    import pandas as pd
+
+    base = done[(done["light_label"] == BASE) & done["label"].isin(shown["label"])]
+    base = base.assign(added=document.carry(base["total_ms"], base["spread"]))
+    both = pd.concat([base, shown]).sort_values(["title", "light_label"], key=rank, kind="stable")
+    return document.cross_table(both, HEADINGS, "label", "added")
+
+
+def rank(column: pd.Series) -> pd.Series:
+    """The order of the lightings; scenes stay as they are."""
+    order = {lighting.label: i for i, lighting in enumerate(LIGHTINGS)}
+    return column.map(order) if column.name == "light_label" else column
+
+
+def finding(bounced: pd.DataFrame) -> str:
+    """How many times longer the best grid takes for a mirrored ray than the best tree, by device."""
+    told = []
+    for device, own in bounced.groupby("device_name", sort=False):
+        times = best_ratio(own)
+        if len(times):
+            told.append(
+                f"On {device} the fastest grid takes {compare.geometric(times):.2f} times as long for a mirrored ray as the "
+                f"fastest tree ({document.span(times)} by scene and number of bounces)."
+            )
+    return " ".join(told) or "No grid and tree were measured with mirrors."
+
+
+def best_ratio(bounced: pd.DataFrame) -> pd.Series:
+    """Time of a mirrored ray, fastest grid over fastest tree: by scene and number of bounces."""
+    kinds = bounced.assign(kind=bounced["label"].map(KINDS)).groupby(["scene", "light_label", "kind"])[
+        "mirrored_ns"
+    ]
+    least = kinds.min().unstack("kind").reindex(columns=["grid", "tree"])
+    return (least["grid"] / least["tree"]).dropna()
+
+
+def picture(bounced: pd.DataFrame, path: Path) -> Path:
+    """A panel a scene, a line a method: the time of a mirrored ray over that of a primary ray, by number of bounces."""
+    own = bounced.assign(bounces=bounced["light_label"].str.split().str[0].astype(int))
+    across = min(3, own["title"].nunique())
+    size = (2 * style.COLUMN_WIDTH, 2.4 * -(-own["title"].nunique() // across) + 0.6)
+    with panels.lines(
+        path, own, "bounces", "mirrored_ns", size, facet="title", across=across, legend=3, sharey=True
+    ) as (_, drawn):
+        for axes, here in drawn:
+            style.plain_log(axes)
+            axes.set_xticks(counts := sorted(here["bounces"].unique()), counts)
+            axes.set_xlabel("bounces")
+        drawn[0][0].set_ylabel("ns per mirrored ray")
+    return path
+
+
+EXPERIMENT = Experiment(
+    name="reflection",
+    title="Reflection: what mirrored rays cost in grids and in trees",
+    presets={
+        "quick": Preset(
+            128, 128, ("conference", "sibenik"), METHODS, frames=1, samples=3, most=3, stage_samples=2, rounds=1,
+            budget_s=3.0, lightings=LIGHTINGS,
+        ),
+        "paper": Preset(
+            1024, 1024, SCENES, METHODS, frames=1, samples=10, most=20, deviation=0.01, stage_samples=5, rounds=2,
+            budget_s=1.5, timeout_s=600.0, lightings=LIGHTINGS,
+        ),
+    },
+    draw=draw,
+)  # fmt: skip
