@@ -7,7 +7,7 @@ derived by hand also state it. ``shadowbench check METHOD`` runs all cases.
 from __future__ import annotations
 
 from ..errors import UserError, did_you_mean
-from . import closed, eyes, found, holes, images, light_angles, light_places, meshes, mirrors, variants
+from . import closed, contact, eyes, found, holes, images, light_angles, light_places, meshes, mirrors, variants
 from .case import Counts, HardCase, Trial
 
 __all__ = ["Counts", "HardCase", "Trial", "all_cases", "find_case"]
@@ -17,6 +17,7 @@ def all_cases() -> tuple[HardCase, ...]:
     """Holes (H), mirrors (M), shadows (S), eyes and meshes (P), then the variants of scale, offset and distance (V)."""
     single = (
         *closed.CASES,
+        *contact.CASES,
         *light_angles.CASES,
         *light_places.CASES,
         *eyes.CASES,

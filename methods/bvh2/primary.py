@@ -11,7 +11,7 @@ from ...harness.frame.geometry import Camera, Hits, Mesh, Ray, weld_of
 from ..common.entries import entry, set_entry
 from ..common.hitpoint import flat_hit_point, is_flat, plane_distance, steep_hit_point
 from ..common.pixels import tile_pixel
-from ..common.triangle import hit_distance, hit_weights, nearness_key, to_float32
+from ..common.triangle import hit_distance, hit_weights, nearer, to_float32
 from .records import Leaves, triangle_corners
 from .walk_primary import make_walk
 
@@ -120,21 +120,6 @@ def make_float32_kernel(packets: bool, node_bytes: int, registers: int) -> Any:
     return float32_kernel
 
 
-@wp.func
-def hit_word(t: wp.float64, i: wp.int32) -> wp.uint64:
-    """A hit as one word, 40 bits of 1 / t and 24 of the index: a larger one is nearer, or as near with a lower index."""
-    return (nearness_key(wp.float64(1.0) / t) << wp.uint64(24)) | wp.uint64(0xFFFFFF - i)
-
-
-@wp.func
-def float64_word(mesh: Mesh, i: wp.int32, ray: Ray) -> wp.uint64:
-    """:func:`hit_word` of triangle i, decided in float64; 0: the ray does not hit it."""
-    t = hit_distance(ray, triangle_corners(mesh, i), weld_of(mesh, i))
-    if t > wp.float64(0.0):
-        return hit_word(t, i)
-    return wp.uint64(0)
-
-
 @wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=RESOLVE_REGISTERS)
 def resolve_kernel(
     camera: Camera,
@@ -156,16 +141,19 @@ def resolve_kernel(
     last = entry(chain, pixel)
     ray = Ray(entry(camera.eye, 0), direction_at(camera, at))
     if last >= 0:
-        nearest = wp.uint64(0)
+        nearest = wp.float64(wp.INF)
+        first = wp.int32(-1)
         if place >= 0:
-            i = entry(leaves.order, place)
-            nearest = hit_word(plane_distance(ray, triangle_corners(mesh, i)), i)
+            first = entry(leaves.order, place)
+            nearest = plane_distance(ray, triangle_corners(mesh, first))
         while last >= 0:
             doubt = entry(doubts, last)
             last = doubt[1]
-            word = float64_word(mesh, entry(leaves.order, doubt[0]), ray)
-            if word > nearest:
-                nearest = word
+            i = entry(leaves.order, doubt[0])
+            t = hit_distance(ray, triangle_corners(mesh, i), weld_of(mesh, i))
+            if t > wp.float64(0.0) and nearer(ray, mesh, t, i, nearest, first):
+                nearest = t
+                first = i
                 place = doubt[0]
         set_entry(seat, pixel, place)
     best = wp.int32(-1)
@@ -181,7 +169,7 @@ def resolve_kernel(
         distance32 = wp.float32(distance64)
         uv = hit_weights(ray, corners, weld_of(mesh, best))
         point = steep_hit_point(ray, distance64, corners)
-        flat = is_flat(ray.direction, corners)
+        flat = is_flat(ray, distance64, corners)
     set_entry(hits.triangle, pixel, best)
     set_entry(hits.t, pixel, distance32)
     set_entry(hits.u, pixel, uv[0])

@@ -11,7 +11,7 @@ import warp as wp
 
 from ...harness.frame.alpha import OPAQUE, Alpha, texels_near
 from ...harness.frame.geometry import Corners, Ray
-from .segment import light_edge_functions
+from .segment import light_edge_error, light_edge_functions
 from .triangle import U64, edge_functions, largest, to_float64, total
 
 BIT = wp.constant(wp.int32(OPAQUE))
@@ -61,9 +61,5 @@ def opaque_to_light(
     a64 = to_float64(corners.a)
     b64 = to_float64(corners.b)
     c64 = to_float64(corners.c)
-    edge = wp.max(largest(b64 - a64), wp.max(largest(c64 - b64), largest(a64 - c64)))
-    reach = wp.max(total(h - a64), wp.max(total(h - b64), total(h - c64)))
-    from_light = wp.max(largest(a64 - l64), wp.max(largest(b64 - l64), largest(c64 - l64)))
-    moved = wp.float64(64.0) * (largest(h) + origin_size)
-    bound = U64 * from_light * edge * (wp.float64(16.0) * reach + moved)
+    bound = light_edge_error(h, l64, a64, b64, c64, origin_size)
     return opaque_where(alpha, i, light_edge_functions(l64, h, a64, b64, c64, weld), bound)

@@ -1,11 +1,15 @@
 """Hit points in float64: where shadow rays start, by one function for every method.
 
-A hit point that is rounded beside its ray by u, and then led back onto a plane that the ray meets at an angle of sine
-s, moves by u / s along the ray. Where the ray is flat that is off the planes of the triangle's neighbours by more than
-their shadow test allows for one rounding (:func:`.segment.plane_crosses_segment`), and the neighbours would shadow it.
-So for flat rays sums and products are carried with what their rounding lost (the error-free transformations of Knuth
-and Dekker, the dot product of Ogita, Rump and Oishi 2005), and the point is rounded once, at the end: by tests it is
-off by one unit at most, and that of other rays by three.
+How far a hit point is off is what its shadow tests must allow for (:func:`hit_error`), so that it is kept within a bound of
+its own size, whatever the distance of the eye and the size and shape of the triangle:
+
+- o + t d is rounded once (:func:`fused`), so that it lies beside its ray by U of its own size; what t itself is off moves
+  it along the ray, and the step back onto the plane takes that away.
+- Led back onto a plane that the ray meets at an angle of sine s, a point beside its ray by x moves by x / s. And the step
+  is known as well as the normal: to 16 U e f w / |n . d| lengths of d, with e, f the edges and w the way to a corner.
+- Where either would be too much (:func:`is_flat`) sums and products are carried with what their rounding lost (the
+  error-free transformations of Knuth and Dekker, the dot product of Ogita, Rump and Oishi 2005), and the point is rounded
+  once, at the end.
 """
 
 from __future__ import annotations
@@ -13,7 +17,25 @@ from __future__ import annotations
 import warp as wp
 
 from ...harness.frame.geometry import Corners, Ray
-from ...harness.frame.vectors import to_float64, total
+from ...harness.frame.vectors import largest, to_float64, total
+from .exactly import exact_distance
+
+U64 = wp.constant(wp.float64(1.1102230246251565e-16))  # 2^-53
+NO_HIT = wp.constant(wp.float64(-1.0))
+IN_DOUBT = wp.constant(wp.float64(-2.0))
+
+CERTAIN = wp.constant(wp.float64(2.0**-20))
+"""Least height and slope, as shares of the products that they are sums of, at which t is right to 2^-28."""
+
+STEP_UNITS = wp.constant(wp.float64(1024.0))
+"""Units of the hit point's own size by which the step onto the plane may be off before more care is taken."""
+
+HIT_UNITS = wp.constant(wp.float64(1040.0))
+"""Units of U64 of its own largest coordinate by which a hit point may be off: the step, nine of the point beside its ray
+that is led back at a sine of an eighth or more, one of rounding, and some to spare."""
+
+ORIGIN_UNITS = wp.constant(wp.float64(2.0**-20))
+"""Likewise of the origin's: :func:`flat_hit_point` rounds a step of 2^-23 of the way from there."""
 
 LEADING = wp.constant(wp.uint64(0xFFFFFFFFE0000000))
 """Of a float64 the sign, the exponent and 23 bits of the fraction: times a float32 it is exact."""
@@ -56,11 +78,40 @@ def lost_in_product(a: wp.vec3d, b: wp.vec3d, product: wp.vec3d) -> wp.vec3d:
 
 
 @wp.func
+def sure_distance(o: wp.vec3d, d: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> wp.float64:
+    """t of the ray on the triangle's plane, right to 2^-28; NO_HIT where it is not positive; IN_DOUBT where not sure."""
+    e1 = b - a
+    e2 = c - a
+    n = wp.cross(e1, e2)
+    away = a - o
+    slope = wp.dot(n, d)
+    height = wp.dot(n, away)
+    least = CERTAIN * largest(e1) * largest(e2)
+    if not (wp.abs(slope) > least * total(d) and wp.abs(height) > least * total(away)):
+        return IN_DOUBT
+    t = height / slope
+    return wp.where(t > wp.float64(0.0), t, NO_HIT)
+
+
+@wp.func
 def plane_distance(ray: Ray, corners: Corners) -> wp.float64:
-    """t of the ray on the triangle's plane, inside the triangle or not."""
-    a64 = to_float64(corners.a)
-    n = wp.cross(to_float64(corners.b) - a64, to_float64(corners.c) - a64)
-    return wp.dot(n, a64 - to_float64(ray.origin)) / wp.dot(n, to_float64(ray.direction))
+    """t of the ray on the triangle's plane, inside the triangle or not: of a hit, what the triangle test gives."""
+    t = sure_distance(
+        to_float64(ray.origin),
+        to_float64(ray.direction),
+        to_float64(corners.a),
+        to_float64(corners.b),
+        to_float64(corners.c),
+    )
+    if t < wp.float64(0.0):
+        t = exact_distance(ray.origin, ray.direction, corners.a, corners.b, corners.c)[0]
+    return t
+
+
+@wp.func
+def hit_error(h: wp.vec3d, origin_size: wp.float64) -> wp.float64:
+    """Bound on the error of each coordinate of a hit point h whose ray's origin has coordinates of up to ``origin_size``."""
+    return U64 * (HIT_UNITS * largest(h) + ORIGIN_UNITS * origin_size)
 
 
 @wp.func
@@ -74,12 +125,31 @@ def nearest_corner(p: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> wp.vec
 
 
 @wp.func
-def is_flat(direction: wp.vec3f, corners: Corners) -> wp.bool:
-    """Whether a direction is so nearly in the triangle's plane that its hit point takes :func:`flat_hit_point`."""
-    d64 = to_float64(direction)
+def along(ray: Ray, t: wp.float64) -> wp.vec3d:
+    """o + t d, each coordinate rounded once."""
+    return wp.vec3d(
+        fused(wp.float64(ray.direction[0]), t, wp.float64(ray.origin[0])),
+        fused(wp.float64(ray.direction[1]), t, wp.float64(ray.origin[1])),
+        fused(wp.float64(ray.direction[2]), t, wp.float64(ray.origin[2])),
+    )
+
+
+@wp.func
+def is_flat(ray: Ray, t: wp.float64, corners: Corners) -> wp.bool:
+    """Whether the hit point takes :func:`flat_hit_point`: the ray is nearly in the triangle's plane, or the normal is too
+    uncertain for the way to a corner (a large triangle, or a sliver)."""
+    d64 = to_float64(ray.direction)
     a64 = to_float64(corners.a)
-    n = wp.cross(to_float64(corners.b) - a64, to_float64(corners.c) - a64)
-    return wp.abs(wp.dot(n, d64)) < wp.float64(0.125) * total(n) * total(d64)
+    b64 = to_float64(corners.b)
+    c64 = to_float64(corners.c)
+    p = along(ray, t)
+    ab = b64 - a64
+    ac = c64 - a64
+    n = wp.cross(ab, ac)
+    slope = wp.abs(wp.dot(n, d64))
+    away = total(p - nearest_corner(p, a64, b64, c64))
+    doubt = wp.float64(16.0) * largest(ab) * largest(ac) * away * largest(d64)
+    return slope < wp.float64(0.125) * total(n) * total(d64) or doubt > STEP_UNITS * slope * largest(p)
 
 
 @wp.func
@@ -94,30 +164,15 @@ def steep_hit_point(ray: Ray, t: wp.float64, corners: Corners) -> wp.vec3d:
     a64 = to_float64(corners.a)
     b64 = to_float64(corners.b)
     c64 = to_float64(corners.c)
-    p = to_float64(ray.origin) + d64 * t
+    p = along(ray, t)
     near = nearest_corner(p, a64, b64, c64)
     n = wp.cross(b64 - a64, c64 - a64)
     return p - d64 * (wp.dot(n, p - near) / wp.dot(n, d64))
 
 
 @wp.func
-def flat_hit_point(ray: Ray, t: wp.float64, corners: Corners) -> wp.vec3d:
-    """:func:`hit_point` where the ray is flat: nothing is rounded before the end but what is far too small to matter."""
-    o64 = to_float64(ray.origin)
-    d64 = to_float64(ray.direction)
-    a64 = to_float64(corners.a)
-    b64 = to_float64(corners.b)
-    c64 = to_float64(corners.c)
-    # A shorter t, whose product with d is exact: what it is short of, the step to the plane makes up for.
-    way = d64 * wp.cast(wp.cast(t, wp.uint64) & LEADING, wp.float64)
-    p = o64 + way
-    p_lost = lost_in_sum(o64, way, p)
-    near = nearest_corner(p, a64, b64, c64)
-    w = p - near
-    w_lost = p_lost + lost_in_sum(p, -near, w)
-    ab = b64 - a64
-    ac = c64 - a64
-    # The normal ab x ac, and what it lost.
+def precise_height(ab: wp.vec3d, ac: wp.vec3d, w: wp.vec3d, w_lost: wp.vec3d) -> wp.float64:
+    """(ab x ac) . (w + w_lost), with what every rounding lost."""
     ab_yzx = wp.vec3d(ab[1], ab[2], ab[0])
     ab_zxy = wp.vec3d(ab[2], ab[0], ab[1])
     ac_yzx = wp.vec3d(ac[1], ac[2], ac[0])
@@ -141,12 +196,33 @@ def flat_hit_point(ray: Ray, t: wp.float64, corners: Corners) -> wp.vec3d:
         + (terms[0] + terms[1] + terms[2])
         + wp.dot(n_lost, w) + wp.dot(n, w_lost)
     )  # fmt: skip
-    return p + (p_lost - d64 * (height / wp.dot(n, d64)))
+    return height
+
+
+@wp.func
+def flat_hit_point(ray: Ray, t: wp.float64, corners: Corners) -> wp.vec3d:
+    """:func:`hit_point` where the ray is flat: nothing is rounded before the end but what is far too small to matter."""
+    o64 = to_float64(ray.origin)
+    d64 = to_float64(ray.direction)
+    a64 = to_float64(corners.a)
+    b64 = to_float64(corners.b)
+    c64 = to_float64(corners.c)
+    # A shorter t, whose product with d is exact: what it is short of, the step to the plane makes up for.
+    way = d64 * wp.cast(wp.cast(t, wp.uint64) & LEADING, wp.float64)
+    p = o64 + way
+    p_lost = lost_in_sum(o64, way, p)
+    near = nearest_corner(p, a64, b64, c64)
+    w = p - near
+    w_lost = p_lost + lost_in_sum(p, -near, w)
+    ab = b64 - a64
+    ac = c64 - a64
+    step = precise_height(ab, ac, w, w_lost) / precise_height(ab, ac, d64, wp.vec3d())
+    return p + (p_lost - d64 * step)
 
 
 @wp.func
 def hit_point(ray: Ray, t: wp.float64, corners: Corners) -> wp.vec3d:
     """o + t d in float64, led back onto the triangle's plane: the shadow origin, by one function for everyone."""
-    if is_flat(ray.direction, corners):
+    if is_flat(ray, t, corners):
         return flat_hit_point(ray, t, corners)
     return steep_hit_point(ray, t, corners)

@@ -10,7 +10,18 @@ from __future__ import annotations
 import warp as wp
 
 from ...harness.frame.geometry import Corners
-from .triangle import FLOOR32, OVERFLOW, U32, U64, certainly_outside, inside, largest, to_float64, total
+from .exactly import exact_height
+from .hitpoint import hit_error, lost_in_sum, precise_height
+from .triangle import FLOOR32, OVERFLOW, U32, U64, certainly_outside, largest, to_float64, total
+
+CLOSED = wp.constant(wp.float64(2.0**-30))
+"""Share of the sum of its edge functions that a segment may pass outside a triangle and still meet it, at most.
+
+Triangles are closed, so doubt counts as inside: six edges that meet at a vertex could otherwise all round to the side that
+lets a segment exactly through the vertex pass. The doubt is :func:`light_edge_error`; where that is more than this share the
+hit point lies so far away (half a million heights of the triangle and more) that a segment through a vertex may pass, but
+one almost in the plane does not hit far beside the triangle.
+"""
 
 
 @wp.func
@@ -52,27 +63,32 @@ def may_occlude(h: wp.vec3f, light: wp.vec3f, corners: Corners, h_error: wp.floa
 
 @wp.func
 def plane_crosses_segment(
-    h: wp.vec3d, light: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, origin_size: wp.float64
+    h: wp.vec3d, light: wp.vec3f, corners: Corners, origin_size: wp.float64
 ) -> wp.bool:
-    """Whether the plane of triangle (a, b, c) crosses the open segment from the hit point h to the light.
+    """Whether the plane of the triangle crosses the open segment from the hit point h to the light.
 
-    A plane that passes h within the rounding of h itself does not, nor does one that passes the light within rounding.
-    ``origin_size`` is the largest coordinate of the eye: h = eye + t d was rounded at that size.
+    A plane that h may lie in, given what h itself may be off (:func:`.hitpoint.hit_error`), does not. Both sides are
+    evaluated to far less where float64 leaves them in doubt, and the light's is exact. ``origin_size`` is the largest
+    coordinate of the origin of the ray that found h.
     """
-    ab = b - a
-    ac = c - a
+    a = to_float64(corners.a)
+    ab = to_float64(corners.b) - a
+    ac = to_float64(corners.c) - a
     n = wp.cross(ab, ac)
     ha = h - a
-    la = light - a
+    la = to_float64(light) - a
     side_h = wp.dot(n, ha)
     side_l = wp.dot(n, la)
-    unit = U64 * largest(ab) * largest(ac)
-    if wp.abs(side_h) <= unit * (
-        wp.float64(16.0) * total(ha) + wp.float64(64.0) * (largest(h) + origin_size)
-    ):
-        return False
-    if wp.abs(side_l) <= unit * wp.float64(16.0) * total(la):
-        return False
+    rounding = wp.float64(16.0) * U64 * largest(ab) * largest(ac)
+    contains = total(n) * hit_error(h, origin_size)
+    if wp.abs(side_h) <= contains + rounding * total(ha):
+        side_h = precise_height(ab, ac, ha, lost_in_sum(h, -a, ha))
+        if wp.abs(side_h) <= contains:
+            return False
+    if wp.abs(side_l) <= rounding * total(la):
+        side_l = -exact_height(light, corners.a, corners.b, corners.c)
+        if side_l == wp.float64(0.0):
+            return False
     return (side_h > wp.float64(0.0)) != (side_l > wp.float64(0.0))
 
 
@@ -82,16 +98,35 @@ def occludes(
 ) -> wp.bool:
     """Whether the triangle meets the open segment from the hit point h to the light. Float64.
 
-    A triangle whose plane passes h within rounding contains it (its own triangle, duplicates, neighbours at an edge)
+    A triangle whose plane passes h within its error contains it (its own triangle, duplicates, neighbours at an edge)
     and does not count: see :func:`plane_crosses_segment`.
     """
     l64 = to_float64(light)
     a64 = to_float64(corners.a)
     b64 = to_float64(corners.b)
     c64 = to_float64(corners.c)
-    if not plane_crosses_segment(h, l64, a64, b64, c64, origin_size):
-        return False
-    return inside(light_edge_functions(l64, h, a64, b64, c64, weld))
+    e = light_edge_functions(l64, h, a64, b64, c64, weld)
+    low = wp.min(e[0], wp.min(e[1], e[2]))
+    high = wp.max(e[0], wp.max(e[1], e[2]))
+    if low < wp.float64(0.0) and high > wp.float64(0.0):
+        slack = wp.abs(e[0] + e[1] + e[2]) * CLOSED
+        if low < -slack and high > slack:
+            return False
+        slack = wp.min(slack, light_edge_error(h, l64, a64, b64, c64, origin_size))
+        if low < -slack and high > slack:
+            return False
+    return plane_crosses_segment(h, light, corners, origin_size)
+
+
+@wp.func
+def light_edge_error(
+    h: wp.vec3d, light: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, origin_size: wp.float64
+) -> wp.float64:
+    """Bound on the error of :func:`light_edge_functions`: their own rounding, and that of h."""
+    edge = wp.max(largest(b - a), wp.max(largest(c - b), largest(a - c)))
+    reach = wp.max(total(h - a), wp.max(total(h - b), total(h - c)))
+    from_light = wp.max(largest(a - light), wp.max(largest(b - light), largest(c - light)))
+    return from_light * edge * (wp.float64(16.0) * U64 * reach + wp.float64(6.0) * hit_error(h, origin_size))
 
 
 @wp.func

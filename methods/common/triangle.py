@@ -1,8 +1,8 @@
-"""The triangle tests that every method of ours shares: float32 rejects, float64 decides.
+"""The triangle tests that every method of ours shares: float32 rejects, float64 decides, and what it cannot is exact.
 
-A float32 test only rejects: it compares its edge functions with a bound on their rounding.
-What it cannot reject is decided in float64, with each edge taken in weld order, so that the two triangles at
-an edge compute the same number with opposite sign and no ray can pass between them. An answer therefore never
+A float32 test only rejects: it compares its edge functions with a bound on their rounding. What it cannot reject is
+computed in float64 and compared with the bound of float64. Beyond that bound nothing is in doubt; the few pairs within
+it are decided exactly (:mod:`.exactly`). So hits are those of exact arithmetic on the float32 inputs, and an answer never
 depends on which structure offered the triangle, in which order, or how often.
 
 Conventions (fixed for everyone): triangles are closed and two-sided; a coplanar ray is no hit; (u, v) are the
@@ -24,13 +24,23 @@ from ...harness.frame.vectors import largest as largest
 from ...harness.frame.vectors import to_float32 as to_float32
 from ...harness.frame.vectors import to_float64 as to_float64
 from ...harness.frame.vectors import total as total
-from .hitpoint import hit_point
+from .exactly import exact_distance, exact_hit
+from .hitpoint import IN_DOUBT, hit_point, sure_distance
+from .hitpoint import NO_HIT as NO_HIT
+from .hitpoint import U64 as U64
 
 U32 = wp.constant(5.9604645e-08)  # 2^-24
-U64 = wp.constant(wp.float64(1.1102230246251565e-16))  # 2^-53
 FLOOR32 = wp.constant(1.0e-35)
 OVERFLOW = wp.constant(1.0e37)
-NO_HIT = wp.constant(wp.float64(-1.0))
+
+EDGE_UNITS = wp.constant(wp.float64(17.0))
+"""Units of U64 |d|_1 |P|_max |Q|_max by which a float64 edge function may be wrong; sizes are taken in float32."""
+
+CLOSE = wp.constant(wp.float64(2.0**-27))
+"""Two t that differ by a larger share are in the right order."""
+
+SAME = wp.constant(wp.float64(2.0**-90))
+"""Two t in two numbers each that differ by no larger share are the same."""
 
 
 @wp.func
@@ -87,43 +97,43 @@ def edge_functions(
 
 
 @wp.func
-def inside(e: wp.vec3d) -> wp.bool:
-    """Whether edge functions have one sign, up to 2^-30 of their sum.
-
-    The triangle is closed, so doubt counts as inside: six edges that meet at a vertex could otherwise all round to
-    the side that lets a ray exactly through the vertex pass. Rounding is at most 16 u64 times distance over height of
-    the triangle, as a share of the sum: the slack covers triangles seen from half a million times their height, and is
-    a thousandth of float32's resolution at a corner. (Of a shadow segment, the distance is the hit point's, not the
-    light's.) From farther away such a ray may pass: of fans of six, aimed at exactly, none of 200,000 let it pass at
-    1e7 edge lengths and 78 at 1e8, where a step of a float32 direction is six edges long. The slack shrinks with the
-    sum, and is not the larger bound on rounding itself, so that a ray almost in the plane does not hit far beside it.
-    """
-    low = wp.min(e[0], wp.min(e[1], e[2]))
-    high = wp.max(e[0], wp.max(e[1], e[2]))
-    slack = wp.abs(e[0] + e[1] + e[2]) * wp.float64(9.313225746154785e-10)
-    return low >= -slack or high <= slack
-
-
-@wp.func
 def hit_distance(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.float64:
-    """t > 0 of the hit in lengths of the direction, or NO_HIT. Float64 on exact float32 inputs."""
+    """t > 0 of the hit in lengths of the direction, right to 2^-28 and mostly to 2^-50, or NO_HIT.
+
+    Whether the triangle is hit is exact: closed triangles, t > 0, no hit by a coplanar ray. Float64 decides where edge
+    functions, height and slope are beyond their rounding.
+    """
     o64 = to_float64(ray.origin)
     d64 = to_float64(ray.direction)
     a64 = to_float64(corners.a)
     b64 = to_float64(corners.b)
     c64 = to_float64(corners.c)
-    if not inside(edge_functions(o64, d64, a64, b64, c64, weld)):
+    e = edge_functions(o64, d64, a64, b64, c64, weld)
+    low = wp.min(e[0], wp.min(e[1], e[2]))
+    high = wp.max(e[0], wp.max(e[1], e[2]))
+    bound = EDGE_UNITS * U64 * test_size(ray, corners)
+    if low < -bound and high > bound:
         return NO_HIT
-    e1 = b64 - a64
-    e2 = c64 - a64
-    n = wp.cross(e1, e2)
-    det = wp.dot(n, d64)
-    if wp.abs(det) <= wp.float64(8.0) * U64 * total(d64) * largest(e1) * largest(e2):
-        return NO_HIT
-    t = wp.dot(n, a64 - o64) / det
-    if t > wp.float64(0.0):
-        return t
-    return NO_HIT
+    if low > bound or high < -bound:
+        t = sure_distance(o64, d64, a64, b64, c64)
+        if t != IN_DOUBT:
+            return t
+    return exact_hit(ray.origin, ray.direction, corners.a, corners.b, corners.c)[0]
+
+
+@wp.func
+def test_size(ray: Ray, corners: Corners) -> wp.float64:
+    """What the rounding of edge functions is a share of: |d|_1 times the distance of a corner times an edge, the largest.
+
+    Sizes in float32, as :func:`may_hit` has them, times each other in float64: neither overflows nor underflows.
+    """
+    a = corners.a
+    b = corners.b
+    c = corners.c
+    o = ray.origin
+    reach = wp.max(largest(a - o), wp.max(largest(b - o), largest(c - o)))
+    edge = wp.max(largest(b - a), wp.max(largest(c - b), largest(a - c)))
+    return wp.float64(total(ray.direction)) * wp.float64(reach) * wp.float64(edge)
 
 
 @wp.func
@@ -147,13 +157,28 @@ def depth_key(t: wp.float64) -> wp.uint64:
 
 
 @wp.func
-def nearer(t: wp.float64, i: wp.int32, best_t: wp.float64, best: wp.int32) -> wp.bool:
-    """Whether hit (t, i) comes before (best_t, best): smaller key, then lower index; best = -1 is no hit yet."""
+def nearer(
+    ray: Ray, mesh: Mesh, t: wp.float64, i: wp.int32, best_t: wp.float64, best: wp.int32
+) -> wp.bool:
+    """Whether hit (t, i) comes before (best_t, best), exactly: smaller t, then lower index; best = -1 is no hit yet."""
     if best < 0:
         return True
-    key = depth_key(t)
-    best_key = depth_key(best_t)
-    return key < best_key or (key == best_key and i < best)
+    if wp.abs(t - best_t) > CLOSE * best_t:
+        return t < best_t
+    return nearer_exactly(ray, mesh, i, best)
+
+
+@wp.func
+def nearer_exactly(ray: Ray, mesh: Mesh, i: wp.int32, k: wp.int32) -> wp.bool:
+    """:func:`nearer` for hits of triangles i and k whose t are close: t that agree to 2^-90 are the same."""
+    one = corners_of(mesh, i)
+    other = corners_of(mesh, k)
+    t = exact_distance(ray.origin, ray.direction, one.a, one.b, one.c)
+    s = exact_distance(ray.origin, ray.direction, other.a, other.b, other.c)
+    behind = (t[0] - s[0]) + (t[1] - s[1])
+    if wp.abs(behind) > SAME * s[0]:
+        return behind < wp.float64(0.0)
+    return i < k
 
 
 @wp.func

@@ -242,7 +242,7 @@ def occludes_near(
     a64 = to_float64(corners.a)
     b64 = to_float64(corners.b)
     c64 = to_float64(corners.c)
-    if not plane_crosses_segment(h, l64, a64, b64, c64, origin_size):
+    if not plane_crosses_segment(h, light, corners, origin_size):
         return False
     return near_inside(light_edge_functions(l64, h, a64, b64, c64, weld))
 

@@ -59,7 +59,7 @@ def resolve_points(
         t = wp.float32(distance)
         uv = hit_weights(ray, corners, weld)
         hit = steep_hit_point(ray, distance, corners)
-        flat = is_flat(ray.direction, corners)
+        flat = is_flat(ray, distance, corners)
     set_entry(hits.triangle, pixel, best)
     set_entry(hits.t, pixel, t)
     set_entry(hits.u, pixel, uv[0])

@@ -1,0 +1,207 @@
+"""P34-P37, S36-S38, M07: eyes, lights and surfaces in contact, and what lies closer together than an eye far away resolves.
+
+An eye or a light exactly on a vertex, on an edge or in a plane has a hit at t = 0, which does not count. With corners that
+need all of float32's digits, rounding puts such a hit before or behind the eye. Where eye and receiver are far apart, a gap
+must be measured at the receiver.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+
+import numpy as np
+
+from .case import F64, Counts, HardCase, Mesh, Trial, icosphere, joined, plane, quad, sheet, triangles, view
+
+PLACES = ("vertex", "edge", "plane")
+
+
+def float32_of(values: object) -> F64:
+    return np.asarray(values, dtype=np.float32).astype(np.float64)
+
+
+def touched(seed: int, place: str) -> tuple[Mesh, F64]:
+    """A triangle with corners of 24 random bits, and a point on it, exact in float32: its second corner, the middle of an edge,
+    or a point between the first corner and that middle."""
+    random = np.random.default_rng(seed)
+    if place == "vertex":
+        corners = float32_of(random.uniform(-1, 1, (3, 3)))
+        return triangles(*corners), corners[1]
+    # Multiples of 2^-22; those that are halved are even.
+    a, middle = 2 * random.integers(-(2**21), 2**21, (2, 3)) / 2.0**22
+    half = random.integers(-(2**22), 2**22, 3) / 2.0**22
+    point = middle if place == "edge" else (a + middle) / 2
+    return triangles(a, middle - half, middle + half), point
+
+
+def eye_on(seed: int, place: str, scale: float = 1.0, turn: int = 0, offset: float = 0.0) -> Trial:
+    """An eye on a triangle that therefore no ray hits; a wall ahead is hit by all, and lit from the eye.
+
+    ``scale`` is a power of two, so that the eye stays where it is. With an ``offset`` (in scene sizes) a vertex does.
+    """
+    mesh, eye = touched(seed, place)
+    towards = np.random.default_rng(seed + 1000).normal(size=3)
+    axis = int(np.abs(towards).argmax())
+    wall = plane(axis, float(np.sign(towards[axis])) * 4, 64)
+    return view(
+        joined(mesh, wall), [eye.tolist(), (0.25, 0.5, -8.0)], eye.tolist(), towards, 0.5, turn=turn, scale=scale,
+        offset=(offset * scale,) * 3, stated=Counts(256, (0, None)),
+    )  # fmt: skip
+
+
+def eye_on_mesh(seed: int) -> Trial:
+    """An eye on a vertex of a dented ball: the triangles around it are not hit, those across are; a light on another."""
+    points, faces = icosphere(2)
+    random = np.random.default_rng(seed)
+    points = float32_of(points * random.uniform(0.8, 1.2, (len(points), 1)))
+    eye, light = points[random.choice(len(points), 2, replace=False)]
+    return view((points, faces), [light.tolist(), eye.tolist()], eye.tolist(), -eye, 1.0)
+
+
+def light_on(seed: int, place: str, scale: float = 1.0, turn: int = 0) -> Trial:
+    """Lights on a vertex, an edge and in the plane of a triangle: it does not shadow what they light."""
+    mesh, light = touched(seed, place)
+    a, b, c = mesh[0]
+    beside = a + 2 * (b - a) + (c - a) if place == "plane" else light
+    return view(
+        joined(mesh, plane(2, -4, 16)), [light.tolist(), float32_of(beside).tolist()], (0.5, 0.25, -16), (0, 0, 1), 0.25,
+        scale=scale, turn=turn, stated=Counts(256, (0, None if place == "plane" else 0)),
+    )  # fmt: skip
+
+
+def light_off_plane(height: float, turn: int = 0) -> Trial:
+    """A light above a triangle by far less than any rounding: it is no surface at the light, and shadows all below."""
+    roof = triangles((8, 1, 0), (-8, 7, 0), (-7, -9, 0))
+    return view(
+        joined(roof, plane(2, -1, 4)), [(0.25, 0.125, height), (0.25, 0.125, -height)], (0, 0, -6), (0, 0, 1), 0.125,
+        turn=turn, stated=Counts(256, (256, 0)),
+    )  # fmt: skip
+
+
+def mirrors_at_the_eye(seed: int) -> Trial:
+    """An eye on a vertex of mirrors: no ray starts at the mirrors that the eye touches."""
+    points, faces = icosphere(1)
+    random = np.random.default_rng(seed)
+    points = float32_of(points * random.uniform(0.8, 1.2, (len(points), 1)))
+    return view(
+        (points, faces), [(0.1, 0.2, 0.3)], points[7].tolist(), -points[7], 1.0,
+        mirror=lambda geometry: np.ones(len(geometry.faces), dtype=np.uint8), bounces=2,
+    )  # fmt: skip
+
+
+def blade(distance: float, width: float, gap: float, turn: int = 0, scale: float = 1.0) -> Trial:
+    """A blade closely above a floor, which an eye below and far away sees: all that it sees lies under the blade."""
+    floor = quad((-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0))
+    long = triangles((0, -0.9, gap), (width / 2, 0.9, gap), (-width / 2, 0.9, gap))
+    return view(
+        joined(floor, long), [(0.3, 0.1, 4)], (0, 0, -distance), (0, 0, 1), 0.125 * width / distance, (8, 10),
+        up=(0, 1, 0), turn=turn, scale=scale, stated=Counts(80, (80,)),
+    )  # fmt: skip
+
+
+def two_sheets(distance: float, gap: float, turn: int = 0, scale: float = 1.0) -> Trial:
+    """A hidden sheet whose triangles have the lower indices, closely behind the one that is seen."""
+    x = np.arange(-2, 3) / 2
+    behind, front = (moved_sheet(x, z) for z in (-gap, 0.0))
+    return view(
+        joined(behind, front), [(0.5, 0.25, 4), (0.25, 0.5, -2 * gap)], (0.1, 0.2, distance), (0, 0, -1),
+        0.5 / distance, turn=turn, scale=scale, stated=Counts(256, (0, 256)),
+    )  # fmt: skip
+
+
+def moved_sheet(x: F64, z: float) -> Mesh:
+    points, faces = sheet(x, x, 1.0)
+    return points + np.array([0, 0, 1 + z]), faces
+
+
+def wide_floor(half: float, turn: int = 0) -> Trial:
+    """A floor of two triangles whose common edge crosses the picture, seen from nearby; things stand on it."""
+    floor = plane(2, 0, half)
+    thing = triangles((0.25, -0.125, 0.25), (0.375, 0.25, 0.25), (-0.25, 0.25, 0.375))
+    return view(
+        joined(floor, thing), [(2.0, -1.0, 1.0), (half, half / 2, half / 4)], (0.1, 0.05, 1), (0, 0.01, -1), 0.5,
+        (64, 64), turn=turn, stated=Counts(4096),
+    )  # fmt: skip
+
+
+def far_fan(distance: float) -> Trial:
+    """Fans of six triangles seen from so far that a step of a direction is wider than they are, each aimed at exactly."""
+    random = np.random.default_rng(5)
+    size = 16
+    x = ((2 * np.arange(size) + 1 - size) / size).astype(np.float32).astype(np.float64)
+    corners = []
+    for row in range(size):
+        for column in range(size):
+            depth = distance * 2.0 ** random.integers(0, 3)
+            middle = np.array([x[column], x[row], -1.0]) * depth
+            around = float32_of(middle + random.normal(size=(6, 3)) * (1, 1, 0.1))
+            angle = np.argsort(np.arctan2(around[:, 1] - middle[1], around[:, 0] - middle[0]))
+            ring = around[angle]
+            corners += [p for k in range(6) for p in (middle, ring[k], ring[(k + 1) % 6])]
+    return view(
+        triangles(*corners), [(0.0, 0.0, 1.0)], (0, 0, 0), (0, 0, -1), 1.0, (size, size)
+    )  # fmt: skip
+
+
+def _cases() -> Iterator[HardCase]:
+    behind = "t of a hit at the eye is rounding, of either sign"
+    for place in PLACES:
+        for seed in range(4):
+            yield HardCase(
+                f"P34 {place} {seed}", f"eye on the {place} of a triangle", behind, partial(eye_on, seed, place)
+            )
+        variants: tuple[tuple[str, Callable[[], Trial]], ...] = (
+            ("small", partial(eye_on, 5, place, 2.0**-30)),
+            ("large", partial(eye_on, 6, place, 2.0**40)),
+            ("y", partial(eye_on, 7, place, 1.0, 1)),
+            ("z", partial(eye_on, 8, place, 1.0, 2)),
+        )
+        for suffix, make in variants:
+            yield HardCase(f"P34 {place} {suffix}", f"the same, {suffix}", behind, make)
+        if place == "vertex":
+            yield HardCase("P34 vertex off", "the same, off the origin", behind, partial(eye_on, 9, place, 1.0, 0, 3.7))
+        for seed, scale, turn in ((0, 1.0, 0), (1, 2.0**-30, 1), (2, 2.0**40, 2)):
+            yield HardCase(
+                f"S36 {place} {seed}", f"light on the {place} of a triangle", "a surface at the light shadows all",
+                partial(light_on, seed, place, scale, turn),
+            )  # fmt: skip
+    for height, turn in ((1e-30, 0), (1e-12, 1), (1e-40, 2)):
+        yield HardCase(
+            f"S38 {height:g}", f"light {height:g} above a triangle", "a surface near the light taken for one at the light",
+            partial(light_off_plane, height, turn),
+        )  # fmt: skip
+    for seed in range(3):
+        yield HardCase(f"P34 mesh {seed}", "eye on a vertex of a dented ball", behind, partial(eye_on_mesh, seed))
+    yield HardCase("M07", "eye on a vertex of mirrors", behind, partial(mirrors_at_the_eye, 3))
+    lost = "a tolerance from the lengths of edges, or from where the eye is, is wider than the gap"
+    for distance, width in ((1e5, 1e-4), (1e3, 1e-5), (1e7, 1e-4), (1e4, 1e-6)):
+        yield HardCase(
+            f"S37 {distance:g} {width:g}", f"a blade {width:g} wide, seen from {distance:g}", lost,
+            partial(blade, distance, width, width / 10),
+        )  # fmt: skip
+    for suffix, turn, scale in (("y", 1, 1.0), ("z", 2, 1.0), ("small", 0, 1e-9), ("large", 1, 1e9)):
+        yield HardCase(
+            f"S37 {suffix}", f"the blade at 1e5, {suffix}", lost, partial(blade, 1e5, 1e-4, 1e-5, turn, scale)
+        )
+    hidden = "the lower index wins where t differ by less than a method can tell"
+    for suffix, distance, gap, turn, scale in (
+        ("", 1e6, 1e-3, 0, 1.0), ("y", 1e6, 2e-4, 1, 1e-7), ("z", 1e6, 2e-4, 2, 1e7), ("near", 1e3, 2e-7, 0, 1.0)
+    ):  # fmt: skip
+        yield HardCase(
+            f"P35{suffix}", f"two sheets {gap:g} apart, seen from {distance:g}", hidden,
+            partial(two_sheets, distance, gap, turn, scale),
+        )  # fmt: skip
+    for half, turn in ((1e4, 0), (1e7, 0), (1e7, 1), (1e10, 2)):
+        yield HardCase(
+            f"P36 {half:g} {'xyz'[turn]}", f"a floor of half-width {half:g} from nearby",
+            "tolerances that grow with the size of a triangle", partial(wide_floor, half, turn),
+        )  # fmt: skip
+    for distance in (2.0**20, 2.0**26):
+        yield HardCase(
+            f"P37 {distance:.0e}", f"rays exactly through vertices {distance:.0e} away",
+            "no rule for rays through vertices, or one that ends where float64 does", partial(far_fan, distance),
+        )  # fmt: skip
+
+
+CASES = tuple(_cases())
