@@ -7,7 +7,19 @@ derived by hand also state it. ``shadowbench check METHOD`` runs all cases.
 from __future__ import annotations
 
 from ..errors import UserError, did_you_mean
-from . import closed, contact, eyes, found, holes, images, light_angles, light_places, meshes, mirrors, variants
+from . import (
+    closed,
+    contact,
+    eyes,
+    found,
+    holes,
+    images,
+    light_angles,
+    light_places,
+    meshes,
+    mirrors,
+    variants,
+)
 from .case import Counts, HardCase, Trial
 
 __all__ = ["Counts", "HardCase", "Trial", "all_cases", "find_case"]

@@ -22,8 +22,8 @@ def float32_of(values: object) -> F64:
 
 
 def touched(seed: int, place: str) -> tuple[Mesh, F64]:
-    """A triangle with corners of 24 random bits, and a point on it, exact in float32: its second corner, the middle of an edge,
-    or a point between the first corner and that middle."""
+    """A triangle with corners of 24 random bits, and a point on it, exact in float32: its second corner, the middle of an
+    edge, or a point between the first corner and that middle."""
     random = np.random.default_rng(seed)
     if place == "vertex":
         corners = float32_of(random.uniform(-1, 1, (3, 3)))
@@ -149,7 +149,10 @@ def _cases() -> Iterator[HardCase]:
     for place in PLACES:
         for seed in range(4):
             yield HardCase(
-                f"P34 {place} {seed}", f"eye on the {place} of a triangle", behind, partial(eye_on, seed, place)
+                f"P34 {place} {seed}",
+                f"eye on the {place} of a triangle",
+                behind,
+                partial(eye_on, seed, place),
             )
         variants: tuple[tuple[str, Callable[[], Trial]], ...] = (
             ("small", partial(eye_on, 5, place, 2.0**-30)),
@@ -160,7 +163,9 @@ def _cases() -> Iterator[HardCase]:
         for suffix, make in variants:
             yield HardCase(f"P34 {place} {suffix}", f"the same, {suffix}", behind, make)
         if place == "vertex":
-            yield HardCase("P34 vertex off", "the same, off the origin", behind, partial(eye_on, 9, place, 1.0, 0, 3.7))
+            yield HardCase(
+                "P34 vertex off", "the same, off the origin", behind, partial(eye_on, 9, place, 1.0, 0, 3.7)
+            )
         for seed, scale, turn in ((0, 1.0, 0), (1, 2.0**-30, 1), (2, 2.0**40, 2)):
             yield HardCase(
                 f"S36 {place} {seed}", f"light on the {place} of a triangle", "a surface at the light shadows all",
@@ -172,7 +177,9 @@ def _cases() -> Iterator[HardCase]:
             partial(light_off_plane, height, turn),
         )  # fmt: skip
     for seed in range(3):
-        yield HardCase(f"P34 mesh {seed}", "eye on a vertex of a dented ball", behind, partial(eye_on_mesh, seed))
+        yield HardCase(
+            f"P34 mesh {seed}", "eye on a vertex of a dented ball", behind, partial(eye_on_mesh, seed)
+        )
     yield HardCase("M07", "eye on a vertex of mirrors", behind, partial(mirrors_at_the_eye, 3))
     lost = "a tolerance from the lengths of edges, or from where the eye is, is wider than the gap"
     for distance, width in ((1e5, 1e-4), (1e3, 1e-5), (1e7, 1e-4), (1e4, 1e-6)):

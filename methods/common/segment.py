@@ -62,9 +62,7 @@ def may_occlude(h: wp.vec3f, light: wp.vec3f, corners: Corners, h_error: wp.floa
 
 
 @wp.func
-def plane_crosses_segment(
-    h: wp.vec3d, light: wp.vec3f, corners: Corners, origin_size: wp.float64
-) -> wp.bool:
+def plane_crosses_segment(h: wp.vec3d, light: wp.vec3f, corners: Corners, origin_size: wp.float64) -> wp.bool:
     """Whether the plane of the triangle crosses the open segment from the hit point h to the light.
 
     A plane that h may lie in, given what h itself may be off (:func:`.hitpoint.hit_error`), does not. Both sides are

@@ -157,9 +157,7 @@ def depth_key(t: wp.float64) -> wp.uint64:
 
 
 @wp.func
-def nearer(
-    ray: Ray, mesh: Mesh, t: wp.float64, i: wp.int32, best_t: wp.float64, best: wp.int32
-) -> wp.bool:
+def nearer(ray: Ray, mesh: Mesh, t: wp.float64, i: wp.int32, best_t: wp.float64, best: wp.int32) -> wp.bool:
     """Whether hit (t, i) comes before (best_t, best), exactly: smaller t, then lower index; best = -1 is no hit yet."""
     if best < 0:
         return True

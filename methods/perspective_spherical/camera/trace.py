@@ -20,7 +20,7 @@ from ....harness.frame.alpha import Alpha
 from ....harness.frame.geometry import Camera, Hits, Mesh, Ray, corners_of, ray_of, ray_through, weld_of
 from ....harness.frame.specialise import effects
 from ...common.alpha import opaque_at_hit
-from ...common.triangle import NO_HIT, depth_key, nearer, total, write_hit
+from ...common.triangle import NO_HIT, depth_key, nearer, nearer_exactly, total, write_hit
 from ..lists.binning import TileLists
 from ..lists.items import ListParts, pairs_of_part, part_of
 from ..variants import Variant
@@ -29,6 +29,10 @@ from .tiles import ImageTiles, slice_scale
 
 INDEX_BITS = wp.constant(wp.uint64(24))
 """Bits of a packed hit that hold the triangle; the upper 40 hold the depth key."""
+
+INDEX = wp.constant(wp.uint64(0xFFFFFF))
+CLOSE_KEYS = wp.constant(wp.int64(8))
+"""Keys further apart are in the right order: t is right to 2^-28 or better, a key's last bit is 2^-29 or more."""
 
 NO_NEAREST = wp.constant(wp.uint64(0xFFFFFFFFFFFFFFFF))
 
@@ -76,6 +80,32 @@ def packed_depth(nearest: wp.uint64) -> wp.float32:
 
 
 @wp.func
+def store_nearer(
+    nearest: wp.array(dtype=wp.uint64),
+    pixel: wp.int32,
+    ray: Ray,
+    i: wp.int32,
+    t: wp.float64,
+    mesh: Mesh,
+):
+    """Replace a packed hit that comes after (t, i); two whose keys are close are compared as :func:`nearer` does."""
+    mine = packed_hit(t, i)
+    known = nearest[pixel]
+    while known != mine:
+        before = mine < known
+        if known != NO_NEAREST:
+            key = wp.int64(mine >> INDEX_BITS)
+            if wp.abs(key - wp.int64(known >> INDEX_BITS)) <= CLOSE_KEYS:
+                before = nearer_exactly(ray, mesh, i, wp.int32(known & INDEX))
+        if not before:
+            break
+        now = wp.atomic_cas(nearest, pixel, known, mine)
+        if now == known:
+            break
+        known = now
+
+
+@wp.func
 def record_at(records: wp.array(dtype=wp.vec4f), i: wp.int32) -> RayRecord:
     r = RayRecord()
     r.q0 = records[3 * i]
@@ -99,7 +129,7 @@ def write_nearest(
     """Write a pixel's closest hit; of a split list, the nearest of this part and those before it to ``nearest``."""
     if parts.split > 0:
         if best >= 0:
-            wp.atomic_min(nearest, pixel, packed_hit(t, best))
+            store_nearer(nearest, pixel, ray, best, t, mesh)
     else:
         write_hit(hits, hit_points, pixel, ray, best, t, mesh)
 
@@ -196,7 +226,7 @@ def make_resolve_kernel(variant: Variant) -> wp.Kernel:
         best = wp.int32(-1)
         t = wp.float64(wp.INF)
         if nearest[pixel] != NO_NEAREST:
-            best = wp.int32(nearest[pixel] & ((wp.uint64(1) << INDEX_BITS) - wp.uint64(1)))
+            best = wp.int32(nearest[pixel] & INDEX)
             t = decide(ray, corners_of(mesh, best), weld_of(mesh, best))
         write_hit(hits, hit_points, pixel, ray, best, t, mesh)
 

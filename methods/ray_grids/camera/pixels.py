@@ -1,8 +1,8 @@
 """One pixel of the image against one triangle: edge planes in float32, and nearest hits as words.
 
-The nearest hit of a pixel is stored as one 64-bit word, 40 bits of 1 / t and 24 of the complemented index, by atomic
-maximum: the order in which triangles arrive does not matter. Edge functions in float32 with an error bound decide
-all but a few pixels; those, and every 1 / t, are float64 (:mod:`..common.triangle`).
+The nearest hit of a pixel is stored as one 64-bit word, 1 / t and the complemented index, by atomic maximum: the order in
+which triangles arrive does not matter. 1 / t has 40 bits, and up to eight that the index does not need. Edge functions in
+float32 with an error bound decide all but a few pixels; those, and every 1 / t, are float64 (:mod:`..common.triangle`).
 """
 
 from __future__ import annotations
@@ -11,8 +11,9 @@ import warp as wp
 
 from ....harness.frame.geometry import Camera, Corners
 from ...common.entries import entry_now, raise_entry
+from ...common.hitpoint import CERTAIN
 from ...common.reserve import reserve
-from ...common.triangle import U32, U64, largest, nearness_key, to_float64
+from ...common.triangle import U32, largest, to_float64
 from ..fetch import direction_at
 from ..queues import DOUBTS, Queue, queue_doubt
 
@@ -37,6 +38,7 @@ class Candidate:
     bound  an edge function below minus this is certainly outside (:func:`sign_bound`)
     sure   three above this are a certain hit: the bound, or infinite where the triangle has holes
     m      1 / t = m . direction on its plane (:func:`inverse_depth`)
+    spare  :func:`spare_bits`
     """
 
     i: wp.int32
@@ -44,6 +46,7 @@ class Candidate:
     bound: wp.float32
     sure: wp.float32
     m: wp.vec3d
+    spare: wp.int32
 
 
 @wp.func
@@ -63,7 +66,7 @@ def edge_planes(o: wp.vec3f, corners: Corners) -> Planes:
     a64 = to_float64(corners.a)
     n = wp.cross(to_float64(corners.b) - a64, to_float64(corners.c) - a64)
     det = wp.dot(n, a64 - to_float64(o))
-    if not (wp.abs(det) > wp.float64(96.0) * U64 * wp.float64(reach) * wp.float64(edge) * wp.float64(edge)):
+    if not (wp.abs(det) > CERTAIN * wp.float64(reach) * wp.float64(edge) * wp.float64(edge)):
         return planes
     scale = 1.0 / (reach * edge)
     if det < wp.float64(0.0):
@@ -94,10 +97,32 @@ def inverse_depth(o: wp.vec3f, corners: Corners) -> wp.vec3d:
     return n / height
 
 
+@wp.func_native("""
+int spare = 24;
+for (int rest = triangles - 1; rest > 0; rest >>= 1) --spare;
+return spare < 0 ? 0 : spare > 8 ? 8 : spare;
+""")
+def spare_bits(triangles: wp.int32) -> wp.int32:
+    """Of 24 bits of an index those that no triangle needs, eight at most. They extend 1 / t.
+
+    Of t that agree in what is stored, 2^-29 to 2^-37, the lowest index is the nearest. More bits would tell apart the
+    roundings of duplicates.
+    """
+
+
 @wp.func
-def hit_word(inverse: wp.float64, i: wp.int32) -> wp.uint64:
-    """A hit as one word: a larger one is nearer, or as near with a lower index."""
-    return (nearness_key(inverse) << wp.uint64(24)) | wp.uint64(0xFFFFFF - i)
+def hit_word(inverse: wp.float64, i: wp.int32, spare: wp.int32) -> wp.uint64:
+    """A hit as one word: a larger one is nearer, or as near with a lower index. ``spare``: :func:`spare_bits`."""
+    bits = wp.uint64(24 - spare)
+    key = wp.cast(inverse, wp.uint64) >> wp.uint64(23 - spare)
+    return (key << bits) | wp.uint64((0xFFFFFF >> spare) - i)
+
+
+@wp.func
+def index_of(word: wp.uint64, spare: wp.int32) -> wp.int32:
+    """The triangle of a :func:`hit_word`."""
+    last = 0xFFFFFF >> spare
+    return last - wp.int32(word & wp.uint64(last))
 
 
 @wp.func
@@ -107,7 +132,7 @@ def store_if_nearer(
     """Store a certain hit if it is nearer than ``known``: a word that was there, which spares most an atomic."""
     inverse = wp.dot(candidate.m, to_float64(d))
     if inverse > wp.float64(0.0):
-        word = hit_word(inverse, candidate.i)
+        word = hit_word(inverse, candidate.i, candidate.spare)
         if word > known:
             raise_entry(nearest, pixel, word)
 

@@ -13,7 +13,7 @@ from ...common.entries import entry, entry_now, entry_of_four
 from ..fetch import direction_at
 from ..queues import DOUBTS, ITEMS, PARTS, Queue, queue_parts
 from ..warps import LANES, append_pairs, filled_lane, lane_at, of_lane, sum_to_lane
-from .pixels import Candidate, sign_bound, test_pixel, test_pixel_or_queue
+from .pixels import Candidate, sign_bound, spare_bits, test_pixel, test_pixel_or_queue
 from .stream import Lines, pixels_of_row
 
 REGISTERS = 56
@@ -49,6 +49,7 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
         else:
             stop = wp.min(stop, queue.items.shape[0])
         bound = sign_bound(camera.tangents)
+        spare = spare_bits(queue.depths.shape[0])
         step = threads
         lane = wp.int32(0)
         if wp.static(cuda):
@@ -72,6 +73,7 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
             r3 = entry_of_four(queue.records, i, 3)
             candidate = Candidate()
             candidate.i = i
+            candidate.spare = spare
             candidate.bound = bound
             candidate.m = entry_now(queue.depths, i)
             candidate.planes.n0 = wp.vec3f(r0[0], r0[1], r0[2])

@@ -12,6 +12,7 @@ from ...common.hitpoint import flat_hit_point, is_flat, plane_distance, steep_hi
 from ...common.pixels import tile_pixel
 from ...common.triangle import hit_weights, to_float32
 from ..fetch import corners_at, direction_at, weld_at
+from .pixels import index_of, spare_bits
 
 REGISTERS = 72
 """Registers a thread: seven blocks of 128 a multiprocessor; 64 spill."""
@@ -51,7 +52,7 @@ def resolve_points(
     flat = wp.bool(False)
     # Nothing is written before all is computed: after a store the compiler would read and widen the corners again.
     if word != wp.uint64(0):
-        best = 0xFFFFFF - wp.int32(word & wp.uint64(0xFFFFFF))
+        best = index_of(word, spare_bits(mesh.triangles.shape[0]))
         corners = corners_at(mesh, best)
         ray = Ray(entry(camera.eye, 0), direction_at(camera, at[0], at[1]))
         weld = weld_at(mesh, best)

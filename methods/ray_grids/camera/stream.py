@@ -26,6 +26,7 @@ from .pixels import (
     hit_word,
     inverse_depth,
     sign_bound,
+    spare_bits,
     test_box,
     test_pixel_or_queue,
 )
@@ -188,6 +189,7 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
             return
         candidate = Candidate()
         candidate.i = i
+        candidate.spare = spare_bits(share.triangles)
         candidate.bound = sign_bound(camera.tangents)
         candidate.planes = edge_planes(o, corners)
         candidate.m = inverse_depth(o, corners)
@@ -236,6 +238,7 @@ def doubt_kernel(
     """(triangle, pixel) pairs that float32 could not decide."""
     k = wp.tid()
     stop = wp.min(queue.counts[DOUBTS], queue.doubts.shape[0])
+    spare = spare_bits(mesh.triangles.shape[0])
     while k < stop:
         pair = entry(queue.doubts, k)
         i = pair[0]
@@ -251,5 +254,5 @@ def doubt_kernel(
         if hits:
             # The pair is read again: held until here, it would leave room for one block of threads less.
             again = entry(queue.doubts, k)
-            raise_entry(nearest, again[1], hit_word(wp.float64(1.0) / t, again[0]))
+            raise_entry(nearest, again[1], hit_word(wp.float64(1.0) / t, again[0], spare))
         k += threads
