@@ -1,14 +1,15 @@
-"""Embree 4 as a method: a new scene each frame, closest-hit and any-hit queries over blocks of rays.
+"""Embree 4 as a method, through its own C interface: rebuilt, refitted or static, single rays or packets of 16.
 
-embreex takes float32 arrays strictly, copies the mesh, commits on the first query, and releases the GIL while it
-traces, so that Python threads over blocks of rays use every core.
+Kernels that Warp compiles for the CPU hand the rays to Embree (:mod:`.packets`); a launch releases the GIL, so that Python
+threads over parts of the image use every core.
 """
 
 from __future__ import annotations
 
+import ctypes
 import itertools
 import os
-from collections.abc import Callable
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -17,64 +18,85 @@ from typing import Any
 
 import numpy as np
 import warp as wp
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore import EmbreeDevice
-from embreex.rtcore_scene import EmbreeScene
-from numpy.typing import NDArray
 
-from ...harness.frame.frame import MISS, Frame
+from ...harness.errors import UserError
+from ...harness.frame.frame import Frame
 from ...harness.frame.method import BaseMethod
 from ...harness.frame.mirrors import traced_bounces
 from ...harness.frame.passes import Pass
 from ...harness.scene.effects import Effects, Limits
-from ..common.misses import miss_passes
+from ..common.misses import miss_passes, write_misses
 from ..common.offset import SHADOW_END, launch_shadow_origins
 from ..common.ray_passes import shadow_ray_passes
+from .library import QUALITIES, Device, TriangleScene, address
+from .packets import SIDE, coherent_arguments, intersect_kernel, occluded_kernel
 
-FARTHEST = np.float32(1e37)
-"""What embreex reports as the distance of a miss."""
+UPDATES = ("rebuild", "refit", "static")
+RAYS = ("single", "packet16")
 
-BLOCKS_PER_THREAD = 4
-"""Rays are cut into this many blocks a thread, so that a slow block does not hold up the others."""
+PARTS_PER_THREAD = 4
+"""The image is cut into this many parts a thread, so that a slow part does not hold up the others."""
 
-SMALLEST_BLOCK = 1024
-"""Rays; below this a block costs more to hand out than to trace."""
+SMALLEST_PART = 64
+"""Blocks of pixels; below this a part costs more to hand out than to trace."""
 
 
 @dataclass(frozen=True)
 class Build:
     """How the tree is built.
 
-    robust  whether the scene is built with RTC_SCENE_FLAG_ROBUST: conservative box tests and watertight edges, 10 to 25 %
-            slower; without it rays aimed at edges and vertices escape
+    robust         whether the scene is built with RTC_SCENE_FLAG_ROBUST: conservative box tests and watertight edges, 10 to
+                   25 % slower; without it rays aimed at edges and vertices escape
+    update         "rebuild": a tree built anew in each frame; "refit": the tree of the animation's first frame, its boxes
+                   refitted in each frame (built anew if other triangles become invalid); "static": built once, for geometry
+                   that does not move
+    quality        of a tree that is built: "low" (Morton codes; the fastest build), "medium" (surface area heuristic) or
+                   "high" (also splits triangles). The tree that update=refit starts from is of medium quality
+    build_threads  threads that build; 0: one for each core
     """
 
     robust: bool = True
+    update: str = "rebuild"
+    quality: str = "medium"
+    build_threads: int = 0
+
+    def __post_init__(self) -> None:
+        if self.update not in UPDATES:
+            raise ValueError(f"update must be one of {', '.join(UPDATES)}")
+        if self.quality not in QUALITIES:
+            raise ValueError(f"quality must be one of {', '.join(QUALITIES)}")
+        if self.update == "refit" and self.quality != "medium":
+            raise ValueError("the tree that update=refit starts from is of quality medium; leave quality out")
+        if self.build_threads < 0:
+            raise ValueError("build_threads must be 0 (all cores) or more")
 
 
 @dataclass(frozen=True)
 class Trace:
     """How rays are traced.
 
-    threads  threads that trace blocks of rays; 0: one for each core that this process may use. The build always uses
-             Embree's own threads
+    threads  threads that trace parts of the image; 0: one for each core that this process may use
+    rays     "single": rtcIntersect1 and rtcOccluded1; "packet16": 16 rays of 4x4 pixels at once, declared coherent
     """
 
     threads: int = 0
+    rays: str = "packet16"
 
     def __post_init__(self) -> None:
+        if self.rays not in RAYS:
+            raise ValueError(f"rays must be one of {', '.join(RAYS)}")
         if self.threads < 0:
             raise ValueError("threads must be 0 (all cores) or more")
 
 
 class Embree(BaseMethod):
-    """See the module. Shadow origins are offset by an error bound, because embreex can set no nearest distance."""
+    """See the module. Shadow rays start at an offset that an error bound gives, as for every method without exact tests."""
 
     name = "embree"
     title = "Embree"
     simulates = frozenset({"shadows", "receivers", "directional", "mirror"})
     cannot = MappingProxyType(
-        {"alpha": "Embree's Python binding has no filter functions to skip a hit in a hole"}
+        {"alpha": "holes need a filter function that decides them in float64; none is written"}
     )
     capturable = False
     devices = ("cpu",)
@@ -90,129 +112,145 @@ class Embree(BaseMethod):
         if frame.triangle_count == 0:
             return miss_passes(frame, effects)
         self._frame, self._effects = frame, effects
-        self._device = EmbreeDevice()
-        self._scene: EmbreeScene | None = None
-        self._faces = np.ascontiguousarray(frame.prepared.faces, dtype=np.int32)
+        self._embree = Device(self.build.build_threads)
+        self._scene: TriangleScene | None = None
+        self._valid: Any = None
         self._origins = wp.zeros(frame.pixels, dtype=wp.vec3f, device=frame.device)
+        self._none = wp.zeros(0, dtype=wp.uint8, device=frame.device)
+        self._arguments = coherent_arguments()
+        self._launched: set[wp.Kernel] = set()
         count = self.thread_count
         self._pool = ThreadPoolExecutor(count) if count > 1 else None
-        blocks = max(1, min(count * BLOCKS_PER_THREAD if count > 1 else 1, frame.pixels // SMALLEST_BLOCK))
-        cuts = np.linspace(0, frame.pixels, blocks + 1).astype(int)
-        self._blocks = [slice(int(a), int(b)) for a, b in itertools.pairwise(cuts)]
-        self._pixels = np.arange(frame.pixels)
-        passes = [
-            Pass("copy and commit", "build", ("points", "triangles"), ("embree",), self._commit),
-            Pass("primary rays", "trace", ("embree", "camera"), ("hits",), self._primary),
-        ]
+        blocks = -(-frame.width // SIDE) * -(-frame.height // SIDE)
+        parts = max(1, min(count * PARTS_PER_THREAD if count > 1 else 1, blocks // SMALLEST_PART))
+        cuts = np.linspace(0, blocks, parts + 1).astype(int)
+        self._parts = [(int(a), int(b - a)) for a, b in itertools.pairwise(cuts)]
+        passes = []
+        if self.build.update == "rebuild":
+            passes.append(
+                Pass("copy and commit", "build", ("points", "triangles"), ("embree",), self._rebuild)
+            )
+        else:
+            self._first_tree()
+            if self.build.update == "refit":
+                passes.append(
+                    Pass("copy and refit", "build", ("points", "triangles"), ("embree",), self._refit)
+                )
+        passes.append(Pass("primary rays", "trace", ("embree", "camera"), ("hits",), self._closest))
         passes += shadow_ray_passes(effects, ("embree", "hits", "camera"), self._shadow)
-        passes += traced_bounces(effects, ("embree", "points", "triangles"), self._bounced, self._shadow)
+        passes += traced_bounces(effects, ("embree", "points", "triangles"), self._closest, self._shadow)
         return passes
 
     @property
     def thread_count(self) -> int:
         """The threads that trace."""
-        if self.trace.threads:
-            return int(self.trace.threads)
-        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        return self.trace.threads or core_count()
 
     def built(self) -> dict[str, Any]:
-        return {
+        what = {
+            "update": self.build.update,
+            "quality": self.build.quality,
             "robust": self.build.robust,
+            "rays": self.trace.rays,
             "threads": self.thread_count,
-            "build threads": "Embree's own",
+            "build threads": self.build.build_threads or core_count(),
             "embreex": version("embreex"),
         }
+        return what | ({"embree": self._embree.version} if hasattr(self, "_embree") else {})
 
-    def _commit(self) -> None:
-        """Copy the mesh and commit: the whole cost of a rebuild. embreex commits on the first query."""
-        frame = self._frame
-        points, faces = frame.points.numpy(), self._faces
-        invalid = frame.valid.numpy() == 0
-        if invalid.any():
-            # Embree drops a triangle with a vertex that is not finite, and its index keeps its place.
+    def _first_tree(self) -> None:
+        prepared = self._frame.prepared
+        if self.build.update == "static" and prepared.frame_count > 1:
+            raise UserError(
+                f"embree.update=static: {prepared.scene.name} moves over {prepared.frame_count} frames; "
+                "choose rebuild or refit"
+            )
+        self._make(*prepared.points(0))
+
+    def _make(self, points: np.ndarray, valid: np.ndarray) -> None:
+        """A new scene. Embree drops a triangle with a vertex that is not finite, and the others keep their numbers."""
+        faces = self._frame.prepared.faces
+        self._valid, self._scene = valid.copy(), None
+        if not valid.any():
+            return
+        if not valid.all():
             points = np.concatenate([points, np.full((1, 3), np.nan, dtype=np.float32)])
-            faces = faces.copy()
-            faces[invalid] = len(points) - 1
-        self._scene = None
-        scene = EmbreeScene(self._device, robust=self.build.robust)
-        TriangleMesh(scene, points, faces)
-        ray = np.zeros((1, 3), dtype=np.float32)
-        scene.run(ray, ray, query="OCCLUDED")
-        self._scene = scene
-
-    def _each_block(self, work: Callable[[slice], None]) -> None:
-        if self._pool is None:
-            for block in self._blocks:
-                work(block)
-        else:
-            list(self._pool.map(work, self._blocks))
-
-    def _primary(self) -> None:
-        frame, scene = self._frame, self._scene
-        assert scene is not None
-        hits = frame.hits(0)
-        triangle, t, u, v = (array.numpy() for array in (hits.triangle, hits.t, hits.u, hits.v))
-        eye, column, row = frame.eye.numpy(), frame.column.numpy(), frame.row.numpy()
-
-        def work(block: slice) -> None:
-            pixels = self._pixels[block]
-            directions = column[pixels % frame.width] + row[pixels // frame.width]
-            origins = np.broadcast_to(eye, directions.shape)
-            found = scene.run(origins, directions, query="INTERSECT", output=1)
-            missed = found["primID"] < 0
-            triangle[block] = found["primID"]
-            t[block] = found["tfar"]
-            u[block] = found["u"]
-            v[block] = found["v"]
-            triangle[block][missed] = MISS
-            t[block][missed] = np.inf
-            u[block][missed] = 0.0
-            v[block][missed] = 0.0
-
-        self._each_block(work)
-
-    def _bounced(self, bounce: int) -> None:
-        frame, scene = self._frame, self._scene
-        assert scene is not None
-        mirrored, hits = frame.rays(bounce), frame.hits(bounce)
-        origins, directions, active = (
-            array.numpy() for array in (mirrored.origin, mirrored.direction, mirrored.active)
+            faces = np.where(valid[:, None] != 0, faces, len(points) - 1)
+        self._scene = TriangleScene(
+            self._embree, points, faces, self.build.quality, self.build.robust, self.build.update == "refit"
         )
-        triangle, t, u, v = (array.numpy() for array in (hits.triangle, hits.t, hits.u, hits.v))
 
-        def work(block: slice) -> None:
-            triangle[block], t[block], u[block], v[block] = MISS, np.inf, 0.0, 0.0
-            rays = np.nonzero(active[block])[0]
-            if len(rays):
-                found = scene.run(origins[block][rays], directions[block][rays], query="INTERSECT", output=1)
-                met = found["primID"] >= 0
-                hit = rays[met] + block.start
-                triangle[hit], t[hit] = found["primID"][met], found["tfar"][met]
-                u[hit], v[hit] = found["u"][met], found["v"][met]
+    def _rebuild(self) -> None:
+        """The whole cost of a tree: copy the vertices and commit."""
+        self._refit()
 
-        self._each_block(work)
+    def _refit(self) -> None:
+        """Copy the vertices and commit: Embree builds or refits, as the scene was made. Other flags need a new scene."""
+        points, valid = self._frame.points.numpy(), self._frame.valid.numpy()
+        if self._valid is None or not np.array_equal(valid, self._valid):
+            self._make(points, valid)
+        elif self._scene is not None:
+            self._scene.commit(points)
+
+    def _each_part(self, kernel: wp.Kernel, inputs: Sequence[Any]) -> None:
+        """Launch ``kernel`` over the parts of the image, the first block of each as its first argument."""
+
+        def work(part: tuple[int, int]) -> None:
+            first, count = part
+            wp.launch(kernel, dim=count, inputs=[first, *inputs], device="cpu")
+
+        parts = self._parts
+        if kernel not in self._launched:  # the first launch may compile: alone, before the threads
+            self._launched.add(kernel)
+            work(parts[0])
+            parts = parts[1:]
+        if self._pool is None:
+            for part in parts:
+                work(part)
+        else:
+            list(self._pool.map(work, parts))
+
+    def _query(self, kind: str) -> tuple[int, int, int]:
+        """The address of the query, of the scene, and of the arguments (0: the defaults)."""
+        packets = self.trace.rays == "packet16"
+        assert self._scene is not None
+        return (
+            address(f"rtc{kind}16" if packets else f"rtc{kind}1"),
+            self._scene.handle,
+            ctypes.addressof(self._arguments) if packets else 0,
+        )
+
+    def _closest(self, bounce: int = 0) -> None:
+        frame = self._frame
+        if self._scene is None:
+            write_misses(frame, bounce)
+            return
+        packets = self.trace.rays == "packet16"
+        query = self._query("Intersect")
+        self._each_part(
+            intersect_kernel,
+            [packets, bounce > 0, *query, frame.camera, frame.rays(bounce), frame.hits(bounce)],
+        )
 
     def _shadow(self, light: int, bounce: int = 0) -> None:
-        frame, scene = self._frame, self._scene
-        assert scene is not None
+        frame = self._frame
+        bits = frame.bits(bounce)[light]
+        if self._scene is None:
+            bits.zero_()
+            return
         launch_shadow_origins(frame, light, self._origins, sheared=False, bounce=bounce)
-        origins, lit = self._origins.numpy(), frame.lights.numpy()[light]
-        triangle: NDArray[np.int32] = frame.hits(bounce).triangle.numpy()
-        visibility: NDArray[np.uint8] = frame.bits(bounce).numpy()[light]
-        receivers = frame.masks(bounce).numpy()[light] if self._effects.has_receivers(light) else None
+        limited = self._effects.has_receivers(light)
+        receivers = frame.masks(bounce)[light] if limited else self._none
+        packets = self.trace.rays == "packet16"
+        self._each_part(
+            occluded_kernel,
+            [
+                packets, limited, *self._query("Occluded"), SHADOW_END, light, frame.camera, frame.lights,
+                self._origins, frame.hits(bounce).triangle, receivers, bits,
+            ],
+        )  # fmt: skip
 
-        def work(block: slice) -> None:
-            # embreex reads a negative distance as "occluded" and has no mask: only pixels with a hit are sent.
-            wanted = triangle[block] != MISS
-            if receivers is not None:
-                wanted &= receivers[block] != 0
-            hit = np.nonzero(wanted)[0]
-            shadowed = np.zeros(block.stop - block.start, dtype=np.uint8)
-            if len(hit):
-                start = origins[block][hit]
-                ends = np.full(len(hit), SHADOW_END, dtype=np.float32)
-                answer = scene.run(start, lit - start, dists=ends, query="OCCLUDED")
-                shadowed[hit] = answer == 0
-            visibility[block] = shadowed
 
-        self._each_block(work)
+def core_count() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

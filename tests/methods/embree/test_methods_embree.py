@@ -1,15 +1,24 @@
-"""Embree as a method: nearly brute force, the traps of embreex, threads that change nothing."""
+"""Embree as a method: embreex's bits, nearly brute force, settings and threads that change nothing, a library that lacks."""
 
 from __future__ import annotations
 
+import ctypes
+
 import numpy as np
 import pytest
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
 from helpers.brute_force import make_scene, soup
 from helpers.method_trials import assert_misses, assert_nearly, hard_trials, lattice, random_trial, trace
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.effects import Effects
+from shadowbench.harness.scene.prepared import Prepared, prepare
+from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
+from shadowbench.methods.common.offset import SHADOW_END
+from shadowbench.methods.embree import library
+from shadowbench.methods.embree.packets import Arguments
 
 NAME = "embree"
 TRIALS = {name: (prepared, width, height) for name, prepared, width, height in hard_trials()}
@@ -84,14 +93,123 @@ def test_threads_and_runs_agree_bit_for_bit():
             np.testing.assert_array_equal(got[key], value, f"{key}, {threads} threads")
 
 
-def test_the_build_pass_commits_and_each_frame_starts_anew():
-    prepared = make_scene(*soup(7, 50), [(5.0, 4.0, 3.0)])
-    session, _, _ = trace(NAME, {}, prepared, 8, 8)
-    before = session.method._scene
-    session.passes[0].launch()
-    assert session.method._scene is not before
-    assert session.method._scene.is_committed
-    assert [step.part for step in session.passes] == ["build", "trace", "shadow"]
+@pytest.mark.parametrize("rays", ["single", "packet16"])
+@pytest.mark.parametrize("robust", ["true", "false"])
+def test_answers_are_embreex_own_bit_for_bit(rays, robust):
+    """A wrong layout of a struct, or a wrong flag, cannot pass this."""
+    prepared = make_scene(*soup(7, 3000), [(0.1, 0.2, 0.3), (5.0, 4.0, 3.0)])
+    session, moment, got = trace(NAME, {"rays": rays, "robust": robust}, prepared, 45, 31)
+    scene = EmbreeScene(robust=robust == "true")
+    TriangleMesh(scene, moment.points, prepared.faces)
+    pixels = np.arange(45 * 31)
+    found = scene.run(moment.origins(pixels), moment.directions(pixels), query="INTERSECT", output=1)
+    hit = found["primID"] >= 0
+    assert 300 < hit.sum() < len(hit)
+    np.testing.assert_array_equal(got["triangle"], found["primID"])
+    for name, field in (("t", "tfar"), ("u", "u"), ("v", "v")):
+        np.testing.assert_array_equal(got[name][hit], found[field][hit], name)
+    # The starts of the last light's rays are still there.
+    starts, ends = session.method._origins.numpy()[hit], np.full(hit.sum(), SHADOW_END, dtype=np.float32)
+    bits = scene.run(starts, moment.lights[1] - starts, dists=ends, query="OCCLUDED") == 0
+    assert 30 < bits.sum() < len(bits)
+    np.testing.assert_array_equal(got["visibility"][1][hit], bits)
+
+
+SETTINGS = (
+    {"update": "refit"}, {"update": "static"}, {"quality": "low"}, {"quality": "high", "build_threads": "1"},
+    {"rays": "single", "threads": "3"},
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("settings", SETTINGS, ids=str)
+def test_settings_change_no_answer(settings):
+    prepared = make_scene(*soup(8, 500), [(0.1, 0.2, 0.3), (5.0, 4.0, 3.0)])
+    expected, got = (trace(NAME, x, prepared, 33, 21)[2] for x in ({}, settings))
+    for key, value in expected.items():
+        np.testing.assert_array_equal(got[key], value, key)
+
+
+def moving(broken: bool) -> Prepared:
+    """Three frames of a soup; with ``broken``, a triangle is NaN in the second."""
+    vertices, faces = soup(11, 300, size=0.2)
+    moved = [vertices.copy(), vertices * 1.5, np.roll(vertices, 1, axis=1)]
+    if broken:
+        moved[1][:3] = np.nan
+    geometry = Geometry(faces.astype(np.int32), lambda k: moved[k], len(moved))
+    camera, lights = Camera((0.0, 0.0, 3.0), (0.0, 0.0, 0.0)), (Light((2.0, 3.0, 4.0)),)
+    return prepare(Scene("moving", "moving", lambda: geometry, camera, lights))
+
+
+@pytest.mark.parametrize("broken", [False, True])
+@pytest.mark.parametrize("update", ["rebuild", "refit"])
+def test_moved_triangles_are_followed(update, broken):
+    prepared = moving(broken)
+    session = Session(make_method(NAME, {"update": update}), prepared, 24, 16, "cpu")
+    for k in (0, 1, 2, 1, 0):
+        moment = prepared.moment(k, 24, 16)
+        got = session.answers(moment)
+        if broken and k == 1:
+            assert not (got["triangle"] == 0).any()
+        fresh = Session(make_method(NAME, {"rays": "single"}), prepared, 24, 16, "cpu").answers(moment)
+        for key, value in fresh.items():
+            np.testing.assert_array_equal(got[key], value, f"{key} in frame {k}")
+
+
+def test_a_refit_makes_no_new_tree():
+    """Told by what Embree allocates in a later frame: a tree built again needs its memory again."""
+    prepared, allocated = moving(False), {}
+    for update in ("rebuild", "refit"):
+        session = Session(make_method(NAME, {"update": update}), prepared, 8, 8, "cpu")
+        session.answers(prepared.moment(0, 8, 8))
+        taken: list[int] = []
+        watch = MONITOR(lambda _, size, __, taken=taken: taken.append(max(0, size)) or True)
+        watched = session.method._embree
+        monitor = watched._library.rtcSetDeviceMemoryMonitorFunction
+        monitor.argtypes = [ctypes.c_void_p, MONITOR, ctypes.c_void_p]
+        monitor(watched._handle, watch, None)
+        session.answers(prepared.moment(1, 8, 8))
+        monitor(watched._handle, MONITOR(), None)
+        allocated[update] = sum(taken)
+    assert allocated["rebuild"] > 300 * 16
+    assert allocated["refit"] < 0.1 * allocated["rebuild"]
+
+
+MONITOR = ctypes.CFUNCTYPE(ctypes.c_bool, ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_bool)
+"""RTCMemoryMonitorFunction."""
+
+
+def test_static_refuses_moving_geometry():
+    with pytest.raises(
+        UserError, match=r"embree.update=static: moving moves over 3 frames; choose rebuild or refit"
+    ):
+        Session(make_method(NAME, {"update": "static"}), moving(False), 8, 8, "cpu")
+
+
+def test_a_library_that_cannot_be_used_is_one_line(monkeypatch, tmp_path):
+    assert library.library_path().is_file()
+    assert ctypes.sizeof(Arguments) == 40
+    monkeypatch.setattr(
+        library.Device, "fact", lambda self, number: 30 if number == library.VERSION_MAJOR else 30_102
+    )
+    with pytest.raises(
+        UserError, match=r"^embree: version 3.1.2; the layout of rays is that of Embree 4: .*'embreex>=4'$"
+    ):
+        library.Device()
+
+    class Empty:
+        version, files = "4.4.0", ()
+
+    monkeypatch.setattr("importlib.metadata.distribution", lambda name: Empty())
+    with pytest.raises(UserError, match=r"^embree: embreex 4.4.0 has no library libembree4 beside it; .*$"):
+        library.library_path()
+    monkeypatch.undo()
+    damaged = tmp_path / "libembree4.so.4"
+    damaged.write_text("no library")
+    monkeypatch.setattr(library, "library_path", lambda: damaged)
+    with pytest.raises(
+        UserError, match=r"^embree: .*libembree4.so.4 cannot be used \(.*\); reinstall embreex$"
+    ):
+        library.library.__wrapped__()
 
 
 def test_a_light_without_shadows_has_no_pass_and_no_bit():
@@ -101,6 +219,11 @@ def test_a_light_without_shadows_has_no_pass_and_no_bit():
     assert [step.effect for step in session.passes] == [None, None, "shadows/1"]
     assert (got["visibility"][0] == 0).all()
     assert got["visibility"][1].sum() > 0
+
+
+def test_refit_has_a_quality_of_its_own():
+    with pytest.raises(UserError, match="the tree that update=refit starts from is of quality medium"):
+        make_method(NAME, {"update": "refit", "quality": "low"})
 
 
 def test_runs_on_cpu_only_and_says_what_it_built():
@@ -113,7 +236,18 @@ def test_runs_on_cpu_only_and_says_what_it_built():
     assert built["embreex"].startswith("4.")
 
 
-@pytest.mark.parametrize(("key", "value"), [("threads", "-1"), ("robust", "perhaps"), ("leaf_size", "3")])
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("threads", "-1"),
+        ("robust", "perhaps"),
+        ("leaf_size", "3"),
+        ("quality", "best"),
+        ("update", "often"),
+        ("rays", "packet8"),
+        ("build_threads", "-1"),
+    ],
+)
 def test_wrong_parameters_are_one_line(key, value):
     with pytest.raises(UserError, match=key) as caught:
         make_method(NAME, {key: value})
