@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..harness.report import compare, document, panels, style
-from ..harness.results.table import stage_ms
+from ..harness.results.table import samples, stage_ms
 from ..harness.runner.experiment import Experiment, Preset
 from ._paper import SCENES, faithful
 
@@ -98,10 +98,16 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     files = [document.write_csv(table, folder / "figure10.csv", COLUMNS)]
     largest = frames["pixels"] == frames["pixels"].max()
     widest = document.measured(with_stages(document.named(frames[largest])))
+    grown = growth(frames)
+    tables = {}
     if len(widest):
         files.append(picture(widest, folder / "figure10.svg"))
-    grown = growth(frames)
-    tables = {"Stages at the largest size, ms": by_stage(widest, grown)}
+        tables = {
+            "Stages at the largest size, ms": by_stage(widest, grown, samples(folder)),
+            "Shadow rays at the largest size": document.texts(
+                widest, {"scene": ("title", str), "shadow rays": ("shadow_rays", "{:,.0f}")}
+            ),
+        }
     return document.write(
         folder, "figure10", EXPERIMENT.title, finding(widest, grown), tables, files, table, quiet
     )
@@ -123,39 +129,42 @@ def finding(widest: pd.DataFrame, grown: pd.DataFrame) -> str:
     return text + "."
 
 
-def by_stage(widest: pd.DataFrame, grown: pd.DataFrame) -> pd.DataFrame:
+def by_stage(widest: pd.DataFrame, grown: pd.DataFrame, repeats: pd.DataFrame) -> pd.DataFrame:
     """Stages down, scenes across, then how much a stage varies over them and grows from the smallest size."""
     import pandas as pd
 
-    lines = []
+    cells = []
     for stage in STAGES:
-        times = widest.set_index("title")[f"{stage.key}_ms"]
-        line = {"stage": stage.title, **times.map(style.number), "variation": f"{variation(times):.0%}"}
-        if len(grown):
-            line["larger over smaller size"] = f"{compare.geometric(grown[f'{stage.key}_ms']):.1f}"
-        lines.append(line)
-    rays = widest.set_index("title")["shadow_rays"].dropna()
-    if len(rays):
-        lines.append(
-            {"stage": "shadow rays", **rays.map("{:,.0f}".format), "variation": f"{variation(rays):.0%}"}
-        )
-    return pd.DataFrame(lines)
+        times = widest[f"{stage.key}_ms"]
+        spread = widest["key"].map(compare.pass_spread(repeats, stage.part, stage.pattern))
+        cells.append(widest.assign(stage=stage.title, text=document.carry(times, spread)))
+    made = document.cross_table(pd.concat(cells), ["stage"], "title", "text")
+    made["variation"] = [f"{variation(widest[f'{stage.key}_ms']):.0%}" for stage in STAGES]
+    if len(grown):
+        grown_by = [compare.geometric(grown[f"{stage.key}_ms"]) for stage in STAGES]
+        made["larger over smaller size"] = [f"{ratio:.1f}" for ratio in grown_by]
+    return made
 
 
 def picture(widest: pd.DataFrame, path: Path) -> Path:
-    """One stacked bar a point; the number at its end is the whole frame's median, measured apart."""
-    tints = {f"{stage.key}_ms": stage.colour for stage in STAGES}
-    with panels.sheet(path, (style.COLUMN_WIDTH, 0.26 * len(widest) + 1.25), grid="x") as (figure, grid):
-        axes = grid[0, 0]
+    """One stacked bar a point: its stages' shares of the whole frame, whose median is the number at its end."""
+    several = widest["label"].nunique() > 1
+    rows = widest.assign(
+        name=widest["title"] + (", " + widest["label"] if several else ""),
+        text=document.carry(widest["total_ms"], widest["spread"]),
+    )
+    colours = {f"{stage.key}_ms": stage.colour for stage in STAGES}
+    tints = {key: colours for key in rows["key"]}
+    size = (style.COLUMN_WIDTH, 0.26 * len(rows) + 1.25)
+    with panels.bar_panels(
+        path, rows, size, tints=tints, by="key", name="name", room=1.2, edge="#444444"
+    ) as (
+        figure,
+        [(axes, _)],
+    ):
         for stage in STAGES:
             axes.fill_between([], [], color=stage.colour, edgecolor="#444444", lw=0.3, label=stage.title)
-        panels.bars(
-            axes, widest, [tints] * len(widest), list(widest["total_ms"].map(style.number)), edge="#444444"
-        )
-        several = widest["label"].nunique() > 1
-        axes.set_yticks(range(len(widest)), widest["title"] + (", " + widest["label"] if several else ""))
-        axes.set_xlim(0, widest["total_ms"].max() * 1.2)
-        figure.supxlabel("ms per frame; black tick and number: the whole frame", fontsize=7)
+        panels.caption(figure, panels.WHOLE)
     return path
 
 

@@ -8,14 +8,13 @@ what is lit has the same tiles at every large distance.
 
 from __future__ import annotations
 
-import itertools
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..harness.report import compare, document, panels, style
-from ..harness.results.table import stage_ms
+from ..harness.results.table import samples, stage_ms
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
 from ._paper import UNBALANCED, faithful
@@ -63,8 +62,6 @@ AXES = {False: "world axes", True: "aimed"}
 PRECISE, COARSE, CENTRED = "float64", "float32", "float32-centred"
 FORMATS = (COARSE, CENTRED)
 """Number formats beside the exact one; the second is relative to the middle of the hit points, of aimed frames."""
-REJECTED = {"rejected": "x", "timeout": "+", "failed": "1"}
-"""The mark at the upper edge of a panel for a point without a time, by its status."""
 LOOKS: dict[str, dict[str, Any]] = {
     COARSE: {"color": "black", "ls": "--", "marker": "s", "mfc": "black"},
     CENTRED: {"color": "#8C564B", "ls": ":", "marker": "o", "mfc": "none", "ms": 6.0},
@@ -80,19 +77,23 @@ COLUMNS = [
     "shadow_tests_a_hundred_rays",
 ]  # fmt: skip
 """``without_balancing``: traversal without load balancing over that at this r, with the light at the same place."""
-PANEL = ["clamp", "axes"]
+PANEL = ["rectangle", "axes"]
 PAPER_SAYS = "The paper: time grows as the light moves away, and breaking full tiles into chunks of r rays compensates."
 
 
 def read(folder: Path) -> pd.DataFrame:
     """The points, nearest light first, with what their panel is, the time of the traversal alone, and the work counted."""
     frames = document.frames(folder)
-    table = document.named(frames).sort_values("light_distance", kind="stable")
-    table = table.assign(
-        clamp=table["set.clamp"], precision=table["set.precision"], r=table["set.r"].astype(int)
+    table = document.named(frames)
+    table["axes"] = table["set.aimed"].astype(str).str.lower().isin(["true", "1"]).map(AXES)
+    table["clamp"], table["precision"] = table["set.clamp"], table["set.precision"]
+    table["r"], table["rectangle"] = table["set.r"].astype(int), table["clamp"].map(CLAMP_TITLES)
+    rank = {title: i for i, title in enumerate((*CLAMP_TITLES.values(), *AXES.values()))}
+    table = table.sort_values(
+        ["light_distance", *PANEL, "r"], key=lambda c: c.map(rank) if c.name in PANEL else c
     )
-    table["axes"] = [AXES[str(value).lower() in ("true", "1")] for value in table["set.aimed"]]
     table["traversal_ms"] = stage_ms(table, "shadow", TRAVERSAL)
+    table["traversal_spread"] = table["key"].map(compare.pass_spread(samples(folder), "shadow", TRAVERSAL))
     for column, name in COUNTED.items():
         table[column] = table.get(f"counter.light 0 {name}", np.nan)
     table["shadow_tests_a_hundred_rays"] = table.get("counter.shadow tests a hundred rays", np.nan)
@@ -118,18 +119,16 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     files = [document.write_csv(table, folder / "figure11.csv", COLUMNS)]
     tables: dict[str, pd.DataFrame] = {}
     findings = []
-    one = table["file"].nunique() == 1
     for (name, title), own in table.groupby(["file", "title"], sort=False):
-        done = document.measured(own)
-        if done.empty:
+        exact = document.measured(own[own["precision"] == PRECISE])
+        if document.measured(own).empty:
             continue
-        stem = "figure11" if one else f"figure11-{name}"
+        stem = folder / ("figure11" if table["file"].nunique() == 1 else f"figure11-{name}")
         files += [
-            distance_picture(own, folder / f"{stem}.svg"),
-            threshold_picture(done, folder / f"{stem}-r.svg"),
-            tiles_picture(own, folder / f"{stem}-tiles.svg"),
+            distance_picture(own, stem.with_suffix(".svg")),
+            threshold_picture(exact, stem.with_name(f"{stem.name}-r.svg")),
+            tiles_picture(own, stem.with_name(f"{stem.name}-tiles.svg")),
         ]
-        exact = done[done["precision"] == PRECISE]
         tables |= {
             f"{title}: shadow traversal with the light 10 radii away or more, over that at one, {PRECISE}": growth(exact),
             f"{title}: by the light's distance in radii, {PRECISE}": by_distance(exact),
@@ -154,27 +153,30 @@ def growth(exact: pd.DataFrame) -> pd.DataFrame:
     groups = [*PANEL, "r"]
     near = beyond.groupby(groups, sort=False)["traversal_ms"].first()
     far = beyond[beyond["light_distance"] >= 10.0].groupby(groups, sort=False)["traversal_ms"].median()
-    wide = (far / near).dropna().unstack("r").sort_index(axis=1)
-    return titled(wide.map("{:.2f}".format, na_action="ignore").rename(columns=lambda r: f"r = {r}"))
+    rows = (far / near).dropna().map("{:.2f}".format).rename("text").reset_index()
+    return document.cross_table(rows.assign(r=rows["r"].map("r = {}".format)), PANEL, "r", "text")
 
 
 def by_distance(exact: pd.DataFrame) -> pd.DataFrame:
     """Work and time at each distance: rows a rectangle, axes and quantity."""
     import pandas as pd
 
-    best = exact[exact["r"] != int(UNBALANCED)].sort_values("traversal_ms", kind="stable")
-    lines = {
-        "traversal at the fastest r, ms": (best, "traversal_ms", style.number),
-        f"without load balancing (r = {UNBALANCED}), over the fastest r": (best, "without_balancing", "{:.2f}".format),
-        "tests per shadow ray": (exact, "tests_a_ray", "{:,.0f}".format),
-        "tiles that hold rays": (exact, "tiles_with_rays", "{:,.0f}".format),
+    place = [*PANEL, "light_distance"]
+    balanced = exact[exact["r"] != int(UNBALANCED)].sort_values("traversal_ms", kind="stable")
+    best = balanced.drop_duplicates(place).sort_index()
+    any_r = exact.drop_duplicates(place)
+    quantities = {
+        "traversal at the fastest r, ms": (best, document.carry(best["traversal_ms"], best["traversal_spread"])),
+        f"without load balancing (r = {UNBALANCED}), over the fastest r":
+            (best, best["without_balancing"].map("{:.2f}".format, na_action="ignore")),
+        "tests per shadow ray": (any_r, any_r["tests_a_ray"].map("{:,.0f}".format, na_action="ignore")),
+        "tiles that hold rays": (any_r, any_r["tiles_with_rays"].map("{:,.0f}".format, na_action="ignore")),
     }  # fmt: skip
-    made = []
-    for name, (rows, column, form) in lines.items():
-        first = rows.groupby([*PANEL, "light_distance"], sort=False)[column].first().dropna().map(form)
-        made.append(first.unstack("light_distance").assign(quantity=name).set_index("quantity", append=True))
-    wide = pd.concat(made).sort_index(axis=1).rename(columns=short)
-    return titled(wide.sort_index(level=PANEL, sort_remaining=False, kind="stable"))
+    cells = pd.concat([rows.assign(quantity=name, text=text) for name, (rows, text) in quantities.items()])
+    cells = cells.sort_values("light_distance", kind="stable")
+    cells["distance"] = cells["light_distance"].map(short)
+    made = document.cross_table(cells, [*PANEL, "quantity"], "distance", "text").dropna(thresh=4)
+    return made.sort_values(PANEL, kind="stable")
 
 
 def formats(own: pd.DataFrame) -> pd.DataFrame:
@@ -183,11 +185,10 @@ def formats(own: pd.DataFrame) -> pd.DataFrame:
 
     made = []
     other = own[own["precision"] != PRECISE]
-    for (clamp, axes, precision), rows in other.groupby([*PANEL, "precision"], sort=False):
-        both = rows[rows["total_ms_over_exact"].notna()]
-        lost = rows[rows["status"].isin(REJECTED)]
-        line = {"rectangle": CLAMP_TITLES[clamp], "axes": axes, "format": precision}
-        for x in both.tail(1).itertuples():
+    for (rectangle, axes, precision), rows in other.groupby([*PANEL, "precision"]):
+        lost = rows[rows["status"].isin(style.LOST)]
+        line = {"rectangle": rectangle, "axes": axes, "format": precision}
+        for x in rows[rows["total_ms_over_exact"].notna()].tail(1).itertuples():
             line |= {"at, radii": short(x.light_distance), "frame time": f"x{x.total_ms_over_exact:,.2f}",
                      "pairs": f"x{x.pairs_over_exact:,.1f}",
                      "tiles that hold rays": f"{x.tiles_with_rays:,.0f} for {x.exact_tiles:,.0f}"}  # fmt: skip
@@ -199,61 +200,45 @@ def formats(own: pd.DataFrame) -> pd.DataFrame:
 def conclusion(title: str, own: pd.DataFrame) -> str:
     """One sentence of a scene: how much of the growth with distance is work, how much number format."""
     rows = own[(own["precision"] == PRECISE) & (own["light_distance"] >= 1.0)].dropna(subset="traversal_ms")
-    ends = rows[rows["r"] == rows["r"].min()].groupby(PANEL)["traversal_ms"]
-    grown = (ends.last() / ends.first())[ends.count() > 1].groupby("clamp")
-    known = [clamp for clamp in CLAMPS if clamp in grown.groups]
-    work = " and ".join(f"{document.span(grown.get_group(clamp))} {CLAMP_TITLES[clamp]}" for clamp in known)
+    ends = rows[rows["r"] == rows["r"].min()].groupby(PANEL, sort=False)["traversal_ms"]
+    grown = (ends.last() / ends.first())[ends.count() > 1].groupby("rectangle", sort=False)
+    work = " and ".join(f"{document.span(ratios)} {rectangle}" for rectangle, ratios in grown)
     text = [
         f"with the farthest light the traversal takes {work} times as long as at one radius ({PRECISE}: work)"
-    ]
-    text *= bool(work)
-    for precision, other in own[own["precision"] != PRECISE].groupby("precision", sort=False):
+    ] * bool(work)
+    for precision, other in own[own["precision"] != PRECISE].groupby("precision"):
         ratios = other["total_ms_over_exact"].dropna()
-        lost = other.loc[other["status"].isin(REJECTED), "light_distance"]
+        lost = other.loc[other["status"].isin(style.LOST), "light_distance"]
         frames = f"{document.span(ratios)} times the frame" if len(ratios) else "no frame in time"
         refused = f", or it is rejected (from {short(lost.min())} radii on)" if len(lost) else ""
         text.append(f"the number format {precision} costs {frames}{refused}")
     return f"{title}: {'; '.join(text) or 'too little was measured to tell work from number format'}."
 
 
-def titled(wide: pd.DataFrame) -> pd.DataFrame:
-    """The index, rectangle and axes first, as columns of text."""
-    plain = wide.rename_axis(columns=None).reset_index().rename(columns={"clamp": "rectangle"})
-    return plain.assign(rectangle=plain["rectangle"].map(CLAMP_TITLES))
-
-
-def line(axes: Any, own: pd.DataFrame, key: str, label: str, **look: Any) -> None:
-    """A line through what was measured, and a mark at the panel's upper edge for each point that was not."""
-    done = document.measured(own)
-    axes.plot(done["light_distance"], done[key], alpha=0.9, label=label, **look)
-    for status, lost in own[own["status"].isin(REJECTED)].groupby("status"):
-        axes.plot(lost["light_distance"], [0.95] * len(lost), REJECTED[status], color=look["color"], ms=6, mew=1.6, ls="",
-                  transform=axes.get_xaxis_transform(), clip_on=False,
-                  label=f"{status} ({lost['precision'].iloc[0]})")  # fmt: skip
-
-
-DISTANCE = "distance of the light from the middle, scene radii; "
+DISTANCE = "distance of the light from the middle, scene radii"
 
 
 def distance_picture(own: pd.DataFrame, path: Path) -> Path:
-    """Panels: rectangles down, axes across; lines: r, and number formats. Both scales logarithmic and shared."""
-    values = sorted(own.loc[own["precision"] == PRECISE, "r"].unique())
+    """Panels: rectangles and axes; lines: r, and number formats. Both scales logarithmic and shared."""
+    exact = own["precision"] == PRECISE
+    r = "r = " + own["r"].astype(str)
+    balancing = r.where(own["r"] != int(UNBALANCED), r + " (no balancing)")
+    rows = own.assign(
+        line=balancing.where(exact, own["precision"] + ", " + r), panel=own["rectangle"] + ",\n" + own["axes"]
+    )
+    drawn = panels.looks(rows[exact].sort_values("r"), "line")
+    drawn |= {
+        name: LOOKS[precision]
+        for name, precision in zip(rows["line"], own["precision"], strict=True)
+        if precision in LOOKS
+    }
+    rows = rows.sort_values("precision", key=lambda c: c != PRECISE, kind="stable")  # formats lie on top
     size = (style.COLUMN_WIDTH, 1.55 * len(CLAMPS) + 1.2)
-    with panels.sheet(path, size, len(CLAMPS), len(AXES), sharex=True, sharey=True) as (figure, grid):
-        for place, axes in zip(itertools.product(CLAMPS, AXES.values()), grid.ravel(), strict=True):
-            here = own[(own["clamp"] == place[0]) & (own["axes"] == place[1])]
-            exact = here[here["precision"] == PRECISE]
-            for i, r in enumerate(values):
-                label = f"r = {r}{' (no balancing)' if r == int(UNBALANCED) else ''}"
-                look = {"color": style.COLOURS[i], "marker": style.MARKERS[i]}
-                line(axes, exact[exact["r"] == r], "traversal_ms", label, **look)
-            for precision, look in LOOKS.items():
-                rows = here[here["precision"] == precision]
-                if len(rows):
-                    line(axes, rows, "traversal_ms", f"{precision}, r = {rows['r'].iloc[0]}", **look)
-            axes.set_title(f"{CLAMP_TITLES[place[0]]},\n{place[1]}", fontsize=6.5)
+    with panels.lines(path, rows, "light_distance", "traversal_ms", size, hue="line", facet="panel", across=2,
+                      whisker="traversal_spread", drawn=drawn, sharex=True, sharey=True) as (figure, places):  # fmt: skip
+        for axes, _ in places:
             axes.set(xscale="log", yscale="log", ymargin=0.14)
-        figure.supxlabel(DISTANCE + own["title"].iloc[0], fontsize=6.5)
+        panels.caption(figure, DISTANCE, own["title"].iloc[0])
         figure.supylabel("shadow traversal, ms", fontsize=7)
     return path
 
@@ -261,50 +246,54 @@ def distance_picture(own: pd.DataFrame, path: Path) -> Path:
 def tiles_picture(own: pd.DataFrame, path: Path) -> Path:
     """A panel a rectangle: tiles of the light's grid that hold shadow rays against distance, the same for every r."""
     one = own.sort_values("r", kind="stable").drop_duplicates([*PANEL, "precision", "light_distance"])
-    one = one.sort_values("light_distance", kind="stable")
-    size = (style.COLUMN_WIDTH, 2.4)
-    with panels.sheet(path, size, 1, len(CLAMPS), sharex=True, sharey=True) as (figure, grid):
-        for clamp, axes in zip(CLAMPS, grid[0], strict=True):
-            here = one[one["clamp"] == clamp]
-            for (name, precision), rows in here.groupby(["axes", "precision"], sort=False):
-                i = (PRECISE, *FORMATS).index(precision)
-                hollow = {"mfc": "none", "ms": 6.0} if precision == CENTRED else {}
-                line(axes, rows, "tiles_with_rays", f"{name}, {precision}", color=style.COLOURS[i],
-                     marker=style.MARKERS[i], ls="-" if name == AXES[True] else "--", **hollow)  # fmt: skip
-            axes.set_title(CLAMP_TITLES[clamp], fontsize=6.5)
+    one = one.sort_values("light_distance", kind="stable").assign(line=one["axes"] + ", " + one["precision"])
+    drawn: dict[str, dict[str, Any]] = {}
+    for name, axes, precision in one[["line", "axes", "precision"]].drop_duplicates().itertuples(index=False):
+        i = (PRECISE, *FORMATS).index(precision)
+        drawn[name] = {
+            "color": style.COLOURS[i],
+            "marker": style.MARKERS[i],
+            "ls": "-" if axes == AXES[True] else "--",
+        }
+        drawn[name] |= {"mfc": "none", "ms": 6.0} if precision == CENTRED else {}
+    size, across = (style.COLUMN_WIDTH, 2.4), one["rectangle"].nunique()
+    with panels.lines(path, one, "light_distance", "tiles_with_rays", size, hue="line", facet="rectangle", across=across,
+                      drawn=drawn, sharex=True, sharey=True) as (figure, places):  # fmt: skip
+        for axes, _ in places:
             axes.set(xscale="log", yscale="log", ymargin=0.14)
-        figure.supxlabel(DISTANCE + own["title"].iloc[0], fontsize=6.5)
+        panels.caption(figure, DISTANCE, own["title"].iloc[0])
         figure.supylabel("tiles that hold rays", fontsize=7)
     return path
 
 
-def threshold_picture(done: pd.DataFrame, path: Path) -> Path:
+def threshold_picture(exact: pd.DataFrame, path: Path) -> Path:
     """Time, C_total and lane fill against r, lines: distances; columns: the two extremes of the panels above."""
-    exact = done[done["precision"] == PRECISE]
-    several = exact.groupby("light_distance")["r"].nunique() > 1
-    distances = sorted(several.index[several] if several.any() else several.index)
-    columns = [(CLAMPS[0], AXES[False]), (CLAMPS[-1], AXES[True])]
+    several = exact.groupby("light_distance")["r"].transform("nunique") > 1
+    exact = exact[several] if several.any() else exact
     measures = {"traversal_ms": "shadow traversal, ms", "chunks": "blocks, C_total", "lane_fill": "lane fill"}
+    extremes = [(CLAMP_TITLES[CLAMPS[0]], AXES[False]), (CLAMP_TITLES[CLAMPS[-1]], AXES[True])]
+    own = exact[exact[PANEL].apply(tuple, axis=1).isin(extremes)].sort_values(["r", "light_distance"])
+    own = own.assign(
+        distance=own["light_distance"].map(lambda x: f"{short(x)} radi{'us' if x == 1 else 'i'}")
+    )
+    rows = own.melt([*PANEL, "distance", "r", "status"], list(measures), "measure")
+    rows = rows.dropna(subset="value").assign(panel=rows["rectangle"] + ", " + rows["axes"])
     ticks: list[int] = []
     for r in sorted(map(int, exact["r"].unique())):  # labels that do not touch
         ticks += [r] * (not ticks or r >= 4 * ticks[-1])
-    size = (style.COLUMN_WIDTH, 4.3)
-    with panels.sheet(path, size, 3, 2, legend=3, sharex=True, sharey="row") as (figure, grid):
-        for axes, ((key, title), (clamp, name)) in zip(
-            grid.ravel(), itertools.product(measures.items(), columns), strict=True
-        ):
-            here = exact[(exact["clamp"] == clamp) & (exact["axes"] == name)].sort_values("r")
-            for place, distance in enumerate(distances):
-                rows = here[(here["light_distance"] == distance) & here[key].notna()]
-                axes.plot(rows["r"], rows[key], color=style.COLOURS[place % 8], marker=style.MARKERS[place % 8],
-                          label=f"{short(distance)} radi{'us' if distance == 1 else 'i'}", alpha=0.9)  # fmt: skip
+    size, across = (style.COLUMN_WIDTH, 4.3), max(1, rows["panel"].nunique())
+    with panels.lines(path, rows, "r", "value", size, hue="distance", facet=["measure", "panel"], across=across, legend=3,
+                      drawn=panels.looks(own.sort_values("light_distance"), "distance"), sharex=True,
+                      sharey="row") as (figure, places):  # fmt: skip
+        for place, (axes, here) in enumerate(places):
+            measure, panel = here[["measure", "panel"]].iloc[0]
             axes.set_xscale("log", base=2)
             axes.set_xticks(ticks, ticks)
             axes.minorticks_off()
-            axes.set(**{"ylim": (0, 1.02)} if key == "lane_fill" else {"yscale": "log"})
-            axes.set_ylabel(title if (clamp, name) == columns[0] else "")
-            axes.set_title(f"{CLAMP_TITLES[clamp]}, {name}" * (key == "traversal_ms"), fontsize=6.5)
-        figure.supxlabel(f"r, rays a block at most; {exact['title'].iloc[0]}", fontsize=7)
+            axes.set(**{"ylim": (0, 1.02)} if measure == "lane_fill" else {"yscale": "log"})
+            axes.set_ylabel("" if place % across else measures[measure])
+            axes.set_title(panel if place < across else "", fontsize=6.5)
+        panels.caption(figure, "r, rays a block at most", exact["title"].iloc[0])
     return path
 
 

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from PIL import Image, ImageDraw
 
-from ..harness.report import compare, document, gallery, style
+from ..harness.report import compare, document, gallery
 from ..harness.report.picture import opened, save_png
 from ..harness.results.folder import image_name
+from ..harness.results.table import samples
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
 from ._paper import METHOD
@@ -39,16 +40,23 @@ METHODS = (Entry(METHOD),)
 COLUMNS = [
     *document.COMMON, "spot", "spot_angle", "spot_rise", "spot_falloff", "hit_pixels", "shadow_rays", "shadow_ray_share",
 ]  # fmt: skip
+HEADINGS = {
+    "scene": ("title", "{}"), "light": ("light", "{}"), "hit points": ("hit_pixels", "{:,.0f}"),
+    "with a shadow ray": ("shadow_rays", "{:,.0f}"), "share": ("shadow_ray_share", "{:.0%}"),
+    "light grid, ms": ("light_build_text", "{}"), "shadow rays, ms": ("shadow_text", "{}"),
+}  # fmt: skip
 PANEL, GAP, LINE = 330, 8, 22
 """Pixels across one of the pictures side by side, between them, and down a line of text: two across fill a column."""
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """The scene without and with each spot, and what the spot saves."""
-    import pandas as pd
-
     frames = document.frames(folder)
     table = document.named(frames)
+    known = table.columns.union(
+        [f"light.{name}" for name in ("target", "angle", "rise", "falloff")], sort=False
+    )
+    table = table.reindex(columns=known)
     spot = table["light.target"].notna()
     table["spot"] = table["light.rise"].isna().map({True: "cone", False: "rectangle"}).where(spot)
     for name in ("angle", "rise", "falloff"):
@@ -60,31 +68,26 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     table["shadow_rays"] = counted_rays(table)
     table["hit_pixels"] = table["key"].map(counted_rays(plain))
     table["shadow_ray_share"] = table["shadow_rays"] / table["hit_pixels"]
-    for name in ("light_build_ms", "shadow_ms"):
-        table[f"{name}_over_plain"] = table["key"].map(own[name] / plain[name])
+    repeats = samples(folder)
+    for part, name in (("light build", "light_build"), ("shadow", "shadow")):
+        table[f"{name}_over_plain"] = table["key"].map(own[f"{name}_ms"] / plain[f"{name}_ms"])
+        spread = table["key"].map(compare.pass_spread(repeats, part))
+        table[f"{name}_text"] = document.carry(table[f"{name}_ms"], spread)
     files = [document.write_csv(table, folder / "figure6.csv", COLUMNS)]
-    for name, own in table.groupby("file", sort=False):
-        files += contact_sheet(own, folder, folder / f"figure6-{name}.png")
+    for name, rows in table.groupby("file", sort=False):
+        files += contact_sheet(rows, folder, folder / f"figure6-{name}.png")
     done = document.measured(table)
-    shown = pd.DataFrame({"scene": done["title"], "light": done["light"]})
-    for name, column, form in (
-        ("hit points", "hit_pixels", "{:,.0f}".format), ("with a shadow ray", "shadow_rays", "{:,.0f}".format),
-        ("share", "shadow_ray_share", "{:.0%}".format), ("light grid, ms", "light_build_ms", style.number),
-        ("shadow rays, ms", "shadow_ms", style.number),
-    ):  # fmt: skip
-        shown[name] = done[column].map(form, na_action="ignore")
-    spot = done[done["spot"].notna() & done["shadow_ray_share"].notna()]
+    spots = done[done["spot"].notna() & done["shadow_ray_share"].notna()]
     finding = "No spot was measured beside the light that shines everywhere."
-    if len(spot):
-        grids, rays = spot["light_build_ms_over_plain"], spot["shadow_ms_over_plain"]
+    if len(spots):
+        share = document.span(spots["shadow_ray_share"], "{:.0%}".format)
+        grids, rays = (document.span(spots[f"{name}_over_plain"]) for name in ("light_build", "shadow"))
         finding = (
-            f"Spots leave {document.span(spot['shadow_ray_share'], '{:.0%}'.format)} of the hit points a shadow ray; light "
-            f"grids take {document.span(grids)} times and shadow rays {document.span(rays)} times as long as with the light "
-            "everywhere (the paper has no times)."
+            f"Spots leave {share} of the hit points a shadow ray; light grids take {grids} times and shadow rays {rays} "
+            "times as long as with the light everywhere (the paper has no times)."
         )
-    return document.write(
-        folder, "figure6", EXPERIMENT.title, finding, {"Lights": shown}, files, table, quiet
-    )
+    tables = {"Lights": document.texts(done, HEADINGS)}
+    return document.write(folder, "figure6", EXPERIMENT.title, finding, tables, files, table, quiet)
 
 
 def counted_rays(table: pd.DataFrame) -> pd.Series:
@@ -94,28 +97,29 @@ def counted_rays(table: pd.DataFrame) -> pd.Series:
 
 def spot_text(r: Any) -> str:
     """A row's light in a few words, such as "cone of 6 degrees"; angles are from side to side."""
-    import pandas as pd
-
-    if pd.isna(r.spot):
+    if not isinstance(r.spot, str):
         return "everywhere"
-    size = f"{2 * r.spot_angle:g}" + ("" if pd.isna(r.spot_rise) else f" x {2 * r.spot_rise:g}")
+    rise = "" if np.isnan(r.spot_rise) else f" x {2 * r.spot_rise:g}"
     edge = np.cos(np.radians(r.spot_angle)) ** r.spot_falloff
-    return f"{r.spot} of {size} degrees{f', falling off to {edge:.0%}' * bool(r.spot_falloff)}"
+    falls = f", falling off to {edge:.0%}" * bool(r.spot_falloff)
+    return f"{r.spot} of {2 * r.spot_angle:g}{rise} degrees{falls}"
 
 
 def contact_sheet(own: pd.DataFrame, folder: Path, path: Path) -> list[Path]:
     """The pictures of a scene under each light, two a row, a line under each that says which light; the scene below."""
-    import pandas as pd
-
     made = []
     for r in own.drop_duplicates("light_label").itertuples():
         kept = opened(folder / "images" / image_name(r.scene, r.light_label, r.width, r.height))
         if kept is not None:
-            spot = pd.notna(r.spot) and r.shadow_ray_share >= 0
-            held = f"; shadow rays: {r.shadow_ray_share:.0%}" if spot else ""
+            held = (
+                f"; shadow rays: {r.shadow_ray_share:.0%}"
+                if isinstance(r.spot, str) and r.shadow_ray_share >= 0
+                else ""
+            )
             whole = kept.convert("RGB")  # below the picture itself stands its own caption
-            high = min(whole.height, round(whole.width * r.height / r.width))
-            picture = whole.crop((0, 0, whole.width, high))
+            picture = whole.crop(
+                (0, 0, whole.width, min(whole.height, round(whole.width * r.height / r.width)))
+            )
             made.append(captioned(picture, r.light[:1].upper() + r.light[1:] + held))
     if not made:
         return []

@@ -39,127 +39,104 @@ METHODS = (
 
 
 COLUMNS = [*document.COMMON, "times_slower", "low", "high", "memory_bytes", "built"]
-KINDS = {"rebuilds": [entry.label for entry in REBUILD], "refits": [entry.label for entry in REFIT]}
+KINDS = {
+    **dict.fromkeys([entry.label for entry in REBUILD], "rebuilds"),
+    **dict.fromkeys([entry.label for entry in REFIT], "refits"),
+}
+"""What a peer does with its tree in each frame, by label."""
+CUT = 4.0
+"""So many times the median of its panel a bar is cut off: a much slower method would leave the others no room."""
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Ratios to the fastest peer of each kind, with the rounds' range; bars by part of the frame; the floor; CSV."""
-    import pandas as pd
-
     frames = document.frames(folder)
     table, ours = document.named(frames), frames["label"] == OURS
-    table = table.join(compare.ratios(frames, ours).drop(columns=["spread", "frames"]), on="key")
-    table = table.rename(columns={"ratio": "times_slower"})
+    found = compare.ratios(frames, ours).drop(columns=["spread", "frames"])
+    table = table.join(found, on="key").rename(columns={"ratio": "times_slower"})
     files = [document.write_csv(table, folder / "frame_time.csv", COLUMNS)]
-    done, stages = document.measured(table), roofline.stages(frames[ours], ray_grids)
+    stages = roofline.stages(frames[ours], ray_grids)
     floors = roofline.of_frames(stages)
+    table = table.join(floors, on=roofline.SCENE).assign(kind=table["label"].map(KINDS))
     if len(stages):
         files.append(document.write_csv(stages, folder / "frame_time-stages.csv", roofline.COLUMNS))
+    done = document.measured(table)
     if OURS in set(done["label"]):
-        files.append(picture(done, floors, folder / "frame_time.svg"))
-    own = done[done["label"] == OURS].set_index("scene")
-    peers = pd.concat([fastest(done, kind) for kind in KINDS])
-    tables = {
-        f"Frame time of the fastest peer over that of {OURS}, and its range over the rounds": against(
-            own, peers, floors
-        )
-    }
+        files.append(picture(done, folder / "frame_time.svg"))
+    own, peers = done[done["label"] == OURS], fastest(done)
+    heading = f"Frame time of the fastest peer over that of {OURS}, and its range over the rounds"
     notes = ["Floor: bytes over bandwidth or ray-triangle tests over rate, and launches. Farthest from theirs, mean of the "
              f"scenes: {farthest(stages, floors)}."] if len(floors) else []  # fmt: skip
+    told = [finding(rows, peers[peers["pixels"] == size], own["pixels"].nunique() > 1)
+            for size, rows in own.groupby("pixels")]  # fmt: skip
     return document.write(
-        folder, "frame_time", EXPERIMENT.title, finding(own, peers), tables, files, table, quiet, notes
-    )
+        folder, "frame_time", EXPERIMENT.title, " ".join(told) or f"{OURS} was not measured.",
+        {heading: against(own, peers)}, files, table, quiet, notes,
+    )  # fmt: skip
 
 
-def fastest(done: pd.DataFrame, kind: str) -> pd.DataFrame:
-    """The fastest peer of a kind on each scene, over the frames that it has in common with ours."""
-    peers = done[done["label"].isin(KINDS[kind]) & done["times_slower"].notna()]
-    return peers.loc[peers.groupby("scene", sort=False)["times_slower"].idxmin()].assign(kind=kind)
+def fastest(done: pd.DataFrame) -> pd.DataFrame:
+    """The fastest peer of each kind on each scene and size, over the frames that it has in common with ours."""
+    peers = done[done["kind"].notna() & done["times_slower"].notna()]
+    return peers.loc[peers.groupby(["kind", "title"], sort=False)["times_slower"].idxmin()]
 
 
-def finding(own: pd.DataFrame, peers: pd.DataFrame) -> str:
-    """Our times, and how many times slower the fastest peer of each kind is."""
-    if own.empty:
-        return f"{OURS} was not measured."
-    text = f"A frame of {OURS}, everything rebuilt, takes {document.span(own['total_ms'])} ms"
+def finding(own: pd.DataFrame, peers: pd.DataFrame, several: bool) -> str:
+    """At one image size, named where there are ``several``: our times, and how much slower the fastest peers are."""
+    size = f"At {own['width'].iloc[0]}x{own['height'].iloc[0]}, a" if several else "A"
+    text = f"{size} frame of {OURS}, everything rebuilt, takes {document.span(own['total_ms'])} ms"
     for kind, ratio in peers.groupby("kind", sort=False)["times_slower"]:
         text += f"; the fastest peer that {kind} its tree {document.span(ratio, '{:.2f}'.format)} times that"
         text += f" (geometric mean {compare.geometric(ratio):.2f})"
     return text + "."
 
 
-def against(own: pd.DataFrame, peers: pd.DataFrame, floors: pd.Series) -> pd.DataFrame:
+def against(own: pd.DataFrame, peers: pd.DataFrame) -> pd.DataFrame:
     """A row a scene: our time, the fastest peer of each kind and its ratio with the range, and our time over the floor."""
-    import pandas as pd
-
-    made = pd.DataFrame({"scene": own["title"], f"{OURS}, ms": own["total_ms"].map(style.number)})
-    for kind, best in peers.groupby("kind", sort=False):
-        made[f"fastest that {kind}"] = pd.Series(
-            {
-                r.scene: f"{r.times_slower:.2f} ({r.low:.2f} to {r.high:.2f}; {r.label})"
-                for r in best.itertuples()
-            }
-        )
-    if len(floors):
-        made["floor, ms"] = floors.map("{:.3f}".format)
-        made["times the floor"] = (own["total_ms"] / floors).map("{:.1f}".format)
+    made = own[["title"]].set_axis(["scene"], axis=1)
+    made[f"{OURS}, ms"] = document.carry(own["total_ms"], own["spread"])
+    texts = [f"{r.times_slower:.2f} ({r.low:.2f} to {r.high:.2f}; {r.label})" for r in peers.itertuples()]
+    best = document.cross_table(
+        peers.assign(text=texts, heading="fastest that " + peers["kind"]), ["title"], "heading", "text"
+    )
+    made = made.merge(best.rename(columns={"title": "scene"}), how="left", on="scene")
+    floor = own["frame_floor_ms"].to_numpy()
+    if own["frame_floor_ms"].notna().any():
+        made["floor, ms"] = [f"{ms:.3f}" if ms == ms else None for ms in floor]
+        made["times the floor"] = [f"{ms:.1f}" if ms == ms else None for ms in own["total_ms"] / floor]
     return made
 
 
 def farthest(stages: pd.DataFrame, floors: pd.Series) -> str:
     """The three stages that lose most milliseconds to their floors, mean of the scenes with a floor."""
-    known = stages[stages["scene"].isin(floors.index)]
+    known = stages.join(floors, on=roofline.SCENE, how="inner")
     lost = (known["ms"] - known["floor_ms"]).groupby(known["stage"]).sum() / max(1, len(floors))
     return ", ".join(f"{stage} by {ms:.3f} ms" for stage, ms in lost.nlargest(3).items())
 
 
-def picture(done: pd.DataFrame, floors: pd.Series, path: Path) -> Path:
-    """A panel a scene, stacked bars by part of the frame: beside each its time, its time over ours, and wrong answers."""
+def picture(done: pd.DataFrame, path: Path) -> Path:
+    """A panel a scene and size, stacked bars by part of the frame: beside each its time, its time over ours, and wrong
+    answers.
+    """
     labels = [OURS, *(label for label in done["label"].unique() if label != OURS)]
-    tints = style.colours(labels)
-    scenes = list(done.groupby("scene", sort=False))
-    across = 1 if len(scenes) <= 3 else 2
-    down = -(-len(scenes) // across)
-    size = (
-        style.COLUMN_WIDTH * (0.35 + 0.65 * across),
-        (0.125 * len(labels) + 0.28) * down + 0.75 + 0.12 * (across == 1),
+    rows = done.assign(text=[beside(row) for row in done.to_dict("records")])
+    places = {title: i for i, title in enumerate(rows["title"].unique())}
+    rows = rows.sort_values(
+        ["title", "label"], key=lambda c: c.map(places if c.name == "title" else labels.index)
     )
-    with panels.sheet(path, size, down, across, legend=5 if across == 2 else 3, grid="x") as (figure, grid):
-        panels.name_parts(grid[0, 0])
-        cut, named = False, list[str]()
-        for place, (scene, own) in enumerate(scenes):
-            axes = grid.flat[place]
-            own = own.sort_values("label", key=lambda column: column.map(labels.index))
-            # A method many times slower than the rest would leave them no room: its bar is cut and says its time.
-            limit = 4.0 * own["total_ms"].median()
-            cut |= bool((own["total_ms"] > limit).any())
-            texts = [beside(row) for row in own.to_dict("records")]
-            panels.bars(
-                axes, own, [panels.part_tints(tints[x]) for x in own["label"]], texts, limit, size=5.5
-            )
-            if scene in floors and own["label"].iloc[0] == OURS:
-                axes.plot(
-                    floors[scene], -0.42, "v", color="black", ms=3.5, label=f"floor of {OURS}", clip_on=False
-                )
-            shown = list(own["label"])
-            axes.set_yticks(
-                range(len(own)), shown if place % across == 0 or shown != named else [""] * len(own)
-            )
-            named = shown
-            axes.set_xlim(0, 1.5 * min(limit, own["total_ms"].max()))
-            axes.set_title(own["title"].iloc[0], loc="left", fontsize=7)
-        for axes in grid.flat[len(scenes) :]:
-            axes.set_axis_off()
-        wrong = (
-            f"{style.WRONG} n: n wrong pixels and visibility bits" if done["true_errors"].gt(0).any() else ""
-        )
-        said = [
-            f"ms per frame; 2.0x: twice the time of {OURS}",
-            "black tick: the whole frame",
-            wrong,
-            "//: cut off" * cut,
-        ]
-        figure.supxlabel("; ".join(said[:2]) + "\n" + "; ".join(filter(None, said[2:])), fontsize=7)
+    across = 1 if len(places) <= 3 else 2
+    down = -(-len(places) // across)
+    size = (style.COLUMN_WIDTH * (0.35 + 0.65 * across), (0.125 * len(labels) + 0.28) * down + 1.0)
+    tints = {method: panels.part_tints(style.look(method)["color"]) for method in rows["method"]}
+    with panels.bar_panels(path, rows, size, facet="title", across=across, tints=tints, cut=CUT, room=1.5, font=5.5,
+                           legend=3 * across) as (figure, cells):  # fmt: skip
+        panels.name_parts(cells[0][0])
+        for axes, own in cells:
+            floor = own["frame_floor_ms"].iloc[0]
+            if own["label"].iloc[0] == OURS and floor == floor:
+                axes.plot(floor, -0.42, "v", color="black", ms=3.5, label=f"floor of {OURS}", clip_on=False)
+        wrong = f"{style.WRONG} n: n wrong pixels and visibility bits" * bool((done["true_errors"] > 0).any())
+        panels.caption(figure, panels.WHOLE, f"2.0x: twice the time of {OURS}", wrong)
     return path
 
 

@@ -9,11 +9,15 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from ..harness.report import document, panels, style
-from ..harness.results.table import stage_ms
+from ..harness.report import compare, document, panels, style
+from ..harness.results.table import samples, stage_ms
 from ..harness.runner.experiment import Experiment, Preset
 from ._sorting import SORT, measure
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 BITS = (8, 12, 16, 18, 20, 24, 32)
 HERE = 18
@@ -29,36 +33,39 @@ COLUMNS = [*document.COMMON, "pairs", "bits", "sort_ms", "copy_ms", "ns_a_pair"]
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Time against bits, CSV, and what 18 bits save against 32."""
-    table = document.read(folder)
+    frames = document.frames(folder)
+    table = document.named(frames)
     table["bits"], table["pairs"] = table["point.bits"].astype(int), table["point.pairs"].astype(int)
     table["sort_ms"], table["copy_ms"] = stage_ms(table, "build", SORT), stage_ms(table, "build", "copy")
     table["ns_a_pair"] = 1e6 * table["sort_ms"] / table["pairs"]
+    spread = table["key"].map(compare.pass_spread(samples(folder), "build", SORT))
+    table["text"] = document.carry(table["sort_ms"], spread)
+    table["heading"] = table["bits"].astype(str) + " bits"
+    table["count"] = table["pairs"].map("{:,}".format)
+    table["line"] = table["count"] + " pairs"
+    table["ns_spread"] = 1e6 * spread / table["pairs"]
     table = table.sort_values(["pairs", "bits"])
     files = [document.write_csv(table, folder / "key_bits.csv", COLUMNS)]
-    done = document.measured(table)
-    times = done.pivot(index="pairs", columns="bits", values="sort_ms")
-    finding = f"No sort with keys of {HERE} and of {max(BITS)} bits was measured."
-    if {HERE, max(BITS)} <= set(times):
-        shares = (times[HERE] / times[max(BITS)]).dropna()
-        told = " and ".join(
-            f"{share:.2f} of the time of {max(BITS)} at {n:,} pairs" for n, share in shares.items()
-        )
-        finding = f"Keys of {HERE} bits, the paper's, are sorted in {told}; the paper sorts fast because its keys are short."
-    if len(done):
-        with panels.sheet(folder / "key_bits.svg", (style.COLUMN_WIDTH, 2.2)) as (_, grid):
-            axes = grid[0, 0]
-            for i, (pairs, line) in enumerate(done.groupby("pairs")):
-                axes.plot(line["bits"], line["ns_a_pair"], color=style.COLOURS[i % 8], marker=style.MARKERS[i % 8],
-                          label=f"{pairs:,} pairs")  # fmt: skip
-            axes.axvline(HERE, color="0.4", lw=0.8, ls=":", label=f"the paper's {HERE} bits")
-            axes.set(
-                xticks=times.columns, xlabel="bits of the key", ylabel="sort, ns per pair", ylim=(0, None)
-            )
-        files.append(folder / "key_bits.svg")
-    shown = times.map(style.number).rename(columns="{} bits".format, index="{:,}".format).reset_index()
-    return document.write(
-        folder, "key_bits", EXPERIMENT.title, finding, {"Milliseconds of a sort": shown}, files, table, quiet
-    )
+    with panels.lines(folder / "key_bits.svg", table, "bits", "ns_a_pair", (style.COLUMN_WIDTH, 2.2), hue="line",
+                      whisker="ns_spread") as (_, [(axes, _)]):  # fmt: skip
+        axes.axvline(HERE, color="0.4", lw=0.8, ls=":", label=f"the paper's {HERE} bits")
+        axes.set(xticks=table["bits"].unique(), xlabel="bits of the key", ylabel="sort, ns per pair")
+        axes.set_ylim(bottom=0)
+    files.append(folder / "key_bits.svg")
+    tables = {"Milliseconds of a sort": document.cross_table(table, {"count": "pairs"}, "heading", "text")}
+    return document.write(folder, "key_bits", EXPERIMENT.title, finding(frames), tables, files, table, quiet)
+
+
+def finding(frames: pd.DataFrame) -> str:
+    """What the paper's bits save against the most, at each number of pairs."""
+    bits, most = frames["point.bits"].astype(int), max(BITS)
+    own, base = compare.pairs(frames, bits == most)
+    share = stage_ms(own, "build", SORT) / stage_ms(base, "build", SORT)
+    share = share.set_axis(own["point.pairs"])[(own["point.bits"] == HERE).to_numpy()].dropna().sort_index()
+    if share.empty:
+        return f"No sort with keys of {HERE} and of {most} bits was measured."
+    told = " and ".join(f"{x:.2f} of the time of {most} at {n:,.0f} pairs" for n, x in share.items())
+    return f"Keys of {HERE} bits, the paper's, are sorted in {told}; the paper sorts fast because its keys are short."
 
 
 EXPERIMENT = Experiment(

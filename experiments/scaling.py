@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import compress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -60,17 +59,8 @@ class Growth:
     first: float
     last: float
 
-
-def along(done: pd.DataFrame, sweep: str) -> pd.DataFrame:
-    """The points that differ in nothing but what is swept, in its order.
-
-    The sweeps cross in one point; along each, more values of its own column are found there than elsewhere.
-    """
-    others = [column for column in SWEEPS if column != sweep]
-    if done.empty:
-        return done
-    most = done.groupby(others, sort=False)[sweep].nunique().idxmax()
-    return done[(done[others] == list(most)).all(axis=1)].sort_values(sweep, kind="stable")
+    def __str__(self) -> str:
+        return f"{self.exponent:.2f}" + ("" if self.half is None else f" ± {self.half:.2f}")
 
 
 def growth(x: Sequence[float], ms: Sequence[float]) -> Growth | None:
@@ -86,22 +76,38 @@ def growth(x: Sequence[float], ms: Sequence[float]) -> Growth | None:
     return Growth(float(found.slope), half, float(x[-len(u)]), float(x[-1]))
 
 
+def along(table: pd.DataFrame, sweep: str) -> pd.DataFrame:
+    """The points that differ in nothing but what is swept, in its order; none where no label has several times.
+
+    The sweeps cross in one point; along each, more values of its own column are found there than elsewhere.
+    """
+    others = [column for column in SWEEPS if column != sweep]
+    most = table.groupby(others, sort=False)[sweep].nunique().idxmax()
+    line = table[(table[others] == list(most)).all(axis=1)].sort_values(sweep, kind="stable")
+    return line if document.measured(line).duplicated("label").any() else line[:0]
+
+
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Three drawings side by side, growth exponents with intervals, CSV."""
     table = document.read(folder)
+    table = table.sort_values("label", key=lambda labels: labels != OURS, kind="stable")
+    table["ms"] = document.carry(table["total_ms"], table["spread"])
     done = document.measured(table)
-    lines = {sweep: along(done, sweep) for sweep in SWEEPS}
-    on = [table["key"].isin(line["key"]) if len(done) else table["key"] == "" for line in lines.values()]
-    table["sweep"] = [" ".join(compress(SWEEPS, flags)) for flags in zip(*on, strict=True)]
-    files = [document.write_csv(table, folder / "scaling.csv", COLUMNS)]
-    drawn = [sweep for sweep in SWEEPS if lines[sweep].duplicated("label").any()]
+    lines = {sweep: along(table, sweep) for sweep in SWEEPS}
+    table["sweep"] = [
+        " ".join(sweep for sweep in SWEEPS if key in set(lines[sweep]["key"])) for key in table["key"]
+    ]
+    files = [document.write_csv(table.sort_index(), folder / "scaling.csv", COLUMNS)]
     titles = done.sort_values("triangles")["scene_title"].unique()
     scenes = ", ".join(titles) if len(titles) <= 3 else f"{titles[0]} to {titles[-1]}"
-    if len(done):
-        files.append(picture({s: lines[s] for s in drawn or SWEEPS[:1]}, scenes, folder / "scaling.svg"))
-    tables = {f"Against {sweep}": exponents(lines[sweep], sweep) for sweep in drawn}
-    notes = [f"Scenes: {scenes}. {PROPORTION[:1].upper()}{PROPORTION[1:]}."] * bool(len(done))
-    notes += [f"Not measured: time against {sweep}." for sweep in SWEEPS if len(done) and sweep not in drawn]
+    missing = [sweep for sweep in SWEEPS if lines[sweep].empty]
+    absent = f"; against {' and '.join(missing)}: not measured" * bool(missing)
+    if len(missing) < len(SWEEPS):
+        files.append(picture(lines, scenes + absent, folder / "scaling.svg"))
+    notes = [f"Scenes: {scenes}. {PROPORTION.capitalize()}."] * bool(len(done))
+    notes += [f"Not measured: time against {sweep}." for sweep in missing if len(done)]
+    lines = {sweep: document.measured(line) for sweep, line in lines.items()}
+    tables = {f"Against {sweep}": exponents(line, sweep) for sweep, line in lines.items()}
     return document.write(
         folder, "scaling", EXPERIMENT.title, finding(lines), tables, files, table, quiet, notes
     )
@@ -112,20 +118,18 @@ def exponents(line: pd.DataFrame, sweep: str) -> pd.DataFrame:
     import pandas as pd
 
     rows = []
-    for label, own in sorted(line.groupby("label", sort=False), key=lambda item: item[0] != OURS):
+    for label, own in line.groupby("label", sort=False):
         x, ms = own[sweep].tolist(), own["total_ms"].tolist()
         row = {
             "method": label,
-            f"{short(x[0])} {sweep}, ms": style.number(ms[0]),
-            f"{short(x[-1])}, ms": style.number(ms[-1]),
+            f"{short(x[0])} {sweep}, ms": own["ms"].iloc[0],
+            f"{short(x[-1])}, ms": own["ms"].iloc[-1],
         }
-        found = growth(x, ms)
         if sweep == "lights":
             slope = float(np.polyfit(x, ms, 1)[0])
             row |= {"a further light, ms": style.number(slope), "of the first frame": f"{slope / ms[0]:.0%}"}
-        elif found is not None:
-            row["exponent"] = f"{found.exponent:.2f}" + ("" if found.half is None else f" ± {found.half:.2f}")
-            row["from"] = short(found.first)
+        elif found := growth(x, ms):
+            row |= {"exponent": str(found), "from": short(found.first)}
         rows.append(row)
     return pd.DataFrame(rows)
 
@@ -135,10 +139,8 @@ def finding(lines: dict[str, pd.DataFrame]) -> str:
     told = []
     for sweep in SWEEPS[:2]:
         own = lines[sweep][lines[sweep]["label"] == OURS]
-        found = growth(own[sweep].tolist(), own["total_ms"].tolist())
-        if found:
-            half = "" if found.half is None else f" ± {found.half:.2f}"
-            told.append(f"{sweep} to the power of {found.exponent:.2f}{half} (from {short(found.first)})")
+        if found := growth(own[sweep].tolist(), own["total_ms"].tolist()):
+            told.append(f"{sweep} to the power of {found} (from {short(found.first)})")
     return (
         f"The frame time of {OURS} grows with {' and with '.join(told)}."
         if told
@@ -154,37 +156,33 @@ def short(value: float) -> str:
     return f"{value:g}"
 
 
-def picture(lines: dict[str, pd.DataFrame], scenes: str, path: Path) -> Path:
-    """A panel a sweep on logarithmic axes, one that was not measured said to be so; a dotted line shows proportion."""
+def picture(lines: dict[str, pd.DataFrame], about: str, path: Path) -> Path:
+    """A panel a sweep on logarithmic axes; a dotted line shows proportion."""
     import pandas as pd
     from matplotlib.ticker import NullLocator
 
-    missing = [sweep for sweep in SWEEPS if sweep not in lines]
-    every = pd.concat(lines.values())
+    every = pd.concat([line.assign(sweep=sweep, x=line[sweep]) for sweep, line in lines.items()])
     low, high = every["total_ms"].min(), every["total_ms"].max()
-    labels = sorted(every["label"].unique(), key=lambda label: label != OURS)
-    colours = style.colours(labels)
-    size = (2 * style.COLUMN_WIDTH, 2.9)
-    with panels.sheet(path, size, 1, len(lines), legend=len(labels) + 1, sharey=True) as (figure, grid):
-        for axes, (sweep, line) in zip(grid[0], lines.items(), strict=True):
-            for place, label in enumerate(labels):
-                own = line[line["label"] == label]
-                axes.errorbar(own[sweep], own["total_ms"], yerr=own["iqr_ms"] / 2, color=colours[label],
-                              marker=style.MARKERS[place % 8], label=label, elinewidth=0.7)  # fmt: skip
-            values = sorted(line[sweep].unique())
-            if len(values) > 1:
-                axes.plot([values[0], values[-1]], [0.8 * low, 0.8 * low * values[-1] / values[0]], color="0.7",
-                          lw=0.9, ls=":", label=PROPORTION)  # fmt: skip
+    size, across = (2 * style.COLUMN_WIDTH, 2.9), every["sweep"].nunique()
+    with panels.lines(path, every, "x", "total_ms", size, facet="sweep", across=across, whisker="spread", legend=4,
+                      sharey=True) as (figure, places):  # fmt: skip
+        for axes, own in places:
+            values = np.array(sorted(own["x"].unique()), float)
+            axes.plot(
+                values[[0, -1]],
+                0.8 * low * values[[0, -1]] / values[0],
+                color="0.7",
+                lw=0.9,
+                ls=":",
+                label=PROPORTION,
+            )
             axes.set_xscale("log")
             axes.set_xticks(values, map(short, values), rotation=45, ha="right", rotation_mode="anchor")
             axes.xaxis.set_minor_locator(NullLocator())
-            if low > 0.0:
-                axes.set_ylim(0.7 * low, 1.4 * high)
+            axes.set_ylim(0.7 * low, 1.4 * high)
             style.plain_log(axes)
-            axes.set_xlabel(sweep)
-        grid[0, 0].set_ylabel("ms per frame, everything rebuilt")
-        absent = f"; against {' and '.join(missing)}: not measured" if missing else ""
-        figure.supxlabel(f"{scenes}{absent}", fontsize=7)
+        places[0][0].set_ylabel("ms per frame, everything rebuilt")
+        panels.caption(figure, about)
     return path
 
 

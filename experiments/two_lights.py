@@ -7,7 +7,7 @@ sweep that waits for them, take longer than all the others together; table1 has 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..harness.report import compare, document, panels, style
 from ..harness.runner.experiment import Entry, Experiment, Preset
@@ -32,13 +32,8 @@ def lights(*counts: int) -> tuple[Lighting, ...]:
 
 
 COLUMNS = [
-    *document.COMMON,
-    "frames_per_s",
-    "ms_per_light",
-    "further_ms",
-    "further_over_first",
-    "shadow_rays",
-]
+    *document.COMMON, "frames_per_s", "ms_per_light", "further_ms", "further_over_first", "shadow_rays",
+]  # fmt: skip
 PAPER = "the paper: 7.6 frames a second, its kd-tree peer 5.26, and 60 % more time for the second light"
 """Section 5: Fairy with two lights, GTX 280, 1024x1024."""
 SAME = (*compare.SCENE, *compare.SIZE, "label")
@@ -60,8 +55,13 @@ def read(folder: Path) -> pd.DataFrame:
     table["further_ms"] = table["key"].map(further)
     table["further_over_first"] = table["key"].map(further / first_ms)
     whole = compare.ratios(frames, frames["lights"] == 1, SAME)
-    table["second_share"] = table["key"].map(whole["ratio"]) - 1
-    table["share_spread"] = table["key"].map(whole["spread"])
+    table["more"] = document.carry(
+        table["key"].map(whole["ratio"]) - 1, table["key"].map(whole["spread"]), "+%"
+    )
+    table["ms"] = document.carry(table["total_ms"], table["spread"])
+    table["rate"] = document.carry(
+        table["frames_per_s"], table["spread"] * table["frames_per_s"] / table["total_ms"]
+    )
     return table
 
 
@@ -69,49 +69,37 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Time against the number of lights, CSV, and frames a second with two."""
     table = read(folder)
     files = [document.write_csv(table, folder / "two_lights.csv", COLUMNS)]
-    done = document.measured(table)
-    looks = panels.looks(done)
-    for (name, title), own in done.groupby(["file", "title"], sort=False):
-        path = folder / f"two_lights-{name}.svg"
-        with panels.sheet(path, (style.COLUMN_WIDTH, 2.7)) as (_, grid):
-            axes = grid[0, 0]
-            for label, line in own.sort_values("lights").groupby("label", sort=False):
-                axes.errorbar(line["lights"], line["total_ms"], yerr=line["iqr_ms"] / 2, label=label,
-                              elinewidth=0.7, **looks[label])  # fmt: skip
+    table = table.sort_values("lights", kind="stable")
+    looks = panels.looks(table)
+    for name, own in table.groupby("file", sort=False):
+        files.append(path := folder / f"two_lights-{name}.svg")
+        with panels.lines(path, own, "lights", "total_ms", (style.COLUMN_WIDTH, 2.7), facet="title", whisker="spread",
+                          drawn=looks) as (_, [(axes, _)]):  # fmt: skip
             axes.set_xscale("log", base=2)
             style.plain_log(axes)
             axes.set_xticks(counts := sorted(own["lights"].unique()), counts)
             axes.set(xlabel="number of lights", ylabel="ms per frame, everything rebuilt")
-            axes.set_title(title, loc="left")
-        files.append(path)
+    done = document.measured(table)
     tables = {"Lights": lights_table(done)}
-    return document.write(folder, "two_lights", EXPERIMENT.title, finding(done), tables, files, table, quiet)
+    return document.write(
+        folder, "two_lights", EXPERIMENT.title, finding(done), tables, files, table.sort_index(), quiet
+    )
 
 
 def lights_table(done: pd.DataFrame) -> pd.DataFrame:
     """A row a scene and method: frames of one and two lights, and each further light over the first."""
     import pandas as pd
 
-    lines = []
-    for (title, label), own in done.groupby(["title", "label"], sort=False):
-        by_count = {row.lights: row for row in own.sort_values("lights").itertuples()}
-        line: dict[str, str] = {"scene": title, "method": label}
-        for count in (1, 2):
-            if row := by_count.get(count):
-                line[f"{count} light{'s' * (count > 1)}, ms"] = document.carried(row.total_ms, row.spread)
-        if two := by_count.get(2):
-            line["frames/s with 2"] = rate(two)
-            line["2 lights over 1"] = document.carried(two.second_share, two.share_spread, "+%")
-        for count, row in by_count.items():
-            if count > 1:
-                line[f"each further of {count} over the first"] = style.number(row.further_over_first)
-        lines.append(line)
-    return pd.DataFrame(lines)
-
-
-def rate(row: Any) -> str:
-    """Frames a second, with the digits that the spread carries."""
-    return document.carried(row.frames_per_s, row.spread * row.frames_per_s / row.total_ms)
+    few, two, several = done[done["lights"] <= 2], done[done["lights"] == 2], done[done["lights"] > 1]
+    count = few["lights"].map({1: "1 light, ms", 2: "2 lights, ms"})
+    each = several["lights"].map("each further of {} over the first".format)
+    cells = pd.concat([
+        few.assign(heading=count, text=few["ms"]),
+        two.assign(heading="frames/s with 2", text=two["rate"]),
+        two.assign(heading="2 lights over 1", text=two["more"]),
+        several.assign(heading=each, text=several["further_over_first"].map(style.number)),
+    ])  # fmt: skip
+    return document.cross_table(cells, {"title": "scene", "label": "method"}, "heading", "text")
 
 
 def finding(done: pd.DataFrame) -> str:
@@ -119,10 +107,10 @@ def finding(done: pd.DataFrame) -> str:
     two = done[done["lights"] == 2]
     if two.empty:
         return "No frame with two lights was measured."
-    fairy = two[two["scene"] == "fairy"]
-    own = fairy if len(fairy) else two[two["scene"] == two["scene"].iloc[0]]
-    rates = ", ".join(f"{rate(row)} ({row.label})" for row in own.itertuples())
-    return f"Two lights on {own['title'].iloc[0]}: {rates} frames a second{f'; {PAPER}' * bool(len(fairy))}."
+    here = two[two["scene"] == ("fairy" if "fairy" in set(two["scene"]) else two["scene"].iloc[0])]
+    rates = ", ".join(here["rate"] + " (" + here["label"] + ")")
+    paper = f"; {PAPER}" * (here["scene"].iloc[0] == "fairy")
+    return f"Two lights on {here['title'].iloc[0]}: {rates} frames a second{paper}."
 
 
 EXPERIMENT = Experiment(

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..results.means import points
-from ..results.table import stage_ms, tidy
+from ..results.table import TEXTS, stage_ms, tidy
 from ..scene.facts import never_hit
 from . import paper_table1 as paper
 from . import style
@@ -201,7 +201,9 @@ def complete(table: DataFrame, apart: Collection[str] = ()) -> DataFrame:
         "pixels",
         *place,
     ]
-    whose = planned.drop_duplicates("label")[["label", "method", "method_title", "settings"]]
+    whose = planned.drop_duplicates("label")[
+        ["label", "method", "method_title", "settings", "device", "device_name"]
+    ]
     every = planned.drop_duplicates(place)[same].merge(whose, how="cross")
     known = planned[[*place, "label"]].drop_duplicates()
     missing = (
@@ -209,8 +211,8 @@ def complete(table: DataFrame, apart: Collection[str] = ()) -> DataFrame:
     )
     if missing.empty:
         return table
-    missing = missing.assign(status=NO_RECORD, reason="", **dict.fromkeys(("light", "error", "key"), ""))
-    whole = pd.concat([table, missing[[c for c in missing if c in table]]], ignore_index=True)
+    empty = dict.fromkeys([c for c in (*TEXTS, "error") if c not in missing], "")
+    whole = pd.concat([table, missing.assign(**{**empty, "status": NO_RECORD})], ignore_index=True)
     titles, labels = list(table["title"].unique()), list(table["label"].unique())
     order = whole["title"].map(titles.index) * len(labels) + whole["label"].map(labels.index)
     return whole.loc[order.sort_values(kind="stable").index].reset_index(drop=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,6 +23,10 @@ if TYPE_CHECKING:
 DASHES = ("-", "--", ":", "-.")
 CUT = {"marker": "$//$", "color": "black", "ms": 6, "mew": 0.3, "ls": "none"}
 """The mark at the end of a bar that is cut off."""
+
+
+WHOLE = "ms per frame: a number and its bar; the parts, measured apart, are shown as shares of it"
+"""What to say below stacked bars."""
 
 
 @contextmanager
@@ -60,6 +65,13 @@ def add_legend(figure: Any, columns: int) -> None:
         figure.legend(named.values(), named.keys(), loc="outside upper center", ncols=columns, frameon=False)
 
 
+def caption(figure: Any, *texts: str, size: float = 6.5) -> None:
+    """Texts below the panels, each in as many lines as the width of the figure needs."""
+    across = int(figure.get_figwidth() * 72 / (0.57 * size))  # letters of the usual width
+    lines = [line for text in texts for line in textwrap.wrap(text, across, break_on_hyphens=False)]
+    figure.supxlabel("\n".join(lines), fontsize=size)
+
+
 def looks(table: DataFrame, hue: str = "label") -> dict[Any, dict[str, Any]]:
     """How each value of ``hue`` is drawn, by value.
 
@@ -79,8 +91,9 @@ def looks(table: DataFrame, hue: str = "label") -> dict[Any, dict[str, Any]]:
 
 @contextmanager
 def lines(
-    path: Path, table: DataFrame, x: str, y: str, size: tuple[float, float], *, hue: str = "label", facet: str = "",
-    across: int = 1, whisker: str = "", drawn: Mapping[Any, Mapping[str, Any]] | None = None, **sheet_options: Any,
+    path: Path, table: DataFrame, x: str, y: str, size: tuple[float, float], *, hue: str = "label",
+    facet: str | list[str] = "", across: int = 1, whisker: str = "",
+    drawn: Mapping[Any, Mapping[str, Any]] | None = None, **sheet_options: Any,
 ) -> Iterator[tuple[Any, list[tuple[Any, DataFrame]]]]:  # fmt: skip
     """A line plot of the rows of a table: yields the figure and of each panel its axes and rows, then writes ``path``.
 
@@ -95,9 +108,12 @@ def lines(
     down = -(-len(places) // across)
     with sheet(path, size, down, across, **sheet_options) as (figure, grid):
         for axes, (title, here) in zip(grid.flat, places, strict=False):
-            axes.set_title(title, fontsize=6.5)
+            lost = []
             for value, own in here.groupby(hue, sort=False):
                 line(axes, own, x, y, whisker, str(value), drawn[value])
+                if own[y].isna().all():
+                    lost.append(f"{value}: {' and '.join(own['status'].unique())}")
+            axes.set_title("\n".join([str(title), *lost]), fontsize=6.5)
         for axes in grid.flat[len(places) :]:
             axes.set_visible(False)
         for axes in grid.flat[max(0, len(places) - across) : len(places)]:
@@ -108,21 +124,12 @@ def lines(
 def line(
     axes: Any, own: DataFrame, x: str, y: str, whisker: str, label: str, look: Mapping[str, Any]
 ) -> None:
-    """One line. A row without a value has a mark at the upper edge that says why; a line without any says it in words."""
+    """One line. A row with an ``x`` and no ``y`` has a mark at the upper edge, and the legend names its status."""
     known = own[own[y].notna()]
-    if len(known):
-        ends = known[whisker].fillna(0.0) if whisker else None
-        axes.errorbar(known[x], known[y], yerr=ends, elinewidth=0.7, alpha=0.9, label=label, **look)
-    lost = own[own[y].isna()] if "status" in own else own[:0]
-    if len(lost) and known.empty:
-        axes.plot([], [], label=label, **look)
-        why = " and ".join(lost["status"].unique())
-        above = sum(1 for text in axes.texts)
-        axes.annotate(f"{label}: {why}", (0.02, 0.98), (0, -7 * above), xycoords="axes fraction",
-                      textcoords="offset points", va="top", size=5.5, style="italic")  # fmt: skip
-        return
-    for status, rows in lost.groupby("status", sort=False):
-        axes.plot(rows[x], [0.95] * len(rows), style.LOST.get(status, "x"), color=look["color"], ms=6, mew=1.6, ls="",
+    ends = known[whisker].fillna(0.0) if whisker else None
+    axes.errorbar(known[x], known[y], yerr=ends, elinewidth=0.7, alpha=0.9, label=label, **look)
+    for status, lost in own[own[y].isna() & own[x].notna()].groupby("status", sort=False):
+        axes.plot(lost[x], [0.95] * len(lost), style.LOST.get(status, "x"), color=look["color"], ms=6, mew=1.6, ls="",
                   transform=axes.get_xaxis_transform(), clip_on=False, label=f"{status} ({label})")  # fmt: skip
 
 
@@ -188,8 +195,8 @@ def bar_panels(
             limit = cut * own["total_ms"].median()
             bars(axes, own, [tints[value] for value in own[by]], own[text], limit, edge, font)
             beside = places[place - 1][1] if place % across else own[:0]
-            named = list(own[name]) == list(beside[name])
-            axes.set_yticks(range(len(own)), [""] * len(own) if named else own[name])
+            named = list(own[name])
+            axes.set_yticks(range(len(own)), [""] * len(own) if named == list(beside[name]) else named)
             longest = own["total_ms"].max()
             axes.set_xlim(0, room * min(limit, longest) if longest > 0 else 1)
             axes.set_title(title, loc="left", fontsize=7)

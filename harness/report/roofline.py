@@ -7,8 +7,10 @@ measured or, where said so, estimated. The floor is not a prediction: it leaves 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 if TYPE_CHECKING:
     from pandas import DataFrame, Series
@@ -25,6 +27,9 @@ class Work:
     tests: float = 0.0
     launches: int = 1
     stage: str = ""
+
+
+UNKNOWN = Work(float("nan"), float("nan"))
 
 
 @dataclass(frozen=True)
@@ -46,52 +51,49 @@ MACHINES = {
 WorkOf = Callable[[dict[str, Any], str], Work | None]
 """(row of a tidy table, name of a pass) to the work of that pass; None where it is not known."""
 
-COLUMNS = ["scene", "stage", "part", "ms", "floor_ms", "times", "bytes_mb", "tests_m", "launches"]
+SCENE = ["scene", "width", "height"]
+COLUMNS = [*SCENE, "stage", "part", "ms", "floor_ms", "times", "bytes_mb", "tests_m", "launches"]
 
 
 def least_ms(work: Any, machine: Machine) -> Any:
     """The floor of a :class:`Work`, or of a table with its columns: bytes and tests can overlap, launches cannot."""
     moving, testing = work.bytes / machine.bytes_per_s, work.tests / machine.tests_per_s
-    return 1e3 * (abs(moving - testing) + moving + testing) / 2 + machine.launch_ms * work.launches
+    return 1e3 * np.maximum(moving, testing) + machine.launch_ms * work.launches
 
 
 def stages(frames: DataFrame, work_of: WorkOf) -> DataFrame:
-    """A row a scene and stage of a tidy table, on known devices: mean over frames of time, floor and work.
+    """A row a scene, image size and stage of a tidy table, on known devices: mean over frames of time, floor and work.
 
     Passes that share a stage run beside each other: their times and work add up, and their kernels start at once.
     """
     import pandas as pd
 
     counted = ["shadow_rays", "vertices", *(c for c in frames if c.startswith("counter."))]
-    known_frames = frames[frames["device_name"].isin(list(MACHINES))].fillna(dict.fromkeys(counted, 0))
+    known = frames[frames["device_name"].isin(list(MACHINES))].fillna(dict.fromkeys(counted, 0))
     rows = []
-    for row in known_frames.to_dict("records"):
-        for column, ms in row.items():
+    for frame in known.to_dict("records"):
+        for column, ms in frame.items():
             if column.startswith("pass.") and ms == ms:
                 _, part, name = column.split(".", 2)
-                work = work_of(row, name)
-                known = work or Work(float("nan"), float("nan"))
-                rows.append((row["device_name"], row["scene"], row["frame"], known.stage or name, part, ms,
-                             known.bytes, known.tests, float(known.launches)))  # fmt: skip
-    names = ["device", "scene", "frame", "stage", "part", "ms", "bytes", "tests", "launches"]
-    by_frame = pd.DataFrame(rows, columns=names).groupby(names[:5], sort=False)
-    sums = by_frame[["ms", "bytes", "tests"]].agg(lambda values: values.sum(skipna=False))
-    found = sums.join(by_frame["launches"].max()).reset_index()
-    if found.empty:
+                work = work_of(frame, name) or UNKNOWN
+                place = {key: frame[key] for key in (*SCENE, "frame", "device_name")}
+                rows.append({**place, **asdict(work), "stage": work.stage or name, "part": part, "ms": ms})
+    if not rows:
         return pd.DataFrame(columns=COLUMNS)
-    found["floor_ms"] = pd.concat([least_ms(own, MACHINES[name]) for name, own in found.groupby("device")])
-    mean = found.groupby(["scene", "stage", "part"], sort=False)[
-        ["ms", "bytes", "tests", "launches", "floor_ms"]
-    ].mean()
-    unknown = mean["floor_ms"].isna()
+    by_frame = pd.DataFrame(rows).groupby([*SCENE, "frame", "device_name", "stage", "part"], sort=False)
+    found = by_frame[["ms", "bytes", "tests"]].agg(lambda values: values.sum(skipna=False))
+    found = found.join(by_frame["launches"].max()).reset_index("device_name")
+    found["floor_ms"] = pd.concat(
+        [least_ms(own, MACHINES[name]) for name, own in found.groupby("device_name")]
+    )
+    mean = found.groupby([*SCENE, "stage", "part"], sort=False).mean(numeric_only=True)
     return mean.assign(
-        times=mean["ms"] / mean["floor_ms"],
-        bytes_mb=mean["bytes"] / 1e6,
-        tests_m=mean["tests"] / 1e6,
-        launches=mean["launches"].mask(unknown),
-    ).reset_index()[COLUMNS]
+        times=mean["ms"] / mean["floor_ms"], bytes_mb=mean["bytes"] / 1e6, tests_m=mean["tests"] / 1e6,
+        launches=mean["launches"].where(mean["floor_ms"].notna()),
+    ).reset_index()[COLUMNS]  # fmt: skip
 
 
 def of_frames(found: DataFrame) -> Series:
-    """The floor of a whole frame in ms, by scene: of those all of whose stages have one."""
-    return found.groupby("scene", sort=False)["floor_ms"].agg(lambda own: own.sum(skipna=False)).dropna()
+    """The floor of a whole frame in ms, by scene and image size: of those all of whose stages have one."""
+    floors = found.groupby(SCENE, sort=False)["floor_ms"].agg(lambda own: own.sum(skipna=False))
+    return floors.dropna().rename("frame_floor_ms")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from helpers.experiment_records import record_of, write_records
 from PIL import Image
-from shadowbench.experiments import figure2, figure6, figure11, two_lights
+from shadowbench.experiments import figure2, figure6, figure10, figure11, two_lights
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.report import document
@@ -144,7 +144,7 @@ def test_figure11_tells_work_from_number_format(tmp_path):
         "r = 65536 (no balancing)",
         "float32, r = 64",
         "float32-centred, r = 64",
-        "rejected (float32)",
+        "rejected (float32, r = 64)",
         "scene radii",
         "shadow traversal, ms",
         "stand-in",
@@ -157,7 +157,7 @@ def test_figure11_tells_work_from_number_format(tmp_path):
         "tiles that hold rays",
         "world axes, float32",
         "aimed, float32-centred",
-        "rejected (float32)",
+        "rejected (aimed, float32)",
     ):
         assert word in tiles, word
     assert all(file.stat().st_size < 300_000 for file in files)
@@ -249,6 +249,26 @@ def test_a_share_that_its_spread_does_not_carry_has_fewer_digits_and_a_mark(tmp_
     text = (tmp_path / "two_lights.md").read_text()
     assert "| ~12 | ~24 | ~40 | ~+100% |" in text
     assert "~+100%" in text
+    assert "carries no more" in text
+
+
+@pytest.mark.parametrize(
+    ("name", "methods"), [("figure2", figure2.METHODS[:1]), ("figure6", figure6.METHODS), ("figure10", figure10.METHODS),
+                          ("key_bits", (Entry("sort"),))],
+)  # fmt: skip
+def test_times_of_one_repeat_have_fewer_digits_and_a_mark(tmp_path, name, methods):
+    passes = [("sort pairs", "build", 1.234), ("map rays", "shadow", 1.234), ("shadow rays", "shadow", 1.234),
+              ("primary rays", "trace", 1.234), ("light 0: count", "light build", 1.234)]  # fmt: skip
+    r = record_of(name, methods[0], passes=passes)
+    r["point"].update(bits=18, pairs=4096)
+    r["frames"][0]["stage_round"] = [0]
+    for step in r["frames"][0]["passes"]:
+        del step["ms"][1:]
+    write_map(map_path(tmp_path, r["key"], 0), np.array([[0, 1], [2, 3]]))
+    show(name, write_records(tmp_path, [r]), quiet=True)
+    text = (tmp_path / f"{name}.md").read_text()
+    assert "~1.2 |" in text
+    assert "1.23 |" not in text
     assert "carries no more" in text
 
 

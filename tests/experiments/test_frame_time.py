@@ -7,11 +7,13 @@ import csv
 import pytest
 from helpers.brute_force import make_scene, soup
 from helpers.experiment_records import record_of, write_records
+from matplotlib.figure import Figure
 from shadowbench.experiments import frame_time
 from shadowbench.experiments._work import ray_grids
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
+from shadowbench.harness.report import panels
 from shadowbench.harness.report import roofline as floor
 from shadowbench.harness.report.roofline import Machine, Work
 from shadowbench.harness.runner.experiment import Entry
@@ -46,7 +48,7 @@ def test_ratio_is_to_the_fastest_of_its_kind_and_carries_the_rounds_range(tmp_pa
     assert best == pytest.approx({"times_slower": 3.0, "low": 5.8 / 2.1, "high": 6.2 / 1.9}, rel=1e-5)
     assert "the fastest peer that rebuilds its tree 3.00 times that (geometric mean 3.00)" in text
     assert "refits" not in text
-    assert "| Cloth (stand-in) | 2.00 | 3.00 (2.76 to 3.26; LBVH rebuilt in a graph) |" in text
+    assert "| Cloth (stand-in) | ~2.0 | 3.00 (2.76 to 3.26; LBVH rebuilt in a graph) |" in text
     assert rows["fairy", "mesh rebuilt"]["times_slower"] == ""
 
 
@@ -105,7 +107,7 @@ def test_shares_of_a_stage_are_one_stage_with_one_launch(monkeypatch, tmp_path):
     )
     lines = (tmp_path / "frame_time-stages.csv").read_text().splitlines()
     queued = 20 * 80 / 1e9 + 0.01
-    assert lines[1].startswith(f"cloth,light 0: queued rows,shadow,0.9,{queued:.6g},")
+    assert lines[1].startswith(f"cloth,64,64,light 0: queued rows,shadow,0.9,{queued:.6g},")
     assert len(lines) == 2
     assert "light 0: queued rows by 0.890 ms" in text
 
@@ -116,7 +118,7 @@ def test_a_stage_without_a_floor_leaves_the_frame_without_one(monkeypatch, tmp_p
     )
     assert "floor" not in text.lower()
     lines = (tmp_path / "frame_time-stages.csv").read_text().splitlines()
-    assert lines[2].startswith("cloth,a new stage,trace,0.1,,")
+    assert lines[2].startswith("cloth,64,64,a new stage,trace,0.1,,")
 
 
 def test_every_stage_of_the_method_has_its_work():
@@ -157,3 +159,28 @@ def test_the_picture_marks_wrong_answers_and_explains_its_parts(tmp_path):
     assert "n wrong pixels and visibility bits" in text
     assert "twice the time of ray grids" in text
     assert all(f">{part}<" in text for part in ("build", "trace", "light build", "shadow"))
+
+
+def test_two_sizes_in_one_folder_have_rows_panels_and_sentences_of_their_own(tmp_path):
+    times = ((64, OURS, 1.0), (64, MESH, 3.0), (128, OURS, 2.0), (128, MESH, 10.0))
+    made = [record_of("frame_time", entry, ms=ms, size=size) for size, entry, ms in times]
+    text, _ = drawn(tmp_path, made)
+    for size, ours, ratio in (("64x64", "1.01", "3.00"), ("128x128", "2.02", "5.00")):
+        assert f"| Cloth (stand-in), {size} | {ours} | {ratio} (" in text
+        assert (
+            f"At {size}, a frame of ray grids, everything rebuilt, takes {ours} ms; the fastest peer that rebuilds"
+            in text
+        )
+    svg = (tmp_path / "frame_time.svg").read_text()
+    assert all(f"Cloth (stand-in), {size}" in svg for size in ("64x64", "128x128"))
+
+
+@pytest.mark.parametrize("scenes", [1, 4])
+def test_what_stands_below_the_bars_is_within_the_picture(scenes):
+    figure = Figure(figsize=(3.4 if scenes == 1 else 5.6, 2.5), layout="constrained")
+    figure.subplots()
+    panels.caption(figure, panels.WHOLE, "2.0x: twice the time of ray grids")
+    figure.draw_without_rendering()
+    box = figure._supxlabel.get_window_extent()
+    assert box.x0 >= 0
+    assert box.x1 <= figure.bbox.width

@@ -27,10 +27,10 @@ def record_of(
     lights = [{}] * max(1, lighting.count)
     one = {
         "total_ms": [ms, ms * 1.02], "wall_ms": [ms, ms], "round": [0, 0], "regrown": 0, "started": [0.0],
-        "stage_round": [0], "stopped_by": ["samples"], "memory_bytes": 1, "counters": counters or {},
+        "stage_round": [0, 0], "stopped_by": ["samples"], "memory_bytes": 1, "counters": counters or {},
         "score": {"true_errors": 0, "excused_share": 0.0, "check": "ok", "primary": {"pixels": 4}, "shadow": []},
         "unscored": None, "shadow_rays": 100,
-        "passes": [{"name": n, "part": p, "ms": [x]} for n, p, x in passes],
+        "passes": [{"name": n, "part": p, "ms": [x, x]} for n, p, x in passes],
     }  # fmt: skip
     parameters = {"k": 2, "r": 64, "clamp": "hits", "aimed": True, "precision": "float64", **entry.settings}
     key = f"{scene}-{lighting.label}-{entry.label or entry.method}-{size}".replace(" ", "_").replace("/", "_")

@@ -84,7 +84,7 @@ def test_any_measure_of_a_pair_is_over_the_common_frames(tmp_path):
     ours, tree = two(frames=2)
     ours["frames"][1] = {
         **ours["frames"][1],
-        "passes": [{"name": "all rays", "part": "shadow", "ms": [40.0]}],
+        "passes": [{"name": "all rays", "part": "shadow", "ms": [40.0, 40.0]}],
     }
     del tree["frames"][1]
     frames = document.frames(write_records(tmp_path, [ours, tree]))
