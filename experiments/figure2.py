@@ -44,7 +44,7 @@ COLUMNS = [
 """``speed_up`` and ``most_share``: against direct mapping with tiles as large as indirect mapping's blocks;
 ``_same_tiles``: with tiles as small as its sorting tiles."""
 
-HEADINGS: dict[str, tuple[str, str]] = {
+HEADINGS: document.Columns = {
     "scene": ("title", "{}"), "mapping": ("label", "{}"), "most": ("tests_most", "{:,.0f}"),
     "mean": ("tests_mean", "{:.0f}"), "primary rays, ms": ("trace", "{}"),
 }  # fmt: skip

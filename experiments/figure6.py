@@ -40,7 +40,7 @@ METHODS = (Entry(METHOD),)
 COLUMNS = [
     *document.COMMON, "spot", "spot_angle", "spot_rise", "spot_falloff", "hit_pixels", "shadow_rays", "shadow_ray_share",
 ]  # fmt: skip
-HEADINGS = {
+HEADINGS: document.Columns = {
     "scene": ("title", "{}"), "light": ("light", "{}"), "hit points": ("hit_pixels", "{:,.0f}"),
     "with a shadow ray": ("shadow_rays", "{:,.0f}"), "share": ("shadow_ray_share", "{:.0%}"),
     "light grid, ms": ("light_build_text", "{}"), "shadow rays, ms": ("shadow_text", "{}"),
