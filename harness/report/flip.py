@@ -27,10 +27,18 @@ def reference_path(folder: Path, scene: str, frame: int) -> Path:
     return folder / "images" / f"{scene}-{frame}-reference.png"
 
 
+def answered_path(folder: Path, key: str, frame: int) -> Path:
+    """Where the picture of a point's own answers is kept, if it is not the reference's."""
+    return folder / "images" / f"{key}-{frame}-answered.png"
+
+
 def keep_wrong(
     folder: Path, key: str, frame: int, judge: Judge, answers: dict[str, NDArray]
 ) -> tuple[Scored, dict[str, Any]]:
-    """The score of a frame's answers, its map of classes written; and its FLIP, or the reason why there is none."""
+    """The score of a frame's answers, its map of classes written; and its FLIP, or the reason why there is none.
+
+    The picture of the reference is kept, and that of the answers where it is another.
+    """
     scored = score_answers(judge, answers)
     shape = (judge.moment.height, judge.moment.width)
     write_map(wrong_path(folder, key, frame), scored.classes.reshape(shape).astype(np.int64) + OFFSET)
@@ -39,6 +47,8 @@ def keep_wrong(
     if not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
         Image.fromarray(right).save(path)
+    if (given != right).any():
+        Image.fromarray(given).save(answered_path(folder, key, frame))
     return scored, flip(right, given)
 
 

@@ -105,6 +105,7 @@ def test_the_map_of_classes_shows_planted_errors_where_they_are(judged, tmp_path
     assert scored.score.true_errors == 6
     assert np.isin(classes, (Verdict.ACNE, Verdict.LEAK, Verdict.TRUE, Verdict.INVALID)).sum() == 6
     assert looks.reference_path(tmp_path, judge.prepared.scene.name, 0).exists()
+    assert looks.answered_path(tmp_path, "point", 0).exists()
 
 
 def test_a_right_frame_has_a_map_without_errors_and_no_flip(judged, tmp_path):
@@ -113,6 +114,7 @@ def test_a_right_frame_has_a_map_without_errors_and_no_flip(judged, tmp_path):
     classes = pixel_maps.read_wrong(looks.wrong_path(tmp_path, "point", 0))
     assert scored.score.true_errors == 0
     assert set(np.unique(classes)) <= {Verdict.OK, Verdict.TIE}
+    assert not looks.answered_path(tmp_path, "point", 0).exists(), "the reference's picture shows it"
     if importlib.util.find_spec("flip_evaluator"):
         assert looked["flip"] < 1e-3
 
