@@ -22,6 +22,7 @@ from .commands.compare import compare
 from .commands.keep import keep
 from .commands.options import CameraPlace, Device, Fov, Json, Lights, SceneDir, Settings
 from .commands.plan import plan
+from .commands.report import report
 from .commands.verify import explain, score, verify
 from .errors import UserError
 from .runner.machine_lock import MACHINE
@@ -247,6 +248,7 @@ command("plan", "shadowbench plan cloth --method uniform_grid")(plan)
 command("verify", "shadowbench verify cloth bunny.ply --method warp_bvh --json")(verify)
 command("explain", "shadowbench explain cloth --pixel 120,80")(explain)
 command("score", "shadowbench score results/local/table1-quick")(score)
+command("report", "shadowbench report results/nvidia-h200 --out report.html")(report)
 command("compare", "shadowbench compare results/local/last-week results/local/today --fail-on slower")(
     compare
 )

@@ -7,7 +7,7 @@ version of each method (:func:`.report.compare.pairs`). :class:`Evidence` holds 
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property, reduce
 from pathlib import Path
@@ -160,10 +160,14 @@ class Data:
 
 
 def collect(folder: Path) -> Data:
-    """Every record in the folder and the folders in it. Raises :class:`UserError` where there is none."""
+    """Every record in the folder and the folders in it. Raises :class:`.errors.UserError` where there is none."""
+    return together([document.frames(place) for place in folders_with_records(folder)])
+
+
+def together(tables: Sequence[DataFrame]) -> Data:
+    """The measured frames of several folders (:func:`.report.document.frames`)."""
     import pandas as pd
 
-    tables = [document.frames(place) for place in folders_with_records(folder)]
     frames = pd.concat(tables, ignore_index=True)
     frames["key"] = frames["folder"] + "/" + frames["key"]  # the same point may be in several folders
     frames = frames[(frames["status"] == "ok") & frames["total_ms"].notna()]

@@ -1,0 +1,184 @@
+"""What the page draws from files: figures, pictures of scenes, maps of counts and of wrong pixels. Each as a data address."""
+
+from __future__ import annotations
+
+import base64
+import io
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from PIL import Image
+
+from ...errors import warn
+from ...judge.verdict import ERRORS, MEANINGS, Verdict
+from ...results.pixel_maps import OFFSET, map_path, wrong_path
+from ..flip import answered_path, reference_path
+from ..picture import UNREADABLE
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+LARGEST = 1024
+"""Pixels a side of a picture on the page, at most."""
+
+ROOM = 5_000_000
+"""Bytes for all figures, pictures and maps together; what is beyond is named on the page."""
+
+TYPES = {".svg": "image/svg+xml", ".png": "image/png", ".webp": "image/webp"}
+
+
+class Album:
+    """Files as data addresses, within a number of bytes. ``left_out``: names of what did not fit or could not be read."""
+
+    def __init__(self, room: int = ROOM):
+        self.room = room
+        self.left_out: list[str] = []
+
+    def add(self, content: bytes, suffix: str, name: str) -> str | None:
+        """The address; None where it does not fit."""
+        text = base64.b64encode(content).decode("ascii")
+        if len(text) > self.room:
+            self.left_out.append(name)
+            return None
+        self.room -= len(text)
+        return f"data:{TYPES[suffix]};base64,{text}"
+
+    def file(self, path: Path) -> str | None:
+        """A file as it is."""
+        try:
+            return self.add(path.read_bytes(), path.suffix, f"{path.parent.name}/{path.name}")
+        except OSError as error:
+            warn(f"{path}: cannot be read ({error.strerror}), left out")
+            self.left_out.append(f"{path.parent.name}/{path.name}")
+            return None
+
+
+def figures(places: Sequence[Path], album: Album) -> list[dict[str, Any]]:
+    """The drawings of each folder, SVG before PNG."""
+    found = []
+    for place in places:
+        for path in sorted(place.glob("*.svg")) + sorted(place.glob("*.png")):
+            uri = album.file(path)
+            if uri:
+                found.append({"folder": place.name, "name": path.name, "uri": uri})
+    return found
+
+
+def opened(path: Path) -> Image.Image | None:
+    """A picture as RGB; None where there is none, or a damaged one, which is said."""
+    if not path.is_file():
+        return None
+    try:
+        with Image.open(path) as image:
+            return image.convert("RGB")
+    except UNREADABLE as error:
+        warn(f"{path}: not a whole picture ({error}), left out")
+        return None
+
+
+def compact(image: Image.Image, palette: Image.Image | None = None) -> tuple[bytes, Image.Image]:
+    """A picture as lossless WebP of at most 256 colours, and the palette. Equal pixels of two that share one stay equal."""
+    scale = min(1.0, LARGEST / max(image.size))
+    if scale < 1.0:
+        image = image.resize((round(image.width * scale), round(image.height * scale)), Image.Resampling.BOX)
+    palette = palette or image.quantize(256, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    small = image.quantize(palette=palette, dither=Image.Dither.NONE).convert("RGB")
+    stream = io.BytesIO()
+    small.save(stream, "WEBP", lossless=True, quality=90, method=4)
+    return stream.getvalue(), palette
+
+
+def gallery(places: Sequence[Path], points: Sequence[DataFrame], album: Album) -> list[dict[str, Any]]:
+    """Scenes with pictures: of each the reference, what points answered where that looks otherwise, and wrong pixels.
+
+    ``points``: those of each folder (:func:`.report.document.named`).
+    """
+    made = []
+    for place, table in zip(places, points, strict=True):
+        if not (place / "images").is_dir():
+            continue
+        used: set[Path] = set()
+        for (scene, _, _), own in table.groupby(["scene", "width", "height"], sort=False):
+            for frame in sorted({int(f) for numbers in own["frame_numbers"] for f in numbers}):
+                entry = compared(place, scene, frame, own, album, used)
+                if entry:
+                    made.append(entry)
+        for path in sorted((place / "images").glob("*.png")):
+            whole = None if path in used or path.stem.endswith(("-reference", "-answered")) else opened(path)
+            if whole is None:
+                continue
+            uri = album.add(compact(whole)[0], ".webp", f"{place.name}/images/{path.name}")
+            rows = table[[path.stem == s or path.stem.startswith(f"{s}-") for s in table["scene"]]]
+            title = rows["title"].iloc[0] if len(rows) else path.stem
+            if uri:
+                made.append({"folder": place.name, "title": title, "frame": None, "pictures": [
+                    {"label": "with shadows", "uri": uri, "point": None}]})  # fmt: skip
+    return made
+
+
+def compared(
+    place: Path, scene: str, frame: int, own: DataFrame, album: Album, used: set[Path]
+) -> dict[str, Any] | None:
+    """The reference's picture of a frame, and those of points whose wrong pixels were mapped; None where there is none."""
+    path = reference_path(place, scene, frame)
+    right = opened(path)
+    if right is None:
+        return None
+    used.add(path)
+    content, palette = compact(right)
+    uri = album.add(content, ".webp", f"{place.name}/images/{path.name}")
+    if uri is None:
+        return None
+    pictures = [{"label": "reference (exact)", "uri": uri, "point": None, "classes": None, "wrong": 0}]
+    for row in own[["key", "label", "true_errors", "error"]].to_dict("records"):
+        classes = wrong_path(place, row["key"], frame)
+        if not classes.is_file():
+            continue
+        answered = opened(answered_path(place, row["key"], frame))
+        shown = (
+            uri
+            if answered is None
+            else album.add(compact(answered, palette)[0], ".webp", f"{row['label']}, {scene}")
+        )
+        if shown is None:
+            continue
+        wrong = row["true_errors"]
+        pictures.append({
+            "label": row["label"], "uri": shown, "key": row["key"], "error": row["error"],
+            "classes": album.file(classes) if wrong == wrong and wrong else None,
+            "wrong": None if wrong != wrong else int(wrong),
+        })  # fmt: skip
+    width, height = right.size
+    return {"folder": place.name, "title": own["title"].iloc[0], "frame": frame, "width": width, "height": height,
+            "pictures": pictures}  # fmt: skip
+
+
+def maps(places: Sequence[Path], points: Sequence[DataFrame], album: Album) -> list[dict[str, Any]]:
+    """Maps of tests per pixel, of each folder and scene those that were kept."""
+    made = []
+    for place, table in zip(places, points, strict=True):
+        for (title, _, _), own in table.groupby(["title", "width", "height"], sort=False):
+            found = []
+            for row in own[["key", "label", "frame_numbers"]].to_dict("records"):
+                for frame in row["frame_numbers"]:
+                    path = map_path(place, row["key"], int(frame))
+                    uri = album.file(path) if path.is_file() else None
+                    if uri:
+                        found.append(
+                            {"label": row["label"], "frame": int(frame), "uri": uri, "key": row["key"]}
+                        )
+            if found:
+                made.append({"folder": place.name, "title": title, "width": int(own["width"].iloc[0]),
+                             "height": int(own["height"].iloc[0]), "maps": found})  # fmt: skip
+    return made
+
+
+def legend() -> list[dict[str, Any]]:
+    """The classes that a map of wrong pixels may hold, by their number in the file."""
+    return [
+        {"value": int(kind) + OFFSET, "name": kind.label, "meaning": re.sub(r"\s+", " ", MEANINGS.get(kind, "")),
+         "wrong": kind in ERRORS}
+        for kind in Verdict
+    ]  # fmt: skip

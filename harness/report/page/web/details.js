@@ -1,0 +1,86 @@
+// Everything that is known of one point, in a dialog: times by round, stages, work, answers, hashes, environment.
+
+const facts = (pairs) => el("dl.facts", {}, pairs.filter(([, value]) => known(value) && value !== "-").map(([name, value]) => [el("dt", {}, name), el("dd", {}, value)]));
+
+function openDetails(p) {
+  const dialog = $("#details");
+  const environment = DATA.environments[p.environment];
+  const frames = framesOf.get(p.id) || [];
+  const close = () => { dialog.close(); change({ point: "" }, true); };
+  dialog.replaceChildren(
+    el("header", {}, el("h2", { id: "details-title" }, `${p.name} · ${p.where}`), el("button", { type: "button", onclick: close, "aria-label": "Close" }, "✕")),
+    el("div.body", {},
+      isStandIn(p) && el("p.warning", {}, `Stand-in: ${p.stand_in}.`),
+      p.earlier && el("p.warning", {}, `Of an earlier version of ${p.method}: another record here has a later one.`),
+      p.known_inexact && el("p.warning", {}, `Declares itself inexact: ${p.known_inexact}`),
+      !p.done && el("p.warning", {}, `${p.status}: ${p.reason || "no reason given"}`),
+      p.done && el("section", {}, el("h3", {}, "Time"), facts([
+        ["whole frame", `${number(p.total_ms)} ms (quartiles ${number(p.q1_ms)} to ${number(p.q3_ms)})`],
+        ["rounds", `${p.rounds}, range between them ${number(p.between_ms)} ms`],
+        ["samples a frame", whole(p.samples)], ["frames", `${p.frames}${p.frames_left_out ? `, ${p.frames_left_out} left out` : ""}`],
+        ["on the host's clock", `${number(p.wall_ms)} ms`], ["rays", `${number(p.frame_mrays_per_s)} Mrays/s`],
+        ["compiled in", known(p.compile_s) ? `${number(p.compile_s)} s` : ""], ["stopped by", p.stopped_by]]),
+      p.round_ms.length > 1 && roundStrip(p), stageBars(p)),
+      p.done && el("section", {}, el("h3", {}, "Answers"), facts([
+        ["verdict", p.error], ["unscored", p.unscored], ["pixels judged", whole(p.pixels_scored)],
+        ["excused", percent(p.excused_share)], ["reference overruled", whole(p.reference_errors)], ["FLIP", known(p.flip) ? number(p.flip) : ""],
+        ["shadow rays", whole(p.shadow_rays)], ["memory", `${number(valueOf(p, "memory_bytes"))} MB`]])),
+      frames.length > 1 && el("section", {}, el("h3", {}, "Frames"), smallTable(["frame", "ms", "quartiles", "answers"],
+        frames.map((f) => [f.frame, number(f.total_ms), `${number(f.q1_ms)}–${number(f.q3_ms)}`, f.error]))),
+      Object.keys(p.counters).length > 0 && el("details", {}, el("summary", {}, "Work counters"), smallTable(["counter", "value"],
+        Object.entries(p.counters).map(([name, value]) => [name, number(value)]))),
+      el("section", {}, el("h3", {}, "Record"), facts([
+        ["key", el("code", {}, p.key)], ["folder, experiment", `${p.folder}, ${p.experiment} (${p.preset || "no preset"})`], ["run", p.run],
+        ["method", `${p.method_title} (${p.method})`], ["settings", p.settings], ["built", p.built],
+        ["method's source", el("code", {}, p.method_sha256)], ["scene's arrays", el("code", {}, p.scene_sha256)],
+        ["scene's file", p.source_file], ["file's hash", p.source_sha256 && el("code", {}, p.source_sha256)],
+        ["triangles", whole(p.triangles)], ["size, device", `${p.size}, ${p.device_name} (${p.device})`]])),
+      environment && el("section", {}, el("h3", {}, "Environment "), environmentFacts(p.environment, environment))));
+  if (!dialog.open) dialog.showModal();
+  dialog.onclose = () => change({ point: "" }, true);
+  dialog.onclick = (event) => { if (event.target === dialog) close(); };
+  change({ point: p.key, pf: p.folder }, true);
+}
+
+function smallTable(titles, rows) {
+  return el("div.scroll", {}, el("table.small", {}, el("thead", {}, el("tr", {}, titles.map((title, i) => el(`th${i ? ".num" : ""}`, { scope: "col" }, title)))),
+    el("tbody", {}, rows.map((row) => el("tr", {}, row.map((text, i) => el(i ? "td.num" : "th", i ? {} : { scope: "row" }, String(text))))))));
+}
+
+/** The rounds' own medians as dots on one line. */
+function roundStrip(p) {
+  const low = Math.min(...p.round_ms), high = Math.max(...p.round_ms);
+  const place = (ms) => (high > low ? 4 + 92 * (ms - low) / (high - low) : 50);
+  return el("div.strip", { role: "img", "aria-label": `Medians of ${p.round_ms.length} rounds, ${number(low)} to ${number(high)} ms` },
+    el("div.line", {}, p.round_ms.map((ms, i) => {
+      const dot = withTip(el("i"), () => [`round ${i + 1}`, ["median", `${number(ms)} ms`]]);
+      dot.style.left = `${place(ms)}%`;
+      return dot;
+    })), el("div.ends", {}, el("span", {}, `${number(low)} ms`), el("span", {}, `${number(high)} ms`)));
+}
+
+/** The passes of the frame as bars, in the order in which they run. */
+function stageBars(p) {
+  const steps = Object.entries(p.passes).map(([name, ms]) => {
+    const [part, ...rest] = name.split(".");
+    return { part, name: rest.join("."), ms };
+  });
+  if (!steps.length) return null;
+  const most = Math.max(...steps.map((step) => step.ms), 1e-9);
+  return el("div.stages", {}, el("h4", {}, "Passes, ms"), steps.map((step) => {
+    const bar = el("i", { class: `part-${step.part.replace(" ", "-")}` });
+    bar.style.width = `${Math.max(0, 100 * step.ms / most)}%`;
+    return el("div.stage", {}, el("span", {}, `${step.part}: ${step.name}`), el("span.bar", {}, bar), el("b", {}, number(step.ms)));
+  }));
+}
+
+function environmentFacts(name, e) {
+  return facts([
+    ["id", el("code", {}, name)], ["CPU", e.cpu && `${e.cpu.model}, ${e.cpu.usable_cores} cores`],
+    ["GPU", (e.gpus || []).map((gpu) => gpu.name).join(", ")],
+    ["driver", (e.gpus || []).map((gpu) => gpu.smi?.driver_version).filter(known).join(", ")],
+    ["CUDA", e.cuda && `toolkit ${e.cuda.toolkit}, driver ${e.cuda.driver}`],
+    ["Warp, Python", `${e.warp}, ${e.python}`], ["system", e.os],
+    ["packages", Object.entries(e.packages || {}).map(([key, value]) => `${key} ${value}`).join(", ")],
+    ["commit", e.git && el("code", {}, `${e.git.commit}${e.git.dirty ? " with changes" : ""}`)]]);
+}
