@@ -1,4 +1,4 @@
-"""The page as one file: the template of ``web/`` with its style, its scripts and its data inside. It asks for nothing else."""
+"""The page as one file: the template of ``web/`` with its style, its scripts and its data inside."""
 
 from __future__ import annotations
 
@@ -38,8 +38,13 @@ def page(data: dict[str, Any]) -> str:
 
 def policy(*scripts: str) -> str:
     """A content security policy: nothing is fetched, and only these scripts run."""
-    hashes = " ".join(f"'sha256-{base64.b64encode(hashlib.sha256(one.encode()).digest()).decode()}'" for one in scripts)
-    return f"default-src 'none'; img-src data: blob:; style-src 'unsafe-inline'; script-src {hashes}; base-uri 'none'; form-action 'none'"
+    hashes = " ".join(
+        f"'sha256-{base64.b64encode(hashlib.sha256(one.encode()).digest()).decode()}'" for one in scripts
+    )
+    return (
+        f"default-src 'none'; img-src data: blob:; style-src 'unsafe-inline'; script-src {hashes}; base-uri 'none'; "
+        "form-action 'none'"
+    )
 
 
 def inert(data: dict[str, Any]) -> str:

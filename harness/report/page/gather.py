@@ -17,17 +17,22 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 POINT = (
-    "folder experiment preset run scene title stand_in triangles vertices invalid_triangles frame_count scene_sha256 source_file "
-    "source_sha256 method method_title label settings built known_inexact method_sha256 device device_name width height pixels "
-    "light_label light_distance light_turns lights moved status reason rounds frames frame_numbers frames_left_out samples total_ms q1_ms q3_ms "
-    "iqr_ms between_ms spread wall_ms build_ms trace_ms light_build_ms shadow_ms build_iqr_ms trace_iqr_ms light_build_iqr_ms "
-    "shadow_iqr_ms memory_bytes peak_rss_bytes compile_s first_frame_s regrown pass_count build_count shadow_rays true_errors "
-    "wrong_per_frame unscored check excused_share pixels_scored reference_errors flip primary_mrays_per_s shadow_mrays_per_s "
-    "frame_mrays_per_s environment started stopped_by key error earlier round_ms passes counters"
+    "folder experiment preset run scene title stand_in triangles vertices invalid_triangles frame_count "
+    "scene_sha256 source_file source_sha256 method method_title label settings built known_inexact method_sha256 "
+    "device device_name width height pixels light_label light_distance light_turns lights moved status reason "
+    "rounds frames frame_numbers frames_left_out samples total_ms q1_ms q3_ms iqr_ms between_ms spread wall_ms "
+    "build_ms trace_ms light_build_ms shadow_ms build_iqr_ms trace_iqr_ms light_build_iqr_ms shadow_iqr_ms "
+    "memory_bytes peak_rss_bytes compile_s first_frame_s regrown pass_count build_count shadow_rays true_errors "
+    "wrong_per_frame unscored check excused_share pixels_scored reference_errors flip primary_mrays_per_s "
+    "shadow_mrays_per_s frame_mrays_per_s environment started stopped_by key error earlier round_ms passes "
+    "counters"
 ).split()
 """Columns of a point on the page."""
 
-FRAME = "point frame total_ms q1_ms q3_ms samples build_ms trace_ms light_build_ms shadow_ms true_errors error memory_bytes".split()
+FRAME = (
+    "point frame total_ms q1_ms q3_ms samples build_ms trace_ms light_build_ms shadow_ms true_errors error "
+    "memory_bytes"
+).split()
 """Columns of a measured frame on the page; ``point`` is the row of its point."""
 
 BULKY = ("pass.", "counter.", "set.", "light.", "point.", "round.", "primary.", "shadow.")
@@ -37,7 +42,9 @@ MOST_BASES = 8
 """Columns of a table up to which each of them can be the base of ratios; else the first one of each method can."""
 
 
-def gather(title: str, places: Sequence[Path], tables: Sequence[DataFrame], points: Sequence[DataFrame]) -> dict[str, Any]:
+def gather(
+    title: str, places: Sequence[Path], tables: Sequence[DataFrame], points: Sequence[DataFrame]
+) -> dict[str, Any]:
     """Everything but pictures and claims.
 
     places  the folders
@@ -91,6 +98,7 @@ def detailed(own: DataFrame, last: dict[str, str]) -> DataFrame:
     """
     rounds = sorted((c for c in own if c.startswith("round.")), key=lambda c: int(c.split(".")[1]))
     return own.assign(
+        title=own["title"].str.replace(r", \d+x\d+$", "", regex=True),  # the page shows the size beside it
         earlier=[bool(sha) and last.get(name, sha) != sha for name, sha in own[["method", "method_sha256"]].to_numpy()],
         round_ms=[[ms for ms in row if ms == ms] for row in own[rounds].astype("float64").to_numpy().tolist()],
         passes=known(own, "pass."),
@@ -110,7 +118,10 @@ def frames_of(table: DataFrame, place: dict[str, int]) -> DataFrame:
     """The measured frames of points that have several, with the row of their point."""
     several = table[table.groupby("key")["frame"].transform("count") > 1]
     found = several[several["frame"].notna()]
-    errors = [document.check_text(row) for row in found[["true_errors", "check", "excused_share"]].to_dict("records")]
+    errors = [
+        document.check_text(row)
+        for row in found[["true_errors", "check", "excused_share"]].to_dict("records")
+    ]
     return found.assign(point=found["key"].map(place), error=errors).reindex(columns=FRAME)
 
 

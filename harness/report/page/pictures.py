@@ -1,4 +1,4 @@
-"""What the page draws from files: figures, pictures of scenes, maps of counts and of wrong pixels. Each as a data address."""
+"""What the page draws from files, each as a data address: figures, pictures of scenes, maps of counts and of errors."""
 
 from __future__ import annotations
 
@@ -78,16 +78,24 @@ def opened(path: Path) -> Image.Image | None:
         return None
 
 
-def compact(image: Image.Image, palette: Image.Image | None = None) -> tuple[bytes, Image.Image]:
-    """A picture as lossless WebP of at most 256 colours, and the palette. Equal pixels of two that share one stay equal."""
+def shared_palette(images: Sequence[Image.Image]) -> Image.Image:
+    """At most 256 colours for pictures of one size that are compared: a pixel that is equal in two of them stays equal."""
+    sheet = Image.new("RGB", (images[0].width * len(images), images[0].height))
+    for place, image in enumerate(images):
+        sheet.paste(image, (place * images[0].width, 0))
+    return sheet.quantize(256, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+
+
+def compact(image: Image.Image, palette: Image.Image | None = None) -> bytes:
+    """A picture as lossless WebP of at most 256 colours, those of ``palette`` if it is given."""
     scale = min(1.0, LARGEST / max(image.size))
     if scale < 1.0:
         image = image.resize((round(image.width * scale), round(image.height * scale)), Image.Resampling.BOX)
-    palette = palette or image.quantize(256, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    palette = palette or shared_palette([image])
     small = image.quantize(palette=palette, dither=Image.Dither.NONE).convert("RGB")
     stream = io.BytesIO()
     small.save(stream, "WEBP", lossless=True, quality=90, method=4)
-    return stream.getvalue(), palette
+    return stream.getvalue()
 
 
 def gallery(places: Sequence[Path], points: Sequence[DataFrame], album: Album) -> list[dict[str, Any]]:
@@ -109,7 +117,7 @@ def gallery(places: Sequence[Path], points: Sequence[DataFrame], album: Album) -
             whole = None if path in used or path.stem.endswith(("-reference", "-answered")) else opened(path)
             if whole is None:
                 continue
-            uri = album.add(compact(whole)[0], ".webp", f"{place.name}/images/{path.name}")
+            uri = album.add(compact(whole), ".webp", f"{place.name}/images/{path.name}")
             rows = table[[path.stem == s or path.stem.startswith(f"{s}-") for s in table["scene"]]]
             title = rows["title"].iloc[0] if len(rows) else path.stem
             if uri:
@@ -127,27 +135,25 @@ def compared(
     if right is None:
         return None
     used.add(path)
-    content, palette = compact(right)
-    uri = album.add(content, ".webp", f"{place.name}/images/{path.name}")
+    rows = [row for row in own[["key", "label", "true_errors", "error"]].to_dict("records")
+            if wrong_path(place, row["key"], frame).is_file()]  # fmt: skip
+    answered = {row["key"]: opened(answered_path(place, row["key"], frame)) for row in rows}
+    palette = shared_palette([right, *(image for image in answered.values() if image is not None)])
+    uri = album.add(compact(right, palette), ".webp", f"{place.name}/images/{path.name}")
     if uri is None:
         return None
-    pictures = [{"label": "reference (exact)", "uri": uri, "point": None, "classes": None, "wrong": 0}]
-    for row in own[["key", "label", "true_errors", "error"]].to_dict("records"):
-        classes = wrong_path(place, row["key"], frame)
-        if not classes.is_file():
-            continue
-        answered = opened(answered_path(place, row["key"], frame))
+    pictures = [{"label": "reference (exact)", "uri": uri, "classes": None, "wrong": 0}]
+    for row in rows:
+        image = answered[row["key"]]  # None: it looks like the reference's
         shown = (
-            uri
-            if answered is None
-            else album.add(compact(answered, palette)[0], ".webp", f"{row['label']}, {scene}")
+            uri if image is None else album.add(compact(image, palette), ".webp", f"{row['label']}, {scene}")
         )
         if shown is None:
             continue
         wrong = row["true_errors"]
         pictures.append({
             "label": row["label"], "uri": shown, "key": row["key"], "error": row["error"],
-            "classes": album.file(classes) if wrong == wrong and wrong else None,
+            "classes": album.file(wrong_path(place, row["key"], frame)) if wrong == wrong and wrong else None,
             "wrong": None if wrong != wrong else int(wrong),
         })  # fmt: skip
     width, height = right.size

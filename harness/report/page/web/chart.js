@@ -19,11 +19,17 @@ function lineChart(host, series, axes) {
   const logX = axes.logX && xs[0] > 0;
   const ticks = (u, values) => values.map((v) => (v === null ? "" : v !== 0 && (Math.abs(v) >= 1e4 || Math.abs(v) < 1e-3) ? v.toExponential(0).replace("e+", "e") : `${+v.toPrecision(4)}`));
   const powers = (values) => values.map((v) => (Number.isInteger(Math.round(Math.log10(v) * 1e6) / 1e6) ? v : null));
+  // On a logarithmic axis the powers of ten alone; where there are few, 1, 2 and 5 of each.
+  const few = (u, splits) => {
+    const kept = powers(splits);
+    const many = kept.filter((v) => v !== null).length > 3;
+    return many ? kept : splits.map((v) => ([1, 2, 5].includes(Math.round(v / 10 ** Math.floor(Math.log10(v) + 1e-9))) ? v : null));
+  };
   const side = (log) => ({ stroke: ink, font: "12px system-ui, sans-serif", grid: { stroke: faint, width: 1 }, ticks: { stroke: faint, width: 1 }, values: ticks,
-    ...(log ? { filter: (u, splits) => { const kept = powers(splits); return kept.filter((v) => v !== null).length >= 2 ? kept : splits; } } : {}) });
+    ...(log ? { filter: few, grid: { stroke: faint, width: 1, filter: few }, ticks: { stroke: faint, width: 1, filter: few } } : {}) });
   let nearest = null;
   const options = {
-    width: Math.max(260, host.clientWidth), height: Math.max(260, Math.min(460, innerHeight * 0.5)),
+    width: Math.max(260, host.clientWidth), height: Math.max(260, Math.min(620, innerHeight * 0.55)),
     legend: { show: false },
     scales: { x: { time: false, distr: logX ? 3 : 1 }, y: { distr: axes.logY ? 3 : 1, ...(axes.logY ? {} : { range: (u, low, high) => [Math.min(0, low), high * 1.05 || 1] }) } },
     axes: [{ ...side(logX), label: axes.x, labelSize: 22, labelFont: "12px system-ui, sans-serif" },

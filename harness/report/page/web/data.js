@@ -100,7 +100,7 @@ function pointLines(p, frame = null) {
   lines.push(["samples", `${whole(t.samples)}${frame ? "" : ` in ${p.rounds} round${p.rounds === 1 ? "" : "s"}`}`]);
   lines.push(["answers", t.error + (t.error === "unscored" && p.unscored ? `: ${p.unscored}` : "")]);
   lines.push(["size, device", `${p.size}, ${p.device_name || p.device}`]);
-  if (isStandIn(p)) lines.push(["stand-in for", p.stand_in.replace(/^Procedural stand-in for /, "")]);
+  if (isStandIn(p)) lines.push(["stand-in for", p.stand_in.replace(/^procedural stand-in for /i, "")]);
   if (p.earlier) lines.push("Of an earlier version of the method.");
   if (p.known_inexact) lines.push(`Declares itself inexact: ${p.known_inexact}`);
   return lines;

@@ -59,16 +59,18 @@ function roundStrip(p) {
     })), el("div.ends", {}, el("span", {}, `${number(low)} ms`), el("span", {}, `${number(high)} ms`)));
 }
 
-/** The passes of the frame as bars, in the order in which they run. */
+/** The passes of the frame as bars, part by part. */
 function stageBars(p) {
   const steps = Object.entries(p.passes).map(([name, ms]) => {
     const [part, ...rest] = name.split(".");
     return { part, name: rest.join("."), ms };
   });
   if (!steps.length) return null;
+  const order = ["build", "trace", "light build", "shadow"];
+  steps.sort((a, b) => order.indexOf(a.part) - order.indexOf(b.part));
   const most = Math.max(...steps.map((step) => step.ms), 1e-9);
   return el("div.stages", {}, el("h4", {}, "Passes, ms"), steps.map((step) => {
-    const bar = el("i", { class: `part-${step.part.replace(" ", "-")}` });
+    const bar = el("i", { class: `part-${step.part.replaceAll(" ", "-")}` });
     bar.style.width = `${Math.max(0, 100 * step.ms / most)}%`;
     return el("div.stage", {}, el("span", {}, `${step.part}: ${step.name}`), el("span.bar", {}, bar), el("b", {}, number(step.ms)));
   }));

@@ -10,6 +10,7 @@ function draw() {
   hideTip();
   $("#nav").replaceChildren(...Object.entries(VIEWS).map(([key, [title]]) => el("li", {}, el("a", {
     href: address({ view: key }), "aria-current": key === view ? "page" : null }, title))));
+  $("#nav [aria-current]").scrollIntoView({ block: "nearest", inline: "nearest" });
   drawFilters();
   const main = $("#main");
   const focused = document.activeElement?.closest?.("main [data-focus]")?.dataset.focus;

@@ -10,7 +10,9 @@ function twoPictures(left, right, labels, name, read) {
     el("span.tag.left", {}, labels[0]), el("span.tag.right", {}, labels[1]));
   const inner = el("div.inner", {}, frame);
   inner.style.width = `${100 * zoom}%`;
+  const shape = left.width / left.height;
   const window_ = el("div.window", { role: "group", "aria-label": `${labels[0]} and ${labels[1]}` }, inner);
+  window_.style.width = `min(100%, ${(78 * shape).toFixed(1)}vh)`;
   const range = el("input", { type: "range", min: 0, max: 100, step: 0.5, value: String(start), "data-focus": `${name}.cut`,
     "aria-label": `Part the pictures: ${labels[0]} left, ${labels[1]} right`, oninput: () => cut(Number(range.value)), onchange: () => change({ [`${name}.cut`]: range.value }, true) });
   function cut(percent_) {

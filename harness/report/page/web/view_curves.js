@@ -5,7 +5,7 @@ const AXES = {
   light_distance: { title: "distance of the light, scene radii", log: true, apart: (p) => [p.name, p.title, p.size], text: (x) => `${short(x)} radii` },
   frame: { title: "frame", log: false, apart: (p) => [p.name, p.where, p.size], text: (x) => `frame ${x}` },
   triangles: { title: "triangles", log: true, apart: (p) => [p.name, p.light_label, p.size], text: (x) => `${whole(x)} triangles` },
-  pixels: { title: "pixels", log: true, apart: (p) => [p.name, p.where.replace(/, \d+x\d+/, ""), p.light_label], text: (x) => `${whole(x)} pixels` },
+  pixels: { title: "pixels", log: true, apart: (p) => [p.name, p.where], text: (x) => `${whole(x)} pixels` },
   lights: { title: "lights", log: true, apart: (p) => [p.name, p.title, p.size], text: (x) => `${x} light${x === 1 ? "" : "s"}` },
 };
 const short = (x) => (x >= 1e4 ? x.toExponential(0).replace("e+", "e") : String(x));
@@ -63,7 +63,7 @@ function viewCurves(host) {
     "aria-valuetext": AXES[axis].text(places[at]), oninput: () => show(Number(range.value)), onchange: () => change({ at: range.value }, true) });
   const told = el("output", { for: "place" });
   const block = section(`${folderOf(chosen.name).title}: ${panel}`, el("div.aside"),
-    el("div.split", {}, el("div", {}, box, el("p.note", {}, "Drag to zoom, double click or ", el("button.small", { type: "button", onclick: () => chart?.reset() }, "whole range"), ". A red cross: wrong answers. Whiskers: quartiles.")),
+    el("div.split", {}, el("div.stay", {}, box, el("p.note", {}, "Drag to zoom, double click or ", el("button.small", { type: "button", onclick: () => chart?.reset() }, "whole range"), ". A red cross: wrong answers. Whiskers: quartiles.")),
       el("div", {}, el("div.place", {}, el("label", { for: "place" }, AXES[axis].title), range, told), list)));
   host.append(block);
   const columns = [

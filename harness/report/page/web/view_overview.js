@@ -18,7 +18,7 @@ function viewOverview(host) {
     { key: "points", title: "points", numeric: "down", value: (f) => f.done, text: (f) => whole(f.done) },
     { key: "wrong", title: "wrong", numeric: "down", value: (f) => f.wrong, text: (f) => whole(f.wrong), tip: (f) => [f.answers], className: (f) => (f.wrong ? "is-wrong" : "") },
     { key: "where", title: "measured at", text: (f) => f.where },
-    { key: "state", title: "version", text: (f) => (f.earlier ? `${f.earlier} of an earlier version` : "current"), className: (f) => (f.earlier ? "is-old" : "") },
+    { key: "state", title: "version", text: (f) => (f.earlier === f.all ? "all of an earlier version" : f.earlier ? `${f.earlier} of ${f.all} of an earlier version` : "current"), className: (f) => (f.earlier ? "is-old" : "") },
   ];
   const rows = folders.map((f) => {
     const mine = own.filter((p) => p.folder === f.name);

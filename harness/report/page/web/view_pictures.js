@@ -21,7 +21,11 @@ async function viewPictures(host) {
     host.append(block);
     const [one, two] = await Promise.all([left, right].map((picture) => withErrors(picture, entry)));
     if (!block.isConnected) return;
-    block.append(twoPictures(one.node, two.node, [left.label, right.label], "cut", null), legendOf([one.counts, two.counts]));
+    const columns = [
+      { key: "label", title: "picture", text: (one_) => one_.label },
+      { key: "wrong", title: "wrong answers", numeric: "up", value: (one_) => one_.wrong, text: (one_) => (one_.wrong === null ? "unscored" : whole(one_.wrong)), className: (one_) => (one_.wrong ? "is-wrong" : "") }];
+    block.append(el("div.split", {}, twoPictures(one.node, two.node, [left.label, right.label], "cut", null), el("div", {}, legendOf([one.counts, two.counts]),
+      grid(columns, entry.pictures, { caption: `Pictures of ${entry.title}: Enter or a click puts one on the right`, name: "pictures", open: (one_) => change({ pr: one_.label }) }))));
     say(`${labels.length} pictures of ${entry.title}`);
   }
   const single = entries.filter((one) => one.pictures.length === 1);

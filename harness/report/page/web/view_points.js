@@ -12,7 +12,7 @@ function viewPoints(host) {
   const all = Boolean(state["points.wide"]);
   const columns = [
     { key: "where", title: "scene", text: (p) => p.where, tip: (p) => [p.where, ["triangles", whole(p.triangles)], isStandIn(p) ? ["stand-in", p.stand_in] : ["source", p.source_file || "procedural"]] },
-    { key: "name", title: "method", text: (p) => p.name + (p.earlier ? " (earlier version)" : ""), node: (p) => el("span.key", {}, swatch(p.method), p.name, p.earlier && el("em.old", {}, "earlier version")), tip: (p) => [p.method_title, ["settings", p.settings], ["version", (p.method_sha256 || "").slice(0, 12)]] },
+    { key: "name", title: "method", text: (p) => p.name + (p.earlier ? " †" : ""), node: (p) => el("span.key", {}, swatch(p.method), p.name, p.earlier && el("em.old", { title: "of an earlier version of the method" }, "†", el("span.hidden", {}, " earlier version"))), tip: (p) => [p.method_title, ["settings", p.settings], ["version", (p.method_sha256 || "").slice(0, 12)]] },
     { key: "folder", title: "experiment", text: (p) => p.folder },
     { key: "bar", title: `ms, ${log ? "log" : "linear"}`, fixed: true, screen: true, text: () => "", node: (p) => timeBar(p, place), tip: (p) => pointLines(p) },
     { key: "total_ms", title: "frame, ms", numeric: "up", value: (p) => (p.done ? p.total_ms : null), text: (p) => (p.done ? `${number(p.total_ms)} ${p.error}` : p.status), csv: (p) => p.total_ms,
@@ -23,7 +23,7 @@ function viewPoints(host) {
     { key: "frame_mrays_per_s", title: "Mrays/s", numeric: "down", value: (p) => p.frame_mrays_per_s, text: (p) => number(p.frame_mrays_per_s), csv: (p) => p.frame_mrays_per_s },
     { key: "memory", title: "MB", numeric: "up", value: (p) => p.memory_bytes, text: (p) => number(valueOf(p, "memory_bytes")), csv: (p) => valueOf(p, "memory_bytes") },
     { key: "size", title: "size", text: (p) => p.size, value: (p) => p.pixels },
-    { key: "device", title: "device", text: (p) => p.device_name || p.device },
+    { key: "device", title: "device", text: (p) => p.device_name || p.device, className: () => "nowrap" },
     ...(all ? [
       { key: "lights", title: "lights", numeric: "up", value: (p) => p.lights, text: (p) => whole(p.lights) },
       { key: "frames", title: "frames", numeric: "up", value: (p) => p.frames, text: (p) => whole(p.frames) },
@@ -37,7 +37,7 @@ function viewPoints(host) {
   ];
   host.append(section(`${whole(rows.length)} points`, el("div.aside", {}, toggle("all columns", all, (on) => change({ "points.wide": on ? "1" : "" }), { "data-focus": "wide" }), savers(columns, rows, "points", `Points of ${DATA.title}`)),
     grid(columns, rows, { caption: "Points: one method with its settings on one scene, size, light and device", name: "points", open: openDetails,
-      note: "± : half the interquartile range of repeats or half the range between rounds, whichever is larger. Enter or a click on a row shows everything that its record has." })));
+      note: "± : half the interquartile range of repeats or half the range between rounds, whichever is larger. † of an earlier version of the method than other records here. Enter or a click on a row shows everything that its record has." })));
 }
 
 const swatch = (method) => { const node = el("i.swatch", { "aria-hidden": "true" }); node.style.background = colourOf(method); return node; };

@@ -24,7 +24,7 @@ function viewTable(host) {
   const value = (p) => (!p ? null : measure.startsWith("ratio:") ? ratioOf(p, measure.slice(6))?.ratio ?? null : measure === "paper" ? p.total_ms : valueOf(p, measure));
   const text = (p) => (measure.startsWith("ratio:") ? ratioText(value(p)) : measure === "paper" ? number(p.total_ms) : MEASURES[measure].text(value(p)));
   const timed = measure === "paper" || measure.endsWith("_ms") || measure.startsWith("ratio:");
-  const plainText = (p) => (!p ? "–" : !p.done ? p.status : measure === "paper" ? `${number(p.build_ms)} / ${number(p.trace_ms)}; ${number(p.total_ms)} ${p.error}` : `${text(p)}${timed || measure === "frame_mrays_per_s" ? ` ${p.error}` : ""}`);
+  const plainText = (p) => (!p ? "–" : !p.done ? p.status : measure === "paper" ? `${number(p.build_ms)} / ${number(p.trace_ms)}; ${number(p.total_ms)} ${p.error}${p.earlier ? " †" : ""}` : `${text(p)}${timed || measure === "frame_mrays_per_s" ? ` ${p.error}` : ""}${p.earlier ? " †" : ""}`);
   const shares = barShares(lines, heads, at, value, across);
   const cellNode = (p) => {
     if (!p) return "–";
@@ -37,7 +37,7 @@ function viewTable(host) {
   const columns = [lineColumn, ...heads.map((head) => ({
     key: across ? head : placeName(head), title: across ? head : placeName(head), numeric: "up", value: (line) => value(at(line, head)), text: (line) => plainText(at(line, head)),
     node: (line) => cellNode(at(line, head)), tip: (line) => { const p = at(line, head); return p && [...pointLines(p), ...ratioLines(p, measure)]; },
-    className: (line) => { const p = at(line, head); return p ? [best.has(p.id) && timed ? "is-best" : "", p.earlier ? "is-old" : ""].join(" ") : "empty"; },
+    className: (line) => { const p = at(line, head); return p ? [best.has(p.id) && timed ? "is-best" : "", ""].join(" ").trim() : "empty"; },
     style: (line) => shares(at(line, head)),
   }))];
   if (paperLike && across && measure === "paper") {
@@ -52,7 +52,7 @@ function viewTable(host) {
   const caption = `${first.title}: ${measures.find(([m]) => m === measure)[1]}. ${first.where}.`;
   const note = [measure === "paper" ? "Build / trace of primary rays in ms, then the whole frame with shadows in ms and its answers." : measure.startsWith("ratio:") ? "Ratios over frames that both have, within one run; a dash: the two may not be compared." : "",
     "✓ no wrong answer, ✗ how many are wrong over all frames, unscored: nothing is known of the answers. Bold: the fastest of its scene without a wrong answer.",
-    paperLike && across && measure === "paper" ? `Columns under "${DATA.paper.label}" are the paper's own numbers. ${DATA.paper.footnotes.join(" ")}` : "", first.effort].filter(known).join(" ");
+    paperLike && across && measure === "paper" ? `Columns under "${DATA.paper.label}" are the paper's own numbers. ${DATA.paper.footnotes.join(" ")}` : "", own.some((p) => p.earlier) ? "† of an earlier version of the method than other records here." : "", first.effort].filter(known).join(" ");
   host.append(section(first.title, savers(columns, lines, `${folder}-${measure.replace(/\W+/g, "-")}`, caption),
     first.finding && el("p.finding", {}, first.finding), grid(columns, lines, { caption, name: "table", note,
       open: (line, column) => { const p = at(line, heads.find((head) => column.key === (across ? head : placeName(head)))); if (p) openDetails(p); } })));

@@ -1,0 +1,413 @@
+"""The page of a folder of results: what is gathered, and what a reader does with it in a real Chromium."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+import time
+
+import numpy as np
+import pytest
+from helpers import browser
+from helpers.experiment_records import record_of, write_records
+from PIL import Image
+from shadowbench.harness import cli
+from shadowbench.harness.report.flip import answered_path, reference_path
+from shadowbench.harness.report.page import columns
+from shadowbench.harness.results.pixel_maps import map_path, write_map, wrong_path
+from shadowbench.harness.runner.experiment import Entry
+from shadowbench.harness.scene.overrides import Lighting
+
+GRIDS, TREE, MAP = (
+    Entry("ray_grids", {}, "grids"),
+    Entry("bvh", {}, "tree"),
+    Entry("shadow_map", {}, "map & <b>"),
+)
+FACTS = {
+    "cpu": {"model": "A CPU", "usable_cores": 2},
+    "warp": "1.0",
+    "python": "3",
+    "os": "x",
+    "gpus": [{"name": "A GPU"}],
+}
+VIEWS = ("overview", "table", "points", "curves", "pictures", "maps", "claims", "drawings", "records")
+
+chromium = pytest.mark.skipif(bool(browser.missing()), reason=browser.missing() or "there is a browser")
+
+
+def wrong(record, count):
+    record["frames"][0]["score"].update(true_errors=count, check="failed")
+    return record
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    """Three folders: two scenes and three methods, one with wrong answers and one rejected; a light at three distances, one
+    of them with three frames; a table like the paper's. Pictures, maps and a drawing.
+    """
+    root = tmp_path_factory.mktemp("results")
+    times = [record_of("frame_time", e, scene, ms=ms * k) for scene, k in (("cloth", 1.0), ("buddha", 3.0))
+             for e, ms in ((GRIDS, 0.5), (TREE, 2.0))]  # fmt: skip
+    times += [
+        wrong(record_of("frame_time", MAP, "cloth", ms=0.25), 7),
+        record_of("frame_time", MAP, "buddha", status="rejected"),
+    ]
+    times[1]["method"]["source_sha256"] = "an earlier version"
+    far = [
+        record_of(
+            "figure11", e, "cloth", Lighting(label=f"{d:g} radii", distance=d), ms=ms * d**0.5,
+            counters={"pairs": 9 * d}, frames=3 if d == 1 else 1,
+        )
+        for d in (0.1, 1.0, 10.0)
+        for e, ms in ((GRIDS, 1.0), (TREE, 4.0))
+    ]  # fmt: skip
+    far[1]["method"]["source_sha256"], far[1]["frames"][0]["started"] = "a later version", [9.0]
+    table = [
+        record_of("table1", e, scene, ms=ms)
+        for scene in ("cloth", "buddha")
+        for e, ms in ((GRIDS, 0.5), (TREE, 2.0))
+    ]
+    for name, records in (("frame_time", times), ("figure11", far), ("table1", table)):
+        write_records(root / name, records)
+        (root / name / "environments").mkdir()
+        (root / name / "environments" / "e.json").write_text(json.dumps(FACTS))
+    folder, key = root / "frame_time", times[4]["key"]
+    (folder / "frame_time.svg").write_text('<svg xmlns="http://www.w3.org/2000/svg" width="9" height="9"/>')
+    (folder / "images").mkdir()
+    picture = np.full((16, 16, 3), 200, np.uint8)
+    Image.fromarray(picture).save(reference_path(folder, "cloth", 0))
+    picture[:4] = 0
+    Image.fromarray(picture).save(answered_path(folder, key, 0))
+    classes = np.ones((16, 16), int)
+    classes[:4] = 7
+    write_map(wrong_path(folder, key, 0), classes)
+    for record, most in ((times[0], 300), (times[1], 9)):
+        write_map(map_path(folder, record["key"], 0), np.arange(256).reshape(16, 16) * most // 255)
+    return root
+
+
+def command(monkeypatch, *words):
+    monkeypatch.setattr(sys, "argv", ["shadowbench", "report", *map(str, words)])
+    monkeypatch.delenv(cli.DEBUG, raising=False)
+    with pytest.raises(SystemExit) as stopped:
+        cli.main()
+    return stopped.value.code or 0
+
+
+@pytest.fixture(scope="module")
+def page(results):
+    with pytest.MonkeyPatch.context() as patch:
+        assert command(patch, results, "--out", results / "page.html") == 0
+    return results / "page.html"
+
+
+def data_of(page):
+    return json.loads(re.search(r'<script id="data"[^>]*>(.*?)</script>', page.read_text(), re.DOTALL)[1])
+
+
+def test_the_page_is_one_file_without_an_address_to_fetch(page):
+    html = page.read_text()
+    assert "default-src 'none'" in html
+    assert re.findall(r"""(?:src|href)=["'](?!#|data:)""", html.split('<script id="data"')[0]) == []
+    assert "Leon Sorokin" in html, "the licence of the charting library"
+    assert "<b>" not in html.split('<script id="data"')[1].split("</script>")[0], (
+        "no text of a record is markup"
+    )
+
+
+def test_ratios_are_those_of_compare_and_unlike_points_have_none(page):
+    data = data_of(page)
+    ratio, point = data["ratios"]["columns"], data["points"]["columns"]
+    text = lambda column, i: column["d"][column["i"][i]] if isinstance(column, dict) else column[i]  # noqa: E731
+    found = {
+        (text(point["title"], p), text(point["label"], p)): ratio["ratio"][i]
+        for i, p in enumerate(ratio["point"])
+        if (text(ratio["folder"], i), text(ratio["base"], i)) == ("frame_time", "tree")
+    }
+    assert found["Buddha (stand-in)", "grids"] == pytest.approx(0.25)
+    assert ("Buddha (stand-in)", "map & <b>") not in found
+    assert data["paper"]["label"].startswith("paper, GTX 280")
+
+
+def test_columns_keep_what_is_not_known():
+    import pandas as pd
+
+    table = pd.DataFrame(
+        {"a": ["x", None, "x"], "b": [1.23456789, float("nan"), 2.0], "c": pd.array([1, None, 3], "Int64")}
+    )
+    assert columns.columns(table)["columns"] == {
+        "a": {"d": ["x"], "i": [0, None, 0]},
+        "b": [1.23457, None, 2],
+        "c": [1, None, 3],
+    }
+
+
+@pytest.mark.parametrize("case", ["none", "empty", "half", "out", "full"])
+def test_bad_input_is_one_line(case, results, tmp_path, monkeypatch, capsys):
+    folder, words, said = tmp_path / "x", [], "no records in it"
+    if case == "none":
+        said = "no such folder"
+    elif case == "empty":
+        folder.mkdir()
+    elif case == "half":
+        write_records(folder, [record_of("table1", TREE)])
+        path = next((folder / "records").glob("*"))
+        path.write_text(path.read_text()[:200])
+        said = "not a record"
+    elif case == "out":
+        folder, words, said = results / "table1", ["--out", tmp_path], "is a folder"
+    else:
+        from shadowbench.harness.commands import report
+
+        def full(*_):
+            raise OSError(28, "No space left on device")
+
+        monkeypatch.setattr(report, "write_text", full)
+        folder, said = results / "table1", "cannot write (No space left on device)"
+    assert command(monkeypatch, folder, *words) == 2
+    err = capsys.readouterr().err
+    assert said in err
+    assert len(err.splitlines()) == 1
+
+
+# In the browser. One Chromium serves all of these tests.
+
+
+@pytest.fixture(scope="module")
+def driver(tmp_path_factory):
+    found = browser.start(tmp_path_factory.mktemp("profile"))
+    found.get("about:blank")
+    for kind in ("browser", "performance"):
+        found.get_log(kind)  # what the browser's own first page said and loaded
+    yield found
+    found.quit()
+
+
+@pytest.fixture
+def visit(driver, page):
+    """Open the page at a state, in a window; on leaving, nothing was fetched and nothing was complained about."""
+
+    def go(state="", width=1280, height=900, dark=False):
+        browser.look(driver, width, height, dark)
+        driver.get("about:blank")
+        driver.get(f"file://{page}#{state}")
+        settle(driver)
+        return driver
+
+    yield go
+    assert [entry["message"] for entry in driver.get_log("browser")] == []
+    events = [json.loads(entry["message"])["message"] for entry in driver.get_log("performance")]
+    asked = {
+        e["params"]["request"]["url"].split("#")[0]
+        for e in events
+        if e["method"] == "Network.requestWillBeSent"
+    }
+    assert {url for url in asked if not url.startswith(("data:", "blob:", "about:"))} <= {f"file://{page}"}
+
+
+def settle(
+    driver,
+    until="return document.querySelector('main').dataset.ready === document.querySelector('main').dataset.view",
+):
+    for _ in range(100):
+        if driver.execute_script(until):
+            return
+        time.sleep(0.05)
+    raise AssertionError(f"not within 5 s: {until}")
+
+
+def css(driver, selector):
+    return driver.find_elements("css selector", selector)
+
+
+def column(driver, number):
+    return [cell.text for cell in css(driver, f".grid tbody tr > :nth-child({number})")]
+
+
+def press(driver, *keys):
+    from selenium.webdriver import ActionChains
+
+    for key in keys:
+        ActionChains(driver).send_keys(key).perform()
+
+
+@chromium
+@pytest.mark.parametrize(("width", "dark"), [(360, False), (360, True), (1920, False), (1920, True)])
+def test_every_view_fits_its_window(visit, width, dark):
+    for view in VIEWS:
+        found = visit(f"view={view}", width, 900, dark)
+        wide, background = found.execute_script(
+            "return [document.documentElement.scrollWidth - innerWidth, getComputedStyle(document.body).backgroundColor]"
+        )
+        assert wide <= 0, view
+        assert (sum(map(int, re.findall(r"\d+", background)[:3])) < 200) == dark
+        assert len(css(found, "main h2, main p")) > 0
+
+
+@chromium
+def test_sorting_filtering_and_the_address(visit):
+    found = visit("view=points")
+    heading = css(found, "thead th button")[3]
+    for way in ("ascending", "descending"):
+        heading = next(b for b in css(found, "thead th button") if b.text.startswith("frame, ms"))
+        heading.click()
+        head = next(th for th in css(found, "thead th") if th.text.startswith("frame, ms"))
+        assert head.get_attribute("aria-sort") == way
+        times = [float(t.split()[0]) for t in column(found, 5) if t[0].isdigit()]
+        assert times == sorted(times, reverse=way == "descending")
+        assert column(found, 5)[-1] == "rejected", "what has no time is last either way"
+    assert "points.sort=total_ms" in found.current_url
+    css(found, 'details[data-key="scene"] summary')[0].click()
+    next(x for x in css(found, ".options label") if x.text.startswith("Buddha")).click()
+    assert set(column(found, 1)) == {"Buddha (stand-in)"}
+    before, state = column(found, 2), found.current_url.split("#")[1]
+    assert column(visit(state), 2) == before, "the address brings the state back"
+    assert column(visit("view=points&q=rejected+map"), 2) == []
+    assert len(column(visit("view=points&method=shadow_map&exp=frame_time"), 2)) == 2
+
+
+@chromium
+def test_times_have_their_errors_their_spread_and_their_origin(visit):
+    from selenium.webdriver import ActionChains
+
+    found = visit("view=table&t=frame_time")
+    cells = {cell.text: cell for cell in css(found, ".grid tbody td")}
+    assert any(re.fullmatch(r"0.253\s+✗ 7", text) for text in cells), list(cells)
+    assert any("†" in text for text in cells), "a record of an earlier version says so"
+    ActionChains(found).move_to_element(next(c for t, c in cells.items() if "✗ 7" in t)).perform()
+    tip = css(found, "#tip")[0].text
+    assert "quartiles\n0.251 to 0.254 ms" in tip
+    assert "✗ 7 wrong" in tip
+    assert "stand-in for" in tip
+    found = visit("view=table&t=table1")
+    assert "paper, GTX 280, 1024x1024" in css(found, "thead")[0].text
+    assert "44.47 ms" in css(found, "tbody")[0].text
+    found = visit("view=table&t=frame_time&m=ratio:tree")
+    assert any(
+        text.startswith("0.25\N{MULTIPLICATION SIGN}")
+        for cell in css(found, "tbody td")
+        for text in [cell.text]
+    )
+
+
+@chromium
+def test_the_slider_goes_through_distances_and_frames(visit):
+    from selenium.webdriver.common.keys import Keys
+
+    found = visit("view=curves&c=figure11&y=total_ms")
+    assert css(found, ".u-over"), "a chart is drawn"
+    slider = css(found, "#place")[0]
+    values = []
+    for key in (Keys.HOME, Keys.ARROW_RIGHT, Keys.END):
+        slider.send_keys(key)
+        values.append(
+            (
+                css(found, ".place output")[0].text,
+                float(css(found, ".at-place tbody tr:last-child td:last-child")[0].text.split()[0]),
+            )
+        )
+    assert [text for text, _ in values] == ["0.1 radii", "1 radii", "10 radii"]
+    assert [ms for _, ms in values] == sorted(ms for _, ms in values)
+    assert "at=2" in found.current_url
+    found = visit("view=curves&c=figure11&x=frame&at=0")
+    assert css(found, ".place output")[0].text == "frame 0"
+
+
+@chromium
+def test_hovering_a_curve_names_the_nearest_point(visit):
+    from selenium.webdriver import ActionChains
+
+    found = visit("view=curves&c=figure11&y=total_ms&scale=linear")
+    x, y = found.execute_script(
+        "const u = document.querySelector('.plot')._plot; return [u.valToPos(10, 'x'), u.valToPos(u.data[1][2], 'y')]"
+    )
+    over = css(found, ".u-over")[0]
+    ActionChains(found).move_to_element_with_offset(
+        over, x - over.rect["width"] / 2 - 3, y - over.rect["height"] / 2 + 2
+    ).perform()
+    tip = css(found, "#tip")[0].text
+    assert tip.startswith("tree · Cloth (stand-in), 10 radii")
+    assert "10 radii" in tip
+
+
+@chromium
+def test_pictures_part_under_a_slider_with_wrong_pixels_marked(visit):
+    from selenium.webdriver.common.keys import Keys
+
+    found = visit("view=pictures")
+    assert "acne" in css(found, ".legend")[0].text
+    assert "64" in css(found, ".legend")[0].text
+    pixel = (
+        "return [...document.querySelector('.over canvas').getContext('2d').getImageData(1, 1, 1, 1).data]"
+    )
+    assert found.execute_script(pixel)[:3] == [235, 90, 0]
+    slider = css(found, ".under-picture input")[0]
+    slider.send_keys(Keys.HOME)
+    assert css(found, ".frame")[0].get_attribute("data-cut") == "0"
+    assert css(found, ".over")[0].value_of_css_property("clip-path") == "inset(0px 0px 0px 0%)"
+    found = visit("view=pictures&plain=1")
+    assert found.execute_script(pixel)[:3] == [0, 0, 0]
+
+
+@chromium
+def test_heat_maps_share_a_scale_and_tell_their_counts(visit):
+    from selenium.webdriver import ActionChains
+
+    found = visit("view=maps&scale=linear")
+    assert {(r.text.split()[0], r.text.split()[-1]) for r in css(found, ".split tbody tr")} == {
+        ("grids", "300"),
+        ("tree", "9"),
+    }
+    assert css(found, ".ends span")[-1].text == "300"
+    frame = css(found, ".frame")[0]
+    ActionChains(found).move_to_element(frame).perform()
+    told = re.fullmatch(
+        r"pixel (\d+), (\d+)\ntree\n(\d+) tests\ngrids\n(\d+) tests", css(found, "#tip")[0].text
+    )
+    x, y, tree, grids = map(int, told.groups())
+    assert (tree, grids) == tuple((16 * y + x) * most // 255 for most in (9, 300))
+
+
+@chromium
+def test_the_keyboard_alone_reaches_everything(visit):
+    from selenium.webdriver.common.keys import Keys
+
+    found = visit("view=points")
+    names = []
+    for _ in range(40):
+        press(found, Keys.TAB)
+        names.append(found.execute_script(
+            "const e = document.activeElement; const o = getComputedStyle(e);"
+            "return [e.tagName, e.textContent.slice(0, 20), o.outlineStyle, parseFloat(o.outlineWidth)]"))  # fmt: skip
+        if names[-1][0] == "TH":
+            break
+    reached = {name[0] for name in names}
+    assert {"A", "SELECT", "SUMMARY", "INPUT", "BUTTON", "TH"} <= reached
+    assert all(style != "none" and width >= 1 for _, _, style, width in names), "the focus is seen everywhere"
+    press(found, Keys.ARROW_RIGHT, Keys.ARROW_RIGHT, Keys.ARROW_RIGHT, Keys.ARROW_RIGHT, Keys.ARROW_DOWN)
+    assert "whole frame" in css(found, "#tip")[0].text, "a focused cell shows its spread"
+    press(found, Keys.ENTER)
+    dialog = css(found, "dialog[open]")[0]
+    assert "method's source" in dialog.text
+    assert "A GPU" in dialog.text
+    press(found, Keys.ESCAPE)
+    settle(found, "return !document.querySelector('dialog[open]')")
+    assert "point=" not in found.current_url
+
+
+@chromium
+def test_what_is_shown_is_saved_as_csv_and_latex(visit):
+    found = visit("view=table&t=table1")
+    found.execute_script(
+        "window.saved = []; URL.createObjectURL = (blob) => { blob.text().then((t) => saved.push(t)); return 'data:,'; };"
+    )
+    for button in css(found, ".savers button"):
+        button.click()
+    settle(found, "return saved.length === 2")
+    csv, latex = found.execute_script("return saved")
+    assert csv.splitlines()[0].startswith("scene,")
+    assert '"HBVH (paper, GTX 280, 1024x1024)"' in csv
+    assert "\\toprule" in latex
+    assert "Cloth (stand-in)" in latex
+    assert latex.count("\\\\") == 4
