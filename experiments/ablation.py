@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..harness.report import compare, document, panels, style
+from ..harness.report import compare, document
+from ..harness.report.dots import dots
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from ._paper import METHOD, PAPER, SCENES, UNBALANCED, faithful
 
@@ -114,10 +115,12 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     done = document.measured(table)
     changed = done[done["ratio"].notna() & ~done["label"].isin([BASE, *APART])]
     back = done[done["ratio_to_best"].notna() & done["label"].isin(APART)]
-    if len(changed):
-        files.append(picture(changed, "ratio", BASE, folder / "ablation.svg"))
-    if len(back):
-        files.append(picture(back, "ratio_to_best", BEST, folder / "ablation-ours.svg"))
+    ends = ((changed, "ratio", BASE, "ablation.svg"), (back, "ratio_to_best", BEST, "ablation-ours.svg"))
+    for own, ratio, base, name in ends:
+        if len(own):
+            below = f"frame time over that of {base}"
+            look = {"labels": below, "order": ORDER, "whisker": f"{ratio}_spread"}
+            files.append(dots(folder / name, own, "label", ratio, "title", **look))
     ours = back[back["label"] != TREE]
     tables = {
         f"Frame time over that of {BASE}": ratios(changed, "ratio"),
@@ -129,16 +132,12 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
 
 def ratios(own: pd.DataFrame, column: str) -> pd.DataFrame:
     """Scenes across, points down, the least geometric mean first; a ratio has the digits that its spread carries."""
-    import pandas as pd
-
     own = own[own[column].notna()]
-    if own.empty:
-        return pd.DataFrame()
-    texts = [document.carried(*pair) for pair in own[[column, f"{column}_spread"]].to_numpy()]
-    wide = own.assign(text=texts).groupby(["label", "title"], sort=False)["text"].last().unstack("title")
-    mean = own.groupby("label")[column].agg(compare.geometric)
-    wide.insert(0, "geometric mean", mean.map("{:.2f}".format))
-    return wide.loc[mean.sort_values().index].reset_index(names="configuration")
+    text = document.carry(own[column], own[f"{column}_spread"])
+    wide = document.cross_table(own.assign(text=text), {"label": "configuration"}, "title", "text")
+    means = wide["configuration"].map(own.groupby("label")[column].agg(compare.geometric))
+    wide.insert(1, "geometric mean", means.map("{:.2f}".format))
+    return wide.loc[means.sort_values(kind="stable").index]
 
 
 def finding(done: pd.DataFrame) -> str:
@@ -161,32 +160,6 @@ def finding(done: pd.DataFrame) -> str:
         if len(named):
             told.append(f"alone, {named.index[0]} {which} most ({named.iloc[0]:.2f}, geometric mean)")
     return "; ".join(told) + "."
-
-
-def picture(own: pd.DataFrame, column: str, base: str, path: Path) -> Path:
-    """A band a change, in it a line a scene so that no mark hides another; logarithmic, 1 is the unchanged ``base``."""
-    here = own["label"].unique()
-    labels = [label for label in ORDER if label in here] + [label for label in here if label not in ORDER]
-    scenes = list(own["title"].unique())
-    with panels.sheet(path, (style.COLUMN_WIDTH, 0.27 * len(labels) + 1.15), grid="x") as (_, grid):
-        axes = grid[0, 0]
-        for k in range(0, len(labels), 2):
-            axes.axhspan(k - 0.5, k + 0.5, color="#f3f3f3", zorder=0)
-        axes.axvline(1.0, color="black", lw=0.8)
-        for i, (title, mine) in enumerate(own.groupby("title", sort=False)):
-            heights = [labels.index(label) + 0.8 * ((i + 0.5) / len(scenes) - 0.5) for label in mine["label"]]
-            look = {"marker": style.MARKERS[i % 8], "color": style.COLOURS[i % 8], "ls": "none", "ms": 2.6}
-            axes.plot(mine[column], heights, label=title, **look)
-        axes.set_yticks(range(len(labels)), labels)
-        axes.tick_params(axis="y", length=0)
-        axes.set_ylim(len(labels) - 0.5, -0.5)
-        axes.set_xscale("log")
-        low, high = own[column].min() / 2.5, own[column].max() * 2.5
-        ticks = [t for t in (0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20) if low <= t <= high]
-        axes.set_xticks(ticks, [f"{t:g}" for t in ticks])
-        axes.minorticks_off()
-        axes.set_xlabel(f"frame time over that of {base}", loc="right")  # longer than the axes are wide
-    return path
 
 
 EXPERIMENT = Experiment(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..harness.report import compare, document, panels, style
+from ..harness.report.dots import dots
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import MOVED, Lighting
 from ._paper import METHOD
@@ -101,7 +102,12 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     tables = {f"{title}: {adds}": effects_table(own) for title, own in effects.groupby("title", sort=False)}
     tables |= {f"{title}: {moves}": moved_table(own) for title, own in moved.groupby("title", sort=False)}
     if len(effects):
-        files.append(effects_picture(effects, folder / "effects.svg"))
+        below = f"frame time over that of {BASE} (bars: noise)"
+        own = effects[effects["light_label"] != BASE].assign(
+            noise=effects["noise_ms"] / (effects["total_ms"] - effects["added_ms"])
+        )
+        look = {"labels": below, "facet": "title", "whisker": "noise", "legend": 3}
+        files.append(dots(folder / "effects.svg", own, "light_label", "ratio", "label", **look))
     if len(moved):
         files.append(moved_picture(moved, folder / "effects-moved.svg"))
     notes = [ABOUT] * bool(len(effects)) + [ABOUT_MOVED] * bool(len(moved))
@@ -125,77 +131,57 @@ def effects_table(own: pd.DataFrame) -> pd.DataFrame:
     """Effects down, methods across; the frame that they are added to first, and its repetition."""
     import pandas as pd
 
-    columns = {}
-    for label, mine in own.groupby("label", sort=False):
-        texts = {}
-        for r in mine.itertuples():
-            if r.light_label == BASE:
-                texts[f"{BASE}, ms"] = document.carried(r.total_ms, r.spread)
-                texts["the same, once more, ms"] = style.number(r.again_ms)
-            else:
-                ratio = document.carried(r.ratio, r.noise_ms * r.ratio / r.total_ms).strip(document.NOISY)
-                texts[r.light_label] = f"{document.carried(r.added_ms, r.noise_ms, '+')} (x{ratio})"
-        columns[label] = texts
-    order = [f"{BASE}, ms", "the same, once more, ms", *own["light_label"].unique()]
-    shown = pd.DataFrame(columns)
-    return shown.reindex([x for x in order if x in shown.index]).rename_axis("effect").reset_index()
+    ratio = document.carry(own["ratio"], own["noise_ms"] * own["ratio"] / own["total_ms"]).str.strip(
+        document.NOISY
+    )
+    added = document.carry(own["added_ms"], own["noise_ms"], "+") + " (x" + ratio + ")"
+    base = own["light_label"] == BASE
+    first = own[base].assign(
+        light_label=f"{BASE}, ms", text=document.carry(own["total_ms"], own["spread"])[base]
+    )
+    again = first.assign(light_label="the same, once more, ms", text=first["again_ms"].map(style.number))
+    rows = pd.concat([first, again, own[~base].assign(text=added[~base])])
+    return document.cross_table(rows, {"light_label": "effect"}, "label", "text")
 
 
 def moved_table(own: pd.DataFrame) -> pd.DataFrame:
-    """Methods down, what moved across."""
-    texts = [
-        f"{document.carried(r.total_ms, r.spread)} ({r.builds:.0f})" if r.passes else "no launch"
-        for r in own.itertuples()
-    ]
-    shown = own.assign(text=texts).groupby(["label", "moved"], sort=False)["text"].last().unstack("moved")
-    return shown.reindex(columns=[x for x in MOVED if x in shown]).rename_axis("method").reset_index()
-
-
-def effects_picture(effects: pd.DataFrame, path: Path) -> Path:
-    """A line an effect, a mark a method: time over that of the base, with its noise. A panel a scene."""
-    own = effects[effects["light_label"] != BASE]
-    names, looks = list(own["light_label"].unique()), panels.looks(effects)
-    scenes = own["title"].nunique()
-    size = (style.COLUMN_WIDTH * max(1.0, 0.45 + 0.55 * scenes), 0.27 * len(names) + 1.35)
-    columns = 2 + (scenes > 1)
-    with panels.sheet(path, size, 1, scenes, legend=columns, sharex=True, sharey=True) as (figure, grid):
-        for axes, (title, here) in zip(grid[0], own.groupby("title", sort=False), strict=True):
-            axes.axvline(1.0, color="#444444", lw=0.8)
-            for k, (label, look) in enumerate(looks.items()):
-                mine = here[here["label"] == label]
-                heights = [names.index(x) + 0.11 * (k - (len(looks) - 1) / 2) for x in mine["light_label"]]
-                noise = (mine["noise_ms"] / (mine["total_ms"] - mine["added_ms"])).fillna(0.0)
-                axes.errorbar(mine["ratio"], heights, xerr=noise.clip(upper=0.9 * mine["ratio"]),
-                              **{**look, "ls": "none", "ms": 3.6, "elinewidth": 0.7}, label=label)  # fmt: skip
-            axes.set_xscale("log", base=2)
-            axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
-            axes.set_title(title, loc="left")
-        grid[0, 0].set_yticks(range(len(names)), names)
-        grid[0, 0].set_ylim(len(names) - 0.5, -0.5)
-        figure.supxlabel(f"frame time over that of {BASE} (bars: noise)", fontsize=8)
-    return path
+    """Methods down, what moved across; beside the time how many passes build structures."""
+    text = document.carry(own["total_ms"], own["spread"]) + " (" + own["builds"].astype(str) + ")"
+    wide = document.cross_table(
+        own.assign(text=text.where(own["passes"] > 0, "no launch")), {"label": "method"}, "moved", "text"
+    )
+    return wide[["method", *(what for what in MOVED if what in wide)]]
 
 
 def moved_picture(moved: pd.DataFrame, path: Path) -> Path:
     """Time of a frame against what moved, a line a method; a panel a scene. Nothing moved: nothing is launched."""
-    looks, scenes = panels.looks(moved), moved["title"].nunique()
     kinds = [x for x in MOVED if moved.loc[moved["moved"] == x, "passes"].any()]
+    seen = moved[moved["moved"].isin(kinds) & (moved["total_ms"] > NEVER)]
+    seen = seen.assign(place=seen["moved"].map(kinds.index), half=seen["iqr_ms"] / 2).sort_values(
+        "place", kind="stable"
+    )
+    scenes = moved["title"].nunique()
     size = (style.COLUMN_WIDTH * max(1.0, 0.25 + 0.6 * scenes), 2.7)
-    with panels.sheet(path, size, 1, scenes, legend=2 + (scenes > 1), sharey=True) as (figure, grid):
-        for axes, (title, here) in zip(grid[0], moved.groupby("title", sort=False), strict=True):
-            seen = here[here["moved"].isin(kinds) & (here["total_ms"] > NEVER)]
-            for label, line in seen.groupby("label", sort=False):
-                line = line.sort_values("moved", key=lambda s: s.map(kinds.index))
-                axes.errorbar(line["moved"].map(kinds.index), line["total_ms"], yerr=line["iqr_ms"] / 2,
-                              elinewidth=0.7, label=label, **looks[label])  # fmt: skip
+    look = {
+        "facet": "title",
+        "across": scenes,
+        "whisker": "half",
+        "drawn": panels.looks(moved),
+        "sharey": True,
+    }
+    with panels.lines(path, seen, "place", "total_ms", size, legend=2 + (scenes > 1), **look) as (
+        figure,
+        places,
+    ):
+        for axes, _ in places:
             style.plain_log(axes)
             axes.set_xticks(range(len(kinds)), kinds)
             axes.set_xlim(-0.3, len(kinds) - 0.7)
-            axes.set_title(title, loc="left")
-        grid[0, 0].set_ylabel("ms per frame")
+        places[0][0].set_ylabel("ms per frame")
         idle = not moved.loc[moved["moved"] == "nothing", "passes"].any()
-        note = "\n(nothing moved: no kernel is launched)" if idle else ""
-        figure.supxlabel(f"what moved since the last frame{note}", fontsize=8)
+        figure.supxlabel(
+            "what moved since the last frame" + "\n(nothing moved: no kernel is launched)" * idle, fontsize=8
+        )
     return path
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from ...harness.report import document
 from ...harness.runner.experiment import Entry, Experiment, Preset
 from ...harness.runner.job import Options
+from ...harness.runner.progress import Silent
 from . import hard_cases, offsets, pareto, pictures, tables
 
 SCENES = ("fairy", "sibenik", "bunny_dragon", "conference", "cloth", "buddha")
@@ -154,14 +155,16 @@ TELLING = ("P29c", "P29d", "P29e", "P31 1e+07", "S31 1000")
 GRID_SIZE = {"quick": 48, "paper": 128}
 
 
-def after(options: Options) -> None:
+def after(options: Options, report: Silent) -> None:
     """Untimed: errors over light distance and scene offset on the run's first scene, and errors on the hard cases.
 
     Both are kept as CSV and not made again until they are deleted.
     """
     quick = options.preset_name == "quick"
-    offsets.keep_grid(options, GRID, DISTANCES, OFFSETS, GRID_SIZE.get(options.preset_name, 48))
-    hard_cases.keep_hard(options, HARD, (*OF_EFFECTS, VARIANTS, *LONG) if quick else OF_EFFECTS, TELLING)
+    offsets.keep_grid(options, report, GRID, DISTANCES, OFFSETS, GRID_SIZE.get(options.preset_name, 48))
+    hard_cases.keep_hard(
+        options, report, HARD, (*OF_EFFECTS, VARIANTS, *LONG) if quick else OF_EFFECTS, TELLING
+    )
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:

@@ -13,6 +13,7 @@ from ...harness.hardcases import all_cases
 from ...harness.hardcases.judge import Judged, judge_method
 from ...harness.runner.experiment import Entry
 from ...harness.runner.job import Options
+from ...harness.runner.progress import Silent, counted
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -57,14 +58,19 @@ def hard_rows(
 
 
 def keep_hard(
-    options: Options, entries: Sequence[Entry], without: tuple[str, ...], but: Sequence[str] = ()
+    options: Options,
+    report: Silent,
+    entries: Sequence[Entry],
+    without: tuple[str, ...],
+    but: Sequence[str] = (),
 ) -> None:
     """Judge the entries on the hard cases and write a row each, unless that was done."""
     import pandas as pd
 
     if not (options.out / NAME).exists():
-        rows = pd.DataFrame(hard_rows(entries, options.device, without, but), columns=COLUMNS)
-        write_text(options.out / NAME, rows.to_csv(index=False, lineterminator="\n"))
+        rows = hard_rows(entries, options.device, without, but)
+        table = pd.DataFrame(counted(report, "hard cases, untimed", rows, len(entries)), columns=COLUMNS)
+        write_text(options.out / NAME, table.to_csv(index=False, lineterminator="\n"))
 
 
 def read_hard(folder: Path) -> pd.DataFrame:

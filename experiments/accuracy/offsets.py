@@ -26,6 +26,7 @@ from ...harness.report import panels
 from ...harness.runner.experiment import Entry
 from ...harness.runner.job import Options
 from ...harness.runner.machine_lock import MACHINE
+from ...harness.runner.progress import Silent, counted
 from ...harness.scene.catalogue import resolve
 from ...harness.scene.overrides import Lighting
 from ...harness.scene.prepared import Prepared, prepare, rounded, weld
@@ -103,6 +104,7 @@ def counts(score: Score) -> dict[str, int]:
 
 def keep_grid(
     options: Options,
+    report: Silent,
     entries: Sequence[Entry],
     distances: Sequence[float],
     offsets: Sequence[float],
@@ -113,8 +115,10 @@ def keep_grid(
         import pandas as pd
 
         prepared = prepare(resolve(options.preset.scenes[0], options.scene_dir))
-        rows = list(error_grid(prepared, entries, distances, offsets, size, options.device))
-        text = pd.DataFrame(rows, columns=COLUMNS).convert_dtypes().to_csv(index=False, lineterminator="\n")
+        rows = error_grid(prepared, entries, distances, offsets, size, options.device)
+        count = len(entries) * len(distances) * len(offsets)
+        found = list(counted(report, "errors by light distance and offset, untimed", rows, count))
+        text = pd.DataFrame(found, columns=COLUMNS).convert_dtypes().to_csv(index=False, lineterminator="\n")
         write_text(options.out / NAME, text)
 
 

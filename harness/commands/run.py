@@ -101,10 +101,12 @@ def run(options: Options, as_json: bool = False) -> int:
     """Run and draw. Return 0 if every point was measured or skipped with a reason, else 1."""
     MACHINE.share()
     with Silent() if as_json else Bar() as report:
-        measure = options.experiment.measure
+        measure, after = options.experiment.measure, options.experiment.after
+        report.more = "then untimed counts" * (after is not None)
         records = measure(options, report) if measure is not None else Run(options, report).go()
-    if options.experiment.after is not None:
-        options.experiment.after(options)
+        if after is not None:
+            report.more = ""
+            after(options, report)
     files: list[Path] = []
     if options.experiment.draw is not None:
         with ResultsFolder(options.out).writing():

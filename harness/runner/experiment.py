@@ -79,7 +79,8 @@ class Preset:
 class Experiment:
     """A named experiment: its presets, and a function that draws its results from a folder.
 
-    ``after``: a function for additional untimed work, called with the options of the run when every point has its record.
+    ``after``: a function for additional untimed work, called with the options of the run and the progress report when every
+    point has its record.
     ``measure``: a function for measurements that are not a method on a scene; it is called with the options and the
     progress report, and returns its records.
     """
@@ -88,7 +89,7 @@ class Experiment:
     title: str
     presets: Mapping[str, Preset]
     draw: Callable[[Path], Any] | None = None
-    after: Callable[[Any], None] | None = None
+    after: Callable[[Any, Any], None] | None = None
     measure: Callable[[Any, Any], list[Record]] | None = None
     cpu: str = "quick"
     gpu: str = "paper"

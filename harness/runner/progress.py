@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterable, Iterator
 from statistics import fmean, median
+from typing import TypeVar
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
@@ -15,7 +17,12 @@ QUIET_S = 10.0
 
 
 class Silent:
-    """Receives progress events and prints nothing. A step is one command to one worker."""
+    """Receives progress events and prints nothing. A step is one command to one worker.
+
+    ``more``: what follows and is not in the estimate, such as "then untimed counts".
+    """
+
+    more = ""
 
     def __enter__(self) -> Silent:
         return self
@@ -39,6 +46,22 @@ class Silent:
 
     def point(self, record: Record) -> None:
         """A record was written."""
+
+
+Item = TypeVar("Item")
+
+
+def counted(report: Silent, what: str, items: Iterable[Item], count: int) -> Iterator[Item]:
+    """The items of untimed work, one by one as steps of their own, with the time that they will take in all."""
+    began = time.monotonic()
+    report.steps(count)
+    report.doing(what, f"1 of {count}")
+    for place, item in enumerate(items, 1):
+        report.done()
+        report.left((time.monotonic() - began) / place * max(0, count - place))
+        if place < count:
+            report.doing(what, f"{place + 1} of {count}")
+        yield item
 
 
 class Bar(Silent):
@@ -66,7 +89,8 @@ class Bar(Silent):
         self.bar.stop()
 
     def steps(self, count: int) -> None:
-        self.bar.update(self.task, total=count)
+        self.end = None  # what was estimated was of other steps
+        self.bar.update(self.task, total=count, completed=0)
 
     def doing(self, what: str, who: str = "") -> None:
         text = f"{what} ({who})" if who else what
@@ -97,7 +121,8 @@ class Bar(Silent):
         if self.end is None:
             return ""
         left = max(0.0, self.end - time.monotonic())
-        return f"about {left:.0f} s left" if left < 100 else f"about {left / 60:.0f} min left"
+        text = f"about {left:.0f} s left" if left < 100 else f"about {left / 60:.0f} min left"
+        return f"{text}, {self.more}" if self.more else text
 
     def _line(self, text: str) -> None:
         self.said = time.monotonic()

@@ -10,7 +10,7 @@ from shadowbench.harness.results.record import Record
 from shadowbench.harness.results.schema import checked
 from shadowbench.harness.runner import progress
 from shadowbench.harness.runner.experiment import Entry
-from shadowbench.harness.runner.progress import Bar, Silent
+from shadowbench.harness.runner.progress import Bar, Silent, counted
 from shadowbench.harness.runner.runner import Run
 from shadowbench.harness.runner.workload import Estimate, expected_work
 from shadowbench.harness.scene.catalogue import resolve
@@ -40,6 +40,27 @@ def test_where_there_is_no_terminal_each_kind_of_step_is_a_line(clock, capsys):
         "[   4 s] cloth: compiling (method 0)",
         "[  16 s] cloth: compiling (method 3)",
         "[  16 s] cloth: measuring, round 1 (method 0)",
+    ]
+
+
+def test_untimed_work_is_announced_beside_the_estimate_and_has_steps_of_its_own(clock, capsys):
+    bar = Bar()
+    bar.more = "then untimed counts"
+    bar.left(0.0)
+    bar.note("timed part")
+    bar.more = ""
+
+    def work():
+        for name in "abc":
+            clock[0] += 20.0
+            yield name
+
+    assert "".join(counted(bar, "hard cases", work(), 3)) == "abc"
+    assert said(capsys) == [
+        "[   0 s, about 0 s left, then untimed counts] timed part",
+        "[   0 s] hard cases (1 of 3)",
+        "[  20 s, about 40 s left] hard cases (2 of 3)",
+        "[  40 s, about 20 s left] hard cases (3 of 3)",
     ]
 
 
