@@ -118,9 +118,10 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     ends = ((changed, "ratio", BASE, "ablation.svg"), (back, "ratio_to_best", BEST, "ablation-ours.svg"))
     for own, ratio, base, name in ends:
         if len(own):
-            below = f"frame time over that of {base}"
-            look = {"labels": below, "order": ORDER, "whisker": f"{ratio}_spread"}
-            files.append(dots(folder / name, own, "label", ratio, "title", **look))
+            below, noise = f"frame time over that of {base}", f"{ratio}_spread"
+            files.append(
+                dots(folder / name, own, "label", ratio, "title", labels=below, order=ORDER, whisker=noise)
+            )
     ours = back[back["label"] != TREE]
     tables = {
         f"Frame time over that of {BASE}": ratios(changed, "ratio"),

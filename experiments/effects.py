@@ -106,8 +106,11 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         own = effects[effects["light_label"] != BASE].assign(
             noise=effects["noise_ms"] / (effects["total_ms"] - effects["added_ms"])
         )
-        look = {"labels": below, "facet": "title", "whisker": "noise", "legend": 3}
-        files.append(dots(folder / "effects.svg", own, "light_label", "ratio", "label", **look))
+        path = folder / "effects.svg"
+        dots(
+            path, own, "light_label", "ratio", "label", labels=below, facet="title", whisker="noise", legend=3
+        )
+        files.append(path)
     if len(moved):
         files.append(moved_picture(moved, folder / "effects-moved.svg"))
     notes = [ABOUT] * bool(len(effects)) + [ABOUT_MOVED] * bool(len(moved))
