@@ -1,8 +1,8 @@
 """Which triangles a wp.Mesh holds, and its indices: one rule for the tree that is built and for the one that is refitted.
 
 Triangles that no ray can hit are left out, so that they cost nothing. If the tree lives over an animation, a triangle that
-may be hit in another frame stays in it; while it is invalid it is one point, its first finite vertex, in the build and in
-every refit. With another place in the build than in the refit, a leaf of many such triangles would span the scene.
+is valid in some frame stays in it; while it is invalid it is one point, its first finite vertex, in the build and in every
+refit. With another place in the build than in the refit, a leaf of many such triangles would span the scene.
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ def mesh_indices_kernel(mesh: Mesh, kept: wp.array(dtype=wp.int32), indices: wp.
 
 
 def may_be_hit(prepared: Prepared) -> NDArray[np.int64]:
-    """The triangles that a ray may hit in some frame, ascending: in a still scene the valid ones, else those with three
-    vertices, because the others may get an area when they move.
-    """
-    if prepared.frame_count == 1:
-        return np.flatnonzero(prepared.points(0)[1])
-    a, b, c = prepared.faces.T
-    return np.flatnonzero((a != b) & (b != c) & (c != a))
+    """The triangles that are valid in some frame, ascending. Later frames are looked at only while some are not."""
+    never = np.flatnonzero(prepared.points(0)[1] == 0)
+    for frame in range(1, prepared.frame_count):
+        if len(never) == 0:
+            break
+        never = never[prepared.points(frame)[1][never] == 0]
+    return np.delete(np.arange(prepared.triangle_count), never)
 
 
 class TreeTriangles:
