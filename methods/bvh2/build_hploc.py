@@ -25,11 +25,7 @@ from __future__ import annotations
 import functools
 from typing import Any
 
-import warp as wp
-
-from .climb import CLIMB
-from .nodes import ROUNDED_UP, WRITE, padding
-from .snippets import BASICS
+from .climb import make_builder
 
 CLUSTERS = 16
 """Clusters that a node may keep: half a warp's lanes, so that two nodes' fit one warp."""
@@ -299,54 +295,7 @@ while (true) {
 
 
 @functools.cache
-def make_hploc_kernel(radius: int, node_bytes: int) -> wp.Kernel:
+def make_hploc_kernel(radius: int, node_bytes: int) -> Any:
     """A thread for each triangle in key order, and up to a full block of :data:`BLOCK`."""
-
-    @wp.func_native(
-        BASICS
-        + f"constexpr int RADIUS = {radius};"
-        + CLIMB
-        + ROUNDED_UP
-        + WRITE[node_bytes]
-        + SHARED
-        + "\n#if defined(__CUDA_ARCH__)\n"
-        + BY_WARPS
-        + "\n#else\n"
-        + ONE_BY_ONE
-        + "\n#endif\n"
-    )
-    def build(
-        i: wp.int32,
-        count: wp.int32,
-        last: wp.int32,
-        pad: wp.float32,
-        keys: wp.array(dtype=wp.int32),
-        values: wp.array(dtype=wp.int32),
-        points: wp.array(dtype=wp.vec3f),
-        triangles: wp.array(dtype=wp.vec3i),
-        scratch: wp.array(dtype=wp.vec4f),
-        flags: wp.array(dtype=wp.uint64),
-        nodes: wp.array(dtype=wp.vec4f),
-        root: wp.array(dtype=wp.int32),
-    ): ...
-
-    @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
-    def hploc_kernel(
-        count: wp.int32,
-        last: wp.int32,
-        reach: wp.array(dtype=wp.float32),
-        extent: wp.array(dtype=wp.float32),
-        keys: wp.array(dtype=wp.int32),
-        values: wp.array(dtype=wp.int32),
-        points: wp.array(dtype=wp.vec3f),
-        triangles: wp.array(dtype=wp.vec3i),
-        scratch: wp.array(dtype=wp.vec4f),
-        flags: wp.array(dtype=wp.uint64),
-        nodes: wp.array(dtype=wp.vec4f),
-        root: wp.array(dtype=wp.int32),
-    ):
-        pad = padding(reach[0], extent[0])
-        build(wp.tid(), count, last, pad, keys, values, points, triangles, scratch, flags, nodes, root)
-
-    kernel: Any = hploc_kernel
-    return kernel
+    by_device = f"\n#if defined(__CUDA_ARCH__)\n{BY_WARPS}\n#else\n{ONE_BY_ONE}\n#endif\n"
+    return make_builder(node_bytes, f"constexpr int RADIUS = {radius};" + SHARED + by_device)

@@ -8,11 +8,7 @@ from __future__ import annotations
 import functools
 from typing import Any
 
-import warp as wp
-
-from .climb import CLIMB
-from .nodes import ROUNDED_UP, WRITE, padding
-from .snippets import BASICS
+from .climb import make_builder
 
 BUILD = """
 if (i >= count || keys.data[i] == last) return;
@@ -73,42 +69,6 @@ auto take_box = [&](int k, float* b) {
 
 
 @functools.cache
-def make_lbvh_kernel(node_bytes: int) -> wp.Kernel:
+def make_lbvh_kernel(node_bytes: int) -> Any:
     """One thread a triangle in key order; any number of them a block."""
-
-    @wp.func_native(BASICS + CLIMB + EXCHANGED + ROUNDED_UP + WRITE[node_bytes] + BUILD)
-    def build(
-        i: wp.int32,
-        count: wp.int32,
-        last: wp.int32,
-        pad: wp.float32,
-        keys: wp.array(dtype=wp.int32),
-        values: wp.array(dtype=wp.int32),
-        points: wp.array(dtype=wp.vec3f),
-        triangles: wp.array(dtype=wp.vec3i),
-        scratch: wp.array(dtype=wp.vec4f),
-        flags: wp.array(dtype=wp.uint64),
-        nodes: wp.array(dtype=wp.vec4f),
-        root: wp.array(dtype=wp.int32),
-    ): ...
-
-    @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
-    def lbvh_kernel(
-        count: wp.int32,
-        last: wp.int32,
-        reach: wp.array(dtype=wp.float32),
-        extent: wp.array(dtype=wp.float32),
-        keys: wp.array(dtype=wp.int32),
-        values: wp.array(dtype=wp.int32),
-        points: wp.array(dtype=wp.vec3f),
-        triangles: wp.array(dtype=wp.vec3i),
-        scratch: wp.array(dtype=wp.vec4f),
-        flags: wp.array(dtype=wp.uint64),
-        nodes: wp.array(dtype=wp.vec4f),
-        root: wp.array(dtype=wp.int32),
-    ):
-        pad = padding(reach[0], extent[0])
-        build(wp.tid(), count, last, pad, keys, values, points, triangles, scratch, flags, nodes, root)
-
-    kernel: Any = lbvh_kernel
-    return kernel
+    return make_builder(node_bytes, EXCHANGED + BUILD)

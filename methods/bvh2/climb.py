@@ -14,6 +14,13 @@ On the GPU an exchange of a flag releases what was written before it, and acquir
 
 from __future__ import annotations
 
+from typing import Any
+
+import warp as wp
+
+from .nodes import ROUNDED_UP, WRITE, padding
+from .snippets import BASICS
+
 CLIMB = """
 typedef unsigned long long Flag;
 const Flag EMPTY = ~0ull;
@@ -47,13 +54,48 @@ auto exchange = [&](int k, Flag value) {
 auto peek = [&](int k) { return (Flag)flags.data[k]; };
 #endif
 auto box_of = [&](int k, float* box) {
-    wp::vec3i face = triangles.data[values.data[k]];
-    const float* a = (const float*)(points.data + face[0]);
-    const float* b = (const float*)(points.data + face[1]);
-    const float* c = (const float*)(points.data + face[2]);
-    for (int axis = 0; axis < 3; axis++) {
-        box[axis] = low(a[axis], low(b[axis], c[axis]));
-        box[axis + 3] = high(a[axis], high(b[axis], c[axis]));
-    }
+    int first = 3 * values.data[k];
+    Quad a = fetch(corners.data, first), b = fetch(corners.data, first + 1), c = fetch(corners.data, first + 2);
+    box[0] = low(a.x, low(b.x, c.x)), box[3] = high(a.x, high(b.x, c.x));
+    box[1] = low(a.y, low(b.y, c.y)), box[4] = high(a.y, high(b.y, c.y));
+    box[2] = low(a.z, low(b.z, c.z)), box[5] = high(a.z, high(b.z, c.z));
 };
 """
+
+
+def make_builder(node_bytes: int, snippet: str) -> Any:
+    """The kernel of a builder: the thread of each triangle in key order, i, runs ``snippet``, with :data:`CLIMB` before it."""
+
+    @wp.func_native(BASICS + CLIMB + ROUNDED_UP + WRITE[node_bytes] + snippet)
+    def build(
+        i: wp.int32,
+        count: wp.int32,
+        last: wp.int32,
+        pad: wp.float32,
+        keys: wp.array(dtype=wp.int32),
+        values: wp.array(dtype=wp.int32),
+        corners: wp.array(dtype=wp.vec4f),
+        scratch: wp.array(dtype=wp.vec4f),
+        flags: wp.array(dtype=wp.uint64),
+        nodes: wp.array(dtype=wp.vec4f),
+        root: wp.array(dtype=wp.int32),
+    ): ...
+
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
+    def build_kernel(
+        count: wp.int32,
+        last: wp.int32,
+        reach: wp.array(dtype=wp.float32),
+        extent: wp.array(dtype=wp.float32),
+        keys: wp.array(dtype=wp.int32),
+        values: wp.array(dtype=wp.int32),
+        corners: wp.array(dtype=wp.vec4f),
+        scratch: wp.array(dtype=wp.vec4f),
+        flags: wp.array(dtype=wp.uint64),
+        nodes: wp.array(dtype=wp.vec4f),
+        root: wp.array(dtype=wp.int32),
+    ):
+        pad = padding(reach[0], extent[0])
+        build(wp.tid(), count, last, pad, keys, values, corners, scratch, flags, nodes, root)
+
+    return build_kernel

@@ -87,7 +87,7 @@ class ShadowRays:
         return [self._light_pass(i) for i in self.lights if self.effects.has_receivers(i) != received]
 
     def _light_pass(self, light: int) -> Pass:
-        reads = ("points", "triangles", "order", f"light/{light}")
+        reads = ("order", f"light/{light}")
         made, launch = (f"light triangles/{light}",), functools.partial(self._light_records, light)
         return Pass(f"light {light}: triangles", "light build", reads, made, launch, f"shadows/{light}")
 
@@ -145,10 +145,10 @@ class ShadowRays:
     def _light_records(self, light: int) -> None:
         f = self.frame
         if self.exact:
-            kernel, inputs = records.light_kernel, [f.mesh, self.leaves, light, f.lights, self.extent]
+            kernel, inputs = records.light_kernel, [self.leaves, light, f.lights, self.extent]
             outputs = [self.light_records[light], self.sides[light]]
         else:
-            kernel, inputs = records.float32_kernel, [f.mesh, self.leaves, light, f.lights]
+            kernel, inputs = records.float32_kernel, [self.leaves, light, f.lights]
             outputs = [self.light_records[light]]
         wp.launch(kernel, dim=f.triangle_count, inputs=inputs, outputs=outputs, device=f.device)
 

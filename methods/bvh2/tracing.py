@@ -46,7 +46,7 @@ class Rays(ShadowRays):
         """Triangles set up for the eye, and for lights that every hit receives: they need only the order of triangles."""
         if self.effects.alpha:
             return []
-        reads = ("points", "triangles", "order", "camera")
+        reads = ("order", "camera")
         eye = Pass("eye: triangles", "trace", reads, ("eye triangles",), self._eye_records)
         return [eye, *self.light_passes(received=True)]
 
@@ -97,9 +97,9 @@ class Rays(ShadowRays):
     def _eye_records(self) -> None:
         f = self.frame
         if self.exact:
-            kernel, inputs = records.eye_kernel, [f.mesh, self.leaves, f.eye]
+            kernel, inputs = records.eye_kernel, [self.leaves, f.eye]
         else:
-            kernel, inputs = records.float32_kernel, [f.mesh, self.leaves, 0, f.eye]
+            kernel, inputs = records.float32_kernel, [self.leaves, 0, f.eye]
         wp.launch(kernel, dim=f.triangle_count, inputs=inputs, outputs=[self.eye_records], device=f.device)
 
     def _primary(self, share: int) -> None:
