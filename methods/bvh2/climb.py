@@ -64,7 +64,7 @@ auto box_of = [&](int k, float* box) {
 
 
 def make_builder(node_bytes: int, snippet: str) -> Any:
-    """The kernel of a builder: the thread of each triangle in key order, i, runs ``snippet``, with :data:`CLIMB` before it."""
+    """The kernel of a builder: the thread of each triangle in key order, i, runs :data:`CLIMB` and ``snippet``."""
 
     @wp.func_native(BASICS + CLIMB + ROUNDED_UP + WRITE[node_bytes] + snippet)
     def build(

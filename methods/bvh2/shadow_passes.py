@@ -14,11 +14,11 @@ from ...harness.frame.mirrors import traced_bounces
 from ...harness.frame.passes import Pass
 from ...harness.frame.specialise import specialised
 from ...harness.scene.effects import Effects
-from ..common.pixels import thread_count
+from ..common.pixels import Part, thread_count
 from . import records, shadow
 from .careful_passes import Careful
 from .parameters import Build, Trace
-from .primary import BLOCK, Part, Tree
+from .primary import BLOCK, Tree
 from .records import Leaves
 from .shadow import Starts
 
@@ -103,7 +103,7 @@ class ShadowRays:
     def in_shares(self, of_share: Callable[[int], list[Pass]]) -> list[Pass]:
         """The passes ``of_share`` of all shares beside each other, each light's triangles before its rays."""
         passes = [
-            replace(step, branch=(share,), adds=True)
+            replace(step, branch=(share, *step.branch), adds=True)
             for steps in zip(*(of_share(share) for share in range(self.shares)), strict=True)
             for share, step in enumerate(steps)
         ]

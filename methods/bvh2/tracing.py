@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from dataclasses import replace
 from typing import Any
 
 import warp as wp
@@ -11,6 +12,7 @@ from ...harness.frame.frame import Frame
 from ...harness.frame.passes import Pass
 from ...harness.scene.effects import Effects
 from ..common.ray_passes import shadow_ray_passes
+from ..common.weights import weights_pass
 from . import primary, records
 from .parameters import Build, Trace
 from .primary import BLOCK, Tree
@@ -71,19 +73,16 @@ class Rays(ShadowRays):
         if self.exact:
             passes = [
                 Pass(f"primary rays{of}", "trace", primary_reads, (seats,), run(self._primary, share)),
-                Pass(
-                    f"hit points{of}",
-                    "trace",
-                    (*seen, seats),
-                    ("hits", hits),
-                    run(self._resolve, share),
-                ),
+                Pass(f"hit points{of}", "trace", (*seen, seats), ("hits", hits), run(self._resolve, share)),
             ]
+            if self.lights:
+                weights = weights_pass(self.frame, f"weights{of}", self.parts[share], self.threads, hits)
+                passes.append(replace(weights, branch=(1,)))
         else:
             passes = [
                 Pass(f"primary rays{of}", "trace", primary_reads, ("hits", hits), run(self._primary, share))
             ]
-        return [*passes, *self.share_passes(share, (*seen, hits))]
+        return [*passes, *(replace(work, branch=(0,)) for work in self.share_passes(share, (*seen, hits)))]
 
     def _careful_passes(self, scene: tuple[str, ...]) -> list[Pass]:
         """Primary rays and shadow rays where triangles have holes."""
@@ -125,7 +124,7 @@ class Rays(ShadowRays):
     def _resolve(self, share: int) -> None:
         f, starts = self.frame, self.starts[0]
         wp.launch(
-            primary.resolve_kernel,
+            primary.points_kernel if self.lights else primary.resolve_kernel,
             dim=self.threads,
             inputs=[f.camera, self.parts[share], f.mesh, self.leaves, self.doubts[share], self.chain],
             outputs=[starts.seat, f.hits(0), starts.point],
