@@ -147,23 +147,41 @@ def make_method(name: str, settings: dict[str, str] | None = None) -> Method:
     cls = method_class(name)
     blocks = {"trace": cls.Trace(), "build": cls.Build()}
     place = {entry.name: part for part, block in blocks.items() for entry in dataclasses.fields(block)}
+    given: dict[str, dict[str, str]] = {part: {} for part in blocks}
     for key, text in (settings or {}).items():
         if key not in place:
             raise UserError(f"{name} has no parameter {key!r}" + (did_you_mean(key, place) if place else ""))
-        blocks[place[key]] = _replaced(name, blocks[place[key]], key, text)
-    return cls(blocks["build"], blocks["trace"])
+        given[place[key]][key] = text
+    made = {part: _replaced(name, block, given[part]) for part, block in blocks.items()}
+    return cls(made["build"], made["trace"])
 
 
-def _replaced(method: str, block: Any, key: str, text: str) -> Any:
-    kind = typing.get_type_hints(type(block))[key]
+def _replaced(method: str, block: Any, texts: dict[str, str]) -> Any:
+    """The block with all parameters set at once: whether a value is valid may depend on the others."""
+    kinds = typing.get_type_hints(type(block))
+    values = {key: _value(method, key, kinds[key], text) for key, text in texts.items()}
+    try:
+        return dataclasses.replace(block, **values)
+    except (ValueError, TypeError) as error:
+        for key in texts:
+            try:
+                dataclasses.replace(block, **{key: values[key]})
+            except (ValueError, TypeError) as own:
+                if str(own) == str(error):
+                    raise _invalid(method, key, kinds[key], texts[key], own) from own
+        said = ", ".join(f"{method}.{key}={text!r}" for key, text in texts.items())
+        raise UserError(f"{said}: {error}") from error
+
+
+def _value(method: str, key: str, kind: Any, text: str) -> Any:
     try:
         if kind is bool:
-            value: Any = {"true": True, "1": True, "false": False, "0": False}[str(text).lower()]
-        else:
-            value = kind(text)
-        return dataclasses.replace(block, **{key: value})
+            return {"true": True, "1": True, "false": False, "0": False}[str(text).lower()]
+        return kind(text)
     except (KeyError, ValueError, TypeError) as error:
-        detail = f": {error}" if isinstance(error, ValueError) and str(error) else ""
-        raise UserError(
-            f"{method}.{key}={text!r}: not a valid {getattr(kind, '__name__', kind)}{detail}"
-        ) from error
+        raise _invalid(method, key, kind, text, error) from error
+
+
+def _invalid(method: str, key: str, kind: Any, text: str, error: Exception) -> UserError:
+    detail = f": {error}" if isinstance(error, ValueError) and str(error) else ""
+    return UserError(f"{method}.{key}={text!r}: not a valid {getattr(kind, '__name__', kind)}{detail}")

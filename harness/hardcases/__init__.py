@@ -10,6 +10,7 @@ from ..errors import UserError, did_you_mean
 from . import (
     closed,
     contact,
+    extremes,
     eyes,
     found,
     holes,
@@ -39,7 +40,8 @@ def all_cases() -> tuple[HardCase, ...]:
         *holes.CASES,
         *mirrors.CASES,
     )
-    return (*sorted(single, key=lambda case: (case.name[0] == "P", case.name)), *variants.CASES)
+    ordered = sorted(single, key=lambda case: (case.name[0] == "P", case.name))
+    return (*ordered, *variants.CASES, *extremes.CASES)
 
 
 def find_case(name: str) -> HardCase:

@@ -113,6 +113,11 @@ class Prepared:
             raise UserError(f"directional light: its direction {light.position} must be finite and not zero")
         way = position / size
         reach = 2.0 ** np.ceil(np.log2(self.radius))
+        if INFINITELY_FAR * reach > np.finfo(np.float32).max:
+            raise UserError(
+                f"directional light: the scene has a radius of {self.radius:.3g}, too large for one; scale it below "
+                f"{float(np.finfo(np.float32).max) / INFINITELY_FAR / 2:.2g}, or use a light with a position"
+            )
         return way / np.linalg.norm(way) * (INFINITELY_FAR * reach)
 
     def lights(self, frame: int) -> tuple[Light, ...]:

@@ -25,6 +25,9 @@ from .variants import staged
 SLOTS = 3
 """Needs of one grid: pairs, rows of large triangles, and work items of split lists."""
 
+MOST_TRACED = 1 << 14
+"""Pixels along a tracing tile: the threads of one must fit into a launch."""
+
 MOST_SPLIT = 1 << 24
 """Triangles that a packed hit of split lists can name."""
 
@@ -43,6 +46,12 @@ class PerspectiveSpherical(BaseMethod):
 
     def __init__(self, build: Any = None, trace: Any = None):
         super().__init__(build, trace)
+        side = self.build.tile * self.trace.k
+        if side > MOST_TRACED:
+            raise UserError(
+                f"{self.name}: tile={self.build.tile} with k={self.trace.k} traces tiles of {side} pixels a side; "
+                f"tile times k must be at most {MOST_TRACED}"
+            )
         self._capacity: dict[int, tuple[int, int, int]] = {}
         self._needs: wp.array | None = None
         self._memory = 0

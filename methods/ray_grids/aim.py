@@ -32,6 +32,8 @@ RECTANGLE_WORDS = wp.constant(11)
 
 EMPTY = wp.constant(2147483647)
 
+FARTHEST = wp.constant(2.0**28)
+
 
 @wp.struct
 class Cube:
@@ -65,19 +67,35 @@ def from_ordered(bits: wp.int32) -> wp.float32:
     return wp.cast(word, wp.float32)
 
 
+@wp.func
+def nearer_post(post: wp.vec3f, reach: wp.float32) -> wp.vec3f:
+    """A light no farther away than :data:`FARTHEST` times ``reach``, on the same way: what rays and triangles are placed
+    from. Seen from there rays that end at the light turn by 2^-28 of their angle to the axis, far less than float32 rounds.
+
+    From farther away float64 would not tell the rays apart, and at last float32 not hold their angles.
+    """
+    near = post
+    while largest(near) > FARTHEST * reach:
+        near = 0.25 * near
+    return near
+
+
 @wp.kernel(enable_backward=False, grid_stride=False)
 def aim_kernel(
     threads: wp.int32,
     index: wp.int32,
     triangle_count: wp.int32,
+    reach: wp.array(dtype=wp.float32),
     lights: wp.array(dtype=wp.vec3f),
     mesh: Mesh,
+    posts: wp.array(dtype=wp.vec3f),
     frames: wp.array(dtype=wp.mat33d),
     cubes: wp.array(dtype=Cube),
     rectangles: wp.array2d(dtype=wp.int32),
     counts: wp.array(dtype=wp.int32),
 ):
-    """Axes of a light's cube as rows (forward to the scene's middle first); empties its rectangle and counters.
+    """Where a light is placed from, axes of its cube as rows (forward to the scene's middle first); empties its rectangle
+    and counters.
 
     The middle is that of a few triangles: any point among the triangles serves, and a whole box would cost a pass.
     The lanes of a warp fetch them at once (``threads`` is 32, or 1 on the CPU); the first does the rest.
@@ -101,7 +119,9 @@ def aim_kernel(
     middle = wp.vec3f(0.0)
     if low[0] < wp.INF:
         middle = 0.5 * low + 0.5 * high
-    forward = to_float64(middle) - to_float64(lights[index])
+    post = nearer_post(lights[index], reach[0])
+    posts[index] = post
+    forward = to_float64(middle) - to_float64(post)
     far = largest(forward)
     if not (far > wp.float64(0.0)) or not (far < wp.float64(wp.INF)):
         forward = wp.vec3d(wp.float64(1.0), wp.float64(0.0), wp.float64(0.0))
@@ -115,7 +135,7 @@ def aim_kernel(
     c.up = to_float32(axes[2])
     c.middle = middle
     c.distance = wp.float32(distance)
-    if middle == lights[index]:
+    if middle == post:
         c.distance = 0.0
     cubes[index] = c
     for k in range(LARGEST):

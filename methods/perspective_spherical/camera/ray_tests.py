@@ -18,9 +18,11 @@ from __future__ import annotations
 import warp as wp
 
 from ....harness.frame.geometry import Corners, Ray
+from ...common.hitpoint import plane_distance
 from ...common.triangle import (
     FLOOR32,
     NO_HIT,
+    OVERFLOW,
     U32,
     U64,
     certainly_outside,
@@ -65,7 +67,10 @@ def plane_of_edge(p: wp.vec3f, q: wp.vec3f, weld_p: wp.int32, weld_q: wp.int32) 
 
 @wp.func
 def plane_record(eye: wp.vec3f, corners: Corners, weld: wp.vec3i) -> RayRecord:
-    """Edge planes; the bound of their values is that of ``may_hit``, for a direction with |d|_1 = 1."""
+    """Edge planes; the bound of their values is that of ``may_hit``, for a direction with |d|_1 = 1.
+
+    All zero where a plane may overflow: float64 then decides every ray.
+    """
     a = corners.a
     b = corners.b
     c = corners.c
@@ -74,10 +79,12 @@ def plane_record(eye: wp.vec3f, corners: Corners, weld: wp.vec3i) -> RayRecord:
     pc = c - eye
     reach = wp.max(largest(pa), wp.max(largest(pb), largest(pc)))
     edge = wp.max(largest(b - a), wp.max(largest(c - b), largest(a - c)))
+    r = RayRecord()
+    if not (reach * edge < OVERFLOW):
+        return r
     n0 = plane_of_edge(pb, pc, weld[1], weld[2])
     n1 = plane_of_edge(pc, pa, weld[2], weld[0])
     n2 = plane_of_edge(pa, pb, weld[0], weld[1])
-    r = RayRecord()
     r.q0 = wp.vec4f(n0[0], n0[1], n0[2], 20.0 * U32 * reach * edge)
     r.q1 = wp.vec4f(n1[0], n1[1], n1[2], 0.0)
     r.q2 = wp.vec4f(n2[0], n2[1], n2[2], 0.0)
@@ -154,10 +161,8 @@ def hit_distance_near(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.float64:
     e = edge_functions(o64, d64, a64, b64, c64, weld)
     if not near_inside(e):
         return NO_HIT
-    t = wp.dot(n, a64 - o64) / det
-    if t > wp.float64(0.0):
-        return t
-    return NO_HIT
+    t = plane_distance(ray, corners)
+    return wp.where(t > wp.float64(0.0), t, NO_HIT)
 
 
 @wp.func

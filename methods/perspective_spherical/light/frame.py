@@ -129,7 +129,7 @@ def aim_kernel(
         distance = wp.length(middle - to_float64(space.posts[index]))
         box = space.box
         reach = wp.length(wp.vec3d(box[3] - box[0], box[4] - box[1], box[5] - box[2]))
-        if distance >= reach and distance < wp.float64(1.0e30):
+        if distance >= reach:
             # Rounded are coordinates no larger than half the reach; no ray is shorter than half the distance.
             space.pads[0] = wp.max(FINEST, wp.float64(2.0) * pad * reach / distance)
             space.pads[1] = distance

@@ -16,12 +16,17 @@ from __future__ import annotations
 
 import warp as wp
 
+from ...common.triangle import largest, to_float32
 from .sphere import HALF_PI, PI, ROUNDING, angles, triangle_angles, wrapped
 
 AZIMUTH_ELEVATION, TWO_ANGLE, CUBE = 0, 1, 2
 
 FLAT = wp.constant(wp.float64(1.0e-4))
 """A vertex less than this share of its distance in front of the plane x = 0 is not trusted to be in front."""
+
+
+LEAST_SQUARED = wp.constant(wp.float64(1.0e-15))
+MOST_SQUARED = wp.constant(wp.float64(1.0e15))
 
 
 @wp.func
@@ -76,10 +81,22 @@ def ray_place(map: wp.int32, q: wp.vec3d) -> wp.vec4d:
 
 @wp.func
 def ray_place32(map: wp.int32, axes: wp.mat33d, away: wp.vec3d) -> wp.vec4d:
-    """The same with every operation in float32, from the difference (hit - light) rounded to float32."""
-    v = wp.vec3f(wp.float32(away[0]), wp.float32(away[1]), wp.float32(away[2]))
+    """The same with every operation in float32, from the difference (hit - light) rounded to float32.
+
+    What float32 cannot square is brought to a length of one first.
+    """
+    unit = unit_of(largest(away))
+    v = to_float32(away / unit)
     q = wp.matrix(axes, shape=(3, 3), dtype=wp.float32) * v
-    return place32(map, q, wp.float64(wp.length(q)))
+    return place32(map, q, wp.float64(wp.length(q)) * unit)
+
+
+@wp.func
+def unit_of(size: wp.float64) -> wp.float64:
+    """1, or a size beyond those whose squares float32 holds with all their digits."""
+    if (size > LEAST_SQUARED and size < MOST_SQUARED) or size == wp.float64(0.0):
+        return wp.float64(1.0)
+    return size
 
 
 @wp.func
@@ -87,9 +104,10 @@ def ray_place_centred(
     map: wp.int32, axes: wp.mat33d, beside: wp.vec3d, distance: wp.float64, away: wp.vec3d
 ) -> wp.vec4d:
     """The same from the difference (hit - middle), the middle being ``distance`` forward; the length in float64."""
-    v = wp.vec3f(wp.float32(beside[0]), wp.float32(beside[1]), wp.float32(beside[2]))
+    unit = unit_of(distance)
+    v = to_float32(beside / unit)
     q = wp.matrix(axes, shape=(3, 3), dtype=wp.float32) * v
-    return place32(map, wp.vec3f(wp.float32(distance) + q[0], q[1], q[2]), wp.length(away))
+    return place32(map, wp.vec3f(wp.float32(distance / unit) + q[0], q[1], q[2]), wp.length(away))
 
 
 @wp.func

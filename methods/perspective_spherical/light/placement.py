@@ -60,7 +60,7 @@ class LightPlaces:
                 posts=frame.posts,
                 axes=wp.zeros(1, dtype=wp.mat33d),
                 pads=wp.zeros(2, dtype=wp.float64),
-                distance_pad=FLOAT32_PAD if build.precision == "float32" else 1e-9,
+                distance_pad=1e-9 if build.precision == "float64" else FLOAT32_PAD,
                 # Where the rectangle is the scene's, the scene's box and a bound take the place of hit points and eye.
                 eye=wp.zeros(1, dtype=wp.vec3f) if self.of_scene else frame.eye,
                 box=wp.zeros(6, dtype=wp.float64),

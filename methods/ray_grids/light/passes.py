@@ -29,12 +29,13 @@ from .rays import ShadowBits
 class LightAims:
     """Cubes of all lights, aimed at the middle of the scene.
 
-    Per light: axes mat33d, cubes Cube, rectangles int32 [11], tables vec4f [7].
+    Per light: posts vec3f, axes mat33d, cubes Cube, rectangles int32 [11], tables vec4f [7].
     """
 
     def __init__(self, frame: Frame, lights: int):
         faces = int(light_aim.FACES)
         with wp.ScopedDevice(frame.device):
+            self.posts = wp.zeros(lights, dtype=wp.vec3f)
             self.axes = wp.zeros(lights, dtype=wp.mat33d)
             self.cubes = wp.zeros(lights, dtype=light_aim.Cube)
             self.rectangles = wp.zeros((lights, int(light_aim.RECTANGLE_WORDS)), dtype=wp.int32)
@@ -125,8 +126,8 @@ class LightStream:
         wp.launch(
             light_aim.aim_kernel,
             dim=threads,
-            inputs=[threads, self.index, f.triangle_count, f.posts, f.mesh],
-            outputs=[a.axes, a.cubes, a.rectangles, self.counts.flatten()],
+            inputs=[threads, self.index, f.triangle_count, f.reach, f.posts, f.mesh],
+            outputs=[a.posts, a.axes, a.cubes, a.rectangles, self.counts.flatten()],
             device=f.device,
             block_dim=int(LANES),
         )
@@ -136,7 +137,7 @@ class LightStream:
         wp.launch(
             specialised(light_bins.map_kernel, self.switches),
             dim=thread_count(f.width, f.height, True),
-            inputs=[self.index, f.camera, f.posts, self.aims.axes, f.hits(0), self.hit, f.receivers],
+            inputs=[self.index, f.camera, self.aims.posts, self.aims.axes, f.hits(0), self.hit, f.receivers],
             outputs=[self.cells, f.answers.visibility],
             device=f.device,
         )
