@@ -18,6 +18,7 @@ SIZE = (24, 18)
 EXACT = [
     ("uniform_grid", {}),
     ("two_level_grid", {}),
+    ("kdtree", {}),
     ("warp_bvh", {"update": "bvh_rebuild"}),
     ("bvh2", {}),
     ("hybrid", {}),

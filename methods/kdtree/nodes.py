@@ -1,0 +1,123 @@
+"""Arrays of the tree and of its build, and how a node is packed into eight bytes."""
+
+from __future__ import annotations
+
+import warp as wp
+
+LEAF = wp.constant(3)
+"""Where an inner node has its axis."""
+
+REFS = wp.constant(0)
+NODES = wp.constant(1)
+MEMBERS = wp.constant(2)
+ROOTS = wp.constant(3)
+LISTED = wp.constant(4)
+LEVEL_BEGIN = wp.constant(5)
+LEVEL_END = wp.constant(6)
+REFS_END = wp.constant(7)
+LARGE_NODES = wp.constant(8)
+COUNTERS = 9
+"""Places of the counters: pairs, nodes, members of leaves, small roots, pairs in small roots; the level's first node and
+the first beyond it, the pairs that it begins with; nodes when the large ones are done."""
+
+SETTLED = wp.constant(-1)
+"""Depth of a node that is not to be looked at again."""
+
+
+@wp.struct
+class Refs:
+    """(triangle, node) pairs. A triangle is once in each node that its box meets; the box is cut to that node.
+
+    triangle, node  int32 [capacity]: node is -1 where a pair has gone      low, high  vec3f [capacity]
+    """
+
+    triangle: wp.array(dtype=wp.int32)
+    node: wp.array(dtype=wp.int32)
+    low: wp.array(dtype=wp.vec3f)
+    high: wp.array(dtype=wp.vec3f)
+
+
+@wp.struct
+class Large:
+    """Large nodes, arrays [large capacity] by node.
+
+    low, high  vec3f: the node's region       tight   int32 [6 * nodes]: box of its pairs' boxes (:func:`ordered`)
+    count  int32: its pairs                   parent  int32: pairs of its parent
+    depth  int32: level, or SETTLED           poor    int32: how many splits above it doubled too many pairs
+    target int32: the node whose plane divides its pairs, or -1 - the small root that they are in
+    """
+
+    low: wp.array(dtype=wp.vec3f)
+    high: wp.array(dtype=wp.vec3f)
+    tight: wp.array(dtype=wp.int32)
+    count: wp.array(dtype=wp.int32)
+    parent: wp.array(dtype=wp.int32)
+    depth: wp.array(dtype=wp.int32)
+    poor: wp.array(dtype=wp.int32)
+    target: wp.array(dtype=wp.int32)
+
+
+@wp.struct
+class Roots:
+    """Nodes where the division of large nodes ends, arrays [large capacity].
+
+    node    int32: which node             begin, count  int32: its pairs are listed[begin : begin + count]
+    cursor  int32: pairs listed so far    listed        int32 [pair capacity]
+    """
+
+    node: wp.array(dtype=wp.int32)
+    begin: wp.array(dtype=wp.int32)
+    count: wp.array(dtype=wp.int32)
+    cursor: wp.array(dtype=wp.int32)
+    listed: wp.array(dtype=wp.int32)
+
+
+@wp.struct
+class Tree:
+    """What rays need. A node's children follow one another, that below the plane first.
+
+    nodes    vec2i [node capacity]: (plane's bits, axis | first child * 4), or (first member, LEAF | members * 4)
+    members  int32 [member capacity]: triangles of leaves
+    box      float32 [6]: the scene's box (:func:`..common.bounds.launch_bounds`)
+    """
+
+    nodes: wp.array(dtype=wp.vec2i)
+    members: wp.array(dtype=wp.int32)
+    box: wp.array(dtype=wp.float32)
+
+
+@wp.func
+def ordered(x: wp.float32) -> wp.int32:
+    """An integer in the order of x, for atomics."""
+    bits = wp.cast(x, wp.int32)
+    return wp.where(bits < 0, bits ^ 0x7FFFFFFF, bits)
+
+
+@wp.func
+def unordered(key: wp.int32) -> wp.float32:
+    return wp.cast(wp.where(key < 0, key ^ 0x7FFFFFFF, key), wp.float32)
+
+
+@wp.func
+def put_leaf(nodes: wp.array(dtype=wp.vec2i), node: wp.int32, begin: wp.int32, count: wp.int32):
+    if node < nodes.shape[0]:
+        nodes[node] = wp.vec2i(begin, LEAF | (count << 2))
+
+
+@wp.func
+def put_inner(
+    nodes: wp.array(dtype=wp.vec2i), node: wp.int32, plane: wp.float32, axis: wp.int32, child: wp.int32
+):
+    if node < nodes.shape[0]:
+        nodes[node] = wp.vec2i(wp.cast(plane, wp.int32), axis | (child << 2))
+
+
+@wp.func
+def goes_below(low: wp.float32, high: wp.float32, plane: wp.float32) -> wp.bool:
+    """Whether a pair with this interval belongs below the plane; what only touches it belongs to one side."""
+    return low < plane or high <= plane
+
+
+@wp.func
+def goes_above(low: wp.float32, high: wp.float32, plane: wp.float32) -> wp.bool:
+    return high > plane

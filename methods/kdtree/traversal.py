@@ -1,0 +1,145 @@
+"""A ray's walk down the tree, nearer child first, with a stack that holds the others and the parts of the ray in them.
+
+No hit is missed. Let e be more than every rounding of the times at which a ray meets a plane, as a way along the plane's
+axis. A child is visited for all times at which the ray is within e of it. A triangle is listed in a leaf around each of its
+points (:mod:`.large`, :mod:`.small` cut boxes outwards only). A hit lies within e of a point of its triangle, so a leaf
+that lists the triangle is visited. With A the largest coordinate of the ray's origin, B of the scene, u = 2^-24, while t d
+lies within the scene:
+
+    plane - origin rounded                     (A + B) u      1 / d rounded                 (A + B) u
+    their product                              (A + B) u      the sum with the margin       (A + B) u
+    the direction, if it is light - hit point  (A + B) u      the hit point, in float32     B u
+    a triangle's closed edge, 2^-30 of it      B u
+
+5 A u + 7 B u in all; e is 8 A u + 16 B u. A direction's part of less than 2^-40 of its largest is replaced by that: it moves
+a ray by 2^-40 of its way.
+
+The walk goes on behind a leaf until what is left begins behind the closest hit: a triangle may be hit beyond the leaf that
+offered it, and nearer ones may lie between.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import warp as wp
+
+from ...harness.frame.alpha import Alpha
+from ...harness.frame.geometry import Mesh
+from ..common.bounds import box_high, box_low
+from ..common.entries import entry
+from ..common.ray_kernels import make_primary_kernel, make_shadow_kernel
+from ..common.ray_queries import SLACK, Found, nothing_found
+from ..common.triangle import U32, largest, to_float32
+from .nodes import LEAF, Tree
+from .parameters import STACK
+
+ROOM = wp.constant(STACK)
+
+LATEST = wp.constant(wp.float32(3.0e37))
+"""Times and margins beyond float32 are cut to this."""
+
+
+@wp.func
+def inverse_of(d: wp.float32, least: wp.float32) -> wp.float32:
+    if wp.abs(d) > least:
+        return 1.0 / d
+    if d < 0.0:
+        return -1.0 / least
+    return 1.0 / least
+
+
+@wp.func
+def meeting(plane: wp.float32, o: wp.float32, inverse: wp.float32) -> wp.float32:
+    """When the ray meets a plane."""
+    return wp.clamp((plane - o) * inverse, -LATEST, LATEST)
+
+
+@wp.func
+def walk(
+    test: wp.Function,
+    tree: Tree,
+    mesh: Mesh,
+    alpha: Alpha,
+    start: wp.vec3d,
+    direction: wp.vec3d,
+    end: wp.float64,
+    own: wp.int32,
+    query: Any,
+) -> Found:
+    """Put the triangles of the leaves that a ray meets through ``test``: see :mod:`..common.ray_kernels`."""
+    found = nothing_found(SLACK * wp.float32(end))
+    stack_node = wp.zeros(shape=ROOM, dtype=wp.int32)
+    stack_from = wp.zeros(shape=ROOM, dtype=wp.float32)
+    stack_to = wp.zeros(shape=ROOM, dtype=wp.float32)
+    o = to_float32(start)
+    d = to_float32(direction)
+    low = box_low(tree.box)
+    high = box_high(tree.box)
+    least = largest(d) * 9.094947e-13 + 1.0e-37
+    inverse = wp.vec3f(inverse_of(d[0], least), inverse_of(d[1], least), inverse_of(d[2], least))
+    extent = wp.max(largest(low), largest(high))
+    e = U32 * (8.0 * largest(o) + 16.0 * extent) + 1.0e-37
+    margin = wp.min(wp.vec3f(LATEST, LATEST, LATEST), e * wp.abs(inverse))
+    first = wp.float32(0.0)
+    last = found.limit
+    for axis in range(wp.static(3)):
+        a = meeting(low[axis], o[axis], inverse[axis])
+        b = meeting(high[axis], o[axis], inverse[axis])
+        first = wp.max(first, wp.min(a, b) - margin[axis])
+        last = wp.min(last, wp.max(a, b) + margin[axis])
+    held = wp.int32(0)
+    node = wp.int32(0)
+    going = first <= last
+    while going:
+        record = entry(tree.nodes, node)
+        axis = record[1] & 3
+        other = record[1] >> 2
+        onward = wp.bool(False)
+        if axis != LEAF:
+            plane = wp.cast(record[0], wp.float32)
+            inverse_here = inverse[axis]
+            at = meeting(plane, o[axis], inverse_here)
+            # That below the plane comes first if the ray goes up.
+            near = other
+            far = other + 1
+            if inverse_here < 0.0:
+                near = other + 1
+                far = other
+            until = at + margin[axis]
+            since = at - margin[axis]
+            onward = True
+            if until < first:
+                node = far
+            elif since > last:
+                node = near
+            else:
+                stack_node[held] = far
+                stack_from[held] = wp.max(first, since)
+                stack_to[held] = last
+                held += 1
+                node = near
+                last = wp.min(last, until)
+        else:
+            k = record[0]
+            stop = k + other
+            while k < stop:
+                i = entry(tree.members, k)
+                k += 1
+                if i != own:
+                    found.tests += 1
+                    found = test(mesh, alpha, i, query, found)
+                    if found.done:
+                        k = stop
+        while not onward and held > 0 and not found.done:
+            held -= 1
+            node = stack_node[held]
+            first = stack_from[held]
+            last = stack_to[held]
+            onward = first <= found.limit
+        going = onward
+    return found
+
+
+PRIMARY = make_primary_kernel(Tree, walk)
+SHADOW = make_shadow_kernel(Tree, walk)

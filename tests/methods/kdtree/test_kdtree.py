@@ -1,0 +1,151 @@
+"""The kd-tree: exact against float64 brute force, whatever its settings; leaves miss nothing; bounded depth and memory."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers.brute_force import make_scene, soup
+from helpers.method_trials import assert_exact, hard_trials, random_trial, trace
+from shadowbench.harness.errors import CapacityRejected, UserError
+from shadowbench.harness.frame.registry import make_method
+from shadowbench.harness.frame.session import Session
+from shadowbench.harness.scene.effects import Limits
+from shadowbench.methods.kdtree.parameters import STACK
+from shadowbench.methods.kdtree.traversal import PRIMARY, SHADOW
+from tools.kernel_report import uses_of
+
+NAME = "kdtree"
+TRIALS = {name: (prepared, width, height) for name, prepared, width, height in hard_trials()}
+LEAF = 3
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_random_scenes_equal_brute_force(seed, device):
+    random = np.random.default_rng(seed + 4000)
+    settings = {
+        "small": str(random.integers(1, 65)),
+        "empty": str(random.uniform(0.05, 1.0)),
+        "traversal_cost": str(np.exp(random.uniform(-3, 2))),
+        "capacity": str(random.integers(1, 200)),
+    }
+    assert_exact(NAME, settings, *random_trial(seed), device)
+
+
+@pytest.mark.parametrize("trial", TRIALS)
+def test_hard_scenes_equal_brute_force(trial, device):
+    for settings in ({}, {"small": "1", "empty": "0.05", "traversal_cost": "0.01"}):
+        assert_exact(NAME, settings, *TRIALS[trial], device)
+
+
+def test_settings_agree_bit_for_bit(device):
+    prepared = make_scene(*soup(7, 400), [(0.1, 0.2, 0.3), (5.0, 4.0, 3.0)])
+    reference = trace("uniform_grid", {}, prepared, 33, 21, device)[2]
+    for settings in (
+        {},
+        {},
+        {"small": "5"},
+        {"traversal_cost": "20"},
+        {"swizzle": "false"},
+        {"capacity": "3"},
+    ):
+        got = trace(NAME, settings, prepared, 33, 21, device)[2]
+        for key, value in reference.items():
+            np.testing.assert_array_equal(got[key], value, f"{key} {settings}")
+
+
+def test_what_does_not_suffice_grows_and_gives_the_same_tree():
+    prepared = make_scene(*soup(7, 3000, size=0.1), [(5.0, 4.0, 3.0)])
+    session = Session(make_method(NAME), prepared, 20, 20, "cpu")
+    session.method._capacity = [10, 5, 5, 5]
+    session._plan()
+    session.answers(prepared.moment(0, 20, 20))
+    assert session.regrown > 1
+    ample = trace(NAME, {"capacity": "90000"}, prepared, 20, 20)[0]
+    assert ample.regrown == 0
+    assert session.method.counters() == ample.method.counters()
+
+
+def test_a_need_beyond_the_limits_is_rejected():
+    prepared = make_scene(*soup(7, 400), [(5.0, 4.0, 3.0)])
+    session = Session(make_method(NAME, {"capacity": "1"}), prepared, 8, 8, "cpu", limits=Limits(memory=8000))
+    with pytest.raises(CapacityRejected, match="pairs"):
+        session.answers(prepared.moment(0, 8, 8))
+
+
+def leaves_around(nodes: np.ndarray, point: np.ndarray) -> list[np.ndarray]:
+    """The records of all leaves whose closed region holds a point."""
+    found, todo = [], [0]
+    while todo:
+        split, word = nodes[todo.pop()]
+        axis, child = word & 3, word >> 2
+        if axis == LEAF:
+            found.append((split, split + child))
+            continue
+        plane = np.int32(split).view(np.float32)
+        todo += [child] * bool(point[axis] <= plane) + [child + 1] * bool(point[axis] >= plane)
+    return found
+
+
+@pytest.mark.parametrize("trial", ["random", "teapot in a stadium", "triangles through every cell"])
+def test_a_leaf_around_each_point_of_a_triangle_lists_it(trial):
+    """Corners and the middle of edges are exact here; a point inside is within rounding, far from any plane."""
+    prepared, width, height = random_trial(5) if trial == "random" else TRIALS[trial]
+    session, moment, _ = trace(NAME, {"small": "8"}, prepared, width, height)
+    method = session.method
+    nodes, members = method._nodes.numpy(), method._members.numpy()
+    random = np.random.default_rng(0)
+    weights = np.concatenate([random.dirichlet([0.4] * 3, 60), np.eye(3)])
+    missed = 0
+    for i in np.nonzero(moment.valid)[0]:
+        for p in weights @ moment.points[prepared.faces[i]].astype(np.float64):
+            missed += not any(i in members[b:e] for b, e in leaves_around(nodes, p))
+    assert missed == 0
+
+
+def depth_of(nodes: np.ndarray) -> int:
+    deepest, todo = 0, [(0, 1)]
+    while todo:
+        node, depth = todo.pop()
+        word = nodes[node, 1]
+        deepest = max(deepest, depth)
+        if word & 3 != LEAF:
+            todo += [(word >> 2, depth + 1), ((word >> 2) + 1, depth + 1)]
+    return deepest
+
+
+def around_the_origin(sizes: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """One triangle of each size, turned anyhow, all with their centroid at the origin."""
+    corners = np.random.default_rng(seed).normal(size=(len(sizes), 3, 3))
+    corners -= corners.mean(axis=1, keepdims=True)
+    return (corners * sizes[:, None, None]).reshape(-1, 3), np.arange(3 * len(sizes)).reshape(-1, 3)
+
+
+@pytest.mark.parametrize(
+    "sizes", [np.ones(1500), 0.5 ** (np.arange(1500) / 15.0)], ids=["one size", "halving"]
+)
+def test_triangles_that_no_plane_parts_end_in_few_large_leaves(sizes):
+    """They would be doubled at each level: what is listed stays within a small multiple, the depth within a stack."""
+    prepared = make_scene(*around_the_origin(sizes, 1), [(3.0, 4.0, 5.0)], (0.0, 0.0, 4.0))
+    session, _, got = trace(NAME, {}, prepared, 16, 16)
+    need = session.method.needs().numpy()
+    assert need[0] <= 30 * len(sizes)
+    assert need[3] <= 30 * len(sizes)
+    assert depth_of(session.method._nodes.numpy()) <= STACK
+    reference = trace("uniform_grid", {"density": "0.01"}, prepared, 16, 16)[2]
+    for key, value in reference.items():
+        np.testing.assert_array_equal(got[key], value, key)
+
+
+@pytest.mark.parametrize("kernel", [PRIMARY, SHADOW], ids=["primary", "shadow"])
+def test_kernels_compile_for_cuda(kernel):
+    (use,) = uses_of(kernel.module).values()
+    assert use.registers <= 128
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("small", "65"), ("empty", "0"), ("traversal_cost", "nan"), ("capacity", "-1")]
+)
+def test_wrong_parameters_are_one_line(key, value):
+    with pytest.raises(UserError, match=key) as caught:
+        make_method(NAME, {key: value})
+    assert "\n" not in str(caught.value)
