@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from PIL import Image, ImageDraw
 
-from ..harness.report import compare, document, gallery
-from ..harness.report.picture import opened, save_png
+from ..harness.report import compare, document, gallery, panels, style
+from ..harness.report.picture import opened
 from ..harness.results.folder import image_name
 from ..harness.results.table import samples
 from ..harness.runner.experiment import Entry, Experiment, Preset
@@ -45,8 +44,6 @@ HEADINGS: document.Columns = {
     "with a shadow ray": ("shadow_rays", "{:,.0f}"), "share": ("shadow_ray_share", "{:.0%}"),
     "light grid, ms": ("light_build_text", "{}"), "shadow rays, ms": ("shadow_text", "{}"),
 }  # fmt: skip
-PANEL, GAP, LINE = 330, 8, 22
-"""Pixels across one of the pictures side by side, between them, and down a line of text: two across fill a column."""
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
@@ -75,7 +72,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         table[f"{name}_text"] = document.carry(table[f"{name}_ms"], spread)
     files = [document.write_csv(table, folder / "figure6.csv", COLUMNS)]
     for name, rows in table.groupby("file", sort=False):
-        files += contact_sheet(rows, folder, folder / f"figure6-{name}.png")
+        files += picture(rows, folder, folder / f"figure6-{name}.png")
     done = document.measured(table)
     spots = done[done["spot"].notna() & done["shadow_ray_share"].notna()]
     finding = "No spot was measured beside the light that shines everywhere."
@@ -105,47 +102,33 @@ def spot_text(r: Any) -> str:
     return f"{r.spot} of {2 * r.spot_angle:g}{rise} degrees{falls}"
 
 
-def contact_sheet(own: pd.DataFrame, folder: Path, path: Path) -> list[Path]:
-    """The pictures of a scene under each light, two a row, a line under each that says which light; the scene below."""
-    made = []
-    for r in own.drop_duplicates("light_label").itertuples():
-        kept = opened(folder / "images" / image_name(r.scene, r.light_label, r.width, r.height))
-        if kept is not None:
-            held = (
+def picture(own: pd.DataFrame, folder: Path, path: Path) -> list[Path]:
+    """The pictures of a scene under each light, two a row; above each which light, below all which scene."""
+    rows = own.drop_duplicates("light_label").itertuples()
+    found = (
+        (r, opened(folder / "images" / image_name(r.scene, r.light_label, r.width, r.height))) for r in rows
+    )
+    kept = [(r, image) for r, image in found if image is not None]
+    if not kept:
+        return []
+    first, across, down = own.iloc[0], min(2, len(kept)), -(-len(kept) // 2)
+    high = style.COLUMN_WIDTH / across * first["height"] / first["width"] + 0.2
+    size = (style.COLUMN_WIDTH, high * down + 0.35)
+    with panels.sheet(path, size, down, across, legend=0, grid="", dpi=220, colours=40) as (figure, grid):
+        for axes in grid.flat:
+            axes.set_axis_off()
+        for axes, (r, image) in zip(grid.flat, kept, strict=False):
+            whole = np.asarray(image.convert("RGB"))  # below the picture itself stands its own caption
+            axes.imshow(whole[: round(image.width * r.height / r.width)])
+            rays = (
                 f"; shadow rays: {r.shadow_ray_share:.0%}"
                 if isinstance(r.spot, str) and r.shadow_ray_share >= 0
                 else ""
             )
-            whole = kept.convert("RGB")  # below the picture itself stands its own caption
-            picture = whole.crop(
-                (0, 0, whole.width, min(whole.height, round(whole.width * r.height / r.width)))
-            )
-            made.append(captioned(picture, r.light[:1].upper() + r.light[1:] + held))
-    if not made:
-        return []
-    first = own.iloc[0]
-    about = [f"{first['title']}, {document.where(own)}"]
-    about += [gallery.stand_in_text(first["stand_in"])] if first["stand_in"] else []
-    across, down, high = min(2, len(made)), -(-len(made) // 2), max(m.height for m in made)
-    size = (across * PANEL + (across - 1) * GAP, down * (high + GAP) + LINE * len(about))
-    sheet = Image.new("RGB", size, gallery.PAPER)
-    for i, m in enumerate(made):
-        sheet.paste(m, (i % across * (PANEL + GAP), i // across * (high + GAP)))
-    pen = ImageDraw.Draw(sheet)
-    for i, text in enumerate(about):
-        ink = gallery.WARNING if i else gallery.INK
-        pen.text((4, down * (high + GAP) + i * LINE), text, fill=ink, font=gallery.font(17))
-    return [save_png(np.asarray(sheet), path, colours=40)]
-
-
-def captioned(picture: Image.Image, text: str) -> Image.Image:
-    """The picture, :data:`PANEL` pixels wide, with one line under it."""
-    height = max(1, round(picture.height * PANEL / picture.width))
-    panel = Image.new("RGB", (PANEL, height + 26), gallery.PAPER)
-    panel.paste(picture.resize((PANEL, height), Image.Resampling.LANCZOS), (0, 0))
-    face = gallery.fitted(text, gallery.font(18), PANEL - 8)
-    ImageDraw.Draw(panel).text((4, height + 3), text, fill=gallery.INK, font=face)
-    return panel
+            axes.set_title(r.light[:1].upper() + r.light[1:] + rays, fontsize=5)
+        about = gallery.stand_in_text(first["stand_in"]) if first["stand_in"] else ""
+        panels.caption(figure, f"{first['title']}, {document.where(own)}", about)
+    return [path]
 
 
 EXPERIMENT = Experiment(

@@ -6,7 +6,6 @@ keep the tree of the first frame and only refit its boxes, which is less than is
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -142,16 +141,10 @@ def picture(done: pd.DataFrame, path: Path) -> Path:
 
 def beside(row: dict[str, Any]) -> str:
     """What stands at a bar's end: three digits of its time, its time over ours, and what is wrong of its answers."""
-    text = f"{digits(row['total_ms'])} ms"
+    text = f"{style.number(row['total_ms'])} ms"
     if row["label"] != OURS and row["times_slower"] == row["times_slower"]:
-        text += f", {digits(row['times_slower'])}x"
+        text += f", {style.number(row['times_slower'])}x"
     return text if row["error"] == style.OK else f"{text}  {row['error'].removesuffix(' wrong')}"
-
-
-def digits(value: float) -> str:
-    """A number with three digits, whatever its size: 0.312, 5.00, 61.3, 1,234."""
-    places = max(0, 2 - math.floor(math.log10(abs(value)))) if value else 2
-    return f"{value:,.{places}f}"
 
 
 EXPERIMENT = Experiment(

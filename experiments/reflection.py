@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..harness.report import compare, document, panels, style
+from ..harness.results.table import stage_ms
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
 from ._paper import SCENES
@@ -61,11 +62,9 @@ def read(folder: Path) -> pd.DataFrame:
     table["added_spread"] = table["key"].map((compare.spread(own) ** 2 + compare.spread(base) ** 2) ** 0.5)
     table["ratio"] = table["key"].map(compare.ratios(frames, frames["light_label"] == BASE, same)["ratio"])
     rays = table["mirrored_rays"].where(table["mirrored_rays"] > 0).astype("float64")
-    bounces = document.stage_ms(table, "trace", "bounce ")
-    table["primary_ns"] = (
-        (document.stage_ms(table, "trace") - bounces) * 1e6 / table["pixels"].astype("float64")
-    )
-    table["mirrored_ns"] = document.stage_ms(table, "trace", MIRRORED) * 1e6 / rays
+    bounces = stage_ms(table, "trace", "bounce ")
+    table["primary_ns"] = (stage_ms(table, "trace") - bounces) * 1e6 / table["pixels"].astype("float64")
+    table["mirrored_ns"] = stage_ms(table, "trace", MIRRORED) * 1e6 / rays
     table["loss"] = table["mirrored_ns"] / table["primary_ns"]
     return table
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..results.means import points
-from ..results.table import TEXTS, stage_ms, tidy
+from ..results.table import TEXTS, tidy
 from ..scene.facts import never_hit
 from . import paper_table1 as paper
 from . import style
@@ -22,23 +22,6 @@ from .terminal import make_console, print_table
 
 if TYPE_CHECKING:
     from pandas import DataFrame, Series
-
-__all__ = [
-    "carried",
-    "carry",
-    "complete",
-    "cross_table",
-    "errors",
-    "frames",
-    "markdown",
-    "measured",
-    "read",
-    "span",
-    "stage_ms",
-    "texts",
-    "write",
-    "write_csv",
-]
 
 COMMON = (
     "scene scene_title stand_in triangles method label settings device device_name width height preset status reason "
@@ -190,25 +173,13 @@ def complete(table: DataFrame, apart: Collection[str] = ()) -> DataFrame:
 
     planned = table[~table["light_label"].isin(apart)]
     place = ["title", "light_label", "width", "height"]
-    same = [
-        "scene",
-        "scene_title",
-        "stand_in",
-        "file",
-        "lights",
-        "light_count",
-        "light_distance",
-        "pixels",
-        *place,
-    ]
-    whose = planned.drop_duplicates("label")[
-        ["label", "method", "method_title", "settings", "device", "device_name"]
-    ]
-    every = planned.drop_duplicates(place)[same].merge(whose, how="cross")
+    same = "scene scene_title stand_in file lights light_count light_distance pixels".split()
+    whose = "label method method_title settings device device_name".split()
+    every = planned.drop_duplicates(place)[[*place, *same]]
+    every = every.merge(planned.drop_duplicates("label")[whose], how="cross")
     known = planned[[*place, "label"]].drop_duplicates()
-    missing = (
-        every.merge(known, how="left", indicator=True).query("_merge == 'left_only'").drop(columns="_merge")
-    )
+    found = every.merge(known, how="left", indicator="found")
+    missing = found[found["found"] == "left_only"].drop(columns="found")
     if missing.empty:
         return table
     empty = dict.fromkeys([c for c in (*TEXTS, "error") if c not in missing], "")
@@ -270,7 +241,7 @@ def effort(table: DataFrame) -> str:
     """How long the points were sampled, where they say so, as a sentence."""
     asked = table.reindex(columns=["point.rounds", "point.budget_s"]).dropna().drop_duplicates()
     told = [
-        f"{n:.0f} round{'s' if n > 1 else ''}, at most {budget:g} s of samples a point"
+        f"{n:.0f} round{'s' * (n > 1)}, at most {budget:g} s of samples a point"
         for n, budget in asked.to_numpy()
     ]
     return f"{' and '.join(told)}." if told else ""

@@ -79,14 +79,7 @@ def megabytes(value: float | None) -> str:
     return "-" if value is None else number(value / 1e6)
 
 
-def settings_text(built: dict[str, Any] | None) -> str:
-    """What was really built, as one phrase: "constructor sah, threads 2"."""
-    if not built:
-        return "-"
-    return ", ".join(f"{key.replace('_', ' ')} {value}" for key, value in built.items())
-
-
-def axes_style() -> dict[str, Any]:
+def sheet_style() -> dict[str, Any]:
     """Matplotlib settings for figures that are read at column width."""
     return {
         "font.size": 7,
@@ -98,21 +91,15 @@ def axes_style() -> dict[str, Any]:
         "axes.spines.top": False,
         "axes.spines.right": False,
         "axes.linewidth": 0.6,
-        "axes.grid": True,
-        "axes.grid.axis": "x",
         "axes.axisbelow": True,
         "grid.color": "#dddddd",
         "grid.linewidth": 0.5,
         "svg.fonttype": "none",
         "svg.hashsalt": "shadowbench",
         "font.family": "DejaVu Sans",
-        "figure.dpi": 150,
+        "lines.linewidth": 1.1,
+        "lines.markersize": 3.5,
     }
-
-
-def sheet_style() -> dict[str, Any]:
-    """Matplotlib settings of line plots: grid both ways."""
-    return {**axes_style(), "axes.grid.axis": "both", "lines.linewidth": 1.1, "lines.markersize": 3.5}
 
 
 def plain_number(value: float, _: int = 0) -> str:

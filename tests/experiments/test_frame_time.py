@@ -140,13 +140,6 @@ def test_a_bar_says_three_digits_and_what_is_wrong_of_it():
     assert frame_time.beside(right) == "6.68 ms, 6.68x"
     assert frame_time.beside({**right, "error": "✗ 4 wrong"}) == "6.68 ms, 6.68x  ✗ 4"
     assert frame_time.beside({**right, "error": "unscored", "label": frame_time.OURS}) == "6.68 ms  unscored"
-    assert [frame_time.digits(x) for x in (0.3091, 5.0, 30.12, 1234.0, 0.0)] == [
-        "0.309",
-        "5.00",
-        "30.1",
-        "1,234",
-        "0.00",
-    ]
 
 
 def test_the_picture_marks_wrong_answers_and_explains_its_parts(tmp_path):
