@@ -120,7 +120,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         if len(own):
             below, noise = f"frame time over that of {base}", f"{ratio}_spread"
             files.append(
-                dots(folder / name, own, "label", ratio, "title", labels=below, order=ORDER, whisker=noise)
+                dots(folder / name, own, "label", ratio, "title", below=below, order=ORDER, whisker=noise)
             )
     ours = back[back["label"] != TREE]
     tables = {

@@ -108,7 +108,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         )
         path = folder / "effects.svg"
         dots(
-            path, own, "light_label", "ratio", "label", labels=below, facet="title", whisker="noise", legend=3
+            path, own, "light_label", "ratio", "label", below=below, facet="title", whisker="noise", legend=3
         )
         files.append(path)
     if len(moved):

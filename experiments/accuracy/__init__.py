@@ -15,7 +15,7 @@ from ...harness.report import document
 from ...harness.runner.experiment import Entry, Experiment, Preset
 from ...harness.runner.job import Options
 from ...harness.runner.progress import Silent
-from . import hard_cases, offsets, pareto, pictures, tables
+from . import hard_cases, offsets, pictures, tables
 
 SCENES = ("fairy", "sibenik", "bunny_dragon", "conference", "cloth", "buddha")
 REAL = ("bunny",) if find_spec("pxr") else ()
@@ -178,7 +178,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
             tables.equal_error(table), folder / "accuracy_equal_error.csv", tables.EQUAL_COLUMNS
         ),
         document.write_csv(cost, folder / "accuracy_costs.csv", tables.COST_COLUMNS),
-        *pareto.draw(table, folder / "accuracy_pareto.svg"),
+        *pictures.draw_frontier(table, folder / "accuracy_pareto.svg"),
         *pictures.draw_costs(cost, EXACT, folder / "accuracy_costs.svg"),
     ]
     where = pictures.draw_where(folder, table, SHOWN)

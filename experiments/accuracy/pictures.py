@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +13,10 @@ from PIL import Image
 
 from ...harness.judge.verdict import Verdict
 from ...harness.report import panels, style
+from ...harness.report.dots import dots
 from ...harness.report.flip import reference_path
 from ...harness.results.pixel_maps import read_wrong, wrong_path
+from .tables import usable
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -33,61 +35,55 @@ ABOUT = (
     "accuracy_where-SCENE.png show of large frames the part where most is wrong in any of a picture's panels; the "
     "numbers above a panel count the whole frame."
 )
+WRONG_SIDE = "wrong answers a frame"
+NONE = 0.1
+"""Where no wrong answer stands on a logarithmic axis of their number."""
 ACROSS = 3
 """Panels beside one another."""
 LARGEST = 320
 """Pixels along a side of a panel: larger frames are cropped to where most is wrong."""
 
 
+def draw_frontier(table: pd.DataFrame, path: Path) -> list[Path]:
+    """Wrong answers of every point beside its time: a row a point, a marker a scene."""
+    import pandas as pd
+
+    known = usable(table)
+    if known.empty:
+        return []
+    rank = {family: i for i, family in enumerate(known["family"].unique())}
+    known = known.sort_values("family", key=lambda s: s.map(rank), kind="stable")
+    wrong = known.assign(side=WRONG_SIDE, x=known["wrong_per_frame"].clip(lower=NONE))
+    rows = pd.concat([wrong, known.assign(side="ms per frame", x=known["total_ms"])])
+    return [dots(path, rows, "name", "x", "title", facet="side", marked="on_frontier", band=0.24, legend=3,
+                 zeros={WRONG_SIDE: NONE},
+                 below="black edge: no other point of the scene is both faster and less wrong")]  # fmt: skip
+
+
 def draw_costs(cost: pd.DataFrame, base: str, path: Path) -> list[Path]:
-    """One bar a scene of the point ``base``, its frame split into the costs of its measures and the rest.
+    """A bar a scene: the frame of the point ``base``, split into the costs of its measures and the rest.
 
-    A difference within the noise is no cost: it is drawn at zero and said to be within the noise.
+    A difference within the noise is no cost.
     """
-    from matplotlib.patches import Patch
-
     own = cost[cost["with"] == base]
     if own.empty:
         return []
-    scenes, names = list(own["scene_title"].unique()), list(own["measure"].unique())
-    added = own["cost_ms"].clip(lower=0).where(~own["within_noise"], 0.0) / own["with_ms"] * 100
-    shares = (
-        own.assign(added=added)
-        .pivot(index="scene_title", columns="measure", values="added")
-        .loc[scenes, names]
-    )
-    shares = shares.fillna(0.0)
-    with panels.sheet(path, (7.0, 0.62 * len(scenes) + 1.3), legend=0, grid="x") as (figure, grid):
-        axes = grid[0, 0]
-        left = 100 - shares.sum(axis=1)
-        axes.barh(range(len(scenes)), left, height=0.36, color="#cccccc", edgecolor="#888888", linewidth=0.4)
-        handles = [Patch(facecolor="#cccccc", edgecolor="#888888", linewidth=0.4, label="all else")]
-        for i, name in enumerate(names):
-            axes.barh(range(len(scenes)), shares[name], left=left, height=0.36, color=style.COLOURS[i % 8])
-            left = left + shares[name]
-            adds = (shares[name] > 0).any()
-            text = f"{i + 1}: {name}" + ("" if adds else " (no bar: adds no time)")
-            handles.append(Patch(facecolor=style.COLOURS[i % 8] if adds else "none", label=text))
-        for place, (_, mine) in enumerate(own.groupby("scene_title", sort=False)):
-            told = ";  ".join(f"{names.index(c.measure) + 1}: {described(c)}" for c in mine.itertuples())
-            axes.text(0.6, place + 0.36, f"{style.number(mine['with_ms'].iloc[0])} ms.  {told}", fontsize=6.5, va="center",
-                      bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6})  # fmt: skip
-        axes.set_yticks(range(len(scenes)), scenes)
-        axes.set_ylim(len(scenes) - 0.4, -0.35)
-        axes.set_xlim(0, 100.5)
-        axes.tick_params(axis="y", length=0)
-        axes.set_xlabel("share of the exact tree's frame, %")
-        figure.legend(handles=handles, loc="outside upper center", ncols=2, frameon=False, handlelength=1.2)
+    names = list(own["measure"].unique())
+    colours = {"all else": "#cccccc", **{name: style.COLOURS[i % 8] for i, name in enumerate(names)}}
+    known = own.assign(added=own["cost_ms"].clip(lower=0).where(~own["within_noise"], 0.0))
+    parts = known.pivot(index="scene_title", columns="measure", values="added").fillna(0.0)
+    total = own.groupby("scene_title", sort=False)["with_ms"].first()
+    table = parts.loc[total.index].assign(total_ms=total, iqr_ms=0.0, scene=total.index, whose=base)
+    table = table.assign(text=total.map(style.number) + " ms", **{"all else": total - parts.sum(axis=1)})
+    size = (2 * style.COLUMN_WIDTH, 0.24 * len(table) + 1.1)
+    look = {"tints": {base: colours}, "by": "whose", "name": "scene", "edge": "#888888", "room": 1.12}
+    with panels.bar_panels(path, table, size, legend=2, **look) as (_, places):  # type: ignore[arg-type]
+        axes = places[0][0]
+        for name, colour in colours.items():
+            adds = name == "all else" or (parts[name] > 0).any()
+            axes.fill_between([], [], color=colour, label=name + " (adds no time)" * (not adds))
+        axes.set_xlabel(f"ms: the frame of {base}, and what of it each measure adds")
     return [path]
-
-
-def described(c: Any) -> str:
-    """A measure's cost in words, with its noise where that is larger."""
-    if np.isnan(c.noise_ms):
-        return "too few repeats to tell"
-    if c.within_noise:
-        return f"within noise (±{style.number(c.noise_ms)} ms)"
-    return f"{c.cost_ms:+.3g} ms ({c.share:+.1%})"
 
 
 def draw_where(folder: Path, table: pd.DataFrame, shown: Sequence[str]) -> list[Path]:

@@ -33,19 +33,13 @@ FEW = 10
 ENOUGH = 4
 """Repeats below which nothing is known of the noise, and no difference of times is taken for a cost."""
 
-TITLES = {
-    "as used": "methods with default settings",
-    "in the grids": "perspective + spherical grids, one setting changed",
-    "tree": "exact tree: boxes or arithmetic changed",
-    "triangle test": "exact tree: triangle test changed",
-    "shadow origin": "exact tree: start of shadow rays changed",
-    "shadow map": "shadow maps (texels a side)",
-}
-"""What the families of points are called where their labels alone do not say it."""
-
 
 def read(folder: Path) -> pd.DataFrame:
-    """The points with family, level, mean wrong answers a frame by class, and whether they are on the frontier."""
+    """The points with their mean wrong answers a frame by class. Besides:
+
+    family, level  the two halves of the label; name: the label as a person reads it, with a device that is not the scene's
+    on_frontier    see :func:`frontier`
+    """
     table = document.read(folder)
     table[["family", "level"]] = table["label"].str.extract(r"^([^:]*)(?:: (.*))?$").to_numpy()
     table["level"] = table["level"].fillna(table["family"])
@@ -53,6 +47,9 @@ def read(folder: Path) -> pd.DataFrame:
     for name, columns in CLASSES.items():
         table[name] = table.reindex(columns=columns).sum(axis=1).where(judged)
     table["on_frontier"] = frontier(table)
+    elsewhere = table["device"] != table.groupby("title")["device"].transform(lambda own: own.mode()[0])
+    names = table["label"].str.replace("as used: ", "").str.replace("in the grids: ", "grids with ")
+    table["name"] = names.where(~elsewhere, names + ", on the " + table["device"].str.upper())
     return table
 
 
@@ -122,50 +119,37 @@ def costs(folder: Path, measures: Sequence[Measure]) -> pd.DataFrame:
     return made.sort_values("scene_title", key=lambda s: s.map(rank), kind="stable", ignore_index=True)
 
 
-def name_of(family: str, level: str) -> str:
-    """A point's label where its family is not said beside it."""
-    if family in ("as used", level):
-        return level
-    return f"grids with {level}" if family == "in the grids" else f"{family}: {level}"
-
-
 def frontier_table(table: pd.DataFrame) -> pd.DataFrame:
     """The points of each scene that no other one beats, fastest first; beside them the fastest that is never wrong."""
-    import pandas as pd
-
-    lines = []
-    for title, own in usable(table).groupby("title", sort=False):
-        for r in own[own["on_frontier"]].sort_values("total_ms").itertuples():
-            flip = "-" if np.isnan(r.flip) else f"{r.flip:.4f}"
-            lines.append({
-                "scene": title, "point": name_of(r.family, r.level), "ms": document.carried(r.total_ms, r.spread),
-                "wrong answers": f"{r.wrong_per_frame:,.0f}", "acne": f"{r.acne:,.0f}", "leaks": f"{r.leak:,.0f}",
-                "excused": f"{r.excused:,.0f}", "FLIP": flip,
-            })  # fmt: skip
-    return pd.DataFrame(lines)
+    own = usable(table)
+    own = own[own["on_frontier"].astype(bool)]
+    rank = {title: i for i, title in enumerate(own["title"].unique())}
+    own = own.assign(ms=document.carry(own["total_ms"], own["spread"]), rank=own["title"].map(rank))
+    columns: document.Columns = {"scene": ("title", str), "point": ("name", str), "ms": ("ms", str)}
+    counts = {"wrong answers": "wrong_per_frame", "acne": "acne", "leaks": "leak", "excused": "excused"}
+    columns |= {heading: (column, "{:,.0f}") for heading, column in counts.items()}
+    columns["FLIP"] = ("flip", "{:.4f}")
+    return document.texts(own.sort_values(["rank", "total_ms"]), columns)
 
 
 def cost_table(cost: pd.DataFrame, hard: pd.DataFrame) -> pd.DataFrame:
     """Measures down, scenes across: what each adds to the frame, and what is wrong without it (with it), in all scenes."""
     if cost.empty:
         return cost
-    errors = dict(zip(hard["label"], hard["true_errors"], strict=True))
-    texts = [
-        "?" if np.isnan(c.noise_ms) else f"±{c.noise_ms / c.without_ms:.1%}" if c.within_noise
-        else document.carried(c.share, c.noise_ms / c.without_ms, "+%")
-        for c in cost.itertuples()
-    ]  # fmt: skip
-    texts = cost.assign(text=texts)
-    wide = texts.pivot_table(
-        index="measure", columns="scene_title", values="text", aggfunc="last", sort=False
+    noise = cost["noise_ms"] / cost["without_ms"]
+    text = document.carry(cost["share"], noise, "+%").mask(cost["within_noise"], noise.map("±{:.1%}".format))
+    wide = document.cross_table(
+        cost.assign(text=text.mask(noise.isna(), "?")), ["measure"], "scene_title", "text"
     )
     groups = cost.groupby("measure", sort=False)
-    wrong = groups[["wrong_without", "wrong_with"]].sum()
-    wide["wrong without (with)"] = [f"{a:,.0f} ({b:,.0f})" for a, b in wrong.to_numpy()]
-    sides = groups[["without", "with"]].first()
-    pairs = sides.map(lambda label: f"{errors[label]:,}" if label in errors else "-")
-    wide["hard cases"] = pairs["without"] + " (" + pairs["with"] + ")"
-    return wide.reset_index()
+    wrong = groups[["wrong_without", "wrong_with"]].sum().map("{:,.0f}".format)
+    errors = hard.set_index("label")["true_errors"].map("{:,}".format)
+    pairs = groups[["without", "with"]].first().apply(lambda labels: labels.map(errors).fillna("-"))
+    wide["wrong without (with)"] = wide["measure"].map(
+        wrong["wrong_without"] + " (" + wrong["wrong_with"] + ")"
+    )
+    wide["hard cases"] = wide["measure"].map(pairs["without"] + " (" + pairs["with"] + ")")
+    return wide
 
 
 def finding(table: pd.DataFrame, cost: pd.DataFrame) -> str:
@@ -175,8 +159,8 @@ def finding(table: pd.DataFrame, cost: pd.DataFrame) -> str:
         return "No point has both a time and a score."
     never = known.groupby("label")["wrong_per_frame"].max() == 0
     right = known[known["label"].isin(never.index[never])].sort_values("total_ms").drop_duplicates("title")
-    counts = [f"{name_of(*who)} ({n} of {known['title'].nunique()} scenes)"
-              for who, n in right[["family", "level"]].value_counts().items()]  # fmt: skip
+    scenes = known["title"].nunique()
+    counts = [f"{name} ({n} of {scenes} scenes)" for name, n in right["name"].value_counts().items()]
     text = f"{never.sum()} of {len(never)} points are never wrong on these scenes"
     text += f", the fastest of them {' and '.join(counts)}" if counts else ""
     clear = cost[~cost["within_noise"].astype(bool)]

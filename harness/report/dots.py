@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,23 +10,23 @@ from typing import TYPE_CHECKING, Any
 from . import panels, style
 
 if TYPE_CHECKING:
-    from pandas import DataFrame
-
-TICKS = [m * 10.0**e for e in range(-3, 8) for m in (1, 2, 5)]
+    from pandas import DataFrame, Series
 
 
 def dots(
-    path: Path, table: DataFrame, rows: str, x: str, hue: str, *, labels: Mapping[str, str] | str, facet: str = "",
-    order: Sequence[str] = (), whisker: str = "", marked: str = "", band: float = 0.3, legend: int = 2,
+    path: Path, table: DataFrame, rows: str, x: str, hue: str, *, below: str, facet: str = "",
+    order: Sequence[str] = (), whisker: str = "", marked: str = "",
+    zeros: Mapping[str, float] | None = None, band: float = 0.3, legend: int = 2,
 ) -> Path:  # fmt: skip
     """Markers of the values ``x``, a band for each value of ``rows`` from the top down. Logarithmic; a line stands at 1.
 
     hue      column with a marker for each value (:func:`.report.panels.looks`)
     facet    column with a panel for each value, side by side; "": one panel
-    labels   what stands below the axes: of each panel, by value of facet, or of all
+    below    what stands below the axes
     order    of the rows; by default the table's
     whisker  column with how far a value may lie from what is shown
     marked   column that is true where a marker has a black edge
+    zeros    where zero stands in a panel, by value of facet; no line stands at 1 then
     band     height of a band, inches
     """
     own = table[table[x].notna()]
@@ -38,7 +39,9 @@ def dots(
         for axes, (title, part) in zip(grid[0], places, strict=True):
             for k in range(0, len(names), 2):
                 axes.axhspan(k - 0.5, k + 0.5, color="#f3f3f3", zorder=0)
-            axes.axvline(1.0, color="#444444", lw=0.8, zorder=1)
+            zero = (zeros or {}).get(title, 0.0)
+            if zero or not zeros:
+                axes.axvline(zero or 1.0, color="#009E73" if zero else "#444444", lw=0.8, zorder=1)
             for value, mine in part.groupby(hue, sort=False):
                 heights = [names.index(name) + 0.84 * lane[value] for name in mine[rows]]
                 ends = mine[whisker].clip(upper=0.9 * mine[x]).fillna(0.0) if whisker else None
@@ -48,27 +51,25 @@ def dots(
                     edge = mine[marked].to_numpy(bool)
                     axes.plot(mine[x][edge], [h for h, e in zip(heights, edge, strict=True) if e], look["marker"],
                               mfc="none", mec="black", mew=0.9, ms=4.2)  # fmt: skip
-            logarithmic(axes, part[x])
-            axes.set_xlabel("" if isinstance(labels, str) else labels[title])
+            logarithmic(axes, part[x], zero)
             axes.set_title(title if facet else "", loc="left")
         grid[0, 0].set_yticks(range(len(names)), names)
         grid[0, 0].set_ylim(len(names) - 0.5, -0.5)
         for axes in grid[0]:
             axes.tick_params(axis="y", length=0)
-        if isinstance(labels, str):
-            figure.supxlabel(labels, fontsize=7)
+        figure.supxlabel(below, fontsize=7)
     return path
 
 
-def logarithmic(axes: Any, values: Any) -> None:
-    """A logarithmic axis with few plain numbers, whatever the range."""
+def logarithmic(axes: Any, values: Series, zero: float = 0.0) -> None:
+    """A logarithmic axis with few plain numbers, whatever the range. ``zero``: where none stands; the axis holds 1 else."""
     axes.set_xscale("log")
-    low, high = min(values.min(), 1.0) / 1.6, max(values.max(), 1.0) * 1.6
+    low, high = min(values.min(), zero or 1.0) / 1.6, max(values.max(), 1.0) * 1.6
     axes.set_xlim(low, high)
-    ticks = [tick for tick in TICKS if low <= tick <= high]
-    while len(ticks) > 8:
-        ticks = [tick for tick in ticks if tick in TICKS[::3]] if set(ticks) - set(TICKS[::3]) else ticks[::2]
-    axes.set_xticks(
-        ticks, [f"{tick:,g}" if tick < 1e5 else f"{tick:.0e}".replace("e+0", "e") for tick in ticks]
-    )
+    powers = [10.0**e for e in range(math.ceil(math.log10(low)), math.ceil(math.log10(high)))]
+    fine = [m * 10.0**e for e in range(math.floor(math.log10(low)), 9) for m in (1, 2, 5)]
+    ticks = fine if len(powers) < 3 else powers[:: 1 + len(powers) // 7]
+    ticks = [tick for tick in ticks if max(low, 1.1 * zero) < tick < high]
+    names = [f"{tick:g}" if tick < 1e5 else f"1e{math.log10(tick):.0f}" for tick in ticks]
+    axes.set_xticks([zero, *ticks] if zero else ticks, ["none", *names] if zero else names)
     axes.minorticks_off()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import csv
 import importlib.util
-import itertools
 
 import numpy as np
 import pandas as pd
@@ -13,7 +12,7 @@ import pytest
 from helpers.brute_force import make_scene, soup
 from helpers.table1_records import record, write_records
 from shadowbench.experiments import accuracy as declared
-from shadowbench.experiments.accuracy import hard_cases, offsets, pareto, tables
+from shadowbench.experiments.accuracy import hard_cases, offsets, pictures, tables
 from shadowbench.experiments.accuracy.hard_cases import hard_rows
 from shadowbench.experiments.accuracy.offsets import error_grid, offset_by
 from shadowbench.harness.frame.registry import make_method
@@ -289,7 +288,9 @@ def test_everything_is_drawn_and_the_tables_are_in_the_text(folder, capsys, monk
     assert "which of the others were left out was not recorded" in text
     assert len(text.split()) < 700, "a page"
     pareto_text = (folder / "accuracy_pareto.svg").read_text()
-    assert all(name in pareto_text for name in ("1  exact", "2  fast", "3  beaten", "4  quick", "frontier"))
+    assert all(
+        name in pareto_text for name in ("a: exact", "a: fast", "b: beaten", "b: quick", "black edge", "none")
+    )
     assert "What each safety measure adds" in capsys.readouterr().out
     with open(folder / "accuracy.csv", newline="") as file:
         table = list(csv.DictReader(file))
@@ -297,51 +298,13 @@ def test_everything_is_drawn_and_the_tables_are_in_the_text(folder, capsys, monk
     assert {r["label"]: r["on_frontier"] for r in table}["b: beaten"] == "False"
 
 
-def test_every_point_of_the_pareto_plot_has_a_number_that_covers_no_other_and_no_marker():
-    """Many points close together: each number is found, and none is drawn over another number or a marker."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-    from matplotlib.text import Text
-
-    random = np.random.default_rng(1)
-    points = pd.DataFrame({
-        "family": [f"{i % 3}" for i in range(40)], "number": range(1, 41), "device": "cuda:0", "device_name": "Card",
-        "total_ms": random.uniform(1, 3, 40), "wrong_per_frame": random.integers(1, 90, 40).astype(float),
-        "on_frontier": [i == 0 for i in range(40)],
-    })  # fmt: skip
-    points = points.assign(q1_ms=points["total_ms"], q3_ms=points["total_ms"])
-    figure = Figure(figsize=(3.6, 2.7), layout="constrained", dpi=150)
-    FigureCanvasAgg(figure)
-    axes = figure.subplots()
-    looks = pareto.families(points)
-    heights = dict.fromkeys(looks, 0.1)
-    pareto.panel(axes, "S", points, looks, heights)
-    figure.draw_without_rendering()
-    figure.set_layout_engine("none")
-    before = set(axes.texts)
-    pareto.number(axes, points.assign(height=pareto.height(points, heights)), looks)
-    texts = [text for text in axes.texts if text not in before]
-    assert sorted(int(text.get_text()) for text in texts) == list(range(1, 41))
-    boxes = []
-    for text in texts:
-        text.update_positions(figure.canvas.get_renderer())
-        found = Text.get_window_extent(text)  # without the line to its point
-        boxes.append((found.x0 + 1, found.y0 + 3, found.x1 - 1, found.y1 - 3))
-    assert not any(pareto.meet(a, b) for a, b in itertools.combinations(boxes, 2))
-    marks = axes.transData.transform(points[["total_ms", "wrong_per_frame"]] + [0.0, pareto.FLOOR])
-    for text, (x, y) in itertools.product(boxes, marks):
-        assert not pareto.meet((x - 1, y - 1, x + 1, y + 1), text)
-
-
-def test_points_on_another_device_are_hollow_and_said_to_be(folder):
-    table = tables.read(folder)
-    table.loc[table["label"] == "b: beaten", ["device", "device_name"]] = ["cuda:0", "Imaginary card"]
-    (path,) = pareto.draw(table, folder / "pareto.svg")
-    assert "(hollow: on Imaginary card, another device)" in path.read_text()
-
-
-def test_runs_of_numbers_are_shortened():
-    assert pareto.runs([1, 4, 5, 6, 9, 10]) == "1, 4-6, 9, 10"
+def test_points_on_another_device_say_so_beside_their_marker(folder):
+    made = point("b: on the host", 300.0, 0)
+    made["method"].update(device="cuda:0", device_name="Imaginary card")
+    table = tables.read(write_records(folder, [made]))
+    assert set(table["name"]) == {*table["label"]} - {"b: on the host"} | {"b: on the host, on the CUDA:0"}
+    (path,) = pictures.draw_frontier(table, folder / "pareto.svg")
+    assert "b: on the host, on the CUDA:0" in path.read_text()
 
 
 def test_the_ink_on_a_colour_is_the_one_that_stands_out():
@@ -369,12 +332,6 @@ def test_a_folder_without_scores_says_so(tmp_path):
     files = declared.draw(write_records(tmp_path, [made]), quiet=True)
     assert "No point has both a time and a score." in (tmp_path / "accuracy.md").read_text()
     assert not any(path.suffix == ".svg" for path in files)
-
-
-def test_families_have_colours_of_their_own():
-    made = pd.DataFrame({"family": [str(i) for i in range(len(style.COLOURS))]})
-    looks = pareto.families(made).values()
-    assert len({(look["color"], look["marker"]) for look in looks}) == len(made)
 
 
 def test_the_quick_preset_keeps_hard_cases_that_tell():

@@ -1,0 +1,50 @@
+"""Dot plots: each marker has a line of its own, rows are named, and an axis has plain ticks that do not overlap."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+from shadowbench.harness.report import panels
+from shadowbench.harness.report.dots import dots, logarithmic
+
+
+def drawn(monkeypatch, tmp_path: Path, table: pd.DataFrame, **changes) -> Figure:
+    """The figure of a dot plot."""
+    kept = []
+    monkeypatch.setattr(panels, "save", lambda figure, *_: kept.append(figure))
+    dots(tmp_path / "a.svg", table, "row", "x", "scene", below="ratio", **changes)
+    return kept[0]
+
+
+def test_equal_values_of_a_row_hide_no_marker(monkeypatch, tmp_path):
+    table = pd.DataFrame(
+        [(row, scene, 1.0) for row in "ab" for scene in "stuv"], columns=["row", "scene", "x"]
+    )
+    (axes,) = drawn(monkeypatch, tmp_path, table).axes
+    heights = sorted(y for line in axes.lines[1:] for y in line.get_ydata())
+    apart = 72 * 0.3 * min(b - a for a, b in itertools.pairwise(heights))
+    assert len(heights) == len(table)
+    assert apart > axes.lines[1].get_markersize(), "in points, at 0.3 inches a row"
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["a", "b"]
+
+
+def test_zero_has_a_place_and_a_name(monkeypatch, tmp_path):
+    table = pd.DataFrame(
+        {"row": ["a", "b"], "scene": "s", "x": [0.1, 500.0], "side": "wrong", "best": [True, False]}
+    )
+    (axes,) = drawn(monkeypatch, tmp_path, table, facet="side", zeros={"wrong": 0.1}, marked="best").axes
+    assert [label.get_text() for label in axes.get_xticklabels()][:2] == ["none", "1"]
+    assert sum(line.get_markeredgecolor() == "black" for line in axes.lines) == 1
+
+
+@pytest.mark.parametrize(("low", "high"), [(0.9, 1.1), (0.05, 3.0), (0.01, 1e6), (1e-3, 2e-3)])
+def test_ticks_are_few_and_plain(low, high):
+    axes = Figure().subplots()
+    logarithmic(axes, pd.Series([low, high]))
+    shown = [label.get_text() for label in axes.get_xticklabels()]
+    assert 1 <= len(shown) <= 12
+    assert len(set(shown)) == len(shown)
