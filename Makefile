@@ -49,7 +49,8 @@ $(BIN)/python:
 # Installed anew only where the declared packages change.
 $(STAMP): pyproject.toml constraints.txt | $(BIN)/python
 	@echo "Installing into $(VENV) (once, about half a minute)"
-	$(PIP) install -c constraints.txt -e '.[usd,test]'
+	@$(PIP) uninstall --yes shadowbench >/dev/null 2>&1 || true  # the name of the distribution until 22 November 2026
+	$(PIP) install -c constraints.txt -e '.[test]'
 	@touch $@
 
 $(LINT_STAMP): $(STAMP)
@@ -57,6 +58,7 @@ $(LINT_STAMP): $(STAMP)
 	@touch $@
 
 # mypy does not follow setuptools' package-dir, so it is shown the folders under their import names.
-build/lint/shadowbench:
+build/lint/shadowbench: Makefile
 	mkdir -p $@
-	ln -sfn ../../../harness ../../../methods ../../../experiments $@/
+	ln -sfn ../../../harness ../../../methods ../../../experiments ../../../harness/shadowbench/__init__.py $@/
+	ln -sfn ../../../harness/shadowbench/__main__.py $@/

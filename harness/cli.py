@@ -26,6 +26,7 @@ from .commands.report import report
 from .commands.verify import explain, score, verify
 from .errors import UserError
 from .runner.machine_lock import MACHINE
+from .version import VERSION
 
 DEBUG = "SHADOWBENCH_DEBUG"
 INTERRUPTED = 130
@@ -41,8 +42,18 @@ app = typer.Typer(
 )
 
 
+def show_version(wanted: bool) -> None:
+    if wanted:
+        print(f"shadowbench {VERSION}")
+        raise typer.Exit
+
+
 @app.callback()
 def everywhere(
+    version: Annotated[
+        bool,
+        typer.Option("--version", help="Print the version.", callback=show_version, is_eager=True),
+    ] = False,
     debug: Annotated[bool, typer.Option("--debug", help="Print the traceback of an error.")] = False,
     no_wait: Annotated[
         bool,

@@ -10,9 +10,9 @@ from helpers import import_graph
 from helpers.import_graph import ROOT, circles, imports, modules
 
 ORDER = (
-    "harness.errors", "harness.files", "harness.typed_json", "harness.scene", "harness.frame", "harness.judge",
+    "harness.version", "harness.errors", "harness.files", "harness.typed_json", "harness.scene", "harness.frame", "harness.judge",
     "harness.results", "harness.report", "harness.runner", "harness.hardcases", "harness.commands", "harness.cli",
-    "methods", "experiments",
+    "harness.shadowbench", "methods", "experiments",
 )  # fmt: skip
 """Each imports only from those before it. Methods may import only the harness's scene and frame."""
 

@@ -30,6 +30,7 @@ def method_names() -> list[str]:
     return [*_built_in(), *(name for name in sorted(_entry_points()) if name not in _built_in())]
 
 
+@functools.cache
 def _built_in() -> list[str]:
     package = importlib.import_module(PACKAGE)
     return sorted(m.name for m in pkgutil.iter_modules(package.__path__) if m.ispkg and m.name != "common")

@@ -11,17 +11,10 @@ from numpy.typing import NDArray
 
 from .consistency import Checked
 from .context import Judge
-from .referee import Hits, Referee
+from .hits import Exact
+from .referee import Referee
 from .selection import Agreement, Selection
 from .verdict import EXCUSED, GRAVEST_BIT, RIGHT, Verdict
-
-
-@dataclass(frozen=True, eq=False)
-class Exact:
-    """The exact answers at the judged pixels. ``occluders`` int32 [lights, judged]: -1 if lit or not judged."""
-
-    hits: Hits
-    occluders: NDArray[np.int32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,13 +66,12 @@ class Judgement:
 
 
 def decide(judge: Judge, selection: Selection) -> Exact:
-    """Ask the exact referee about the selected pixels."""
+    """The exact answers at the selected pixels: the reference's, where it has them, else the referee's."""
     moment, pixels = judge.moment, selection.judged
-    hits = judge.referee.closest(moment.origins(pixels), moment.directions(pixels))
-    occluders = np.full((len(moment.lights), len(pixels)), -1, dtype=np.int32)
-    for i in np.nonzero(judge.wanted)[0]:
-        occluders[i] = judge.referee.occluders(hits, moment.lights[i])
-    return Exact(hits, occluders)
+    if judge.reference.decided is not None:
+        return judge.reference.decided.take(pixels)
+    origins, directions = moment.origins(pixels), moment.directions(pixels)
+    return judge.referee.answers(origins, directions, moment.lights, judge.wanted)
 
 
 def classify(

@@ -7,7 +7,7 @@ can excuse a wrong answer; :func:`.judge.arithmetic.edge_bound` defines how near
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -17,40 +17,9 @@ from ..scene.scene import AlphaMask
 from . import arithmetic as exact
 from .candidates import BATCH, Candidates
 from .decisions import Decisions, integers_of
+from .hits import Exact, Hits
 from .holes import Holes
 from .verdict import Verdict
-
-
-@dataclass(eq=False)
-class Hits:
-    """Exact closest hits of n rays.
-
-    triangle  int32 [n]: the lowest index of the tie set, -1 at a miss
-    t         float64 [n]: the exact t rounded once, inf at a miss
-    ratio     the exact t of each ray as (numerator, denominator), None at a miss
-    ties      the whole tie set of each ray in ascending order, () at a miss
-    """
-
-    origins: NDArray[np.float32]
-    directions: NDArray[np.float32]
-    triangle: NDArray[np.int32]
-    t: NDArray[np.float64]
-    ratio: list[tuple[int, int] | None]
-    ties: list[tuple[int, ...]]
-
-    def __len__(self) -> int:
-        return len(self.triangle)
-
-    def take(self, rows: NDArray[np.integer]) -> Hits:
-        """The hits of some of the rays."""
-        return Hits(
-            self.origins[rows],
-            self.directions[rows],
-            self.triangle[rows],
-            self.t[rows],
-            [self.ratio[i] for i in rows],
-            [self.ties[i] for i in rows],
-        )
 
 
 class Referee:
@@ -114,8 +83,22 @@ class Referee:
             for i, triangles in zip(rows, candidates, strict=True):
                 found = self._decisions.hits(origins[i], directions[i], triangles)
                 if found:
-                    _take_closest(hits, i, found)
+                    hits.put(i, found)
         return hits
+
+    def answers(
+        self,
+        origins: NDArray[np.float32],
+        directions: NDArray[np.float32],
+        lights: NDArray[np.float32],
+        wanted: Sequence[bool] | NDArray[np.bool_],
+    ) -> Exact:
+        """Exact closest hits, and the occluders of those lights that are ``wanted``."""
+        hits = self.closest(origins, directions)
+        occluders = np.full((len(lights), len(hits)), -1, dtype=np.int32)
+        for i in np.nonzero(wanted)[0]:
+            occluders[i] = self.occluders(hits, lights[i])
+        return Exact(hits, occluders)
 
     def all_hits(
         self, origins: NDArray[np.float32], directions: NDArray[np.float32]
@@ -188,14 +171,14 @@ class Referee:
         hits: Hits,
         light: NDArray[np.float32],
         bits: NDArray[np.integer],
-        truth: NDArray[np.bool_] | None = None,
+        truth: NDArray | None = None,
     ) -> NDArray[np.int8]:
         """The class [n] of a shadow bit that a method gave for each exact hit point (misses must be 0).
 
         ``truth``: the exact bits, where they are known.
         """
         if truth is None:
-            truth = self.occluders(hits, light) >= 0
+            truth = self.occluded(hits, light)
         verdicts = np.full(len(hits), Verdict.OK, dtype=np.int8)
         verdicts[(bits != 0) & (bits != 1) | (hits.triangle < 0) & (bits != 0)] = Verdict.INVALID
         wrong = np.nonzero((verdicts == Verdict.OK) & (bits != truth))[0]
@@ -323,17 +306,3 @@ class Referee:
         measure = exact.edge_distance if edges_only else exact.triangle_distance
         distance, share = measure(o, o + length[:, None] * d, corners)
         return distance, share * length, exact.edge_bound(o, corners)
-
-
-def _take_closest(hits: Hits, i: int, found: list[tuple[int, int, int]]) -> None:
-    over, under, _ = found[0]
-    ties: list[int] = []
-    for a, b, k in found:
-        order = a * under - over * b
-        if order < 0:
-            over, under, ties = a, b, [k]
-        elif order == 0:
-            ties.append(k)
-    ties.sort()
-    hits.triangle[i], hits.t[i] = ties[0], over / under
-    hits.ratio[i], hits.ties[i] = (over, under), tuple(ties)

@@ -19,7 +19,7 @@ from ..judge.score import Scored, score_answers
 from ..results.pixel_maps import OFFSET, write_map, wrong_path
 from .picture import shade
 
-FLIP_MISSING = "flip-evaluator is not installed; pip install shadowbench[flip]"
+FLIP_MISSING = "the package flip-evaluator is not installed"
 
 
 def reference_path(folder: Path, scene: str, frame: int) -> Path:

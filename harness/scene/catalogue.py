@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from ..errors import UserError, did_you_mean, warn
+from ..errors import UserError, did_you_mean, install, warn
 from .declaration import SUFFIX, declared_scene
 from .names import BUNNY, NAMES, scene_names
 from .readers import usd
@@ -147,7 +147,7 @@ def _bunny() -> Scene:
     spec = importlib.util.find_spec("warp")
     if spec is None or not spec.submodule_search_locations:
         raise UserError(
-            "bunny: it is part of the package warp-lang, which is not installed; pip install warp-lang"
+            f"bunny: it is part of the package warp-lang, which is not installed; {install('warp-lang')}"
         )
     path = Path(next(iter(spec.submodule_search_locations))) / "examples" / "assets" / "bunny.usd"
     if not path.is_file():
@@ -155,7 +155,7 @@ def _bunny() -> Scene:
             f"bunny: this version of warp-lang has no {path.name}; put a bunny.ply into the folder of scenes"
         )
     if not usd.available():
-        raise UserError(f"bunny: {usd.MISSING}")
+        raise UserError(f"bunny: {usd.missing()}")
     return replace(_from_files(path, BUNNY, TITLES[BUNNY]), notes="bunny.usd of the warp-lang package")
 
 

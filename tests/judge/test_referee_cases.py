@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from shadowbench.harness.judge.referee import Hits, Referee
+from shadowbench.harness.judge.hits import Hits
+from shadowbench.harness.judge.referee import Referee
 from shadowbench.harness.scene.prepared import valid_triangles
 
 Array = np.ndarray

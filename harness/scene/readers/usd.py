@@ -1,4 +1,4 @@
-"""USD through the optional package usd-core: every visible mesh of the stage, in the order of the stage."""
+"""USD through the package usd-core: every visible mesh of the stage, in the order of the stage."""
 
 from __future__ import annotations
 
@@ -8,10 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import UserError
+from ...errors import UserError, install
 from .checks import Mesh, broken, checked, fan, guarded, polygon_sizes, read_bytes
 
-MISSING = "reading USD needs the package usd-core; pip install 'shadowbench[usd]'"
+
+def missing() -> str:
+    """What to do where usd-core is not installed."""
+    return f"reading USD needs the package usd-core; {install('usd-core')}"
 
 
 def available() -> bool:
@@ -31,7 +34,7 @@ def read_usd(path: Path) -> Mesh:
     contradict each other.
     """
     if not available():
-        raise UserError(f"{path}: {MISSING}")
+        raise UserError(f"{path}: {missing()}")
     from pxr import Tf, Usd, UsdGeom
 
     read_bytes(path)  # missing and unreadable files get the same message as in every other format
