@@ -10,8 +10,8 @@ from helpers import import_graph
 from helpers.import_graph import ROOT, circles, imports, modules
 
 ORDER = (
-    "harness.version", "harness.errors", "harness.files", "harness.typed_json", "harness.scene", "harness.frame", "harness.judge",
-    "harness.results", "harness.report", "harness.runner", "harness.hardcases", "harness.commands", "harness.cli",
+    "harness.version", "harness.errors", "harness.files", "harness.typed_json", "harness.scene", "harness.frame",
+    "harness.judge", "harness.results", "harness.report", "harness.runner", "harness.hardcases", "harness.commands", "harness.cli",
     "harness.shadowbench", "methods", "experiments",
 )  # fmt: skip
 """Each imports only from those before it. Methods may import only the harness's scene and frame."""

@@ -3,6 +3,6 @@
 The packages in it (``harness``, ``methods``, ``experiments``) lie in folders of their own; see ``pyproject.toml``.
 """
 
-from shadowbench.harness.version import VERSION as __version__
+from shadowbench.harness import version
 
-__all__ = ["__version__"]
+__version__ = version.VERSION
