@@ -26,7 +26,6 @@ from .commands.report import report
 from .commands.verify import explain, score, verify
 from .errors import UserError
 from .runner.machine_lock import MACHINE
-from .shadowbench import __version__
 
 DEBUG = "SHADOWBENCH_DEBUG"
 INTERRUPTED = 130
@@ -44,7 +43,9 @@ app = typer.Typer(
 
 def show_version(wanted: bool) -> None:
     if wanted:
-        print(f"shadowbench {__version__}")
+        import shadowbench
+
+        print(f"shadowbench {shadowbench.__version__}")
         raise typer.Exit
 
 

@@ -10,9 +10,9 @@ from helpers import import_graph
 from helpers.import_graph import ROOT, circles, imports, modules
 
 ORDER = (
-    "harness.shadowbench", "harness.errors", "harness.files", "harness.typed_json", "harness.scene", "harness.frame",
-    "harness.judge", "harness.results", "harness.report", "harness.runner", "harness.hardcases", "harness.commands",
-    "harness.cli", "harness.shadowbench.__main__", "methods", "experiments",
+    "harness.errors", "harness.files", "harness.typed_json", "harness.scene", "harness.frame", "harness.judge",
+    "harness.results", "harness.report", "harness.runner", "harness.hardcases", "harness.commands", "harness.cli",
+    "harness.shadowbench", "methods", "experiments",
 )  # fmt: skip
 """Each imports only from those before it. Methods may import only the harness's scene and frame."""
 
@@ -24,8 +24,8 @@ NAMES = sorted(
 
 def place(module: str) -> int:
     """Where a module's package stands in :data:`ORDER`; the packages' own faces, such as ``harness``, stand first."""
-    found = [name for name in ORDER if module == name or module.startswith(name + ".")]
-    return ORDER.index(max(found, key=len)) if found else -1
+    found = [i for i, name in enumerate(ORDER) if module == name or module.startswith(name + ".")]
+    return found[0] if found else -1
 
 
 def against_the_order(graph: dict[str, set[str]]) -> list[str]:
