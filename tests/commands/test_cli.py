@@ -1,7 +1,10 @@
 """The command line: help, JSON, exit codes, and one line for whatever a person gets wrong."""
 
 import json
+import subprocess
 import sys
+import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +13,7 @@ from PIL import Image
 from shadowbench.harness import cli
 from shadowbench.harness.cli import spread_values
 
+ROOT = Path(__file__).parents[2]
 COMMANDS = ("run", "show", "list", "render", "verify", "explain", "score")
 
 
@@ -245,3 +249,19 @@ def test_stand_ins_are_listed_as_such(call):
     rows = {row["name"]: row for row in json.loads(out)}
     assert "stand-in" in rows["cloth"]["stand_in"]
     assert rows["bunny"]["stand_in"] is None
+
+
+def test_the_package_runs_as_a_module_and_states_its_version():
+    import shadowbench
+
+    declared = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    assert declared["tool"]["setuptools"]["dynamic"]["version"] == {"attr": "shadowbench.__version__"}
+    shown = [
+        subprocess.run([sys.executable, "-m", *words], capture_output=True, text=True).stdout
+        for words in (["shadowbench", "--version"], ["shadowbench.harness.cli", "--version"])
+    ]
+    assert shown == [f"shadowbench {shadowbench.__version__}\n"] * 2
+    listed = subprocess.run(
+        [sys.executable, "-m", "shadowbench", "list", "experiments"], capture_output=True, text=True
+    )
+    assert "table1" in listed.stdout, listed.stderr
