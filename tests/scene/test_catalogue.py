@@ -63,7 +63,7 @@ def test_the_bunny_of_the_warp_package_is_real():
 
 def test_without_usd_core_the_bunny_says_what_to_install(monkeypatch):
     monkeypatch.setattr(usd, "available", lambda: False)
-    with pytest.raises(UserError, match=r"^bunny: .*usd-core; pip install"):
+    with pytest.raises(UserError, match=r"^bunny: .*usd-core; \S*python\S* -m pip install usd-core$"):
         catalogue.resolve("bunny")
 
 
