@@ -96,7 +96,7 @@ class Referee:
         """Exact closest hits, and the occluders of those lights that are ``wanted``."""
         hits = self.closest(origins, directions)
         occluders = np.full((len(lights), len(hits)), -1, dtype=np.int32)
-        for i in np.nonzero(wanted)[0]:
+        for i in np.nonzero(np.asarray(wanted, dtype=bool))[0]:
             occluders[i] = self.occluders(hits, lights[i])
         return Exact(hits, occluders)
 

@@ -114,6 +114,14 @@ def compiled(kernel: wp.Kernel, folder: Path, target: str) -> Code:
     return Code(normalised(text), binary.read_bytes())
 
 
+def generated(kernel: wp.Kernel, target: str) -> str:
+    """The source that Warp generates for "cpu" or "cuda", as in :class:`Code`, without compiling it."""
+    module = kernel.module
+    module._set_strip_hash(True)
+    options = module.resolve_options(wp.config) | {"output_arch": None if target == "cpu" else ARCH}
+    return normalised(module._run_codegen(options, target == "cpu")[0])
+
+
 def normalised(text: str) -> str:
     """Generated source without comments and without constants that nothing uses; variables numbered as they come.
 
