@@ -112,7 +112,7 @@ def picture(own: pd.DataFrame, folder: Path, path: Path) -> list[Path]:
     if not kept:
         return []
     first, across, down = own.iloc[0], min(2, len(kept)), -(-len(kept) // 2)
-    high = style.COLUMN_WIDTH / across * first["height"] / first["width"] + 0.2
+    high = style.COLUMN_WIDTH / across * first["height"] / first["width"] + 0.25
     size = (style.COLUMN_WIDTH, high * down + 0.35)
     with panels.sheet(path, size, down, across, legend=0, grid="", dpi=220, colours=40) as (figure, grid):
         for axes in grid.flat:
@@ -121,11 +121,11 @@ def picture(own: pd.DataFrame, folder: Path, path: Path) -> list[Path]:
             whole = np.asarray(image.convert("RGB"))  # below the picture itself stands its own caption
             axes.imshow(whole[: round(image.width * r.height / r.width)])
             rays = (
-                f"; shadow rays: {r.shadow_ray_share:.0%}"
+                f"\nshadow rays: {r.shadow_ray_share:.0%}"
                 if isinstance(r.spot, str) and r.shadow_ray_share >= 0
                 else ""
             )
-            axes.set_title(r.light[:1].upper() + r.light[1:] + rays, fontsize=5)
+            axes.set_title(r.light[:1].upper() + r.light[1:] + rays, fontsize=5.5)
         about = gallery.stand_in_text(first["stand_in"]) if first["stand_in"] else ""
         panels.caption(figure, f"{first['title']}, {document.where(own)}", about)
     return [path]

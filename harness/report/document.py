@@ -241,7 +241,7 @@ def effort(table: DataFrame) -> str:
     """How long the points were sampled, where they say so, as a sentence."""
     asked = table.reindex(columns=["point.rounds", "point.budget_s"]).dropna().drop_duplicates()
     told = [
-        f"{n:.0f} round{'s' * (n > 1)}, at most {budget:g} s of samples a point"
+        f"{n:.0f} round{'s' if n > 1 else ''}, at most {budget:g} s of samples a point"
         for n, budget in asked.to_numpy()
     ]
     return f"{' and '.join(told)}." if told else ""
