@@ -3,43 +3,39 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ..harness.report import document, gallery
 from ..harness.report import paper_table1 as paper
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from ._paper import METHOD, SCENES
 
-if TYPE_CHECKING:
-    pass
-
 METHODS = (Entry(METHOD),)
-
 
 COLUMNS = [*document.COMMON, "paper_triangles", "triangles_to_paper"]
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """The gallery, CSV, and triangle counts beside the paper's."""
-    import pandas as pd
-
     table = document.read(folder)
     table["paper_triangles"] = table["scene"].map({scene: paper_triangles(scene) for scene in paper.ROWS})
     table["triangles_to_paper"] = table["triangles"] / table["paper_triangles"]
     files = [document.write_csv(table, folder / "figure9.csv", COLUMNS)]
     scenes = table.drop_duplicates("scene")
-    stand_ins = scenes["stand_in"].notna() & (scenes["stand_in"] != "")
     known = scenes[scenes["paper_triangles"].notna()]
-    about = f"Figure 9: {len(scenes)} test scenes, {int(stand_ins.sum())} of them stand-ins"
-    files += gallery.draw(folder, scenes, f"{about}; {document.where(table)}")
+    size = document.where(table)
+    title = (
+        f"The paper's test scenes (Figure 9) with shadows, traced by {table['method_title'].iloc[0]}, {size}"
+    )
+    files += gallery.draw(folder, scenes, title)
     share = (known["triangles_to_paper"] - 1).abs().max()
-    shown = pd.DataFrame({
-        "scene": scenes["title"], "triangles": scenes["triangles"].map("{:,.0f}".format, na_action="ignore"),
-        "the paper's": scenes["paper_triangles"].map("{:,.0f}".format, na_action="ignore"),
-        "share": scenes["triangles_to_paper"].map("{:.1%}".format, na_action="ignore"), "made as": scenes["stand_in"],
-    })  # fmt: skip
-    finding = f"{about}; {len(known)} of the paper's {len(paper.ROWS)}"
-    finding += f", with its number of triangles within {share:.1%}." * bool(len(known)) or "."
+    columns: document.Columns = {
+        "scene": ("title", str), "triangles": ("triangles", "{:,.0f}"), "the paper's": ("paper_triangles", "{:,.0f}"),
+        "share": ("triangles_to_paper", "{:.1%}"), "made as": ("stand_in", str),
+    }  # fmt: skip
+    shown = document.texts(scenes, columns)
+    finding = f"{len(known)} of the paper's {len(paper.ROWS)} scenes"
+    finding += f", each with its number of triangles within {share:.1%}" * bool(len(known))
+    finding += f"; of {len(scenes)} scenes {int((scenes['stand_in'] != '').sum())} are stand-ins."
     return document.write(
         folder, "figure9", EXPERIMENT.title, finding, {"Scenes": shown}, files, table, quiet
     )
