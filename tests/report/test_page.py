@@ -62,6 +62,7 @@ def results(tmp_path_factory):
         for d in (0.1, 1.0, 10.0)
         for e, ms in ((GRIDS, 1.0), (TREE, 4.0))
     ]  # fmt: skip
+    far[3]["method"]["source_sha256"] = "an earlier version"
     far[1]["method"]["source_sha256"], far[1]["frames"][0]["started"] = "a later version", [9.0]
     table = [
         record_of("table1", e, scene, ms=ms)
@@ -128,6 +129,8 @@ def test_ratios_are_those_of_compare_and_unlike_points_have_none(page):
     assert found["Buddha (stand-in)", "grids"] == pytest.approx(0.25)
     assert ("Buddha (stand-in)", "map & <b>") not in found
     assert data["paper"]["label"].startswith("paper, GTX 280")
+    notices = {one["name"]: one["notices"] for one in data["folders"]}
+    assert any(line.startswith("Records of 2 versions of") for line in notices["figure11"])
 
 
 def test_columns_keep_what_is_not_known():
@@ -319,16 +322,35 @@ def test_hovering_a_curve_names_the_nearest_point(visit):
     from selenium.webdriver import ActionChains
 
     found = visit("view=curves&c=figure11&y=total_ms&scale=linear")
-    x, y = found.execute_script(
-        "const u = document.querySelector('.plot')._plot; return [u.valToPos(10, 'x'), u.valToPos(u.data[1][2], 'y')]"
+    x, y, name = found.execute_script(
+        "const u = document.querySelector('.plot')._plot;"
+        "return [u.valToPos(10, 'x'), u.valToPos(u.data[1][2], 'y'), u.series[1].label]"
     )
     over = css(found, ".u-over")[0]
     ActionChains(found).move_to_element_with_offset(
         over, x - over.rect["width"] / 2 - 3, y - over.rect["height"] / 2 + 2
     ).perform()
     tip = css(found, "#tip")[0].text
-    assert tip.startswith("tree · Cloth (stand-in), 10 radii")
+    assert tip.startswith(f"{name} · Cloth (stand-in), 10 radii")
     assert "10 radii" in tip
+
+
+@chromium
+def test_dragging_zooms_a_logarithmic_chart_and_a_button_shows_all_again(visit):
+    from selenium.webdriver import ActionChains
+
+    found = visit("view=curves&c=figure11&y=total_ms")
+    scales = (
+        "const {x, y} = document.querySelector('.plot')._plot.scales; return [x.min, x.max, y.min, y.max]"
+    )
+    whole = found.execute_script(scales)
+    drag = ActionChains(found).move_to_element_with_offset(css(found, ".u-over")[0], 20, -60)
+    drag.click_and_hold().move_by_offset(70, 70).release().perform()
+    left, right, low, high = found.execute_script(scales)
+    assert whole[0] < left < right < whole[1]
+    assert whole[2] < low < high < whole[3]
+    css(found, ".plot + .note button")[0].click()
+    assert found.execute_script(scales) == whole
 
 
 @chromium
@@ -362,11 +384,12 @@ def test_heat_maps_share_a_scale_and_tell_their_counts(visit):
     assert css(found, ".ends span")[-1].text == "300"
     frame = css(found, ".frame")[0]
     ActionChains(found).move_to_element(frame).perform()
-    told = re.fullmatch(
-        r"pixel (\d+), (\d+)\ntree\n(\d+) tests\ngrids\n(\d+) tests", css(found, "#tip")[0].text
-    )
-    x, y, tree, grids = map(int, told.groups())
-    assert (tree, grids) == tuple((16 * y + x) * most // 255 for most in (9, 300))
+    first, *lines = css(found, "#tip")[0].text.splitlines()
+    x, y = map(int, re.fullmatch(r"pixel (\d+), (\d+)", first).groups())
+    told = dict(zip(lines[::2], lines[1::2], strict=True))
+    assert told == {
+        name: f"{(16 * y + x) * most // 255} tests" for name, most in (("grids", 300), ("tree", 9))
+    }
 
 
 @chromium
@@ -394,6 +417,14 @@ def test_the_keyboard_alone_reaches_everything(visit):
     press(found, Keys.ESCAPE)
     settle(found, "return !document.querySelector('dialog[open]')")
     assert "point=" not in found.current_url
+    found.execute_script("document.querySelector('details.pick summary').focus()")
+    press(found, Keys.ENTER, Keys.TAB, Keys.SPACE)
+    assert len(css(found, "details.pick[open] input:checked:focus")) == 1, (
+        "drawing anew leaves the focus where it was"
+    )
+    assert "exp=" in found.current_url
+    press(found, Keys.ESCAPE)
+    assert css(found, "details.pick[open]") == []
 
 
 @chromium

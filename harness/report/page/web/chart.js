@@ -1,6 +1,22 @@
 // Lines over a number: zoomed by dragging, the nearest point named under the pointer. Drawn by uPlot.
 
 const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+/**
+ * Where a logarithmic axis has its ticks: the powers of ten; where there are few, 1, 2 and 5 of each; where there are none, even
+ * steps. (uPlot's own ticks do not end where an axis does not begin at a power of ten.)
+ */
+function logTicks(low, high) {
+  const first = Math.floor(Math.log10(low)), last = Math.ceil(Math.log10(high));
+  const decades = Array.from({ length: last - first + 1 }, (_, i) => 10 ** (first + i));
+  const within = (values) => values.filter((v) => v >= low * 0.999 && v <= high * 1.001).map((v) => +v.toPrecision(6));
+  const powers = within(decades);
+  if (powers.length > 3) return powers;
+  const more = within(decades.flatMap((v) => [v, 2 * v, 5 * v]));
+  if (more.length > 1) return more;
+  const step = 10 ** Math.floor(Math.log10((high - low) / 2));
+  return within(Array.from({ length: Math.ceil((high - low) / step) + 1 }, (_, i) => (Math.ceil(low / step) + i) * step));
+}
+
 const DASHES = [[], [6, 4], [2, 3], [8, 3, 2, 3]];
 
 /**
@@ -18,20 +34,13 @@ function lineChart(host, series, axes) {
   const ink = css("--ink-2"), faint = css("--line");
   const logX = axes.logX && xs[0] > 0;
   const ticks = (u, values) => values.map((v) => (v === null ? "" : v !== 0 && (Math.abs(v) >= 1e4 || Math.abs(v) < 1e-3) ? v.toExponential(0).replace("e+", "e") : `${+v.toPrecision(4)}`));
-  const powers = (values) => values.map((v) => (Number.isInteger(Math.round(Math.log10(v) * 1e6) / 1e6) ? v : null));
-  // On a logarithmic axis the powers of ten alone; where there are few, 1, 2 and 5 of each.
-  const few = (u, splits) => {
-    const kept = powers(splits);
-    const many = kept.filter((v) => v !== null).length > 3;
-    return many ? kept : splits.map((v) => ([1, 2, 5].includes(Math.round(v / 10 ** Math.floor(Math.log10(v) + 1e-9))) ? v : null));
-  };
   const side = (log) => ({ stroke: ink, font: "12px system-ui, sans-serif", grid: { stroke: faint, width: 1 }, ticks: { stroke: faint, width: 1 }, values: ticks,
-    ...(log ? { filter: few, grid: { stroke: faint, width: 1, filter: few }, ticks: { stroke: faint, width: 1, filter: few } } : {}) });
+    ...(log ? { splits: (u, axis, low, high) => logTicks(low, high), filter: (u, found) => found } : {}) });
   let nearest = null;
   const options = {
     width: Math.max(260, host.clientWidth), height: Math.max(260, Math.min(620, innerHeight * 0.55)),
     legend: { show: false },
-    scales: { x: { time: false, distr: logX ? 3 : 1 }, y: { distr: axes.logY ? 3 : 1, ...(axes.logY ? {} : { range: (u, low, high) => [Math.min(0, low), high * 1.05 || 1] }) } },
+    scales: { x: { time: false, distr: logX ? 3 : 1, ...(logX ? { range: (u, low, high) => (low > 0 ? [low / 1.12, high * 1.12] : [0.1, 1]) } : {}) }, y: { distr: axes.logY ? 3 : 1, ...(axes.logY ? { range: (u, low, high) => (low > 0 ? [low / 1.3, high * 1.3] : [0.1, 1]) } : { range: (u, low, high) => [Math.min(0, low), high * 1.05 || 1] }) } },
     axes: [{ ...side(logX), label: axes.x, labelSize: 22, labelFont: "12px system-ui, sans-serif" },
       { ...side(axes.logY), label: axes.y, labelSize: 22, labelFont: "12px system-ui, sans-serif", size: 56 }],
     cursor: { drag: { x: true, y: true, uni: 24 }, focus: { prox: 40 }, points: { size: 9 } },

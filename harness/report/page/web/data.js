@@ -43,13 +43,14 @@ points.forEach((point, id) => {
   // The name of a column: its label, with whatever else tells apart two points of one scene in one folder.
   const several = new Map();
   for (const p of points) {
-    const key = `${p.folder}\n${p.label}`;
+    const key = `${p.folder}\n${p.label}\n${p.where}\n${p.size}`;
+    p.entry = key;
     if (!several.has(key)) several.set(key, { settings: new Set(), device: new Set() });
     several.get(key).settings.add(p.settings);
     several.get(key).device.add(p.device);
   }
   for (const p of points) {
-    const { settings, device } = several.get(`${p.folder}\n${p.label}`);
+    const { settings, device } = several.get(p.entry);
     p.name = p.label + (settings.size > 1 && p.settings !== "-" ? `, ${p.settings}` : "") + (device.size > 1 ? `, ${p.device}` : "");
   }
 }
@@ -106,4 +107,11 @@ function pointLines(p, frame = null) {
   return lines;
 }
 
-const colourOf = (method) => DATA.colours[method] || "#777777";
+const inTheDark = () => getComputedStyle(document.documentElement).colorScheme === "dark";
+/** A colour of the project's drawings; on a dark page mixed with white, so that lines stand out. */
+function seen(hex) {
+  if (!inTheDark()) return hex;
+  const mixed = [1, 3, 5].map((i) => Math.round(0.68 * parseInt(hex.slice(i, i + 2), 16) + 0.32 * 255));
+  return `#${mixed.map((v) => v.toString(16).padStart(2, "0")).join("")}`;
+}
+const colourOf = (method) => seen(DATA.colours[method] || "#777777");

@@ -16,7 +16,7 @@ function openDetails(p) {
       !p.done && el("p.warning", {}, `${p.status}: ${p.reason || "no reason given"}`),
       p.done && el("section", {}, el("h3", {}, "Time"), facts([
         ["whole frame", `${number(p.total_ms)} ms (quartiles ${number(p.q1_ms)} to ${number(p.q3_ms)})`],
-        ["rounds", `${p.rounds}, range between them ${number(p.between_ms)} ms`],
+        ["rounds", p.rounds > 1 ? `${p.rounds}, range between them ${number(p.between_ms)} ms` : String(p.rounds)],
         ["samples a frame", whole(p.samples)], ["frames", `${p.frames}${p.frames_left_out ? `, ${p.frames_left_out} left out` : ""}`],
         ["on the host's clock", `${number(p.wall_ms)} ms`], ["rays", `${number(p.frame_mrays_per_s)} Mrays/s`],
         ["compiled in", known(p.compile_s) ? `${number(p.compile_s)} s` : ""], ["stopped by", p.stopped_by]]),

@@ -3,10 +3,11 @@
 
 const AXES = {
   light_distance: { title: "distance of the light, scene radii", log: true, apart: (p) => [p.name, p.title, p.size], text: (x) => `${short(x)} radii` },
-  frame: { title: "frame", log: false, apart: (p) => [p.name, p.where, p.size], text: (x) => `frame ${x}` },
-  triangles: { title: "triangles", log: true, apart: (p) => [p.name, p.light_label, p.size], text: (x) => `${whole(x)} triangles` },
-  pixels: { title: "pixels", log: true, apart: (p) => [p.name, p.where], text: (x) => `${whole(x)} pixels` },
   lights: { title: "lights", log: true, apart: (p) => [p.name, p.title, p.size], text: (x) => `${x} light${x === 1 ? "" : "s"}` },
+  frame: { title: "frame", log: false, apart: (p) => [p.name, p.where, p.size], text: (x) => `frame ${x}` },
+  // Scenes of one kind, such as balls-10k and balls-1m: others differ in more than their number of triangles.
+  triangles: { title: "triangles", log: true, apart: (p) => [p.name, p.scene.split("-")[0], p.light_label, p.size], text: (x) => `${whole(x)} triangles` },
+  pixels: { title: "pixels", log: true, apart: (p) => [p.name, p.where], text: (x) => `${whole(x)} pixels` },
 };
 const short = (x) => (x >= 1e4 ? x.toExponential(0).replace("e+", "e") : String(x));
 let chart = null;
@@ -108,7 +109,7 @@ function lineLooks(lines) {
   const palette = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#B8860B", "#56B4E9", "#882255", "#8C564B"];
   const methods = unique(lines.map((line) => line.p.method));
   const alone = methods.length === lines.length;
-  return new Map(lines.map((line, i) => [line.key, { colour: alone ? colourOf(line.p.method) : palette[i % palette.length], dash: DASHES[Math.floor(i / palette.length) % DASHES.length] }]));
+  return new Map(lines.map((line, i) => [line.key, { colour: alone ? colourOf(line.p.method) : seen(palette[i % palette.length]), dash: DASHES[Math.floor(i / palette.length) % DASHES.length] }]));
 }
 
 function lineSwatch({ colour, dash }) {
