@@ -14,6 +14,9 @@ BLOCK = 256
 BLOCKS = 264
 """Two blocks a multiprocessor of a large GPU: enough to read at full bandwidth, few enough atomics."""
 
+PLACES = wp.constant(1024)
+"""Warp's Morton codes have ten bits an axis."""
+
 PADDED_UNITS = 16.0
 """Units of 2^-24 of the largest coordinate: what the roundings of Warp's slab test can amount to, and more.
 
@@ -85,6 +88,24 @@ def launch_bounds(frame: Frame, box: wp.array) -> None:
     )
 
 
+@wp.func
+def aside(low: wp.vec3f, high: wp.vec3f, i: wp.int32) -> wp.vec3f:
+    """One of :data:`PLACES` points of the longest edge at the low corner of a box, another for each index in turn.
+
+    Ten thousand boxes in one place have one Morton code, and Warp's rebuild on an H200 takes 25 ms for them.
+    """
+    axis = wp.int32(0)
+    if high[1] - low[1] > high[axis] - low[axis]:
+        axis = wp.int32(1)
+    if high[2] - low[2] > high[axis] - low[axis]:
+        axis = wp.int32(2)
+    point = low
+    point[axis] = wp.min(
+        high[axis], low[axis] + (high[axis] - low[axis]) * (wp.float32(i % PLACES) / wp.float32(PLACES))
+    )
+    return point
+
+
 @wp.kernel(enable_backward=False)
 def boxes_kernel(
     units: wp.float32,
@@ -96,7 +117,7 @@ def boxes_kernel(
 ):
     """Boxes padded by ``units`` of 2^-24 of the largest coordinate of scene and eye; 0 leaves them as they are.
 
-    An invalid triangle gets the scene's low corner, or zero where nothing is valid.
+    An invalid triangle gets a point on an edge of the scene's box (:func:`aside`), or zero where nothing is valid.
     """
     i = wp.tid()
     low = box_low(box)
@@ -105,8 +126,9 @@ def boxes_kernel(
         uppers[i] = wp.vec3f(0.0, 0.0, 0.0)
         return
     if mesh.valid[i] == wp.uint8(0):
-        lowers[i] = low
-        uppers[i] = low
+        point = aside(low, box_high(box), i)
+        lowers[i] = point
+        uppers[i] = point
         return
     corners = corners_of(mesh, i)
     reach = wp.max(wp.max(wp.abs(low), wp.abs(box_high(box))), wp.vec3f(bound[0], bound[0], bound[0]))

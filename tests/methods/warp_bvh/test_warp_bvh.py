@@ -254,6 +254,23 @@ def test_a_refitted_tree_has_the_boxes_that_it_was_built_with(device):
     )
 
 
+def test_boxes_of_triangles_without_area_are_spread_over_an_edge_of_the_scene(device):
+    """Warp rebuilds a tree of boxes that share a Morton code slowly: of 10,000 at most 10 may."""
+    prepared, bare = with_slivers(1), with_slivers(1, 0)
+    session, moment, got = trace(NAME, EXACT, prepared, 16, 16, device)
+    tree = session.method._exact.tree
+    lowers, uppers = tree._lowers.numpy()[400:], tree._uppers.numpy()[400:]
+    np.testing.assert_array_equal(lowers, uppers)
+    places, counts = np.unique(lowers, axis=0, return_counts=True)
+    corners = moment.points[prepared.faces[:400]].reshape(-1, 3)
+    assert (len(places), counts.max()) == (1024, 10)
+    assert (places >= corners.min(axis=0)).all()
+    assert (places <= corners.max(axis=0)).all()
+    assert (np.ptp(places, axis=0) > 0).sum() == 1
+    for key, value in trace(NAME, EXACT, bare, 16, 16, device)[2].items():
+        np.testing.assert_array_equal(got[key], value, key)
+
+
 def test_only_the_mesh_made_anew_cannot_be_captured_and_only_the_bvh_is_exact():
     for update, capturable, exact in (
         ("rebuild", False, False),
