@@ -92,7 +92,7 @@ def test_moving_explains_a_slow_place_from_its_counters(tmp_path):
     ]
     titles = ["| scene", *["| Fairy (stand-in)"] * 2, *["| Sibenik (stand-in)"] * 2]
     assert scenes == titles, "animated first, and a row for what has no record"
-    assert "| Fairy (stand-in) | bvh | no record | - |" in ranges
+    assert "| Fairy (stand-in) | warp_bvh | no record | - |" in ranges
     assert "| Fairy" not in slowest
     work = "90 (20) | 50 (120) | not counted | not counted | not counted"
     assert f"| {ours.label} | 0.43 | shadow | 24.0 (4.00) | {work} |" in slowest
