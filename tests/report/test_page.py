@@ -65,8 +65,8 @@ def results(tmp_path_factory):
     far[3]["method"]["source_sha256"] = "an earlier version"
     far[1]["method"]["source_sha256"], far[1]["frames"][0]["started"] = "a later version", [9.0]
     table = [
-        record_of("table1", e, scene, ms=ms)
-        for scene in ("cloth", "buddha")
+        record_of("table1", e, scene, ms=ms * k)
+        for scene, k in (("cloth", 1.0), ("buddha", 3.0))
         for e, ms in ((GRIDS, 0.5), (TREE, 2.0))
     ]
     for name, records in (("frame_time", times), ("figure11", far), ("table1", table)):
@@ -146,7 +146,7 @@ def test_columns_keep_what_is_not_known():
     }
 
 
-@pytest.mark.parametrize("case", ["none", "empty", "half", "out", "full"])
+@pytest.mark.parametrize("case", ["none", "empty", "half", "out", "below", "full"])
 def test_bad_input_is_one_line(case, results, tmp_path, monkeypatch, capsys):
     folder, words, said = tmp_path / "x", [], "no records in it"
     if case == "none":
@@ -160,6 +160,9 @@ def test_bad_input_is_one_line(case, results, tmp_path, monkeypatch, capsys):
         said = "not a record"
     elif case == "out":
         folder, words, said = results / "table1", ["--out", tmp_path], "is a folder"
+    elif case == "below":
+        (tmp_path / "file").write_text("")
+        folder, words, said = results / "table1", ["--out", tmp_path / "file" / "x.html"], "cannot write"
     else:
         from shadowbench.harness.commands import report
 
@@ -429,7 +432,7 @@ def test_the_keyboard_alone_reaches_everything(visit):
 
 @chromium
 def test_what_is_shown_is_saved_as_csv_and_latex(visit):
-    found = visit("view=table&t=table1")
+    found = visit("view=table&t=table1&table.sort=tree:down")
     found.execute_script(
         "window.saved = []; URL.createObjectURL = (blob) => { blob.text().then((t) => saved.push(t)); return 'data:,'; };"
     )
@@ -439,6 +442,10 @@ def test_what_is_shown_is_saved_as_csv_and_latex(visit):
     csv, latex = found.execute_script("return saved")
     assert csv.splitlines()[0].startswith("scene,")
     assert '"HBVH (paper, GTX 280, 1024x1024)"' in csv
+    assert '"tree, whole frame, ms","tree, wrong answers"' in csv
+    assert ",2.02,0," in csv
+    assert [line.split(" ")[0] for line in csv.splitlines()[1:]] == ["Buddha", "Cloth"]
     assert "\\toprule" in latex
     assert "Cloth (stand-in)" in latex
     assert latex.count("\\\\") == 4
+    assert "\\cmidrule(lr){4-8}" in latex

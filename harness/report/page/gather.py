@@ -173,7 +173,7 @@ def written(place: Path, experiments: Sequence[str]) -> tuple[str, str]:
         if path.is_file():
             lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
             title = next((line[2:] for line in lines if line.startswith("# ")), name)
-            text = next((line for line in lines if line and not re.match(r"[#|!\-<]", line)), "")
+            text = next((line for line in lines if line and not re.match(r"[#|!\-<`>]", line)), "")
             return title, text
     return " and ".join(experiments), ""
 

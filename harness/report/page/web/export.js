@@ -20,14 +20,19 @@ function asCsv(columns, rows) {
 }
 
 const LATEX = { "\\": "\\textbackslash{}", "&": "\\&", "%": "\\%", $: "\\$", "#": "\\#", _: "\\_", "{": "\\{", "}": "\\}", "~": "\\textasciitilde{}", "^": "\\textasciicircum{}",
-  "✓": "$\\checkmark$", "✗": "$\\times$", "×": "$\\times$", "–": "--", "·": "$\\cdot$", "±": "$\\pm$", "ä": "\\\"a", "ö": "\\\"o", "ü": "\\\"u" };
-const latexText = (value) => String(value ?? "").replace(/[\\&%$#_{}~^✓✗×–·±äöü]/g, (sign) => LATEX[sign]);
+  "✓": "$\\checkmark$", "✗": "$\\times$", "×": "$\\times$", "–": "--", "·": "$\\cdot$", "±": "$\\pm$", "†": "\\dag{}", "ä": "\\\"a", "ö": "\\\"o", "ü": "\\\"u" };
+const latexText = (value) => String(value ?? "").replace(/[\\&%$#_{}~^✓✗×–·±†äöü]/g, (sign) => LATEX[sign]);
 
 function asLatex(columns, rows, caption) {
   const line = (values) => `${values.join(" & ")} \\\\`;
   const groups = columns.some((one) => one.group);
   const head = [];
   if (groups) head.push(line(runs(columns.map((one) => one.group || "")).map(([text, span]) => (text || span > 1 ? `\\multicolumn{${span}}{c}{${latexText(text)}}` : ""))));
+  let place = 1;
+  for (const [text, span] of groups ? runs(columns.map((one) => one.group || "")) : []) {
+    if (text) head.push(`\\cmidrule(lr){${place}-${place + span - 1}}`);
+    place += span;
+  }
   head.push(line(columns.map((one) => latexText(one.title))));
   return [
     "% Needs \\usepackage{booktabs} and \\usepackage{amssymb}.",
@@ -37,10 +42,10 @@ function asLatex(columns, rows, caption) {
     "\\bottomrule", "\\end{tabular}", "\\end{table}", ""].join("\n");
 }
 
-/** Two buttons that save what a table shows. */
-function savers(columns, rows, name, caption) {
+/** Two buttons that save what a table shows, in the order in which it is sorted. `csv`: the columns of that file, if others. */
+function savers(columns, rows, name, caption, csv = null) {
   const used = columns.filter((one) => !one.screen);
   return el("div.savers", { role: "group", "aria-label": "Download what is shown" },
-    el("button.small", { type: "button", "data-focus": `csv:${name}`, onclick: () => save(`${name}.csv`, "text/csv", asCsv(used, rows)) }, "CSV"),
+    el("button.small", { type: "button", "data-focus": `csv:${name}`, onclick: () => save(`${name}.csv`, "text/csv", asCsv(csv || used, rows)) }, "CSV"),
     el("button.small", { type: "button", "data-focus": `tex:${name}`, onclick: () => save(`${name}.tex`, "application/x-tex", asLatex(used, rows, caption)) }, "LaTeX"));
 }

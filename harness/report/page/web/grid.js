@@ -2,23 +2,31 @@
 
 const FIRST_ROWS = 250;
 
+/** By which column a table is sorted, and which way: "up" or "down". */
+const sorting = (name) => (state[`${name}.sort`] || "").split(/:(?=[a-z]+$)/);
+
+/** The rows as the table of that name shows them. What is not known comes last, either way. */
+function ordered(columns, rows, name) {
+  const [key, way] = sorting(name);
+  const by = columns.find((one) => one.key === key);
+  if (!by) return rows;
+  const sign = way === "down" ? -1 : 1;
+  const value = by.value || by.text;
+  return rows.map((row, i) => [value(row), i, row]).sort(([a, i], [b, j]) => {
+    if (!known(a) || !known(b)) return known(b) - known(a) || i - j;
+    const order = typeof a === "number" && typeof b === "number" ? a - b : String(a).localeCompare(String(b), "en", { numeric: true });
+    return sign * order || i - j;
+  }).map(([, , row]) => row);
+}
+
 /**
  * columns  [{key, title, text(row), value(row) to sort by, numeric, node(row), tip(row), group, className(row)}]
  * rows     what the columns are given
  * options  caption, name (of the sort in the address), open(row, column): Enter or a click, rowHeader: key of the first column
  */
 function grid(columns, rows, { caption, name, open, note }) {
-  const [sortKey, sortWay] = (state[`${name}.sort`] || "").split(":");
-  const by = columns.find((one) => one.key === sortKey);
-  if (by) {
-    const sign = sortWay === "down" ? -1 : 1;
-    const value = by.value || by.text;
-    rows = rows.map((row, i) => [value(row), i, row]).sort(([a, i], [b, j]) => {
-      if (!known(a) || !known(b)) return known(b) - known(a) || i - j;  // what is not known is last, either way
-      const order = typeof a === "number" && typeof b === "number" ? a - b : String(a).localeCompare(String(b), "en", { numeric: true });
-      return sign * order || i - j;
-    }).map(([, , row]) => row);
-  }
+  const [sortKey, sortWay] = sorting(name);
+  rows = ordered(columns, rows, name);
   const whole = rows.length;
   const all = state[`${name}.all`] || whole <= FIRST_ROWS;
   const visible = all ? rows : rows.slice(0, FIRST_ROWS);

@@ -13,7 +13,7 @@ function viewClaims(host) {
     { key: "judged_from", title: "judged from", text: (c) => c.judged_from, className: () => "prose" },
   ];
   const counts = unique(DATA.claims.map((c) => c.verdict)).map((verdict) => [verdict, DATA.claims.filter((c) => c.verdict === verdict).length]);
-  host.append(section("Claims", savers(columns, DATA.claims, "claims", "Claims of the paper, measured here"),
+  host.append(section("Claims", savers(columns, ordered(columns, DATA.claims, "claims"), "claims", "Claims of the paper, measured here"),
     el("p.finding", {}, counts.map(([verdict, count]) => `${count} ${WORDS[verdict] || verdict}`).join(", ") + ". A claim without a section is this project's own, the others are the paper's. Scenes are stand-ins where their title says so; the paper's own numbers come from a GTX 280."),
     grid(columns, DATA.claims, { caption: "Each claim, judged from the records of these results alone", name: "claims" })));
 }

@@ -93,7 +93,7 @@ function viewCurves(host) {
     const lost = chosen.own.filter((p) => !p.done && axis !== "frame" && p[axis] === x && AXES[axis].apart(p).slice(1).filter(known).join(", ") === panel);
     list.replaceChildren(grid(columns, rows, { caption: `${measureTitle(measure)} at ${AXES[axis].text(x)}`, name: "place", open: (r) => r.point?.open() }),
       ...lost.map((p) => el("p.note", {}, `${p.name}: ${p.status}: ${p.reason}`)));
-    $(".aside", block).replaceChildren(savers(columns, rows, `${chosen.name}-${axis}-${short(x)}`, `${measureTitle(measure)} at ${AXES[axis].text(x)}, ${panel}`));
+    $(".aside", block).replaceChildren(savers(columns, ordered(columns, rows, "place"), `${chosen.name}-${axis}-${short(x)}`, `${measureTitle(measure)} at ${AXES[axis].text(x)}, ${panel}`));
     state.at = String(i);
     chart?.mark(x);
   }

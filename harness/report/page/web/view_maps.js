@@ -45,6 +45,6 @@ async function viewMaps(host) {
   const rows = entry.maps.map((_, i) => i);
   block.append(el("div.split", {}, twoPictures(draw_(left), draw_(right), [title(left), title(right)], "mcut", read),
     el("div", {}, el("div.scale", {}, key, el("div.ends", {}, marks.map((text) => el("span", {}, text)))),
-      savers(columns, rows, "tests-per-pixel", `Tests per pixel, ${entry.title}`), grid(columns, rows, { caption: "Tests of a pixel's primary ray", name: "maps",
+      savers(columns, ordered(columns, rows, "maps"), "tests-per-pixel", `Tests per pixel, ${entry.title}`), grid(columns, rows, { caption: "Tests of a pixel's primary ray", name: "maps",
         open: (i) => { const p = points.find((one) => one.key === entry.maps[i].key && one.folder === entry.folder); if (p) openDetails(p); } }))));
 }

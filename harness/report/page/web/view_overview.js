@@ -24,7 +24,7 @@ function viewOverview(host) {
     const mine = own.filter((p) => p.folder === f.name);
     return { ...f, all: mine.length, done: mine.filter((p) => p.done).length, wrong: mine.filter((p) => p.bad).length, earlier: mine.filter((p) => p.earlier).length };
   }).filter((f) => f.all);
-  host.append(section("Experiments", savers(columns, rows, "experiments", `Experiments of ${DATA.title}`), grid(columns, rows, { caption: "Experiments in these results", name: "overview" })));
+  host.append(section("Experiments", savers(columns, ordered(columns, rows, "overview"), "experiments", `Experiments of ${DATA.title}`), grid(columns, rows, { caption: "Experiments in these results", name: "overview" })));
   const machines = Object.entries(DATA.environments);
   host.append(section("Measured on", null, el("div.columns", {}, machines.map(([name, facts_]) => environmentFacts(name, facts_)))));
   const notices = folders.flatMap((f) => f.notices.map((text) => [f.name, text]));

@@ -35,7 +35,7 @@ function viewPoints(host) {
       { key: "environment", title: "environment", text: (p) => p.environment },
       { key: "key", title: "record", text: (p) => p.key }] : []),
   ];
-  host.append(section(`${whole(rows.length)} points`, el("div.aside", {}, toggle("all columns", all, (on) => change({ "points.wide": on ? "1" : "" }), { "data-focus": "wide" }), savers(columns, rows, "points", `Points of ${DATA.title}`)),
+  host.append(section(`${whole(rows.length)} points`, el("div.aside", {}, toggle("all columns", all, (on) => change({ "points.wide": on ? "1" : "" }), { "data-focus": "wide" }), savers(columns, ordered(columns, rows, "points"), "points", `Points of ${DATA.title}`)),
     grid(columns, rows, { caption: "Points: one method with its settings on one scene, size, light and device", name: "points", open: openDetails,
       note: "± : half the interquartile range of repeats or half the range between rounds, whichever is larger. † of an earlier version of the method than other records here. Enter or a click on a row shows everything that its record has." })));
 }

@@ -14,7 +14,7 @@ function viewRecords(host) {
     { key: "commit", title: "commit", text: (p) => DATA.environments[p.environment]?.git?.commit || "–", node: (p) => el("code", {}, (DATA.environments[p.environment]?.git?.commit || "–").slice(0, 10)) },
     { key: "stand", title: "scene is", text: (p) => (isStandIn(p) ? "a stand-in" : p.source_file ? "a file" : "procedural") },
   ];
-  host.append(section(`${whole(rows.length)} records`, savers(columns, rows, "records", `Records of ${DATA.title}`),
+  host.append(section(`${whole(rows.length)} records`, savers(columns, ordered(columns, rows, "records"), "records", `Records of ${DATA.title}`),
     grid(columns, rows, { caption: "Records: what was measured, with which source, where", name: "records", open: openDetails, note: "Current: of the version of its method that was measured last in these results." })));
   host.append(section("Environments", null, el("div.columns", {}, Object.entries(DATA.environments).map(([name, one]) => environmentFacts(name, one)))));
 }

@@ -35,7 +35,7 @@ function viewTable(host) {
   const lineColumn = { key: "line", title: across ? "scene" : "method", text: (line) => (across ? placeName(line) : line), csv: (line) => (across ? placeName(line) : line),
     tip: (line) => { const p = own.find((one) => (across ? one.where === line.split("\n")[0] : one.name === line)); return across ? [p.where, ["triangles", whole(p.triangles)], isStandIn(p) && ["stand-in", p.stand_in]].filter(Boolean) : [p.name, ["method", p.method_title], ["settings", p.settings]]; } };
   const columns = [lineColumn, ...heads.map((head) => ({
-    key: across ? head : placeName(head), title: across ? head : placeName(head), numeric: "up", value: (line) => value(at(line, head)), text: (line) => plainText(at(line, head)),
+    key: across ? head : placeName(head), title: across ? head : placeName(head), numeric: "up", point: (line) => at(line, head), value: (line) => value(at(line, head)), text: (line) => plainText(at(line, head)),
     node: (line) => cellNode(at(line, head)), tip: (line) => { const p = at(line, head); return p && [...pointLines(p), ...ratioLines(p, measure)]; },
     className: (line) => { const p = at(line, head); return p ? [best.has(p.id) && timed ? "is-best" : "", ""].join(" ").trim() : "empty"; },
     style: (line) => shares(at(line, head)),
@@ -49,11 +49,15 @@ function viewTable(host) {
     select("Experiment", names.map((name) => [name, `${name} · ${folderOf(name).title}`]), folder, (one) => change({ t: one, m: "", "table.sort": "" }), { "data-focus": "t" }),
     select("Show", measures, measure, (one) => change({ m: one }), { "data-focus": "m" }),
     toggle(across ? "methods down" : "scenes down", Boolean(state.flip), (on) => change({ flip: on ? "1" : "" }), { "data-focus": "flip" })));
+  // As a file: each number in a column of its own, and beside it how many answers are wrong.
+  const forCsv = columns.flatMap((column) => (column.key === "line" || column.group ? [column] : [
+    { ...column, title: `${column.title}, ${measure === "paper" ? measureTitle("total_ms") : measure.startsWith("ratio:") ? "ratio" : measureTitle(measure)}`, csv: column.value },
+    { ...column, title: `${column.title}, wrong answers`, csv: (line) => { const p = column.point(line); return p && (p.done ? p.true_errors ?? "unscored" : p.status); } }]));
   const caption = `${first.title}: ${measures.find(([m]) => m === measure)[1]}. ${first.where}.`;
   const note = [measure === "paper" ? "Build / trace of primary rays in ms, then the whole frame with shadows in ms and its answers." : measure.startsWith("ratio:") ? "Ratios over frames that both have, within one run; a dash: the two may not be compared." : "",
     "✓ no wrong answer, ✗ how many are wrong over all frames, unscored: nothing is known of the answers. Bold: the fastest of its scene without a wrong answer.",
     paperLike && across && measure === "paper" ? `Columns under "${DATA.paper.label}" are the paper's own numbers. ${DATA.paper.footnotes.join(" ")}` : "", own.some((p) => p.earlier) ? "† of an earlier version of the method than other records here." : "", first.effort].filter(known).join(" ");
-  host.append(section(first.title, savers(columns, lines, `${folder}-${measure.replace(/\W+/g, "-")}`, caption),
+  host.append(section(first.title, savers(columns, ordered(columns, lines, "table"), `${folder}-${measure.replace(/\W+/g, "-")}`, caption, forCsv),
     first.finding && el("p.finding", {}, first.finding), grid(columns, lines, { caption, name: "table", note,
       open: (line, column) => { const p = at(line, heads.find((head) => column.key === (across ? head : placeName(head)))); if (p) openDetails(p); } })));
   figuresOf(folder, host);
