@@ -133,14 +133,12 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
 
 def finding(done: DataFrame) -> str:
     """On how many scenes who is fastest."""
-    best = done[done["best"]]
+    best, n = done[done["best"]], done["title"].nunique()
     told = [
         f"{row} on {len(own)} ({document.span(own['total_ms'])} ms)"
         for row, own in best.groupby("row", sort=False)
     ]
-    known = (
-        f"Of {done['title'].nunique()} scenes the fastest frame with every answer right: {', '.join(told)}."
-    )
+    known = f"Of {n} scene{'s' * (n != 1)} the fastest frame with every answer right: {', '.join(told)}."
     return known if told else "No scene has two methods with right answers over the same frames in one run."
 
 

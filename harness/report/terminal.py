@@ -37,12 +37,11 @@ def print_table(body: DataFrame, heading: str = "", console: Console | None = No
 
     console = console or make_console()
     if heading:
-        console.print()
+        console.print(f"\n{heading}", style="italic")
     cells = body.astype(object).where(body.notna(), "-").astype(str)
-    for place, (names, widths) in enumerate(groups(cells, console.width)):
+    for names, widths in groups(cells, console.width):
         columns = [Column(str(name), width=widths[name], overflow="fold") for name in names]
-        shown = Table(*columns, box=None, pad_edge=False, padding=(0, GAP, 0, 0), title_justify="left")
-        shown.title = heading if place == 0 else None
+        shown = Table(*columns, box=None, pad_edge=False, padding=(0, GAP, 0, 0))
         for line in cells[names].to_numpy().tolist():
             shown.add_row(*map(styled, line))
         console.print(shown)
