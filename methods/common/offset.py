@@ -125,6 +125,7 @@ def shadow_origin(ray: Ray, light: wp.vec3f, corners: Corners, sheared: wp.bool)
 
 @wp.kernel(enable_backward=False)
 def shadow_origin_kernel(
+    first: wp.int32,
     light: wp.int32,
     sheared: wp.bool,
     camera: Camera,
@@ -134,7 +135,7 @@ def shadow_origin_kernel(
     rays: Rays,
     origin: wp.array(dtype=wp.vec3f),
 ):
-    pixel = wp.tid()
+    pixel = first + wp.tid()
     best = hits.triangle[pixel]
     if best < 0:
         origin[pixel] = lights[light]
@@ -145,13 +146,24 @@ def shadow_origin_kernel(
     origin[pixel] = shadow_origin(ray, lights[light], corners_of(mesh, best), sheared)
 
 
-def launch_shadow_origins(frame: Frame, light: int, origin: wp.array, sheared: bool, bounce: int = 0) -> None:
-    """Fill ``origin`` (vec3f [pixels]) for one light from the hits of a bounce; the light itself at a miss."""
+def launch_shadow_origins(
+    frame: Frame,
+    light: int,
+    origin: wp.array,
+    sheared: bool,
+    bounce: int = 0,
+    part: tuple[int, int] | None = None,
+) -> None:
+    """Fill ``origin`` (vec3f [pixels]) for one light from the hits of a bounce; the light itself at a miss.
+
+    ``part``: first pixel and number of pixels; None: all.
+    """
+    first, count = part or (0, frame.pixels)
     wp.launch(
         specialised(shadow_origin_kernel, Switches(bounced=bounce > 0)),
-        dim=frame.pixels,
+        dim=count,
         inputs=[
-            light, sheared, frame.camera, frame.mesh, frame.lights, frame.hits(bounce), frame.rays(bounce),
+            first, light, sheared, frame.camera, frame.mesh, frame.lights, frame.hits(bounce), frame.rays(bounce),
         ],
         outputs=[origin],
         device=frame.device,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import ctypes
 import itertools
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -118,13 +118,15 @@ class Embree(BaseMethod):
         self._origins = wp.zeros(frame.pixels, dtype=wp.vec3f, device=frame.device)
         self._none = wp.zeros(0, dtype=wp.uint8, device=frame.device)
         self._arguments = coherent_arguments()
-        self._launched: set[wp.Kernel] = set()
+        self._compiled: set[str] = set()
         count = self.thread_count
         self._pool = ThreadPoolExecutor(count) if count > 1 else None
         blocks = -(-frame.width // SIDE) * -(-frame.height // SIDE)
         parts = max(1, min(count * PARTS_PER_THREAD if count > 1 else 1, blocks // SMALLEST_PART))
         cuts = np.linspace(0, blocks, parts + 1).astype(int)
         self._parts = [(int(a), int(b - a)) for a, b in itertools.pairwise(cuts)]
+        cuts = np.linspace(0, frame.pixels, parts + 1).astype(int)
+        self._stretches = [(int(a), int(b - a)) for a, b in itertools.pairwise(cuts)]
         passes = []
         if self.build.update == "rebuild":
             passes.append(
@@ -192,16 +194,12 @@ class Embree(BaseMethod):
         elif self._scene is not None:
             self._scene.commit(points)
 
-    def _each_part(self, kernel: wp.Kernel, inputs: Sequence[Any]) -> None:
-        """Launch ``kernel`` over the parts of the image, the first block of each as its first argument."""
-
-        def work(part: tuple[int, int]) -> None:
-            first, count = part
-            wp.launch(kernel, dim=count, inputs=[first, *inputs], device="cpu")
-
-        parts = self._parts
-        if kernel not in self._launched:  # the first launch may compile: alone, before the threads
-            self._launched.add(kernel)
+    def _on_threads(
+        self, what: str, work: Callable[[tuple[int, int]], None], parts: Sequence[tuple[int, int]]
+    ) -> None:
+        """Call ``work`` for each part, on the threads. The first call of a kind may compile: alone, before the threads."""
+        if what not in self._compiled:
+            self._compiled.add(what)
             work(parts[0])
             parts = parts[1:]
         if self._pool is None:
@@ -209,6 +207,15 @@ class Embree(BaseMethod):
                 work(part)
         else:
             list(self._pool.map(work, parts))
+
+    def _each_part(self, kernel: wp.Kernel, inputs: Sequence[Any]) -> None:
+        """Launch ``kernel`` over the parts of the image, the first block of each as its first argument."""
+
+        def work(part: tuple[int, int]) -> None:
+            first, count = part
+            wp.launch(kernel, dim=count, inputs=[first, *inputs], device="cpu")
+
+        self._on_threads(kernel.key, work, self._parts)
 
     def _query(self, kind: str) -> tuple[int, int, int]:
         """The address of the query, of the scene, and of the arguments (0: the defaults)."""
@@ -238,7 +245,11 @@ class Embree(BaseMethod):
         if self._scene is None:
             bits.zero_()
             return
-        launch_shadow_origins(frame, light, self._origins, sheared=False, bounce=bounce)
+        self._on_threads(
+            f"origins, mirrored {bounce > 0}",
+            lambda part: launch_shadow_origins(frame, light, self._origins, False, bounce, part),
+            self._stretches,
+        )
         limited = self._effects.has_receivers(light)
         receivers = frame.masks(bounce)[light] if limited else self._none
         packets = self.trace.rays == "packet16"
