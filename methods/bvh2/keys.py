@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import Corners
-from ..common.bounds import BLOCK, BLOCKS, box_high, box_low
+from ..common.bounds import BLOCK, BLOCKS, box_high, box_low, lower_box
 from ..common.entries import entry, set_entry
 
 EMPTY = wp.constant(wp.uint64(0xFFFFFFFFFFFFFFFF))
@@ -44,25 +44,7 @@ def box_kernel(
             low = wp.min(low, p)
             high = wp.max(high, p)
         i += blocks * wp.block_dim()
-    x0 = wp.tile_min(wp.tile(low[0]))
-    y0 = wp.tile_min(wp.tile(low[1]))
-    z0 = wp.tile_min(wp.tile(low[2]))
-    x1 = wp.tile_min(wp.tile(-high[0]))
-    y1 = wp.tile_min(wp.tile(-high[1]))
-    z1 = wp.tile_min(wp.tile(-high[2]))
-    vx0 = x0[0]
-    vy0 = y0[0]
-    vz0 = z0[0]
-    vx1 = x1[0]
-    vy1 = y1[0]
-    vz1 = z1[0]
-    if lane == 0:
-        wp.atomic_min(box, 0, vx0)
-        wp.atomic_min(box, 1, vy0)
-        wp.atomic_min(box, 2, vz0)
-        wp.atomic_min(box, 3, vx1)
-        wp.atomic_min(box, 4, vy1)
-        wp.atomic_min(box, 5, vz1)
+    lower_box(box, lane, low, high)
 
 
 def used_vertices(faces: NDArray[np.int32], vertices: int) -> NDArray[np.uint8]:

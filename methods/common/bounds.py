@@ -25,24 +25,9 @@ is wrong by at most 3 u 2 M, the rounded box by u M, a shadow origin by u M and 
 """
 
 
-@wp.kernel(enable_backward=False)
-def bounds_kernel(
-    count: wp.int32,
-    blocks: wp.int32,
-    mesh: Mesh,
-    box: wp.array(dtype=wp.float32),
-):
-    """Minimum over valid triangles of x, y, z, -x, -y, -z: one reduction a block, then six atomics."""
-    block, lane = wp.tid()
-    low = wp.vec3f(wp.INF, wp.INF, wp.INF)
-    high = wp.vec3f(-wp.INF, -wp.INF, -wp.INF)
-    i = block * wp.block_dim() + lane
-    while i < count:
-        if mesh.valid[i] != wp.uint8(0):
-            corners = corners_of(mesh, i)
-            low = wp.min(low, wp.min(corners.a, wp.min(corners.b, corners.c)))
-            high = wp.max(high, wp.max(corners.a, wp.max(corners.b, corners.c)))
-        i += blocks * wp.block_dim()
+@wp.func
+def lower_box(box: wp.array(dtype=wp.float32), lane: wp.int32, low: wp.vec3f, high: wp.vec3f):
+    """Lower x, y, z, -x, -y, -z to what the threads of a block found: one reduction a block, then six atomics."""
     x0 = wp.tile_min(wp.tile(low[0]))
     y0 = wp.tile_min(wp.tile(low[1]))
     z0 = wp.tile_min(wp.tile(low[2]))
@@ -62,6 +47,27 @@ def bounds_kernel(
         wp.atomic_min(box, 3, vx1)
         wp.atomic_min(box, 4, vy1)
         wp.atomic_min(box, 5, vz1)
+
+
+@wp.kernel(enable_backward=False)
+def bounds_kernel(
+    count: wp.int32,
+    blocks: wp.int32,
+    mesh: Mesh,
+    box: wp.array(dtype=wp.float32),
+):
+    """Minimum over valid triangles of x, y, z, -x, -y, -z: one reduction a block, then six atomics."""
+    block, lane = wp.tid()
+    low = wp.vec3f(wp.INF, wp.INF, wp.INF)
+    high = wp.vec3f(-wp.INF, -wp.INF, -wp.INF)
+    i = block * wp.block_dim() + lane
+    while i < count:
+        if mesh.valid[i] != wp.uint8(0):
+            corners = corners_of(mesh, i)
+            low = wp.min(low, wp.min(corners.a, wp.min(corners.b, corners.c)))
+            high = wp.max(high, wp.max(corners.a, wp.max(corners.b, corners.c)))
+        i += blocks * wp.block_dim()
+    lower_box(box, lane, low, high)
 
 
 @wp.func
