@@ -80,7 +80,7 @@ auto load = [&](int k, bool leaf) {
     if (leaf) {
         Cluster c;
         box_of(k, c.box);
-        c.ref = LEAF | (unsigned int)k;
+        c.ref = leaf_at(k);
         c.name = (unsigned int)k;
         return c;
     }
@@ -126,7 +126,7 @@ auto merge_down = [&](Cluster& c, int& number, int enough) {
         if (lane >= number) c.ref = NONE;
     }
 };
-bool on = i < count && keys.data[i] != last;
+bool on = leads_here(i);
 int left = i, right = i, split = i + 1;
 unsigned int before = NONE, after = NONE;
 if (on) {
@@ -216,7 +216,7 @@ while (true) {
 """
 
 ONE_BY_ONE = """
-if (i >= count || keys.data[i] == last) return;
+if (!leads_here(i)) return;
 auto store = [&](int k, const Cluster& c) {
     keep(scratch.data, 2 * k, c.box[0], c.box[1], c.box[2], real(c.ref));
     keep(scratch.data, 2 * k + 1, c.box[3], c.box[4], c.box[5], real(c.name));
@@ -253,7 +253,7 @@ auto merge_down = [&](Cluster* held, int& number, int enough) {
 };
 Cluster own;
 box_of(i, own.box);
-own.ref = LEAF | (unsigned int)i;
+own.ref = leaf_at(i);
 own.name = (unsigned int)i;
 store(i, own);
 int left = i, right = i, split = i + 1;
@@ -295,7 +295,7 @@ while (true) {
 
 
 @functools.cache
-def make_hploc_kernel(radius: int, node_bytes: int) -> Any:
-    """A thread for each triangle in key order, and up to a full block of :data:`BLOCK`."""
+def make_hploc_kernel(radius: int, node_bytes: int, group: int = 1) -> Any:
+    """A thread for each leaf in key order, and up to a full block of :data:`BLOCK`."""
     by_device = f"\n#if defined(__CUDA_ARCH__)\n{BY_WARPS}\n#else\n{ONE_BY_ONE}\n#endif\n"
-    return make_builder(node_bytes, f"constexpr int RADIUS = {radius};" + SHARED + by_device)
+    return make_builder(node_bytes, group, f"constexpr int RADIUS = {radius};" + SHARED + by_device)

@@ -11,10 +11,10 @@ from typing import Any
 from .climb import make_builder
 
 BUILD = """
-if (i >= count || keys.data[i] == last) return;
+if (!leads_here(i)) return;
 float box[6];
 box_of(i, box);
-unsigned int ref = LEAF | (unsigned int)i, before = gap(i - 1), after = gap(i);
+unsigned int ref = leaf_at(i), before = gap(i - 1), after = gap(i);
 int l = i, r = i;
 while (before != NONE || after != NONE) {
     bool left = is_left(l, r, before, after);
@@ -69,6 +69,6 @@ auto take_box = [&](int k, float* b) {
 
 
 @functools.cache
-def make_lbvh_kernel(node_bytes: int) -> Any:
-    """One thread a triangle in key order; any number of them a block."""
-    return make_builder(node_bytes, EXCHANGED + BUILD)
+def make_lbvh_kernel(node_bytes: int, group: int = 1) -> Any:
+    """One thread a leaf in key order; any number of them a block."""
+    return make_builder(node_bytes, group, EXCHANGED + BUILD)

@@ -51,7 +51,7 @@ def nearer_child(children: wp.vec4f) -> wp.int32:
 
 
 @functools.cache
-def make_closest_kernel(node_bytes: int) -> Any:
+def make_closest_kernel(node_bytes: int, group: int = 1) -> Any:
     """stack int32 [walkers * STACK]: entry k of a walker at k * walkers + walker."""
     children_of = make_children_of(node_bytes)
 
@@ -108,6 +108,9 @@ def make_closest_kernel(node_bytes: int) -> Any:
                             place = at
                             best_t = distance
                             limit = wp.min(wp.float32(distance) * SLACK, FARTHEST)
+                    if wp.static(group > 1):
+                        if (at + 1) % wp.static(group) != 0 and at + 1 < entry(tree.root, 1):
+                            following = now + 1
                 if following == EMPTY_TREE and held > 0:
                     held -= 1
                     following = stack[held * walkers + walker]
@@ -128,7 +131,7 @@ def make_closest_kernel(node_bytes: int) -> Any:
 
 
 @functools.cache
-def make_shadow_kernel(node_bytes: int) -> Any:
+def make_shadow_kernel(node_bytes: int, group: int = 1) -> Any:
     """Shadow bits, walked from the hit points. ``stack`` as in :func:`make_closest_kernel`."""
     children_of = make_children_of(node_bytes)
 
@@ -188,7 +191,8 @@ def make_shadow_kernel(node_bytes: int) -> Any:
                             stack[held * walkers + walker] = wp.cast(children[3 - first], wp.int32)
                             held += 1
                 else:
-                    i = entry(leaves.order, now & PLACE)
+                    at = now & PLACE
+                    i = entry(leaves.order, at)
                     corners = triangle_corners(mesh, i)
                     if i != own and may_occlude(start, target, corners, error):
                         shadowed = occludes(h, target, corners, weld_of(mesh, i), size)
@@ -197,6 +201,9 @@ def make_shadow_kernel(node_bytes: int) -> Any:
                                 shadowed = opaque_to_light(
                                     alpha, i, h, target, corners, weld_of(mesh, i), size
                                 )
+                    if wp.static(group > 1):
+                        if (at + 1) % wp.static(group) != 0 and at + 1 < entry(tree.root, 1) and not shadowed:
+                            following = now + 1
                 if following == EMPTY_TREE and held > 0 and not shadowed:
                     held -= 1
                     following = stack[held * walkers + walker]

@@ -24,7 +24,7 @@ class Careful:
     def __init__(self, frame: Frame, build: Build, effects: Effects, tree: Tree, leaves: Leaves):
         self.frame, self.effects = frame, effects
         self.tree, self.leaves = tree, leaves
-        self.node_bytes = build.node_bytes
+        self.node_bytes, self.group = build.node_bytes, build.group_of(frame)
         device = wp.get_device(frame.device)
         self.walkers = WALKERS * (device.sm_count if device.is_cuda else 1)
         needed = effects.alpha or effects.bounces > 0
@@ -33,7 +33,7 @@ class Careful:
     def launch_closest(self, bounce: int, starts: Starts) -> None:
         f = self.frame
         wp.launch(
-            specialised(make_closest_kernel(self.node_bytes), self.effects.switches(bounce=bounce)),
+            specialised(make_closest_kernel(self.node_bytes, self.group), self.effects.switches(bounce=bounce)),
             dim=self.walkers,
             inputs=[
                 self.walkers, f.pixels, f.camera, self.tree, f.mesh, self.leaves, f.alpha, f.rays(bounce), self.stack,
@@ -45,7 +45,7 @@ class Careful:
     def launch_shadow(self, light: int, bounce: int) -> None:
         f = self.frame
         wp.launch(
-            specialised(make_shadow_kernel(self.node_bytes), self.effects.switches(light, bounce)),
+            specialised(make_shadow_kernel(self.node_bytes, self.group), self.effects.switches(light, bounce)),
             dim=self.walkers,
             inputs=[
                 self.walkers, f.pixels, f.camera, light, f.lights, self.tree, f.mesh, self.leaves, f.alpha,

@@ -25,9 +25,11 @@ CLIMB = """
 typedef unsigned long long Flag;
 const Flag EMPTY = ~0ull;
 auto gap = [&](int k) {
-    if (k < 0 || k + 1 >= count || keys.data[k + 1] == last) return NONE;
-    return (unsigned int)(keys.data[k] ^ keys.data[k + 1]);
+    if (k < 0 || k + 1 >= count || keys.data[GROUP * (k + 1)] == last) return NONE;
+    return (unsigned int)(keys.data[GROUP * k] ^ keys.data[GROUP * (k + 1)]);
 };
+auto leads_here = [&](int k) { return k < count && keys.data[GROUP * k] != last; };
+auto leaf_at = [&](int k) { return LEAF | (unsigned int)(GROUP * k); };
 auto is_left = [&](int l, int r, unsigned int before, unsigned int after) {
     if (before == NONE || after == NONE) return before == NONE;
     return before != after ? after < before : (unsigned int)(r ^ (r + 1)) < (unsigned int)((l - 1) ^ l);
@@ -54,22 +56,40 @@ auto exchange = [&](int k, Flag value) {
 auto peek = [&](int k) { return (Flag)flags.data[k]; };
 #endif
 auto box_of = [&](int k, float* box) {
-    int first = 3 * values.data[k];
-    Quad a = fetch(corners.data, first), b = fetch(corners.data, first + 1), c = fetch(corners.data, first + 2);
-    box[0] = low(a.x, low(b.x, c.x)), box[3] = high(a.x, high(b.x, c.x));
-    box[1] = low(a.y, low(b.y, c.y)), box[4] = high(a.y, high(b.y, c.y));
-    box[2] = low(a.z, low(b.z, c.z)), box[5] = high(a.z, high(b.z, c.z));
+    box[0] = box[1] = box[2] = 3.4e38f, box[3] = box[4] = box[5] = -3.4e38f;
+    for (int at = GROUP * k; at < GROUP * (k + 1); at++) {
+        if (GROUP > 1 && (at >= total || keys.data[at] == last)) break;
+        int i = 3 * values.data[at];
+        Quad a = fetch(corners.data, i), b = fetch(corners.data, i + 1), c = fetch(corners.data, i + 2);
+        box[0] = low(box[0], low(a.x, low(b.x, c.x))), box[3] = high(box[3], high(a.x, high(b.x, c.x)));
+        box[1] = low(box[1], low(a.y, low(b.y, c.y))), box[4] = high(box[4], high(a.y, high(b.y, c.y)));
+        box[2] = low(box[2], low(a.z, low(b.z, c.z))), box[5] = high(box[5], high(a.z, high(b.z, c.z)));
+    }
 };
 """
 
 
-def make_builder(node_bytes: int, snippet: str) -> Any:
-    """The kernel of a builder: the thread of each triangle in key order, i, runs :data:`CLIMB` and ``snippet``."""
+LED = """
+for (int at = GROUP * i; at < GROUP * (i + 1) && at < total; at++)
+    if (keys.data[at] != last && (at + 1 == total || keys.data[at + 1] == last)) root.data[1] = at + 1;
+"""
+"""The thread that has the last triangle that is not left out counts them."""
 
-    @wp.func_native(BASICS + CLIMB + ROUNDED_UP + WRITE[node_bytes] + snippet)
+
+def make_builder(node_bytes: int, group: int, snippet: str) -> Any:
+    """The kernel of a builder: the thread of leaf i in key order runs :data:`CLIMB` and ``snippet``.
+
+    A leaf is ``group`` triangles whose keys follow one another, the last one fewer; ``count`` of them, ``total`` triangles.
+    root int32 [2]: the reference to the root, and how many triangles lead somewhere.
+    """
+
+    @wp.func_native(
+        BASICS + f"constexpr int GROUP = {group};" + CLIMB + LED + ROUNDED_UP + WRITE[node_bytes] + snippet
+    )
     def build(
         i: wp.int32,
         count: wp.int32,
+        total: wp.int32,
         last: wp.int32,
         pad: wp.float32,
         keys: wp.array(dtype=wp.int32),
@@ -84,6 +104,7 @@ def make_builder(node_bytes: int, snippet: str) -> Any:
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
     def build_kernel(
         count: wp.int32,
+        total: wp.int32,
         last: wp.int32,
         reach: wp.array(dtype=wp.float32),
         extent: wp.array(dtype=wp.float32),
@@ -96,6 +117,6 @@ def make_builder(node_bytes: int, snippet: str) -> Any:
         root: wp.array(dtype=wp.int32),
     ):
         pad = padding(reach[0], extent[0])
-        build(wp.tid(), count, last, pad, keys, values, corners, scratch, flags, nodes, root)
+        build(wp.tid(), count, total, last, pad, keys, values, corners, scratch, flags, nodes, root)
 
     return build_kernel

@@ -118,10 +118,12 @@ def key_kernel(
         return
     face = entry(triangles, i)
     left_out = entry(valid, i) == wp.uint8(0)
-    flags[i] = EMPTY
+    if i < flags.shape[0]:
+        flags[i] = EMPTY
     set_entry(values, i, i)
     if i == 0:
         root[0] = -1
+        root[1] = 0
         extent[0] = extent_of(box)
     largest = (wp.int32(1) << bits) - 1
     if left_out:

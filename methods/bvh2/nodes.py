@@ -107,6 +107,13 @@ SLABS = """
 """Both children of a node: whether the ray meets them between 0 and ``limit``, where it enters, their references."""
 
 
+def next_of_leaf(group: int, going_on: str) -> str:
+    """After the triangle at place ``at``: the next one of its leaf, if there is one, and ``going_on``."""
+    if group == 1:
+        return ""
+    return f"if ((at + 1) % {group} != 0 && at + 1 < root.data[1]) {{ now++; {going_on} }}"
+
+
 @wp.func
 def padding(reach: wp.float32, extent: wp.float32) -> wp.float32:
     """What boxes are padded by. ``reach``: bounds the origins that rays come from; ``extent``: the scene's box."""

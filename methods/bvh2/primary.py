@@ -36,9 +36,9 @@ def direction_at(camera: Camera, at: wp.vec2i) -> wp.vec3f:
 
 
 @functools.cache
-def make_exact_kernel(packets: bool, node_bytes: int, registers: int) -> Any:
+def make_exact_kernel(packets: bool, node_bytes: int, registers: int, group: int = 1) -> Any:
     """One thread a pixel, 8 x 4 a warp: the place of the certain closest hit (-1: none), and its chain of doubts."""
-    walk = make_walk("exact", packets, node_bytes)
+    walk = make_walk("exact", packets, node_bytes, group)
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=registers)
     def exact_kernel(
@@ -65,9 +65,9 @@ def make_exact_kernel(packets: bool, node_bytes: int, registers: int) -> Any:
 
 
 @functools.cache
-def make_float32_kernel(packets: bool, node_bytes: int, registers: int) -> Any:
+def make_float32_kernel(packets: bool, node_bytes: int, registers: int, group: int = 1) -> Any:
     """One thread a pixel, 8 x 4 a warp: answers in float32, and the points that shadow rays start at."""
-    walk = make_walk("float32", packets, node_bytes)
+    walk = make_walk("float32", packets, node_bytes, group)
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=registers)
     def float32_kernel(

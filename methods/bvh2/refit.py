@@ -155,7 +155,7 @@ class Refitted:
             self.scratch = wp.zeros(4 * count, dtype=wp.vec4f)
             self.flags = wp.zeros(count, dtype=wp.int32)
             nodes = wp.zeros(count * build.node_bytes // 16, dtype=wp.vec4f)
-            self.tree = filled(Tree, nodes=nodes, root=wp.zeros(1, dtype=wp.int32))
+            self.tree = filled(Tree, nodes=nodes, root=wp.zeros(2, dtype=wp.int32))
             keys = wp.zeros(count, dtype=wp.int32)
             corners = wp.zeros(3 * count, dtype=wp.vec4f)
         self.leaves = filled(Leaves, count=count, last=-1, keys=keys, order=self.order, corners=corners)

@@ -32,12 +32,14 @@ class Starts:
 
 
 @functools.cache
-def make_shadow_kernel(precision: str, node_bytes: int, registers: int, by_triangle: bool = False) -> Any:
+def make_shadow_kernel(
+    precision: str, node_bytes: int, registers: int, by_triangle: bool = False, group: int = 1
+) -> Any:
     """One thread a pixel, 8 x 4 a warp: the shadow bit as far as float32 decides it, and doubts.
 
     ``by_triangle``: the places of ``starts`` are those of all triangles, not of the pixels' hits.
     """
-    walk = make_shadow_walk(precision, node_bytes)
+    walk = make_shadow_walk(precision, node_bytes, group)
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=registers)
     def shadow_kernel(

@@ -52,6 +52,7 @@ class ShadowRays:
     ):
         self.frame, self.build, self.trace, self.effects = frame, build, trace, effects
         self.tree, self.leaves, self.extent = tree, leaves, extent
+        self.group = build.group_of(frame)
         self.exact = trace.precision == "exact"
         self.lights = [i for i, wanted in enumerate(effects.shadows) if wanted]
         device = wp.get_device(frame.device)
@@ -160,7 +161,7 @@ class ShadowRays:
         f, counts = self.frame, self._shadow_counts(light, bounce, share)
         by_triangle = bounce == 0 and self.primary_starts is not None
         kernel = shadow.make_shadow_kernel(
-            self.trace.precision, self.build.node_bytes, self.trace.registers, by_triangle
+            self.trace.precision, self.build.node_bytes, self.trace.registers, by_triangle, self.group
         )
         wp.launch(
             specialised(kernel, self.effects.switches(light, bounce)),

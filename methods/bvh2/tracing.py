@@ -104,7 +104,7 @@ class Rays(ShadowRays):
     def _primary(self, share: int) -> None:
         f, counts, starts = self.frame, self.counts[0, share : share + 1], self.starts[0]
         arguments: tuple[Any, ...] = (
-            self.trace.primary == "packet", self.build.node_bytes, self.trace.registers
+            self.trace.primary == "packet", self.build.node_bytes, self.trace.registers, self.group
         )  # fmt: skip
         if self.exact:
             kernel = primary.make_exact_kernel(*arguments)

@@ -24,12 +24,14 @@ class Rebuilt:
     keys, order  int32 [2 * triangles]: sorted keys and their triangles, and room for the sort
     corners      vec4f [3 * triangles]: :class:`.records.Leaves`
     extent       float32 [1]: the largest coordinate of the scene's box
-    nodes        vec4f [triangles * node_bytes / 16]; scratch vec4f [4 * triangles]; flags uint64 [triangles]
+    nodes        vec4f [leaves * node_bytes / 16]; scratch vec4f [4 * leaves]; flags uint64 [leaves]; root int32 [2]
     """
 
     def __init__(self, frame: Frame, build: Build):
         self.frame, self.build = frame, build
         count = frame.triangle_count
+        self.group = build.group_of(frame)
+        self.leaf_count = -(-count // self.group)
         with wp.ScopedDevice(frame.device):
             self.box = wp.zeros(6, dtype=wp.float32)
             self.used = wp.array(used_vertices(frame.prepared.faces, frame.vertex_count), dtype=wp.uint8)
@@ -37,10 +39,10 @@ class Rebuilt:
             self.order = wp.zeros(2 * count, dtype=wp.int32)
             self.sort = Sort(self.keys, self.order, count, build.key_bits)
             self.corners = wp.zeros(3 * count, dtype=wp.vec4f)
-            self.flags = wp.zeros(count, dtype=wp.uint64)
-            self.scratch = wp.zeros(4 * count, dtype=wp.vec4f)
-            self.nodes = wp.zeros(count * build.node_bytes // 16, dtype=wp.vec4f)
-            self.root = wp.zeros(1, dtype=wp.int32)
+            self.flags = wp.zeros(self.leaf_count, dtype=wp.uint64)
+            self.scratch = wp.zeros(4 * self.leaf_count, dtype=wp.vec4f)
+            self.nodes = wp.zeros(self.leaf_count * build.node_bytes // 16, dtype=wp.vec4f)
+            self.root = wp.zeros(2, dtype=wp.int32)
             self.extent = wp.zeros(1, dtype=wp.float32)
         self.tree = filled(Tree, nodes=self.nodes, root=self.root)
         self.leaves = filled(
@@ -74,14 +76,14 @@ class Rebuilt:
     def _tree(self) -> None:
         f, b = self.frame, self.build
         if b.builder == "hploc":
-            kernel, block = make_hploc_kernel(b.radius, b.node_bytes), BLOCK
+            kernel, block = make_hploc_kernel(b.radius, b.node_bytes, self.group), BLOCK
         else:
-            kernel, block = make_lbvh_kernel(b.node_bytes), LBVH_BLOCK
+            kernel, block = make_lbvh_kernel(b.node_bytes, self.group), LBVH_BLOCK
         wp.launch(
             kernel,
-            dim=-(-f.triangle_count // block) * block,
+            dim=-(-self.leaf_count // block) * block,
             inputs=[
-                f.triangle_count, self.leaves.last, f.reach, self.extent, self.keys, self.order, self.corners,
+                self.leaf_count, f.triangle_count, self.leaves.last, f.reach, self.extent, self.keys, self.order, self.corners,
             ],
             outputs=[self.scratch, self.flags, self.nodes, self.root],
             device=f.device,

@@ -17,7 +17,7 @@ from typing import Any
 import warp as wp
 
 from .doubt_text import CHAIN
-from .nodes import INVERSE, READ, SLABS
+from .nodes import INVERSE, READ, SLABS, next_of_leaf
 from .records import DEPTH_UNITS, EYE_UNITS
 from .snippets import BASICS, STACK
 
@@ -95,6 +95,7 @@ while (now != NONE) {
     } else {
         int at = (int)(now & ~LEAF);
         TRIANGLE
+        NEXT
     }
     if (done) {
         if (held == 0) break;
@@ -140,6 +141,7 @@ while (now != NONE) {
     {
         int at = (int)(now & ~LEAF);
         TRIANGLE
+        NEXT
     }
     if (held == 0) break;
     now = stack[--held];
@@ -152,7 +154,7 @@ walked:;
 
 
 @functools.cache
-def make_walk(precision: str, packets: bool, node_bytes: int) -> Any:
+def make_walk(precision: str, packets: bool, node_bytes: int, group: int = 1) -> Any:
     """A function of a ray that gives (t, u, v, bits of the place of the closest hit or of -1); exact: (0, 0, last, place),
     with the chain of what it left (:mod:`.doubt_text`).
 
@@ -161,14 +163,19 @@ def make_walk(precision: str, packets: bool, node_bytes: int) -> Any:
     exact = precision == "exact"
     triangle = EXACT_LEAF if exact else FLOAT32_LEAF
 
-    def walk_of(text: str, real_ray: str) -> str:
+    def walk_of(text: str, real_ray: str, going_on: str) -> str:
         inner = triangle.replace("REAL", real_ray)
-        return text.replace("READ", READ[node_bytes]).replace("SLABS", SLABS).replace("TRIANGLE", inner)
+        return (
+            text.replace("READ", READ[node_bytes])
+            .replace("SLABS", SLABS)
+            .replace("TRIANGLE", inner)
+            .replace("NEXT", next_of_leaf(group, going_on))
+        )
 
-    single = "if (!seen) now = NONE;" + walk_of(SINGLE, "true")
+    single = "if (!seen) now = NONE;" + walk_of(SINGLE, "true", "done = false;")
     walking = single
     if packets:
-        together = walk_of(PACKET, "seen")
+        together = walk_of(PACKET, "seen", "continue;")
         walking = f"\n#if defined(__CUDA_ARCH__)\n{together}\n#else\n{single}\n#endif\n"
 
     @wp.func_native(

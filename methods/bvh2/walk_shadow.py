@@ -14,7 +14,7 @@ from typing import Any
 import warp as wp
 
 from .doubt_text import PAIR
-from .nodes import INVERSE, READ, SLABS
+from .nodes import INVERSE, READ, SLABS, next_of_leaf
 from .records import LIGHT_UNITS
 from .snippets import BASICS, STACK
 
@@ -80,6 +80,7 @@ while (now != NONE) {
     } else {
         int at = (int)(now & ~LEAF);
         TRIANGLE
+        NEXT
     }
     if (done) {
         if (held == 0) break;
@@ -92,10 +93,11 @@ return 0;
 
 
 @functools.cache
-def make_shadow_walk(precision: str, node_bytes: int) -> Any:
+def make_shadow_walk(precision: str, node_bytes: int, group: int = 1) -> Any:
     """A function of the hit point h and the light: 1 where something lies between, but the triangle at ``own``."""
     leaf = EXACT_LEAF if precision == "exact" else FLOAT32_LEAF
     walking = WALK.replace("READ", READ[node_bytes]).replace("SLABS", SLABS).replace("TRIANGLE", leaf)
+    walking = walking.replace("NEXT", next_of_leaf(group, "done = false;"))
 
     @wp.func_native(BASICS + PAIR + BEGIN[precision] + INVERSE + walking)
     def walk(
