@@ -59,11 +59,14 @@ auto box_of = [&](int k, float* box) {
     box[0] = box[1] = box[2] = 3.4e38f, box[3] = box[4] = box[5] = -3.4e38f;
     for (int at = GROUP * k; at < GROUP * (k + 1); at++) {
         if (GROUP > 1 && (at >= total || keys.data[at] == last)) break;
-        int i = 3 * values.data[at];
-        Quad a = fetch(corners.data, i), b = fetch(corners.data, i + 1), c = fetch(corners.data, i + 2);
-        box[0] = low(box[0], low(a.x, low(b.x, c.x))), box[3] = high(box[3], high(a.x, high(b.x, c.x)));
-        box[1] = low(box[1], low(a.y, low(b.y, c.y))), box[4] = high(box[4], high(a.y, high(b.y, c.y)));
-        box[2] = low(box[2], low(a.z, low(b.z, c.z))), box[5] = high(box[5], high(a.z, high(b.z, c.z)));
+        wp::vec3i face = triangles.data[values.data[at]];
+        const float* a = (const float*)(points.data + face[0]);
+        const float* b = (const float*)(points.data + face[1]);
+        const float* c = (const float*)(points.data + face[2]);
+        for (int axis = 0; axis < 3; axis++) {
+            box[axis] = low(box[axis], low(a[axis], low(b[axis], c[axis])));
+            box[axis + 3] = high(box[axis + 3], high(a[axis], high(b[axis], c[axis])));
+        }
     }
 };
 """
@@ -94,7 +97,8 @@ def make_builder(node_bytes: int, group: int, snippet: str) -> Any:
         pad: wp.float32,
         keys: wp.array(dtype=wp.int32),
         values: wp.array(dtype=wp.int32),
-        corners: wp.array(dtype=wp.vec4f),
+        points: wp.array(dtype=wp.vec3f),
+        triangles: wp.array(dtype=wp.vec3i),
         scratch: wp.array(dtype=wp.vec4f),
         flags: wp.array(dtype=wp.uint64),
         nodes: wp.array(dtype=wp.vec4f),
@@ -110,13 +114,14 @@ def make_builder(node_bytes: int, group: int, snippet: str) -> Any:
         extent: wp.array(dtype=wp.float32),
         keys: wp.array(dtype=wp.int32),
         values: wp.array(dtype=wp.int32),
-        corners: wp.array(dtype=wp.vec4f),
+        points: wp.array(dtype=wp.vec3f),
+        triangles: wp.array(dtype=wp.vec3i),
         scratch: wp.array(dtype=wp.vec4f),
         flags: wp.array(dtype=wp.uint64),
         nodes: wp.array(dtype=wp.vec4f),
         root: wp.array(dtype=wp.int32),
     ):
         pad = padding(reach[0], extent[0])
-        build(wp.tid(), count, total, last, pad, keys, values, corners, scratch, flags, nodes, root)
+        build(wp.tid(), count, total, last, pad, keys, values, points, triangles, scratch, flags, nodes, root)
 
     return build_kernel

@@ -14,7 +14,6 @@ import warp as wp
 from numpy.typing import NDArray
 
 from ...harness.frame.frame import Frame
-from ...harness.frame.geometry import Corners
 from ..common.bounds import BLOCK, BLOCKS, box_high, box_low, lower_box
 from ..common.entries import entry, set_entry
 
@@ -89,14 +88,6 @@ def extent_of(box: wp.array(dtype=wp.float32)) -> wp.float32:
     return wp.max(wp.max(wp.abs(box_low(box)), wp.abs(box_high(box))))
 
 
-@wp.func
-def set_corners(corners: wp.array(dtype=wp.vec4f), i: wp.int32, of: Corners):
-    """Keep triangle i's corners together, 16 bytes each: who reads triangles in the tree's order then fetches once."""
-    set_entry(corners, 3 * i, wp.vec4f(of.a[0], of.a[1], of.a[2], 0.0))
-    set_entry(corners, 3 * i + 1, wp.vec4f(of.b[0], of.b[1], of.b[2], 0.0))
-    set_entry(corners, 3 * i + 2, wp.vec4f(of.c[0], of.c[1], of.c[2], 0.0))
-
-
 @wp.kernel(enable_backward=False, grid_stride=False)
 def key_kernel(
     count: wp.int32,
@@ -107,12 +98,11 @@ def key_kernel(
     box: wp.array(dtype=wp.float32),
     keys: wp.array(dtype=wp.int32),
     values: wp.array(dtype=wp.int32),
-    corners: wp.array(dtype=wp.vec4f),
     flags: wp.array(dtype=wp.uint64),
     root: wp.array(dtype=wp.int32),
     extent: wp.array(dtype=wp.float32),
 ):
-    """Key, index and :func:`set_corners` of each triangle; empties flags and tree. extent: the box's largest coordinate."""
+    """Key and index of each triangle; empties the flags, and the tree. extent: the box's largest coordinate."""
     i = wp.tid()
     if i >= count:
         return
@@ -132,7 +122,6 @@ def key_kernel(
     a = entry(points, face[0])
     b = entry(points, face[1])
     c = entry(points, face[2])
-    set_corners(corners, i, Corners(a, b, c))
     low = box_low(box)
     size = wp.max(box_high(box) - low)
     cells = wp.float32(wp.int32(1) << (bits // 3))

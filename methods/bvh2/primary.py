@@ -10,7 +10,7 @@ import warp as wp
 from ...harness.frame.geometry import Camera, Hits, Mesh, Ray, weld_of
 from ..common.entries import entry, set_entry
 from ..common.hitpoint import flat_hit_point, is_flat, plane_distance, steep_hit_point
-from ..common.pixels import Part, pixel_at
+from ..common.pixels import tile_pixel
 from ..common.triangle import hit_distance, hit_weights, nearer, to_float32
 from .records import Leaves, triangle_corners
 from .walk_primary import make_walk
@@ -27,6 +27,21 @@ class Tree:
 
     nodes: wp.array(dtype=wp.vec4f)
     root: wp.array(dtype=wp.int32)
+
+
+@wp.struct
+class Part:
+    """A share of the pixels: every ``shares``-th block of threads, from block ``share`` on."""
+
+    share: wp.int32
+    shares: wp.int32
+
+
+@wp.func
+def pixel_at(camera: Camera, part: Part, thread: wp.int32) -> wp.vec2i:
+    """Column and row of a thread's pixel, 8 x 4 pixels a warp, or -1."""
+    block = (thread >> 7) * part.shares + part.share
+    return tile_pixel((block << 7) | (thread & 127), camera.width, camera.height)
 
 
 @wp.func
@@ -105,9 +120,8 @@ def make_float32_kernel(packets: bool, node_bytes: int, registers: int, group: i
     return float32_kernel
 
 
-@wp.func
-def resolve(
-    thread: wp.int32,
+@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=RESOLVE_REGISTERS)
+def resolve_kernel(
     camera: Camera,
     part: Part,
     mesh: Mesh,
@@ -117,10 +131,9 @@ def resolve(
     seat: wp.array(dtype=wp.int32),
     hits: Hits,
     start: wp.array(dtype=wp.vec3f),
-    weighed: wp.bool,
 ):
-    """The nearest of the certain hit and the doubtful ones; t, hit point and, if asked for, weights of it in float64."""
-    at = pixel_at(camera, part, thread)
+    """The nearest of the certain hit and the doubtful ones; t, weights and hit point of it in float64."""
+    at = pixel_at(camera, part, wp.tid())
     if at[0] < 0:
         return
     pixel = at[1] * camera.width + at[0]
@@ -154,50 +167,16 @@ def resolve(
         corners = triangle_corners(mesh, best)
         distance64 = plane_distance(ray, corners)
         distance32 = wp.float32(distance64)
-        if weighed:
-            uv = hit_weights(ray, corners, weld_of(mesh, best))
+        uv = hit_weights(ray, corners, weld_of(mesh, best))
         point = steep_hit_point(ray, distance64, corners)
         flat = is_flat(ray, distance64, corners)
     set_entry(hits.triangle, pixel, best)
     set_entry(hits.t, pixel, distance32)
-    if weighed:
-        set_entry(hits.u, pixel, uv[0])
-        set_entry(hits.v, pixel, uv[1])
+    set_entry(hits.u, pixel, uv[0])
+    set_entry(hits.v, pixel, uv[1])
     start[pixel] = to_float32(point)
     # Flat rays are few, and slow to compute: from corners that are read again, so that no register holds them until here.
     if flat:
         again = triangle_corners(mesh, best)
         seen = Ray(entry(camera.eye, 0), direction_at(camera, at))
         start[pixel] = to_float32(flat_hit_point(seen, plane_distance(seen, again), again))
-
-
-@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=RESOLVE_REGISTERS)
-def resolve_kernel(
-    camera: Camera,
-    part: Part,
-    mesh: Mesh,
-    leaves: Leaves,
-    doubts: wp.array(dtype=wp.vec2i),
-    chain: wp.array(dtype=wp.int32),
-    seat: wp.array(dtype=wp.int32),
-    hits: Hits,
-    start: wp.array(dtype=wp.vec3f),
-):
-    """Triangle, t, weights and hit point of each pixel."""
-    resolve(wp.tid(), camera, part, mesh, leaves, doubts, chain, seat, hits, start, True)
-
-
-@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=RESOLVE_REGISTERS)
-def points_kernel(
-    camera: Camera,
-    part: Part,
-    mesh: Mesh,
-    leaves: Leaves,
-    doubts: wp.array(dtype=wp.vec2i),
-    chain: wp.array(dtype=wp.int32),
-    seat: wp.array(dtype=wp.int32),
-    hits: Hits,
-    start: wp.array(dtype=wp.vec3f),
-):
-    """Triangle, t and hit point: what shadow rays wait for. Weights are left to :mod:`..common.weights`."""
-    resolve(wp.tid(), camera, part, mesh, leaves, doubts, chain, seat, hits, start, False)

@@ -49,26 +49,14 @@ DEEPEST = wp.constant(1.0e30)
 class Leaves:
     """The triangles in the tree's order.
 
-    order    int32 [triangles, or twice that]: the triangle at each place
-    keys     likewise: ``last`` at places that no triangle has
-    corners  vec4f [3 * triangles]: each triangle's corners (:func:`.keys.set_corners`)
+    order  int32 [triangles, or twice that]: the triangle at each place
+    keys   likewise: ``last`` at places that no triangle has
     """
 
     count: wp.int32
     last: wp.int32
     keys: wp.array(dtype=wp.int32)
     order: wp.array(dtype=wp.int32)
-    corners: wp.array(dtype=wp.vec4f)
-
-
-@wp.func
-def corners_at(leaves: Leaves, at: wp.int32) -> Corners:
-    """The corners of the triangle at a place of the tree's order."""
-    i = 3 * entry(leaves.order, at)
-    a = entry(leaves.corners, i)
-    b = entry(leaves.corners, i + 1)
-    c = entry(leaves.corners, i + 2)
-    return Corners(wp.vec3f(a[0], a[1], a[2]), wp.vec3f(b[0], b[1], b[2]), wp.vec3f(c[0], c[1], c[2]))
 
 
 @wp.func
@@ -149,12 +137,12 @@ def leads_here(leaves: Leaves, at: wp.int32) -> wp.bool:
 
 
 @wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
-def eye_kernel(leaves: Leaves, eye: wp.array(dtype=wp.vec3f), records: wp.array(dtype=wp.vec4f)):
+def eye_kernel(mesh: Mesh, leaves: Leaves, eye: wp.array(dtype=wp.vec3f), records: wp.array(dtype=wp.vec4f)):
     """Three words a triangle in the tree's order: the edge planes and m, one after the other."""
     at = wp.tid()
     if not leads_here(leaves, at):
         return
-    s = seen_from(entry(eye, 0), corners_at(leaves, at))
+    s = seen_from(entry(eye, 0), triangle_corners(mesh, entry(leaves.order, at)))
     x = wp.vec3f()
     y = wp.vec3f()
     z = wp.vec3f()
@@ -185,6 +173,7 @@ def plane_word(n: wp.vec3d, p: wp.vec3d, n32: wp.vec3f, scale: wp.float32) -> wp
 
 @wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
 def light_kernel(
+    mesh: Mesh,
     leaves: Leaves,
     light: wp.int32,
     lights: wp.array(dtype=wp.vec3f),
@@ -197,7 +186,7 @@ def light_kernel(
     if not leads_here(leaves, at):
         return
     place = entry(lights, light)
-    s = seen_from(place, corners_at(leaves, at))
+    s = seen_from(place, triangle_corners(mesh, entry(leaves.order, at)))
     none = wp.vec4f()
     first = none
     second = none
@@ -222,6 +211,7 @@ def light_kernel(
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def float32_kernel(
+    mesh: Mesh,
     leaves: Leaves,
     index: wp.int32,
     origins: wp.array(dtype=wp.vec3f),
@@ -235,7 +225,7 @@ def float32_kernel(
     at = wp.tid()
     if not leads_here(leaves, at):
         return
-    corners = corners_at(leaves, at)
+    corners = triangle_corners(mesh, entry(leaves.order, at))
     a = corners.a
     e = corners.b - a
     f = corners.c - a

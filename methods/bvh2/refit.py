@@ -14,14 +14,14 @@ import warp as wp
 
 from ...harness.errors import UserError
 from ...harness.frame.frame import Frame
-from ...harness.frame.geometry import Mesh, filled
+from ...harness.frame.geometry import filled
 from ...harness.frame.passes import Pass
 from .build_lbvh import EXCHANGED
-from .keys import extent_of, launch_box, set_corners, used_vertices
+from .keys import extent_of, launch_box, used_vertices
 from .nodes import ROUNDED_UP, WRITE, padding
 from .parameters import Build
 from .primary import Tree
-from .records import Leaves, triangle_corners
+from .records import Leaves
 from .sah import sah_topology
 from .snippets import BASICS
 
@@ -116,12 +116,6 @@ def make_refit_kernel(node_bytes: int) -> wp.Kernel:
     return kernel
 
 
-@wp.kernel(enable_backward=False, grid_stride=False)
-def corner_kernel(mesh: Mesh, corners: wp.array(dtype=wp.vec4f)):
-    i = wp.tid()
-    set_corners(corners, i, triangle_corners(mesh, i))
-
-
 @wp.kernel(enable_backward=False)
 def extent_kernel(box: wp.array(dtype=wp.float32), extent: wp.array(dtype=wp.float32)):
     extent[0] = extent_of(box)
@@ -157,8 +151,7 @@ class Refitted:
             nodes = wp.zeros(count * build.node_bytes // 16, dtype=wp.vec4f)
             self.tree = filled(Tree, nodes=nodes, root=wp.zeros(2, dtype=wp.int32))
             keys = wp.zeros(count, dtype=wp.int32)
-            corners = wp.zeros(3 * count, dtype=wp.vec4f)
-        self.leaves = filled(Leaves, count=count, last=-1, keys=keys, order=self.order, corners=corners)
+        self.leaves = filled(Leaves, count=count, last=-1, keys=keys, order=self.order)
 
     def passes(self) -> tuple[list[Pass], Pass]:
         """What comes before the triangles can be set up (nothing: their order is known), and the refit."""
@@ -168,14 +161,6 @@ class Refitted:
 
     def _box(self) -> None:
         launch_box(self.frame, self.used, self.box)
-        f = self.frame
-        wp.launch(
-            corner_kernel,
-            dim=f.triangle_count,
-            inputs=[f.mesh],
-            outputs=[self.leaves.corners],
-            device=f.device,
-        )
         wp.launch(extent_kernel, dim=1, inputs=[self.box], outputs=[self.extent], device=self.frame.device)
 
     def _refit(self) -> None:

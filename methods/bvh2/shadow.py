@@ -11,10 +11,9 @@ from ...harness.frame.geometry import Camera, Hits, Mesh, Rays, mirrored_ray, ra
 from ...harness.frame.specialise import effects
 from ..common.entries import entry
 from ..common.hitpoint import hit_point, plane_distance
-from ..common.pixels import Part, pixel_at
 from ..common.segment import occludes
 from ..common.triangle import largest
-from .primary import Tree
+from .primary import Part, Tree, pixel_at
 from .records import Leaves, triangle_corners
 from .walk_shadow import make_shadow_walk
 

@@ -14,11 +14,11 @@ from ...harness.frame.mirrors import traced_bounces
 from ...harness.frame.passes import Pass
 from ...harness.frame.specialise import specialised
 from ...harness.scene.effects import Effects
-from ..common.pixels import Part, thread_count
+from ..common.pixels import thread_count
 from . import records, shadow
 from .careful_passes import Careful
 from .parameters import Build, Trace
-from .primary import BLOCK, Tree
+from .primary import BLOCK, Part, Tree
 from .records import Leaves
 from .shadow import Starts
 
@@ -88,7 +88,7 @@ class ShadowRays:
         return [self._light_pass(i) for i in self.lights if self.effects.has_receivers(i) != received]
 
     def _light_pass(self, light: int) -> Pass:
-        reads = ("order", f"light/{light}")
+        reads = ("points", "triangles", "order", f"light/{light}")
         made, launch = (f"light triangles/{light}",), functools.partial(self._light_records, light)
         return Pass(f"light {light}: triangles", "light build", reads, made, launch, f"shadows/{light}")
 
@@ -104,7 +104,7 @@ class ShadowRays:
     def in_shares(self, of_share: Callable[[int], list[Pass]]) -> list[Pass]:
         """The passes ``of_share`` of all shares beside each other, each light's triangles before its rays."""
         passes = [
-            replace(step, branch=(share, *step.branch), adds=True)
+            replace(step, branch=(share,), adds=True)
             for steps in zip(*(of_share(share) for share in range(self.shares)), strict=True)
             for share, step in enumerate(steps)
         ]
@@ -146,10 +146,10 @@ class ShadowRays:
     def _light_records(self, light: int) -> None:
         f = self.frame
         if self.exact:
-            kernel, inputs = records.light_kernel, [self.leaves, light, f.lights, self.extent]
+            kernel, inputs = records.light_kernel, [f.mesh, self.leaves, light, f.lights, self.extent]
             outputs = [self.light_records[light], self.sides[light]]
         else:
-            kernel, inputs = records.float32_kernel, [self.leaves, light, f.lights]
+            kernel, inputs = records.float32_kernel, [f.mesh, self.leaves, light, f.lights]
             outputs = [self.light_records[light]]
         wp.launch(kernel, dim=f.triangle_count, inputs=inputs, outputs=outputs, device=f.device)
 

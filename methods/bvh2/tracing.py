@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-from dataclasses import replace
 from typing import Any
 
 import warp as wp
@@ -12,7 +11,6 @@ from ...harness.frame.frame import Frame
 from ...harness.frame.passes import Pass
 from ...harness.scene.effects import Effects
 from ..common.ray_passes import shadow_ray_passes
-from ..common.weights import weights_pass
 from . import primary, records
 from .parameters import Build, Trace
 from .primary import BLOCK, Tree
@@ -48,7 +46,7 @@ class Rays(ShadowRays):
         """Triangles set up for the eye, and for lights that every hit receives: they need only the order of triangles."""
         if self.effects.alpha:
             return []
-        reads = ("order", "camera")
+        reads = ("points", "triangles", "order", "camera")
         eye = Pass("eye: triangles", "trace", reads, ("eye triangles",), self._eye_records)
         return [eye, *self.light_passes(received=True)]
 
@@ -73,16 +71,19 @@ class Rays(ShadowRays):
         if self.exact:
             passes = [
                 Pass(f"primary rays{of}", "trace", primary_reads, (seats,), run(self._primary, share)),
-                Pass(f"hit points{of}", "trace", (*seen, seats), ("hits", hits), run(self._resolve, share)),
+                Pass(
+                    f"hit points{of}",
+                    "trace",
+                    (*seen, seats),
+                    ("hits", hits),
+                    run(self._resolve, share),
+                ),
             ]
-            if self.lights:
-                weights = weights_pass(self.frame, f"weights{of}", self.parts[share], self.threads, hits)
-                passes.append(replace(weights, branch=(1,)))
         else:
             passes = [
                 Pass(f"primary rays{of}", "trace", primary_reads, ("hits", hits), run(self._primary, share))
             ]
-        return [*passes, *(replace(work, branch=(0,)) for work in self.share_passes(share, (*seen, hits)))]
+        return [*passes, *self.share_passes(share, (*seen, hits))]
 
     def _careful_passes(self, scene: tuple[str, ...]) -> list[Pass]:
         """Primary rays and shadow rays where triangles have holes."""
@@ -96,9 +97,9 @@ class Rays(ShadowRays):
     def _eye_records(self) -> None:
         f = self.frame
         if self.exact:
-            kernel, inputs = records.eye_kernel, [self.leaves, f.eye]
+            kernel, inputs = records.eye_kernel, [f.mesh, self.leaves, f.eye]
         else:
-            kernel, inputs = records.float32_kernel, [self.leaves, 0, f.eye]
+            kernel, inputs = records.float32_kernel, [f.mesh, self.leaves, 0, f.eye]
         wp.launch(kernel, dim=f.triangle_count, inputs=inputs, outputs=[self.eye_records], device=f.device)
 
     def _primary(self, share: int) -> None:
@@ -124,7 +125,7 @@ class Rays(ShadowRays):
     def _resolve(self, share: int) -> None:
         f, starts = self.frame, self.starts[0]
         wp.launch(
-            primary.points_kernel if self.lights else primary.resolve_kernel,
+            primary.resolve_kernel,
             dim=self.threads,
             inputs=[f.camera, self.parts[share], f.mesh, self.leaves, self.doubts[share], self.chain],
             outputs=[starts.seat, f.hits(0), starts.point],

@@ -22,7 +22,6 @@ class Rebuilt:
     """Boxes, keys, a sort, and the tree.
 
     keys, order  int32 [2 * triangles]: sorted keys and their triangles, and room for the sort
-    corners      vec4f [3 * triangles]: :class:`.records.Leaves`
     extent       float32 [1]: the largest coordinate of the scene's box
     nodes        vec4f [leaves * node_bytes / 16]; scratch vec4f [4 * leaves]; flags uint64 [leaves]; root int32 [2]
     """
@@ -38,7 +37,6 @@ class Rebuilt:
             self.keys = wp.zeros(2 * count, dtype=wp.int32)
             self.order = wp.zeros(2 * count, dtype=wp.int32)
             self.sort = Sort(self.keys, self.order, count, build.key_bits)
-            self.corners = wp.zeros(3 * count, dtype=wp.vec4f)
             self.flags = wp.zeros(self.leaf_count, dtype=wp.uint64)
             self.scratch = wp.zeros(4 * self.leaf_count, dtype=wp.vec4f)
             self.nodes = wp.zeros(self.leaf_count * build.node_bytes // 16, dtype=wp.vec4f)
@@ -51,7 +49,6 @@ class Rebuilt:
             last=(1 << build.key_bits) - 1,
             keys=self.keys,
             order=self.order,
-            corners=self.corners,
         )
 
     def passes(self) -> tuple[list[Pass], Pass]:
@@ -60,7 +57,7 @@ class Rebuilt:
             Pass("keys", "build", ("points", "triangles", "reach"), ("keys",), self._keys),
             Pass("sort", "build", ("keys",), ("order",), self.sort.launch),
         ]
-        return ordered, Pass("tree", "build", ("reach", "order"), ("bvh",), self._tree)
+        return ordered, Pass("tree", "build", ("points", "triangles", "reach", "order"), ("bvh",), self._tree)
 
     def _keys(self) -> None:
         f = self.frame
@@ -69,7 +66,7 @@ class Rebuilt:
             key_kernel,
             dim=f.triangle_count,
             inputs=[f.triangle_count, self.build.key_bits, f.points, f.triangles, f.valid, self.box],
-            outputs=[*self.sort.half(self.sort.begin), self.corners, self.flags, self.root, self.extent],
+            outputs=[*self.sort.half(self.sort.begin), self.flags, self.root, self.extent],
             device=f.device,
         )
 
@@ -83,7 +80,8 @@ class Rebuilt:
             kernel,
             dim=-(-self.leaf_count // block) * block,
             inputs=[
-                self.leaf_count, f.triangle_count, self.leaves.last, f.reach, self.extent, self.keys, self.order, self.corners,
+                self.leaf_count, f.triangle_count, self.leaves.last, f.reach, self.extent, self.keys, self.order,
+                f.points, f.triangles,
             ],
             outputs=[self.scratch, self.flags, self.nodes, self.root],
             device=f.device,

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import warp as wp
 
-from ...harness.frame.geometry import Camera
-
 BLOCK_WIDTH = wp.constant(8)
 BLOCK_HEIGHT = wp.constant(4)
 OUTSIDE = wp.constant(-1)
@@ -45,18 +43,3 @@ def tile_pixel(k: wp.int32, width: wp.int32, height: wp.int32) -> wp.vec2i:
     if x >= width or y >= height:
         return wp.vec2i(-1, -1)
     return wp.vec2i(x, y)
-
-
-@wp.struct
-class Part:
-    """A share of the pixels: every ``shares``-th block of threads, from block ``share`` on."""
-
-    share: wp.int32
-    shares: wp.int32
-
-
-@wp.func
-def pixel_at(camera: Camera, part: Part, thread: wp.int32) -> wp.vec2i:
-    """Column and row of a thread's pixel, 8 x 4 pixels a warp, or -1."""
-    block = (thread >> 7) * part.shares + part.share
-    return tile_pixel((block << 7) | (thread & 127), camera.width, camera.height)

@@ -25,10 +25,8 @@ from ..bvh2.shadow_passes import ShadowRays
 from ..bvh2.tree import Rebuilt
 from ..common.misses import miss_passes
 from ..common.pairs import grown
-from ..common.pixels import Part, thread_count
 from ..common.ray_passes import shadow_ray_passes
 from ..common.reserve import counted
-from ..common.weights import weights_pass
 from ..ray_grids import RayGrids
 from .parameters import Build, Trace
 from .places import places_kernel
@@ -64,11 +62,9 @@ class Hybrid(BaseMethod):
             self._capacity = self.build.doubt_capacity or max(262144, frame.pixels // 2)
         places = wp.zeros(frame.triangle_count, dtype=wp.int32, device=frame.device)
         starts = Starts()
-        placed = shadows and not effects.alpha
         if shadows:
-            streamed, camera, _ = self._streams.camera_stream(frame, effects, limits, weighed=not placed)
-            if placed:
-                starts = filled(Starts, seat=places, point=camera.hit)
+            streamed, camera, _ = self._streams.camera_stream(frame, effects, limits, rounded=True)
+            starts = filled(Starts, seat=places, point=camera.hit)
         else:
             streamed = self._streams.plan(frame, effects, limits)
         tree = Rebuilt(frame, self.build) if self.build.update == "rebuild" else Refitted(frame, self.build)
@@ -86,7 +82,7 @@ class Hybrid(BaseMethod):
         )
         self._rays = rays
         after = rays.light_passes(received=True)
-        if placed:
+        if shadows and not effects.alpha:
             after.insert(0, self._places_pass(frame, rays, places))
         effect = "shadows" if shadows else "mirror"
         passes = [replace(work, branch=(TREE,), effect=effect) for work in ordered]
@@ -110,10 +106,7 @@ class Hybrid(BaseMethod):
         if effects.alpha:
             return shadow_ray_passes(effects, scene, lambda i: rays.careful.launch_shadow(i, 0))
         seen = (*scene, "places")
-        whole = filled(Part, share=0, shares=1)
-        threads = thread_count(rays.frame.width, rays.frame.height, True)
-        weights = replace(weights_pass(rays.frame, "weights", whole, threads, "hits"), branch=(rays.shares,))
-        return [*rays.clear_passes(), weights, *rays.in_shares(lambda share: rays.share_passes(share, seen))]
+        return [*rays.clear_passes(), *rays.in_shares(lambda share: rays.share_passes(share, seen))]
 
     def needs(self) -> wp.array | None:
         streamed = self._streams.needs()

@@ -37,7 +37,7 @@ class Trace:
     """
 
     registers: int = TreeTrace.registers
-    shares: int = TreeTrace.shares
+    shares: int = 1
 
     def __post_init__(self) -> None:
         self.of_tree()

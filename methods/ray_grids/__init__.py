@@ -66,11 +66,11 @@ class RayGrids(BaseMethod):
         return passes
 
     def camera_stream(
-        self, frame: Frame, effects: Effects, limits: Limits, streams: int = 1, weighed: bool = True
+        self, frame: Frame, effects: Effects, limits: Limits, streams: int = 1, rounded: bool = False
     ) -> tuple[list[Pass], CameraStream, Queues]:
         """The passes of the primary rays alone, what launches them, and queues for ``streams`` streams.
 
-        ``weighed``: see :class:`.camera.passes.CameraStream`. :meth:`needs` and :meth:`grow` go on as after :meth:`plan`.
+        ``rounded``: hit points are wanted in float32. :meth:`needs` and :meth:`grow` go on as after :meth:`plan`.
         """
         if frame.triangle_count >= MOST_TRIANGLES:
             raise CapacityRejected(f"holds at most {MOST_TRIANGLES - 1:,} triangles")
@@ -89,7 +89,7 @@ class RayGrids(BaseMethod):
             )
         queues = Queues(frame, self._queued, self._capacity, streams, shares)
         self._queues, self._needs = queues, queues.counts
-        camera = CameraStream(frame, self.build, queues, effects, weighed=weighed)
+        camera = CameraStream(frame, self.build, queues, effects, rounded=rounded)
         return camera.passes(), camera, queues
 
     def needs(self) -> wp.array | None:

@@ -17,9 +17,7 @@ from . import stream as camera_stream
 
 
 class CameraStream:
-    """Primary rays. hit vec3d [pixels]: float64 hit points.
-
-    Not ``weighed``: the weights of the hits are left to :func:`..common.weights.weights_pass`, and ``hit`` is vec3f.
+    """Primary rays. hit vec3d [pixels]: float64 hit points; vec3f, if they are to be ``rounded``.
 
     ``needs`` (int64): where another method wants the stream's counters copied to.
     """
@@ -31,14 +29,14 @@ class CameraStream:
         queues: Queues,
         effects: Effects,
         needs: wp.array | None = None,
-        weighed: bool = True,
+        rounded: bool = False,
     ):
         self.frame, self.build, self.queues = frame, build, queues
         self.effects, self.needs = effects, needs
         self.queue = queues.of_stream(0)
-        self.resolve = camera_resolve.resolve_kernel if weighed else camera_resolve.points_kernel
+        self.resolve = camera_resolve.rounded_kernel if rounded else camera_resolve.resolve_kernel
         with wp.ScopedDevice(frame.device):
-            self.hit = wp.zeros(frame.pixels, dtype=wp.vec3d if weighed else wp.vec3f)
+            self.hit = wp.zeros(frame.pixels, dtype=wp.vec3f if rounded else wp.vec3d)
 
     def passes(self) -> list[Pass]:
         """Clear, stream the shares of the triangles at the same time, and resolve."""

@@ -28,18 +28,19 @@ def set_point(points: wp.array(dtype=wp.vec3f), i: wp.int32, point: wp.vec3d):
     set_entry(points, i, to_float32(point))
 
 
-@wp.func
-def resolve(
-    thread: wp.int32,
+@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
+def resolve_points(
     camera: Camera,
     mesh: Mesh,
     nearest: wp.array(dtype=wp.uint64),
     hits: Hits,
-    hit_points: Any,
-    weighed: wp.bool,
+    hit_points: wp.array(dtype=Any),
 ):
-    """One thread a pixel, 8 x 4 a warp. What :func:`..common.triangle.write_hit` writes, to the bit; weights if asked."""
-    at = tile_pixel(thread, camera.width, camera.height)
+    """One thread a pixel, 8 x 4 a warp. What :func:`..common.triangle.write_hit` writes, to the bit.
+
+    hit_points: vec3d, or vec3f for who needs them rounded.
+    """
+    at = tile_pixel(wp.tid(), camera.width, camera.height)
     if at[0] < 0:
         return
     pixel = at[1] * camera.width + at[0]
@@ -57,15 +58,13 @@ def resolve(
         weld = weld_at(mesh, best)
         distance = plane_distance(ray, corners)
         t = wp.float32(distance)
-        if weighed:
-            uv = hit_weights(ray, corners, weld)
+        uv = hit_weights(ray, corners, weld)
         hit = steep_hit_point(ray, distance, corners)
         flat = is_flat(ray, distance, corners)
     set_entry(hits.triangle, pixel, best)
     set_entry(hits.t, pixel, t)
-    if weighed:
-        set_entry(hits.u, pixel, uv[0])
-        set_entry(hits.v, pixel, uv[1])
+    set_entry(hits.u, pixel, uv[0])
+    set_entry(hits.v, pixel, uv[1])
     set_point(hit_points, pixel, hit)
     # Flat rays are few and take long: all they need is read again, so that no registers hold it until here.
     if flat:
@@ -75,25 +74,5 @@ def resolve(
         set_point(hit_points, pixel, flat_hit_point(ray, plane_distance(ray, corners), corners))
 
 
-@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
-def resolve_kernel(
-    camera: Camera,
-    mesh: Mesh,
-    nearest: wp.array(dtype=wp.uint64),
-    hits: Hits,
-    hit_points: wp.array(dtype=wp.vec3d),
-):
-    """Triangle, t, weights and hit point of each pixel."""
-    resolve(wp.tid(), camera, mesh, nearest, hits, hit_points, True)
-
-
-@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
-def points_kernel(
-    camera: Camera,
-    mesh: Mesh,
-    nearest: wp.array(dtype=wp.uint64),
-    hits: Hits,
-    hit_points: wp.array(dtype=wp.vec3f),
-):
-    """Triangle, t and rounded hit point: what others wait for. Weights are left to :mod:`...common.weights`."""
-    resolve(wp.tid(), camera, mesh, nearest, hits, hit_points, False)
+resolve_kernel = wp.overload(resolve_points, {"hit_points": wp.array(dtype=wp.vec3d)})
+rounded_kernel = wp.overload(resolve_points, {"hit_points": wp.array(dtype=wp.vec3f)})

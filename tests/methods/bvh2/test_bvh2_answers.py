@@ -24,9 +24,9 @@ from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 NAME = "bvh2"
 SETTINGS = [
     {},
-    {"builder": "lbvh", "key_bits": "30"},
+    {"builder": "lbvh", "key_bits": "30", "leaf": "1"},
     {"radius": "8", "node_bytes": "64", "shares": "1"},
-    {"primary": "packet", "radius": "1", "shares": "4"},
+    {"primary": "packet", "radius": "1", "shares": "4", "leaf": "2"},
     {"update": "refit"},
     {"update": "static", "node_bytes": "64", "primary": "packet"},
 ]

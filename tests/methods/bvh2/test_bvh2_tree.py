@@ -15,10 +15,10 @@ from shadowbench.methods.bvh2.snippets import LEAF, NONE, STACK
 from shadowbench.methods.bvh2.sort import Sort
 
 BUILDS = [
-    {"builder": "lbvh"},
-    {"builder": "lbvh", "key_bits": "30", "node_bytes": "64"},
-    {"radius": "1"},
-    {"radius": "2"},
+    {"builder": "lbvh", "leaf": "1"},
+    {"builder": "lbvh", "key_bits": "30", "node_bytes": "64", "leaf": "4"},
+    {"radius": "1", "leaf": "2"},
+    {"radius": "2", "leaf": "1"},
     {"radius": "8", "node_bytes": "64"},
     {"update": "refit"},
 ]
@@ -53,6 +53,8 @@ def checked_depth(session: Session, prepared: Prepared) -> int:
     centres, extents, refs, root = children(session)
     low, high = centres.astype(np.float64) - extents, centres.astype(np.float64) + extents
     order = session.method._rays.leaves.order.numpy()
+    refitted = session.method.build.update == "refit"
+    reaching = int(session.method._rays.tree.root.numpy()[1])
     if root == NONE:
         assert not valid.any()
         return 0
@@ -61,10 +63,13 @@ def checked_depth(session: Session, prepared: Prepared) -> int:
     inside = np.array([[[-np.inf] * 3, [np.inf] * 3]])
     while len(now):
         leaf = (now & LEAF) != 0
-        triangles = order[now[leaf] & ~LEAF]
-        counted = valid[triangles] != 0
+        first = now[leaf] & ~LEAF
+        places = first[:, None] + np.arange(session.method._rays.group)
+        leads = places < (len(valid) if refitted else reaching)
+        triangles = order[np.where(leads, places, 0)]
+        counted = leads & (valid[triangles] != 0)
         found += triangles[counted].tolist()
-        held, box = corners[triangles[counted]], inside[leaf][counted]
+        held, box = corners[triangles[counted]], np.repeat(inside[leaf], counted.sum(axis=1), axis=0)
         assert (held.min(axis=1) > box[:, 0]).all()
         assert (held.max(axis=1) < box[:, 1]).all()
         nodes, above = now[~leaf], inside[~leaf]
@@ -111,7 +116,7 @@ def test_every_triangle_once_in_boxes_that_hold_it(name, settings, device):
 
 def test_a_tree_of_one_centroid_is_as_deep_as_its_bits():
     prepared = make_scene(*SCENES["one centroid"], [(5.0, 4.0, 3.0)])
-    assert checked_depth(built(prepared, {"builder": "lbvh"}), prepared) <= 24 + 15
+    assert checked_depth(built(prepared, {"builder": "lbvh", "leaf": "1"}), prepared) <= 24 + 15
 
 
 def test_nothing_valid_is_an_empty_tree(device):
