@@ -24,7 +24,7 @@ class Careful:
     def __init__(self, frame: Frame, build: Build, effects: Effects, tree: Tree, leaves: Leaves):
         self.frame, self.effects = frame, effects
         self.tree, self.leaves = tree, leaves
-        self.node_bytes, self.group = build.node_bytes, build.group_of(frame)
+        self.node_bytes, self.group = build.node_bytes, build.group
         device = wp.get_device(frame.device)
         self.walkers = WALKERS * (device.sm_count if device.is_cuda else 1)
         needed = effects.alpha or effects.bounces > 0

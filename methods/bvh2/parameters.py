@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ...harness.frame.frame import Frame
-
 BUILDERS = ("hploc", "lbvh")
 UPDATES = ("rebuild", "refit", "static")
 RADII = (1, 2, 4, 8)
 KEY_BITS = (24, 30)
 NODE_BYTES = (48, 64)
-LEAVES = (0, 1, 2, 4)
+LEAVES = (1, 2, 4)
 PRECISIONS = ("exact", "float32")
 PRIMARIES = ("packet", "single")
 
@@ -31,8 +29,7 @@ class Build:
     radius      of "hploc": how many neighbours to either side a cluster looks at for the one to merge with
     key_bits    bits of the Morton keys that the triangles are sorted by
     node_bytes  64: both children's boxes as centre and extent in float32; 48: extents rounded up to bfloat16
-    leaf        of a rebuilt tree: how many triangles, neighbours in the order of the keys, a leaf holds; 0 chooses: 4 where
-                there are more triangles than half as many as pixels, else 1
+    leaf        of a rebuilt tree: how many triangles, neighbours in the order of the keys, a leaf holds
     doubt_capacity  initial room for pairs of a triangle and a ray left to float64; 0 chooses; grows as needed
     """
 
@@ -41,7 +38,7 @@ class Build:
     radius: int = 2
     key_bits: int = 24
     node_bytes: int = 48
-    leaf: int = 0
+    leaf: int = 1
     doubt_capacity: int = 0
 
     def __post_init__(self) -> None:
@@ -58,11 +55,10 @@ class Build:
         if not 0 <= self.doubt_capacity <= 2**28:
             raise ValueError("doubt_capacity must be in 0..2^28")
 
-    def group_of(self, frame: Frame) -> int:
+    @property
+    def group(self) -> int:
         """How many triangles a leaf holds."""
-        if self.update != "rebuild":
-            return 1
-        return self.leaf or (4 if frame.triangle_count > frame.pixels // 2 else 1)
+        return self.leaf if self.update == "rebuild" else 1
 
 
 @dataclass(frozen=True)

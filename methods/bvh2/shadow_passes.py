@@ -52,7 +52,7 @@ class ShadowRays:
     ):
         self.frame, self.build, self.trace, self.effects = frame, build, trace, effects
         self.tree, self.leaves, self.extent = tree, leaves, extent
-        self.group = build.group_of(frame)
+        self.group = build.group
         self.exact = trace.precision == "exact"
         self.lights = [i for i, wanted in enumerate(effects.shadows) if wanted]
         device = wp.get_device(frame.device)

@@ -29,7 +29,7 @@ class Rebuilt:
     def __init__(self, frame: Frame, build: Build):
         self.frame, self.build = frame, build
         count = frame.triangle_count
-        self.group = build.group_of(frame)
+        self.group = build.group
         self.leaf_count = -(-count // self.group)
         with wp.ScopedDevice(frame.device):
             self.box = wp.zeros(6, dtype=wp.float32)
