@@ -30,10 +30,14 @@ FOREVER = wp.constant(wp.float64(wp.inf))
 
 
 @functools.cache
-def make_primary_kernel(structure_type: Any, walk: Any) -> Any:
-    """Closest hit of each pixel: nearest by float64 t, ties to the lowest index. Empty ``tests``: not counted."""
+def make_primary_kernel(structure_type: Any, walk: Any, registers: int = 0) -> Any:
+    """Closest hit of each pixel: nearest by float64 t, ties to the lowest index. Empty ``tests``: not counted.
 
-    @wp.kernel(enable_backward=False, module="unique")
+    ``registers``: what a thread may take on a GPU; 0: as many as the compiler wants.
+    """
+    limit = {"cuda_max_registers": registers} if registers else {}
+
+    @wp.kernel(enable_backward=False, module="unique", **limit)
     def primary_kernel(
         blocks: wp.bool,
         structure: structure_type,
@@ -68,10 +72,11 @@ def make_primary_kernel(structure_type: Any, walk: Any) -> Any:
 
 
 @functools.cache
-def make_shadow_kernel(structure_type: Any, walk: Any) -> Any:
+def make_shadow_kernel(structure_type: Any, walk: Any, registers: int = 0) -> Any:
     """Whether anything meets the open segment from each float64 hit point to the light; ``tests`` is added to."""
+    limit = {"cuda_max_registers": registers} if registers else {}
 
-    @wp.kernel(enable_backward=False, module="unique")
+    @wp.kernel(enable_backward=False, module="unique", **limit)
     def shadow_kernel(
         blocks: wp.bool,
         light: wp.int32,

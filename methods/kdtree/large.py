@@ -5,8 +5,9 @@ to the children, the level's bounds advance. Pairs stay where they are: one that
 is appended as the other, with its box cut to each (as spatial splits do, Stich et al. 2009). So there are no lists to move
 and nothing to sort; each pair knows its node.
 
-Division ends at nodes of ``small`` pairs, at LARGE_DEPTH, and below the third split on a path that left nearly all pairs on
-both sides: 100,000 triangles with one centroid would otherwise be doubled at each level.
+Division ends at nodes of ``small`` pairs, at LARGE_DEPTH, and where a node's ancestors have multiplied their pairs
+MOST_GROWTH times: 100,000 triangles with one centroid would otherwise be doubled at each level. So there are at most
+2 MOST_GROWTH pairs for each triangle: the pairs of all leaves, each divided by its growth, add up to the triangles.
 """
 
 from __future__ import annotations
@@ -41,10 +42,8 @@ from .nodes import (
 NOTHING = wp.constant(0x7FFFFFFF)
 """Start of a minimum of :func:`.nodes.ordered` numbers."""
 
-POOR = wp.constant(wp.float32(1.6))
-"""A split that leaves this many times the node's pairs in its children is poor."""
-
-MOST_POOR = wp.constant(3)
+MOST_GROWTH = wp.constant(wp.float32(8.0))
+"""Nodes whose ancestors have multiplied their pairs this often are not divided. Surfaces come to 2 or so."""
 
 
 @wp.func_native("""
@@ -67,13 +66,13 @@ def tighten(large: Large, node: wp.int32, low: wp.vec3f, high: wp.vec3f):
 
 @wp.func
 def put_large(
-    large: Large, node: wp.int32, low: wp.vec3f, high: wp.vec3f, depth: wp.int32, poor: wp.int32, parent: wp.int32
+    large: Large, node: wp.int32, low: wp.vec3f, high: wp.vec3f, depth: wp.int32, growth: wp.float32, parent: wp.int32
 ):  # fmt: skip
     large.low[node] = low
     large.high[node] = high
     large.count[node] = 0
     large.depth[node] = depth
-    large.poor[node] = poor
+    large.growth[node] = growth
     large.parent[node] = parent
     for k in range(wp.static(6)):
         large.tight[6 * node + k] = NOTHING
@@ -106,7 +105,7 @@ def root_kernel(
     low = box_low(box)
     high = box_high(box)
     held = wp.min(counters[REFS], refs.triangle.shape[0])
-    put_large(large, 0, low, high, 0, 0, held)
+    put_large(large, 0, low, high, 0, 1.0, held)
     large.count[0] = held
     tighten(large, 0, low, high)
     counters[NODES] = 1
@@ -155,17 +154,16 @@ def divide_kernel(
         if depth != SETTLED and count == 0:
             put_leaf(nodes, node, 0, 0)
         elif depth != SETTLED:
-            poor = large.poor[node]
+            growth = large.growth[node]
             if node > 0:
                 sibling = node + 1
                 if (node & 1) == 0:
                     sibling = node - 1
-                if wp.float32(count + large.count[sibling]) > POOR * wp.float32(large.parent[node]):
-                    poor += 1
+                growth *= wp.float32(count + large.count[sibling]) / wp.float32(large.parent[node])
             last = wp.int32(node)
             low = large.low[node]
             high = large.high[node]
-            done = count <= small or depth >= most_depth or poor >= MOST_POOR
+            done = count <= small or depth >= most_depth or growth >= MOST_GROWTH
             # Empty space: a plane at the box of the pairs, an empty leaf beyond it. One side after another.
             for side in range(wp.static(6)):
                 axis = side % 3
@@ -209,8 +207,8 @@ def divide_kernel(
                     below_high[longest] = middle
                     above_low = wp.vec3f(low[0], low[1], low[2])
                     above_low[longest] = middle
-                    put_large(large, child, low, below_high, depth + 1, poor, count)
-                    put_large(large, child + 1, above_low, high, depth + 1, poor, count)
+                    put_large(large, child, low, below_high, depth + 1, growth, count)
+                    put_large(large, child + 1, above_low, high, depth + 1, growth, count)
                     large.target[node] = last
                 else:
                     done = True

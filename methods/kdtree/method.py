@@ -25,10 +25,19 @@ from ..common.misses import miss_passes
 from ..common.ray_launches import PixelRays
 from ..common.reserve import BEYOND
 from .large import advance_kernel, distribute_kernel, divide_kernel, gather_kernel, list_kernel, root_kernel
-from .nodes import COUNTERS, Large, Refs, Roots, Tree
+from .nodes import COUNTERS, LONGEST, MEMBERS_USED, NODES_USED, Large, Refs, Roots, Tree
 from .parameters import LARGE_DEPTH, Build, Trace
-from .small import CANDIDATES, SMALL, WIDTH, Scratch, finish_kernel, small_kernel
-from .traversal import PRIMARY, SHADOW
+from .small import (
+    CANDIDATES,
+    MEMBER_CHUNK,
+    NODE_CHUNK,
+    SMALL,
+    WIDTH,
+    Scratch,
+    finish_kernel,
+    small_kernel,
+)
+from .traversal import make_kernels
 
 NEEDS = (
     ("(triangle, node) pairs", 36),
@@ -38,7 +47,7 @@ NEEDS = (
 )
 """What may overflow, and the bytes of one."""
 
-BLOCKS = 16
+BLOCKS = 32
 """Blocks of a multiprocessor that build small nodes."""
 
 MOST_CHILDREN = 2**29
@@ -46,7 +55,7 @@ MOST_CHILDREN = 2**29
 
 
 def most_depth(triangles: int) -> int:
-    """Levels of large nodes: 8 + 1.3 log2 n, after Havran (2000), and no more than a ray's stack has room for."""
+    """Levels of large nodes: 8 + 1.3 log2 n, after Havran (2000)."""
     return min(LARGE_DEPTH, 8 + int(1.3 * math.log2(max(2, triangles))))
 
 
@@ -75,11 +84,14 @@ class KdTree(BaseMethod):
             return miss_passes(frame, effects)
         if not self._capacity:
             pairs = self.build.capacity or 3 * count
-            large = 256 + 8 * count // self.build.small
-            self._capacity = [pairs, large, large + 6 * count, 6 * count]
+            large = 256 + 16 * count // self.build.small
+            blocks = self._blocks_on(frame)
+            nodes = large + 6 * count + NODE_CHUNK * blocks
+            self._capacity = [pairs, large, nodes, 6 * count + MEMBER_CHUNK * blocks]
         self._allocate(frame)
         tree = filled(Tree, nodes=self._nodes, members=self._members, box=self._box)
-        self._rays = PixelRays(frame, effects, tree, PRIMARY, SHADOW, self.trace.swizzle)
+        kernels = make_kernels(self.trace.stack, self.trace.registers)
+        self._rays = PixelRays(frame, effects, tree, *kernels, self.trace.swizzle)
         return [
             Pass("root", "build", ("points", "triangles"), ("pairs",), self._root),
             Pass("large nodes", "build", ("points", "triangles", "pairs"), ("small roots",), self._divide),
@@ -91,7 +103,7 @@ class KdTree(BaseMethod):
         pairs, large, nodes, members = self._capacity
         device = wp.get_device(frame.device)
         self._threads = 1 if device.is_cpu else 1024 * device.sm_count
-        self._blocks = 1 if device.is_cpu else BLOCKS * device.sm_count
+        self._blocks = self._blocks_on(frame)
 
         def ints(size: int) -> wp.array:
             return wp.zeros(size, dtype=wp.int32)
@@ -111,17 +123,22 @@ class KdTree(BaseMethod):
             )
             self._large = filled(
                 Large, low=vectors(large), high=vectors(large), tight=ints(6 * large), count=ints(large),
-                parent=ints(large), depth=ints(large), poor=ints(large), target=ints(large),
+                parent=ints(large), depth=ints(large), growth=wp.zeros(large, dtype=wp.float32), target=ints(large),
             )  # fmt: skip
             self._roots = filled(
                 Roots, node=ints(large), begin=ints(large), count=ints(large), cursor=ints(large), listed=ints(pairs)
             )  # fmt: skip
             self._scratch = filled(
                 Scratch,
-                order=ints(self._blocks * SMALL),
+                planes=wp.zeros(self._blocks * CANDIDATES, dtype=wp.float32),
+                triangles=ints(self._blocks * SMALL),
                 below=wp.zeros(self._blocks * CANDIDATES, dtype=wp.uint64),
                 above=wp.zeros(self._blocks * CANDIDATES, dtype=wp.uint64),
             )
+
+    def _blocks_on(self, frame: Frame) -> int:
+        device = wp.get_device(frame.device)
+        return 1 if device.is_cpu else BLOCKS * device.sm_count
 
     def needs(self) -> wp.array | None:
         return self._need
@@ -147,15 +164,14 @@ class KdTree(BaseMethod):
     def counters(self) -> dict[str, int]:
         if self._need is None:
             return {}
-        pairs, large, nodes, members = (int(n) for n in self._need.numpy())
-        words = self._nodes.numpy()[:nodes, 1]
-        lengths = words[words & 3 == 3] >> 2
+        pairs, large = (int(n) for n in self._need.numpy()[:2])
+        counted = self._counters.numpy()
         return {
             "pairs": pairs,
             "large nodes": large,
-            "nodes": nodes,
-            "leaf members": members,
-            "longest list": int(lengths.max()),
+            "nodes": large + int(counted[NODES_USED]),
+            "leaf members": int(counted[MEMBERS_USED]),
+            "longest list": int(counted[LONGEST]),
             **self._rays.counters(),
         }
 

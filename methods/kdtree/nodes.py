@@ -16,9 +16,13 @@ LEVEL_BEGIN = wp.constant(5)
 LEVEL_END = wp.constant(6)
 REFS_END = wp.constant(7)
 LARGE_NODES = wp.constant(8)
-COUNTERS = 9
+NODES_USED = wp.constant(9)
+MEMBERS_USED = wp.constant(10)
+LONGEST = wp.constant(11)
+COUNTERS = 12
 """Places of the counters: pairs, nodes, members of leaves, small roots, pairs in small roots; the level's first node and
-the first beyond it, the pairs that it begins with; nodes when the large ones are done."""
+the first beyond it, the pairs that it begins with; nodes when the large ones are done; what small nodes use of the nodes and
+members that are reserved for them; the longest list of a leaf."""
 
 SETTLED = wp.constant(-1)
 """Depth of a node that is not to be looked at again."""
@@ -43,7 +47,7 @@ class Large:
 
     low, high  vec3f: the node's region       tight   int32 [6 * nodes]: box of its pairs' boxes (:func:`ordered`)
     count  int32: its pairs                   parent  int32: pairs of its parent
-    depth  int32: level, or SETTLED           poor    int32: how many splits above it doubled too many pairs
+    depth  int32: level, or SETTLED           growth  float32: how often its ancestors' divisions multiplied their pairs
     target int32: the node whose plane divides its pairs, or -1 - the small root that they are in
     """
 
@@ -53,7 +57,7 @@ class Large:
     count: wp.array(dtype=wp.int32)
     parent: wp.array(dtype=wp.int32)
     depth: wp.array(dtype=wp.int32)
-    poor: wp.array(dtype=wp.int32)
+    growth: wp.array(dtype=wp.float32)
     target: wp.array(dtype=wp.int32)
 
 

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ..common.ray_launches import check_registers
+
 SMALL = 64
 """Triangles of a small node at most: a set of them is 64 bits."""
 
 SMALL_DEPTH = 16
 """Levels of the tree within a small node at most."""
 
-LARGE_DEPTH = 32
+LARGE_DEPTH = 40
 """Levels of large nodes at most."""
 
-STACK = SMALL_DEPTH + LARGE_DEPTH
-"""A ray's stack holds at most one node for each level."""
+
+STACKS = (1, 2, 4, 8, 16, 32, 64)
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,16 @@ class Build:
 class Trace:
     """How rays are traced.
 
-    swizzle  whether 32 consecutive threads trace a block of 8x4 pixels (true) or 32 pixels of a row (false)
+    swizzle    whether 32 consecutive threads trace a block of 8x4 pixels (true) or 32 pixels of a row (false)
+    stack      nodes that a ray's stack holds (1, 2, 4, 8, 16, 32 or 64)
+    registers  a thread may take on the GPU; 0: as many as the compiler wants
     """
 
     swizzle: bool = True
+    stack: int = 8
+    registers: int = 0
+
+    def __post_init__(self) -> None:
+        if self.stack not in STACKS:
+            raise ValueError(f"stack must be one of {', '.join(map(str, STACKS))}")
+        check_registers(self.registers)

@@ -14,8 +14,11 @@ import warp as wp
 
 from .nodes import (
     LARGE_NODES,
+    LONGEST,
     MEMBERS,
+    MEMBERS_USED,
     NODES,
+    NODES_USED,
     REFS,
     ROOTS,
     Large,
@@ -35,6 +38,10 @@ CANDIDATES = 6 * SMALL
 MOST_CANDIDATES = wp.constant(CANDIDATES)
 MOST_SMALL = wp.constant(SMALL)
 DEPTH = wp.constant(SMALL_DEPTH)
+NODE_CHUNK = 128
+MEMBER_CHUNK = 512
+"""What a block reserves at once: an atomic for each node would be most of the time."""
+
 STACK_ROOM = wp.constant(SMALL_DEPTH + 1)
 NO_PLANE = wp.constant(wp.uint64(0xFFFFFFFFFFFFFFFF))
 EMPTY_SPACE = wp.constant(wp.float32(0.8))
@@ -45,13 +52,58 @@ EMPTY_SPACE = wp.constant(wp.float32(0.8))
 class Scratch:
     """Room of each block.
 
-    order  int32 [blocks * SMALL]: the root's pairs, by triangle
+    planes  float32 [blocks * CANDIDATES]: the faces of the root's pairs, low x y z and high x y z of each; by triangle
+    triangles  int32 [blocks * SMALL]: the triangles of those pairs
     below, above  uint64 [blocks * CANDIDATES]: which pairs a plane leaves below and above it
     """
 
-    order: wp.array(dtype=wp.int32)
+    planes: wp.array(dtype=wp.float32)
+    triangles: wp.array(dtype=wp.int32)
     below: wp.array(dtype=wp.uint64)
     above: wp.array(dtype=wp.uint64)
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+__syncwarp();
+#endif
+""")
+def wait_for_others():
+    """From here on a lane reads what the other lanes of its block have written."""
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+return __shfl_sync(0xffffffffu, value, 0);
+#else
+return value;
+#endif
+""")
+def of_first_lane(value: wp.int32) -> wp.int32: ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+for (int to = 16; to > 0; to >>= 1) {
+    unsigned long long other = __shfl_xor_sync(0xffffffffu, (unsigned long long)value, to);
+    value = other < value ? other : value;
+}
+#endif
+return value;
+""")
+def least_of_lanes(value: wp.uint64) -> wp.uint64: ...
+
+
+@wp.func_native("""
+for (int left = rank; left > 0; left--) word &= word - 1;
+#if defined(__CUDA_ARCH__)
+return __ffsll((long long)word) - 1;
+#else
+return __builtin_ctzll(word);
+#endif
+""")
+def set_bit(word: wp.uint64, rank: wp.int32) -> wp.int32:
+    """The place of the bit of a word that has ``rank`` set bits below it."""
 
 
 @wp.func
@@ -67,30 +119,92 @@ def area(low: wp.vec3f, high: wp.vec3f) -> wp.float32:
 
 
 @wp.func
-def plane_of(refs: Refs, scratch: Scratch, base: wp.int32, candidate: wp.int32) -> wp.float32:
-    """Candidate 6 k + axis is the low face of pair k, 6 k + 3 + axis its high face."""
-    at = scratch.order[base + candidate // 6]
-    side = candidate % 6
-    if side < 3:
-        return refs.low[at][side]
-    return refs.high[at][side - 3]
-
-
-@wp.func
 def split_cost(
-    traversal: wp.float32, low: wp.vec3f, high: wp.vec3f, plane: wp.float32, axis: wp.int32, below: wp.int32, above: wp.int32
+    traversal: wp.float32, low: wp.vec3f, high: wp.vec3f, whole: wp.float32, plane: wp.float32, axis: wp.int32,
+    below: wp.int32, above: wp.int32,
 ) -> wp.float32:  # fmt: skip
-    """What a ray through the node is expected to cost, in triangle tests."""
+    """What a ray through the node, whose :func:`area` is ``whole``, is expected to cost, in triangle tests."""
     middle_high = wp.vec3f(high[0], high[1], high[2])
     middle_high[axis] = plane
     middle_low = wp.vec3f(low[0], low[1], low[2])
     middle_low[axis] = plane
     of_below = area(low, middle_high) * wp.float32(below)
     of_above = area(middle_low, high) * wp.float32(above)
-    cost = traversal + (of_below + of_above) / area(low, high)
+    cost = traversal + (of_below + of_above) / whole
     if below == 0 or above == 0:
         cost *= EMPTY_SPACE
     return cost
+
+
+@wp.func
+def order_root(
+    lane: wp.int32, slot: wp.int32, count: wp.int32, block: wp.int32, refs: Refs, roots: Roots, scratch: Scratch
+):  # fmt: skip
+    """Put the pairs of a root in the order of their triangles: the order in which they were listed is chance."""
+    begin = roots.begin[slot]
+    k = wp.int32(lane)
+    while k < count:
+        at = roots.listed[begin + k]
+        i = refs.triangle[at]
+        rank = wp.int32(0)
+        for other in range(count):
+            if refs.triangle[roots.listed[begin + other]] < i:
+                rank += 1
+        scratch.triangles[block * MOST_SMALL + rank] = i
+        low = refs.low[at]
+        high = refs.high[at]
+        to = block * MOST_CANDIDATES + 6 * rank
+        for axis in range(wp.static(3)):
+            scratch.planes[to + axis] = low[axis]
+            scratch.planes[to + 3 + axis] = high[axis]
+        k += wp.block_dim()
+
+
+@wp.func
+def sort_pairs(lane: wp.int32, count: wp.int32, words: wp.int32, scratch: Scratch):
+    """Which pairs each candidate plane leaves below and above."""
+    k = wp.int32(lane)
+    while k < 6 * count:
+        plane = scratch.planes[words + k]
+        axis = k % 3
+        below = wp.uint64(0)
+        above = wp.uint64(0)
+        for other in range(count):
+            low = scratch.planes[words + 6 * other + axis]
+            high = scratch.planes[words + 6 * other + 3 + axis]
+            if goes_below(low, high, plane):
+                below = below | bit(other)
+            if goes_above(low, high, plane):
+                above = above | bit(other)
+        scratch.below[words + k] = below
+        scratch.above[words + k] = above
+        k += wp.block_dim()
+
+
+@wp.func
+def best_plane(
+    lane: wp.int32, words: wp.int32, those: wp.uint64, low: wp.vec3f, high: wp.vec3f, traversal: wp.float32,
+    scratch: Scratch,
+) -> wp.uint64:  # fmt: skip
+    """The candidate of least cost, behind its cost's bits; NO_PLANE where a leaf costs no more. The same for all lanes."""
+    number = wp.bit_count(those)
+    whole = area(low, high)
+    best = NO_PLANE
+    if whole > 0.0 and wp.float32(number) > EMPTY_SPACE * traversal:
+        rank = wp.int32(lane)
+        while rank < 6 * number:
+            k = 6 * set_bit(those, rank // 6) + rank % 6
+            plane = scratch.planes[words + k]
+            axis = k % 3
+            if plane > low[axis] and plane < high[axis]:
+                below = wp.bit_count(those & scratch.below[words + k])
+                above = wp.bit_count(those & scratch.above[words + k])
+                cost = split_cost(traversal, low, high, whole, plane, axis, below, above)
+                if cost < wp.float32(number):
+                    key = (wp.uint64(wp.cast(cost, wp.uint32)) << wp.uint64(32)) | wp.uint64(k)
+                    best = wp.min(best, key)
+            rank += wp.block_dim()
+    return least_of_lanes(best)
 
 
 @wp.kernel(enable_backward=False)
@@ -105,6 +219,7 @@ def small_kernel(
     members: wp.array(dtype=wp.int32),
     counters: wp.array(dtype=wp.int32),
 ):
+    """The trees below all small roots; one leaf where more triangles were left than a word has bits."""
     block, lane = wp.tid()
     stack_node = wp.zeros(shape=STACK_ROOM, dtype=wp.int32)
     stack_set = wp.zeros(shape=STACK_ROOM, dtype=wp.uint64)
@@ -112,65 +227,42 @@ def small_kernel(
     stack_low = wp.zeros(shape=STACK_ROOM, dtype=wp.vec3f)
     stack_high = wp.zeros(shape=STACK_ROOM, dtype=wp.vec3f)
     room = members.shape[0]
-    base = block * MOST_SMALL
     words = block * MOST_CANDIDATES
+    next_node = wp.int32(0)
+    end_node = wp.int32(0)
+    next_member = wp.int32(0)
+    end_member = wp.int32(0)
+    nodes_used = wp.int32(0)
+    members_used = wp.int32(0)
+    longest = wp.int32(0)
     slot = wp.int32(block)
     while slot < counters[ROOTS]:
-        begin = roots.begin[slot]
         count = roots.count[slot]
         held = wp.int32(0)
+        mine = wp.int32(0)
         if count > MOST_SMALL:
-            # What could not be divided: one leaf, however many it holds.
-            mine = wp.int32(0)
             if lane == 0:
                 mine = wp.atomic_add(counters, MEMBERS, count)
                 put_leaf(nodes, roots.node[slot], mine, count)
-            place = wp.tile_sum(wp.tile(mine))[0]
+            place = of_first_lane(mine)
+            members_used += count
+            longest = wp.max(longest, count)
             k = wp.int32(lane)
             while k < count:
                 if place + k < room:
-                    members[place + k] = refs.triangle[roots.listed[begin + k]]
+                    members[place + k] = refs.triangle[roots.listed[roots.begin[slot] + k]]
                 k += wp.block_dim()
         else:
-            # In the order of their triangles: the order in which they were listed is chance.
-            k = wp.int32(lane)
-            while k < count:
-                at = roots.listed[begin + k]
-                i = refs.triangle[at]
-                rank = wp.int32(0)
-                for other in range(count):
-                    if refs.triangle[roots.listed[begin + other]] < i:
-                        rank += 1
-                scratch.order[base + rank] = at
-                k += wp.block_dim()
-            together = wp.tile_sum(wp.tile(lane))[0]  # what other lanes have written can be read
-            k = wp.int32(lane)
-            while k < 6 * count:
-                plane = plane_of(refs, scratch, base, k)
-                axis = k % 3
-                below = wp.uint64(0)
-                above = wp.uint64(0)
-                for other in range(count):
-                    at = scratch.order[base + other]
-                    low_side = refs.low[at][axis]
-                    high_side = refs.high[at][axis]
-                    if goes_below(low_side, high_side, plane):
-                        below = below | bit(other)
-                    if goes_above(low_side, high_side, plane):
-                        above = above | bit(other)
-                scratch.below[words + k] = below
-                scratch.above[words + k] = above
-                k += wp.block_dim()
-            together += wp.tile_sum(wp.tile(lane))[0]
+            order_root(lane, slot, count, block, refs, roots, scratch)
+            wait_for_others()
+            sort_pairs(lane, count, words, scratch)
+            wait_for_others()
             stack_node[0] = roots.node[slot]
-            all_of = NO_PLANE
-            if count < 64:
-                all_of = bit(count) - wp.uint64(1)
-            stack_set[0] = all_of
+            stack_set[0] = NO_PLANE >> wp.uint64(64 - count)
             stack_depth[0] = 0
             stack_low[0] = large.low[roots.node[slot]]
             stack_high[0] = large.high[roots.node[slot]]
-            held = wp.where(together >= 0, 1, 0)
+            held = 1
         while held > 0:
             held -= 1
             node = stack_node[held]
@@ -178,61 +270,63 @@ def small_kernel(
             depth = stack_depth[held]
             low = stack_low[held]
             high = stack_high[held]
-            number = wp.bit_count(those)
             best = NO_PLANE
-            if depth < DEPTH and number > 0 and area(low, high) > 0.0:
-                k = wp.int32(lane)
-                while k < 6 * count:
-                    if (those & bit(k // 6)) != wp.uint64(0):
-                        plane = plane_of(refs, scratch, base, k)
-                        axis = k % 3
-                        if plane > low[axis] and plane < high[axis]:
-                            below_number = wp.bit_count(those & scratch.below[words + k])
-                            above_number = wp.bit_count(those & scratch.above[words + k])
-                            cost = split_cost(traversal, low, high, plane, axis, below_number, above_number)
-                            if cost < wp.float32(number):
-                                key = (wp.uint64(wp.cast(cost, wp.uint32)) << wp.uint64(32)) | wp.uint64(k)
-                                best = wp.min(best, key)
-                    k += wp.block_dim()
-            best = wp.tile_min(wp.tile(best))[0]
-            mine = wp.int32(0)
+            if depth < DEPTH:
+                best = best_plane(lane, words, those, low, high, traversal, scratch)
             if best == NO_PLANE:
+                number = wp.bit_count(those)
+                if next_member + number > end_member:
+                    if lane == 0:
+                        mine = wp.atomic_add(counters, MEMBERS, MEMBER_CHUNK)
+                    next_member = of_first_lane(mine)
+                    end_member = next_member + MEMBER_CHUNK
+                place = wp.int32(next_member)
+                next_member += number
+                members_used += number
+                longest = wp.max(longest, number)
                 if lane == 0:
-                    mine = wp.atomic_add(counters, MEMBERS, number)
-                    put_leaf(nodes, node, mine, number)
-                place = wp.tile_sum(wp.tile(mine))[0]
-                k = wp.int32(lane)
-                while k < count:
-                    if (those & bit(k)) != wp.uint64(0):
-                        to = place + wp.bit_count(those & (bit(k) - wp.uint64(1)))
-                        if to < room:
-                            members[to] = refs.triangle[scratch.order[base + k]]
-                    k += wp.block_dim()
+                    put_leaf(nodes, node, place, number)
+                rank = wp.int32(lane)
+                while rank < number:
+                    if place + rank < room:
+                        members[place + rank] = scratch.triangles[block * MOST_SMALL + set_bit(those, rank)]
+                    rank += wp.block_dim()
             else:
                 chosen = wp.int32(best & wp.uint64(0xFFFFFFFF))
-                plane = plane_of(refs, scratch, base, chosen)
+                plane = scratch.planes[words + chosen]
                 axis = chosen % 3
+                if next_node == end_node:
+                    if lane == 0:
+                        mine = wp.atomic_add(counters, NODES, NODE_CHUNK)
+                    next_node = of_first_lane(mine)
+                    end_node = next_node + NODE_CHUNK
+                child = wp.int32(next_node)
+                next_node += 2
+                nodes_used += 2
                 if lane == 0:
-                    mine = wp.atomic_add(counters, NODES, 2)
-                    put_inner(nodes, node, plane, axis, mine)
-                child = wp.tile_sum(wp.tile(mine))[0]
-                cut_high = wp.vec3f(high[0], high[1], high[2])
-                cut_high[axis] = plane
-                cut_low = wp.vec3f(low[0], low[1], low[2])
-                cut_low[axis] = plane
+                    put_inner(nodes, node, plane, axis, child)
+                below_high = wp.vec3f(high[0], high[1], high[2])
+                below_high[axis] = plane
+                above_low = wp.vec3f(low[0], low[1], low[2])
+                above_low[axis] = plane
                 stack_node[held] = child + 1
                 stack_set[held] = those & scratch.above[words + chosen]
                 stack_depth[held] = depth + 1
-                stack_low[held] = cut_low
+                stack_low[held] = above_low
                 stack_high[held] = high
                 held += 1
                 stack_node[held] = child
                 stack_set[held] = those & scratch.below[words + chosen]
                 stack_depth[held] = depth + 1
                 stack_low[held] = low
-                stack_high[held] = cut_high
+                stack_high[held] = below_high
                 held += 1
+        wait_for_others()
         slot += blocks
+    if lane == 0:
+        wp.atomic_add(counters, NODES_USED, nodes_used)
+        wp.atomic_add(counters, MEMBERS_USED, members_used)
+        wp.atomic_max(counters, LONGEST, longest)
 
 
 @wp.kernel(enable_backward=False)

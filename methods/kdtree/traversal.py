@@ -1,4 +1,7 @@
-"""A ray's walk down the tree, nearer child first, with a stack that holds the others and the parts of the ray in them.
+"""A ray's walk down the tree, nearer child first, with a short stack of the others and the parts of the ray in them.
+
+The stack holds the last few of them (Horn et al. 2007). Where more are pending the oldest is forgotten, and when the stack
+is empty the walk begins anew at the root, behind what it has seen. So the tree may be of any depth.
 
 No hit is missed. Let e be more than every rounding of the times at which a ray meets a plane, as a way along the plane's
 axis. A child is visited for all times at which the ray is within e of it. A triangle is listed in a leaf around each of its
@@ -10,8 +13,9 @@ lies within the scene:
     their product                              (A + B) u      the sum with the margin       (A + B) u
     the direction, if it is light - hit point  (A + B) u      the hit point, in float32     B u
     a triangle's closed edge, 2^-30 of it      B u
+    beginning anew at the next number          (A + B) u
 
-5 A u + 7 B u in all; e is 8 A u + 16 B u. A direction's part of less than 2^-40 of its largest is replaced by that: it moves
+6 A u + 8 B u in all; e is 8 A u + 16 B u. A direction's part of less than 2^-40 of its largest is replaced by that: it moves
 a ray by 2^-40 of its way.
 
 The walk goes on behind a leaf until what is left begins behind the closest hit: a triangle may be hit beyond the leaf that
@@ -20,6 +24,7 @@ offered it, and nearer ones may lie between.
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import warp as wp
@@ -32,9 +37,6 @@ from ..common.ray_kernels import make_primary_kernel, make_shadow_kernel
 from ..common.ray_queries import SLACK, Found, nothing_found
 from ..common.triangle import U32, largest, to_float32
 from .nodes import LEAF, Tree
-from .parameters import STACK
-
-ROOM = wp.constant(STACK)
 
 LATEST = wp.constant(wp.float32(3.0e37))
 """Times and margins beyond float32 are cut to this."""
@@ -55,91 +57,116 @@ def meeting(plane: wp.float32, o: wp.float32, inverse: wp.float32) -> wp.float32
     return wp.clamp((plane - o) * inverse, -LATEST, LATEST)
 
 
-@wp.func
-def walk(
-    test: wp.Function,
-    tree: Tree,
-    mesh: Mesh,
-    alpha: Alpha,
-    start: wp.vec3d,
-    direction: wp.vec3d,
-    end: wp.float64,
-    own: wp.int32,
-    query: Any,
-) -> Found:
-    """Put the triangles of the leaves that a ray meets through ``test``: see :mod:`..common.ray_kernels`."""
-    found = nothing_found(SLACK * wp.float32(end))
-    stack_node = wp.zeros(shape=ROOM, dtype=wp.int32)
-    stack_from = wp.zeros(shape=ROOM, dtype=wp.float32)
-    stack_to = wp.zeros(shape=ROOM, dtype=wp.float32)
-    o = to_float32(start)
-    d = to_float32(direction)
-    low = box_low(tree.box)
-    high = box_high(tree.box)
-    least = largest(d) * 9.094947e-13 + 1.0e-37
-    inverse = wp.vec3f(inverse_of(d[0], least), inverse_of(d[1], least), inverse_of(d[2], least))
-    extent = wp.max(largest(low), largest(high))
-    e = U32 * (8.0 * largest(o) + 16.0 * extent) + 1.0e-37
-    margin = wp.min(wp.vec3f(LATEST, LATEST, LATEST), e * wp.abs(inverse))
-    first = wp.float32(0.0)
-    last = found.limit
-    for axis in range(wp.static(3)):
-        a = meeting(low[axis], o[axis], inverse[axis])
-        b = meeting(high[axis], o[axis], inverse[axis])
-        first = wp.max(first, wp.min(a, b) - margin[axis])
-        last = wp.min(last, wp.max(a, b) + margin[axis])
-    held = wp.int32(0)
-    node = wp.int32(0)
-    going = first <= last
-    while going:
-        record = entry(tree.nodes, node)
-        axis = record[1] & 3
-        other = record[1] >> 2
-        onward = wp.bool(False)
-        if axis != LEAF:
-            plane = wp.cast(record[0], wp.float32)
-            inverse_here = inverse[axis]
-            at = meeting(plane, o[axis], inverse_here)
-            # That below the plane comes first if the ray goes up.
-            near = other
-            far = other + 1
-            if inverse_here < 0.0:
-                near = other + 1
-                far = other
-            until = at + margin[axis]
-            since = at - margin[axis]
-            onward = True
-            if until < first:
-                node = far
-            elif since > last:
-                node = near
+@functools.cache
+def make_walk(stack: int) -> Any:
+    """A walk whose stack holds ``stack`` nodes, a power of two."""
+    KEPT = wp.constant(stack)
+
+    @wp.func
+    def walk(
+        test: wp.Function,
+        tree: Tree,
+        mesh: Mesh,
+        alpha: Alpha,
+        start: wp.vec3d,
+        direction: wp.vec3d,
+        end: wp.float64,
+        own: wp.int32,
+        query: Any,
+    ) -> Found:
+        """Put the triangles of the leaves that a ray meets through ``test``: see :mod:`..common.ray_kernels`."""
+        found = nothing_found(SLACK * wp.float32(end))
+        stack_node = wp.zeros(shape=KEPT, dtype=wp.int32)
+        stack_from = wp.zeros(shape=KEPT, dtype=wp.float32)
+        stack_to = wp.zeros(shape=KEPT, dtype=wp.float32)
+        o = to_float32(start)
+        d = to_float32(direction)
+        low = box_low(tree.box)
+        high = box_high(tree.box)
+        least = largest(d) * 9.094947e-13 + 1.0e-37
+        inverse = wp.vec3f(inverse_of(d[0], least), inverse_of(d[1], least), inverse_of(d[2], least))
+        extent = wp.max(largest(low), largest(high))
+        e = U32 * (8.0 * largest(o) + 16.0 * extent) + 1.0e-37
+        margin = wp.min(wp.vec3f(LATEST, LATEST, LATEST), e * wp.abs(inverse))
+        first = wp.float32(0.0)
+        last = found.limit
+        for axis in range(wp.static(3)):
+            a = meeting(low[axis], o[axis], inverse[axis])
+            b = meeting(high[axis], o[axis], inverse[axis])
+            first = wp.max(first, wp.min(a, b) - margin[axis])
+            last = wp.min(last, wp.max(a, b) + margin[axis])
+        ray_last = last
+        top = wp.int32(0)
+        held = wp.int32(0)
+        forgotten = wp.bool(False)
+        node = wp.int32(0)
+        going = first <= last
+        while going:
+            record = entry(tree.nodes, node)
+            axis = record[1] & 3
+            other = record[1] >> 2
+            onward = wp.bool(False)
+            if axis != LEAF:
+                plane = wp.cast(record[0], wp.float32)
+                inverse_here = inverse[axis]
+                at = meeting(plane, o[axis], inverse_here)
+                # That below the plane comes first if the ray goes up.
+                near = other
+                far = other + 1
+                if inverse_here < 0.0:
+                    near = other + 1
+                    far = other
+                until = at + margin[axis]
+                since = at - margin[axis]
+                onward = True
+                if until < first:
+                    node = far
+                elif since > last:
+                    node = near
+                else:
+                    stack_node[top] = far
+                    stack_from[top] = wp.max(first, since)
+                    stack_to[top] = last
+                    top = (top + 1) & (KEPT - 1)
+                    forgotten = forgotten or held == KEPT
+                    held = wp.min(held + 1, KEPT)
+                    node = near
+                    last = wp.min(last, until)
             else:
-                stack_node[held] = far
-                stack_from[held] = wp.max(first, since)
-                stack_to[held] = last
-                held += 1
-                node = near
-                last = wp.min(last, until)
-        else:
-            k = record[0]
-            stop = k + other
-            while k < stop:
-                i = entry(tree.members, k)
-                k += 1
-                if i != own:
-                    found.tests += 1
-                    found = test(mesh, alpha, i, query, found)
-                    if found.done:
-                        k = stop
-        while not onward and held > 0 and not found.done:
-            held -= 1
-            node = stack_node[held]
-            first = stack_from[held]
-            last = stack_to[held]
-            onward = first <= found.limit
-        going = onward
-    return found
+                k = record[0]
+                stop = k + other
+                while k < stop:
+                    i = entry(tree.members, k)
+                    k += 1
+                    if i != own:
+                        found.tests += 1
+                        found = test(mesh, alpha, i, query, found)
+                        if found.done:
+                            k = stop
+            if not onward and not found.done:
+                seen = last
+                while not onward and held > 0:
+                    held -= 1
+                    top = (top + KEPT - 1) & (KEPT - 1)
+                    node = stack_node[top]
+                    first = stack_from[top]
+                    last = stack_to[top]
+                    onward = first <= found.limit
+                if not onward and forgotten and seen < wp.min(ray_last, found.limit):
+                    # The next number, so that the leaf that ends here is not visited again.
+                    first = wp.cast(wp.cast(seen, wp.int32) + 1, wp.float32)
+                    last = ray_last
+                    node = 0
+                    forgotten = False
+                    onward = True
+            going = onward
+        return found
+
+    return walk
 
 
-PRIMARY = make_primary_kernel(Tree, walk)
-SHADOW = make_shadow_kernel(Tree, walk)
+@functools.cache
+def make_kernels(stack: int, registers: int) -> tuple[Any, Any]:
+    """The kernels of primary rays and of shadow rays."""
+    walk = make_walk(stack)
+    return make_primary_kernel(Tree, walk, registers), make_shadow_kernel(Tree, walk, registers)

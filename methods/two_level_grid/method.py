@@ -21,9 +21,9 @@ from ...harness.scene.effects import Effects, Limits
 from ..common.grid_build import BinnedItems, TriangleGrid, cells_for, refuse_cells
 from ..common.misses import miss_passes
 from ..common.pairs import grown
-from ..common.ray_launches import PixelRays
+from ..common.ray_launches import PixelRays, check_registers
 from .leaves import TopCells, bin_large_leaf_kernel, bin_leaf_kernel, first_kernel, resolution_kernel
-from .traversal import PRIMARY, SHADOW, LeafCells
+from .traversal import LeafCells, make_kernels
 
 TOP, LEAF = 0, 1
 """Slots of the needs."""
@@ -57,10 +57,15 @@ class Build:
 class Trace:
     """How rays are traced.
 
-    swizzle  whether 32 consecutive threads trace a block of 8x4 pixels (true) or 32 pixels of a row (false)
+    swizzle    whether 32 consecutive threads trace a block of 8x4 pixels (true) or 32 pixels of a row (false)
+    registers  a thread may take on the GPU; 0: as many as the compiler wants
     """
 
     swizzle: bool = True
+    registers: int = 0
+
+    def __post_init__(self) -> None:
+        check_registers(self.registers)
 
 
 class TwoLevelGrid(BaseMethod):
@@ -109,7 +114,7 @@ class TwoLevelGrid(BaseMethod):
             LeafCells, grid=self._top.grid, res=self._res, first=self._first, begin=leaf.begin, end=leaf.end,
             members=leaf.values,
         )  # fmt: skip
-        self._rays = PixelRays(frame, effects, lists, PRIMARY, SHADOW, self.trace.swizzle)
+        self._rays = PixelRays(frame, effects, lists, *make_kernels(self.trace.registers), self.trace.swizzle)
         levels = ("grid", "cells", "sorted pairs", "leaf grids")
         geometry = ("points", "triangles", *levels)
         return [

@@ -141,5 +141,6 @@ def walk(
     return found
 
 
-PRIMARY = make_primary_kernel(LeafCells, walk)
-SHADOW = make_shadow_kernel(LeafCells, walk)
+def make_kernels(registers: int) -> tuple[Any, Any]:
+    """The kernels of primary rays and of shadow rays."""
+    return make_primary_kernel(LeafCells, walk, registers), make_shadow_kernel(LeafCells, walk, registers)

@@ -21,8 +21,8 @@ from ...harness.scene.effects import Effects, Limits
 from ..common.grid_build import TriangleGrid, cells_for
 from ..common.misses import miss_passes
 from ..common.pairs import grown
-from ..common.ray_launches import PixelRays
-from .traversal import PRIMARY, SHADOW, Cells
+from ..common.ray_launches import PixelRays, check_registers
+from .traversal import Cells, make_kernels
 
 
 @dataclass(frozen=True)
@@ -48,10 +48,15 @@ class Build:
 class Trace:
     """How rays are traced.
 
-    swizzle  whether 32 consecutive threads trace a block of 8x4 pixels (true) or 32 pixels of a row (false)
+    swizzle    whether 32 consecutive threads trace a block of 8x4 pixels (true) or 32 pixels of a row (false)
+    registers  a thread may take on the GPU; 0: as many as the compiler wants
     """
 
     swizzle: bool = True
+    registers: int = 0
+
+    def __post_init__(self) -> None:
+        check_registers(self.registers)
 
 
 class UniformGrid(BaseMethod):
@@ -81,7 +86,7 @@ class UniformGrid(BaseMethod):
         self._grid = TriangleGrid(frame, cells, self._capacity)
         pairs = self._grid.binned.list
         lists = filled(Cells, grid=self._grid.grid, begin=pairs.begin, end=pairs.end, members=pairs.values)
-        self._rays = PixelRays(frame, effects, lists, PRIMARY, SHADOW, self.trace.swizzle)
+        self._rays = PixelRays(frame, effects, lists, *make_kernels(self.trace.registers), self.trace.swizzle)
         return [*self._grid.passes(self._need, 0), *self._rays.passes(("cells", "sorted pairs", "grid"))]
 
     def needs(self) -> wp.array | None:

@@ -65,5 +65,6 @@ def walk(
     return found
 
 
-PRIMARY = make_primary_kernel(Cells, walk)
-SHADOW = make_shadow_kernel(Cells, walk)
+def make_kernels(registers: int) -> tuple[Any, Any]:
+    """The kernels of primary rays and of shadow rays."""
+    return make_primary_kernel(Cells, walk, registers), make_shadow_kernel(Cells, walk, registers)

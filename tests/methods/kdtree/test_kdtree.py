@@ -10,8 +10,8 @@ from shadowbench.harness.errors import CapacityRejected, UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.effects import Limits
-from shadowbench.methods.kdtree.parameters import STACK
-from shadowbench.methods.kdtree.traversal import PRIMARY, SHADOW
+from shadowbench.methods.kdtree.parameters import LARGE_DEPTH, SMALL_DEPTH, Trace
+from shadowbench.methods.kdtree.traversal import make_kernels
 from tools.kernel_report import uses_of
 
 NAME = "kdtree"
@@ -45,7 +45,8 @@ def test_settings_agree_bit_for_bit(device):
         {},
         {"small": "5"},
         {"traversal_cost": "20"},
-        {"swizzle": "false"},
+        {"stack": "1"},
+        {"stack": "2"},
         {"capacity": "3"},
     ):
         got = trace(NAME, settings, prepared, 33, 21, device)[2]
@@ -124,19 +125,19 @@ def around_the_origin(sizes: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndar
     "sizes", [np.ones(1500), 0.5 ** (np.arange(1500) / 15.0)], ids=["one size", "halving"]
 )
 def test_triangles_that_no_plane_parts_end_in_few_large_leaves(sizes):
-    """They would be doubled at each level: what is listed stays within a small multiple, the depth within a stack."""
+    """They would be doubled at each level: what is listed stays within a bound, and so does the depth."""
     prepared = make_scene(*around_the_origin(sizes, 1), [(3.0, 4.0, 5.0)], (0.0, 0.0, 4.0))
     session, _, got = trace(NAME, {}, prepared, 16, 16)
     need = session.method.needs().numpy()
-    assert need[0] <= 30 * len(sizes)
-    assert need[3] <= 30 * len(sizes)
-    assert depth_of(session.method._nodes.numpy()) <= STACK
+    assert need[0] <= 16 * len(sizes)
+    assert need[3] <= 32 * len(sizes)
+    assert depth_of(session.method._nodes.numpy()) <= LARGE_DEPTH + SMALL_DEPTH + 1
     reference = trace("uniform_grid", {"density": "0.01"}, prepared, 16, 16)[2]
     for key, value in reference.items():
         np.testing.assert_array_equal(got[key], value, key)
 
 
-@pytest.mark.parametrize("kernel", [PRIMARY, SHADOW], ids=["primary", "shadow"])
+@pytest.mark.parametrize("kernel", make_kernels(Trace().stack, Trace().registers), ids=["primary", "shadow"])
 def test_kernels_compile_for_cuda(kernel):
     (use,) = uses_of(kernel.module).values()
     assert use.registers <= 128
