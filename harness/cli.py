@@ -157,10 +157,17 @@ def run_(
         bool, typer.Option("--score/--no-score", help="Compare the answers with the exact reference.")
     ] = True,
     retry: Annotated[bool, typer.Option("--retry", help="Measure failed points again.")] = False,
+    dry_run: Annotated[
+        bool,
+        typer.Option(
+            "--dry-run",
+            help="List the points that would be measured and those already there, and how long it may take.",
+        ),
+    ] = False,
     as_json: Json = False,
 ) -> int:
     """Measure an experiment: every method on every scene. Check the answers against the exact reference, then draw."""
-    from .commands.run import plan_run, run
+    from .commands.run import dry, plan_run, run
 
     options = plan_run(
         experiment,
@@ -179,7 +186,7 @@ def run_(
         retry=retry,
         memory_limit=memory_limit,
     )
-    return run(options, as_json)
+    return dry(options, as_json) if dry_run else run(options, as_json)
 
 
 @command("show", "shadowbench show table1 results/local/table1-quick")

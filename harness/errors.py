@@ -27,7 +27,7 @@ def warn(text: str) -> None:
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """``'; did you mean X?'`` with the most similar known word; if none is similar, the list of known words."""
     names = sorted(known)
-    near = difflib.get_close_matches(word, names, n=1, cutoff=0.5)
+    near = difflib.get_close_matches(word, names, n=1, cutoff=0.7)
     if near:
         return f"; did you mean {near[0]}?"
     return "; known: " + ", ".join(names)

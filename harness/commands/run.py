@@ -15,6 +15,7 @@ from ..frame.devices import find_device
 from ..results.folder import ResultsFolder
 from ..results.newest import prefer
 from ..results.record import FAILURES, Record
+from ..runner import survey
 from ..runner.experiment import Preset, choose_methods, find_experiment, find_preset, parse_size
 from ..runner.machine_lock import MACHINE
 from ..runner.points import parse_settings
@@ -94,6 +95,15 @@ def plan_run(
         scene_dir=where,
         **options,
     )
+
+
+def dry(options: Options, as_json: bool = False) -> int:
+    """Print what :func:`run` would measure, and how long it may take; measure and write nothing."""
+    if options.experiment.measure is not None:
+        raise UserError(f"--dry-run: {options.experiment.name} has no points that are known before it runs")
+    points = survey.survey(options)
+    print(json.dumps(survey.as_json(points), indent=1) if as_json else survey.as_text(options, points))
+    return 0
 
 
 @MACHINE.restored()

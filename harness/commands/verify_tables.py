@@ -45,7 +45,7 @@ def print_reports(reports: list[dict[str, Any]]) -> None:
         if most is not None and most.reference_errors:
             table.add_row("reference", *_reference_cells(most.reference_errors))
             notes.append(
-                f"reference on {scene}: errors of Embree at {most.primary.judged:,} pixels that were decided exactly"
+                f"reference on {scene}: errors of Embree; {most.primary.judged:,} pixels were decided exactly to find them"
             )
         print_lines(console, f"{scene}, {report['triangles']:,} triangles")
         console.print(table)

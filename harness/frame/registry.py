@@ -184,5 +184,7 @@ def _value(method: str, key: str, kind: Any, text: str) -> Any:
 
 
 def _invalid(method: str, key: str, kind: Any, text: str, error: Exception) -> UserError:
-    detail = f": {error}" if isinstance(error, ValueError) and str(error) else ""
-    return UserError(f"{method}.{key}={text!r}: not a valid {getattr(kind, '__name__', kind)}{detail}")
+    detail = str(error) if isinstance(error, ValueError) else ""
+    if kind is not str or not detail:  # any text is a valid str; what its parameter allows is in the detail
+        detail = f"not a valid {getattr(kind, '__name__', kind)}" + (f": {detail}" if detail else "")
+    return UserError(f"{method}.{key}={text!r}: {detail}")

@@ -244,7 +244,13 @@ def effort(table: DataFrame) -> str:
         f"{n:.0f} round{'s' if n > 1 else ''}, at most {budget:g} s of samples a point"
         for n, budget in asked.to_numpy()
     ]
-    return f"{' and '.join(told)}." if told else ""
+    if not told:
+        return ""
+    short = table[(table["rounds"] > 0) & (table["rounds"] < table["point.rounds"])]
+    rows = zip(short["title"], short["label"], short["rounds"], short["point.rounds"], strict=True)
+    less = [f"{title}, {label}: {n} of {of:.0f}" for title, label, n, of in rows]
+    after = f" The budget was spent before the last round: {'; '.join(less)}." if less else ""
+    return f"{' and '.join(told)}.{after}"
 
 
 def check_text(row: Mapping[str, Any]) -> str:

@@ -110,9 +110,8 @@ def tidy(folder: Path | str) -> DataFrame:
     counter.NAME        float     work counters
     primary.CLASS       float     pixels by the class of their primary ray's answer
     shadow.CLASS        float     visibility bits by class, of all lights
-    light.NAME          object    how the experiment placed the lights: target, angle, rise, falloff, ...
     set.NAME            object    settings and all other parameters of the method
-    light.NAME          object    what the experiment changed of the scene's lights: distance, spot, shadows, ...
+    light.NAME          object    what the experiment changed of the scene's lights: distance, target, angle, spot, ...
     point.NAME          object    what the run asked for: samples, rounds, budget_s, ...
     ==================  ========  ==========================================================================
     """
@@ -230,7 +229,6 @@ def _point(record: Record, folder: str) -> dict[str, Any]:
         "environment": record.environment,
         "stopped_by": record.stopped_by,
         "unscored": "" if record.measured else "not measured",
-        **{f"light.{name}": value for name, value in lighting.items()},
         **{f"set.{name}": value for name, value in values.items()},
         **{f"light.{name}": value for name, value in lighting.items() if name != "label"},
         **{f"point.{name}": value for name, value in asked.items()},

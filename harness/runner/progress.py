@@ -113,9 +113,16 @@ class Bar(Silent):
         times = [median(frame.total_ms) for frame in record.frames if frame.total_ms]
         mean = fmean(times) if times else 0.0
         result = f"{mean:{',.0f' if mean >= 100 else '.3g'}} ms per frame" if times else "no time"
-        result = result if record.status == "ok" else record.status
+        result = result + self._short(record) if record.status == "ok" else record.status
         why = f": {record.reason}" if record.reason else ""
         self._line(f"{record.scene['name']}, {record.method['label']}: {result}{why}")
+
+    def _short(self, record: Record) -> str:
+        """Says so where the budget ended before all rounds."""
+        taken, asked = len(record.rounds or ()), record.point.get("rounds") or 0
+        if not 0 < taken < asked:
+            return ""
+        return f", {taken} of {asked} rounds: the budget of {record.point.get('budget_s', 0):g} s was spent"
 
     def _left(self) -> str:
         if self.end is None:

@@ -29,15 +29,15 @@ from .progress import Silent
 from .protocol import LOAD_S, grade_command, load_command, prepare_command
 from .redraw import repaint
 from .scene_cache import known_scene, learn_scene
+from .survey import announcement, survey
 from .worker_process import Remote, WorkerError, WorkerLostError
-from .workload import Estimate, announcement, expected_work, points_of, steps_of
+from .workload import Estimate, expected_work, points_of, steps_of
 
 GRADER = "grading"
 """The name of the worker that makes scenes and scores answers; no method may have this name."""
 
 GRADERS = max(1, min(8, (os.cpu_count() or 1) // 2))
 """Number of workers that score at the same time, after the timing of a scene. Each has the scene in memory."""
-
 
 Described = list[tuple[Entry, dict[str, Any]]]
 
@@ -66,7 +66,7 @@ class Run:
         options = self.options
         MACHINE.say = self.report.note
         with self.folder.locked(), MACHINE.shared():
-            self.report.note(announcement(options))
+            self.report.note(announcement(options, survey(options)))
             with self.folder.writing():
                 self.environment = keep(options.out, environment())
             parts = options.preset.parts()
@@ -159,8 +159,7 @@ class Run:
         self._finish_all([job for job in jobs if job.record is None])
 
     def _finish_all(self, jobs: list[Job]) -> None:
-        """Have the answers of jobs scored, and close the jobs. The first job runs alone: it computes the exact reference,
-        which the others read.
+        """Have the answers of jobs scored, and close the jobs. The first job computes the exact reference alone.
 
         Scoring takes long, so each scoring process holds the machine lock itself and releases it between frames.
         """
@@ -270,10 +269,8 @@ class Run:
         """Write the record of a job."""
         point = job.point
         described = {**point.configuration, "preset": self.options.preset_name}
-        events = job.journal.events
-        record = make_record(
-            point.key, described, point.scene, point.method, self.environment, events, status, reason
-        )
+        made_of = (point.key, described, point.scene, point.method, self.environment, job.journal.events)
+        record = make_record(*made_of, status, reason)
         self.folder.keep_record(record, job.journal)
         job.record = record
         self.report.done(job.steps)
@@ -296,14 +293,11 @@ class Run:
 
     def _command(self, worker: Remote, **command: Any) -> dict[str, Any]:
         timeout = self.options.preset.timeout_s
-        if command["do"] == "load":
-            timeout = max(timeout, LOAD_S)
         self._send(worker, **command)
-        return self._reply(worker, timeout)
+        return self._reply(worker, max(timeout, LOAD_S) if command["do"] == "load" else timeout)
 
     def _send(self, worker: Remote, **command: Any) -> None:
-        """Send a command. It runs under the machine lock of this process or, if this process does not hold it, the
-        worker's."""
+        """Send a command. It runs under the machine lock of this process, else under the worker's."""
         worker.send(**command, share=not MACHINE.held)
 
     def _reply(self, worker: Remote, timeout: float) -> dict[str, Any]:
@@ -333,8 +327,7 @@ class Run:
         return load_command(self.options, self.folder, self.lighting, scene, make)
 
     def _load(self, name: str, methods: set[str]) -> tuple[dict[str, Any] | None, dict[str, WorkerError]]:
-        """Have one worker make the scene and the others read it. Returns its facts (None on failure) and the workers that
-        failed."""
+        """Have one worker make the scene and the others read it. Its facts (None on failure); the workers that failed."""
         self.report.doing(f"{name}: making the scene")
         with self.folder.writing():
             self.folder.shared_scene.parent.mkdir(parents=True, exist_ok=True)

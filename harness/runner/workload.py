@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..frame.devices import device_title
 from ..scene.names import ANIMATED, TRIANGLES
 from ..scene.standins import balls
 from .experiment import Preset
-from .job import Options
 
 PIXEL = 1.75
 """Cost of a pixel relative to a triangle, roughly, for the methods of Table 1 on a CPU."""
@@ -39,18 +37,6 @@ def points_of(preset: Preset) -> int:
 def steps_of(preset: Preset) -> int:
     """Steps of a point: it is prepared, measured in rounds, and judged."""
     return preset.rounds + 2
-
-
-def announcement(options: Options) -> str:
-    """What a run is going to do, in one line."""
-    parts = options.preset.parts()
-    points = sum(points_of(part) for part in parts)
-    scenes = len({scene for part in parts for scene in part.scenes})
-    return (
-        f"{options.experiment.name}, preset {options.preset_name}, on {device_title(options.device)}: {points} "
-        f"point{'s' * (points != 1)} on {scenes} scene{'s' * (scenes != 1)}, results go to {options.out}. "
-        f"Kernels that are not in Warp's cache are compiled at the first scene"
-    )
 
 
 class Estimate:

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from shadowbench.harness.errors import UserError
+from shadowbench.harness.errors import UserError, did_you_mean
 from shadowbench.harness.frame import registry
 from shadowbench.harness.frame.method import SimpleMethod
 from shadowbench.harness.frame.session import Session
@@ -109,6 +109,24 @@ def test_wrong_settings_are_one_line(sample, settings, words):
 def test_an_unknown_method_is_one_line_with_a_guess(sample):
     with pytest.raises(UserError, match=r"no method 'sampel'; did you mean sample\?"):
         registry.make_method("sampel")
+
+
+def test_what_a_text_may_be_is_said_without_its_type():
+    with pytest.raises(UserError) as caught:
+        registry.make_method("warp_bvh", {"update": "refti"})
+    assert str(caught.value).startswith("warp_bvh.update='refti': update must be one of ")
+
+
+@pytest.mark.parametrize(
+    ("word", "known", "hint"),
+    [
+        ("ray_grids", ["uniform_grid"], "; known: uniform_grid"),
+        (".txt", [".stl", ".obj"], "; known: .obj, .stl"),
+        ("unifrm_grid", ["uniform_grid", "ray_grids"], "; did you mean uniform_grid?"),
+    ],
+)
+def test_only_a_misspelt_name_has_a_guess(word, known, hint):
+    assert did_you_mean(word, known) == hint
 
 
 def test_every_built_in_method_can_be_made():
