@@ -1,0 +1,132 @@
+"""Which points of a run are measured already, which are not, and how long the rest may take."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..frame.devices import device_title
+from ..results.folder import ResultsFolder
+from ..results.record import FAILURES
+from ..results.throttled import CROWDED
+from .job import Options
+from .points import describe_method, make_point
+from .protocol import load_command
+from .scene_cache import known_scene
+from .workload import expected_work
+
+OVERHEAD = 2.0
+"""A point's time in all over that of its samples, roughly: loading, warming up, checking the answers."""
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A point: ``status`` of its record, "" where it is to be measured; ``sampling_s`` its record's time of samples."""
+
+    scene: str
+    light: str
+    method: str
+    status: str
+    sampling_s: float
+    work: float
+    limit_s: float
+
+    @property
+    def to_do(self) -> bool:
+        return not self.status
+
+
+def survey(options: Options) -> list[Planned]:
+    """The points of a run. Nothing is made or written: the points of a scene that this folder does not know yet are all
+    to be measured."""
+    folder, found = ResultsFolder(options.out), []
+    for part in options.preset.parts():
+        own = dataclasses.replace(options, preset=part)
+        methods = [(entry, describe_method(entry, options.device)) for entry in part.methods]
+        for scene in part.scenes:
+            for lighting in part.lightings:
+                facts = known_scene(folder, load_command(own, folder, lighting, scene))
+                for entry, method in methods:
+                    record = None
+                    if facts:
+                        point = make_point(options.experiment.name, part, entry, facts, method, options.seed)
+                        record = folder.record(point.key)
+                    again = record is not None and options.retry and record.status in FAILURES
+                    rounds = record.rounds or () if record is not None else ()
+                    found.append(
+                        Planned(
+                            facts["name"] if facts else Path(scene).stem,
+                            lighting.label,
+                            entry.label or entry.method,
+                            "" if record is None or again else record.status,
+                            sum(one.get("spent_s", 0.0) for one in rounds),
+                            expected_work(scene, part),
+                            part.budget_s,
+                        )
+                    )
+    return found
+
+
+def seconds_left(points: list[Planned]) -> tuple[float, bool]:
+    """Seconds that the points to be measured may take, and whether that is an estimate from points of this folder;
+    otherwise it is an upper limit, from the budget of each."""
+    known = [p for p in points if not p.to_do and p.sampling_s]
+    rate = sum(p.sampling_s for p in known) / sum(p.work for p in known) if known else 0.0
+    each = (min(p.limit_s, p.work * rate) if known else p.limit_s for p in points if p.to_do)
+    return OVERHEAD * sum(each), bool(known)
+
+
+def duration(seconds: float) -> str:
+    """As people say it: "40 s", "5 min", "2.5 h"."""
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
+
+
+def announcement(options: Options, points: list[Planned]) -> str:
+    """What a run is going to do, in one line."""
+    to_do, scenes = sum(p.to_do for p in points), len({p.scene for p in points})
+    count = f"{len(points)} point{'s' * (len(points) != 1)} on {scenes} scene{'s' * (scenes != 1)}"
+    name = f"{options.experiment.name}, preset {options.preset_name}, on {device_title(options.device)}"
+    there = len(points) - to_do
+    if not to_do:
+        return f"{name}: nothing to measure, {there} of {len(points)} points are already in {options.out}"
+    seconds, known = seconds_left(points)
+    text = f"{name}: {count}, results go to {options.out}"
+    text += f"; {there} of them {'is' if there == 1 else 'are'} already measured" * bool(there)
+    text += f". This may take {'about' if known else 'up to'} {duration(seconds)}"
+    if not known:
+        text += ", and the time to compile kernels that are not in Warp's cache, at the first scene"
+    return text + busy(options.device)
+
+
+def busy(device: str) -> str:
+    """A warning where the machine has more to do than it has cores; "" elsewhere."""
+    load, cores = os.getloadavg()[0], len(os.sched_getaffinity(0))
+    if load <= CROWDED * cores:
+        return ""
+    what = "CPU times will be too long" if device == "cpu" else "wall-clock times will be too long"
+    return f". The machine is busy (load {load:.1f} on {cores} core{'s' * (cores != 1)}): {what}"
+
+
+def as_json(points: list[Planned]) -> dict[str, Any]:
+    """What ``run --dry-run --json`` prints."""
+    seconds, known = seconds_left(points)
+    rows = [
+        {"scene": p.scene, "light": p.light, "method": p.method, "status": p.status or "to be measured"}
+        for p in points
+    ]
+    return {"points": rows, "seconds": round(seconds, 1), "upper_limit": not known}
+
+
+def as_text(options: Options, points: list[Planned]) -> str:
+    """What ``run --dry-run`` prints: a line a point, and the announcement of the run."""
+    lines = []
+    for p in points:
+        where = f"{p.scene}, {p.light}" if p.light else p.scene
+        state = "to be measured" if p.to_do else f"already measured ({p.status})"
+        lines.append(f"{where}, {p.method}: {state}")
+    return "\n".join([*lines, announcement(options, points)])

@@ -1,0 +1,68 @@
+"""What a run says that it will do: which points are there, how long the others may take, whether the machine is busy."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from helpers.tiny_runs import options, write_scene
+from shadowbench.harness.commands.run import dry
+from shadowbench.harness.results.record import Record
+from shadowbench.harness.runner import survey
+from shadowbench.harness.runner.experiment import Entry
+from shadowbench.harness.runner.progress import Bar, Silent
+from shadowbench.harness.runner.runner import Run
+
+
+class Noted(Silent):
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def note(self, text: str) -> None:
+        self.lines.append(text)
+
+
+def test_a_dry_run_names_what_is_there_and_what_is_not(tmp_path, capsys):
+    scene, out = write_scene(tmp_path / "tetra.obj"), tmp_path / "out"
+    one, both = options(out, [scene], ["uniform_grid"]), options(out, [scene], ["uniform_grid", "ray_grids"])
+    assert dry(both, as_json=True) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert [p["status"] for p in told["points"]] == ["to be measured"] * 2
+    assert told["upper_limit"]
+    assert told["seconds"] == survey.OVERHEAD * 2 * both.preset.budget_s
+    assert not out.exists()
+
+    Run(one, Silent()).go()
+    before = sorted(out.rglob("*"))
+    dry(both)
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[:2] == ["tetra, uniform_grid: already measured (ok)", "tetra, ray_grids: to be measured"]
+    assert "2 points on 1 scene" in lines[2]
+    assert "1 of them is already measured. This may take about" in lines[2]
+    assert "compile" not in lines[2]
+    assert sorted(out.rglob("*")) == before
+
+    report = Noted()
+    Run(one, report).go()
+    assert "nothing to measure, 1 of 1 points" in report.lines[0]
+    assert "ompile" not in report.lines[0]
+
+
+def test_a_busy_machine_is_named_in_the_first_line(monkeypatch, tmp_path):
+    monkeypatch.setattr(survey.os, "sched_getaffinity", lambda _: {0, 1})
+    monkeypatch.setattr(survey.os, "getloadavg", lambda: (2.4, 0.0, 0.0))
+    assert survey.busy("cpu") == ""
+    monkeypatch.setattr(survey.os, "getloadavg", lambda: (7.5, 0.0, 0.0))
+    scene = write_scene(tmp_path / "tetra.obj")
+    chosen = options(tmp_path / "out", [scene], [Entry("uniform_grid")])
+    line = survey.announcement(chosen, survey.survey(chosen))
+    assert line.endswith("The machine is busy (load 7.5 on 2 cores): CPU times will be too long")
+    assert "\n" not in line
+
+
+@pytest.mark.parametrize(("taken", "said"), [(1, ", 1 of 3 rounds: the budget of 5 s was spent"), (3, "")])
+def test_a_budget_that_ends_before_the_last_round_is_named(taken, said):
+    record = Record.__new__(Record)
+    object.__setattr__(record, "rounds", [{"round": i} for i in range(taken)])
+    object.__setattr__(record, "point", {"rounds": 3, "budget_s": 5.0})
+    assert Bar()._short(record) == said
