@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import importlib.util
+import inspect
 import itertools
 import re
 import sys
@@ -16,6 +17,7 @@ from helpers import brute_force
 from helpers.import_graph import modules
 from shadowbench.harness.frame.registry import method_names
 from shadowbench.harness.frame.session import Session
+from shadowbench.harness.results import samples, tidy
 from shadowbench.harness.runner.experiment import experiment_names
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -121,3 +123,18 @@ def test_roles_in_docstrings_name_what_exists():
                 found = name in set().union(*(defined[home] for home in homes or files))
             lost += [] if found else [f"{module}: {kind} {target}"]
     assert lost == []
+
+
+def test_the_page_of_the_table_of_results_has_the_columns_of_its_docstrings():
+    page = (ROOT / "docs" / "results-table.md").read_text()
+    for function in (tidy, samples):
+        table = re.search(r"^=+ .*^=+ [= ]*$", inspect.getdoc(function), re.MULTILINE | re.DOTALL)
+        assert table[0] in page
+
+
+def test_no_column_of_the_table_of_results_is_listed_twice():
+    table = inspect.getdoc(tidy).split("====\n", 2)[2]
+    names = re.findall(r"^(\S.*?)  ", table, re.MULTILINE)
+    columns = [name for line in names for name in line.split(", ")]
+    assert len(columns) > 60
+    assert sorted(set(columns)) == sorted(columns)
