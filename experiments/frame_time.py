@@ -20,11 +20,16 @@ if TYPE_CHECKING:
 OURS = "ray grids"
 REBUILD = (
     Entry("warp_bvh", {}, "mesh rebuilt"),
+    Entry("warp_bvh", {"origin": "plain"}, "mesh rebuilt, plain"),
     Entry("warp_bvh", {"update": "bvh_rebuild"}, "LBVH rebuilt in a graph"),
 )
 REFIT = (
     Entry("warp_bvh", {"update": "refit", "constructor": "cubql"}, "cubql refitted"),
+    Entry(
+        "warp_bvh", {"update": "refit", "constructor": "cubql", "origin": "plain"}, "cubql refitted, plain"
+    ),
     Entry("warp_bvh", {"update": "refit", "constructor": "sah"}, "SAH refitted"),
+    Entry("warp_bvh", {"update": "refit", "constructor": "sah", "origin": "plain"}, "SAH refitted, plain"),
     Entry("warp_bvh", {"update": "refit", "constructor": "lbvh"}, "LBVH refitted"),
 )
 METHODS = (

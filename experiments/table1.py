@@ -37,6 +37,7 @@ METHODS = (
     Entry("warp_bvh", {"origin": "plain"}, "Warp mesh, plain origins"),
     Entry("warp_bvh", {"update": "bvh_rebuild"}, "Warp BVH, exact"),
     Entry("embree", {}, "Embree"),
+    Entry("embree", {"quality": "low"}, "Embree, fast build"),
 )
 """The rows, in the order of the table. A line here adds a row."""
 
