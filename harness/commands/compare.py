@@ -254,12 +254,12 @@ def some(names: Sequence[str], most: int = 4) -> str:
 
 def percent(share: float, sign: bool = True) -> str:
     """A share as text; a dash where it is not known."""
-    return "-" if math.isnan(share) else f"{share:{'+' if sign else ''}.1%}"
+    return "-" if math.isnan(share) else f"{round(share, 3) + 0.0:{'+' if sign else ''}.1%}"
 
 
 def interval(row: Row) -> str:
     """The 95 % interval of a row's gap."""
-    return "-" if math.isnan(row.low) else f"{row.low:+.1%} {row.high:+.1%}"
+    return "-" if math.isnan(row.low) else f"{percent(row.low)} {percent(row.high)}"
 
 
 def wrong(row: Row) -> str:

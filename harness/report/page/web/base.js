@@ -91,7 +91,8 @@ function placeTip(lines, box) {
     : el(i ? "div" : "div.head", {}, line)));
   tip.hidden = false;
   const own = tip.getBoundingClientRect();
-  const left = Math.max(4, Math.min(innerWidth - own.width - 4, box.left));
+  const wanted = box.before ? box.left - own.width - 24 : box.left;
+  const left = Math.max(4, Math.min(innerWidth - own.width - 4, wanted));
   const below = box.bottom + 6;
   const top = below + own.height > innerHeight ? Math.max(4, box.top - own.height - 6) : below;
   tip.style.left = `${left}px`;

@@ -60,7 +60,7 @@ function lineChart(host, series, axes) {
         if (!nearest) { hideTip(); return; }
         const box = u.over.getBoundingClientRect();
         const x = box.left + u.valToPos(nearest.p.x, "x"), y = box.top + u.valToPos(nearest.p.y, "y");
-        placeTip(nearest.p.lines(), { left: x + 10, top: y - 8, bottom: y + 8 });
+        placeTip(nearest.p.lines(), { left: x + 10, top: y - 8, bottom: y + 8, before: x > box.left + box.width / 2 });
       }],
       draw: [(u) => {
         const c = u.ctx, scale = devicePixelRatio;

@@ -96,5 +96,5 @@ function walk(event) {
 function mark(row) {
   const kind = row.bad ? "wrong" : row.error === "unscored" ? "open" : "right";
   const text = row.bad ? row.error.replace(" wrong", "") : row.error;
-  return el(`span.mark-${kind}`, { title: row.error === "✓" ? "no wrong answer" : null }, text || "", row.earlier && el("span.old", { title: "of an earlier version of the method" }, "†"));
+  return el(`span.mark-${kind}`, {}, text || "", row.earlier && el("span.old", {}, "†"));
 }

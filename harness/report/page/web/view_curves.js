@@ -39,7 +39,9 @@ function viewCurves(host) {
   }).filter((one) => one.axes.length);
   if (!choices.length) { host.append(nothing()); return; }
   const chosen = choices.find((one) => one.name === state.c) || choices.find((one) => one.name === "figure11") || choices[0];
-  const axis = chosen.axes.includes(state.x) ? state.x : chosen.axes[0];
+  // Unless one is asked for, what was varied most.
+  const places_ = (one) => Math.max(...curves(chosen.own, one, "total_ms").map((line) => line.points.length));
+  const axis = chosen.axes.includes(state.x) ? state.x : chosen.axes.reduce((a, b) => (places_(b) > places_(a) ? b : a));
   const counters = axis === "frame" ? [] : unique(chosen.own.flatMap((p) => Object.keys(p.counters))).sort();
   const measures = [...Object.keys(MEASURES).filter((m) => axis !== "frame" || !["frame_mrays_per_s", "wrong_per_frame", "flip"].includes(m)).map((m) => [m, measureTitle(m)]), ...counters.map((one) => [`counter:${one}`, one])];
   const measure = measures.some(([m]) => m === state.y) ? state.y : axis === "light_distance" ? "shadow_ms" : "total_ms";
