@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from helpers.paper_knobs import same
+from helpers.real_scenes import MESHES, needs_real
 from numpy.typing import NDArray
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
@@ -24,8 +24,6 @@ from shadowbench.harness.scene.scene import Light
 from shadowbench.methods.perspective_spherical.parameters import CLAMPS, LIGHT_MAPS, TRIANGLE_TESTS
 
 NAME = "perspective_spherical"
-REAL = Path(__file__).resolve().parents[3] / "shared" / "scenes"
-MESHES = sorted(REAL.glob("*.ply"))
 
 SIZE = 16
 SMALL = 10_000
@@ -103,7 +101,7 @@ def test_a_stand_in_has_no_error_under_any_map_and_clamp(name):
     check(name)
 
 
-@pytest.mark.skipif(not MESHES, reason="the folder of real scenes is absent")
+@needs_real
 @pytest.mark.parametrize("path", MESHES, ids=lambda path: path.stem)
 def test_a_real_mesh_has_no_error_under_any_map_and_clamp(path):
     check(str(path))

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers import mesh_files as files
+from helpers.real_scenes import REAL, needs_real
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.scene import catalogue
 from shadowbench.harness.scene.prepared import prepare
@@ -16,9 +17,7 @@ from shadowbench.harness.scene.readers.load import load
 from shadowbench.harness.scene.scene import Geometry, Light, Scene
 from shadowbench.harness.scene.views import FOV, Shape, shape_of, view
 
-REAL = Path(__file__).resolve().parents[3] / "shared" / "scenes"
 needs_usd = pytest.mark.skipif(not usd.available(), reason="usd-core is not installed")
-needs_real = pytest.mark.skipif(not REAL.is_dir(), reason="the folder of real scenes is absent")
 
 
 @pytest.fixture(autouse=True)

@@ -8,6 +8,7 @@ import pytest
 import trimesh
 from helpers import mesh_files as files
 from helpers.mesh_files import refused, written
+from helpers.real_scenes import MESHES, needs_real
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.readers import usd
@@ -15,7 +16,6 @@ from shadowbench.harness.scene.readers.checks import MAX_LINE, fan
 from shadowbench.harness.scene.readers.load import load, source
 from shadowbench.harness.scene.scene import Camera, Scene
 
-REAL = Path(__file__).resolve().parents[3] / "shared" / "scenes"
 PENTAGON = [(0, 1, 2, 3, 4), (0, 1, 2), (0, 1, 2, 3)]
 PENTAGON_FANS = [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 1, 2], [0, 1, 2], [0, 2, 3]]
 
@@ -345,9 +345,9 @@ def test_memory_stays_within_ten_times_the_file(tmp_path, kind):
     assert peak <= 10 * len(content) + (1 << 19), f"{peak / len(content):.1f} times the file"
 
 
-@pytest.mark.skipif(not REAL.is_dir(), reason="the folder of real scenes is absent")
+@needs_real
 def test_real_files_are_what_trimesh_reads():
-    for path in sorted(REAL.glob("*.ply")):
+    for path in MESHES:
         theirs, ours = trimesh.load_mesh(path, process=False), load(path)
         assert np.array_equal(ours.faces, theirs.faces)
         assert np.array_equal(ours.frames[0], theirs.vertices)
