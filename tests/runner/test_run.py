@@ -226,12 +226,9 @@ def test_answers_are_scored_against_truth(scene, tmp_path):
 
 
 def test_several_graders_give_the_scores_of_one(scene, tmp_path, monkeypatch):
-    entries = [
-        Entry("embree", {}, "e"),
-        *(Entry("accuracy_ladder", {"test": t}, t) for t in ("exact", "woop", "float64")),
-    ]
+    entries = [Entry("accuracy_ladder", {"test": t}, t) for t in ("exact", "woop", "float64")]
     found = {}
-    for graders in (1, 3):
+    for graders in (1, 2):
         monkeypatch.setattr(run_module, "GRADERS", graders)
         out = tmp_path / str(graders)
         found[graders] = go(options(out, [scene], entries, score=True, frames=1, wrong_maps=True))
@@ -240,7 +237,7 @@ def test_several_graders_give_the_scores_of_one(scene, tmp_path, monkeypatch):
         assert not list((out / "journal").iterdir())
     for label, one in found[1].items():
         assert one.frames[0].score.check == "ok", label
-        assert one.frames[0].score == found[3][label].frames[0].score, label
+        assert one.frames[0].score == found[2][label].frames[0].score, label
 
 
 def test_a_slow_point_keeps_to_its_budget_and_says_so(package, tmp_path):
