@@ -20,7 +20,7 @@ function viewClaims(host) {
 
 function viewDrawings(host) {
   const found = DATA.figures.filter((one) => !state.exp.length || state.exp.includes(one.folder));
-  if (!found.length) { host.append(nothing()); return; }
+  if (!found.length) { host.append(nothing("There are no drawings beside these records; shadowbench show makes them.")); return; }
   for (const folder of unique(found.map((one) => one.folder))) {
     const about = folderOf(folder);
     host.append(section(about ? about.title : folder, null, about?.finding && el("p.finding", {}, about.finding), found.filter((one) => one.folder === folder).map(figure)));

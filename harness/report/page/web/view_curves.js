@@ -37,7 +37,7 @@ function viewCurves(host) {
     const own = shown(["exp"]).filter((p) => p.folder === name);
     return { name, own, axes: Object.keys(AXES).filter((axis) => curves(own, axis, "total_ms").length) };
   }).filter((one) => one.axes.length);
-  if (!choices.length) { host.append(nothing()); return; }
+  if (!choices.length) { host.append(nothing("Nothing was varied in these results: no distance of the light, no frames, triangles, pixels or lights.")); return; }
   const chosen = choices.find((one) => one.name === state.c) || choices.find((one) => one.name === "figure11") || choices[0];
   // Unless one is asked for, what was varied most.
   const places_ = (one) => Math.max(...curves(chosen.own, one, "total_ms").map((line) => line.points.length));

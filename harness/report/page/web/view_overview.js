@@ -7,7 +7,7 @@ function viewOverview(host) {
   const card = (value, text) => el("div.card", {}, el("b", {}, value), el("span", {}, text));
   const standIns = unique(own.filter(isStandIn).map((p) => p.title)).length;
   host.append(el("div.cards", {},
-    card(whole(unique(own.map((p) => p.folder)).length), "experiments"), card(whole(done.length), "points measured"),
+    card(whole(unique(own.map((p) => p.folder)).length), unique(own.map((p) => p.folder)).length === 1 ? "experiment" : "experiments"), card(whole(done.length), "points measured"),
     card(`${whole(exact)}`, "with no wrong answer"), card(whole(done.filter((p) => p.bad).length), "with wrong answers"),
     card(whole(done.filter((p) => p.error === "unscored").length), "unscored"),
     card(`${standIns} of ${unique(own.map((p) => p.title)).length}`, "scenes are stand-ins")));

@@ -99,7 +99,10 @@ function barShares(lines, heads, at, value, across) {
   };
 }
 
-const nothing = () => el("p.empty-note", {}, "Nothing here passes the filters. ", el("button.small", { type: "button", onclick: () => change({ exp: [], scene: [], method: [], device: [], q: "" }) }, "Clear filters"));
+const filtered = () => Object.keys(FILTERS).some((key) => state[key].length) || Boolean(state.q);
+
+/** In place of a view that has nothing to show: because of the filters, or because `lacking` is not in the results. */
+const nothing = (lacking = "Nothing was measured.") => (!filtered() ? el("p.empty-note", {}, lacking) : el("p.empty-note", {}, "Nothing here passes the filters. ", el("button.small", { type: "button", onclick: () => change({ exp: [], scene: [], method: [], device: [], q: "" }) }, "Clear filters")));
 
 /** The drawings of a folder, opened where asked for. */
 function figuresOf(folder, host) {
