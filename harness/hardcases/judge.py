@@ -149,7 +149,7 @@ class Judged:
             points = referee.hit_points(found.exact.hits.take(rows))
             ends = np.broadcast_to(light.astype(np.float64), points.shape)
             away = np.minimum(plane_distance(points, corners), plane_distance(ends, corners))
-            holes += int(np.count_nonzero(away > edge_bound(points, corners)))
+            holes += int(np.count_nonzero(away > edge_bound(points)))
         return holes
 
 

@@ -25,15 +25,17 @@ EDGE_UNITS = 16.0
 """How many units a ray may pass from an exact edge and still be excused (a choice; see the accuracy notes)."""
 
 
-def edge_bound(*coordinates: NDArray[np.floating]) -> F64:
+def edge_bound(*points: NDArray[np.floating]) -> F64:
     """The one bound that excuses: 16 * 2^-24 of the largest coordinate, in scene units.
 
-    Each argument has shape [n, ..., 3]: origins of the rays and vertices of the triangles. A far end of a
-    segment (a light) is not among them: it would excuse everything where the light is far. Returns [n].
+    Each argument has shape [n, ..., 3]: where rays start, and where they pass what they are tested against. These are what
+    a float32 test of this ray and this triangle must round. The corners of a large triangle are not among them: a test that
+    is off by the rounding of a corner far away has chosen to start there. Nor is the far end of a segment (a light): it
+    would excuse everything where the light is far. Returns [n].
     """
     sizes = [
         np.abs(np.asarray(c, dtype=np.float64)).reshape(len(c), np.size(c[0]) if len(c) else 3).max(axis=1)
-        for c in coordinates
+        for c in points
     ]
     return EDGE_UNITS * UNIT * np.max(np.stack(sizes), axis=0)
 
@@ -99,6 +101,12 @@ def plane_hit(d: Sequence[int], a: Integers, normal: Integers) -> tuple[int, int
     if under < 0:
         over, under = -over, -under
     return (over, under) if under > 0 and over > 0 else None
+
+
+def in_plane(point: Sequence[int], triangle: Sequence[int]) -> bool:
+    """Whether a point lies in the plane of a triangle of nine integers in one scale."""
+    a, b, c = (_sub(triangle[j : j + 3], point) for j in (0, 3, 6))
+    return _dot(a, _cross(b, c)) == 0
 
 
 def between(p: Integers, light: Integers, triangle: Sequence[Integers]) -> bool:

@@ -16,10 +16,14 @@ from numpy.typing import NDArray
 from ..frame.alpha import device_alpha
 from ..scene.scene import AlphaMask
 from . import filter_kernels as kernels
+from .arithmetic import in_plane, integers, scale_of
 from .filter_kernels import LEAF
 
 BATCH = 8192
 """Rays decided at once: bounds the memory of candidate lists."""
+
+LIGHTS = 16
+"""Lights of which the triangles around them are remembered."""
 
 Lists = list[NDArray[np.int32]]
 
@@ -75,6 +79,22 @@ def build_tree(points: NDArray[np.float32], faces: NDArray[np.int32], valid: NDA
     )
 
 
+def in_planes(corners: NDArray[np.float32], point: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Which triangles [n, 3, 3] have a point exactly in their planes, uint8 [n]: float64, and integers where that doubts."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        a, b, c = (corners[:, k].astype(np.float64) - point.astype(np.float64) for k in range(3))
+        value = np.einsum("ij,ij->i", a, np.cross(b, c))
+        size = np.abs(a).sum(axis=1) * np.abs(b).sum(axis=1) * np.abs(c).sum(axis=1)
+        doubtful = np.nonzero(np.abs(value) <= 2.0**-48 * size)[0]
+    result = np.zeros(len(corners), dtype=np.uint8)
+    for k in doubtful:
+        values = np.concatenate([point.ravel(), corners[k].ravel()])
+        if np.isfinite(values).all():
+            ints = integers(values, scale_of(values))
+            result[k] = in_plane(ints[0:3], ints[3:12])
+    return result
+
+
 def _keys(low: NDArray[np.float32], high: NDArray[np.float32]) -> NDArray[np.int64]:
     """Sort keys: large triangles first and apart, so that they do not blow up the boxes of small ones."""
     low, high = low.astype(np.float64), high.astype(np.float64)
@@ -102,6 +122,8 @@ class Candidates:
     ) -> None:
         self.device = device
         self.tree = build_tree(points, faces, valid, device)
+        self._corners = points[faces] if len(faces) else np.zeros((0, 3, 3), dtype=np.float32)
+        self._in_planes: dict[bytes, NDArray[np.uint8]] = {}
         self._points = wp.array(points, dtype=wp.vec3f, device=device)
         self._faces = wp.array(faces, dtype=wp.vec3i, device=device)
         self._alpha = device_alpha(mask, device)
@@ -132,6 +154,8 @@ class Candidates:
         starts  the exact points rounded once to float64 [n, 3];  own  a triangle of each to leave out [n]
         every   go on after a certain one (without it the list of such a segment is not complete)
         margin  scene units [n]: collect also what passes within this distance, crossing or not
+
+        A triangle whose plane holds the light meets no open segment to it, and is never among them.
         """
         count = len(starts)
         if not count:
@@ -142,12 +166,22 @@ class Candidates:
             wp.array(largest * 2.0**-52, dtype=wp.float64, device=self.device),
             wp.vec3d(*(float(x) for x in light)),
             wp.array(own, dtype=wp.int32, device=self.device),
+            wp.array(self._around(light), dtype=wp.uint8, device=self.device),
             float(max(self.tree.reach, largest.max()) * 2.0**-48),
             int(every),
             wp.array(np.zeros(count) if margin is None else margin, dtype=wp.float64, device=self.device),
         ]
         certain = wp.empty(count, dtype=wp.int32, device=self.device)
         return self._lists(kernels.collect_between, inputs, [certain])
+
+    def _around(self, light: NDArray[np.float32]) -> NDArray[np.uint8]:
+        """Which triangles have the light exactly in their planes, uint8 [triangle_count]; kept for the last lights."""
+        key = np.asarray(light, dtype=np.float32).tobytes()
+        if key not in self._in_planes:
+            while len(self._in_planes) >= LIGHTS:
+                self._in_planes.pop(next(iter(self._in_planes)))
+            self._in_planes[key] = in_planes(self._corners, np.asarray(light, dtype=np.float32))
+        return self._in_planes[key]
 
     def _lists(
         self, kernel: wp.Kernel, inputs: Sequence, outputs: Sequence

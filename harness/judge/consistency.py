@@ -103,7 +103,8 @@ def _check_hits(
     steep = np.abs(slope)
     with np.errstate(divide="ignore", invalid="ignore"):
         speed = np.linalg.norm(d, axis=1)
-        slack = edge_bound(o, corners) * (1 + lengths[0] * lengths[1] / area)
+        met = o + np.where(np.isfinite(exact_t), exact_t, 0.0)[:, None] * d
+        slack = edge_bound(o, met) * (1 + lengths[0] * lengths[1] / area)
         # A coplanar ray has no t on this triangle: the referee judges the triangle, there is nothing to compare.
         real = steep > 2.0**-45 * speed
         result.t_wrong[pixels] = real & ~(error * steep <= T_UNITS * UNIT * exact_t * steep + slack)

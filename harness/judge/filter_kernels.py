@@ -297,6 +297,7 @@ def collect_between(
     errors: wp.array[wp.float64],
     light: wp.vec3d,
     own: wp.array[wp.int32],
+    around: wp.array[wp.uint8],
     pad: wp.float64,
     every: wp.int32,
     margin: wp.array[wp.float64],
@@ -306,7 +307,9 @@ def collect_between(
     found: wp.array[wp.int32],
     certain: wp.array[wp.int32],
 ):
-    """Triangles that may meet the open segment start -> light, ``own`` left out; one certain occluder, or -1.
+    """Triangles that may meet the open segment start -> light; one certain occluder, or -1.
+
+    Left out are ``own`` and the triangles flagged in ``around``, whose planes hold the light.
 
     With ``every`` = 0 a certain occluder ends the search. With ``margin`` > 0 every triangle whose box passes
     within that distance of the segment is collected, crossing or not.
@@ -326,7 +329,10 @@ def collect_between(
         else:
             for k in range(LEAF):
                 triangle = order[(node - leaves) * LEAF + k]
-                if triangle >= 0 and triangle != own[i]:
+                counts_here = wp.bool(False)
+                if triangle >= 0:
+                    counts_here = triangle != own[i] and around[triangle] == wp.uint8(0)
+                if counts_here:
                     f = triangles[triangle]
                     a = widen(points[f[0]])
                     b = widen(points[f[1]])

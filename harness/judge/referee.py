@@ -7,7 +7,7 @@ can excuse a wrong answer; :func:`.judge.arithmetic.edge_bound` defines how near
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -20,6 +20,9 @@ from .decisions import Decisions, integers_of
 from .hits import Exact, Hits
 from .holes import Holes
 from .verdict import Verdict
+
+PAIRS = 1 << 17
+"""Pairs of rays and candidates that are looked at together: bounds the memory of a classification."""
 
 
 class Referee:
@@ -195,7 +198,6 @@ class Referee:
         The given triangle must be hit, or be passed within the bound; every triangle hit before it must have
         been missed within the bound, or lie no nearer than the bound.
         """
-        every = self.all_hits(hits.origins, hits.directions)
         o, d = hits.origins.astype(np.float64), hits.directions.astype(np.float64)
         speed = np.linalg.norm(d, axis=1)
         reached = np.full(len(hits), np.inf)  # t of the given triangle; inf where a miss was given
@@ -204,25 +206,43 @@ class Referee:
         distance, t, bound = self.ray_to(o[rows], d[rows], given[rows])
         opaque, _ = self.holes.within(given[rows], self.corners(given[rows]), o[rows], d[rows], bound)
         for i, near, nearest_t, limit, seen in zip(rows, distance, t, bound, opaque, strict=True):
-            exactly = [hit_t for hit_t, k in every[i] if k == given[i]]
-            if not exactly and self.holes.has(given[i]):
-                exactly = self._decisions.through(hits.origins[i], hits.directions[i], given[i])
+            exactly = self._decisions.through(hits.origins[i], hits.directions[i], given[i])
+            touches = (
+                nearest_t * speed[i] <= limit
+            )  # at the eye: an answer there is right only if it is exactly so
             reached[i] = exactly[0] if exactly else nearest_t
-            possible[i] = (bool(exactly) or near <= limit) and seen
-        pairs = [(i, k, hit_t) for i, found in enumerate(every) for hit_t, k in found if hit_t < reached[i]]
+            possible[i] = (bool(exactly) or (near <= limit and not touches)) and seen
         verdicts = np.where(possible, Verdict.EDGE, Verdict.TRUE).astype(np.int8)
-        if pairs:
-            index, skipped, at = (np.array(column) for column in zip(*pairs, strict=True))
-            distance, _, bound = self.ray_to(o[index], d[index], skipped, edges_only=True)
-            _, clear = self.holes.within(skipped, self.corners(skipped), o[index], d[index], bound)
-            with np.errstate(invalid="ignore"):
-                close = np.minimum(reached[index] - at, at) * speed[index] <= bound
-            verdicts[index[~close & (distance > bound) & ~clear]] = Verdict.TRUE
         rows = np.nonzero(possible & (given >= 0) & (hits.triangle >= 0))[0]
-        corners = (o[rows], self.corners(given[rows]), self.corners(hits.triangle[rows]))
         apart = np.abs(reached[rows] - hits.t[rows]) * speed[rows]
-        verdicts[rows[apart <= exact.edge_bound(*corners)]] = Verdict.NEAR_TIE
+        met = o[rows] + hits.t[rows, None] * d[rows]
+        verdicts[rows[apart <= exact.edge_bound(o[rows], met)]] = Verdict.NEAR_TIE
+        # The closest hit alone settles most; only where it is excused the hits behind it matter.
+        rows = np.nonzero((verdicts == Verdict.EDGE) & (hits.triangle >= 0))[0]
+        skipped = self._passed_over(o[rows], d[rows], hits.triangle[rows], hits.t[rows], reached[rows])
+        verdicts[rows[skipped]] = Verdict.TRUE
+        rows = rows[~skipped]
+        every = self.all_hits(hits.origins[rows], hits.directions[rows])
+        pairs = [(i, k, at) for i, found in zip(rows, every, strict=True) for at, k in found]
+        if pairs:
+            index, k, at = (np.array(column) for column in zip(*pairs, strict=True))
+            verdicts[index[self._passed_over(o[index], d[index], k, at, reached[index])]] = Verdict.TRUE
         return verdicts
+
+    def _passed_over(
+        self,
+        o: NDArray[np.float64],
+        d: NDArray[np.float64],
+        triangle: NDArray[np.integer],
+        at: NDArray[np.float64],
+        reached: NDArray[np.float64],
+    ) -> NDArray[np.bool_]:
+        """Which hits (triangle, at) before ``reached`` no rounding misses: far from edges, eye and the given triangle."""
+        distance, _, bound = self.ray_to(o, d, triangle, edges_only=True)
+        _, clear = self.holes.within(triangle, self.corners(triangle), o, d, bound)
+        with np.errstate(invalid="ignore"):
+            close = np.minimum(reached - at, at) * np.linalg.norm(d, axis=1) <= bound
+        return (at < reached) & ~close & (distance > bound) & ~clear
 
     def _classify_acne(self, hits: Hits, light: NDArray[np.float32]) -> NDArray[np.int8]:
         """EDGE where some triangle off the hit point passes within the bound of the segment, else ACNE."""
@@ -234,15 +254,14 @@ class Referee:
             exact.EDGE_UNITS * exact.UNIT * np.maximum(np.abs(p).max(axis=1), self._candidates.tree.reach)
         )
         candidates, _ = self._candidates.between(p, hits.triangle, light, every=True, margin=margin)
-        pairs = [
-            (i, k) for i, found in enumerate(candidates) for k in found.tolist() if k not in hits.ties[i]
-        ]
-        if pairs:
-            index, k = (np.array(column) for column in zip(*pairs, strict=True))
+        for index, k in _rounds(candidates, verdicts, Verdict.ACNE):
+            own = np.array([j in hits.ties[i] for i, j in zip(index, k.tolist(), strict=True)], dtype=bool)
+            index, k = index[~own], k[~own]
             far = np.broadcast_to(light.astype(np.float64), (len(index), 3))
             corners = self.corners(k)
-            bound = exact.edge_bound(p[index], corners)
-            near = exact.triangle_distance(p[index], far, corners)[0] <= bound
+            away, share = exact.triangle_distance(p[index], far, corners)
+            bound = exact.edge_bound(p[index], p[index] + share[:, None] * (far - p[index]))
+            near = away <= bound
             for j in np.nonzero(self.holes.masked(k))[0]:
                 near[j] = near[j] or bool(self._between(hits, index[j], light, k[j : j + 1], holes=False))
             opaque, _ = self.holes.within(k, corners, p[index], far - p[index], bound)
@@ -256,20 +275,17 @@ class Referee:
             return verdicts
         p = self.hit_points(hits)
         candidates, _ = self._candidates.between(p, hits.triangle, light, every=True)
-        pairs = [(i, k) for i, found in enumerate(candidates) for k in self._between(hits, i, light, found)]
-        index, k = (np.array(column) for column in zip(*pairs, strict=True))
-        corners = self.corners(k)
-        far = np.broadcast_to(light.astype(np.float64), (len(index), 3))
-        distance = np.minimum.reduce(
-            [
-                exact.edge_distance(p[index], far, corners)[0],
-                exact.plane_distance(p[index], corners),
-                exact.plane_distance(far, corners),
-            ]
-        )
-        bound = exact.edge_bound(p[index], corners)
-        _, clear = self.holes.within(k, corners, p[index], far - p[index], bound)
-        verdicts[index[(distance > bound) & ~clear]] = Verdict.LEAK
+        for index, k in _rounds(candidates, verdicts, Verdict.EDGE):
+            corners = self.corners(k)
+            far = np.broadcast_to(light.astype(np.float64), (len(index), 3))
+            away, share = exact.edge_distance(p[index], far, corners)
+            ends = exact.plane_distance(p[index], corners), exact.plane_distance(far, corners)
+            bound = exact.edge_bound(p[index], p[index] + share[:, None] * (far - p[index]))
+            _, clear = self.holes.within(k, corners, p[index], far - p[index], bound)
+            for j in np.nonzero((np.minimum.reduce([away, *ends]) > bound) & ~clear)[0]:
+                i = index[j]
+                if verdicts[i] == Verdict.EDGE and self._between(hits, i, light, k[j : j + 1]):
+                    verdicts[i] = Verdict.LEAK
         return verdicts
 
     # --- parts ---
@@ -305,4 +321,24 @@ class Referee:
         length = 2 * reach / np.linalg.norm(d, axis=1)
         measure = exact.edge_distance if edges_only else exact.triangle_distance
         distance, share = measure(o, o + length[:, None] * d, corners)
-        return distance, share * length, exact.edge_bound(o, corners)
+        t = share * length
+        return distance, t, exact.edge_bound(o, o + t[:, None] * d)
+
+
+def _rounds(
+    candidates: list[NDArray[np.int32]], verdicts: NDArray[np.int8], undecided: Verdict
+) -> Iterator[tuple[NDArray[np.intp], NDArray[np.int32]]]:
+    """Pairs (ray, candidate) of the rays that are still ``undecided``, a few of each ray first, then more of those left.
+
+    Most rays are decided by one of their first candidates; a ray may have as many as there are triangles.
+    """
+    first, step = 0, 8
+    rows = np.array([i for i, found in enumerate(candidates) if len(found)], dtype=np.intp)
+    while len(rows):
+        for part in np.array_split(rows, max(1, -(-len(rows) * step // PAIRS))):
+            found = [candidates[i][first : first + step] for i in part]
+            yield np.repeat(part, [len(one) for one in found]), np.concatenate(found)
+        first, step = first + step, 8 * step
+        rows = np.array(
+            [i for i in rows if verdicts[i] == undecided and len(candidates[i]) > first], dtype=np.intp
+        )
