@@ -26,7 +26,7 @@ def closest_hit_by(triangle_test: Any) -> Any:
     @wp.func
     def closest_hit(mesh: Mesh, alpha: Alpha, i: wp.int32, ray: Ray, found: Found) -> Found:
         hit = triangle_test(ray, corners_of(mesh, i), weld_of(mesh, i))
-        if hit[0] > wp.float64(0.0) and nearer(ray, mesh, hit[0], i, found.t, found.triangle):
+        if hit[0] > wp.float64(0.0) and nearer(mesh, hit[0], i, found.t, found.triangle):
             found.triangle = i
             found.t = hit[0]
             found.u = wp.float32(hit[1])

@@ -103,7 +103,7 @@ def make_closest_kernel(node_bytes: int, group: int = 1) -> Any:
                             if distance > wp.float64(0.0):
                                 if not opaque_at_hit(alpha, i, ray, corners, weld_of(mesh, i)):
                                     distance = NO_HIT
-                        if distance > wp.float64(0.0) and nearer(ray, mesh, distance, i, best_t, best):
+                        if distance > wp.float64(0.0) and nearer(mesh, distance, i, best_t, best):
                             best = i
                             place = at
                             best_t = distance

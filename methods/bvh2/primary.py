@@ -151,7 +151,7 @@ def resolve_kernel(
             last = doubt[1]
             i = entry(leaves.order, doubt[0])
             t = hit_distance(ray, triangle_corners(mesh, i), weld_of(mesh, i))
-            if t > wp.float64(0.0) and nearer(ray, mesh, t, i, nearest, first):
+            if t > wp.float64(0.0) and nearer(mesh, t, i, nearest, first):
                 nearest = t
                 first = i
                 place = doubt[0]

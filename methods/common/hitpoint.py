@@ -18,14 +18,8 @@ import warp as wp
 
 from ...harness.frame.geometry import Corners, Ray
 from ...harness.frame.vectors import largest, to_float64, total
-from .exactly import exact_distance
 
 U64 = wp.constant(wp.float64(1.1102230246251565e-16))  # 2^-53
-NO_HIT = wp.constant(wp.float64(-1.0))
-IN_DOUBT = wp.constant(wp.float64(-2.0))
-
-CERTAIN = wp.constant(wp.float64(2.0**-20))
-"""Least height and slope, as shares of the products that they are sums of, at which t is right to 2^-28."""
 
 STEP_UNITS = wp.constant(wp.float64(1024.0))
 """Units of the hit point's own size by which the step onto the plane may be off before more care is taken."""
@@ -78,34 +72,11 @@ def lost_in_product(a: wp.vec3d, b: wp.vec3d, product: wp.vec3d) -> wp.vec3d:
 
 
 @wp.func
-def sure_distance(o: wp.vec3d, d: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> wp.float64:
-    """t of the ray on the triangle's plane, right to 2^-28; NO_HIT where it is not positive; IN_DOUBT where not sure."""
-    e1 = b - a
-    e2 = c - a
-    n = wp.cross(e1, e2)
-    away = a - o
-    slope = wp.dot(n, d)
-    height = wp.dot(n, away)
-    least = CERTAIN * largest(e1) * largest(e2)
-    if not (wp.abs(slope) > least * total(d) and wp.abs(height) > least * total(away)):
-        return IN_DOUBT
-    t = height / slope
-    return wp.where(t > wp.float64(0.0), t, NO_HIT)
-
-
-@wp.func
 def plane_distance(ray: Ray, corners: Corners) -> wp.float64:
-    """t of the ray on the triangle's plane, inside the triangle or not: of a hit, what the triangle test gives."""
-    t = sure_distance(
-        to_float64(ray.origin),
-        to_float64(ray.direction),
-        to_float64(corners.a),
-        to_float64(corners.b),
-        to_float64(corners.c),
-    )
-    if t < wp.float64(0.0):
-        t = exact_distance(ray.origin, ray.direction, corners.a, corners.b, corners.c)[0]
-    return t
+    """t of the ray on the triangle's plane, inside the triangle or not."""
+    a64 = to_float64(corners.a)
+    n = wp.cross(to_float64(corners.b) - a64, to_float64(corners.c) - a64)
+    return wp.dot(n, a64 - to_float64(ray.origin)) / wp.dot(n, to_float64(ray.direction))
 
 
 @wp.func

@@ -101,7 +101,7 @@ def closest_hit(mesh: Mesh, alpha: Alpha, i: wp.int32, ray: Ray, found: Found) -
     corners = corners_of(mesh, i)
     if may_hit(ray, corners):
         t = hit_distance(ray, corners, weld_of(mesh, i))
-        if t > wp.float64(0.0) and nearer(ray, mesh, t, i, found.t, found.triangle):
+        if t > wp.float64(0.0) and nearer(mesh, t, i, found.t, found.triangle):
             found = with_hit(found, i, t)
     return found
 
@@ -113,7 +113,7 @@ def closest_opaque_hit(mesh: Mesh, alpha: Alpha, i: wp.int32, ray: Ray, found: F
     if may_hit(ray, corners):
         weld = weld_of(mesh, i)
         t = hit_distance(ray, corners, weld)
-        if t > wp.float64(0.0) and nearer(ray, mesh, t, i, found.t, found.triangle):
+        if t > wp.float64(0.0) and nearer(mesh, t, i, found.t, found.triangle):
             if opaque_at_hit(alpha, i, ray, corners, weld):
                 found = with_hit(found, i, t)
     return found

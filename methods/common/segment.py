@@ -10,18 +10,8 @@ from __future__ import annotations
 import warp as wp
 
 from ...harness.frame.geometry import Corners
-from .exactly import exact_height
-from .hitpoint import hit_error, lost_in_sum, precise_height
-from .triangle import FLOOR32, OVERFLOW, U32, U64, certainly_outside, largest, to_float64, total
-
-CLOSED = wp.constant(wp.float64(2.0**-30))
-"""Share of the sum of its edge functions that a segment may pass outside a triangle and still meet it, at most.
-
-Triangles are closed, so doubt counts as inside: six edges that meet at a vertex could otherwise all round to the side that
-lets a segment exactly through the vertex pass. The doubt is :func:`light_edge_error`; where that is more than this share the
-hit point lies so far away (half a million heights of the triangle and more) that a segment through a vertex may pass, but
-one almost in the plane does not hit far beside the triangle.
-"""
+from .hitpoint import hit_error
+from .triangle import CLOSED, FLOOR32, OVERFLOW, U32, U64, certainly_outside, largest, to_float64, total
 
 
 @wp.func
@@ -65,9 +55,8 @@ def may_occlude(h: wp.vec3f, light: wp.vec3f, corners: Corners, h_error: wp.floa
 def plane_crosses_segment(h: wp.vec3d, light: wp.vec3f, corners: Corners, origin_size: wp.float64) -> wp.bool:
     """Whether the plane of the triangle crosses the open segment from the hit point h to the light.
 
-    A plane that h may lie in, given what h itself may be off (:func:`.hitpoint.hit_error`), does not. Both sides are
-    evaluated to far less where float64 leaves them in doubt, and the light's is exact. ``origin_size`` is the largest
-    coordinate of the origin of the ray that found h.
+    A plane that h may lie in, given what h itself may be off (:func:`.hitpoint.hit_error`), does not, nor does one that
+    holds the light within rounding. ``origin_size`` is the largest coordinate of the origin of the ray that found h.
     """
     a = to_float64(corners.a)
     ab = to_float64(corners.b) - a
@@ -78,15 +67,10 @@ def plane_crosses_segment(h: wp.vec3d, light: wp.vec3f, corners: Corners, origin
     side_h = wp.dot(n, ha)
     side_l = wp.dot(n, la)
     rounding = wp.float64(16.0) * U64 * largest(ab) * largest(ac)
-    contains = total(n) * hit_error(h, origin_size)
-    if wp.abs(side_h) <= contains + rounding * total(ha):
-        side_h = precise_height(ab, ac, ha, lost_in_sum(h, -a, ha))
-        if wp.abs(side_h) <= contains:
-            return False
+    if wp.abs(side_h) <= total(n) * hit_error(h, origin_size) + rounding * total(ha):
+        return False
     if wp.abs(side_l) <= rounding * total(la):
-        side_l = -exact_height(light, corners.a, corners.b, corners.c)
-        if side_l == wp.float64(0.0):
-            return False
+        return False
     return (side_h > wp.float64(0.0)) != (side_l > wp.float64(0.0))
 
 

@@ -18,7 +18,6 @@ from __future__ import annotations
 import warp as wp
 
 from ....harness.frame.geometry import Corners, Ray
-from ...common.hitpoint import plane_distance
 from ...common.triangle import (
     FLOOR32,
     NO_HIT,
@@ -161,7 +160,11 @@ def hit_distance_near(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.float64:
     e = edge_functions(o64, d64, a64, b64, c64, weld)
     if not near_inside(e):
         return NO_HIT
-    t = plane_distance(ray, corners)
+    away = a64 - o64
+    height = wp.dot(n, away)
+    if wp.abs(height) <= wp.float64(16.0) * U64 * total(away) * largest(e1) * largest(e2):
+        return NO_HIT
+    t = height / det
     return wp.where(t > wp.float64(0.0), t, NO_HIT)
 
 

@@ -20,7 +20,7 @@ from ....harness.frame.alpha import Alpha
 from ....harness.frame.geometry import Camera, Hits, Mesh, Ray, corners_of, ray_of, ray_through, weld_of
 from ....harness.frame.specialise import effects
 from ...common.alpha import opaque_at_hit
-from ...common.triangle import NO_HIT, depth_key, nearer, nearer_exactly, total, write_hit
+from ...common.triangle import NO_HIT, depth_key, nearer, spare_bits, total, write_hit
 from ..lists.binning import TileLists
 from ..lists.items import ListParts, pairs_of_part, part_of
 from ..variants import Variant
@@ -28,11 +28,7 @@ from .ray_tests import RAY_DECIDES, RAY_PASSES, RayRecord, count_tests
 from .tiles import ImageTiles, slice_scale
 
 INDEX_BITS = wp.constant(wp.uint64(24))
-"""Bits of a packed hit that hold the triangle; the upper 40 hold the depth key."""
-
-INDEX = wp.constant(wp.uint64(0xFFFFFF))
-CLOSE_KEYS = wp.constant(wp.int64(8))
-"""Keys further apart are in the right order: t is right to 2^-28 or better, a key's last bit is 2^-29 or more."""
+"""Bits of a packed hit that may hold the triangle; the upper 40, and those that it does not need, hold the depth key."""
 
 NO_NEAREST = wp.constant(wp.uint64(0xFFFFFFFFFFFFFFFF))
 
@@ -64,9 +60,15 @@ def slice_start(grid: ImageTiles, per_slice: wp.float32, slice: wp.int32) -> wp.
 
 
 @wp.func
-def packed_hit(t: wp.float64, i: wp.int32) -> wp.uint64:
-    """(depth key, triangle) in the order of ``nearer``."""
-    return (depth_key(t) << INDEX_BITS) | wp.uint64(i)
+def packed_hit(t: wp.float64, i: wp.int32, spare: wp.int32) -> wp.uint64:
+    """(depth key, triangle) in the order of ``nearer``. ``spare`` as for keys: bits that the triangle does not need."""
+    return (depth_key(t, spare) << wp.uint64(24 - spare)) | wp.uint64(i)
+
+
+@wp.func
+def packed_triangle(nearest: wp.uint64, spare: wp.int32) -> wp.int32:
+    """The triangle of a packed hit."""
+    return wp.int32(nearest & wp.uint64(0xFFFFFF >> spare))
 
 
 @wp.func
@@ -74,35 +76,9 @@ def packed_depth(nearest: wp.uint64) -> wp.float32:
     """A depth at or beyond that of a packed hit; infinite where there is none."""
     if nearest == NO_NEAREST:
         return wp.INF
-    # The key is the complement of the leading bits of 1 / t: without those that follow, 1 / t is too small.
+    # The key is the complement of the leading bits of 1 / t: without those that follow the first 40, 1 / t is too small.
     inverse = (wp.uint64(0xFFFFFFFFFF) - (nearest >> INDEX_BITS)) << wp.uint64(23)
     return wp.float32(wp.float64(1.0) / wp.cast(inverse, wp.float64))
-
-
-@wp.func
-def store_nearer(
-    nearest: wp.array(dtype=wp.uint64),
-    pixel: wp.int32,
-    ray: Ray,
-    i: wp.int32,
-    t: wp.float64,
-    mesh: Mesh,
-):
-    """Replace a packed hit that comes after (t, i); two whose keys are close are compared as :func:`nearer` does."""
-    mine = packed_hit(t, i)
-    known = nearest[pixel]
-    while known != mine:
-        before = mine < known
-        if known != NO_NEAREST:
-            key = wp.int64(mine >> INDEX_BITS)
-            if wp.abs(key - wp.int64(known >> INDEX_BITS)) <= CLOSE_KEYS:
-                before = nearer_exactly(ray, mesh, i, wp.int32(known & INDEX))
-        if not before:
-            break
-        now = wp.atomic_cas(nearest, pixel, known, mine)
-        if now == known:
-            break
-        known = now
 
 
 @wp.func
@@ -129,7 +105,8 @@ def write_nearest(
     """Write a pixel's closest hit; of a split list, the nearest of this part and those before it to ``nearest``."""
     if parts.split > 0:
         if best >= 0:
-            store_nearer(nearest, pixel, ray, best, t, mesh)
+            spare = spare_bits(mesh.triangles.shape[0])
+            wp.atomic_min(nearest, pixel, packed_hit(t, best, spare))
     else:
         write_hit(hits, hit_points, pixel, ray, best, t, mesh)
 
@@ -198,7 +175,7 @@ def make_trace_kernel(variant: Variant) -> wp.Kernel:
                 if wp.static(effects.alpha):
                     if t > wp.float64(0.0) and not opaque_at_hit(alpha, i, ray, corners, weld):
                         t = NO_HIT
-                if t > wp.float64(0.0) and nearer(ray, mesh, t, i, best_t, best):
+                if t > wp.float64(0.0) and nearer(mesh, t, i, best_t, best):
                     best = i
                     best_t = t
                     depth = wp.min(depth, wp.float32(best_t))
@@ -226,7 +203,7 @@ def make_resolve_kernel(variant: Variant) -> wp.Kernel:
         best = wp.int32(-1)
         t = wp.float64(wp.INF)
         if nearest[pixel] != NO_NEAREST:
-            best = wp.int32(nearest[pixel] & INDEX)
+            best = packed_triangle(nearest[pixel], spare_bits(mesh.triangles.shape[0]))
             t = decide(ray, corners_of(mesh, best), weld_of(mesh, best))
         write_hit(hits, hit_points, pixel, ray, best, t, mesh)
 

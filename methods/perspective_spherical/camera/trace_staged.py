@@ -137,7 +137,7 @@ def make_staged_trace_kernel(variant: Variant, block: int) -> wp.Kernel:
                     if wp.static(effects.alpha):
                         if t > wp.float64(0.0) and not opaque_at_hit(alpha, i, ray, corners, weld):
                             t = NO_HIT
-                    if t > wp.float64(0.0) and nearer(ray, mesh, t, i, best_t, best):
+                    if t > wp.float64(0.0) and nearer(mesh, t, i, best_t, best):
                         best = i
                         best_t = t
                         depth = wp.min(depth, wp.float32(best_t))

@@ -11,7 +11,6 @@ import functools
 import warp as wp
 
 from ....harness.frame.geometry import Corners, Mesh, corners_of, weld_of
-from ...common.exactly import exact_height
 from ...common.triangle import U64, largest, to_float64, total
 from ..culling import faces_away
 from ..lists.binning import INLINE_TILES, PieceQueue, queue_large
@@ -48,15 +47,13 @@ class LitTriangle:
 
 @wp.func
 def holds_light(light: wp.vec3f, corners: Corners) -> wp.bool:
-    """Whether the light lies exactly in the triangle's plane: then it never occludes (see ``occludes``)."""
+    """Whether the light lies in the triangle's plane within rounding: then it never occludes (see ``occludes``)."""
     a64 = to_float64(corners.a)
     ab = to_float64(corners.b) - a64
     ac = to_float64(corners.c) - a64
     la = to_float64(light) - a64
     rounding = U64 * largest(ab) * largest(ac) * wp.float64(16.0) * total(la)
-    if wp.abs(wp.dot(wp.cross(ab, ac), la)) > rounding:
-        return False
-    return exact_height(light, corners.a, corners.b, corners.c) == wp.float64(0.0)
+    return wp.abs(wp.dot(wp.cross(ab, ac), la)) <= rounding
 
 
 @wp.func

@@ -11,9 +11,8 @@ import warp as wp
 
 from ....harness.frame.geometry import Camera, Corners
 from ...common.entries import entry_now, raise_entry
-from ...common.hitpoint import CERTAIN
 from ...common.reserve import reserve
-from ...common.triangle import U32, largest, to_float64
+from ...common.triangle import U32, U64, largest, nearness_key, to_float64
 from ..fetch import direction_at
 from ..queues import DOUBTS, Queue, queue_doubt
 
@@ -38,7 +37,7 @@ class Candidate:
     bound  an edge function below minus this is certainly outside (:func:`sign_bound`)
     sure   three above this are a certain hit: the bound, or infinite where the triangle has holes
     m      1 / t = m . direction on its plane (:func:`inverse_depth`)
-    spare  :func:`spare_bits`
+    spare  :func:`..common.triangle.spare_bits`
     """
 
     i: wp.int32
@@ -66,7 +65,7 @@ def edge_planes(o: wp.vec3f, corners: Corners) -> Planes:
     a64 = to_float64(corners.a)
     n = wp.cross(to_float64(corners.b) - a64, to_float64(corners.c) - a64)
     det = wp.dot(n, a64 - to_float64(o))
-    if not (wp.abs(det) > CERTAIN * wp.float64(reach) * wp.float64(edge) * wp.float64(edge)):
+    if not (wp.abs(det) > wp.float64(96.0) * U64 * wp.float64(reach) * wp.float64(edge) * wp.float64(edge)):
         return planes
     scale = 1.0 / (reach * edge)
     if det < wp.float64(0.0):
@@ -97,25 +96,13 @@ def inverse_depth(o: wp.vec3f, corners: Corners) -> wp.vec3d:
     return n / height
 
 
-@wp.func_native("""
-int spare = 24;
-for (int rest = triangles - 1; rest > 0; rest >>= 1) --spare;
-return spare < 0 ? 0 : spare > 8 ? 8 : spare;
-""")
-def spare_bits(triangles: wp.int32) -> wp.int32:
-    """Of 24 bits of an index those that no triangle needs, eight at most. They extend 1 / t.
-
-    Of t that agree in what is stored, 2^-29 to 2^-37, the lowest index is the nearest. More bits would tell apart the
-    roundings of duplicates.
-    """
-
-
 @wp.func
 def hit_word(inverse: wp.float64, i: wp.int32, spare: wp.int32) -> wp.uint64:
-    """A hit as one word: a larger one is nearer, or as near with a lower index. ``spare``: :func:`spare_bits`."""
+    """A hit as one word: a larger one is nearer, or as near with a lower index. ``spare``: see
+    :func:`..common.triangle.spare_bits`.
+    """
     bits = wp.uint64(24 - spare)
-    key = wp.cast(inverse, wp.uint64) >> wp.uint64(23 - spare)
-    return (key << bits) | wp.uint64((0xFFFFFF >> spare) - i)
+    return (nearness_key(inverse, spare) << bits) | wp.uint64((0xFFFFFF >> spare) - i)
 
 
 @wp.func

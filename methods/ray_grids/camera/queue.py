@@ -10,10 +10,11 @@ from ....harness.frame.alpha import Alpha
 from ....harness.frame.geometry import Camera
 from ....harness.frame.specialise import effects
 from ...common.entries import entry, entry_now, entry_of_four
+from ...common.triangle import spare_bits
 from ..fetch import direction_at
 from ..queues import DOUBTS, ITEMS, PARTS, Queue, queue_parts
 from ..warps import LANES, append_pairs, filled_lane, lane_at, of_lane, sum_to_lane
-from .pixels import Candidate, sign_bound, spare_bits, test_pixel, test_pixel_or_queue
+from .pixels import Candidate, sign_bound, test_pixel, test_pixel_or_queue
 from .stream import Lines, pixels_of_row
 
 REGISTERS = 56

@@ -10,9 +10,9 @@ from ....harness.frame.geometry import Camera, Hits, Mesh, Ray
 from ...common.entries import entry, set_entry
 from ...common.hitpoint import flat_hit_point, is_flat, plane_distance, steep_hit_point
 from ...common.pixels import tile_pixel
-from ...common.triangle import hit_weights, to_float32
+from ...common.triangle import hit_weights, spare_bits, to_float32
 from ..fetch import corners_at, direction_at, weld_at
-from .pixels import index_of, spare_bits
+from .pixels import index_of
 
 REGISTERS = 72
 """Registers a thread: seven blocks of 128 a multiprocessor; 64 spill."""

@@ -16,7 +16,7 @@ from ...common.alpha import opaque_at_hit
 from ...common.entries import entry, raise_entry, set_entry, set_entry_of_four
 from ...common.reserve import reserve
 from ...common.screen import camera_space, in_front, out_of_view, pixel_box
-from ...common.triangle import hit_distance
+from ...common.triangle import hit_distance, spare_bits
 from ..fetch import corners_at, direction_at, weld_at
 from ..queues import DOUBTS, ITEMS, Queue, Share, triangle_of
 from .pixels import (
@@ -26,7 +26,6 @@ from .pixels import (
     hit_word,
     inverse_depth,
     sign_bound,
-    spare_bits,
     test_box,
     test_pixel_or_queue,
 )
