@@ -172,6 +172,7 @@ def test_the_icosphere_is_met_at_vertices_and_edges() -> None:
 
 @pytest.mark.parametrize("case", [case for case in all_cases() if case.refused], ids=lambda case: case.name)
 def test_refused(case: HardCase) -> None:
-    with pytest.raises(UserError, match="up must be finite and not parallel"):
+    reason = {"P18": "up must be finite and not parallel", "V sun 3e21": "too large for one; scale it below"}
+    with pytest.raises(UserError, match=reason[case.name]):
         case.make()
     assert judge_refusal(case).status == "ok"

@@ -54,7 +54,7 @@ def test_a_border_excuses_within_the_bound_only(bounds, verdict):
     coordinates = points[faces][..., [0, 2]] / 16 + 0.5
     mask = checked(AlphaMask([1, 0], coordinates, np.array([[1, 0]])), 2, "half")
     referee = Referee(points, faces, np.ones(2), mask=mask)
-    bound = float(edge_bound(np.float32([[0, 2, 0]]), points[faces[:1]])[0])
+    bound = float(edge_bound(np.float32([[0, 1, 0]]))[0])
     origins = np.float32([(-bounds * bound, 2, 0.25), (bounds * bound, 2, 0.25)])
     down = np.float32([(0, -1, 0), (0, -1, 0)])
     hits = referee.closest(origins, down)

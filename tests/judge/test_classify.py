@@ -107,7 +107,7 @@ def test_class_of_a_shadow_bit(x, bit, expected):
 
 
 def test_an_occluder_within_the_bound_of_the_hit_point_excuses_a_leak_but_not_more():
-    assert shadow_class(-1.0, 0, lift=2.0**-19) == "EDGE"
+    assert shadow_class(-1.0, 0, lift=2.0**-21) == "EDGE"
     assert shadow_class(-1.0, 0, lift=2.0**-12) == "LEAK"
 
 
@@ -162,3 +162,25 @@ def test_a_sample_of_a_whole_picture_equals_rational_brute_force():
     for i in sample:
         _, ties = cases.closest(moment.points, prepared.faces, moment.valid, moment.eye, hits.directions[i])
         assert hits.ties[i] == ties
+
+
+def test_an_answer_at_the_eye_is_never_excused():
+    """An eye on a corner: t is 0, and no rounding makes the triangle a hit. Just ahead of the eye an edge excuses."""
+    a, b, c = np.float32([(0.1, 0.2, 0.3), (0.7, -0.2, 0.4), (0.3, 0.5, -0.6)])
+    referee = Referee(np.stack([a, b, c]), np.array([(0, 1, 2)]), np.ones(1))
+    direction = np.float32([(-0.3, 0.4, 0.2)])
+    assert referee.closest(b, direction).triangle.tolist() == [-1]
+    assert referee.classify_primary(referee.closest(b, direction), np.array([0])).tolist() == [Verdict.TRUE]
+    past = b + np.float32([0.5, 0, 0]), np.float32([(-0.5 - 1e-8, 1e-8, 0)])
+    hits = referee.closest(*past)
+    given = np.array([-1 if hits.triangle[0] == 0 else 0])
+    assert referee.classify_primary(hits, given).tolist() == [Verdict.EDGE]
+
+
+def test_a_far_corner_does_not_widen_the_bound():
+    """Two triangles with corners at 1e7, and a ray 0.01 from their common edge."""
+    far = np.float32([(-1e7, -1e7, 0), (1e7, -1e7, 0), (1e7, 1e7, 0), (-1e7, 1e7, 0)])
+    referee = Referee(far, np.array([(0, 1, 2), (0, 2, 3)]), np.ones(2))
+    for beside, expected in ((0.01, Verdict.TRUE), (1e-7, Verdict.NEAR_TIE)):
+        hits = referee.closest(np.float32([beside, 0, 1]), np.float32([(0, 0, -1)]))
+        assert referee.classify_primary(hits, 1 - hits.triangle).tolist() == [expected]

@@ -10,6 +10,7 @@ from helpers import rational_brute_force as cases
 from helpers.devices import needs_gpu
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from shadowbench.harness.judge.candidates import Candidates, in_planes
 from shadowbench.harness.judge.referee import Referee
 from shadowbench.harness.judge.verdict import Verdict
 from shadowbench.harness.scene.prepared import prepare, valid_triangles
@@ -294,3 +295,20 @@ def test_small_occluders_touched_far_from_the_origin(axis):
         hits = referee.closest(eye.astype(np.float32), d[None].astype(np.float32))
         if hits.ties == [(0,)]:
             assert referee.occluders(hits, light.astype(np.float32)).tolist() == [4 if valid[4] else -1]
+
+
+def test_triangles_whose_planes_hold_a_light_are_no_candidates():
+    """A flat mesh lit along itself: thousands of candidates for each segment, none of which can meet it."""
+    random = np.random.default_rng(4)
+    points = random.integers(-64, 64, (300, 3)).astype(np.float32) / 64
+    points[:200, 2] = 0.25
+    faces = np.arange(300).reshape(-1, 3)
+    light = np.float32([3, 0.5, 0.25])
+    held = in_planes(points[faces], light)
+    exact = [np.linalg.det((points[f] - light).astype(np.float64) * 64) for f in faces]
+    np.testing.assert_array_equal(held, np.abs(exact) < 0.5)
+    assert 66 <= held.sum() < 80
+    found = Candidates(points, faces, np.ones(100), "cpu")
+    starts = np.float64([(-1, 0.25, 0.25), (0, 0, 0.25)])
+    lists, _ = found.between(starts, np.int32([-1, -1]), light, every=True, margin=np.full(2, 1e-3))
+    assert not np.isin(np.concatenate(lists), np.nonzero(held)[0]).any()

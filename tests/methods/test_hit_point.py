@@ -90,9 +90,9 @@ def test_a_hit_point_is_rounded_not_displaced(slope, size, device):
 def test_no_product_that_is_carried_is_fused_with_a_sum_on_a_gpu(tmp_path):
     """Found on a GPU: with the normal's products fused, flat hit points were off by up to 70,000 units.
 
-    Six products of the normal and three of its product with the way must be rounded by themselves (mul.rn), which a
-    compiler never fuses; it may with a plain mul.
+    Six products of the normal, three of its product with the way and three with the direction must be rounded by
+    themselves (mul.rn), which a compiler never fuses; it may with a plain mul.
     """
     wp.compile_aot_module(sys.modules[__name__], arch=90, module_dir=tmp_path, use_ptx=True)
     (code,) = tmp_path.glob("*.ptx")
-    assert len(re.findall(r"\bmul\.rn\.f64\b", code.read_text())) == 9
+    assert len(re.findall(r"\bmul\.rn\.f64\b", code.read_text())) == 12
