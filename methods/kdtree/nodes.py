@@ -91,6 +91,11 @@ class Tree:
 
 
 @wp.func
+def bit(k: wp.int32) -> wp.uint64:
+    return wp.uint64(1) << wp.uint64(k)
+
+
+@wp.func
 def ordered(x: wp.float32) -> wp.int32:
     """An integer in the order of x, for atomics."""
     bits = wp.cast(x, wp.int32)

@@ -13,7 +13,7 @@ SMALL_DEPTH = 16
 """Levels of the tree within a small node at most."""
 
 LARGE_DEPTH = 40
-"""Levels of large nodes at most."""
+"""Levels of large nodes at most. With those of small nodes they must not be more than 64: a ray keeps a bit for each."""
 
 
 STACKS = (1, 2, 4, 8, 16, 32, 64)

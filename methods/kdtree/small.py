@@ -24,6 +24,7 @@ from .nodes import (
     Large,
     Refs,
     Roots,
+    bit,
     goes_above,
     goes_below,
     put_inner,
@@ -104,11 +105,6 @@ return __builtin_ctzll(word);
 """)
 def set_bit(word: wp.uint64, rank: wp.int32) -> wp.int32:
     """The place of the bit of a word that has ``rank`` set bits below it."""
-
-
-@wp.func
-def bit(k: wp.int32) -> wp.uint64:
-    return wp.uint64(1) << wp.uint64(k)
 
 
 @wp.func

@@ -1,7 +1,10 @@
 """A ray's walk down the tree, nearer child first, with a short stack of the others and the parts of the ray in them.
 
 The stack holds the last few of them (Horn et al. 2007). Where more are pending the oldest is forgotten, and when the stack
-is empty the walk begins anew at the root, behind what it has seen. So the tree may be of any depth.
+is empty the walk begins anew at the root. Two words tell for each level what remains: ``pending``, whether the farther
+child is still to be visited, and ``done``, whether the nearer one need not be any more (Laine 2010). So the same nodes are
+visited with the same parts of the ray, however short the stack. (To begin anew behind what has been seen would not do:
+near a plane both children have the same times.)
 
 No hit is missed. Let e be more than every rounding of the times at which a ray meets a plane, as a way along the plane's
 axis. A child is visited for all times at which the ray is within e of it. A triangle is listed in a leaf around each of its
@@ -13,9 +16,8 @@ lies within the scene:
     their product                              (A + B) u      the sum with the margin       (A + B) u
     the direction, if it is light - hit point  (A + B) u      the hit point, in float32     B u
     a triangle's closed edge, 2^-30 of it      B u
-    beginning anew at the next number          (A + B) u
 
-6 A u + 8 B u in all; e is 8 A u + 16 B u. A direction's part of less than 2^-40 of its largest is replaced by that: it moves
+5 A u + 7 B u in all; e is 8 A u + 16 B u. A direction's part of less than 2^-40 of its largest is replaced by that: it moves
 a ray by 2^-40 of its way.
 
 The walk goes on behind a leaf until what is left begins behind the closest hit: a triangle may be hit beyond the leaf that
@@ -36,7 +38,7 @@ from ..common.entries import entry
 from ..common.ray_kernels import make_primary_kernel, make_shadow_kernel
 from ..common.ray_queries import SLACK, Found, nothing_found
 from ..common.triangle import U32, largest, to_float32
-from .nodes import LEAF, Tree
+from .nodes import LEAF, Tree, bit
 
 LATEST = wp.constant(wp.float32(3.0e37))
 """Times and margins beyond float32 are cut to this."""
@@ -49,6 +51,17 @@ def inverse_of(d: wp.float32, least: wp.float32) -> wp.float32:
     if d < 0.0:
         return -1.0 / least
     return 1.0 / least
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+return 63 - __clzll((long long)word);
+#else
+return 63 - __builtin_clzll(word);
+#endif
+""")
+def highest_bit(word: wp.uint64) -> wp.int32:
+    """The place of the highest bit of a word that is not 0."""
 
 
 @wp.func
@@ -95,10 +108,13 @@ def make_walk(stack: int) -> Any:
             b = meeting(high[axis], o[axis], inverse[axis])
             first = wp.max(first, wp.min(a, b) - margin[axis])
             last = wp.min(last, wp.max(a, b) + margin[axis])
+        ray_first = first
         ray_last = last
+        level = wp.int32(0)
+        pending = wp.uint64(0)
+        done = wp.uint64(0)
         top = wp.int32(0)
         held = wp.int32(0)
-        forgotten = wp.bool(False)
         node = wp.int32(0)
         going = first <= last
         while going:
@@ -123,13 +139,16 @@ def make_walk(stack: int) -> Any:
                     node = far
                 elif since > last:
                     node = near
+                elif (done & bit(level)) != wp.uint64(0):
+                    node = far
+                    first = wp.max(first, since)
                 else:
                     stack_node[top] = far
                     stack_from[top] = wp.max(first, since)
                     stack_to[top] = last
                     top = (top + 1) & (KEPT - 1)
-                    forgotten = forgotten or held == KEPT
                     held = wp.min(held + 1, KEPT)
+                    pending = pending | bit(level)
                     node = near
                     last = wp.min(last, until)
             else:
@@ -143,21 +162,25 @@ def make_walk(stack: int) -> Any:
                         found = test(mesh, alpha, i, query, found)
                         if found.done:
                             k = stop
-            if not onward and not found.done:
-                seen = last
-                while not onward and held > 0:
+            level += 1
+            while not onward and pending != wp.uint64(0) and not found.done:
+                level = highest_bit(pending)
+                this = bit(level)
+                pending = pending - this
+                done = (done & (this - wp.uint64(1))) | this
+                if held > 0:
                     held -= 1
                     top = (top + KEPT - 1) & (KEPT - 1)
                     node = stack_node[top]
                     first = stack_from[top]
                     last = stack_to[top]
+                    level += 1
                     onward = first <= found.limit
-                if not onward and forgotten and seen < wp.min(ray_last, found.limit):
-                    # The next number, so that the leaf that ends here is not visited again.
-                    first = wp.cast(wp.cast(seen, wp.int32) + 1, wp.float32)
-                    last = ray_last
+                else:
                     node = 0
-                    forgotten = False
+                    first = ray_first
+                    last = ray_last
+                    level = 0
                     onward = True
             going = onward
         return found
