@@ -1,0 +1,88 @@
+"""Made-up results for tests of the page, three folders with pictures, maps and a drawing; and the command for the page."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers.experiment_records import record_of, write_records
+from PIL import Image
+from shadowbench.harness import cli
+from shadowbench.harness.report.flip import answered_path, reference_path
+from shadowbench.harness.results.pixel_maps import map_path, write_map, wrong_path
+from shadowbench.harness.runner.experiment import Entry
+from shadowbench.harness.scene.overrides import Lighting
+
+GRIDS, TREE, MAP = (
+    Entry("ray_grids", {}, "grids"),
+    Entry("bvh", {}, "tree"),
+    Entry("shadow_map", {}, "map & <b>"),
+)
+FACTS = {
+    "cpu": {"model": "A CPU", "usable_cores": 2},
+    "warp": "1.0",
+    "python": "3",
+    "os": "x",
+    "gpus": [{"name": "A GPU"}],
+}
+
+
+def wrong(record, count):
+    record["frames"][0]["score"].update(true_errors=count, check="failed")
+    return record
+
+
+def make_results(root: Path) -> Path:
+    """Three folders: two scenes and three methods, one with wrong answers and one rejected; a light at three distances, one
+    of them with three frames; a table like the paper's. Pictures, maps and a drawing.
+    """
+    times = [record_of("frame_time", e, scene, ms=ms * k) for scene, k in (("cloth", 1.0), ("buddha", 3.0))
+             for e, ms in ((GRIDS, 0.5), (TREE, 2.0))]  # fmt: skip
+    times += [
+        wrong(record_of("frame_time", MAP, "cloth", ms=0.25), 7),
+        record_of("frame_time", MAP, "buddha", status="rejected"),
+    ]
+    times[1]["method"]["source_sha256"] = "an earlier version"
+    far = [
+        record_of(
+            "figure11", e, "cloth", Lighting(label=f"{d:g} radii", distance=d), ms=ms * d**0.5,
+            counters={"pairs": 9 * d}, frames=3 if d == 1 else 1,
+        )
+        for d in (0.1, 1.0, 10.0)
+        for e, ms in ((GRIDS, 1.0), (TREE, 4.0))
+    ]  # fmt: skip
+    far[3]["method"]["source_sha256"] = "an earlier version"
+    far[1]["method"]["source_sha256"], far[1]["frames"][0]["started"] = "a later version", [9.0]
+    table = [
+        record_of("table1", e, scene, ms=ms * k)
+        for scene, k in (("cloth", 1.0), ("buddha", 3.0))
+        for e, ms in ((GRIDS, 0.5), (TREE, 2.0))
+    ]
+    for name, records in (("frame_time", times), ("figure11", far), ("table1", table)):
+        write_records(root / name, records)
+        (root / name / "environments").mkdir()
+        (root / name / "environments" / "e.json").write_text(json.dumps(FACTS))
+    folder, key = root / "frame_time", times[4]["key"]
+    (folder / "frame_time.svg").write_text('<svg xmlns="http://www.w3.org/2000/svg" width="9" height="9"/>')
+    (folder / "images").mkdir()
+    picture = np.full((16, 16, 3), 200, np.uint8)
+    Image.fromarray(picture).save(reference_path(folder, "cloth", 0))
+    picture[:4] = 0
+    Image.fromarray(picture).save(answered_path(folder, key, 0))
+    classes = np.ones((16, 16), int)
+    classes[:4] = 7
+    write_map(wrong_path(folder, key, 0), classes)
+    for record, most in ((times[0], 300), (times[1], 9)):
+        write_map(map_path(folder, record["key"], 0), np.arange(256).reshape(16, 16) * most // 255)
+    return root
+
+
+def command(monkeypatch, *words):
+    monkeypatch.setattr(sys, "argv", ["shadowbench", "report", *map(str, words)])
+    monkeypatch.delenv(cli.DEBUG, raising=False)
+    with pytest.raises(SystemExit) as stopped:
+        cli.main()
+    return stopped.value.code or 0

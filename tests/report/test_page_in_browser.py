@@ -1,0 +1,289 @@
+"""What a reader does with the page, in a real Chromium. One browser serves all of these tests."""
+
+from __future__ import annotations
+
+import json
+import re
+import time
+
+import pytest
+from helpers import browser
+from helpers.page_results import command, make_results
+
+VIEWS = ("overview", "table", "points", "curves", "pictures", "maps", "claims", "drawings", "records")
+
+
+pytestmark = pytest.mark.skipif(bool(browser.missing()), reason=browser.missing() or "there is a browser")
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    return make_results(tmp_path_factory.mktemp("results"))
+
+
+@pytest.fixture(scope="module")
+def page(results):
+    with pytest.MonkeyPatch.context() as patch:
+        assert command(patch, results, "--out", results / "page.html") == 0
+    return results / "page.html"
+
+
+@pytest.fixture(scope="module")
+def driver(tmp_path_factory):
+    found = browser.start(tmp_path_factory.mktemp("profile"))
+    found.get("about:blank")
+    for kind in ("browser", "performance"):
+        found.get_log(kind)  # what the browser's own first page said and loaded
+    yield found
+    found.quit()
+
+
+@pytest.fixture
+def visit(driver, page):
+    """Open the page at a state, in a window; on leaving, nothing was fetched and nothing was complained about."""
+
+    def go(state="", width=1280, height=900, dark=False):
+        browser.look(driver, width, height, dark)
+        driver.get("about:blank")
+        driver.get(f"file://{page}#{state}")
+        settle(driver)
+        return driver
+
+    yield go
+    assert [entry["message"] for entry in driver.get_log("browser")] == []
+    events = [json.loads(entry["message"])["message"] for entry in driver.get_log("performance")]
+    asked = {
+        e["params"]["request"]["url"].split("#")[0]
+        for e in events
+        if e["method"] == "Network.requestWillBeSent"
+    }
+    assert {url for url in asked if not url.startswith(("data:", "blob:", "about:"))} <= {f"file://{page}"}
+
+
+def settle(
+    driver,
+    until="return document.querySelector('main').dataset.ready === document.querySelector('main').dataset.view",
+):
+    for _ in range(100):
+        if driver.execute_script(until):
+            return
+        time.sleep(0.05)
+    raise AssertionError(f"not within 5 s: {until}")
+
+
+def css(driver, selector):
+    return driver.find_elements("css selector", selector)
+
+
+def column(driver, number):
+    return [cell.text for cell in css(driver, f".grid tbody tr > :nth-child({number})")]
+
+
+def press(driver, *keys):
+    from selenium.webdriver import ActionChains
+
+    for key in keys:
+        ActionChains(driver).send_keys(key).perform()
+
+
+@pytest.mark.parametrize(("width", "dark"), [(360, False), (360, True), (1920, False), (1920, True)])
+def test_every_view_fits_its_window(visit, width, dark):
+    for view in VIEWS:
+        found = visit(f"view={view}", width, 900, dark)
+        wide, background = found.execute_script(
+            "return [document.documentElement.scrollWidth - innerWidth, getComputedStyle(document.body).backgroundColor]"
+        )
+        assert wide <= 0, view
+        assert (sum(map(int, re.findall(r"\d+", background)[:3])) < 200) == dark
+        assert len(css(found, "main h2, main p")) > 0
+
+
+def test_sorting_filtering_and_the_address(visit):
+    found = visit("view=points")
+    heading = css(found, "thead th button")[3]
+    for way in ("ascending", "descending"):
+        heading = next(b for b in css(found, "thead th button") if b.text.startswith("frame, ms"))
+        heading.click()
+        head = next(th for th in css(found, "thead th") if th.text.startswith("frame, ms"))
+        assert head.get_attribute("aria-sort") == way
+        times = [float(t.split()[0]) for t in column(found, 5) if t[0].isdigit()]
+        assert times == sorted(times, reverse=way == "descending")
+        assert column(found, 5)[-1] == "rejected", "what has no time is last either way"
+    assert "points.sort=total_ms" in found.current_url
+    css(found, 'details[data-key="scene"] summary')[0].click()
+    next(x for x in css(found, ".options label") if x.text.startswith("Buddha")).click()
+    assert set(column(found, 1)) == {"Buddha (stand-in)"}
+    before, state = column(found, 2), found.current_url.split("#")[1]
+    assert column(visit(state), 2) == before, "the address brings the state back"
+    assert column(visit("view=points&q=rejected+map"), 2) == []
+    assert len(column(visit("view=points&method=shadow_map&exp=frame_time"), 2)) == 2
+
+
+def test_times_have_their_errors_their_spread_and_their_origin(visit):
+    from selenium.webdriver import ActionChains
+
+    found = visit("view=table&t=frame_time")
+    cells = {cell.text: cell for cell in css(found, ".grid tbody td")}
+    assert any(re.fullmatch(r"0.253\s+✗ 7", text) for text in cells), list(cells)
+    assert any("†" in text for text in cells), "a record of an earlier version says so"
+    ActionChains(found).move_to_element(next(c for t, c in cells.items() if "✗ 7" in t)).perform()
+    tip = css(found, "#tip")[0].text
+    assert "quartiles\n0.251 to 0.254 ms" in tip
+    assert "✗ 7 wrong" in tip
+    assert "stand-in for" in tip
+    found = visit("view=table&t=table1")
+    assert "paper, GTX 280, 1024x1024" in css(found, "thead")[0].text
+    assert "44.47 ms" in css(found, "tbody")[0].text
+    found = visit("view=table&t=frame_time&m=ratio:tree")
+    assert any(
+        text.startswith("0.25\N{MULTIPLICATION SIGN}")
+        for cell in css(found, "tbody td")
+        for text in [cell.text]
+    )
+
+
+def test_the_slider_goes_through_distances_and_frames(visit):
+    from selenium.webdriver.common.keys import Keys
+
+    found = visit("view=curves&c=figure11&y=total_ms")
+    assert css(found, ".u-over"), "a chart is drawn"
+    slider = css(found, "#place")[0]
+    values = []
+    for key in (Keys.HOME, Keys.ARROW_RIGHT, Keys.END):
+        slider.send_keys(key)
+        values.append(
+            (
+                css(found, ".place output")[0].text,
+                float(css(found, ".at-place tbody tr:last-child td:last-child")[0].text.split()[0]),
+            )
+        )
+    assert [text for text, _ in values] == ["0.1 radii", "1 radii", "10 radii"]
+    assert [ms for _, ms in values] == sorted(ms for _, ms in values)
+    assert "at=2" in found.current_url
+    found = visit("view=curves&c=figure11&x=frame&at=0")
+    assert css(found, ".place output")[0].text == "frame 0"
+
+
+def test_hovering_a_curve_names_the_nearest_point(visit):
+    from selenium.webdriver import ActionChains
+
+    found = visit("view=curves&c=figure11&y=total_ms&scale=linear")
+    x, y, name = found.execute_script(
+        "const u = document.querySelector('.plot')._plot;"
+        "return [u.valToPos(10, 'x'), u.valToPos(u.data[1][2], 'y'), u.series[1].label]"
+    )
+    over = css(found, ".u-over")[0]
+    ActionChains(found).move_to_element_with_offset(
+        over, x - over.rect["width"] / 2 - 3, y - over.rect["height"] / 2 + 2
+    ).perform()
+    tip = css(found, "#tip")[0].text
+    assert tip.startswith(f"{name} · Cloth (stand-in), 10 radii")
+    assert "10 radii" in tip
+
+
+def test_dragging_zooms_a_logarithmic_chart_and_a_button_shows_all_again(visit):
+    from selenium.webdriver import ActionChains
+
+    found = visit("view=curves&c=figure11&y=total_ms")
+    scales = (
+        "const {x, y} = document.querySelector('.plot')._plot.scales; return [x.min, x.max, y.min, y.max]"
+    )
+    whole = found.execute_script(scales)
+    drag = ActionChains(found).move_to_element_with_offset(css(found, ".u-over")[0], 20, -60)
+    drag.click_and_hold().move_by_offset(70, 70).release().perform()
+    left, right, low, high = found.execute_script(scales)
+    assert whole[0] < left < right < whole[1]
+    assert whole[2] < low < high < whole[3]
+    css(found, ".plot + .note button")[0].click()
+    assert found.execute_script(scales) == whole
+
+
+def test_pictures_part_under_a_slider_with_wrong_pixels_marked(visit):
+    from selenium.webdriver.common.keys import Keys
+
+    found = visit("view=pictures")
+    assert "acne" in css(found, ".legend")[0].text
+    assert "64" in css(found, ".legend")[0].text
+    pixel = (
+        "return [...document.querySelector('.over canvas').getContext('2d').getImageData(1, 1, 1, 1).data]"
+    )
+    assert found.execute_script(pixel)[:3] == [235, 90, 0]
+    slider = css(found, ".under-picture input")[0]
+    slider.send_keys(Keys.HOME)
+    assert css(found, ".frame")[0].get_attribute("data-cut") == "0"
+    assert css(found, ".over")[0].value_of_css_property("clip-path") == "inset(0px 0px 0px 0%)"
+    found = visit("view=pictures&plain=1")
+    assert found.execute_script(pixel)[:3] == [0, 0, 0]
+
+
+def test_heat_maps_share_a_scale_and_tell_their_counts(visit):
+    from selenium.webdriver import ActionChains
+
+    found = visit("view=maps&scale=linear")
+    assert {(r.text.split()[0], r.text.split()[-1]) for r in css(found, ".split tbody tr")} == {
+        ("grids", "300"),
+        ("tree", "9"),
+    }
+    assert css(found, ".ends span")[-1].text == "300"
+    frame = css(found, ".frame")[0]
+    ActionChains(found).move_to_element(frame).perform()
+    first, *lines = css(found, "#tip")[0].text.splitlines()
+    x, y = map(int, re.fullmatch(r"pixel (\d+), (\d+)", first).groups())
+    told = dict(zip(lines[::2], lines[1::2], strict=True))
+    assert told == {
+        name: f"{(16 * y + x) * most // 255} tests" for name, most in (("grids", 300), ("tree", 9))
+    }
+
+
+def test_the_keyboard_alone_reaches_everything(visit):
+    from selenium.webdriver.common.keys import Keys
+
+    found = visit("view=points")
+    names = []
+    for _ in range(40):
+        press(found, Keys.TAB)
+        names.append(found.execute_script(
+            "const e = document.activeElement; const o = getComputedStyle(e);"
+            "return [e.tagName, e.textContent.slice(0, 20), o.outlineStyle, parseFloat(o.outlineWidth)]"))  # fmt: skip
+        if names[-1][0] == "TH":
+            break
+    reached = {name[0] for name in names}
+    assert {"A", "SELECT", "SUMMARY", "INPUT", "BUTTON", "TH"} <= reached
+    assert all(style != "none" and width >= 1 for _, _, style, width in names), "the focus is seen everywhere"
+    press(found, Keys.ARROW_RIGHT, Keys.ARROW_RIGHT, Keys.ARROW_RIGHT, Keys.ARROW_RIGHT, Keys.ARROW_DOWN)
+    assert "whole frame" in css(found, "#tip")[0].text, "a focused cell shows its spread"
+    press(found, Keys.ENTER)
+    dialog = css(found, "dialog[open]")[0]
+    assert "method's source" in dialog.text
+    assert "A GPU" in dialog.text
+    press(found, Keys.ESCAPE)
+    settle(found, "return !document.querySelector('dialog[open]')")
+    assert "point=" not in found.current_url
+    found.execute_script("document.querySelector('details.pick summary').focus()")
+    press(found, Keys.ENTER, Keys.TAB, Keys.SPACE)
+    assert len(css(found, "details.pick[open] input:checked:focus")) == 1, (
+        "drawing anew leaves the focus where it was"
+    )
+    assert "exp=" in found.current_url
+    press(found, Keys.ESCAPE)
+    assert css(found, "details.pick[open]") == []
+
+
+def test_what_is_shown_is_saved_as_csv_and_latex(visit):
+    found = visit("view=table&t=table1&table.sort=tree:down")
+    found.execute_script(
+        "window.saved = []; URL.createObjectURL = (blob) => { blob.text().then((t) => saved.push(t)); return 'data:,'; };"
+    )
+    for button in css(found, ".savers button"):
+        button.click()
+    settle(found, "return saved.length === 2")
+    csv, latex = found.execute_script("return saved")
+    assert csv.splitlines()[0].startswith("scene,")
+    assert '"HBVH (paper, GTX 280, 1024x1024)"' in csv
+    assert '"tree, whole frame, ms","tree, wrong answers"' in csv
+    assert ",2.02,0," in csv
+    assert [line.split(" ")[0] for line in csv.splitlines()[1:]] == ["Buddha", "Cloth"]
+    assert "\\toprule" in latex
+    assert "Cloth (stand-in)" in latex
+    assert latex.count("\\\\") == 4
+    assert "\\cmidrule(lr){4-8}" in latex
