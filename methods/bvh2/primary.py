@@ -9,7 +9,7 @@ import warp as wp
 
 from ...harness.frame.geometry import Camera, Hits, Mesh, Ray, weld_of
 from ..common.entries import entry, set_entry
-from ..common.hitpoint import flat_hit_point, is_flat, plane_distance, steep_hit_point
+from ..common.hitpoint import flat_hit_point, is_vague, plane_distance, steep_hit_point
 from ..common.pixels import tile_pixel
 from ..common.triangle import hit_distance, hit_weights, nearer, to_float32
 from .records import Leaves, triangle_corners
@@ -169,7 +169,7 @@ def resolve_kernel(
         distance32 = wp.float32(distance64)
         uv = hit_weights(ray, corners, weld_of(mesh, best))
         point = steep_hit_point(ray, distance64, corners)
-        flat = is_flat(ray, distance64, corners)
+        flat = is_vague(ray, corners)
     set_entry(hits.triangle, pixel, best)
     set_entry(hits.t, pixel, distance32)
     set_entry(hits.u, pixel, uv[0])

@@ -124,6 +124,20 @@ def is_flat(ray: Ray, t: wp.float64, corners: Corners) -> wp.bool:
 
 
 @wp.func
+def is_vague(ray: Ray, corners: Corners) -> wp.bool:
+    """Whether a hit point that will be rounded to float32 takes :func:`flat_hit_point`.
+
+    Elsewhere the slope is right to 2^-28, as t is, so that :func:`steep_hit_point` is off by 2^-28 of the way to a corner,
+    and by 2^-32 of its own size for what it lies beside the ray: far less than it is rounded by.
+    """
+    d64 = to_float64(ray.direction)
+    a64 = to_float64(corners.a)
+    ab = to_float64(corners.b) - a64
+    ac = to_float64(corners.c) - a64
+    return not wp.abs(wp.dot(wp.cross(ab, ac), d64)) > CERTAIN * largest(ab) * largest(ac) * total(d64)
+
+
+@wp.func
 def steep_hit_point(ray: Ray, t: wp.float64, corners: Corners) -> wp.vec3d:
     """:func:`hit_point` where the ray is not flat.
 

@@ -6,9 +6,9 @@ from typing import Any
 
 import warp as wp
 
-from ....harness.frame.geometry import Camera, Hits, Mesh, Ray
+from ....harness.frame.geometry import Camera, Corners, Hits, Mesh, Ray
 from ...common.entries import entry, set_entry
-from ...common.hitpoint import flat_hit_point, is_flat, plane_distance, steep_hit_point
+from ...common.hitpoint import flat_hit_point, is_flat, is_vague, plane_distance, steep_hit_point
 from ...common.pixels import tile_pixel
 from ...common.triangle import hit_weights, spare_bits, to_float32
 from ..fetch import corners_at, direction_at, weld_at
@@ -21,6 +21,17 @@ REGISTERS = 72
 @wp.func
 def set_point(points: wp.array(dtype=wp.vec3d), i: wp.int32, point: wp.vec3d):
     set_entry(points, i, point)
+
+
+@wp.func
+def takes_care(points: wp.array(dtype=wp.vec3d), ray: Ray, t: wp.float64, corners: Corners) -> wp.bool:
+    """Whether the hit point is one that :func:`...common.hitpoint.flat_hit_point` computes."""
+    return is_flat(ray, t, corners)
+
+
+@wp.func
+def takes_care(points: wp.array(dtype=wp.vec3f), ray: Ray, t: wp.float64, corners: Corners) -> wp.bool:
+    return is_vague(ray, corners)
 
 
 @wp.func
@@ -60,7 +71,7 @@ def resolve_points(
         t = wp.float32(distance)
         uv = hit_weights(ray, corners, weld)
         hit = steep_hit_point(ray, distance, corners)
-        flat = is_flat(ray, distance, corners)
+        flat = takes_care(hit_points, ray, distance, corners)
     set_entry(hits.triangle, pixel, best)
     set_entry(hits.t, pixel, t)
     set_entry(hits.u, pixel, uv[0])
