@@ -18,9 +18,10 @@ with u = 2^-24, of directions d, and of hit points and corners whose coordinates
   |n|_1 (M + |light|), so that here planes are scaled by at least 2^-8 |n|_1 (M + |light|) / M, and the slack is at most
   4 u M again: :data:`LIGHT_UNITS` = 40 units of M.
 * m . d is known to 8 u |m|_max |d|_1 (three roundings of m, three of products and sums) where the triangle's height over
-  the eye, as float64 has it, is right to 2^-27; else the record is zero.
+  the eye, as float64 has it, is right to 2^-27; else it is not used.
 
-A record of zeros leaves every ray to float64: triangles seen edge-on, and sizes that float32 does not hold.
+Planes of zeros, and an infinite m, leave every ray to float64, whatever was hit before: triangles seen edge-on, or
+from close to their plane, and sizes that float32 does not hold.
 """
 
 from __future__ import annotations
@@ -124,6 +125,12 @@ def seen_from(o32: wp.vec3f, corners: Corners) -> Seen:
 
 
 @wp.func
+def unknown() -> wp.vec3f:
+    """m of a triangle whose depth is left to float64: its bounds are infinite or not numbers, so that no hit hides it."""
+    return wp.vec3f(wp.INF, wp.INF, wp.INF)
+
+
+@wp.func
 def scale_of(n: wp.vec3f, s: Seen, spread: wp.float32) -> wp.float32:
     """What an edge plane is multiplied by; ``spread``: the most that its slack may come from."""
     return s.inward / wp.max(largest(n), wp.max(CLOSED * spread, ROUNDED * s.size))
@@ -147,7 +154,7 @@ def eye_kernel(mesh: Mesh, leaves: Leaves, eye: wp.array(dtype=wp.vec3f), record
     x = wp.vec3f()
     y = wp.vec3f()
     z = wp.vec3f()
-    m = wp.vec3f()
+    m = unknown()
     if s.inward != 0.0:
         n = near32(s.normal)
         spread = total(n)
@@ -159,7 +166,7 @@ def eye_kernel(mesh: Mesh, leaves: Leaves, eye: wp.array(dtype=wp.vec3f), record
         z = z * scale_of(z, s, spread)
         m = n / wp.float32(s.height)
         if not (largest(m) < DEEPEST and largest(m) * DEEPEST > 1.0):
-            m = wp.vec3f()
+            m = unknown()
     set_entry(records, 3 * at, wp.vec4f(x[0], x[1], x[2], y[0]))
     set_entry(records, 3 * at + 1, wp.vec4f(y[1], y[2], z[0], z[1]))
     set_entry(records, 3 * at + 2, wp.vec4f(z[2], m[0], m[1], m[2]))

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
+from shadowbench.harness.hardcases.eyes import touching
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 
@@ -64,6 +65,16 @@ def test_settings_change_no_bit(device):
     for other in others:
         for key, values in first.items():
             np.testing.assert_array_equal(other[key], values, key)
+
+
+@pytest.mark.parametrize(
+    "settings", [{"leaf": "1"}, {"leaf": "4"}, {"leaf": "4", "primary": "packet"}], ids=str
+)
+def test_a_wall_one_step_from_the_eye_is_not_hidden_by_a_sure_hit(settings, device):
+    """float32 knows no depth of it; in a leaf of four it is tested after the wall behind it."""
+    trial = touching()
+    answers = Session(make_method(NAME, settings), trial.prepared, 16, 16, device).answers(trial.moment)
+    assert set(answers["triangle"]) == {0, 1}
 
 
 def test_queues_grow_and_the_frame_is_repeated(device):
