@@ -31,6 +31,9 @@ that is led back at a sine of an eighth or more, one of rounding, and some to sp
 ORIGIN_UNITS = wp.constant(wp.float64(2.0**-20))
 """Likewise of the origin's: :func:`flat_hit_point` rounds a step of 2^-23 of the way from there."""
 
+STEEP = wp.constant(wp.float64(2.0**-20))
+"""Least slope, as a share of the products that it is a sum of, at which a hit point may be rounded (:func:`is_vague`)."""
+
 LEADING = wp.constant(wp.uint64(0xFFFFFFFFE0000000))
 """Of a float64 the sign, the exponent and 23 bits of the fraction: times a float32 it is exact."""
 
@@ -127,14 +130,14 @@ def is_flat(ray: Ray, t: wp.float64, corners: Corners) -> wp.bool:
 def is_vague(ray: Ray, corners: Corners) -> wp.bool:
     """Whether a hit point that will be rounded to float32 takes :func:`flat_hit_point`.
 
-    Elsewhere the slope is right to 2^-28, as t is, so that :func:`steep_hit_point` is off by 2^-28 of the way to a corner,
-    and by 2^-32 of its own size for what it lies beside the ray: far less than it is rounded by.
+    Elsewhere the slope is right to 2^-28, so that t and the step onto the plane are off by less than 2^-28 of the way to a
+    corner, and :func:`steep_hit_point` by 2^-32 of its own size for what it lies beside the ray: far less than the rounding.
     """
     d64 = to_float64(ray.direction)
     a64 = to_float64(corners.a)
     ab = to_float64(corners.b) - a64
     ac = to_float64(corners.c) - a64
-    return not wp.abs(wp.dot(wp.cross(ab, ac), d64)) > CERTAIN * largest(ab) * largest(ac) * total(d64)
+    return not wp.abs(wp.dot(wp.cross(ab, ac), d64)) > STEEP * largest(ab) * largest(ac) * total(d64)
 
 
 @wp.func
