@@ -10,21 +10,32 @@ from ..harness.runner.experiment import Entry
 from ._paper import METHOD
 
 OURS = Entry("ray_grids", {}, "ray grids")
+HYBRID = Entry("hybrid", {}, "hybrid")
+"""The camera's stream of ray grids with a tree for the shadow rays."""
 
 REBUILT = (
     Entry("bvh2", {}, "BVH2 rebuilt"),
     Entry("bvh2", {"precision": "float32"}, "BVH2 rebuilt, float32"),
-    Entry("warp_bvh", {"update": "bvh_rebuild"}, "Warp LBVH rebuilt"),
+    Entry("warp_bvh", {"origin": "plain"}, "mesh rebuilt, plain"),
+    Entry("warp_bvh", {"update": "bvh_rebuild"}, "LBVH rebuilt in a graph"),
+    Entry("kdtree", {}, "kd-tree"),
 )
-"""Trees built anew each frame."""
+"""Trees built anew each frame. "plain": shadow rays as a user of Warp writes them, in float32."""
 
 REFITTED = (
     Entry("bvh2", {"update": "refit"}, "BVH2 refitted"),
     Entry("bvh2", {"update": "refit", "precision": "float32"}, "BVH2 refitted, float32"),
-    Entry("warp_bvh", {"update": "refit", "constructor": "cubql"}, "Warp cuBQL refitted"),
+    Entry(
+        "warp_bvh", {"update": "refit", "constructor": "cubql", "origin": "plain"}, "cubql refitted, plain"
+    ),
+    Entry("warp_bvh", {"update": "refit", "constructor": "sah", "origin": "plain"}, "SAH refitted, plain"),
 )
 """Trees of the first frame whose boxes are refitted: less is asked of them than of the others."""
 
-GRIDS = (Entry(METHOD, {}, "the paper's grids"), Entry("uniform_grid", {}, "uniform grid"))
+GRIDS = (
+    Entry(METHOD, {}, "the paper's grids"),
+    Entry("uniform_grid", {}, "uniform grid"),
+    Entry("two_level_grid", {}, "two-level grid"),
+)
 
-STRONGEST = (OURS, *REBUILT, *REFITTED, *GRIDS)
+STRONGEST = (OURS, HYBRID, *REBUILT, *REFITTED, *GRIDS)

@@ -13,15 +13,17 @@ from ..harness.report import compare, document, panels, style
 from ..harness.results.table import stage_ms
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
+from . import _rivals
 from ._paper import SCENES
-from ._rivals import REBUILT, REFITTED
 
 if TYPE_CHECKING:
     import pandas as pd
 
-GRIDS = (Entry("uniform_grid", {}, "uniform grid"),)
-TREES = (*REBUILT, REFITTED[0], Entry("embree", {}, "Embree"))
-METHODS = (*GRIDS, *TREES)
+GRIDS = _rivals.GRIDS[1:]
+TREES = (*_rivals.REBUILT, _rivals.REFITTED[0], Entry("embree", {}, "Embree"))
+BOTH = (_rivals.HYBRID,)
+"""A tree for mirrored rays beside another structure for primary rays."""
+METHODS = (*GRIDS, *TREES, *BOTH)
 ONE_GRID, ONE_TREE = GRIDS[0].label, TREES[0].label
 """What the paper's sentence on reflected rays is judged by."""
 

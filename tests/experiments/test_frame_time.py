@@ -49,6 +49,7 @@ def test_ratio_is_to_the_fastest_of_its_kind_and_carries_the_rounds_range(tmp_pa
     assert "the fastest peer that rebuilds its tree 3.00 times that (geometric mean 3.00)" in text
     assert "refits" not in text
     assert "| Cloth (stand-in) | ~2.0 | 3.00 (2.76 to 3.26; LBVH rebuilt in a graph) |" in text
+    assert "fastest that rebuilds its tree, exact" in text
     assert rows["fairy", "mesh rebuilt"]["times_slower"] == ""
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pandas as pd
 import pytest
 from helpers.experiment_records import record_of, write_records
-from shadowbench.experiments import _judges, figure2, figure11, key_bits
+from shadowbench.experiments import _judges, figure2, figure11, key_bits, reflection
 from shadowbench.experiments.ablation import BASE, CULLED, EXACT
 from shadowbench.experiments.claims import CLAIMS
 from shadowbench.harness.commands.show import show
@@ -81,9 +81,14 @@ def everything():
           for label, ms in (("the paper's grids", 1.0), (BASE, 1.5), ("mesh rebuilt", 2.0), ("uniform grid", 3.0))),
         *(record_of("two_lights", methods[label], "fairy", two, ms=ms)
           for label, ms in ((BASE, 4.0), ("perspective + spherical, best", 2.0), ("warp_bvh", 3.0))),
+        *(record_of("reflection", e, scene, reflection.LIGHTINGS[2], ms=10.0, passes=[*passes, (BOUNCE, "trace", ms)])
+          for e, ms in ((reflection.GRIDS[0], 4.0), (reflection.TREES[0], 2.0)) for scene in SIX),
         *moved({1.0: (2.0, 3.0, 3.0), 100.0: (2.0, 3.0, 9.0)}),
         *sorted_pairs(64, (1.0, 2.0, 2.0, 3.0, 3.0, 3.0, 4.0)),
     ]  # fmt: skip
+
+
+BOUNCE = "bounce 1: mirrored rays"
 
 
 def test_every_claim_has_a_verdict_and_says_what_is_missing(tmp_path):
