@@ -39,12 +39,13 @@ class LeafCells:
 class LeafWalk:
     """A walk within one leaf grid.
 
-    first  its first cell; -1: the ray is in no leaf grid     res    cells along each axis
+    first  its first cell; -1: the ray is in no leaf grid     res    cells along each axis; size: 1 / res
     cell   where the ray is                                  leave  when it leaves that cell on each axis
     """
 
     first: wp.int32
     res: wp.vec3i
+    size: wp.vec3d
     cell: wp.vec3i
     leave: wp.vec3d
 
@@ -57,7 +58,7 @@ def leaf_leave(w: Walk, leaf: LeafWalk, axis: wp.int32) -> wp.float64:
     face = leaf.cell[axis]
     if w.step[axis] > 0:
         face += 1
-    at = wp.float64(w.cell[axis]) + wp.float64(face) / wp.float64(leaf.res[axis])
+    at = wp.float64(w.cell[axis]) + wp.float64(face) * leaf.size[axis]
     return (at - w.origin[axis]) * w.inverse[axis]
 
 
@@ -68,6 +69,7 @@ def enter_leaf(w: Walk, at: wp.vec3d, first: wp.int32, res: wp.vec3i) -> LeafWal
     leaf.first = first
     leaf.res = res
     for axis in range(wp.static(3)):
+        leaf.size[axis] = wp.float64(1.0) / wp.float64(res[axis])
         within = (at[axis] - wp.float64(w.cell[axis])) * wp.float64(res[axis])
         leaf.cell[axis] = cell_of(within, res[axis])
         leaf.leave[axis] = leaf_leave(w, leaf, axis)

@@ -29,12 +29,12 @@ from .traversal import Cells, make_kernels
 class Build:
     """How the grid is built.
 
-    density   cells per triangle (lambda of Kalojanov & Slusallek's resolution rule), divided among the axes in
-              proportion to the scene's box
+    density   cells per triangle, divided among the axes in proportion to the scene's box; the default is lambda of
+              Kalojanov & Slusallek
     capacity  initial capacity, (triangle, cell) pairs; 0: four per triangle; grows when a frame needs more
     """
 
-    density: float = 4.0
+    density: float = 5.0
     capacity: int = 0
 
     def __post_init__(self) -> None:
