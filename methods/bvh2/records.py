@@ -7,7 +7,7 @@ place as origin a test would be as short as the eye's, but wrong where the light
 scene's size.
 
 Planes are computed in float64, rounded, and scaled in float32: two roundings. Each is scaled by its own largest part, or by
-a little more where the slack that closed triangles have (:func:`..common.triangle.inside`: 2^-30 of the sum s of the
+a little more where the slack that closed triangles have (:func:`..common.triangle.hit_distance`: 2^-30 of the sum s of the
 unscaled edge functions) would otherwise be more than a part of the bound, or where float64's own rounding would show. So
 with u = 2^-24, of directions d, and of hit points and corners whose coordinates the scene's box bounds by M:
 

@@ -43,7 +43,7 @@ TOLERANCE = wp.constant(wp.float64(2.0**-16))
 WIDENINGS = (4.0 * 2.0**-30, 4.0 * 2.0**-16, 4.0 * 2.0**-16)
 """By test: growth of a triangle about its middle that holds every point it may accept, with a quarter to spare.
 
-Points with weights above -w lie in the triangle grown by 3 w; w is 2^-30 in float64 (``triangle.inside``).
+Points with weights above -w lie in the triangle grown by 3 w; w is 2^-30 in float64 (``triangle.CLOSED``).
 """
 
 
