@@ -43,6 +43,7 @@ class Use:
 
 def hot_modules() -> dict[str, wp.Module | str]:
     """Modules of the kernels in which frames spend their time, by the package they belong to."""
+    from shadowbench.methods.bvh2 import build_hploc, primary, shadow, sort
     from shadowbench.methods.perspective_spherical.camera.trace_staged import make_staged_trace_kernel
     from shadowbench.methods.perspective_spherical.light.trace_staged import make_staged_shadow_kernel
     from shadowbench.methods.perspective_spherical.variants import Variant
@@ -50,10 +51,14 @@ def hot_modules() -> dict[str, wp.Module | str]:
     from shadowbench.methods.ray_grids.camera import stream as camera_stream
     from shadowbench.methods.ray_grids.light import queue as light_queue
     from shadowbench.methods.ray_grids.light import stream as light_stream
+    from shadowbench.methods.uniform_grid.method import Trace as GridTrace
+    from shadowbench.methods.uniform_grid.traversal import make_kernels
 
+    grid_primary, grid_shadow = make_kernels(GridTrace().registers)
     return {
         "warp_bvh": importlib.import_module("shadowbench.methods.warp_bvh.exact").__name__,
-        "uniform_grid": importlib.import_module("shadowbench.methods.uniform_grid.traversal").__name__,
+        "uniform_grid: primary": grid_primary.module,
+        "uniform_grid: shadow": grid_shadow.module,
         "ray_grids camera: stream": camera_stream.make_stream_kernel(True).module,
         "ray_grids camera: rows": camera_queue.make_item_kernel(True, False).module,
         "ray_grids camera": "shadowbench.methods.ray_grids.camera.stream",
@@ -63,6 +68,16 @@ def hot_modules() -> dict[str, wp.Module | str]:
         "ray_grids light: stream": light_stream.make_stream_kernel(True).module,
         "ray_grids light: rows": light_queue.make_item_kernel(True, False).module,
         "ray_grids light": "shadowbench.methods.ray_grids.light.queue",
+        "bvh2: tree": build_hploc.make_hploc_kernel(2, 48).module,
+        "bvh2: sort": sort.make_sweep_kernel(8).module,
+        "bvh2: keys": "shadowbench.methods.bvh2.keys",
+        "bvh2: triangles": "shadowbench.methods.bvh2.records",
+        "bvh2: primary": primary.make_exact_kernel(False, 48, 40).module,
+        "bvh2: primary, float32": primary.make_float32_kernel(False, 48, 40).module,
+        "bvh2: hit points": "shadowbench.methods.bvh2.primary",
+        "bvh2: shadow": shadow.make_shadow_kernel("exact", 48, 40).module,
+        "bvh2: shadow, float32": shadow.make_shadow_kernel("float32", 48, 40).module,
+        "hybrid: shadow": shadow.make_shadow_kernel("exact", 48, 40, True).module,
         "perspective_spherical: trace": make_staged_trace_kernel(Variant(0), 64).module,
         "perspective_spherical: shadow": make_staged_shadow_kernel(Variant(0), 64).module,
     }
