@@ -42,6 +42,8 @@ class RayGrids(BaseMethod):
         "mirror": "its grids hold rays that share an origin: mirrored rays share none"
     }
     Build: ClassVar[type] = Build
+    Camera: ClassVar[type[CameraStream]] = CameraStream
+    Light: ClassVar[type[LightStream]] = LightStream
 
     def __init__(self, build: Any = None, trace: Any = None):
         super().__init__(build, trace)
@@ -51,17 +53,25 @@ class RayGrids(BaseMethod):
         self._memory = 0
         self._queued = False
 
+    def uses_queues(self, cuda: bool) -> bool:
+        """Whether larger triangles go through queues on a GPU (``cuda``), or on the CPU."""
+        return self.build.queue == "always" or (self.build.queue == "auto" and cuda)
+
+    def light_arrays(self, frame: Frame) -> dict[str, Any]:
+        """The arrays that the lights of one branch use in turn."""
+        return cell_arrays(frame, self.build)
+
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
         passes, camera, queues = self.camera_stream(frame, effects, limits, 1 + len(effects.shadows))
         aims = LightAims(frame, len(effects.shadows))
         wanted = [i for i, wanted in enumerate(effects.shadows) if wanted]
-        branches = [(queues, cell_arrays(frame, self.build))] if wanted else []
+        branches = [(queues, self.light_arrays(frame))] if wanted else []
         beside = self.build.beside if self._queued else 1
         for _ in range(1, min(len(wanted), beside)):
-            branches.append((queues.with_own_lists(), cell_arrays(frame, self.build)))
+            branches.append((queues.with_own_lists(), self.light_arrays(frame)))
         for number, i in enumerate(wanted):
             branch = number % len(branches)
-            light = LightStream(frame, i, self.build, camera.hit, *branches[branch], aims, effects)
+            light = self.Light(frame, i, self.build, camera.hit, *branches[branch], aims, effects)
             passes += light.passes(branch)
         return passes
 
@@ -77,9 +87,7 @@ class RayGrids(BaseMethod):
         if max(frame.width, frame.height) > MOST_PIXELS_ALONG:
             raise CapacityRejected(f"holds at most {MOST_PIXELS_ALONG} pixels along a side")
         self._memory = limits.memory
-        self._queued = self.build.queue == "always" or (
-            self.build.queue == "auto" and wp.get_device(frame.device).is_cuda
-        )
+        self._queued = self.uses_queues(wp.get_device(frame.device).is_cuda)
         shares = self.build.shares if self._queued else 1
         if self._capacity is None:  # of each share
             self._capacity = (
@@ -89,7 +97,7 @@ class RayGrids(BaseMethod):
             )
         queues = Queues(frame, self._queued, self._capacity, streams, shares)
         self._queues, self._needs = queues, queues.counts
-        camera = CameraStream(frame, self.build, queues, effects, rounded=rounded)
+        camera = self.Camera(frame, self.build, queues, effects, rounded=rounded)
         return camera.passes(), camera, queues
 
     def needs(self) -> wp.array | None:

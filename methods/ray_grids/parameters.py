@@ -8,7 +8,32 @@ QUEUES = ("auto", "always", "never")
 
 
 @dataclass(frozen=True)
-class Build:
+class Streams:
+    """What every stream of triangles over cells of rays has: its cells, what a thread tests alone, and its queues."""
+
+    cells: int = 0
+    inline_pixels: int = 40
+    inline_cells: int = 64
+    beside: int = 2
+    shares: int = 2
+    item_capacity: int = 0
+    part_capacity: int = 0
+    doubt_capacity: int = 0
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.cells <= 8192 or self.cells % 8:
+            raise ValueError("cells must be a multiple of 8 in 0..8192")
+        room = (self.item_capacity, self.part_capacity, self.doubt_capacity)
+        if min(self.inline_pixels, self.inline_cells, *room) < 0:
+            raise ValueError("must not be negative")
+        if not (1 <= self.beside <= 16 and 1 <= self.shares <= 16):
+            raise ValueError("beside and shares must be in 1..16")
+        if max(room) > 2**28:
+            raise ValueError("must be at most 2^28")
+
+
+@dataclass(frozen=True)
+class Build(Streams):
     """How triangles are streamed over the rays.
 
     cells          cells along each side of a face of the light's cube, a multiple of 8; 0 chooses in each frame: about
@@ -33,29 +58,15 @@ class Build:
                    grows when a frame needs more
     """
 
-    cells: int = 0
-    inline_pixels: int = 40
-    inline_cells: int = 64
     inline_rays: int = 32
     part: int = 256
-    beside: int = 2
-    shares: int = 2
     queue: str = "auto"
-    item_capacity: int = 0
-    part_capacity: int = 0
-    doubt_capacity: int = 0
 
     def __post_init__(self) -> None:
-        if not 0 <= self.cells <= 8192 or self.cells % 8:
-            raise ValueError("cells must be a multiple of 8 in 0..8192")
-        room = (self.item_capacity, self.part_capacity, self.doubt_capacity)
-        if min(self.inline_pixels, self.inline_cells, self.inline_rays, *room) < 0:
+        super().__post_init__()
+        if self.inline_rays < 0:
             raise ValueError("must not be negative")
         if self.part < 1:
             raise ValueError("part must be at least 1")
-        if not (1 <= self.beside <= 16 and 1 <= self.shares <= 16):
-            raise ValueError("beside and shares must be in 1..16")
-        if max(room) > 2**28:
-            raise ValueError("must be at most 2^28")
         if self.queue not in QUEUES:
             raise ValueError(f"must be one of {', '.join(QUEUES)}")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import warp as wp
 
 from ....harness.frame.frame import Frame
@@ -9,7 +11,7 @@ from ....harness.frame.passes import Pass
 from ....harness.frame.specialise import specialised
 from ....harness.scene.effects import Effects
 from ...common.pixels import thread_count
-from ..parameters import Build
+from ..parameters import Streams
 from ..queues import BLOCK_DIM, COUNTERS, Queues, Step, copy_counts_kernel, in_shares
 from . import queue as camera_queue
 from . import resolve as camera_resolve
@@ -25,13 +27,14 @@ class CameraStream:
     def __init__(
         self,
         frame: Frame,
-        build: Build,
+        build: Streams,
         queues: Queues,
         effects: Effects,
         needs: wp.array | None = None,
         rounded: bool = False,
     ):
-        self.frame, self.build, self.queues = frame, build, queues
+        self.frame, self.queues = frame, queues
+        self.build: Any = build
         self.effects, self.needs = effects, needs
         self.queue = queues.of_stream(0)
         self.resolve = camera_resolve.rounded_kernel if rounded else camera_resolve.resolve_kernel
@@ -43,16 +46,20 @@ class CameraStream:
         scene = ("points", "triangles", "camera", *self.effects.surface_reads())
         words = ("nearest words",)
         passes = [Pass("camera: clear", "trace", scene, words, self.queues.cleared.zero_)]
+        steps = [*self.steps(), ("doubtful pairs", (), (), self.launch_doubts)]
+        passes += in_shares("camera", "trace", steps, self.queues.shares, (*scene, *words), words)
+        passes.append(Pass("camera: resolve", "trace", (*scene, *words), ("hits",), self.launch_resolve))
+        return passes
+
+    def steps(self) -> list[Step]:
+        """What is done to each share of the triangles before the doubtful pairs are decided."""
         steps: list[Step] = [("stream triangles", (), ("items",), self.launch_stream)]
         if self.queues.queued:
             steps += [
                 ("queued rows", ("items",), ("parts",), self.launch_items),
                 ("further parts", ("parts",), (), self.launch_parts),
             ]
-        steps.append(("doubtful pairs", (), (), self.launch_doubts))
-        passes += in_shares("camera", "trace", steps, self.queues.shares, (*scene, *words), words)
-        passes.append(Pass("camera: resolve", "trace", (*scene, *words), ("hits",), self.launch_resolve))
-        return passes
+        return steps
 
     def launch_stream(self, share: int) -> None:
         f, q = self.frame, self.queues

@@ -160,6 +160,18 @@ def count_kernel(camera: Camera, cells: RayCells):
     raise_farthest(cells.farthest, face, x, y, p[3], along)
 
 
+@wp.func
+def set_table(k: wp.int32, cells: RayCells, along: wp.int32):
+    """Set row k of the faces' rectangles, if there is one (:func:`scan_kernel`); ``along``: cells along a face."""
+    if k < FACES:
+        t = wp.vec4f(0.0, 0.0, 0.0, 0.0)
+        if cells.rectangle[FACE + k] == 0:
+            t = face_rectangle(k, cells.rectangle, along)
+        cells.table[k] = t
+    if k == FACES:
+        cells.table[k] = wp.vec4f(wp.float32(along), wp.cast(cells.rectangle[LARGEST], wp.float32), 0.0, 0.0)
+
+
 @wp.kernel(enable_backward=False, grid_stride=False)
 def scan_kernel(cells: RayCells, counts: wp.array(dtype=wp.int32)):
     """Where each row's rays lie (GPU: 128 threads a row, faces without rays left out), and the faces' rectangles.
@@ -172,13 +184,7 @@ def scan_kernel(cells: RayCells, counts: wp.array(dtype=wp.int32)):
     along = cells_in_use(cells.rectangle, cells.cells)
     if cells.rectangle[FACE + row // along] == 0:
         scan_row(cells.count, cells.offset, row * (along + SPARE), along, counts, RAYS)
-    if k < FACES:
-        t = wp.vec4f(0.0, 0.0, 0.0, 0.0)
-        if cells.rectangle[FACE + k] == 0:
-            t = face_rectangle(k, cells.rectangle, along)
-        cells.table[k] = t
-    if k == FACES:
-        cells.table[k] = wp.vec4f(wp.float32(along), wp.cast(cells.rectangle[LARGEST], wp.float32), 0.0, 0.0)
+    set_table(k, cells, along)
 
 
 @wp.func

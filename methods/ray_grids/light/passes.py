@@ -15,7 +15,7 @@ from ....harness.frame.specialise import specialised
 from ....harness.scene.effects import Effects
 from ...common.pixels import thread_count
 from .. import aim as light_aim
-from ..parameters import Build
+from ..parameters import Streams
 from ..queues import BLOCK_DIM, Queues, Step, in_shares
 from ..warps import LANES
 from . import bins as light_bins
@@ -42,23 +42,27 @@ class LightAims:
             self.tables = wp.zeros((lights, faces + 1), dtype=wp.vec4f)
 
 
-def cell_arrays(frame: Frame, build: Build) -> dict[str, Any]:
-    """The arrays of :class:`.bins.RayCells` that lights in one branch use in turn. On the GPU the scan empties ``count``."""
+def cell_arrays(frame: Frame, build: Streams, sorted_rays: bool = True) -> dict[str, Any]:
+    """The arrays of :class:`.bins.RayCells` that lights in one branch use in turn. On the GPU the scan empties ``count``.
+
+    Not ``sorted_rays``: those that sort rays into cells are one element long.
+    """
     side = math.sqrt(frame.pixels)
     fine, coarse = (min(4096, max(64, 8 * round(x / 8))) for x in (side, side / 2))
     many = frame.triangle_count > frame.pixels // 2
     several, one = build.cells or (fine if many else coarse), build.cells or fine
     spare = int(light_bins.SPARE)
     number = max(int(light_aim.FACES) * several * (several + spare), one * (one + spare))
+    sorted_cells, sorted_pixels = (number, frame.pixels) if sorted_rays else (1, 1)
     with wp.ScopedDevice(frame.device):
         return {
             "cells": wp.vec2i(several, one),
             "place": wp.zeros(frame.pixels, dtype=wp.vec4f),
             "point": wp.zeros(frame.pixels, dtype=wp.vec4f),
-            "slot": wp.zeros(frame.pixels, dtype=wp.vec2i),
-            "count": wp.zeros(number, dtype=wp.int32),
-            "offset": wp.zeros(number + 1, dtype=wp.int32),
-            "rays": wp.zeros(frame.pixels, dtype=wp.vec4f),
+            "slot": wp.zeros(sorted_pixels, dtype=wp.vec2i),
+            "count": wp.zeros(sorted_cells, dtype=wp.int32),
+            "offset": wp.zeros(sorted_cells + 1, dtype=wp.int32),
+            "rays": wp.zeros(sorted_pixels, dtype=wp.vec4f),
             "farthest": wp.zeros(-(-number // int(light_reach.TILE_CELLS)), dtype=wp.int32),
         }
 
@@ -70,14 +74,15 @@ class LightStream:
         self,
         frame: Frame,
         index: int,
-        build: Build,
+        build: Streams,
         hit: wp.array,
         queues: Queues,
         arrays: dict[str, Any],
         aims: LightAims,
         effects: Effects,
     ):
-        self.frame, self.index, self.build, self.hit = frame, index, build, hit
+        self.frame, self.index, self.hit = frame, index, hit
+        self.build: Any = build
         self.queues, self.aims, self.effects = queues, aims, effects
         self.switches = effects.switches(index)
         self.counts = queues.counters(1 + index)
@@ -93,7 +98,6 @@ class LightStream:
         light, effect = f"light/{i}", f"shadows/{i}"
         seen = ("hits", f"light aim/{i}", *self.effects.receiver_reads(i))
         aim, place, rays, bits = f"light aim/{i}", f"ray places/{i}", f"ray cells/{i}", f"visibility/{i}"
-        offsets = f"ray offsets/{i}"
         scene = ("points", "triangles", "hits", light, aim, rays, *self.effects.surface_reads())
         passes = [
             Pass(
@@ -106,9 +110,24 @@ class LightStream:
                 ahead=True,
             ),
             Pass(f"{who}: map rays", build, seen, (place, bits), self.launch_map, effect),
-            Pass(f"{who}: count and scan", build, (place,), (offsets,), self.launch_count, effect),
-            Pass(f"{who}: scatter rays", build, (place, offsets), (rays,), self.launch_scatter, effect),
+            *self.cell_passes(place, rays, effect),
         ]
+        steps = [*self.steps(), ("doubtful pairs", (), (), self.launch_doubts)]
+        passes += in_shares(who, "shadow", steps, self.queues.shares, (*scene, bits), (bits,), effect)
+        return [replace(work, branch=(branch, *work.branch)) for work in passes]
+
+    def cell_passes(self, place: str, rays: str, effect: str) -> list[Pass]:
+        """Passes that put the mapped rays (resource ``place``) into the cells (``rays``)."""
+        who, offsets = f"light {self.index}", f"ray offsets/{self.index}"
+        return [
+            Pass(f"{who}: count and scan", "light build", (place,), (offsets,), self.launch_count, effect),
+            Pass(
+                f"{who}: scatter rays", "light build", (place, offsets), (rays,), self.launch_scatter, effect
+            ),
+        ]
+
+    def steps(self) -> list[Step]:
+        """What is done to each share of the triangles before the doubtful pairs are decided."""
         steps: list[Step] = [("stream triangles", (), ("large triangles",), self.launch_stream)]
         if self.queues.queued:
             steps += [
@@ -116,9 +135,7 @@ class LightStream:
                 ("queued rows", ("items",), ("parts",), self.launch_items),
                 ("further parts", ("parts",), (), self.launch_parts),
             ]
-        steps.append(("doubtful pairs", (), (), self.launch_doubts))
-        passes += in_shares(who, "shadow", steps, self.queues.shares, (*scene, bits), (bits,), effect)
-        return [replace(work, branch=(branch, *work.branch)) for work in passes]
+        return steps
 
     def launch_aim(self) -> None:
         f, a = self.frame, self.aims

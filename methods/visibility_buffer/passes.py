@@ -1,0 +1,134 @@
+"""Passes of the visibility buffer and of the irregular z-buffers: what ``ray_grids`` has in other kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import warp as wp
+
+from ...harness.frame.passes import Pass
+from ...harness.frame.specialise import specialised
+from ..common.pixels import thread_count
+from ..ray_grids.camera.passes import CameraStream
+from ..ray_grids.light.passes import LightStream
+from ..ray_grids.queues import BLOCK_DIM, Queues, Step
+from ..ray_grids.warps import LANES
+from . import lists, raster, shadow
+
+
+def raster_steps(
+    rasterise: Callable[[int], None], split: Callable[[int], None], fill: Callable[[int], None]
+) -> list[Step]:
+    """What is done to each share: small triangles, tiles of larger ones, pixels or texels of tiles."""
+    return [
+        ("rasterise triangles", (), ("items",), rasterise),
+        ("tiles of larger triangles", ("items",), ("tiles",), split),
+        ("inside of tiles", ("tiles",), (), fill),
+    ]
+
+
+def threads_of(queues: Queues) -> list[int]:
+    """Threads that empty a queue, and how many of them take one entry."""
+    return [queues.threads, int(LANES) if queues.cuda else 1]
+
+
+class CameraRaster(CameraStream):
+    """Primary rays: clear, rasterise, decide the doubtful pairs, resolve."""
+
+    def steps(self) -> list[Step]:
+        return raster_steps(self.launch_stream, self.launch_split, self.launch_tiles)
+
+    def launch_stream(self, share: int) -> None:
+        f, q = self.frame, self.queues
+        wp.launch(
+            specialised(raster.raster_kernel, self.effects.switches()),
+            dim=q.share_threads,
+            inputs=[q.share(share), self.build.inline_pixels, f.camera, f.mesh, f.alpha],
+            outputs=[q.nearest, self.queue[share]],
+            device=f.device,
+            block_dim=BLOCK_DIM,
+        )
+
+    def launch_split(self, share: int) -> None:
+        wp.launch(
+            raster.split_kernel,
+            dim=self.queues.threads,
+            inputs=[*threads_of(self.queues), self.frame.camera],
+            outputs=[self.queue[share]],
+            device=self.frame.device,
+            block_dim=BLOCK_DIM,
+        )
+
+    def launch_tiles(self, share: int) -> None:
+        f, q = self.frame, self.queues
+        wp.launch(
+            specialised(raster.tile_kernel, self.effects.switches()),
+            dim=q.threads,
+            inputs=[*threads_of(q), f.camera, f.alpha],
+            outputs=[q.nearest, self.queue[share]],
+            device=f.device,
+            block_dim=BLOCK_DIM,
+        )
+
+
+class LightRaster(LightStream):
+    """Shadow rays of one light: aim the map, map the hit points, put them in lists, rasterise, decide doubtful pairs."""
+
+    def __init__(self, *arguments: Any):
+        *before, arrays, aims, effects = arguments
+        self.head = arrays["head"]
+        cells = {name: array for name, array in arrays.items() if name != "head"}
+        super().__init__(*before, cells, aims, effects)
+
+    def cell_passes(self, place: str, rays: str, effect: str) -> list[Pass]:
+        name = f"light {self.index}: lists of texels"
+        return [Pass(name, "light build", (place,), (rays,), self.launch_insert, effect)]
+
+    def steps(self) -> list[Step]:
+        return raster_steps(self.launch_stream, self.launch_split, self.launch_tiles)
+
+    def launch_insert(self) -> None:
+        f = self.frame
+        self.head.zero_()
+        wp.launch(
+            lists.insert_kernel,
+            dim=thread_count(f.width, f.height, True),
+            inputs=[f.camera],
+            outputs=[self.cells, self.head],
+            device=f.device,
+        )
+
+    def launch_stream(self, share: int) -> None:
+        f, q = self.frame, self.queues
+        wp.launch(
+            specialised(shadow.raster_kernel, self.switches),
+            dim=q.share_threads,
+            inputs=[
+                q.share(share), self.build.inline_cells, f.lights, self.aims.cubes, self.cells, self.head, f.mesh, f.alpha,
+            ],
+            outputs=[self.bits, self.queue[share]],
+            device=f.device,
+            block_dim=BLOCK_DIM,
+        )  # fmt: skip
+
+    def launch_split(self, share: int) -> None:
+        wp.launch(
+            shadow.split_kernel,
+            dim=self.queues.threads,
+            inputs=[*threads_of(self.queues), self.cells],
+            outputs=[self.queue[share]],
+            device=self.frame.device,
+            block_dim=BLOCK_DIM,
+        )
+
+    def launch_tiles(self, share: int) -> None:
+        f, q = self.frame, self.queues
+        wp.launch(
+            specialised(shadow.tile_kernel, self.switches),
+            dim=q.threads,
+            inputs=[*threads_of(q), self.cells, self.head, f.alpha],
+            outputs=[self.bits, self.queue[share]],
+            device=f.device,
+            block_dim=BLOCK_DIM,
+        )

@@ -1,0 +1,224 @@
+"""Shadow rays: triangles rasterised conservatively over a light's map and tested against the hit points in its lists.
+
+Where a triangle may lie on the map is found as in ``ray_grids`` (:mod:`..ray_grids.light.cells`), with a pad for what
+float32 does to its corners. A hit point is tested against the planes of the frustum behind the triangle
+(:mod:`..ray_grids.light.rays`); what float32 leaves in doubt is queued for float64.
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ...harness.frame.alpha import Alpha
+from ...harness.frame.geometry import Mesh
+from ...harness.frame.specialise import effects
+from ..common.entries import entry, set_entry
+from ..common.triangle import U32
+from ..ray_grids.aim import FACES, Cube
+from ..ray_grids.cube import on_face
+from ..ray_grids.fetch import corners_at
+from ..ray_grids.light.bins import RayCells, cells_of
+from ..ray_grids.light.cells import (
+    Sides,
+    beyond_face,
+    cells_of_row,
+    cube_space,
+    flat_box,
+    on_cells,
+    reach_from,
+    sides_of_flat,
+    sides_of_planes,
+)
+from ..ray_grids.light.rays import Occluder, ShadowBits, bound_of, set_planes, store_planes, stored_planes
+from ..ray_grids.light.reach import all_rays_end_before
+from ..ray_grids.queues import Queue, Share, triangle_of
+from .lists import test_list, test_texels, texel_index
+from .tiles import (
+    GROUP,
+    TILE_SHIFT,
+    TILE_SIZE,
+    TILE_TEXELS,
+    held_items,
+    held_parts,
+    is_in,
+    item_tile,
+    queue_box,
+    queue_tile,
+    queued_box,
+    queued_face,
+    queued_tile,
+    queued_triangle,
+    tile_box,
+)
+
+
+@wp.func
+def is_empty(farthest: wp.array(dtype=wp.int32), face: wp.int32, tile: wp.vec2i, along: wp.int32) -> wp.bool:
+    """Whether no hit point lies in a tile; ``along``: texels along a face."""
+    return entry(farthest, (face * (along >> TILE_SHIFT) + tile[1]) * (along >> TILE_SHIFT) + tile[0]) == 0
+
+
+@wp.func
+def stored_sides(queue: Queue, place: wp.int32) -> Sides:
+    """The lines that bound a queued triangle on its face."""
+    sides = Sides()
+    sides.line0 = entry(queue.lines, place, 0)
+    sides.line1 = entry(queue.lines, place, 1)
+    sides.line2 = entry(queue.lines, place, 2)
+    return sides
+
+
+@wp.func
+def covers_some(sides: Sides, work: wp.vec4i, box: wp.vec4i) -> wp.bool:
+    """Whether a queued triangle may cover a texel of a box within its own."""
+    whole = queued_box(work)
+    y = wp.int32(box[1])
+    found = wp.bool(False)
+    while y <= box[3] and not found:
+        ends = cells_of_row(sides, y, whole[0], whole[2])
+        found = ends[0] <= box[2] and ends[1] >= box[0] and ends[0] <= ends[1]
+        y += 1
+    return found
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def raster_kernel(
+    share: Share,
+    inline_cells: wp.int32,
+    lights: wp.array(dtype=wp.vec3f),
+    cubes: wp.array(dtype=Cube),
+    cells: RayCells,
+    head: wp.array(dtype=wp.int32),
+    mesh: Mesh,
+    alpha: Alpha,
+    bits: ShadowBits,
+    queue: Queue,
+):
+    """One thread a triangle: on a face where it is small it is tested, where it is larger it is queued."""
+    i = triangle_of(wp.tid(), share)
+    if i >= share.triangles:
+        return
+    # Loaded together, without a branch between: an invalid triangle has corners too, but no face is large enough for it.
+    smallest = wp.where(entry(mesh.valid, i) != wp.uint8(0), wp.float32(0.0), wp.INF)
+    corners = corners_at(mesh, i)
+    cube = cubes[bits.light]
+    along = cells_of(cells.table)
+    qa = cube_space(corners.a, cube)
+    qb = cube_space(corners.b, cube)
+    qc = cube_space(corners.c, cube)
+    reach = reach_from(cube.middle, corners)
+    slack = 32.0 * U32 * (reach + cube.distance)
+    occluder = Occluder()
+    occluder.i = i
+    occluder.bound = bound_of(cells.table, corners)
+    occluder.sure = occluder.bound
+    if wp.static(effects.alpha):
+        if alpha.masked[i] != wp.uint8(0):
+            occluder.sure = wp.INF
+    has_planes = wp.bool(False)
+    is_stored = wp.bool(False)
+    face = wp.int32(-1)
+    while face < FACES - 1:
+        face += 1
+        r = entry(cells.table, face)
+        if r[2] > smallest:
+            fa = on_face(qa, face)
+            fb = on_face(qb, face)
+            fc = on_face(qc, face)
+            if not beyond_face(fa, fb, fc, slack):
+                flat = on_cells(fa, fb, fc, reach, r)
+                box = wp.vec4i(0, 0, along - 1, along - 1)
+                if flat.known:
+                    box = flat_box(flat, along)
+                # Depths of corners are known to 8 u reach, and receivers' to u of theirs.
+                least = wp.min(fa[0], wp.min(fb[0], fc[0])) - slack
+                if box[2] >= box[0] and not all_rays_end_before(least, cells.farthest, face, box, along):
+                    light = lights[bits.light]
+                    if not has_planes:
+                        has_planes = True
+                        occluder = set_planes(occluder, light, corners)
+                    if (box[2] - box[0] + 1) * (box[3] - box[1] + 1) <= inline_cells:
+                        test_texels(bits, queue, cells, head, along, face, box, occluder)
+                    else:
+                        if not is_stored:
+                            is_stored = True
+                            store_planes(queue.records, occluder)
+                        if flat.known:
+                            sides = sides_of_flat(flat)
+                        else:
+                            sides = sides_of_planes(light, cube, face, corners, r, along)
+                        place = queue_box(queue, i, face, box, occluder.bound, least)
+                        if place < queue.large.shape[0]:
+                            set_entry(queue.lines, place, 0, sides.line0)
+                            set_entry(queue.lines, place, 1, sides.line1)
+                            set_entry(queue.lines, place, 2, sides.line2)
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def split_kernel(threads: wp.int32, lanes: wp.int32, cells: RayCells, queue: Queue):
+    """Tiles of larger triangles, ``lanes`` threads an item. Left out are tiles that hold no hit points, or only nearer ones
+    than the triangle, and those that it does not cover."""
+    item = wp.tid() // lanes
+    stop = held_items(queue)
+    along = cells_of(cells.table)
+    while item < stop:
+        group = entry(queue.items, item)
+        item += threads // lanes
+        if group[0] < queue.large.shape[0]:
+            work = entry(queue.large, group[0])
+            face = queued_face(work)
+            least = wp.cast(group[2], wp.float32)
+            k = wp.tid() % lanes
+            while k < GROUP:
+                tile = item_tile(work, group[1] + k)
+                k += lanes
+                if tile[0] >= 0:
+                    box = tile_box(work, tile)
+                    if not is_empty(cells.farthest, face, tile, along):
+                        if not all_rays_end_before(least, cells.farthest, face, box, along):
+                            if covers_some(stored_sides(queue, group[0]), work, box):
+                                queue_tile(queue, group[0], tile)
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def tile_kernel(
+    threads: wp.int32,
+    lanes: wp.int32,
+    cells: RayCells,
+    head: wp.array(dtype=wp.int32),
+    alpha: Alpha,
+    bits: ShadowBits,
+    queue: Queue,
+):
+    """Hit points in the texels of queued tiles, ``lanes`` threads a tile."""
+    at = wp.tid() // lanes
+    stop = held_parts(queue)
+    along = cells_of(cells.table)
+    while at < stop:
+        part = entry(queue.parts, at)
+        at += threads // lanes
+        if part[0] < queue.large.shape[0]:
+            work = entry(queue.large, part[0])
+            face = queued_face(work)
+            tile = queued_tile(part)
+            box = tile_box(work, tile)
+            whole = queued_box(work)
+            sides = stored_sides(queue, part[0])
+            occluder = Occluder()
+            occluder.i = queued_triangle(work)
+            occluder.bound = wp.cast(work[3], wp.float32)
+            occluder.sure = occluder.bound
+            if wp.static(effects.alpha):
+                if alpha.masked[occluder.i] != wp.uint8(0):
+                    occluder.sure = wp.INF
+            occluder = stored_planes(queue.records, occluder)
+            k = wp.tid() % lanes
+            while k < TILE_TEXELS:
+                x = (tile[0] << TILE_SHIFT) + k % TILE_SIZE
+                y = (tile[1] << TILE_SHIFT) + k // TILE_SIZE
+                first = entry(head, texel_index(face, x, y, along))
+                k += lanes
+                if first > 0 and is_in(box, x, y):
+                    ends = cells_of_row(sides, y, whole[0], whole[2])
+                    if x >= ends[0] and x <= ends[1]:
+                        test_list(bits, queue, cells, first, occluder)
