@@ -13,6 +13,9 @@ OURS = Entry("ray_grids", {}, "ray grids")
 HYBRID = Entry("hybrid", {}, "hybrid")
 """The camera's stream of ray grids with a tree for the shadow rays."""
 
+RASTERISED = Entry("visibility_buffer", {}, "visibility buffer")
+"""Rasterisation with irregular z-buffers, which has no structure of the triangles."""
+
 REBUILT = (
     Entry("bvh2", {}, "BVH2 rebuilt"),
     Entry("bvh2", {"precision": "float32"}, "BVH2 rebuilt, float32"),
@@ -38,4 +41,4 @@ GRIDS = (
     Entry("two_level_grid", {}, "two-level grid"),
 )
 
-STRONGEST = (OURS, HYBRID, *REBUILT, *REFITTED, *GRIDS)
+STRONGEST = (OURS, HYBRID, RASTERISED, *REBUILT, *REFITTED, *GRIDS)

@@ -30,6 +30,7 @@ METHODS = (
     Entry(METHOD, {}, "perspective + spherical, tuned"),
     Entry("ray_grids", {}, "ray grids"),
     Entry("hybrid", {}, "hybrid"),
+    Entry("visibility_buffer", {}, "visibility buffer"),
     Entry("bvh2", {}, "bvh2"),
     Entry("bvh2", {"precision": "float32"}, "bvh2, float32"),
     Entry("uniform_grid", {}, "uniform grid"),

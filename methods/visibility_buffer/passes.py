@@ -17,12 +17,9 @@ from ..ray_grids.warps import LANES
 from . import lists, raster, shadow
 
 
-def raster_steps(
-    rasterise: Callable[[int], None], split: Callable[[int], None], fill: Callable[[int], None]
-) -> list[Step]:
-    """What is done to each share: small triangles, tiles of larger ones, pixels or texels of tiles."""
+def tile_steps(split: Callable[[int], None], fill: Callable[[int], None]) -> list[Step]:
+    """What is done to each share with larger triangles: which tiles they cover, and the pixels or texels of these."""
     return [
-        ("rasterise triangles", (), ("items",), rasterise),
         ("tiles of larger triangles", ("items",), ("tiles",), split),
         ("inside of tiles", ("tiles",), (), fill),
     ]
@@ -37,7 +34,8 @@ class CameraRaster(CameraStream):
     """Primary rays: clear, rasterise, decide the doubtful pairs, resolve."""
 
     def steps(self) -> list[Step]:
-        return raster_steps(self.launch_stream, self.launch_split, self.launch_tiles)
+        first: Step = ("rasterise triangles", (), ("items",), self.launch_stream)
+        return [first, *tile_steps(self.launch_split, self.launch_tiles)]
 
     def launch_stream(self, share: int) -> None:
         f, q = self.frame, self.queues
@@ -86,7 +84,11 @@ class LightRaster(LightStream):
         return [Pass(name, "light build", (place,), (rays,), self.launch_insert, effect)]
 
     def steps(self) -> list[Step]:
-        return raster_steps(self.launch_stream, self.launch_split, self.launch_tiles)
+        return [
+            ("rasterise triangles", (), ("large triangles",), self.launch_stream),
+            ("larger triangles", ("large triangles",), ("items",), self.launch_setup),
+            *tile_steps(self.launch_split, self.launch_tiles),
+        ]
 
     def launch_insert(self) -> None:
         f = self.frame
@@ -111,6 +113,17 @@ class LightRaster(LightStream):
             device=f.device,
             block_dim=BLOCK_DIM,
         )  # fmt: skip
+
+    def launch_setup(self, share: int) -> None:
+        f, q = self.frame, self.queues
+        wp.launch(
+            shadow.setup_kernel,
+            dim=q.threads,
+            inputs=[q.threads, self.index, f.lights, self.aims.cubes, self.cells, f.mesh],
+            outputs=[self.queue[share]],
+            device=f.device,
+            block_dim=BLOCK_DIM,
+        )
 
     def launch_split(self, share: int) -> None:
         wp.launch(

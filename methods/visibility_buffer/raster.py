@@ -33,7 +33,8 @@ from .tiles import (
     held_parts,
     is_in,
     item_tile,
-    queue_box,
+    queue_groups,
+    queue_large,
     queue_tile,
     queued_tile,
     queued_triangle,
@@ -135,7 +136,7 @@ def raster_kernel(
         test_box(nearest, queue, box, candidate, camera)
         return
     store_candidate(queue, candidate)
-    queue_box(queue, i, 0, box, 0.0, 0.0)
+    queue_groups(queue, queue_large(queue, i, 0, box, 0.0), box, 0.0)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)

@@ -39,10 +39,12 @@ from .tiles import (
     TILE_SIZE,
     TILE_TEXELS,
     held_items,
+    held_large,
     held_parts,
     is_in,
     item_tile,
-    queue_box,
+    queue_groups,
+    queue_large,
     queue_tile,
     queued_box,
     queued_face,
@@ -56,6 +58,18 @@ from .tiles import (
 def is_empty(farthest: wp.array(dtype=wp.int32), face: wp.int32, tile: wp.vec2i, along: wp.int32) -> wp.bool:
     """Whether no hit point lies in a tile; ``along``: texels along a face."""
     return entry(farthest, (face * (along >> TILE_SHIFT) + tile[1]) * (along >> TILE_SHIFT) + tile[0]) == 0
+
+
+@wp.func
+def depth_slack(reach: wp.float32, cube: Cube) -> wp.float32:
+    """What a corner's coordinate on the cube may be off: depths are known to 8 u reach, and receivers' to u of theirs."""
+    return 32.0 * U32 * (reach + cube.distance)
+
+
+@wp.func
+def nearest_depth(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, slack: wp.float32) -> wp.float32:
+    """A depth along a face's axis that no point of the triangle is nearer than."""
+    return wp.min(a[0], wp.min(b[0], c[0])) - slack
 
 
 @wp.func
@@ -81,7 +95,8 @@ def covers_some(sides: Sides, work: wp.vec4i, box: wp.vec4i) -> wp.bool:
     return found
 
 
-@wp.kernel(enable_backward=False, grid_stride=False)
+# 64 registers: a thread waits for memory longer than it computes, so more threads at a time are faster.
+@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=64)
 def raster_kernel(
     share: Share,
     inline_cells: wp.int32,
@@ -107,7 +122,7 @@ def raster_kernel(
     qb = cube_space(corners.b, cube)
     qc = cube_space(corners.c, cube)
     reach = reach_from(cube.middle, corners)
-    slack = 32.0 * U32 * (reach + cube.distance)
+    slack = depth_slack(reach, cube)
     occluder = Occluder()
     occluder.i = i
     occluder.bound = bound_of(cells.table, corners)
@@ -115,8 +130,11 @@ def raster_kernel(
     if wp.static(effects.alpha):
         if alpha.masked[i] != wp.uint8(0):
             occluder.sure = wp.INF
-    has_planes = wp.bool(False)
-    is_stored = wp.bool(False)
+    # What is tested here is tested after the loop, by all lanes at once whichever their faces. Few triangles are small on
+    # two faces: the second is queued.
+    here = wp.int32(-1)
+    box_here = wp.vec4i()
+    queued_too = wp.bool(False)
     face = wp.int32(-1)
     while face < FACES - 1:
         face += 1
@@ -130,28 +148,59 @@ def raster_kernel(
                 box = wp.vec4i(0, 0, along - 1, along - 1)
                 if flat.known:
                     box = flat_box(flat, along)
-                # Depths of corners are known to 8 u reach, and receivers' to u of theirs.
-                least = wp.min(fa[0], wp.min(fb[0], fc[0])) - slack
+                least = nearest_depth(fa, fb, fc, slack)
                 if box[2] >= box[0] and not all_rays_end_before(least, cells.farthest, face, box, along):
-                    light = lights[bits.light]
-                    if not has_planes:
-                        has_planes = True
-                        occluder = set_planes(occluder, light, corners)
-                    if (box[2] - box[0] + 1) * (box[3] - box[1] + 1) <= inline_cells:
-                        test_texels(bits, queue, cells, head, along, face, box, occluder)
+                    if here < 0 and (box[2] - box[0] + 1) * (box[3] - box[1] + 1) <= inline_cells:
+                        here = face
+                        box_here = box
                     else:
-                        if not is_stored:
-                            is_stored = True
-                            store_planes(queue.records, occluder)
-                        if flat.known:
-                            sides = sides_of_flat(flat)
-                        else:
-                            sides = sides_of_planes(light, cube, face, corners, r, along)
-                        place = queue_box(queue, i, face, box, occluder.bound, least)
-                        if place < queue.large.shape[0]:
-                            set_entry(queue.lines, place, 0, sides.line0)
-                            set_entry(queue.lines, place, 1, sides.line1)
-                            set_entry(queue.lines, place, 2, sides.line2)
+                        queued_too = True
+                        queue_large(queue, i, face, box, occluder.bound)
+    if here >= 0 or queued_too:
+        # Corners are read again: held until here, they would take the registers of the loop.
+        planes = set_planes(occluder, lights[bits.light], corners_at(mesh, i))
+        if queued_too:
+            store_planes(queue.records, planes)
+        if here >= 0:
+            test_texels(bits, queue, cells, head, along, here, box_here, planes)
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def setup_kernel(
+    threads: wp.int32,
+    light: wp.int32,
+    lights: wp.array(dtype=wp.vec3f),
+    cubes: wp.array(dtype=Cube),
+    cells: RayCells,
+    mesh: Mesh,
+    queue: Queue,
+):
+    """One thread a queued triangle: the lines that bound it on its face, and the groups of its tiles."""
+    place = wp.tid()
+    stop = held_large(queue)
+    cube = cubes[light]
+    along = cells_of(cells.table)
+    while place < stop:
+        work = entry(queue.large, place)
+        face = queued_face(work)
+        corners = corners_at(mesh, queued_triangle(work))
+        r = entry(cells.table, face)
+        reach = reach_from(cube.middle, corners)
+        fa = on_face(cube_space(corners.a, cube), face)
+        fb = on_face(cube_space(corners.b, cube), face)
+        fc = on_face(cube_space(corners.c, cube), face)
+        flat = on_cells(fa, fb, fc, reach, r)
+        sides = Sides()
+        if flat.known:
+            sides = sides_of_flat(flat)
+        else:
+            sides = sides_of_planes(lights[light], cube, face, corners, r, along)
+        set_entry(queue.lines, place, 0, sides.line0)
+        set_entry(queue.lines, place, 1, sides.line1)
+        set_entry(queue.lines, place, 2, sides.line2)
+        slack = depth_slack(reach, cube)
+        queue_groups(queue, place, queued_box(work), nearest_depth(fa, fb, fc, slack))
+        place += threads
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)

@@ -37,23 +37,26 @@ def tiles_across(columns: wp.int32) -> wp.int32:
 
 
 @wp.func
-def queue_box(
-    queue: Queue, i: wp.int32, face: wp.int32, box: wp.vec4i, bound: wp.float32, depth: wp.float32
-) -> wp.int32:
-    """Queue the tiles of a triangle's box (first column and row, last column and row); its place in ``large``."""
+def queue_large(queue: Queue, i: wp.int32, face: wp.int32, box: wp.vec4i, bound: wp.float32) -> wp.int32:
+    """Put a triangle's box (first column and row, last column and row) into ``large``; its place there."""
     place = number_in(queue.counts, LARGE)
-    columns = box[0] | (box[2] << 16)
-    rows = box[1] | (box[3] << 16)
     if place < queue.large.shape[0]:
-        set_entry(
-            queue.large, place, wp.vec4i(i | (face << INDEX_BITS), columns, rows, wp.cast(bound, wp.int32))
-        )
-    groups = (tiles_across(columns) * tiles_across(rows) + GROUP - 1) // GROUP
+        columns = box[0] | (box[2] << 16)
+        rows = box[1] | (box[3] << 16)
+        work = wp.vec4i(i | (face << INDEX_BITS), columns, rows, wp.cast(bound, wp.int32))
+        set_entry(queue.large, place, work)
+    return place
+
+
+@wp.func
+def queue_groups(queue: Queue, place: wp.int32, box: wp.vec4i, depth: wp.float32):
+    """Queue the tiles of the box at a place of ``large``, in groups of 32."""
+    tiles = tiles_across(box[0] | (box[2] << 16)) * tiles_across(box[1] | (box[3] << 16))
+    groups = (tiles + GROUP - 1) // GROUP
     at = reserve(queue.counts, ITEMS, groups)
     for g in range(groups):
         if at + g < queue.items.shape[0]:
             set_entry(queue.items, at + g, wp.vec4i(place, g * GROUP, wp.cast(depth, wp.int32), 0))
-    return place
 
 
 @wp.func
@@ -115,6 +118,11 @@ def queued_tile(part: wp.vec2i) -> wp.vec2i:
 @wp.func
 def is_in(box: wp.vec4i, x: wp.int32, y: wp.int32) -> wp.bool:
     return x >= box[0] and x <= box[2] and y >= box[1] and y <= box[3]
+
+
+@wp.func
+def held_large(queue: Queue) -> wp.int32:
+    return wp.min(queue.counts[LARGE], queue.large.shape[0])
 
 
 @wp.func
