@@ -21,7 +21,15 @@ if TYPE_CHECKING:
 OURS = _rivals.OURS.label
 REBUILD = (Entry("warp_bvh", {}, "mesh rebuilt"), *_rivals.REBUILT)
 REFIT = _rivals.REFITTED
-METHODS = (_rivals.OURS, _rivals.HYBRID, faithful("paper-faithful"), *REBUILD, *REFIT, *_rivals.GRIDS)
+METHODS = (
+    _rivals.OURS,
+    _rivals.HYBRID,
+    _rivals.RASTERISED,
+    faithful("paper-faithful"),
+    *REBUILD,
+    *REFIT,
+    *_rivals.GRIDS,
+)
 
 
 COLUMNS = [*document.COMMON, "times_slower", "low", "high", "memory_bytes", "built"]

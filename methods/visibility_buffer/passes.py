@@ -7,11 +7,14 @@ from typing import Any
 
 import warp as wp
 
+from ...harness.frame.frame import Frame
 from ...harness.frame.passes import Pass
 from ...harness.frame.specialise import specialised
+from ...harness.scene.effects import Effects
 from ..common.pixels import thread_count
 from ..ray_grids.camera.passes import CameraStream
-from ..ray_grids.light.passes import LightStream
+from ..ray_grids.light.passes import LightAims, LightStream
+from ..ray_grids.parameters import Streams
 from ..ray_grids.queues import BLOCK_DIM, Queues, Step
 from ..ray_grids.warps import LANES
 from . import lists, raster, shadow
@@ -73,11 +76,20 @@ class CameraRaster(CameraStream):
 class LightRaster(LightStream):
     """Shadow rays of one light: aim the map, map the hit points, put them in lists, rasterise, decide doubtful pairs."""
 
-    def __init__(self, *arguments: Any):
-        *before, arrays, aims, effects = arguments
+    def __init__(
+        self,
+        frame: Frame,
+        index: int,
+        build: Streams,
+        hit: wp.array,
+        queues: Queues,
+        arrays: dict[str, Any],
+        aims: LightAims,
+        effects: Effects,
+    ):
         self.head = arrays["head"]
         cells = {name: array for name, array in arrays.items() if name != "head"}
-        super().__init__(*before, cells, aims, effects)
+        super().__init__(frame, index, build, hit, queues, cells, aims, effects)
 
     def cell_passes(self, place: str, rays: str, effect: str) -> list[Pass]:
         name = f"light {self.index}: lists of texels"

@@ -11,13 +11,13 @@ from ...harness.frame.alpha import Alpha
 from ...harness.frame.geometry import Camera, Corners, Mesh
 from ...harness.frame.specialise import effects
 from ..common.entries import entry, entry_now, entry_of_four, set_entry_of_four
+from ..common.triangle import spare_bits
 from ..ray_grids.camera.pixels import (
     Candidate,
     Planes,
     edge_planes,
     inverse_depth,
     sign_bound,
-    spare_bits,
     test_box,
     test_pixel_or_queue,
 )
