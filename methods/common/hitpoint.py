@@ -21,8 +21,9 @@ from ...harness.frame.vectors import largest, to_float64, total
 
 U64 = wp.constant(wp.float64(1.1102230246251565e-16))  # 2^-53
 
-STEP_UNITS = wp.constant(wp.float64(1024.0))
-"""Units of the hit point's own size by which the step onto the plane may be off before more care is taken."""
+LEAST_STEP = wp.constant(64.0)
+"""A sixteenth of the units of the hit point's own size by which the step onto the plane may be off before more care is
+taken."""
 
 HIT_UNITS = wp.constant(wp.float64(1040.0))
 """Units of U64 of its own largest coordinate by which a hit point may be off: the step, nine of the point beside its ray
@@ -114,16 +115,17 @@ def is_flat(ray: Ray, t: wp.float64, corners: Corners) -> wp.bool:
     uncertain for the way to a corner (a large triangle, or a sliver)."""
     d64 = to_float64(ray.direction)
     a64 = to_float64(corners.a)
-    b64 = to_float64(corners.b)
-    c64 = to_float64(corners.c)
-    p = along(ray, t)
-    ab = b64 - a64
-    ac = c64 - a64
+    ab = to_float64(corners.b) - a64
+    ac = to_float64(corners.c) - a64
     n = wp.cross(ab, ac)
     slope = wp.abs(wp.dot(n, d64))
-    away = total(p - nearest_corner(p, a64, b64, c64))
-    doubt = wp.float64(16.0) * largest(ab) * largest(ac) * away * largest(d64)
-    return slope < wp.float64(0.125) * total(n) * total(d64) or doubt > STEP_UNITS * slope * largest(p)
+    if slope < wp.float64(0.125) * total(n) * total(d64):
+        return True
+    # Sizes in float32: no more than a factor depends on them.
+    doubt = wp.float32(largest(ab) * largest(ac) * wp.float64(largest(ray.direction)) / slope)
+    p = ray.origin + ray.direction * wp.float32(t)
+    away = wp.min(total(p - corners.a), wp.min(total(p - corners.b), total(p - corners.c)))
+    return doubt * away > LEAST_STEP * largest(p)
 
 
 @wp.func

@@ -83,6 +83,8 @@ def occludes(
     A triangle whose plane passes h within its error contains it (its own triangle, duplicates, neighbours at an edge)
     and does not count: see :func:`plane_crosses_segment`.
     """
+    if not plane_crosses_segment(h, light, corners, origin_size):
+        return False
     l64 = to_float64(light)
     a64 = to_float64(corners.a)
     b64 = to_float64(corners.b)
@@ -90,14 +92,12 @@ def occludes(
     e = light_edge_functions(l64, h, a64, b64, c64, weld)
     low = wp.min(e[0], wp.min(e[1], e[2]))
     high = wp.max(e[0], wp.max(e[1], e[2]))
-    if low < wp.float64(0.0) and high > wp.float64(0.0):
-        slack = wp.abs(e[0] + e[1] + e[2]) * CLOSED
-        if low < -slack and high > slack:
-            return False
+    slack = wp.abs(e[0] + e[1] + e[2]) * CLOSED
+    if low < wp.float64(0.0) and high > wp.float64(0.0) and (low >= -slack or high <= slack):
         slack = wp.min(slack, light_edge_error(h, l64, a64, b64, c64, origin_size))
-        if low < -slack and high > slack:
-            return False
-    return plane_crosses_segment(h, light, corners, origin_size)
+    else:
+        slack = wp.float64(0.0)
+    return low >= -slack or high <= slack
 
 
 @wp.func

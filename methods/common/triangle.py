@@ -99,18 +99,11 @@ def edge_functions(
 
 
 @wp.func
-def test_size(ray: Ray, corners: Corners) -> wp.float64:
-    """What the rounding of edge functions is a share of: |d|_1 times the distance of a corner times an edge, the largest.
-
-    Sizes in float32, as :func:`may_hit` has them, times each other in float64: neither overflows nor underflows.
-    """
-    a = corners.a
-    b = corners.b
-    c = corners.c
-    o = ray.origin
+def edge_error(o: wp.vec3d, d: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> wp.float64:
+    """Bound on the error of :func:`edge_functions`."""
     reach = wp.max(largest(a - o), wp.max(largest(b - o), largest(c - o)))
     edge = wp.max(largest(b - a), wp.max(largest(c - b), largest(a - c)))
-    return wp.float64(total(ray.direction)) * wp.float64(reach) * wp.float64(edge)
+    return wp.float64(17.0) * U64 * total(d) * reach * edge
 
 
 @wp.func
@@ -131,7 +124,7 @@ def hit_distance(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.float64:
         slack = wp.abs(e[0] + e[1] + e[2]) * CLOSED
         if low < -slack and high > slack:
             return NO_HIT
-        slack = wp.min(slack, wp.float64(17.0) * U64 * test_size(ray, corners))
+        slack = wp.min(slack, edge_error(o64, d64, a64, b64, c64))
         if low < -slack and high > slack:
             return NO_HIT
     e1 = b64 - a64

@@ -235,7 +235,7 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
     return item_kernel
 
 
-@wp.kernel(enable_backward=False, grid_stride=False)
+@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=64)
 def doubt_kernel(
     threads: wp.int32,
     lights: wp.array(dtype=wp.vec3f),
