@@ -51,9 +51,7 @@ class Mutation:
     cases: tuple[str, ...]
 
 
-OWN_TRIANGLE = """    if wp.abs(side_h) <= unit * (
-        wp.float64(16.0) * total(ha) + wp.float64(64.0) * (largest(h) + origin_size)
-    ):
+OWN_TRIANGLE = """    if wp.abs(side_h) <= total(n) * hit_error(h, origin_size) + rounding * total(ha):
         return False
 """
 
@@ -111,7 +109,7 @@ MUTATIONS = (
             Planted(
                 triangle,
                 "hit_distance",
-                (("wp.float64(8.0) * U64 * total(d64) * largest(e1) * largest(e2)", "wp.float64(1.0e-7)"),),
+                (("unit * total(d64)", "wp.float64(1.0e-7)"),),
                 ray_queries,
             ),
         ),
@@ -152,8 +150,9 @@ MUTATIONS = (
             Planted(
                 triangle,
                 "hit_distance",
-                (("if not inside(edge_functions(o64, d64, a64, b64, c64, weld)):",
-                  "if not inside32(ray.origin, ray.direction, corners.a, corners.b, corners.c):"),),
+                (("    if low < wp.float64(0.0) and high > wp.float64(0.0):",
+                  "    if not inside32(ray.origin, ray.direction, corners.a, corners.b, corners.c):\n"
+                  "        return NO_HIT\n    if low > high:"),),
                 ray_queries,
             ),
         ),
@@ -166,11 +165,25 @@ MUTATIONS = (
         (Planted(hitpoint, "is_flat", (("wp.float64(0.125)", "wp.float64(0.0)"),), hitpoint),),
         "warp_bvh",
         EXACT_BVH,
-        ("S35", "S35b"),
+        ("S35",),
+    ),
+    Mutation(
+        "t of a hit at the eye by its sign alone",
+        (
+            Planted(
+                triangle,
+                "hit_distance",
+                (("wp.float64(2.0) * unit * total(away)", "wp.float64(-1.0)"),),
+                ray_queries,
+            ),
+        ),
+        "warp_bvh",
+        EXACT_BVH,
+        ("P34 vertex 2",),
     ),
     Mutation(
         "doubt at an edge is outside",
-        (Planted(triangle, "inside", (("wp.float64(9.313225746154785e-10)", "wp.float64(0.0)"),), triangle),),
+        (Planted(triangle, "hit_distance", (("* CLOSED", "* wp.float64(0.0)"),), ray_queries),),
         "warp_bvh",
         EXACT_BVH,
         ("P29", "P29b"),
