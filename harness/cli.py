@@ -231,14 +231,30 @@ def list_(
 
 @command("render", "shadowbench render cloth --method warp_bvh --out cloth.png --size 512x512")
 def render_(
-    scene: Annotated[str, typer.Argument(help="Name of a scene, or a mesh file.")],
+    scene: Annotated[
+        list[str],
+        typer.Argument(
+            help="Name of a scene, or a mesh file. With --animate there may be several, side by side."
+        ),
+    ],
     method: Annotated[str, typer.Option("--method", help="The method that traces the picture.")],
     out: Annotated[
-        Path,
+        Path | None,
         typer.Option("--out", help="PNG file to write; its folder is created if missing."),
-    ],
+    ] = None,
+    animation: Annotated[
+        Path | None,
+        typer.Option(
+            "--animate",
+            help="WebP file to write instead: every frame, or of a still scene a turn of its lights.",
+        ),
+    ] = None,
     size: Annotated[str, typer.Option("--size", help="Image size.")] = "512x512",
     frame: Annotated[int, typer.Option("--frame", help="Frame of an animated scene, from 0.")] = 0,
+    frames: Annotated[
+        int | None, typer.Option("--frames", help="Number of frames of --animate. Default: all.")
+    ] = None,
+    seconds: Annotated[float, typer.Option("--seconds", help="Length of --animate.")] = 4.0,
     camera: CameraPlace = None,
     fov: Fov = None,
     light: Lights = None,
@@ -250,13 +266,23 @@ def render_(
 
     The picture of a stand-in scene has a caption that says so.
     """
-    from .commands.render import render
+    from .commands.render import animate, render
     from .runner.experiment import Entry
     from .runner.points import parse_settings
 
     (entry,) = parse_settings(setting or [], (Entry(method),))
     settings = dict(entry.settings)
-    picture = render(scene, method, out, size, frame, device, scene_dir, settings, camera, fov, light)
+    if (out is None) == (animation is None):
+        raise UserError("render: give --out FILE.png for a picture, or --animate FILE.webp for an animation")
+    if animation is not None:
+        picture = animate(
+            scene, method, animation, size, frames, seconds, device, scene_dir, settings, camera, fov, light
+        )
+    else:
+        assert out is not None
+        if len(scene) > 1:
+            raise UserError(f"render {' '.join(scene)}: --out shows one scene; --animate shows several")
+        picture = render(scene[0], method, out, size, frame, device, scene_dir, settings, camera, fov, light)
     print(f"written: {picture}", file=sys.stderr)
     return 0
 

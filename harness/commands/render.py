@@ -1,8 +1,12 @@
-"""``shadowbench render``: a picture of a scene, shaded from the hits and shadow bits of one method."""
+"""``shadowbench render``: pictures of a scene, shaded from the hits and shadow bits of one method."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import CapacityRejected, UserError
 from ..frame.devices import device_for, find_device
@@ -11,8 +15,80 @@ from ..frame.session import Session
 from ..runner.experiment import parse_size
 from ..runner.machine_lock import MACHINE
 from ..scene.catalogue import resolve
-from ..scene.prepared import prepare
+from ..scene.light_paths import Orbit, vector
+from ..scene.prepared import Prepared, prepare, under
+from ..scene.scene import Scene
 from .options import seen_as
+
+PLACES = 48
+"""Places of the light around a scene that does not move, where ``--frames`` does not say."""
+
+
+class Renderer:
+    """Pictures of one scene from the answers of one method, at one size. Made by :func:`opened`."""
+
+    def __init__(self, scene: str, method: str, prepared: Prepared, session: Session, size: tuple[int, int]):
+        self.scene = scene
+        self.method = method
+        self.prepared = prepared
+        self.session = session
+        self.size = size
+
+    def picture(self, frame: int) -> NDArray[np.uint8]:
+        """The picture of a frame, uint8 [height, width, 3]; of a stand-in with a caption that says so."""
+        from ..report.gallery import captioned
+        from ..report.picture import shade
+
+        moment = self.prepared.moment(frame, *self.size)
+        try:
+            answers = self.session.answers(moment)
+        except CapacityRejected as error:
+            raise UserError(
+                f"{self.method} on {self.scene}: rejected: {error}; choose a smaller --size or another --method"
+            ) from error
+        picture = shade(self.prepared, moment, answers, self.prepared.lights(frame))
+        described = self.prepared.scene
+        if described.stand_in:
+            facts = f"{self.prepared.triangle_count:,} triangles"
+            picture = captioned(picture, described.title, facts, described.stand_in)
+        return picture
+
+
+def opened(
+    scene: str,
+    described: Scene,
+    method: str,
+    size: tuple[int, int],
+    device: str | None,
+    settings: dict[str, str] | None,
+    turning: int = 0,
+) -> Renderer:
+    """A scene prepared for pictures with a method. ``turning``: places of the light where nothing moves; 0: it is still.
+
+    Raises :class:`UserError` if the method cannot trace the scene.
+    """
+    chosen = make_method(method, settings)
+    place = device_for(type(chosen), find_device(device))
+    reason = chosen.applies(described, place)
+    if reason:
+        raise UserError(f"{method} cannot trace {scene}: {reason}; choose another --method")
+    MACHINE.share()
+    prepared = with_turning_light(described, turning) if turning else prepare(described)
+    return Renderer(scene, method, prepared, Session(chosen, prepared, *size, place), size)
+
+
+def with_turning_light(described: Scene, places: int) -> Prepared:
+    """The scene prepared. One that does not move becomes an animation: its lights turn once about its middle, evenly.
+
+    They turn about the camera's upward axis; the step after the last frame would be the first frame.
+    """
+    geometry = described.geometry()
+    prepared = prepare(replace(described, geometry=lambda: geometry.lasting(places)))
+    if geometry.frame_count > 1:
+        return prepared
+    middle = vector(prepared.middle + prepared.centre)
+    path = Orbit(middle, described.camera.up, (places - 1) / places)
+    return under(prepared, replace(prepared.scene, light_path=path))
 
 
 @MACHINE.restored()
@@ -33,37 +109,67 @@ def render(
 
     Raises :class:`UserError` for wrong arguments, and if the method cannot trace the scene.
     """
-    from ..report.gallery import captioned
-    from ..report.picture import save_png, shade
+    from ..report.picture import save_png
 
     if out.suffix.lower() != ".png":
         raise UserError(f"--out {out}: pictures are PNG files; give a name ending in .png")
-    width, height = parse_size(size)
-    place = find_device(device)
-    chosen = make_method(method, settings)
-    place = device_for(type(chosen), place)
     described = seen_as(resolve(scene, scene_dir), camera, fov, lights)
-    reason = chosen.applies(described, place)
-    if reason:
-        raise UserError(f"{method} cannot trace {scene}: {reason}; choose another --method")
-    MACHINE.share()
-    prepared = prepare(described)
-    if not 0 <= frame < prepared.frame_count:
-        raise UserError(f"--frame {frame}: {scene} has frames 0 to {prepared.frame_count - 1}")
-    moment = prepared.moment(frame, width, height)
+    made = opened(scene, described, method, parse_size(size), device, settings)
+    if not 0 <= frame < made.prepared.frame_count:
+        raise UserError(f"--frame {frame}: {scene} has frames 0 to {made.prepared.frame_count - 1}")
     try:
-        answers = Session(chosen, prepared, width, height, place).answers(moment)
-    except CapacityRejected as error:
-        raise UserError(
-            f"{method} on {scene}: rejected: {error}; choose a smaller --size or another --method"
-        ) from error
-    picture = shade(prepared, moment, answers, prepared.lights(frame))
-    if described.stand_in:
-        facts = f"{prepared.triangle_count:,} triangles"
-        picture = captioned(picture, described.title, facts, described.stand_in)
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        save_png(picture, out)
+        return save_png(made.picture(frame), out)
     except OSError as error:
         raise UserError(f"{out}: cannot write ({error.strerror}); choose another --out") from error
-    return out
+
+
+@MACHINE.restored()
+def animate(
+    scenes: list[str],
+    method: str,
+    out: Path,
+    size: str = "512x512",
+    frames: int | None = None,
+    seconds: float = 4.0,
+    device: str | None = None,
+    scene_dir: Path | None = None,
+    settings: dict[str, str] | None = None,
+    camera: tuple[str, str] | None = None,
+    fov: float | None = None,
+    lights: list[str] | None = None,
+) -> Path:
+    """Draw the frames of scenes into one looping WebP file; several scenes stand side by side.
+
+    Of a scene that does not move, the lights turn once about its middle. ``frames``: so many, evenly spread over an
+    animation; default: every frame of the longest, or :data:`PLACES` where nothing moves. Raises :class:`UserError`
+    as :func:`render` does.
+    """
+    from ..report.animation import beside, check_animation, save_webp
+
+    if out.suffix.lower() != ".webp":
+        raise UserError(f"--animate {out}: animations are WebP files; give a name ending in .webp")
+    if frames is not None and frames < 2:
+        raise UserError(f"--frames {frames}: an animation has at least 2")
+    if not 0.0 < seconds < 3600.0:
+        raise UserError(f"--seconds {seconds:g}: give a number between 0 and 3600")
+    width, height = parse_size(size)
+    check_animation(width * len(scenes), height, frames or 2)
+    shown: list[Renderer] = []
+    for name in scenes:
+        described = seen_as(resolve(name, scene_dir), camera, fov, lights)
+        shown.append(opened(name, described, method, (width, height), device, settings, frames or PLACES))
+    count = frames or max(one.prepared.frame_count for one in shown)
+    check_animation(width * len(shown), height, count)
+    pictures = [
+        beside([one.picture(frame) for one, frame in zip(shown, places, strict=True)])
+        for places in zip(*(spread(one.prepared.frame_count, count) for one in shown), strict=True)
+    ]
+    try:
+        return save_webp(pictures, out, seconds)
+    except OSError as error:
+        raise UserError(f"{out}: cannot write ({error.strerror}); choose another --animate") from error
+
+
+def spread(available: int, wanted: int) -> list[int]:
+    """``wanted`` frames evenly spread over ``available`` ones, first and last included."""
+    return [int(frame) for frame in np.linspace(0, available - 1, wanted).round()]
