@@ -20,6 +20,7 @@ import typer
 from .commands.check import check
 from .commands.compare import compare
 from .commands.keep import keep
+from .commands.new_method import new_method
 from .commands.options import CameraPlace, Device, Fov, Json, Lights, SceneDir, Settings
 from .commands.plan import plan
 from .commands.report import report
@@ -297,6 +298,7 @@ command("report", "shadowbench report results/nvidia-h200 --out report.html")(re
 command("compare", "shadowbench compare results/local/last-week results/local/today --fail-on slower")(
     compare
 )
+command("new-method", "shadowbench new-method my_method")(new_method)
 command("keep", "shadowbench keep results/local/table1-quick --out results/my-machine/table1")(keep)
 
 

@@ -33,9 +33,9 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     return "; known: " + ", ".join(names)
 
 
-def install(package: str) -> str:
+def install(package: str, editable: bool = False) -> str:
     """The command that installs a package where this program runs, from the folder where the user stands."""
     python = Path(sys.executable)
     if python.is_relative_to(Path.cwd()):
         python = python.relative_to(Path.cwd())
-    return f"{shlex.quote(str(python))} -m pip install {shlex.quote(package)}"
+    return f"{shlex.quote(str(python))} -m pip install {'-e ' if editable else ''}{shlex.quote(package)}"

@@ -1,0 +1,105 @@
+"""``shadowbench new-method``: a package with a method of one's own, from a template that passes ``check`` as it is."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import keyword
+import os
+import re
+import shutil
+import sys
+import tempfile
+from importlib import resources
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..errors import UserError, install
+
+TEMPLATE = "template"
+"""The folder beside this file with the files of the package; their names and texts have the marks of :func:`filled`."""
+
+ENDING = ".txt"
+"""Removed from the names of the template's files, which are no modules of the harness; ``--`` in them is a folder."""
+
+LONGEST = 64
+
+Name = Annotated[str, typer.Argument(help="Name of the new method, a Python identifier in lower case.")]
+Out = Annotated[
+    Path | None, typer.Option("--out", help="The folder to create. Default: the name, in the current folder.")
+]
+
+
+def new_method(name: Name, out: Out = None) -> int:
+    """Create a Python package with a working method to start from, its test, and its entry point.
+
+    As created it tests every triangle for every ray, without a structure, and passes `shadowbench check`.
+    """
+    check_name(name)
+    folder = out if out is not None else Path(name)
+    create(name, folder)
+    print(f"written: {folder}/", file=sys.stderr)
+    print(f"next: {install(str(folder), editable=True)}", file=sys.stderr)
+    print(f"then: shadowbench check {name} --device cpu", file=sys.stderr)
+    return 0
+
+
+def check_name(name: str) -> None:
+    """Raise :class:`UserError` unless the name can be that of a new package and method."""
+    from ..frame.registry import method_names
+
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", name) or keyword.iskeyword(name) or len(name) > LONGEST:
+        raise UserError(
+            f"new-method {name!r}: the name must be a Python identifier of lower-case letters, digits and _, "
+            f"at most {LONGEST} long"
+        )
+    if name in method_names():
+        raise UserError(f"new-method {name}: there is a method of this name; choose another")
+    if name in sys.stdlib_module_names or name in importlib.metadata.packages_distributions():
+        raise UserError(
+            f"new-method {name}: there is a Python package of this name, which it would hide; choose another"
+        )
+
+
+def create(name: str, folder: Path) -> Path:
+    """Write the package into a folder that does not exist yet. The folder appears only when it is complete."""
+    if os.path.lexists(folder):
+        raise UserError(f"{folder}: exists; nothing is overwritten, choose another --out")
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}.") as place:
+            made = Path(place) / "package"
+            for path, text in contents(name).items():
+                file = made / path
+                file.parent.mkdir(parents=True, exist_ok=True)
+                file.write_text(text, encoding="utf-8")
+            shutil.move(made, folder)
+    except OSError as error:
+        raise UserError(f"{folder}: cannot write ({error.strerror}); choose another --out") from error
+    return folder
+
+
+def contents(name: str) -> dict[str, str]:
+    """The files of a package: {path inside its folder: text}."""
+    source = resources.files(__package__) / TEMPLATE
+    return {
+        filled(entry.name.removesuffix(ENDING).replace("--", "/"), name): filled(
+            entry.read_text(encoding="utf-8"), name
+        )
+        for entry in source.iterdir()
+        if entry.name.endswith(ENDING)
+    }
+
+
+def filled(text: str, name: str) -> str:
+    """The text with @NAME@, @CLASS@ and @TITLE@ replaced by the method's name, the name of its class and its title."""
+    words = [word for word in name.split("_") if word]
+    marks = {
+        "NAME": name,
+        "CLASS": "".join(map(str.capitalize, words)),
+        "TITLE": " ".join(words).capitalize(),
+    }
+    for mark, value in marks.items():
+        text = text.replace(f"@{mark}@", value)
+    return text
