@@ -21,7 +21,7 @@ from .commands.check import check
 from .commands.compare import compare
 from .commands.keep import keep
 from .commands.new_method import new_method
-from .commands.options import CameraPlace, Device, Fov, Json, Lights, SceneDir, Settings
+from .commands.options import CameraPlace, Device, Fov, Json, Lights, SceneDir, Settings, view_of
 from .commands.plan import plan
 from .commands.report import report
 from .commands.verify import explain, score, verify
@@ -125,6 +125,9 @@ def run_(
         ),
     ] = None,
     size: Annotated[str | None, typer.Option("--size", help="Image size, such as 256x256.")] = None,
+    camera: CameraPlace = None,
+    fov: Fov = None,
+    light: Lights = None,
     frames: Annotated[
         int | None,
         typer.Option("--frames", help="Number of frames of an animated scene; 1: the middle frame."),
@@ -181,6 +184,7 @@ def run_(
         out,
         size,
         {"frames": frames, "samples": samples, "rounds": rounds, "budget_s": budget, "timeout_s": timeout},
+        view_of(camera, fov, light),
         seed=seed,
         save_answers=save_answers,
         score=score,

@@ -27,7 +27,6 @@ from ...harness.runner.experiment import Entry
 from ...harness.runner.job import Options
 from ...harness.runner.machine_lock import MACHINE
 from ...harness.runner.progress import Silent, counted
-from ...harness.scene.catalogue import resolve
 from ...harness.scene.overrides import Lighting
 from ...harness.scene.prepared import Prepared, prepare, rounded, weld
 
@@ -114,7 +113,7 @@ def keep_grid(
     if not (options.out / NAME).exists():
         import pandas as pd
 
-        prepared = prepare(resolve(options.preset.scenes[0], options.scene_dir))
+        prepared = prepare(options.described(options.preset.scenes[0]))
         rows = error_grid(prepared, entries, distances, offsets, size, options.device)
         count = len(entries) * len(distances) * len(offsets)
         found = list(counted(report, "errors by light distance and offset, untimed", rows, count))

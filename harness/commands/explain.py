@@ -12,7 +12,7 @@ import typer
 from ..errors import UserError
 from ..judge.verdict import ERRORS, Verdict
 from ..runner.machine_lock import MACHINE
-from .options import Device, Frame, Json, Methods, SceneDir, Settings
+from .options import CameraPlace, Device, Fov, Frame, Json, Lights, Methods, SceneDir, Settings, view_of
 from .tables import make_console, make_table, print_legend, print_lines
 
 if TYPE_CHECKING:
@@ -32,6 +32,9 @@ def explain(
     ] = "256x256",
     frame: Frame = 0,
     setting: Settings = None,
+    camera: CameraPlace = None,
+    fov: Fov = None,
+    light: Lights = None,
     scene_dir: SceneDir = None,
     as_json: Json = False,
 ) -> int:
@@ -59,7 +62,7 @@ def explain(
     place = find_device(device)
     names = tuple(Entry(name) for name in dict.fromkeys(method or method_names()))
     entries = parse_settings(setting or [], names)
-    described = resolve(scene, scene_dir)
+    described = view_of(camera, fov, light).applied(resolve(scene, scene_dir))
     MACHINE.share()
     prepared = prepare(described)
     if not 0 <= frame < prepared.frame_count:

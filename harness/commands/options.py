@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
-from numpy.typing import NDArray
 
 from ..errors import UserError
+from ..scene.chosen_view import ChosenView
 from ..scene.declaration import FARTHEST
-from ..scene.moment import ray_tables
-from ..scene.scene import Light, Scene, Vector
+from ..scene.scene import Vector
 
 Methods = Annotated[
     list[str] | None, typer.Option("--method", help="Name of a method. Repeatable. Default: all methods.")
@@ -50,25 +47,10 @@ Lights = Annotated[
 ]
 
 
-def seen_as(
-    scene: Scene, camera: tuple[str, str] | None, fov: float | None, lights: list[str] | None
-) -> Scene:
-    """The scene with the camera and the point lights of ``--camera``, ``--fov`` and ``--light``, where given.
-
-    Positions are in scene coordinates. These lights do not move. Raises :class:`UserError` for a malformed position
-    and for a degenerate camera.
-    """
-    if lights:
-        placed = tuple(Light(_place("--light", text)) for text in lights)
-        scene = replace(scene, lights=placed, light_path=None)
-    if camera is None and fov is None:
-        return scene
-    seen = scene.camera if fov is None else replace(scene.camera, fov=fov)
-    if camera is not None:
-        eye, target = (_place("--camera", text) for text in camera)
-        seen = replace(seen, eye=eye, target=target, up=_upright(np.subtract(target, eye), seen.up))
-    ray_tables(seen, 1, 1, np.zeros(3))
-    return replace(scene, camera=seen)
+def view_of(camera: tuple[str, str] | None, fov: float | None, lights: list[str] | None) -> ChosenView:
+    """The view of ``--camera``, ``--fov`` and ``--light``. Raises :class:`UserError` for a malformed position."""
+    ends = None if camera is None else (_place("--camera", camera[0]), _place("--camera", camera[1]))
+    return ChosenView(ends, fov, tuple(_place("--light", text) for text in lights or ()))
 
 
 def _place(option: str, text: str) -> Vector:
@@ -78,13 +60,4 @@ def _place(option: str, text: str) -> Vector:
         raise UserError(f"{option} {text!r}: give three numbers, as in {option} 0,1.7,4") from None
     if not all(abs(number) <= FARTHEST for number in (x, y, z)):
         raise UserError(f"{option} {text!r}: is outside the range of float32")
-    return x, y, z
-
-
-def _upright(view: NDArray[np.float64], up: Vector) -> Vector:
-    """``up``; if it is parallel to the view direction, the coordinate axis most perpendicular to the view."""
-    size = float(np.abs(view).max())
-    if size and np.linalg.norm(np.cross(np.divide(view, size), up)) > 1e-6 * np.linalg.norm(up):
-        return up
-    x, y, z = np.eye(3)[np.abs(view).argmin()].tolist()
     return x, y, z

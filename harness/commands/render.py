@@ -18,7 +18,7 @@ from ..scene.catalogue import resolve
 from ..scene.light_paths import Orbit, vector
 from ..scene.prepared import Prepared, prepare, under
 from ..scene.scene import Scene
-from .options import seen_as
+from .options import view_of
 
 PLACES = 48
 """Places of the light around a scene that does not move, where ``--frames`` does not say."""
@@ -113,7 +113,7 @@ def render(
 
     if out.suffix.lower() != ".png":
         raise UserError(f"--out {out}: pictures are PNG files; give a name ending in .png")
-    described = seen_as(resolve(scene, scene_dir), camera, fov, lights)
+    described = view_of(camera, fov, lights).applied(resolve(scene, scene_dir))
     made = opened(scene, described, method, parse_size(size), device, settings)
     if not 0 <= frame < made.prepared.frame_count:
         raise UserError(f"--frame {frame}: {scene} has frames 0 to {made.prepared.frame_count - 1}")
@@ -156,7 +156,7 @@ def animate(
     check_animation(width * len(scenes), height, frames or 2)
     shown: list[Renderer] = []
     for name in scenes:
-        described = seen_as(resolve(name, scene_dir), camera, fov, lights)
+        described = view_of(camera, fov, lights).applied(resolve(name, scene_dir))
         shown.append(opened(name, described, method, (width, height), device, settings, frames or PLACES))
     count = frames or max(one.prepared.frame_count for one in shown)
     check_animation(width * len(shown), height, count)

@@ -23,6 +23,7 @@ from ..runner.progress import Bar, Silent
 from ..runner.runner import Options, Run
 from ..scene.catalogue import folder as scene_folder
 from ..scene.catalogue import resolve
+from ..scene.chosen_view import ChosenView
 
 RESULTS = Path("results/local")
 """The parent folder of results without ``--out``."""
@@ -39,12 +40,14 @@ def plan_run(
     out: Path | None = None,
     size: str | None = None,
     overrides: dict[str, Any] | None = None,
+    view: ChosenView | None = None,
     **options: Any,
 ) -> Options:
     """The checked options of a run.
 
     ``overrides``: fields of the preset to replace where not None. If scenes or a size are given, only those are run,
-    without the further presets of :attr:`.Preset.also`. Raises :class:`UserError` for a wrong argument.
+    without the further presets of :attr:`.Preset.also`. ``view``: camera and lights in place of those of every scene.
+    Raises :class:`UserError` for a wrong argument.
     """
     declared = find_experiment(experiment)
     place = find_device(device)
@@ -79,9 +82,10 @@ def plan_run(
     changes["also"] = also
     where = str(scene_folder(scene_dir)) if scene_folder(scene_dir) else None
     named: dict[str, str] = {}
+    seen = view or ChosenView()
     for scene in changes["scenes"]:
         # Pictures and tables identify a scene by its name.
-        other = named.setdefault(resolve(scene, where).name, scene)
+        other = named.setdefault(seen.applied(resolve(scene, where)).name, scene)
         if other != scene:
             raise UserError(
                 f"--scene {scene}: has the same name as {other}; rename one of them, or run it separately"
@@ -93,6 +97,7 @@ def plan_run(
         device=place,
         out=out or RESULTS / f"{experiment}-{name}",
         scene_dir=where,
+        view=seen,
         **options,
     )
 

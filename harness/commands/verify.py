@@ -18,7 +18,7 @@ from ..runner.machine_lock import MACHINE
 from ..typed_json import to_json
 from .answering import answer
 from .explain import explain
-from .options import Device, Frame, Json, Methods, SceneDir, Settings, Size
+from .options import CameraPlace, Device, Fov, Frame, Json, Lights, Methods, SceneDir, Settings, Size, view_of
 from .verify_tables import print_reports, print_scores
 
 if TYPE_CHECKING:
@@ -42,6 +42,9 @@ def verify(
             "--every-pixel", help="Decide every pixel exactly, not only those where two answers differ."
         ),
     ] = False,
+    camera: CameraPlace = None,
+    fov: Fov = None,
+    light: Lights = None,
     scene_dir: SceneDir = None,
     as_json: Json = False,
 ) -> int:
@@ -60,7 +63,8 @@ def verify(
     width, height = parse_size(size)
     names = list(dict.fromkeys(method or method_names()))
     entries = parse_settings(setting or [], tuple(Entry(name) for name in names))
-    scenes = [resolve(name, scene_dir) for name in scene]
+    view = view_of(camera, fov, light)
+    scenes = [view.applied(resolve(name, scene_dir)) for name in scene]
     MACHINE.share()
     reports = []
     for name, described in zip(scene, scenes, strict=True):

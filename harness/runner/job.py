@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from ..results.journal import Journal
 from ..results.record import Record
+from ..scene.catalogue import resolve
+from ..scene.chosen_view import ChosenView
+from ..scene.scene import Scene
 from .experiment import Experiment, Preset
 from .points import Point
 
@@ -25,6 +28,11 @@ class Options:
     save_answers: bool = False
     score: bool = True
     retry: bool = False
+    view: ChosenView = field(default_factory=ChosenView)
+
+    def described(self, scene: str) -> Scene:
+        """A scene of the run, given by name or file, with the camera and the lights of the command line."""
+        return self.view.applied(resolve(scene, self.scene_dir))
 
 
 @dataclass(eq=False)

@@ -30,6 +30,7 @@ def load_command(
         "shared": str(folder.shared_scene),
         "lighting": lighting.facts(),
         "make": make,
+        **({"view": options.view.facts()} if options.view.changes else {}),
     }
 
 

@@ -37,6 +37,8 @@ def _scene_id(load: dict[str, Any]) -> str:
     # A declared scene may use the mesh of any stand-in.
     makers = [one for one in NAMES if name == one or Path(name).suffix.lower() == SUFFIX]
     code = closure_hash([*MAKING, *(f"{HARNESS}.scene.standins.{one}" for one in makers)])
-    what = {key: load[key] for key in ("scene", "frames", "width", "height", "lighting")}
+    what = {
+        key: load[key] for key in ("scene", "frames", "width", "height", "lighting", "view") if key in load
+    }
     text = f"{what} {resolve(name, folder).source} {code} {np.__version__}"
     return hashlib.sha256(text.encode()).hexdigest()[:16]

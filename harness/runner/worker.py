@@ -27,6 +27,7 @@ from ..frame.warp_init import start_warp
 from ..results.folder import FULL
 from ..results.pixel_maps import map_path, write_map
 from ..scene.catalogue import resolve
+from ..scene.chosen_view import ChosenView
 from ..scene.facts import scene_facts
 from ..scene.moment import Moment
 from ..scene.overrides import Lighting
@@ -73,13 +74,14 @@ class Worker:
         shared: str,
         lighting: dict[str, Any],
         make: bool,
+        view: dict[str, Any] | None = None,
     ) -> dict[str, Any]:
         """Make the scene (or take the one that another worker stored) and its moments; reply with its facts."""
         self.free()
         start = time.perf_counter()
         lights = Lighting.read(lighting)
         self.changed = lights.changed
-        described = lights.longer(resolve(scene, scene_dir))
+        described = lights.longer(ChosenView.read(view).applied(resolve(scene, scene_dir)))
         if make:
             self.prepared = lights.applied(prepare(described))
             store(Path(shared), self.prepared, spread_frames(self.prepared.frame_count, frames))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
-from shadowbench.harness.commands.options import seen_as
+from shadowbench.harness.commands.options import view_of
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.prepared import prepare
@@ -111,20 +111,20 @@ SCENE = Scene(
 
 
 def test_camera_and_lights_of_the_command_line():
-    assert seen_as(SCENE, None, None, None) == SCENE
-    seen = seen_as(SCENE, ("1,2,3", "-1,0,0.5"), 70.0, ["0,9,0", "1e3,0,-2"])
+    assert view_of(None, None, None).applied(SCENE) == SCENE
+    seen = view_of(("1,2,3", "-1,0,0.5"), 70.0, ["0,9,0", "1e3,0,-2"]).applied(SCENE)
     assert seen.camera == Camera((1.0, 2.0, 3.0), (-1.0, 0.0, 0.5), fov=70.0)
     assert [light.position for light in seen.lights] == [(0.0, 9.0, 0.0), (1000.0, 0.0, -2.0)]
-    assert seen_as(SCENE, None, 30.0, None).camera == Camera((0, 0, 5), (0, 0, 0), fov=30.0)
+    assert view_of(None, 30.0, None).applied(SCENE).camera == Camera((0, 0, 5), (0, 0, 0), fov=30.0)
 
 
 def test_lights_that_are_given_do_not_move():
     moving = resolve("fairy")
-    assert seen_as(moving, None, None, ["1,2,3"]).light_path is None
+    assert view_of(None, None, ["1,2,3"]).applied(moving).light_path is None
 
 
 def test_a_camera_may_look_along_its_up():
-    seen = seen_as(SCENE, ("0,9,0", "0,0,0"), None, None)
+    seen = view_of(("0,9,0", "0,0,0"), None, None).applied(SCENE)
     axes = prepare(seen).moment(0, 4, 4).axes
     assert np.allclose(axes[2], (0, -1, 0))
     assert np.isfinite(axes).all()
@@ -144,6 +144,6 @@ def test_a_camera_may_look_along_its_up():
 )
 def test_what_is_no_place_is_one_line(camera, fov, lights, line):
     with pytest.raises(UserError) as caught:
-        seen_as(SCENE, camera, fov, lights)
+        view_of(camera, fov, lights).applied(SCENE)
     assert line in str(caught.value)
     assert "\n" not in str(caught.value)

@@ -1,0 +1,78 @@
+"""A camera and point lights that a user gives in place of those of a scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .moment import ray_tables
+from .scene import Light, Scene, Vector
+
+
+@dataclass(frozen=True)
+class ChosenView:
+    """What is given; the default changes nothing.
+
+    camera  eye and target, in scene coordinates
+    fov     vertical field of view, degrees
+    lights  positions of point lights, in scene coordinates; they replace the scene's lights and do not move
+    """
+
+    camera: tuple[Vector, Vector] | None = None
+    fov: float | None = None
+    lights: tuple[Vector, ...] = ()
+
+    @property
+    def changes(self) -> bool:
+        """Whether anything is given."""
+        return self != ChosenView()
+
+    def applied(self, scene: Scene) -> Scene:
+        """The scene with this camera and these lights. Raises :class:`UserError` for a degenerate camera."""
+        if self.lights:
+            scene = replace(scene, lights=tuple(Light(place) for place in self.lights), light_path=None)
+        if self.camera is None and self.fov is None:
+            return scene
+        seen = scene.camera if self.fov is None else replace(scene.camera, fov=self.fov)
+        if self.camera is not None:
+            eye, target = self.camera
+            seen = replace(seen, eye=eye, target=target, up=_upright(np.subtract(target, eye), seen.up))
+        ray_tables(seen, 1, 1, np.zeros(3))
+        return replace(scene, camera=seen)
+
+    def facts(self) -> dict[str, Any]:
+        """JSON types, as :meth:`read` reads them; {} if nothing is given."""
+        given = {
+            "camera": self.camera and [list(place) for place in self.camera],
+            "fov": self.fov,
+            "lights": [list(place) for place in self.lights],
+        }
+        return {name: value for name, value in given.items() if value}
+
+    @staticmethod
+    def read(facts: dict[str, Any] | None) -> ChosenView:
+        """The view with these :meth:`facts`."""
+        known = facts or {}
+        camera = known.get("camera")
+        return ChosenView(
+            (_vector(camera[0]), _vector(camera[1])) if camera else None,
+            known.get("fov"),
+            tuple(_vector(place) for place in known.get("lights", ())),
+        )
+
+
+def _vector(numbers: list[float]) -> Vector:
+    x, y, z = numbers
+    return x, y, z
+
+
+def _upright(view: NDArray[np.float64], up: Vector) -> Vector:
+    """``up``; if it is parallel to the view direction, the coordinate axis most perpendicular to the view."""
+    size = float(np.abs(view).max())
+    if size and np.linalg.norm(np.cross(np.divide(view, size), up)) > 1e-6 * np.linalg.norm(up):
+        return up
+    x, y, z = np.eye(3)[np.abs(view).argmin()].tolist()
+    return x, y, z

@@ -1,0 +1,67 @@
+"""A camera and lights of the command line: every command that traces a scene sees them, and a record holds them."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import pytest
+from helpers.tiny_runs import options, write_scene
+from shadowbench.harness.commands.run import plan_run
+from shadowbench.harness.commands.verify import explain, verify
+from shadowbench.harness.errors import UserError
+from shadowbench.harness.results.folder import ResultsFolder
+from shadowbench.harness.runner.protocol import load_command
+from shadowbench.harness.runner.scene_cache import known_scene, learn_scene
+from shadowbench.harness.runner.worker import Worker
+from shadowbench.harness.scene.chosen_view import ChosenView
+from shadowbench.harness.scene.overrides import Lighting
+
+VIEW = ChosenView(((3.0, 2.0, 1.0), (0.0, 0.5, 0.0)), 30.0, ((0.0, 9.0, 0.0), (4.0, 1.0, 0.0)))
+AWAY = ("9,9,9", "20,20,20")
+"""A camera that looks away from the tetrahedron."""
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    return write_scene(tmp_path_factory.mktemp("scene") / "tetra.obj")
+
+
+def test_what_is_given_goes_through_json():
+    assert ChosenView.read(json.loads(json.dumps(VIEW.facts()))) == VIEW
+    assert ChosenView.read(None) == ChosenView.read(ChosenView().facts()) == ChosenView()
+    assert VIEW.changes
+    assert not ChosenView().changes
+
+
+def test_a_worker_loads_the_scene_as_it_is_to_be_seen(scene, tmp_path):
+    plain = options(tmp_path, [scene], ["warp_bvh"])
+    folder, facts = ResultsFolder(tmp_path), {}
+    for name, chosen in (("plain", plain), ("seen", replace(plain, view=VIEW))):
+        command = load_command(chosen, folder, Lighting(), scene, make=True)
+        assert known_scene(folder, command) is None
+        facts[name] = Worker().do(dict(command))["scene"]
+        learn_scene(folder, command, facts[name])
+    assert facts["seen"]["camera"] != facts["plain"]["camera"]
+    assert tuple(facts["seen"]["camera"]["eye"]) == VIEW.camera[0]
+    assert facts["seen"]["camera"]["fov"] == 30.0
+    assert [tuple(light["position"]) for light in facts["seen"]["lights"]] == list(VIEW.lights)
+    assert facts["seen"]["arrays_sha256"] == facts["plain"]["arrays_sha256"]
+
+
+def test_a_run_checks_the_camera_before_it_starts(scene, tmp_path):
+    chosen = plan_run("table1", "quick", "cpu", scenes=[scene], out=tmp_path, view=VIEW)
+    assert chosen.described(scene).lights[1].position == VIEW.lights[1]
+    with pytest.raises(UserError, match="eye and target must be finite and different"):
+        plan_run("table1", "quick", "cpu", [scene], out=tmp_path, view=ChosenView(((1.0, 2.0, 3.0),) * 2))
+
+
+def test_verify_and_explain_look_from_there(scene, capsys):
+    arguments = {"method": ["warp_bvh"], "device": "cpu", "size": "8x8", "as_json": True}
+    for camera in (None, AWAY):
+        assert verify([scene], camera=camera, light=["0,9,0", "9,0,0"], **arguments) == 0
+        (row,) = json.loads(capsys.readouterr().out)["scenes"][0]["methods"]
+        assert (sum(light["scored"] for light in row["score"]["shadow"]) > 0) == (camera is None)
+        assert len(row["score"]["shadow"]) == 2
+    explain(scene, "4,4", camera=AWAY, **arguments)
+    assert json.loads(capsys.readouterr().out)["exact"]["triangle"] == -1
