@@ -111,24 +111,23 @@ def read(folder: Path) -> pd.DataFrame:
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """How much of the time each change takes, a mark a scene: a drawing from each end; and CSV."""
     table = read(folder)
-    files = [document.write_csv(table, folder / "ablation.csv", COLUMNS)]
     done = document.measured(table)
     changed = done[done["ratio"].notna() & ~done["label"].isin([BASE, *APART])]
     back = done[done["ratio_to_best"].notna() & done["label"].isin(APART)]
-    ends = ((changed, "ratio", BASE, "ablation.svg"), (back, "ratio_to_best", BEST, "ablation-ours.svg"))
-    for own, ratio, base, name in ends:
-        if len(own):
-            below, noise = f"frame time over that of {base}", f"{ratio}_spread"
-            files.append(
-                dots(folder / name, own, "label", ratio, "title", below=below, order=ORDER, whisker=noise)
-            )
-    ours = back[back["label"] != TREE]
+    ends = (("ablation", changed, "ratio", BASE), ("ablation-ours", back, "ratio_to_best", BEST))
+    pictures = [
+        dots(folder / f"{name}.svg", own, "label", ratio, "title", below=f"frame time over that of {base}", order=ORDER,
+             whisker=f"{ratio}_spread")
+        for name, own, ratio, base in ends
+        if len(own)
+    ]  # fmt: skip
     tables = {
         f"Frame time over that of {BASE}": ratios(changed, "ratio"),
-        f"Frame time over that of {BEST}, one of its changes taken back": ratios(ours, "ratio_to_best"),
+        f"Frame time over that of {BEST}, one of its changes taken back":
+            ratios(back[back["label"] != TREE], "ratio_to_best"),
         f"Frame time over that of {TREE}": ratios(done[done["label"].isin([BASE, BEST])], "ratio_to_tree"),
-    }
-    return document.write(folder, "ablation", EXPERIMENT.title, finding(done), tables, files, table, quiet)
+    }  # fmt: skip
+    return document.write(folder, EXPERIMENT, table, COLUMNS, finding(done), tables, pictures, quiet)
 
 
 def ratios(own: pd.DataFrame, column: str) -> pd.DataFrame:

@@ -128,7 +128,7 @@ def along(table: pd.DataFrame, *axes: str) -> pd.DataFrame:
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Lines over each quantity, two maps of the winners, a table of every setting, CSV."""
     table = read(folder)
-    files = [document.write_csv(table, folder / "crossover.csv", COLUMNS)]
+    files = []
     done = document.measured(table)
     lines = {axis: along(done, axis) for axis in AXES}
     lines = {axis: line for axis, line in lines.items() if line[axis].nunique() > 1}
@@ -143,9 +143,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     }
     notes = [f"Over {name}: not measured." for axis, name in AXES.items() if len(done) and axis not in lines]
     notes += [ABOUT] * bool(len(done))
-    return document.write(
-        folder, "crossover", EXPERIMENT.title, finding(done), tables, files, table, quiet, notes
-    )
+    return document.write(folder, EXPERIMENT, table, COLUMNS, finding(done), tables, files, quiet, notes)
 
 
 ABOUT = "~ before a factor: the gap is within the spread of the two. A method that answered wrongly is not counted as exact."

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..harness.report import compare, document, panels, style
+from ..harness.report import compare, document, panels
 from ..harness.report.dots import dots
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import MOVED, Lighting
@@ -53,9 +53,8 @@ LIGHTINGS = (*EFFECTS[:PLAIN], *CHANGES, *EFFECTS[PLAIN:])
 COLUMNS = [
     *document.COMMON, "moved", "ratio", "added_ms", "added_iqr_ms", "passes", "builds", "memory_bytes", "compile_s",
 ]  # fmt: skip
+KINDS = list(MOVED)
 ORDER = [lighting.label for lighting in (*EFFECTS, *CHANGES)]
-NEVER = 1e-3
-"""Milliseconds below which a frame did nothing."""
 ABOUT = (
     "Effects are measured one after another, not interleaved. The same frame was measured once more, as the one in which "
     "all moved: its difference from the first counts as noise of every effect, beside the spread of the repeats."
@@ -69,53 +68,60 @@ def read(folder: Path) -> pd.DataFrame:
     """The points, effects in their order, with what each adds to the frame :data:`BASE` of the same method and scene.
 
     added_iqr_ms  half the spread of the two, as one reads an error bar; noise_ms: or how far the base frame was from its
-    own repetition, where that is more
+    own repetition, where that is more; noise: over the base frame
     """
     frames = document.frames(folder)
     table = document.named(frames)
     table["passes"], table["builds"] = table["pass_count"], table["build_count"]
-    rank = {label: i for i, label in enumerate(ORDER)}
-    table = table.sort_values("light_label", key=lambda s: s.map(rank).fillna(len(rank)), kind="stable")
+    table = table.sort_values("light_label", key=lambda s: s.map([*ORDER, *s].index), kind="stable")
     same = (*compare.SCENE, *compare.SIZE, "label")
     own, base = compare.pairs(frames, frames["light_label"] == BASE, same)
     _, again = compare.pairs(frames, frames["moved"] == "all", same)
-    found = compare.ratios(frames, frames["light_label"] == BASE, same)
-    table["ratio"] = table["key"].map(found["ratio"])
-    table["added_ms"] = table["key"].map(own["total_ms"] - base["total_ms"])
-    table["added_iqr_ms"] = table["key"].map(np.hypot(compare.spread(own), compare.spread(base)))
-    table["again_ms"] = table["key"].map(again["total_ms"])
-    apart = table["key"].map((again["total_ms"] - base["total_ms"]).abs())
-    table["noise_ms"] = np.fmax(table["added_iqr_ms"], apart)
-    return table
+    table = table.set_index("key", drop=False)
+    table["ratio"] = own["total_ms"] / base["total_ms"]
+    table["added_ms"] = own["total_ms"] - base["total_ms"]
+    table["added_iqr_ms"] = np.hypot(compare.spread(own), compare.spread(base))
+    table["noise_ms"] = np.fmax(table["added_iqr_ms"], (again["total_ms"] - base["total_ms"]).abs())
+    table["noise"] = table["noise_ms"] / base["total_ms"]
+    return table.reset_index(drop=True)
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Two drawings and CSV."""
     table = read(folder)
-    files = [document.write_csv(table, folder / "effects.csv", COLUMNS)]
     done = document.measured(table)
     effects, moved = done[(done["moved"] == "") & done["ratio"].notna()], done[done["moved"] != ""]
-    adds, moves = (
-        f"what each effect adds to the frame of {BASE}, ms (times its time)",
-        "a frame by what alone moved, ms",
-    )
-    tables = {f"{title}: {adds}": effects_table(own) for title, own in effects.groupby("title", sort=False)}
-    tables |= {f"{title}: {moves}": moved_table(own) for title, own in moved.groupby("title", sort=False)}
+    pictures, tables, notes = [], {}, []
     if len(effects):
-        below = f"frame time over that of {BASE} (bars: noise)"
-        own = effects[effects["light_label"] != BASE].assign(
-            noise=effects["noise_ms"] / (effects["total_ms"] - effects["added_ms"])
-        )
-        path = folder / "effects.svg"
-        dots(
-            path, own, "light_label", "ratio", "label", below=below, facet="title", whisker="noise", legend=3
-        )
-        files.append(path)
+        pictures += [dots(
+            folder / "effects.svg", effects[effects["light_label"] != BASE], "light_label", "ratio", "label", facet="title",
+            whisker="noise", legend=3, below=f"frame time over that of {BASE} (bars: noise)",
+        )]  # fmt: skip
+        heading = f"what each effect adds to the frame of {BASE}, ms (times its time)"
+        tables |= {
+            f"{title}: {heading}": effects_table(own) for title, own in effects.groupby("title", sort=False)
+        }
+        notes += [ABOUT]
     if len(moved):
-        files.append(moved_picture(moved, folder / "effects-moved.svg"))
-    notes = [ABOUT] * bool(len(effects)) + [ABOUT_MOVED] * bool(len(moved))
+        # Where nothing moved, nothing is launched.
+        seen, scenes = moved[moved["passes"] > 0], moved["title"].nunique()
+        idle = " (nothing moved: no kernel is launched)" * ("nothing" not in set(seen["moved"]))
+        pictures += [panels.lines(
+            folder / "effects-moved.svg", seen.assign(place=seen["moved"].map(KINDS.index)), "place", "total_ms",
+            facet="title", across=scenes, whisker="spread", drawn=panels.looks(moved), ticks=KINDS.__getitem__,
+            below="what moved since the last frame" + idle, left="ms per frame", wide=max(1.0, 0.6 * scenes), sharey=True,
+        )]  # fmt: skip
+        text = moved["ms"] + " (" + moved["builds"].astype(str) + ")"
+        moved = moved.assign(text=text.where(moved["passes"] > 0, "no launch"))
+        tables |= {
+            f"{title}: a frame by what alone moved, ms": document.cross_table(
+                own, {"label": "method"}, "moved", "text"
+            )
+            for title, own in moved.groupby("title", sort=False)
+        }
+        notes += [ABOUT_MOVED]
     return document.write(
-        folder, "effects", EXPERIMENT.title, finding(effects), tables, files, table, quiet, notes
+        folder, EXPERIMENT, table, COLUMNS, finding(effects), tables, pictures, quiet, notes
     )
 
 
@@ -131,61 +137,13 @@ def finding(effects: pd.DataFrame) -> str:
 
 
 def effects_table(own: pd.DataFrame) -> pd.DataFrame:
-    """Effects down, methods across; the frame that they are added to first, and its repetition."""
-    import pandas as pd
-
-    ratio = document.carry(own["ratio"], own["noise_ms"] * own["ratio"] / own["total_ms"]).str.strip(
-        document.NOISY
-    )
-    added = document.carry(own["added_ms"], own["noise_ms"], "+") + " (x" + ratio + ")"
+    """Effects down, methods across; the frame that they are added to first."""
     base = own["light_label"] == BASE
-    first = own[base].assign(
-        light_label=f"{BASE}, ms", text=document.carry(own["total_ms"], own["spread"])[base]
-    )
-    again = first.assign(light_label="the same, once more, ms", text=first["again_ms"].map(style.number))
-    rows = pd.concat([first, again, own[~base].assign(text=added[~base])])
-    return document.cross_table(rows, {"light_label": "effect"}, "label", "text")
-
-
-def moved_table(own: pd.DataFrame) -> pd.DataFrame:
-    """Methods down, what moved across; beside the time how many passes build structures."""
-    text = document.carry(own["total_ms"], own["spread"]) + " (" + own["builds"].astype(str) + ")"
-    wide = document.cross_table(
-        own.assign(text=text.where(own["passes"] > 0, "no launch")), {"label": "method"}, "moved", "text"
-    )
-    return wide[["method", *(what for what in MOVED if what in wide)]]
-
-
-def moved_picture(moved: pd.DataFrame, path: Path) -> Path:
-    """Time of a frame against what moved, a line a method; a panel a scene. Nothing moved: nothing is launched."""
-    kinds = [x for x in MOVED if moved.loc[moved["moved"] == x, "passes"].any()]
-    seen = moved[moved["moved"].isin(kinds) & (moved["total_ms"] > NEVER)]
-    seen = seen.assign(place=seen["moved"].map(kinds.index), half=seen["iqr_ms"] / 2).sort_values(
-        "place", kind="stable"
-    )
-    scenes = moved["title"].nunique()
-    size = (style.COLUMN_WIDTH * max(1.0, 0.25 + 0.6 * scenes), 2.7)
-    look = {
-        "facet": "title",
-        "across": scenes,
-        "whisker": "half",
-        "drawn": panels.looks(moved),
-        "sharey": True,
-    }
-    with panels.lines(path, seen, "place", "total_ms", size, legend=2 + (scenes > 1), **look) as (
-        figure,
-        places,
-    ):
-        for axes, _ in places:
-            style.plain_log(axes)
-            axes.set_xticks(range(len(kinds)), kinds)
-            axes.set_xlim(-0.3, len(kinds) - 0.7)
-        places[0][0].set_ylabel("ms per frame")
-        idle = not moved.loc[moved["moved"] == "nothing", "passes"].any()
-        figure.supxlabel(
-            "what moved since the last frame" + "\n(nothing moved: no kernel is launched)" * idle, fontsize=8
-        )
-    return path
+    ratio = document.carry(own["ratio"], own["noise"]).str.strip(document.NOISY)
+    added = document.carry(own["added_ms"], own["noise_ms"], "+") + " (x" + ratio + ")"
+    rows = own.assign(text=own["ms"].where(base, added), effect=own["light_label"].mask(base, f"{BASE}, ms"))
+    rows = rows.sort_values("effect", key=lambda s: s != f"{BASE}, ms", kind="stable")
+    return document.cross_table(rows, ["effect"], "label", "text")
 
 
 EXPERIMENT = Experiment(

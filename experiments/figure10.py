@@ -95,22 +95,23 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Stacked bars of the largest size, CSV, and whether rearrangement depends on the model and on the resolution."""
     frames = document.frames(folder)
     table = with_stages(document.named(frames))
-    files = [document.write_csv(table, folder / "figure10.csv", COLUMNS)]
     largest = frames["pixels"] == frames["pixels"].max()
     widest = document.measured(with_stages(document.named(frames[largest])))
     grown = growth(frames)
-    tables = {}
+    pictures, tables = [], {}
     if len(widest):
-        files.append(picture(widest, folder / "figure10.svg"))
+        # The number at a bar's end is the median of the whole frame.
+        named = widest["title"] + (", " + widest["label"]) * (widest["label"].nunique() > 1)
+        parts = {stage.title: (f"{stage.key}_ms", stage.colour) for stage in STAGES}
+        rows = widest.assign(name=named, text=widest["ms"])
+        pictures = [panels.bars(folder / "figure10.svg", rows, name="name", parts=parts, room=1.2, legend=2)]
+        rays: document.Columns = {"scene": ("title", str), "shadow rays": ("shadow_rays", "{:,.0f}")}
         tables = {
             "Stages at the largest size, ms": by_stage(widest, grown, samples(folder)),
-            "Shadow rays at the largest size": document.texts(
-                widest, {"scene": ("title", str), "shadow rays": ("shadow_rays", "{:,.0f}")}
-            ),
+            "Shadow rays at the largest size": document.texts(widest, rays),
         }
-    return document.write(
-        folder, "figure10", EXPERIMENT.title, finding(widest, grown), tables, files, table, quiet
-    )
+    text = finding(widest, grown)
+    return document.write(folder, EXPERIMENT, table, COLUMNS, text, tables, pictures, quiet)
 
 
 def finding(widest: pd.DataFrame, grown: pd.DataFrame) -> str:
@@ -133,39 +134,16 @@ def by_stage(widest: pd.DataFrame, grown: pd.DataFrame, repeats: pd.DataFrame) -
     """Stages down, scenes across, then how much a stage varies over them and grows from the smallest size."""
     import pandas as pd
 
-    cells = []
-    for stage in STAGES:
-        times = widest[f"{stage.key}_ms"]
-        spread = widest["key"].map(compare.pass_spread(repeats, stage.part, stage.pattern))
-        cells.append(widest.assign(stage=stage.title, text=document.carry(times, spread)))
+    cells = [
+        widest.assign(stage=s.title, text=document.pass_texts(widest, repeats, s.part, s.pattern))
+        for s in STAGES
+    ]
     made = document.cross_table(pd.concat(cells), ["stage"], "title", "text")
-    made["variation"] = [f"{variation(widest[f'{stage.key}_ms']):.0%}" for stage in STAGES]
+    times = [f"{s.key}_ms" for s in STAGES]
+    made["variation"] = [f"{variation(widest[time]):.0%}" for time in times]
     if len(grown):
-        grown_by = [compare.geometric(grown[f"{stage.key}_ms"]) for stage in STAGES]
-        made["larger over smaller size"] = [f"{ratio:.1f}" for ratio in grown_by]
+        made["larger over smaller size"] = [f"{compare.geometric(grown[time]):.1f}" for time in times]
     return made
-
-
-def picture(widest: pd.DataFrame, path: Path) -> Path:
-    """One stacked bar a point: its stages' shares of the whole frame, whose median is the number at its end."""
-    several = widest["label"].nunique() > 1
-    rows = widest.assign(
-        name=widest["title"] + (", " + widest["label"] if several else ""),
-        text=document.carry(widest["total_ms"], widest["spread"]),
-    )
-    colours = {f"{stage.key}_ms": stage.colour for stage in STAGES}
-    tints = {key: colours for key in rows["key"]}
-    size = (style.COLUMN_WIDTH, 0.26 * len(rows) + 1.25)
-    with panels.bar_panels(
-        path, rows, size, tints=tints, by="key", name="name", room=1.2, edge="#444444"
-    ) as (
-        figure,
-        [(axes, _)],
-    ):
-        for stage in STAGES:
-            axes.fill_between([], [], color=stage.colour, edgecolor="#444444", lw=0.3, label=stage.title)
-        panels.caption(figure, panels.WHOLE)
-    return path
 
 
 EXPERIMENT = Experiment(

@@ -60,141 +60,94 @@ def distances(*radii: float) -> tuple[Lighting, ...]:
 CLAMP_TITLES = {"none": "unclamped", "view": "clamped to the view", "hits": "clamped to the hits"}
 AXES = {False: "world axes", True: "aimed"}
 PRECISE, COARSE, CENTRED = "float64", "float32", "float32-centred"
-FORMATS = (COARSE, CENTRED)
-"""Number formats beside the exact one; the second is relative to the middle of the hit points, of aimed frames."""
-LOOKS: dict[str, dict[str, Any]] = {
-    COARSE: {"color": "black", "ls": "--", "marker": "s", "mfc": "black"},
-    CENTRED: {"color": "#8C564B", "ls": ":", "marker": "o", "mfc": "none", "ms": 6.0},
-}
-"""How the number formats are drawn: the centred one hollow, so that what it lies upon is seen."""
+"""Number formats: the exact one; the others, of which the second is relative to the middle of the hit points."""
 
 COUNTED = {
-    "pairs": "pairs", "tiles_with_rays": "tiles with rays", "most_rays_in_a_tile": "most rays in a tile", "chunks": "chunks",
-    "lanes": "lanes", "rays": "rays", "list_longest": "list, longest",
+    "pairs": "light 0 pairs", "tiles_with_rays": "light 0 tiles with rays", "chunks": "light 0 chunks",
+    "most_rays_in_a_tile": "light 0 most rays in a tile", "lanes": "light 0 lanes", "rays": "light 0 rays",
+    "list_longest": "light 0 list, longest", "shadow_tests_a_hundred_rays": "shadow tests a hundred rays",
 }  # fmt: skip
 COLUMNS = [
     *document.COMMON, "clamp", "axes", "precision", "r", "traversal_ms", "without_balancing", "lane_fill", *COUNTED,
-    "shadow_tests_a_hundred_rays",
 ]  # fmt: skip
 """``without_balancing``: traversal without load balancing over that at this r, with the light at the same place."""
 PANEL = ["rectangle", "axes"]
 PAPER_SAYS = "The paper: time grows as the light moves away, and breaking full tiles into chunks of r rays compensates."
+DISTANCE = "distance of the light from the middle, scene radii"
 
 
 def read(folder: Path) -> pd.DataFrame:
-    """The points, nearest light first, with what their panel is, the time of the traversal alone, and the work counted."""
-    frames = document.frames(folder)
+    """The points, nearest light first, with what their panel is, the time of the traversal alone, and the work counted.
+
+    over_exact  frame time over that of the same point in the exact number format
+    """
+    frames, repeats = document.frames(folder), samples(folder)
     table = document.named(frames)
     table["axes"] = table["set.aimed"].astype(str).str.lower().isin(["true", "1"]).map(AXES)
     table["clamp"], table["precision"] = table["set.clamp"], table["set.precision"]
     table["r"], table["rectangle"] = table["set.r"].astype(int), table["clamp"].map(CLAMP_TITLES)
     rank = {title: i for i, title in enumerate((*CLAMP_TITLES.values(), *AXES.values()))}
-    table = table.sort_values(
-        ["light_distance", *PANEL, "r"], key=lambda c: c.map(rank) if c.name in PANEL else c
-    )
+    by = ["light_distance", *PANEL, "r"]
+    table = table.sort_values(by, key=lambda c: c.map(rank) if c.name in PANEL else c)
     table["traversal_ms"] = stage_ms(table, "shadow", TRAVERSAL)
-    table["traversal_spread"] = table["key"].map(compare.pass_spread(samples(folder), "shadow", TRAVERSAL))
+    table["traversal_spread"] = table["key"].map(compare.pass_spread(repeats, "shadow", TRAVERSAL))
+    table["traversal"] = document.pass_texts(table, repeats, "shadow", TRAVERSAL)
     for column, name in COUNTED.items():
-        table[column] = table.get(f"counter.light 0 {name}", np.nan)
-    table["shadow_tests_a_hundred_rays"] = table.get("counter.shadow tests a hundred rays", np.nan)
-    table["tests_a_ray"] = table["shadow_tests_a_hundred_rays"] / 100
+        table[column] = table.get(f"counter.{name}", np.nan)
+    table["tests"] = table["shadow_tests_a_hundred_rays"] / 100
     table["lane_fill"] = table["rays"] / table["lanes"]
+    table["distance"] = table["light_distance"].map(style.radii)
+
     exact = frames["set.precision"] == PRECISE
     place = (*compare.SAME, "set.clamp", "set.aimed")
     own, plain = compare.pairs(frames, exact & (frames["set.r"].astype(int) == int(UNBALANCED)), place)
     gain = stage_ms(plain, "shadow", TRAVERSAL) / stage_ms(own, "shadow", TRAVERSAL)
     table["without_balancing"] = table["key"].map(gain).where(table["precision"] == PRECISE)
     own, same = compare.pairs(frames, exact, (*place, "set.r"))
-    for name in ("total_ms", "counter.light 0 pairs"):
-        if name in own:
-            table[f"{name.split()[-1]}_over_exact"] = table["key"].map(own[name] / same[name])
-    tiles = same.get("counter.light 0 tiles with rays", same["total_ms"] * np.nan)
-    table["exact_tiles"] = table["key"].map(tiles)
+    table["over_exact"] = table["key"].map(own["total_ms"] / same["total_ms"])
     return table
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Of each scene time against distance and against r, and tiles that hold rays; CSV, and what is work, what format."""
     table = read(folder)
-    files = [document.write_csv(table, folder / "figure11.csv", COLUMNS)]
-    tables: dict[str, pd.DataFrame] = {}
-    findings = []
+    tables, pictures, findings = {}, [], []
     for (name, title), own in table.groupby(["file", "title"], sort=False):
         exact = document.measured(own[own["precision"] == PRECISE])
         if document.measured(own).empty:
             continue
-        stem = folder / ("figure11" if table["file"].nunique() == 1 else f"figure11-{name}")
-        files += [
-            distance_picture(own, stem.with_suffix(".svg")),
-            threshold_picture(exact, stem.with_name(f"{stem.name}-r.svg")),
-            tiles_picture(own, stem.with_name(f"{stem.name}-tiles.svg")),
+        stem = "figure11" if table["file"].nunique() == 1 else f"figure11-{name}"
+        pictures += [
+            distance_picture(own, folder / f"{stem}.svg"),
+            threshold_picture(exact, folder / f"{stem}-r.svg"),
+            tiles_picture(own, folder / f"{stem}-tiles.svg"),
         ]
-        tables |= {
-            f"{title}: shadow traversal with the light 10 radii away or more, over that at one, {PRECISE}": growth(exact),
-            f"{title}: by the light's distance in radii, {PRECISE}": by_distance(exact),
-            f"{title}: number formats against {PRECISE}, at the farthest light where both have a time": formats(own),
-        }  # fmt: skip
+        tables[f"{title}: by the light's distance in radii, {PRECISE}"] = by_distance(exact)
         findings.append(conclusion(title, own))
-    finding = " ".join(findings) or "Nothing was measured."
     apart = [lighting.label for lighting in FORMATS_PRESET.lightings]
+    finding = " ".join(findings) or "Nothing was measured."
+    notes = [PAPER_SAYS]
     return document.write(
-        folder, "figure11", EXPERIMENT.title, finding, tables, files, table, quiet, [PAPER_SAYS], apart
+        folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet, notes, apart=apart
     )
 
 
-def short(distance: float) -> str:
-    """A distance as a person writes it: 0.1, 10, 1e5, 1e7."""
-    return f"{distance:.0e}".replace("e+0", "e") if distance >= 1e4 else f"{distance:g}"
-
-
-def growth(exact: pd.DataFrame) -> pd.DataFrame:
-    """A row a rectangle and axes, a column an r: median of the far lights over the nearest at one radius or more."""
-    beyond = exact[exact["light_distance"] >= 1.0]
-    groups = [*PANEL, "r"]
-    near = beyond.groupby(groups, sort=False)["traversal_ms"].first()
-    far = beyond[beyond["light_distance"] >= 10.0].groupby(groups, sort=False)["traversal_ms"].median()
-    rows = (far / near).dropna().map("{:.2f}".format).rename("text").reset_index()
-    return document.cross_table(rows.assign(r=rows["r"].map("r = {}".format)), PANEL, "r", "text")
-
-
 def by_distance(exact: pd.DataFrame) -> pd.DataFrame:
-    """Work and time at each distance: rows a rectangle, axes and quantity."""
+    """Work and time at each distance at the fastest r: rows a rectangle, axes and quantity."""
     import pandas as pd
 
-    place = [*PANEL, "light_distance"]
     balanced = exact[exact["r"] != int(UNBALANCED)].sort_values("traversal_ms", kind="stable")
-    best = balanced.drop_duplicates(place).sort_index()
-    any_r = exact.drop_duplicates(place)
-    quantities = {
-        "traversal at the fastest r, ms": (best, document.carry(best["traversal_ms"], best["traversal_spread"])),
-        f"without load balancing (r = {UNBALANCED}), over the fastest r":
-            (best, best["without_balancing"].map("{:.2f}".format, na_action="ignore")),
-        "tests per shadow ray": (any_r, any_r["tests_a_ray"].map("{:,.0f}".format, na_action="ignore")),
-        "tiles that hold rays": (any_r, any_r["tiles_with_rays"].map("{:,.0f}".format, na_action="ignore")),
+    best = balanced.drop_duplicates([*PANEL, "light_distance"]).sort_values("light_distance", kind="stable")
+    columns: document.Columns = {
+        "traversal at the fastest r, ms": ("traversal", str),
+        f"without load balancing (r = {UNBALANCED}), over the fastest r": ("without_balancing", "{:.2f}"),
+        "tests per shadow ray": ("tests", "{:,.0f}"), "tiles that hold rays": ("tiles_with_rays", "{:,.0f}"),
     }  # fmt: skip
-    cells = pd.concat([rows.assign(quantity=name, text=text) for name, (rows, text) in quantities.items()])
-    cells = cells.sort_values("light_distance", kind="stable")
-    cells["distance"] = cells["light_distance"].map(short)
-    made = document.cross_table(cells, [*PANEL, "quantity"], "distance", "text").dropna(thresh=4)
-    return made.sort_values(PANEL, kind="stable")
-
-
-def formats(own: pd.DataFrame) -> pd.DataFrame:
-    """What light-space coordinates in another format cost: a row a rectangle, axes and format."""
-    import pandas as pd
-
-    made = []
-    other = own[own["precision"] != PRECISE]
-    for (rectangle, axes, precision), rows in other.groupby([*PANEL, "precision"]):
-        lost = rows[rows["status"].isin(style.LOST)]
-        line = {"rectangle": rectangle, "axes": axes, "format": precision}
-        for x in rows[rows["total_ms_over_exact"].notna()].tail(1).itertuples():
-            line |= {"at, radii": short(x.light_distance), "frame time": f"x{x.total_ms_over_exact:,.2f}",
-                     "pairs": f"x{x.pairs_over_exact:,.1f}",
-                     "tiles that hold rays": f"{x.tiles_with_rays:,.0f} for {x.exact_tiles:,.0f}"}  # fmt: skip
-        told = [f"{short(x.light_distance)} ({x.status})" for x in lost.itertuples()]
-        made.append({**line, "not measured at, radii": ", ".join(told)})
-    return pd.DataFrame(made).replace({"": None, "xnan": None, "nan for nan": None})
+    cells = pd.concat([best[[*PANEL, "distance"]], document.texts(best, columns)], axis=1)
+    cells = cells.melt([*PANEL, "distance"], var_name="quantity").dropna(subset="value")
+    return document.cross_table(cells, [*PANEL, "quantity"], "distance", "value").sort_values(
+        PANEL, kind="stable"
+    )
 
 
 def conclusion(title: str, own: pd.DataFrame) -> str:
@@ -202,68 +155,50 @@ def conclusion(title: str, own: pd.DataFrame) -> str:
     rows = own[(own["precision"] == PRECISE) & (own["light_distance"] >= 1.0)].dropna(subset="traversal_ms")
     ends = rows[rows["r"] == rows["r"].min()].groupby(PANEL, sort=False)["traversal_ms"]
     grown = (ends.last() / ends.first())[ends.count() > 1].groupby("rectangle", sort=False)
-    work = " and ".join(f"{document.span(ratios)} {rectangle}" for rectangle, ratios in grown)
-    text = [
-        f"with the farthest light the traversal takes {work} times as long as at one radius ({PRECISE}: work)"
-    ] * bool(work)
+    text = []
+    if work := " and ".join(f"{document.span(ratios)} {rectangle}" for rectangle, ratios in grown):
+        far = "with the farthest light the traversal takes"
+        text = [f"{far} {work} times as long as at one radius ({PRECISE}: work)"]
     for precision, other in own[own["precision"] != PRECISE].groupby("precision"):
-        ratios = other["total_ms_over_exact"].dropna()
+        ratios = other["over_exact"].dropna()
         lost = other.loc[other["status"].isin(style.LOST), "light_distance"]
         frames = f"{document.span(ratios)} times the frame" if len(ratios) else "no frame in time"
-        refused = f", or it is rejected (from {short(lost.min())} radii on)" if len(lost) else ""
+        refused = f", or it is rejected (from {style.radii(lost.min())} radii on)" if len(lost) else ""
         text.append(f"the number format {precision} costs {frames}{refused}")
     return f"{title}: {'; '.join(text) or 'too little was measured to tell work from number format'}."
 
 
-DISTANCE = "distance of the light from the middle, scene radii"
+def looks(rows: pd.DataFrame) -> dict[Any, dict[str, Any]]:
+    """How lines are drawn: number formats dashed, the centred one hollow too, so that what it lies upon is seen."""
+    drawn = panels.looks(rows, "line")
+    for name, look in drawn.items():
+        look |= {"ls": "--"} if COARSE in name else {}
+        look |= {"mfc": "none", "ms": 6.0} if CENTRED in name else {}
+    return drawn
 
 
 def distance_picture(own: pd.DataFrame, path: Path) -> Path:
     """Panels: rectangles and axes; lines: r, and number formats. Both scales logarithmic and shared."""
-    exact = own["precision"] == PRECISE
-    r = "r = " + own["r"].astype(str)
+    exact, r = own["precision"] == PRECISE, "r = " + own["r"].astype(str)
     balancing = r.where(own["r"] != int(UNBALANCED), r + " (no balancing)")
-    rows = own.assign(
-        line=balancing.where(exact, own["precision"] + ", " + r), panel=own["rectangle"] + ",\n" + own["axes"]
-    )
-    drawn = panels.looks(rows[exact].sort_values("r"), "line")
-    drawn |= {
-        name: LOOKS[precision]
-        for name, precision in zip(rows["line"], own["precision"], strict=True)
-        if precision in LOOKS
-    }
-    rows = rows.sort_values("precision", key=lambda c: c != PRECISE, kind="stable")  # formats lie on top
-    size = (style.COLUMN_WIDTH, 1.55 * len(CLAMPS) + 1.2)
-    with panels.lines(path, rows, "light_distance", "traversal_ms", size, hue="line", facet="panel", across=2,
-                      whisker="traversal_spread", drawn=drawn, sharex=True, sharey=True) as (figure, places):  # fmt: skip
-        for axes, _ in places:
-            axes.set(xscale="log", yscale="log", ymargin=0.14)
-        panels.caption(figure, DISTANCE, own["title"].iloc[0])
-        figure.supylabel("shadow traversal, ms", fontsize=7)
-    return path
+    line = balancing.where(exact, own["precision"] + ", " + r)
+    rows = own.assign(line=line, panel=own["rectangle"] + ", " + own["axes"], coarse=~exact)
+    order = looks(rows.sort_values(["coarse", "r"]))
+    rows = rows.sort_values("coarse", kind="stable")  # formats lie on top
+    return panels.lines(
+        path, rows, "light_distance", "traversal_ms", hue="line", facet="panel", across=2, whisker="traversal_spread",
+        drawn=order, log_x=10, below=[DISTANCE, own["title"].iloc[0]], left="shadow traversal, ms", sharex=True, sharey=True,
+    )  # fmt: skip
 
 
 def tiles_picture(own: pd.DataFrame, path: Path) -> Path:
     """A panel a rectangle: tiles of the light's grid that hold shadow rays against distance, the same for every r."""
-    one = own.sort_values("r", kind="stable").drop_duplicates([*PANEL, "precision", "light_distance"])
-    one = one.sort_values("light_distance", kind="stable").assign(line=one["axes"] + ", " + one["precision"])
-    drawn: dict[str, dict[str, Any]] = {}
-    for name, axes, precision in one[["line", "axes", "precision"]].drop_duplicates().itertuples(index=False):
-        i = (PRECISE, *FORMATS).index(precision)
-        drawn[name] = {
-            "color": style.COLOURS[i],
-            "marker": style.MARKERS[i],
-            "ls": "-" if axes == AXES[True] else "--",
-        }
-        drawn[name] |= {"mfc": "none", "ms": 6.0} if precision == CENTRED else {}
-    size, across = (style.COLUMN_WIDTH, 2.4), one["rectangle"].nunique()
-    with panels.lines(path, one, "light_distance", "tiles_with_rays", size, hue="line", facet="rectangle", across=across,
-                      drawn=drawn, sharex=True, sharey=True) as (figure, places):  # fmt: skip
-        for axes, _ in places:
-            axes.set(xscale="log", yscale="log", ymargin=0.14)
-        panels.caption(figure, DISTANCE, own["title"].iloc[0])
-        figure.supylabel("tiles that hold rays", fontsize=7)
-    return path
+    rows = own.drop_duplicates([*PANEL, "precision", "light_distance"])
+    rows = rows.assign(line=rows["axes"] + ", " + rows["precision"])
+    return panels.lines(
+        path, rows, "light_distance", "tiles_with_rays", hue="line", facet="rectangle", across=2, drawn=looks(rows),
+        log_x=10, below=[DISTANCE, own["title"].iloc[0]], left="tiles that hold rays", sharex=True, sharey=True,
+    )  # fmt: skip
 
 
 def threshold_picture(exact: pd.DataFrame, path: Path) -> Path:
@@ -272,29 +207,15 @@ def threshold_picture(exact: pd.DataFrame, path: Path) -> Path:
     exact = exact[several] if several.any() else exact
     measures = {"traversal_ms": "shadow traversal, ms", "chunks": "blocks, C_total", "lane_fill": "lane fill"}
     extremes = [(CLAMP_TITLES[CLAMPS[0]], AXES[False]), (CLAMP_TITLES[CLAMPS[-1]], AXES[True])]
-    own = exact[exact[PANEL].apply(tuple, axis=1).isin(extremes)].sort_values(["r", "light_distance"])
-    own = own.assign(
-        distance=own["light_distance"].map(lambda x: f"{short(x)} radi{'us' if x == 1 else 'i'}")
-    )
-    rows = own.melt([*PANEL, "distance", "r", "status"], list(measures), "measure")
-    rows = rows.dropna(subset="value").assign(panel=rows["rectangle"] + ", " + rows["axes"])
-    ticks: list[int] = []
-    for r in sorted(map(int, exact["r"].unique())):  # labels that do not touch
-        ticks += [r] * (not ticks or r >= 4 * ticks[-1])
-    size, across = (style.COLUMN_WIDTH, 4.3), max(1, rows["panel"].nunique())
-    with panels.lines(path, rows, "r", "value", size, hue="distance", facet=["measure", "panel"], across=across, legend=3,
-                      drawn=panels.looks(own.sort_values("light_distance"), "distance"), sharex=True,
-                      sharey="row") as (figure, places):  # fmt: skip
-        for place, (axes, here) in enumerate(places):
-            measure, panel = here[["measure", "panel"]].iloc[0]
-            axes.set_xscale("log", base=2)
-            axes.set_xticks(ticks, ticks)
-            axes.minorticks_off()
-            axes.set(**{"ylim": (0, 1.02)} if measure == "lane_fill" else {"yscale": "log"})
-            axes.set_ylabel("" if place % across else measures[measure])
-            axes.set_title(panel if place < across else "", fontsize=6.5)
-        panels.caption(figure, "r, rays a block at most", exact["title"].iloc[0])
-    return path
+    own = exact[exact[PANEL].apply(tuple, axis=1).isin(extremes)].sort_values(["light_distance", "r"])
+    own = own.assign(line=own["distance"] + " radii")
+    rows = own.melt([*PANEL, "line", "r", "status"], list(measures), "measure").dropna(subset="value")
+    rows["panel"] = rows["measure"].map(measures) + "\n" + rows["rectangle"] + ", " + rows["axes"]
+    return panels.lines(
+        path, rows, "r", "value", hue="line", facet="panel", across=max(1, own[PANEL].drop_duplicates().shape[0]), log_x=2,
+        ticks=str, high=1.4, legend=3, below=["r, rays a block at most", exact["title"].iloc[0]], left="", sharex=True,
+        sharey="row",
+    )  # fmt: skip
 
 
 # Between 1e3 and 1e7 radii only number formats differ: at 1e5 each is measured at one r. One round of few samples: an

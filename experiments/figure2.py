@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..harness.errors import UserError
-from ..harness.report import compare, document, panels, style
+from ..harness.report import compare, document, panels
 from ..harness.results.pixel_maps import Counts, map_path, read_map
 from ..harness.results.table import samples
 from ..harness.runner.experiment import Experiment, Preset
@@ -52,33 +52,27 @@ for _ending, _label in BASES.items():
     HEADINGS[f"most, of {_label}"] = (f"most_share{_ending}", "{:.0%}")
     HEADINGS[f"faster than {_label}"] = (f"speed_up{_ending}", "{:+.0%}")
 
-NOTHING = "#d9d9d9"
-"""Colour of pixels whose ray was checked against no triangle."""
-
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """The maps side by side, the CSV, and what they show."""
     frames = document.frames(folder)
     table = document.named(frames)
-    done = document.measured(table)
-    maps = {r.key: read(folder, r.key, r.frame_numbers[-1]) for r in done.itertuples()}
-    for key, counts in maps.items():
-        table.loc[table["key"] == key, STATISTICS] = statistics(counts)
+    maps = {r.key: read(folder, r.key, r.frame_numbers[-1]) for r in document.measured(table).itertuples()}
+    table[STATISTICS] = [statistics(maps.get(key)) for key in table["key"]]
     for ending, label in BASES.items():
         own, base = compare.pairs(frames, frames["label"] == label)
-        most = table[table["label"] == label].groupby(["title", "run"])["tests_most"].first().rename("most")
         table[f"speed_up{ending}"] = table["key"].map(base["trace_ms"] / own["trace_ms"] - 1)
-        table[f"most_share{ending}"] = table["tests_most"] / table.join(most, on=["title", "run"])["most"]
-    spread = table["key"].map(compare.pass_spread(samples(folder), "trace"))
-    table["trace"] = document.carry(table["trace_ms"], spread)
-    files = [document.write_csv(table, folder / "figure2.csv", COLUMNS)]
+        most = table["tests_most"].where(table["label"] == label).groupby([table["title"], table["run"]])
+        table[f"most_share{ending}"] = table["tests_most"] / most.transform("first")
+    table["trace"] = document.pass_texts(table, samples(folder), "trace")
     done = document.measured(table)
-    for name, own in done[done["label"].isin(SHOWN)].groupby("file", sort=False):
-        if INDIRECT in set(own["label"]) and len(own) > 1:
-            own = own.sort_values("label", key=lambda labels: labels.map(SHOWN.index))
-            files.append(picture(own, [maps[key] for key in own["key"]], folder / f"figure2-{name}.png"))
+    pictures = [
+        picture(own.set_index("label"), maps, folder / f"figure2-{name}.png")
+        for name, own in done[done["label"].isin(SHOWN)].groupby("file", sort=False)
+        if INDIRECT in set(own["label"]) and len(own) > 1
+    ]
     tables = {"Triangles checked for a pixel, and time of primary rays": document.texts(done, HEADINGS)}
-    return document.write(folder, "figure2", EXPERIMENT.title, finding(done), tables, files, table, quiet)
+    return document.write(folder, EXPERIMENT, table, COLUMNS, finding(done), tables, pictures, quiet)
 
 
 def read(folder: Path, key: str, frame: int) -> Counts:
@@ -89,66 +83,55 @@ def read(folder: Path, key: str, frame: int) -> Counts:
     return read_map(path)
 
 
-def statistics(counts: Counts) -> list[float]:
+def statistics(counts: Counts | None) -> list[float]:
     """Mean over all pixels; median and 99th percentile over those whose ray was checked at all; the most."""
-    seen = counts[counts > 0] if (counts > 0).any() else np.zeros(1)
+    if counts is None:
+        return [float("nan")] * len(STATISTICS)
+    seen = counts[counts > 0] if counts.any() else np.zeros(1)
     return [float(x) for x in (counts.mean(), np.median(seen), np.percentile(seen, 99), counts.max())]
 
 
 def finding(done: pd.DataFrame) -> str:
     """What indirect mapping changed against each reading of direct mapping, beside what the paper says."""
-    told = []
     ours = done[done["label"] == INDIRECT]
-    for ending, label in BASES.items():
-        for r in ours[ours[f"speed_up{ending}"].notna()].head(1).to_dict("records"):
-            faster = r[f"speed_up{ending}"]
-            told.append(
-                f"against {label} {r[f'most_share{ending}']:.0%} of the most triangles for a pixel and primary rays "
-                f"{abs(faster):.0%} {'faster' if faster >= 0 else 'slower'}"
-            )
+    told = [
+        f"against {label} {r[f'most_share{ending}']:.0%} of the most triangles for a pixel and primary rays "
+        f"{abs(r[f'speed_up{ending}']):.0%} {'faster' if r[f'speed_up{ending}'] >= 0 else 'slower'}"
+        for ending, label in BASES.items()
+        for r in ours.dropna(subset=f"speed_up{ending}").head(1).to_dict("records")
+    ]
     if not told:
         return f"{INDIRECT} and direct mapping were not both measured."
     return f"{ours['title'].iloc[0]}, {INDIRECT}: {'; '.join(told)} (the paper: less than half, and 30-50 % faster)."
 
 
-def picture(own: pd.DataFrame, maps: Sequence[Counts], path: Path) -> Path:
-    """The maps side by side, cut to where any ray was checked; one scale for all, 0 to the most of any.
-
-    Colours follow the square root: the most is several times what is usual.
-    """
+def picture(own: pd.DataFrame, maps: dict[str, Counts], path: Path) -> Path:
+    """The maps side by side, cut to where any ray was checked; one scale for all, 0 to the most of any."""
     import matplotlib
     from matplotlib.colors import PowerNorm
 
-    most = max(2, *(int(counts.max()) for counts in maps))
-    down, across = occupied(maps)
-    colours = matplotlib.colormaps["viridis"].with_extremes(bad=NOTHING)
-    tall = min(2.5, (down.stop - down.start) / (across.stop - across.start))
-    size = (style.COLUMN_WIDTH, tall * style.COLUMN_WIDTH / len(maps) + 1.05)
-    with panels.sheet(path, size, 1, len(maps), grid="", dpi=250, colours=128) as (figure, grid):
-        for axes, r, counts in zip(grid[0], own.itertuples(), maps, strict=True):
-            seen = np.ma.masked_equal(counts[down, across], 0)
-            image = axes.imshow(seen, cmap=colours, norm=PowerNorm(0.5, 0, most), interpolation="nearest")
-            about = f"most {r.tests_most:,.0f}\nmean {r.tests_mean:.0f}"
-            axes.set_title(f"{r.label.replace(', ', chr(10))}\n{about}", fontsize=6.5)
-            axes.set(xticks=[], yticks=[])
-            axes.spines[:].set_visible(False)
-        bar = figure.colorbar(
-            image, ax=list(grid[0]), orientation="horizontal", shrink=0.9, aspect=35, pad=0.02
+    rows = own.loc[[label for label in SHOWN if label in own.index]]
+    part = occupied([maps[key] for key in rows["key"]])
+    shown = [
+        (
+            f"{r.Index}\nmost {r.tests_most:,.0f}, mean {r.tests_mean:.0f}",
+            np.ma.masked_equal(maps[r.key][part], 0),
         )
-        between = [x for x in (1, 3, 10, 30, 100, 300, 1000, 3000, 10000, 30000) if 0.01 < x / most < 0.75]
-        bar.set_ticks([0, *between, most], labels=[f"{x:,}" for x in (0, *between, most)])
-        about = "triangles checked for the pixel's primary ray (grey: none)"
-        bar.set_label(f"{about}\n{own['title'].iloc[0]}", fontsize=6.5)
-    return path
+        for r in rows.itertuples()
+    ]
+    # Colours follow the square root: the most is several times what is usual.
+    norm = PowerNorm(0.5, 0, max(2.0, rows["tests_most"].max()))
+    colours = matplotlib.colormaps["viridis"].with_extremes(bad="#d9d9d9")
+    about = f"triangles checked for the pixel's primary ray (grey: none)\n{rows['title'].iloc[0]}"
+    return panels.images(path, shown, across=len(shown), scale=(colours, norm, about), dpi=250, colours=128)
 
 
 def occupied(maps: Sequence[Counts]) -> tuple[slice, slice]:
     """Rows and columns of the pixels that any map counts something in; all where there are none."""
-    counted = np.any([counts > 0 for counts in maps], axis=0)
-    if not counted.any():
-        counted = ~counted
-    rows, columns = np.flatnonzero(counted.any(axis=1)), np.flatnonzero(counted.any(axis=0))
-    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
+    counted = np.any(maps, axis=0)
+    places = np.argwhere(counted if counted.any() else ~counted)
+    (top, left), (bottom, right) = places.min(axis=0).tolist(), places.max(axis=0).tolist()
+    return slice(top, bottom + 1), slice(left, right + 1)
 
 
 EXPERIMENT = Experiment(

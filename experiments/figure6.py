@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..harness.report import compare, document, gallery, panels, style
+from ..harness.report import compare, document, gallery, panels
 from ..harness.report.picture import opened
 from ..harness.results.folder import image_name
 from ..harness.results.table import samples
@@ -44,47 +44,51 @@ HEADINGS: document.Columns = {
     "with a shadow ray": ("shadow_rays", "{:,.0f}"), "share": ("shadow_ray_share", "{:.0%}"),
     "light grid, ms": ("light_build_text", "{}"), "shadow rays, ms": ("shadow_text", "{}"),
 }  # fmt: skip
+PARTS = {"light_build": "light build", "shadow": "shadow"}
 
 
-def draw(folder: Path, quiet: bool = False) -> list[Path]:
-    """The scene without and with each spot, and what the spot saves."""
+def read(folder: Path) -> pd.DataFrame:
+    """The points, the light everywhere first, then cones and rectangles, and what falls off last."""
     frames = document.frames(folder)
     table = document.named(frames)
-    known = table.columns.union(
-        [f"light.{name}" for name in ("target", "angle", "rise", "falloff")], sort=False
-    )
-    table = table.reindex(columns=known)
-    spot = table["light.target"].notna()
-    table["spot"] = table["light.rise"].isna().map({True: "cone", False: "rectangle"}).where(spot)
+    spot = table.reindex(columns=[f"light.{name}" for name in ("target", "angle", "rise", "falloff")])
+    is_spot = spot["light.target"].notna()
+    table["spot"] = spot["light.rise"].isna().map({True: "cone", False: "rectangle"}).where(is_spot)
     for name in ("angle", "rise", "falloff"):
-        table[f"spot_{name}"] = table[f"light.{name}"].astype(float).where(spot)
+        table[f"spot_{name}"] = spot[f"light.{name}"].astype(float).where(is_spot)
     table["light"] = [spot_text(r) for r in table.itertuples()]
-    # The light everywhere first, then cones and rectangles, and what falls off last.
     table = table.sort_values(["file", "spot_falloff", "spot"], na_position="first")
     own, plain = compare.pairs(frames, frames["light_label"] == "", (*compare.SCENE, *compare.SIZE, "label"))
     table["shadow_rays"] = counted_rays(table)
     table["hit_pixels"] = table["key"].map(counted_rays(plain))
     table["shadow_ray_share"] = table["shadow_rays"] / table["hit_pixels"]
     repeats = samples(folder)
-    for part, name in (("light build", "light_build"), ("shadow", "shadow")):
+    for name, part in PARTS.items():
         table[f"{name}_over_plain"] = table["key"].map(own[f"{name}_ms"] / plain[f"{name}_ms"])
-        spread = table["key"].map(compare.pass_spread(repeats, part))
-        table[f"{name}_text"] = document.carry(table[f"{name}_ms"], spread)
-    files = [document.write_csv(table, folder / "figure6.csv", COLUMNS)]
-    for name, rows in table.groupby("file", sort=False):
-        files += picture(rows, folder, folder / f"figure6-{name}.png")
+        table[f"{name}_text"] = document.pass_texts(table, repeats, part)
+    return table
+
+
+def draw(folder: Path, quiet: bool = False) -> list[Path]:
+    """The scene without and with each spot, and what the spot saves."""
+    table = read(folder)
+    pictures = [
+        path
+        for name, own in table.groupby("file", sort=False)
+        for path in picture(own, folder, folder / f"figure6-{name}.png")
+    ]
     done = document.measured(table)
     spots = done[done["spot"].notna() & done["shadow_ray_share"].notna()]
     finding = "No spot was measured beside the light that shines everywhere."
     if len(spots):
         share = document.span(spots["shadow_ray_share"], "{:.0%}".format)
-        grids, rays = (document.span(spots[f"{name}_over_plain"]) for name in ("light_build", "shadow"))
+        grids, rays = (document.span(spots[f"{name}_over_plain"]) for name in PARTS)
         finding = (
             f"Spots leave {share} of the hit points a shadow ray; light grids take {grids} times and shadow rays {rays} "
             "times as long as with the light everywhere (the paper has no times)."
         )
     tables = {"Lights": document.texts(done, HEADINGS)}
-    return document.write(folder, "figure6", EXPERIMENT.title, finding, tables, files, table, quiet)
+    return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet)
 
 
 def counted_rays(table: pd.DataFrame) -> pd.Series:
@@ -104,31 +108,18 @@ def spot_text(r: Any) -> str:
 
 def picture(own: pd.DataFrame, folder: Path, path: Path) -> list[Path]:
     """The pictures of a scene under each light, two a row; above each which light, below all which scene."""
-    rows = own.drop_duplicates("light_label").itertuples()
-    found = (
-        (r, opened(folder / "images" / image_name(r.scene, r.light_label, r.width, r.height))) for r in rows
-    )
-    kept = [(r, image) for r, image in found if image is not None]
-    if not kept:
-        return []
-    first, across, down = own.iloc[0], min(2, len(kept)), -(-len(kept) // 2)
-    high = style.COLUMN_WIDTH / across * first["height"] / first["width"] + 0.25
-    size = (style.COLUMN_WIDTH, high * down + 0.35)
-    with panels.sheet(path, size, down, across, legend=0, grid="", dpi=220, colours=40) as (figure, grid):
-        for axes in grid.flat:
-            axes.set_axis_off()
-        for axes, (r, image) in zip(grid.flat, kept, strict=False):
+    shown = []
+    for r in own.drop_duplicates("light_label").itertuples():
+        image = opened(folder / "images" / image_name(r.scene, r.light_label, r.width, r.height))
+        if image is not None:
+            rays = f"\nshadow rays: {r.shadow_ray_share:.0%}" if r.shadow_ray_share < 1 else ""
             whole = np.asarray(image.convert("RGB"))  # below the picture itself stands its own caption
-            axes.imshow(whole[: round(image.width * r.height / r.width)])
-            rays = (
-                f"\nshadow rays: {r.shadow_ray_share:.0%}"
-                if isinstance(r.spot, str) and r.shadow_ray_share >= 0
-                else ""
-            )
-            axes.set_title(r.light[:1].upper() + r.light[1:] + rays, fontsize=5.5)
-        about = gallery.stand_in_text(first["stand_in"]) if first["stand_in"] else ""
-        panels.caption(figure, f"{first['title']}, {document.where(own)}", about)
-    return [path]
+            shown.append((r.light.capitalize() + rays, whole[: round(image.width * r.height / r.width)]))
+    if not shown:
+        return []
+    about = [f"{own['title'].iloc[0]}, {document.where(own)}"]
+    about += [gallery.stand_in_text(text) for text in own["stand_in"].unique() if text]
+    return [panels.images(path, shown, across=2, below=about, dpi=220, colours=40)]
 
 
 EXPERIMENT = Experiment(

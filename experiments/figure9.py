@@ -12,6 +12,10 @@ from ._paper import METHOD, SCENES
 METHODS = (Entry(METHOD),)
 
 COLUMNS = [*document.COMMON, "paper_triangles", "triangles_to_paper"]
+HEADINGS: document.Columns = {
+    "scene": ("title", str), "triangles": ("triangles", "{:,.0f}"), "the paper's": ("paper_triangles", "{:,.0f}"),
+    "share": ("triangles_to_paper", "{:.1%}"), "made as": ("stand_in", str),
+}  # fmt: skip
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
@@ -19,26 +23,17 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     table = document.read(folder)
     table["paper_triangles"] = table["scene"].map({scene: paper_triangles(scene) for scene in paper.ROWS})
     table["triangles_to_paper"] = table["triangles"] / table["paper_triangles"]
-    files = [document.write_csv(table, folder / "figure9.csv", COLUMNS)]
     scenes = table.drop_duplicates("scene")
-    known = scenes[scenes["paper_triangles"].notna()]
-    size = document.where(table)
-    title = (
-        f"The paper's test scenes (Figure 9) with shadows, traced by {table['method_title'].iloc[0]}, {size}"
+    known = scenes["triangles_to_paper"].dropna()
+    method = table["method_title"].iloc[0]
+    pictures = gallery.draw(
+        folder, scenes, f"Figure 9: the test scenes with shadows, traced by {method}, {document.where(table)}"
     )
-    files += gallery.draw(folder, scenes, title)
-    share = (known["triangles_to_paper"] - 1).abs().max()
-    columns: document.Columns = {
-        "scene": ("title", str), "triangles": ("triangles", "{:,.0f}"), "the paper's": ("paper_triangles", "{:,.0f}"),
-        "share": ("triangles_to_paper", "{:.1%}"), "made as": ("stand_in", str),
-    }  # fmt: skip
-    shown = document.texts(scenes, columns)
     finding = f"{len(known)} of the paper's {len(paper.ROWS)} scenes"
-    finding += f", each with its number of triangles within {share:.1%}" * bool(len(known))
+    finding += f", each with its number of triangles within {(known - 1).abs().max():.1%}" * bool(len(known))
     finding += f"; of {len(scenes)} scenes {int((scenes['stand_in'] != '').sum())} are stand-ins."
-    return document.write(
-        folder, "figure9", EXPERIMENT.title, finding, {"Scenes": shown}, files, table, quiet
-    )
+    tables = {"Scenes": document.texts(scenes, HEADINGS)}
+    return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet)
 
 
 def paper_triangles(scene: str) -> float:

@@ -46,28 +46,33 @@ CUT = 4.0
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Ratios to the fastest peer of each kind, with the rounds' range; bars by part of the frame; the floor; CSV."""
     frames = document.frames(folder)
-    table, ours = document.named(frames), frames["label"] == OURS
-    found = compare.ratios(frames, ours).drop(columns=["spread", "frames"])
-    table = table.join(found, on="key").rename(columns={"ratio": "times_slower"})
-    files = [document.write_csv(table, folder / "frame_time.csv", COLUMNS)]
+    ours = frames["label"] == OURS
+    found = compare.ratios(frames, ours).rename(columns={"ratio": "times_slower"})[
+        ["times_slower", "low", "high"]
+    ]
     stages = roofline.stages(frames[ours], ray_grids)
     floors = roofline.of_frames(stages)
-    table = table.join(floors, on=roofline.SCENE).assign(kind=table["label"].map(KINDS))
-    if len(stages):
-        files.append(document.write_csv(stages, folder / "frame_time-stages.csv", roofline.COLUMNS))
+    table = document.named(frames).join(found, on="key").join(floors, on=roofline.SCENE)
+    table["kind"] = table["label"].map(KINDS)
     done = document.measured(table)
-    if OURS in set(done["label"]):
-        files.append(picture(done, folder / "frame_time.svg"))
     own, peers = done[done["label"] == OURS], fastest(done)
-    heading = f"Frame time of the fastest peer over that of {OURS}, and its range over the rounds"
-    notes = ["Floor: bytes over bandwidth or ray-triangle tests over rate, and launches. Farthest from theirs, mean of the "
-             f"scenes: {farthest(stages, floors)}."] if len(floors) else []  # fmt: skip
-    told = [finding(rows, peers[peers["pixels"] == size], own["pixels"].nunique() > 1)
-            for size, rows in own.groupby("pixels")]  # fmt: skip
-    return document.write(
-        folder, "frame_time", EXPERIMENT.title, " ".join(told) or f"{OURS} was not measured.",
-        {heading: against(own, peers)}, files, table, quiet, notes,
-    )  # fmt: skip
+    files, notes = [], []
+    if len(stages):
+        files += [document.write_csv(stages, folder / "frame_time-stages.csv", roofline.COLUMNS)]
+    if len(own):
+        files += [picture(done, folder / "frame_time.svg")]
+    if len(floors):
+        notes = ["Floor: bytes over bandwidth or ray-triangle tests over rate, and launches. Farthest from theirs, mean of "
+                 f"the scenes: {farthest(stages, floors)}."]  # fmt: skip
+    several = own["pixels"].nunique() > 1
+    told = [finding(rows, peers[peers["pixels"] == size], several) for size, rows in own.groupby("pixels")]
+    tables = {
+        f"Frame time of the fastest peer over that of {OURS}, and its range over the rounds": against(
+            own, peers
+        )
+    }
+    text = " ".join(told) or f"{OURS} was not measured."
+    return document.write(folder, EXPERIMENT, table, COLUMNS, text, tables, files, quiet, notes)
 
 
 def fastest(done: pd.DataFrame) -> pd.DataFrame:
@@ -95,18 +100,16 @@ def finding(own: pd.DataFrame, peers: pd.DataFrame, several: bool) -> str:
 
 def against(own: pd.DataFrame, peers: pd.DataFrame) -> pd.DataFrame:
     """A row a scene: our time, the fastest peer of each kind and its ratio with the range, and our time over the floor."""
-    made = own[["title"]].set_axis(["scene"], axis=1)
-    made[f"{OURS}, ms"] = document.carry(own["total_ms"], own["spread"])
     texts = [f"{r.times_slower:.2f} ({r.low:.2f} to {r.high:.2f}; {r.label})" for r in peers.itertuples()]
-    best = document.cross_table(
-        peers.assign(text=texts, heading="fastest " + peers["kind"]), ["title"], "heading", "text"
-    )
-    made = made.merge(best.rename(columns={"title": "scene"}), how="left", on="scene")
-    floor = own["frame_floor_ms"].to_numpy()
-    if own["frame_floor_ms"].notna().any():
-        made["floor, ms"] = [f"{ms:.3f}" if ms == ms else None for ms in floor]
-        made["times the floor"] = [f"{ms:.1f}" if ms == ms else None for ms in own["total_ms"] / floor]
-    return made
+    best = peers.assign(text=texts, heading="fastest " + peers["kind"])
+    cells = document.cross_table(best, ["title"], "heading", "text").set_index("title")
+    own = own.set_index("title", drop=False).assign(over=own["total_ms"].array / own["frame_floor_ms"].array)
+    floor: document.Columns = {
+        "floor, ms": ("frame_floor_ms", "{:.3f}"),
+        "times the floor": ("over", "{:.1f}"),
+    }
+    floors = document.texts(own, floor).dropna(axis=1, how="all")
+    return document.texts(own, {"scene": ("title", str), f"{OURS}, ms": ("ms", str)}).join([cells, floors])
 
 
 def farthest(stages: pd.DataFrame, floors: pd.Series) -> str:
@@ -120,26 +123,17 @@ def picture(done: pd.DataFrame, path: Path) -> Path:
     """A panel a scene and size, stacked bars by part of the frame: beside each its time, its time over ours, and wrong
     answers.
     """
-    labels = [OURS, *(label for label in done["label"].unique() if label != OURS)]
-    rows = done.assign(text=[beside(row) for row in done.to_dict("records")])
-    places = {title: i for i, title in enumerate(rows["title"].unique())}
+    rows = done.assign(text=[beside(row) for row in done.to_dict("records")], other=done["label"] != OURS)
+    orders = {"title": list(done["title"].unique()), "label": list(done["label"].unique())}
     rows = rows.sort_values(
-        ["title", "label"], key=lambda c: c.map(places if c.name == "title" else labels.index)
+        ["title", "other", "label"], key=lambda c: c.map(orders[c.name].index) if c.name in orders else c
     )
-    across = 1 if len(places) <= 3 else 2
-    down = -(-len(places) // across)
-    size = (style.COLUMN_WIDTH * (0.35 + 0.65 * across), (0.125 * len(labels) + 0.28) * down + 1.0)
-    tints = {method: panels.part_tints(style.look(method)["color"]) for method in rows["method"]}
-    with panels.bar_panels(path, rows, size, facet="title", across=across, tints=tints, cut=CUT, room=1.5, font=5.5,
-                           legend=3 * across) as (figure, cells):  # fmt: skip
-        panels.name_parts(cells[0][0])
-        for axes, own in cells:
-            floor = own["frame_floor_ms"].iloc[0]
-            if own["label"].iloc[0] == OURS and floor == floor:
-                axes.plot(floor, -0.42, "v", color="black", ms=3.5, label=f"floor of {OURS}", clip_on=False)
-        wrong = f"{style.WRONG} n: n wrong pixels and visibility bits" * bool((done["true_errors"] > 0).any())
-        panels.caption(figure, panels.WHOLE, f"2.0x: twice the time of {OURS}", wrong)
-    return path
+    wrong = f"{style.WRONG} n: n wrong pixels and visibility bits" * bool((done["true_errors"] > 0).any())
+    across = 1 if len(orders["title"]) <= 3 else 2
+    return panels.bars(
+        path, rows, facet="title", across=across, cut=CUT, mark=("frame_floor_ms", f"floor of {OURS}"),
+        below=[panels.WHOLE, f"2.0x: twice the time of {OURS}", wrong], wide=0.35 + 0.65 * across, legend=3 * across,
+    )  # fmt: skip
 
 
 def beside(row: dict[str, Any]) -> str:

@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..harness.report import compare, document, panels, style
+from ..harness.report import compare, document, panels
 from ..harness.results.table import samples, stage_ms
 from ..harness.runner.experiment import Experiment, Preset
 from ._sorting import SORT, measure
@@ -33,27 +33,22 @@ COLUMNS = [*document.COMMON, "pairs", "bits", "sort_ms", "copy_ms", "ns_a_pair"]
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Time against bits, CSV, and what 18 bits save against 32."""
-    frames = document.frames(folder)
+    frames, repeats = document.frames(folder), samples(folder)
     table = document.named(frames)
     table["bits"], table["pairs"] = table["point.bits"].astype(int), table["point.pairs"].astype(int)
+    table = table.sort_values(["pairs", "bits"])
     table["sort_ms"], table["copy_ms"] = stage_ms(table, "build", SORT), stage_ms(table, "build", "copy")
     table["ns_a_pair"] = 1e6 * table["sort_ms"] / table["pairs"]
-    spread = table["key"].map(compare.pass_spread(samples(folder), "build", SORT))
-    table["text"] = document.carry(table["sort_ms"], spread)
-    table["heading"] = table["bits"].astype(str) + " bits"
-    table["count"] = table["pairs"].map("{:,}".format)
-    table["line"] = table["count"] + " pairs"
-    table["ns_spread"] = 1e6 * spread / table["pairs"]
-    table = table.sort_values(["pairs", "bits"])
-    files = [document.write_csv(table, folder / "key_bits.csv", COLUMNS)]
-    with panels.lines(folder / "key_bits.svg", table, "bits", "ns_a_pair", (style.COLUMN_WIDTH, 2.2), hue="line",
-                      whisker="ns_spread") as (_, [(axes, _)]):  # fmt: skip
-        axes.axvline(HERE, color="0.4", lw=0.8, ls=":", label=f"the paper's {HERE} bits")
-        axes.set(xticks=table["bits"].unique(), xlabel="bits of the key", ylabel="sort, ns per pair")
-        axes.set_ylim(bottom=0)
-    files.append(folder / "key_bits.svg")
-    tables = {"Milliseconds of a sort": document.cross_table(table, {"count": "pairs"}, "heading", "text")}
-    return document.write(folder, "key_bits", EXPERIMENT.title, finding(frames), tables, files, table, quiet)
+    table["spread"] = 1e6 * table["key"].map(compare.pass_spread(repeats, "build", SORT)) / table["pairs"]
+    table["text"] = document.pass_texts(table, repeats, "build", SORT)
+    table["heading"] = table["bits"].map("{} bits".format)
+    table["count"] = table["pairs"].map("{:,} pairs".format)
+    picture = panels.lines(
+        folder / "key_bits.svg", table, "bits", "ns_a_pair", hue="count", whisker="spread", ticks=str, log_y=False,
+        upright=(HERE, f"the paper's {HERE} bits"), below="bits of the key", left="sort, ns per pair",
+    )  # fmt: skip
+    tables = {"Milliseconds of a sort": document.cross_table(table, {"count": "sorted"}, "heading", "text")}
+    return document.write(folder, EXPERIMENT, table, COLUMNS, finding(frames), tables, [picture], quiet)
 
 
 def finding(frames: pd.DataFrame) -> str:

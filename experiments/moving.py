@@ -59,117 +59,80 @@ def read(folder: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
     own = {"total_ms": "frame_ms", "iqr_ms": "frame_iqr_ms", "true_errors": "frame_true_errors"}
     own |= {name.removeprefix("frame_"): name for name in PART_MS}
     own |= {f"counter.{counter}": name.replace(" ", "_") for name, counter in WORK.items()}
-    path = table.merge(
-        frames.reindex(columns=["key", "frame", *own]).rename(columns=own), on="key", how="left"
-    )
+    timed = frames.reindex(columns=["key", "frame", *own]).rename(columns=own)
+    path = table.merge(timed, on="key", how="left")
     path["tests_a_shadow_ray"] /= 100
     last = (path["frame_count"].fillna(1) - 1).clip(lower=1)
     path["turn"] = (path["frame"] / last * path["light_turns"].fillna(0.0)).astype(float)
     path["whisker"] = path["frame_iqr_ms"] / 2
+    path["wrong"] = path["frame_true_errors"].fillna(0) > 0
     return table, path
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Time of each frame along the path, CSV, and what the slowest frames did more of than others."""
     table, path = read(folder)
-    files = [document.write_csv(path, folder / "moving.csv", COLUMNS)]
     known = path[path["frame_ms"].notna()]
-    if known.empty:
-        return document.write(
-            folder, "moving", EXPERIMENT.title, "Nothing was measured.", {}, files, table, quiet
-        )
-    files.append(picture(path, folder / "moving.svg"))
-    tables = {
-        "Milliseconds along the path": ranges(path),
-        f"Places that take over {SPIKE:g} times the median of their path": slow_places(known),
-    }
+    pictures, tables, finding = [], {}, "Nothing was measured."
+    if len(known):
+        tables = {
+            "Milliseconds along the path": ranges(path, known),
+            f"Places that take over {SPIKE:g} times the median of their path (which is in brackets), ms and work":
+                slow_places(known),
+        }  # fmt: skip
+        times = known.groupby(LINE, sort=False)["frame_ms"]
+        most = (times.max() / times.min() - 1).groupby("label", sort=False).max().sort_values()
+        told = ", ".join(f"{share:+.0%} ({label})" for label, share in most.items())
+        finding = f"Slowest place of the light over the fastest, at most over {known['title'].nunique()} scenes: {told}."
+        pictures = [panels.lines(
+            folder / "moving.svg", path, "turn", "frame_ms", facet="title", across=min(2, path["title"].nunique()),
+            whisker="whisker", wrong="wrong", log_y=False, high=1.25, below="turns of the light about the scene",
+            left="ms per frame, everything rebuilt", sharex=True,
+        )]  # fmt: skip
     notes = [
         "The paper moves its lights too, and says that everything is rebuilt each frame; it shows no path."
     ]
     return document.write(
-        folder, "moving", EXPERIMENT.title, finding(known), tables, files, table, quiet, notes
+        folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet, notes, rows=path
     )
 
 
-def finding(known: pd.DataFrame) -> str:
-    """Which method's time depends least on where the light is, and which most."""
-    times = known.groupby(LINE, sort=False)["frame_ms"]
-    most = (times.max() / times.min() - 1).groupby("label", sort=False).max().sort_values()
-    told = ", ".join(f"{share:+.0%} ({label})" for label, share in most.items())
-    return f"Slowest place of the light over the fastest, at most over {known['title'].nunique()} scenes: {told}."
-
-
-def ranges(path: pd.DataFrame) -> pd.DataFrame:
+def ranges(path: pd.DataFrame, known: pd.DataFrame) -> pd.DataFrame:
     """A row a scene and method: the range of the times along the path and where the slowest is, or why there is none."""
     import pandas as pd
 
-    known = path[path["frame_ms"].notna()]
-    times = known.groupby(LINE, sort=False)["frame_ms"]
+    paths = known.groupby(LINE, sort=False)
+    times = paths["frame_ms"]
     slow, fast = (known.loc[rows].set_index(LINE) for rows in (times.idxmax(), times.idxmin()))
+    every = path.drop_duplicates(LINE).set_index(LINE)
     places, left_out = times.size().astype(str), slow["frames_left_out"]
     planned = (times.size() + left_out).astype(str)
-    wrong = known["frame_true_errors"].fillna(0) > 0
     made = pd.DataFrame({
         "places": places.where(left_out == 0, places + " of " + planned),
         "fastest": document.carry(fast["frame_ms"], fast["whisker"]), "median": times.median().map(style.number),
         "slowest": document.carry(slow["frame_ms"], slow["whisker"]), "at turn": slow["turn"].map("{:.2f}".format),
         "slowest over fastest": (slow["frame_ms"] / fast["frame_ms"] - 1).map("{:+.0%}".format),
-        "frames with wrong answers": wrong.groupby([known[name] for name in LINE], sort=False).sum(),
-    })  # fmt: skip
-    every = path.drop_duplicates(LINE).set_index(LINE)
-    made = made.reindex(every.index)
-    return (
-        made.assign(places=made["places"].fillna(every["status"]))
-        .rename_axis(["scene", "method"])
-        .reset_index()
-    )
-
-
-def slow_places(known: pd.DataFrame) -> pd.DataFrame:
-    """What was done more at the slowest place of a path, beside the median over its places, where it is slow."""
-    import pandas as pd
-
-    paths = known.groupby(LINE, sort=False)
-    slow, usual = known.loc[paths["frame_ms"].idxmax()].set_index(LINE), paths.median(numeric_only=True)
-    slow = slow[slow["frame_ms"] >= SPIKE * usual["frame_ms"]]
-    usual = usual.loc[slow.index]
-    if slow.empty:
-        return slow
-    part = (slow[list(PART_MS)] - usual[list(PART_MS)]).idxmax(axis=1)
-    made = pd.DataFrame({"at turn": slow["turn"].map("{:.2f}".format), "slowest part": part.map(PART_MS)})
-    made["its ms there (median)"] = [
-        f"{style.number(slow.at[line, name])} ({style.number(usual.at[line, name])})"
-        for line, name in part.items()
-    ]
-    for name in WORK:
-        own = [side[name.replace(" ", "_")] for side in (slow, usual)]
-        counted = own[0].map("{:,.0f}".format) + " (" + own[1].map("{:,.0f}".format) + ")"
-        made[name] = counted.where(own[0].notna() & own[1].notna(), "not counted")
+        "frames with wrong answers": paths["wrong"].sum(),
+    }).reindex(every.index)  # fmt: skip
+    made["places"] = made["places"].fillna(every["status"])
     return made.rename_axis(["scene", "method"]).reset_index()
 
 
-def picture(path: pd.DataFrame, file: Path) -> Path:
-    """One panel a scene; whiskers are the interquartile range of repeats."""
-    scenes = path["title"].nunique()
-    size = (style.COLUMN_WIDTH, 1.25 * -(-scenes // 2) + 0.9)
-    with panels.lines(file, path, "turn", "frame_ms", size, facet="title", across=min(2, scenes), whisker="whisker",
-                      sharex=True) as (figure, places):  # fmt: skip
-        for axes, own in places:
-            wrong = own[own["frame_true_errors"].fillna(0) > 0]
-            if len(wrong):
-                axes.plot(
-                    wrong["turn"],
-                    wrong["frame_ms"],
-                    "kx",
-                    ms=5,
-                    mew=0.9,
-                    zorder=3,
-                    label="a frame with wrong answers",
-                )
-            axes.set_ylim(bottom=0)
-        panels.caption(figure, "turns of the light about the scene")
-        figure.supylabel("ms per frame, everything rebuilt", fontsize=7)
-    return file
+def slow_places(known: pd.DataFrame) -> pd.DataFrame:
+    """What was done at the slowest place of a path, beside the median over its places, where it is slow."""
+    paths = known.groupby(LINE, sort=False)
+    slow, usual = known.loc[paths["frame_ms"].idxmax()].set_index(LINE), paths.median(numeric_only=True)
+    slow = slow[slow["frame_ms"] >= SPIKE * usual["frame_ms"]]
+    if slow.empty:
+        return slow
+    made = slow[["turn"]].map("{:.2f}".format).set_axis(["at turn"], axis=1)
+    for name, column in {
+        **{p: c for c, p in PART_MS.items()},
+        **{w: w.replace(" ", "_") for w in WORK},
+    }.items():
+        there, median = (side.loc[slow.index, column].map(style.number) for side in (slow, usual))
+        made[name] = (there + " (" + median + ")").where(slow[column].notna(), "not counted")
+    return made.rename_axis(["scene", "method"]).reset_index()
 
 
 EXPERIMENT = Experiment(

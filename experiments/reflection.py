@@ -74,7 +74,7 @@ def read(folder: Path) -> pd.DataFrame:
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """What a bounce adds to the frame, and the time of a mirrored ray beside that of a primary ray; CSV."""
     table = read(folder)
-    files = [document.write_csv(table, folder / "reflection.csv", COLUMNS)]
+    files = []
     done = document.measured(table)
     bounced = done[done["mirrored_ns"].notna()]
     tables = {}
@@ -91,17 +91,8 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
             ),
         }
     notes = [f"{MIRRORS} Shadow rays of mirrored hits count in the frame, not in the time of a mirrored ray."]
-    return document.write(
-        folder,
-        "reflection",
-        EXPERIMENT.title,
-        finding(bounced),
-        tables,
-        files,
-        table,
-        quiet,
-        notes * bool(len(bounced)),
-    )
+    notes *= bool(len(bounced))
+    return document.write(folder, EXPERIMENT, table, COLUMNS, finding(bounced), tables, files, quiet, notes)
 
 
 MIRRORS = "The scene's largest triangles, half of its area, are mirrors."
@@ -148,17 +139,10 @@ def best_ratio(bounced: pd.DataFrame) -> pd.Series:
 def picture(bounced: pd.DataFrame, path: Path) -> Path:
     """A panel a scene, a line a method: the time of a mirrored ray over that of a primary ray, by number of bounces."""
     own = bounced.assign(bounces=bounced["light_label"].str.split().str[0].astype(int))
-    across = min(3, own["title"].nunique())
-    size = (2 * style.COLUMN_WIDTH, 2.4 * -(-own["title"].nunique() // across) + 0.6)
-    with panels.lines(
-        path, own, "bounces", "mirrored_ns", size, facet="title", across=across, legend=3, sharey=True
-    ) as (_, drawn):
-        for axes, here in drawn:
-            style.plain_log(axes)
-            axes.set_xticks(counts := sorted(here["bounces"].unique()), counts)
-            axes.set_xlabel("bounces")
-        drawn[0][0].set_ylabel("ns per mirrored ray")
-    return path
+    return panels.lines(
+        path, own, "bounces", "mirrored_ns", facet="title", across=min(3, own["title"].nunique()), ticks=str, wide=2,
+        below="bounces", left="ns per mirrored ray", legend=3, sharey=True,
+    )  # fmt: skip
 
 
 EXPERIMENT = Experiment(

@@ -89,27 +89,30 @@ def along(table: pd.DataFrame, sweep: str) -> pd.DataFrame:
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Three drawings side by side, growth exponents with intervals, CSV."""
+    import pandas as pd
+
     table = document.read(folder)
     table = table.sort_values("label", key=lambda labels: labels != OURS, kind="stable")
-    table["ms"] = document.carry(table["total_ms"], table["spread"])
-    done = document.measured(table)
     lines = {sweep: along(table, sweep) for sweep in SWEEPS}
     table["sweep"] = [
         " ".join(sweep for sweep in SWEEPS if key in set(lines[sweep]["key"])) for key in table["key"]
     ]
-    files = [document.write_csv(table.sort_index(), folder / "scaling.csv", COLUMNS)]
-    titles = done.sort_values("triangles")["scene_title"].unique()
+    titles = document.measured(table).sort_values("triangles")["scene_title"].unique()
     scenes = ", ".join(titles) if len(titles) <= 3 else f"{titles[0]} to {titles[-1]}"
-    missing = [sweep for sweep in SWEEPS if lines[sweep].empty]
-    absent = f"; against {' and '.join(missing)}: not measured" * bool(missing)
-    if len(missing) < len(SWEEPS):
-        files.append(picture(lines, scenes + absent, folder / "scaling.svg"))
-    notes = [f"Scenes: {scenes}. {PROPORTION.capitalize()}."] * bool(len(done))
-    notes += [f"Not measured: time against {sweep}." for sweep in missing if len(done)]
+    missing = [f"Not measured: time against {sweep}." for sweep in SWEEPS if lines[sweep].empty]
+    pictures, notes = [], [f"Scenes: {scenes}.", *missing] if len(titles) else []
+    every = pd.concat([line.assign(sweep=sweep, x=line[sweep]) for sweep, line in lines.items()])
+    if len(every):
+        pictures = [panels.lines(
+            folder / "scaling.svg", every, "x", "total_ms", facet="sweep", across=every["sweep"].nunique(), whisker="spread",
+            log_x=10, ticks=short, proportion=PROPORTION, wide=2, high=2.0, legend=4, below=notes,
+            left="ms per frame, everything rebuilt", sharey=True,
+        )]  # fmt: skip
     lines = {sweep: document.measured(line) for sweep, line in lines.items()}
     tables = {f"Against {sweep}": exponents(line, sweep) for sweep, line in lines.items()}
+    csv = table.sort_index()
     return document.write(
-        folder, "scaling", EXPERIMENT.title, finding(lines), tables, files, table, quiet, notes
+        folder, EXPERIMENT, table, COLUMNS, finding(lines), tables, pictures, quiet, notes, rows=csv
     )
 
 
@@ -141,11 +144,8 @@ def finding(lines: dict[str, pd.DataFrame]) -> str:
         own = lines[sweep][lines[sweep]["label"] == OURS]
         if found := growth(own[sweep].tolist(), own["total_ms"].tolist()):
             told.append(f"{sweep} to the power of {found} (from {short(found.first)})")
-    return (
-        f"The frame time of {OURS} grows with {' and with '.join(told)}."
-        if told
-        else "No growth was measured."
-    )
+    known = f"The frame time of {OURS} grows with {' and with '.join(told)}."
+    return known if told else "No growth was measured."
 
 
 def short(value: float) -> str:
@@ -154,36 +154,6 @@ def short(value: float) -> str:
         if value >= unit:
             return f"{value / unit:.3g}{letter}"
     return f"{value:g}"
-
-
-def picture(lines: dict[str, pd.DataFrame], about: str, path: Path) -> Path:
-    """A panel a sweep on logarithmic axes; a dotted line shows proportion."""
-    import pandas as pd
-    from matplotlib.ticker import NullLocator
-
-    every = pd.concat([line.assign(sweep=sweep, x=line[sweep]) for sweep, line in lines.items()])
-    low, high = every["total_ms"].min(), every["total_ms"].max()
-    size, across = (2 * style.COLUMN_WIDTH, 2.9), every["sweep"].nunique()
-    with panels.lines(path, every, "x", "total_ms", size, facet="sweep", across=across, whisker="spread", legend=4,
-                      sharey=True) as (figure, places):  # fmt: skip
-        for axes, own in places:
-            values = np.array(sorted(own["x"].unique()), float)
-            axes.plot(
-                values[[0, -1]],
-                0.8 * low * values[[0, -1]] / values[0],
-                color="0.7",
-                lw=0.9,
-                ls=":",
-                label=PROPORTION,
-            )
-            axes.set_xscale("log")
-            axes.set_xticks(values, map(short, values), rotation=45, ha="right", rotation_mode="anchor")
-            axes.xaxis.set_minor_locator(NullLocator())
-            axes.set_ylim(0.7 * low, 1.4 * high)
-            style.plain_log(axes)
-        places[0][0].set_ylabel("ms per frame, everything rebuilt")
-        panels.caption(figure, about)
-    return path
 
 
 EXPERIMENT = Experiment(

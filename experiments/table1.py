@@ -59,9 +59,27 @@ COLUMNS = (
 
 
 FRAME = "Whole frame with shadows, everything rebuilt, ms"
-PARTS = {"build_ms": "build", "trace_ms": "trace", "light_build_ms": "light build", "shadow_ms": "shadow"}
+PARTS: document.Columns = {
+    "method": ("row", str), "build": ("build_ms", lambda ms: style.number(ms or None)), "trace": ("trace_ms", style.number),
+    "light build": ("light_build_ms", lambda ms: style.number(ms or None)), "shadow": ("shadow_ms", style.number),
+    "whole": ("total_ms", style.number), "±": ("spread", style.number), "answers": ("error", str),
+    "Mrays/s": ("frame_mrays_per_s", style.number), "MB": ("memory_bytes", style.megabytes),
+}  # fmt: skip
+SCENE_FACTS: document.Columns = {
+    "scene": ("title", str), "made as": ("stand_in", lambda text: text or "-"),
+    "excused as too close to an edge, at most": ("excused_share", "{:.4%}"),
+    "answers that the reference (Embree) got wrong": ("reference_errors", "{:,}"),
+}  # fmt: skip
 CUT = 3.0
 """A bar more than this many times longer than the median of its scene is cut off; its number stands beside it."""
+ABOUT = (
+    f"{style.OK} no wrong answer; {style.WRONG} n: n wrong pixels and visibility bits over all frames measured; "
+    f"{style.UNSCORED}: there was no exact reference. Mrays/s: primary and shadow rays over the whole frame. MB: "
+    "structures and work buffers. Where a scene moves, times are means over its frames."
+)
+LEFT_OUT = (
+    "Frames left out, beyond the point's budget; best is who is fastest over the frames that both have: "
+)
 
 
 def read(folder: Path) -> DataFrame:
@@ -74,18 +92,23 @@ def read(folder: Path) -> DataFrame:
     table = document.named(frames)
     table.attrs["older"] = frames.attrs["older"]
     declared = {entry.label: settings_text(dict(entry.settings)) for entry in METHODS}
-    usual = table["label"].map(declared).fillna("-").str.split(", ")
-    extra = [
-        ", ".join(x for x in text.split(", ") if x not in known and x != "-")
-        for text, known in zip(table["settings"], usual, strict=True)
-    ]
+    usual = table["label"].map(declared).fillna("-")
     device = table["device"] if table["device"].nunique() > 1 else [""] * len(table)
-    names = zip(table["label"], extra, device, strict=True)
-    table["row"] = [", ".join(filter(None, name)) for name in names]
+    table["row"] = [
+        ", ".join(
+            [
+                label,
+                *(x for x in settings.split(", ") if x not in f"-, {known}".split(", ")),
+                *filter(None, [place]),
+            ]
+        )
+        for label, settings, known, place in zip(
+            table["label"], table["settings"], usual, device, strict=True
+        )
+    ]
     right = document.measured(table).query("error == @style.OK")
-    table["best"] = table["key"].isin(
-        [key for _, own in right.groupby("title") for key in fastest(frames, own)]
-    )
+    best = [key for _, own in right.groupby("title") for key in fastest(frames, own)]
+    table["best"] = table["key"].isin(best)
     order = [*declared, *table["label"]]
     return table.sort_values("label", key=lambda s: s.map(order.index), kind="stable", ignore_index=True)
 
@@ -110,138 +133,98 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     import pandas as pd
 
     table = read(folder)
-    rows = pd.concat([table.assign(origin="this run"), paper_rows(table["scene"].unique())])
-    scenes = list(
-        table.sort_values("scene", key=lambda s: s.map([*paper.ROWS, *s].index), kind="stable")[
-            "title"
-        ].unique()
-    )
-    files = [document.write_csv(rows, folder / "table1.csv", COLUMNS)]
-    done = document.measured(table)
+    known = [*paper.ROWS, *table["scene"]]
+    by_scene = table.sort_values("scene", key=lambda s: s.map(known.index), kind="stable")
+    done, pictures = document.measured(table), []
     if len(done):
-        files.append(picture(table, scenes, folder / "table1.svg"))
-    files += gallery.draw(folder, table, f"Table 1: the scenes; {document.where(table)}")
-    tables = {FRAME: frame_table(table, scenes)}
-    tables |= {
-        f"{title}: {about(own)}": parts_table(own)
-        for title in scenes
-        for own in [table[table["title"] == title]]
-    }
-    tables |= {"What each method built": methods_table(table), "Scenes": scenes_table(table, scenes)}
+        time = by_scene["total_ms"].map(style.number) + " " + by_scene["error"]
+        across = min(2, by_scene["title"].nunique())
+        pictures = [panels.bars(
+            folder / "table1.svg", by_scene.assign(text=time.where(by_scene["total_ms"].notna(), by_scene["status"])),
+            name="row", facet="title", across=across, cut=CUT, wide=0.35 + 0.65 * across, legend=5,
+            below=["ms per frame, split by part; whisker: interquartile range of repeats"],
+        )]  # fmt: skip
+    pictures += gallery.draw(folder, table, f"Table 1: the scenes; {document.where(table)}")
+    tables = {FRAME: frame_table(by_scene)}
+    for title, own in by_scene.groupby("title", sort=False):
+        facts = f"{own['triangles'].iloc[0]:,} triangles, {own['frames'].max()} frame(s)"
+        tables[f"{title}: {facts}; ms by part of the frame, and ± of the whole"] = parts_table(own)
+    tables |= {"What each method built": methods_table(table), "Scenes": scenes_table(by_scene)}
+    rows = pd.concat([table.assign(origin="this run"), paper_rows(table["scene"].unique())])
     return document.write(
-        folder, "table1", EXPERIMENT.title, finding(done), tables, files, table, quiet, notes(table)
+        folder, EXPERIMENT, table, COLUMNS, finding(done), tables, pictures, quiet, notes(table), rows=rows
     )
 
 
 def finding(done: DataFrame) -> str:
     """On how many scenes who is fastest."""
-    best, n = done[done["best"]], done["title"].nunique()
+    n = done["title"].nunique()
     told = [
         f"{row} on {len(own)} ({document.span(own['total_ms'])} ms)"
-        for row, own in best.groupby("row", sort=False)
+        for row, own in done[done["best"]].groupby("row", sort=False)
     ]
     known = f"Of {n} scene{'s' * (n != 1)} the fastest frame with every answer right: {', '.join(told)}."
     return known if told else "No scene has two methods with right answers over the same frames in one run."
 
 
-def frame_table(table: DataFrame, scenes: list[str]) -> DataFrame:
+def frame_table(table: DataFrame) -> DataFrame:
     """Methods down, scenes across: frame time with its error, or why there is none; the fastest right one in bold."""
-    time = document.carry(table["total_ms"], table["spread"])
-    text = time + " " + table["error"].str.removesuffix(" wrong")
+    text = table["ms"] + " " + table["error"].str.removesuffix(" wrong")
     text = text.where(table["status"] == "ok", table["status"])
-    marked = table.assign(text=text.where(~table["best"], "**" + text + "**"))
-    wide = document.cross_table(marked, ["row"], "title", "text")
-    printed = dict(table[table["scene"].isin(paper.ROWS)].groupby("title")["scene"].first().map(paper.total))
-    if printed:
-        wide.loc[len(wide)] = {
-            "row": f"*the paper, {paper.GPU}*",
-            **{t: f"*{ms}*" for t, ms in printed.items()},
-        }
-    return wide[["row", *scenes]].rename(columns={"row": "method"})
-
-
-def about(own: DataFrame) -> str:
-    """What the scene has, and what a row of its table says."""
-    frames = own["frames"].max()
-    counted = f"{own['triangles'].iloc[0]:,} triangles" + f", {frames} frames" * bool(frames > 1)
-    return f"{counted}; ms by part of the frame, and ± of the whole"
+    marked = table.assign(text=text.where(~table["best"], "**" + text + "**")).sort_index()
+    wide = document.cross_table(marked, {"row": "method"}, "title", "text")
+    theirs = table[table["scene"].isin(paper.ROWS)].groupby("title")["scene"].first().map(paper.total)
+    if len(theirs):
+        wide.loc[len(wide)] = {"method": f"*the paper, {paper.GPU}*", **("*" + theirs + "*")}
+    return wide[["method", *table["title"].unique()]]
 
 
 def parts_table(own: DataFrame) -> DataFrame:
     """A row a measured point of a scene: the parts of its frame, its error, rate and memory; then what the paper prints."""
     import pandas as pd
 
-    done = document.measured(own)
-    columns: document.Columns = {"method": ("row", str)}
-    columns |= {name: (column, lambda ms: style.number(ms or None)) for column, name in PARTS.items()}
-    columns |= {"whole": ("total_ms", style.number), "±": ("spread", style.number), "answers": ("error", str)}
-    columns |= {"Mrays/s": ("frame_mrays_per_s", style.number), "MB": ("memory_bytes", style.megabytes)}
     theirs = []
     for column, text in zip(paper.COLUMNS, paper.cells(own["scene"].iloc[0]), strict=True):
         if text not in ("-", paper.NOT_AVAILABLE):
             names = ("build", "trace") if " / " in text else ("whole",)
-            parts = [part.replace("*", r"\*") for part in text.removesuffix(" ms").split(" / ")]
+            parts = text.removesuffix(" ms").replace("*", r"\*").split(" / ")
             theirs.append({"method": f"paper: {column.title}", **dict(zip(names, parts, strict=True))})
     printed = pd.DataFrame(theirs).map("*{}*".format, na_action="ignore")
-    return pd.concat([document.texts(done, columns), printed])
+    return pd.concat([document.texts(document.measured(own), PARTS), printed])
 
 
 def methods_table(table: DataFrame) -> DataFrame:
     """What each method really built, and what it says of its answers itself."""
     own = table[table["built"] != "-"].drop_duplicates(["row", "built", "known_inexact"])
-    said = own["known_inexact"].where(own["known_inexact"] != "", "-")
-    return own[["row", "built"]].assign(**{"declares itself inexact": said}).rename(columns={"row": "method"})
+    said = {"known_inexact": "declares itself inexact", "row": "method"}
+    return own[["row", "built", "known_inexact"]].replace("", "-").rename(columns=said)
 
 
-def scenes_table(table: DataFrame, scenes: list[str]) -> DataFrame:
+def scenes_table(table: DataFrame) -> DataFrame:
     """What each scene stands in for, and what of its answers needs to be known."""
-    own = table.groupby("title").agg({"stand_in": "first", "excused_share": "max", "reference_errors": "max"})
-    columns: document.Columns = {
-        "scene": ("title", str), "made as": ("stand_in", lambda text: text or "-"),
-        "excused as too close to an edge, at most": ("excused_share", "{:.4%}"),
-        "answers that the reference (Embree) got wrong": ("reference_errors", "{:,}"),
-    }  # fmt: skip
-    return document.texts(own.loc[scenes].reset_index(), columns)
+    facts = {"stand_in": "first", "excused_share": "max", "reference_errors": "max"}
+    return document.texts(table.groupby("title", sort=False).agg(facts).reset_index(), SCENE_FACTS)
 
 
 def notes(table: DataFrame) -> list[str]:
-    """How to read an entry, and how far to trust its digits."""
-    done = document.measured(table)
-    told = [
-        f"{style.OK} no wrong answer; {style.WRONG} n: n wrong pixels and visibility bits over all frames measured; "
-        f"{style.UNSCORED}: there was no exact reference. Mrays/s: primary and shadow rays over the whole frame. MB: "
-        "structures and work buffers. Where a scene moves, times are means over its frames."
-    ]
+    """How to read an entry, what was left out, and where the paper's numbers are from."""
+    told = [ABOUT]
     theirs = set(table["scene"]) & set(paper.ROWS)
     if theirs and set(table["width"]) | set(table["height"]) != set(paper.SIZE):
-        told.append(
+        told += [
             f"Only {paper.SIZE[0]}x{paper.SIZE[1]} is to be held against the paper's rows ({paper.LABEL})."
-        )
-    if len(done):
-        gap = done["stage_gap"].abs().fillna(0.0)
-        worst = done.loc[gap.idxmax()]
-        told.append(
-            f"The sum of the parts, measured apart, differs from the whole frame by {gap.median():.1%} (median), at most "
-            f"{gap.max():.1%} ({worst['title']}, {worst['row']})."
-        )
-    for column, text in (("frames_left_out", "Frames left out, beyond the point's budget; best is who is fastest over "
-                          "the frames that both have"), ("regrown", "Capacities grew before timing")):  # fmt: skip
-        rows = done[done[column] > 0]
-        told += [f"{text}: {'; '.join(rows['title'] + ', ' + rows['row'])}."] * bool(len(rows))
-    told += [f"Unscored: {reason}." for reason in sorted(set(done["unscored"]) - {""})]
-    if table.attrs.get("older"):
-        told.append(
-            f"Not shown: older records of these points, or of other scenes of their names: {table.attrs['older']}."
-        )
-    missing = [entry.label for entry in METHODS if entry.label not in set(table["label"])]
-    if missing and set(table["preset"]) == {"quick"}:
-        told.append(f"Not in this run: {', '.join(missing)}; the preset paper has all.")
-    printed = " ".join(cell for scene in table["scene"].unique() for cell in paper.cells(scene))
-    footnotes = [note for note in paper.FOOTNOTES if note.split()[0] in printed or note.startswith("Our")]
-    sources = "; ".join(f"{c.title}: {c.source}" for c in paper.COLUMNS).replace("*", r"\*")
+        ]
+    short = table[table["frames_left_out"] > 0]
+    told += [f"{LEFT_OUT}{'; '.join(short['title'] + ', ' + short['row'])}."] * bool(len(short))
+    told += [f"Unscored: {reason}." for reason in sorted(set(table["unscored"]) - {""})]
+    if older := table.attrs.get("older"):
+        told += [f"Not shown: older records of these points, or of other scenes of their names: {older}."]
     told += document.never_hit_notes(table)
     if theirs:
-        told.append(f"The paper's rows: {paper.LABEL}, as printed. {sources}. {' '.join(footnotes)}")
+        printed = " ".join(cell for scene in theirs for cell in paper.cells(scene))
+        footnotes = [note for note in paper.FOOTNOTES if note.split()[0] in f"Our {printed}"]
+        sources = "; ".join(f"{c.title}: {c.source}" for c in paper.COLUMNS).replace("*", r"\*")
+        told += [f"The paper's rows: {paper.LABEL}, as printed. {sources}. {' '.join(footnotes)}"]
     return told
 
 
@@ -259,26 +242,6 @@ def paper_rows(scenes: Iterable[str]) -> DataFrame:
                          "reason": f"printed as {text!r}", "unscored": "the paper states no errors",
                          **{f"{name}_ms": value for name, value in values.items()}})  # fmt: skip
     return pd.DataFrame(rows)
-
-
-def picture(table: DataFrame, scenes: list[str], path: Path) -> Path:
-    """A panel a scene, stacked bars by part of the frame; the whole frame and its error beside each."""
-    colours = style.colours(table["method"])
-    own = table.sort_values("title", key=lambda s: s.map(scenes.index), kind="stable")
-    time = own["total_ms"].map(style.number) + " " + own["error"]
-    own = own.assign(text=time.where(own["total_ms"].notna(), own["status"]))
-    across = min(2, len(scenes))
-    rows = own["row"].nunique()
-    size = (
-        style.COLUMN_WIDTH * (0.35 + 0.65 * across),
-        (0.125 * rows + 0.3) * -(-len(scenes) // across) + 0.7,
-    )
-    tints = {method: panels.part_tints(colour) for method, colour in colours.items()}
-    with panels.bar_panels(path, own, size, tints=tints, name="row", facet="title", across=across, cut=CUT, room=1.5,
-                           legend=5, font=5.5) as (figure, places):  # fmt: skip
-        panels.name_parts(places[0][0])
-        figure.supxlabel("ms per frame, split by part; whisker: interquartile range of repeats", fontsize=7)
-    return path
 
 
 EXPERIMENT = Experiment(

@@ -51,50 +51,33 @@ def read(folder: Path) -> pd.DataFrame:
     """
     frames = document.frames(folder)
     table = document.named(frames)
+    key, one = table["key"], frames["lights"] == 1
     table["frames_per_s"] = 1000.0 / table["total_ms"]
     table["ms_per_light"] = (table["light_build_ms"] + table["shadow_ms"]) / table["lights"]
-    own, one = compare.pairs(frames, frames["lights"] == 1, SAME)
-    lights_ms, first_ms = (side["light_build_ms"] + side["shadow_ms"] for side in (own, one))
+    own, first = compare.pairs(frames, one, SAME)
+    lights_ms, first_ms = (side["light_build_ms"] + side["shadow_ms"] for side in (own, first))
     further = (lights_ms - first_ms) / (own["lights"].where(own["lights"] > 1) - 1)
-    table["further_ms"] = table["key"].map(further)
-    table["further_over_first"] = table["key"].map(further / first_ms)
-    whole = compare.ratios(frames, frames["lights"] == 1, SAME)
-    table["more"] = document.carry(
-        table["key"].map(whole["ratio"]) - 1, table["key"].map(whole["spread"]), "+%"
-    )
-    table["ms"] = document.carry(table["total_ms"], table["spread"])
-    table["rate"] = document.carry(
-        table["frames_per_s"], table["spread"] * table["frames_per_s"] / table["total_ms"]
-    )
+    table["further_ms"], table["further_over_first"] = key.map(further), key.map(further / first_ms)
+    whole = compare.ratios(frames, one, SAME)
+    table["more"] = document.carry(key.map(whole["ratio"]) - 1, key.map(whole["spread"]), "+%")
+    rate = table["frames_per_s"]
+    table["rate"] = document.carry(rate, rate * table["spread"] / table["total_ms"])
     return table
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Time against the number of lights, CSV, and frames a second with two."""
     table = read(folder)
-    files = [document.write_csv(table, folder / "two_lights.csv", COLUMNS)]
-    table = table.sort_values("lights", kind="stable")
-    looks = panels.looks(table)
-    for name, own in table.groupby("file", sort=False):
-        files.append(path := folder / f"two_lights-{name}.svg")
-        with panels.lines(path, own, "lights", "total_ms", (style.COLUMN_WIDTH, 2.7), facet="title", whisker="spread",
-                          drawn=looks) as (_, [(axes, _)]):  # fmt: skip
-            axes.set_xscale("log", base=2)
-            style.plain_log(axes)
-            axes.set_xticks(counts := sorted(own["lights"].unique()), counts)
-            axes.set(xlabel="number of lights", ylabel="ms per frame, everything rebuilt")
-    done = document.measured(table)
+    rows, done = table.sort_values("lights", kind="stable"), document.measured(table)
+    scenes = table["title"].nunique()
+    picture = panels.lines(
+        folder / "two_lights.svg", rows, "lights", "total_ms", facet="title", across=min(2, scenes), whisker="spread",
+        log_x=2, ticks=str, high=1.4 if scenes > 1 else 2.0, below="number of lights", sharex=True,
+        left="ms per frame, everything rebuilt",
+    )  # fmt: skip
     tables = {"Lights": lights_table(done)}
     return document.write(
-        folder,
-        "two_lights",
-        EXPERIMENT.title,
-        finding(done),
-        tables,
-        files,
-        table.sort_index(),
-        quiet,
-        [APART],
+        folder, EXPERIMENT, table, COLUMNS, finding(done), tables, [picture], quiet, [APART]
     )
 
 

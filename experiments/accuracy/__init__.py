@@ -172,25 +172,22 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     table = tables.read(folder)
     cost = tables.costs(folder, [*MEASURES, *OTHER_MEASURES])
     hard = hard_cases.read_hard(folder)
+    equal = tables.equal_error(table)
     files = [
-        document.write_csv(table, folder / "accuracy.csv", tables.COLUMNS),
-        document.write_csv(
-            tables.equal_error(table), folder / "accuracy_equal_error.csv", tables.EQUAL_COLUMNS
-        ),
+        document.write_csv(equal, folder / "accuracy_equal_error.csv", tables.EQUAL_COLUMNS),
         document.write_csv(cost, folder / "accuracy_costs.csv", tables.COST_COLUMNS),
         *pictures.draw_frontier(table, folder / "accuracy_pareto.svg"),
         *pictures.draw_costs(cost, EXACT, folder / "accuracy_costs.svg"),
+        *pictures.draw_where(folder, table, SHOWN),
+        *pictures.draw_heat(folder),
     ]
-    where = pictures.draw_where(folder, table, SHOWN)
-    files += [*where, *offsets.draw(folder)]
     shown = {
         "Points that no other one beats in time and wrong answers a frame": tables.frontier_table(table),
         "What each safety measure adds to the frame (±: within the noise)": tables.cost_table(cost, hard),
     }
-    notes = [*tables.notes(table), *hard_cases.described(hard), *([pictures.ABOUT] if where else [])]
-    return document.write(
-        folder, "accuracy", EXPERIMENT.title, tables.finding(table, cost), shown, files, table, quiet, notes
-    )
+    notes = [*tables.notes(table), *hard_cases.described(hard)]
+    finding = tables.finding(table, cost)
+    return document.write(folder, EXPERIMENT, table, tables.COLUMNS, finding, shown, files, quiet, notes)
 
 
 EXPERIMENT = Experiment(

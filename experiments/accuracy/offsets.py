@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,6 @@ from ...harness.judge.context import Judge
 from ...harness.judge.counts import Score, total
 from ...harness.judge.score import score_answers
 from ...harness.judge.verdict import EXCUSED, Verdict
-from ...harness.report import panels
 from ...harness.runner.experiment import Entry
 from ...harness.runner.job import Options
 from ...harness.runner.machine_lock import MACHINE
@@ -119,71 +117,3 @@ def keep_grid(
         found = list(counted(report, "errors by light distance and offset, untimed", rows, count))
         text = pd.DataFrame(found, columns=COLUMNS).convert_dtypes().to_csv(index=False, lineterminator="\n")
         write_text(options.out / NAME, text)
-
-
-def draw(folder: Path) -> list[Path]:
-    """One panel a method: the share of pixels that differ from the exact answer, from white (none) to dark (all)."""
-    import matplotlib
-    import pandas as pd
-    from matplotlib.colors import LogNorm
-
-    if not (folder / NAME).exists():
-        return []
-    rows = pd.read_csv(folder / NAME)
-    rows = rows[rows["status"] == "ok"]
-    if rows.empty:
-        return []
-    rows["share"] = (rows["wrong"] + rows["excused"]) / rows["pixels"]
-    labels = list(rows["label"].unique())
-    across, down = min(3, len(labels)), -(-len(labels) // 3)
-    shade = LogNorm(1e-4, 1.0)
-    colours = matplotlib.colormaps["magma_r"].with_extremes(bad="white")
-    path = folder / "accuracy_heat.png"
-    with panels.sheet(path, (7.0, 0.55 + 1.6 * down), down, across, legend=0, grid="", dpi=200, colours=160, sharex=True,
-                      sharey=True) as (figure, grid):  # fmt: skip
-        for axes, label in zip(grid.ravel(), labels, strict=False):
-            own = rows[rows["label"] == label]
-            share = own.pivot(index="offset", columns="distance", values="share")
-            image = axes.imshow(
-                np.ma.masked_less_equal(share, 0.0), norm=shade, cmap=colours, origin="lower", aspect="auto"
-            )
-            for r in own.itertuples():
-                text = f"{r.wrong:,.0f}" + f"\n(+{r.excused:,.0f})" * bool(r.excused)
-                axes.text(share.columns.get_loc(r.distance), share.index.get_loc(r.offset), text, ha="center", va="center",
-                          fontsize=4.8, color=ink(colours, shade(r.share)))  # fmt: skip
-            axes.set_title(label, fontsize=7)
-            axes.set_xticks(range(share.shape[1]), map(power, share.columns))
-            axes.set_yticks(range(share.shape[0]), map(power, share.index))
-            axes.tick_params(length=0)
-        for i, axes in enumerate(grid.ravel()):
-            axes.set_axis_off() if i >= len(labels) else axes.tick_params(
-                labelbottom=i >= len(labels) - across
-            )
-        figure.supxlabel("distance of the light from the middle, in scene radii", fontsize=7)
-        figure.supylabel("offset of the scene from the origin, in radii", fontsize=7)
-        bar = figure.colorbar(image, ax=list(grid.ravel()), shrink=0.9, pad=0.01)
-        bar.set_label("differing answers / pixels (white: none)", fontsize=6.5)
-        scene, size = rows.iloc[0][["scene", "size"]]
-        figure.suptitle(
-            f"Answers that differ from the exact one on {scene}, {size}x{size}, scene not recentred: "
-            "wrong (+ excused: within rounding of an edge)",
-            fontsize=7.5,
-        )
-    return [path]
-
-
-def ink(colours: Any, level: Any) -> str:
-    """Black or white, whichever stands out more from the colour at a level (masked or not a number: none, white)."""
-    if np.ma.is_masked(level) or not np.isfinite(level):
-        return "black"
-    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in colours(float(level))[:3]]
-    luminance = float(np.dot(linear, (0.2126, 0.7152, 0.0722)))
-    # Where the contrast with white, 1.05 / (L + 0.05), equals that with black, (L + 0.05) / 0.05.
-    return "white" if luminance < 0.179 else "black"
-
-
-def power(x: float) -> str:
-    """A round number as a power of ten where it is one."""
-    exponent = round(np.log10(x)) if x > 0 else 0
-    plain = x == 0 or 0.01 <= x < 100 or x != 10.0**exponent
-    return f"{x:g}" if plain else f"$10^{{{exponent}}}$"

@@ -16,6 +16,7 @@ from ...harness.report import panels, style
 from ...harness.report.dots import dots
 from ...harness.report.flip import reference_path
 from ...harness.results.pixel_maps import read_wrong, wrong_path
+from .offsets import NAME
 from .tables import usable
 
 if TYPE_CHECKING:
@@ -31,15 +32,9 @@ PAINT: dict[str, tuple[tuple[int, ...], str]] = {
     "not judged: differs from the reference": ((UNJUDGED,), "#CC79A7"),
     "excused: edge or near tie": ((Verdict.EDGE, Verdict.NEAR_TIE), "#009E73"),
 }
-ABOUT = (
-    "accuracy_where-SCENE.png show of large frames the part where most is wrong in any of a picture's panels; the "
-    "numbers above a panel count the whole frame."
-)
 WRONG_SIDE = "wrong answers a frame"
 NONE = 0.1
 """Where no wrong answer stands on a logarithmic axis of their number."""
-ACROSS = 3
-"""Panels beside one another."""
 LARGEST = 320
 """Pixels along a side of a panel: larger frames are cropped to where most is wrong."""
 
@@ -51,8 +46,8 @@ def draw_frontier(table: pd.DataFrame, path: Path) -> list[Path]:
     known = usable(table)
     if known.empty:
         return []
-    rank = {family: i for i, family in enumerate(known["family"].unique())}
-    known = known.sort_values("family", key=lambda s: s.map(rank), kind="stable")
+    families = list(known["family"].unique())
+    known = known.sort_values("family", key=lambda s: s.map(families.index), kind="stable")
     wrong = known.assign(side=WRONG_SIDE, x=known["wrong_per_frame"].clip(lower=NONE))
     rows = pd.concat([wrong, known.assign(side="ms per frame", x=known["total_ms"])])
     return [dots(path, rows, "name", "x", "title", facet="side", marked="on_frontier", band=0.24, legend=3,
@@ -68,22 +63,18 @@ def draw_costs(cost: pd.DataFrame, base: str, path: Path) -> list[Path]:
     own = cost[cost["with"] == base]
     if own.empty:
         return []
-    names = list(own["measure"].unique())
-    colours = {"all else": "#cccccc", **{name: style.COLOURS[i % 8] for i, name in enumerate(names)}}
     known = own.assign(added=own["cost_ms"].clip(lower=0).where(~own["within_noise"], 0.0))
-    parts = known.pivot(index="scene_title", columns="measure", values="added").fillna(0.0)
+    table = known.pivot(index="scene_title", columns="measure", values="added").fillna(0.0)
+    names = [name for name in own["measure"].unique() if table[name].any()]
     total = own.groupby("scene_title", sort=False)["with_ms"].first()
-    table = parts.loc[total.index].assign(total_ms=total, iqr_ms=0.0, scene=total.index, whose=base)
-    table = table.assign(text=total.map(style.number) + " ms", **{"all else": total - parts.sum(axis=1)})
-    size = (2 * style.COLUMN_WIDTH, 0.24 * len(table) + 1.1)
-    look = {"tints": {base: colours}, "by": "whose", "name": "scene", "edge": "#888888", "room": 1.12}
-    with panels.bar_panels(path, table, size, legend=2, **look) as (_, places):  # type: ignore[arg-type]
-        axes = places[0][0]
-        for name, colour in colours.items():
-            adds = name == "all else" or (parts[name] > 0).any()
-            axes.fill_between([], [], color=colour, label=name + " (adds no time)" * (not adds))
-        axes.set_xlabel(f"ms: the frame of {base}, and what of it each measure adds")
-    return [path]
+    table = table.loc[total.index].assign(
+        total_ms=total, iqr_ms=0.0, scene=total.index, method="", text=total.map(style.number) + " ms",
+        rest=total - table.sum(axis=1),
+    )  # fmt: skip
+    parts = {"all else": ("rest", "#cccccc")}
+    parts |= {name: (name, style.COLOURS[i]) for i, name in enumerate(names)}
+    below = [f"ms: the frame of {base}, and what of it each measure adds that adds more than the noise"]
+    return [panels.bars(path, table, name="scene", parts=parts, room=1.12, wide=2, below=below)]
 
 
 def draw_where(folder: Path, table: pd.DataFrame, shown: Sequence[str]) -> list[Path]:
@@ -91,33 +82,73 @@ def draw_where(folder: Path, table: pd.DataFrame, shown: Sequence[str]) -> list[
 
     Maps are large, and a folder that travels may have left them out: its pictures of an earlier drawing stay.
     """
-    from matplotlib.patches import Patch
-
+    inks = {title: colour for title, (_, colour) in PAINT.items()}
     for name, own in table.groupby("file", sort=False):
-        by_label = own.drop_duplicates("label").set_index("label")
-        rows = [(label, by_label.loc[label]) for label in shown if label in by_label.index]
-        paths = [(label, r, wrong_path(folder, r["key"], last_frame(r))) for label, r in rows]
-        kept = [(label, r, read_wrong(path)) for label, r, path in paths if path.exists()]
-        if not kept:
-            continue
-        across = min(ACROSS, len(kept))
-        down = -(-len(kept) // across)
-        part = window(max((wrong_in(classes) for *_, classes in kept), key=np.sum))
-        inks = [colour for _, colour in PAINT.values()]
-        path = folder / f"accuracy_where-{name}.png"
-        size = (2.2 * across, 2.45 * down + 0.6)
-        with panels.sheet(path, size, down, across, legend=0, grid="", inks=inks) as (figure, grid):
-            for axes in grid.ravel():
-                axes.set_axis_off()
-            for axes, (label, r, classes) in zip(grid.ravel(), kept, strict=False):
-                axes.imshow(painted(folder, r, classes)[part], interpolation="nearest")
-                lines = [line for text in (label, counted(classes)) for line in textwrap.wrap(text, 44)]
-                axes.set_title("\n".join(lines), fontsize=6)
-            handles = [Patch(facecolor=colour, label=title) for title, (_, colour) in PAINT.items()]
-            figure.legend(handles=handles, loc="outside lower center", ncols=across, frameon=False, handlelength=1.2,
-                          fontsize=6)  # fmt: skip
-            figure.suptitle(f"Where the wrong pixels are: {own['title'].iloc[0]}", fontsize=7.5)
+        by_label = own.drop_duplicates("label").set_index("label", drop=False)
+        rows = [by_label.loc[label] for label in shown if label in by_label.index]
+        paths = [(r, wrong_path(folder, r["key"], last_frame(r))) for r in rows]
+        kept = [(r, read_wrong(path)) for r, path in paths if path.exists()]
+        if kept:
+            part = window(max((wrong_in(classes) for _, classes in kept), key=np.sum))
+            images = [
+                (
+                    "\n".join([r["label"], *textwrap.wrap(counted(classes), 44)]),
+                    painted(folder, r, classes)[part],
+                )
+                for r, classes in kept
+            ]
+            title = f"Where the wrong pixels are: {own['title'].iloc[0]}"
+            below = [
+                "Of large frames the part where most is wrong in any panel; numbers count the whole frame."
+            ]
+            path = folder / f"accuracy_where-{name}.png"
+            panels.images(
+                path, images, across=3, title=title, below=below, key=inks, wide=2, inks=list(inks.values())
+            )
     return sorted(folder.glob("accuracy_where*.png"))
+
+
+def draw_heat(folder: Path) -> list[Path]:
+    """One panel a method: the share of pixels that differ from the exact answer, from white (none) to dark (all)."""
+    import matplotlib
+    import pandas as pd
+    from matplotlib.colors import LogNorm
+
+    rows = pd.read_csv(folder / NAME).query("status == 'ok'") if (folder / NAME).exists() else pd.DataFrame()
+    if rows.empty:
+        return []
+    rows["share"] = (rows["wrong"] + rows["excused"]) / rows["pixels"]
+    rows["text"] = rows["wrong"].map("{:,.0f}".format) + rows["excused"].map("\n(+{:,.0f})".format).where(
+        rows["excused"] > 0, ""
+    )
+    panels_of, down = panels.places(rows, "label", 3)
+    look = {"norm": LogNorm(1e-4, 1.0), "cmap": matplotlib.colormaps["magma_r"].with_extremes(bad="white")}
+    scene, size = rows.iloc[0][["scene", "size"]]
+    path = folder / "accuracy_heat.png"
+    below = [
+        "distance of the light from the middle, in scene radii",
+        f"In a cell: answers that differ from the exact one on {scene}, {size}x{size}, scene not recentred: wrong (+ "
+        "excused, within rounding of an edge)",
+    ]
+    with panels.sheet(path, (7.0, 0.8 + 1.6 * down), down, min(3, len(panels_of)), legend=0, grid="", dpi=200, colours=160,
+                      sharex=True, sharey=True, below=below, left="offset of the scene from the origin, in radii") as (
+        figure, grid,
+    ):  # fmt: skip
+        for axes in grid.flat[len(panels_of) :]:
+            axes.set_axis_off()
+        for axes, (label, own) in zip(grid.flat, panels_of, strict=False):
+            share = own.pivot(index="offset", columns="distance", values="share")
+            image = axes.imshow(share.where(share > 0), origin="lower", aspect="auto", **look)
+            for r in own.itertuples():
+                place = share.columns.get_loc(r.distance), share.index.get_loc(r.offset)
+                ink = "white" if r.share > 0.02 else "black"
+                axes.text(*place, r.text, ha="center", va="center", fontsize=4.8, color=ink)
+            axes.set_title(label, fontsize=7)
+            axes.set_xticks(range(share.shape[1]), map(style.radii, share.columns))
+            axes.set_yticks(range(share.shape[0]), map(style.radii, share.index))
+        bar = figure.colorbar(image, ax=list(grid.flat), shrink=0.9, pad=0.01)
+        bar.set_label("differing answers / pixels (white: none)", fontsize=6.5)
+    return [path]
 
 
 def last_frame(r: pd.Series) -> int:

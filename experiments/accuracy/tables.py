@@ -122,14 +122,14 @@ def costs(folder: Path, measures: Sequence[Measure]) -> pd.DataFrame:
 def frontier_table(table: pd.DataFrame) -> pd.DataFrame:
     """The points of each scene that no other one beats, fastest first; beside them the fastest that is never wrong."""
     own = usable(table)
+    titles = list(own["title"].unique())
     own = own[own["on_frontier"].astype(bool)]
-    rank = {title: i for i, title in enumerate(own["title"].unique())}
-    own = own.assign(ms=document.carry(own["total_ms"], own["spread"]), rank=own["title"].map(rank))
     columns: document.Columns = {"scene": ("title", str), "point": ("name", str), "ms": ("ms", str)}
     counts = {"wrong answers": "wrong_per_frame", "acne": "acne", "leaks": "leak", "excused": "excused"}
     columns |= {heading: (column, "{:,.0f}") for heading, column in counts.items()}
     columns["FLIP"] = ("flip", "{:.4f}")
-    return document.texts(own.sort_values(["rank", "total_ms"]), columns)
+    own = own.sort_values("total_ms").sort_values("title", key=lambda s: s.map(titles.index), kind="stable")
+    return document.texts(own, columns)
 
 
 def cost_table(cost: pd.DataFrame, hard: pd.DataFrame) -> pd.DataFrame:
@@ -138,18 +138,17 @@ def cost_table(cost: pd.DataFrame, hard: pd.DataFrame) -> pd.DataFrame:
         return cost
     noise = cost["noise_ms"] / cost["without_ms"]
     text = document.carry(cost["share"], noise, "+%").mask(cost["within_noise"], noise.map("±{:.1%}".format))
-    wide = document.cross_table(
-        cost.assign(text=text.mask(noise.isna(), "?")), ["measure"], "scene_title", "text"
+    text = text.mask(noise.isna(), "?")
+    wide = document.cross_table(cost.assign(text=text), ["measure"], "scene_title", "text").set_index(
+        "measure"
     )
     groups = cost.groupby("measure", sort=False)
     wrong = groups[["wrong_without", "wrong_with"]].sum().map("{:,.0f}".format)
+    wide["wrong without (with)"] = wrong["wrong_without"] + " (" + wrong["wrong_with"] + ")"
     errors = hard.set_index("label")["true_errors"].map("{:,}".format)
     pairs = groups[["without", "with"]].first().apply(lambda labels: labels.map(errors).fillna("-"))
-    wide["wrong without (with)"] = wide["measure"].map(
-        wrong["wrong_without"] + " (" + wrong["wrong_with"] + ")"
-    )
-    wide["hard cases"] = wide["measure"].map(pairs["without"] + " (" + pairs["with"] + ")")
-    return wide
+    wide["hard cases"] = pairs["without"] + " (" + pairs["with"] + ")"
+    return wide.reset_index()
 
 
 def finding(table: pd.DataFrame, cost: pd.DataFrame) -> str:
@@ -174,23 +173,16 @@ def finding(table: pd.DataFrame, cost: pd.DataFrame) -> str:
 def notes(table: pd.DataFrame) -> list[str]:
     """What else must be known to read the tables."""
     known = usable(table)
-    result = [
+    told = [
         f"The fastest point of each family with fewer than {FEW} wrong answers: accuracy_equal_error.csv."
     ]
     if known["device_name"].nunique() > 1:
-        result.append("Points on another device than most of their scene's are on no frontier.")
+        told.append("Points on another device than most of their scene's are on no frontier.")
     sampled = known.reindex(columns=["primary.unjudged"])["primary.unjudged"] > 0
     if sampled.any():
-        result.append(
+        told.append(
             f"Of {int(sampled.sum())} points so many answers differ from the reference's that only a sample of them was "
             "judged; every other one counts as wrong, in no class of its own."
         )
-    looks = known[known["flip"].notna() & (known["wrong_per_frame"] > 0)]
-    if len(looks):
-        worst = looks.loc[looks["flip"].idxmax()]
-        result.append(
-            f"FLIP against the reference's picture is {worst['flip']:.3f} at most ({worst['title']}, {worst['label']}); of "
-            f"{len(looks)} points with wrong answers {int((looks['flip'] < 0.001).sum())} stay below 0.001."
-        )
     missing = known.loc[known["flip_missing"].fillna("") != "", "flip_missing"].value_counts()
-    return result + [f"FLIP is missing at {count} points: {reason}." for reason, count in missing.items()]
+    return told + [f"FLIP is missing at {count} points: {reason}." for reason, count in missing.items()]

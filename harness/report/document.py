@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..results.means import points
-from ..results.table import TEXTS, tidy
+from ..results.table import TEXTS, stage_ms, tidy
 from ..scene.facts import never_hit
 from . import paper_table1 as paper
 from . import style
 from .compare import apart as runs_apart
-from .compare import spread
+from .compare import pass_spread, spread
 from .terminal import make_console, print_table
 
 if TYPE_CHECKING:
@@ -64,6 +64,11 @@ def carry(values: Series, spreads: Series, form: str = "") -> Series:
     """:func:`carried` of each value with its spread; what is not known is missing."""
     texts = [carried(*pair, form) for pair in zip(values.astype("float64"), spreads, strict=True)]
     return values.astype(object).where(values.isna(), texts)
+
+
+def pass_texts(table: DataFrame, repeats: DataFrame, part: str, pattern: str = "") -> Series:
+    """The time of passes as text: see :func:`.report.compare.pass_spread`, ``repeats`` are its samples."""
+    return carry(stage_ms(table, part, pattern), table["key"].map(pass_spread(repeats, part, pattern)))
 
 
 def texts(table: DataFrame, columns: Columns) -> DataFrame:
@@ -113,7 +118,7 @@ def read(folder: Path | str) -> DataFrame:
     """One row a point of a folder (:func:`.results.means.points`), in the order of :func:`frames`. Besides:
 
     title        the scene's, with "(stand-in)" where it is one, and with the size of the image where there are several
-    spread       see :func:`.report.compare.spread`
+    spread, ms   see :func:`.report.compare.spread`; the time of the frame as text, with the digits that it carries
     file         a name for the scene's files: with the size too where there are several
     error        :func:`check_text`: a tick, how many answers are wrong, or "unscored"
     light_count  the column ``lights``, as every CSV calls it
@@ -128,9 +133,11 @@ def named(table: DataFrame) -> DataFrame:
     size = sizes if sizes.nunique() > 1 else sizes.str[:0]
     told = (table["stand_in"] == "") | table["scene_title"].str.contains("stand-in")
     title = table["scene_title"].where(told, table["scene_title"] + " (stand-in)")
+    apart = spread(table)
     return table.assign(
         title=title + size.where(size == "", ", " + size),
-        spread=spread(table),
+        spread=apart,
+        ms=carry(table["total_ms"], apart),
         file=table["scene"] + size.where(size == "", "-" + size),
         light_count=table["lights"],
         error=[check_text(row) for row in table.to_dict("records")],
@@ -201,33 +208,43 @@ def not_measured(table: DataFrame, apart: Collection[str] = ()) -> list[str]:
 
 
 def write(
-    folder: Path, experiment: str, title: str, finding: str, tables: Mapping[str, DataFrame], files: Sequence[Path],
-    table: DataFrame, quiet: bool, notes: Sequence[str] = (), apart: Collection[str] = (),
+    folder: Path, experiment: Any, table: DataFrame, columns: Sequence[str], finding: str,
+    tables: Mapping[str, DataFrame], pictures: Sequence[Path], quiet: bool, notes: Sequence[str] = (), *,
+    rows: DataFrame | None = None, apart: Collection[str] = (),
 ) -> list[Path]:  # fmt: skip
-    """Write ``EXPERIMENT.md``, print it unless ``quiet``; return every file written.
+    """Write ``EXPERIMENT.csv`` and ``EXPERIMENT.md``, print the report unless ``quiet``; return every file written.
 
+    experiment  has a name and a title
+    table    the points behind the report, for where they ran, how long, and what is known of their answers
+    columns  of the CSV: of ``table``, or of ``rows``
     tables   what stands under each heading
-    table    the points behind it, for where they ran, how long, and what is known of their answers
     notes    lines below the tables
+    apart    see :func:`not_measured`
     """
+    csv = write_csv(table if rows is None else rows, folder / f"{experiment.name}.csv", columns)
     about = [*notes, *(text for text in (*runs_apart(table), effort(table), errors(table)) if text)]
     shown = {heading: body for heading, body in tables.items() if len(body)}
     if any(NOISY in str(cell) for body in shown.values() for cell in body.to_numpy().ravel()):
         about.insert(0, ABOUT_NOISE)
     lost = not_measured(table, apart)
-    text = [f"# {title}", "", finding, "", f"{where(table)}.", ""]
+    text = [f"# {experiment.title}", "", finding, "", f"{where(table)}.", ""]
     for heading, body in shown.items():
         text += [f"## {heading}", "", *markdown(body), ""]
     text += [f"{line}\n" for line in about]
     text += ["Not measured:", "", *(f"- {line}" for line in lost), ""] if lost else []
-    path = folder / f"{experiment}.md"
-    pictures = [file.name for file in files if file.suffix in (".svg", ".png")]
-    pictures += [name for name in linked(path) if name not in pictures]
-    text += [f"![{Path(name).stem}]({name})" for name in pictures]
+    path = folder / f"{experiment.name}.md"
+    names = [file.name for file in pictures if file.suffix in (".svg", ".png")]
+    names += [name for name in linked(path) if name not in names]
+    text += [f"![{Path(name).stem}]({name})" for name in names]
     path.write_text("\n".join(text).rstrip() + "\n", encoding="utf-8")
     if not quiet:
-        terminal(title, finding, shown, about, lost)
-    return [*files, path]
+        console = make_console()
+        console.print(f"{experiment.title}\n  {finding}")
+        for heading, body in shown.items():
+            print_table(body, heading, console)
+        for line in [*about, *(["Not measured: " + "; ".join(lost)] if lost else [])]:
+            console.print("  " + line.replace(r"\*", "*"))
+    return [csv, *pictures, path]
 
 
 def where(table: DataFrame) -> str:
@@ -291,15 +308,3 @@ def linked(path: Path) -> list[str]:
         return []
     names = re.findall(r"^!\[[^\]]*\]\(([^)/]+)\)$", path.read_text(encoding="utf-8"), re.MULTILINE)
     return [name for name in names if (path.parent / name).is_file()]
-
-
-def terminal(
-    title: str, finding: str, tables: Mapping[str, DataFrame], about: Sequence[str], lost: Sequence[str]
-) -> None:
-    """Print a report: see :mod:`.report.terminal` for the width."""
-    console = make_console()
-    console.print(f"{title}\n  {finding}")
-    for heading, body in tables.items():
-        print_table(body, heading, console)
-    for line in [*about, *(["Not measured: " + "; ".join(lost)] if lost else [])]:
-        console.print("  " + line.replace(r"\*", "*"))

@@ -1,16 +1,17 @@
-"""A sheet of panels: opened with the project's style, its legend gathered from all panels, saved without a date."""
+"""The shared drawings: lines, stacked bars and images, a panel a value of a column. Saved without a date."""
 
 from __future__ import annotations
 
 import itertools
 import math
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
 
 from ..results.table import PART_COLUMNS
@@ -23,53 +24,58 @@ if TYPE_CHECKING:
 DASHES = ("-", "--", ":", "-.")
 CUT = {"marker": "$//$", "color": "black", "ms": 6, "mew": 0.3, "ls": "none"}
 """The mark at the end of a bar that is cut off."""
-
-
 WHOLE = "ms per frame: a number and its bar; the parts, measured apart, are shown as shares of it"
 """What to say below stacked bars."""
+GREY = "#555555"
+Parts = Mapping[str, tuple[str, Any]]
+"""What a bar is made of: the column and the colour of each part by its title; of a number, so much lighter than the
+method's colour."""
+FRAME: Parts = {
+    part: (f"{column}_ms", style.PART_SHARE[part]) for part, column in PART_COLUMNS.items()
+}  # fmt: skip
 
 
 @contextmanager
 def sheet(
     path: Path, size: tuple[float, float], down: int = 1, across: int = 1, *, legend: int = 2, grid: str = "both",
-    dpi: int = 150, colours: int = 0, inks: Sequence[str] = (), **shared: Any,
+    dpi: int = 150, colours: int = 0, inks: Sequence[str] = (), below: Sequence[str] = (), left: str = "", **shared: Any,
 ) -> Iterator[tuple[Any, Any]]:  # fmt: skip
-    """Yield a figure of ``size`` inches and its axes [down, across]; on leaving, add the legend and write ``path``.
+    """Yield a figure of ``size`` inches and its axes [down, across]; on leaving, add texts and legend and write ``path``.
 
     legend   columns of the legend above the panels: every label of every panel once; 0 for none
     grid     "x", "y", "both" or "" for none
     colours, inks   of a PNG: see :func:`save`
-    shared   passed on to ``Figure.subplots``: ``sharex``, ``sharey``, ``height_ratios``
+    below, left     texts beside the panels; each of those below in as many lines as it needs
+    shared   passed on to ``Figure.subplots``: ``sharex``, ``sharey``
     """
     import matplotlib
     from matplotlib.figure import Figure
 
-    with matplotlib.rc_context(
-        {**style.sheet_style(), "axes.grid": bool(grid), "axes.grid.axis": grid or "both"}
-    ):
+    looks = {**style.sheet_style(), "axes.grid": bool(grid), "axes.grid.axis": grid or "both"}
+    with matplotlib.rc_context(looks):
         figure = Figure(figsize=size, layout="constrained", dpi=dpi)
-        panels = figure.subplots(down, across, squeeze=False, **shared)
-        yield figure, panels
-        if legend:
-            add_legend(figure, legend)
+        yield figure, figure.subplots(down, across, squeeze=False, **shared)
+        letters = int(size[0] * 72 / (0.57 * 6.5))
+        lines = [line for text in below for line in textwrap.wrap(text, letters, break_on_hyphens=False)]
+        if lines:
+            figure.supxlabel("\n".join(lines), fontsize=6.5)
+        if left:
+            figure.supylabel(left, fontsize=7)
+        named: dict[str, Any] = {}
+        for axes in figure.axes if legend else ():
+            for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+                named.setdefault(label, handle)
+        if named:
+            figure.legend(
+                named.values(), named.keys(), loc="outside upper center", ncols=legend, frameon=False
+            )
         save(figure, path, colours, inks)
 
 
-def add_legend(figure: Any, columns: int) -> None:
-    """A legend above the panels: every label of every panel once."""
-    named: dict[str, Any] = {}
-    for axes in figure.axes:
-        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
-            named.setdefault(label, handle)
-    if named:
-        figure.legend(named.values(), named.keys(), loc="outside upper center", ncols=columns, frameon=False)
-
-
-def caption(figure: Any, *texts: str, size: float = 6.5) -> None:
-    """Texts below the panels, each in as many lines as the width of the figure needs."""
-    across = int(figure.get_figwidth() * 72 / (0.57 * size))  # letters of the usual width
-    lines = [line for text in texts for line in textwrap.wrap(text, across, break_on_hyphens=False)]
-    figure.supxlabel("\n".join(lines), fontsize=size)
+def places(table: DataFrame, facet: str, across: int) -> tuple[list[tuple[str, DataFrame]], int]:
+    """The rows of each panel by its title, in the table's order, and how many panels stand below one another."""
+    found = list(table.groupby(facet, sort=False)) if facet else [("", table)]
+    return found, -(-len(found) // across)
 
 
 def looks(table: DataFrame, hue: str = "label") -> dict[Any, dict[str, Any]]:
@@ -89,36 +95,60 @@ def looks(table: DataFrame, hue: str = "label") -> dict[Any, dict[str, Any]]:
     }
 
 
-@contextmanager
 def lines(
-    path: Path, table: DataFrame, x: str, y: str, size: tuple[float, float], *, hue: str = "label",
-    facet: str | list[str] = "", across: int = 1, whisker: str = "",
-    drawn: Mapping[Any, Mapping[str, Any]] | None = None, **sheet_options: Any,
-) -> Iterator[tuple[Any, list[tuple[Any, DataFrame]]]]:  # fmt: skip
-    """A line plot of the rows of a table: yields the figure and of each panel its axes and rows, then writes ``path``.
+    path: Path, table: DataFrame, x: str, y: str, *, below: str | Sequence[str], left: str, hue: str = "label",
+    facet: str = "", across: int = 1, whisker: str = "", drawn: Mapping[Any, Mapping[str, Any]] | None = None,
+    log_x: int = 0, log_y: bool = True, ticks: Callable[[Any], str] | None = None, wrong: str = "",
+    proportion: str = "", upright: tuple[float, str] | None = None, high: float = 1.6, wide: float = 1.0, legend: int = 2,
+    **shared: Any,
+) -> Path:  # fmt: skip
+    """Lines of ``y`` over ``x``: a line a value of ``hue``, a panel a value of ``facet``, ``across`` beside one another.
 
-    facet    column with a panel for each value, ``across`` of them side by side, in the table's order; "": one panel
-    hue      column with a line for each value; the column ``status`` says why a row has no ``y``
+    A row with an ``x`` and no ``y`` has a mark at the upper edge; a line without any ``y`` stands above its panel with the
+    status of its rows.
+
     whisker  column of the spread of y: the length of a whisker above and below its marker
     drawn    how each value of hue is drawn; by default :func:`looks`
-    sheet_options  see :func:`sheet`
+    log_x    base of a logarithmic x; 0: linear. ``log_y``: logarithmic with plain numbers; else from zero
+    ticks    the text of a value of x: each value has a tick then
+    wrong    column that is true where answers are wrong: a cross
+    proportion, upright   the label of a line y ~ x; the place and the label of an upright line
+    high, wide   inches of a panel; columns of a page
     """
     drawn = drawn or looks(table, hue)
-    places = list(table.groupby(facet, sort=False)) if facet else [("", table)]
-    down = -(-len(places) // across)
-    with sheet(path, size, down, across, **sheet_options) as (figure, grid):
-        for axes, (title, here) in zip(grid.flat, places, strict=False):
+    shown, down = places(table, facet, across)
+    size = (style.COLUMN_WIDTH * wide, high * down + 0.9)
+    texts = [below] if isinstance(below, str) else below
+    with sheet(path, size, down, across, legend=legend, below=texts, left=left, **shared) as (_, grid):
+        for axes in grid.flat[len(shown) :]:
+            axes.set_visible(False)
+        for axes, (title, here) in zip(grid.flat, shown, strict=False):
             lost = []
             for value, own in here.groupby(hue, sort=False):
                 line(axes, own, x, y, whisker, str(value), drawn[value])
                 if own[y].isna().all():
                     lost.append(f"{value}: {' and '.join(own['status'].unique())}")
             axes.set_title("\n".join([str(title), *lost]), fontsize=6.5)
-        for axes in grid.flat[len(places) :]:
-            axes.set_visible(False)
-        for axes in grid.flat[max(0, len(places) - across) : len(places)]:
+            if wrong and here[wrong].any():
+                own = here[here[wrong]]
+                axes.plot(own[x], own[y], "kx", ms=5, mew=0.9, zorder=3, label="a frame with wrong answers")
+            if upright:
+                axes.axvline(upright[0], color="0.4", lw=0.8, ls=":", label=upright[1])
+            values = sorted(here[x].dropna().unique())
+            if proportion:
+                ends = np.array([values[0], values[-1]], float)
+                rising = 0.8 * table[y].min() * ends / ends[0]
+                axes.plot(ends, rising, c="0.7", lw=0.9, ls=":", label=proportion, scalex=False, scaley=False)
+            if log_x:
+                axes.set_xscale("log", base=log_x)
+            if ticks:
+                axes.set_xticks(values, map(ticks, values), rotation=45 if log_x and len(values) > 5 else 0)
+                axes.tick_params(axis="x", which="minor", length=0, labelbottom=False)
+        for axes, _ in zip(grid.flat, shown, strict=False):
+            style.plain_log(axes) if log_y else axes.set_ylim(bottom=0)
+        for axes in grid.flat[max(0, len(shown) - across) : len(shown)]:
             axes.tick_params(labelbottom=True)  # the lowest of a column has the numbers
-        yield figure, [(axes, here) for axes, (_, here) in zip(grid.flat, places, strict=False)]
+    return path
 
 
 def line(
@@ -134,90 +164,114 @@ def line(
 
 
 def bars(
-    axes: Any, table: DataFrame, tints: Sequence[Mapping[str, Any]], texts: Sequence[str], limit: float = math.inf,
-    edge: str | None = None, size: float = 6.0,
-) -> None:  # fmt: skip
-    """A stacked bar a row of ``table``, from the top down, as long as ``total_ms``. Whisker: its interquartile range.
+    path: Path, table: DataFrame, *, below: Sequence[str] = (WHOLE,), name: str = "label", facet: str = "", across: int = 1,
+    parts: Parts = FRAME, cut: float = math.inf, room: float = 1.45, mark: tuple[str, str] | None = None,
+    wide: float = 1.0, legend: int = 3,
+) -> Path:  # fmt: skip
+    """Panels of stacked bars (:func:`stacked`), a bar a row: before it the column ``name``, at its end ``text``.
 
-    The parts of a frame are measured apart from the whole and may add up to another time: a bar shows the share of each
-    in their sum.
-
-    tints  the colour of each column that is stacked, a mapping a row; its first colour is the edge unless ``edge`` is
-    texts  what stands at each bar's end: red where answers are wrong, alone and in italics where nothing was measured
-    limit  ms at which a longer bar is cut off, with a mark that the legend explains
+    cut   so many times the median time of its panel a bar is cut off
+    room  length of the axis over that of the longest bar
+    mark  column and name of a time that is marked at the first bar of a panel
     """
-    for place, (row, colours, text) in enumerate(zip(table.to_dict("records"), tints, texts, strict=True)):
-        if math.isnan(row["total_ms"]):
-            axes.annotate(
-                text, (0, place), (3, 0), textcoords="offset points", va="center", size=size, style="italic"
-            )
-            continue
-        # Stages are differences: on a busy machine one may be negative.
-        parts = {column: max(0.0, row[column]) for column in colours}
-        scale = row["total_ms"] / (sum(parts.values()) or 1.0)
-        left = 0.0
-        for column, colour in colours.items():
-            width = min(scale * parts[column], limit - left)
-            axes.barh(place, width, left=left, height=0.74, color=colour, lw=0.4,
-                      edgecolor=edge or next(iter(colours.values())))  # fmt: skip
-            left += width
-        end = row["total_ms"] + row["iqr_ms"] / 2
-        if end > limit:
-            axes.plot([limit], [place], **CUT, label="bar cut off")
-        else:
-            axes.errorbar(
-                row["total_ms"], place, xerr=row["iqr_ms"] / 2, fmt="none", color="black", elinewidth=0.6
-            )
-        axes.annotate(text, (min(end, limit), place), (5 if end > limit else 3, 0), textcoords="offset points",
-                      va="center", size=size, color="#B00000" if style.WRONG in text else "black")  # fmt: skip
-    axes.tick_params(axis="y", length=0)
-    axes.set_ylim(len(table) - 0.4, -0.6)
-
-
-@contextmanager
-def bar_panels(
-    path: Path, table: DataFrame, size: tuple[float, float], *, tints: Mapping[Any, Mapping[str, Any]], by: str = "method",
-    name: str = "label", text: str = "text", facet: str = "", across: int = 1, cut: float = math.inf, room: float = 1.4,
-    edge: str | None = None, font: float = 6.0, **sheet_options: Any,
-) -> Iterator[tuple[Any, list[tuple[Any, DataFrame]]]]:  # fmt: skip
-    """Panels of stacked bars (:func:`bars`), a bar a row: yields the figure and of each panel its axes and rows.
-
-    facet        column with a panel for each value, ``across`` of them side by side; "": one panel
-    tints, by    the colours of the columns that are stacked, for each value of the column ``by``
-    name, text   the columns with what stands before a bar and at its end
-    cut          so many times the median time of its panel a bar is cut off
-    room         length of the axis over that of the longest bar
-    """
-    places = list(table.groupby(facet, sort=False)) if facet else [("", table)]
-    down = -(-len(places) // across)
-    with sheet(path, size, down, across, grid="x", **sheet_options) as (figure, grid):
-        for place, (axes, (title, own)) in enumerate(zip(grid.flat, places, strict=False)):
+    shown, down = places(table, facet, across)
+    rows = max(len(own) for _, own in shown)
+    size = (style.COLUMN_WIDTH * wide, ((0.13 if facet else 0.24) * rows + 0.3) * down + 0.9)
+    with sheet(path, size, down, across, grid="x", legend=legend, below=below) as (_, grid):
+        for i, (axes, (title, own)) in enumerate(zip(grid.flat, shown, strict=False)):
             limit = cut * own["total_ms"].median()
-            bars(axes, own, [tints[value] for value in own[by]], own[text], limit, edge, font)
-            beside = places[place - 1][1] if place % across else own[:0]
-            named = list(own[name])
-            axes.set_yticks(range(len(own)), [""] * len(own) if named == list(beside[name]) else named)
+            stacked(axes, own, parts, limit)
+            beside = i % across > 0 and list(own[name]) == list(shown[i - 1][1][name])
+            axes.set_yticks(range(len(own)), [""] * len(own) if beside else own[name])
             longest = own["total_ms"].max()
             axes.set_xlim(0, room * min(limit, longest) if longest > 0 else 1)
             axes.set_title(title, loc="left", fontsize=7)
-        for axes in grid.flat[len(places) :]:
+            if mark and own[mark[0]].notna().iloc[0]:
+                axes.plot(
+                    own[mark[0]].iloc[0], -0.42, "v", color="black", ms=3.5, label=mark[1], clip_on=False
+                )
+        for part, (_, colour) in parts.items():
+            shade = style.lightened(GREY, colour) if isinstance(colour, float) else colour
+            grid[0, 0].fill_between([], [], color=shade, edgecolor=GREY, lw=0.4, label=part)
+        for axes in grid.flat[len(shown) :]:
             axes.set_axis_off()
-        yield figure, [(axes, own) for axes, (_, own) in zip(grid.flat, places, strict=False)]
+    return path
 
 
-def name_parts(axes: Any) -> None:
-    """Name the parts of a frame in the legend, in greys."""
-    for part, share in style.PART_SHARE.items():
-        grey = style.lightened("#555555", share)
-        axes.fill_between([], [], color=grey, edgecolor="#555555", lw=0.4, label=part)
+def stacked(axes: Any, own: DataFrame, parts: Parts = FRAME, limit: float = math.inf) -> None:
+    """A stacked bar a row, from the top down, as long as ``total_ms``. Whisker: its interquartile range.
+
+    The parts of a frame are measured apart from the whole and may add up to another time: a bar shows the share of each
+    in their sum. ``text`` at its end is red where answers are wrong, alone and in italics where nothing was measured. A bar
+    longer than ``limit`` is cut off, with a mark that the legend explains.
+    """
+    # Stages are differences: on a busy machine one may be negative.
+    widths = own[[column for column, _ in parts.values()]].clip(lower=0.0).fillna(0.0)
+    widths = widths.mul(own["total_ms"].fillna(0.0) / widths.sum(axis=1).replace(0.0, 1.0), axis=0)
+    ends = widths.cumsum(axis=1).clip(upper=limit)
+    starts = ends.shift(axis=1, fill_value=0.0)
+    tints = [style.look(method)["color"] for method in own["method"]]
+    for column, colour in parts.values():
+        shades = [style.lightened(t, colour) if isinstance(colour, float) else colour for t in tints]
+        edge = tints if isinstance(colour, float) else GREY
+        left = starts[column]
+        axes.barh(
+            range(len(own)), ends[column] - left, left=left, height=0.74, color=shades, lw=0.4, edgecolor=edge
+        )
+    for place, row in enumerate(own.to_dict("records")):
+        known, end = not math.isnan(row["total_ms"]), row["total_ms"] + row["iqr_ms"] / 2
+        if known and end <= limit:
+            axes.errorbar(row["total_ms"], place, xerr=row["iqr_ms"] / 2, c="black", elinewidth=0.6)
+        elif known:
+            axes.plot([limit], [place], **CUT, label="bar cut off")
+        axes.annotate(row["text"], (min(end, limit) if known else 0, place), (3 + 2 * (end > limit), 0),
+                      textcoords="offset points", va="center", size=5.5, style="normal" if known else "italic",
+                      color="#B00000" if style.WRONG in row["text"] else "black")  # fmt: skip
+    axes.tick_params(axis="y", length=0)
+    axes.set_ylim(len(own) - 0.4, -0.6)
 
 
-def part_tints(colour: str) -> dict[str, Any]:
-    """A method's colour, lighter part by part, by the column of the part."""
-    return {
-        f"{column}_ms": style.lightened(colour, style.PART_SHARE[part])
-        for part, column in PART_COLUMNS.items()
-    }
+def images(
+    path: Path, shown: Sequence[tuple[str, NDArray[Any]]], *, across: int, title: str = "", below: Sequence[str] = (),
+    key: Mapping[str, str] | None = None, scale: tuple[Any, Any, str] | None = None, wide: float = 1.0, **options: Any,
+) -> Path:  # fmt: skip
+    """Images [height, width] or [height, width, 3], each with its caption above it, ``across`` of them beside one another.
+
+    key    what a colour means, by its text
+    scale  of images of numbers: colours, their norm, and what the bar below says
+    """
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.ticker import MaxNLocator
+
+    across = min(across, len(shown))
+    down = -(-len(shown) // across)
+    width = style.COLUMN_WIDTH * wide
+    tallest = max(image.shape[0] / image.shape[1] for _, image in shown)
+    captions = 0.11 * max(caption.count("\n") + 1 for caption, _ in shown) + 0.08
+    beside = 0.3 * bool(title) + 0.15 * len(below) + 0.45 * bool(key) + 0.6 * bool(scale)
+    size = (width, (min(2.5, tallest) * width / across + captions) * down + beside)
+    colours, norm, about = scale or (None, None, "")
+    with sheet(path, size, down, across, grid="", legend=2 * bool(key), below=below, **options) as (
+        figure,
+        grid,
+    ):
+        for axes, (caption, image) in zip(grid.flat, shown, strict=False):
+            axes.imshow(
+                image, cmap=colours, norm=norm, interpolation="nearest" if scale or key else "antialiased"
+            )
+            axes.set_title(caption, fontsize=5.5)
+        for axes in grid.flat:
+            axes.set_axis_off()
+        for text, colour in (key or {}).items():
+            grid[0, 0].fill_between([], [], color=colour, label=text)
+        if scale:
+            mappable = ScalarMappable(norm, colours)
+            look = {"location": "bottom", "shrink": 0.9, "aspect": 35, "pad": 0.02}
+            bar = figure.colorbar(mappable, ax=list(grid.flat), ticks=MaxNLocator(5), **look)
+            bar.set_label(about, fontsize=6.5)
+        if title:
+            figure.suptitle(title, fontsize=7.5)
+    return path
 
 
 def save(figure: Any, path: Path, colours: int = 0, inks: Sequence[str] = ()) -> Path:

@@ -74,6 +74,11 @@ def number(value: float | None) -> str:
     return f"{value:,.{digits}f}"
 
 
+def radii(distance: float) -> str:
+    """A distance as a person writes it: 0.1, 10, 1e5, 1e7."""
+    return f"{distance:.0e}".replace("e+0", "e") if distance >= 1e4 else f"{distance:g}"
+
+
 def megabytes(value: float | None) -> str:
     """Bytes as MB (1e6), or a dash."""
     return "-" if value is None else number(value / 1e6)

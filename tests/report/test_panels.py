@@ -37,10 +37,17 @@ def test_a_bar_is_as_long_as_the_time_beside_it_says():
         "trace_ms": -0.3,
         "light_build_ms": 0.0,
         "shadow_ms": 0.5,
+        "method": "ray_grids",
+        "text": "4.34 ms",
     }
-    panels.bars(axes, pd.DataFrame([row]), [panels.part_tints("#0072B2")], ["4.34 ms"])
+    panels.stacked(axes, pd.DataFrame([row]))
     assert max(bar.get_x() + bar.get_width() for bar in axes.patches) == pytest.approx(4.34)
     assert [bar.get_width() for bar in axes.patches] == pytest.approx([4.34 * 2.5 / 3, 0, 0, 4.34 * 0.5 / 3])
+    axes = Figure().subplots()
+    panels.stacked(axes, pd.DataFrame([row]), limit=4.0)
+    assert [bar.get_width() for bar in axes.patches] == pytest.approx(
+        [4.34 * 2.5 / 3, 0, 0, 4 - 4.34 * 2.5 / 3]
+    )
 
 
 def test_a_cross_table_keeps_the_tables_order_and_leaves_gaps():
@@ -58,8 +65,9 @@ def test_what_a_run_did_not_come_to_has_a_row_and_a_word_in_its_panel(tmp_path):
     table = document.complete(document.read(write_records(tmp_path, records)))
     (lost,) = table[table["status"] == document.NO_RECORD].to_dict("records")
     assert (lost["scene"], lost["label"], lost["method"]) == ("buddha", "tree", "warp_bvh")
-    with panels.lines(tmp_path / "a.svg", table, "triangles", "total_ms", (3, 2), facet="title", across=2):
-        pass
+    panels.lines(
+        tmp_path / "a.svg", table, "triangles", "total_ms", facet="title", across=2, below="x", left="y"
+    )
     assert "tree: no record" in (tmp_path / "a.svg").read_text()
 
 
