@@ -91,7 +91,8 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     table = read(folder)
     done = document.measured(table)
     effects, moved = done[(done["moved"] == "") & done["ratio"].notna()], done[done["moved"] != ""]
-    pictures, tables, notes = [], {}, []
+    tables: dict[str, pd.DataFrame] = {}
+    pictures, notes = [], []
     if len(effects):
         pictures += [dots(
             folder / "effects.svg", effects[effects["light_label"] != BASE], "light_label", "ratio", "label", facet="title",

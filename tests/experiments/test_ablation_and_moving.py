@@ -94,7 +94,7 @@ def test_moving_explains_a_slow_place_from_its_counters(tmp_path):
     assert scenes == titles, "animated first, and a row for what has no record"
     assert "| Fairy (stand-in) | warp_bvh | no record | - |" in ranges
     assert "| Fairy" not in slowest
-    parts = "0.43 | 0.000 (1.00) | 0.000 (2.00) | 0.000 (1.00) | 24.0 (4.00)"
+    parts = "0.43 | 0.000 (2.00) | 0.000 (3.00) | 0.000 (1.00) | 24.0 (4.00)"
     counted = "90.0 (20.0) | 50.0 (120) | not counted | not counted | not counted"
     assert f"| {ours.label} | {parts} | {counted} |" in slowest
     assert f"| warp_bvh | {parts} | {' | '.join(['not counted'] * 5)} |" in slowest

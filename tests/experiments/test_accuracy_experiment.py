@@ -12,7 +12,7 @@ import pytest
 from helpers.brute_force import make_scene, soup
 from helpers.table1_records import record, write_records
 from shadowbench.experiments import accuracy as declared
-from shadowbench.experiments.accuracy import hard_cases, offsets, pictures, tables
+from shadowbench.experiments.accuracy import hard_cases, pictures, tables
 from shadowbench.experiments.accuracy.hard_cases import hard_rows
 from shadowbench.experiments.accuracy.offsets import error_grid, offset_by
 from shadowbench.harness.frame.registry import make_method
@@ -305,16 +305,6 @@ def test_points_on_another_device_say_so_beside_their_marker(folder):
     assert set(table["name"]) == {*table["label"]} - {"b: on the host"} | {"b: on the host, on the CUDA:0"}
     (path,) = pictures.draw_frontier(table, folder / "pareto.svg")
     assert "b: on the host, on the CUDA:0" in path.read_text()
-
-
-def test_the_ink_on_a_colour_is_the_one_that_stands_out():
-    import matplotlib
-
-    colours = matplotlib.colormaps["magma_r"].with_extremes(bad="white")
-    assert offsets.ink(colours, 0.0) == "black", "pale yellow"
-    assert offsets.ink(colours, 0.6) == "white", "purple"
-    assert offsets.ink(colours, 1.0) == "white"
-    assert offsets.ink(colours, np.ma.masked) == offsets.ink(colours, float("nan")) == "black"
 
 
 def test_the_report_names_the_hard_cases_that_were_left_out(tmp_path):

@@ -7,7 +7,6 @@ import csv
 import pytest
 from helpers.brute_force import make_scene, soup
 from helpers.experiment_records import record_of, write_records
-from matplotlib.figure import Figure
 from shadowbench.experiments import frame_time
 from shadowbench.experiments._work import ray_grids
 from shadowbench.harness.commands.show import show
@@ -170,10 +169,12 @@ def test_two_sizes_in_one_folder_have_rows_panels_and_sentences_of_their_own(tmp
 
 
 @pytest.mark.parametrize("scenes", [1, 4])
-def test_what_stands_below_the_bars_is_within_the_picture(scenes):
-    figure = Figure(figsize=(3.4 if scenes == 1 else 5.6, 2.5), layout="constrained")
-    figure.subplots()
-    panels.caption(figure, panels.WHOLE, "2.0x: twice the time of ray grids")
+def test_what_stands_below_the_bars_is_within_the_picture(tmp_path, scenes):
+    size = (3.4 if scenes == 1 else 5.6, 2.5)
+    with panels.sheet(
+        tmp_path / "a.svg", size, below=[panels.WHOLE, "2.0x: twice the time of ray grids"]
+    ) as (figure, _):
+        pass
     figure.draw_without_rendering()
     box = figure._supxlabel.get_window_extent()
     assert box.x0 >= 0
