@@ -97,14 +97,12 @@ def draw_where(folder: Path, table: pd.DataFrame, shown: Sequence[str]) -> list[
                 )
                 for r, classes in kept
             ]
-            title = f"Where the wrong pixels are: {own['title'].iloc[0]}"
             below = [
-                "Of large frames the part where most is wrong in any panel; numbers count the whole frame."
+                f"Where the wrong pixels are: {own['title'].iloc[0]}",
+                "Of large frames the part where most is wrong in any panel; numbers count the whole frame.",
             ]
             path = folder / f"accuracy_where-{name}.png"
-            panels.images(
-                path, images, across=3, title=title, below=below, key=inks, wide=2, inks=list(inks.values())
-            )
+            panels.images(path, images, across=3, below=below, key=inks, wide=2, inks=list(inks.values()))
     return sorted(folder.glob("accuracy_where*.png"))
 
 

@@ -33,6 +33,7 @@ LARGEST = 8192
 """Pixels a side beyond which only every second, third ... row and column of a picture is kept."""
 NARROWEST = 256
 """A caption's width at least."""
+PAPER = (250, 250, 248)
 
 
 def scene_picture(
@@ -73,7 +74,7 @@ def captioned(
         face = ImageFont.load_default(points)  # Pillow's own: the same on every machine
         letters = int(len(text) * (width - size) / max(1.0, face.getlength(text)))
         lines += [(line, face, ink) for line in textwrap.wrap(text, max(1, letters - 2))]
-    sheet = Image.new("RGB", (width, high + round(size * (0.8 + 1.35 * len(lines)))), "#fafaf8")
+    sheet = Image.new("RGB", (width, high + round(size * (0.8 + 1.35 * len(lines)))), PAPER)
     sheet.paste(Image.fromarray(picture))
     draw = ImageDraw.Draw(sheet)
     for i, (line, face, ink) in enumerate(lines):

@@ -232,7 +232,7 @@ def stacked(axes: Any, own: DataFrame, parts: Parts = FRAME, limit: float = math
 
 
 def images(
-    path: Path, shown: Sequence[tuple[str, NDArray[Any]]], *, across: int, title: str = "", below: Sequence[str] = (),
+    path: Path, shown: Sequence[tuple[str, NDArray[Any]]], *, across: int, below: Sequence[str] = (),
     key: Mapping[str, str] | None = None, scale: tuple[Any, Any, str] | None = None, wide: float = 1.0, **options: Any,
 ) -> Path:  # fmt: skip
     """Images [height, width] or [height, width, 3], each with its caption above it, ``across`` of them beside one another.
@@ -248,7 +248,7 @@ def images(
     width = style.COLUMN_WIDTH * wide
     tallest = max(image.shape[0] / image.shape[1] for _, image in shown)
     captions = 0.11 * max(caption.count("\n") + 1 for caption, _ in shown) + 0.08
-    beside = 0.3 * bool(title) + 0.15 * len(below) + 0.45 * bool(key) + 0.6 * bool(scale)
+    beside = 0.15 * len(below) + 0.45 * bool(key) + 0.6 * bool(scale)
     size = (width, (min(2.5, tallest) * width / across + captions) * down + beside)
     colours, norm, about = scale or (None, None, "")
     with sheet(path, size, down, across, grid="", legend=2 * bool(key), below=below, **options) as (
@@ -269,8 +269,6 @@ def images(
             look = {"location": "bottom", "shrink": 0.9, "aspect": 35, "pad": 0.02}
             bar = figure.colorbar(mappable, ax=list(grid.flat), ticks=MaxNLocator(5), **look)
             bar.set_label(about, fontsize=6.5)
-        if title:
-            figure.suptitle(title, fontsize=7.5)
     return path
 
 
