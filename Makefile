@@ -15,8 +15,8 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 help:
 	@echo "make table1   set everything up, run Table 1 on what this machine has, print it, draw the pictures"
-	@echo "make test     set everything up, run the tests (some six minutes on two cores; JOBS=8 where there are more)"
-	@echo "make fuzz     random scenes against exact answers, for half an hour or more; failures become regression tests"
+	@echo "make test     set everything up, run the tests (about five minutes on two cores; JOBS=8 where there are more)"
+	@echo "make fuzz     hard cases in other places, then random scenes, for half an hour or more; failures become regression tests"
 	@echo "make lint     ruff and mypy"
 	@echo "make format   let ruff put the code in shape"
 	@echo "make clean    remove .venv and caches (results stay)"
@@ -25,9 +25,10 @@ table1: $(STAMP)
 	$(BIN)/shadowbench run table1 $(ARGS)
 
 test: $(STAMP)
-	$(BIN)/python -m pytest -n $(JOBS) $(ARGS)
+	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal $(ARGS)
 
 fuzz: $(STAMP)
+	SHADOWBENCH_SWEEP=all $(BIN)/python -m pytest -n $(JOBS) tests/properties/test_sweep.py
 	$(BIN)/python tests/tools/fuzz.py --examples 100000 $(ARGS)
 
 lint: $(LINT_STAMP) build/lint/shadowbench

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import pytest
-from helpers.compiled_twins import compiled, source_of, source_without, with_source
-from shadowbench.harness.frame.specialise import named
-from shadowbench.harness.scene.effects import Switches
 from shadowbench.methods.bvh2 import build_hploc, build_lbvh, careful, primary, refit, shadow, sort
 from shadowbench.methods.bvh2.parameters import Trace
 from tools.kernel_report import uses_of
@@ -14,18 +11,16 @@ REGISTERS = Trace().registers
 STACK_BYTES = 512
 """A ray's own stack: 128 references, which are no spilled registers."""
 
+# The others are hot: test_kernel_report reads their binaries.
 KERNELS = {
     "lbvh": build_lbvh.make_lbvh_kernel(64),
     "hploc": build_hploc.make_hploc_kernel(2, 48),
     "hploc, wide": build_hploc.make_hploc_kernel(8, 64),
     "refit": refit.make_refit_kernel(48),
-    "sort": sort.make_sweep_kernel(8),
     "sort, large": sort.make_sweep_kernel(16),
     "mirrored": careful.make_closest_kernel(48),
     "mirrored shadows": careful.make_shadow_kernel(48),
-    "float32": primary.make_float32_kernel(False, 48, REGISTERS),
     "float32 packet": primary.make_float32_kernel(True, 64, REGISTERS),
-    "float32 shadow": shadow.make_shadow_kernel("float32", 48, REGISTERS),
 }
 TRACED = {
     "exact": (primary.make_exact_kernel(False, 48, REGISTERS), STACK_BYTES),
@@ -45,22 +40,3 @@ def test_traced_kernels_spill_nothing(name):
     (use,) = uses_of(kernel.module).values()
     assert use.registers <= REGISTERS
     assert use.stack_bytes <= stack
-
-
-BRANCHED = {
-    "mirrored": KERNELS["mirrored"],
-    "mirrored shadows": KERNELS["mirrored shadows"],
-    "exact shadow": TRACED["exact shadow"][0],
-    "doubts": shadow.shadow_doubt_kernel,
-}
-
-
-@pytest.mark.parametrize(
-    ("name", "effect"), [(name, effect) for name, kernel in BRANCHED.items() for effect in named(kernel)]
-)
-def test_an_effect_that_is_off_leaves_no_code(name, effect, tmp_path):
-    kernel = BRANCHED[name]
-    off = compiled(with_source(kernel, source_of(kernel), Switches()), tmp_path / "off", "cpu")
-    twin = compiled(with_source(kernel, source_without(kernel, effect), Switches()), tmp_path / "twin", "cpu")
-    assert off.source == twin.source
-    assert off.binary == twin.binary

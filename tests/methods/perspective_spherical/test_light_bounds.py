@@ -57,7 +57,8 @@ def test_a_centred_frame_keeps_its_tiles_at_any_distance(radii):
     assert (bits == right).all()
     assert (same == right).all()
     assert centred["light 0 tiles with rays"] > 0.95 * double["light 0 tiles with rays"] > 100
-    assert centred["light 0 pairs"] < 1.1 * double["light 0 pairs"]
+    # A few more: distances of the centred frame have the bound of float32.
+    assert centred["light 0 pairs"] < 1.25 * double["light 0 pairs"]
     if radii >= 1e7:
         assert plain["light 0 tiles with rays"] < 0.5 * double["light 0 tiles with rays"]
         assert plain["light 0 pairs"] > 2 * double["light 0 pairs"]

@@ -14,10 +14,8 @@ from shadowbench.harness.errors import CapacityRejected, UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.scene.effects import Limits
 from shadowbench.methods.perspective_spherical.camera.trace import make_resolve_kernel, make_trace_kernel
-from shadowbench.methods.perspective_spherical.camera.trace_staged import make_staged_trace_kernel
 from shadowbench.methods.perspective_spherical.light.bounds import make_bound_kernel
 from shadowbench.methods.perspective_spherical.light.trace import make_shadow_kernel
-from shadowbench.methods.perspective_spherical.light.trace_staged import make_staged_shadow_kernel
 from shadowbench.methods.perspective_spherical.parameters import LIGHT_MAPS, TRIANGLE_TESTS, Build, Trace
 from shadowbench.methods.perspective_spherical.variants import VARIANTS
 
@@ -178,17 +176,21 @@ def test_counters_add_up():
     assert found[2]["camera pairs"] > found[0]["camera pairs"]
 
 
-def test_every_kernel_that_is_made_for_settings_compiles_without_a_gpu(tmp_path):
+MADE = {
+    **{f"trace {v}": (make_trace_kernel, v) for v in VARIANTS},
+    **{f"shadow {v}": (make_shadow_kernel, v) for v in VARIANTS},
+    **{f"resolve {v}": (make_resolve_kernel, v) for v in VARIANTS[:2]},
+    **{f"bound {map}": (make_bound_kernel, map) for map in range(len(LIGHT_MAPS))},
+}
+"""Factories and what they are given. Staged kernels are hot: ``test_kernel_report`` reads their binaries."""
+
+
+@pytest.mark.parametrize("name", MADE)
+def test_a_kernel_that_is_made_for_settings_compiles_without_a_gpu(name, tmp_path):
     """Those of whole modules are compiled in ``test_cuda_compiles``."""
-    kernels = [make_trace_kernel(v) for v in VARIANTS] + [make_shadow_kernel(v) for v in VARIANTS]
-    kernels += [make_resolve_kernel(VARIANTS[0]), make_resolve_kernel(VARIANTS[1])]
-    kernels += [make(VARIANTS[0], 64) for make in (make_staged_trace_kernel, make_staged_shadow_kernel)]
-    kernels += [make_bound_kernel(map) for map in range(len(LIGHT_MAPS))]
-    modules = {kernel.module.name: kernel.module for kernel in kernels}
-    for number, module in enumerate(modules.values()):
-        folder = tmp_path / str(number)
-        wp.compile_aot_module(module, arch=90, module_dir=str(folder))
-        assert [f for f in folder.iterdir() if f.suffix in (".cubin", ".ptx")], module.name
+    make, given = MADE[name]
+    wp.compile_aot_module(make(given).module, arch=90, module_dir=str(tmp_path))
+    assert [f for f in tmp_path.iterdir() if f.suffix in (".cubin", ".ptx")]
 
 
 def test_lights_moved_between_frames_equal_fresh_ones_under_other_knobs():
