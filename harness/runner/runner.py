@@ -31,7 +31,7 @@ from .redraw import repaint
 from .scene_cache import known_scene, learn_scene
 from .survey import announcement, survey
 from .worker_process import Remote, WorkerError, WorkerLostError
-from .workload import Estimate, expected_work, points_of, steps_of
+from .workload import Estimate, Unit, expected_work, points_of, steps_of
 
 GRADER = "grading"
 """The name of the worker that makes scenes and scores answers; no method may have this name."""
@@ -53,8 +53,13 @@ class Run:
     environment: str = ""
     lighting: Lighting = field(default_factory=Lighting)
     """The lights of the current scene."""
-    compiling: float = 0.0
-    """Seconds of the current scene spent on compiling kernels."""
+    once: float = 0.0
+    """Seconds of the current scene spent on what is done once: starting processes, compiling kernels."""
+    estimate: Estimate = field(default_factory=lambda: Estimate(()))
+    unit: Unit = field(default_factory=lambda: Unit(0.0, 0))
+    """The points of the current scene with the current lights."""
+    began: float = 0.0
+    """When they began; seconds of waiting for other runs are taken away."""
 
     def __post_init__(self) -> None:
         self.folder = ResultsFolder(self.options.out)
@@ -71,7 +76,7 @@ class Run:
                 self.environment = keep(options.out, environment())
             parts = options.preset.parts()
             self.report.steps(sum(points_of(part) * steps_of(part) for part in parts))
-            estimate = Estimate.of(parts)
+            self.estimate = Estimate.of(parts)
             records: list[Record] = []
             try:
                 for part in parts:
@@ -79,7 +84,7 @@ class Run:
                     methods = [(entry, describe_method(entry, options.device)) for entry in part.methods]
                     # Small scenes first, so that the first results come soon.
                     found = {
-                        scene: self._lightings(scene, methods, estimate)
+                        scene: self._lightings(scene, methods)
                         for scene in sorted(part.scenes, key=lambda name: expected_work(name, part))
                     }
                     records += [record for scene in part.scenes for record in found[scene]]
@@ -92,21 +97,25 @@ class Run:
 
     # --- one scene ---
 
-    def _lightings(self, name: str, methods: Described, estimate: Estimate) -> list[Record]:
+    def _lightings(self, name: str, methods: Described) -> list[Record]:
         """The records of a scene with each lighting; also updates the estimate of the remaining time."""
-        records, work = [], expected_work(name, self.options.preset)
+        records = []
+        self.unit = Unit.of(name, self.options.preset)
         for lighting in self.options.preset.lightings:
             self.lighting = lighting
-            began, self.compiling = time.monotonic() - MACHINE.waited, 0.0
+            self.began, self.once = time.monotonic() - MACHINE.waited, 0.0
             of_scene, measured = self._scene(name, methods)
-            seconds = time.monotonic() - MACHINE.waited - began
-            estimate.measured(work * measured, max(seconds - self.compiling, 0.1 * seconds) * bool(measured))
-            estimate.skipped(work * (len(methods) - measured))
-            left = estimate.left()
+            self.estimate.finished(self.unit, measured, self._spent_on_scene())
+            left = self.estimate.left()
             if left is not None:
                 self.report.left(left)
             records += of_scene
         return records
+
+    def _spent_on_scene(self) -> float:
+        """Seconds that the current scene with its lights has taken, without what is done once."""
+        seconds = time.monotonic() - MACHINE.waited - self.began
+        return max(seconds - self.once, 0.1 * seconds)
 
     def _scene(self, name: str, methods: Described) -> tuple[list[Record], int]:
         """The records of a scene with one lighting, and the number of points measured now."""
@@ -142,10 +151,12 @@ class Run:
 
     def _measure(self, jobs: list[Job]) -> None:
         """Prepare the jobs, take their rounds interleaved, and finish them."""
+        count = len(jobs)
         for job in jobs:
             MACHINE.give_way()
             if not job.journal.first("finished"):
                 self._attempt(job, "compiling and warming up")
+        prepared = self._spent_on_scene()
         jobs = [job for job in jobs if job.record is None]
         scene = jobs[0].scene if jobs else ""
         seed = seed_of(f"{self.options.experiment.name}/{scene}/{self.options.seed}")
@@ -156,6 +167,12 @@ class Run:
                     if job.record is None and number not in job.journal.rounds() and not self._spent(job):
                         where = {"round": number, "place": place, "of": len(order)}
                         self._attempt(job, f"measuring, round {number + 1}", self._round, where)
+                if not count:
+                    continue
+                # A round takes as long as those before it, and to check the answers about as long as to prepare.
+                spent, of = self._spent_on_scene(), self.options.preset.rounds
+                rest = (spent - prepared) / (number + 1) * (of - number - 1) + prepared
+                self.report.left(self.estimate.left_within(self.unit, count, spent, rest))
         self._finish_all([job for job in jobs if job.record is None])
 
     def _finish_all(self, jobs: list[Job]) -> None:
@@ -221,7 +238,7 @@ class Run:
         self._ensure_loaded(job.method, job.scene)
         reply = self._command(worker, **prepare_command(self.options, job))
         job.generation = worker.generation
-        self.compiling += reply["compile_s"]
+        self.once += reply["compile_s"]
         self._note(job, {"event": "prepared", **reply})
 
     def _round(self, job: Job, where: dict[str, int]) -> None:
@@ -255,7 +272,7 @@ class Run:
         except WorkerError as error:
             self._ungraded(job, error)
             return
-        self.compiling += reply["compile_s"]
+        self.once += reply["compile_s"]
         self._note(job, {"event": "finished", "frames": reply["frames"]})
 
     def _ungraded(self, job: Job, error: WorkerError) -> None:
@@ -329,6 +346,8 @@ class Run:
     def _load(self, name: str, methods: set[str]) -> tuple[dict[str, Any] | None, dict[str, WorkerError]]:
         """Have one worker make the scene and the others read it. Its facts (None on failure); the workers that failed."""
         self.report.doing(f"{name}: making the scene")
+        began = time.monotonic()
+        starting = not all(self._worker(one).running for one in (GRADER, *methods))
         with self.folder.writing():
             self.folder.shared_scene.parent.mkdir(parents=True, exist_ok=True)
         try:
@@ -346,4 +365,6 @@ class Run:
                 self.loaded[method] = worker.generation
             except WorkerError as error:
                 lost[method] = error
+        if starting:
+            self.once += max(0.0, time.monotonic() - began - reply["load_s"])
         return {**reply["scene"], "load_s": reply["load_s"]}, lost

@@ -16,10 +16,7 @@ from .job import Options
 from .points import describe_method, make_point
 from .protocol import load_command
 from .scene_cache import known_scene
-from .workload import expected_work
-
-OVERHEAD = 2.0
-"""A point's time in all over that of its samples, roughly: loading, warming up, checking the answers."""
+from .workload import OVERHEAD, expected_work
 
 
 @dataclass(frozen=True)

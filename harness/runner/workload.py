@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
+from scipy.optimize import nnls
 
 from ..scene.names import ANIMATED, TRIANGLES
 from ..scene.standins import balls
@@ -14,6 +19,9 @@ PIXEL = 1.75
 
 BYTES = 50
 """Bytes of a mesh file per triangle, roughly."""
+
+OVERHEAD = 2.0
+"""A point's time in all over that of its samples, roughly: loading, warming up, checking the answers."""
 
 UNKNOWN = 100_000
 """Assumed number of triangles if the name does not tell: a declared scene, a folder of frames."""
@@ -39,33 +47,73 @@ def steps_of(preset: Preset) -> int:
     return preset.rounds + 2
 
 
-class Estimate:
-    """Estimates the time of the remaining scenes from the times of those already measured."""
+@dataclass(frozen=True)
+class Unit:
+    """The points of a scene with one lighting.
 
-    def __init__(self, work: float):
-        self.to_do = work
-        self._done = self._seconds = 0.0
+    work    of each point (:func:`expected_work`)
+    points  how many there are
+    most_s  most seconds that the samples of a point may take, from its budget
+    """
+
+    work: float
+    points: int
+    most_s: float = math.inf
+
+    @classmethod
+    def of(cls, scene: str, part: Preset) -> Unit:
+        """Those of a scene with one of the lightings of a preset."""
+        return cls(expected_work(scene, part), len(part.methods), OVERHEAD * part.budget_s)
+
+
+class Estimate:
+    """Estimates the time of the remaining units from the times of those already measured.
+
+    A point takes a fixed time (its scene is made, it is prepared, its answers are checked) and a time in proportion to
+    its work, which its budget limits. Both are fitted to what was measured; seconds exclude one-time costs (starting
+    processes, compiling).
+    """
+
+    def __init__(self, units: Sequence[Unit]):
+        self.to_do = list(units)
+        self._measured: list[tuple[Unit, float]] = []
 
     @classmethod
     def of(cls, parts: Sequence[Preset]) -> Estimate:
         """For all scenes of some presets."""
-        each = (
-            expected_work(scene, part) * points_of(part) / len(part.scenes)
-            for part in parts
-            for scene in part.scenes
-        )
-        return cls(sum(each))
+        return cls([Unit.of(scene, part) for part in parts for scene in part.scenes for _ in part.lightings])
 
-    def measured(self, work: float, seconds: float) -> None:
-        """A scene was measured; ``seconds`` excludes one-time costs (compiling)."""
-        self._done += work
-        self._seconds += seconds
-        self.to_do -= work
-
-    def skipped(self, work: float) -> None:
-        """A scene already had all of its records."""
-        self.to_do -= work
+    def finished(self, unit: Unit, measured: int, seconds: float) -> None:
+        """``measured`` points of a unit were measured in ``seconds``; its others had their records."""
+        self.to_do.remove(unit)
+        if measured:
+            self._measured.append((replace(unit, points=measured), seconds))
 
     def left(self) -> float | None:
         """Seconds, or None before anything was measured."""
-        return self._seconds / self._done * self.to_do if self._done else None
+        return self._total(self.to_do, self._measured) if self._measured else None
+
+    def left_within(self, unit: Unit, measured: int, spent: float, rest: float) -> float:
+        """Seconds, while a unit is measured that has taken ``spent`` seconds and is expected to take ``rest`` more."""
+        others = list(self.to_do)
+        others.remove(unit)
+        return rest + self._total(others, [*self._measured, (replace(unit, points=measured), spent + rest)])
+
+    @staticmethod
+    def _total(units: Sequence[Unit], known: Sequence[tuple[Unit, float]]) -> float:
+        seconds = fitted([(unit.work, seconds / unit.points) for unit, seconds in known])
+        return sum(unit.points * seconds(unit.work, unit.most_s) for unit in units)
+
+
+def fitted(known: Sequence[tuple[float, float]]) -> Callable[[float, float], float]:
+    """The seconds of a point from its work and the most seconds of its samples, from pairs of work and seconds: a fixed
+    time and one in proportion to the work, neither negative, with the least sum of squares of relative errors.
+
+    Points of one work do not tell the two apart: then the time grows with the square root of the work.
+    """
+    work, seconds = (np.array(column, dtype=np.float64) for column in zip(*known, strict=True))
+    seconds = np.maximum(seconds, 1e-3)
+    if np.ptp(work) < 0.01 * work.max():
+        return lambda one, most: float(seconds.mean() * (one / work.mean()) ** 0.5)
+    fixed, rate = nnls(np.stack([1.0 / seconds, work / seconds], axis=1), np.ones(len(work)))[0].tolist()
+    return lambda one, most: fixed + min(rate * one, most)

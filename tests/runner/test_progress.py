@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helpers.experiment_records import record_of
@@ -12,7 +14,7 @@ from shadowbench.harness.runner import progress
 from shadowbench.harness.runner.experiment import Entry
 from shadowbench.harness.runner.progress import Bar, Silent, counted
 from shadowbench.harness.runner.runner import Run
-from shadowbench.harness.runner.workload import Estimate, expected_work
+from shadowbench.harness.runner.workload import PIXEL, Estimate, Unit, expected_work
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.names import ANIMATED, TRIANGLES, scene_names
 from shadowbench.harness.scene.prepared import prepare
@@ -90,15 +92,54 @@ def test_a_point_is_told_with_its_time_or_with_what_went_wrong(clock, capsys):
     ]
 
 
-def test_the_estimate_scales_what_was_measured():
-    estimate = Estimate(100.0)
+def test_the_estimate_has_a_fixed_time_and_one_in_proportion_to_the_work():
+    """Seconds of a point: 2 + work / 10, of which the samples take at most 20."""
+    units = [Unit(float(work), 4, 20.0) for work in (10, 100, 1000, 10, 100)]
+    estimate = Estimate(units)
     assert estimate.left() is None
-    estimate.skipped(20.0)
+    estimate.finished(units[3], 0, 0.0)
     assert estimate.left() is None
-    estimate.measured(10.0, 3.0)
-    assert estimate.left() == pytest.approx(21.0)
-    estimate.measured(70.0, 7.0)
+    estimate.finished(units[0], 4, 4 * 3.0)
+    assert estimate.left() == pytest.approx(4 * 3.0 * (2 * 10**0.5 + 10.0))
+    estimate.finished(units[1], 2, 2 * 12.0)
+    assert estimate.left() == pytest.approx(4 * 12.0 + 4 * 22.0)
+    assert estimate.left_within(units[4], 4, 40.0, 8.0) == pytest.approx(8.0 + 4 * 22.0)
+    estimate.finished(units[2], 4, 88.0)
+    estimate.finished(units[4], 4, 48.0)
     assert estimate.left() == 0.0
+
+
+@pytest.mark.parametrize("seconds", [lambda w: 0.4 + w / 5e5, lambda w: 0.7, lambda w: 0.02 + w**0.7 / 3e3])
+def test_the_estimate_holds_within_a_factor_of_two(seconds):
+    """The work of a sweep over triangles and pixels, smallest first, as experiments with further presets have it."""
+    work = [2.0 * (n + PIXEL * side * side) for side in (64, 128, 256) for n in (1e3, 1e4, 1e5)]
+    units = [Unit(one, 5) for one in work]
+    estimate, rest = Estimate(units), sum(5 * seconds(one) for one in work)
+    for place, unit in enumerate(units[:-1]):
+        took = 5 * seconds(unit.work)
+        if place > 1:
+            assert 0.5 < estimate.left_within(unit, 5, took / 2, took / 2) / (rest - took / 2) < 2.0
+        estimate.finished(unit, 5, took)
+        rest -= took
+        if place > 0:
+            assert 0.5 < estimate.left() / rest < 2.0
+
+
+def test_a_run_has_an_estimate_after_every_round_and_every_scene(tmp_path):
+    class Estimates(Silent):
+        def __init__(self):
+            self.given: list[float] = []
+
+        def left(self, seconds):
+            self.given.append(seconds)
+
+    chosen = options(tmp_path / "out", [write_scene(tmp_path / "a.obj")], ["warp_bvh"], frames=1, rounds=3)
+    twice = replace(chosen.preset, also=(replace(chosen.preset, width=9),))
+    report = Estimates()
+    Run(replace(chosen, preset=twice), report).go()
+    assert len(report.given) == 2 * (3 + 1)
+    assert all(seconds > 0 for seconds in report.given[:-1])
+    assert report.given[-1] == 0.0
 
 
 def test_small_scenes_are_measured_first_and_records_come_in_the_order_declared(tmp_path):
