@@ -49,8 +49,12 @@ class PixelRays:
         reads = (*structure, "camera", *effects.surface_reads())
         passes = [Pass("primary rays", "trace", reads, ("hits",), self.launch_primary)]
         passes += shadow_ray_passes(effects, (*structure, "hits"), self.launch_shadow)
-        return passes + traced_bounces(
-            effects,
+        return passes + self.bounce_passes(structure)
+
+    def bounce_passes(self, structure: tuple[str, ...]) -> list[Pass]:
+        """Mirrored rays, and the shadow rays of their hits."""
+        return traced_bounces(
+            self._effects,
             (*structure, "points", "triangles"),
             lambda b: self.launch_primary(bounce=b),
             lambda i, b: self.launch_shadow(i, bounce=b),

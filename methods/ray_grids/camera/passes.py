@@ -21,8 +21,11 @@ from . import stream as camera_stream
 class CameraStream:
     """Primary rays. hit vec3d [pixels]: float64 hit points; vec3f, if they are to be ``rounded``.
 
-    ``needs`` (int64): where another method wants the stream's counters copied to.
+    ``needs`` (int64): where another method wants the stream's counters copied to. structure: resources of a structure that
+    the steps read.
     """
+
+    structure: tuple[str, ...] = ()
 
     def __init__(
         self,
@@ -43,7 +46,7 @@ class CameraStream:
 
     def passes(self) -> list[Pass]:
         """Clear, stream the shares of the triangles at the same time, and resolve."""
-        scene = ("points", "triangles", "camera", *self.effects.surface_reads())
+        scene = (*self.structure, "points", "triangles", "camera", *self.effects.surface_reads())
         words = ("nearest words",)
         passes = [Pass("camera: clear", "trace", scene, words, self.queues.cleared.zero_)]
         steps = [*self.steps(), ("doubtful pairs", (), (), self.launch_doubts)]
