@@ -1,7 +1,6 @@
-"""A uniform grid traversed by packets of coherent rays, slice by slice, on the CPU: Wald et al. 2006.
+"""A uniform grid traversed by packets of primary rays, slice by slice, on the CPU: Wald et al. 2006.
 
-The grid is that of ``uniform_grid``, built in every frame. Primary and shadow rays are traced in packets; mirrored rays,
-which are seldom coherent, one by one as in ``uniform_grid``.
+The grid is that of ``uniform_grid``, built in every frame. Shadow rays and mirrored rays are traced one by one, as there.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The coherent grid as a method: the uniform grid's passes, then packets of rays."""
+"""The coherent grid as a method: the uniform grid's passes, then packets of primary rays."""
 
 from __future__ import annotations
 
@@ -20,16 +20,13 @@ from ..common.grid_build import TriangleGrid, cells_for
 from ..common.misses import miss_passes
 from ..common.pairs import grown
 from ..common.ray_launches import PixelRays
-from ..common.ray_passes import shadow_ray_passes
 from ..common.reserve import counted
 from ..ray_grids.camera.passes import CameraStream
-from ..ray_grids.light import queue as light_queue
-from ..ray_grids.light.rays import ShadowBits
 from ..ray_grids.parameters import Streams
 from ..ray_grids.queues import COUNTERS, DOUBTS, Queues, Step
 from ..uniform_grid.method import Build
 from ..uniform_grid.traversal import Cells, make_kernels
-from . import packets, shadow
+from . import packets
 
 STRUCTURE = ("cells", "sorted pairs", "grid")
 
@@ -76,69 +73,31 @@ class CoherentGrid(BaseMethod):
         with wp.ScopedDevice(frame.device):
             self._need = wp.zeros(1, dtype=wp.int64)
             self._stamps = wp.zeros(count, dtype=wp.int32)
-            self._starts = wp.zeros(frame.pixels, dtype=wp.vec3d)
-            self._points = wp.zeros(frame.pixels, dtype=wp.vec4f)
-            self._tests = wp.zeros(1 + len(effects.shadows), dtype=wp.int64)
+            self._tests = wp.zeros(1, dtype=wp.int64)
         self._grid = TriangleGrid(frame, cells, self._pairs)
         lists = self._grid.binned.list
         self._cells = filled(
             Cells, grid=self._grid.grid, begin=lists.begin, end=lists.end, members=lists.values
         )
-        self._queues = Queues(frame, False, (1, 1, self._doubts), 1 + len(effects.shadows))
+        self._queues = Queues(frame, False, (1, 1, self._doubts), 1)
         camera = PacketCamera(frame, Streams(), self._queues, effects)
         camera.launch = self._launch_primary
-        self._hit = camera.hit
-        single = PixelRays(frame, effects, self._cells, *make_kernels(0), swizzle=False)
-        reads = (*STRUCTURE, "points", "triangles", "hits")
+        others = PixelRays(frame, effects, self._cells, *make_kernels(0), swizzle=False, hit=camera.hit)
         return [
             *self._grid.passes(self._need, 0),
             *camera.passes(),
-            *shadow_ray_passes(effects, reads, self._launch_shadow),
-            *single.bounce_passes(STRUCTURE),
+            *others.later_passes(STRUCTURE),
         ]
 
     def _launch_primary(self, share: int) -> None:
         frame = self._frame
         self._stamps.zero_()
-        self._tests[:1].zero_()
+        self._tests.zero_()
         wp.launch(
             specialised(packets.packet_kernel, self._effects.switches()),
             dim=self._packets,
             inputs=[self.trace.side, self._cells, frame.camera, frame.mesh, frame.alpha, self._stamps],
             outputs=[self._queues.nearest, self._queues.of_stream(0)[share], self._tests],
-            device=frame.device,
-        )
-
-    def _launch_shadow(self, light: int) -> None:
-        frame, queues, switches = self._frame, self._queues, self._effects.switches(light)
-        queue = queues.of_stream(1 + light)[0]
-        answers = frame.answers
-        bits = filled(ShadowBits, light=light, triangle=answers.triangle, visibility=answers.visibility)
-        self._stamps.zero_()
-        self._tests[1 + light : 2 + light].zero_()
-        queue.counts.zero_()
-        wp.launch(
-            specialised(shadow.start_kernel, switches),
-            dim=frame.pixels,
-            inputs=[light, frame.hits(0), self._hit, frame.receivers, self._cells],
-            outputs=[self._starts, self._points, answers.visibility],
-            device=frame.device,
-        )
-        wp.launch(
-            specialised(shadow.packet_kernel, switches),
-            dim=self._packets,
-            inputs=[
-                self.trace.side, frame.lights, self._cells, frame.camera, frame.mesh, frame.alpha, self._starts,
-                self._points, self._stamps,
-            ],
-            outputs=[bits, queue, self._tests],
-            device=frame.device,
-        )  # fmt: skip
-        wp.launch(
-            specialised(light_queue.doubt_kernel, switches),
-            dim=queues.threads,
-            inputs=[queues.threads, frame.lights, frame.camera, frame.mesh, frame.alpha, self._hit],
-            outputs=[bits, queue],
             device=frame.device,
         )
 
@@ -156,15 +115,13 @@ class CoherentGrid(BaseMethod):
         return before != (self._pairs, self._doubts)
 
     def counters(self) -> dict[str, int]:
-        """Pairs of the grid; (triangle, ray) pairs that the packets of the last frame tested, and those left to float64."""
+        """Pairs of the grid; (triangle, ray) pairs that the packets of the last frame tested; those left to float64."""
         if self._need is None:
             return {}
-        tests, counts = self._tests.numpy(), self._queues.counts.numpy()
         return {
             "pairs": int(self._need.numpy()[0]),
-            "primary tests": int(tests[0]),
-            "shadow tests": int(tests[1:].sum()),
-            "doubtful pairs": int(counts[:, DOUBTS].sum()),
+            "primary tests": int(self._tests.numpy()[0]),
+            "doubtful pairs": int(self._queues.counts.numpy()[:, DOUBTS].sum()),
         }
 
     def built(self) -> dict[str, Any]:

@@ -134,6 +134,7 @@ def least_inverse(word: wp.uint64, spare: wp.int32) -> wp.float64:
 @wp.func
 def trace_packet(
     stamp: wp.int32,
+    holes: wp.bool,
     box: wp.vec4i,
     f: Frustum,
     grid: Grid,
@@ -146,7 +147,10 @@ def trace_packet(
     queue: Queue,
     tests: wp.array(dtype=wp.int64),
 ):
-    """Trace the pixels of a box; ``stamp``: a number of the packet's own, for ``stamps``."""
+    """Trace the pixels of a box.
+
+    stamp  a number of the packet's own, for ``stamps``    holes  whether triangles have holes
+    """
     o = entry(camera.eye, 0)
     g = to_grid(grid, to_float64(o))
     gu = across(g, f.axis)
@@ -205,7 +209,7 @@ def trace_packet(
                                 candidate.sure = bound
                                 candidate.spare = spare
                                 candidate.m = inverse_depth(o, corners)
-                                if wp.static(effects.alpha):
+                                if holes:
                                     if alpha.masked[i] != wp.uint8(0):
                                         candidate.sure = wp.INF
                                 for y in range(box[1], box[3] + 1):
@@ -244,14 +248,19 @@ def packet_kernel(
 ):
     """One packet of ``side`` x ``side`` pixels a thread; one that is not coherent is traced ray by ray.
 
-    stamps  int32 [triangles]: the packet that a triangle was last tested in    tests  int64 [1 + lights]: pairs tested
+    stamps  int32 [triangles]: the packet that a triangle was last tested in    tests  int64 [1]: pairs tested
     """
     packet = wp.tid()
     grid = cells.grid[0]
     box = packet_box(packet, side, camera)
+    holes = wp.bool(False)
+    if wp.static(effects.alpha):
+        holes = True
     f = frustum_of(grid, camera, box)
     if f.coherent:
-        trace_packet(packet + 1, box, f, grid, cells, camera, mesh, alpha, stamps, nearest, queue, tests)
+        trace_packet(
+            packet + 1, holes, box, f, grid, cells, camera, mesh, alpha, stamps, nearest, queue, tests
+        )
     else:
         for y in range(box[1], box[3] + 1):
             for x in range(box[0], box[2] + 1):
@@ -259,5 +268,5 @@ def packet_kernel(
                 single = frustum_of(grid, camera, one)
                 stamp = -1 - (y * camera.width + x)
                 trace_packet(
-                    stamp, one, single, grid, cells, camera, mesh, alpha, stamps, nearest, queue, tests
+                    stamp, holes, one, single, grid, cells, camera, mesh, alpha, stamps, nearest, queue, tests
                 )

@@ -29,31 +29,32 @@ class PixelRays:
 
     structure  the struct that the kernels take; primary, shadow: of :mod:`.ray_kernels`
     swizzle    whether 32 consecutive threads trace a block of 8x4 pixels, or 32 pixels of a row
+    hit        vec3d [pixels]: hit points of primary rays, where others trace these
     """
 
     def __init__(
-        self, frame: Frame, effects: Effects, structure: Any, primary: wp.Kernel, shadow: wp.Kernel, swizzle: bool
+        self, frame: Frame, effects: Effects, structure: Any, primary: wp.Kernel, shadow: wp.Kernel, swizzle: bool,
+        hit: wp.array | None = None,
     ):  # fmt: skip
         self._frame, self._effects, self._structure = frame, effects, structure
         self._primary_kernel, self._shadow_kernel, self._swizzle = primary, shadow, swizzle
         self._threads = thread_count(frame.width, frame.height, swizzle)
         bounces = effects.bounces
         with wp.ScopedDevice(frame.device):
-            self._hit = wp.zeros(frame.pixels, dtype=wp.vec3d)
+            self._hit = wp.zeros(frame.pixels, dtype=wp.vec3d) if hit is None else hit
             self._bounced_hit = wp.zeros((bounces, frame.pixels) if bounces else (0, 0), dtype=wp.vec3d)
             self._uncounted = wp.zeros(0, dtype=wp.int32)
 
     def passes(self, structure: tuple[str, ...]) -> list[Pass]:
         """Primary rays, shadow rays, mirrored rays. ``structure``: the resources of the structure."""
-        effects = self._effects
-        reads = (*structure, "camera", *effects.surface_reads())
+        reads = (*structure, "camera", *self._effects.surface_reads())
         passes = [Pass("primary rays", "trace", reads, ("hits",), self.launch_primary)]
-        passes += shadow_ray_passes(effects, (*structure, "hits"), self.launch_shadow)
-        return passes + self.bounce_passes(structure)
+        return passes + self.later_passes(structure)
 
-    def bounce_passes(self, structure: tuple[str, ...]) -> list[Pass]:
-        """Mirrored rays, and the shadow rays of their hits."""
-        return traced_bounces(
+    def later_passes(self, structure: tuple[str, ...]) -> list[Pass]:
+        """Shadow rays, mirrored rays."""
+        passes = shadow_ray_passes(self._effects, (*structure, "hits"), self.launch_shadow)
+        return passes + traced_bounces(
             self._effects,
             (*structure, "points", "triangles"),
             lambda b: self.launch_primary(bounce=b),

@@ -153,7 +153,16 @@ def test_a_simple_method_takes_part_by_two_functions():
 def test_every_method_takes_part_or_says_why_not():
     scene = plane_and_ball().scene
     can = {name for name in method_names() if "mirror" in method_class(name).simulates}
-    assert can == {"uniform_grid", "warp_bvh", "bvh2", "embree", "hybrid", "two_level_grid", "kdtree"}
+    assert can == {
+        "uniform_grid",
+        "warp_bvh",
+        "bvh2",
+        "embree",
+        "hybrid",
+        "two_level_grid",
+        "kdtree",
+        "coherent_grid",
+    }
     for name in method_names():
         reason = make_method(name).applies(scene, "cpu")
         if name in can:

@@ -25,6 +25,7 @@ EXACT = [
     ("perspective_spherical", {}),
     ("ray_grids", {}),
     ("ray_grids", {"queue": "always", "inline_cells": "0"}),
+    ("coherent_grid", {}),
     ("visibility_buffer", {}),
     ("visibility_buffer", {"inline_pixels": "0", "inline_cells": "0"}),
     ("perspective_spherical", {"light_map": "cube", "clamp": "none", "triangle_chunk": "3"}),

@@ -1,0 +1,81 @@
+"""Packets of every size against float64 brute force, and against the bits of the uniform grid."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers.brute_force import make_scene, soup
+from helpers.method_trials import assert_exact, hard_trials, trace
+from helpers.mirror_scenes import answered, hall_of_mirrors
+from shadowbench.harness.frame.registry import make_method
+from shadowbench.harness.scene.prepared import Prepared
+
+NAME = "coherent_grid"
+TRIALS = {name: (prepared, width, height) for name, prepared, width, height in hard_trials()}
+
+
+def small_and_large() -> Prepared:
+    small, large = soup(7, 300, size=0.05), soup(8, 12, size=3.0)
+    vertices = np.concatenate([small[0], large[0]])
+    return make_scene(vertices, np.arange(len(vertices)).reshape(-1, 3), [(5.0, 4.0, 3.0)])
+
+
+@pytest.mark.parametrize("side", ["3", "8"])
+@pytest.mark.parametrize("trial", TRIALS)
+def test_equals_brute_force_on_hard_scenes(trial, side):
+    assert_exact(NAME, {"side": side}, *TRIALS[trial])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_equals_brute_force_with_any_view_and_density(seed):
+    """Wide views have packets that are not coherent; eyes lie inside and far outside."""
+    random = np.random.default_rng(seed)
+    vertices, faces = soup(seed, 60, size=float(np.exp(random.uniform(-3, 1))))
+    eye = tuple(random.normal(size=3) * [0.3, 3.0, 300.0][seed % 3])
+    angle = [150.0, 90.0, 0.6][seed % 3]
+    prepared = make_scene(vertices, faces, [(5.0, 4.0, 3.0)], eye, (0.0, 0.0, 0.0), angle)
+    settings = {"side": ["64", "5"][seed % 2], "density": ["5", "300"][seed // 2 % 2]}
+    assert_exact(NAME, settings, prepared, 31, 22)
+
+
+@pytest.mark.parametrize("side", ["1", "4", "64"])
+def test_has_the_bits_of_the_uniform_grid(side):
+    prepared = small_and_large()
+    _, _, wanted = trace("uniform_grid", {}, prepared, 61, 43)
+    _, _, got = trace(NAME, {"side": side}, prepared, 61, 43)
+    for key, values in wanted.items():
+        np.testing.assert_array_equal(got[key], values, key)
+
+
+def test_mirrored_rays_have_the_bits_of_the_uniform_grid():
+    mirrors = hall_of_mirrors()
+    _, wanted = answered("uniform_grid", {}, mirrors, "cpu")
+    _, got = answered(NAME, {}, mirrors, "cpu")
+    for key in ("triangle", "visibility", "bounce_triangle", "bounce_visibility"):
+        np.testing.assert_array_equal(got[key], wanted[key], key)
+
+
+def test_a_packet_tests_a_triangle_once_and_ends_behind_its_hits():
+    """A wall of one triangle before a crowd: packets that see only the wall test it alone, in whichever cells it lies."""
+    crowd = 0.3 * soup(3, 200, size=0.2)[0] - [0.0, 0.0, 3.0]
+    wall = np.array([[-50.0, -50.0, 2.0], [50.0, -50.0, 2.0], [0.0, 80.0, 2.0]])
+    vertices = np.concatenate([wall, crowd])
+    faces = np.arange(len(vertices)).reshape(-1, 3)
+    prepared = make_scene(vertices, faces, [(5.0, 4.0, 9.0)], (0.0, 0.0, 3.0), (0.0, 0.0, 0.0), 40.0)
+    session, _, got = trace(NAME, {"side": "4", "density": "300"}, prepared, 16, 16)
+    assert (got["triangle"] == 0).all()
+    assert session.method.counters()["primary tests"] == 16 * 16
+
+
+def test_queues_grow_and_the_frame_is_repeated():
+    prepared, width, height = TRIALS["rays at vertices"]
+    _, _, roomy = trace(NAME, {}, prepared, width, height)
+    session, _, tight = trace(NAME, {"capacity": "1"}, prepared, width, height)
+    assert session.regrown > 0
+    for key, values in roomy.items():
+        np.testing.assert_array_equal(tight[key], values, key)
+
+
+def test_a_gpu_is_refused_in_one_line():
+    reason = make_method(NAME).applies(small_and_large().scene, "cuda:0")
+    assert reason == "runs on cpu only"
