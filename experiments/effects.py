@@ -44,7 +44,7 @@ EFFECTS = (
 """Each effect alone against one point light with shadows, then together."""
 
 PLAIN = 6
-"""So many of them ask for nothing but lights; the others are measured last, since their truth takes longest."""
+"""So many of them ask for nothing but lights; the others are measured last, since their reference takes longest."""
 
 CHANGES = tuple(Lighting(f"moved {what}", count=1, moved=what) for what in MOVED)
 LIGHTINGS = (*EFFECTS[:PLAIN], *CHANGES, *EFFECTS[PLAIN:])

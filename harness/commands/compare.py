@@ -1,4 +1,4 @@
-"""``shadowbench compare``: what is faster and what is slower in run B than in run A, told with its uncertainty."""
+"""``shadowbench compare``: what is faster and what is slower in run B than in run A, with its uncertainty."""
 
 from __future__ import annotations
 
@@ -155,7 +155,7 @@ def refuse(runs: Mapping[str, Run], allow: Iterable[str]) -> None:
     base = runs["A"]
     shared = [entry for entry in base.entries if all(entry in run.entries for run in runs.values())]
     facts_of: Mapping[str, Callable[[Mapping[str, Any]], str]] = {"machine": machine, "driver": driver}
-    for what, told in facts_of.items():
+    for what, text in facts_of.items():
         if what in allow:
             continue
         seen: dict[str, str] = {}
@@ -169,7 +169,7 @@ def refuse(runs: Mapping[str, Run], allow: Iterable[str]) -> None:
                         f"--allow {what} compares all the same"
                     )
                 for one in facts:
-                    seen.setdefault(told(one), name)
+                    seen.setdefault(text(one), name)
         if len(seen) > 1:
             (first, in_one), (second, in_other) = list(seen.items())[:2]
             raise UserError(

@@ -187,9 +187,9 @@ def score(
 def _score_file(path: Path, folder: Path, again: bool, scene_dir: Path | None) -> dict[str, Any]:
     """Score one file of saved answers, and write the score into its record, if there is one."""
     from ..judge.answer_files import read_facts, score_raw
+    from ..results.disputes import write_disputes
     from ..results.record import Frame as RecordFrame
     from ..results.schema import read_record
-    from ..results.settle import keep_disputes
 
     row: dict[str, Any] = {
         "answers": str(path),
@@ -220,7 +220,7 @@ def _score_file(path: Path, folder: Path, again: bool, scene_dir: Path | None) -
             row["score"] = scored.score
             if frame:
                 frame.score, frame.unscored, row["changed"] = scored.score, None, True
-                keep_disputes(path.parent.parent, record.key, frame.frame, scored.disputes)
+                write_disputes(path.parent.parent, record.key, frame.frame, scored.disputes)
     except UserError as error:
         row["status"], row["reason"] = "not scored", str(error)
     return row
@@ -228,10 +228,10 @@ def _score_file(path: Path, folder: Path, again: bool, scene_dir: Path | None) -
 
 def _share_errors(rows: list[dict[str, Any]], folders: set[Path]) -> None:
     """Add the errors that an answer shares with the reference to the scores of each folder and of these rows."""
-    from ..results.settle import settle_folder
+    from ..results.disputes import charge_folder
 
     for folder in sorted(folders):
-        changed = settle_folder(folder)
+        changed = charge_folder(folder)
         for row in rows:
             if row["record"] is not None and row["record_path"].parent.parent == folder:
                 own = changed.get(row["record"].key)

@@ -1,4 +1,4 @@
-"""Raw answers kept for scoring elsewhere: made where a method runs, scored where Embree is.
+"""Raw answers saved for scoring elsewhere: made where a method runs, scored where Embree is.
 
 One .npz file per frame has the answers, the rays and lights as they were traced, and a few facts. The mesh is beside it in
 a file of its own, named by its hash and shared by every method.
@@ -43,7 +43,7 @@ def save_raw(
 ) -> None:
     """Keep a frame's answers (as ``Answers.to_host`` gives them) at ``path``, and the mesh beside it; atomically.
 
-    A mesh with an alpha mask is kept with it.
+    The alpha mask of a mesh is saved with it.
 
     ``scene_argument`` is what a person typed for the scene, a name or a file: should the mesh's file be gone, it
     is made anew from that. ``extra``: anything JSON can hold, for the reader.
@@ -65,8 +65,8 @@ def save_raw(
     path.parent.mkdir(parents=True, exist_ok=True)
     mesh = _mesh_path(path, hashes)
     if not mesh.exists():
-        kept: dict[str, NDArray] = {"points": moment.points, "faces": prepared.faces, "valid": moment.valid}
-        write_arrays(mesh, {**kept, **arrays_of(prepared.alpha)})
+        inputs: dict[str, NDArray] = {"points": moment.points, "faces": prepared.faces, "valid": moment.valid}
+        write_arrays(mesh, {**inputs, **arrays_of(prepared.alpha)})
     arrays = {name: answers[name] for name in ARRAYS}
     if facts["bounces"]:
         arrays |= {name: answers[name] for name in BOUNCES} | {"mirror": prepared.mirror}
@@ -92,7 +92,7 @@ def read_raw(
         with np.load(path) as stored:
             mirrored = ("mirror", *BOUNCES) if facts.get("bounces") else ()
             answers = {name: stored[name] for name in (*ARRAYS, *mirrored)}
-            # Answers kept before there were spots have no such table: no light was limited.
+            # Answers saved before there were spots have no such table: no light was limited.
             tables = {name: stored[f"moment_{name}"] for name in TABLES if f"moment_{name}" in stored}
     except DAMAGED as error:
         raise UserError(f"{path}: not a file of raw answers ({error}); run its point again") from error
@@ -122,10 +122,10 @@ def read_raw(
 def score_raw(
     path: Path | str, scene_dir: Path | str | None = None, folder: Path | str | None = None
 ) -> Scored:
-    """The score of answers kept by :func:`save_raw`.
+    """The score of answers saved by :func:`save_raw`.
 
     Raises :class:`UserError` for a file that is no such file, or a mesh that is not the one traced.
-    ``scene_dir``: where originals of the catalogue's scenes are. ``folder``: keeps the reference's answers.
+    ``scene_dir``: where originals of the catalogue's scenes are. ``folder``: stores the reference's answers.
     """
     prepared, moment, answers, facts = read_raw(Path(path), scene_dir)
     effects = Effects(

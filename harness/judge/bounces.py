@@ -1,6 +1,6 @@
 """The rays of bounces, and whether they were made right.
 
-The rays that the harness made are kept with a method's answers and are the definition, so each bounce is judged by
+The rays that the harness made are stored with a method's answers and are the definition, so each bounce is judged by
 itself: its rays against a numpy twin made from the answers of the bounce before (whatever these were), its hits and
 shadow bits against Embree and the exact referee on those very rays, as primary rays are.
 """
@@ -51,8 +51,8 @@ def mirrored(prepared: Prepared, moment: Moment, answers: dict[str, NDArray], bo
     beyond = min(4.0 * float(np.abs(corners).max(initial=1.0)), float(np.finfo(np.float32).max))
     origins = np.where(active[:, None], answers["bounce_origin"][bounce - 1], np.float32(beyond))
     directions = np.where(active[:, None], answers["bounce_direction"][bounce - 1], np.float32(1.0))
-    kept = {one.name: getattr(moment, one.name) for one in fields(Moment)}
-    return Mirrored(**kept, ray_origins=origins, ray_directions=directions, active=active)
+    given = {one.name: getattr(moment, one.name) for one in fields(Moment)}
+    return Mirrored(**given, ray_origins=origins, ray_directions=directions, active=active)
 
 
 def bounce_judge(judge: Judge, answers: dict[str, NDArray], bounce: int) -> Judge:

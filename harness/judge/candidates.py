@@ -47,17 +47,17 @@ class Tree:
 
 def build_tree(points: NDArray[np.float32], faces: NDArray[np.int32], valid: NDArray, device: str) -> Tree:
     """Sort the valid triangles by size class and Morton code, and box them bottom-up."""
-    kept = np.nonzero(valid)[0].astype(np.int32)
-    corners = points[faces[kept]]
+    ids = np.nonzero(valid)[0].astype(np.int32)
+    corners = points[faces[ids]]
     low, high = corners.min(axis=1), corners.max(axis=1)
-    order = np.argsort(_keys(low, high), kind="stable") if len(kept) else np.zeros(0, dtype=np.int64)
-    blocks = -(-len(kept) // LEAF)
+    order = np.argsort(_keys(low, high), kind="stable") if len(ids) else np.zeros(0, dtype=np.int64)
+    blocks = -(-len(ids) // LEAF)
     leaves = 1 << max(0, (blocks - 1).bit_length())
     slots = np.full(leaves * LEAF, -1, dtype=np.int32)
-    slots[: len(kept)] = kept[order]
+    slots[: len(ids)] = ids[order]
     lows = np.full((leaves * LEAF, 3), np.inf, dtype=np.float32)
     highs = -lows
-    lows[: len(kept)], highs[: len(kept)] = low[order], high[order]
+    lows[: len(ids)], highs[: len(ids)] = low[order], high[order]
     low_heap = np.full((2 * leaves, 3), np.inf, dtype=np.float32)
     high_heap = -low_heap
     level_low = lows.reshape(leaves, LEAF, 3).min(axis=1)
@@ -75,7 +75,7 @@ def build_tree(points: NDArray[np.float32], faces: NDArray[np.int32], valid: NDA
         wp.array(high_heap, dtype=wp.vec3f, device=device),
         wp.array(slots, dtype=wp.int32, device=device),
         leaves,
-        float(np.abs(corners).max()) if len(kept) else 0.0,
+        float(np.abs(corners).max()) if len(ids) else 0.0,
     )
 
 
@@ -175,7 +175,7 @@ class Candidates:
         return self._lists(kernels.collect_between, inputs, [certain])
 
     def _around(self, light: NDArray[np.float32]) -> NDArray[np.uint8]:
-        """Which triangles have the light exactly in their planes, uint8 [triangle_count]; kept for the last lights."""
+        """Which triangles have the light exactly in their planes, uint8 [triangle_count]; cached for the last lights."""
         key = np.asarray(light, dtype=np.float32).tobytes()
         if key not in self._in_planes:
             while len(self._in_planes) >= LIGHTS:

@@ -111,8 +111,10 @@ def _classify_bits(
         classes[scored & outside & (bits != 0)] = Verdict.ACNE
         rows = np.nonzero((scored & ~outside)[selection.judged])[0]
         pixels = selection.judged[rows]
-        truth = exact.occluders[i, rows] >= 0
-        classes[pixels] = judge.referee.classify_shadow(exact.hits.take(rows), light, bits[pixels], truth)
+        exact_bits = exact.occluders[i, rows] >= 0
+        classes[pixels] = judge.referee.classify_shadow(
+            exact.hits.take(rows), light, bits[pixels], exact_bits
+        )
         classes[checked.shadow_invalid[i]] = Verdict.INVALID
     return result
 

@@ -51,7 +51,7 @@ class Judge:
         folder: Path | str | None = None,
         device: str = "cpu",
     ) -> Judge:
-        """The judge of a moment's primary rays. ``folder`` keeps the reference's answers; ``device`` runs the
+        """The judge of a moment's primary rays. ``folder`` stores the reference's answers; ``device`` runs the
         referee's filter; ``effects`` default to the scene's."""
         effects = effects or Effects.of(prepared.scene)
         mask = prepared.alpha if effects.alpha else None
@@ -60,7 +60,7 @@ class Judge:
         return Judge(prepared, moment, effects, referee, reference)
 
     def of_rays(self, moment: Moment, random_pixels: int) -> Judge:
-        """The judge of other rays through the same scene. Its reference is not kept."""
+        """The judge of other rays through the same scene. Its reference is not stored."""
         reference = reference_for(self.prepared, moment, self.referee, self.effects)
         return replace(self, moment=moment, reference=reference, random_pixels=random_pixels)
 

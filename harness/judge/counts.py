@@ -112,7 +112,7 @@ class Shared:
 
 @dataclass(frozen=True, kw_only=True)
 class Score(RayCounts):
-    """The score of a method's answers to one frame, as a record keeps it.
+    """The score of a method's answers to one frame, as a record stores it.
 
     true_errors    of primary rays and all bounces
     excused_share  share of the pixels with an excused answer

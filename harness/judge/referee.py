@@ -174,20 +174,20 @@ class Referee:
         hits: Hits,
         light: NDArray[np.float32],
         bits: NDArray[np.integer],
-        truth: NDArray | None = None,
+        exact_bits: NDArray | None = None,
     ) -> NDArray[np.int8]:
         """The class [n] of a shadow bit that a method gave for each exact hit point (misses must be 0).
 
-        ``truth``: the exact bits, where they are known.
+        ``exact_bits``: the exact bits, where they are known.
         """
-        if truth is None:
-            truth = self.occluded(hits, light)
+        if exact_bits is None:
+            exact_bits = self.occluded(hits, light)
         verdicts = np.full(len(hits), Verdict.OK, dtype=np.int8)
         verdicts[(bits != 0) & (bits != 1) | (hits.triangle < 0) & (bits != 0)] = Verdict.INVALID
-        wrong = np.nonzero((verdicts == Verdict.OK) & (bits != truth))[0]
+        wrong = np.nonzero((verdicts == Verdict.OK) & (bits != exact_bits))[0]
         for part in np.array_split(wrong, max(1, -(-len(wrong) // BATCH))):
-            acne = part[truth[part] == 0]
-            leak = part[truth[part] == 1]
+            acne = part[exact_bits[part] == 0]
+            leak = part[exact_bits[part] == 1]
             verdicts[acne] = self._classify_acne(hits.take(acne), light)
             verdicts[leak] = self._classify_leak(hits.take(leak), light)
         return verdicts
@@ -217,7 +217,7 @@ class Referee:
         apart = np.abs(reached[rows] - hits.t[rows]) * speed[rows]
         met = o[rows] + hits.t[rows, None] * d[rows]
         verdicts[rows[apart <= exact.edge_bound(o[rows], met)]] = Verdict.NEAR_TIE
-        # The closest hit alone settles most; only where it is excused the hits behind it matter.
+        # The closest hit alone decides most; only where it is excused the hits behind it matter.
         rows = np.nonzero((verdicts == Verdict.EDGE) & (hits.triangle >= 0))[0]
         skipped = self._passed_over(o[rows], d[rows], hits.triangle[rows], hits.t[rows], reached[rows])
         verdicts[rows[skipped]] = Verdict.TRUE

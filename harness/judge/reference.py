@@ -78,13 +78,13 @@ class Reference:
 def embree_reference(
     prepared: Prepared, moment: Moment, effects: Effects | None = None, folder: Path | str | None = None
 ) -> Reference:
-    """Trace a moment with Embree. ``folder``: keep the answers there as .npz, named by the hash of all inputs.
+    """Trace a moment with Embree. ``folder``: store the answers there as .npz, named by the hash of all inputs.
 
     Lights without shadows (by ``effects``, default the scene's) get rows of zeros.
     """
     shadows = _shadow_flags(prepared, moment, effects)
     provenance = _provenance(prepared, moment, shadows)
-    return _kept(folder, provenance, lambda: _trace(prepared, moment, shadows, provenance))
+    return _stored(folder, provenance, lambda: _trace(prepared, moment, shadows, provenance))
 
 
 def exact_reference(
@@ -107,7 +107,7 @@ def exact_reference(
     if referee.holes.mask is not None:
         provenance["why"] = NO_FILTER
     provenance["key"] = hashlib.sha256(json.dumps(provenance, sort_keys=True).encode()).hexdigest()
-    return _kept(folder, provenance, lambda: _decide(prepared, moment, referee, shadows, provenance))
+    return _stored(folder, provenance, lambda: _decide(prepared, moment, referee, shadows, provenance))
 
 
 def _decide(
@@ -125,8 +125,8 @@ def _decide(
         corners, origins[rows].astype(np.float64), directions[rows].astype(np.float64)
     )
     visibility = (decided.occluders >= 0).astype(np.uint8)
-    kept = decided if len(pixels) <= DECIDED else None
-    return Reference(hits.triangle, hits.t.astype(np.float32), u, v, visibility, provenance, kept)
+    exact = decided if len(pixels) <= DECIDED else None
+    return Reference(hits.triangle, hits.t.astype(np.float32), u, v, visibility, provenance, exact)
 
 
 def reference_for(
@@ -148,12 +148,12 @@ def embree_installed() -> bool:
 
 
 def make_scene(points: NDArray[np.float32], faces: NDArray[np.int32], valid: NDArray) -> Any | None:
-    """An Embree scene of the valid triangles, ids kept; None where there is nothing to hit.
+    """An Embree scene of the valid triangles, ids unchanged; None where there is nothing to hit.
 
     Invalid triangles are led to a NaN vertex: Embree drops such triangles, and the others keep their ids.
     Raises ValueError for an index out of range, which Embree would follow into foreign memory.
     """
-    # Imported here, so that answers can be kept for scoring elsewhere on a machine without Embree.
+    # Imported here, so that answers can be saved for scoring elsewhere on a machine without Embree.
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
 
@@ -299,7 +299,9 @@ def _provenance(prepared: Prepared, moment: Moment, shadows: Sequence[bool]) -> 
     return facts
 
 
-def _kept(folder: Path | str | None, provenance: dict[str, Any], make: Callable[[], Reference]) -> Reference:
+def _stored(
+    folder: Path | str | None, provenance: dict[str, Any], make: Callable[[], Reference]
+) -> Reference:
     """The reference stored in ``folder`` for these inputs, else a new one, which is then stored. None: not stored."""
     if folder is None:
         return make()

@@ -102,26 +102,26 @@ def share_errors(rows: Sequence[tuple[Score, Sequence[Disputes]]]) -> list[Score
 
     Doing it again, or with more rows, starts from what each score had by itself.
     """
-    pool = pooled(one for _, kept in rows for one in kept)
-    return [charge(score, kept, pool) for score, kept in rows]
+    pool = pooled(one for _, disputes in rows for one in disputes)
+    return [charge(score, disputes, pool) for score, disputes in rows]
 
 
-def charge(score: Score, kept: Sequence[Disputes], pool: dict[str, tuple[Disputes, int]]) -> Score:
+def charge(score: Score, disputes: Sequence[Disputes], pool: dict[str, tuple[Disputes, int]]) -> Score:
     """A score charged with what ``pool`` knows of its reference; the same object where that changes nothing."""
-    if not kept:
+    if not disputes:
         return score
     changes: dict[str, int] = {}
     examples: list[dict[str, Any]] = []
-    for own in kept:
+    for own in disputes:
         whole, _ = pool[own.reference]
         _count(own, _open(own, whole), score, changes, examples)
-    settled = Shared(
-        scores=pool[kept[0].reference][1],
+    shared = Shared(
+        scores=pool[disputes[0].reference][1],
         true_errors=changes.get("true_errors", 0),
         excused=changes.get("excused", 0),
         changes=changes,
     )
-    if settled == score.settled:
+    if shared == score.settled:
         return score
     facts = score.to_json()
     if score.settled:
@@ -129,15 +129,15 @@ def charge(score: Score, kept: Sequence[Disputes], pool: dict[str, tuple[Dispute
     _apply(facts, changes, 1)
     mine = [one for one in facts["examples"] if not one.get("settled")]
     facts["examples"] = mine + examples[: max(0, EXAMPLES - len(mine))]
-    return replace(Score.from_json(facts), settled=settled)
+    return replace(Score.from_json(facts), settled=shared)
 
 
 def charged_pixels(
-    kept: Sequence[Disputes], pool: dict[str, tuple[Disputes, int]]
+    disputes: Sequence[Disputes], pool: dict[str, tuple[Disputes, int]]
 ) -> tuple[NDArray[np.int64], NDArray[np.int8]]:
     """The pixels that a score is charged with, primary rays first, and their gravest classes."""
     pixels, kinds = [np.zeros(0, np.int64)], [np.zeros(0, np.int8)]
-    for own in kept:
+    for own in disputes:
         left = _open(own, pool[own.reference][0])
         right = np.isin(left.primary, RIGHT)
         pixels.append(left.pixels)

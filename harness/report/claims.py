@@ -1,4 +1,4 @@
-"""Claims, one by one: what was measured, and whether it holds, does not hold, or cannot be told from the records.
+"""Claims, one by one: what was measured, and whether it holds, does not hold, or cannot be decided from the records.
 
 A claim is declared by an experiment as a sentence and a function of :class:`.report.evidence.Evidence`, rows that may be
 compared; the verdict is computed from the records of all experiments in a folder, so that it changes with them.
@@ -80,12 +80,12 @@ def decide(claim: Claim, data: Data) -> tuple[Finding, str]:
     """
     found = data.evidence(*claim.experiments)
     run = f"run {claim.experiments[0]}"
-    told = [(claim.judge(one), one) for one in found]
-    chosen = next(((f, e) for f, e in told if not f.lacking), None)
-    if chosen is None and not told:
+    findings = [(claim.judge(one), one) for one in found]
+    chosen = next(((f, e) for f, e in findings if not f.lacking), None)
+    if chosen is None and not findings:
         result, source = Finding(OPEN, f"not measured; {run}", lacking=True), ""
     elif chosen is None:
-        first, source = told[0][0], ""
+        first, source = findings[0][0], ""
         apart = [e.described() for e in found]
         mixed = f"; of different runs or versions, and not to be mixed: {'; '.join(apart)}" * (len(apart) > 1)
         result = Finding(OPEN, f"{first.numbers}{mixed}; {run}", lacking=True)
@@ -126,8 +126,8 @@ def draw(folder: Path, quiet: bool, claims: Sequence[Claim]) -> list[Path]:
     path = folder / "claims.md"
     path.write_text("\n".join(markdown(made, data)) + "\n", encoding="utf-8")
     if not quiet:
-        told = made["claim"] + " (" + made["section"] + "): " + made["numbers"]
-        print_table(made[["number", "verdict"]].assign(**{"claim (section): what was measured": told}))
+        text = made["claim"] + " (" + made["section"] + "): " + made["numbers"]
+        print_table(made[["number", "verdict"]].assign(**{"claim (section): what was measured": text}))
     return [path, document.write_csv(made, folder / "claims.csv", list(made))]
 
 

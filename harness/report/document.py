@@ -131,8 +131,8 @@ def named(table: DataFrame) -> DataFrame:
     table = points(table)
     sizes = table["width"].astype(str) + "x" + table["height"].astype(str)
     size = sizes if sizes.nunique() > 1 else sizes.str[:0]
-    told = (table["stand_in"] == "") | table["scene_title"].str.contains("stand-in")
-    title = table["scene_title"].where(told, table["scene_title"] + " (stand-in)")
+    named = (table["stand_in"] == "") | table["scene_title"].str.contains("stand-in")
+    title = table["scene_title"].where(named, table["scene_title"] + " (stand-in)")
     apart = spread(table)
     return table.assign(
         title=title + size.where(size == "", ", " + size),
@@ -203,8 +203,8 @@ def not_measured(table: DataFrame, apart: Collection[str] = ()) -> list[str]:
     names = lost["label"].where(lost["light_label"] == "", lost["label"] + ", " + lost["light_label"])
     reasons = lost["reason"].where((lost["reason"] != "") | (lost["status"] == NO_RECORD), "no reason given")
     why = lost["status"].where(reasons == "", lost["status"] + ": " + reasons)
-    told = lost["title"].groupby([names, why], sort=False).unique()
-    return [f"{name}: {reason} ({', '.join(titles)})" for (name, reason), titles in told.items()]
+    groups = lost["title"].groupby([names, why], sort=False).unique()
+    return [f"{name}: {reason} ({', '.join(titles)})" for (name, reason), titles in groups.items()]
 
 
 def write(
@@ -257,17 +257,17 @@ def where(table: DataFrame) -> str:
 def effort(table: DataFrame) -> str:
     """How long the points were sampled, where they say so, as a sentence."""
     asked = table.reindex(columns=["point.rounds", "point.budget_s"]).dropna().drop_duplicates()
-    told = [
+    parts = [
         f"{n:.0f} round{'s' if n > 1 else ''}, at most {budget:g} s of samples a point"
         for n, budget in asked.to_numpy()
     ]
-    if not told:
+    if not parts:
         return ""
     short = table[(table["rounds"] > 0) & (table["rounds"] < table["point.rounds"])]
     rows = zip(short["title"], short["label"], short["rounds"], short["point.rounds"], strict=True)
     less = [f"{title}, {label}: {n} of {of:.0f}" for title, label, n, of in rows]
     after = f" The budget was spent before the last round: {'; '.join(less)}." if less else ""
-    return f"{' and '.join(told)}.{after}"
+    return f"{' and '.join(parts)}.{after}"
 
 
 def check_text(row: Mapping[str, Any]) -> str:
@@ -298,8 +298,8 @@ def never_hit_notes(table: DataFrame) -> list[str]:
     """A line a scene with triangles that nothing can hit: right answers there are misses."""
     known = table.dropna(subset=["triangles"]).drop_duplicates("title")
     rows = zip(known["title"], known["triangles"], known["invalid_triangles"], strict=True)
-    told = ((title, never_hit(int(total), int(total - invalid))) for title, total, invalid in rows)
-    return [f"{title}: {text}." for title, text in told if text]
+    texts = ((title, never_hit(int(total), int(total - invalid))) for title, total, invalid in rows)
+    return [f"{title}: {text}." for title, text in texts if text]
 
 
 def linked(path: Path) -> list[str]:

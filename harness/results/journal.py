@@ -35,7 +35,7 @@ class Journal:
             os.truncate(self.path, whole)
 
     def append(self, event: dict[str, Any]) -> None:
-        """Add an event. Raises OSError where it cannot be kept; the journal is then as it was."""
+        """Add an event. Raises OSError where it cannot be written; the journal is then as it was."""
         self.path.parent.mkdir(parents=True, exist_ok=True)
         line = (canonical(event) + "\n").encode()
         before = self.path.stat().st_size if self.path.exists() else 0

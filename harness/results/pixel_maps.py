@@ -1,4 +1,4 @@
-"""Work counts of single pixels, kept as small pictures beside the records: what a heat map is drawn from."""
+"""Work counts of single pixels, stored as small pictures beside the records: what a heat map is drawn from."""
 
 from __future__ import annotations
 from ..files import replacing
@@ -15,7 +15,7 @@ Counts = NDArray[np.int64]
 
 
 def map_path(folder: Path, key: str, frame: int) -> Path:
-    """Where the counts of a point's frame are kept."""
+    """Where the counts of a point's frame are stored."""
     return folder / "maps" / f"{key}-{frame}.png"
 
 
@@ -33,7 +33,7 @@ def write_map(path: Path, counts: NDArray[np.integer]) -> None:
 
 
 def read_map(path: Path) -> Counts:
-    """The counts [height, width] that :func:`write_map` kept."""
+    """The counts [height, width] that :func:`write_map` wrote."""
     with Image.open(path) as image:
         bytes_ = np.asarray(image.convert("RGB")).astype(np.int64)
     return (bytes_[..., 0] << 16) + (bytes_[..., 1] << 8) + bytes_[..., 2]
@@ -44,7 +44,7 @@ OFFSET = 1
 
 
 def wrong_path(folder: Path, key: str, frame: int) -> Path:
-    """Where the classes of a point's frame are kept."""
+    """Where the classes of a point's frame are stored."""
     return folder / "maps" / f"{key}-{frame}-wrong.png"
 
 

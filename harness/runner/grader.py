@@ -73,7 +73,7 @@ class Grader:
             if score:
                 graded.update(self._score(key, frame, answers, wrong_maps and frame == last))
             if save_answers or graded["score"] is None:
-                self._keep(key, frame, answers)
+                self._save_answers(key, frame, answers)
             if not drawn and frame == there[len(there) // 2]:
                 draw_picture(self.prepared, self.moments[frame], answers, picture, shows)
             handed.unlink()
@@ -85,15 +85,15 @@ class Grader:
             from ..judge.context import Judge
             from ..judge.score import score_answers
             from ..report.flip import keep_wrong
-            from ..results.settle import keep_disputes
+            from ..results.disputes import write_disputes
         except ImportError as error:
             missing = error.name or str(error)
             reason = f"no exact reference: {missing} is not installed; shadowbench score adds it on a machine that has it"
             return {"score": None, "unscored": reason}
         if frame not in self._judges:
-            truth = self.folder / "truth"
+            references = self.folder / "truth"
             self._judges[frame] = Judge.of(
-                self.prepared, self.moments[frame], self.effects, truth, self.device
+                self.prepared, self.moments[frame], self.effects, references, self.device
             )
         judge = self._judges[frame]
         looks: dict[str, Any] = {}
@@ -105,10 +105,10 @@ class Grader:
             if known not in self._scores:
                 self._scores[known] = score_answers(judge, answers)
             scored = self._scores[known]
-        keep_disputes(self.folder, key, frame, scored.disputes)
+        write_disputes(self.folder, key, frame, scored.disputes)
         return {"score": scored.score.to_json(), "unscored": None, **looks}
 
-    def _keep(self, key: str, frame: int, answers: Answers) -> None:
+    def _save_answers(self, key: str, frame: int, answers: Answers) -> None:
         try:
             from ..judge.answer_files import save_raw
         except ImportError:

@@ -15,9 +15,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ..results.disputes import charged_records
 from ..results.folder import ResultsFolder
 from ..results.record import FAILURES, Record, make_record
-from ..results.settle import settled
 from ..scene.facts import contents
 from ..scene.overrides import Lighting
 from .experiment import Entry
@@ -93,7 +93,7 @@ class Run:
                     worker.stop()
                 self.folder.shared_scene.unlink(missing_ok=True)
             self.report.doing("updating scores at pixels where several methods differ")
-            return settled(self.folder, records)
+            return charged_records(self.folder, records)
 
     # --- one scene ---
 

@@ -103,7 +103,7 @@ class Prepared:
         A directional light stands :data:`INFINITELY_FAR` scene radii (rounded up to a power of two) along its way:
         there ``p - light`` rounds to ``-light`` in float64 for every point p of the scene, so that whatever is
         computed from differences is what it is in the limit, and exact arithmetic differs from the limit by less
-        than float64 can tell.
+        than float64 resolves.
         """
         position = np.asarray(light.position, dtype=np.float64)
         if not light.directional:

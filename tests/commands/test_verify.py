@@ -188,7 +188,7 @@ def test_the_table_shows_what_is_wrong(capsys, mesh):
 
 
 @pytest.mark.parametrize("columns", ["80", "200"])
-def test_tables_are_as_wide_as_told(capsys, mesh, monkeypatch, columns):
+def test_tables_are_as_wide_as_asked(capsys, mesh, monkeypatch, columns):
     """A pipe has no width of its own: COLUMNS counts, else 80."""
     monkeypatch.setenv("COLUMNS", columns)
     verify([mesh], ["perspective_spherical", "honest"], size="40x30", device="cpu")
@@ -206,7 +206,7 @@ def test_tables_are_as_wide_as_told(capsys, mesh, monkeypatch, columns):
         (slice(0, 1), "of 12 triangles can never be hit"),
     ],
 )
-def test_triangles_that_cannot_be_hit_are_told(tmp_path, capsys, broken, words):
+def test_triangles_that_cannot_be_hit_are_reported(tmp_path, capsys, broken, words):
     box = trimesh.creation.box()
     vertices = box.vertices.copy()
     vertices[broken] = np.nan
@@ -262,20 +262,20 @@ def test_explain_shows_every_answer_and_the_exact_one(capsys, mesh):
     code = explain(mesh, f"{x},{y}", names, "cpu", "40x30", as_json=True)
     facts = json.loads(capsys.readouterr().out)
     assert code == 1
-    truth = facts["exact"]
-    assert truth["ties"][0] == truth["triangle"] >= 0
-    assert int(truth["t_ratio"][0]) / int(truth["t_ratio"][1]) == truth["t"]
-    assert truth["edge_in_bounds"] > 0
-    assert truth["shadows"][0]["bit"] == 1
-    assert truth["shadows"][0]["occluder"] != truth["triangle"]
+    exact = facts["exact"]
+    assert exact["ties"][0] == exact["triangle"] >= 0
+    assert int(exact["t_ratio"][0]) / int(exact["t_ratio"][1]) == exact["t"]
+    assert exact["edge_in_bounds"] > 0
+    assert exact["shadows"][0]["bit"] == 1
+    assert exact["shadows"][0]["occluder"] != exact["triangle"]
     rows = {row["method"]: row for row in facts["answers"]}
-    assert rows["reference"]["triangle"] == truth["triangle"]
+    assert rows["reference"]["triangle"] == exact["triangle"]
     assert (rows["right"]["class"], rows["right"]["shadow_classes"]) == ("ok", ["ok"])
     assert (rows["wrong"]["class"], rows["wrong"]["shadow_classes"]) == ("ok", ["leak"])
     assert rows["choosy"]["reason"] == "only spheres"
     assert explain(mesh, f"{x},{y}", ["right", "honest"], "cpu", "40x30") == 0
     text = capsys.readouterr().out
-    assert f"exact: triangle {truth['triangle']}" in text
+    assert f"exact: triangle {exact['triangle']}" in text
     assert "0 leak" in text
 
 

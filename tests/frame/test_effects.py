@@ -156,7 +156,7 @@ def test_a_neutral_value_changes_no_bit(label, neutral, device):
 
 @pytest.mark.parametrize("facing", [False, True])
 @pytest.mark.parametrize("label", EXACT)
-def test_receivers_are_the_same_for_every_method_and_truth(label, facing, device):
+def test_receivers_are_the_same_for_every_method_and_the_reference(label, facing, device):
     prepared = scene((SPOT, BEHIND, Light((0.2, 1.0, 0.3), directional=True)), facing=facing)
     moment = prepared.moment(0, *SIZE)
     judge = Judge.of(prepared, moment)

@@ -18,7 +18,7 @@ SIZE = 24
 EXACT = [("uniform_grid", {}), ("warp_bvh", {"update": "bvh_rebuild"})]
 INEXACT = [("warp_bvh", {"update": "rebuild"}), ("warp_bvh", {"update": "refit"}), ("embree", {})]
 
-needs_embree = pytest.mark.skipif(not embree_installed(), reason="truth needs Embree")
+needs_embree = pytest.mark.skipif(not embree_installed(), reason="the reference needs Embree")
 
 
 def with_mirrors(prepared: Prepared, mirror: np.ndarray, bounces: int, **changes) -> Prepared:

@@ -23,7 +23,7 @@ from shadowbench.harness.scene.shared import read_stored, store
 from shadowbench.harness.scene.surface_rules import perforated
 
 
-def test_truth_is_the_referee_and_says_why():
+def test_the_reference_is_the_referee_and_says_why():
     _, _, judge = holed()
     assert judge.reference.provenance["reference"] == "exact referee"
     assert "filter functions" in judge.reference.provenance["why"]
@@ -64,9 +64,9 @@ def test_a_border_excuses_within_the_bound_only(bounds, verdict):
     up = referee.closest(np.float32([(x, -2, 0.25) for x in origins[:, 0]]), np.float32([(0, 1, 0)] * 2))
     assert up.triangle.tolist() == [1, 1]
     light = np.float32([0, 2.0**20, 0.25])
-    truth = referee.occluded(up, light)
-    assert truth.tolist() == [1, 0]
-    said = referee.classify_shadow(up, light, 1 - truth)
+    exact = referee.occluded(up, light)
+    assert exact.tolist() == [1, 0]
+    said = referee.classify_shadow(up, light, 1 - exact)
     wrong = [Verdict.LEAK, Verdict.ACNE]
     assert said.tolist() == ([Verdict.EDGE] * 2 if verdict == Verdict.EDGE else wrong)
 
@@ -131,7 +131,7 @@ def test_raw_answers_keep_the_mask(tmp_path):
         score_raw(path)
 
 
-def test_truth_and_scenes_with_masks_are_kept_and_read_back(tmp_path):
+def test_references_and_scenes_with_masks_are_stored_and_read_back(tmp_path):
     prepared, moment, judge = holed()
     one = Judge.of(prepared, moment, folder=tmp_path).reference
     two = Judge.of(prepared, moment, folder=tmp_path).reference

@@ -1,4 +1,4 @@
-"""The script that measures the referee runs, and what it times is the settling of wrong answers. Nothing here times."""
+"""The script that measures the referee runs, and what it times is the deciding of wrong answers. Nothing here times."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from tools import referee_speed
 
 
 @pytest.mark.skipif(not embree_installed(), reason="Embree finds the pixels")
-def test_the_pixels_measured_are_settled(monkeypatch, capsys):
+def test_the_pixels_measured_are_decided(monkeypatch, capsys):
     monkeypatch.setattr(referee_speed, "SIDE", 96)
     referee_speed.report("bunny", 60)
     shown = capsys.readouterr().out

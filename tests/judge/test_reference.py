@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helpers import rational_brute_force as cases
-from shadowbench.harness.judge import reference as truth
+from shadowbench.harness.judge import reference as references
 from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.judge.referee import Referee
 from shadowbench.harness.judge.reference import embree_reference
@@ -83,13 +83,13 @@ def test_nothing_to_hit():
 
 def test_an_index_out_of_range_is_refused():
     with pytest.raises(ValueError, match="does not exist"):
-        truth.make_scene(np.zeros((3, 3), np.float32), np.int32([(0, 1, 3)]), np.ones(1))
+        references.make_scene(np.zeros((3, 3), np.float32), np.int32([(0, 1, 3)]), np.ones(1))
 
 
 def test_several_blocks_give_the_same_as_one(ball, monkeypatch):
     prepared, moment = ball
     whole = embree_reference(prepared, moment)
-    monkeypatch.setattr(truth, "BLOCK", 100)
+    monkeypatch.setattr(references, "BLOCK", 100)
     blocks = embree_reference(prepared, moment)
     for name, value in whole.answers().items():
         np.testing.assert_array_equal(value, blocks.answers()[name])
@@ -116,7 +116,7 @@ def test_the_folder_is_used_only_for_the_same_inputs(ball, tmp_path, monkeypatch
     first = embree_reference(prepared, moment, folder=tmp_path)
     (file,) = tmp_path.glob("truth-*.npz")
     before = file.read_bytes()
-    monkeypatch.setattr(truth, "_trace", lambda *_: pytest.fail("traced again"))
+    monkeypatch.setattr(references, "_trace", lambda *_: pytest.fail("traced again"))
     again = embree_reference(prepared, moment, folder=tmp_path)
     for name, value in first.answers().items():
         np.testing.assert_array_equal(value, again.answers()[name])
@@ -153,8 +153,8 @@ def test_provenance_says_what_was_traced_and_by_what(ball):
 def test_without_embree_the_referee_is_the_reference(ball, monkeypatch):
     prepared, moment = ball
     embree = embree_reference(prepared, moment)
-    monkeypatch.setattr(truth, "embree_installed", lambda: False)
-    monkeypatch.setattr(truth, "embree_reference", lambda *_: pytest.fail("asked for Embree"))
+    monkeypatch.setattr(references, "embree_installed", lambda: False)
+    monkeypatch.setattr(references, "embree_reference", lambda *_: pytest.fail("asked for Embree"))
     judge = Judge.of(prepared, moment)
     for name, value in embree.answers().items():
         np.testing.assert_allclose(value, judge.reference.answers()[name], rtol=2e-6, atol=2e-5)

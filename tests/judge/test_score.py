@@ -178,7 +178,7 @@ def test_unwritten_answers_are_all_invalid(ball):
 
 
 @pytest.mark.parametrize("light", [0, 1])
-def test_acne_and_leaks_are_told_apart(ball, light):
+def test_acne_and_leaks_are_distinguished(ball, light):
     lit = ball.pixel((ball.right["triangle"] == 0) & (ball.right["visibility"][light] == 0))
     dark = ball.pixel((ball.right["triangle"] <= 1) & (ball.right["visibility"][light] == 1))
     answers = ball.answers()

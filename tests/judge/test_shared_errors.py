@@ -25,7 +25,7 @@ from shadowbench.harness.judge.shared_errors import share_errors
 from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import Camera, Light
 
-pytestmark = pytest.mark.skipif(not embree_installed(), reason="an exact reference has no errors to settle")
+pytestmark = pytest.mark.skipif(not embree_installed(), reason="an exact reference has no errors to share")
 
 
 @pytest.fixture(scope="module")
@@ -154,12 +154,12 @@ def test_embrees_own_row_is_charged_where_another_method_is_right(name):
         scored = score_answers(judge.with_random_pixels(0), answers)
         rows.append((scored.score, scored.disputes))
         if method == "embree":
-            truth = sum(n for kind, n in one.count(answers)[0].items() if kind in ERROR_NAMES)
-    assert rows[0][0].true_errors < truth
-    assert [score.true_errors for score in share_errors(rows)] == [truth, 0]
+            exact = sum(n for kind, n in one.count(answers)[0].items() if kind in ERROR_NAMES)
+    assert rows[0][0].true_errors < exact
+    assert [score.true_errors for score in share_errors(rows)] == [exact, 0]
 
 
-def test_mirrored_rays_that_are_the_same_are_settled_too(monkeypatch):
+def test_mirrored_rays_that_are_the_same_are_charged_too(monkeypatch):
     case = find_case("M05")
     trial = case.make()
     moment = trial.moment

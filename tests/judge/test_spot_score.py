@@ -22,7 +22,7 @@ SIZE = 32
 
 @pytest.fixture(scope="module")
 def scene():
-    pytest.importorskip("embreex", reason="truth needs Embree")
+    pytest.importorskip("embreex", reason="the reference needs Embree")
     vertices, faces = brute_force.soup(3, 60)
     prepared = brute_force.make_scene(vertices, faces, [(1.0, 2.5, 1.5)])
     middle = tuple(float(x) for x in prepared.middle + prepared.centre)

@@ -175,7 +175,7 @@ def test_wrong_calls_are_one_line_each(tmp_path: Path) -> None:
         (lambda whole: lzma.compress(lzma.decompress(whole) + b"[\n"), "line 4: not a record"),
     ],
 )
-def test_a_damaged_archive_is_told_by_its_name(tmp_path: Path, damage, said) -> None:
+def test_a_damaged_archive_is_reported_by_its_name(tmp_path: Path, damage, said) -> None:
     keep([run_folder(tmp_path / "run")], tmp_path / "out")
     path = tmp_path / "out" / "records" / ARCHIVE
     path.write_bytes(damage(path.read_bytes()))

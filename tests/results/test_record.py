@@ -225,7 +225,7 @@ def test_fields_that_old_records_lack_may_be_absent(tmp_path):
         (lambda r: {**r, "status": "fine"}, "status 'fine' is not one of ok, skipped, failed, timeout, rejected"),
     ],
 )  # fmt: skip
-def test_a_record_of_wrong_shape_is_told_by_its_file_and_field(tmp_path, damage, said):
+def test_a_record_of_wrong_shape_is_reported_by_its_file_and_field(tmp_path, damage, said):
     whole = made([round_event(0, [1.0]), finished_event()])
     files.write_atomic(tmp_path / "records" / "k.json", damage(whole.to_json()))
     with pytest.raises(UserError) as refused:

@@ -127,7 +127,7 @@ def test_the_lock_of_a_process_that_was_killed_is_free(tmp_path: Path) -> None:
     assert said == []
 
 
-def test_whoever_waits_is_told_for_which_process_and_what_to_do(tmp_path: Path) -> None:
+def test_whoever_waits_reads_for_which_process_and_what_to_do(tmp_path: Path) -> None:
     log, waiting = tmp_path / "log", tmp_path / "waiting"
     process = other(tmp_path, log, MEASURE)
     try:

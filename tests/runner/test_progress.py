@@ -82,7 +82,7 @@ def test_the_estimate_is_said_once_there_is_one(clock, capsys):
     ]
 
 
-def test_a_point_is_told_with_its_time_or_with_what_went_wrong(clock, capsys):
+def test_a_point_is_printed_with_its_time_or_with_what_went_wrong(clock, capsys):
     bar = Bar()
     bar.point(checked(Record, record_of("table1", Entry("warp_bvh"), ms=12.345)))
     bar.point(checked(Record, record_of("table1", Entry("warp_bvh"), status="rejected")))

@@ -113,7 +113,7 @@ def test_a_record_holds_every_sample(troubled):
     assert {r["place"] for r in records["steady"].rounds} <= set(range(13))
 
 
-def test_growth_is_recorded_and_settled_before_timing(troubled):
+def test_growth_is_recorded_and_over_before_timing(troubled):
     _, records = troubled
     assert records["grows"].frames[0].regrown == 2
     assert records["steady"].frames[0].regrown == 0
@@ -210,8 +210,8 @@ def _breaking(runner, path):
         return runner.go()
 
 
-def test_answers_are_scored_against_truth(scene, tmp_path):
-    pytest.importorskip("embreex", reason="truth needs Embree")
+def test_answers_are_scored_against_the_reference(scene, tmp_path):
+    pytest.importorskip("embreex", reason="the reference needs Embree")
     chosen = options(tmp_path, [scene], ["warp_bvh"], width=32, height=32, score=True, save_answers=True)
     (measured,) = Run(chosen, Silent()).go()
     score = measured.frames[0].score

@@ -16,7 +16,7 @@ def put(path):
 
 
 @pytest.mark.parametrize("make", [lambda path: path.mkdir(), lambda path: path.symlink_to(path)])
-def test_what_bears_an_originals_name_and_is_no_file_is_told(tmp_path, capsys, make):
+def test_what_bears_an_originals_name_and_is_no_file_is_reported(tmp_path, capsys, make):
     make(tmp_path / "sibenik.ply")
     assert catalogue.resolve("sibenik", tmp_path).stand_in
     said = capsys.readouterr().err

@@ -28,7 +28,7 @@ def test_the_default_lighting_changes_nothing_and_has_no_facts(prepared):
     assert Lighting.read({}) == Lighting()
 
 
-def test_distance_is_told_in_radii_from_the_middle_in_the_lights_own_direction(prepared):
+def test_distance_is_in_radii_from_the_middle_in_the_lights_own_direction(prepared):
     middle = prepared.middle + prepared.centre
     own = prepared.scene.lights
     before = np.subtract(own[0].position, middle)

@@ -1,4 +1,4 @@
-"""How long the exact referee takes to settle disputed pixels of a large frame: printed, never asserted.
+"""How long the exact referee takes to decide disputed pixels of a large frame: printed, never asserted.
 
     python tests/tools/referee_speed.py [SCENE ...] [--pixels 1000]      default: conference, the largest room
 
@@ -37,7 +37,7 @@ def borders(reference: Reference, count: int) -> np.ndarray:
     return np.sort(np.random.default_rng(0).choice(there, min(count, len(there)), replace=False))
 
 
-def settled(referee: Referee, moment: Moment, reference: Reference, pixels: np.ndarray) -> dict[str, int]:
+def decided(referee: Referee, moment: Moment, reference: Reference, pixels: np.ndarray) -> dict[str, int]:
     """Decide pixels and find the classes of wrong answers to them; how many triangles and bits were classed wrong."""
     hits = referee.closest(moment.eye, moment.directions(pixels))
     given = np.roll(reference.triangle[pixels], 1)
@@ -67,12 +67,12 @@ def report(scene: str, count: int) -> None:
     pixels = borders(reference, count)
     print(f"{scene}: {prepared.triangle_count:,} triangles, {SIDE}x{SIDE}, {len(moment.lights)} lights")
     # Kernels are compiled, or taken from the cache, before anything is timed.
-    settled(Referee(moment.points, prepared.faces, moment.valid), moment, reference, pixels[:8])
+    decided(Referee(moment.points, prepared.faces, moment.valid), moment, reference, pixels[:8])
     referee = timed("tree of the referee", lambda: Referee(moment.points, prepared.faces, moment.valid))
-    found = timed(f"{len(pixels):,} disputed pixels", lambda: settled(referee, moment, reference, pixels))
+    found = timed(f"{len(pixels):,} disputed pixels", lambda: decided(referee, moment, reference, pixels))
     near = neighbours(pixels, SIDE, SIDE)
     timed(
-        f"... with their neighbours, {len(near):,} pixels", lambda: settled(referee, moment, reference, near)
+        f"... with their neighbours, {len(near):,} pixels", lambda: decided(referee, moment, reference, near)
     )
     print(
         f"  of the answers planted there {found['triangles']:,} triangles and {found['bits']:,} bits are wrong"

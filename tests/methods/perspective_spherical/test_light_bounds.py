@@ -64,7 +64,7 @@ def test_a_centred_frame_keeps_its_tiles_at_any_distance(radii):
         assert plain["light 0 pairs"] > 2 * double["light 0 pairs"]
 
 
-def test_a_light_among_the_hit_points_is_told_from_the_light():
+def test_a_light_among_the_hit_points_is_not_taken_for_the_light():
     vertices, faces = soup(4, 400, size=0.1)
     lights = [(0.1, 0.0, 0.2), (0.5, 0.9, 0.4), tuple(vertices[0])]
     prepared = make_scene(vertices, faces, lights)

@@ -1,4 +1,4 @@
-"""The shadow map: exact primary rays, shadows that approach the truth with the map's size, lights in and out."""
+"""The shadow map: exact primary rays, shadows that approach the exact ones with the map's size, lights in and out."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Add errors that methods share with the reference to the records of a folder (:mod:`.judge.shared_errors`).
 
 Each scored frame has a small file in ``truth/``, beside Embree's answers and ignored by git. From all of these files,
-:func:`settle_folder` computes the shared errors and rewrites the records whose counts change. A run does this at its end,
+:func:`charge_folder` computes the shared errors and rewrites the records whose counts change. A run does this at its end,
 and ``shadowbench score`` after scoring. The records then have the counts; the files are needed again only if more points
 are scored in the same folder.
 """
@@ -26,14 +26,14 @@ ARRAYS = ("state", "pixels", "hit", "primary", "shadow")
 FACTS = tuple(one.name for one in fields(Disputes) if one.name not in ARRAYS)
 
 
-def kept_path(folder: Path, key: str, frame: int) -> Path:
-    """Where the disputes of a point's frame are kept."""
+def disputes_path(folder: Path, key: str, frame: int) -> Path:
+    """The file of the disputes of a point's frame."""
     return folder / "truth" / f"disputes-{key}-{frame}.npz"
 
 
-def keep_disputes(folder: Path, key: str, frame: int, disputes: Sequence[Disputes]) -> None:
-    """Keep what a frame's score leaves to others; atomically. About a hundredth of the frame's answers."""
-    path = kept_path(folder, key, frame)
+def write_disputes(folder: Path, key: str, frame: int, disputes: Sequence[Disputes]) -> None:
+    """Write what a frame's score leaves to others; atomically. About a hundredth of the frame's answers."""
+    path = disputes_path(folder, key, frame)
     facts = {
         "key": key,
         "frame": frame,
@@ -59,10 +59,10 @@ def read_disputes(path: Path, state: bool = True) -> tuple[str, int, list[Disput
     return facts["key"], facts["frame"], found
 
 
-def settle_folder(folder: Path) -> dict[str, Record]:
-    """Settle the records of a folder; those that changed, by key, as they were rewritten.
+def charge_folder(folder: Path) -> dict[str, Record]:
+    """Charge the records of a folder with shared errors; those that changed, by key, as they were rewritten.
 
-    A record is written whole or not at all, so that a run that is stopped here settles the rest when it goes on.
+    A record is written whole or not at all, so that a run that is stopped here charges the rest when it goes on.
     """
     files = sorted((folder / "truth").glob("disputes-*.npz"))
     known = [(path, found) for path in files if (found := read_disputes(path, state=False))]
@@ -86,10 +86,10 @@ def settle_folder(folder: Path) -> dict[str, Record]:
     return changed
 
 
-def settled(folder: ResultsFolder, records: list[Record]) -> list[Record]:
+def charged_records(folder: ResultsFolder, records: list[Record]) -> list[Record]:
     """The records, and their files, with what other points' disputes showed of their answers."""
     if not any((folder.path / "truth").glob("disputes-*.npz")):
         return records
     with folder.writing():
-        changed = settle_folder(folder.path)
+        changed = charge_folder(folder.path)
     return [changed.get(record.key, record) for record in records]

@@ -1,4 +1,4 @@
-"""Folders of results settled: runs that go on, answers scored later, and that nothing is written twice."""
+"""Folders of results charged with shared errors: runs that go on, answers scored later, and that nothing is written twice."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from shadowbench.harness.judge.verdict import Verdict
 from shadowbench.harness.runner.runner import Run
 from shadowbench.harness.judge.context import Judge
 from shadowbench.harness.results.schema import read_record
-from shadowbench.harness.results.settle import kept_path, read_disputes, settle_folder
+from shadowbench.harness.results.disputes import disputes_path, read_disputes, charge_folder
 from shadowbench.harness.judge.reference import embree_installed
 
-pytestmark = pytest.mark.skipif(not embree_installed(), reason="an exact reference has no errors to settle")
+pytestmark = pytest.mark.skipif(not embree_installed(), reason="an exact reference has no errors to share")
 
 
 @pytest.fixture(scope="module")
@@ -61,12 +61,12 @@ def errors(folder, key):
     return json.loads((folder / "records" / f"{key}.json").read_text())["frames"][0]["score"]["true_errors"]
 
 
-def test_a_folder_is_settled_when_it_goes_on_and_only_then_rewritten(ball, blind, tmp_path):
+def test_a_folder_is_charged_when_it_goes_on_and_only_then_rewritten(ball, blind, tmp_path):
     grade(ball, tmp_path, "b", ball.wrong, wrong_maps=True)
-    settle_folder(tmp_path)
+    charge_folder(tmp_path)
     assert errors(tmp_path, "b") == 0
     grade(ball, tmp_path, "a", ball.right, wrong_maps=True)
-    changed = settle_folder(tmp_path)
+    changed = charge_folder(tmp_path)
     assert set(changed) == {"a", "b"}
     assert changed["b"].frames[0].score.settled.true_errors == 3
     assert (errors(tmp_path, "a"), errors(tmp_path, "b")) == (0, 3)
@@ -76,7 +76,7 @@ def test_a_folder_is_settled_when_it_goes_on_and_only_then_rewritten(ball, blind
     assert (classes > Verdict.TIE).sum() == 3
     assert (pixel_maps.read_wrong(looks.wrong_path(tmp_path, "a", 0)) > Verdict.TIE).sum() == 0
     before = {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in tmp_path.glob("[rm]*/*")}
-    assert settle_folder(tmp_path) == {}
+    assert charge_folder(tmp_path) == {}
     assert {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in before} == before
     assert all(path.stat().st_size < 4000 for path in (tmp_path / "truth").glob("disputes-*"))
 
@@ -84,19 +84,19 @@ def test_a_folder_is_settled_when_it_goes_on_and_only_then_rewritten(ball, blind
 def test_a_torn_file_of_disputes_costs_its_own_point_only(ball, blind, tmp_path):
     for key, answers in (("a", ball.right), ("b", ball.wrong), ("c", ball.wrong)):
         grade(ball, tmp_path, key, answers)
-    kept_path(tmp_path, "c", 0).write_bytes(b"PK\x03\x04 torn")
-    assert read_disputes(kept_path(tmp_path, "c", 0)) is None
-    settle_folder(tmp_path)
+    disputes_path(tmp_path, "c", 0).write_bytes(b"PK\x03\x04 torn")
+    assert read_disputes(disputes_path(tmp_path, "c", 0)) is None
+    charge_folder(tmp_path)
     assert (errors(tmp_path, "b"), errors(tmp_path, "c")) == (3, 0)
 
 
-def test_answers_scored_later_are_settled_with_those_scored_before(ball, blind, tmp_path, capsys):
+def test_answers_scored_later_are_charged_with_those_scored_before(ball, blind, tmp_path, capsys):
     kept = {"b": ball.wrong, "a": ball.right}
     for key, answers in kept.items():
         path = tmp_path / "answers" / f"{key}-0.npz"
         save_raw(path, ball.prepared, ball.moment, answers, "ball", extra={"key": key})
         (tmp_path / "records").mkdir(exist_ok=True)
-        record = graded_record(key, [{"frame": 0, "score": None, "unscored": "no truth there"}])
+        record = graded_record(key, [{"frame": 0, "score": None, "unscored": "no reference there"}])
         (tmp_path / "records" / f"{key}.json").write_text(json.dumps(record))
     held_back = tmp_path / "answers" / "a-0.npz"
     held_back.rename(tmp_path / "a-0.npz")
