@@ -38,7 +38,7 @@ class Trace:
     side  pixels along a side of a packet of rays
     """
 
-    side: int = 8
+    side: int = 4
 
     def __post_init__(self) -> None:
         if not 1 <= self.side <= 64:

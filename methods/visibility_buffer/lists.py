@@ -81,15 +81,17 @@ def test_texels(
     face: wp.int32,
     box: wp.vec4i,
     occluder: Occluder,
-):
-    """Test the hit points in a small box of texels.
+    most: wp.int32,
+) -> wp.bool:
+    """Test the hit points in a small box of texels, ``most`` of them; whether those were all.
 
     One loop over all of them: in a loop for each texel the lanes of a warp would wait for the longest list each time.
     """
+    left = wp.int32(most)
     x = wp.int32(box[0])
     y = wp.int32(box[1])
     node = wp.int32(0)
-    while node > 0 or y <= box[3]:
+    while left >= 0 and (node > 0 or y <= box[3]):
         if node == 0:
             node = entry(head, texel_index(face, x, y, along))
             x += 1
@@ -97,4 +99,7 @@ def test_texels(
                 x = box[0]
                 y += 1
         if node > 0:
-            node = test_node(bits, queue, cells, node, occluder)
+            left -= 1
+            if left >= 0:
+                node = test_node(bits, queue, cells, node, occluder)
+    return left >= 0

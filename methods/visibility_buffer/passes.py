@@ -119,7 +119,8 @@ class LightRaster(LightStream):
             specialised(shadow.raster_kernel, self.switches),
             dim=q.share_threads,
             inputs=[
-                q.share(share), self.build.inline_cells, f.lights, self.aims.cubes, self.cells, self.head, f.mesh, f.alpha,
+                q.share(share), self.build.inline_cells, self.build.inline_rays, f.lights, self.aims.cubes, self.cells,
+                self.head, f.mesh, f.alpha,
             ],
             outputs=[self.bits, self.queue[share]],
             device=f.device,

@@ -100,6 +100,7 @@ def covers_some(sides: Sides, work: wp.vec4i, box: wp.vec4i) -> wp.bool:
 def raster_kernel(
     share: Share,
     inline_cells: wp.int32,
+    inline_rays: wp.int32,
     lights: wp.array(dtype=wp.vec3f),
     cubes: wp.array(dtype=Cube),
     cells: RayCells,
@@ -159,10 +160,13 @@ def raster_kernel(
     if here >= 0 or queued_too:
         # Corners are read again: held until here, they would take the registers of the loop.
         planes = set_planes(occluder, lights[bits.light], corners_at(mesh, i))
+        if here >= 0:
+            if not test_texels(bits, queue, cells, head, along, here, box_here, planes, inline_rays):
+                # What was tested is tested again with the rest: bits stay set, and few pairs are doubtful.
+                queued_too = True
+                queue_large(queue, i, here, box_here, planes.bound)
         if queued_too:
             store_planes(queue.records, planes)
-        if here >= 0:
-            test_texels(bits, queue, cells, head, along, here, box_here, planes)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)

@@ -15,6 +15,7 @@ from shadowbench.harness.scene.prepared import Prepared
 NAME = "visibility_buffer"
 TRIALS = {name: (prepared, width, height) for name, prepared, width, height in hard_trials()}
 TILES = {"inline_pixels": "0", "inline_cells": "0"}
+FEW = {"inline_rays": "2", "cells": "8"}
 
 
 def small_and_large(seed: int = 7) -> Prepared:
@@ -40,6 +41,7 @@ def test_equals_brute_force_under_random_settings(seed, device):
         "cells": ["0", "8", "64", "200"][seed],
         "inline_pixels": str(random.integers(0, 60)),
         "inline_cells": str(random.integers(0, 100)),
+        "inline_rays": str(random.integers(0, 8)),
         "shares": str(1 + seed % 3),
         "beside": str(1 + seed % 2),
     }
@@ -53,6 +55,7 @@ def test_equals_brute_force_under_random_settings(seed, device):
         TILES,
         {"inline_pixels": "4000", "inline_cells": "4000", "cells": "128"},
         {**TILES, "cells": "8", "shares": "1"},
+        FEW,
     ],
     ids=str,
 )
