@@ -134,29 +134,24 @@ def draw(folder: Path, quiet: bool, claims: Sequence[Claim]) -> list[Path]:
 def markdown(made: DataFrame, data: Data) -> list[str]:
     """The table, what it was measured on, and what was wrong among the answers behind it."""
     points = document.named(data.frames)
-    counts = made["verdict"].value_counts()
-    shown = made.assign(verdict="**" + made["verdict"] + "**").rename(
-        columns={"number": "", "numbers": "measured", "judged_from": "judged from"}
-    )
-    checks = list(points["error"])
+    checks, told = list(points["error"]), made["verdict"].value_counts()
+    counts = [
+        f"{told.get(verdict, 0)} {words}" for verdict, words in ((HOLDS, "hold"), (FAILS, "do not hold"))
+    ]
+    headings = {"number": "", "numbers": "measured", "judged_from": "judged from"}
+    shown = made.assign(verdict="**" + made["verdict"] + "**").rename(columns=headings)
     old = {method: data.earlier(method) for method in sorted(points["method"].unique())}
     return [
-        "# Claims of the paper, measured here",
-        "",
-        f"{counts.get(HOLDS, 0)} hold, {counts.get(FAILS, 0)} do not hold, {counts.get(OPEN, 0)} cannot be told from these "
-        "records.",
-        "",
-        f"{document.where(points)}. Scenes are stand-ins where their title says so; the paper's own numbers come from a "
-        "GTX 280. A ratio is taken within one run, over the same frames; where there are several runs, that of the last "
-        "versions of the methods counts.",
-        "",
+        f"# Claims of the paper, measured here\n\n{', '.join(counts)}, {told.get(OPEN, 0)} cannot be told from these "
+        f"records.\n\n{document.where(points)}. Scenes are stand-ins where their title says so; the paper's own numbers "
+        "come from a GTX 280. A ratio is taken within one run, over the same frames; where there are several runs, that of "
+        "the last versions of the methods counts.\n",
         *document.markdown(shown),
         *(
-            f"\nRecords of an earlier version of {method}: {', '.join(folders)}."
-            for method, folders in old.items()
+            f"\nRecords of an earlier version of {m}: {', '.join(folders)}."
+            for m, folders in old.items()
             if folders
         ),
-        "",
-        f"Of {len(checks)} points measured {sum(text.startswith(style.WRONG) for text in checks)} have wrong answers and "
+        f"\nOf {len(checks)} points measured {sum(text.startswith(style.WRONG) for text in checks)} have wrong answers and "
         f"{checks.count(style.UNSCORED)} are unscored.",
     ]

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from . import panels, style
 
 if TYPE_CHECKING:
-    from pandas import DataFrame, Series
+    from pandas import DataFrame
 
 
 def dots(
@@ -51,7 +50,10 @@ def dots(
                     edge = mine[marked].to_numpy(bool)
                     axes.plot(mine[x][edge], [h for h, e in zip(heights, edge, strict=True) if e], look["marker"],
                               mfc="none", mec="black", mew=0.9, ms=4.2)  # fmt: skip
-            logarithmic(axes, part[x], zero)
+            style.plain_log(axes, "x")
+            if zero:
+                plain = axes.xaxis.get_major_formatter()
+                axes.xaxis.set_major_formatter(lambda at, i, z=zero, f=plain: "none" if at <= z else f(at, i))
             axes.set_title(title if facet else "", loc="left")
         grid[0, 0].set_yticks(range(len(names)), names)
         grid[0, 0].set_ylim(len(names) - 0.5, -0.5)
@@ -59,17 +61,3 @@ def dots(
             axes.tick_params(axis="y", length=0)
         figure.supxlabel(below, fontsize=7)
     return path
-
-
-def logarithmic(axes: Any, values: Series, zero: float = 0.0) -> None:
-    """A logarithmic axis with few plain numbers, whatever the range. ``zero``: where none stands; the axis holds 1 else."""
-    axes.set_xscale("log")
-    low, high = min(values.min(), zero or 1.0) / 1.6, max(values.max(), 1.0) * 1.6
-    axes.set_xlim(low, high)
-    powers = [10.0**e for e in range(math.ceil(math.log10(low)), math.ceil(math.log10(high)))]
-    fine = [m * 10.0**e for e in range(math.floor(math.log10(low)), 9) for m in (1, 2, 5)]
-    ticks = fine if len(powers) < 3 else powers[:: 1 + len(powers) // 7]
-    ticks = [tick for tick in ticks if max(low, 1.1 * zero) < tick < high]
-    names = [f"{tick:g}" if tick < 1e5 else f"1e{math.log10(tick):.0f}" for tick in ticks]
-    axes.set_xticks([zero, *ticks] if zero else ticks, ["none", *names] if zero else names)
-    axes.minorticks_off()

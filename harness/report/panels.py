@@ -16,7 +16,7 @@ from PIL import Image
 
 from ..results.table import PART_COLUMNS
 from . import style
-from .picture import inked_png_bytes, png_bytes
+from .picture import png_bytes
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -282,5 +282,5 @@ def save(figure: Any, path: Path, colours: int = 0, inks: Sequence[str] = ()) ->
     if colours or inks:
         with Image.open(path) as whole:
             picture = np.asarray(whole.convert("RGB"))
-        path.write_bytes(inked_png_bytes(picture, inks) if inks else png_bytes(picture, colours))
+        path.write_bytes(png_bytes(picture, colours or 256, inks=inks))
     return path

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, ImageColor
 from PIL.PngImagePlugin import PngInfo
 
 from ..files import replacing
@@ -71,39 +71,33 @@ def display(radiance: F64) -> NDArray[np.uint8]:
     return np.round(srgb * 255).astype(np.uint8)
 
 
-def png_bytes(picture: NDArray[np.uint8], colours: int = 256, shows: str = "") -> bytes:
-    """A compact PNG of uint8 [height, width, 3]: a palette of at most ``colours``, made for this picture.
-
-    ``shows`` is kept in the file for :func:`shown_in`: what the picture was made from.
-    """
-    image = Image.fromarray(np.ascontiguousarray(picture), "RGB")
-    exact = image.getcolors(colours)
-    small = image.quantize(colours, method=Image.Quantize.MEDIANCUT, kmeans=1, dither=Image.Dither.NONE)
-    if exact is not None:
-        small = image.convert("P", palette=Image.Palette.ADAPTIVE, colors=max(1, len(exact)))
-    buffer = io.BytesIO()
-    facts = PngInfo()
-    if shows:
-        facts.add_text(SHOWS, shows)
-    small.save(buffer, "PNG", optimize=True, pnginfo=facts)
-    return buffer.getvalue()
-
-
 GREYS = 40
 """Of a picture that has greys and a few inks."""
 
 
-def inked_png_bytes(picture: NDArray[np.uint8], inks: Sequence[str]) -> bytes:
-    """A compact PNG of uint8 [height, width, 3] in greys and the given colours ("#rrggbb"), none of them ever merged."""
-    greys = np.round(np.linspace(0, 255, GREYS)).astype(int)
-    own = [int(ink[i : i + 2], 16) for ink in inks for i in (1, 3, 5)]
-    palette = Image.new("P", (1, 1))
-    palette.putpalette([*own, *(value for grey in greys for value in (grey, grey, grey))])
-    small = Image.fromarray(np.ascontiguousarray(picture), "RGB").quantize(
-        palette=palette, dither=Image.Dither.NONE
-    )
-    buffer = io.BytesIO()
-    small.save(buffer, "PNG", optimize=True)
+def png_bytes(
+    picture: NDArray[np.uint8], colours: int = 256, shows: str = "", inks: Sequence[str] = ()
+) -> bytes:
+    """A compact PNG of uint8 [height, width, 3]: a palette of at most ``colours``, made for this picture.
+
+    shows  is kept in the file for :func:`shown_in`: what the picture was made from
+    inks   the palette is greys and these colours ("#rrggbb") instead, none of which is ever merged
+    """
+    image = Image.fromarray(np.ascontiguousarray(picture), "RGB")
+    exact = image.getcolors(colours)
+    if inks:
+        palette = Image.new("P", (1, 1))
+        greys = np.round(np.linspace(0, 255, GREYS)).astype(int).repeat(3).tolist()
+        palette.putpalette([value for ink in inks for value in ImageColor.getrgb(ink)] + greys)
+        small = image.quantize(palette=palette, dither=Image.Dither.NONE)
+    elif exact is not None:
+        small = image.convert("P", palette=Image.Palette.ADAPTIVE, colors=max(1, len(exact)))
+    else:
+        small = image.quantize(colours, method=Image.Quantize.MEDIANCUT, kmeans=1, dither=Image.Dither.NONE)
+    facts, buffer = PngInfo(), io.BytesIO()
+    if shows:
+        facts.add_text(SHOWS, shows)
+    small.save(buffer, "PNG", optimize=True, pnginfo=facts)
     return buffer.getvalue()
 
 

@@ -112,18 +112,21 @@ def plain_number(value: float, _: int = 0) -> str:
     return np.format_float_positional(float(f"{value:.6g}"), trim="-")
 
 
-def plain_log(axes: Any) -> None:
-    """A logarithmic vertical axis whose labels are plain numbers: 1, 2 and 5 of each power where few powers lie on it.
+def plain_log(axes: Any, which: str = "y") -> None:
+    """A logarithmic axis whose labels are plain numbers: 1, 2 and 5 of each power where few powers lie on it.
 
     Called when everything is drawn, since it depends on the limits. An axis with nothing above zero stays as it is.
     """
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-    if not axes.dataLim.y1 > 0.0:
+    if not getattr(axes.dataLim, f"{which}1") > 0.0:
         return
-    axes.set_yscale("log")
-    low, high = axes.get_ylim()
+    axes.set(**{f"{which}scale": "log"})
+    axis = getattr(axes, f"{which}axis")
+    low, high = axis.get_view_interval()
     powers = math.floor(math.log10(high)) - math.ceil(math.log10(low)) + 1
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if powers < 3 else (1.0,), numticks=99))
-    axes.yaxis.set_major_formatter(FuncFormatter(plain_number))
-    axes.yaxis.set_minor_formatter(NullFormatter())
+    axis.set_major_locator(
+        LogLocator(subs=(1.0, 2.0, 5.0) if powers < 3 else (1.0,), numticks=8 if powers > 8 else 99)
+    )
+    axis.set_major_formatter(FuncFormatter(plain_number))
+    axis.set_minor_formatter(NullFormatter())
