@@ -51,9 +51,11 @@ def dots(
                     axes.plot(mine[x][edge], [h for h, e in zip(heights, edge, strict=True) if e], look["marker"],
                               mfc="none", mec="black", mew=0.9, ms=4.2)  # fmt: skip
             style.plain_log(axes, "x")
+            axes.minorticks_off()
             if zero:
-                plain = axes.xaxis.get_major_formatter()
-                axes.xaxis.set_major_formatter(lambda at, i, z=zero, f=plain: "none" if at <= z else f(at, i))
+                axes.set_xticks([at for at in axes.get_xticks() if 5 * zero < at < axes.get_xlim()[1]])
+                axes.set_xticks([zero], ["none"], minor=True)
+                axes.tick_params(axis="x", which="minor", length=3.5)
             axes.set_title(title if facet else "", loc="left")
         grid[0, 0].set_yticks(range(len(names)), names)
         grid[0, 0].set_ylim(len(names) - 0.5, -0.5)

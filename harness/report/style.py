@@ -125,8 +125,7 @@ def plain_log(axes: Any, which: str = "y") -> None:
     axis = getattr(axes, f"{which}axis")
     low, high = axis.get_view_interval()
     powers = math.floor(math.log10(high)) - math.ceil(math.log10(low)) + 1
-    axis.set_major_locator(
-        LogLocator(subs=(1.0, 2.0, 5.0) if powers < 3 else (1.0,), numticks=8 if powers > 8 else 99)
-    )
-    axis.set_major_formatter(FuncFormatter(plain_number))
+    few = 5 if which == "x" and powers > 4 else 99  # labels beside one another take more room
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if powers < 3 else (1.0,), numticks=few))
+    axis.set_major_formatter(FuncFormatter(plain_number if few == 99 else lambda at, _: radii(at)))
     axis.set_minor_formatter(NullFormatter())

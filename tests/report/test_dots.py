@@ -38,9 +38,8 @@ def test_zero_has_a_place_and_a_name(monkeypatch, tmp_path):
     )
     (axes,) = drawn(monkeypatch, tmp_path, table, facet="side", zeros={"wrong": 0.1}, marked="best").axes
     axes.figure.draw_without_rendering()
-    left, right = axes.get_xlim()
-    ticks = [t for t in axes.get_xticklabels() if left <= t.get_position()[0] <= right]
-    assert [t.get_text() for t in ticks][:2] == ["none", "1"]
+    assert [t.get_text() for t in axes.get_xticklabels(minor=True)] == ["none"]
+    assert "1" in [t.get_text() for t in axes.get_xticklabels()]
     assert sum(line.get_markeredgecolor() == "black" for line in axes.lines) == 1
 
 
