@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..errors import UserError
 from ..frame.devices import device_title
 from ..results.folder import ResultsFolder
 from ..results.record import FAILURES
@@ -45,7 +46,10 @@ def survey(options: Options) -> list[Planned]:
         methods = [(entry, describe_method(entry, options.device)) for entry in part.methods]
         for scene in part.scenes:
             for lighting in part.lightings:
-                facts = known_scene(folder, load_command(own, folder, lighting, scene))
+                try:
+                    facts = known_scene(folder, load_command(own, folder, lighting, scene))
+                except UserError:
+                    facts = None  # the run reports the file when it comes to it, and measures the others
                 for entry, method in methods:
                     record = None
                     if facts:

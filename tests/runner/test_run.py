@@ -221,7 +221,7 @@ def test_answers_are_scored_against_the_reference(scene, tmp_path):
     assert measured.frames[0].shadow_rays > 0
     assert list((tmp_path / "truth").glob("*.npz"))
     assert (tmp_path / "answers" / f"{measured.key}-0.npz").exists()
-    assert (tmp_path / "images" / "tetra-8x8.png").stat().st_size > 1000
+    assert (tmp_path / "images" / "tetra-32x32.png").stat().st_size > 1000
     assert measured.frames[0].memory_bytes > 0
 
 
