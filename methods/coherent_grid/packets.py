@@ -256,17 +256,17 @@ def packet_kernel(
     holes = wp.bool(False)
     if wp.static(effects.alpha):
         holes = True
-    f = frustum_of(grid, camera, box)
-    if f.coherent:
-        trace_packet(
-            packet + 1, holes, box, f, grid, cells, camera, mesh, alpha, stamps, nearest, queue, tests
-        )
-    else:
-        for y in range(box[1], box[3] + 1):
-            for x in range(box[0], box[2] + 1):
-                one = wp.vec4i(x, y, x, y)
-                single = frustum_of(grid, camera, one)
-                stamp = -1 - (y * camera.width + x)
-                trace_packet(
-                    stamp, holes, one, single, grid, cells, camera, mesh, alpha, stamps, nearest, queue, tests
-                )
+    whole = frustum_of(grid, camera, box)
+    wide = box[2] - box[0] + 1
+    number = wp.where(whole.coherent, 1, wide * (box[3] - box[1] + 1))
+    for k in range(number):  # of one call, since each is compiled into the kernel
+        part = box
+        f = whole
+        stamp = packet + 1
+        if not whole.coherent:
+            x = box[0] + k % wide
+            y = box[1] + k // wide
+            part = wp.vec4i(x, y, x, y)
+            f = frustum_of(grid, camera, part)
+            stamp = -1 - (y * camera.width + x)
+        trace_packet(stamp, holes, part, f, grid, cells, camera, mesh, alpha, stamps, nearest, queue, tests)
