@@ -73,7 +73,7 @@ def read(folder: Path) -> pd.DataFrame:
     frames = document.frames(folder)
     table = document.named(frames)
     table["passes"], table["builds"] = table["pass_count"], table["build_count"]
-    table = table.sort_values("light_label", key=lambda s: s.map([*ORDER, *s].index), kind="stable")
+    table = document.arranged(table, "light_label", ORDER)
     same = (*compare.SCENE, *compare.SIZE, "label")
     own, base = compare.pairs(frames, frames["light_label"] == BASE, same)
     _, again = compare.pairs(frames, frames["moved"] == "all", same)
@@ -143,7 +143,7 @@ def effects_table(own: pd.DataFrame) -> pd.DataFrame:
     ratio = document.carry(own["ratio"], own["noise"]).str.strip(document.NOISY)
     added = document.carry(own["added_ms"], own["noise_ms"], "+") + " (x" + ratio + ")"
     rows = own.assign(text=own["ms"].where(base, added), effect=own["light_label"].mask(base, f"{BASE}, ms"))
-    rows = rows.sort_values("effect", key=lambda s: s != f"{BASE}, ms", kind="stable")
+    rows = document.arranged(rows, "effect", [f"{BASE}, ms"])
     return document.cross_table(rows, ["effect"], "label", "text")
 
 

@@ -53,9 +53,7 @@ def read(folder: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
     A point that was not measured has one row without a time.
     """
     frames = document.frames(folder)
-    rank = {scene: i for i, scene in enumerate((*ANIMATED, *STATIC))}
-    table = document.complete(document.named(frames))
-    table = table.sort_values("scene", key=lambda s: s.map(rank).fillna(len(rank)), kind="stable")
+    table = document.arranged(document.complete(document.named(frames)), "scene", (*ANIMATED, *STATIC))
     own = {"total_ms": "frame_ms", "iqr_ms": "frame_iqr_ms", "true_errors": "frame_true_errors"}
     own |= {name.removeprefix("frame_"): name for name in PART_MS}
     own |= {f"counter.{counter}": name.replace(" ", "_") for name, counter in WORK.items()}

@@ -91,8 +91,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Three drawings side by side, growth exponents with intervals, CSV."""
     import pandas as pd
 
-    table = document.read(folder)
-    table = table.sort_values("label", key=lambda labels: labels != OURS, kind="stable")
+    table = document.arranged(document.read(folder), "label", [OURS])
     lines = {sweep: along(table, sweep) for sweep in SWEEPS}
     table["sweep"] = [
         " ".join(sweep for sweep in SWEEPS if key in set(lines[sweep]["key"])) for key in table["key"]

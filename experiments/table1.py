@@ -109,8 +109,7 @@ def read(folder: Path) -> DataFrame:
     right = document.measured(table).query("error == @style.OK")
     best = [key for _, own in right.groupby("title") for key in fastest(frames, own)]
     table["best"] = table["key"].isin(best)
-    order = [*declared, *table["label"]]
-    return table.sort_values("label", key=lambda s: s.map(order.index), kind="stable", ignore_index=True)
+    return document.arranged(table, "label", [*declared, *table["label"]]).reset_index(drop=True)
 
 
 def fastest(frames: DataFrame, own: DataFrame) -> list[str]:
@@ -133,8 +132,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     import pandas as pd
 
     table = read(folder)
-    known = [*paper.ROWS, *table["scene"]]
-    by_scene = table.sort_values("scene", key=lambda s: s.map(known.index), kind="stable")
+    by_scene = document.arranged(table, "scene", [*paper.ROWS, *table["scene"]])
     done, pictures = document.measured(table), []
     if len(done):
         time = by_scene["total_ms"].map(style.number) + " " + by_scene["error"]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ...harness.judge.verdict import Verdict
-from ...harness.report import panels, style
+from ...harness.report import document, panels, style
 from ...harness.report.dots import dots
 from ...harness.report.flip import reference_path
 from ...harness.results.pixel_maps import read_wrong, wrong_path
@@ -46,8 +46,7 @@ def draw_frontier(table: pd.DataFrame, path: Path) -> list[Path]:
     known = usable(table)
     if known.empty:
         return []
-    families = list(known["family"].unique())
-    known = known.sort_values("family", key=lambda s: s.map(families.index), kind="stable")
+    known = document.arranged(known, "family", known["family"].unique())
     wrong = known.assign(side=WRONG_SIDE, x=known["wrong_per_frame"].clip(lower=NONE))
     rows = pd.concat([wrong, known.assign(side="ms per frame", x=known["total_ms"])])
     return [dots(path, rows, "name", "x", "title", facet="side", marked="on_frontier", band=0.24, legend=3,

@@ -114,9 +114,7 @@ def costs(folder: Path, measures: Sequence[Measure]) -> pd.DataFrame:
             share=cost / other["total_ms"], within_noise=noise.isna() | (cost.abs() <= noise),
             wrong_with=own["wrong_per_frame"], wrong_without=other["wrong_per_frame"],
         ))  # fmt: skip
-    rank = {title: i for i, title in enumerate(titles.unique())}
-    made = pd.concat(found)
-    return made.sort_values("scene_title", key=lambda s: s.map(rank), kind="stable", ignore_index=True)
+    return document.arranged(pd.concat(found), "scene_title", titles.unique()).reset_index(drop=True)
 
 
 def frontier_table(table: pd.DataFrame) -> pd.DataFrame:
@@ -128,8 +126,7 @@ def frontier_table(table: pd.DataFrame) -> pd.DataFrame:
     counts = {"wrong answers": "wrong_per_frame", "acne": "acne", "leaks": "leak", "excused": "excused"}
     columns |= {heading: (column, "{:,.0f}") for heading, column in counts.items()}
     columns["FLIP"] = ("flip", "{:.4f}")
-    own = own.sort_values("total_ms").sort_values("title", key=lambda s: s.map(titles.index), kind="stable")
-    return document.texts(own, columns)
+    return document.texts(document.arranged(own.sort_values("total_ms"), "title", titles), columns)
 
 
 def cost_table(cost: pd.DataFrame, hard: pd.DataFrame) -> pd.DataFrame:

@@ -101,6 +101,12 @@ def frames(folder: Path | str) -> DataFrame:
     return in_order(tidy(folder))
 
 
+def arranged(table: DataFrame, column: str, order: Sequence[Any]) -> DataFrame:
+    """The rows by the place of a column's values in ``order``, then those of other values; otherwise as they stand."""
+    places = {value: i for i, value in reversed(list(enumerate(order)))}
+    return table.sort_values(column, key=lambda own: own.map(places).fillna(len(order)), kind="stable")
+
+
 def in_order(table: DataFrame) -> DataFrame:
     """The rows in the order of tables."""
     orders = {"scene": [*paper.ROWS, *sorted(set(table["scene"]) - set(paper.ROWS))],
