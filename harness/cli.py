@@ -25,6 +25,7 @@ from .commands.options import CameraPlace, Device, Fov, Json, Lights, SceneDir, 
 from .commands.plan import plan
 from .commands.report import report
 from .commands.verify import explain, score, verify
+from .commands.view import view
 from .errors import UserError
 from .runner.machine_lock import MACHINE
 
@@ -302,6 +303,7 @@ command("report", "shadowbench report results/nvidia-h200 --out report.html")(re
 command("compare", "shadowbench compare results/local/last-week results/local/today --fail-on slower")(
     compare
 )
+command("view", "shadowbench view cloth --size 256x256")(view)
 command("new-method", "shadowbench new-method my_method")(new_method)
 command("keep", "shadowbench keep results/local/table1-quick --out results/my-machine/table1")(keep)
 

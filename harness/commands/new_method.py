@@ -27,7 +27,8 @@ LONGEST = 64
 
 Name = Annotated[str, typer.Argument(help="Name of the new method, a Python identifier in lower case.")]
 Out = Annotated[
-    Path | None, typer.Option("--out", help="The folder to create. Default: the name, in the current folder.")
+    Path | None,
+    typer.Option("--out", help="The folder to create. Default: shadowbench-NAME in the current folder."),
 ]
 
 
@@ -37,7 +38,8 @@ def new_method(name: Name, out: Out = None) -> int:
     As created it tests every triangle for every ray, without a structure, and passes `shadowbench check`.
     """
     check_name(name)
-    folder = out if out is not None else Path(name)
+    # A folder of the package's own name would hide the installed package from Python where it runs beside it.
+    folder = out if out is not None else Path(f"shadowbench-{name}")
     create(name, folder)
     print(f"written: {folder}/", file=sys.stderr)
     print(f"next: {install(str(folder), editable=True)}", file=sys.stderr)

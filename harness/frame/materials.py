@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import weakref
 from collections.abc import Sequence
 
 import numpy as np
@@ -25,8 +26,20 @@ HUES = np.array(
 """Linear reflectances. Each scene or mesh has one of them; its connected pieces vary around it."""
 
 
+_KNOWN: weakref.WeakKeyDictionary[Prepared, NDArray[np.float32]] = weakref.WeakKeyDictionary()
+"""The reflectances of prepared scenes in use. Finding the connected pieces takes longer than a frame."""
+
+
 def reflectances(prepared: Prepared) -> NDArray[np.float32]:
-    """Linear reflectance of each triangle, float32 [triangle_count, 3]."""
+    """Linear reflectance of each triangle, float32 [triangle_count, 3]. Not to be written to."""
+    if prepared not in _KNOWN:
+        made = _reflectances(prepared)
+        made.flags.writeable = False
+        _KNOWN[prepared] = made
+    return _KNOWN[prepared]
+
+
+def _reflectances(prepared: Prepared) -> NDArray[np.float32]:
     # A declared scene gets the reflectance of its mesh, so that two declarations of one mesh look alike.
     known = prepared.scene.name in scene_names()
     identity = prepared.scene.name.encode() if known else np.sort(prepared.faces, axis=1).tobytes()

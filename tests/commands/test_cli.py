@@ -14,7 +14,19 @@ from shadowbench.harness import cli
 from shadowbench.harness.cli import spread_values
 
 ROOT = Path(__file__).parents[2]
-COMMANDS = ("run", "show", "list", "render", "verify", "explain", "score", "report", "compare", "new-method")
+COMMANDS = (
+    "run",
+    "show",
+    "list",
+    "render",
+    "verify",
+    "explain",
+    "score",
+    "report",
+    "compare",
+    "new-method",
+    "view",
+)
 
 
 @pytest.fixture

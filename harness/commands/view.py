@@ -1,0 +1,84 @@
+"""``shadowbench view``: a page on this machine to look at a scene through a method: drag the light and the camera."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from typing import Annotated
+
+import typer
+
+from ..errors import UserError
+from ..runner.experiment import PACKAGE, parse_size
+from ..runner.machine_lock import MACHINE
+from .options import CameraPlace, Device, Fov, Lights, SceneDir, Size, seen_as
+
+DEFAULT_SCENE = "cloth"
+LARGEST = 1 << 22
+"""Pixels of a frame on the page."""
+
+
+@MACHINE.restored()
+def view(
+    scene: Annotated[str, typer.Argument(help="Name of a scene, or a mesh file.")] = DEFAULT_SCENE,
+    method: Annotated[
+        str | None, typer.Option("--method", help="The method to begin with. Default: the project's own.")
+    ] = None,
+    size: Size = "256x256",
+    frame: Annotated[int, typer.Option("--frame", help="Frame to begin with, from 0.")] = 0,
+    camera: CameraPlace = None,
+    fov: Fov = None,
+    light: Lights = None,
+    device: Device = None,
+    scene_dir: SceneDir = None,
+    port: Annotated[int, typer.Option("--port", help="Port on 127.0.0.1. Default: a free one.")] = 0,
+    browser: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
+) -> int:
+    """Show a scene on a page on this machine: drag the light and the camera, play the animation, switch the method.
+
+    The page shows what the method answers, the time of its passes, and on request its wrong pixels. Only this machine
+    reaches it, with the token in the address. The command ends when the page is closed.
+    """
+    from ..frame.devices import find_device
+    from ..scene.catalogue import resolve
+    from ..scene.prepared import prepare
+    from .viewer.frames import Frames
+    from .viewer.server import Server, listen
+
+    width, height = parse_size(size)
+    if width * height > LARGEST:
+        raise UserError(f"--size {size}: more than {LARGEST:,} pixels; choose fewer for a page")
+    place = find_device(device)
+    chosen = method or default_method()
+    listening = listen(port)
+    try:
+        described = seen_as(resolve(scene, scene_dir), camera, fov, light)
+        MACHINE.share()
+        prepared = prepare(described)
+        if not 0 <= frame < prepared.frame_count:
+            raise UserError(f"--frame {frame}: {scene} has frames 0 to {prepared.frame_count - 1}")
+        frames = Frames(prepared, width, height, place)
+        frames.session(chosen)
+        MACHINE.release()
+        facts = {
+            "title": described.title, "stand_in": described.stand_in, "method": chosen, "frame": frame,
+            "frames": prepared.frame_count, "methods": frames.methods(),
+        }  # fmt: skip
+        server = Server(frames, facts, listening)
+        print(server.address, flush=True)
+        print(
+            "open this address in a browser; closing the page ends the command", file=sys.stderr, flush=True
+        )
+        if browser:
+            import webbrowser
+
+            webbrowser.open(server.address)
+        server.run()
+    finally:
+        listening.close()
+    return 0
+
+
+def default_method() -> str:
+    """The method that the project itself proposes: see its list of rivals."""
+    return importlib.import_module(f"{PACKAGE}._rivals").OURS.method

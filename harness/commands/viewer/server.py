@@ -1,0 +1,128 @@
+"""A server for one page: on 127.0.0.1 alone, with a token in the address. It ends when the page is closed."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import secrets
+import socket
+import struct
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.middleware.trustedhost import TrustedHostMiddleware
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, PlainTextResponse, Response
+from starlette.routing import Route, WebSocketRoute
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from ...errors import UserError
+from .frames import Frames, Wish
+from .page import page, policy
+
+HOST = "127.0.0.1"
+GRACE_S = 2.0
+"""Seconds after the last page is gone: a page that is loaded anew comes back within them."""
+
+LONGEST_WISH = 4096
+"""Bytes of a message from the page."""
+
+TOKEN_NEEDED = "Open the whole address that shadowbench view has printed, with its token.\n"
+
+
+class Server:
+    """The server of a page for ``frames``. ``facts``: what the page shows from the beginning."""
+
+    def __init__(self, frames: Frames, facts: dict[str, Any], listening: socket.socket):
+        self.frames = frames
+        self.facts = facts
+        self.listening = listening
+        self.token = secrets.token_urlsafe(24)
+        self.port: int = listening.getsockname()[1]
+        self._open = 0
+        self._worker = ThreadPoolExecutor(max_workers=1)  # frames are made one after the other
+        app = Starlette(
+            routes=[Route("/", self._page), WebSocketRoute("/frames", self._frames)],
+            middleware=[Middleware(TrustedHostMiddleware, allowed_hosts=[HOST, "localhost"])],
+        )
+        config = uvicorn.Config(
+            app, ws="wsproto", log_level="error", access_log=False, ws_max_size=LONGEST_WISH, lifespan="off",
+            timeout_graceful_shutdown=2,
+        )  # fmt: skip
+        self._uvicorn = uvicorn.Server(config)
+
+    @property
+    def address(self) -> str:
+        return f"http://{HOST}:{self.port}/?token={self.token}"
+
+    def run(self) -> None:
+        """Serve until the page is closed, or the process is interrupted."""
+        try:
+            self._uvicorn.run(sockets=[self.listening])
+        finally:
+            self._worker.shutdown(cancel_futures=True)
+
+    def _known(self, given: str | None) -> bool:
+        return secrets.compare_digest((given or "").encode(), self.token.encode())
+
+    async def _page(self, request: Request) -> Response:
+        if not self._known(request.query_params.get("token")):
+            return PlainTextResponse(TOKEN_NEEDED, 403)
+        text = page({**self.facts, "token": self.token})
+        headers = {
+            "Content-Security-Policy": policy(text, f"ws://{request.headers['host']}"),
+            "Cache-Control": "no-store",
+            "Referrer-Policy": "no-referrer",
+        }
+        return HTMLResponse(text, headers=headers)
+
+    async def _frames(self, socket: WebSocket) -> None:
+        if not self._known(socket.query_params.get("token")):
+            await socket.close(1008)  # before it is accepted: the answer is 403
+            return
+        await socket.accept()
+        self._open += 1
+        loop = asyncio.get_running_loop()
+        try:
+            while True:
+                text = await socket.receive_text()
+                await socket.send_bytes(await loop.run_in_executor(self._worker, self.answer, text))
+        except (WebSocketDisconnect, RuntimeError):  # the page was closed, perhaps while a frame was made
+            pass
+        finally:
+            self._open -= 1
+            loop.call_later(GRACE_S, self._leave)
+
+    def _leave(self) -> None:
+        if not self._open:
+            self._uvicorn.should_exit = True
+
+    def answer(self, text: str) -> bytes:
+        """The reply to a message: the length of the facts, uint32 little-endian, the facts as JSON, the picture."""
+        try:
+            facts, picture = self.frames.show(Wish.read(json.loads(text)))
+        except (UserError, ValueError, TypeError, KeyError) as error:
+            facts, picture = {"error": " ".join(str(error).split())}, b""
+        except Exception as error:  # the failure of one method must not end the page
+            facts, picture = {"error": f"{type(error).__name__}: {' '.join(str(error).split())}"}, b""
+        head = json.dumps(facts).encode()
+        return struct.pack("<I", len(head)) + head + picture
+
+
+def listen(port: int) -> socket.socket:
+    """A socket on the loopback address; port 0: any free one. Raises :class:`UserError` if the port is taken."""
+    made = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        made.bind((HOST, port))
+        made.listen(16)
+    except (OSError, OverflowError) as error:
+        made.close()
+        reason = getattr(error, "strerror", None) or str(error)
+        raise UserError(
+            f"--port {port}: cannot listen there ({reason}); choose another, or leave it out for a free one"
+        ) from error
+    return made
