@@ -11,7 +11,7 @@ import typer
 from ..errors import UserError
 from ..runner.experiment import PACKAGE, parse_size
 from ..runner.machine_lock import MACHINE
-from .options import CameraPlace, Device, Fov, Lights, SceneDir, Size, seen_as
+from .options import CameraPlace, Device, Fov, Lights, SceneDir, Size, view_of
 
 DEFAULT_SCENE = "cloth"
 LARGEST = 1 << 22
@@ -52,7 +52,7 @@ def view(
     chosen = method or default_method()
     listening = listen(port)
     try:
-        described = seen_as(resolve(scene, scene_dir), camera, fov, light)
+        described = view_of(camera, fov, light).applied(resolve(scene, scene_dir))
         MACHINE.share()
         prepared = prepare(described)
         if not 0 <= frame < prepared.frame_count:

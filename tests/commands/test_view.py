@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from helpers import browser
 from helpers.tiny_runs import TETRAHEDRON
-from shadowbench.harness.commands.options import seen_as
+from shadowbench.harness.commands.options import view_of
 from shadowbench.harness.commands.render import opened
 from shadowbench.harness.commands.view import view
 from shadowbench.harness.commands.viewer.frames import Frames, Wish
@@ -45,9 +45,8 @@ def made_by_render(scene, facts):
     def text(place):
         return ",".join(map(repr, place))
 
-    described = seen_as(
-        resolve(scene), (text(facts["eye"]), text(facts["target"])), None, [text(facts["light"])]
-    )
+    view = view_of((text(facts["eye"]), text(facts["target"])), None, [text(facts["light"])])
+    described = view.applied(resolve(scene))
     return opened(scene, described, facts["method"], SIZE, "cpu", None)
 
 
