@@ -36,11 +36,12 @@ def test_of_two_originals_it_is_said_which_is_taken(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("size", "said"),
     [(1e-44, "too small for float32"), (9e-39, "too small"), (2e37, "too large"), (1e38, "too large for float32 rays"),
-     (1.1e-38, ""), (1e37, ""), (1e300, "")],
+     (1e39, "too large"), (1e300, "too large"), (1.1e-38, ""), (1e37, ""), (np.inf, "")],
 )  # fmt: skip
 def test_sizes_that_float32_cannot_trace_are_refused(tmp_path, size, said):
-    """What float32 holds as infinite is never hit, and so no error."""
-    points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]) * size
+    """A corner that is infinite in the file is never hit, and so no error."""
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    points[points > 0] *= size
     path = tmp_path / "sized.npz"
     np.savez(path, V=points, F=np.array([[0, 1, 2], [0, 1, 3]]))
     if said:

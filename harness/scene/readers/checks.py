@@ -119,19 +119,20 @@ def read_bytes(path: Path) -> bytes:
 def within_range(loaded: Loaded) -> None:
     """Raise :class:`UserError` if the used vertices exceed :data:`LARGEST` or extend less than :data:`SMALLEST`.
 
-    Vertices that are NaN or infinite in float32 are ignored: their triangles are never hit.
+    Vertices that are NaN or infinite in the file are ignored: their triangles are never hit.
     """
     used = np.unique(loaded.faces)
     way_out = f"scale it to coordinates between {SMALLEST:g} and {LARGEST:g}"
     for k, points in enumerate(loaded.frames):
         points = points[used].astype(np.float64)
-        finite = points[(np.abs(points) <= np.finfo(np.float32).max).all(axis=1)]
+        finite = points[np.isfinite(points).all(axis=1)]
         if not len(finite):
             continue
         path = loaded.files[min(k, len(loaded.files) - 1)]
-        most, extent = np.abs(finite).max(), np.ptp(finite, axis=0).max()
+        most = np.abs(finite).max()
         if most > LARGEST:
             raise broken(path, f"has coordinates of {most:.3g}, too large for float32 rays", way_out)
+        extent = np.ptp(finite, axis=0).max()
         if 0.0 < extent < SMALLEST:
             raise broken(path, f"has an extent of only {extent:.3g}, too small for float32", way_out)
 
