@@ -182,7 +182,7 @@ def balanced(evidence: Evidence) -> DataFrame:
 
 def radii(distance: float) -> str:
     """A distance of the light, as a person writes it: 0.1, 10, 1e7."""
-    return f"{distance:g} radii".replace("e+0", "e")
+    return f"{distance:g} {'radius' if distance == 1 else 'radii'}".replace("e+0", "e")
 
 
 def balancing(evidence: Evidence) -> Finding:
@@ -346,4 +346,4 @@ def beats_tree(evidence: Evidence) -> Finding:
 def interactive(evidence: Evidence) -> Finding:
     frames = evidence.by_scene()["total_ms"]
     told = ", ".join(f"{k} {style.number(v)}" for k, v in frames.items())
-    return Finding(HOLDS if frames.max() < 200 else FAILS, f"ms a frame, faithful configuration: {told}")
+    return Finding(HOLDS if frames.max() < 200 else FAILS, f"ms per frame, faithful configuration: {told}")

@@ -15,7 +15,7 @@ from . import _judges as judge
 
 CLAIMS = (
     Claim(
-        "Interactive rates (below 200 ms a frame here) on moderately large models",
+        "Interactive rates (below 200 ms per frame here) on moderately large models",
         "1, 5",
         ("figure10",),
         judge.interactive,

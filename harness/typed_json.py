@@ -46,7 +46,7 @@ def checked(kind: Any, value: Any, name: str = "") -> Any:
         return {key: checked(arguments[1], one, f"{name}[{key}]") for key, one in value.items()}
     if origin is Annotated:
         if checked(arguments[0], value, name) < arguments[1]:
-            raise WrongFieldError(f"{name} is {value}, not a time")
+            raise WrongFieldError(f"{name} is {value}: less than {arguments[1]:g}")
         return value
     if is_dataclass(kind) or is_typeddict(kind):
         return _object(kind, value, name)

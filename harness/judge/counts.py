@@ -3,25 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
 from ..typed_json import OMITTED, checked, to_json
 from .verdict import ERRORS, EXCUSED_LIMIT, Verdict
+
+Count = Annotated[int, 0]
+"""A number of things, checked where it is read: it is not negative."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PrimaryClasses:
     """Closest hits by class of :class:`.judge.verdict.Verdict`; and how many have a wrong t, or a wrong u or v."""
 
-    judged: int = 0
-    ok: int = 0
-    tie: int = 0
-    near_tie: int = 0
-    edge: int = 0
-    true: int = 0
-    invalid: int = 0
-    t_wrong: int = 0
-    uv_wrong: int = 0
+    judged: Count = 0
+    ok: Count = 0
+    tie: Count = 0
+    near_tie: Count = 0
+    edge: Count = 0
+    true: Count = 0
+    invalid: Count = 0
+    t_wrong: Count = 0
+    uv_wrong: Count = 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,9 +36,9 @@ class PrimaryCounts(PrimaryClasses):
     t_max_relative_error, uv_max_error  over the pixels with the right triangle
     """
 
-    pixels: int
-    disputed: int = 0
-    unjudged: int = 0
+    pixels: Count
+    disputed: Count = 0
+    unjudged: Count = 0
     t_max_relative_error: float = 0.0
     uv_max_error: float = 0.0
 
@@ -44,25 +47,25 @@ class PrimaryCounts(PrimaryClasses):
 class ShadowClasses:
     """Shadow bits of one light by class."""
 
-    light: int
-    ok: int = 0
-    edge: int = 0
-    acne: int = 0
-    leak: int = 0
-    invalid: int = 0
+    light: Count
+    ok: Count = 0
+    edge: Count = 0
+    acne: Count = 0
+    leak: Count = 0
+    invalid: Count = 0
 
 
 @dataclass(frozen=True, kw_only=True)
 class ShadowCounts(ShadowClasses):
     """``scored``: bits with a class, those of pixels with the right triangle; ``disputed``: differ from the reference's."""
 
-    scored: int = 0
-    disputed: int = 0
+    scored: Count = 0
+    disputed: Count = 0
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReferenceShadow(ShadowClasses):
-    judged: int = 0
+    judged: Count = 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,7 +86,7 @@ class RayCounts:
 
     primary: PrimaryCounts
     shadow: tuple[ShadowCounts, ...]
-    true_errors: int
+    true_errors: Count
     reference_errors: ReferenceErrors | None = None
 
 
@@ -91,9 +94,9 @@ class RayCounts:
 class BounceCounts(RayCounts):
     """Of one bounce of mirrored rays. ``rays_wrong``: rays not made as the hit before them demands; true errors too."""
 
-    bounce: int
-    rays: int
-    rays_wrong: int
+    bounce: Count
+    rays: Count
+    rays_wrong: Count
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,9 +107,9 @@ class Shared:
     changes     by path of a count in the score ("bounces/0/primary/true"): what was added to it
     """
 
-    scores: int
-    true_errors: int
-    excused: int
+    scores: Count
+    true_errors: Count
+    excused: Count
     changes: dict[str, int]
 
 

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, fields
 from typing import Annotated, Any, TypedDict
 
-from ..judge.counts import Score
+from ..judge.counts import Count, Score
 from ..typed_json import OMITTED, to_json
 
 SCHEMA = 1
@@ -111,12 +111,12 @@ class Frame:
     round: list[int]
     stage_round: list[int]
     passes: list[PassTimes]
-    regrown: int
+    regrown: Count
     score: Score | None = None
     unscored: str | None = None
     started: list[float] = field(default_factory=list)
     stopped_by: list[str] = field(default_factory=list)
-    memory_bytes: float | None = None
+    memory_bytes: Annotated[float, 0.0] | None = None
     memory_source: str | None = field(default=None, metadata=OMITTED)
     counters: dict[str, float] | None = field(default_factory=dict)
     shadow_rays: int | None = field(default=None, metadata=OMITTED)

@@ -216,7 +216,7 @@ def test_the_resolution_is_judged_between_sizes_of_one_run_and_the_runs_that_the
     ("times", "verdict", "words"),
     [
         # Without balancing (the last of three) the far light is 9 times as slow; with it hardly.
-        ({1.0: (2.0, 3.0, 2.0), 100.0: (4.0, 2.5, 18.0)}, claims.HOLDS, "1 radii 1.00, 100 radii 7.20"),
+        ({1.0: (2.0, 3.0, 2.0), 100.0: (4.0, 2.5, 18.0)}, claims.HOLDS, "1 radius 1.00, 100 radii 7.20"),
         # Balancing helps alike everywhere: where the light stands costs what it did.
         ({1.0: (2.0, 3.0, 4.0), 100.0: (18.0, 19.0, 36.0)}, claims.FAILS, "9.00 without, 9.00 with it"),
         # It helps nowhere.

@@ -157,7 +157,7 @@ def test_the_slider_goes_through_distances_and_frames(visit):
                 float(css(found, ".at-place tbody tr:last-child td:last-child")[0].text.split()[0]),
             )
         )
-    assert [text for text, _ in values] == ["0.1 radii", "1 radii", "10 radii"]
+    assert [text for text, _ in values] == ["0.1 radii", "1 radius", "10 radii"]
     assert [ms for _, ms in values] == sorted(ms for _, ms in values)
     assert "at=2" in found.current_url
     found = visit("view=curves&c=figure11&x=frame&at=0")

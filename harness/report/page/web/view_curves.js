@@ -2,7 +2,7 @@
 // A slider goes through the places; beside the curves stand all methods at the place that it shows.
 
 const AXES = {
-  light_distance: { title: "distance of the light, scene radii", log: true, apart: (p) => [p.name, p.title, p.size], text: (x) => `${short(x)} radii` },
+  light_distance: { title: "distance of the light, scene radii", log: true, apart: (p) => [p.name, p.title, p.size], text: (x) => `${short(x)} ${x === 1 ? "radius" : "radii"}` },
   lights: { title: "lights", log: true, apart: (p) => [p.name, p.title, p.size], text: (x) => `${x} light${x === 1 ? "" : "s"}` },
   frame: { title: "frame", log: false, apart: (p) => [p.name, p.where, p.size], text: (x) => `frame ${x}` },
   // Scenes of one kind, such as balls-10k and balls-1m: others differ in more than their number of triangles.
