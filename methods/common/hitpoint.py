@@ -17,7 +17,7 @@ from __future__ import annotations
 import warp as wp
 
 from ...harness.frame.geometry import Corners, Ray
-from ...harness.frame.vectors import largest, to_float64, total
+from ...harness.frame.vectors import largest, to_float32, to_float64, total
 
 U64 = wp.constant(wp.float64(1.1102230246251565e-16))  # 2^-53
 
@@ -113,19 +113,16 @@ def along(ray: Ray, t: wp.float64) -> wp.vec3d:
 def is_flat(ray: Ray, t: wp.float64, corners: Corners) -> wp.bool:
     """Whether the hit point takes :func:`flat_hit_point`: the ray is nearly in the triangle's plane, or the normal is too
     uncertain for the way to a corner (a large triangle, or a sliver)."""
-    d64 = to_float64(ray.direction)
     a64 = to_float64(corners.a)
-    ab = to_float64(corners.b) - a64
-    ac = to_float64(corners.c) - a64
-    n = wp.cross(ab, ac)
-    slope = wp.abs(wp.dot(n, d64))
-    if slope < wp.float64(0.125) * total(n) * total(d64):
+    n = wp.cross(to_float64(corners.b) - a64, to_float64(corners.c) - a64)
+    # Sizes in float32: no more than a factor depends on them. Where one is zero, infinite or undefined, care is taken.
+    slope = wp.float32(wp.abs(wp.dot(n, to_float64(ray.direction))))
+    if not slope > 0.125 * total(to_float32(n)) * total(ray.direction):
         return True
-    # Sizes in float32: no more than a factor depends on them.
-    doubt = wp.float32(largest(ab) * largest(ac) * wp.float64(largest(ray.direction)) / slope)
+    doubt = largest(corners.b - corners.a) * largest(corners.c - corners.a) * (largest(ray.direction) / slope)
     p = ray.origin + ray.direction * wp.float32(t)
     away = wp.min(total(p - corners.a), wp.min(total(p - corners.b), total(p - corners.c)))
-    return doubt * away > LEAST_STEP * largest(p)
+    return not doubt * away <= LEAST_STEP * largest(p)
 
 
 @wp.func

@@ -33,7 +33,7 @@ class Build:
 
     small: int = SMALL
     empty: float = 0.25
-    traversal_cost: float = 1.5
+    traversal_cost: float = 4.0
     capacity: int = 0
 
     def __post_init__(self) -> None:
@@ -53,12 +53,12 @@ class Trace:
 
     swizzle    whether 32 consecutive threads trace a block of 8x4 pixels (true) or 32 pixels of a row (false)
     stack      nodes that a ray's stack holds (1, 2, 4, 8, 16, 32 or 64)
-    registers  a thread may take on the GPU; 0: as many as the compiler wants
+    registers  a thread may take on the GPU; 0: as many as the compiler wants. 96 was the best on balls-40k and balls-300k
     """
 
     swizzle: bool = True
     stack: int = 8
-    registers: int = 0
+    registers: int = 96
 
     def __post_init__(self) -> None:
         if self.stack not in STACKS:

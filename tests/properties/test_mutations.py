@@ -162,7 +162,7 @@ MUTATIONS = (
     ),
     Mutation(
         "flat hit points off by their rounding, and along by the angle",
-        (Planted(hitpoint, "is_flat", (("wp.float64(0.125)", "wp.float64(0.0)"),), hitpoint),),
+        (Planted(hitpoint, "is_flat", (("slope > 0.125", "slope > 0.0"),), hitpoint),),
         "warp_bvh",
         EXACT_BVH,
         ("S35",),

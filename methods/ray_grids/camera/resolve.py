@@ -14,8 +14,8 @@ from ...common.triangle import hit_weights, spare_bits, to_float32
 from ..fetch import corners_at, direction_at, weld_at
 from .pixels import index_of
 
-REGISTERS = 72
-"""Registers a thread: seven blocks of 128 a multiprocessor; 64 spill."""
+REGISTERS = 80
+"""Registers a thread: six blocks of 128 a multiprocessor; 72 spill."""
 
 
 @wp.func
