@@ -24,6 +24,7 @@ from .commands.new_method import new_method
 from .commands.options import CameraPlace, Device, Fov, Json, Lights, SceneDir, Settings, view_of
 from .commands.plan import plan
 from .commands.report import report
+from .commands.scenes import scenes
 from .commands.verify import explain, score, verify
 from .commands.view import view
 from .errors import UserError
@@ -304,6 +305,7 @@ command("compare", "shadowbench compare results/local/last-week results/local/to
     compare
 )
 command("view", "shadowbench view cloth --size 256x256")(view)
+command("scenes", "shadowbench scenes fetch sibenik buddha --scene-dir scenes")(scenes)
 command("new-method", "shadowbench new-method my_method")(new_method)
 command("keep", "shadowbench keep results/local/table1-quick --out results/my-machine/table1")(keep)
 

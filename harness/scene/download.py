@@ -1,0 +1,126 @@
+"""Download a file: checked against its checksum, continued where it was cut off."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from ..errors import UserError
+from ..files import write_atomic
+
+CHECKSUMS = "checksums.json"
+"""In the folder of scenes: the SHA-256 of each address, recorded at its first use where none is pinned."""
+
+LARGEST = 2 << 30
+"""Bytes of a download."""
+
+ATTEMPTS = 3
+TIMEOUT_S = 30.0
+BLOCK = 1 << 18
+
+
+class Resumed:
+    """A downloader for pooch that keeps what has arrived beside the file (``.part``) and asks for the rest."""
+
+    def __init__(self, part: Path, most: int = LARGEST):
+        self.part = part
+        self.most = most
+
+    def __call__(self, url: str, output_file: str, pooch: Any, check_only: bool = False) -> None:
+        import requests
+
+        for attempt in range(ATTEMPTS):
+            try:
+                self._continue(url)
+                break
+            except (requests.exceptions.ConnectionError, requests.exceptions.ChunkedEncodingError):
+                if attempt == ATTEMPTS - 1:
+                    raise
+        os.replace(self.part, output_file)
+        self._tag.unlink(missing_ok=True)
+
+    @property
+    def _tag(self) -> Path:
+        """The server's mark of the version that the part is of."""
+        return self.part.with_suffix(".tag")
+
+    def _continue(self, url: str) -> None:
+        import requests
+
+        have = self.part.stat().st_size if self.part.exists() and self._tag.exists() else 0
+        headers = {"Accept-Encoding": "identity"}
+        if have:
+            headers |= {"Range": f"bytes={have}-", "If-Range": self._tag.read_text()}
+        with requests.get(url, headers=headers, stream=True, timeout=TIMEOUT_S) as answer:
+            if answer.status_code == 416:  # all of it was there, or the file has become shorter
+                self.part.unlink()
+                raise requests.exceptions.ConnectionError("the part does not fit")
+            answer.raise_for_status()
+            have = have if answer.status_code == 206 else 0
+            tag = answer.headers.get("ETag") or answer.headers.get("Last-Modified") or ""
+            self._tag.unlink(missing_ok=True)
+            if tag and not tag.startswith("W/"):
+                self._tag.write_text(tag)
+            with self.part.open("ab" if have else "wb") as target:
+                # Not iter_content: of an answer that is cut off it drops what has arrived of the last block.
+                while block := self._read(answer):
+                    have += len(block)
+                    if have > self.most:
+                        raise UserError(f"{url}: longer than {self.most:,} bytes; the download is stopped")
+                    target.write(block)
+
+    def _read(self, answer: Any) -> bytes:
+        """What has arrived, at most a block; empty at the end. Raises requests' error where the answer is cut off."""
+        import requests
+        import urllib3
+
+        try:
+            return answer.raw.read1(BLOCK)
+        except urllib3.exceptions.HTTPError as error:
+            raise requests.exceptions.ConnectionError(error) from error
+
+
+def download(url: str, folder: Path, pinned: str | None = None) -> Path:
+    """The file behind an address, kept in ``folder``. ``pinned``: its SHA-256; None: as recorded at first use.
+
+    Raises :class:`UserError` if the file cannot be had or has another checksum. What arrived is kept and continued.
+    """
+    import pooch
+    import requests
+
+    pooch.get_logger().setLevel("ERROR")  # it announces every download with its checksum
+    name = url.rpartition("/")[2]
+    known = recorded(folder)
+    expected = pinned or known.get(url)
+    try:
+        path = pooch.retrieve(
+            url,
+            f"sha256:{expected}" if expected else None,
+            name,
+            folder,
+            downloader=Resumed(folder / f"{name}.part"),
+        )
+    except requests.exceptions.RequestException as error:
+        reason = " ".join(str(error).split())[:200]
+        raise UserError(f"{url}: cannot be fetched ({reason}); the same command continues it") from error
+    except ValueError as error:  # pooch's word for another checksum
+        raise UserError(
+            f"{url}: its checksum is not {expected}; it has changed or was altered on its way, and is not used"
+        ) from error
+    if expected is None:
+        write_atomic(folder / CHECKSUMS, {**known, url: pooch.file_hash(path)})
+    return Path(path)
+
+
+def recorded(folder: Path) -> dict[str, str]:
+    """The checksums that were recorded in a folder."""
+    path = folder / CHECKSUMS
+    if not path.exists():
+        return {}
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise UserError(f"{path}: cannot be read; correct or remove it") from error
+    return {str(key): str(value) for key, value in found.items()} if isinstance(found, dict) else {}
