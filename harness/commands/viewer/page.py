@@ -2,32 +2,30 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
+import html
 import re
 from importlib.resources import files
 from typing import Any
 
-from ...report.page.build import escaped, inert
+from ...report.page.build import filled, inert, script_source
 
 
 def page(facts: dict[str, Any]) -> str:
     """The HTML of the page; ``facts`` are what its script begins with."""
     texts = {
-        "TITLE": escaped(str(facts["title"])),
+        "TITLE": html.escape(str(facts["title"]), quote=False),
         "STYLE": resource("view.css"),
         "FACTS": inert(facts),
         "PROGRAM": resource("view.js"),
     }
-    return re.sub(r"\{\{([A-Z]+)\}\}", lambda found: texts[found[1]], resource("view.html"))
+    return filled(resource("view.html"), texts)
 
 
 def policy(text: str, sockets: str) -> str:
     """A content security policy: only the page's own script runs, and it speaks with this server alone."""
     (program,) = re.findall(r"<script>(.*?)</script>", text, re.DOTALL)
-    digest = base64.b64encode(hashlib.sha256(program.encode()).digest()).decode()
     return (
-        f"default-src 'none'; script-src 'sha256-{digest}'; style-src 'unsafe-inline'; img-src data: blob:; "
+        f"default-src 'none'; script-src {script_source(program)}; style-src 'unsafe-inline'; img-src data: blob:; "
         f"connect-src {sockets}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
     )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import html
 import json
 import re
 from importlib.resources import files
@@ -26,21 +27,24 @@ def page(data: dict[str, Any]) -> str:
     program = f'"use strict";\n(() => {{\n{script}\n}})();\n'
     library = f"/*\n{licence.strip()}\n*/\n{library}"
     texts = {
-        "TITLE": escaped(str(data["title"])),
+        "TITLE": html.escape(str(data["title"]), quote=False),
         "POLICY": policy(library, program),
         "STYLE": resource("page.css") + "\n" + library_style,
         "DATA": inert(data),
         "LIBRARY": library,
         "PROGRAM": program,
     }
-    return re.sub(r"\{\{([A-Z]+)\}\}", lambda found: texts[found[1]], resource("page.html"))
+    return filled(resource("page.html"), texts)
+
+
+def filled(template: str, texts: dict[str, str]) -> str:
+    """A template with a text for each ``{{NAME}}`` in it."""
+    return re.sub(r"\{\{([A-Z]+)\}\}", lambda found: texts[found[1]], template)
 
 
 def policy(*scripts: str) -> str:
     """A content security policy: nothing is fetched, and only these scripts run."""
-    hashes = " ".join(
-        f"'sha256-{base64.b64encode(hashlib.sha256(one.encode()).digest()).decode()}'" for one in scripts
-    )
+    hashes = " ".join(map(script_source, scripts))
     return (
         f"default-src 'none'; img-src data: blob:; style-src 'unsafe-inline'; script-src {hashes}; base-uri 'none'; "
         "form-action 'none'"
@@ -53,9 +57,9 @@ def inert(data: dict[str, Any]) -> str:
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
 
 
-def escaped(text: str) -> str:
-    """Text as HTML."""
-    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
+def script_source(script: str) -> str:
+    """What a content security policy calls a script that may run: its hash."""
+    return f"'sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}'"
 
 
 def resource(name: str) -> str:
