@@ -288,6 +288,8 @@ def true_errors(example: Example, names: Sequence[str] = METHODS, device: str = 
     judged = Judged(HardCase("example", "", "", lambda: trial), trial)
     exact, found = judged.exact, {}
     for name in names:
+        if fresh_method(name, tuple(example.settings[name].items())).applies(trial.prepared.scene, device):
+            continue
         try:
             answers = answers_of(example, name, trial, device)
         except CapacityRejected:

@@ -310,13 +310,13 @@ def rebuild() -> None:
                     factory.cache_clear()
 
 
-def wrong_cases(mutation: Mutation, judged: dict[str, Judged]) -> list[str]:
+def wrong_cases(mutation: Mutation, judged: dict[str, Judged], device: str) -> list[str]:
     wrong = []
     for name in mutation.cases:
         if name not in judged:
             case = find_case(name)
             judged[name] = Judged(case, case.make())
-        finding = judge_case(judged[name], make_method(mutation.method, dict(mutation.settings)), "cpu")
+        finding = judge_case(judged[name], make_method(mutation.method, dict(mutation.settings)), device)
         assert "failed" not in finding.classes, finding.reason
         if set(finding.classes) - {"tie"}:  # what rounding would excuse in others: ours have none
             wrong.append(name)
@@ -324,14 +324,14 @@ def wrong_cases(mutation: Mutation, judged: dict[str, Judged]) -> list[str]:
 
 
 @pytest.mark.parametrize("mutation", MUTATIONS, ids=lambda mutation: mutation.name.replace(" ", "-"))
-def test_a_named_case_catches_it(mutation: Mutation, tmp_path: Path) -> None:
+def test_a_named_case_catches_it(mutation: Mutation, tmp_path: Path, device: str) -> None:
     judged: dict[str, Judged] = {}
-    assert wrong_cases(mutation, judged) == [], "the method as it is must pass"
+    assert wrong_cases(mutation, judged, device) == [], "the method as it is must pass"
     with pytest.MonkeyPatch.context() as patch:
         for planted in mutation.planted:
             plant(planted, tmp_path, patch)
         rebuild()
-        caught = wrong_cases(mutation, judged)
+        caught = wrong_cases(mutation, judged, device)
     rebuild()
     assert caught == list(mutation.cases)
-    assert wrong_cases(mutation, judged) == [], "the error must be gone again"
+    assert wrong_cases(mutation, judged, device) == [], "the error must be gone again"

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import random
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -23,6 +25,14 @@ def test_a_short_run_finds_nothing(tmp_path: Path, capsys) -> None:
     assert fuzz.fuzz(25, 1, 60.0, tmp_path, METHODS, "cpu") == 0
     assert "seed 1: 25 examples" in capsys.readouterr().out
     assert list(tmp_path.iterdir()) == []
+
+
+def test_it_runs_as_a_program() -> None:
+    """As ``make fuzz`` calls it, without a test runner that knows where the helpers are."""
+    call = [sys.executable, fuzz.__file__, "--method", "no such method"]
+    done = subprocess.run(call, capture_output=True, text=True, timeout=60, check=False)
+    assert "no such method; choose from" in done.stderr, done.stderr
+    assert done.returncode == 2
 
 
 def test_an_error_is_found_made_small_and_frozen(tmp_path: Path, monkeypatch, capsys) -> None:

@@ -1,6 +1,7 @@
 """Random examples by the thousand: every method against the exact referee, until time or patience ends.
 
     python tests/tools/fuzz.py --examples 100000 --seed 1 --seconds 1800
+    python tests/tools/fuzz.py --defaults --seconds 120 --device cuda:0      every exact method, at its default settings
 
 Prints how many examples ran and what was found. A failure is made smaller and frozen in ``tests/data/regressions``, where
 test_regressions.py replays it for ever after. Exit code 1 where something was found.
@@ -19,6 +20,10 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # as a program it finds the tests' helpers, too
+
+from helpers.judged_hard_cases import exact_methods
 from helpers.lattice_examples import LENGTH, METHODS, Calls, Example, decode, true_errors
 from shadowbench.harness.frame.warp_init import start_warp
 from shadowbench.harness.runner.machine_lock import MACHINE
@@ -86,13 +91,21 @@ def freeze(example: Example, method: str, note: str, folder: Path = REGRESSIONS)
 
 
 def fuzz(
-    examples: int, seed: int, seconds: float, folder: Path, methods: tuple[str, ...], device: str
+    examples: int,
+    seed: int,
+    seconds: float,
+    folder: Path,
+    methods: tuple[str, ...],
+    device: str,
+    settings: dict[str, dict[str, str]] | None = None,
 ) -> int:
-    """Run; the number of findings."""
+    """Run; the number of findings. ``settings`` of every method: in place of those that an example draws."""
     source = random.Random(seed)
     began, findings, done = time.monotonic(), 0, 0
     for done in range(1, examples + 1):
-        example = decode(source.randbytes(LENGTH), effects=True, culled=True)
+        example = decode(source.randbytes(LENGTH), effects=True, culled=settings is None)
+        if settings is not None:
+            example = replace(example, settings=settings)
         MACHINE.give_way()
         for name, wrong in true_errors(example, methods, device).items():
             findings += 1
@@ -117,14 +130,22 @@ def main() -> int:
     )
     parser.add_argument("--seconds", type=float, default=1e9, help="stop after so long")
     parser.add_argument("--folder", type=Path, default=REGRESSIONS, help="where failures are frozen")
-    parser.add_argument("--method", action="append", choices=METHODS, help="repeatable; default: all")
+    parser.add_argument(
+        "--method", action="append", help="repeatable; default: all that have settings to draw"
+    )
+    parser.add_argument("--defaults", action="store_true", help="every exact method, at its default settings")
     parser.add_argument("--device", default="cpu")
     given = parser.parse_args()
     start_warp()
+    settings = dict(exact_methods()) if given.defaults else None
+    known = tuple(settings or METHODS)
+    methods = tuple(given.method or known)
+    if unknown := sorted(set(methods) - set(known)):
+        parser.error(f"argument --method: {', '.join(unknown)}; choose from {', '.join(known)}")
     print(f"seed {given.seed}", flush=True)
-    methods = tuple(given.method or METHODS)
     with MACHINE.shared():
-        return int(fuzz(given.examples, given.seed, given.seconds, given.folder, methods, given.device) > 0)
+        found = fuzz(given.examples, given.seed, given.seconds, given.folder, methods, given.device, settings)
+    return int(found > 0)
 
 
 if __name__ == "__main__":
