@@ -21,7 +21,7 @@ from .commands.check import check
 from .commands.compare import compare
 from .commands.keep import keep
 from .commands.new_method import new_method
-from .commands.options import CameraPlace, Device, Fov, Json, Lights, SceneDir, Settings, view_of
+from .commands.options import CameraPlace, Device, Fov, Json, Lights, MemoryLimit, SceneDir, Settings, view_of
 from .commands.plan import plan
 from .commands.report import report
 from .commands.scenes import scenes
@@ -151,13 +151,7 @@ def run_(
     seed: Annotated[
         int, typer.Option("--seed", help="Seed of the random order of the points in each round.")
     ] = 0,
-    memory_limit: Annotated[
-        int | None,
-        typer.Option(
-            "--memory-limit",
-            help="Memory that a method may allocate, bytes. Its process may use 256 MiB more. Default: 8 GiB.",
-        ),
-    ] = None,
+    memory_limit: MemoryLimit = None,
     save_answers: Annotated[bool, typer.Option("--save-answers", help="Save all answers as arrays.")] = False,
     score: Annotated[
         bool, typer.Option("--score/--no-score", help="Compare the answers with the exact reference.")

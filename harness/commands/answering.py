@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 
 from numpy.typing import NDArray
@@ -23,12 +24,32 @@ class Outcome:
     device: str = ""
 
 
-def answer(name: str, settings: dict[str, str], prepared: Prepared, moment: Moment, device: str) -> Outcome:
-    """The answers of a method to one frame, or the reason why there are none. Errors of the method are caught."""
+REPEATS = 16
+"""Number of times that a frame is run again and its answers are compared: more than a quick run takes in a round."""
+
+REPEATS_S = 2.0
+"""Time limit for these repeats, seconds. At least one is always done."""
+
+
+def answer(
+    name: str,
+    settings: dict[str, str],
+    prepared: Prepared,
+    moment: Moment,
+    device: str,
+    memory_limit: int | None = None,
+) -> Outcome:
+    """The answers of a method to one frame, or the reason why there are none. Errors of the method are caught.
+
+    The frame is run again several times. A method whose answers then differ has failed. ``memory_limit`` in bytes, as in a
+    run (:func:`.runner.measure.within`).
+    """
     from ..frame.devices import device_for
     from ..frame.registry import make_method
     from ..frame.session import Session
-    from ..runner.measure import differing, hashes
+    from ..runner.measure import differing, frame_bytes, hashes, within
+    from ..runner.memory import Memory, give_back_memory, peak_resident_bytes, reset_peak_resident
+    from ..scene.effects import Limits
 
     method = make_method(name, settings)
     place = device_for(type(method), device)
@@ -37,14 +58,26 @@ def answer(name: str, settings: dict[str, str], prepared: Prepared, moment: Mome
     if reason:
         outcome.status, outcome.reason = "skipped", reason
         return outcome
+    limits = Limits() if memory_limit is None else Limits(memory_limit)
+    give_back_memory()
+    tracker = Memory()
+    tracker.start()
     try:
-        session = Session(method, prepared, moment.width, moment.height, place, len(moment.lights))
+        session = Session(
+            method, prepared, moment.width, moment.height, place, len(moment.lights), limits=limits
+        )
         answers = session.answers(moment)
-        wrong = differing(session, hashes(answers))
+        within(limits, tracker, frame_bytes(session))
+        reset_peak_resident()
+        known, deadline, repeats, wrong = hashes(answers), time.monotonic() + REPEATS_S, 0, []
+        while not wrong and repeats < REPEATS and (not repeats or time.monotonic() < deadline):
+            wrong = differing(session, known)
+            repeats += 1
+        within(limits, tracker, frame_bytes(session), peak_resident_bytes())
         if wrong:
             outcome.status, outcome.reason = (
                 "failed",
-                f"the same frame gave different answers when run again: {', '.join(wrong)}",
+                f"repeat {repeats} of the same frame gave different answers: {', '.join(wrong)}",
             )
         else:
             outcome.answers = answers
@@ -52,4 +85,6 @@ def answer(name: str, settings: dict[str, str], prepared: Prepared, moment: Mome
         outcome.status, outcome.reason = "rejected", str(error)
     except Exception as error:  # the failure of one method must not hide the answers of the others
         outcome.status, outcome.reason = "failed", f"{type(error).__name__}: {error}"
+    finally:
+        tracker.pause()
     return outcome

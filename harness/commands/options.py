@@ -29,6 +29,14 @@ SceneDir = Annotated[
         "--scene-dir", help="Folder of original scenes. Default: the environment variable SHADOWBENCH_SCENES."
     ),
 ]
+MemoryLimit = Annotated[
+    int | None,
+    typer.Option(
+        "--memory-limit",
+        help="Memory that a method may use, bytes: its Warp arrays on any device, and the growth of its process on the "
+        "host (plus 256 MiB for compilers). A method that needs more is rejected. Default: 8 GiB.",
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 CameraPlace = Annotated[
     tuple[str, str] | None,
@@ -61,3 +69,10 @@ def _place(option: str, text: str) -> Vector:
     if not all(abs(number) <= FARTHEST for number in (x, y, z)):
         raise UserError(f"{option} {text!r}: is outside the range of float32")
     return x, y, z
+
+
+def checked_limit(memory: int | None) -> int | None:
+    """The value of ``--memory-limit``. Raises :class:`UserError` unless it is more than 0."""
+    if memory is not None and memory <= 0:
+        raise UserError(f"--memory-limit {memory}: must be more than 0 bytes")
+    return memory

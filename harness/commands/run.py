@@ -24,6 +24,7 @@ from ..runner.runner import Options, Run
 from ..scene.catalogue import folder as scene_folder
 from ..scene.catalogue import resolve
 from ..scene.chosen_view import ChosenView
+from .options import checked_limit
 
 RESULTS = Path("results/local")
 """The parent folder of results without ``--out``."""
@@ -58,10 +59,8 @@ def plan_run(
             finite = "" if math.isfinite(value) else " and finite"
             raise UserError(f"--{key.removesuffix('_s')} {value:g}: must be more than 0{finite}")
     # The limit is part of the point's configuration: a method rejected under one limit may pass under another.
-    memory = options.pop("memory_limit", None)
+    memory = checked_limit(options.pop("memory_limit", None))
     if memory is not None:
-        if memory <= 0:
-            raise UserError(f"--memory-limit {memory}: must be more than 0 bytes")
         changes["memory"] = memory
     if size:
         changes["width"], changes["height"] = parse_size(size)

@@ -18,7 +18,21 @@ from ..runner.machine_lock import MACHINE
 from ..typed_json import to_json
 from .answering import answer
 from .explain import explain
-from .options import CameraPlace, Device, Fov, Frame, Json, Lights, Methods, SceneDir, Settings, Size, view_of
+from .options import (
+    CameraPlace,
+    Device,
+    Fov,
+    Frame,
+    Json,
+    Lights,
+    MemoryLimit,
+    Methods,
+    SceneDir,
+    Settings,
+    Size,
+    checked_limit,
+    view_of,
+)
 from .verify_tables import print_reports, print_scores
 
 if TYPE_CHECKING:
@@ -45,11 +59,13 @@ def verify(
     camera: CameraPlace = None,
     fov: Fov = None,
     light: Lights = None,
+    memory_limit: MemoryLimit = None,
     scene_dir: SceneDir = None,
     as_json: Json = False,
 ) -> int:
     """Compare every answer of every method with Embree. Where any two differ, exact arithmetic decides the pixel.
 
+    Each frame is repeated up to 16 times, and a method whose answers change has failed.
     Exit code 1 if a method has a true error, fails, or has more than 0.1 % of its pixels excused. A method that
     declares itself inexact is reported and does not change the exit code.
     """
@@ -65,11 +81,12 @@ def verify(
     entries = parse_settings(setting or [], tuple(Entry(name) for name in names))
     view = view_of(camera, fov, light)
     scenes = [view.applied(resolve(name, scene_dir)) for name in scene]
+    limit = checked_limit(memory_limit)
     MACHINE.share()
     reports = []
     for name, described in zip(scene, scenes, strict=True):
         reports.append(
-            _verify_scene(name, described, entries, place, width, height, frame, everything, as_json)
+            _verify_scene(name, described, entries, place, width, height, frame, everything, as_json, limit)
         )
     passed = all(not row["counts_against"] for report in reports for row in report["methods"])
     if as_json:
@@ -90,6 +107,7 @@ def _verify_scene(
     frame: int,
     everything: bool,
     quiet: bool,
+    memory_limit: int | None,
 ) -> dict[str, Any]:
     from ..judge.context import Judge
     from ..judge.score import Scored, score_answers
@@ -109,7 +127,7 @@ def _verify_scene(
     for entry in entries:
         if not quiet and sys.stderr.isatty():
             print(f"{name}: {entry.method} ...", file=sys.stderr)
-        outcome = answer(entry.method, dict(entry.settings), prepared, moment, device)
+        outcome = answer(entry.method, dict(entry.settings), prepared, moment, device, memory_limit)
         row: dict[str, Any] = {
             "method": entry.method,
             "settings": dict(entry.settings),

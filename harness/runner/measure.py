@@ -21,7 +21,14 @@ from ..frame.session import Session
 from ..scene.effects import Limits
 from ..scene.moment import Moment
 from ..scene.prepared import Prepared
-from .memory import Memory, array_bytes, give_back_memory, peak_resident_bytes, resident_bytes
+from .memory import (
+    Memory,
+    array_bytes,
+    give_back_memory,
+    peak_resident_bytes,
+    reset_peak_resident,
+    resident_bytes,
+)
 from .timing import CompileClock, FrameSamples, Sampling, sample_frame
 
 Answers = dict[str, NDArray]
@@ -56,13 +63,16 @@ class MeasuredPoint:
 
         The memory of a frame is the maximum that the method has held up to and including that frame. If the samples of
         all frames would exceed the point's budget (``spec["budget_s"]``), some frames are left out. Raises
-        :class:`~.errors.CapacityRejected` if the method holds more than ``spec["memory_limit"]`` bytes.
+        :class:`~.errors.CapacityRejected` if the method uses more than ``spec["memory_limit"]`` bytes (:func:`within`).
         """
         method = make()
         reason = method.applies(prepared.scene, spec["device"])
         if reason:
             raise SkippedError(reason)
         self.moments, self.device, self.changed = moments, spec["device"], changed
+        self.limits = limits = Limits(
+            **({"memory": spec["memory_limit"]} if spec.get("memory_limit") else {})
+        )
         self.hashes: dict[int, dict[str, str]] = {}
         held: dict[int, int] = {}
         counted, first, baseline = [], None, resident_bytes()
@@ -70,17 +80,13 @@ class MeasuredPoint:
         tracker.start()
         start = time.perf_counter()
         with CompileClock() as compiling:
-            limits = Limits(**({"memory": spec["memory_limit"]} if spec.get("memory_limit") else {}))
             self.session = session = Session(method, prepared, *size, self.device, limits=limits)
-            given = session.frame
-            own = array_bytes(given, given.answers, given.answers.bounces, given.alpha)
-            frames = list(moments)
+            own, frames = frame_bytes(session), list(moments)
             while len(held) < len(frames):
                 frame = frames[len(held)]
                 answers = session.answers(moments[frame])
                 first = first or time.perf_counter() - start
-                held[frame] = max(0, tracker.peak() - own)
-                _within(limits.memory, held[frame], tracker.growth() - ALLOWED_GROWTH)
+                held[frame] = within(limits, tracker, own)
                 self.hashes[frame] = hashes(answers)
                 answered(method, frame, answers)
                 counted.append({"frame": frame, "counters": method.counters()})
@@ -88,12 +94,13 @@ class MeasuredPoint:
                     seconds = time.perf_counter() - start - compiling.seconds
                     frames = affordable_frames(frames, session, seconds, spec["runs"], spec["budget_s"])
         tracker.pause()
-        # Memory that a library allocates itself, not through Warp, shows only in the growth of the process.
+        # Memory that is not allocated through Warp, as by numpy or a library, shows only in the growth of the process.
         growth = tracker.growth()
-        outside = self.device == "cpu" and max(held.values()) < growth / 2 and not method.capturable
+        allowed = growth / 2 if not method.capturable else growth - ALLOWED_GROWTH
+        outside = self.device == "cpu" and max(held.values()) < allowed
         if outside:
             # The growth includes compiling and loading. Now that this is done, the memory is counted again.
-            del self.session, session, method, given, answers
+            del self.session, session, method, answers
             give_back_memory()
             tracker.start()
             self.session = session = Session(make(), prepared, *size, self.device, limits=limits)
@@ -102,9 +109,9 @@ class MeasuredPoint:
             tracker.pause()
             growth = tracker.growth()
             outside = max(held.values()) < growth / 2
-            _within(limits.memory, growth)
+            _require(limits, growth)
         self.memory = dict.fromkeys(held, growth) if outside else held
-        self.memory_source = "process growth" if outside else "warp allocations"
+        self.memory_source = PROCESS if outside else "warp allocations"
         passes = [
             {"name": p.name, "part": p.part, "reads": p.reads, "writes": p.writes, "effect": p.effect}
             for p in session.passes
@@ -121,6 +128,8 @@ class MeasuredPoint:
     def round(self, sampling: Sampling) -> dict[str, Any]:
         """One round of samples of every frame. Raises :class:`UnsteadyError` if a timed frame gives other answers."""
         started, frames = time.time(), []
+        before, resident = peak_resident_bytes(), resident_bytes()
+        reset_peak_resident()
         for frame, memory in self.memory.items():
             measured, regrown = self._fitting_samples(self.moments[frame], sampling)
             frames.append(
@@ -142,12 +151,19 @@ class MeasuredPoint:
                 raise UnsteadyError(
                     f"the timed frames gave other answers than the frame that was judged ({where})"
                 )
+        # Kernels are compiled by now: growth is memory that the method allocates inside a frame.
+        peak = peak_resident_bytes()
+        extra = peak - resident if peak - resident > ALLOWED_GROWTH else 0
+        _require(self.limits, extra)
+        if extra and self.device == "cpu":
+            for one in frames:
+                one |= {"memory_bytes": one["memory_bytes"] + extra, "memory_source": PROCESS}
         return {
             "started": started,
             "spent_s": time.time() - started,
             "method": {"built": self.session.method.built()},
             "frames": frames,
-            "peak_rss_bytes": peak_resident_bytes(),
+            "peak_rss_bytes": max(before, peak),
         }
 
     def _fitting_samples(self, moment: Moment, sampling: Sampling) -> tuple[FrameSamples, int]:
@@ -168,13 +184,34 @@ class MeasuredPoint:
         )
 
 
+PROCESS = "process growth"
+"""The source of a number of bytes that holds more than the arrays that Warp allocated."""
+
 ALLOWED_GROWTH = 256 << 20
 """Bytes that a process may grow in addition to the memory of its method, for compilers and compiled code."""
 
 
-def _within(limit: int, *held: int) -> None:
-    if max(held) > limit:
-        raise CapacityRejected(f"needs {max(held):,} bytes; the limit is {limit:,}")
+def frame_bytes(session: Session) -> int:
+    """Bytes of the arrays that the harness gives a method, which do not count as the method's memory."""
+    given = session.frame
+    return array_bytes(given, given.answers, given.answers.bounces, given.alpha)
+
+
+def within(limits: Limits, tracker: Memory, own: int, peak: int = 0) -> int:
+    """The bytes that a method has held in arrays of Warp, on any device; ``own``: :func:`frame_bytes`; ``peak``: as in
+    :meth:`.Memory.growth`.
+
+    Raises :class:`~.errors.CapacityRejected` if these exceed the limit, or if the process has grown by more than the limit
+    and :data:`ALLOWED_GROWTH`, as it does when a method or its library allocates memory on the host by other means.
+    """
+    held = max(0, tracker.peak() - own)
+    _require(limits, held, tracker.growth(peak) - ALLOWED_GROWTH)
+    return held
+
+
+def _require(limits: Limits, *held: int) -> None:
+    if max(held) > limits.memory:
+        raise CapacityRejected(f"needs {max(held):,} bytes; the limit is {limits.memory:,}")
 
 
 def hashes(answers: Answers) -> dict[str, str]:

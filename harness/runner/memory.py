@@ -40,9 +40,12 @@ class Memory:
         """Maximum number of bytes that Warp's allocators have held since :meth:`start`."""
         return int(_core().wp_alloc_tracker_get_peak_bytes())
 
-    def growth(self) -> int:
-        """Growth of the process since :meth:`start`, bytes; this includes memory not allocated through Warp."""
-        return max(0, resident_bytes() - self._resident)
+    def growth(self, peak: int = 0) -> int:
+        """Growth of the process since :meth:`start`, bytes; this includes memory not allocated through Warp.
+
+        ``peak``: resident memory of the process at an earlier time, which counts where it is more than now.
+        """
+        return max(0, resident_bytes() - self._resident, peak - self._resident)
 
 
 def _core() -> Any:

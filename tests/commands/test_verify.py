@@ -158,7 +158,7 @@ def test_a_method_that_traces_only_once_fails(capsys, mesh):
     assert code == 1
     assert (row["status"], row["reason"]) == (
         "failed",
-        "the same frame gave different answers when run again: triangle, t, u, v",
+        "repeat 1 of the same frame gave different answers: triangle, t, u, v",
     )
 
 

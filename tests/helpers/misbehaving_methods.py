@@ -90,6 +90,20 @@ class Once(Steady):
         self.traced = True
 
 
+class SlowStart(Steady):
+    """Says in its first frame that every ray hits triangle 0, and answers rightly from then on."""
+
+    name: ClassVar[str] = "slow_start"
+    runs = 0
+
+    def trace_primary(self, frame):
+        super().trace_primary(frame)
+        self.runs += 1
+        if self.runs == 1:
+            frame.answers.triangle.zero_()
+            frame.answers.t.fill_(1.0)
+
+
 class Fickle(Steady):
     """Answers otherwise from the second round on: one warm-up, three whole frames, two in passes, one that is compared."""
 
@@ -135,6 +149,15 @@ class Greedy(Steady):
         self.held = np.ones(40 << 20)
 
 
+class Hoards(Steady):
+    """Allocates 320 MiB of numpy arrays inside every frame, and frees them."""
+
+    name: ClassVar[str] = "hoards"
+
+    def build_structure(self, frame):
+        np.ones(40 << 20)
+
+
 class Skips(Steady):
     name: ClassVar[str] = "skips"
 
@@ -170,4 +193,20 @@ class Broken(Steady):
         raise ImportError("libmissing.so: cannot open")
 
 
-CLASSES = (Steady, Talker, Raises, Late, Once, Fickle, Hangs, Exits, Rejects, Skips, Grows, Greedy, Broken)
+CLASSES = (
+    Steady,
+    Talker,
+    Raises,
+    Late,
+    Once,
+    SlowStart,
+    Fickle,
+    Hangs,
+    Exits,
+    Rejects,
+    Skips,
+    Grows,
+    Greedy,
+    Hoards,
+    Broken,
+)
