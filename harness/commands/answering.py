@@ -69,7 +69,8 @@ def answer(
         answers = session.answers(moment)
         within(limits, tracker, frame_bytes(session))
         reset_peak_resident()
-        known, deadline, repeats, wrong = hashes(answers), time.monotonic() + REPEATS_S, 0, []
+        known, deadline, repeats = hashes(answers), time.monotonic() + REPEATS_S, 0
+        wrong: list[str] = []
         while not wrong and repeats < REPEATS and (not repeats or time.monotonic() < deadline):
             wrong = differing(session, known)
             repeats += 1

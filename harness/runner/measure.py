@@ -127,7 +127,8 @@ class MeasuredPoint:
 
     def round(self, sampling: Sampling) -> dict[str, Any]:
         """One round of samples of every frame. Raises :class:`UnsteadyError` if a timed frame gives other answers."""
-        started, frames = time.time(), []
+        started = time.time()
+        frames: list[dict[str, Any]] = []
         before, resident = peak_resident_bytes(), resident_bytes()
         reset_peak_resident()
         for frame, memory in self.memory.items():
