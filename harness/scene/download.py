@@ -83,9 +83,10 @@ class Resumed:
 
 
 def download(url: str, folder: Path, pinned: str | None = None) -> Path:
-    """The file behind an address, kept in ``folder``. ``pinned``: its SHA-256; None: as recorded at first use.
+    """The file at an address, stored in ``folder``. ``pinned``: its SHA-256; None: as recorded at first use.
 
-    Raises :class:`UserError` if the file cannot be had or has another checksum. What arrived is kept and continued.
+    Raises :class:`UserError` if the file is not available or has another checksum. A partial download is stored and
+    continued.
     """
     import pooch
     import requests

@@ -14,7 +14,7 @@ from .prepared import Prepared
 
 
 def scene_facts(prepared: Prepared, moments: dict[int, Moment]) -> dict[str, Any]:
-    """What a record says of a scene: its source, size, and hashes of the arrays that everyone gets."""
+    """The facts of a scene for a record: its source, size, and hashes of the arrays that all methods receive."""
     scene = prepared.scene
     arrays = hashlib.sha256()
     views = hashlib.sha256()
@@ -55,7 +55,7 @@ def contents(facts: dict[str, Any]) -> list[str | None]:
 def surface_facts(prepared: Prepared) -> dict[str, str]:
     """A hash of which triangles are mirrors and of the mask of holes; {} where a scene has neither.
 
-    A rule may choose them, and what it chooses by need not be among the arrays that everyone gets.
+    A rule may choose them, and what it chooses by need not be among the arrays that all methods receive.
     """
     mirror = [prepared.mirror] if prepared.scene.mirror is not None else []
     chosen = [*mirror, *arrays_of(prepared.alpha).values()]

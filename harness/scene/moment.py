@@ -31,7 +31,7 @@ class Moment:
     lights   float32 [light_count, 3]
     spots    float64 [light_count, 12]: what each light is limited to (:mod:`.judge.receivers`); no row: not limited
     posts    float32 [light_count, 3]: where a structure may look from in a light's stead: the light itself, or for
-             a directional one the point :data:`NEARER` as far along its way, from which directions can be told
+             a directional one the point :data:`NEARER` as far along its way, far enough to give its direction
              apart (a ray of the light lies within 2^-23 of the direction that the post sees it in, relative to
              the angle between that direction and the way to the scene's middle)
     reach    float32 [1]: a power of two that no coordinate of scene and eye exceeds: what roundings grow with. It

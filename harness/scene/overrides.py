@@ -24,7 +24,7 @@ MOVED: dict[str, frozenset[str]] = {
     "part": frozenset({"points"}),
     "all": frozenset({"points", "camera", "light/0"}),
 }
-"""What can have changed since the last frame. A part of the geometry is all of it to whoever does not know parts."""
+"""What can have changed since the last frame. A part of the geometry is all of it for a method that ignores parts."""
 
 
 @dataclass(frozen=True)
@@ -32,21 +32,22 @@ class Lighting:
     """What is changed of a scene's lights and of what it calls for; the default changes nothing.
 
     label     names it in tables and file names; "" only for the default
-    count     so many lights: the scene's first one, turned evenly about the vertical through the scene's middle
+    count     number of lights: copies of the scene's first one, turned evenly about the vertical through the scene's
+              middle
     distance  of every light from the scene's middle, in radii of the scene, in the direction where it stands
     target    a point, in the scene's coordinates, that every light is turned into a spot towards
     angle     half-angle of the spot's cone, degrees; or half-width of its rectangle in azimuth
     rise      half-width of the spot's rectangle in elevation, degrees; None: a cone
     falloff   exponent of the cosine from the spot's direction, for pictures
     turns     full turns of every light about the vertical through the middle, over the frames
-    frames    places of the light over geometry that does not move: a static scene then has so many frames
+    frames    places of the light over geometry that does not move: a static scene then has that number of frames
     spot      half-angle, degrees, of a spot that every light becomes, towards what the camera looks at; 0: none
     shadows   whether lights ask for shadow rays
     directional  every light becomes directional, shining as it does at the scene's middle
     facing    only hit points that face a light have a shadow ray
     color     the frame is shaded
-    alpha     every so many-th triangle has holes (:func:`.scene.surface_rules.perforated`); 0: none
-    bounces   mirrored rays of the scene's largest triangles go on so often; 0: nothing reflects
+    alpha     every n-th triangle has holes (:func:`.scene.surface_rules.perforated`); 0: none
+    bounces   number of bounces of rays mirrored by the scene's largest triangles; 0: nothing reflects
     moved     what alone changed since the last frame, of :data:`MOVED`: only what that calls for is timed; None: all
     """
 

@@ -26,7 +26,7 @@ INFINITELY_FAR = 2.0**56
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """A scene recentred, rounded and welded: the arrays that everyone gets. Made by :func:`prepare`.
+    """A scene recentred, rounded and welded: the arrays that all methods receive. Made by :func:`prepare`.
 
     scene     lights, camera and effects; another one of the same geometry: :func:`under`
     geometry  the mesh over time, as the scene made it, float64

@@ -122,7 +122,7 @@ class Geometry:
     motion: Moves | None = None
 
     def lasting(self, frames: int) -> Geometry:
-        """The same over so many frames, where it does not move itself."""
+        """The same scene with this number of frames, if it does not move itself."""
         if self.frame_count > 1:
             return self
         return Geometry(self.faces, lambda k: self.positions(0), frames)
@@ -161,7 +161,7 @@ class Scene:
     facing     only hit points that face a light, as the eye sees them, have a shadow ray (:mod:`.judge.receivers`)
     alpha      makes the alpha mask of the geometry, or None: every triangle is opaque
     mirror     makes the mirrors of the geometry, uint8 [triangle_count], or None: nothing reflects
-    bounces    how often a mirror's rays go on; 0: mirrors are seen as plain surfaces
+    bounces    how many times a ray is mirrored; 0: mirrors are seen as plain surfaces
     outputs    what is wanted of a frame, of :data:`OUTPUTS`
     """
 

@@ -1,13 +1,13 @@
 """Climbing a radix tree of sorted keys from its leaves without building it first (Apetrei 2014, section 3).
 
 A node is a range of leaves [l, r]. Its parent joins it to the range on that side where the keys differ less, seen by
-the difference of the keys at both ends; equal differences are told apart by the places themselves, as if each key
-went on with the bits of its place (Karras 2012, section 4). So a tree of keys of b bits and up to 2^24 triangles is at
-most b + 24 deep, also where all keys are one.
+the difference of the keys at both ends; equal differences are distinguished by the positions themselves, as if each key
+were extended by the bits of its position (Karras 2012, section 4). So a tree of keys of b bits and up to 2^24 triangles
+is at most b + 24 deep, also where all keys are one.
 
-The parent of a left child [l, r] and of the right child [r + 1, s] has the flag r. Whoever comes first leaves the far end
-of its range and the difference there, and stops; who comes second goes on with both. The tree ends before the first
-triangle that is left out (:mod:`.keys`).
+The parent of a left child [l, r] and of the right child [r + 1, s] has the flag r. The first thread to arrive stores the
+far end of its range and the difference there, and stops; the second thread to arrive continues with both. The tree ends
+before the first triangle that is left out (:mod:`.keys`).
 
 On the GPU an exchange of a flag releases what was written before it, and acquires what the first arrival wrote.
 """

@@ -22,7 +22,7 @@ FLOAT32_INEXACT = (
 class Build:
     """How the tree is made and kept up to date.
 
-    update      "rebuild": anew each frame, from the triangles of that frame; "refit": a SAH tree of the animation's
+    update      "rebuild": built in each frame, from the triangles of that frame; "refit": a SAH tree of the animation's
                 first frame, its boxes refitted each frame; "static": that tree, for geometry that does not move
     builder     of a rebuilt tree: "lbvh" (Lauterbach et al. 2009, in one pass: Apetrei 2014) or "hploc" (Benthin et
                 al. 2024)
@@ -71,7 +71,7 @@ class Trace:
     primary    on the GPU: "packet": the rays of 8 x 4 pixels share one stack; "single": each ray has its own
     registers  a thread of the kernels that trace may take on the GPU
     shares     parts of the pixels that the GPU traces at once, each with queues of its own: while the last rays of one
-               step of a share end, another share's go on
+               step of a share end, another share's continue
     """
 
     precision: str = "exact"

@@ -1,8 +1,8 @@
 """A tree of the first frame, its boxes refitted each frame.
 
-One thread a triangle climbs: whoever comes second to a node writes it and goes on (as :mod:`.build_lbvh`, of which a
-refit is what is left when the tree is known). Arrivals are counted on, odd and even: nothing needs clearing. A triangle
-that is left out in a frame has no box in it, as it has no place in a tree that is rebuilt.
+One thread a triangle climbs: the second thread to arrive at a node writes it and continues (as :mod:`.build_lbvh`, of
+which a refit is what is left when the tree is known). Arrivals are counted on, odd and even: nothing needs clearing. A
+triangle that is left out in a frame has no box in it, as it has no place in a tree that is rebuilt.
 """
 
 from __future__ import annotations

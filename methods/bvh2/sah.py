@@ -1,8 +1,8 @@
-"""A tree by the surface area heuristic, made on the host: what refitted trees keep.
+"""A tree by the surface area heuristic, made on the host: the topology of refitted trees.
 
-Binned splits (Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", 2007), all nodes of a level at once.
-A node whose triangles fall into one bin, or that lies :data:`DEEP` levels down, is halved; so no tree is deeper than DEEP
-and the bits of the number of triangles.
+Binned splits (Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", 2007), all nodes of a level at
+once. A node whose triangles fall into one bin, or that lies :data:`DEEP` levels down, is halved; so no tree is deeper
+than DEEP and the bits of the number of triangles.
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ class ShadowRays:
     of each light light_records vec4f [3 * triangles], sides vec4f [triangles]: :mod:`.records`
 
     ``primary_starts``: where the primary hits' shadow rays start, if another method finds those hits: the places of all
-    triangles in the tree's order, and the points. By default each pixel's place is kept here.
+    triangles in the tree's order, and the points. By default each pixel's place is stored here.
     """
 
     def __init__(

@@ -2,8 +2,9 @@
 
 Adinets & Merrill, "Onesweep: A Faster Least Significant Digit Radix Sort for GPUs" (2022): the digits of all keys are
 counted once; then each pass reads and writes every key once. A block takes the next tile, ranks its keys by digit within
-the block, and learns how many keys of each digit lie in the tiles before by looking back over what their blocks told: a
-count of their own, or of all up to them (Merrill & Garland 2016). It is stable: triangles with one key stay in their order.
+the block, and learns how many keys of each digit lie in the tiles before by looking back over the counts that their
+blocks published: a count of their own, or of all up to them (Merrill & Garland 2016). It is stable: triangles with one
+key stay in their order.
 
 Warp's own sort, which takes scratch memory each time and copies an odd number of passes back, sorts on the CPU.
 """
@@ -194,7 +195,8 @@ class Sort:
     """Sorts ``keys`` with ``values``, each int32 [2 * count]: the result is their first half.
 
     ``begin``: the half, 0 or 1, that unsorted keys and values are to be written to.
-    state int32: digits' counts [4, 256], tickets [32], and what tiles tell [passes, tiles, 256]; cleared each time
+    state int32: digits' counts [4, 256], tickets [32], and the counts that tiles publish [passes, tiles, 256]; cleared
+    each time
     """
 
     def __init__(self, keys: wp.array, values: wp.array, count: int, bits: int):

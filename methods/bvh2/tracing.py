@@ -62,7 +62,7 @@ class Rays(ShadowRays):
         return passes + self.bounce_passes()
 
     def _share(self, share: int, scene: tuple[str, ...]) -> list[Pass]:
-        """The steps of one share of the pixels. ``hits`` is all shares', ``hits of`` what a share goes on with."""
+        """The steps of one share of the pixels. ``hits`` is all shares', ``hits of`` what a share continues with."""
         of = self.of(share)
         seats, hits = f"seats{of}", f"hits of share{of}"
         seen = (*scene, "camera")

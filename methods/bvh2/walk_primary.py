@@ -4,9 +4,9 @@ A packet of rays has one stack and visits the union of what its rays would: the 
 (Wald et al. 2001; Guenther et al. 2007). So all lanes read the same nodes and triangles. It gives the answers of single
 rays, which is how the CPU walks.
 
-Exact: an edge plane or a depth that float32 does not decide leaves the pair to float64, and the walk goes on without it.
-What is kept is certain: a triangle that lies certainly before what was kept until then. Of two hits whose depths
-overlap within their bounds the second is left to float64.
+Exact: an edge plane or a depth that float32 does not decide leaves the pair to float64, and the traversal continues
+without it. The current closest hit is always certain: a triangle replaces it only if it certainly lies in front. Of two
+hits whose depths overlap within their bounds the second is left to float64.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ if (!(inside < -bound)) {
     }
 }
 """
-"""Depths are 1 / t: nearer is larger. ``sure_from`` and ``sure_to`` bound the depth of what is kept."""
+"""Depths are 1 / t: nearer is larger. ``sure_from`` and ``sure_to`` bound the depth of the current closest hit."""
 
 EXACT_END = "return {0.0f, 0.0f, real((unsigned int)last), real((unsigned int)best)};"
 

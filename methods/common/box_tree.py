@@ -70,7 +70,7 @@ def traverse_alike(
 ) -> Found:
     """:func:`traverse` in a loop that a GPU's compiler lays out alike for every test, to compare tests by their times.
 
-    For some any-hit tests the loop of :func:`traverse` becomes one whose lanes go on one by one (3.4 of 32 active instead
+    For some any-hit tests the loop of :func:`traverse` becomes one whose lanes run one by one (3.4 of 32 active instead
     of 10.5, and three times as long); the layout would be measured, not the test.
     """
     result = found

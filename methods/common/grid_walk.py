@@ -1,6 +1,6 @@
 """Amanatides & Woo (1987) through a grid in float64.
 
-The distance to the next face along each axis is computed anew from the cell's index and not summed up, so that its
+The distance to the next face along each axis is computed from the cell's index and is not accumulated, so that its
 error does not grow along the ray. A direction component of zero, of either sign, never steps. Each step leaves one
 cell for good, so that a ray ends after at most as many steps as there are cells along the three axes.
 """
@@ -14,7 +14,7 @@ from .triangle import largest
 
 FOREVER = wp.constant(wp.float64(wp.inf))
 TIE = wp.constant(wp.float64(1.0 + 2.0**-28))  # hits this close may be a tie: see nearer
-STOP_MARGIN = wp.constant(wp.float64(2.0**-10))  # cells: how far beyond a hit the search goes on
+STOP_MARGIN = wp.constant(wp.float64(2.0**-10))  # cells: how far beyond a hit the search continues
 
 
 @wp.struct

@@ -1,6 +1,6 @@
 """Hit points in float64: where shadow rays start, by one function for every method.
 
-How far a hit point is off is what its shadow tests must allow for (:func:`hit_error`), so that it is kept within a bound of
+How far a hit point is off is what its shadow tests must allow for (:func:`hit_error`), so its error is bounded relative to
 its own size, whatever the distance of the eye and the size and shape of the triangle:
 
 - o + t d is rounded once (:func:`fused`), so that it lies beside its ray by U of its own size; what t itself is off moves
@@ -209,7 +209,7 @@ def flat_hit_point(ray: Ray, t: wp.float64, corners: Corners) -> wp.vec3d:
 
 @wp.func
 def hit_point(ray: Ray, t: wp.float64, corners: Corners) -> wp.vec3d:
-    """o + t d in float64, led back onto the triangle's plane: the shadow origin, by one function for everyone."""
+    """o + t d in float64, led back onto the triangle's plane: the shadow origin, by one function for all methods."""
     if is_flat(ray, t, corners):
         return flat_hit_point(ray, t, corners)
     return steep_hit_point(ray, t, corners)

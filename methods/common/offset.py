@@ -98,7 +98,7 @@ def sheared_error(h: wp.vec3d, way: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.ve
 def shadow_origin(ray: Ray, light: wp.vec3f, corners: Corners, sheared: wp.bool) -> wp.vec3f:
     """Where the shadow ray of a pixel whose ray hit the triangle starts, in float32.
 
-    ``sheared`` says how the query finds its distance. False: from the plane, n . (v - o) / n . d (Embree), wrong by
+    ``sheared``: how the query computes its distance. False: from the plane, n . (v - o) / n . d (Embree), wrong by
     the coordinates projected on n. True: from coordinates along the ray (Woop's shear, Warp's Mesh): see
     :func:`sheared_error`.
     """
@@ -172,7 +172,7 @@ def launch_shadow_origins(
 
 @wp.func
 def stepped(p: wp.float32, n: wp.float32) -> wp.float32:
-    """Waechter & Binder, Ray Tracing Gems 2019, chapter 6: so many floats onward, or a fixed step near zero."""
+    """Waechter & Binder, Ray Tracing Gems 2019, chapter 6: this number of floats onward, or a fixed step near zero."""
     if wp.abs(p) < NEAR_ZERO:
         return p + FLOAT_STEP * n
     steps = wp.int32(INTEGER_STEP * n)

@@ -90,7 +90,7 @@ def pair_place(scan: wp.array(dtype=wp.int64), count: wp.array(dtype=wp.int64), 
 
 
 def grown(needed: int, capacity: int, memory: int, what: str) -> int:
-    """The capacity to go on with: unchanged if it suffices, else a third more than needed.
+    """The new capacity: unchanged if it suffices, else a third more than needed.
 
     Raises :class:`CapacityRejected` if even the bare need exceeds ``memory`` bytes or what 31 bits can count.
     """

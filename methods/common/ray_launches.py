@@ -19,7 +19,7 @@ from .ray_passes import shadow_ray_passes
 
 
 def check_registers(registers: int) -> None:
-    """Raise ValueError if a thread cannot be given so many registers; 0 leaves it to the compiler."""
+    """Raise ValueError if a thread cannot be given this number of registers; 0 leaves it to the compiler."""
     if registers and not 32 <= registers <= 255:
         raise ValueError("registers must be 0 (as many as the compiler wants) or in 32..255")
 

@@ -1,4 +1,4 @@
-"""The shadow test that every method of ours shares: float32 rejects, float64 decides, as :mod:`.triangle` does for rays.
+"""The shadow test that all exact methods share: float32 rejects, float64 decides, as :mod:`.triangle` does for rays.
 
 A shadow ray is the open segment from a hit point to a light. It is tested against planes through the light and each
 edge, since all shadow rays of a light meet there, evaluated relative to an end of the edge: right at any distance of

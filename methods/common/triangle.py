@@ -1,11 +1,11 @@
-"""The triangle tests that every method of ours shares: float32 rejects, float64 decides.
+"""The triangle tests that all exact methods share: float32 rejects, float64 decides.
 
 A float32 test only rejects: it compares its edge functions with a bound on their rounding.
 What it cannot reject is decided in float64, with each edge taken in weld order, so that the two triangles at
 an edge compute the same number with opposite sign and no ray can pass between them. An answer therefore never
 depends on which structure offered the triangle, in which order, or how often.
 
-Conventions (fixed for everyone): triangles are closed and two-sided; a coplanar ray is no hit; (u, v) are the
+Conventions (for all methods): triangles are closed and two-sided; a coplanar ray is no hit; (u, v) are the
 weights of vertices 1 and 2; the shadow segment is open at the hit point and at the light.
 
 Bounds: u32 = 2^-24 and u64 = 2^-53 are the unit roundoffs. For e = d . ((p - o) x (q - p)) with exact inputs,

@@ -1,6 +1,6 @@
 """Embree 4 as a method, through its own C interface: rebuilt, refitted or static, single rays or packets of 16.
 
-Kernels that Warp compiles for the CPU hand the rays to Embree (:mod:`.packets`); a launch releases the GIL, so that Python
+Kernels that Warp compiles for the CPU pass the rays to Embree (:mod:`.packets`); a launch releases the GIL, so that Python
 threads over parts of the image use every core.
 """
 
@@ -38,7 +38,7 @@ PARTS_PER_THREAD = 4
 """The image is cut into this many parts a thread, so that a slow part does not hold up the others."""
 
 SMALLEST_PART = 64
-"""Blocks of pixels; below this a part costs more to hand out than to trace."""
+"""Blocks of pixels; below this a part costs more to schedule than to trace."""
 
 
 @dataclass(frozen=True)
@@ -47,8 +47,8 @@ class Build:
 
     robust         whether the scene is built with RTC_SCENE_FLAG_ROBUST: conservative box tests and watertight edges, 10 to
                    25 % slower; without it rays aimed at edges and vertices escape
-    update         "rebuild": a tree built anew in each frame; "refit": the tree of the animation's first frame, its boxes
-                   refitted in each frame (built anew if other triangles become invalid); "static": built once, for geometry
+    update         "rebuild": a tree is built in each frame; "refit": the tree of the animation's first frame, its boxes
+                   refitted in each frame (rebuilt if other triangles become invalid); "static": built once, for geometry
                    that does not move
     quality        of a tree that is built: "low" (Morton codes; the fastest build), "medium" (surface area heuristic) or
                    "high" (also splits triangles). The tree that update=refit starts from is of medium quality

@@ -1,9 +1,9 @@
-"""Rays handed to Embree by kernels that Warp compiles for the CPU: a C loop over packets, as a user of Embree writes it.
+"""Rays passed to Embree by kernels that Warp compiles for the CPU: a C loop over packets, as a user of Embree writes it.
 
 A thread takes a block of 4x4 pixels. Its 16 rays go to Embree one by one or as one packet, by rtcIntersect1 or
 rtcIntersect16 (rtcOccluded...), whose addresses are arguments of the kernel. The layouts are those of ``RTCRay``,
-``RTCRayHit`` and their packets in ``embree4/rtcore_ray.h``: 12 words of ray, then 9 of hit (normal, u, v, primID, geomID,
-instID, instPrimID), each 16 times in a packet. Tests compare the answers with embreex's, bit for bit.
+``RTCRayHit`` and their packets in ``embree4/rtcore_ray.h``: 12 words of ray, then 9 of hit (normal, u, v, primID,
+geomID, instID, instPrimID), each 16 times in a packet. Tests compare the answers with embreex's, bit for bit.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Small nodes by the surface area heuristic: Zhou et al. 2008, with sets of at most 64 triangles as bits of a word.
 
 A block of 32 threads takes a small root and builds the tree below it. The faces of the pairs' boxes are its candidate
-planes. For each plane the block makes two words once: which pairs belong below and which above. A node is then a word, and
-what a plane costs in it follows from the words' bits. (Zhou et al. go on breadth first; the tree is the same. A block can
-stay with its root since nodes are numbered as they come.)
+planes. For each plane the block makes two words once: which pairs belong below and which above. A node is then a word,
+and what a plane costs in it follows from the words' bits. (Zhou et al. proceed breadth first; the tree is the same. A
+block can stay with its root since nodes are numbered as they come.)
 
 On a CPU a block is one thread.
 """

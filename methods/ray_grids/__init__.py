@@ -80,7 +80,7 @@ class RayGrids(BaseMethod):
     ) -> tuple[list[Pass], CameraStream, Queues]:
         """The passes of the primary rays alone, what launches them, and queues for ``streams`` streams.
 
-        ``rounded``: hit points are wanted in float32. :meth:`needs` and :meth:`grow` go on as after :meth:`plan`.
+        ``rounded``: hit points are wanted in float32. :meth:`needs` and :meth:`grow` work as after :meth:`plan`.
         """
         if frame.triangle_count >= MOST_TRIANGLES:
             raise CapacityRejected(f"holds at most {MOST_TRIANGLES - 1:,} triangles")

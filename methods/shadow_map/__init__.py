@@ -39,7 +39,7 @@ PER_LIGHT = 2
 
 
 class ShadowMap(BaseMethod):
-    """See the module. Every light has its own map, so that one may stay while another is drawn anew."""
+    """See the module. Every light has its own map, so that one may stay while another is drawn again."""
 
     name: ClassVar[str] = "shadow_map"
     title: ClassVar[str] = "Shadow map (rasterised)"

@@ -2,7 +2,7 @@
 
 Map space is homogeneous: (w, x, y) with |x| <= w and |y| <= w inside, and a depth in 0..1 that is linear along the
 map's axis. For an aimed map everything is relative to the middle of the scene's box, so that a light at 1e5 radii
-still tells texels apart; for a cube it is relative to the light.
+still distinguishes texels; for a cube it is relative to the light.
 """
 
 from __future__ import annotations

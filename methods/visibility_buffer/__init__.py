@@ -1,8 +1,9 @@
 """A visibility buffer for primary rays and irregular z-buffers for shadow rays: rasterisation by others' recipes, exact.
 
-Primary rays: Burns and Hunt 2013 (the buffer), Karis 2021 (64-bit atomics on depth and index). Shadow rays: Johnson et al.
-2005 and Wyman, Hoetzlein and Lefohn 2015 (lists of hit points in the texels of a light's map). The exact tests, the words
-and the light's cube are those of ``ray_grids``; how triangles are rasterised and where hit points are kept is not.
+Primary rays: Burns and Hunt 2013 (the buffer), Karis 2021 (64-bit atomics on depth and index). Shadow rays: Johnson et
+al. 2005 and Wyman, Hoetzlein and Lefohn 2015 (lists of hit points in the texels of a light's map). The exact tests, the
+words and the light's cube are those of ``ray_grids``; how triangles are rasterised and where hit points are stored
+differs.
 """
 
 from __future__ import annotations

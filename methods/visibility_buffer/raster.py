@@ -1,6 +1,7 @@
-"""The visibility buffer: triangles rasterised at pixel centres, the nearest hit of a pixel kept in a 64-bit word.
+"""The visibility buffer: triangles rasterised at pixel centres, the nearest hit of a pixel stored in a 64-bit word.
 
-Edge functions and words are those of :mod:`..ray_grids.camera.pixels`: what float32 leaves in doubt is queued for float64.
+Edge functions and words are those of :mod:`..ray_grids.camera.pixels`: what float32 leaves in doubt is queued for
+float64.
 """
 
 from __future__ import annotations

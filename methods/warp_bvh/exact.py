@@ -110,7 +110,7 @@ class ExactBvh:
     constructor  what Warp builds; on CUDA only "lbvh" can be rebuilt in place
     leaf_size    triangles a leaf
     blocks       whether 32 consecutive threads take a block of 8x4 pixels instead of a stretch of a row
-    bounces      how often mirrored rays go on
+    bounces      how many times mirrored rays are reflected
     """
 
     def __init__(self, frame: Frame, constructor: str, leaf_size: int, blocks: bool, bounces: int = 0):

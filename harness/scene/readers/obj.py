@@ -23,8 +23,10 @@ _INDEX_LIMIT = 1 << 31
 def read_obj(path: Path) -> Mesh:
     """Positions float64 (``v``; weights and colours are ignored) and the triangulated faces (``f``).
 
-    Unused vertices are kept. Texture, normal, group, material, line and curve records are skipped. Needs memory of about
-    6 times the file's size. Raises :class:`UserError` for an index that is 0, out of range or not a number, for a face of
+    Unused vertices are retained. Texture, normal, group, material, line and curve records are skipped. Needs memory of
+    about
+    6 times the file's size. Raises :class:`UserError` for an index that is 0, out of range or not a number, for a face
+    of
     fewer than 3 vertices and for a file without faces.
     """
     blob = read_bytes(path)

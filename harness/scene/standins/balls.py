@@ -3,7 +3,7 @@
 They are used to measure how time grows with the number of triangles. Ten million triangles are generated in seconds. The
 balls occlude one another and cast shadows on one another and on the ground.
 
-A name says how many triangles there are, and may say what share of the pixels sees the ground and what share of the
+A name gives the number of triangles, and may give what share of the pixels sees the ground and what share of the
 triangles moves, in per cent: ``balls-300k``, ``balls-300k-seen10``, ``balls-300k-moving30``.
 """
 
@@ -34,7 +34,7 @@ CAMERA = Camera(eye=(7.5, 4.2, 8.5), target=(0.0, 0.7, 0.0), fov=42.0)
 
 @dataclass(frozen=True)
 class Name:
-    """What a name says.
+    """What a name specifies.
 
     count   triangles, about
     seen    share of the pixels that see the ground, 0..1; None: as :data:`CAMERA` sees it

@@ -4,7 +4,7 @@ A tile's list is one run of sorted pairs, front slices first. A ray is done once
 the next pair. Thread blocks are tracing tiles of k x k sorting tiles (indirect mapping): threads of one sorting
 tile follow one another, so that lanes of a warp share a list.
 
-A ray first goes on to the next triangle that float32 cannot rule out, then decides: the lanes of a warp decide
+A ray first advances to the next triangle that float32 cannot rule out, then decides: the lanes of a warp decide
 together, which is rare and long, instead of each holding up all others in turn.
 
 With split lists (:mod:`.lists.items`) a block takes one part of one sorting tile's list; parts meet in ``nearest``.
@@ -113,7 +113,7 @@ def write_nearest(
 
 @functools.cache
 def make_trace_kernel(variant: Variant) -> wp.Kernel:
-    """One thread a pixel, each reading triangles for itself: direct on any device, the twin of the staged kernel."""
+    """One thread a pixel, each reading triangles for itself: direct on any device, the equivalent of the staged kernel."""
     passes = RAY_PASSES[variant.test]
     decide = RAY_DECIDES[variant.test]
 

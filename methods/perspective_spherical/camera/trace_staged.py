@@ -2,8 +2,8 @@
 
 The threads alternate between loading records, one each, and testing what is there, with a synchronisation between
 the two. Shared memory is partitioned equally among the sorting tiles of a tracing tile; a round ends the block's
-work when no ray of it needs another. The kernels of :mod:`.camera.trace` are its twins where blocks have one thread, and
-give the same bits. A record's free fourth components carry its triangle and its depth.
+work when no ray of it needs another. The kernels of :mod:`.camera.trace` are the equivalents where blocks have one
+thread, and give the same bits. A record's free fourth components carry its triangle and its depth.
 """
 
 from __future__ import annotations

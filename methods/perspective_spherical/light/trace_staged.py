@@ -1,8 +1,8 @@
 """Staged tracing of shadow rays (paper, section 4.4): the block of a chunk brings its list to shared memory.
 
 Loading and testing alternate as in :mod:`.camera.trace_staged`; the block is done where every ray of it is shadowed or
-behind its last slice. The kernel of :mod:`.light.trace` is its twin where blocks have one thread, and gives the same
-bits.
+behind its last slice. The kernel of :mod:`.light.trace` is the equivalent where blocks have one thread, and gives the
+same bits.
 """
 
 from __future__ import annotations

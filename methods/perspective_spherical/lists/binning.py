@@ -25,7 +25,7 @@ LANES = 32
 """Threads of a queued piece on a GPU."""
 
 THREAD_TILES = wp.constant(32)
-"""Most tiles of one thread: what was found in them is kept in the bits of an int32."""
+"""Most tiles of one thread: what was found in them is stored in the bits of an int32."""
 
 ENOUGH = wp.constant(2048)
 """Threads for one triangle, from which on each of them takes more tiles instead: all its pieces are queued by one."""
@@ -330,7 +330,7 @@ class TileBins:
 def grown_bins(
     needed: NDArray[np.int64], capacity: tuple[int, int, int], memory: int
 ) -> tuple[int, int, int]:
-    """Capacities (pairs, rows, items) to go on with. Raises CapacityRejected beyond ``memory`` bytes."""
+    """The new capacities (pairs, rows, items). Raises CapacityRejected beyond ``memory`` bytes."""
     return (
         grown(int(needed[0]), capacity[0], memory, "(triangle, cell) pairs"),
         grown(int(needed[1]), capacity[1], memory, "(large triangle, tiles) items"),

@@ -180,7 +180,7 @@ class Chunks:
                 self.scan = wp.zeros(rays, dtype=wp.int32)
 
     def launch(self, tileIDArr: wp.array, marked: bool = False) -> None:
-        """``tileIDArr``: int32 [rays or more], of which so many sorted; ``tiles`` where there is no shadow ray.
+        """``tileIDArr``: int32 [rays or more], of which this number is sorted; ``tiles`` where there is no shadow ray.
 
         ``marked``: ``begin`` and ``end`` are there already
         """

@@ -2,7 +2,7 @@
 
 A work item is a source (a tile of the image, or a chunk of shadow rays) with one part of its triangle list. Only
 lists longer than ``split`` have more than one. Parts are combined without order: the nearest hit by one 64-bit
-minimum of (depth key, triangle), a shadow bit by whoever sets it.
+minimum of (depth key, triangle), a shadow bit is set by any of them.
 """
 
 from __future__ import annotations

@@ -34,7 +34,7 @@ GROUP = wp.constant(32)
 """Rows or columns of a work item: the 32 lanes of the GPU's warp find the ends of one each."""
 
 TALL = wp.constant(2)
-"""A queued box so many times as high as wide is cut in columns: fewer of them, and longer ones."""
+"""A queued box whose height is this multiple of its width is cut in columns: fewer of them, and longer ones."""
 
 REGISTERS = 64
 """Registers a thread of the kernel that sees every triangle: eight blocks of 128 a multiprocessor."""
