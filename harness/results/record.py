@@ -31,15 +31,15 @@ class Point(TypedDict, total=False):
     """What was asked for, with whatever else the configuration has: all of it goes into the record's key."""
 
     preset: str | None
-    rounds: int
-    budget_s: float
+    rounds: Annotated[int, 1]
+    budget_s: Annotated[float, 0.0]
 
 
 class SizedPoint(Point):
     """The part of :class:`Point` that every record has."""
 
-    width: int
-    height: int
+    width: Annotated[int, 1]
+    height: Annotated[int, 1]
 
 
 class SceneOptions(TypedDict, total=False):
@@ -85,7 +85,9 @@ class MethodFacts(MethodOptions):
 
 @dataclass
 class PassTimes:
-    """Samples of one pass, in ms. On CUDA they are differences of prefix graphs: noise can make one negative."""
+    """Samples of one pass, in ms. On CUDA they are differences of prefix graphs, so that noise can make one negative
+    (:meth:`Record.__post_init__` checks them).
+    """
 
     name: str
     part: str
@@ -118,9 +120,9 @@ class Frame:
     stopped_by: list[str] = field(default_factory=list)
     memory_bytes: Annotated[float, 0.0] | None = None
     memory_source: str | None = field(default=None, metadata=OMITTED)
-    counters: dict[str, float] | None = field(default_factory=dict)
-    shadow_rays: int | None = field(default=None, metadata=OMITTED)
-    flip: float | None = field(default=None, metadata=OMITTED)
+    counters: dict[str, Annotated[float, 0.0]] | None = field(default_factory=dict)
+    shadow_rays: Annotated[int, 0] | None = field(default=None, metadata=OMITTED)
+    flip: Annotated[float, 0.0] | None = field(default=None, metadata=OMITTED)
     flip_missing: str | None = field(default=None, metadata=OMITTED)
 
     def __post_init__(self) -> None:
@@ -158,18 +160,26 @@ class Record:
     stopped_by: str
     frames: list[Frame]
     schema: int = SCHEMA
-    compile_s: float | None = None
-    load_s: float | None = None
-    first_frame_s: float | None = None
+    compile_s: Annotated[float, 0.0] | None = None
+    load_s: Annotated[float, 0.0] | None = None
+    first_frame_s: Annotated[float, 0.0] | None = None
     rounds: list[dict[str, Any]] | None = field(default_factory=list)
     frames_left_out: list[int] | None = field(default_factory=list)
-    peak_rss_bytes: float | None = None
-    baseline_rss_bytes: float | None = None
+    peak_rss_bytes: Annotated[float, 0.0] | None = None
+    baseline_rss_bytes: Annotated[float, 0.0] | None = None
     asked: float | None = field(default=None, metadata=OMITTED)
 
     def __post_init__(self) -> None:
         if self.status not in STATUSES:
             raise ValueError(f"status {self.status!r} is not one of {', '.join(STATUSES)}")
+        cuda = self.method["device"].startswith("cuda")
+        for frame in self.measured:
+            times = [step.ms for step in frame.passes]
+            # On CUDA the passes of one sample add up to a measured frame, whatever the noise of the single ones.
+            lowest = [sum(one) for one in zip(*times, strict=True)] if cuda else [ms for own in times for ms in own]
+            if min(lowest, default=0.0) < 0:
+                what = "passes add up to" if cuda else "a pass takes"
+                raise ValueError(f"frame {frame.frame}: {what} {min(lowest):g} ms, less than 0")
 
     @property
     def measured(self) -> list[Frame]:
