@@ -13,7 +13,7 @@ import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -29,6 +29,9 @@ from .commands.verify import explain, score, verify
 from .commands.view import view
 from .errors import UserError
 from .runner.machine_lock import MACHINE
+
+if TYPE_CHECKING:
+    from .runner.job import Options
 
 DEBUG = "SHADOWBENCH_DEBUG"
 INTERRUPTED = 130
@@ -157,6 +160,15 @@ def run_(
         bool, typer.Option("--score/--no-score", help="Compare the answers with the exact reference.")
     ] = True,
     retry: Annotated[bool, typer.Option("--retry", help="Measure failed points again.")] = False,
+    cluster: Annotated[
+        str | None,
+        typer.Option(
+            "--cluster",
+            metavar="local|ADDRESS",
+            help="Measure on several GPUs: those of this machine, or the workers of a Dask scheduler. Needs the extra "
+            "cluster; see docs/cluster.md.",
+        ),
+    ] = None,
     dry_run: Annotated[
         bool,
         typer.Option(
@@ -167,26 +179,42 @@ def run_(
     as_json: Json = False,
 ) -> int:
     """Measure an experiment: every method on every scene. Check the answers against the exact reference, then draw."""
-    from .commands.run import dry, plan_run, run
+    from .commands.run import dry, plan_run, run, run_on_cluster
 
-    options = plan_run(
-        experiment,
-        preset,
-        device,
-        scene or (),
-        method or (),
-        setting or (),
-        scene_dir,
-        out,
-        size,
-        {"frames": frames, "samples": samples, "rounds": rounds, "budget_s": budget, "timeout_s": timeout},
-        view_of(camera, fov, light),
-        seed=seed,
-        save_answers=save_answers,
-        score=score,
-        retry=retry,
-        memory_limit=memory_limit,
-    )
+    def planned(elsewhere: str | None = None) -> Options:
+        return plan_run(
+            experiment,
+            preset,
+            device,
+            scene or (),
+            method or (),
+            setting or (),
+            scene_dir,
+            out,
+            size,
+            {
+                "frames": frames,
+                "samples": samples,
+                "rounds": rounds,
+                "budget_s": budget,
+                "timeout_s": timeout,
+            },
+            view_of(camera, fov, light),
+            elsewhere,
+            seed=seed,
+            save_answers=save_answers,
+            score=score,
+            retry=retry,
+            memory_limit=memory_limit,
+        )
+
+    if cluster is not None:
+        if dry_run:
+            raise UserError(
+                "--dry-run --cluster: the points are known to the workers alone; leave out one of the two"
+            )
+        return run_on_cluster(cluster, device, planned, as_json)
+    options = planned()
     return dry(options, as_json) if dry_run else run(options, as_json)
 
 

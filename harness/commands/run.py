@@ -6,11 +6,11 @@ import dataclasses
 import json
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..errors import UserError
+from ..errors import UserError, warn
 from ..frame.devices import find_device
 from ..results.folder import ResultsFolder
 from ..results.newest import prefer
@@ -42,16 +42,18 @@ def plan_run(
     size: str | None = None,
     overrides: dict[str, Any] | None = None,
     view: ChosenView | None = None,
+    elsewhere: str | None = None,
     **options: Any,
 ) -> Options:
     """The checked options of a run.
 
+    ``elsewhere``: the device of a cluster's workers, which this machine need not have, in place of ``device``.
     ``overrides``: fields of the preset to replace where not None. If scenes or a size are given, only those are run,
     without the further presets of :attr:`.Preset.also`. ``view``: camera and lights in place of those of every scene.
     Raises :class:`UserError` for a wrong argument.
     """
     declared = find_experiment(experiment)
-    place = find_device(device)
+    place = elsewhere or find_device(device)
     name, chosen = find_preset(declared, preset, place)
     changes = {key: value for key, value in (overrides or {}).items() if value is not None}
     for key, value in changes.items():
@@ -121,6 +123,47 @@ def run(options: Options, as_json: bool = False) -> int:
         if after is not None:
             report.more = ""
             after(options, report)
+    return shown(options, records, as_json)
+
+
+def run_on_cluster(
+    cluster: str, device: str | None, planned: Callable[[str], Options], as_json: bool = False
+) -> int:
+    """Run on the workers of ``cluster`` and draw. ``planned``: the options for the device that its workers have."""
+    from ..runner.cluster.head import ClusterRun
+    from ..runner.cluster.pool import LOCAL, connected, kind_of
+
+    with connected(cluster, kind_of(device)) as pool:
+        options = planned(pool.device)
+        if options.experiment.measure is not None:
+            raise UserError(
+                f"--cluster: {options.experiment.name} has no scenes to hand out; leave out --cluster"
+            )
+        if cluster != LOCAL:
+            options = with_whole_paths(options)
+        with Silent() if as_json else Bar() as report:
+            records = ClusterRun(pool, options, report).go()
+    if options.experiment.after is not None:
+        warn(
+            f"{options.experiment.name}: its untimed counts are not made on a cluster; "
+            "the same command without --cluster makes them"
+        )
+    return shown(options, records, as_json)
+
+
+def with_whole_paths(options: Options) -> Options:
+    """The options with files named from the root, as workers in other folders, and on other machines, need them."""
+
+    def whole(preset: Preset) -> Preset:
+        scenes = tuple(str(Path(name).resolve()) if Path(name).is_file() else name for name in preset.scenes)
+        return dataclasses.replace(preset, scenes=scenes, also=tuple(whole(part) for part in preset.also))
+
+    folder = options.scene_dir and str(Path(options.scene_dir).resolve())
+    return dataclasses.replace(options, preset=whole(options.preset), scene_dir=folder)
+
+
+def shown(options: Options, records: list[Record], as_json: bool) -> int:
+    """Draw, and print what a run has made. Return 1 if a point failed, else 0."""
     files: list[Path] = []
     if options.experiment.draw is not None:
         with ResultsFolder(options.out).writing():

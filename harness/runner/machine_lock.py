@@ -46,6 +46,7 @@ class MachineLock:
     """The lock on the machine, as held by this process.
 
     folder  folder of the lock files; only processes with the same folder exclude each other
+    of      what is locked, in the files' names; empty: the machine. A GPU that several runs may use has a lock of its own
     say     called with a message when this process begins to wait, and with an empty text when it stops waiting
     wait    False: raise :class:`UserError` instead of waiting
     held    FREE, SHARED or EXCLUSIVE
@@ -55,8 +56,9 @@ class MachineLock:
     begin a step, and waits for the second one. Every process passes the gate before it locks the second file.
     """
 
-    def __init__(self, folder: Path | None = None):
+    def __init__(self, folder: Path | None = None, of: str = ""):
         self.folder = folder
+        self.of = of
         self.say: Callable[[str], None] = _to_stderr
         self.wait = True
         self.held = FREE
@@ -149,8 +151,12 @@ class MachineLock:
     def _open(self) -> tuple[int, int] | None:
         if self._files is None:
             folder = self.folder or Path(os.environ.get(FOLDER) or tempfile.gettempdir())
+            of = f"-{self.of}" if self.of else ""
             with contextlib.suppress(OSError):
-                self._files = _opened(folder / "shadowbench-gate"), _opened(folder / "shadowbench-turn")
+                self._files = (
+                    _opened(folder / f"shadowbench-gate{of}"),
+                    _opened(folder / f"shadowbench-turn{of}"),
+                )
         return self._files
 
 

@@ -30,6 +30,7 @@ from .protocol import LOAD_S, grade_command, load_command, prepare_command
 from .redraw import repaint
 from .scene_cache import known_scene, learn_scene
 from .survey import announcement, survey
+from .turns import Turns
 from .worker_process import Remote, WorkerError, WorkerLostError
 from .workload import Estimate, Unit, expected_work, points_of, steps_of
 
@@ -60,11 +61,15 @@ class Run:
     """The points of the current scene with the current lights."""
     began: float = 0.0
     """When they began; seconds of waiting for other runs are taken away."""
+    name: str = field(default_factory=lambda: os.urandom(6).hex())
+    """Tables compare only points of one run, because the points of a scene are interleaved."""
+    turns: Turns = field(default_factory=Turns)
+    card: str = ""
+    """On a cluster: which card takes the samples, as its records name it."""
+    graders: int = GRADERS
 
     def __post_init__(self) -> None:
         self.folder = ResultsFolder(self.options.out)
-        # Tables compare only points of one run, because these are interleaved.
-        self.name = os.urandom(6).hex()
 
     def go(self) -> list[Record]:
         """Measure every point without a record. Raises :class:`~.errors.UserError` if the folder cannot be written."""
@@ -160,13 +165,14 @@ class Run:
         jobs = [job for job in jobs if job.record is None]
         scene = jobs[0].scene if jobs else ""
         seed = seed_of(f"{self.options.experiment.name}/{scene}/{self.options.seed}")
-        with MACHINE.exclusive():
+        with self.turns.measuring():
             for number, order in enumerate(orders(len(jobs), self.options.preset.rounds, seed)):
                 for place, index in enumerate(order):
                     job = jobs[index]
                     if job.record is None and number not in job.journal.rounds() and not self._spent(job):
                         where = {"round": number, "place": place, "of": len(order)}
-                        self._attempt(job, f"measuring, round {number + 1}", self._round, where)
+                        with self.turns.round(job):
+                            self._attempt(job, f"measuring, round {number + 1}", self._round, where)
                 if not count:
                     continue
                 # A round takes as long as those before it, and to check the answers about as long as to prepare.
@@ -181,8 +187,9 @@ class Run:
         Scoring takes long, so each scoring process holds the machine lock itself and releases it between frames.
         """
         waiting = [job for job in jobs if not job.journal.first("finished")]
-        names = [GRADER, *(f"{GRADER}-{i}" for i in range(2, GRADERS + 1))]
-        batches = [waiting[:1], *(waiting[i : i + GRADERS] for i in range(1, len(waiting), GRADERS))]
+        count = self.graders
+        names = [GRADER, *(f"{GRADER}-{i}" for i in range(2, count + 1))]
+        batches = [waiting[:1], *(waiting[i : i + count] for i in range(1, len(waiting), count))]
         with MACHINE.released():
             for batch in batches:
                 for name, job in zip(names, batch, strict=False):
@@ -296,10 +303,13 @@ class Run:
 
     def _note(self, job: Job, event: dict[str, Any]) -> None:
         event.pop("ok", None)
+        who = {
+            "environment": self.environment,
+            "run": self.name,
+            **({"card": self.card} if self.card else {}),
+        }
         with self.folder.writing():
-            job.journal.append(
-                {**event, "environment": self.environment, "run": self.name, "noted": time.time()}
-            )
+            job.journal.append({**event, **who, "noted": time.time()})
 
     # --- workers ---
 

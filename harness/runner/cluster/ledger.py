@@ -1,0 +1,73 @@
+"""What happened on a cluster, beside the records: cards with their calibration, shards, and workers that were lost.
+
+``cluster.jsonl`` in a results folder, a line an event. It also holds the cards of earlier runs into the folder, because
+cards that are too far apart are not merged into one column, and a column is of one folder.
+"""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from ...results.journal import Journal
+from .calibration import Calibration
+from .shard import Worker
+
+NAME = "cluster.jsonl"
+
+LIMIT = 0.02
+"""Cards whose calibration differs by more than this share are not merged."""
+
+
+class Ledger:
+    """The events of a results folder; each is on the disk before :meth:`note` returns."""
+
+    def __init__(self, folder: Path, run: str):
+        self._journal, self.run = Journal(folder / NAME), run
+
+    def note(self, event: str, **facts: Any) -> None:
+        """Add an event."""
+        self._journal.append({"event": event, "run": self.run, "noted": time.time(), **facts})
+
+    def events(self, kind: str) -> list[dict[str, Any]]:
+        """The events of a kind, in their order, of this and earlier runs."""
+        return [event for event in self._journal.events if event["event"] == kind]
+
+    def reference(self, device_name: str) -> tuple[str, Calibration] | None:
+        """The card that all others of this product are compared with, and the median of its calibration points."""
+        chosen = next((e["card"] for e in self.events("reference") if e["device_name"] == device_name), None)
+        if chosen is None:
+            return None
+        own = [
+            Calibration.read(point)
+            for event in self._journal.events
+            if event.get("card") == chosen and event["event"] in ("reference", "card", "shard")
+            for point in (event.get("before"), event.get("after"), event.get("calibration"))
+            if point
+        ]
+        return chosen, middle(own)
+
+
+def middle(points: list[Calibration]) -> Calibration:
+    """The median of calibration points, number by number."""
+    return Calibration(
+        median(point.arithmetic_ms for point in points), median(point.memory_ms for point in points)
+    )
+
+
+def reference_of(workers: list[Worker]) -> Worker:
+    """The worker whose card most others are within :data:`LIMIT` of; of equals, the fastest."""
+
+    def company(one: Worker) -> tuple[int, float]:
+        near = sum(_alike(one, other) for other in workers)
+        return near, -one.calibration.arithmetic_ms - one.calibration.memory_ms
+
+    return max(workers, key=company)
+
+
+def _alike(one: Worker, other: Worker) -> bool:
+    same = one.card == other.card
+    close = one.calibration.apart(other.calibration) <= LIMIT
+    return one.device_name == other.device_name and (same or close)

@@ -1,0 +1,192 @@
+"""Workers: those of this machine, one a GPU, or those of any Dask scheduler; and which of them are there."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import warp as wp
+
+from ...errors import UserError, install
+from ...frame.warp_init import start_warp
+
+LOCAL = "local"
+CONNECT_S = 10.0
+"""Seconds in which a scheduler must answer, unless Dask's own setting ``distributed.comm.timeouts.connect`` is shorter."""
+
+RESOURCES = {"cuda": "GPU", "cpu": "CPU"}
+"""The resource that a worker declares, and a shard takes, by the kind of device: exactly one of it."""
+
+
+class SchedulerLostError(Exception):
+    """The scheduler ended or cannot be reached any more."""
+
+
+@dataclass
+class Pool:
+    """A connection to a scheduler. ``kind``: "cuda" or "cpu", which workers measure; ``local``: they end with this run."""
+
+    client: Any
+    address: str
+    kind: str
+    local: bool
+
+    @property
+    def device(self) -> str:
+        """The device of a point, as its worker names it: a worker sees one card."""
+        return "cuda:0" if self.kind == "cuda" else "cpu"
+
+    @property
+    def resources(self) -> dict[str, float]:
+        """What a task takes of a worker."""
+        return {RESOURCES[self.kind]: 1}
+
+    def workers(self) -> dict[str, str]:
+        """The address of every worker that measures, with the id of its process.
+
+        Raises :class:`SchedulerLostError` if the scheduler does not answer.
+        """
+        return {
+            address: str(one["id"])
+            for address, one in self.info().items()
+            if one["nthreads"] == 1 and one["resources"].get(RESOURCES[self.kind]) == 1
+        }
+
+    def info(self) -> dict[str, Any]:
+        """What the scheduler knows of every worker."""
+        if self.client.status != "running":
+            raise SchedulerLostError
+        try:
+            workers = self.client.scheduler_info()["workers"]
+        except (OSError, TimeoutError, KeyError, ValueError) as error:
+            raise SchedulerLostError from error
+        if self.client.status != "running":
+            raise SchedulerLostError
+        return {
+            address: {**one, "id": one.get("id", ""), "resources": one.get("resources") or {}}
+            for address, one in workers.items()
+        }
+
+
+def kind_of(device: str | None) -> str | None:
+    """The kind of device that ``--device`` asks of workers. Raises :class:`UserError` for a single card."""
+    if device not in (None, "cpu", "cuda"):
+        raise UserError(
+            f"--cluster with --device {device}: every worker has its own card; give cuda, cpu or nothing"
+        )
+    return device
+
+
+@contextlib.contextmanager
+def connected(cluster: str, kind: str | None) -> Iterator[Pool]:
+    """Workers of this machine (``local``), or the scheduler at an address; closed at the end.
+
+    kind  "cuda" or "cpu"; None: GPUs where there are any. Raises :class:`UserError` where there is no Dask, no scheduler
+    or no fitting worker.
+    """
+    try:
+        import dask
+        import distributed
+    except ImportError as error:
+        raise UserError(
+            f"--cluster needs Dask ({error.name} is missing): {install('shadowbench-rt[cluster]')}"
+        ) from None
+    _quiet()
+    settings = {"distributed.comm.timeouts.connect": CONNECT_S, "distributed.scheduler.allowed-failures": 0}
+    with contextlib.ExitStack() as open_:
+        open_.enter_context(dask.config.set(settings))
+        if cluster == LOCAL:
+            cards = _cards(kind)
+            workers = open_.enter_context(_local(distributed, cards))
+            address: Any = workers
+            kind = "cuda" if cards else "cpu"
+        else:
+            address = cluster
+        try:
+            client = distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
+        except (OSError, TimeoutError, ValueError) as error:
+            raise UserError(
+                f"--cluster {cluster}: no Dask scheduler answers there; start one with `dask scheduler`, or give its address"
+            ) from error
+        open_.callback(_closed, client)
+        pool = Pool(client, cluster, kind or "cuda", cluster == LOCAL)
+        try:
+            if kind is None and not pool.workers():
+                pool.kind = "cpu"
+            if not pool.local and not pool.workers():
+                raise UserError(_no_worker(pool, kind))
+        except SchedulerLostError:
+            raise UserError(f"--cluster {cluster}: the scheduler does not answer any more") from None
+        yield pool
+
+
+def _no_worker(pool: Pool, kind: str | None) -> str:
+    wanted = RESOURCES[kind] if kind else "GPU"
+    there = len(pool.info())
+    what = (
+        f"none of its {there} workers has one thread and the resource {wanted}=1"
+        if there
+        else "it has no worker"
+    )
+    return (
+        f"--cluster {pool.address}: {what}; start workers with "
+        f"`dask worker {pool.address} --nthreads 1 --resources {wanted}=1`"
+    )
+
+
+def _cards(kind: str | None) -> list[str]:
+    """The UUIDs of the GPUs of this machine; none for a run on the CPU."""
+    start_warp()
+    found = [] if kind == "cpu" else [str(device.uuid) for device in wp.get_cuda_devices()]
+    if kind == "cuda" and not found:
+        raise UserError(
+            "--cluster local --device cuda: this machine has no GPU; leave out --device for its CPU"
+        )
+    return found
+
+
+@contextlib.contextmanager
+def _local(distributed: Any, cards: list[str]) -> Iterator[Any]:
+    """A scheduler in this process, and one worker process a GPU that sees this GPU alone; without GPUs one worker."""
+    options = {"nthreads": 1, "memory_limit": 0, "dashboard": False, "silence_logs": logging.CRITICAL}
+    specs: dict[Any, Any] = {}
+    for number, card in enumerate(cards or [""]):
+        env = {**QUIET_WORKERS, **({"CUDA_VISIBLE_DEVICES": card} if card else {})}
+        resources = {RESOURCES["cuda" if card else "cpu"]: 1}
+        specs[number] = {
+            "cls": distributed.Nanny,
+            "options": {**options, "env": env, "resources": resources, "host": "127.0.0.1"},
+        }
+    scheduler = {
+        "cls": distributed.Scheduler,
+        "options": {"host": "127.0.0.1", "port": 0, "dashboard": False},
+    }
+    cluster = distributed.SpecCluster(
+        scheduler=scheduler, workers=specs, silence_logs=logging.CRITICAL, shutdown_on_close=False
+    )
+    try:
+        yield cluster
+    finally:
+        with contextlib.suppress(Exception):
+            cluster.close(timeout=10)
+
+
+QUIET_WORKERS = {"DASK_LOGGING__DISTRIBUTED": "critical"}
+
+
+def _closed(client: Any) -> None:
+    with contextlib.suppress(Exception):  # a scheduler that has ended cannot be told
+        client.close(timeout=2)
+
+
+def _quiet() -> None:
+    """What happens is said once, by this program; Dask's own log only with ``--debug``."""
+    if not os.environ.get("SHADOWBENCH_DEBUG"):
+        for name in ("distributed", "tornado", "asyncio", "bokeh"):
+            logging.getLogger(name).setLevel(logging.CRITICAL)
+        warnings.filterwarnings("ignore", module=r"distributed\..*")

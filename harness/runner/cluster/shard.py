@@ -1,0 +1,199 @@
+"""The worker's side: what a worker is, and one shard measured by it.
+
+A shard is one scene at one size with all its methods (and all its lights), because the product of an experiment is the
+ratio between methods, and that needs one card. The Dask worker has one thread, which runs the shard as
+:class:`~..runner.Run` does on a single machine, with worker processes of our own.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import os
+import platform
+import uuid
+from dataclasses import dataclass, field
+
+import warp as wp
+
+from ...files import digest
+from ...frame.devices import device_title
+from ...frame.warp_init import start_warp
+from ...results.record import Record
+from ..job import Options
+from ..machine_lock import MACHINE, MachineLock
+from ..progress import Silent
+from ..runner import GRADERS, Run
+from ..source_closure import hash_of, project
+from ..survey import survey
+from ..turns import CardTurns
+from . import spool
+from .calibration import Calibration, calibrate
+
+TOPIC = "shadowbench"
+"""The topic of the messages that workers send while they measure."""
+
+
+@dataclass(frozen=True)
+class Worker:
+    """What a worker says of itself. ``card`` and ``host`` are hashes: they identify, and tell no name or serial number.
+
+    code   hash of the source of this project; warp, python: versions
+    held   names of the shards that wait in its :mod:`.spool`
+    """
+
+    card: str
+    host: str
+    device: str
+    device_name: str
+    code: str
+    warp: str
+    python: str
+    calibration: Calibration
+    held: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Shard:
+    """What is to be measured. ``options``: of one scene; ``known``: files of the results folder that concern it.
+
+    run        the name of the run, common to all its shards; attempt: which one this is, from 1
+    reference  card and calibration that this card must be within ``limit`` of; None: there is none yet
+    beside     workers on its machine, which share the cores for scoring
+    """
+
+    number: int
+    options: Options
+    run: str
+    attempt: int = 1
+    known: spool.Files = field(default_factory=dict)
+    reference: tuple[str, Calibration] | None = None
+    limit: float = 0.02
+    beside: int = 1
+    wait: bool = True
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a shard. ``folder``: its name in the :mod:`.spool` of the worker.
+
+    apart  how far the card was from the reference before the shard, if too far; nothing was measured then
+    keys   the keys of all its points in the declared order
+    """
+
+    card: str
+    folder: str
+    before: Calibration | None = None
+    after: Calibration | None = None
+    apart: float = 0.0
+    keys: tuple[str, ...] = ()
+    files: spool.Files = field(default_factory=dict)
+
+
+@functools.cache
+def code_hash() -> str:
+    """The hash of every module of this project, so that all workers run the same."""
+    files = {
+        f"{package}/{path.relative_to(root).as_posix()}": path
+        for package, root in project().items()
+        for path in root.rglob("*.py")
+        if "template" not in path.parts
+    }
+    return hash_of(files)[:16]
+
+
+def host_id() -> str:
+    """A hash that identifies this machine."""
+    return digest([platform.node(), uuid.getnode()])[:8]
+
+
+def card_id(device: str) -> str:
+    """A hash that identifies the card behind a device: of a GPU's UUID; for the CPU, the machine's own."""
+    return digest(str(wp.get_device(device).uuid))[:8] if device.startswith("cuda") else host_id()
+
+
+def card_lock(device: str) -> MachineLock:
+    """The lock of a card of this machine, by the GPU's UUID; of the CPU, a lock of its worker's turn."""
+    return MachineLock(of=card_id(device))
+
+
+def introduce(device: str) -> Worker:
+    """What this worker is, with a calibration point. Runs in a worker, as a task."""
+    start_warp()
+    with card_lock(device).exclusive():
+        calibration = _calibrated(device)
+    return Worker(
+        card=card_id(device),
+        host=host_id(),
+        device=device,
+        device_name=device_title(device),
+        code=code_hash(),
+        warp=wp.__version__,
+        python=platform.python_version(),
+        calibration=calibration,
+        held=tuple(spool.held()),
+    )
+
+
+def _calibrated(device: str) -> Calibration:
+    """A calibration point in the turn that a measurement on the device has."""
+    turn = MACHINE.shared() if device.startswith("cuda") else MACHINE.exclusive()
+    with turn:
+        return calibrate(device)
+
+
+class Relay(Silent):
+    """Sends the messages of a run to the client, and prints nothing."""
+
+    def __init__(self, shard: Shard, card: str):
+        self.about = {"run": shard.run, "shard": shard.number, "card": card}
+
+    def _send(self, **what: str) -> None:
+        from distributed import get_worker
+
+        get_worker().log_event(TOPIC, {**self.about, **what})
+
+    def note(self, text: str) -> None:
+        if text.startswith("waiting"):
+            self._send(note=text)
+
+    def doing(self, what: str, who: str = "") -> None:
+        self._send(doing=f"{what} ({who})" if who else what)
+
+
+def measure(shard: Shard) -> Outcome:
+    """Measure one shard. Runs in a worker, as a task; what it raises, the client reports.
+
+    The lock of the card is held from the first calibration point to the last, so nothing else measures on it between.
+    """
+    start_warp()
+    device, MACHINE.wait = shard.options.device, shard.wait
+    card = card_id(device)
+    name = spool.name_of(shard.options, card)
+    folder = spool.place() / name
+    options = dataclasses.replace(shard.options, out=folder)
+    relay = Relay(shard, card)
+    lock = card_lock(device)
+    lock.say = relay.note
+    with lock.exclusive():
+        spool.fill(folder, shard.known)
+        before = after = None
+        if any(point.to_do for point in survey(options)):
+            before = _calibrated(device)
+            apart = 0.0
+            if shard.reference is not None and shard.reference[0] != card:
+                apart = before.apart(shard.reference[1])
+            if apart > shard.limit:
+                return Outcome(card, name, before, apart=apart)
+        records = measured(options, relay, shard, card)
+        if before is not None:
+            after = _calibrated(device)
+    keys = tuple(record.key for record in records)
+    return Outcome(card, name, before, after, keys=keys, files=spool.fresh(folder, shard.known))
+
+
+def measured(options: Options, relay: Relay, shard: Shard, card: str) -> list[Record]:
+    """The records of a shard, by a run in its folder."""
+    graders = max(1, min(GRADERS, (os.cpu_count() or 1) // 2 // shard.beside))
+    run = Run(options, relay, name=shard.run, turns=CardTurns(), card=card, graders=graders)
+    return run.go()
