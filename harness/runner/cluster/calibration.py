@@ -28,7 +28,7 @@ class Size:
 
 
 GPU = Size(1 << 22, 4096, 1 << 26)
-CPU = Size(1 << 14, 1024, 1 << 22)
+CPU = Size(1 << 12, 1024, 1 << 22)
 
 
 @dataclass(frozen=True)

@@ -184,9 +184,13 @@ def _closed(client: Any) -> None:
         client.close(timeout=2)
 
 
+LOGS = ("distributed", "tornado", "asyncio", "bokeh")
+
+
 def _quiet() -> None:
     """What happens is said once, by this program; Dask's own log only with ``--debug``."""
     if not os.environ.get("SHADOWBENCH_DEBUG"):
-        for name in ("distributed", "tornado", "asyncio", "bokeh"):
-            logging.getLogger(name).setLevel(logging.CRITICAL)
+        known = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] in LOGS]
+        for name in (*LOGS, *known):
+            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
         warnings.filterwarnings("ignore", module=r"distributed\..*")

@@ -25,7 +25,7 @@ KEPT_S = 14 * 24 * 3600.0
 """Seconds after which what was never fetched is removed."""
 
 DELIVERED = ("records", "environments", "images", "maps", "answers", "truth")
-"""Folders of a results folder that are delivered. Of ``truth``, which is large, only the disputes (:mod:`.results.disputes`)."""
+"""Folders of a results folder that are delivered; of ``truth``, which is large, only the disputes."""
 
 SINGLE = ("scenes.json",)
 
