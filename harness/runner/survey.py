@@ -17,12 +17,14 @@ from .job import Options
 from .points import describe_method, make_point
 from .protocol import load_command
 from .scene_cache import known_scene
-from .workload import OVERHEAD, expected_work
+from .workload import OVERHEAD, expected_work, guess
 
 
 @dataclass(frozen=True)
 class Planned:
-    """A point: ``status`` of its record, "" where it is to be measured; ``sampling_s`` its record's time of samples."""
+    """A point: ``status`` of its record, "" where it is to be measured; ``sampling_s`` its record's time of samples;
+    ``guess_s`` its time by :func:`.workload.guess`.
+    """
 
     scene: str
     light: str
@@ -31,6 +33,7 @@ class Planned:
     sampling_s: float
     work: float
     limit_s: float
+    guess_s: float
 
     @property
     def to_do(self) -> bool:
@@ -66,18 +69,20 @@ def survey(options: Options) -> list[Planned]:
                             sum(one.get("spent_s", 0.0) for one in rounds),
                             expected_work(scene, part),
                             part.budget_s,
+                            guess(scene, part, lighting.count, options.device),
                         )
                     )
     return found
 
 
 def seconds_left(points: list[Planned]) -> tuple[float, bool]:
-    """Seconds that the points to be measured may take, and whether that is an estimate from points of this folder;
-    otherwise it is an upper limit, from the budget of each."""
+    """Seconds that the points to be measured may take, and whether that follows from the points of this folder;
+    otherwise it is guessed from the sizes of scenes and image."""
     known = [p for p in points if not p.to_do and p.sampling_s]
-    rate = sum(p.sampling_s for p in known) / sum(p.work for p in known) if known else 0.0
-    each = (min(p.limit_s, p.work * rate) if known else p.limit_s for p in points if p.to_do)
-    return OVERHEAD * sum(each), bool(known)
+    if not known:
+        return sum(p.guess_s for p in points if p.to_do), False
+    rate = sum(p.sampling_s for p in known) / sum(p.work for p in known)
+    return OVERHEAD * sum(min(p.limit_s, p.work * rate) for p in points if p.to_do), True
 
 
 def duration(seconds: float) -> str:
@@ -98,7 +103,7 @@ def announcement(options: Options, points: list[Planned]) -> str:
     seconds, known = seconds_left(points)
     text = f"{name}: {count}, results go to {options.out}"
     text += f"; {there} of them {'is' if there == 1 else 'are'} already measured" * bool(there)
-    text += f". This may take {'about' if known else 'up to'} {duration(seconds)}"
+    text += f". This may take {'about' if known else 'roughly'} {duration(seconds)}"
     if not known:
         text += ", and the time to compile kernels that are not in Warp's cache, at the first scene"
     return text + busy(options.device)
@@ -120,7 +125,7 @@ def as_json(points: list[Planned]) -> dict[str, Any]:
         {"scene": p.scene, "light": p.light, "method": p.method, "status": p.status or "to be measured"}
         for p in points
     ]
-    return {"points": rows, "seconds": round(seconds, 1), "upper_limit": not known}
+    return {"points": rows, "seconds": round(seconds, 1), "rough": not known}
 
 
 def as_text(options: Options, points: list[Planned]) -> str:

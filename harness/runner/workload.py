@@ -23,6 +23,15 @@ BYTES = 50
 OVERHEAD = 2.0
 """A point's time in all over that of its samples, roughly: loading, warming up, checking the answers."""
 
+ONCE_S = 1.0
+"""Seconds of a point whatever its size, roughly: it is prepared, and its answers are written and read."""
+
+CPU_S = 7.5e-7
+"""Seconds of one frame per unit of work on two CPU cores, roughly; a median over methods."""
+
+GPU_S = 3.5
+"""Seconds per point, frame and 2^20 pixels of a run on a GPU, nearly all of them for the exact reference on its host."""
+
 UNKNOWN = 100_000
 """Assumed number of triangles if the name does not tell: a declared scene, a folder of frames."""
 
@@ -35,6 +44,18 @@ def expected_work(scene: str, preset: Preset) -> float:
         triangles = path.stat().st_size // BYTES if path.suffix != ".toml" and path.is_file() else UNKNOWN
     frames = preset.frames if scene in ANIMATED else 1
     return frames * preset.rounds * (triangles + PIXEL * preset.width * preset.height)
+
+
+def guess(scene: str, preset: Preset, lights: int, device: str) -> float:
+    """Seconds of one point, guessed from sizes before anything is measured: right within a factor of two for the quick
+    presets of the experiments on two cores. ``lights``: how many replace the scene's own; 0: none.
+    """
+    frames = preset.frames if scene in ANIMATED else 1
+    if device.startswith("cuda"):
+        return ONCE_S + GPU_S * frames * preset.width * preset.height / 2**20
+    runs = 1 + preset.samples + preset.stage_samples + 1
+    seconds = CPU_S * runs * expected_work(scene, preset) * (1 + max(1, lights)) / 2
+    return ONCE_S + min(seconds, OVERHEAD * preset.budget_s)
 
 
 def points_of(preset: Preset) -> int:
