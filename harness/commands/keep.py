@@ -16,6 +16,8 @@ from ..errors import UserError
 from ..results.folder import ResultsFolder
 from ..results.record import FAILURES, Record
 from ..results.schema import ARCHIVE, read_records, write_archive
+from ..runner.cluster.ledger import NAME as CLUSTER
+from ..runner.cluster.ledger import merging_refused
 from .show import show
 
 BULKY = ("images", "maps")
@@ -50,6 +52,9 @@ def keep(sources: Sources, out: Out, extras: With = None, replace: Replace = Fal
     experiments = sorted({record.experiment for record in found})
     if len(experiments) > 1:
         raise UserError(f"records of {' and '.join(experiments)}; pack each experiment into its own folder")
+    apart = merging_refused(sources)
+    if apart:
+        raise UserError(f"{apart}; pack each into its own folder")
     records = chosen(found)
     unscored = sum(1 for source in sources for _ in (source / "answers").glob("*.npz"))
     if unscored:
@@ -91,6 +96,9 @@ def _fill(fresh: Path, sources: Sequence[Path], records: Sequence[Record]) -> No
                 if path.is_file() and (name in BULKY or path.name in named):
                     (fresh / name).mkdir(exist_ok=True)
                     shutil.copyfile(path, fresh / name / path.name)
+        if (source / CLUSTER).is_file():
+            with open(fresh / CLUSTER, "ab") as log:
+                log.write((source / CLUSTER).read_bytes())
         for path in source.iterdir():
             if path.is_file() and path.suffix in DRAWN:
                 shutil.copyfile(path, fresh / path.name)

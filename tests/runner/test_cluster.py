@@ -3,71 +3,33 @@
 from __future__ import annotations
 
 import contextlib
-import functools
 import json
 import os
 import shutil
 import signal
-import socket
 import subprocess
-import sys
-import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.dask_cluster import TTL_S, Cluster, Started, connected_when_ready, namespace, until
+from helpers.experiment_records import record_of
 from helpers.tiny_runs import install_misbehaving, options, write_scene
+from shadowbench.harness.commands.keep import keep
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.results.schema import read_records
 from shadowbench.harness.runner.cluster import spool
+from shadowbench.harness.runner.cluster.calibration import Calibration
+from shadowbench.harness.runner.cluster.head import ClusterRun
+from shadowbench.harness.runner.cluster.pool import connected
+from shadowbench.harness.runner.cluster.shard import Outcome, Worker, code_hash, introduce, measure
 from shadowbench.harness.runner.experiment import Entry
 from shadowbench.harness.runner.progress import Silent
 from shadowbench.harness.runner.runner import Run
 
 pytest.importorskip("distributed", reason="Dask distributed is not installed: the extra `cluster`")
-from shadowbench.harness.runner.cluster.head import ClusterRun
-from shadowbench.harness.runner.cluster.pool import connected
-
-PATIENCE_S = 90.0
-"""How long what must happen is waited for: the machine may have much else to do."""
-
-TTL_S = 6
-"""Seconds without a heartbeat after which the scheduler gives a worker up."""
-
-
-def free_port() -> int:
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        return one.getsockname()[1]
-
-
-class Cluster:
-    """A scheduler and workers as a person starts them, each a process; ``inside``: a command before the worker's own."""
-
-    def __init__(self, folder: Path, pythonpath: str, host: str = "127.0.0.1"):
-        self.address = f"tcp://{host}:{free_port()}"
-        self.log = (folder / "dask.log").open("ab")
-        settings = {"DASK_DISTRIBUTED__SCHEDULER__WORKER_TTL": f"{TTL_S}s", "PYTHONPATH": pythonpath}
-        self.environment = {**os.environ, **settings}
-        self.workers: list[subprocess.Popen] = []
-        self.scheduler = self._start("scheduler", "--host", host, "--port", self.address.rpartition(":")[2])
-
-    def _start(self, what: str, *words: str, inside: tuple[str, ...] = ()) -> subprocess.Popen:
-        module = f"distributed.cli.dask_{what}"
-        command = [*inside, sys.executable, "-m", module, *words, "--no-dashboard"]
-        return subprocess.Popen(command, env=self.environment, stdout=self.log, stderr=self.log)
-
-    def worker(self, *inside: str) -> subprocess.Popen:
-        words = ("--nthreads", "1", "--resources", "CPU=1", "--memory-limit", "0", "--no-nanny")
-        self.workers.append(self._start("worker", self.address, *words, inside=inside))
-        return self.workers[-1]
-
-    def close(self) -> None:
-        for process in (*self.workers, self.scheduler):
-            process.kill()
-            process.wait()
-        self.log.close()
 
 
 @pytest.fixture
@@ -92,41 +54,6 @@ def slow(place: Path, rounds: int = 3, scenes: int = 1):
     names = [str(shutil.copy(place / "tetra.obj", place / f"tetra{i}.obj")) for i in range(scenes)]
     steady = Entry("steady", {"ms": "20"}, "Steady")
     return options(place / "out", names, [steady], rounds=rounds, frames=1, samples=7, most=7, budget_s=60.0)
-
-
-class Started:
-    """A run in another thread; :meth:`records` waits for its end."""
-
-    def __init__(self, pool, chosen):
-        self.run = ClusterRun(pool, chosen, Silent())
-        self.result: list = []
-        self.error: BaseException | None = None
-        self.thread = threading.Thread(target=self._go, daemon=True)
-        self.thread.start()
-
-    def _go(self) -> None:
-        try:
-            self.result = self.run.go()
-        except BaseException as error:
-            self.error = error
-
-    def records(self):
-        self.thread.join(PATIENCE_S)
-        assert not self.thread.is_alive(), "the run did not end"
-        if self.error is not None:
-            raise self.error
-        return self.result
-
-
-def until(there, what: str):
-    """Wait for something, and return it."""
-    end = time.monotonic() + PATIENCE_S
-    while time.monotonic() < end:
-        found = there()
-        if found:
-            return found
-        time.sleep(0.05)
-    raise AssertionError(f"waited in vain for {what}")
 
 
 def rounds_taken(place: Path) -> int:
@@ -215,24 +142,6 @@ def test_a_worker_that_is_killed_is_told_and_another_takes_its_points(place, clu
     assert all(sorted(one["round"] for one in record.rounds) == [0, 1, 2] for record in records)
 
 
-@contextlib.contextmanager
-def connected_when_ready(cluster: Cluster):
-    """The pool, as soon as the scheduler and a worker are there."""
-    end = time.monotonic() + PATIENCE_S
-    while True:
-        try:
-            context = connected(cluster.address, None)
-            pool = context.__enter__()
-            break
-        except UserError:
-            assert time.monotonic() < end, "no cluster"
-            time.sleep(0.3)
-    try:
-        yield pool
-    finally:
-        context.__exit__(None, None, None)
-
-
 def test_a_scheduler_that_is_killed_ends_the_run_and_the_same_command_continues(place, cluster):
     cluster.worker()
     chosen = slow(place)
@@ -275,32 +184,75 @@ def test_a_worker_that_does_not_answer_is_told_and_another_takes_its_points(plac
     assert sorted(one["round"] for one in record.rounds) == [0, 1, 2]
 
 
-@contextlib.contextmanager
-def namespace():
-    """A network namespace with one line to this one: a command that runs inside, the address here, and a cut of the line.
+class Future:
+    """A task that has ended."""
 
-    None where none may be made.
-    """
-    name = f"sb{os.getpid() % 10000}"
-    number = os.getpid() % 250
+    def __init__(self, result):
+        self.status, self._result = "finished", result
 
-    def ip(*words: str) -> None:
-        subprocess.run(["ip", *words], check=True, capture_output=True, timeout=20)
+    def result(self, timeout=None):
+        return self._result
 
-    try:
-        ip("netns", "add", name)
-        ip("link", "add", f"{name}a", "type", "veth", "peer", "name", f"{name}b", "netns", name)
-        ip("addr", "add", f"10.213.{number}.1/24", "dev", f"{name}a")
-        ip("link", "set", f"{name}a", "up")
-        ip("netns", "exec", name, "ip", "addr", "add", f"10.213.{number}.2/24", "dev", f"{name}b")
-        ip("netns", "exec", name, "ip", "link", "set", f"{name}b", "up")
-        ip("netns", "exec", name, "ip", "link", "set", "lo", "up")
-        made = True
-    except (OSError, subprocess.SubprocessError):
-        made = False
-    cut = functools.partial(ip, "link", "set", f"{name}a", "down")
-    try:
-        yield (("ip", "netns", "exec", name), f"10.213.{number}.1", cut) if made else None
-    finally:
-        with contextlib.suppress(OSError, subprocess.SubprocessError):
-            ip("netns", "del", name)
+
+class Imagined:
+    """A pool of cards with given calibration points: one when the worker joins, then one after each shard."""
+
+    address, kind, local, device = "imagined", "cuda", True, "cuda:0"
+
+    def __init__(self, cards: dict[str, list[float]], code: str = ""):
+        self.client = self
+        self.given = {card: [Calibration(ms, 1.0) for ms in times] for card, times in cards.items()}
+        self.code = code or code_hash()
+        self.resources = {"GPU": 1}
+
+    def subscribe_topic(self, topic, handler): ...
+
+    def workers(self):
+        return {card: card for card in self.given}
+
+    def submit(self, work, what, workers, **_):
+        (card,) = workers
+        if work is introduce:
+            about = {
+                "host": "h",
+                "device": "cuda:0",
+                "device_name": "Imaginary GPU",
+                "warp": "1",
+                "python": "3",
+            }
+            return Future(Worker(card, calibration=self.given[card][0], code=self.code, held=(), **about))
+        if work is not measure:
+            return Future(None)
+        record = record_of("trial", Entry("steady"), scene=Path(what.options.preset.scenes[0]).stem)
+        files = {f"records/{record['key']}.json": json.dumps(record).encode()}
+        points = self.given[card]
+        after = points.pop(1) if len(points) > 1 else points[0]
+        return Future(Outcome(card, "", points[0], after, keys=(record["key"],), files=files))
+
+
+def test_cards_that_are_apart_are_not_merged(place):
+    """One is too slow from the start; one gets slow, and what it measured then goes beside the rest."""
+    chosen = slow(place, scenes=4)
+    pool = Imagined({"a": [1.0], "b": [1.01, 1.03], "c": [1.05], "d": [0.99]})
+    records = ClusterRun(pool, chosen, Silent()).go()
+    assert sorted(record.scene["name"] for record in records) == [f"tetra{i}" for i in range(4)]
+    assert len(list((place / "out" / "records").glob("*.json"))) == 4
+    (beside,) = (place / "out" / "card-b" / "records").glob("*.json")
+    assert (place / "out" / "records" / beside.name).exists(), "another card has measured it"
+    (apart,) = events(place, "apart")
+    assert (apart["card"], round(apart["apart"], 3)) == ("b", 0.03)
+    assert [event["card"] for event in events(place, "dropped")] == ["c", "b"]
+    assert {event["card"] for event in events(place, "shard")} == {"a", "d"}
+    with pytest.raises(UserError, match=r"no worker is fit: card e .* differs by 5.0%"):
+        ClusterRun(Imagined({"e": [1.05]}), chosen, Silent()).go()
+    elsewhere = replace(chosen, out=place / "elsewhere")
+    ClusterRun(Imagined({"e": [1.05]}), elsewhere, Silent()).go()
+    with pytest.raises(UserError, match="and are not merged; pack each into its own folder"):
+        keep([chosen.out, elsewhere.out], place / "kept")
+    assert not (place / "kept").exists()
+
+
+def test_a_worker_with_other_source_takes_no_part(place):
+    with pytest.raises(UserError, match=r"no worker is fit: .* other source files of shadowbench") as caught:
+        ClusterRun(Imagined({"a": [1.0]}, code="other"), slow(place), Silent()).go()
+    assert "0 of 1 scenes are finished" in str(caught.value)

@@ -7,6 +7,7 @@ cards that are too far apart are not merged into one column, and a column is of 
 from __future__ import annotations
 
 import time
+from collections.abc import Iterable
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -71,3 +72,19 @@ def _alike(one: Worker, other: Worker) -> bool:
     same = one.card == other.card
     close = one.calibration.apart(other.calibration) <= LIMIT
     return one.device_name == other.device_name and (same or close)
+
+
+def merging_refused(folders: Iterable[Path]) -> str:
+    """Why the results of some folders cannot be merged: their cards are too far apart, in one line; "" if they can."""
+    found: dict[str, tuple[Path, str, Calibration]] = {}
+    for folder in folders:
+        ledger = Ledger(folder, "")
+        for name in {event["device_name"] for event in ledger.events("reference")}:
+            card, own = ledger.reference(name) or ("", None)
+            if own is None:
+                continue
+            other, known, calibration = found.setdefault(name, (folder, card, own))
+            if card != known and (gap := own.apart(calibration)) > LIMIT:
+                limit = f"{gap:.1%} (the limit is {LIMIT:.0%})"
+                return f"the cards of {other} and {folder} differ by {limit}, and are not merged"
+    return ""
