@@ -6,7 +6,6 @@ methods below on this machine. The quick preset is for a CPU: at its size it is 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -57,18 +56,22 @@ COLUMNS = (
 ).split()
 """The columns of the CSV: those of a point (:func:`.results.means.points`), after ``origin``: this run or the paper."""
 
-
 FRAME = "Whole frame with shadows, everything rebuilt, ms"
+PRINTED = f"The paper as printed ({paper.LABEL.removeprefix('paper, ')}): build / traversal and tracing of primary rays, ms"
 PARTS: document.Columns = {
-    "method": ("row", str), "build": ("build_ms", lambda ms: style.number(ms or None)), "trace": ("trace_ms", style.number),
-    "light build": ("light_build_ms", lambda ms: style.number(ms or None)), "shadow": ("shadow_ms", style.number),
-    "whole": ("total_ms", style.number), "±": ("spread", style.number), "answers": ("error", str),
-    "Mrays/s": ("frame_mrays_per_s", style.number), "MB": ("memory_bytes", style.megabytes),
+    "scene": ("title", str), "method": ("row", str), "build": ("build_ms", lambda ms: style.number(ms or None)),
+    "trace": ("trace_ms", style.number), "light build": ("light_build_ms", lambda ms: style.number(ms or None)),
+    "shadow": ("shadow_ms", style.number), "whole": ("total_ms", style.number), "±": ("spread", style.number),
+    "answers": ("error", str), "Mrays/s": ("frame_mrays_per_s", style.number), "MB": ("memory_bytes", style.megabytes),
 }  # fmt: skip
 SCENE_FACTS: document.Columns = {
-    "scene": ("title", str), "made as": ("stand_in", lambda text: text or "-"),
-    "excused as too close to an edge, at most": ("excused_share", "{:.4%}"),
+    "scene": ("title", str), "made as": ("stand_in", lambda text: text or "-"), "triangles": ("triangles", "{:,}"),
+    "frames": ("frames", "{}"), "excused as too close to an edge, at most": ("excused_share", "{:.4%}"),
     "answers that the reference (Embree) got wrong": ("reference_errors", "{:,}"),
+}  # fmt: skip
+BUILT: document.Columns = {
+    "method": ("row", str), "built": ("built", str),
+    "declares itself inexact": ("known_inexact", lambda text: text or "-"),
 }  # fmt: skip
 CUT = 3.0
 """A bar more than this many times longer than the median of its scene is cut off; its number stands beside it."""
@@ -83,7 +86,7 @@ LEFT_OUT = (
 
 
 def read(folder: Path) -> DataFrame:
-    """The points of a folder, methods in the order of the table. Besides the columns of :func:`.report.document.read`:
+    """The points of a folder, methods in the order of the table. Besides the columns of :func:`.report.document.named`:
 
     row   the label; what was set by hand; and the device where there are several
     best  the answers are right, and so fast is no other point with right answers, over the frames that both have
@@ -91,31 +94,22 @@ def read(folder: Path) -> DataFrame:
     frames = document.frames(folder)
     table = document.named(frames)
     table.attrs["older"] = frames.attrs["older"]
-    declared = {entry.label: settings_text(dict(entry.settings)) for entry in METHODS}
-    usual = table["label"].map(declared).fillna("-")
-    device = table["device"] if table["device"].nunique() > 1 else [""] * len(table)
-    table["row"] = [
-        ", ".join(
-            [
-                label,
-                *(x for x in settings.split(", ") if x not in f"-, {known}".split(", ")),
-                *filter(None, [place]),
-            ]
-        )
-        for label, settings, known, place in zip(
-            table["label"], table["settings"], usual, device, strict=True
-        )
-    ]
+    usual = {entry.label: settings_text(dict(entry.settings)).split(", ") for entry in METHODS}
+    several = int(table["device"].nunique() > 1)
+    shown = []
+    for r in table.itertuples():
+        extra = [text for text in r.settings.split(", ") if text not in ("-", *usual.get(r.label, ()))]
+        shown.append(", ".join([r.label, *extra, *[r.device] * several]))
+    table["row"] = shown
     right = document.measured(table).query("error == @style.OK")
     best = [key for _, own in right.groupby("title") for key in fastest(frames, own)]
-    table["best"] = table["key"].isin(best)
-    return document.arranged(table, "label", [*declared, *table["label"]]).reset_index(drop=True)
+    table["best"] = table.index.isin(best)
+    return document.arranged(table, "label", [*usual, *table["label"]])
 
 
 def fastest(frames: DataFrame, own: DataFrame) -> list[str]:
     """The key of the fastest of the points ``own``; none where one of them has no frame or no run in common with it."""
-    first = own.loc[own["total_ms"].idxmin(), "key"]
-    beside = frames[frames["key"].isin(own["key"])]
+    first, beside = own["total_ms"].idxmin(), frames[frames["key"].isin(own["key"])]
     same = [name for name in compare.SAME if name != "device"]
     ratios = compare.ratios(beside, beside["key"] == first, same)["ratio"].reindex(own["key"])
     return [first] if len(own) > 1 and (ratios >= 1).all() else []
@@ -125,7 +119,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Table, drawing and gallery from the records in a folder; printed too unless ``quiet``.
 
     table1.csv  one row a point, then the paper's printed entries
-    table1.md   the whole frame, methods down and scenes across; then the parts of the frame, scene by scene
+    table1.md   the whole frame, methods down and scenes across; then the parts of each frame, and what the paper prints
     table1.svg  stacked bars of each scene
     gallery.png the pictures of ``folder/images``, where there are any
     """
@@ -133,8 +127,8 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
 
     table = read(folder)
     by_scene = document.arranged(table, "scene", [*paper.ROWS, *table["scene"]])
-    done, pictures = document.measured(table), []
-    if len(done):
+    theirs, pictures = paper.entries(table["scene"].unique()), []
+    if len(done := document.measured(table)):
         time = by_scene["total_ms"].map(style.number) + " " + by_scene["error"]
         across = min(2, by_scene["title"].nunique())
         pictures = [panels.bars(
@@ -143,65 +137,41 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
             below=["ms per frame, split by part; whisker: interquartile range of repeats"],
         )]  # fmt: skip
     pictures += gallery.draw(folder, table, f"Table 1: the scenes; {document.where(table)}")
-    tables = {FRAME: frame_table(by_scene)}
-    for title, own in by_scene.groupby("title", sort=False):
-        facts = f"{own['triangles'].iloc[0]:,} triangles, {own['frames'].max()} frame(s)"
-        tables[f"{title}: {facts}; ms by part of the frame, and ± of the whole"] = parts_table(own)
-    tables |= {"What each method built": methods_table(table), "Scenes": scenes_table(by_scene)}
-    rows = pd.concat([table.assign(origin="this run"), paper_rows(table["scene"].unique())])
-    return document.write(
-        folder, EXPERIMENT, table, COLUMNS, finding(done), tables, pictures, quiet, notes(table), rows=rows
-    )
+    built = table[table["built"] != "-"].drop_duplicates(["row", "built", "known_inexact"])
+    scenes = by_scene.groupby("title", sort=False)[[name for name, _ in SCENE_FACTS.values()][1:]].max()
+    tables = {
+        FRAME: frame_table(by_scene),
+        "Parts of the frame, ms, and ± of the whole": document.texts(document.measured(by_scene), PARTS),
+        PRINTED: document.cross_table(theirs, {"scene_title": "scene"}, "method", "printed"),
+        "What each method built": document.texts(built, BUILT),
+        "Scenes": document.texts(scenes.reset_index(), SCENE_FACTS),
+    }
+    rows = pd.concat([table.assign(origin="this run"), theirs])
+    told = finding(done), tables, pictures, quiet, notes(table)
+    return document.write(folder, EXPERIMENT, table, COLUMNS, *told, rows=rows)
 
 
 def finding(done: DataFrame) -> str:
     """On how many scenes who is fastest."""
     n = done["title"].nunique()
-    told = [
-        f"{row} on {len(own)} ({document.span(own['total_ms'])} ms)"
-        for row, own in done[done["best"]].groupby("row", sort=False)
-    ]
-    known = f"Of {n} scene{'s' * (n != 1)} the fastest frame with every answer right: {', '.join(told)}."
+    best = done[done["best"]].groupby("row", sort=False)["total_ms"]
+    told = ", ".join(f"{row} on {len(own)} ({document.span(own)} ms)" for row, own in best)
+    known = f"Of {n} scene{'s' * (n != 1)} the fastest frame with every answer right: {told}."
     return known if told else "No scene has two methods with right answers over the same frames in one run."
 
 
-def frame_table(table: DataFrame) -> DataFrame:
+def frame_table(by_scene: DataFrame) -> DataFrame:
     """Methods down, scenes across: frame time with its error, or why there is none; the fastest right one in bold."""
-    text = table["ms"] + " " + table["error"].str.removesuffix(" wrong")
-    text = text.where(table["status"] == "ok", table["status"])
-    marked = table.assign(text=text.where(~table["best"], "**" + text + "**")).sort_index()
-    wide = document.cross_table(marked, {"row": "method"}, "title", "text")
-    theirs = table[table["scene"].isin(paper.ROWS)].groupby("title")["scene"].first().map(paper.total)
-    if len(theirs):
-        wide.loc[len(wide)] = {"method": f"*the paper, {paper.GPU}*", **("*" + theirs + "*")}
-    return wide[["method", *table["title"].unique()]]
-
-
-def parts_table(own: DataFrame) -> DataFrame:
-    """A row a measured point of a scene: the parts of its frame, its error, rate and memory; then what the paper prints."""
-    import pandas as pd
-
-    theirs = []
-    for column, text in zip(paper.COLUMNS, paper.cells(own["scene"].iloc[0]), strict=True):
-        if text not in ("-", paper.NOT_AVAILABLE):
-            names = ("build", "trace") if " / " in text else ("whole",)
-            parts = text.removesuffix(" ms").replace("*", r"\*").split(" / ")
-            theirs.append({"method": f"paper: {column.title}", **dict(zip(names, parts, strict=True))})
-    printed = pd.DataFrame(theirs).map("*{}*".format, na_action="ignore")
-    return pd.concat([document.texts(document.measured(own), PARTS), printed])
-
-
-def methods_table(table: DataFrame) -> DataFrame:
-    """What each method really built, and what it says of its answers itself."""
-    own = table[table["built"] != "-"].drop_duplicates(["row", "built", "known_inexact"])
-    said = {"known_inexact": "declares itself inexact", "row": "method"}
-    return own[["row", "built", "known_inexact"]].replace("", "-").rename(columns=said)
-
-
-def scenes_table(table: DataFrame) -> DataFrame:
-    """What each scene stands in for, and what of its answers needs to be known."""
-    facts = {"stand_in": "first", "excused_share": "max", "reference_errors": "max"}
-    return document.texts(table.groupby("title", sort=False).agg(facts).reset_index(), SCENE_FACTS)
+    own = document.arranged(by_scene, "label", [entry.label for entry in METHODS])
+    text = own["ms"] + " " + own["error"].str.removesuffix(" wrong")
+    text = text.where(own["status"] == "ok", own["status"])
+    own = own.assign(text=text.where(~own["best"], "**" + text + "**"))
+    titles = by_scene.groupby("title", sort=False)["scene"].first()
+    wide = document.cross_table(own, {"row": "method"}, "title", "text")[["method", *titles.index]]
+    if len(theirs := titles[titles.isin(paper.ROWS)]):
+        printed = theirs.map(lambda scene: f"*{paper.ROWS[scene].cells[-1].removesuffix(' ms')}*")
+        wide.loc[len(wide)] = {"method": f"*the paper, {paper.GPU}*", **printed}
+    return wide
 
 
 def notes(table: DataFrame) -> list[str]:
@@ -218,28 +188,9 @@ def notes(table: DataFrame) -> list[str]:
     if older := table.attrs.get("older"):
         told += [f"Not shown: older records of these points, or of other scenes of their names: {older}."]
     told += document.never_hit_notes(table)
-    if theirs:
-        printed = " ".join(cell for scene in theirs for cell in paper.cells(scene))
-        footnotes = [note for note in paper.FOOTNOTES if note.split()[0] in f"Our {printed}"]
-        sources = "; ".join(f"{c.title}: {c.source}" for c in paper.COLUMNS).replace("*", r"\*")
-        told += [f"The paper's rows: {paper.LABEL}, as printed. {sources}. {' '.join(footnotes)}"]
-    return told
-
-
-def paper_rows(scenes: Iterable[str]) -> DataFrame:
-    """The paper's printed entries for these scenes, in the columns of the CSV, marked as the paper's own."""
-    import pandas as pd
-
-    rows = []
-    for scene in (scene for scene in scenes if scene in paper.ROWS):
-        for column, text in zip(paper.COLUMNS, paper.cells(scene), strict=True):
-            values = paper.numbers(scene, column.key)
-            rows.append({"origin": paper.LABEL, "scene": scene, "scene_title": paper.ROWS[scene].title,
-                         "method": column.title, "label": column.source, "device_name": f"NVIDIA {paper.GPU}",
-                         "width": paper.SIZE[0], "height": paper.SIZE[1], "status": "printed" if values else "n/a",
-                         "reason": f"printed as {text!r}", "unscored": "the paper states no errors",
-                         **{f"{name}_ms": value for name, value in values.items()}})  # fmt: skip
-    return pd.DataFrame(rows)
+    sources = "; ".join(f"{c.title}: {c.source}" for c in paper.COLUMNS)
+    printed = f"The paper's numbers: {sources}. {' '.join(paper.FOOTNOTES)}".replace("*", r"\*")
+    return told + [printed] * bool(theirs)
 
 
 EXPERIMENT = Experiment(

@@ -44,8 +44,8 @@ ABOUT_NOISE = f"{NOISY}: shown with fewer digits, as the spread of the repeats c
 def carried(value: float, spread: float, form: str = "") -> str:
     """A number with three digits, or with fewer and :data:`NOISY` before it where its ``spread`` does not carry three.
 
-    The last digit shown is the first one that the spread changes. Where the spread is not known (nan), two digits are
-    shown. ``form``: holds "+" for a sign, "%" for a share in per cent, which has two digits at most.
+    The last digit shown is the first one that the spread changes; where it is not known (nan), two digits are shown.
+    ``form``: holds "+" for a sign, "%" for a share in per cent, which has two digits at most.
     """
     if value is None or not math.isfinite(value):
         return "-"
@@ -55,8 +55,7 @@ def carried(value: float, spread: float, form: str = "") -> str:
     finest = min(0, max(size - 1, -1)) if share else min(0, max(size - 2, -3))
     coarsest = max(finest, size - 1 if math.isnan(spread) else math.floor(math.log10(max(spread, 1e-9))))
     shown = round(value, -coarsest) or 0.0  # no minus before a zero
-    sign = "+" * ("+" in form and shown != 0)
-    text = f"{shown:{sign},.{max(0, -coarsest)}f}{'%' * share}"
+    text = f"{shown:{'+' * ('+' in form and shown != 0)},.{max(0, -coarsest)}f}{'%' * share}"
     return NOISY * (coarsest > (finest if share else max(finest, size - 2))) + text
 
 
@@ -75,11 +74,10 @@ def texts(table: DataFrame, columns: Columns) -> DataFrame:
     """A table of texts: {heading: (column, form)}; a form is a function or a format such as "{:.1%}"."""
     import pandas as pd
 
-    made = {}
-    for heading, (column, form) in columns.items():
-        shown = form.format if isinstance(form, str) else form
-        made[heading] = table[column].astype(object).map(shown, na_action="ignore")
-    return pd.DataFrame(made, index=table.index)
+    forms = {name: form.format if isinstance(form, str) else form for name, (_, form) in columns.items()}
+    own = {name: table[column].astype(object) for name, (column, _) in columns.items()}
+    shown = {name: values.map(forms[name], na_action="ignore") for name, values in own.items()}
+    return pd.DataFrame(shown, index=table.index)
 
 
 def cross_table(
@@ -109,19 +107,20 @@ def arranged(table: DataFrame, column: str, order: Sequence[Any]) -> DataFrame:
 
 def in_order(table: DataFrame) -> DataFrame:
     """The rows in the order of tables."""
-    orders = {"scene": [*paper.ROWS, *sorted(set(table["scene"]) - set(paper.ROWS))],
-              "method": style.in_order(table["method"])}  # fmt: skip
-    by = ["scene", "scene_title", "method", "label", "device", "key", "frame"]
-    return table.sort_values(
-        by,
-        key=lambda c: c.map(orders[c.name].index) if c.name in orders else c,
-        kind="stable",
-        ignore_index=True,
+    table = table.sort_values(["scene_title", "label", "device", "key", "frame"], ignore_index=True)
+    table = arranged(table, "method", style.in_order(table["method"]))
+    return arranged(table.sort_values("scene", kind="stable"), "scene", list(paper.ROWS)).reset_index(
+        drop=True
     )
 
 
 def read(folder: Path | str) -> DataFrame:
-    """One row a point of a folder (:func:`.results.means.points`), in the order of :func:`frames`. Besides:
+    """The points of a folder (:func:`named`), in the order of :func:`frames`."""
+    return named(frames(folder))
+
+
+def named(table: DataFrame) -> DataFrame:
+    """The points of a tidy table (:func:`.results.means.points`), with their keys as index. Besides:
 
     title        the scene's, with "(stand-in)" where it is one, and with the size of the image where there are several
     spread, ms   see :func:`.report.compare.spread`; the time of the frame as text, with the digits that it carries
@@ -129,25 +128,18 @@ def read(folder: Path | str) -> DataFrame:
     error        :func:`check_text`: a tick, how many answers are wrong, or "unscored"
     light_count  the column ``lights``, as every CSV calls it
     """
-    return named(frames(folder))
-
-
-def named(table: DataFrame) -> DataFrame:
-    """The points of a tidy table with the columns that :func:`read` adds."""
     table = points(table)
+    table.index = table["key"].rename(None)
     sizes = table["width"].astype(str) + "x" + table["height"].astype(str)
-    size = sizes if sizes.nunique() > 1 else sizes.str[:0]
-    named = (table["stand_in"] == "") | table["scene_title"].str.contains("stand-in")
-    title = table["scene_title"].where(named, table["scene_title"] + " (stand-in)")
-    apart = spread(table)
+    several = int(sizes.nunique() > 1)
+    apart = (table["stand_in"] != "") & ~table["scene_title"].str.contains("stand-in")
+    title = table["scene_title"] + apart.map({True: " (stand-in)", False: ""})
+    around = spread(table)
     return table.assign(
-        title=title + size.where(size == "", ", " + size),
-        spread=apart,
-        ms=carry(table["total_ms"], apart),
-        file=table["scene"] + size.where(size == "", "-" + size),
-        light_count=table["lights"],
+        title=title + (", " + sizes) * several, file=table["scene"] + ("-" + sizes) * several, spread=around,
+        ms=carry(table["total_ms"], around), light_count=table["lights"],
         error=[check_text(row) for row in table.to_dict("records")],
-    )
+    )  # fmt: skip
 
 
 def span(values: Series, form: Callable[[float], str] = style.number) -> str:
@@ -190,16 +182,13 @@ def complete(table: DataFrame, apart: Collection[str] = ()) -> DataFrame:
     whose = "label method method_title settings device device_name".split()
     every = planned.drop_duplicates(place)[[*place, *same]]
     every = every.merge(planned.drop_duplicates("label")[whose], how="cross")
-    known = planned[[*place, "label"]].drop_duplicates()
-    found = every.merge(known, how="left", indicator="found")
-    missing = found[found["found"] == "left_only"].drop(columns="found")
+    known = planned.set_index([*place, "label"]).index
+    missing = every[~every.set_index([*place, "label"]).index.isin(known)]
     if missing.empty:
         return table
     empty = dict.fromkeys([c for c in (*TEXTS, "error") if c not in missing], "")
     whole = pd.concat([table, missing.assign(**{**empty, "status": NO_RECORD})], ignore_index=True)
-    titles, labels = list(table["title"].unique()), list(table["label"].unique())
-    order = whole["title"].map(titles.index) * len(labels) + whole["label"].map(labels.index)
-    return whole.loc[order.sort_values(kind="stable").index].reset_index(drop=True)
+    return arranged(arranged(whole, "label", table["label"].unique()), "title", table["title"].unique())
 
 
 def not_measured(table: DataFrame, apart: Collection[str] = ()) -> list[str]:
@@ -263,17 +252,14 @@ def where(table: DataFrame) -> str:
 def effort(table: DataFrame) -> str:
     """How long the points were sampled, where they say so, as a sentence."""
     asked = table.reindex(columns=["point.rounds", "point.budget_s"]).dropna().drop_duplicates()
-    parts = [
-        f"{n:.0f} round{'s' if n > 1 else ''}, at most {budget:g} s of samples a point"
-        for n, budget in asked.to_numpy()
-    ]
+    form = "{:.0f} round{}, at most {:g} s of samples a point"
+    parts = [form.format(n, "s" if n > 1 else "", budget) for n, budget in asked.to_numpy()]
     if not parts:
         return ""
     short = table[(table["rounds"] > 0) & (table["rounds"] < table["point.rounds"])]
-    rows = zip(short["title"], short["label"], short["rounds"], short["point.rounds"], strict=True)
-    less = [f"{title}, {label}: {n} of {of:.0f}" for title, label, n, of in rows]
-    after = f" The budget was spent before the last round: {'; '.join(less)}." if less else ""
-    return f"{' and '.join(parts)}.{after}"
+    rows = short[["title", "label", "rounds", "point.rounds"]].to_numpy()
+    less = "; ".join(f"{title}, {label}: {n} of {of:.0f}" for title, label, n, of in rows)
+    return f"{' and '.join(parts)}." + f" The budget was spent before the last round: {less}." * bool(less)
 
 
 def check_text(row: Mapping[str, Any]) -> str:
@@ -303,9 +289,9 @@ def errors(table: DataFrame) -> str:
 def never_hit_notes(table: DataFrame) -> list[str]:
     """A line a scene with triangles that nothing can hit: right answers there are misses."""
     known = table.dropna(subset=["triangles"]).drop_duplicates("title")
-    rows = zip(known["title"], known["triangles"], known["invalid_triangles"], strict=True)
-    texts = ((title, never_hit(int(total), int(total - invalid))) for title, total, invalid in rows)
-    return [f"{title}: {text}." for title, text in texts if text]
+    known = known[["title", "triangles", "invalid_triangles"]].to_numpy()
+    found = [(title, never_hit(int(total), int(total - invalid))) for title, total, invalid in known]
+    return [f"{title}: {text}." for title, text in found if text]
 
 
 def linked(path: Path) -> list[str]:

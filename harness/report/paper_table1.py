@@ -7,16 +7,18 @@ up to the shadow bits. These are what a reader compares with, never what anythin
 
 from __future__ import annotations
 
-import re
-from dataclasses import dataclass
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 GPU = "GTX 280"
 SIZE = (1024, 1024)
 LABEL = f"paper, {GPU}, {SIZE[0]}x{SIZE[1]}"
 
 
-@dataclass(frozen=True)
-class Column:
+class Column(NamedTuple):
     """A column of the printed table: its key here, its heading there, where its numbers come from."""
 
     key: str
@@ -26,19 +28,14 @@ class Column:
 
 COLUMNS = (
     Column("hbvh", "HBVH", "[LGS*09] Lauterbach et al. 2009, Fast BVH construction on GPUs"),
-    Column(
-        "kd_tree", "kd-tree", "[HSZ*09] Hou et al. 2009, Memory-scalable GPU spatial hierarchy construction"
-    ),
+    Column("kd_tree", "kd-tree", "[HSZ*09] Hou et al. 2009, Memory-scalable GPU spatial hierarchy construction"),
     Column("grid", "Grid", "[KS09] Kalojanov and Slusallek 2009, A parallel algorithm for uniform grids"),
     Column("ours", "Our Method", "the paper, primary rays"),
     Column("with_shadows", "With Shadows", "the paper, all steps till shadow computation"),
-)
-
-NOT_AVAILABLE = "n/a"
+)  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Row:
+class Row(NamedTuple):
     """A printed row. ``triangles`` and ``cells`` are the printed text, in the order of :data:`COLUMNS`."""
 
     title: str
@@ -49,15 +46,11 @@ class Row:
 ROWS = {
     "fairy": Row("Fairy", "174k", ("124 / 33.11", "65 / 125 [#]", "24 / 285.7", "8.73 / 32.43", "82.18 ms")),
     "sibenik": Row("Sibenik", "82k", ("30 / 45.32", "n/a", "n/a", "8.86 / 13.11", "58.81 ms")),
-    "bunny_dragon": Row(
-        "Bunny/Dragon", "252k", ("66 / 128.94", "93 / 25", "13 / 129.87", "3.71 / 10.92", "31.63 ms")
-    ),
-    "conference": Row(
-        "Conference", "284k", ("105 / 37.11", "n/a", "27 / 142.85", "7.51 / 17.64", "61.15 ms")
-    ),
+    "bunny_dragon": Row("Bunny/Dragon", "252k", ("66 / 128.94", "93 / 25", "13 / 129.87", "3.71 / 10.92", "31.63 ms")),
+    "conference": Row("Conference", "284k", ("105 / 37.11", "n/a", "27 / 142.85", "7.51 / 17.64", "61.15 ms")),
     "cloth": Row("Cloth", "92k", ("39 / n/a*", "n/a", "n/a", "5.23 / 11.23", "44.47 ms")),
     "buddha": Row("Buddha", "1.09M", ("n/a", "n/a", "n/a", "13.76 / 38.91", "114.57 ms")),
-}
+}  # fmt: skip
 """By the catalogue's scene name, in the printed order. Only the last column is printed with its unit; all are ms."""
 
 FOOTNOTES = (
@@ -67,24 +60,23 @@ FOOTNOTES = (
 )
 
 
-def cells(scene: str) -> tuple[str, ...]:
-    """What the paper prints for a scene, in the order of :data:`COLUMNS`; dashes where it has no such scene."""
-    return ROWS[scene].cells if scene in ROWS else ("-",) * len(COLUMNS)
+def entries(scenes: Iterable[str]) -> DataFrame:
+    """The printed entries for these scenes, a row each, in the columns of Table 1's CSV and marked as the paper's own.
 
+    ``printed`` is the text; of ``build_ms``, ``trace_ms`` and ``total_ms`` a row has those that the text has.
+    """
+    import pandas as pd
 
-def total(scene: str) -> str:
-    """The time of a whole frame with shadows that the paper prints for one of its scenes, ms."""
-    return ROWS[scene].cells[-1].removesuffix(" ms")
-
-
-def numbers(scene: str, column: str) -> dict[str, float]:
-    """A printed entry as numbers in milliseconds: of ``build``, ``trace`` and ``total`` those that it has."""
-    if scene not in ROWS:
-        return {}
-    index = [c.key for c in COLUMNS].index(column)
-    parts = [
-        re.sub(r"[^0-9.]", "", text)
-        for text in ROWS[scene].cells[index].replace(NOT_AVAILABLE, "").split("/")
+    found = [
+        (scene, ROWS[scene].title, *column[1:], printed)
+        for scene in scenes
+        for column, printed in zip(COLUMNS, ROWS[scene].cells if scene in ROWS else (), strict=False)
     ]
-    names = ("total",) if column == "with_shadows" else ("build", "trace")
-    return {name: float(text) for name, text in zip(names, parts, strict=False) if text}
+    table = pd.DataFrame(found, columns=["scene", "scene_title", "method", "label", "printed"])
+    pattern = r"^(?P<build_ms>[\d.]+) / (?P<trace_ms>[\d.]+)?|^(?P<total_ms>[\d.]+) ms"
+    times = table["printed"].str.extract(pattern).astype(float)
+    return table.join(times).assign(
+        origin=LABEL, device_name=f"NVIDIA {GPU}", width=SIZE[0], height=SIZE[1], unscored="the paper states no errors",
+        status=times.notna().any(axis=1).map({True: "printed", False: "n/a"}),
+        reason="printed as '" + table["printed"] + "'",
+    )  # fmt: skip
