@@ -89,8 +89,6 @@ COLUMNS = [
 ORDER = [entry.label for entry in METHODS]
 APART = [TREE, *(entry.label for entry in LEFT_OUT)]
 """What is no change to the paper's configuration."""
-ALIKE = 0.03
-"""A geometric mean nearer to 1 says nothing."""
 
 
 def read(folder: Path) -> pd.DataFrame:
@@ -98,9 +96,9 @@ def read(folder: Path) -> pd.DataFrame:
     frames = document.frames(folder)
     table = document.named(frames)
     for name, label in (("ratio", BASE), ("ratio_to_best", BEST), ("ratio_to_tree", TREE)):
-        found = compare.ratios(frames, frames["label"] == label)
-        table[name] = table["key"].map(found["ratio"])
-        table[f"{name}_spread"] = table["key"].map(found["spread"])
+        table[[name, f"{name}_spread"]] = compare.ratios(frames, frames["label"] == label)[
+            ["ratio", "spread"]
+        ]
     pairs = table.filter(regex=r"^counter\..* pairs$").sum(axis=1)
     table["pairs"] = pairs.where(pairs > 0)
     for rays in ("primary", "shadow"):
@@ -127,7 +125,20 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
             ratios(back[back["label"] != TREE], "ratio_to_best"),
         f"Frame time over that of {TREE}": ratios(done[done["label"].isin([BASE, BEST])], "ratio_to_tree"),
     }  # fmt: skip
-    return document.write(folder, EXPERIMENT, table, COLUMNS, finding(done), tables, pictures, quiet)
+    known = done[(done["label"] == BEST) & done["ratio_to_tree"].notna()]
+    told = [f"{BEST} and {TREE} were not both measured in one run"]
+    if len(known):
+        slower = ", ".join(known.loc[known["ratio_to_tree"] > 1, "title"]) or f"none of {len(known)} scenes"
+        told = [
+            f"{BEST} takes {document.span(known['ratio_to_tree'])} of the time of {TREE}, slower on {slower}"
+        ]
+    alone = changed[changed["label"] != BEST].groupby("label")["ratio"]
+    means = alone.agg(compare.geometric)[alone.size() == alone.size().max()]
+    if len(means):
+        told += [f"alone, {means.idxmin()} takes least ({means.min():.2f} of {BASE}, geometric mean)"]
+        told += [f"{means.idxmax()} most ({means.max():.2f})"]
+    finding = "; ".join(told) + "."
+    return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet)
 
 
 def ratios(own: pd.DataFrame, column: str) -> pd.DataFrame:
@@ -138,28 +149,6 @@ def ratios(own: pd.DataFrame, column: str) -> pd.DataFrame:
     means = wide["configuration"].map(own.groupby("label")[column].agg(compare.geometric))
     wide.insert(1, "geometric mean", means.map("{:.2f}".format))
     return wide.loc[means.sort_values(kind="stable").index]
-
-
-def finding(done: pd.DataFrame) -> str:
-    """Our configuration against the paper's and the tree, and the changes that cost most and help most."""
-    changes = done[done["ratio"].notna() & ~done["label"].isin([BASE, BEST, *APART])]
-    scenes = changes.groupby("label")["title"].nunique()
-    everywhere = changes[changes["label"].isin(scenes.index[scenes == scenes.max()])]
-    means = everywhere.groupby("label")["ratio"].agg(compare.geometric).sort_values()
-    known = done[(done["label"] == BEST) & done["ratio_to_tree"].notna()]
-    told = [f"{BEST} and {TREE} were not both measured in one run"]
-    if len(known):
-        slower = ", ".join(known.loc[known["ratio_to_tree"] > 1, "title"])
-        told = [
-            f"{BEST} takes {document.span(known['ratio_to_tree'])} of the time of {TREE}, "
-            + (f"slower on {slower}" if slower else f"slower on none of {len(known)} scenes")
-        ]
-    ours = done.loc[done["label"] == BEST, "ratio"].dropna()
-    told += [f"{compare.geometric(ours):.2f} of that of {BASE}"] if len(ours) else []
-    for which, named in (("helps", means[means < 1 - ALIKE]), ("costs", means[means > 1 + ALIKE][::-1])):
-        if len(named):
-            told.append(f"alone, {named.index[0]} {which} most ({named.iloc[0]:.2f}, geometric mean)")
-    return "; ".join(told) + "."
 
 
 EXPERIMENT = Experiment(

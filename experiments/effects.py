@@ -54,6 +54,7 @@ COLUMNS = [
     *document.COMMON, "moved", "ratio", "added_ms", "added_iqr_ms", "passes", "builds", "memory_bytes", "compile_s",
 ]  # fmt: skip
 KINDS = list(MOVED)
+FRAME = f"{BASE}, ms"
 ORDER = [lighting.label for lighting in (*EFFECTS, *CHANGES)]
 ABOUT = (
     "Effects are measured one after another, not interleaved. The same frame was measured once more, as the one in which "
@@ -73,36 +74,49 @@ def read(folder: Path) -> pd.DataFrame:
     frames = document.frames(folder)
     table = document.named(frames)
     table["passes"], table["builds"] = table["pass_count"], table["build_count"]
-    table = document.arranged(table, "light_label", ORDER)
     same = (*compare.SCENE, *compare.SIZE, "label")
     own, base = compare.pairs(frames, frames["light_label"] == BASE, same)
     _, again = compare.pairs(frames, frames["moved"] == "all", same)
-    table = table.set_index("key", drop=False)
     table["ratio"] = own["total_ms"] / base["total_ms"]
     table["added_ms"] = own["total_ms"] - base["total_ms"]
     table["added_iqr_ms"] = np.hypot(compare.spread(own), compare.spread(base))
     table["noise_ms"] = np.fmax(table["added_iqr_ms"], (again["total_ms"] - base["total_ms"]).abs())
     table["noise"] = table["noise_ms"] / base["total_ms"]
-    return table.reset_index(drop=True)
+    return document.arranged(table, "light_label", ORDER)
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
-    """Two drawings and CSV."""
+    """Two drawings, two tables and CSV."""
     table = read(folder)
     done = document.measured(table)
     effects, moved = done[(done["moved"] == "") & done["ratio"].notna()], done[done["moved"] != ""]
     tables: dict[str, pd.DataFrame] = {}
-    pictures, notes = [], []
+    pictures, notes, finding = [], [], f"No effect was measured beside {BASE}."
+    scene = {"title": "scene"}
     if len(effects):
+        alone = effects[effects["light_label"] != BASE]
         pictures += [dots(
-            folder / "effects.svg", effects[effects["light_label"] != BASE], "light_label", "ratio", "label", facet="title",
-            whisker="noise", legend=3, below=f"frame time over that of {BASE} (bars: noise)",
+            folder / "effects.svg", alone, "light_label", "ratio", "label", facet="title", whisker="noise", legend=3,
+            below=f"frame time over that of {BASE} (bars: noise)",
         )]  # fmt: skip
-        heading = f"what each effect adds to the frame of {BASE}, ms (times its time)"
-        tables |= {
-            f"{title}: {heading}": effects_table(own) for title, own in effects.groupby("title", sort=False)
-        }
+        ratio = document.carry(effects["ratio"], effects["noise"]).str.strip(document.NOISY)
+        added = document.carry(effects["added_ms"], effects["noise_ms"], "+") + " (x" + ratio + ")"
+        base = effects["light_label"] == BASE
+        rows = effects.assign(
+            text=effects["ms"].where(base, added), effect=effects["light_label"].where(~base, FRAME)
+        )
+        rows = document.arranged(
+            document.arranged(rows, "effect", [FRAME]), "title", effects["title"].unique()
+        )
+        heading = f"What each effect adds to the frame of {BASE}, ms (times its time)"
+        tables = {heading: document.cross_table(rows, {**scene, "effect": "effect"}, "label", "text")}
         notes += [ABOUT]
+        means = alone.groupby("light_label")["ratio"].agg(compare.geometric)
+        if len(means):
+            finding = (
+                f"Over the frame of {BASE}, everything rebuilt, the dearest is {means.idxmax()} (x{means.max():.2f}) and "
+                f"the cheapest {means.idxmin()} (x{means.min():.2f}): geometric means over methods and scenes."
+            )
     if len(moved):
         # Where nothing moved, nothing is launched.
         seen, scenes = moved[moved["passes"] > 0], moved["title"].nunique()
@@ -113,38 +127,13 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
             below="what moved since the last frame" + idle, left="ms per frame", wide=max(1.0, 0.6 * scenes), sharey=True,
         )]  # fmt: skip
         text = moved["ms"] + " (" + moved["builds"].astype(str) + ")"
-        moved = moved.assign(text=text.where(moved["passes"] > 0, "no launch"))
-        tables |= {
-            f"{title}: a frame by what alone moved, ms": document.cross_table(
-                own, {"label": "method"}, "moved", "text"
-            )
-            for title, own in moved.groupby("title", sort=False)
-        }
+        cells = moved.assign(text=text.where(moved["passes"] > 0, "no launch"))
+        cells = document.arranged(cells, "title", moved["title"].unique())
+        tables["A frame by what alone moved, ms"] = document.cross_table(
+            cells, {**scene, "label": "method"}, "moved", "text"
+        )
         notes += [ABOUT_MOVED]
-    return document.write(
-        folder, EXPERIMENT, table, COLUMNS, finding(effects), tables, pictures, quiet, notes
-    )
-
-
-def finding(effects: pd.DataFrame) -> str:
-    """The effects that cost most and least, over all methods and scenes."""
-    means = effects[effects["light_label"] != BASE].groupby("light_label")["ratio"].agg(compare.geometric)
-    if means.empty:
-        return f"No effect was measured beside {BASE}."
-    return (
-        f"Over the frame of {BASE}, everything rebuilt, the dearest is {means.idxmax()} (x{means.max():.2f}) and the "
-        f"cheapest {means.idxmin()} (x{means.min():.2f}): geometric means over methods and scenes."
-    )
-
-
-def effects_table(own: pd.DataFrame) -> pd.DataFrame:
-    """Effects down, methods across; the frame that they are added to first."""
-    base = own["light_label"] == BASE
-    ratio = document.carry(own["ratio"], own["noise"]).str.strip(document.NOISY)
-    added = document.carry(own["added_ms"], own["noise_ms"], "+") + " (x" + ratio + ")"
-    rows = own.assign(text=own["ms"].where(base, added), effect=own["light_label"].mask(base, f"{BASE}, ms"))
-    rows = document.arranged(rows, "effect", [f"{BASE}, ms"])
-    return document.cross_table(rows, ["effect"], "label", "text")
+    return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet, notes)
 
 
 EXPERIMENT = Experiment(

@@ -8,13 +8,12 @@ what is lit has the same tiles at every large distance.
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from ..harness.report import compare, document, panels, style
-from ..harness.results.table import samples, stage_ms
+from ..harness.results.table import stage_ms
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
 from ._paper import UNBALANCED, faithful
@@ -30,7 +29,7 @@ LARGE = ("32", "64", "128", "256", "1024")
 FORMAT_R = "64"
 """The r at which number formats are compared."""
 
-TRAVERSAL = "shadow rays"
+TRAVERSAL = ("shadow", "shadow rays")
 
 
 def entries(light_tiles: int, values: tuple[str, ...]) -> tuple[Entry, ...]:
@@ -57,7 +56,7 @@ def distances(*radii: float) -> tuple[Lighting, ...]:
     return tuple(Lighting(f"{radius:g} radii", distance=radius) for radius in radii)
 
 
-CLAMP_TITLES = {"none": "unclamped", "view": "clamped to the view", "hits": "clamped to the hits"}
+RECTANGLES = {"none": "unclamped", "view": "clamped to the view", "hits": "clamped to the hits"}
 AXES = {False: "world axes", True: "aimed"}
 PRECISE, COARSE, CENTRED = "float64", "float32", "float32-centred"
 """Number formats: the exact one; the others, of which the second is relative to the middle of the hit points."""
@@ -72,6 +71,12 @@ COLUMNS = [
 ]  # fmt: skip
 """``without_balancing``: traversal without load balancing over that at this r, with the light at the same place."""
 PANEL = ["rectangle", "axes"]
+QUANTITIES: document.Columns = {
+    "traversal at the fastest r, ms": ("traversal_text", str),
+    f"without load balancing (r = {UNBALANCED}), over the fastest r": ("without_balancing", "{:.2f}"),
+    "tests per shadow ray": ("tests", "{:,.0f}"), "tiles that hold rays": ("tiles_with_rays", "{:,.0f}"),
+}  # fmt: skip
+MEASURES = {"traversal_ms": "shadow traversal, ms", "chunks": "blocks, C_total", "lane_fill": "lane fill"}
 PAPER_SAYS = "The paper: time grows as the light moves away, and breaking full tiles into chunks of r rays compensates."
 DISTANCE = "distance of the light from the middle, scene radii"
 
@@ -81,91 +86,65 @@ def read(folder: Path) -> pd.DataFrame:
 
     over_exact  frame time over that of the same point in the exact number format
     """
-    frames, repeats = document.frames(folder), samples(folder)
-    table = document.named(frames)
-    table["axes"] = table["set.aimed"].astype(str).str.lower().isin(["true", "1"]).map(AXES)
+    frames = document.frames(folder)
+    table = document.with_passes(document.named(frames), folder, {"traversal": TRAVERSAL})
+    aimed = table["set.aimed"].astype(str).str.lower().isin(["true", "1"])
+    table["axes"], table["rectangle"] = aimed.map(AXES), table["set.clamp"].map(RECTANGLES)
     table["clamp"], table["precision"] = table["set.clamp"], table["set.precision"]
-    table["r"], table["rectangle"] = table["set.r"].astype(int), table["clamp"].map(CLAMP_TITLES)
-    rank = {title: i for i, title in enumerate((*CLAMP_TITLES.values(), *AXES.values()))}
-    by = ["light_distance", *PANEL, "r"]
-    table = table.sort_values(by, key=lambda c: c.map(rank) if c.name in PANEL else c)
-    table["traversal_ms"] = stage_ms(table, "shadow", TRAVERSAL)
-    table["traversal_spread"] = table["key"].map(compare.pass_spread(repeats, "shadow", TRAVERSAL))
-    table["traversal"] = document.pass_texts(table, repeats, "shadow", TRAVERSAL)
-    for column, name in COUNTED.items():
-        table[column] = table.get(f"counter.{name}", np.nan)
+    table["r"], table["distance"] = table["set.r"].astype(int), table["light_distance"].map(style.radii)
+    table[[*COUNTED]] = table.reindex(columns=[f"counter.{name}" for name in COUNTED.values()])
     table["tests"] = table["shadow_tests_a_hundred_rays"] / 100
     table["lane_fill"] = table["rays"] / table["lanes"]
-    table["distance"] = table["light_distance"].map(style.radii)
 
     exact = frames["set.precision"] == PRECISE
     place = (*compare.SAME, "set.clamp", "set.aimed")
     own, plain = compare.pairs(frames, exact & (frames["set.r"].astype(int) == int(UNBALANCED)), place)
-    gain = stage_ms(plain, "shadow", TRAVERSAL) / stage_ms(own, "shadow", TRAVERSAL)
-    table["without_balancing"] = table["key"].map(gain).where(table["precision"] == PRECISE)
+    gain = stage_ms(plain, *TRAVERSAL) / stage_ms(own, *TRAVERSAL)
+    table["without_balancing"] = gain.where(own["set.precision"] == PRECISE)
     own, same = compare.pairs(frames, exact, (*place, "set.r"))
-    table["over_exact"] = table["key"].map(own["total_ms"] / same["total_ms"])
-    return table
+    table["over_exact"] = own["total_ms"] / same["total_ms"]
+    table = document.arranged(table.sort_values("r", kind="stable"), "axes", [*AXES.values()])
+    table = document.arranged(table, "rectangle", [*RECTANGLES.values()])
+    return table.sort_values("light_distance", kind="stable")
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
-    """Of each scene time against distance and against r, and tiles that hold rays; CSV, and what is work, what format."""
+    """Time against distance and against r, and tiles that hold rays; CSV, and what is work and what number format."""
     table = read(folder)
-    tables, pictures, findings = {}, [], []
-    for (name, title), own in table.groupby(["file", "title"], sort=False):
-        exact = document.measured(own[own["precision"] == PRECISE])
-        if document.measured(own).empty:
-            continue
-        stem = "figure11" if table["file"].nunique() == 1 else f"figure11-{name}"
-        pictures += [
-            distance_picture(own, folder / f"{stem}.svg"),
-            threshold_picture(exact, folder / f"{stem}-r.svg"),
-            tiles_picture(own, folder / f"{stem}-tiles.svg"),
-        ]
-        tables[f"{title}: by the light's distance in radii, {PRECISE}"] = by_distance(exact)
-        findings.append(conclusion(title, own))
+    exact = document.measured(table[table["precision"] == PRECISE])
+    tables, pictures, finding = {}, [], "Nothing was measured."
+    if len(exact):
+        pictures = drawings(table, exact, folder)
+        tables = {f"By the light's distance in radii ({PRECISE})": by_distance(table, exact)}
+        far = exact[(exact["light_distance"] >= 1.0) & (exact["r"] == exact["r"].min())]
+        ends = far.dropna(subset="traversal_ms").groupby([*PANEL, "title"], sort=False)["traversal_ms"]
+        grown = (ends.last() / ends.first())[ends.count() > 1].groupby(["title", "rectangle"], sort=False)
+        told = [f"{title} {document.span(ratios)} {rectangle}" for (title, rectangle), ratios in grown]
+        finding = (
+            f"Traversal with the farthest light over that at one radius ({PRECISE}: work): {', '.join(told)}."
+        )
     apart = [lighting.label for lighting in FORMATS_PRESET.lightings]
-    finding = " ".join(findings) or "Nothing was measured."
-    notes = [PAPER_SAYS]
-    return document.write(
-        folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet, notes, apart=apart
-    )
+    notes = finding, tables, pictures, quiet, [PAPER_SAYS]
+    return document.write(folder, EXPERIMENT, table, COLUMNS, *notes, apart=apart)
 
 
-def by_distance(exact: pd.DataFrame) -> pd.DataFrame:
-    """Work and time at each distance at the fastest r: rows a rectangle, axes and quantity."""
+def by_distance(table: pd.DataFrame, exact: pd.DataFrame) -> pd.DataFrame:
+    """Work and time at each distance at the fastest r, and what number formats cost: a row a panel and quantity."""
     import pandas as pd
 
+    rows = ["title", *PANEL, "quantity"]
     balanced = exact[exact["r"] != int(UNBALANCED)].sort_values("traversal_ms", kind="stable")
-    best = balanced.drop_duplicates([*PANEL, "light_distance"]).sort_values("light_distance", kind="stable")
-    columns: document.Columns = {
-        "traversal at the fastest r, ms": ("traversal", str),
-        f"without load balancing (r = {UNBALANCED}), over the fastest r": ("without_balancing", "{:.2f}"),
-        "tests per shadow ray": ("tests", "{:,.0f}"), "tiles that hold rays": ("tiles_with_rays", "{:,.0f}"),
-    }  # fmt: skip
-    cells = pd.concat([best[[*PANEL, "distance"]], document.texts(best, columns)], axis=1)
-    cells = cells.melt([*PANEL, "distance"], var_name="quantity").dropna(subset="value")
-    return document.cross_table(cells, [*PANEL, "quantity"], "distance", "value").sort_values(
-        PANEL, kind="stable"
+    best = balanced.drop_duplicates(["title", *PANEL, "distance"])
+    work = best.join(document.texts(best, QUANTITIES)).melt(
+        [*rows[:3], "distance"], [*QUANTITIES], "quantity"
     )
-
-
-def conclusion(title: str, own: pd.DataFrame) -> str:
-    """One sentence of a scene: how much of the growth with distance is work, how much number format."""
-    rows = own[(own["precision"] == PRECISE) & (own["light_distance"] >= 1.0)].dropna(subset="traversal_ms")
-    ends = rows[rows["r"] == rows["r"].min()].groupby(PANEL, sort=False)["traversal_ms"]
-    grown = (ends.last() / ends.first())[ends.count() > 1].groupby("rectangle", sort=False)
-    text = []
-    if work := " and ".join(f"{document.span(ratios)} {rectangle}" for rectangle, ratios in grown):
-        far = "with the farthest light the traversal takes"
-        text = [f"{far} {work} times as long as at one radius ({PRECISE}: work)"]
-    for precision, other in own[own["precision"] != PRECISE].groupby("precision"):
-        ratios = other["over_exact"].dropna()
-        lost = other.loc[other["status"].isin(style.LOST), "light_distance"]
-        frames = f"{document.span(ratios)} times the frame" if len(ratios) else "no frame in time"
-        refused = f", or it is rejected (from {style.radii(lost.min())} radii on)" if len(lost) else ""
-        text.append(f"the number format {precision} costs {frames}{refused}")
-    return f"{title}: {'; '.join(text) or 'too little was measured to tell work from number format'}."
+    other = table[table["precision"] != PRECISE]
+    cost = other["over_exact"].map("{:.2f}".format).where(other["status"] == "ok", other["status"])
+    cells = pd.concat(
+        [work, other.assign(quantity=f"frame, over {PRECISE}: " + other["precision"], value=cost)]
+    )
+    cells = document.arranged(cells.dropna(subset="value"), "distance", table["distance"].unique())
+    return document.cross_table(cells, rows, "distance", "value").sort_values(rows[:3], kind="stable")
 
 
 def looks(rows: pd.DataFrame) -> dict[Any, dict[str, Any]]:
@@ -177,45 +156,38 @@ def looks(rows: pd.DataFrame) -> dict[Any, dict[str, Any]]:
     return drawn
 
 
-def distance_picture(own: pd.DataFrame, path: Path) -> Path:
-    """Panels: rectangles and axes; lines: r, and number formats. Both scales logarithmic and shared."""
-    exact, r = own["precision"] == PRECISE, "r = " + own["r"].astype(str)
-    balancing = r.where(own["r"] != int(UNBALANCED), r + " (no balancing)")
-    line = balancing.where(exact, own["precision"] + ", " + r)
-    rows = own.assign(line=line, panel=own["rectangle"] + ", " + own["axes"], coarse=~exact)
-    order = looks(rows.sort_values(["coarse", "r"]))
-    rows = rows.sort_values("coarse", kind="stable")  # formats lie on top
-    return panels.lines(
-        path, rows, "light_distance", "traversal_ms", hue="line", facet="panel", across=2, whisker="traversal_spread",
-        drawn=order, log_x=10, below=[DISTANCE, own["title"].iloc[0]], left="shadow traversal, ms", sharex=True, sharey=True,
-    )  # fmt: skip
-
-
-def tiles_picture(own: pd.DataFrame, path: Path) -> Path:
-    """A panel a rectangle: tiles of the light's grid that hold shadow rays against distance, the same for every r."""
-    rows = own.drop_duplicates([*PANEL, "precision", "light_distance"])
-    rows = rows.assign(line=rows["axes"] + ", " + rows["precision"])
-    return panels.lines(
-        path, rows, "light_distance", "tiles_with_rays", hue="line", facet="rectangle", across=2, drawn=looks(rows),
-        log_x=10, below=[DISTANCE, own["title"].iloc[0]], left="tiles that hold rays", sharex=True, sharey=True,
-    )  # fmt: skip
-
-
-def threshold_picture(exact: pd.DataFrame, path: Path) -> Path:
-    """Time, C_total and lane fill against r, lines: distances; columns: the two extremes of the panels above."""
+def drawings(table: pd.DataFrame, exact: pd.DataFrame, folder: Path) -> list[Path]:
+    """Time against distance, a line an r or a number format; time, C_total and lane fill against r, a line a distance,
+    of the two extremes of the panels; and the tiles that hold rays, the same for every r.
+    """
+    titles = table["title"].unique()
+    scene = (table["title"] + ", ") * int(len(titles) > 1)
+    table = table.assign(
+        where=scene + table["rectangle"], panel=scene + table["rectangle"] + ", " + table["axes"]
+    )
+    formats, r = table["precision"] != PRECISE, "r = " + table["r"].astype(str)
+    balancing = r.where(table["r"] != int(UNBALANCED), r + " (no balancing)")
+    times = table.assign(line=balancing.mask(formats, table["precision"] + ", " + r), formats=formats)
+    tiles = table.drop_duplicates(["where", "axes", "precision", "light_distance"])
+    tiles = tiles.assign(line=tiles["axes"] + ", " + tiles["precision"])
     several = exact.groupby("light_distance")["r"].transform("nunique") > 1
-    exact = exact[several] if several.any() else exact
-    measures = {"traversal_ms": "shadow traversal, ms", "chunks": "blocks, C_total", "lane_fill": "lane fill"}
-    extremes = [(CLAMP_TITLES[CLAMPS[0]], AXES[False]), (CLAMP_TITLES[CLAMPS[-1]], AXES[True])]
-    own = exact[exact[PANEL].apply(tuple, axis=1).isin(extremes)].sort_values(["light_distance", "r"])
-    own = own.assign(line=own["distance"] + " radii")
-    rows = own.melt([*PANEL, "line", "r", "status"], list(measures), "measure").dropna(subset="value")
-    rows["panel"] = rows["measure"].map(measures) + "\n" + rows["rectangle"] + ", " + rows["axes"]
-    return panels.lines(
-        path, rows, "r", "value", hue="line", facet="panel", across=max(1, own[PANEL].drop_duplicates().shape[0]), log_x=2,
-        ticks=str, high=1.4, legend=3, below=["r, rays a block at most", exact["title"].iloc[0]], left="", sharex=True,
-        sharey="row",
-    )  # fmt: skip
+    by_r = table.loc[several[several | ~several.any()].index].sort_values(["light_distance", "r"])
+    extremes = [(RECTANGLES[CLAMPS[0]], AXES[False]), (RECTANGLES[CLAMPS[-1]], AXES[True])]
+    by_r = by_r[by_r.set_index(PANEL).index.isin(extremes)].assign(line=by_r["distance"] + " radii")
+    across = max(1, by_r["panel"].nunique())
+    by_r = by_r.melt(["panel", "line", "r", "status"], list(MEASURES), "measure").dropna(subset="value")
+    by_r["panel"] = by_r["measure"].map(MEASURES) + "\n" + by_r["panel"]
+    lines = partial(panels.lines, hue="line", sharex=True)
+    against: dict[str, Any] = {"across": 2, "log_x": 10, "sharey": True, "below": [DISTANCE, *titles]}
+    return [
+        lines(folder / "figure11.svg", times.sort_values("formats", kind="stable"), "light_distance", "traversal_ms",
+              facet="panel", whisker="traversal_spread", drawn=looks(times.sort_values(["formats", "r"])),
+              left="shadow traversal, ms", **against),
+        lines(folder / "figure11-r.svg", by_r, "r", "value", facet="panel", across=across, log_x=2, ticks=str, high=1.4,
+              legend=3, below=["r, rays a block at most", *titles], left="", sharey="row"),
+        lines(folder / "figure11-tiles.svg", tiles, "light_distance", "tiles_with_rays", facet="where", drawn=looks(tiles),
+              left="tiles that hold rays", **against),
+    ]  # fmt: skip
 
 
 # Between 1e3 and 1e7 radii only number formats differ: at 1e5 each is measured at one r. One round of few samples: an

@@ -13,7 +13,7 @@ import numpy as np
 from ..harness.report import compare, document, gallery, panels
 from ..harness.report.picture import opened
 from ..harness.results.folder import image_name
-from ..harness.results.table import samples
+from ..harness.results.table import stage_ms
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
 from ._paper import METHOD
@@ -42,40 +42,39 @@ COLUMNS = [
 HEADINGS: document.Columns = {
     "scene": ("title", "{}"), "light": ("light", "{}"), "hit points": ("hit_pixels", "{:,.0f}"),
     "with a shadow ray": ("shadow_rays", "{:,.0f}"), "share": ("shadow_ray_share", "{:.0%}"),
-    "light grid, ms": ("light_build_text", "{}"), "shadow rays, ms": ("shadow_text", "{}"),
+    "light grid, ms": ("grids_text", "{}"), "shadow rays, ms": ("rays_text", "{}"),
 }  # fmt: skip
-PARTS = {"light_build": "light build", "shadow": "shadow"}
+PARTS = {"grids": ("light build", ""), "rays": ("shadow", "")}
 
 
 def read(folder: Path) -> pd.DataFrame:
     """The points, the light everywhere first, then cones and rectangles, and what falls off last."""
     frames = document.frames(folder)
-    table = document.named(frames)
-    spot = table.reindex(columns=[f"light.{name}" for name in ("target", "angle", "rise", "falloff")])
+    table = document.with_passes(document.named(frames), folder, PARTS)
+    names = ["angle", "rise", "falloff"]
+    spot = table.reindex(columns=[f"light.{name}" for name in ("target", *names)])
     is_spot = spot["light.target"].notna()
     table["spot"] = spot["light.rise"].isna().map({True: "cone", False: "rectangle"}).where(is_spot)
-    for name in ("angle", "rise", "falloff"):
+    for name in names:
         table[f"spot_{name}"] = spot[f"light.{name}"].astype(float).where(is_spot)
     table["light"] = [spot_text(r) for r in table.itertuples()]
     table = table.sort_values(["file", "spot_falloff", "spot"], na_position="first")
     own, plain = compare.pairs(frames, frames["light_label"] == "", (*compare.SCENE, *compare.SIZE, "label"))
-    table["shadow_rays"] = counted_rays(table)
-    table["hit_pixels"] = table["key"].map(counted_rays(plain))
+    rays = r"^counter\.light .* rays$"  # of all lights, as the method counted them
+    table["shadow_rays"] = table.filter(regex=rays).sum(axis=1, min_count=1)
+    table["hit_pixels"] = plain.filter(regex=rays).sum(axis=1, min_count=1)
     table["shadow_ray_share"] = table["shadow_rays"] / table["hit_pixels"]
-    repeats = samples(folder)
-    for name, part in PARTS.items():
-        table[f"{name}_over_plain"] = table["key"].map(own[f"{name}_ms"] / plain[f"{name}_ms"])
-        table[f"{name}_text"] = document.pass_texts(table, repeats, part)
+    for name, passes in PARTS.items():
+        table[f"{name}_over_plain"] = stage_ms(own, *passes) / stage_ms(plain, *passes)
     return table
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """The scene without and with each spot, and what the spot saves."""
     table = read(folder)
-    pictures = [
-        path
+    drawn = [
+        picture(own, folder, folder / f"figure6-{name}.png")
         for name, own in table.groupby("file", sort=False)
-        for path in picture(own, folder, folder / f"figure6-{name}.png")
     ]
     done = document.measured(table)
     spots = done[done["spot"].notna() & done["shadow_ray_share"].notna()]
@@ -87,13 +86,8 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
             f"Spots leave {share} of the hit points a shadow ray; light grids take {grids} times and shadow rays {rays} "
             "times as long as with the light everywhere (the paper has no times)."
         )
-    tables = {"Lights": document.texts(done, HEADINGS)}
+    tables, pictures = {"Lights": document.texts(done, HEADINGS)}, [path for path in drawn if path]
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet)
-
-
-def counted_rays(table: pd.DataFrame) -> pd.Series:
-    """Shadow rays of a frame, of all lights, as the method counted them."""
-    return table.filter(regex=r"^counter\.light .* rays$").sum(axis=1, min_count=1)
 
 
 def spot_text(r: Any) -> str:
@@ -106,7 +100,7 @@ def spot_text(r: Any) -> str:
     return f"{r.spot} of {2 * r.spot_angle:g}{rise} degrees{falls}"
 
 
-def picture(own: pd.DataFrame, folder: Path, path: Path) -> list[Path]:
+def picture(own: pd.DataFrame, folder: Path, path: Path) -> Path | None:
     """The pictures of a scene under each light, two a row; above each which light, below all which scene."""
     shown = []
     for r in own.drop_duplicates("light_label").itertuples():
@@ -115,11 +109,9 @@ def picture(own: pd.DataFrame, folder: Path, path: Path) -> list[Path]:
             rays = f"\nshadow rays: {r.shadow_ray_share:.0%}" if r.shadow_ray_share < 1 else ""
             whole = np.asarray(image.convert("RGB"))  # below the picture itself stands its own caption
             shown.append((r.light.capitalize() + rays, whole[: round(image.width * r.height / r.width)]))
-    if not shown:
-        return []
     about = [f"{own['title'].iloc[0]}, {document.where(own)}"]
     about += [gallery.stand_in_text(text) for text in own["stand_in"].unique() if text]
-    return [panels.images(path, shown, across=2, below=about, dpi=220, colours=40)]
+    return panels.images(path, shown, across=2, below=about, dpi=220, colours=40) if shown else None
 
 
 EXPERIMENT = Experiment(

@@ -47,31 +47,42 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Ratios to the fastest peer of each kind, with the rounds' range; bars by part of the frame; the floor; CSV."""
     frames = document.frames(folder)
     ours = frames["label"] == OURS
-    found = compare.ratios(frames, ours).rename(columns={"ratio": "times_slower"})[
-        ["times_slower", "low", "high"]
-    ]
+    found = compare.ratios(frames, ours).rename(columns={"ratio": "times_slower"})
     stages = roofline.stages(frames[ours], ray_grids)
     floors = roofline.of_frames(stages)
-    table = document.named(frames).join(found, on="key").join(floors, on=roofline.SCENE)
-    table["kind"] = table["label"].map(KINDS)
+    table = (
+        document.named(frames).join(found[["times_slower", "low", "high"]]).join(floors, on=roofline.SCENE)
+    )
+    table["kind"], table["other"] = table["label"].map(KINDS), table["label"] != OURS
     done = document.measured(table)
-    own, peers = done[done["label"] == OURS], fastest(done)
-    files, notes = [], []
-    if len(stages):
-        files += [document.write_csv(stages, folder / "frame_time-stages.csv", roofline.COLUMNS)]
-    if len(own):
-        files += [picture(done, folder / "frame_time.svg")]
+    own, peers = done[~done["other"]], fastest(done)
+    files = [document.write_csv(stages, folder / "frame_time-stages.csv", roofline.COLUMNS)] * bool(
+        len(stages)
+    )
+    files += [picture(done, folder / "frame_time.svg")] * bool(len(own))
+    told, notes, heading = (
+        [],
+        [],
+        f"Frame time of the fastest peer over that of {OURS}, and its range over the rounds",
+    )
+    for _, rows in own.groupby("pixels"):
+        size = document.where(rows).split(" on ")[0]
+        told += [
+            f"A frame of {OURS} at {size}, everything rebuilt, takes {document.span(rows['total_ms'])} ms"
+        ]
+        for kind, ratio in peers.loc[peers["pixels"] == rows["pixels"].iloc[0]].groupby("kind", sort=False)[
+            "times_slower"
+        ]:
+            told[-1] += f"; the fastest peer {kind} {document.span(ratio, '{:.2f}'.format)} times that"
+            told[-1] += f" (geometric mean {compare.geometric(ratio):.2f})"
     if len(floors):
+        known = stages.join(floors, on=roofline.SCENE, how="inner")
+        lost = (known["ms"] - known["floor_ms"]).groupby(known["stage"]).sum() / len(floors)
+        most = ", ".join(f"{stage} by {ms:.3f} ms" for stage, ms in lost.nlargest(3).items())
         notes = ["Floor: bytes over bandwidth or ray-triangle tests over rate, and launches. Farthest from theirs, mean of "
-                 f"the scenes: {farthest(stages, floors)}."]  # fmt: skip
-    several = own["pixels"].nunique() > 1
-    told = [finding(rows, peers[peers["pixels"] == size], several) for size, rows in own.groupby("pixels")]
-    tables = {
-        f"Frame time of the fastest peer over that of {OURS}, and its range over the rounds": against(
-            own, peers
-        )
-    }
-    text = " ".join(told) or f"{OURS} was not measured."
+                 f"the scenes: {most}."]  # fmt: skip
+    text = ". ".join(told or [f"{OURS} was not measured"]) + "."
+    tables = {heading: against(own, peers)}
     return document.write(folder, EXPERIMENT, table, COLUMNS, text, tables, files, quiet, notes)
 
 
@@ -88,48 +99,30 @@ def fastest(done: pd.DataFrame) -> pd.DataFrame:
     return peers.loc[peers.groupby(["kind", "title"], sort=False)["times_slower"].idxmin()]
 
 
-def finding(own: pd.DataFrame, peers: pd.DataFrame, several: bool) -> str:
-    """At one image size, named where there are ``several``: our times, and how much slower the fastest peers are."""
-    size = f"At {own['width'].iloc[0]}x{own['height'].iloc[0]}, a" if several else "A"
-    text = f"{size} frame of {OURS}, everything rebuilt, takes {document.span(own['total_ms'])} ms"
-    for kind, ratio in peers.groupby("kind", sort=False)["times_slower"]:
-        text += f"; the fastest peer {kind} {document.span(ratio, '{:.2f}'.format)} times that"
-        text += f" (geometric mean {compare.geometric(ratio):.2f})"
-    return text + "."
-
-
 def against(own: pd.DataFrame, peers: pd.DataFrame) -> pd.DataFrame:
     """A row a scene: our time, the fastest peer of each kind and its ratio with the range, and our time over the floor."""
+    own = own.set_index("title", drop=False)
+    made = document.texts(own, {"scene": ("title", str), f"{OURS}, ms": ("ms", str)})
     texts = [f"{r.times_slower:.2f} ({r.low:.2f} to {r.high:.2f}; {r.label})" for r in peers.itertuples()]
-    best = peers.assign(text=texts, heading="fastest " + peers["kind"])
-    cells = document.cross_table(best, ["title"], "heading", "text").set_index("title")
-    own = own.set_index("title", drop=False).assign(over=own["total_ms"].array / own["frame_floor_ms"].array)
-    floor: document.Columns = {
-        "floor, ms": ("frame_floor_ms", "{:.3f}"),
-        "times the floor": ("over", "{:.1f}"),
-    }
-    floors = document.texts(own, floor).dropna(axis=1, how="all")
-    return document.texts(own, {"scene": ("title", str), f"{OURS}, ms": ("ms", str)}).join([cells, floors])
-
-
-def farthest(stages: pd.DataFrame, floors: pd.Series) -> str:
-    """The three stages that lose most milliseconds to their floors, mean of the scenes with a floor."""
-    known = stages.join(floors, on=roofline.SCENE, how="inner")
-    lost = (known["ms"] - known["floor_ms"]).groupby(known["stage"]).sum() / max(1, len(floors))
-    return ", ".join(f"{stage} by {ms:.3f} ms" for stage, ms in lost.nlargest(3).items())
+    for kind, cells in peers.assign(text=texts).groupby("kind", sort=False):
+        made[f"fastest {kind}"] = cells.set_index("title")["text"]
+    floor = own["frame_floor_ms"].astype("float64").dropna()
+    if len(floor):
+        made["floor, ms"], made["times the floor"] = (
+            floor.map("{:.3f}".format),
+            (own["total_ms"] / floor).map("{:.1f}".format),
+        )
+    return made
 
 
 def picture(done: pd.DataFrame, path: Path) -> Path:
     """A panel a scene and size, stacked bars by part of the frame: beside each its time, its time over ours, and wrong
     answers.
     """
-    rows = done.assign(text=[beside(row) for row in done.to_dict("records")], other=done["label"] != OURS)
-    orders = {"title": list(done["title"].unique()), "label": list(done["label"].unique())}
-    rows = rows.sort_values(
-        ["title", "other", "label"], key=lambda c: c.map(orders[c.name].index) if c.name in orders else c
-    )
+    rows = done.assign(text=[beside(row) for row in done.to_dict("records")])
+    rows = document.arranged(rows.sort_values("other", kind="stable"), "title", done["title"].unique())
     wrong = f"{style.WRONG} n: n wrong pixels and visibility bits" * bool((done["true_errors"] > 0).any())
-    across = 1 if len(orders["title"]) <= 3 else 2
+    across = 1 if done["title"].nunique() <= 3 else 2
     return panels.bars(
         path, rows, facet="title", across=across, cut=CUT, mark=("frame_floor_ms", f"floor of {OURS}"),
         below=[panels.WHOLE, f"2.0x: twice the time of {OURS}", wrong], wide=0.35 + 0.65 * across, legend=3 * across,

@@ -9,19 +9,16 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ..harness.report import compare, document, panels
-from ..harness.results.table import samples, stage_ms
+from ..harness.results.table import stage_ms
 from ..harness.runner.experiment import Experiment, Preset
 from ._sorting import SORT, measure
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 BITS = (8, 12, 16, 18, 20, 24, 32)
 HERE = 18
 """The paper's."""
+PASS = ("build", SORT)
 
 PAPER = Preset(
     1024, 1024, (), (), frames=1, samples=20, most=60, deviation=0.005, stage_samples=20, rounds=3, budget_s=3.0,
@@ -33,34 +30,30 @@ COLUMNS = [*document.COMMON, "pairs", "bits", "sort_ms", "copy_ms", "ns_a_pair"]
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Time against bits, CSV, and what 18 bits save against 32."""
-    frames, repeats = document.frames(folder), samples(folder)
-    table = document.named(frames)
+    frames = document.frames(folder)
+    table = document.with_passes(document.named(frames), folder, {"sort": PASS, "copy": ("build", "copy")})
     table["bits"], table["pairs"] = table["point.bits"].astype(int), table["point.pairs"].astype(int)
     table = table.sort_values(["pairs", "bits"])
-    table["sort_ms"], table["copy_ms"] = stage_ms(table, "build", SORT), stage_ms(table, "build", "copy")
-    table["ns_a_pair"] = 1e6 * table["sort_ms"] / table["pairs"]
-    table["spread"] = 1e6 * table["key"].map(compare.pass_spread(repeats, "build", SORT)) / table["pairs"]
-    table["text"] = document.pass_texts(table, repeats, "build", SORT)
+    table["ns_a_pair"], table["around"] = (
+        1e6 * table[f"sort_{x}"] / table["pairs"] for x in ("ms", "spread")
+    )
     table["heading"] = table["bits"].map("{} bits".format)
     table["count"] = table["pairs"].map("{:,} pairs".format)
     picture = panels.lines(
-        folder / "key_bits.svg", table, "bits", "ns_a_pair", hue="count", whisker="spread", ticks=str, log_y=False,
+        folder / "key_bits.svg", table, "bits", "ns_a_pair", hue="count", whisker="around", ticks=str, log_y=False,
         upright=(HERE, f"the paper's {HERE} bits"), below="bits of the key", left="sort, ns per pair",
     )  # fmt: skip
-    tables = {"Milliseconds of a sort": document.cross_table(table, {"count": "sorted"}, "heading", "text")}
-    return document.write(folder, EXPERIMENT, table, COLUMNS, finding(frames), tables, [picture], quiet)
-
-
-def finding(frames: pd.DataFrame) -> str:
-    """What the paper's bits save against the most, at each number of pairs."""
-    bits, most = frames["point.bits"].astype(int), max(BITS)
-    own, base = compare.pairs(frames, bits == most)
-    share = stage_ms(own, "build", SORT) / stage_ms(base, "build", SORT)
-    share = share.set_axis(own["point.pairs"])[(own["point.bits"] == HERE).to_numpy()].dropna().sort_index()
-    if share.empty:
-        return f"No sort with keys of {HERE} and of {most} bits was measured."
-    told = " and ".join(f"{x:.2f} of the time of {most} at {n:,.0f} pairs" for n, x in share.items())
-    return f"Keys of {HERE} bits, the paper's, are sorted in {told}; the paper sorts fast because its keys are short."
+    own, base = compare.pairs(frames, frames["point.bits"].astype(int) == max(BITS))
+    share = stage_ms(own, *PASS) / stage_ms(base, *PASS)
+    here = table[table["bits"] == HERE].assign(share=share).dropna(subset="share")
+    pairs = zip(here["share"], here["pairs"], strict=True)
+    told = [f"{x:.2f} of the time of {max(BITS)} at {n:,} pairs" for x, n in pairs]
+    finding = f"No sort with keys of {HERE} and of {max(BITS)} bits was measured."
+    if told:
+        finding = f"Keys of {HERE} bits, the paper's, are sorted in {' and '.join(told)}."
+    cells = document.cross_table(table, {"count": "sorted"}, "heading", "sort_text")
+    tables = {"Milliseconds of a sort": cells}
+    return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, [picture], quiet)
 
 
 EXPERIMENT = Experiment(

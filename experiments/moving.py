@@ -27,22 +27,18 @@ def turn(places: int) -> tuple[Lighting, ...]:
     return (Lighting("one turn", turns=1.0, frames=places),)
 
 
-SPIKE = 1.5
-"""A place is slow where its frame takes so many times the median of the path: a table says what was done there."""
-
 WORK = {
-    "tests a shadow ray": "shadow tests a hundred rays",
-    "tiles with rays": "light 0 tiles with rays",
-    "most rays in a tile": "light 0 most rays in a tile",
-    "longest list": "light 0 list, longest",
-    "pairs of the light": "light 0 pairs",
+    "tests_a_shadow_ray": "shadow tests a hundred rays",
+    "tiles_with_rays": "light 0 tiles with rays",
+    "most_rays_in_a_tile": "light 0 most rays in a tile",
+    "longest_list": "light 0 list, longest",
+    "pairs_of_the_light": "light 0 pairs",
 }
-"""What explains a slow place: what it is called, and the work counter."""
+"""What explains a slow place: its column in the CSV, and the work counter."""
 
 PART_MS = {f"frame_{part.replace(' ', '_')}_ms": part for part in PARTS}
 COLUMNS = [
-    *document.COMMON, "frame", "turn", "frame_ms", "frame_iqr_ms", "frame_true_errors", *PART_MS,
-    *(name.replace(" ", "_") for name in WORK),
+    *document.COMMON, "frame", "turn", "frame_ms", "frame_iqr_ms", "frame_true_errors", *PART_MS, *WORK,
 ]  # fmt: skip
 LINE = ["title", "label"]
 
@@ -54,10 +50,10 @@ def read(folder: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
     """
     frames = document.frames(folder)
     table = document.arranged(document.complete(document.named(frames)), "scene", (*ANIMATED, *STATIC))
-    own = {"total_ms": "frame_ms", "iqr_ms": "frame_iqr_ms", "true_errors": "frame_true_errors"}
-    own |= {name.removeprefix("frame_"): name for name in PART_MS}
-    own |= {f"counter.{counter}": name.replace(" ", "_") for name, counter in WORK.items()}
-    timed = frames.reindex(columns=["key", "frame", *own]).rename(columns=own)
+    own = {"frame_ms": "total_ms", "frame_iqr_ms": "iqr_ms", "frame_true_errors": "true_errors"}
+    own |= {name: name.removeprefix("frame_") for name in PART_MS}
+    own |= {name: f"counter.{counter}" for name, counter in WORK.items()}
+    timed = frames.reindex(columns=["key", "frame", *own.values()]).set_axis(["key", "frame", *own], axis=1)
     path = table.merge(timed, on="key", how="left")
     path["tests_a_shadow_ray"] /= 100
     last = (path["frame_count"].fillna(1) - 1).clip(lower=1)
@@ -68,16 +64,12 @@ def read(folder: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
-    """Time of each frame along the path, CSV, and what the slowest frames did more of than others."""
+    """Time of each frame along the path, and CSV with the work of each."""
     table, path = read(folder)
     known = path[path["frame_ms"].notna()]
     pictures, tables, finding = [], {}, "Nothing was measured."
     if len(known):
-        tables = {
-            "Milliseconds along the path": ranges(path, known),
-            f"Places that take over {SPIKE:g} times the median of their path (which is in brackets), ms and work":
-                slow_places(known),
-        }  # fmt: skip
+        tables = {"Milliseconds along the path": ranges(path, known)}
         times = known.groupby(LINE, sort=False)["frame_ms"]
         most = (times.max() / times.min() - 1).groupby("label", sort=False).max().sort_values()
         told = ", ".join(f"{share:+.0%} ({label})" for label, share in most.items())
@@ -113,23 +105,6 @@ def ranges(path: pd.DataFrame, known: pd.DataFrame) -> pd.DataFrame:
         "frames with wrong answers": paths["wrong"].sum(),
     }).reindex(every.index)  # fmt: skip
     made["places"] = made["places"].fillna(every["status"])
-    return made.rename_axis(["scene", "method"]).reset_index()
-
-
-def slow_places(known: pd.DataFrame) -> pd.DataFrame:
-    """What was done at the slowest place of a path, beside the median over its places, where it is slow."""
-    paths = known.groupby(LINE, sort=False)
-    slow, usual = known.loc[paths["frame_ms"].idxmax()].set_index(LINE), paths.median(numeric_only=True)
-    slow = slow[slow["frame_ms"] >= SPIKE * usual["frame_ms"]]
-    if slow.empty:
-        return slow
-    made = slow[["turn"]].map("{:.2f}".format).set_axis(["at turn"], axis=1)
-    for name, column in {
-        **{p: c for c, p in PART_MS.items()},
-        **{w: w.replace(" ", "_") for w in WORK},
-    }.items():
-        there, median = (side.loc[slow.index, column].map(style.number) for side in (slow, usual))
-        made[name] = (there + " (" + median + ")").where(slow[column].notna(), "not counted")
     return made.rename_axis(["scene", "method"]).reset_index()
 
 

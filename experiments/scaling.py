@@ -7,9 +7,9 @@ things. One sweep follows the other, each from one common point: 300,000 triangl
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -47,12 +47,8 @@ SWEEPS = ("triangles", "pixels", "lights")
 PROPORTION = "dotted line: time in proportion, exponent 1"
 
 
-@dataclass(frozen=True)
-class Growth:
-    """time ~ x^exponent over the upper half of a line, least squares of logarithms.
-
-    half   half the 95 % interval of the exponent; None where two points leave nothing to judge by
-    """
+class Growth(NamedTuple):
+    """time ~ x^exponent from ``first`` to ``last``; half the 95 % interval of the exponent, None for two points."""
 
     exponent: float
     half: float | None
@@ -64,16 +60,18 @@ class Growth:
 
 
 def growth(x: Sequence[float], ms: Sequence[float]) -> Growth | None:
-    """The exponent over the upper half of the points, where fixed costs count least; four points at least."""
+    """The exponent over the upper half of the points, where fixed costs count least; four points at least.
+
+    Least squares of logarithms. None for a single point.
+    """
     from scipy import stats
 
-    count = max(4, (len(x) + 2) // 2)
     if len(x) < 2:
         return None
-    u, v = np.log(np.asarray(x[-count:], float)), np.log(np.asarray(ms[-count:], float))
-    found = stats.linregress(u, v)
-    half = float(stats.t.ppf(0.975, len(u) - 2) * found.stderr) if len(u) > 2 else None
-    return Growth(float(found.slope), half, float(x[-len(u)]), float(x[-1]))
+    x, ms = (values[-max(4, (len(x) + 2) // 2) :] for values in (x, ms))
+    found = stats.linregress(np.log(x), np.log(ms))
+    half = float(stats.t.ppf(0.975, len(x) - 2) * found.stderr) if len(x) > 2 else None
+    return Growth(float(found.slope), half, float(x[0]), float(x[-1]))
 
 
 def along(table: pd.DataFrame, sweep: str) -> pd.DataFrame:
@@ -94,12 +92,14 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     table = document.arranged(document.read(folder), "label", [OURS])
     lines = {sweep: along(table, sweep) for sweep in SWEEPS}
     table["sweep"] = [
-        " ".join(sweep for sweep in SWEEPS if key in set(lines[sweep]["key"])) for key in table["key"]
+        " ".join(name for name, line in lines.items() if key in line.index) for key in table.index
     ]
     titles = document.measured(table).sort_values("triangles")["scene_title"].unique()
     scenes = ", ".join(titles) if len(titles) <= 3 else f"{titles[0]} to {titles[-1]}"
-    missing = [f"Not measured: time against {sweep}." for sweep in SWEEPS if lines[sweep].empty]
-    pictures, notes = [], [f"Scenes: {scenes}.", *missing] if len(titles) else []
+    pictures, notes = [], [f"Scenes: {scenes}."] * bool(len(titles))
+    notes += [
+        f"Not measured: time against {sweep}." for sweep in SWEEPS if len(titles) and lines[sweep].empty
+    ]
     every = pd.concat([line.assign(sweep=sweep, x=line[sweep]) for sweep, line in lines.items()])
     if len(every):
         pictures = [panels.lines(
@@ -109,10 +109,19 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         )]  # fmt: skip
     lines = {sweep: document.measured(line) for sweep, line in lines.items()}
     tables = {f"Against {sweep}": exponents(line, sweep) for sweep, line in lines.items()}
-    csv = table.sort_index()
-    return document.write(
-        folder, EXPERIMENT, table, COLUMNS, finding(lines), tables, pictures, quiet, notes, rows=csv
+    ours = [growth(own[sweep].tolist(), own["total_ms"].tolist()) for sweep, line in lines.items()
+            for own in [line[line["label"] == OURS]]]  # fmt: skip
+    told = [
+        f"{name} to the power of {g} (from {short(g.first)})"
+        for name, g in zip(SWEEPS[:2], ours, strict=False)
+        if g
+    ]
+    finding = (
+        f"The frame time of {OURS} grows with {' and with '.join(told)}."
+        if told
+        else "No growth was measured."
     )
+    return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet, notes)
 
 
 def exponents(line: pd.DataFrame, sweep: str) -> pd.DataFrame:
@@ -122,29 +131,17 @@ def exponents(line: pd.DataFrame, sweep: str) -> pd.DataFrame:
     rows = []
     for label, own in line.groupby("label", sort=False):
         x, ms = own[sweep].tolist(), own["total_ms"].tolist()
-        row = {
-            "method": label,
-            f"{short(x[0])} {sweep}, ms": own["ms"].iloc[0],
-            f"{short(x[-1])}, ms": own["ms"].iloc[-1],
-        }
+        ends = {f"{short(x[0])} {sweep}, ms": own["ms"].iloc[0], f"{short(x[-1])}, ms": own["ms"].iloc[-1]}
+        rows.append({"method": label, **ends})
         if sweep == "lights":
             slope = float(np.polyfit(x, ms, 1)[0])
-            row |= {"a further light, ms": style.number(slope), "of the first frame": f"{slope / ms[0]:.0%}"}
+            rows[-1] |= {
+                "a further light, ms": style.number(slope),
+                "of the first frame": f"{slope / ms[0]:.0%}",
+            }
         elif found := growth(x, ms):
-            row |= {"exponent": str(found), "from": short(found.first)}
-        rows.append(row)
+            rows[-1] |= {"exponent": str(found), "from": short(found.first)}
     return pd.DataFrame(rows)
-
-
-def finding(lines: dict[str, pd.DataFrame]) -> str:
-    """How our time grows with triangles and with pixels."""
-    told = []
-    for sweep in SWEEPS[:2]:
-        own = lines[sweep][lines[sweep]["label"] == OURS]
-        if found := growth(own[sweep].tolist(), own["total_ms"].tolist()):
-            told.append(f"{sweep} to the power of {found} (from {short(found.first)})")
-    known = f"The frame time of {OURS} grows with {' and with '.join(told)}."
-    return known if told else "No growth was measured."
 
 
 def short(value: float) -> str:

@@ -172,9 +172,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     table = tables.read(folder)
     cost = tables.costs(folder, [*MEASURES, *OTHER_MEASURES])
     hard = hard_cases.read_hard(folder)
-    equal = tables.equal_error(table)
     files = [
-        document.write_csv(equal, folder / "accuracy_equal_error.csv", tables.EQUAL_COLUMNS),
         document.write_csv(cost, folder / "accuracy_costs.csv", tables.COST_COLUMNS),
         *pictures.draw_frontier(table, folder / "accuracy_pareto.svg"),
         *pictures.draw_costs(cost, EXACT, folder / "accuracy_costs.svg"),

@@ -1,4 +1,4 @@
-"""Points with their errors, the frontier, the time to equal error, and what each safety measure costs."""
+"""Points with their errors, the frontier, and what each safety measure costs."""
 
 from __future__ import annotations
 
@@ -23,13 +23,14 @@ CLASSES = {
 COLUMNS = [
     *document.COMMON, "family", "level", "known_inexact", "wrong_per_frame", *CLASSES, "flip", "flip_missing", "on_frontier",
 ]  # fmt: skip
-EQUAL_COLUMNS = "scene scene_title device family label total_ms wrong_per_frame points best_wrong".split()
 COST_COLUMNS = (
     "scene scene_title device measure with without with_ms without_ms cost_ms noise_ms share within_noise "
     "wrong_with wrong_without"
 ).split()
-FEW = 10
-"""Fewer wrong answers a frame than this count as equal error in the equal-error table."""
+FRONTIER: document.Columns = {
+    "scene": ("title", str), "point": ("name", str), "ms": ("ms", str), "wrong answers": ("wrong_per_frame", "{:,.0f}"),
+    "acne": ("acne", "{:,.0f}"), "leaks": ("leak", "{:,.0f}"), "excused": ("excused", "{:,.0f}"), "FLIP": ("flip", "{:.4f}"),
+}  # fmt: skip
 ENOUGH = 4
 """Repeats below which nothing is known of the noise, and no difference of times is taken for a cost."""
 
@@ -43,9 +44,8 @@ def read(folder: Path) -> pd.DataFrame:
     table = document.read(folder)
     table[["family", "level"]] = table["label"].str.extract(r"^([^:]*)(?:: (.*))?$").to_numpy()
     table["level"] = table["level"].fillna(table["family"])
-    judged = table["wrong_per_frame"].notna()
     for name, columns in CLASSES.items():
-        table[name] = table.reindex(columns=columns).sum(axis=1).where(judged)
+        table[name] = table.reindex(columns=columns).sum(axis=1).where(table["wrong_per_frame"].notna())
     table["on_frontier"] = frontier(table)
     elsewhere = table["device"] != table.groupby("title")["device"].transform(lambda own: own.mode()[0])
     names = table["label"].str.replace("as used: ", "").str.replace("in the grids: ", "grids with ")
@@ -64,29 +64,14 @@ def frontier(table: pd.DataFrame) -> pd.Series:
 
     Only points on the device that most of a scene's points ran on: a CPU's times beside a GPU's are no frontier.
     """
-    import pandas as pd
-
-    found = pd.Series(pd.NA, table.index, dtype="boolean")
+    found = (table["wrong_per_frame"] < 0).astype("boolean").where(table.index.isin(usable(table).index))
     for _, own in usable(table).groupby("title", sort=False):
-        here = own["device"] == own["device"].mode()[0]
-        time, wrong = (own.loc[here, name].to_numpy(float) for name in ("total_ms", "wrong_per_frame"))
-        no_worse = (time[:, None] <= time) & (wrong[:, None] <= wrong)
-        beaten = (no_worse & ((time[:, None] < time) | (wrong[:, None] < wrong))).any(axis=0)
-        found[own.index] = False
-        found[own.index[here]] = ~beaten
+        here = own[own["device"] == own["device"].mode()[0]].sort_values(["total_ms", "wrong_per_frame"])
+        wrong = here["wrong_per_frame"]
+        found[here.index] = (wrong == wrong.cummin()) & (
+            here["total_ms"] == here.groupby(wrong)["total_ms"].transform("min")
+        )
     return found
-
-
-def equal_error(table: pd.DataFrame) -> pd.DataFrame:
-    """For each scene and family the fastest point with fewer than :data:`FEW` wrong answers a frame, if any."""
-    known = usable(table)
-    same = ["title", "family"]
-    good = known[known["wrong_per_frame"] < FEW].sort_values("total_ms").drop_duplicates(same).set_index(same)
-    groups = known.groupby(same, sort=False).agg(
-        scene=("scene", "first"), device=("device", "first"), points=("key", "size"), best_wrong=("wrong_per_frame", "min")
-    )  # fmt: skip
-    made = groups.join(good[["label", "total_ms", "wrong_per_frame"]]).reset_index()
-    return made.assign(scene_title=made["title"]).fillna({"label": ""})
 
 
 def costs(folder: Path, measures: Sequence[Measure]) -> pd.DataFrame:
@@ -97,16 +82,15 @@ def costs(folder: Path, measures: Sequence[Measure]) -> pd.DataFrame:
     import pandas as pd
 
     frames = document.frames(folder)
-    titles = document.named(frames).set_index("key")["title"]
-    frames = frames[frames["true_errors"].notna()]
-    found = []
+    titles = document.named(frames)["title"]
+    frames, found = frames[frames["true_errors"].notna()], []
     for name, with_, without in measures:
-        both = frames[frames["label"].isin([with_, without])]
-        own, other = compare.pairs(both, both["label"] == without)
+        own, other = compare.pairs(frames[frames["label"].isin([with_, without])], frames["label"] == without)
         own = own[own["label"] == with_]
         other = other.loc[own.index]
-        spreads = [2 * compare.spread(side).where(side["samples"] >= ENOUGH) for side in (own, other)]
-        noise = np.maximum(*spreads)
+        noise = np.maximum(
+            *(2 * compare.spread(side).where(side["samples"] >= ENOUGH) for side in (own, other))
+        )
         cost = own["total_ms"] - other["total_ms"]
         found.append(own[["scene", "device"]].assign(
             scene_title=titles.loc[own.index], measure=name, **{"with": with_, "without": without},
@@ -119,14 +103,9 @@ def costs(folder: Path, measures: Sequence[Measure]) -> pd.DataFrame:
 
 def frontier_table(table: pd.DataFrame) -> pd.DataFrame:
     """The points of each scene that no other one beats, fastest first; beside them the fastest that is never wrong."""
-    own = usable(table)
-    titles = list(own["title"].unique())
-    own = own[own["on_frontier"].astype(bool)]
-    columns: document.Columns = {"scene": ("title", str), "point": ("name", str), "ms": ("ms", str)}
-    counts = {"wrong answers": "wrong_per_frame", "acne": "acne", "leaks": "leak", "excused": "excused"}
-    columns |= {heading: (column, "{:,.0f}") for heading, column in counts.items()}
-    columns["FLIP"] = ("flip", "{:.4f}")
-    return document.texts(document.arranged(own.sort_values("total_ms"), "title", titles), columns)
+    known = usable(table)
+    own = known[known["on_frontier"].astype(bool)].sort_values("total_ms")
+    return document.texts(document.arranged(own, "title", known["title"].unique()), FRONTIER)
 
 
 def cost_table(cost: pd.DataFrame, hard: pd.DataFrame) -> pd.DataFrame:
@@ -135,17 +114,16 @@ def cost_table(cost: pd.DataFrame, hard: pd.DataFrame) -> pd.DataFrame:
         return cost
     noise = cost["noise_ms"] / cost["without_ms"]
     text = document.carry(cost["share"], noise, "+%").mask(cost["within_noise"], noise.map("±{:.1%}".format))
-    text = text.mask(noise.isna(), "?")
-    wide = document.cross_table(cost.assign(text=text), ["measure"], "scene_title", "text").set_index(
-        "measure"
+    cost = cost.assign(text=text.mask(noise.isna(), "?"))
+    wide, groups = (
+        document.cross_table(cost, ["measure"], "scene_title", "text"),
+        cost.groupby("measure", sort=False),
     )
-    groups = cost.groupby("measure", sort=False)
     wrong = groups[["wrong_without", "wrong_with"]].sum().map("{:,.0f}".format)
-    wide["wrong without (with)"] = wrong["wrong_without"] + " (" + wrong["wrong_with"] + ")"
     errors = hard.set_index("label")["true_errors"].map("{:,}".format)
     pairs = groups[["without", "with"]].first().apply(lambda labels: labels.map(errors).fillna("-"))
-    wide["hard cases"] = pairs["without"] + " (" + pairs["with"] + ")"
-    return wide.reset_index()
+    wide["wrong without (with)"] = (wrong["wrong_without"] + " (" + wrong["wrong_with"] + ")").array
+    return wide.assign(**{"hard cases": (pairs["without"] + " (" + pairs["with"] + ")").array})
 
 
 def finding(table: pd.DataFrame, cost: pd.DataFrame) -> str:
@@ -155,24 +133,22 @@ def finding(table: pd.DataFrame, cost: pd.DataFrame) -> str:
         return "No point has both a time and a score."
     never = known.groupby("label")["wrong_per_frame"].max() == 0
     right = known[known["label"].isin(never.index[never])].sort_values("total_ms").drop_duplicates("title")
-    scenes = known["title"].nunique()
-    counts = [f"{name} ({n} of {scenes} scenes)" for name, n in right["name"].value_counts().items()]
+    counts = [
+        f"{name} ({n} of {known['title'].nunique()} scenes)"
+        for name, n in right["name"].value_counts().items()
+    ]
     text = f"{never.sum()} of {len(never)} points are never wrong on these scenes"
     text += f", the fastest of them {' and '.join(counts)}" if counts else ""
-    clear = cost[~cost["within_noise"].astype(bool)]
+    clear = cost[~cost["within_noise"].astype(bool)].sort_values("share")
     text += f"; of {len(cost)} differences with and without a safety measure {len(clear)} exceed the noise"
-    if len(clear):
-        most = clear.loc[clear["share"].idxmax()]
-        text += f", the dearest {most['measure']} on {most['scene_title']} ({most['share']:+.0%})"
+    for most in clear.tail(1).itertuples():
+        text += f", the dearest {most.measure} on {most.scene_title} ({most.share:+.0%})"
     return text + "."
 
 
 def notes(table: pd.DataFrame) -> list[str]:
     """What else must be known to read the tables."""
-    known = usable(table)
-    told = [
-        f"The fastest point of each family with fewer than {FEW} wrong answers: accuracy_equal_error.csv."
-    ]
+    known, told = usable(table), []
     if known["device_name"].nunique() > 1:
         told.append("Points on another device than most of their scene's are on no frontier.")
     sampled = known.reindex(columns=["primary.unjudged"])["primary.unjudged"] > 0

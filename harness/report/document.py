@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..results.means import points
-from ..results.table import TEXTS, stage_ms, tidy
+from ..results.table import TEXTS, samples, stage_ms, tidy
 from ..scene.facts import never_hit
 from . import paper_table1 as paper
 from . import style
@@ -65,9 +65,18 @@ def carry(values: Series, spreads: Series, form: str = "") -> Series:
     return values.astype(object).where(values.isna(), texts)
 
 
-def pass_texts(table: DataFrame, repeats: DataFrame, part: str, pattern: str = "") -> Series:
-    """The time of passes as text: see :func:`.report.compare.pass_spread`, ``repeats`` are its samples."""
-    return carry(stage_ms(table, part, pattern), table["key"].map(pass_spread(repeats, part, pattern)))
+def with_passes(table: DataFrame, folder: Path, passes: Mapping[str, tuple[str, str]]) -> DataFrame:
+    """The points with the times of passes, {name: (part of the frame, regular expression of their names)}.
+
+    Columns: NAME_ms (:func:`.results.table.stage_ms`), NAME_spread (:func:`.compare.pass_spread`), and NAME_text of both.
+    """
+    repeats = samples(folder)
+    for name, which in passes.items():
+        ms, around = stage_ms(table, *which), pass_spread(repeats, *which).reindex(table["key"])
+        table = table.assign(
+            **{f"{name}_ms": ms, f"{name}_spread": around, f"{name}_text": carry(ms, around)}
+        )
+    return table
 
 
 def texts(table: DataFrame, columns: Columns) -> DataFrame:

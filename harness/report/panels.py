@@ -78,6 +78,13 @@ def places(table: DataFrame, facet: str, across: int) -> tuple[list[tuple[str, D
     return found, -(-len(found) // across)
 
 
+def filled(grid: NDArray[Any], shown: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
+    """The panels with what each shows; what is left over is not seen."""
+    for axes in grid.flat[len(shown) :]:
+        axes.set_visible(False)
+    yield from zip(grid.flat, shown, strict=False)
+
+
 def looks(table: DataFrame, hue: str = "label") -> dict[Any, dict[str, Any]]:
     """How each value of ``hue`` is drawn, by value.
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from helpers.experiment_records import record_of, write_records
 from PIL import Image
-from shadowbench.experiments import figure2, figure6, figure10, figure11, two_lights
+from shadowbench.experiments import figure2, figure6, figure10, figure11
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.report import document
@@ -27,13 +27,9 @@ def test_figure2_says_how_much_the_most_drops(tmp_path):
         write_map(map_path(tmp_path, r["key"], 0), np.array([[0, 0, 0], [0, 0, most], [0, most // 2, 1]]))
     files = show("figure2", tmp_path, quiet=True)
     text = (tmp_path / "figure2.md").read_text()
-    assert (
-        "against direct, 16x16 tiles 40% of the most triangles for a pixel and primary rays 40% faster"
-        in text
-    )
-    assert (
-        "against direct, 8x8 tiles 80% of the most triangles for a pixel and primary rays 20% slower" in text
-    )
+    told = "against direct, {0}x{0} tiles {1} of the most triangles for a pixel, primary rays {2} in speed"
+    assert told.format(16, "40%", "+40%") in text
+    assert told.format(8, "80%", "-20%") in text
     assert "| indirect, 2x2 of 8x8 | 400 |" in text
     table = list(csv.DictReader((tmp_path / "figure2.csv").open()))
     (ours,) = (r for r in table if r["label"] == figure2.INDIRECT)
@@ -48,10 +44,6 @@ def test_figure2_says_how_much_the_most_drops(tmp_path):
     maps = yellow[: int(pixels.shape[0] * 0.7)]
     assert maps[:, :third].sum() > 100
     assert maps[:, third:].sum() == 0
-    # Nothing is checked in the first row and column of any map: they are cut off.
-    part = figure2.occupied([np.array([[0, 0, 0], [0, 0, 7]]), np.array([[0, 0, 0], [0, 5, 0]])])
-    assert part == (slice(1, 2), slice(1, 3))
-    assert figure2.occupied([np.zeros((2, 3))]) == (slice(0, 2), slice(0, 3))
 
 
 def test_figure2_without_its_maps_says_so(tmp_path):
@@ -125,15 +117,15 @@ def test_figure11_tells_work_from_number_format(tmp_path):
     write_records(tmp_path, records)
     files = show("figure11", tmp_path, quiet=True)
     text = (tmp_path / "figure11.md").read_text()
-    table = [line for line in text.splitlines() if line.startswith("| unclamped | aimed | ")]
-    assert "| unclamped | aimed | tiles that hold rays | 900 | 900 | 4 | 4 | 4 |" in table
-    without = "without load balancing (r = 65536), over the fastest r | 1.00 | 1.00 | 10.50 | 10.50 | 10.50 |"
-    assert f"| unclamped | aimed | {without}" in table
-    finding = text.split("\n\n")[1]
-    assert finding == (
-        "Cloth (stand-in): with the farthest light the traversal takes 2.00 unclamped and 1.00 clamped to the hits times as "
-        "long as at one radius (float64: work); the number format float32 costs 1.00 times the frame, or it is rejected "
-        "(from 1e7 radii on); the number format float32-centred costs 1.10 times the frame."
+    for row in (
+        "tiles that hold rays | 900 | 900 | 4 | 4 | 4",
+        "without load balancing (r = 65536), over the fastest r | 1.00 | 1.00 | 10.50 | 10.50 | 10.50",
+        "frame, over float64: float32 | 1.00 | 1.00 | 1.00 | 1.00 | rejected",
+        "frame, over float64: float32-centred | 1.10 | 1.10 | 1.10 | 1.10 | 1.10",
+    ):
+        assert f"| Cloth (stand-in) | unclamped | aimed | {row} |" in text
+    assert (
+        "(float64: work): Cloth (stand-in) 2.00 unclamped, Cloth (stand-in) 1.00 clamped to the hits." in text
     )
     assert "needs 9 pairs" in text
     drawn = (tmp_path / "figure11.svg").read_text()
@@ -171,27 +163,15 @@ def test_figure11_tells_work_from_number_format(tmp_path):
     } <= set(lines[0].split(","))
 
 
-def test_figure11_draws_each_scene_apart(tmp_path):
-    slow = distance_records("fairy", 7.0)
-    write_records(tmp_path, [*distance_records(), *slow])
-    files = {file.name for file in show("figure11", tmp_path, quiet=True)}
-    for scene in ("cloth", "fairy"):
-        assert {f"figure11-{scene}.svg", f"figure11-{scene}-r.svg", f"figure11-{scene}-tiles.svg"} <= files
-    text = (tmp_path / "figure11.md").read_text()
-    finding = text.split("\n\n")[1]
+def test_figure11_keeps_scenes_apart(tmp_path):
+    write_records(tmp_path, [*distance_records(), *distance_records("fairy", 7.0)])
+    show("figure11", tmp_path, quiet=True)
+    finding = (tmp_path / "figure11.md").read_text().split("\n\n")[1]
     # The second scene grows faster: neither its own numbers nor those of the first are mixed with the other's.
-    assert (
-        "Cloth (stand-in): with the farthest light the traversal takes 2.00 unclamped and 1.00 clamped"
-        in finding
-    )
-    assert (
-        "Fairy (stand-in): with the farthest light the traversal takes 8.00 unclamped and 1.00 clamped"
-        in finding
-    )
-    for scene, other in (("Cloth", "Fairy"), ("Fairy", "Cloth")):
-        drawn = (tmp_path / f"figure11-{scene.lower()}.svg").read_text()
-        assert f"{scene} (stand-in)" in drawn
-        assert f"{other} (stand-in)" not in drawn
+    for told in ("Cloth (stand-in) 2.00 unclamped", "Fairy (stand-in) 8.00 unclamped"):
+        assert told in finding
+    drawn = (tmp_path / "figure11.svg").read_text()
+    assert all(f"{scene} (stand-in), unclamped, aimed" in drawn for scene in ("Cloth", "Fairy"))
 
 
 def test_lane_fill_is_rays_over_lanes(tmp_path):
@@ -213,10 +193,8 @@ def test_two_lights_states_frames_a_second_and_what_each_further_light_costs(tmp
     write_records(tmp_path, [lit(e, x) for e in preset.methods for x in preset.lightings])
     show("two_lights", tmp_path, quiet=True)
     text = (tmp_path / "two_lights.md").read_text()
-    line = next(x for x in text.splitlines() if x.startswith("| Fairy (stand-in) | warp_bvh |"))
-    assert (
-        line == "| Fairy (stand-in) | warp_bvh | 12.0 | 18.0 | 55.6 | +50% | 0.750 | 0.750 | 0.750 | 0.750 |"
-    )
+    assert "| Fairy (stand-in) | warp_bvh | 18.0 | 55.6 | +50% |" in text
+    assert "| Fairy (stand-in) | warp_bvh | 0.750 | 0.750 | 0.750 | 0.750 |" in text
     assert "7.6 frames a second" in text
     assert "5.26" in text
     assert "number of lights" in (tmp_path / "two_lights.svg").read_text()
@@ -231,8 +209,10 @@ def test_what_a_further_light_costs_is_not_the_noise_of_the_frames(tmp_path):
              passes=[("count", "light build", 1.0 * n), ("rays", "shadow", 2.0 + n)])
         for n in (1, 2, 8)
     ]  # fmt: skip
-    table = two_lights.read(write_records(tmp_path, records)).set_index("lights")
-    assert table["further_over_first"].dropna().to_dict() == {2: pytest.approx(0.5), 8: pytest.approx(0.5)}
+    show("two_lights", write_records(tmp_path, records), quiet=True)
+    with open(tmp_path / "two_lights.csv", newline="") as file:
+        found = {row["light_count"]: row["further_over_first"] for row in csv.DictReader(file)}
+    assert found == {"1": "", "2": "0.5", "8": "0.5"}
 
 
 def test_a_share_that_its_spread_does_not_carry_has_fewer_digits_and_a_mark(tmp_path):
@@ -245,8 +225,7 @@ def test_a_share_that_its_spread_does_not_carry_has_fewer_digits_and_a_mark(tmp_
                               wall_ms=[1.0] * 4, round=[0, 0, 1, 1])  # fmt: skip
     show("two_lights", write_records(tmp_path, records), quiet=True)
     text = (tmp_path / "two_lights.md").read_text()
-    assert "| ~12 | ~24 | ~40 | ~+100% |" in text
-    assert "~+100%" in text
+    assert "| ~24 | ~40 | ~+100% |" in text
     assert "carries no more" in text
 
 
@@ -275,9 +254,8 @@ def test_two_lights_without_one_light_has_nothing_to_compare(tmp_path):
     write_records(tmp_path, [record_of("two_lights", preset.methods[0], "fairy", preset.lightings[1])])
     show("two_lights", tmp_path, quiet=True)
     text = (tmp_path / "two_lights.md").read_text()
-    assert "2 lights, ms" in text
-    assert "1 light, ms" not in text
-    assert "| - | - |" in text
+    assert "| - |" in text[text.index("Frames with two lights") :]
+    assert "| 2 |" in text[text.index("Each light after the first") :]
 
 
 def test_what_a_stopped_run_did_not_come_to_is_told(tmp_path):

@@ -161,7 +161,7 @@ def test_two_sizes_in_one_folder_have_rows_panels_and_sentences_of_their_own(tmp
     for size, ours, ratio in (("64x64", "1.01", "3.00"), ("128x128", "2.02", "5.00")):
         assert f"| Cloth (stand-in), {size} | {ours} | {ratio} (" in text
         assert (
-            f"At {size}, a frame of ray grids, everything rebuilt, takes {ours} ms; the fastest peer that rebuilds"
+            f"A frame of ray grids at {size}, everything rebuilt, takes {ours} ms; the fastest peer that"
             in text
         )
     svg = (tmp_path / "frame_time.svg").read_text()
