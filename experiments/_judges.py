@@ -137,8 +137,8 @@ def rearrangement(evidence: Evidence) -> Finding:
     points = evidence.by_scene()
     if len(points) < 3:
         return lacking("a third scene")
-    times = figure10.with_stages(points)[figure10.REARRANGEMENT]
-    vary = figure10.variation(times)
+    times = stage_ms(points, *figure10.PASSES["rearrangement"])
+    vary = times.std(ddof=0) / times.mean()
     verdict = HOLDS if vary <= 0.15 else FAILS if vary > 0.35 else OPEN
     return Finding(verdict, f"coefficient of variation {vary:.0%}; ms: {each(dict(times), '{:.3f}')}")
 
@@ -148,7 +148,7 @@ def resolution(evidence: Evidence) -> Finding:
     sizes = evidence.widths
     if len(sizes) < 2:
         return lacking("a second size in the same run")
-    grown = dict(figure10.growth(evidence.frames)[figure10.REARRANGEMENT].dropna())
+    grown = dict(figure10.growth(evidence.frames)["rearrangement"].dropna())
     if not grown:
         return lacking("a scene at both sizes")
     mean, most = geometric(grown.values()), (sizes[-1] / sizes[0]) ** 2
@@ -157,8 +157,8 @@ def resolution(evidence: Evidence) -> Finding:
 
 
 def shadow_slower(evidence: Evidence) -> Finding:
-    points = figure10.with_stages(evidence.by_scene())
-    found = points["shadow_traversal_ms"] / points["trace_ms"]
+    points = evidence.by_scene()
+    found = stage_ms(points, *figure10.PASSES["shadow_traversal"]) / points["trace_ms"]
     slower, close = int((found > 1.03).sum()), int(found.between(0.97, 1.03).sum())
     most = 0.8 * len(found)
     verdict = HOLDS if slower >= most else FAILS if slower + close < most else OPEN
@@ -175,7 +175,7 @@ def balanced(evidence: Evidence) -> DataFrame:
         & frames["set.aimed"].astype(str).str.lower().isin(["true", "1"])
     ]
     one, plain = compare.pairs(own, own["set.r"].astype(int) == int(UNBALANCED), (*compare.SAME, "set.clamp"))
-    one = one.assign(best=stage_ms(one, "shadow", TRAVERSAL), without=stage_ms(plain, "shadow", TRAVERSAL))
+    one = one.assign(best=stage_ms(one, *TRAVERSAL), without=stage_ms(plain, *TRAVERSAL))
     one = one[one["set.r"].astype(int) < int(UNBALANCED)]
     return one.loc[one.groupby(["scene", "scene_title", "set.clamp", "light_distance"])["best"].idxmin()]
 

@@ -54,16 +54,16 @@ def read(frames: pd.DataFrame, folder: Path) -> pd.DataFrame:
     return table.assign(other_ms=other, shadow_rays=rays.where(rays > 0))
 
 
-def growth(frames: pd.DataFrame) -> dict[str, float]:
-    """Every stage's time at the largest size over that at the smallest, geometric mean of the scenes, over the frames
-    that both have; empty where there is one size.
-    """
+def growth(frames: pd.DataFrame) -> pd.DataFrame:
+    """Every stage's time at the largest size over that at the smallest, a row a scene, over the frames that both have."""
+    import pandas as pd
+
     smallest, largest = frames["pixels"].min(), frames["pixels"].max()
     high, low = compare.pairs(frames, frames["pixels"] == smallest, (*compare.SCENE, *compare.LIGHTS))
     high = high[(high["pixels"] == largest) & (smallest < largest)]
     low = low.loc[high.index]
     ratios = {name: stage_ms(high, *passes) / stage_ms(low, *passes) for name, passes in PASSES.items()}
-    return {name: compare.geometric(own[own < float("inf")]) for name, own in ratios.items() if len(high)}
+    return pd.DataFrame(ratios).set_axis(high["scene"]).replace(float("inf"), float("nan"))
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
@@ -83,8 +83,9 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         made = rows.set_index("name")[[f"{name}_text" for name in STAGES]].T
         made.insert(0, "stage", [title for title, _, _ in STAGES.values()])
         made["variation"] = variation.map("{:.0%}".format).array
-        if grown:
-            made["larger over smaller size"] = [f"{grown[name]:.1f}" for name in STAGES]
+        if len(grown):
+            means = grown.apply(compare.geometric)
+            made["larger over smaller size"] = means.map("{:.1f}".format).array
         tables = {
             "Stages at the largest size, ms": made,
             "Shadow rays at the largest size": document.texts(rows, RAYS),
@@ -94,8 +95,9 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
             f"Rearrangement takes {document.span(widest['rearrangement_ms'])} ms over {len(widest)} scenes, a coefficient "
             f"of variation of {variation['rearrangement_ms']:.0%} (the paper: more or less the same for all models)."
         )
-    if grown:
-        finding += f" It takes {grown['rearrangement']:.1f} times as long at the larger size, same frames."
+    if len(grown):
+        mean = compare.geometric(grown["rearrangement"])
+        finding += f" It takes {mean:.1f} times as long at the larger size, same frames."
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet)
 
 
