@@ -22,6 +22,9 @@ CALLED = {
 """What a person calls the types of JSON."""
 
 
+_SCALARS = (float, int, str, bool)
+
+
 class WrongFieldError(ValueError):
     """A value is not what a field holds: the text names both."""
 
@@ -33,13 +36,17 @@ def checked(kind: Any, value: Any, name: str = "") -> Any:
     ``tuple[X, ...]``, ``dict[str, X]``, a type of JSON, or ``Annotated[float, least]``.
     Numbers must be finite. Raises :class:`WrongFieldError`.
     """
-    origin, arguments = get_origin(kind), get_args(kind)
+    if type(value) is kind and kind in _SCALARS and (kind is not float or math.isfinite(value)):
+        return value  # most of what a record holds
     if kind is Any:
         return value
+    origin, arguments = _parts(kind)
     if origin in (Union, types.UnionType):
         return None if value is None else checked(arguments[0], value, name)
     if origin in (list, tuple):
         _require(list, value, name)
+        if _all_plain(arguments[0], value):
+            return origin(value)
         return origin(checked(arguments[0], one, f"{name}[{i}]") for i, one in enumerate(value))
     if origin is dict:
         _require(dict, value, name)
@@ -63,6 +70,17 @@ def _require(kind: type, value: Any, name: str) -> None:
         shown = repr(value)
         shown = shown if len(shown) <= 40 else shown[:37] + "..."
         raise WrongFieldError(f"{name or 'all of it'} is {shown}, not {CALLED[kind]}")
+
+
+def _all_plain(kind: Any, values: list[Any]) -> bool:
+    """Whether all are finite floats, or all whole numbers, as asked for: samples, the most of what a record holds."""
+    return kind in (float, int) and {*map(type, values)} <= {kind} and all(map(math.isfinite, values))
+
+
+@cache
+def _parts(kind: Any) -> tuple[Any, tuple[Any, ...]]:
+    """What a generic type is made from, and its arguments."""
+    return get_origin(kind), get_args(kind)
 
 
 @cache

@@ -1,4 +1,4 @@
-"""What the documents quote of the results is what the results say."""
+"""What the documents quote of the results is what the results say. test_committed_results judges the claims anew."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ from pathlib import Path
 
 import pytest
 from shadowbench.experiments.claims import CLAIMS
-from shadowbench.harness.report.claims import judge_all
-from shadowbench.harness.report.evidence import collect
 
 RESULTS = Path(__file__).resolve().parents[2] / "results"
 MACHINE = RESULTS / "nvidia-h200"
@@ -51,9 +49,3 @@ def test_the_table_says_what_the_claims_say(number):
 def test_every_claim_stands_in_the_table():
     assert set(table()) == set(kept())
     assert len(table()) == len(CLAIMS)
-
-
-def test_the_claims_kept_follow_from_the_records_kept():
-    """Records, or judges, that changed without a new ``show claims`` are found out."""
-    made = judge_all(CLAIMS, collect(MACHINE))
-    assert made.astype(str).to_dict("records") == list(kept().values())
