@@ -47,10 +47,10 @@ def check(
 
     settings = _settings(method, setting or [])
     place = device_for(method_class(method), find_device(device))
-    cases = [find_case(name) for name in case] if case else list(all_cases())
+    cases = [find_case(name) for name in case] if case else list(all_cases(large=True))
     made = make_method(method, settings)
     outside = dict(outside_of(made))
-    unknown = sorted(set(outside) - {one.name for one in all_cases()} - {SHADOWS})
+    unknown = sorted(set(outside) - {one.name for one in all_cases(large=True)} - {SHADOWS})
     if unknown:
         raise UserError(f"{method}: its attribute 'outside' names {unknown[0]!r}, which is not a hard case")
     MACHINE.share()

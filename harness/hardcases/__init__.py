@@ -19,6 +19,8 @@ from . import (
     light_places,
     meshes,
     mirrors,
+    reported,
+    structures,
     variants,
 )
 from .case import Counts, HardCase, Trial
@@ -26,8 +28,11 @@ from .case import Counts, HardCase, Trial
 __all__ = ["Counts", "HardCase", "Trial", "all_cases", "find_case"]
 
 
-def all_cases() -> tuple[HardCase, ...]:
-    """Holes (H), mirrors (M), shadows (S), eyes and meshes (P), then the variants of scale, offset and distance (V)."""
+def all_cases(large: bool = False) -> tuple[HardCase, ...]:
+    """Holes (H), mirrors (M), shadows (S), eyes and meshes (P), then the variants of scale, offset and distance (V).
+
+    Those that take long (:attr:`.case.HardCase.large`) only with ``large``.
+    """
     single = (
         *closed.CASES,
         *contact.CASES,
@@ -39,14 +44,16 @@ def all_cases() -> tuple[HardCase, ...]:
         *meshes.CASES,
         *holes.CASES,
         *mirrors.CASES,
+        *reported.CASES,
+        *structures.CASES,
     )
     ordered = sorted(single, key=lambda case: (case.name[0] == "P", case.name))
-    return (*ordered, *variants.CASES, *extremes.CASES)
+    return tuple(case for case in (*ordered, *variants.CASES, *extremes.CASES) if large or not case.large)
 
 
 def find_case(name: str) -> HardCase:
     """A case by its name. Raises :class:`UserError` for an unknown one."""
-    known = {case.name: case for case in all_cases()}
+    known = {case.name: case for case in all_cases(large=True)}
     if name not in known:
         raise UserError(f"no hard case {name!r}{did_you_mean(name, known)}")
     return known[name]

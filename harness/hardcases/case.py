@@ -53,6 +53,7 @@ class Trial:
     watertight  a miss is an error wherever the exact ray hits, and a lit pixel wherever the exact bit is shadowed, even
                 if an edge is near. Every edge that a ray meets is shared by triangles on both of its sides; or (P08) it
                 is the border of a flat sheet, and the decision is exact in float32
+    before      moments of the same scene that the method runs first; their answers are not judged
     """
 
     prepared: Prepared
@@ -60,6 +61,7 @@ class Trial:
     stated: Counts = field(default_factory=Counts)
     same_lights: tuple[tuple[int, int], ...] = ()
     watertight: bool = False
+    before: tuple[Moment, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +70,7 @@ class HardCase:
 
     ``refused``: the scene is invalid; making it must raise :class:`~..errors.UserError`.
     ``excusable``: largest share of its rays whose answers may be excused; with more, the case fails.
+    ``large``: it takes long; ``shadowbench check`` runs it, the tests and the accuracy experiment do not.
     """
 
     name: str
@@ -76,6 +79,7 @@ class HardCase:
     make: Callable[[], Trial]
     refused: bool = False
     excusable: float = EXCUSABLE
+    large: bool = False
 
 
 def view(
@@ -125,7 +129,11 @@ def view(
         spot = light.spot
         if spot is not None:
             spot = replace(spot, direction=turned(spot.direction), up=turned(spot.up))
-        return replace(light, position=vector(light.position), spot=spot)
+        position = vector(light.position)
+        if light.directional:  # a direction has no place
+            x, y, z = turned(light.position)
+            position = (x * scale, y * scale, z * scale)
+        return replace(light, position=position, spot=spot)
 
     points, faces = placed(mesh[0]), np.asarray(mesh[1], dtype=np.int64).reshape(-1, 3)
     aim = placed(np.asarray(eye, dtype=np.float64) + towards)[0]

@@ -175,6 +175,8 @@ def judge_case(judged: Judged, method: Method, device: str, every_bit: bool = Fa
     try:
         moment = trial.moment
         session = Session(method, trial.prepared, moment.width, moment.height, device)
+        for earlier in trial.before:
+            session.answers(earlier)
         answers = session.answers(moment)
         again = session.answers(moment)
     except CapacityRejected as error:

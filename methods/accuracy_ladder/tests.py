@@ -142,6 +142,7 @@ def float64(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.vec3d:
         to_float64(corners.c), weld,
     )  # fmt: skip
     sum = e[0] + e[1] + e[2]
+    sum = wp.where(sum == wp.float64(0.0), wp.float64(1.0), sum)  # then all three are 0
     return wp.vec3d(t, e[1] / sum, e[2] / sum)
 
 

@@ -184,7 +184,7 @@ def nearer(mesh: Mesh, t: wp.float64, i: wp.int32, best_t: wp.float64, best: wp.
 
 @wp.func
 def hit_weights(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.vec2f:
-    """(u, v): the weights of vertices 1 and 2 at the hit."""
+    """(u, v): the weights of vertices 1 and 2 at the hit; 0 where the triangle is a point as float64 sees it from the origin."""
     o = to_float64(ray.origin)
     d = to_float64(ray.direction)
     a = to_float64(corners.a)
@@ -192,6 +192,7 @@ def hit_weights(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.vec2f:
     c = to_float64(corners.c)
     e = edge_functions(o, d, a, b, c, weld)
     sum = e[0] + e[1] + e[2]
+    sum = wp.where(sum == wp.float64(0.0), wp.float64(1.0), sum)  # then all three are 0
     return wp.vec2f(wp.float32(e[1] / sum), wp.float32(e[2] / sum))
 
 

@@ -1,0 +1,335 @@
+"""P38-P47, S39: meshes that trees and grids find hard: one centroid, halving sizes, everything in one cell, odd counts.
+
+Structures sort triangles by centroids and boxes. Where these do not tell triangles apart, a tree grows deep or a cell long;
+where the number of triangles reaches the edge of a block or a warp, the last of them may be forgotten.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from ..scene.prepared import prepare
+from ..scene.scene import Geometry, Light
+from .case import (
+    F64,
+    Counts,
+    HardCase,
+    Mesh,
+    Trial,
+    ball,
+    box,
+    joined,
+    plane,
+    quad,
+    sheet,
+    soup,
+    triangles,
+    view,
+)
+
+ORIGIN = (0.0, 0.0, 0.0)
+FLOAT32_HALVINGS = 148
+"""How often 1 can be halved in float32, to 2^-148: twice its least positive number, which a corner still halves."""
+
+EDGES_OF_BLOCKS = (31, 32, 33, 127, 128, 129, 255, 256, 257, 1023, 1024, 1025)
+
+AT_INFINITY = 10 / 192
+"""Rays along the outer walls of boxes: a light at infinity stands 2^56 radii away, so that exactly they pass beside by 2^-56 of
+the scene. Float64 cannot tell, and every method answers for parallel rays, which meet the edge."""
+
+
+def one_centroid(count: int, turn: int = 0, scale: float = 1.0, offset: float = 0.0) -> Trial:
+    """Triangles of sizes from 1 to 2^-12 whose vertices and whose boxes all have their middle in the origin.
+
+    Along each axis the three coordinates are v, -v and 0 in some order, so both middles are exact in float32. With an
+    ``offset`` (in scene sizes) they are only nearly the same.
+    """
+    random = np.random.default_rng(count)
+    size = 2.0 ** random.uniform(-12, 0, (count, 1))
+    value = (random.uniform(0.25, 1, (count, 3)) * size).astype(np.float32).astype(np.float64)
+    corners = np.stack([value, -value, np.zeros_like(value)], axis=1)
+    order = random.permuted(np.broadcast_to(np.arange(3)[:, None], corners.shape), axis=1)
+    corners = np.take_along_axis(corners, order, axis=1)
+    return view(
+        joined(triangles(corners), plane(2, -2, 4)), [(2.5, 1.5, 3.0), (0.1, 0.2, -1.5)], (0.3, 0.2, 4), (0, 0, -1), 0.375,
+        turn=turn, scale=scale, offset=(offset * scale,) * 3,
+    )  # fmt: skip
+
+
+def chain(levels: F64) -> Mesh:
+    """A triangle for each level s, across the diagonal of the cell from (s, s, s) to (2s, 2s, 2s)."""
+    unit = np.array([(2, 1, 1), (1, 2, 1), (1, 1, 2)])
+    return triangles(levels[:, None, None] * unit)
+
+
+def halving(first: int, last: int, eye: float, turn: int = 0) -> Trial:
+    """Sizes 2^first to 2^last along a diagonal: the deepest tree. An eye on it at ``eye`` (negative: beyond the smallest).
+
+    The ray in the middle meets every triangle, the others meet those that are large as seen from the eye. A tree's nodes
+    lie one within the other, and a ray from the small end puts one on its stack at each level.
+    """
+    levels = 2.0 ** np.arange(first, last + 1)
+    towards = (-eye,) * 3
+    light = -2.0 * eye
+    return view(
+        chain(levels), [(light, 1.5 * light, light), (eye, 2 * eye, 1.5 * eye)], (eye,) * 3, towards, 0.25, (9, 9),
+        up=(0, 0, 1), turn=turn,
+    )  # fmt: skip
+
+
+def many_chains(turn: int, scale: float) -> Trial:
+    """Chains towards several points in all eight directions: deep trees of some thousand triangles."""
+    random = np.random.default_rng(17)
+    levels = 2.0 ** np.arange(-20.0, 1.0)
+    parts = []
+    for middle in random.integers(-64, 65, (12, 3)) / 16.0:
+        for signs in np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]):
+            points, faces = chain(levels)
+            parts.append((points * signs + middle, faces))
+    return view(
+        joined(*parts, plane(2, -8, 16)), [(1.0, 2.0, 12.0), (0.5, 0.25, 0.125)], (0.3, 0.4, 12), (0, 0, -1), 0.5,
+        turn=turn, scale=scale,
+    )  # fmt: skip
+
+
+def towers() -> Mesh:
+    """Boxes with integer corners side by side and on one another: walls, edges and corners on the grid of integers."""
+    heights = np.random.default_rng(3).integers(0, 5, (8, 8))
+    boxes = [
+        box((2 * i - 8, 2 * j - 8, 1), (2 * i - 6, 2 * j - 6, 1 + heights[i, j]))
+        for i in range(8)
+        for j in range(8)
+        if heights[i, j]
+    ]
+    return joined(*boxes)
+
+
+def along_an_axis(kind: str, turn: int = 0, scale: float = 1.0, offset: float = 0.0) -> Trial:
+    """Shadow rays along an axis among boxes with integer corners, through their edges, corners and in their walls.
+
+    The hit points are the odd integers (x, y) of the plane z = 0, seen from below, or with "edges" the even ones. The light
+    is directional, or far away on the axis above the middle for "point".
+    """
+    middle = (1.0, 1.0) if kind == "edges" else (0.0, 0.0)
+    light = Light((0.0, 0.0, 1.0), directional=True) if kind != "point" else Light((0.0, 0.0, 2.0**40))
+    back = Light((0.0, 0.0, -1.0), directional=True)
+    return view(
+        joined(towers(), plane(2, 0, 32)), [light, back], (*middle, -8.0), (0, 0, 1), 1.0, (8, 8),
+        up=(0, 1, 0), turn=turn, scale=scale, offset=(offset * scale,) * 3,
+        stated=Counts(64, (None, 0)),
+    )  # fmt: skip
+
+
+def on_one_line(kind: str, turn: int = 0) -> Trial:
+    """Triangles whose corners are all on one line: exactly ("only", or "wall" before a wall), or as float32 rounds them."""
+    random = np.random.default_rng(23)
+    if kind == "rounded":
+        along = np.array([0.36, 0.48, 0.8]) / 3
+        corners = random.uniform(-8, 8, (300, 3, 1)) * along
+    else:
+        corners = random.integers(-64, 65, (300, 3, 1)) / 32 * np.array([1.0, 2.0, 3.0])
+    mesh = triangles(corners)
+    if kind != "only":
+        mesh = joined(mesh, plane(2, -8, 32))
+    nothing = kind == "only"
+    return view(
+        mesh, [(3.0, -1.0, 9.0), (0.5, 1.0, 1.5)], (2.0, -1.0, 8.0), (0, 0, -1), 1.0, turn=turn,
+        stated=Counts(0, (0, 0)) if nothing else Counts(256, (0, 0)) if kind == "wall" else None,
+    )  # fmt: skip
+
+
+def after_nothing(order: str) -> Trial:
+    """A whole frame after one whose coordinates are all NaN: the first frame of a session, or between two whole ones."""
+    points, faces = joined(quad((-3, 0, -3), (3, 0, -3), (3, 0, 3), (-3, 0, 3)), ball(0.5, (0, 0.6, 0)))
+    whole = view((points, faces), [(1, 2.5, 0.5), (-0.4, 0.1, 0.7)], (0.3, 1.7, 3.1), (-0.1, -0.45, -1), 0.5)
+    frames = [
+        {"n": np.full_like(points, np.nan), "i": np.full_like(points, np.inf), "w": points}[c] for c in order
+    ]
+    scene = replace(
+        whole.prepared.scene,
+        geometry=lambda: Geometry(faces.astype(np.int32), lambda k: frames[k], len(frames)),
+    )
+    prepared = prepare(scene)
+    moments = [prepared.moment(k, 16, 16) for k in range(len(frames))]
+    return replace(whole, prepared=prepared, moment=moments[-1], before=tuple(moments[:-1]))
+
+
+def so_many(count: int, turn: int = 0) -> Trial:
+    """A number of triangles that meets the edge of a block or of a warp; the last ones are large and before the others."""
+    points, faces = soup(count, count - 2, 0.2)
+    front = triangles(
+        ((-0.5, -0.6, 1.5), (0.4, -0.3, 1.6), (0.1, 0.5, 1.7)),
+        ((0.5, 0.1, 1.4), (0.9, 0.2, 1.4), (0.6, 0.8, 1.5)),
+    )
+    return view(
+        joined((points, faces), front), [(0.3, 0.4, 5), (0.1, -0.2, 0.3)], (0.3, 0.2, 3), (0, 0, -1), 0.5, turn=turn
+    )  # fmt: skip
+
+
+def full_screen(count: int, same: bool, turn: int = 0, scale: float = 1.0) -> Trial:
+    """Triangles that each fill the whole picture, in random order of depth, or all in one plane (``same``)."""
+    random = np.random.default_rng(29)
+    depth = np.full(count, 2.0) if same else 2 + random.permutation(count) / 1024
+    angle = random.uniform(0, 2 * np.pi, (count, 1)) + 2 * np.pi / 3 * np.arange(3)
+    radius = 64 * random.uniform(1, 4, (count, 1))
+    corners = np.stack(
+        [radius * np.cos(angle), radius * np.sin(angle), np.broadcast_to(-depth[:, None], angle.shape)],
+        axis=2,
+    )
+    last = 0 if same else None
+    return view(
+        joined(triangles(corners), plane(2, -16, 4)), [ORIGIN, (0.5, 0.25, -12.0)], ORIGIN, (0, 0, -1), 1.0,
+        turn=turn, scale=scale, stated=Counts(256, (last if same else 0, 0 if same else None)),
+    )  # fmt: skip
+
+
+def one_light_cell(directional: bool, turn: int) -> Trial:
+    """All 66,049 hit points but a few lie in one cell of a grid around the light, and within 2^-10 of one point.
+
+    A second plane far outside, which one column of pixels sees, widens what a grid must span.
+    """
+    half = 2.0**-10
+    small = quad((-half, -half, 0), (half, -half, 0), (half, half, 0), (-half, half, 0))
+    across = triangles((-half, -half / 3, 0.25), (half, -half / 2, 0.25), (half / 3, half, 0.25))
+    outside = quad((1, -2048, 1024), (4096, -2048, 1024), (4096, 2048, 1024), (1, 2048, 1024))
+    light = Light((0.0, 0.0, 1.0), directional=True) if directional else Light((0.0, 0.0, 8.0))
+    return view(
+        joined(small, across, outside), [light], (0, 0, -0.5), (0, 0, 1), 2 * half * 257 / 255, (257, 257),
+        up=(0, 1, 0), turn=turn,
+    )  # fmt: skip
+
+
+def t_junctions(exact: bool, turn: int = 0, scale: float = 1.0) -> Trial:
+    """Coarse squares beside strips of fine ones, whose vertices stand on the edges of the coarse ones.
+
+    ``exact``: on dyadic coordinates, where no gap is left and rays pass exactly along these edges; otherwise the vertices
+    are rounded off the edges, and rays may pass between.
+    """
+    fine = np.arange(-8, 9) / 8
+    coarse = np.array([-1.0, 0.0, 1.0])
+    parts = []
+    for k in range(-4, 4):
+        x = np.array([k, k + 1]) / 4
+        parts.append(sheet(x, fine if k % 2 else coarse, 2.0))
+    mesh = joined(*parts)
+    if not exact:
+        c, s = np.cos(0.3), np.sin(0.3)
+        around = np.array([(c, -s, 0), (s, c, 0), (0, 0, 1)])
+        tilt = np.array([(1, 0, 0), (0, 0.8, -0.6), (0, 0.6, 0.8)])
+        middle = np.array([0, 0, -2.0])
+        mesh = (mesh[0] - middle) @ (tilt @ around).T + middle, mesh[1]
+    return view(
+        joined(mesh, plane(2, -6, 16)), [(0, 0, 2), (0.25, -0.125, -4)], ORIGIN, (0, 0, -1), 1.0,
+        (17, 17) if exact else (48, 48), turn=turn, scale=scale, stated=Counts(289, None) if exact else None,
+    )  # fmt: skip
+
+
+def _cases() -> Iterator[HardCase]:
+    depth = "a tree that cannot tell triangles apart: endless division, chains, long leaves"
+    one = [
+        ("", {}), (" y", {"turn": 1}), (" z", {"turn": 2}), (" small", {"scale": 1e-9}), (" large", {"scale": 1e9}),
+        (" off", {"offset": 3.7}), (" far off", {"offset": 1e4}),
+    ]  # fmt: skip
+    for suffix, given in one:
+        yield HardCase(
+            f"P38{suffix}", "500 triangles with one centroid", depth, partial(one_centroid, 500, **given)
+        )
+    for count in (10_000, 100_000):
+        yield HardCase(
+            f"P38 {count}",
+            f"{count:,} triangles with one centroid",
+            depth,
+            partial(one_centroid, count),
+            large=True,
+        )
+
+    stack = "the deepest tree: stacks that overflow"
+    for turn, axis in enumerate("xyz"):
+        yield HardCase(
+            f"P39 {axis}", "sizes halved 148 times", stack, partial(halving, -FLOAT32_HALVINGS, 0, -4.0, turn)
+        )
+    for name, given in (
+        ("near", (-FLOAT32_HALVINGS, 0, 4.0)), ("within", (-FLOAT32_HALVINGS, 0, -(2.0**-40))),
+        ("wide", (-120, 120, -(2.0**122))), ("wide within", (-120, 120, -1.0)),
+    ):  # fmt: skip
+        yield HardCase(
+            f"P39 {name}",
+            f"sizes 2^{given[0]} to 2^{given[1]}, eye at {given[2]:.0e}",
+            stack,
+            partial(halving, *given),
+        )
+    for name, turn, scale in (("chains", 0, 1.0), ("chains small", 1, 1e-6), ("chains large", 2, 1e6)):
+        yield HardCase(f"P39 {name}", "96 chains of halved sizes", stack, partial(many_chains, turn, scale))
+
+    for kind in ("faces", "edges", "point"):
+        for turn, axis in enumerate("xyz"):
+            yield HardCase(
+                f"S39 {kind} {axis}", f"shadow rays along an axis, {kind}", "division by 0; rays in walls and through corners",
+                partial(along_an_axis, kind, turn), excusable=AT_INFINITY,
+            )  # fmt: skip
+    for name, scale, offset in (("small", 2.0**-30, 0.0), ("large", 2.0**40, 0.0), ("off", 1.0, 1000.0)):
+        yield HardCase(
+            f"S39 edges {name}",
+            f"the same, {name}",
+            "the same",
+            partial(along_an_axis, "edges", 0, scale, offset),
+            excusable=AT_INFINITY,
+        )
+
+    for kind in ("only", "wall", "rounded"):
+        for turn, axis in enumerate("xyz"):
+            yield HardCase(
+                f"P40 {kind} {axis}",
+                f"all corners on one line, {kind}",
+                "boxes of a diagonal; no area",
+                partial(on_one_line, kind, turn),
+            )
+    for order in ("nw", "wnw", "iw", "wniw"):
+        yield HardCase(
+            f"P41 {order}",
+            "a whole frame after one of NaN or infinity",
+            "bounds that stay NaN",
+            partial(after_nothing, order),
+        )
+    for count in EDGES_OF_BLOCKS:
+        yield HardCase(
+            f"P42 {count}", f"{count} triangles", "the last triangle of a block or a warp", partial(so_many, count, count % 3),
+            large=count not in (33, 128, 257),
+        )  # fmt: skip
+    lists = "long lists; a ray that tests everything"
+    for same in (False, True):
+        name = f"P43{' plane' if same else ''}"
+        for suffix, turn, scale in (("", 0, 1.0), (" y small", 1, 1e-9), (" z large", 2, 1e9)):
+            yield HardCase(
+                f"{name}{suffix}",
+                "64 triangles that fill the picture",
+                lists,
+                partial(full_screen, 64, same, turn, scale),
+            )
+        count = 1000 if same else 4000  # ties are decided one by one
+        yield HardCase(
+            f"{name} {count}",
+            f"{count:,} triangles that fill the picture",
+            lists,
+            partial(full_screen, count, same),
+            large=True,
+        )
+    for turn, axis in enumerate("xyz"):
+        for directional in (False, True):
+            yield HardCase(
+                f"S40 {axis}{' sun' if directional else ''}", "66,049 rays, nearly all in one cell", "counters of 16 bits; one long list",
+                partial(one_light_cell, directional, turn), large=True,
+            )  # fmt: skip
+    for exact in (True, False):
+        for suffix, turn, scale in (("", 0, 1.0), (" y small", 1, 2.0**-30), (" z large", 2, 2.0**40)):
+            yield HardCase(
+                f"P44{'' if exact else ' rounded'}{suffix}", "T-junctions", "rays lost at a vertex on another's edge",
+                partial(t_junctions, exact, turn, scale), excusable=0.0 if exact else 0.02,
+            )  # fmt: skip
+
+
+CASES = tuple(_cases())
