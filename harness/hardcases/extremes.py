@@ -1,7 +1,7 @@
 """V scale, V far, V sun, V mixed and more: scenes, lights and directions near the ends of what float32 holds.
 
-Products of two lengths overflow from 2e19 on and underflow from 1e-19 down, those of three from 7e12 and 2e-13. Below 1.2e-38
-numbers are subnormal: they lose digits, and a processor that flushes them takes them for 0.
+Products of two lengths overflow from 2e19 on and underflow from 1e-19 down, those of three from 7e12 and 2e-13. Numbers
+below 1.2e-38 are subnormal: they lose digits, and a processor that flushes them takes them for 0.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from ..scene.prepared import prepare
-from ..scene.scene import Geometry, Light
+from ..scene.scene import Geometry, Light, Vector
 from .case import Counts, HardCase, Mesh, Trial, joined, plane, sheet, triangles, view
 from .variants import ball_on_floor, small_scene
 
@@ -71,13 +71,14 @@ def among_subnormals(turn: int) -> Trial:
 def one_step_from_zero(eye: float, turn: int) -> Trial:
     """A plane at z = 0 and before it, but later in the list, one at the least positive number of float32.
 
-    From an eye a step of float32 farther away than that, the two are at distances of 2 to 1; from 1, nothing tells them apart.
+    From an eye at twice that number they are at distances of 2 and 1 of it.
     """
     least = 2.0**-149
     half = eye * 8
+    lights = [(0.25 * eye, 0.5 * eye, side * eye) for side in (4, -4)]
     return view(
-        joined(plane(2, 0, half), plane(2, least, half)), [(0.25 * eye, 0.5 * eye, 4 * eye), (0.25 * eye, 0.5 * eye, -4 * eye)],
-        (0, 0, eye), (0, 0, -eye), 1.0, turn=turn, stated=Counts(256, (0, 256)),
+        joined(plane(2, 0, half), plane(2, least, half)), lights, (0, 0, eye), (0, 0, -eye), 1.0,
+        turn=turn, stated=Counts(256, (0, 256)),
     )  # fmt: skip
 
 
@@ -89,8 +90,8 @@ def two_zeros(turn: int) -> Trial:
     signs = np.where(np.random.default_rng(47).integers(0, 2, corners.shape), -0.0, 0.0)
     corners = np.where(corners == 0, signs, corners) * (1, 1, 2)
     trial = view(
-        joined(triangles(corners), plane(2, -4, 8)), [(-0.0, 0.0, 0.0), (0.0, -0.0, 2.0)], (0, 0, 0), (0, 0, -1), 1.0, (17, 17),
-        turn=turn, stated=Counts(289, (0, None)),
+        joined(triangles(corners), plane(2, -4, 8)), [(-0.0, 0.0, 0.0), (0.0, -0.0, 2.0)], (0, 0, 0), (0, 0, -1), 1.0,
+        (17, 17), turn=turn, stated=Counts(289, (0, None)),
     )  # fmt: skip
     scene = trial.prepared.scene
     zero: tuple[float, float, float] = (-0.0, -0.0, -0.0)
@@ -127,14 +128,16 @@ NEAR_PLANES = (0, 2, 3)
 
 
 def stretched(turn: int) -> Trial:
-    """A ball on a floor 1e8 long, 1 high and 1e-8 deep: each coordinate by a factor of its own."""
+    """A ball on a floor 6e5 long, 6 wide and as flat as 1e-5: each coordinate has a factor of its own."""
     points, faces = ball_on_floor()
-    factors = np.array([1e8, 1.0, 1e-8])
-    eye, light, other = (np.array(p) * factors for p in ((0.3, 1.7, 3.1), (1, 2.5, 0.5), (-0.4, 0.1, 0.7)))
-    towards = (-0.3, -0.1, -1e-16)  # along the floor, down
+    factors = np.array([1e5, 1e-5, 1.0])
+
+    def at(x: float, y: float, z: float) -> Vector:
+        return x * 1e5, y * 1e-5, z
+
     return view(
-        (points * factors, faces), [tuple(light.tolist()), tuple(other.tolist())], (3e8, 0.9, 0.1e-8), towards, 2e-9, (24, 24),
-        up=(0, 1, 0), turn=turn,
+        (points * factors, faces), [at(1, 2.5, 0.5), at(-0.4, 0.1, 0.7)], (0.3e5, 1.7e5, 3.1), (0, -1, 0), 1.2, (24, 24),
+        up=(1, 0, 0), turn=turn,
     )  # fmt: skip
 
 
@@ -190,7 +193,7 @@ def _cases() -> Iterator[HardCase]:
     for turn, axis in enumerate("xyz"):
         yield HardCase(
             f"V stretched {axis}",
-            "ball on a floor, 1e8 long and 1e-8 deep",
+            "ball on a floor, 1e5 times as long and flat",
             "bounds by the largest coordinate",
             partial(stretched, turn),
         )

@@ -108,10 +108,9 @@ def bvh_20(turn: int = 0) -> Trial:
     0 that find nothing, or visit nearly every leaf of such a mesh.
     """
     grid = np.arange(-16.0, 17.0)
-    x, y = np.meshgrid(grid, grid)
     points, faces = sheet(grid, grid, 1.0)
     points = points.copy()
-    points[:, 2] = (2 + np.random.default_rng(20).integers(0, 9, x.shape) / 2).ravel()
+    points[:, 2] = (2 + np.random.default_rng(20).integers(0, 9, (33, 33)) / 2).ravel()
     return view(
         joined((points, faces), plane(2, 0, 64)), [Light((0.0, 0.0, 1.0), directional=True)], (1.0, 1.0, -16.0), (0, 0, 1),
         1.0, up=(0, 1, 0), turn=turn, stated=Counts(256, None),
@@ -146,7 +145,8 @@ def _cases() -> Iterator[HardCase]:
     places = (("", 0, 1.0), (" y small", 1, 2.0**-30), (" z large", 2, 2.0**40))
     for suffix, turn, scale in places:
         yield HardCase(
-            f"P48 embree#423{suffix}", "triangles far beside rays in their planes", "edge functions of one sign by rounding: a false hit",
+            f"P48 embree#423{suffix}", "triangles far beside rays in their planes",
+            "edge functions of one sign by rounding: a false hit",
             partial(embree_423, turn, scale),
         )  # fmt: skip
         yield HardCase(

@@ -184,7 +184,7 @@ def nearer(mesh: Mesh, t: wp.float64, i: wp.int32, best_t: wp.float64, best: wp.
 
 @wp.func
 def hit_weights(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.vec2f:
-    """(u, v): the weights of vertices 1 and 2 at the hit; 0 where the triangle is a point as float64 sees it from the origin."""
+    """(u, v): the weights of vertices 1 and 2 at the hit; 0 where float64 cannot tell the triangle from a point."""
     o = to_float64(ray.origin)
     d = to_float64(ray.direction)
     a = to_float64(corners.a)

@@ -10,9 +10,9 @@ from helpers.judged_hard_cases import CASES, judged
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.hardcases import HardCase, all_cases
+from shadowbench.harness.hardcases import HardCase, all_cases, extremes, find_case, structures
 from shadowbench.harness.hardcases.case import Counts, Trial, pixel_centres, sheet, view
-from shadowbench.harness.hardcases.judge import counts_of, judge_refusal
+from shadowbench.harness.hardcases.judge import Judged, counts_of, judge_case, judge_refusal
 from shadowbench.harness.scene.moment import Moment
 
 
@@ -41,6 +41,47 @@ def test_catalogue() -> None:
     assert all(case.title and case.breaks for case in all_cases())
     stated = [case for case in CASES if judged(case.name).trial.stated != Counts()]
     assert len(stated) > 60
+
+
+def test_large_cases_are_named_but_not_among_those_of_every_run() -> None:
+    usual, every = all_cases(), all_cases(large=True)
+    assert {case.name for case in every} - {case.name for case in usual} >= {
+        "P38 100000",
+        "P43 4000",
+        "P42 1024",
+    }
+    assert find_case("P38 100000").large
+
+
+def test_triangles_of_one_centroid_have_it_to_the_last_bit() -> None:
+    trial = structures.one_centroid(500)
+    corners = trial.moment.points[trial.prepared.faces[:500]]
+    boxes = (corners.min(axis=1) + corners.max(axis=1)) / 2
+    np.testing.assert_array_equal(corners.astype(np.float64).sum(axis=1), 0)
+    np.testing.assert_array_equal(boxes, 0)
+    assert len(np.unique(corners.reshape(500, 9), axis=0)) == 500
+
+
+def test_sizes_are_halved_as_often_as_float32_allows() -> None:
+    points = judged("P39 x").trial.moment.points
+    assert (
+        points[points > 0].min()
+        == 2.0**-structures.FLOAT32_HALVINGS
+        > np.finfo(np.float32).smallest_subnormal
+    )
+    assert judged("P39 x").trial.moment.valid.all()
+
+
+@pytest.mark.parametrize(
+    ("seed", "classes"),
+    list(zip(extremes.NEAR_PLANES, ({"edge": 256}, {"near_tie": 198}, {"true": 2}), strict=True)),
+)
+def test_planes_that_hold_the_eye_as_float64_sees_it_are_not_seen(seed: int, classes: dict[str, int]) -> None:
+    """A limit that docs/accuracy.md states: triangles 1e7 across, an eye within 1e-2 of their plane. Held by the number."""
+    trial = extremes.mixed_scene(seed)
+    one = Judged(HardCase("near plane", "eye near a plane", "rounding of height", lambda: trial), trial)
+    for name in ("ray_grids", "bvh2"):
+        assert judge_case(one, make_method(name), "cpu").classes == classes
 
 
 def test_structured_rays_pass_exactly_through_vertices() -> None:
