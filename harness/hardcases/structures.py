@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -72,7 +73,7 @@ def halving(first: int, last: int, eye: float, turn: int = 0) -> Trial:
     The ray in the middle meets every triangle, the others meet those that are large as seen from the eye. A tree's nodes
     lie one within the other, and a ray from the small end puts one on its stack at each level.
     """
-    levels = 2.0 ** np.arange(first, last + 1)
+    levels = np.ldexp(1.0, np.arange(first, last + 1))
     towards = (-eye,) * 3
     light = -2.0 * eye
     return view(
@@ -231,7 +232,7 @@ def t_junctions(exact: bool, turn: int = 0, scale: float = 1.0) -> Trial:
 
 def _cases() -> Iterator[HardCase]:
     depth = "a tree that cannot tell triangles apart: endless division, chains, long leaves"
-    one = [
+    one: list[tuple[str, dict[str, Any]]] = [
         ("", {}), (" y", {"turn": 1}), (" z", {"turn": 2}), (" small", {"scale": 1e-9}), (" large", {"scale": 1e9}),
         (" off", {"offset": 3.7}), (" far off", {"offset": 1e4}),
     ]  # fmt: skip

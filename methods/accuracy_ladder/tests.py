@@ -9,7 +9,7 @@ from __future__ import annotations
 import warp as wp
 
 from ...harness.frame.geometry import Corners, Ray
-from ..common.triangle import NO_HIT, edge_functions, hit_distance, may_hit, to_float64
+from ..common.triangle import NO_HIT, NOT_ZERO, edge_functions, hit_distance, may_hit, to_float64
 
 MISS3 = wp.constant(wp.vec3d(-1.0, 0.0, 0.0))
 TEXTBOOK_EPSILON = wp.constant(1.0e-7)
@@ -141,8 +141,7 @@ def float64(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.vec3d:
         to_float64(ray.origin), to_float64(ray.direction), to_float64(corners.a), to_float64(corners.b),
         to_float64(corners.c), weld,
     )  # fmt: skip
-    sum = e[0] + e[1] + e[2]
-    sum = wp.where(sum == wp.float64(0.0), wp.float64(1.0), sum)  # then all three are 0
+    sum = e[0] + e[1] + e[2] + NOT_ZERO
     return wp.vec3d(t, e[1] / sum, e[2] / sum)
 
 

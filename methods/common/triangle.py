@@ -33,6 +33,10 @@ OVERFLOW = wp.constant(1.0e37)
 
 NO_HIT = wp.constant(wp.float64(-1.0))
 
+NOT_ZERO = wp.constant(wp.float64(1.0e-300))
+"""Added to the sum of the edge functions of a triangle that is hit. The sum is 0 only if each of them is. Otherwise it is at
+least 2^-447, of which every product of three float32 numbers is a multiple, and this does not change it."""
+
 CLOSED = wp.constant(wp.float64(2.0**-30))
 """Share of the sum of its edge functions that a ray or segment may pass outside a triangle and still meet it, at most.
 
@@ -191,8 +195,7 @@ def hit_weights(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.vec2f:
     b = to_float64(corners.b)
     c = to_float64(corners.c)
     e = edge_functions(o, d, a, b, c, weld)
-    sum = e[0] + e[1] + e[2]
-    sum = wp.where(sum == wp.float64(0.0), wp.float64(1.0), sum)  # then all three are 0
+    sum = e[0] + e[1] + e[2] + NOT_ZERO
     return wp.vec2f(wp.float32(e[1] / sum), wp.float32(e[2] / sum))
 
 
