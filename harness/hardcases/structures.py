@@ -254,15 +254,15 @@ def _cases() -> Iterator[HardCase]:
         yield HardCase(
             f"P39 {axis}", "sizes halved 148 times", stack, partial(halving, -FLOAT32_HALVINGS, 0, -4.0, turn)
         )
-    for name, given in (
-        ("near", (-FLOAT32_HALVINGS, 0, 4.0)), ("within", (-FLOAT32_HALVINGS, 0, -(2.0**-40))),
-        ("wide", (-120, 120, -(2.0**122))), ("wide within", (-120, 120, -1.0)),
+    for name, first, last, eye in (
+        ("near", -FLOAT32_HALVINGS, 0, 4.0), ("within", -FLOAT32_HALVINGS, 0, -(2.0**-40)),
+        ("wide", -120, 120, -(2.0**122)), ("wide within", -120, 120, -1.0),
     ):  # fmt: skip
         yield HardCase(
             f"P39 {name}",
-            f"sizes 2^{given[0]} to 2^{given[1]}, eye at {given[2]:.0e}",
+            f"sizes 2^{first} to 2^{last}, eye at {eye:.0e}",
             stack,
-            partial(halving, *given),
+            partial(halving, first, last, eye),
         )
     for name, turn, scale in (("chains", 0, 1.0), ("chains small", 1, 1e-6), ("chains large", 2, 1e6)):
         yield HardCase(f"P39 {name}", "96 chains of halved sizes", stack, partial(many_chains, turn, scale))
