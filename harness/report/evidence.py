@@ -31,7 +31,8 @@ def matching(table: DataFrame, **wanted: Any) -> Series:
 
 def by_scene(points: DataFrame) -> DataFrame:
     """Of each scene the point measured last, by the scene's name; by its title beside a stand-in of the same name."""
-    last = points.sort_values("started").drop_duplicates(SCENE[:2], keep="last").sort_index()
+    last = points.sort_values("started").drop_duplicates(SCENE[:2], keep="last")
+    last = points[points.index.isin(last.index)]
     alone = last.groupby("scene")["scene_title"].transform("nunique") == 1
     return last.set_index(last["scene"].where(alone | (last["stand_in"] != ""), last["scene_title"]))
 
