@@ -51,7 +51,7 @@ def sheet(
     import matplotlib
     from matplotlib.figure import Figure
 
-    looks = {**style.sheet_style(), "axes.grid": bool(grid), "axes.grid.axis": grid or "both"}
+    looks = {**style.SHEET, "axes.grid": bool(grid), "axes.grid.axis": grid or "both"}
     with matplotlib.rc_context(looks):
         figure = Figure(figsize=size, layout="constrained", dpi=dpi)
         yield figure, figure.subplots(down, across, squeeze=False, **shared)
@@ -127,14 +127,11 @@ def lines(
     size = (style.COLUMN_WIDTH * wide, high * down + 0.9)
     texts = [below] if isinstance(below, str) else below
     with sheet(path, size, down, across, legend=legend, below=texts, left=left, **shared) as (_, grid):
-        for axes in grid.flat[len(shown) :]:
-            axes.set_visible(False)
-        for axes, (title, here) in zip(grid.flat, shown, strict=False):
-            lost = []
+        for axes, (title, here) in filled(grid, shown):
             for value, own in here.groupby(hue, sort=False):
                 line(axes, own, x, y, whisker, str(value), drawn[value])
-                if own[y].isna().all():
-                    lost.append(f"{value}: {' and '.join(own['status'].unique())}")
+            gone = here[here[y].isna().groupby(here[hue]).transform("all")].groupby(hue, sort=False)["status"]
+            lost = [f"{value}: {' and '.join(status)}" for value, status in gone.unique().items()]
             axes.set_title("\n".join([str(title), *lost]), fontsize=6.5)
             if wrong and here[wrong].any():
                 own = here[here[wrong]]
@@ -151,9 +148,9 @@ def lines(
             if ticks:
                 axes.set_xticks(values, map(ticks, values), rotation=45 if log_x and len(values) > 5 else 0)
                 axes.tick_params(axis="x", which="minor", length=0, labelbottom=False)
-        for axes, _ in zip(grid.flat, shown, strict=False):
+        for axes, _ in filled(grid, shown):
             style.plain_log(axes) if log_y else axes.set_ylim(bottom=0)
-        for axes in grid.flat[max(0, len(shown) - across) : len(shown)]:
+        for axes, _ in list(filled(grid, shown))[-across:]:
             axes.tick_params(labelbottom=True)  # the lowest of a column has the numbers
     return path
 
@@ -185,23 +182,18 @@ def bars(
     rows = max(len(own) for _, own in shown)
     size = (style.COLUMN_WIDTH * wide, ((0.13 if facet else 0.24) * rows + 0.3) * down + 0.9)
     with sheet(path, size, down, across, grid="x", legend=legend, below=below) as (_, grid):
-        for i, (axes, (title, own)) in enumerate(zip(grid.flat, shown, strict=False)):
-            limit = cut * own["total_ms"].median()
+        for i, (axes, (title, own)) in enumerate(filled(grid, shown)):
+            limit, longest = cut * own["total_ms"].median(), own["total_ms"].max()
             stacked(axes, own, parts, limit)
             beside = i % across > 0 and list(own[name]) == list(shown[i - 1][1][name])
             axes.set_yticks(range(len(own)), [""] * len(own) if beside else own[name])
-            longest = own["total_ms"].max()
             axes.set_xlim(0, room * min(limit, longest) if longest > 0 else 1)
             axes.set_title(title, loc="left", fontsize=7)
-            if mark and own[mark[0]].notna().iloc[0]:
-                axes.plot(
-                    own[mark[0]].iloc[0], -0.42, "v", color="black", ms=3.5, label=mark[1], clip_on=False
-                )
+            if mark and (at := own[mark[0]].iloc[0]) == at:
+                axes.plot(at, -0.42, "v", color="black", ms=3.5, label=mark[1], clip_on=False)
         for part, (_, colour) in parts.items():
             shade = style.lightened(GREY, colour) if isinstance(colour, float) else colour
             grid[0, 0].fill_between([], [], color=shade, edgecolor=GREY, lw=0.4, label=part)
-        for axes in grid.flat[len(shown) :]:
-            axes.set_axis_off()
     return path
 
 
@@ -258,23 +250,24 @@ def images(
     beside = 0.15 * len(below) + 0.45 * bool(key) + 0.6 * bool(scale)
     size = (width, (min(2.5, tallest) * width / across + captions) * down + beside)
     colours, norm, about = scale or (None, None, "")
-    with sheet(path, size, down, across, grid="", legend=2 * bool(key), below=below, **options) as (
-        figure,
-        grid,
-    ):
-        for axes, (caption, image) in zip(grid.flat, shown, strict=False):
-            axes.imshow(
-                image, cmap=colours, norm=norm, interpolation="nearest" if scale or key else "antialiased"
-            )
+    look = {"cmap": colours, "norm": norm, "interpolation": "nearest" if scale or key else "antialiased"}
+    drawn = sheet(path, size, down, across, grid="", legend=2 * bool(key), below=below, **options)
+    with drawn as (figure, grid):
+        for axes, (caption, image) in filled(grid, shown):
+            axes.imshow(image, **look)
             axes.set_title(caption, fontsize=5.5)
-        for axes in grid.flat:
             axes.set_axis_off()
         for text, colour in (key or {}).items():
             grid[0, 0].fill_between([], [], color=colour, label=text)
         if scale:
-            mappable = ScalarMappable(norm, colours)
-            look = {"location": "bottom", "shrink": 0.9, "aspect": 35, "pad": 0.02}
-            bar = figure.colorbar(mappable, ax=list(grid.flat), ticks=MaxNLocator(5), **look)
+            below_all = {
+                "location": "bottom",
+                "shrink": 0.9,
+                "aspect": 35,
+                "pad": 0.02,
+                "ticks": MaxNLocator(5),
+            }
+            bar = figure.colorbar(ScalarMappable(norm, colours), ax=list(grid.flat), **below_all)
             bar.set_label(about, fontsize=6.5)
     return path
 

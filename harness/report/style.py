@@ -46,11 +46,8 @@ def look(method: str) -> dict[str, str]:
     """The colour and the marker of a method. They follow from its name alone: the same in every figure and every run,
     whatever else is measured or installed.
     """
-    slot = zlib.crc32(method.encode(), SLOTS)
-    return {
-        "color": COLOURS[slot % len(COLOURS)],
-        "marker": MARKERS[slot // len(COLOURS) % len(MARKERS)],
-    }
+    place, slot = divmod(zlib.crc32(method.encode(), SLOTS), len(COLOURS))
+    return {"color": COLOURS[slot], "marker": MARKERS[place % len(MARKERS)]}
 
 
 def colours(methods: Iterable[str]) -> dict[str, str]:
@@ -58,11 +55,9 @@ def colours(methods: Iterable[str]) -> dict[str, str]:
     return {name: look(name)["color"] for name in in_order(methods)}
 
 
-def lightened(colour: str, share: float) -> tuple[float, float, float]:
+def lightened(colour: str, share: float) -> tuple[float, ...]:
     """An "#rrggbb" colour mixed with white: 0 leaves it, 1 is white."""
-    rgb = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255
-    mixed = rgb + (1 - rgb) * share
-    return (float(mixed[0]), float(mixed[1]), float(mixed[2]))
+    return tuple((1 - share) * int(colour[i : i + 2], 16) / 255 + share for i in (1, 3, 5))
 
 
 def number(value: float | None) -> str:
@@ -84,27 +79,14 @@ def megabytes(value: float | None) -> str:
     return "-" if value is None else number(value / 1e6)
 
 
-def sheet_style() -> dict[str, Any]:
-    """Matplotlib settings for figures that are read at column width."""
-    return {
-        "font.size": 7,
-        "axes.titlesize": 7.5,
-        "axes.labelsize": 7,
-        "xtick.labelsize": 6.5,
-        "ytick.labelsize": 6.5,
-        "legend.fontsize": 6.5,
-        "axes.spines.top": False,
-        "axes.spines.right": False,
-        "axes.linewidth": 0.6,
-        "axes.axisbelow": True,
-        "grid.color": "#dddddd",
-        "grid.linewidth": 0.5,
-        "svg.fonttype": "none",
-        "svg.hashsalt": "shadowbench",
-        "font.family": "DejaVu Sans",
-        "lines.linewidth": 1.1,
-        "lines.markersize": 3.5,
-    }
+SHEET = {
+    **dict.fromkeys(("font.size", "axes.labelsize"), 7), "axes.titlesize": 7.5,
+    **dict.fromkeys(("xtick.labelsize", "ytick.labelsize", "legend.fontsize"), 6.5),
+    **dict.fromkeys(("axes.spines.top", "axes.spines.right"), False), "axes.axisbelow": True, "axes.linewidth": 0.6,
+    "grid.color": "#dddddd", "grid.linewidth": 0.5, "lines.linewidth": 1.1, "lines.markersize": 3.5,
+    "svg.fonttype": "none", "svg.hashsalt": "shadowbench", "font.family": "DejaVu Sans",
+}  # fmt: skip
+"""Matplotlib settings for figures that are read at column width."""
 
 
 def plain_number(value: float, _: int = 0) -> str:

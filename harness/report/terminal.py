@@ -33,59 +33,36 @@ def make_console() -> Console:
 
 def print_table(body: DataFrame, heading: str = "", console: Console | None = None) -> None:
     """Print a table of texts. What does not fit beside the columns that name its rows follows below, with those again."""
+    from rich.cells import cell_len
     from rich.table import Column, Table
 
     console = console or make_console()
     if heading:
         console.print(f"\n{heading}", style="italic")
-    cells = body.astype(object).where(body.notna(), "-").astype(str)
-    for names, widths in groups(cells, console.width):
-        columns = [Column(str(name), width=widths[name], overflow="fold") for name in names]
+    cells = body.astype(object).where(body.notna(), "-").astype(str).rename(columns=str)
+    widths = {}
+    for name in cells:  # the heading may take three lines or so
+        longest = max([len(name) // 3 + 1, *map(len, name.split())])
+        widths[name] = max([longest, *(cell_len(styled(cell).plain) for cell in cells[name])])
+    told = [n for n in range(1, min(3, cells.shape[1]) + 1) if not cells.iloc[:, :n].duplicated().any()]
+    keys = list(cells)[: told[0] if told else 1]
+    needed = {name: min(width, SENTENCE) + GAP for name, width in widths.items()}
+    if sum(needed[name] for name in keys) + max(needed.values()) > console.width + GAP:
+        keys = keys[:1]
+    groups = [[*keys]]
+    for name in list(cells)[len(keys) :]:
+        if groups[-1] != keys and sum(needed[n] for n in [*groups[-1], name]) > console.width + GAP:
+            groups.append([*keys])
+        groups[-1].append(name)
+    for names in groups:  # sentences share the room that the others leave
+        fixed = [widths[name] if widths[name] <= SENTENCE else None for name in names]
+        columns = [
+            Column(name, width=width, overflow="fold") for name, width in zip(names, fixed, strict=True)
+        ]
         shown = Table(*columns, box=None, pad_edge=False, padding=(0, GAP, 0, 0))
         for line in cells[names].to_numpy().tolist():
             shown.add_row(*map(styled, line))
         console.print(shown)
-
-
-def groups(cells: DataFrame, room: int) -> list[tuple[list[str], dict[str, int]]]:
-    """The columns that stand side by side in ``room``, group by group, and how wide each column is.
-
-    Sentences give way first. Every group begins with the columns that name the rows.
-    """
-    widths = {name: needed(str(name), cells[name]) for name in cells}
-    sentences = [name for name, width in widths.items() if width > SENTENCE]
-    spare = room - sum(width + GAP for name, width in widths.items() if name not in sentences)
-    for left, name in enumerate(sentences):
-        share = spare // (len(sentences) - left) - GAP
-        widths[name] = min(widths[name], max(SENTENCE, min(share, room - GAP)))
-        spare -= widths[name] + GAP
-    keys = list(cells.columns[: naming(cells)])
-    own = sum(widths[name] + GAP for name in keys)
-    if own + max(widths.values()) > room:
-        keys, own = keys[:1], widths[keys[0]] + GAP
-    found: list[tuple[list[str], dict[str, int]]] = [(list(keys), widths)]
-    used = own
-    for name in cells.columns[len(keys) :]:
-        if used + widths[name] > room and found[-1][0] != keys:
-            found.append((list(keys), widths))
-            used = own
-        found[-1][0].append(name)
-        used += widths[name] + GAP
-    return found
-
-
-def needed(name: str, column: DataFrame) -> int:
-    """Columns for the cells and for the longest word of the heading, which may take three lines or so."""
-    from rich.cells import cell_len
-
-    cells = max((cell_len(styled(cell).plain) for cell in column), default=0)
-    return max(cells, *(cell_len(word) for word in (*name.split(), "")), -(-len(name) // 3))
-
-
-def naming(cells: DataFrame) -> int:
-    """How many of the first columns tell every row from the others; one where none do."""
-    counts = range(1, min(3, cells.shape[1]) + 1)
-    return next((n for n in counts if not cells.iloc[:, :n].duplicated().any()), 1)
 
 
 def styled(cell: str) -> Text:
