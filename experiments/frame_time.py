@@ -47,11 +47,13 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Ratios to the fastest peer of each kind, with the rounds' range; bars by part of the frame; the floor; CSV."""
     frames = document.frames(folder)
     ours = frames["label"] == OURS
-    found = compare.ratios(frames, ours).rename(columns={"ratio": "times_slower"})
+    found = compare.ratios(frames, ours).rename(columns={"ratio": "times_slower", "spread": "times_spread"})
     stages = roofline.stages(frames[ours], ray_grids)
     floors = roofline.of_frames(stages)
     table = (
-        document.named(frames).join(found[["times_slower", "low", "high"]]).join(floors, on=roofline.SCENE)
+        document.named(frames)
+        .join(found[["times_slower", "times_spread", "low", "high"]])
+        .join(floors, on=roofline.SCENE)
     )
     table["kind"], table["other"] = table["label"].map(KINDS), table["label"] != OURS
     done = document.measured(table)
@@ -103,7 +105,11 @@ def against(own: pd.DataFrame, peers: pd.DataFrame) -> pd.DataFrame:
     """A row a scene: our time, the fastest peer of each kind and its ratio with the range, and our time over the floor."""
     own = own.set_index("title", drop=False)
     made = document.texts(own, {"scene": ("title", str), f"{OURS}, ms": ("ms", str)})
-    texts = [f"{r.times_slower:.2f} ({r.low:.2f} to {r.high:.2f}; {r.label})" for r in peers.itertuples()]
+    times = document.carry(peers["times_slower"], peers["times_spread"])
+    texts = [
+        f"{x} ({r.low:.2f} to {r.high:.2f}; {r.label})"
+        for x, r in zip(times, peers.itertuples(), strict=True)
+    ]
     for kind, cells in peers.assign(text=texts).groupby("kind", sort=False):
         made[f"fastest {kind}"] = cells.set_index("title")["text"]
     floor = own["frame_floor_ms"].astype("float64").dropna()
@@ -130,10 +136,10 @@ def picture(done: pd.DataFrame, path: Path) -> Path:
 
 
 def beside(row: dict[str, Any]) -> str:
-    """What stands at a bar's end: three digits of its time, its time over ours, and what is wrong of its answers."""
-    text = f"{style.number(row['total_ms'])} ms"
+    """The text at a bar's end: its time and its time over ours, with the digits that they carry, and wrong answers."""
+    text = f"{row['ms']} ms"
     if row["label"] != OURS and row["times_slower"] == row["times_slower"]:
-        text += f", {style.number(row['times_slower'])}x"
+        text += f", {document.carried(row['times_slower'], row['times_spread'])}x"
     return text if row["error"] == style.OK else f"{text}  {row['error'].removesuffix(' wrong')}"
 
 

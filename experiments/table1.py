@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from ..harness.report import compare, document, gallery, panels, style
 from ..harness.report import paper_table1 as paper
 from ..harness.results.newest import settings_text
+from ..harness.results.table import PART_COLUMNS
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from ._paper import METHOD, SCENES, faithful
 
@@ -59,10 +60,10 @@ COLUMNS = (
 FRAME = "Whole frame with shadows, everything rebuilt, ms"
 PRINTED = f"The paper as printed ({paper.LABEL.removeprefix('paper, ')}): build / traversal and tracing of primary rays, ms"
 PARTS: document.Columns = {
-    "scene": ("title", str), "method": ("row", str), "build": ("build_ms", lambda ms: style.number(ms or None)),
-    "trace": ("trace_ms", style.number), "light build": ("light_build_ms", lambda ms: style.number(ms or None)),
-    "shadow": ("shadow_ms", style.number), "whole": ("total_ms", style.number), "±": ("spread", style.number),
-    "answers": ("error", str), "Mrays/s": ("frame_mrays_per_s", style.number), "MB": ("memory_bytes", style.megabytes),
+    "scene": ("title", str), "method": ("row", str), "build": ("build", str),
+    "trace": ("trace", str), "light build": ("light build", str),
+    "shadow": ("shadow", str), "whole": ("ms", str), "±": ("spread", style.number),
+    "answers": ("error", str), "Mrays/s": ("rate", str), "MB": ("memory_bytes", style.megabytes),
 }  # fmt: skip
 SCENE_FACTS: document.Columns = {
     "scene": ("title", str), "made as": ("stand_in", lambda text: text or "-"), "triangles": ("triangles", "{:,}"),
@@ -89,6 +90,7 @@ def read(folder: Path) -> DataFrame:
     """The points of a folder, methods in the order of the table. Besides the columns of :func:`.report.document.named`:
 
     row   the label; what was set by hand; and the device where there are several
+    build, trace, light build, shadow, rate  as text, with the digits that their spread carries
     best  the answers are right, and so fast is no other point with right answers, over the frames that both have
     """
     frames = document.frames(folder)
@@ -101,6 +103,11 @@ def read(folder: Path) -> DataFrame:
         extra = [text for text in r.settings.split(", ") if text not in ("-", *usual.get(r.label, ()))]
         shown.append(", ".join([r.label, *extra, *[r.device] * several]))
     table["row"] = shown
+    table = document.with_passes(table, folder, {name: (part, "") for part, name in PART_COLUMNS.items()})
+    for part, name in PART_COLUMNS.items():
+        table[part] = table[f"{name}_text"].where(table[f"{name}_ms"] != 0, "-")
+    rate = table["frame_mrays_per_s"]
+    table["rate"] = document.carry(rate, rate * table["spread"] / table["total_ms"])
     right = document.measured(table).query("error == @style.OK")
     best = [key for _, own in right.groupby("title") for key in fastest(frames, own)]
     table["best"] = table.index.isin(best)
@@ -129,7 +136,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     by_scene = document.arranged(table, "scene", [*paper.ROWS, *table["scene"]])
     theirs, pictures = paper.entries(table["scene"].unique()), []
     if len(done := document.measured(table)):
-        time = by_scene["total_ms"].map(style.number) + " " + by_scene["error"]
+        time = by_scene["ms"] + " " + by_scene["error"]
         across = min(2, by_scene["title"].nunique())
         pictures = [panels.bars(
             folder / "table1.svg", by_scene.assign(text=time.where(by_scene["total_ms"].notna(), by_scene["status"])),

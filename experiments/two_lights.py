@@ -8,7 +8,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..harness.report import compare, document, panels, style
+import numpy as np
+
+from ..harness.report import compare, document, panels
+from ..harness.results.table import samples
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
 from ._paper import METHOD, faithful
@@ -52,6 +55,9 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     whole frames would hold the noise of the build and of the primary rays, which can be more than a light.)
     """
     frames = document.frames(folder)
+    repeats = samples(folder)
+    shadow, build = compare.pass_spread(repeats, "shadow"), compare.pass_spread(repeats, "light build")
+    frames["lights_spread"] = frames["key"].map(np.hypot(shadow, build.reindex(shadow.index).fillna(0.0)))
     table, one = document.named(frames), frames["lights"] == 1
     table["frames_per_s"] = 1000.0 / table["total_ms"]
     table["ms_per_light"] = (table["light_build_ms"] + table["shadow_ms"]) / table["lights"]
@@ -59,6 +65,9 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     lights_ms, first_ms = (side["light_build_ms"] + side["shadow_ms"] for side in (own, first))
     table["further_ms"] = (lights_ms - first_ms) / (own["lights"].where(own["lights"] > 1) - 1)
     table["further_over_first"] = (table["further_ms"] / first_ms).astype("float64")
+    both = np.hypot(own["lights_spread"], first["lights_spread"])
+    spreads = both / (own["lights"].astype("float64") - 1) / first_ms
+    table["each"] = document.carry(table["further_over_first"], spreads.reindex(table.index))
     whole = compare.ratios(frames, one, SAME).reindex(table.index)
     table["more"] = document.carry(whole["ratio"] - 1, whole["spread"], "+%").where(table["lights"] > 1)
     rate = table["frames_per_s"]
@@ -76,7 +85,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         rates = ", ".join(here["rate"] + " (" + here["label"] + ")")
         paper = f"; {PAPER}" * (here["scene"].iloc[0] == "fairy")
         finding = f"Two lights on {here['title'].iloc[0]}: {rates} frames a second{paper}."
-    further = done[done["lights"] > 1].assign(text=done["further_over_first"].map(style.number))
+    further = done[done["lights"] > 1].assign(text=done["each"])
     tables = {
         "Frames with two lights": document.texts(two, HEADINGS),
         "Each light after the first over the first, by number of lights":

@@ -89,7 +89,8 @@ def pass_spread(samples: DataFrame, part: str, pattern: str = "") -> Series:
     samples  every sample of a folder (:func:`.results.table.samples`)
     part, pattern  which passes: those of the part whose names hold the pattern, a regular expression
     """
-    own = samples[(samples["part"] == part) & samples["pass"].str.contains(pattern)]
+    own = samples[(samples["part"] == part) & samples["pass"].astype(str).str.contains(pattern)]
+    own = own.astype({"ms": "float64"})
     sums = own.groupby(["key", "frame", "round", "sample"], sort=False)["ms"].sum()
     repeats = sums.groupby(["key", "frame"])
     iqr = (repeats.quantile(0.75) - repeats.quantile(0.25)).where(repeats.size() > 1).groupby("key").mean()

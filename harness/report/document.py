@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..results.means import points
 from ..results.table import TEXTS, samples, stage_ms, tidy
+from ..results.throttled import disturbances
 from ..scene.facts import never_hit
 from . import paper_table1 as paper
 from . import style
@@ -231,7 +232,8 @@ def write(
     if any(NOISY in str(cell) for body in shown.values() for cell in body.to_numpy().ravel()):
         about.insert(0, ABOUT_NOISE)
     lost = not_measured(table, apart)
-    text = [f"# {experiment.title}", "", finding, "", f"{where(table)}.", ""]
+    measured_on = "; ".join(filter(None, [where(table), disturbances(folder)]))
+    text = [f"# {experiment.title}", "", finding, "", f"{measured_on}.", ""]
     for heading, body in shown.items():
         text += [f"## {heading}", "", *markdown(body), ""]
     text += [f"{line}\n" for line in about]
@@ -243,7 +245,7 @@ def write(
     path.write_text("\n".join(text).rstrip() + "\n", encoding="utf-8")
     if not quiet:
         console = make_console()
-        console.print(f"{experiment.title}\n  {finding}")
+        console.print(f"{experiment.title}; {measured_on}\n  {finding}")
         for heading, body in shown.items():
             print_table(body, heading, console)
         for line in [*about, *(["Not measured: " + "; ".join(lost)] if lost else [])]:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from statistics import median
 from typing import Any
 
+from .folder import read_json
+from .newest import newest
 from .record import Record
 
 REASONS = {
@@ -43,6 +46,22 @@ def disturbed(one: Mapping[str, Any], usual: float, device: str, cores: int | No
     if cores and load is not None and load > CROWDED * cores:
         return f"load {load:.1f} on {cores} cores"
     return ""
+
+
+def disturbances(folder: Path) -> str:
+    """How many rounds of a results folder were disturbed, and by what at most, as a phrase; "" where none was."""
+    records = newest(folder)[0]
+    usual, cores, found, count = usual_clock(records), dict[str, int | None](), list[str](), 0
+    for record in records:
+        if record.environment not in cores:
+            facts = read_json(folder / "environments" / f"{record.environment}.json") or {}
+            cores[record.environment] = (facts.get("cpu") or {}).get("usable_cores")
+        device, own = record.method["device"], cores[record.environment]
+        texts = [disturbed(one, usual, device, own) for one in record.rounds or ()]
+        count += len(texts)
+        found += filter(None, texts)
+    worst = max(found, key=lambda text: (_number(text.split()[1]) or 0.0, text), default="")
+    return f"{len(found)} of {count} rounds were disturbed, the worst by {worst}" if found else ""
 
 
 def throttled(one: Mapping[str, Any], usual: float) -> str:

@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import pandas as pd
 import pytest
+from helpers.experiment_records import record_of
+from helpers.table1_records import write_records
+from shadowbench.experiments import frame_time, table1
+from shadowbench.harness.commands.show import show
 from shadowbench.harness.report.document import effort
+from shadowbench.harness.runner.experiment import Entry
 
 
 @pytest.mark.parametrize(
@@ -27,3 +32,39 @@ def test_points_that_the_budget_left_without_rounds_are_named(taken, told):
     }
     assert effort(pd.DataFrame([row])) == told
     assert effort(pd.DataFrame([row]).drop(columns=["point.rounds"])) == ""
+
+
+def noisy(experiment, label, ms, **changes):
+    """A record of two rounds of which the second took twice as long."""
+    made = record_of(experiment, Entry("ray_grids", {}, label), ms=ms)
+    rounds = [{"round": i, "spent_s": 1.0, **changes} for i in range(2)]
+    one = made["frames"][0]
+    one |= {"total_ms": [ms, 2 * ms], "wall_ms": [ms, 2 * ms], "round": [0, 1], "stage_round": [0, 1]}
+    for step in one["passes"]:
+        step["ms"] = [step["ms"][0], 2 * step["ms"][0]]
+    return {**made, "rounds": rounds}
+
+
+def test_cells_have_the_digits_that_their_spread_carries(tmp_path, capsys):
+    write_records(tmp_path / "table1", [noisy("table1", table1.METHODS[2].label, 123.456)])
+    show("table1", tmp_path / "table1")
+    assert "123" not in capsys.readouterr().out
+    peer = noisy("frame_time", frame_time.REBUILD[0].label, 3.4567)
+    write_records(tmp_path / "frame_time", [noisy("frame_time", frame_time.OURS, 1.0), peer])
+    show("frame_time", tmp_path / "frame_time")
+    assert "~3 (" in capsys.readouterr().out
+
+
+def test_the_first_line_tells_of_a_busy_machine(tmp_path, capsys):
+    loads = {"quiet": 1.0, "busy": 5.0}
+    made = [noisy("table1", label, 9.0, clock={"load": load}) for label, load in loads.items()]
+    for one in made:
+        one["method"]["device"] = "cpu"
+    write_records(tmp_path, made)
+    (tmp_path / "environments").mkdir()
+    facts = '{"cpu": {"usable_cores": 2}}'
+    (tmp_path / "environments" / f"{made[0]['environment']}.json").write_text(facts)
+    show("table1", tmp_path)
+    said = "2 of 4 rounds were disturbed, the worst by load 5.0 on 2 cores"
+    assert said in capsys.readouterr().out.splitlines()[0]
+    assert said in (tmp_path / "table1.md").read_text()
