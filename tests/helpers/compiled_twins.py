@@ -14,6 +14,8 @@ import inspect
 import pkgutil
 import re
 import textwrap
+import types
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -82,18 +84,22 @@ def source_without(kernel: wp.Kernel, effect: str) -> str:
     return ast.unparse(ast.fix_missing_locations(tree))
 
 
-def with_source(kernel: wp.Kernel, source: str, switches: Switches) -> wp.Kernel:
-    """The kernel as Warp makes it of ``source``, in a module of its own whose name is always the same."""
-    import types
+def with_source(
+    kernel: wp.Kernel, source: str, switches: Switches, module: Module | None = None, key: str = ""
+) -> wp.Kernel:
+    """The kernel as Warp makes it of ``source``, in a module of its own whose name is always the same.
 
+    ``module``, ``key``: a module that it shares with others, and its name there.
+    """
     function = kernel.func
     space = {**function.__globals__, "effects": switches}
     copy = types.FunctionType(
         function.__code__, space, function.__name__, function.__defaults__, function.__closure__
     )
     copy.__annotations__ = function.__annotations__
-    module = Module("twin", None)
-    return wp.Kernel(copy, key=function.__name__, module=module, options=dict(kernel.options), source=source)
+    module = module or Module("twin", None)
+    key = key or function.__name__
+    return wp.Kernel(copy, key=key, module=module, options=dict(kernel.options), source=source)
 
 
 @dataclass(frozen=True)
@@ -122,27 +128,55 @@ def generated(kernel: wp.Kernel, target: str) -> str:
     return normalised(module._run_codegen(options, target == "cpu")[0])
 
 
+def generated_together(
+    kernel: wp.Kernel, variants: Mapping[Hashable, tuple[str, Switches]], target: str
+) -> dict[Hashable, str]:
+    """What Warp generates of each (source, switches) of a kernel, without what they share: the functions they call.
+
+    In one module, because it is those functions that take the time.
+    """
+    module = Module("twins", None)
+    keys = {name: f"twin{number:03}" for number, name in enumerate(variants)}
+    for name, (source, switches) in variants.items():
+        with_source(kernel, source, switches, module, keys[name])
+    module._set_strip_hash(True)
+    options = module.resolve_options(wp.config) | {"output_arch": None if target == "cpu" else ARCH}
+    parts = functions_of(module._run_codegen(options, target == "cpu")[0])
+    found: dict[Hashable, str] = {}
+    for name, key in keys.items():
+        own = [part for part in parts if key in part]
+        assert own, f"{kernel.key}: no code of {name}"
+        assert not any(other in part for part in own for other in keys.values() if other != key)
+        found[name] = "\n".join(own).replace(key, "twin")
+    return found
+
+
 def normalised(text: str) -> str:
     """Generated source without comments and without constants that nothing uses; variables numbered as they come.
 
     ``wp.static`` leaves the constant it was asked for, which no line reads and which the compiler drops.
     """
+    return "\n".join(functions_of(text))
+
+
+def functions_of(text: str) -> list[str]:
+    """The functions and structures of generated source, each as :func:`normalised`."""
     lines = [line for line in re.sub(r"//.*", "", text).splitlines() if line.strip()]
     functions: list[list[str]] = [[]]
     for line in lines:  # a variable's name means something within its function only
-        if line.startswith(("static", "extern", "void")):
+        if line.startswith(("static", "extern", "void", "struct", "template", "WP_API")):
             functions.append([])
         functions[-1].append(line)
-    return "\n".join(_renumbered(part) for part in functions)
+    return ["\n".join(_renumbered(part)) for part in functions]
 
 
-def _renumbered(lines: list[str]) -> str:
+def _renumbered(lines: list[str]) -> list[str]:
     number = re.compile(r"\b(?:var|adj)_\d+\b")
     uses = collections.Counter(name for line in lines for name in number.findall(line))
     unused = re.compile(r"\s*const \w+ (var_\d+) = (?:true|false);\s*$")
     kept = [line for line in lines if not ((m := unused.match(line)) and uses[m[1]] == 1)]
     names: dict[str, str] = {}
-    return "\n".join(number.sub(lambda m: names.setdefault(m[0], f"v{len(names)}"), line) for line in kept)
+    return [number.sub(lambda m: names.setdefault(m[0], f"v{len(names)}"), line) for line in kept]
 
 
 def made_kernels() -> dict[str, wp.Kernel]:
