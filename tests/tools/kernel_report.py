@@ -15,7 +15,6 @@ import importlib
 import re
 import struct
 import sys
-import tempfile
 from collections.abc import Iterator
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
@@ -84,11 +83,14 @@ def hot_modules() -> dict[str, wp.Module | str]:
 
 
 def uses_of(module: wp.Module | str) -> dict[str, Use]:
-    """Compile a module ahead of time; what each of its kernels takes, by the kernel's name."""
-    with tempfile.TemporaryDirectory() as folder:
-        wp.compile_aot_module(module, arch=ARCH, module_dir=folder, use_ptx=False)
-        (path,) = Path(folder).glob("*.cubin")
-        return uses_in(path.read_bytes())
+    """What each kernel of a module takes, by the kernel's name."""
+    return uses_in(binary_of(module))
+
+
+def binary_of(module: wp.Module | str) -> bytes:
+    """A module compiled for the GPU, ahead of time and without one. Warp keeps it, by a hash of its source and options."""
+    (path,) = wp.compile_aot_module(module, arch=ARCH, use_ptx=False)
+    return path.read_bytes()
 
 
 def uses_in(binary: bytes) -> dict[str, Use]:
