@@ -48,8 +48,8 @@ class Build:
     robust         whether the scene is built with RTC_SCENE_FLAG_ROBUST: conservative box tests and watertight edges, 10 to
                    25 % slower; without it rays aimed at edges and vertices escape
     update         "rebuild": a tree is built in each frame; "refit": the tree of the animation's first frame, its boxes
-                   refitted in each frame (rebuilt if other triangles become invalid); "static": built once, for geometry
-                   that does not move
+                   refitted in each frame (in frames in which other triangles are invalid than in the first: a tree of
+                   that frame); "static": built once, for geometry that does not move
     quality        of a tree that is built: "low" (Morton codes; the fastest build), "medium" (surface area heuristic) or
                    "high" (also splits triangles). The tree that update=refit starts from is of medium quality
     build_threads  threads that build; 0: one for each core
@@ -115,6 +115,7 @@ class Embree(BaseMethod):
         self._embree = Device(self.build.build_threads)
         self._scene: TriangleScene | None = None
         self._valid: Any = None
+        self._first_valid: Any = None
         self._origins = wp.zeros(frame.pixels, dtype=wp.vec3f, device=frame.device)
         self._none = wp.zeros(0, dtype=wp.uint8, device=frame.device)
         self._arguments = coherent_arguments()
@@ -168,6 +169,7 @@ class Embree(BaseMethod):
                 "choose rebuild or refit"
             )
         self._make(*prepared.points(0))
+        self._first_valid = self._valid
 
     def _make(self, points: np.ndarray, valid: np.ndarray) -> None:
         """A new scene. Embree drops a triangle with a vertex that is not finite, and the others keep their numbers."""
@@ -187,11 +189,20 @@ class Embree(BaseMethod):
         self._refit()
 
     def _refit(self) -> None:
-        """Copy the vertices and commit: Embree builds or refits, as the scene was made. Other flags need a new scene."""
+        """Copy the vertices and commit: Embree builds or refits, as the scene was made. Other flags need a new scene.
+
+        What is refitted is the first frame's tree, again after frames with other flags: a frame does not depend on those
+        before it.
+        """
         points, valid = self._frame.points.numpy(), self._frame.valid.numpy()
-        if self._valid is None or not np.array_equal(valid, self._valid):
+        same = self._valid is not None and np.array_equal(valid, self._valid)
+        as_first = self._first_valid is not None and np.array_equal(valid, self._first_valid)
+        if as_first and not same:
+            self._make(*self._frame.prepared.points(0))
+        elif not same or (self.build.update == "refit" and not as_first):
             self._make(points, valid)
-        elif self._scene is not None:
+            return
+        if self._scene is not None:
             self._scene.commit(points)
 
     def _on_threads(

@@ -216,7 +216,7 @@ MUTATIONS = (
         ),
         "perspective_spherical",
         (("tile", "1"), ("slices", "3"), ("depth_lists", "spans")),
-        ("P32",),
+        ("P31 1e+06",),
     ),
     Mutation(
         "bounds in the light's map without a pad",

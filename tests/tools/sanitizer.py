@@ -2,6 +2,7 @@
 
     python tests/tools/sanitizer.py --tool memcheck                 every method, at its default settings
     python tests/tools/sanitizer.py --tool racecheck --method ray_grids
+    python tests/tools/sanitizer.py --tool memcheck --planted       an access out of bounds, and a race: both must be found
     python tests/tools/sanitizer.py --tool none                     without the sanitizer: compiles the kernels
 
 A method runs four frames of a moving scene at 32 x 32 pixels by plain launches, then again with every initial capacity
@@ -21,6 +22,9 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import numpy as np
+import warp as wp
+
 SIDE = 32
 ERROR_EXIT = 99
 """Exit code that the sanitizer is asked to give where it found an error."""
@@ -31,10 +35,12 @@ GAP = 256
 TOOLS = ("memcheck", "racecheck", "initcheck", "synccheck")
 LINES_SHOWN = 24
 
+PLANTED = "planted errors"
+"""Stands for a method whose kernel is wrong."""
+
 
 def frames(name: str, device: str, graphs: bool) -> str:
     """Run a method's frames; a digest of all answers, so that two runs may be compared. Or why it does not run."""
-    import warp as wp
     from shadowbench.harness.frame.registry import make_method, method_class, parameters
     from shadowbench.harness.frame.session import Session
     from shadowbench.harness.frame.warp_init import start_warp
@@ -61,6 +67,29 @@ def frames(name: str, device: str, graphs: bool) -> str:
                 digest.update(answers[key].tobytes())
         digests.append(f"{digest.hexdigest()[:12]} (grown {session.regrown} times)")
     return ", ".join(digests)
+
+
+def planted(device: str) -> str:
+    """A write behind the end of an array, and threads of a block that exchange values in shared memory without a barrier."""
+
+    @wp.func_native("""
+    __shared__ int seat[64];
+    seat[threadIdx.x] = i;
+    values.data[i] = seat[63 - threadIdx.x];
+    """)
+    def exchange(values: wp.array(dtype=wp.int32), i: wp.int32): ...
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def wrong(values: wp.array(dtype=wp.int32)):
+        i = wp.tid()
+        exchange(values, i)
+        values[i + 1] = i
+
+    wp.set_mempool_enabled(device, False)
+    values = wp.zeros(64, dtype=wp.int32, device=device)
+    wp.launch(wrong, dim=64, inputs=[values], device=device, block_dim=64)
+    wp.synchronize_device(device)
+    return f"{int(np.count_nonzero(values.numpy()))} of 64 written"
 
 
 def watched(name: str, tool: str, device: str, graphs: bool, seconds: float) -> tuple[int, str]:
@@ -97,8 +126,14 @@ def main() -> int:
     parser.add_argument("--graphs", action="store_true", help="each frame also as a replayed graph")
     parser.add_argument("--jobs", type=int, default=4, help="methods at the same time")
     parser.add_argument("--seconds", type=float, default=600.0, help="limit of a method")
+    parser.add_argument(
+        "--planted", action="store_true", help="errors that the tool must find, in place of methods"
+    )
     parser.add_argument("--frames", help=argparse.SUPPRESS)
     given = parser.parse_args()
+    if given.frames == PLANTED:
+        print(f"answers: {planted(given.device)}", flush=True)
+        return 0
     if given.frames:
         print(f"answers: {frames(given.frames, given.device, given.graphs)}", flush=True)
         return 0
@@ -110,6 +145,8 @@ def main() -> int:
         print(summary(name, code, text, time.monotonic() - began), flush=True)
         return code
 
+    if given.planted:
+        return int(one(PLANTED) != ERROR_EXIT)
     with ThreadPoolExecutor(given.jobs) as pool:
         return int(any(list(pool.map(one, given.method or method_names()))))
 

@@ -1,0 +1,195 @@
+"""Sequences of frames in which meshes, lights and cameras go through what breaks structures that remember: drawn by a seed.
+
+Meshes hold NaN for a frame, lose triangles and get them back, collapse into a plane, a line or a point and unfold, grow
+and shrink by powers of two. Lights cross seams and hulls, and stand on vertices, edges, faces and at the eye; cameras
+fly through geometry, stand on it, and look away. Also the first frame may be such a one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from shadowbench.harness.hardcases.case import Mesh, ball, icosphere, joined, quad, sheet, soup
+from shadowbench.harness.scene.moment import Moment
+from shadowbench.harness.scene.prepared import Prepared, prepare
+from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
+
+F64 = NDArray[np.float64]
+
+SIZE = (12, 10)
+
+MESH_EVENTS = ("as it is",) * 4 + (
+    "not a number",
+    "vanish",
+    "point",
+    "line",
+    "plane",
+    "grow",
+    "shrink",
+    "move",
+    "squash",
+)
+LIGHT_EVENTS = ("as it is", "anywhere", "seam", "vertex", "edge", "face", "hull", "eye", "far", "within")
+CAMERA_EVENTS = ("as it is",) * 2 + ("through", "vertex", "edge", "face", "within", "away", "far", "anywhere")
+
+SEAM_STEP = 2.0**-20
+"""How far beside a coordinate plane through the middle of a light's map a light stands when it crosses one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Story:
+    """The moments of one scene in their order, each with what happens in it."""
+
+    prepared: Prepared
+    labels: list[str]
+    moments: list[Moment]
+
+
+def draw_mesh(random: np.random.Generator) -> Mesh:
+    floor = quad((-3, 0, -3), (3, 0, -3), (3, 0, 3), (-3, 0, 3))
+    kind = random.integers(4)
+    if kind == 0:
+        mesh = joined(floor, ball(0.5, (0, 0.6, 0)), soup(int(random.integers(1000)), 8, 0.3))
+    elif kind == 1:
+        mesh = joined(icosphere(1), floor)
+    elif kind == 2:
+        heights = 2.0 + random.integers(-4, 5, (6, 6)) / 16
+        mesh = joined(
+            sheet(np.linspace(-1, 1, 6), np.linspace(-1, 1, 6), heights), ball(0.25, (0, 0, -0.5), 4, 5)
+        )
+    else:
+        mesh = soup(int(random.integers(1000)), 40, 0.5)
+    return mesh[0].astype(np.float32).astype(np.float64), mesh[1]
+
+
+def changed(random: np.random.Generator, points: F64, faces: NDArray[np.int64], event: str) -> F64:
+    """The mesh in one frame."""
+    points = points.copy()
+    some = random.uniform(size=len(points)) < random.choice([0.1, 0.5, 1.0])
+    middle = points[random.integers(len(points))].copy()
+    if event == "not a number":
+        points[some, random.integers(3)] = random.choice([np.nan, np.inf, -np.inf])
+    elif event == "vanish":
+        gone = faces[random.uniform(size=len(faces)) < random.choice([0.2, 0.8])]
+        points[gone[:, 1]] = points[gone[:, 0]]
+    elif event == "point":
+        points[:] = middle
+    elif event == "line":
+        points[:, 1:] = middle[1:]
+    elif event == "plane":
+        axis = random.integers(3)
+        points[:, axis] = middle[axis]
+    elif event in ("grow", "shrink"):
+        points *= 2.0 ** (random.integers(3, 30) * (1 if event == "grow" else -1))
+    elif event == "move":
+        points[some] += random.normal(size=3)
+    elif event == "squash":
+        points[some] *= random.uniform(0.01, 3, 3)
+    return points.astype(np.float32).astype(np.float64)
+
+
+def on_mesh(random: np.random.Generator, points: F64, faces: NDArray[np.int64], where: str) -> F64:
+    """A point exactly on a vertex, or as exactly as float32 holds it on an edge or in a face, that is finite."""
+    corners = points[faces[random.integers(len(faces))]]
+    weights = {"vertex": (1, 0, 0), "edge": (0.5, 0.5, 0), "face": (0.5, 0.25, 0.25)}[where]
+    place = np.float64(weights) @ np.where(np.isfinite(corners), corners, 0.0)
+    return place.astype(np.float32).astype(np.float64)
+
+
+def light_at(random: np.random.Generator, event: str, now: F64, eye: F64, points: F64, faces: NDArray) -> F64:
+    finite = np.where(np.isfinite(points), points, 0.0)
+    low, high = finite.min(axis=0), finite.max(axis=0)
+    if event == "anywhere":
+        return random.normal(size=3) * 3
+    if event == "seam":
+        place = (low + high) / 2
+        place[random.integers(3)] += 2.0
+        place[random.integers(3)] += random.choice([-1, 0, 1]) * SEAM_STEP
+        return place
+    if event in ("vertex", "edge", "face"):
+        return on_mesh(random, points, faces, event)
+    if event == "hull":
+        place = random.uniform(low, high)
+        axis = random.integers(3)
+        place[axis] = random.choice([low[axis], high[axis]])
+        return place
+    if event == "eye":
+        return eye
+    if event == "far":
+        return now / max(1e-3, float(np.linalg.norm(now))) * 10.0 ** random.integers(3, 9)
+    return (low + high) / 2 if event == "within" else now
+
+
+def camera_at(
+    random: np.random.Generator, event: str, eye: F64, target: F64, points: F64, faces: NDArray
+) -> tuple[F64, F64]:
+    if event == "through":  # along one way, a step further each time
+        return eye + 0.25 * (target - eye), target + 0.25 * (target - eye)
+    if event in ("vertex", "edge", "face"):
+        return on_mesh(random, points, faces, event), target
+    if event == "within":
+        return np.array([0.0, 0.5, 0.0]), target
+    if event == "away":
+        return eye, eye + np.array([0.1, 30.0, 0.2])
+    if event == "far":
+        return eye * 2.0 ** random.integers(4, 16), np.zeros(3)
+    if event == "anywhere":
+        return random.normal(size=3) * 2, random.normal(size=3) * 0.5
+    return eye, target
+
+
+def draw_story(seed: int, frames: int, still: bool = False, size: tuple[int, int] = SIZE) -> Story:
+    """A story of so many frames. ``still``: its mesh does not move, for trees that are built once."""
+    random = np.random.default_rng(seed)
+    points, faces = draw_mesh(random)
+    events = [str(random.choice(MESH_EVENTS)) for _ in range(frames)]
+    if random.uniform() < 0.6:
+        events[0] = "as it is"
+    meshes = [points if still else changed(random, points, faces, event) for event in events]
+    geometry = (
+        Geometry.static(points, faces)
+        if still
+        else Geometry(faces.astype(np.int32), lambda k: meshes[k], frames)
+    )
+    lights: tuple[F64, ...] = tuple(
+        random.normal(size=3) * 2 + (0, 2, 0) for _ in range(random.integers(1, 3))
+    )
+    home = np.array([0.3, 1.7, 3.1]), np.array([0.1, 0.4, 0.0])
+    scene = Scene(
+        "story",
+        "Story",
+        lambda: geometry,
+        Camera(vector(home[0]), vector(home[1])),
+        tuple(Light(vector(p)) for p in lights),
+    )
+    prepared = prepare(scene)
+    eye, target = home
+    labels, moments = [], []
+    for frame in range(frames):
+        now = meshes[frame] - prepared.centre
+        happens = str(random.choice(CAMERA_EVENTS))
+        eye, target = camera_at(random, happens, eye, target, now, faces)
+        if not np.abs(target - eye).max() > 1e-6 * max(1.0, float(np.abs(eye).max())):
+            target = eye + np.array([0.0, 0.25, -1.0])
+        shining = [str(random.choice(LIGHT_EVENTS)) for _ in lights]
+        lights = tuple(
+            light_at(random, event, place, eye, now, faces)
+            for event, place in zip(shining, lights, strict=True)
+        )
+        camera = Camera(vector(eye + prepared.centre), vector(target + prepared.centre), (0.1, 1.0, 0.23))
+        lamps = tuple(Light(vector(place + prepared.centre)) for place in lights)
+        moments.append(prepared.moment(0 if still else frame, *size, camera, lamps))
+        labels.append(
+            f"mesh {'still' if still else events[frame]}, camera {happens}, lights {', '.join(shining)}"
+        )
+        if np.abs(eye).max() > 1e9 or happens == "away" or random.uniform() < 0.2:
+            eye, target = home
+    return Story(prepared, labels, moments)
+
+
+def vector(values: Sequence[float] | F64) -> tuple[float, float, float]:
+    x, y, z = (float(one) for one in values)
+    return x, y, z
