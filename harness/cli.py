@@ -21,7 +21,20 @@ from .commands.check import check
 from .commands.compare import compare
 from .commands.keep import keep
 from .commands.new_method import new_method
-from .commands.options import CameraPlace, Device, Fov, Json, Lights, MemoryLimit, SceneDir, Settings, view_of
+from .commands.options import (
+    CameraPlace,
+    Device,
+    Fov,
+    Json,
+    Lights,
+    MemoryLimit,
+    SceneDir,
+    Settings,
+    complete_experiment,
+    complete_method,
+    complete_scene,
+    view_of,
+)
 from .commands.plan import plan
 from .commands.report import report
 from .commands.scenes import scenes
@@ -40,7 +53,6 @@ app = typer.Typer(
     name="shadowbench",
     help="Measures acceleration structures for ray tracing scenes that change every frame, and checks every answer.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -106,7 +118,11 @@ def command(name: str, example: str) -> Callable[[Callable[..., int | None]], Ca
 @command("run", "shadowbench run table1 --preset quick --scene cloth --method warp_bvh --method embree")
 def run_(
     experiment: Annotated[
-        str, typer.Argument(help="Name of an experiment; see shadowbench list experiments.")
+        str,
+        typer.Argument(
+            help="Name of an experiment; see shadowbench list experiments.",
+            autocompletion=complete_experiment,
+        ),
     ],
     preset: Annotated[
         str | None,
@@ -116,10 +132,14 @@ def run_(
     ] = None,
     device: Device = None,
     scene: Annotated[
-        list[str] | None, typer.Option("--scene", help="Name of a scene, or a mesh file. Repeatable.")
+        list[str] | None,
+        typer.Option(
+            "--scene", help="Name of a scene, or a mesh file. Repeatable.", autocompletion=complete_scene
+        ),
     ] = None,
     method: Annotated[
-        list[str] | None, typer.Option("--method", help="Name of a method. Repeatable.")
+        list[str] | None,
+        typer.Option("--method", help="Name of a method. Repeatable.", autocompletion=complete_method),
     ] = None,
     setting: Settings = None,
     scene_dir: SceneDir = None,
@@ -213,14 +233,16 @@ def run_(
             raise UserError(
                 "--dry-run --cluster: the points are known to the workers alone; leave out one of the two"
             )
-        return run_on_cluster(cluster, device, planned, as_json)
+        return run_on_cluster(cluster, experiment, device, planned, as_json)
     options = planned()
     return dry(options, as_json) if dry_run else run(options, as_json)
 
 
 @command("show", "shadowbench show table1 results/local/table1-quick")
 def show_(
-    experiment: Annotated[str, typer.Argument(help="Name of an experiment.")],
+    experiment: Annotated[
+        str, typer.Argument(help="Name of an experiment.", autocompletion=complete_experiment)
+    ],
     folder: Annotated[
         Path | None,
         typer.Argument(

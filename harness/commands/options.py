@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated
 
@@ -12,8 +13,39 @@ from ..scene.chosen_view import ChosenView
 from ..scene.declaration import FARTHEST
 from ..scene.scene import Vector
 
+
+def _starting(incomplete: str, names: Iterable[str]) -> list[str]:
+    return [name for name in names if name.startswith(incomplete)]
+
+
+def complete_experiment(incomplete: str) -> list[str]:
+    """For the completion of a shell: the names of experiments that start so."""
+    from ..runner.experiment import experiment_names
+
+    return _starting(incomplete, experiment_names())
+
+
+def complete_method(incomplete: str) -> list[str]:
+    """The names of methods that start so."""
+    from ..frame.registry import method_names
+
+    return _starting(incomplete, method_names())
+
+
+def complete_scene(incomplete: str) -> list[str]:
+    """The names of scenes that start so; a shell completes files itself."""
+    from ..scene.names import NAMES
+
+    return _starting(incomplete, NAMES)
+
+
 Methods = Annotated[
-    list[str] | None, typer.Option("--method", help="Name of a method. Repeatable. Default: all methods.")
+    list[str] | None,
+    typer.Option(
+        "--method",
+        help="Name of a method. Repeatable. Default: all methods.",
+        autocompletion=complete_method,
+    ),
 ]
 Settings = Annotated[
     list[str] | None, typer.Option("--set", help="Parameter of a method, as method.param=value. Repeatable.")

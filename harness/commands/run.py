@@ -127,18 +127,20 @@ def run(options: Options, as_json: bool = False) -> int:
 
 
 def run_on_cluster(
-    cluster: str, device: str | None, planned: Callable[[str], Options], as_json: bool = False
+    cluster: str,
+    experiment: str,
+    device: str | None,
+    planned: Callable[[str], Options],
+    as_json: bool = False,
 ) -> int:
     """Run on the workers of ``cluster`` and draw. ``planned``: the options for the device that its workers have."""
     from ..runner.cluster.head import ClusterRun
     from ..runner.cluster.pool import LOCAL, connected, kind_of
 
+    if find_experiment(experiment).measure is not None:
+        raise UserError(f"--cluster: {experiment} has no scenes to hand out; leave out --cluster")
     with connected(cluster, kind_of(device)) as pool:
         options = planned(pool.device)
-        if options.experiment.measure is not None:
-            raise UserError(
-                f"--cluster: {options.experiment.name} has no scenes to hand out; leave out --cluster"
-            )
         if cluster != LOCAL:
             options = with_whole_paths(options)
         with Silent() if as_json else Bar() as report:

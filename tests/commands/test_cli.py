@@ -1,6 +1,7 @@
 """The command line: help, JSON, exit codes, and one line for whatever a person gets wrong."""
 
 import json
+import os
 import subprocess
 import sys
 import tomllib
@@ -73,6 +74,12 @@ def test_no_command_shows_help(call):
         (
             ["run", "table1", "--set", "warp_bvh.updat=refit"],
             "warp_bvh has no parameter 'updat'; did you mean update?",
+        ),
+        (["run", "table1", "--cluster", "local", "--device", "cuda:1"], "every worker has its own card"),
+        (["run", "table1", "--cluster", "local", "--dry-run"], "the points are known to the workers alone"),
+        (
+            ["run", "key_bits", "--cluster", "local"],
+            "key_bits has no scenes to hand out; leave out --cluster",
         ),
         (["run", "table1", "--set", "warp_bvh.leaf_size=many"], "warp_bvh.leaf_size='many': not a valid int"),
         (["run", "table1", "--set", "update=refit"], "--set 'update=refit': write it as method.param=value"),
@@ -315,3 +322,23 @@ def test_the_package_runs_as_a_module_and_states_its_version():
         [sys.executable, "-m", "shadowbench", "list", "experiments"], capture_output=True, text=True
     )
     assert "table1" in listed.stdout, listed.stderr
+
+
+def test_completion_is_installed_and_completes_names(tmp_path):
+    """In a home of its own. The shell's detection is left out: a test may run without one."""
+    program = "import sys; sys.argv[0] = 'shadowbench'; from shadowbench.harness.cli import main; main()"
+
+    def said(*words, **environment):
+        known = {**os.environ, "HOME": str(tmp_path), "_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION": "1"}
+        start = [sys.executable, "-c", program, *words]
+        done = subprocess.run(
+            start, env={**known, **environment}, capture_output=True, text=True, timeout=120
+        )
+        return done.stdout
+
+    assert "bash completion installed" in said("--install-completion", "bash")
+    script = (tmp_path / ".bash_completions" / "shadowbench.sh").read_text()
+    assert "complete -o default -F _shadowbench_completion shadowbench" in script
+    asked = {"_SHADOWBENCH_COMPLETE": "complete_bash", "COMP_CWORD": "4"}
+    found = said(**asked, COMP_WORDS="shadowbench run table1 --method ray")
+    assert found.split() == ["ray_grids"]

@@ -299,10 +299,7 @@ class ClusterRun:
         with contextlib.suppress(Exception):
             _, message = event
             if message.get("run") == self.run:
-                if "note" in message:
-                    self.report.note(f"card {message['card']}: {message['note']}")
-                elif "doing" in message:
-                    self.report.doing("measuring", f"card {message['card']}: {message['doing']}")
+                self.report.doing("measuring", f"card {message['card']}: {message['doing']}")
 
     def _clean(self) -> None:
         """Wait a moment for the workers to remove what was delivered."""
