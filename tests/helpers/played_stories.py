@@ -57,14 +57,18 @@ class Judging:
         self._right: dict[int, list[Answers]] = {}
         self._judged: dict[int, Judged] = {}
 
+    def judged(self, frame: int) -> Judged:
+        """One frame as a case, with its exact answers."""
+        if frame not in self._judged:
+            trial = Trial(self.story.prepared, self.story.moments[frame])
+            self._judged[frame] = Judged(HardCase("story", "", "", lambda: trial), trial)
+        return self._judged[frame]
+
     def wrong(self, frame: int, answers: Answers) -> str:
         """The true errors of answers to a frame; empty without any."""
         if any(all(same_bits(one[key], answers[key]) for key in one) for one in self._right.get(frame, [])):
             return ""
-        if frame not in self._judged:
-            trial = Trial(self.story.prepared, self.story.moments[frame])
-            self._judged[frame] = Judged(HardCase("story", "", "", lambda: trial), trial)
-        classes, examples, _ = self._judged[frame].count(answers)
+        classes, examples, _ = self.judged(frame).count(answers)
         found = {key: count for key, count in classes.items() if key in ERROR_NAMES}
         if found:
             return f"{found} {examples[:1]}"
@@ -161,7 +165,7 @@ def grown_memory(player: Player, story: Story, device: str, times: int = 3) -> i
         for moment in story.moments:
             complete(session, moment)
         seen.append(live_bytes(device))
-    return max(seen[1:]) - seen[1]
+    return max(seen) - seen[0]
 
 
 def live_bytes(device: str) -> int:

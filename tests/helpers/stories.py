@@ -35,6 +35,9 @@ MESH_EVENTS = ("as it is",) * 4 + (
 LIGHT_EVENTS = ("as it is", "anywhere", "seam", "vertex", "edge", "face", "hull", "eye", "far", "within")
 CAMERA_EVENTS = ("as it is",) * 2 + ("through", "vertex", "edge", "face", "within", "away", "far", "anywhere")
 
+HOME = np.array([0.3, 1.7, 3.1]), np.array([0.1, 0.4, 0.0])
+"""Eye and target from which a camera sets out."""
+
 SEAM_STEP = 2.0**-20
 """How far beside a coordinate plane through the middle of a light's map a light stands when it crosses one."""
 
@@ -141,52 +144,59 @@ def camera_at(
     return eye, target
 
 
-def draw_story(seed: int, frames: int, still: bool = False, size: tuple[int, int] = SIZE) -> Story:
-    """A story of so many frames. ``still``: its mesh does not move, for trees that are built once."""
+def drawn(random: np.random.Generator, events: Sequence[str], count: int, every: bool) -> list[str]:
+    """So many events. ``every``: in an order of their own, so that each comes as soon as there is room for it."""
+    if not every:
+        return [str(event) for event in random.choice(events, count)]
+    ordered = random.permutation(list(dict.fromkeys(events))).tolist()
+    return [ordered[i % len(ordered)] for i in range(count)]
+
+
+def draw_story(
+    seed: int, frames: int, still: bool = False, size: tuple[int, int] = SIZE, every: bool = False
+) -> Story:
+    """A story of so many frames.
+
+    ``still``: its mesh does not move, for trees that are built once. ``every``: no event comes twice before every other
+    one of its kind came once.
+    """
     random = np.random.default_rng(seed)
     points, faces = draw_mesh(random)
-    events = [str(random.choice(MESH_EVENTS)) for _ in range(frames)]
+    events = drawn(random, MESH_EVENTS, frames, every)
     if random.uniform() < 0.6:
         events[0] = "as it is"
     meshes = [points if still else changed(random, points, faces, event) for event in events]
-    geometry = (
-        Geometry.static(points, faces)
-        if still
-        else Geometry(faces.astype(np.int32), lambda k: meshes[k], frames)
-    )
+    geometry = Geometry(faces.astype(np.int32), lambda k: meshes[k], frames)
+    if still:
+        geometry = Geometry.static(points, faces)
     lights: tuple[F64, ...] = tuple(
         random.normal(size=3) * 2 + (0, 2, 0) for _ in range(random.integers(1, 3))
     )
-    home = np.array([0.3, 1.7, 3.1]), np.array([0.1, 0.4, 0.0])
+    shining = [drawn(random, LIGHT_EVENTS, frames, every) for _ in lights]
+    views = drawn(random, CAMERA_EVENTS, frames, every)
+    eye, target = HOME
     scene = Scene(
-        "story",
-        "Story",
-        lambda: geometry,
-        Camera(vector(home[0]), vector(home[1])),
-        tuple(Light(vector(p)) for p in lights),
-    )
+        "story", "Story", lambda: geometry, Camera(vector(eye), vector(target)), tuple(Light(vector(p)) for p in lights)
+    )  # fmt: skip
     prepared = prepare(scene)
-    eye, target = home
     labels, moments = [], []
     for frame in range(frames):
         now = meshes[frame] - prepared.centre
-        happens = str(random.choice(CAMERA_EVENTS))
-        eye, target = camera_at(random, happens, eye, target, now, faces)
+        eye, target = camera_at(random, views[frame], eye, target, now, faces)
         if not np.abs(target - eye).max() > 1e-6 * max(1.0, float(np.abs(eye).max())):
             target = eye + np.array([0.0, 0.25, -1.0])
-        shining = [str(random.choice(LIGHT_EVENTS)) for _ in lights]
+        events_now = [events[frame] for events in shining]
         lights = tuple(
             light_at(random, event, place, eye, now, faces)
-            for event, place in zip(shining, lights, strict=True)
+            for event, place in zip(events_now, lights, strict=True)
         )
         camera = Camera(vector(eye + prepared.centre), vector(target + prepared.centre), (0.1, 1.0, 0.23))
         lamps = tuple(Light(vector(place + prepared.centre)) for place in lights)
         moments.append(prepared.moment(0 if still else frame, *size, camera, lamps))
-        labels.append(
-            f"mesh {'still' if still else events[frame]}, camera {happens}, lights {', '.join(shining)}"
-        )
-        if np.abs(eye).max() > 1e9 or happens == "away" or random.uniform() < 0.2:
-            eye, target = home
+        mesh = "still" if still else events[frame]
+        labels.append(f"mesh {mesh}, camera {views[frame]}, lights {', '.join(events_now)}")
+        if np.abs(eye).max() > 1e9 or views[frame] == "away" or random.uniform() < 0.2:
+            eye, target = HOME
     return Story(prepared, labels, moments)
 
 
