@@ -147,7 +147,19 @@ class Frame:
         )  # fmt: skip
         a, of = self.answers, self.answers.bounces
         self._hits = [filled(Hits, triangle=a.triangle, t=a.t, u=a.u, v=a.v)]
-        self._rays = [Rays()]
+        self.orthographic = effects is not None and effects.orthographic
+        with wp.ScopedDevice(device):
+            count = self.pixels if self.orthographic else 0
+            self._rays = [
+                filled(
+                    Rays,
+                    origin=wp.zeros(count, dtype=wp.vec3f),
+                    direction=wp.zeros(count, dtype=wp.vec3f),
+                    active=wp.ones(count, dtype=wp.uint8),
+                )
+                if self.orthographic
+                else Rays()
+            ]
         for b in range(bounces):
             self._hits.append(filled(Hits, triangle=of.triangle[b], t=of.t[b], u=of.u[b], v=of.v[b]))
             self._rays.append(
@@ -170,8 +182,13 @@ class Frame:
                 )
 
     def rays(self, bounce: int) -> Any:
-        """The mirrored rays of a bounce, counted from 1 (:class:`.geometry.Rays`); for 0 without arrays."""
+        """The mirrored rays of a bounce, counted from 1 (:class:`.geometry.Rays`). Those of bounce 0 are the primary rays of
+        an orthographic camera; otherwise they have no arrays."""
         return self._rays[bounce]
+
+    def tabled(self, bounce: int) -> bool:
+        """Whether the rays of a bounce are those of :meth:`rays`, for a kernel's switch ``bounced``."""
+        return bounce > 0 or self.orthographic
 
     def hits(self, bounce: int) -> Any:
         """The closest hits of the rays of a bounce (:class:`.geometry.Hits`); bounce 0: of the primary rays."""
@@ -197,7 +214,13 @@ class Frame:
             names = ("width", "height", "vertices", "triangles", "lights")
             wrong = [f"{b} {n}, not {a}" for n, a, b in zip(names, planned, given, strict=True) if a != b]
             raise ValueError(f"the moment does not fit this frame: {'; '.join(wrong)}")
+        if moment.orthographic != self.orthographic:
+            raise ValueError("the moment does not fit this frame: one of them is orthographic")
         self.host = moment
+        if self.orthographic:
+            pixels = np.arange(self.pixels)
+            self.rays(0).origin.assign(moment.origins(pixels))
+            self.rays(0).direction.assign(np.ascontiguousarray(moment.directions(pixels)))
         if self.vertex_count:
             self.points.assign(moment.points)
         if self.triangle_count:

@@ -39,7 +39,8 @@ class Camera:
     """The image size, the eye and the directions of the pixels.
 
     eye     vec3f [1]                 axes  vec3f [3]: right, up, forward
-    column  vec3f [width], row  vec3f [height]: the direction of pixel (x, y) is column[x] + row[y]
+    column  vec3f [width], row  vec3f [height]: the direction of pixel (x, y) is column[x] + row[y]; of an orthographic
+            camera, where its ray starts
     tangents  float32 [2]: half width and half height of the image plane at distance 1
     """
 
@@ -121,6 +122,13 @@ def direction_through(camera: Camera, x: wp.int32, y: wp.int32) -> wp.vec3f:
 def ray_through(camera: Camera, x: wp.int32, y: wp.int32) -> Ray:
     """The primary ray of the pixel in a column and a row."""
     return Ray(camera.eye[0], direction_through(camera, x, y))
+
+
+@wp.func
+def parallel_ray(camera: Camera, pixel: wp.int32) -> Ray:
+    """The primary ray of a pixel of an orthographic camera."""
+    start = direction_through(camera, pixel % camera.width, pixel // camera.width)
+    return Ray(start, camera.axes[2])
 
 
 @wp.func

@@ -23,6 +23,9 @@ from .frame import Frame
 from .mirrors import traced_bounces
 from .passes import Pass
 
+REASONS = MappingProxyType({"orthographic": "its primary rays start in one point"})
+"""Why a method does not support an effect, unless it says so itself in ``cannot``."""
+
 
 @dataclass(frozen=True)
 class NoParameters:
@@ -92,7 +95,7 @@ class BaseMethod:
             return f"runs on {' and '.join(self.devices)} only"
         for effect in Effects.of(scene).names():
             if effect not in self.simulates:
-                return f"{effect}: {self.cannot.get(effect, 'not supported')}"
+                return f"{effect}: {self.cannot.get(effect, REASONS.get(effect, 'not supported'))}"
         return None
 
     def needs(self) -> wp.array | None:

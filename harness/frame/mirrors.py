@@ -119,7 +119,7 @@ def mirror_passes(frame: Frame, effects: Effects) -> list[Pass]:
     def launch(bounce: int) -> None:
         before = bounce - 1
         wp.launch(
-            specialised(mirror_kernel, Switches(bounced=before > 0)),
+            specialised(mirror_kernel, Switches(bounced=frame.tabled(before))),
             dim=frame.pixels,
             inputs=[frame.camera, frame.mesh, frame.mirror, frame.hits(before), frame.rays(before)],
             outputs=[frame.rays(bounce)],

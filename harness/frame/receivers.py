@@ -103,7 +103,7 @@ def receiver_passes(frame: Frame, effects: Effects) -> list[Pass]:
         reached = reached_by(frame, light, bounce)
         reached.zero_()
         wp.launch(
-            specialised(receivers_kernel, Switches(bounced=bounce > 0)),
+            specialised(receivers_kernel, Switches(bounced=frame.tabled(bounce))),
             dim=frame.pixels,
             inputs=[
                 light, effects.facing, frame.camera, frame.mesh, frame.lights, frame.spots, frame.hits(bounce),

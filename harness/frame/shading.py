@@ -24,7 +24,7 @@ from ..scene.prepared import Prepared
 from ..scene.scene import Light
 from ..scene.spotlight import SPOT
 from .frame import Frame
-from .geometry import Bounces, Camera, Hits, Mesh, corners_of, filled, ray_of
+from .geometry import Bounces, Camera, Hits, Mesh, corners_of, filled, parallel_ray, ray_of
 from .materials import lamp_rows, reflectances
 from .passes import Pass
 from .receivers import in_spot
@@ -133,6 +133,8 @@ def color_kernel(
     seen = sky(wp.float64(pixel // camera.width) / wp.float64(wp.max(1, camera.height - 1)))
     if hit >= 0 and hit < looks.count and wp.isfinite(t):
         ray = ray_of(camera, pixel)
+        if wp.static(effects.orthographic):
+            ray = parallel_ray(camera, pixel)
         o = to_float64(ray.origin)
         seen = radiance(o, to_float64(ray.direction), t, hit, pixel, mesh, looks, visibility)
     if wp.static(effects.bounced):
@@ -178,7 +180,9 @@ def shading_passes(frame: Frame, effects: Effects) -> list[Pass]:
 
     def launch() -> None:
         wp.launch(
-            specialised(color_kernel, Switches(bounced=effects.bounces > 0)),
+            specialised(
+                color_kernel, Switches(bounced=effects.bounces > 0, orthographic=effects.orthographic)
+            ),
             dim=frame.pixels,
             inputs=[
                 0, effects.bounces, frame.camera, frame.mesh, looks, frame.hits(0), frame.answers.visibility,
@@ -246,6 +250,7 @@ def shaded(
         width=moment.width,
         height=moment.height,
         eye=on_device(moment.eye.reshape(1, 3), wp.vec3f),
+        axes=on_device(moment.axes, wp.vec3f),
         column=on_device(moment.column, wp.vec3f),
         row=on_device(moment.row, wp.vec3f),
     )
@@ -256,7 +261,7 @@ def shaded(
         Hits, triangle=on_device(answers["triangle"], wp.int32), t=on_device(answers["t"], wp.float32)
     )
     inputs = [bounces, camera, mesh, looks, hits, on_device(bits, wp.uint8), mirrored]
-    kernel = specialised(color_kernel, Switches(bounced=bounces > 0))
+    kernel = specialised(color_kernel, Switches(bounced=bounces > 0, orthographic=moment.orthographic))
     color = wp.zeros(min(block, pixels), dtype=wp.vec3f, device=device)
     for start in range(0, pixels, block):
         count = min(block, pixels - start)

@@ -19,6 +19,7 @@ from . import (
     light_places,
     meshes,
     mirrors,
+    parallel,
     reported,
     structures,
     variants,
@@ -29,7 +30,8 @@ __all__ = ["Counts", "HardCase", "Trial", "all_cases", "find_case"]
 
 
 def all_cases(large: bool = False) -> tuple[HardCase, ...]:
-    """Holes (H), mirrors (M), shadows (S), eyes and meshes (P), then the variants of scale, offset and distance (V).
+    """Holes (H), mirrors (M), orthographic cameras (O), shadows (S), eyes and meshes (P), then the variants of scale,
+    offset and distance (V).
 
     Those that take long (:attr:`.case.HardCase.large`) only with ``large``.
     """
@@ -44,6 +46,7 @@ def all_cases(large: bool = False) -> tuple[HardCase, ...]:
         *meshes.CASES,
         *holes.CASES,
         *mirrors.CASES,
+        *parallel.CASES,
         *reported.CASES,
         *structures.CASES,
     )

@@ -100,10 +100,12 @@ def view(
     alpha: Callable[[Geometry], AlphaMask] | None = None,
     mirror: Callable[[Geometry], NDArray[np.uint8]] | None = None,
     bounces: int = 0,
+    height: float | None = None,
 ) -> Trial:
     """A trial from plain numbers.
 
     towards  direction of the view (not a point);  half: half height of the image plane at distance 1
+    height   of an orthographic camera, what it shows from bottom to top; ``half`` is then not used
     turn     number of times that the coordinates are permuted (x, y, z -> z, x, y), which moves seams and poles
     scale, offset  applied to mesh, eye and lights after the permutation, in float64
     """
@@ -138,6 +140,8 @@ def view(
     points, faces = placed(mesh[0]), np.asarray(mesh[1], dtype=np.int64).reshape(-1, 3)
     aim = placed(np.asarray(eye, dtype=np.float64) + towards)[0]
     camera = Camera(vector(eye), (aim[0], aim[1], aim[2]), turned(up), math.degrees(2 * math.atan(half)))
+    if height is not None:
+        camera = replace(camera, height=height * scale)
     scene = Scene(
         "case", "Case", lambda: Geometry.static(points, faces), camera, tuple(lamp(x) for x in lights),
         closed=closed, alpha=alpha, mirror=mirror, bounces=bounces,

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import UserError
 from .moment import ray_tables
 from .scene import Light, Scene, Vector
 
@@ -36,6 +37,10 @@ class ChosenView:
             scene = replace(scene, lights=tuple(Light(place) for place in self.lights), light_path=None)
         if self.camera is None and self.fov is None:
             return scene
+        if self.fov is not None and scene.camera.height is not None:
+            raise UserError(
+                "--fov does not apply to an orthographic camera; set its height where it is declared"
+            )
         seen = scene.camera if self.fov is None else replace(scene.camera, fov=self.fov)
         if self.camera is not None:
             eye, target = self.camera

@@ -74,6 +74,9 @@ MOST = 2**31 - 1
 MOST_HOLES = 2**20
 """Largest number of holes along a side of a triangle; with more, texel numbers would leave the range of int32."""
 
+KINDS = ("perspective", "orthographic")
+"""Kinds of camera."""
+
 TOP = ("mesh", "title", "closed", "facing", "outputs", "camera", "lights", "orbit", "alpha", "mirror")
 
 
@@ -111,10 +114,10 @@ def declared_scene(path: Path, resolve: Callable[[str], Scene]) -> Scene:
     if "outputs" in table:
         fields["outputs"] = _outputs(path, table["outputs"])
     if "camera" in table:
-        _known(path, "camera", table["camera"], ("eye", "target", "up", "fov", "moves"))
+        _known(path, "camera", table["camera"], ("kind", "eye", "target", "up", "fov", "height", "moves"))
         given = dict(table["camera"])
         fields["camera_moves"] = _typed(path, "camera.moves", given.pop("moves", False), bool)
-        camera = _made(path, "camera", Camera, {**dataclasses.asdict(base.camera), **given})
+        camera = _made(path, "camera", Camera, {**dataclasses.asdict(base.camera), **_lens(path, given)})
         _near(path, "camera.eye", camera.eye)
         _with_path(path, "", lambda: ray_tables(camera, 1, 1, np.zeros(3)))
         fields["camera"] = camera
@@ -147,6 +150,20 @@ def declared_scene(path: Path, resolve: Callable[[str], Scene]) -> Scene:
         if not 0 <= fields["bounces"] <= MOST_BOUNCES:
             raise UserError(f"{path}: mirror.bounces {fields['bounces']} must lie in 0..{MOST_BOUNCES}")
     return dataclasses.replace(base, **fields)
+
+
+def _lens(path: Path, given: dict[str, Any]) -> dict[str, Any]:
+    """What a camera table declares, without its kind: an orthographic camera has a height, a pinhole camera a fov."""
+    given = dict(given)
+    kind = given.pop("kind", "perspective")
+    if kind not in KINDS:
+        raise UserError(f"{path}: camera.kind {kind!r} is not one of {', '.join(KINDS)}")
+    asked, other = ("height", "fov") if kind == "orthographic" else ("fov", "height")
+    if other in given:
+        raise UserError(f"{path}: camera.{other} does not apply to a camera of kind {kind}; give {asked}")
+    if kind == "orthographic" and "height" not in given:
+        raise UserError(f"{path}: camera: add its height, what the image shows from bottom to top")
+    return given if kind == "orthographic" else {**given, "height": None}
 
 
 def _light(path: Path, index: int, table: Any) -> Light:

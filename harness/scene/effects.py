@@ -13,12 +13,14 @@ class Switches:
 
     receivers  only receivers have a shadow ray: the kernel reads the flags ``frame.receivers``
     alpha      triangles have holes: a hit counts only where the alpha mask is opaque
-    bounced    rays are mirrored ones (``frame.rays``), not those from the eye
+    bounced    rays are those of a table (``frame.rays``): mirrored ones, or of an orthographic camera
+    orthographic  primary rays are computed from an orthographic camera: for kernels that have no table of them
     """
 
     receivers: bool = False
     alpha: bool = False
     bounced: bool = False
+    orthographic: bool = False
 
 
 OUTPUTS = ("depth", "ids", "shadows", "color", "counters")
@@ -36,6 +38,7 @@ class Effects:
     alpha        whether triangles have holes
     bounces      how many times rays are mirrored
     color        whether the frame is shaded
+    orthographic whether primary rays are parallel, with an origin each
     """
 
     shadows: tuple[bool, ...]
@@ -45,6 +48,7 @@ class Effects:
     alpha: bool = False
     bounces: int = 0
     color: bool = False
+    orthographic: bool = False
 
     @staticmethod
     def of(scene: Scene) -> Effects:
@@ -63,6 +67,7 @@ class Effects:
             alpha=scene.alpha is not None,
             bounces=scene.bounces if scene.mirror is not None else 0,
             color="color" in scene.outputs,
+            orthographic=scene.camera.height is not None,
         )
 
     def has_receivers(self, light: int) -> bool:
@@ -86,7 +91,9 @@ class Effects:
         ``bounce`` > 0: of the kernels for mirrored rays, or for shadow rays from their hits.
         """
         return Switches(
-            receivers=light is not None and self.has_receivers(light), alpha=self.alpha, bounced=bounce > 0
+            receivers=light is not None and self.has_receivers(light),
+            alpha=self.alpha,
+            bounced=bounce > 0 or self.orthographic,
         )
 
     def is_directional(self, light: int) -> bool:
@@ -102,6 +109,7 @@ class Effects:
             "directional": any(self.shadows[i] and self.is_directional(i) for i in lights),
             "alpha": self.alpha,
             "mirror": self.bounces > 0,
+            "orthographic": self.orthographic,
         }
         return tuple(name for name, wanted in called.items() if wanted)
 

@@ -76,7 +76,9 @@ def input_hashes(prepared: Prepared, moment: Moment) -> dict[str, str]:
     """Hashes of all that an answer depends on: mesh, rays, lights, and the alpha mask where there is one."""
     hashes = {
         "mesh": array_hash(moment.points, prepared.faces, moment.valid),
-        "rays": array_hash(moment.eye, moment.column, moment.row),
+        "rays": array_hash(
+            moment.eye, moment.column, moment.row, *([moment.axes] if moment.orthographic else [])
+        ),
         "lights": array_hash(moment.lights),
     }
     if prepared.alpha is not None:

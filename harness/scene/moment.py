@@ -28,6 +28,8 @@ class Moment:
     tangents float32 [2]: half width and half height of the image plane at distance 1 along forward
     column   float32 [width, 3], row float32 [height, 3]: a pixel's direction is column[x] + row[y], one float32
              addition a component; its forward part is 1 up to rounding, so t is the depth along forward
+    orthographic  whether the rays are parallel: column[x] + row[y] is where a pixel's ray starts, its direction is forward,
+             and ``tangents`` are half the width and height of what the image shows
     lights   float32 [light_count, 3]
     spots    float64 [light_count, 12]: what each light is limited to (:mod:`.judge.receivers`); no row: not limited
     posts    float32 [light_count, 3]: where a structure may look from in a light's stead: the light itself, or for
@@ -52,6 +54,7 @@ class Moment:
     facing: bool = False
     reach: F32 = field(default_factory=lambda: np.ones(1, dtype=np.float32))
     posts: F32 | None = None
+    orthographic: bool = False
 
     @property
     def width(self) -> int:
@@ -63,11 +66,18 @@ class Moment:
 
     def directions(self, pixels: NDArray[np.integer]) -> F32:
         """The float32 directions [n, 3] of the given pixel indices (row * width + column)."""
-        return self.column[pixels % self.width] + self.row[pixels // self.width]
+        if self.orthographic:
+            return np.broadcast_to(self.axes[2], (len(pixels), 3))
+        return self._sums(pixels)
 
     def origins(self, pixels: NDArray[np.integer]) -> F32:
         """Where the rays of the given pixel indices start, float32 [n, 3]."""
+        if self.orthographic:
+            return self._sums(pixels)
         return np.broadcast_to(self.eye, (len(pixels), 3))
+
+    def _sums(self, pixels: NDArray[np.integer]) -> F32:
+        return self.column[pixels % self.width] + self.row[pixels // self.width]
 
 
 def posts_of(positions: F32, lights: tuple[Light, ...]) -> F32:
@@ -76,9 +86,9 @@ def posts_of(positions: F32, lights: tuple[Light, ...]) -> F32:
     return np.ascontiguousarray(positions * np.array(scale, dtype=np.float32).reshape(-1, 1))
 
 
-def reach_of(eye: F32, extent: float) -> F32:
-    """Float32 [1]: the least power of two from eight times ``extent`` upwards that bounds the eye's coordinates."""
-    most = max(8.0 * extent, float(np.abs(eye).max()))
+def reach_of(starts: F32, extent: float) -> F32:
+    """Float32 [1]: the least power of two from eight times ``extent`` upwards that bounds the coordinates of ``starts``."""
+    most = max(8.0 * extent, float(np.abs(starts).max()))
     return np.array([2.0 ** np.ceil(np.log2(min(most, 2.0**126)))], dtype=np.float32)
 
 
@@ -87,7 +97,7 @@ def ray_tables(
 ) -> tuple[F32, F32, F32, F32, F32]:
     """Eye [3], axes [3, 3], tangents [2], column [width, 3], row [height, 3], all float32.
 
-    Pixel (x, y) has its centre at (x + 0.5, y + 0.5), row 0 at the top; square pixels; ``fov`` is vertical.
+    Pixel (x, y) has its centre at (x + 0.5, y + 0.5), row 0 at the top; square pixels; ``fov`` and ``height`` are vertical.
     """
     if width < 1 or height < 1:
         raise UserError(f"image size {width}x{height}: both must be at least 1")
@@ -101,15 +111,17 @@ def ray_tables(
     right = np.cross(forward, up)
     if not np.isfinite(up).all() or np.linalg.norm(right) <= 1e-9 * np.linalg.norm(up):
         raise UserError("camera: up must be finite and not parallel to the view; choose another up")
-    if not 0.0 < camera.fov < 180.0:
+    if camera.height is None and not 0.0 < camera.fov < 180.0:
         raise UserError(f"camera: fov {camera.fov} degrees must lie between 0 and 180")
+    if camera.height is not None and not 0.0 < camera.height < np.inf:
+        raise UserError(f"camera: height {camera.height} must be finite and greater than 0")
     right /= np.linalg.norm(right)
     true_up = np.cross(right, forward)
-    half = np.tan(np.radians(camera.fov) / 2)
+    half = np.tan(np.radians(camera.fov) / 2) if camera.height is None else camera.height / 2
     tangents = np.array([half * width / height, half])
     x = (2 * (np.arange(width) + 0.5) / width - 1) * tangents[0]
     y = (1 - 2 * (np.arange(height) + 0.5) / height) * tangents[1]
-    column = forward + x[:, None] * right
+    column = (forward if camera.height is None else eye - centre) + x[:, None] * right
     row = y[:, None] * true_up
     return (
         (eye - centre).astype(np.float32),

@@ -80,6 +80,7 @@ class Prepared:
         if lights is None:
             lights = self.lights(frame)
         eye, axes, tangents, column, row = ray_tables(chosen, width, height, self.centre)
+        starts = eye if chosen.height is None else np.abs(column).max(axis=0) + np.abs(row).max(axis=0)
         positions = np.array([self.light_point(light) for light in lights]).reshape(-1, 3)
         return Moment(
             frame,
@@ -93,8 +94,9 @@ class Prepared:
             np.ascontiguousarray(positions.astype(np.float32)),
             spot_rows(lights),
             self.scene.facing,
-            reach_of(eye, self.radius + float(np.abs(self.middle).max())),
+            reach_of(starts, self.radius + float(np.abs(self.middle).max())),
             posts_of(positions.astype(np.float32), lights),
+            chosen.height is not None,
         )
 
     def light_point(self, light: Light) -> NDArray[np.float64]:

@@ -18,12 +18,19 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole camera. ``fov`` is the vertical field of view in degrees; ``up`` must not be parallel to the view."""
+    """A pinhole camera, or an orthographic one.
+
+    fov     vertical field of view of a pinhole camera, degrees
+    up      must not be parallel to the view
+    height  of an orthographic camera, the height of what the image shows; None: a pinhole camera. Its rays are parallel to
+            the view and start in the plane through the eye that is perpendicular to the view
+    """
 
     eye: Vector
     target: Vector
     up: Vector = (0.0, 1.0, 0.0)
     fov: float = 45.0
+    height: float | None = None
 
 
 @dataclass(frozen=True)

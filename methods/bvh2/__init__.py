@@ -34,7 +34,7 @@ class BinaryTree(BaseMethod):
 
     name: ClassVar[str] = "bvh2"
     title: ClassVar[str] = "BVH2 (rebuilt in the graph)"
-    simulates = frozenset({"shadows", "receivers", "directional", "alpha", "mirror"})
+    simulates = frozenset({"shadows", "receivers", "directional", "alpha", "mirror", "orthographic"})
     Build: ClassVar[type] = Build
     Trace: ClassVar[type] = Trace
 

@@ -18,6 +18,11 @@ WALKERS = 256
 """Walkers a multiprocessor of the GPU, and on the CPU, which walks for one after another."""
 
 
+def walked(effects: Effects) -> bool:
+    """Whether :class:`Careful` traces every ray of a frame: triangles have holes, or primary rays start in many points."""
+    return effects.alpha or effects.orthographic
+
+
 class Careful:
     """stack int32 [walkers * STACK]: each walker's; empty where no ray needs one."""
 
@@ -27,7 +32,7 @@ class Careful:
         self.node_bytes, self.group = build.node_bytes, build.group
         device = wp.get_device(frame.device)
         self.walkers = WALKERS * (device.sm_count if device.is_cuda else 1)
-        needed = effects.alpha or effects.bounces > 0
+        needed = walked(effects) or effects.bounces > 0
         self.stack = wp.zeros(self.walkers * STACK if needed else 0, dtype=wp.int32, device=device)
 
     def launch_closest(self, bounce: int, starts: Starts) -> None:

@@ -16,7 +16,7 @@ from ...harness.frame.specialise import specialised
 from ...harness.scene.effects import Effects
 from ..common.pixels import thread_count
 from . import records, shadow
-from .careful_passes import Careful
+from .careful_passes import Careful, walked
 from .parameters import Build, Trace
 from .primary import BLOCK, Part, Tree
 from .records import Leaves
@@ -68,7 +68,7 @@ class ShadowRays:
             self.doubts = [wp.zeros(doubt_capacity, dtype=wp.vec2i) for _ in range(self.shares)]
             seat = wp.zeros((own, frame.pixels), dtype=wp.int32)
             start = wp.zeros((own, frame.pixels), dtype=wp.vec3f)
-            words = 0 if effects.alpha else frame.triangle_count
+            words = 0 if walked(effects) else frame.triangle_count
             self.light_records = {i: wp.zeros(3 * words, dtype=wp.vec4f) for i in self.lights}
             sided = words if self.exact else 0
             self.sides = {i: wp.zeros(sided, dtype=wp.vec4f) for i in self.lights}
@@ -83,7 +83,7 @@ class ShadowRays:
         The former need only the order of triangles. The latter come after the hits: where none receives the light, they
         are left out.
         """
-        if self.effects.alpha:
+        if walked(self.effects):
             return []
         return [self._light_pass(i) for i in self.lights if self.effects.has_receivers(i) != received]
 
@@ -135,7 +135,7 @@ class ShadowRays:
 
     def bounce_passes(self) -> list[Pass]:
         """Mirrored rays, and the shadow rays of their hits."""
-        planes = () if self.effects.alpha else tuple(f"light triangles/{i}" for i in self.lights)
+        planes = () if walked(self.effects) else tuple(f"light triangles/{i}" for i in self.lights)
         return traced_bounces(
             self.effects,
             ("bvh", "order", "points", "triangles", "reach", *planes),
@@ -190,7 +190,7 @@ class ShadowRays:
         )  # fmt: skip
 
     def _bounce_shadow(self, light: int, bounce: int) -> None:
-        if self.effects.alpha:
+        if walked(self.effects):
             self.careful.launch_shadow(light, bounce)
             return
         self.counts[1 + bounce * self.frame.light_count + light].zero_()

@@ -12,6 +12,7 @@ from ...harness.frame.passes import Pass
 from ...harness.scene.effects import Effects
 from ..common.ray_passes import shadow_ray_passes
 from . import primary, records
+from .careful_passes import walked
 from .parameters import Build, Trace
 from .primary import BLOCK, Tree
 from .records import Leaves
@@ -40,11 +41,11 @@ class Rays(ShadowRays):
         super().__init__(frame, build, trace, effects, tree, leaves, extent, doubt_capacity)
         with wp.ScopedDevice(frame.device):
             self.chain = wp.zeros(frame.pixels if self.exact else 0, dtype=wp.int32)
-            self.eye_records = wp.zeros(0 if effects.alpha else 3 * frame.triangle_count, dtype=wp.vec4f)
+            self.eye_records = wp.zeros(0 if walked(effects) else 3 * frame.triangle_count, dtype=wp.vec4f)
 
     def records_passes(self) -> list[Pass]:
         """Triangles set up for the eye, and for lights that every hit receives: they need only the order of triangles."""
-        if self.effects.alpha:
+        if walked(self.effects):
             return []
         reads = ("points", "triangles", "order", "camera")
         eye = Pass("eye: triangles", "trace", reads, ("eye triangles",), self._eye_records)
@@ -53,7 +54,7 @@ class Rays(ShadowRays):
     def passes(self) -> list[Pass]:
         """Primary rays and shadow rays, the shares beside each other; then mirrored ones."""
         scene = ("bvh", "order", "points", "triangles", *self.effects.surface_reads())
-        if self.effects.alpha:
+        if walked(self.effects):
             passes = self._careful_passes(scene)
         else:
             reads = (*scene, "camera", "eye triangles")
@@ -86,7 +87,7 @@ class Rays(ShadowRays):
         return [*passes, *self.share_passes(share, (*seen, hits))]
 
     def _careful_passes(self, scene: tuple[str, ...]) -> list[Pass]:
-        """Primary rays and shadow rays where triangles have holes."""
+        """Primary rays and shadow rays where :func:`.careful_passes.walked` asks for it."""
         seen = (*scene, "camera")
         primary_rays = Pass(
             "primary rays", "trace", seen, ("hits",), lambda: self.careful.launch_closest(0, self.starts[0])

@@ -51,7 +51,7 @@ class CoherentGrid(BaseMethod):
     name: ClassVar[str] = "coherent_grid"
     title: ClassVar[str] = "Coherent grid (packets, CPU)"
     devices: ClassVar[tuple[str, ...]] = ("cpu",)
-    simulates = frozenset({"shadows", "receivers", "directional", "alpha", "mirror"})
+    simulates = frozenset({"shadows", "receivers", "directional", "alpha", "mirror", "orthographic"})
     Build: ClassVar[type] = Build
     Trace: ClassVar[type] = Trace
 
@@ -83,6 +83,8 @@ class CoherentGrid(BaseMethod):
         camera = PacketCamera(frame, Streams(), self._queues, effects)
         camera.launch = self._launch_primary
         others = PixelRays(frame, effects, self._cells, *make_kernels(0), swizzle=False, hit=camera.hit)
+        if effects.orthographic:  # a packet's rays start in one point
+            return [*self._grid.passes(self._need, 0), *others.passes(STRUCTURE)]
         return [
             *self._grid.passes(self._need, 0),
             *camera.passes(),

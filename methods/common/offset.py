@@ -160,7 +160,7 @@ def launch_shadow_origins(
     """
     first, count = part or (0, frame.pixels)
     wp.launch(
-        specialised(shadow_origin_kernel, Switches(bounced=bounce > 0)),
+        specialised(shadow_origin_kernel, Switches(bounced=frame.tabled(bounce))),
         dim=count,
         inputs=[
             first, light, sheared, frame.camera, frame.mesh, frame.lights, frame.hits(bounce), frame.rays(bounce),

@@ -94,7 +94,7 @@ class Embree(BaseMethod):
 
     name = "embree"
     title = "Embree"
-    simulates = frozenset({"shadows", "receivers", "directional", "mirror"})
+    simulates = frozenset({"shadows", "receivers", "directional", "mirror", "orthographic"})
     cannot = MappingProxyType(
         {"alpha": "holes need a filter function that decides them in float64; none is written"}
     )
@@ -247,7 +247,7 @@ class Embree(BaseMethod):
         query = self._query("Intersect")
         self._each_part(
             intersect_kernel,
-            [packets, bounce > 0, *query, frame.camera, frame.rays(bounce), frame.hits(bounce)],
+            [packets, frame.tabled(bounce), *query, frame.camera, frame.rays(bounce), frame.hits(bounce)],
         )
 
     def _shadow(self, light: int, bounce: int = 0) -> None:

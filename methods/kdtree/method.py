@@ -67,7 +67,7 @@ class KdTree(BaseMethod):
 
     name = "kdtree"
     title = "kd-tree"
-    simulates = frozenset({"shadows", "receivers", "directional", "alpha", "mirror"})
+    simulates = frozenset({"shadows", "receivers", "directional", "alpha", "mirror", "orthographic"})
     Build = Build
     Trace = Trace
 

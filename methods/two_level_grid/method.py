@@ -76,7 +76,7 @@ class TwoLevelGrid(BaseMethod):
 
     name = "two_level_grid"
     title = "Two-level grid"
-    simulates = frozenset({"shadows", "receivers", "directional", "alpha", "mirror"})
+    simulates = frozenset({"shadows", "receivers", "directional", "alpha", "mirror", "orthographic"})
     Build = Build
     Trace = Trace
 

@@ -64,7 +64,7 @@ class UniformGrid(BaseMethod):
 
     name = "uniform_grid"
     title = "Uniform grid"
-    simulates = frozenset({"shadows", "receivers", "directional", "alpha", "mirror"})
+    simulates = frozenset({"shadows", "receivers", "directional", "alpha", "mirror", "orthographic"})
     Build = Build
     Trace = Trace
 

@@ -89,7 +89,7 @@ class WarpBvh(BaseMethod):
     name = "warp_bvh"
     title = "BVH (Warp)"
     formerly = ("bvh",)
-    simulates = frozenset({"shadows", "receivers", "directional", "mirror"})
+    simulates = frozenset({"shadows", "receivers", "directional", "mirror", "orthographic"})
     cannot = MappingProxyType(
         {"alpha": "a query of wp.Mesh cannot skip a hit; choose --set warp_bvh.update=bvh_rebuild"}
     )

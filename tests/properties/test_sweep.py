@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from helpers.judged_hard_cases import CASES, exact_methods, judged
 from shadowbench.harness.frame.registry import make_method
-from shadowbench.harness.hardcases import HardCase, reported, structures
+from shadowbench.harness.hardcases import HardCase, parallel, reported, structures
 from shadowbench.harness.hardcases.case import Counts, Trial
 from shadowbench.harness.hardcases.judge import Judged, judge_case
 from shadowbench.harness.scene.prepared import prepare
@@ -33,7 +33,7 @@ METHODS = exact_methods()
 MOST_PIXELS = 640
 """Larger images cost the judge more than all others together, and hold nothing that grows with scale."""
 
-VARIED = {case.name for case in (*structures.CASES, *reported.CASES)}
+VARIED = {case.name for case in (*structures.CASES, *reported.CASES, *parallel.CASES)}
 """They have variants of their own in the catalogue, as those whose name begins with V."""
 
 SWEPT = [

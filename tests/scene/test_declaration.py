@@ -10,6 +10,7 @@ from shadowbench.harness.commands.plan import frame_plan
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.materials import reflectances
 from shadowbench.harness.scene.catalogue import resolve
+from shadowbench.harness.scene.chosen_view import ChosenView
 from shadowbench.harness.scene.effects import Effects
 from shadowbench.harness.scene.prepared import prepare
 from typer.testing import CliRunner
@@ -93,6 +94,16 @@ def test_everything_declared_is_in_the_scene(folder):
     assert prepared.mirror.sum() == 2  # the two large ones below
 
 
+def test_an_orthographic_camera_is_declared_by_its_height(folder):
+    camera = 'mesh = "roof.obj"\n[camera]\nkind = "orthographic"\neye = [0, 5, 0]\nup = [0, 0, 1]\nheight = 3'
+    scene = resolve(declare(folder, camera))
+    assert scene.camera.height == 3.0
+    assert "orthographic" in Effects.of(scene).names()
+    assert "orthographic" not in Effects.of(resolve(folder / "roof.obj")).names()
+    with pytest.raises(UserError, match="--fov does not apply to an orthographic camera"):
+        ChosenView(fov=40.0).applied(scene)
+
+
 def test_what_is_not_declared_stays(folder):
     plain, declared = resolve(folder / "roof.obj"), resolve(declare(folder, 'mesh = "roof.obj"'))
     assert declared.camera == plain.camera
@@ -169,6 +180,26 @@ WRONG = {
         "must be finite and different",
     ),
     "no field of view": ('mesh = "roof.obj"\n[camera]\nfov = 0', "must lie between 0 and 180"),
+    "a kind of camera that is none": (
+        'mesh = "roof.obj"\n[camera]\nkind = "fisheye"',
+        "is not one of perspective, orth",
+    ),
+    "an orthographic camera without a height": (
+        'mesh = "roof.obj"\n[camera]\nkind = "orthographic"',
+        "add its height",
+    ),
+    "a fov of an orthographic camera": (
+        'mesh = "roof.obj"\n[camera]\nkind = "orthographic"\nheight = 2\nfov = 40',
+        "camera.fov does not apply",
+    ),
+    "a height of a pinhole camera": (
+        'mesh = "roof.obj"\n[camera]\nheight = 2',
+        "camera.height does not apply",
+    ),
+    "an orthographic camera that shows nothing": (
+        'mesh = "roof.obj"\n[camera]\nkind = "orthographic"\nheight = 0',
+        "height 0.0 must be finite and greater than 0",
+    ),
     "a light nowhere": ('mesh = "roof.obj"\n[[lights]]\nposition = [0, nan, 0]', "must be finite"),
     "a light at infinity": ('mesh = "roof.obj"\n[[lights]]\nposition = [0, inf, 0]', "must be finite"),
     "a light beyond float32": (

@@ -22,6 +22,17 @@ def scene_of(vertices, faces, lights=((0.0, 4.0, 0.0),), **changes) -> Scene:
     return Scene("test", "Test", lambda: made, **values)
 
 
+def test_rays_of_an_orthographic_camera_are_parallel_and_a_pixel_apart():
+    camera = Camera((1.0, 2.0, 5.0), (1.0, 2.0, 0.0), height=4.0)
+    moment = prepare(scene_of(TRIANGLE, [[0, 1, 2]], camera=camera)).moment(0, 6, 4)
+    pixels = np.arange(24)
+    np.testing.assert_array_equal(moment.directions(pixels), np.tile([0, 0, -1], (24, 1)))
+    x, y = np.meshgrid(np.arange(6) - 2.5, 1.5 - np.arange(4))  # pixels of size 1, row 0 at the top
+    starts = np.stack([1 + x.ravel(), 2 + y.ravel(), np.full(24, 5.0)], axis=1)
+    np.testing.assert_array_equal(moment.origins(pixels), starts)
+    assert moment.reach[0] >= 8
+
+
 def test_a_mesh_near_the_origin_stays_as_it_is():
     points = TRIANGLE + [0.4, 0.0, -0.9]
     assert (recentre(points) == 0).all()

@@ -1,0 +1,92 @@
+"""Orthographic cameras in frames: which kernels run, what a frame refuses, colours, and the answers of every method."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers.judged_hard_cases import CASES, exact_methods, judged
+from shadowbench.harness.frame.registry import make_method, method_names
+from shadowbench.harness.frame.session import Session
+from shadowbench.harness.frame.shading import shaded
+from shadowbench.harness.hardcases.judge import judge_case
+from shadowbench.harness.judge.context import Judge
+from shadowbench.harness.judge.score import judge_frame, score_frame
+from shadowbench.harness.scene.prepared import under
+
+TRACING = [
+    (name, given) for name, given in exact_methods() if "orthographic" in make_method(name, given).simulates
+]
+PARALLEL = [case for case in CASES if case.name.startswith("O")]
+
+
+def test_which_methods_trace_parallel_rays() -> None:
+    names = {"bvh2", "coherent_grid", "kdtree", "two_level_grid", "uniform_grid", "warp_bvh"}
+    assert {name for name, _ in TRACING} == names
+    scene = judged("O03 x").trial.prepared.scene
+    for name in set(method_names()) - names - {"embree"}:
+        assert "orthographic: its primary rays start in one point" in str(
+            make_method(name).applies(scene, "cpu")
+        )
+
+
+@pytest.mark.parametrize(("name", "settings"), TRACING, ids=lambda value: str(value))
+def test_parallel_rays_are_traced_exactly(name: str, settings: dict[str, str]) -> None:
+    for case in PARALLEL:
+        finding = judge_case(judged(case.name), make_method(name, settings), "cpu")
+        assert finding.status == "ok", (case.name, finding.classes, finding.reason)
+        assert set(finding.classes) <= {"tie", "near_tie"}, (case.name, finding.classes)
+
+
+def test_embree_is_the_reference_of_parallel_rays_too() -> None:
+    """Its answers and those of a method agree, and a shifted table of rays does not."""
+    trial = judged("O05 x1").trial
+    judge = Judge.of(trial.prepared, trial.moment)
+
+    def true_errors(given) -> int:
+        return score_frame(judge, given, judge_frame(judge, given)).score.true_errors
+
+    assert judge.reference.provenance["reference"] == "Embree"
+    session = Session(make_method("uniform_grid"), trial.prepared, 24, 17, "cpu")
+    answers = session.answers(trial.moment)
+    assert true_errors(answers) == 0
+    moved = replace(trial.moment, column=trial.moment.column + np.float32(0.05))
+    assert true_errors(session.answers(moved)) > 20
+
+
+def test_a_frame_is_of_one_kind_of_camera() -> None:
+    trial = judged("O05 x1").trial
+    camera = replace(trial.prepared.scene.camera, height=None)
+    pinhole = trial.prepared.moment(0, 24, 17, camera=camera)
+    session = Session(make_method("uniform_grid"), trial.prepared, 24, 17, "cpu")
+    with pytest.raises(ValueError, match="one of them is orthographic"):
+        session.answers(pinhole)
+
+
+def test_a_moved_camera_is_traced_anew() -> None:
+    trial = judged("O05 x1").trial
+    camera = trial.prepared.scene.camera
+    x, y, z = camera.eye
+    later = trial.prepared.moment(0, 24, 17, camera=replace(camera, eye=(x + 0.5, y, z)))
+    session = Session(make_method("bvh2"), trial.prepared, 24, 17, "cpu")
+    session.answers(trial.moment)
+    session.advance(later)
+    again = session.frame.answers.to_host()
+    fresh = Session(make_method("bvh2"), trial.prepared, 24, 17, "cpu").answers(later)
+    for key, values in fresh.items():
+        np.testing.assert_array_equal(again[key], values, key)
+    assert (fresh["triangle"] >= 0).any()
+
+
+def test_colours_are_those_of_the_rays_that_were_traced() -> None:
+    """In the frame as on the host; a point of the floor has the colour of its light, wherever it is in the picture."""
+    trial = judged("O05 x1").trial
+    scene = replace(trial.prepared.scene, outputs=("ids", "shadows", "color"))
+    prepared = under(trial.prepared, scene)
+    session = Session(make_method("uniform_grid"), prepared, 24, 17, "cpu")
+    answers = session.answers(trial.moment)
+    colour = session.frame.color.numpy()
+    host = np.concatenate([part for _, part in shaded(prepared, trial.moment, answers, scene.lights)])
+    np.testing.assert_array_equal(colour, host)
+    assert len(np.unique(colour, axis=0)) > 20
