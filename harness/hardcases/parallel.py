@@ -22,9 +22,10 @@ def onto_towers(kind: str, turn: int = 0, scale: float = 1.0, offset: float = 0.
     """Rays down on boxes with integer corners: at the even integers ("edges") through edges, corners and in walls, at the
     odd ones ("faces") through the diagonals of their squares."""
     shift = 1.0 if kind == "edges" else 0.0
+    sun = Light((0.0, 0.0, 1.0), directional=True)
     return view(
-        joined(towers(), plane(2, 0, 32)), [(0.5, 0.25, 16.0), Light((0.0, 0.0, 1.0), directional=True)],
-        (shift, shift, 8.0), DOWN, size=(16, 16), turn=turn, scale=scale, offset=(offset * scale,) * 3, height=32.0, stated=Counts(256),
+        joined(towers(), plane(2, 0, 32)), [(0.5, 0.25, 16.0), sun], (shift, shift, 8.0), DOWN, size=(16, 16), turn=turn,
+        scale=scale, offset=(offset * scale,) * 3, height=32.0, stated=Counts(256),
     )  # fmt: skip
 
 
