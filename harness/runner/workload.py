@@ -26,6 +26,9 @@ OVERHEAD = 2.0
 ONCE_S = 1.0
 """Seconds of a point whatever its size, roughly: it is prepared, and its answers are written and read."""
 
+SCENE_S = 2.0
+"""Seconds of a scene with one lighting, shared by its points, roughly: it is made, and its exact reference computed."""
+
 CPU_S = 7.5e-7
 """Seconds of one frame per unit of work on two CPU cores, roughly; a median over methods."""
 
@@ -51,11 +54,12 @@ def guess(scene: str, preset: Preset, lights: int, device: str) -> float:
     presets of the experiments on two cores. ``lights``: how many replace the scene's own; 0: none.
     """
     frames = preset.frames if scene in ANIMATED else 1
+    once = ONCE_S + SCENE_S / max(1, len(preset.methods))
     if device.startswith("cuda"):
-        return ONCE_S + GPU_S * frames * preset.width * preset.height / 2**20
+        return once + GPU_S * frames * preset.width * preset.height / 2**20
     runs = 1 + preset.samples + preset.stage_samples + 1
     seconds = CPU_S * runs * expected_work(scene, preset) * (1 + max(1, lights)) / 2
-    return ONCE_S + min(seconds, OVERHEAD * preset.budget_s)
+    return once + min(seconds, OVERHEAD * preset.budget_s)
 
 
 def points_of(preset: Preset) -> int:
