@@ -51,7 +51,8 @@ def test_a_dry_run_names_what_is_there_and_what_is_not(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("experiment", "measured_s"), [("table1", 242), ("frame_time", 178), ("two_lights", 132)]
+    ("experiment", "measured_s"),
+    [("table1", 242), ("frame_time", 178), ("two_lights", 132), ("effects", 154)],
 )
 def test_the_first_estimate_is_within_a_factor_of_two(experiment, measured_s, tmp_path):
     """The seconds that the quick presets took on two cores, kernels compiled."""
