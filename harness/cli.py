@@ -88,6 +88,26 @@ EVERYWHERE = ("--debug", "--no-wait")
 """Options of the program itself: accepted before and after the command."""
 
 
+SHORT = {
+    "run": "Measure an experiment: every method on every scene.",
+    "show": "Draw tables and figures of an experiment from its records.",
+    "list": "List methods, scenes or experiments.",
+    "render": "Render a picture or an animation of a scene.",
+    "check": "Test one method on small scenes that are hard to trace.",
+    "plan": "List the passes of each method for a scene, with reasons.",
+    "verify": "Compare every answer of every method with the reference.",
+    "explain": "Show every answer at one pixel, and the exact one.",
+    "score": "Score answers that a run saved without a score.",
+    "report": "Write results as one HTML page to explore.",
+    "compare": "Compare two runs: faster, slower or the same.",
+    "view": "Show a scene on an interactive page on this machine.",
+    "scenes": "Fetch the originals of scenes.",
+    "new-method": "Create a Python package for a new method.",
+    "keep": "Pack results into a folder to publish.",
+}
+"""One line per command in ``shadowbench --help``, short enough for 80 columns."""
+
+
 def command(name: str, example: str) -> Callable[[Callable[..., int | None]], Callable[..., int | None]]:
     """Register a command. The function returns its exit code; the help text ends with the example."""
 
@@ -109,13 +129,15 @@ def command(name: str, example: str) -> Callable[[Callable[..., int | None]], Ca
             "Every command also takes --debug (print the traceback of an error) and --no-wait (stop with an error "
             "if another run on this machine is measuring)."
         )
-        app.command(name, help=f"{text}\n\n{always}\n\n\b\nExample:\n  {example}")(checked)
+        app.command(name, short_help=SHORT[name], help=f"{text}\n\n{always}\n\n\b\nExample:\n  {example}")(
+            checked
+        )
         return work
 
     return register
 
 
-@command("run", "shadowbench run table1 --preset quick --scene cloth --method warp_bvh --method embree")
+@command("run", "shadowbench run table1 --scene cloth --method warp_bvh --method embree")
 def run_(
     experiment: Annotated[
         str,
@@ -127,59 +149,103 @@ def run_(
     preset: Annotated[
         str | None,
         typer.Option(
-            "--preset", help="Name of a preset, such as quick or paper. Default: depends on the device."
+            "--preset",
+            metavar="NAME",
+            help="Name of a preset, such as quick or paper. Default: depends on the device.",
         ),
     ] = None,
     device: Device = None,
     scene: Annotated[
         list[str] | None,
         typer.Option(
-            "--scene", help="Name of a scene, or a mesh file. Repeatable.", autocompletion=complete_scene
+            "--scene",
+            metavar="SCENE",
+            help="Name of a scene, or a mesh file. Repeatable. Default: those of the preset.",
+            autocompletion=complete_scene,
         ),
     ] = None,
     method: Annotated[
         list[str] | None,
-        typer.Option("--method", help="Name of a method. Repeatable.", autocompletion=complete_method),
+        typer.Option(
+            "--method",
+            metavar="NAME",
+            help="Name of a method. Repeatable. Default: those of the preset.",
+            autocompletion=complete_method,
+        ),
     ] = None,
     setting: Settings = None,
     scene_dir: SceneDir = None,
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", help="Results folder; created if missing. A second run measures only what is missing."
+            "--out",
+            metavar="PATH",
+            help="Results folder; created if missing. A second run measures only missing points. "
+            "Default: results/local/EXPERIMENT-PRESET.",
         ),
     ] = None,
-    size: Annotated[str | None, typer.Option("--size", help="Image size, such as 256x256.")] = None,
+    size: Annotated[
+        str | None,
+        typer.Option(
+            "--size", metavar="WxH", help="Image size, such as 256x256. Default: that of the preset."
+        ),
+    ] = None,
     camera: CameraPlace = None,
     fov: Fov = None,
     light: Lights = None,
     frames: Annotated[
         int | None,
-        typer.Option("--frames", help="Number of frames of an animated scene; 1: the middle frame."),
+        typer.Option(
+            "--frames",
+            metavar="N",
+            help="Number of frames of an animated scene; 1: the middle frame. Default: the preset's.",
+        ),
     ] = None,
     samples: Annotated[
-        int | None, typer.Option("--samples", help="Minimum number of timing samples per frame and round.")
+        int | None,
+        typer.Option(
+            "--samples",
+            metavar="N",
+            help="Minimum number of timing samples per frame and round. Default: the preset's.",
+        ),
     ] = None,
     rounds: Annotated[
         int | None,
-        typer.Option("--rounds", help="Number of times that each point is measured, in interleaved order."),
+        typer.Option(
+            "--rounds",
+            metavar="N",
+            help="Number of times that each point is measured, in interleaved order. Default: the preset's.",
+        ),
     ] = None,
     budget: Annotated[
-        float | None, typer.Option("--budget", help="Time limit for the timing samples of a point, seconds.")
+        float | None,
+        typer.Option(
+            "--budget",
+            metavar="SECONDS",
+            help="Time limit for the timing samples of a point. Default: the preset's.",
+        ),
     ] = None,
     timeout: Annotated[
         float | None,
-        typer.Option("--timeout", help="Seconds without a reply after which a method counts as failed."),
+        typer.Option(
+            "--timeout",
+            metavar="SECONDS",
+            help="Time without a reply after which a point has the status timeout. Default: the preset's.",
+        ),
     ] = None,
     seed: Annotated[
-        int, typer.Option("--seed", help="Seed of the random order of the points in each round.")
+        int, typer.Option("--seed", metavar="N", help="Seed of the random order of the points in each round.")
     ] = 0,
     memory_limit: MemoryLimit = None,
-    save_answers: Annotated[bool, typer.Option("--save-answers", help="Save all answers as arrays.")] = False,
+    save_answers: Annotated[
+        bool, typer.Option("--save-answers", help="Save the answers of every pixel as arrays.")
+    ] = False,
     score: Annotated[
         bool, typer.Option("--score/--no-score", help="Compare the answers with the exact reference.")
     ] = True,
-    retry: Annotated[bool, typer.Option("--retry", help="Measure failed points again.")] = False,
+    retry: Annotated[
+        bool, typer.Option("--retry", help="Measure points again that failed or timed out.")
+    ] = False,
     cluster: Annotated[
         str | None,
         typer.Option(
@@ -193,12 +259,17 @@ def run_(
         bool,
         typer.Option(
             "--dry-run",
-            help="List the points that would be measured and those already there, and how long it may take.",
+            help="Measure nothing: list the points to be measured and those already measured, with the expected time.",
         ),
     ] = False,
     as_json: Json = False,
 ) -> int:
-    """Measure an experiment: every method on every scene. Check the answers against the exact reference, then draw."""
+    """Measure an experiment: every method on every scene. Compare the answers with the exact reference, then draw tables
+    and figures.
+
+    Points that have a record in the results folder are not measured again, so an interrupted run continues where it
+    stopped. Exit code 1 if a point failed.
+    """
     from .commands.run import dry, plan_run, run, run_on_cluster
 
     def planned(elsewhere: str | None = None) -> Options:
@@ -250,11 +321,12 @@ def show_(
         ),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option("--out", help="Folder to write to. Default: the results folder itself.")
+        Path | None,
+        typer.Option("--out", metavar="PATH", help="Folder to write to. Default: the results folder itself."),
     ] = None,
     as_json: Json = False,
 ) -> int:
-    """Draw the figures and tables of an experiment from its records. Nothing is measured."""
+    """Draw the tables and figures of an experiment from its records. Nothing is measured."""
     from .commands.run import newest
     from .commands.show import show
 
@@ -269,7 +341,7 @@ def show_(
 
 @command("list", "shadowbench list methods --json")
 def list_(
-    kind: Annotated[str, typer.Argument(help="methods, scenes or experiments.")],
+    kind: Annotated[str, typer.Argument(help="What to list: methods, scenes or experiments.")],
     as_json: Json = False,
 ) -> int:
     """List the methods, scenes or experiments."""
@@ -288,24 +360,34 @@ def render_(
             help="Name of a scene, or a mesh file. With --animate there may be several, side by side."
         ),
     ],
-    method: Annotated[str, typer.Option("--method", help="The method that traces the picture.")],
+    method: Annotated[
+        str, typer.Option("--method", metavar="NAME", help="The method that traces the picture.")
+    ],
     out: Annotated[
         Path | None,
-        typer.Option("--out", help="PNG file to write; its folder is created if missing."),
+        typer.Option("--out", metavar="PATH", help="PNG file to write; its folder is created if missing."),
     ] = None,
     animation: Annotated[
         Path | None,
         typer.Option(
             "--animate",
+            metavar="FILE",
             help="WebP file to write instead: every frame, or of a still scene a turn of its lights.",
         ),
     ] = None,
-    size: Annotated[str, typer.Option("--size", help="Image size.")] = "512x512",
-    frame: Annotated[int, typer.Option("--frame", help="Frame of an animated scene, from 0.")] = 0,
+    size: Annotated[
+        str, typer.Option("--size", metavar="WxH", help="Image size, such as 512x512.")
+    ] = "512x512",
+    frame: Annotated[
+        int, typer.Option("--frame", metavar="N", help="Frame of an animated scene, from 0.")
+    ] = 0,
     frames: Annotated[
-        int | None, typer.Option("--frames", help="Number of frames of --animate. Default: all.")
+        int | None,
+        typer.Option("--frames", metavar="N", help="Number of frames of the animation. Default: all."),
     ] = None,
-    seconds: Annotated[float, typer.Option("--seconds", help="Length of --animate.")] = 4.0,
+    seconds: Annotated[
+        float, typer.Option("--seconds", metavar="SECONDS", help="Length of the animation.")
+    ] = 4.0,
     camera: CameraPlace = None,
     fov: Fov = None,
     light: Lights = None,
@@ -345,9 +427,7 @@ command("verify", "shadowbench verify cloth bunny.ply --method warp_bvh --json")
 command("explain", "shadowbench explain cloth --pixel 120,80")(explain)
 command("score", "shadowbench score results/local/table1-quick")(score)
 command("report", "shadowbench report results/nvidia-h200 --out report.html")(report)
-command("compare", "shadowbench compare results/local/last-week results/local/today --fail-on slower")(
-    compare
-)
+command("compare", "shadowbench compare results/local/old results/local/new --fail-on slower")(compare)
 command("view", "shadowbench view cloth --size 256x256")(view)
 command("scenes", "shadowbench scenes fetch sibenik buddha --scene-dir scenes")(scenes)
 command("new-method", "shadowbench new-method my_method")(new_method)

@@ -24,10 +24,16 @@ def check(
     method: Annotated[str, typer.Argument(help="Name of a method; see shadowbench list methods.")],
     device: Device = None,
     setting: Annotated[
-        list[str] | None, typer.Option("--set", help="Parameter, as param=value. Repeatable.")
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="PARAM=VALUE",
+            help="Parameter of the method; see shadowbench list methods. Repeatable.",
+        ),
     ] = None,
     case: Annotated[
-        list[str] | None, typer.Option("--case", help="Name of a hard case. Repeatable. Default: all.")
+        list[str] | None,
+        typer.Option("--case", metavar="NAME", help="Name of a hard case. Repeatable. Default: all."),
     ] = None,
     as_json: Json = False,
 ) -> int:

@@ -34,33 +34,41 @@ Again = Annotated[
     Path | None,
     typer.Option(
         "--again",
+        metavar="FOLDER",
         help="A second run of A on the same machine: its gap to A counts as the machine's own spread.",
     ),
 ]
 Allow = Annotated[
     list[str] | None,
     typer.Option(
-        "--allow", help="Compare although this differs: machine, driver, scene or versions. Repeatable."
+        "--allow",
+        metavar="WHAT",
+        help="Compare although this differs: machine, driver, scene or versions. Repeatable.",
     ),
 ]
 FailOn = Annotated[
     list[str] | None,
     typer.Option(
-        "--fail-on", help="Exit code 1 for this verdict: slower, faster or cannot-tell. Repeatable."
+        "--fail-on",
+        metavar="VERDICT",
+        help="Exit code 1 for this verdict: slower, faster or cannot-tell. Repeatable.",
     ),
 ]
-Margin = Annotated[float, typer.Option("--margin", help="A gap up to this share counts as no difference.")]
+Margin = Annotated[
+    float, typer.Option("--margin", metavar="SHARE", help="A gap up to this share counts as no difference.")
+]
 
 
 def compare(
     a: One, b: Other, again: Again = None, allow: Allow = None, fail_on: FailOn = None,
     margin: Margin = two_runs.MARGIN, as_json: Json = False,
 ) -> int:  # fmt: skip
-    """Compare two runs: for each scene and method, and for the geometric mean, tell whether B is faster, slower or the same.
+    """Compare two runs: decide for each scene and method, and for the geometric mean, whether B is faster, slower or the
+    same.
 
     A difference needs nine rounds in both runs, a Mann-Whitney test on the medians of rounds (Holm's correction), and a gap
     above the margin and above the machine's own spread. Rounds whose clocks were throttled are named and left out, and on a
-    CPU those in which the machine had more to do than it has cores.
+    CPU those in which the machine was busy (load above 1.25 per core).
     """
     for given, known, option in ((allow, ALLOWED, "--allow"), (fail_on, FAILS, "--fail-on")):
         for word in given or ():

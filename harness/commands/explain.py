@@ -24,11 +24,13 @@ if TYPE_CHECKING:
 @MACHINE.restored()
 def explain(
     scene: Annotated[str, typer.Argument(help="Name of a scene, or a mesh file.")],
-    pixel: Annotated[str, typer.Option("--pixel", help="Column and row of the pixel, counted from 0: X,Y.")],
+    pixel: Annotated[
+        str, typer.Option("--pixel", metavar="X,Y", help="Column and row of the pixel, counted from 0: X,Y.")
+    ],
     method: Methods = None,
     device: Device = None,
     size: Annotated[
-        str, typer.Option("--size", help="Size of the image that contains the pixel.")
+        str, typer.Option("--size", metavar="WxH", help="Size of the image that contains the pixel.")
     ] = "256x256",
     frame: Frame = 0,
     setting: Settings = None,

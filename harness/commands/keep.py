@@ -27,10 +27,10 @@ DRAWN = (".csv", ".md", ".svg", ".png")
 """Files beside the records that are copied: drawings, tables and notes."""
 
 Sources = Annotated[list[Path], typer.Argument(help="Results folders of one experiment.")]
-Out = Annotated[Path, typer.Option("--out", help="The folder to create.")]
+Out = Annotated[Path, typer.Option("--out", metavar="PATH", help="The folder to create.")]
 With = Annotated[
     list[str] | None,
-    typer.Option("--with", help="Also copy images or maps. Repeatable."),
+    typer.Option("--with", metavar="WHAT", help="Also copy images or maps. Repeatable."),
 ]
 Replace = Annotated[bool, typer.Option("--replace", help="Replace the contents of --out.")]
 

@@ -28,7 +28,9 @@ LONGEST = 64
 Name = Annotated[str, typer.Argument(help="Name of the new method, a Python identifier in lower case.")]
 Out = Annotated[
     Path | None,
-    typer.Option("--out", help="The folder to create. Default: shadowbench-NAME in the current folder."),
+    typer.Option(
+        "--out", metavar="PATH", help="The folder to create. Default: shadowbench-NAME in the current folder."
+    ),
 ]
 
 

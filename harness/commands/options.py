@@ -43,28 +43,34 @@ Methods = Annotated[
     list[str] | None,
     typer.Option(
         "--method",
+        metavar="NAME",
         help="Name of a method. Repeatable. Default: all methods.",
         autocompletion=complete_method,
     ),
 ]
 Settings = Annotated[
-    list[str] | None, typer.Option("--set", help="Parameter of a method, as method.param=value. Repeatable.")
+    list[str] | None,
+    typer.Option("--set", metavar="METHOD.PARAM=VALUE", help="Parameter of a method. Repeatable."),
 ]
 Device = Annotated[
-    str | None, typer.Option("--device", help="cpu or cuda:0. Default: cuda:0 if present, else cpu.")
+    str | None,
+    typer.Option("--device", metavar="DEVICE", help="cpu or cuda:0. Default: cuda:0 if present, else cpu."),
 ]
-Size = Annotated[str, typer.Option("--size", help="Image size, such as 512x512.")]
-Frame = Annotated[int, typer.Option("--frame", help="Frame of an animated scene, from 0.")]
+Size = Annotated[str, typer.Option("--size", metavar="WxH", help="Image size, such as 512x512.")]
+Frame = Annotated[int, typer.Option("--frame", metavar="N", help="Frame of an animated scene, from 0.")]
 SceneDir = Annotated[
     Path | None,
     typer.Option(
-        "--scene-dir", help="Folder of original scenes. Default: the environment variable SHADOWBENCH_SCENES."
+        "--scene-dir",
+        metavar="FOLDER",
+        help="Folder of original scenes. Default: the environment variable SHADOWBENCH_SCENES.",
     ),
 ]
 MemoryLimit = Annotated[
     int | None,
     typer.Option(
         "--memory-limit",
+        metavar="BYTES",
         help="Memory that a method may use, bytes: its Warp arrays on any device, and the growth of its process on the "
         "host (plus 256 MiB for compilers). A method that needs more is rejected. Default: 8 GiB.",
     ),
@@ -73,10 +79,15 @@ Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 CameraPlace = Annotated[
     tuple[str, str] | None,
     typer.Option(
-        "--camera", metavar="EYE TARGET", help="Position of the camera and the point it looks at, each X,Y,Z."
+        "--camera",
+        metavar="EYE TARGET",
+        help="Position of the camera and the point it looks at, each X,Y,Z. Default: the scene's.",
     ),
 ]
-Fov = Annotated[float | None, typer.Option("--fov", help="Vertical field of view, degrees.")]
+Fov = Annotated[
+    float | None,
+    typer.Option("--fov", metavar="DEGREES", help="Vertical field of view, degrees. Default: the scene's."),
+]
 Lights = Annotated[
     list[str] | None,
     typer.Option(

@@ -23,14 +23,15 @@ DEFAULT = "report.html"
 
 Folder = Annotated[Path, typer.Argument(help="A results folder, or a folder of results folders.")]
 Out = Annotated[
-    Path | None, typer.Option("--out", help=f"The file to write. Default: {DEFAULT} in the folder.")
+    Path | None,
+    typer.Option("--out", metavar="PATH", help=f"The file to write. Default: {DEFAULT} in the folder."),
 ]
 
 
 def report(folder: Folder, out: Out = None, as_json: Json = False) -> int:
     """Write one HTML file to explore results with: tables, curves, pictures, claims and records. It works offline.
 
-    Nothing is measured. The file asks for nothing from any network.
+    Nothing is measured. The page loads nothing from a network.
     """
     path = out or folder / DEFAULT
     if path.is_dir():

@@ -22,16 +22,19 @@ LARGEST = 1 << 22
 def view(
     scene: Annotated[str, typer.Argument(help="Name of a scene, or a mesh file.")] = DEFAULT_SCENE,
     method: Annotated[
-        str | None, typer.Option("--method", help="The method to begin with. Default: the project's own.")
+        str | None,
+        typer.Option("--method", metavar="NAME", help="The method to begin with. Default: ray_grids."),
     ] = None,
     size: Size = "256x256",
-    frame: Annotated[int, typer.Option("--frame", help="Frame to begin with, from 0.")] = 0,
+    frame: Annotated[int, typer.Option("--frame", metavar="N", help="Frame to begin with, from 0.")] = 0,
     camera: CameraPlace = None,
     fov: Fov = None,
     light: Lights = None,
     device: Device = None,
     scene_dir: SceneDir = None,
-    port: Annotated[int, typer.Option("--port", help="Port on 127.0.0.1. Default: a free one.")] = 0,
+    port: Annotated[
+        int, typer.Option("--port", metavar="PORT", help="Port on 127.0.0.1. Default: a free one.")
+    ] = 0,
     browser: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
 ) -> int:
     """Show a scene on a page on this machine: drag the light and the camera, play the animation, switch the method.

@@ -29,9 +29,7 @@ def test_a_dry_run_names_what_is_there_and_what_is_not(tmp_path, capsys):
     told = json.loads(capsys.readouterr().out)
     assert [p["status"] for p in told["points"]] == ["to be measured"] * 2
     assert told["rough"]
-    assert (
-        2 * 1.0 <= told["seconds"] < 2 * 1.1
-    )  # what a point takes whatever its size, since these take no time
+    assert 4.0 <= told["seconds"] < 4.2  # what a scene and two points take whatever their size
     assert not out.exists()
 
     Run(one, Silent()).go()
