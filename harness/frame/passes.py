@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import warp as wp
@@ -29,7 +29,8 @@ class Pass:
     ahead   whether it reads no output of another pass of the frame; in a captured graph it then runs concurrently with
             the passes before it
     branch  branch numbers, one per level of nesting. In a captured graph, neighbouring passes with different numbers run
-            concurrently, passes with the same number in order. Without graph or with a condition all passes run in order
+            concurrently, passes with the same number in order; with a condition, those of the same condition. Without
+            graph all passes run in order
     adds    whether it only adds to what it writes (atomics, bits that stay set), so that another pass may do so
             concurrently
     only_if int32 [1] on the device: the pass is launched only if it is not 0 (set by the harness inside the frame)
@@ -153,14 +154,23 @@ def _refuse_shared(passes: Sequence[Pass], depth: int = 0) -> None:
                     raise ValueError(
                         f"pass {work.name!r} cannot run concurrently with {beside.name!r}, which writes {min(shared)}"
                     )
-        for branch in branches if forked else ():
-            _refuse_shared(branch, depth + 1)
+        if forked:
+            for branch in branches:
+                _refuse_shared(branch, depth + 1)
+            continue
+        for only_if, together in _conditional(branches[0]):
+            if only_if is not None:
+                _refuse_shared(together, depth)
 
 
 def _capture(passes: Sequence[Pass], device: str, depth: int = 0) -> None:
     for forked, branches in _forks(passes, depth):
         if not forked:
-            run_passes(branches[0])
+            for only_if, together in _conditional(branches[0]):
+                if only_if is None:
+                    _launch(together)
+                else:
+                    wp.capture_if(only_if, lambda together=together: _capture(together, device, depth))
             continue
         if len(branches) == 1:
             _capture(branches[0], device, depth + 1)
@@ -172,6 +182,12 @@ def _capture(passes: Sequence[Pass], device: str, depth: int = 0) -> None:
                 ends.append(stream.record_event())
         for end in ends:
             wp.wait_event(end)
+
+
+def _conditional(passes: Sequence[Pass]) -> Iterator[tuple[wp.array | None, list[Pass]]]:
+    """Neighbouring passes with the same condition, and the condition; the passes are given without it."""
+    for only_if, group in itertools.groupby(passes, key=_condition):
+        yield only_if, [replace(work, only_if=None) for work in group]
 
 
 def _condition(work: Pass) -> wp.array | None:

@@ -95,6 +95,15 @@ def test_passes_that_share_what_one_writes_cannot_run_beside_each_other(given, p
     assert not launched
 
 
+def test_passes_with_one_condition_run_beside_each_other_too():
+    """They fork inside their conditional branch, so they may share nothing; with two conditions they run in order."""
+    one, other = (wp.zeros(1, dtype=wp.int32, device="cpu") for _ in range(2))
+    pair = [beside(0, writes=("bits",), only_if=one), beside(1, writes=("bits",), only_if=one)]
+    with pytest.raises(ValueError, match=r"cannot run concurrently with .*, which writes bits"):
+        passes.capture_passes(pair, "cpu")
+    passes._refuse_shared([pair[0], replace(pair[1], only_if=other)])
+
+
 def test_passes_that_may_run_beside_each_other():
     passes._refuse_shared([beside(0, writes=("bits",), adds=True), beside(1, writes=("bits",), adds=True)])
     passes._refuse_shared([beside(0), beside(1)])  # both only read the hits
