@@ -12,8 +12,9 @@ halve from one to the next make a chain. Here a cluster carries its height. Wher
 :data:`TALL` levels high, neighbours are merged in pairs, whatever their area: one level for each node of the radix tree
 that is still to come, and five at its root. So no tree is higher than TALL + 54 + 5 (:data:`.snippets.STACK`).
 
-Threads that climb through small nodes leave nothing in memory: the warp that merges such a half computes its
-leaves' boxes again. So only warps that leave merged clusters release and acquire.
+Threads that climb through small nodes leave nothing in memory. A block keeps its leaves' boxes and the flags between them in
+shared memory; of a leaf of another block the warp that merges it computes the box again. So only warps that leave merged
+clusters release, and only warps that take them acquire.
 
 The tree depends on the keys alone, not on who came first: a merged cluster keeps the first leaf of its left part as its
 name, and the name that the right part loses is the new node's number. The CPU builds the same tree, one leaf after
@@ -32,8 +33,8 @@ CLUSTERS = 16
 
 TALL = 64
 
-BLOCK = 64
-"""Threads a block on the GPU, or fewer."""
+BLOCK = 128
+"""Threads a block on the GPU."""
 
 HEIGHT_BIT = 25
 """A cluster's name takes the bits below, its height those above."""
@@ -70,16 +71,26 @@ auto merged = [&](const Cluster& p, const Cluster& q) {
 BY_WARPS = """
 const unsigned int ALL = 0xffffffffu;
 __shared__ int lanes[BLOCK];
-int lane = threadIdx.x & 31, *mine = lanes + (threadIdx.x & ~31);
+int lane = threadIdx.x & 31, begin = i - (int)threadIdx.x, *mine = lanes + (threadIdx.x & ~31);
 float4* kept = reinterpret_cast<float4*>(scratch.data);
+auto acquire = []() { asm volatile("fence.acq_rel.gpu;" ::: "memory"); };
 auto store = [&](int k, const Cluster& c) {
     __stcg(kept + 2 * k, make_float4(c.box[0], c.box[1], c.box[2], real(c.ref)));
     __stcg(kept + 2 * k + 1, make_float4(c.box[3], c.box[4], c.box[5], real(c.name)));
 };
+__shared__ float leaf_box[6][BLOCK];
+bool on = leads_here(i);
+if (on) {
+    float box[6];
+    box_of(i, box);
+    for (int axis = 0; axis < 6; axis++) leaf_box[axis][threadIdx.x] = box[axis];
+}
 auto load = [&](int k, bool leaf) {
     if (leaf) {
         Cluster c;
-        box_of(k, c.box);
+        int here = k - begin;
+        if (here < 0 || here >= BLOCK) box_of(k, c.box);
+        else for (int axis = 0; axis < 6; axis++) c.box[axis] = leaf_box[axis][here];
         c.ref = leaf_at(k);
         c.name = (unsigned int)k;
         return c;
@@ -126,13 +137,31 @@ auto merge_down = [&](Cluster& c, int& number, int enough) {
         if (lane >= number) c.ref = NONE;
     }
 };
-bool on = leads_here(i);
 int left = i, right = i, split = i + 1;
 unsigned int before = NONE, after = NONE;
 if (on) {
     before = gap(i - 1);
     after = gap(i);
 }
+// First in shared memory, as long as both halves are leaves of this block.
+__shared__ Flag near[BLOCK];
+near[threadIdx.x] = EMPTY;
+__syncthreads();
+int wait = -1;
+Flag told = EMPTY;
+while (on && wait < 0 && right - left < CLUSTERS && (before != NONE || after != NONE)) {
+    bool lower = is_left(left, right, before, after);
+    int flag = (lower ? right : left - 1) - begin;
+    if (flag < 0 || flag >= BLOCK - 1) break;
+    told = lower ? far_end(left, before) : far_end(right, after);
+    Flag other = atomicExch(near + flag, told);
+    if (other == EMPTY) wait = flag;
+    else if (lower) split = right + 1, right = (int)(unsigned int)other, after = other >> 32;
+    else split = left, left = (int)(unsigned int)other, before = other >> 32;
+}
+__syncthreads();
+// Who waited goes on, unless the other half came and took this one along.
+if (wait >= 0) on = near[wait] == told;
 while (true) {
     bool ready = false;
     while (on && !ready) {
@@ -164,7 +193,8 @@ while (true) {
         c.name = 0;
         int first = lane < CLUSTERS ? l : middle, length = lane < CLUSTERS ? middle - l : r + 1 - middle;
         int place = first + (lane & (CLUSTERS - 1));
-        __threadfence();  // acquires what the other half's warp released
+        // A half that a warp merged: acquires what that warp released. Leaves were there before.
+        if (middle - l > CLUSTERS || r + 1 - middle > CLUSTERS) acquire();
         __syncwarp();
         if (place < first + length) c = load(place, length <= CLUSTERS);
         unsigned int filled = __ballot_sync(ALL, c.ref != NONE);

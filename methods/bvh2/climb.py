@@ -18,7 +18,7 @@ from typing import Any
 
 import warp as wp
 
-from .nodes import ROUNDED_UP, WRITE, padding
+from .nodes import PLAIN_ROUNDED_UP, WRITE, padding
 from .snippets import BASICS
 
 CLIMB = """
@@ -87,7 +87,13 @@ def make_builder(node_bytes: int, group: int, snippet: str) -> Any:
     """
 
     @wp.func_native(
-        BASICS + f"constexpr int GROUP = {group};" + CLIMB + LED + ROUNDED_UP + WRITE[node_bytes] + snippet
+        BASICS
+        + f"constexpr int GROUP = {group};"
+        + CLIMB
+        + LED
+        + PLAIN_ROUNDED_UP
+        + WRITE[node_bytes]
+        + snippet
     )
     def build(
         i: wp.int32,

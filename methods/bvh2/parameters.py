@@ -76,7 +76,7 @@ class Trace:
 
     precision: str = "exact"
     primary: str = "single"
-    registers: int = 40
+    registers: int = 48
     shares: int = 2
 
     def __post_init__(self) -> None:

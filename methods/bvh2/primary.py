@@ -7,7 +7,7 @@ from typing import Any
 
 import warp as wp
 
-from ...harness.frame.geometry import Camera, Hits, Mesh, Ray, weld_of
+from ...harness.frame.geometry import Camera, Hits, Mesh, Ray
 from ..common.entries import entry, set_entry
 from ..common.hitpoint import flat_hit_point, is_vague, plane_distance, steep_hit_point
 from ..common.pixels import tile_pixel
@@ -19,6 +19,13 @@ BLOCK = 128
 """Threads a block: :func:`pixel_at` and the stacks of packets count on it."""
 
 RESOLVE_REGISTERS = 72
+
+
+@wp.func
+def weld_at(mesh: Mesh, triangle: wp.int32) -> wp.vec3i:
+    """:func:`...harness.frame.geometry.weld_of`, read where it lies."""
+    face = entry(mesh.triangles, triangle)
+    return wp.vec3i(entry(mesh.weld, face[0]), entry(mesh.weld, face[1]), entry(mesh.weld, face[2]))
 
 
 @wp.struct
@@ -110,7 +117,7 @@ def make_float32_kernel(packets: bool, node_bytes: int, registers: int, group: i
             if place >= 0:
                 best = entry(order, place)
                 distance = found[0]
-                start[pixel] = entry(camera.eye, 0) + direction_at(camera, at) * distance
+                set_entry(start, pixel, entry(camera.eye, 0) + direction_at(camera, at) * distance)
             set_entry(hits.triangle, pixel, best)
             set_entry(hits.t, pixel, distance)
             set_entry(hits.u, pixel, found[1])
@@ -150,7 +157,7 @@ def resolve_kernel(
             doubt = entry(doubts, last)
             last = doubt[1]
             i = entry(leaves.order, doubt[0])
-            t = hit_distance(ray, triangle_corners(mesh, i), weld_of(mesh, i))
+            t = hit_distance(ray, triangle_corners(mesh, i), weld_at(mesh, i))
             if t > wp.float64(0.0) and nearer(mesh, t, i, nearest, first):
                 nearest = t
                 first = i
@@ -167,16 +174,16 @@ def resolve_kernel(
         corners = triangle_corners(mesh, best)
         distance64 = plane_distance(ray, corners)
         distance32 = wp.float32(distance64)
-        uv = hit_weights(ray, corners, weld_of(mesh, best))
+        uv = hit_weights(ray, corners, weld_at(mesh, best))
         point = steep_hit_point(ray, distance64, corners)
         flat = is_vague(ray, corners)
     set_entry(hits.triangle, pixel, best)
     set_entry(hits.t, pixel, distance32)
     set_entry(hits.u, pixel, uv[0])
     set_entry(hits.v, pixel, uv[1])
-    start[pixel] = to_float32(point)
+    set_entry(start, pixel, to_float32(point))
     # Flat rays are few, and slow to compute: from corners that are read again, so that no register holds them until here.
     if flat:
         again = triangle_corners(mesh, best)
         seen = Ray(entry(camera.eye, 0), direction_at(camera, at))
-        start[pixel] = to_float32(flat_hit_point(seen, plane_distance(seen, again), again))
+        set_entry(start, pixel, to_float32(flat_hit_point(seen, plane_distance(seen, again), again)))

@@ -39,6 +39,13 @@ auto about = [](float a) {
     asm("rcp.approx.ftz.f32 %0, %1;" : "=f"(inverse) : "f"(a));
     return inverse;
 };
+auto entering = [](float x, float y, float z) {
+    return __int_as_float(__vimax3_s32_relu(__float_as_int(x), __float_as_int(y), __float_as_int(z)));
+};
+auto leaving = [](float x, float y, float z, float limit) {
+    return __int_as_float(
+        min(__vimin3_s32(__float_as_int(x), __float_as_int(y), __float_as_int(z)), __float_as_int(limit)));
+};
 auto sum = [](float a, float b) { return __fadd_rn(a, b); };
 auto product = [](float a, float b) { return __fmul_rn(a, b); };
 #else
@@ -50,10 +57,16 @@ auto keep = [](void* at, int k, float x, float y, float z, float w) {
     reinterpret_cast<Quad*>(at)[k] = Quad{x, y, z, w};
 };
 auto about = [](float a) { return 1.0f / a; };
+auto entering = [&](float x, float y, float z) { return high(high(x, y), high(z, 0.0f)); };
+auto leaving = [&](float x, float y, float z, float limit) { return low(low(x, y), low(z, limit)); };
 auto sum = [](float a, float b) { return a + b; };
 auto product = [](float a, float b) { return a * b; };
 #endif
 """
 )
 """``about`` is one over a number, as well as a GPU finds it at once. ``sum`` and ``product`` round by themselves: a GPU's
-compiler would fuse them, and build another tree than the CPU."""
+compiler would fuse them, and build another tree than the CPU.
+
+``entering`` and ``leaving``: the largest of three numbers and 0, and the smallest of three numbers and ``limit`` > 0. A GPU
+has one instruction for three integers. As integers, floats from 0 on are in their order, and negative ones are below
+them: of several negative numbers any may be found, which is before 0 like all of them."""

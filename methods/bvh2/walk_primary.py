@@ -18,13 +18,13 @@ import warp as wp
 
 from .doubt_text import CHAIN
 from .nodes import INVERSE, READ, SLABS, next_of_leaf
-from .records import DEPTH_UNITS, EYE_UNITS
+from .records import EYE_UNITS
 from .snippets import BASICS, STACK
 
 EXACT_BEGIN = f"""
 const float unit = 5.9604645e-08f, slack = 1.0f + 1.0f / 1048576.0f;
 float length = size(d[0]) + size(d[1]) + size(d[2]);
-float bound = {EYE_UNITS}f * unit * length + 1.0e-36f, fuzz = {DEPTH_UNITS}f * unit * length;
+float bound = {EYE_UNITS}f * unit * length + 1.0e-36f;
 float sure_from = seen ? 0.0f : 3.4e38f, sure_to = 0.0f;
 int best = -1;
 """
@@ -37,7 +37,7 @@ float e2 = d[0] * q.z + d[1] * q.w + d[2] * r.x;
 float inside = low(e0, low(e1, e2));
 if (!(inside < -bound)) {
     float depth = d[0] * r.y + d[1] * r.z + d[2] * r.w;
-    float error = fuzz * high(size(r.y), high(size(r.z), size(r.w)));
+    float error = bound * high(size(r.y), high(size(r.z), size(r.w)));
     if (!(depth + error < sure_from)) {
         if (inside > bound && depth - error > sure_to) {
             best = at;
@@ -50,7 +50,8 @@ if (!(inside < -bound)) {
     }
 }
 """
-"""Depths are 1 / t: nearer is larger. ``sure_from`` and ``sure_to`` bound the depth of the current closest hit."""
+"""``bound`` holds for edge planes, and times the largest part of m for depths. Depths are 1 / t: nearer is larger.
+``sure_from`` and ``sure_to`` bound the depth of the current closest hit."""
 
 EXACT_END = "return {0.0f, 0.0f, real((unsigned int)last), real((unsigned int)best)};"
 
@@ -87,8 +88,8 @@ while (now != NONE) {
         READ
         SLABS
         if (met0 || met1) {
-            bool both = met0 && met1, second = both ? near1 < near0 : met1;
-            if (both) stack[held++] = second ? ref0 : ref1;
+            bool second = met1 && (!met0 || near1 < near0);
+            if (met0 && met1) stack[held++] = second ? ref0 : ref1;
             now = second ? ref1 : ref0;
             done = false;
         }

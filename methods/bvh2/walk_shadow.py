@@ -20,13 +20,13 @@ from .snippets import BASICS, STACK
 
 EXACT_LEAF = """
 Quad p = fetch(records.data, 3 * at), q = fetch(records.data, 3 * at + 1), r = fetch(records.data, 3 * at + 2);
-float e0 = h[0] * p.x + h[1] * p.y + h[2] * p.z + p.w;
-float e1 = h[0] * q.x + h[1] * q.y + h[2] * q.z + q.w;
-float e2 = h[0] * r.x + h[1] * r.y + h[2] * r.z + r.w;
+float e0 = p.w + h[0] * p.x + h[1] * p.y + h[2] * p.z;
+float e1 = q.w + h[0] * q.x + h[1] * q.y + h[2] * q.z;
+float e2 = r.w + h[0] * r.x + h[1] * r.y + h[2] * r.z;
 float inside = low(e0, low(e1, e2));
 if (!(inside < -bound) && at != own) {
     Quad s = fetch(sides.data, at);
-    float side = h[0] * s.x + h[1] * s.y + h[2] * s.z + s.w;
+    float side = s.w + h[0] * s.x + h[1] * s.y + h[2] * s.z;
     if (!(side > bound)) {
         if (inside > bound && side < -bound) return 1;
         leave(at);
@@ -66,14 +66,15 @@ unsigned int stack[{STACK}], now = (unsigned int)root.data[0];
 int held = 0;
 """
     + """
-while (now != NONE) {
+if (now == NONE) return 0;
+while (true) {
     bool done = true;
     if (!(now & LEAF)) {
         READ
         SLABS
         if (met0 || met1) {
-            bool both = met0 && met1, second = both ? near1 < near0 : met1;
-            if (both) stack[held++] = second ? ref0 : ref1;
+            bool second = met1 && (!met0 || near1 < near0);
+            if (met0 && met1) stack[held++] = second ? ref0 : ref1;
             now = second ? ref1 : ref0;
             done = false;
         }

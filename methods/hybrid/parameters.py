@@ -36,7 +36,7 @@ class Trace:
     shares     parts of the pixels whose shadow rays the GPU traces at once, each with queues of its own
     """
 
-    registers: int = TreeTrace.registers
+    registers: int = 40
     shares: int = 1
 
     def __post_init__(self) -> None:
