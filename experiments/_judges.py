@@ -11,7 +11,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from ..harness.report import compare, style
-from ..harness.report.claims import FAILS, HOLDS, OPEN, Finding, by_ratio, each, geometric, lacking
+from ..harness.report.claims import FAILS, HOLDS, OPEN, Finding, by_ratio, each, lacking
+from ..harness.report.compare import geometric
 from ..harness.report.evidence import Evidence, over
 from ..harness.results.table import stage_ms
 from . import _rivals, figure10

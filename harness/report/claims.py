@@ -6,13 +6,13 @@ compared; the verdict is computed from the records of all experiments in a folde
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from . import document, style
+from .compare import geometric
 from .evidence import Data, Evidence, collect
 from .terminal import print_table
 
@@ -49,11 +49,6 @@ class Claim:
     counted: bool = False
 
 
-def geometric(values: Collection[float]) -> float:
-    """Geometric mean."""
-    return math.exp(sum(map(math.log, values)) / len(values))
-
-
 def each(values: dict[str, float], form: str = "{:.2f}") -> str:
     """Numbers by scene, as a phrase."""
     return ", ".join(f"{name} {form.format(value)}" for name, value in values.items())
@@ -78,24 +73,16 @@ def decide(claim: Claim, data: Data) -> tuple[Finding, str]:
 
     Where none has: what the first one lacks, what there is that cannot be put together, and what to run.
     """
-    found = data.evidence(*claim.experiments)
-    run = f"run {claim.experiments[0]}"
-    findings = [(claim.judge(one), one) for one in found]
-    chosen = next(((f, e) for f, e in findings if not f.lacking), None)
-    if chosen is None and not findings:
-        result, source = Finding(OPEN, f"not measured; {run}", lacking=True), ""
-    elif chosen is None:
-        first, source = findings[0][0], ""
-        apart = [e.described() for e in found]
-        mixed = f"; of different runs or versions, and not to be mixed: {'; '.join(apart)}" * (len(apart) > 1)
-        result = Finding(OPEN, f"{first.numbers}{mixed}; {run}", lacking=True)
-    else:
-        result, source = chosen[0], origin(chosen[1], data)
+    findings = [(claim.judge(one), one) for one in data.evidence(*claim.experiments)]
+    whole = [(finding, origin(one, data)) for finding, one in findings if not finding.lacking]
+    run, told = f"run {claim.experiments[0]}", findings[0][0].numbers if findings else "not measured"
+    if len(findings) > 1:
+        told += f"; of different runs or versions, and not to be mixed: {'; '.join(e.described() for _, e in findings)}"
+    result, source = whole[0] if whole else (Finding(OPEN, f"{told}; {run}", lacking=True), "")
     if claim.beside:
-        experiment, phrase = claim.beside
-        others = [(phrase(e), e) for e in data.evidence(experiment)]
-        text = next((f"{words} ({origin(e, data)})" for words, e in others if words), "")
-        result = Finding(result.verdict, f"{result.numbers}{f'; {text}' if text else ''}", result.lacking)
+        others = [(claim.beside[1](one), one) for one in data.evidence(claim.beside[0])]
+        text = next((f"; {words} ({origin(one, data)})" for words, one in others if words), "")
+        result = replace(result, numbers=result.numbers + text)
     return result, source
 
 
@@ -134,24 +121,24 @@ def draw(folder: Path, quiet: bool, claims: Sequence[Claim]) -> list[Path]:
 def markdown(made: DataFrame, data: Data) -> list[str]:
     """The table, what it was measured on, and what was wrong among the answers behind it."""
     points = document.named(data.frames)
-    checks, told = list(points["error"]), made["verdict"].value_counts()
-    counts = [
-        f"{told.get(verdict, 0)} {words}" for verdict, words in ((HOLDS, "hold"), (FAILS, "do not hold"))
-    ]
+    told, wrong = made["verdict"].value_counts(), points["error"].str.startswith(style.WRONG)
     headings = {"number": "", "numbers": "measured", "judged_from": "judged from"}
     shown = made.assign(verdict="**" + made["verdict"] + "**").rename(columns=headings)
     old = {method: data.earlier(method) for method in sorted(points["method"].unique())}
+    lines = [
+        f"Records of an earlier version of {m}: {', '.join(folders)}."
+        for m, folders in old.items()
+        if folders
+    ]
+    lines += [
+        f"Of {len(points)} points measured {wrong.sum()} have wrong answers and {(points['error'] == style.UNSCORED).sum()} "
+        "are unscored."
+    ]
     return [
-        f"# Claims of the paper, measured here\n\n{', '.join(counts)}, {told.get(OPEN, 0)} cannot be told from these "
-        f"records.\n\n{document.where(points)}. Scenes are stand-ins where their title says so; the paper's own numbers "
-        "come from a GTX 280. A ratio is taken within one run, over the same frames; where there are several runs, that of "
-        "the last versions of the methods counts.\n",
+        f"# Claims of the paper, measured here\n\n{told.get(HOLDS, 0)} hold, {told.get(FAILS, 0)} do not hold, "
+        f"{told.get(OPEN, 0)} cannot be told from these records.\n\n{document.where(points)}. Scenes are stand-ins where "
+        "their title says so; the paper's own numbers come from a GTX 280. A ratio is taken within one run, over the same "
+        "frames; where there are several runs, that of the last versions of the methods counts.\n",
         *document.markdown(shown),
-        *(
-            f"\nRecords of an earlier version of {m}: {', '.join(folders)}."
-            for m, folders in old.items()
-            if folders
-        ),
-        f"\nOf {len(checks)} points measured {sum(text.startswith(style.WRONG) for text in checks)} have wrong answers and "
-        f"{checks.count(style.UNSCORED)} are unscored.",
+        *(f"\n{line}" for line in lines),
     ]

@@ -6,7 +6,8 @@ pair here, and whatever is drawn from it says so by its absence (:func:`apart`).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,44 +37,32 @@ def pairs(frames: DataFrame, base: Series, same: Sequence[str] = SAME) -> tuple[
     known = frames[frames["total_ms"].notna()]
     names = ["key", "frame", "method", "method_sha256", "started", *same]
     found = known[names].merge(known.loc[base, names], on=[*same, "frame"], suffixes=("", "_base"))
-    alike = (found["method"] != found["method_base"]) | (
-        found["method_sha256"] == found["method_sha256_base"]
-    )
-    found = found[alike].sort_values("started_base")
+    other = found["method"] != found["method_base"]
+    found = found[other | (found["method_sha256"] == found["method_sha256_base"])].sort_values("started_base")
     found = found[found["key_base"] == found.groupby("key")["key_base"].transform("last")]
     own = known.merge(found[["key", "frame"]], on=["key", "frame"])
-    other = known.merge(
-        found[["key_base", "frame", "key"]].set_axis(["key", "frame", "of"], axis=1), on=["key", "frame"]
-    )
-    one, two = points(own), points(other.drop(columns="key").rename(columns={"of": "key"}))
+    of = found[["key_base", "frame", "key"]].set_axis(["key", "frame", "of"], axis=1)
+    bases = known.merge(of, on=["key", "frame"]).drop(columns="key").rename(columns={"of": "key"})
+    one, two = points(own), points(bases)
     return one.set_index("key"), two.set_index("key").reindex(one["key"])
 
 
 def ratios(frames: DataFrame, base: Series, same: Sequence[str] = SAME) -> DataFrame:
     """Frame time over that of the base, for each point that has one (see :func:`pairs`), by key.
 
-    ======  ===========================================================================================
-    ratio   of the means over the frames that both have
+    ratio   of the means over the frames that both have; frames: how many these are
     spread  how far the ratio may lie from that, from the spreads of the two (:func:`spread`); NaN: not known
-    low     the ratio where each lies at the end of its range between rounds that makes it least; high: greatest
-    high
-    frames  how many frames both have
-    ======  ===========================================================================================
+    low, high  the ratio where each lies at the end of its range between rounds that makes it least, and greatest
     """
     import pandas as pd
 
     one, other = pairs(frames, base, same)
     ratio = one["total_ms"] / other["total_ms"]
+    around = ratio * np.hypot(spread(one) / one["total_ms"], spread(other) / other["total_ms"])
     half, other_half = one["between_ms"] / 2, other["between_ms"] / 2
-    return pd.DataFrame(
-        {
-            "ratio": ratio,
-            "spread": ratio * np.hypot(spread(one) / one["total_ms"], spread(other) / other["total_ms"]),
-            "low": (one["total_ms"] - half) / (other["total_ms"] + other_half),
-            "high": (one["total_ms"] + half) / (other["total_ms"] - other_half).clip(lower=1e-9),
-            "frames": one["frames"],
-        }
-    )
+    low = (one["total_ms"] - half) / (other["total_ms"] + other_half)
+    high = (one["total_ms"] + half) / (other["total_ms"] - other_half).clip(lower=1e-9)
+    return pd.DataFrame({"ratio": ratio, "spread": around, "low": low, "high": high, "frames": one["frames"]})
 
 
 def spread(table: DataFrame) -> Series:
@@ -98,9 +87,10 @@ def pass_spread(samples: DataFrame, part: str, pattern: str = "") -> Series:
     return np.fmax(iqr, (rounds.max() - rounds.min()).where(iqr.notna())) / 2
 
 
-def geometric(values: Series) -> float:
+def geometric(values: Iterable[float]) -> float:
     """Geometric mean of the values that are known; NaN where none is."""
-    return float(np.exp(np.log(values.dropna().astype("float64")).mean()))
+    known = [math.log(value) for value in values if value == value]
+    return math.exp(sum(known) / len(known)) if known else math.nan
 
 
 def apart(table: DataFrame) -> list[str]:

@@ -143,21 +143,17 @@ class Data:
         runs = [run for _, run in own[own["method_sha256"] == latest].groupby(RUN, sort=False)]
         # What other experiments count and set are columns of this one too, all empty.
         fresh = [Evidence(experiment, run.dropna(axis=1, how="all").copy()) for run in runs]
-        groups: list[list[Evidence]] = []
+        found: list[Evidence] = []
         for run in sorted(fresh, key=lambda e: -e.frames["started"].max()):
-            for group in groups:
-                known = {m: version for e in group for m, version in e.versions.items()}
-                shared = known.keys() & run.versions.keys()
-                agree = shared and all(known[m] == run.versions[m] for m in shared)
-                if agree and not run.scenes & {scene for e in group for scene in e.scenes}:
-                    group.append(run)
+            for i, other in enumerate(found):
+                shared = other.versions.items() & run.versions.items()
+                agree = shared and len(shared) == len(other.versions.keys() & run.versions.keys())
+                if agree and not run.scenes & other.scenes:
+                    found[i] = Evidence(experiment, pd.concat([other.frames, run.frames]).sort_index())
                     break
             else:
-                groups.append([run])
-        whole = [
-            g[0].frames if len(g) == 1 else pd.concat([e.frames for e in g]).sort_index() for g in groups
-        ]
-        return [Evidence(experiment, frames) for frames in whole]
+                found.append(run)
+        return found
 
 
 def collect(folder: Path) -> Data:

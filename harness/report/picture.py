@@ -32,14 +32,8 @@ SHOWS = "shows"
 """The name, in a PNG file, of the text that says what it was made from."""
 
 UNREADABLE = (
-    OSError,
-    ValueError,
-    SyntaxError,
-    EOFError,
-    struct.error,
-    zlib.error,
-    Image.DecompressionBombError,
-)
+    OSError, ValueError, SyntaxError, EOFError, struct.error, zlib.error, Image.DecompressionBombError,
+)  # fmt: skip
 """What Pillow raises for a file that is no whole picture."""
 
 BLOCK = 1 << 18

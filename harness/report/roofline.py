@@ -70,19 +70,18 @@ def stages(frames: DataFrame, work_of: WorkOf) -> DataFrame:
 
     counted = ["shadow_rays", "vertices", *(c for c in frames if c.startswith("counter."))]
     known = frames[frames["device_name"].isin(list(MACHINES))].fillna(dict.fromkeys(counted, 0))
-    rows = []
+    rows, place = [], [*SCENE, "frame", "device_name"]
     for frame in known.to_dict("records"):
-        for column, ms in frame.items():
-            if column.startswith("pass.") and ms == ms:
-                _, part, name = column.split(".", 2)
-                work = work_of(frame, name) or UNKNOWN
-                place = {key: frame[key] for key in (*SCENE, "frame", "device_name")}
-                rows.append({**place, **asdict(work), "stage": work.stage or name, "part": part, "ms": ms})
+        for column in [name for name, ms in frame.items() if name.startswith("pass.") and ms == ms]:
+            _, part, name = column.split(".", 2)
+            work = work_of(frame, name) or UNKNOWN
+            taken = {"stage": work.stage or name, "part": part, "ms": frame[column]}
+            rows.append({**{key: frame[key] for key in place}, **asdict(work), **taken})
     if not rows:
         return pd.DataFrame(columns=COLUMNS)
-    by_frame = pd.DataFrame(rows).groupby([*SCENE, "frame", "device_name", "stage", "part"], sort=False)
-    found = by_frame[["ms", "bytes", "tests"]].agg(lambda values: values.sum(skipna=False))
-    found = found.join(by_frame["launches"].max()).reset_index("device_name")
+    groups = pd.DataFrame(rows).groupby([*place, "stage", "part"], sort=False)
+    found = groups[["ms", "bytes", "tests"]].agg(lambda values: values.sum(skipna=False))
+    found = found.join(groups["launches"].max()).reset_index("device_name")
     found["floor_ms"] = pd.concat(
         [least_ms(own, MACHINES[name]) for name, own in found.groupby("device_name")]
     )
