@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..harness.report import compare, document
-from ..harness.report.dots import dots
+from ..harness.report import compare, document, panels
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from ._paper import METHOD, PAPER, SCENES, UNBALANCED, faithful
 
@@ -114,8 +113,8 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     back = done[done["ratio_to_best"].notna() & done["label"].isin(APART)]
     ends = (("ablation", changed, "ratio", BASE), ("ablation-ours", back, "ratio_to_best", BEST))
     pictures = [
-        dots(folder / f"{name}.svg", own, "label", ratio, "title", below=f"frame time over that of {base}", order=ORDER,
-             whisker=f"{ratio}_spread")
+        panels.dots(folder / f"{name}.svg", own, "label", ratio, "title", order=ORDER, whisker=f"{ratio}_spread",
+                    below=f"frame time over that of {base}")
         for name, own, ratio, base in ends
         if len(own)
     ]  # fmt: skip

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..harness.report import compare, document, panels
-from ..harness.report.dots import dots
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import MOVED, Lighting
 from ._paper import METHOD
@@ -95,7 +94,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     scene = {"title": "scene"}
     if len(effects):
         alone = effects[effects["light_label"] != BASE]
-        pictures += [dots(
+        pictures += [panels.dots(
             folder / "effects.svg", alone, "light_label", "ratio", "label", facet="title", whisker="noise", legend=3,
             below=f"frame time over that of {BASE} (bars: noise)",
         )]  # fmt: skip

@@ -50,31 +50,27 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     found = compare.ratios(frames, ours).rename(columns={"ratio": "times_slower", "spread": "times_spread"})
     stages = roofline.stages(frames[ours], ray_grids)
     floors = roofline.of_frames(stages)
-    table = (
-        document.named(frames)
-        .join(found[["times_slower", "times_spread", "low", "high"]])
-        .join(floors, on=roofline.SCENE)
-    )
+    table = document.named(frames).join(found.drop(columns="frames")).join(floors, on=roofline.SCENE)
     table["kind"], table["other"] = table["label"].map(KINDS), table["label"] != OURS
     done = document.measured(table)
     own, peers = done[~done["other"]], fastest(done)
-    files = [document.write_csv(stages, folder / "frame_time-stages.csv", roofline.COLUMNS)] * bool(
-        len(stages)
-    )
-    files += [picture(done, folder / "frame_time.svg")] * bool(len(own))
-    told, notes, heading = (
-        [],
-        [],
-        f"Frame time of the fastest peer over that of {OURS}, and its range over the rounds",
-    )
-    for _, rows in own.groupby("pixels"):
-        size = document.where(rows).split(" on ")[0]
-        told += [
-            f"A frame of {OURS} at {size}, everything rebuilt, takes {document.span(rows['total_ms'])} ms"
-        ]
-        for kind, ratio in peers.loc[peers["pixels"] == rows["pixels"].iloc[0]].groupby("kind", sort=False)[
-            "times_slower"
-        ]:
+    files, told, notes = [], [], []
+    if len(stages):
+        files.append(document.write_csv(stages, folder / "frame_time-stages.csv", roofline.COLUMNS))
+    if len(own):
+        rows = done.assign(text=[beside(row) for row in done.to_dict("records")])
+        rows = document.arranged(rows.sort_values("other", kind="stable"), "title", done["title"].unique())
+        wrong = f"{style.WRONG} n: n wrong pixels and visibility bits" * bool((done["true_errors"] > 0).any())
+        across = 1 if done["title"].nunique() <= 3 else 2
+        files.append(panels.bars(
+            folder / "frame_time.svg", rows, facet="title", across=across, cut=CUT, wide=0.35 + 0.65 * across,
+            legend=3 * across, mark=("frame_floor_ms", f"floor of {OURS}"),
+            below=[panels.WHOLE, f"2.0x: twice the time of {OURS}", wrong],
+        ))  # fmt: skip
+    for pixels, rows in own.groupby("pixels"):
+        size, times = document.where(rows).split(" on ")[0], document.span(rows["total_ms"])
+        told.append(f"A frame of {OURS} at {size}, everything rebuilt, takes {times} ms")
+        for kind, ratio in peers[peers["pixels"] == pixels].groupby("kind", sort=False)["times_slower"]:
             told[-1] += f"; the fastest peer {kind} {document.span(ratio, '{:.2f}'.format)} times that"
             told[-1] += f" (geometric mean {compare.geometric(ratio):.2f})"
     if len(floors):
@@ -84,6 +80,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         notes = ["Floor: bytes over bandwidth or ray-triangle tests over rate, and launches. Farthest from theirs, mean of "
                  f"the scenes: {most}."]  # fmt: skip
     text = ". ".join(told or [f"{OURS} was not measured"]) + "."
+    heading = f"Frame time of the fastest peer over that of {OURS}, and its range over the rounds"
     tables = {heading: against(own, peers)}
     return document.write(folder, EXPERIMENT, table, COLUMNS, text, tables, files, quiet, notes)
 
@@ -114,25 +111,9 @@ def against(own: pd.DataFrame, peers: pd.DataFrame) -> pd.DataFrame:
         made[f"fastest {kind}"] = cells.set_index("title")["text"]
     floor = own["frame_floor_ms"].astype("float64").dropna()
     if len(floor):
-        made["floor, ms"], made["times the floor"] = (
-            floor.map("{:.3f}".format),
-            (own["total_ms"] / floor).map("{:.1f}".format),
-        )
+        made["floor, ms"] = floor.map("{:.3f}".format)
+        made["times the floor"] = (own["total_ms"] / floor).map("{:.1f}".format)
     return made
-
-
-def picture(done: pd.DataFrame, path: Path) -> Path:
-    """A panel a scene and size, stacked bars by part of the frame: beside each its time, its time over ours, and wrong
-    answers.
-    """
-    rows = done.assign(text=[beside(row) for row in done.to_dict("records")])
-    rows = document.arranged(rows.sort_values("other", kind="stable"), "title", done["title"].unique())
-    wrong = f"{style.WRONG} n: n wrong pixels and visibility bits" * bool((done["true_errors"] > 0).any())
-    across = 1 if done["title"].nunique() <= 3 else 2
-    return panels.bars(
-        path, rows, facet="title", across=across, cut=CUT, mark=("frame_floor_ms", f"floor of {OURS}"),
-        below=[panels.WHOLE, f"2.0x: twice the time of {OURS}", wrong], wide=0.35 + 0.65 * across, legend=3 * across,
-    )  # fmt: skip
 
 
 def beside(row: dict[str, Any]) -> str:

@@ -6,7 +6,6 @@ things. One sweep follows the other, each from one common point: 300,000 triangl
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -48,30 +47,29 @@ PROPORTION = "dotted line: time in proportion, exponent 1"
 
 
 class Growth(NamedTuple):
-    """time ~ x^exponent from ``first`` to ``last``; half the 95 % interval of the exponent, None for two points."""
+    """time ~ x^exponent from ``first`` on; ``half`` the 95 % interval of the exponent, None for two points."""
 
     exponent: float
     half: float | None
     first: float
-    last: float
 
     def __str__(self) -> str:
         return f"{self.exponent:.2f}" + ("" if self.half is None else f" ± {self.half:.2f}")
 
 
-def growth(x: Sequence[float], ms: Sequence[float]) -> Growth | None:
-    """The exponent over the upper half of the points, where fixed costs count least; four points at least.
+def growth(line: pd.DataFrame, sweep: str) -> Growth | None:
+    """The exponent over the upper half of a line's points, where fixed costs count least; four points at least.
 
     Least squares of logarithms. None for a single point.
     """
     from scipy import stats
 
-    if len(x) < 2:
+    if len(line) < 2:
         return None
-    x, ms = (values[-max(4, (len(x) + 2) // 2) :] for values in (x, ms))
+    x, ms = line[[sweep, "total_ms"]].astype("float64").tail(max(4, (len(line) + 2) // 2)).to_numpy().T
     found = stats.linregress(np.log(x), np.log(ms))
     half = float(stats.t.ppf(0.975, len(x) - 2) * found.stderr) if len(x) > 2 else None
-    return Growth(float(found.slope), half, float(x[0]), float(x[-1]))
+    return Growth(float(found.slope), half, float(x[0]))
 
 
 def along(table: pd.DataFrame, sweep: str) -> pd.DataFrame:
@@ -109,18 +107,11 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         )]  # fmt: skip
     lines = {sweep: document.measured(line) for sweep, line in lines.items()}
     tables = {f"Against {sweep}": exponents(line, sweep) for sweep, line in lines.items()}
-    ours = [growth(own[sweep].tolist(), own["total_ms"].tolist()) for sweep, line in lines.items()
-            for own in [line[line["label"] == OURS]]]  # fmt: skip
-    told = [
-        f"{name} to the power of {g} (from {short(g.first)})"
-        for name, g in zip(SWEEPS[:2], ours, strict=False)
-        if g
-    ]
-    finding = (
-        f"The frame time of {OURS} grows with {' and with '.join(told)}."
-        if told
-        else "No growth was measured."
+    ours = {sweep: growth(lines[sweep][lines[sweep]["label"] == OURS], sweep) for sweep in SWEEPS[:2]}
+    told = " and with ".join(
+        f"{sweep} to the power of {g} (from {short(g.first)})" for sweep, g in ours.items() if g
     )
+    finding = f"The frame time of {OURS} grows with {told}." if told else "No growth was measured."
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet, notes)
 
 
@@ -139,7 +130,7 @@ def exponents(line: pd.DataFrame, sweep: str) -> pd.DataFrame:
                 "a further light, ms": style.number(slope),
                 "of the first frame": f"{slope / ms[0]:.0%}",
             }
-        elif found := growth(x, ms):
+        elif found := growth(own, sweep):
             rows[-1] |= {"exponent": str(found), "from": short(found.first)}
     return pd.DataFrame(rows)
 

@@ -108,18 +108,13 @@ def read(folder: Path) -> DataFrame:
         table[part] = table[f"{name}_text"].where(table[f"{name}_ms"] != 0, "-")
     rate = table["frame_mrays_per_s"]
     table["rate"] = document.carry(rate, rate * table["spread"] / table["total_ms"])
-    right = document.measured(table).query("error == @style.OK")
-    best = [key for _, own in right.groupby("title") for key in fastest(frames, own)]
-    table["best"] = table.index.isin(best)
-    return document.arranged(table, "label", [*usual, *table["label"]])
-
-
-def fastest(frames: DataFrame, own: DataFrame) -> list[str]:
-    """The key of the fastest of the points ``own``; none where one of them has no frame or no run in common with it."""
-    first, beside = own["total_ms"].idxmin(), frames[frames["key"].isin(own["key"])]
+    table["best"] = False
     same = [name for name in compare.SAME if name != "device"]
-    ratios = compare.ratios(beside, beside["key"] == first, same)["ratio"].reindex(own["key"])
-    return [first] if len(own) > 1 and (ratios >= 1).all() else []
+    for _, own in document.measured(table).query("error == @style.OK").groupby("title"):
+        first, beside = own["total_ms"].idxmin(), frames[frames["key"].isin(own["key"])]
+        ratios = compare.ratios(beside, beside["key"] == first, same)["ratio"].reindex(own["key"])
+        table.loc[first, "best"] = len(own) > 1 and bool((ratios >= 1).all())
+    return document.arranged(table, "label", [*usual, *table["label"]])
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:

@@ -15,7 +15,7 @@ from ...harness.report import document
 from ...harness.runner.experiment import Entry, Experiment, Preset
 from ...harness.runner.job import Options
 from ...harness.runner.progress import Silent
-from . import hard_cases, offsets, pictures, tables
+from . import drawing, hard_cases, offsets
 
 SCENES = ("fairy", "sibenik", "bunny_dragon", "conference", "cloth", "buddha")
 REAL = ("bunny",) if find_spec("pxr") else ()
@@ -169,23 +169,23 @@ def after(options: Options, report: Silent) -> None:
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """The frontier, what measures cost, wrong pixels and the grid of errors; tables as CSV, the first two in the report."""
-    table = tables.read(folder)
-    cost = tables.costs(folder, [*MEASURES, *OTHER_MEASURES])
+    table = drawing.read(folder)
+    cost = drawing.costs(folder, [*MEASURES, *OTHER_MEASURES])
     hard = hard_cases.read_hard(folder)
     files = [
-        document.write_csv(cost, folder / "accuracy_costs.csv", tables.COST_COLUMNS),
-        *pictures.draw_frontier(table, folder / "accuracy_pareto.svg"),
-        *pictures.draw_costs(cost, EXACT, folder / "accuracy_costs.svg"),
-        *pictures.draw_where(folder, table, SHOWN),
-        *pictures.draw_heat(folder),
+        document.write_csv(cost, folder / "accuracy_costs.csv", drawing.COST_COLUMNS),
+        *drawing.draw_frontier(table, folder / "accuracy_pareto.svg"),
+        *drawing.draw_costs(cost, EXACT, folder / "accuracy_costs.svg"),
+        *drawing.draw_where(folder, table, SHOWN),
+        *drawing.draw_heat(folder),
     ]
     shown = {
-        "Points that no other one beats in time and wrong answers a frame": tables.frontier_table(table),
-        "What each safety measure adds to the frame (±: within the noise)": tables.cost_table(cost, hard),
+        "Points that no other one beats in time and wrong answers a frame": drawing.frontier_table(table),
+        "What each safety measure adds to the frame (±: within the noise)": drawing.cost_table(cost, hard),
     }
-    notes = [*tables.notes(table), *hard_cases.described(hard)]
-    finding = tables.finding(table, cost)
-    return document.write(folder, EXPERIMENT, table, tables.COLUMNS, finding, shown, files, quiet, notes)
+    notes = [*drawing.notes(table), *hard_cases.described(hard)]
+    finding = drawing.finding(table, cost)
+    return document.write(folder, EXPERIMENT, table, drawing.COLUMNS, finding, shown, files, quiet, notes)
 
 
 EXPERIMENT = Experiment(

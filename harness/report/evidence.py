@@ -78,14 +78,11 @@ class Evidence:
         own, base = matching(frames, **one), matching(frames, **other)
         return over(frames[base | own], base, measure, **one) if own.any() and base.any() else {}
 
-    @cache  # noqa: B019  (the data of one command)
     def described(self) -> str:
-        """Where it is from, and what others must agree with: sizes, frames and versions."""
+        """Where it is from, and what others must agree with: sizes and versions."""
         sizes = ", ".join(dict.fromkeys(f"{w}x{h}" for w, h in self.frames[["width", "height"]].to_numpy()))
-        counts = sorted(self.frames.groupby("key")["frame"].nunique().unique())
-        frames = " or ".join(map(str, counts)) + f" frame{'s' if counts != [1] else ''}"
-        versions = ", ".join(f"{m} {v[:8]}" if v else m for m, v in sorted(self.versions.items()))
-        return f"{' and '.join(self.folders)} ({sizes}; {frames} a scene; {versions})"
+        versions = ", ".join(f"{m} {v[:8]}".strip() for m, v in sorted(self.versions.items()))
+        return f"{' and '.join(self.folders)} ({sizes}; {versions})"
 
 
 def over(frames: DataFrame, base: Series, measure: Measure, **wanted: Any) -> dict[str, float]:

@@ -1,4 +1,5 @@
-"""The shared drawings: lines, stacked bars and images, a panel a value of a column. Saved without a date."""
+"""The shared drawings: lines, stacked bars, dots and images, a panel a value of a column. Saved without a date: the same
+records give the same bytes."""
 
 from __future__ import annotations
 
@@ -44,7 +45,7 @@ def sheet(
 
     legend   columns of the legend above the panels: every label of every panel once; 0 for none
     grid     "x", "y", "both" or "" for none
-    colours, inks   of a PNG: see :func:`save`
+    colours, inks   of a PNG: how many colours it keeps, for a quarter of its bytes (0: all); or greys and these colours
     below, left     texts beside the panels; each of those below in as many lines as it needs
     shared   passed on to ``Figure.subplots``: ``sharex``, ``sharey``
     """
@@ -69,7 +70,11 @@ def sheet(
             figure.legend(
                 named.values(), named.keys(), loc="outside upper center", ncols=legend, frameon=False
             )
-        save(figure, path, colours, inks)
+        figure.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None)
+    if colours or inks:
+        with Image.open(path) as whole:
+            picture = np.asarray(whole.convert("RGB"))
+        path.write_bytes(png_bytes(picture, colours or 256, inks=inks))
 
 
 def places(table: DataFrame, facet: str, across: int) -> tuple[list[tuple[str, DataFrame]], int]:
@@ -230,6 +235,61 @@ def stacked(axes: Any, own: DataFrame, parts: Parts = FRAME, limit: float = math
     axes.set_ylim(len(own) - 0.4, -0.6)
 
 
+def dots(
+    path: Path, table: DataFrame, rows: str, x: str, hue: str, *, below: str, facet: str = "",
+    order: Sequence[str] = (), whisker: str = "", marked: str = "", upright: float = 1.0, band: float = 0.3,
+    legend: int = 2,
+) -> Path:  # fmt: skip
+    """Markers of the values ``x``, a band for each value of ``rows`` from the top down. Logarithmic; zero has a place.
+
+    hue      column with a marker for each value (:func:`looks`)
+    facet    column with a panel for each value, side by side; "": one panel
+    order    of the rows; by default the table's
+    whisker  column with how far a value may lie from what is shown
+    marked   column that is true where a marker has a black edge
+    upright  where a line stands, 0: nowhere; where there are zeros it stands at zero
+    band     height of a band, inches
+    """
+    own = table[table[x].notna()].reset_index(drop=True)
+    here = list(own[rows].unique())
+    names = [name for name in order if name in here] + [name for name in here if name not in order]
+    drawn, (shown, _) = looks(own, hue), places(own, facet, 1)
+    lane = {value: (i + 0.5) / len(drawn) - 0.5 for i, value in enumerate(drawn)}
+    heights = own[rows].map(names.index) + 0.84 * own[hue].map(lane)
+    size = (style.COLUMN_WIDTH * (0.45 + 0.55 * len(shown)), band * len(names) + 1.2)
+    with sheet(path, size, 1, len(shown), legend=legend, grid="x", sharey=True) as (figure, grid):
+        for axes, (title, part) in filled(grid, shown):
+            for k in range(0, len(names), 2):
+                axes.axhspan(k - 0.5, k + 0.5, color="#f3f3f3", zorder=0)
+            zero = bool((part[x] <= 0).any())
+            if zero or upright:
+                axes.axvline(0.0 if zero else upright, color="#444444", lw=0.8, zorder=1)
+            for value, mine in part.groupby(hue, sort=False):
+                y, look = (
+                    heights[mine.index],
+                    {**drawn[value], "ls": "none", "ms": 2.5, "mew": 0.5, "elinewidth": 0.6},
+                )
+                ends = mine[whisker].clip(upper=0.9 * mine[x]).fillna(0.0) if whisker else None
+                axes.errorbar(mine[x], y, xerr=ends, label=str(value), **look)
+                if marked:
+                    mine = mine[mine[marked].to_numpy(bool)]
+                    axes.plot(
+                        mine[x], heights[mine.index], look["marker"], mfc="none", mec="black", mew=0.9, ms=4.2
+                    )
+            if zero:
+                axes.set_xscale("symlog", linthresh=1.0)
+                axes.xaxis.set_major_formatter(lambda at, _: style.radii(at))
+            else:
+                style.plain_log(axes, "x")
+            axes.minorticks_off()
+            axes.tick_params(axis="y", length=0)
+            axes.set_title(title, loc="left")
+        grid[0, 0].set_yticks(range(len(names)), names)
+        grid[0, 0].set_ylim(len(names) - 0.5, -0.5)
+        figure.supxlabel(below, fontsize=7)
+    return path
+
+
 def images(
     path: Path, shown: Sequence[tuple[str, NDArray[Any]]], *, across: int, below: Sequence[str] = (),
     key: Mapping[str, str] | None = None, scale: tuple[Any, Any, str] | None = None, wide: float = 1.0, **options: Any,
@@ -269,18 +329,4 @@ def images(
             }
             bar = figure.colorbar(ScalarMappable(norm, colours), ax=list(grid.flat), **below_all)
             bar.set_label(about, fontsize=6.5)
-    return path
-
-
-def save(figure: Any, path: Path, colours: int = 0, inks: Sequence[str] = ()) -> Path:
-    """Write a figure without a date in it: the same records give the same bytes.
-
-    ``colours``: of a picture with few, keep no more than so many, for a quarter of its bytes; 0: all. ``inks``: of a
-    grey picture keep these colours, that mean something, and greys.
-    """
-    figure.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None)
-    if colours or inks:
-        with Image.open(path) as whole:
-            picture = np.asarray(whole.convert("RGB"))
-        path.write_bytes(png_bytes(picture, colours or 256, inks=inks))
     return path

@@ -12,7 +12,7 @@ import pytest
 from helpers.brute_force import make_scene, soup
 from helpers.table1_records import record, write_records
 from shadowbench.experiments import accuracy as declared
-from shadowbench.experiments.accuracy import hard_cases, pictures, tables
+from shadowbench.experiments.accuracy import drawing, hard_cases
 from shadowbench.experiments.accuracy.hard_cases import hard_rows
 from shadowbench.experiments.accuracy.offsets import error_grid, offset_by
 from shadowbench.harness.frame.registry import make_method
@@ -214,18 +214,18 @@ def folder(tmp_path):
 
 
 def test_the_frontier_is_what_nothing_beats(folder):
-    table = tables.read(folder)
+    table = drawing.read(folder)
     assert set(table.loc[table["on_frontier"], "label"]) == {"a: exact", "a: fast", "b: quick"}
 
 
 def test_a_cpu_is_on_no_frontier_of_a_gpu(folder):
-    table = tables.read(folder)
+    table = drawing.read(folder)
     table.loc[table["label"] == "b: quick", "device"] = "another"
-    assert set(table.loc[tables.frontier(table), "label"]) == {"a: exact", "a: fast", "c: as wrong as quick"}
+    assert set(table.loc[drawing.frontier(table), "label"]) == {"a: exact", "a: fast", "c: as wrong as quick"}
 
 
 def test_classes_are_counted_apart(folder):
-    fast = tables.read(folder).set_index("label").loc["a: fast"]
+    fast = drawing.read(folder).set_index("label").loc["a: fast"]
     counts = {
         name: fast[name] for name in ("wrong_per_frame", "primary_wrong", "acne", "leak", "excused", "ties")
     }
@@ -243,7 +243,7 @@ def test_a_difference_within_the_noise_is_no_cost(tmp_path):
         point("a: once", 10.0, 7, count=2),
     ]
     names = ("without", "cheap", "once")
-    found = tables.costs(write_records(tmp_path, made), [(name, "a: with", f"a: {name}") for name in names])
+    found = drawing.costs(write_records(tmp_path, made), [(name, "a: with", f"a: {name}") for name in names])
     assert found["within_noise"].tolist() == [True, False, True]
     assert found["cost_ms"][1] == pytest.approx(10.0)
     assert np.isnan(found["noise_ms"][2])
@@ -290,9 +290,9 @@ def test_everything_is_drawn_and_the_tables_are_in_the_text(folder, capsys, monk
 def test_points_on_another_device_say_so_beside_their_marker(folder):
     made = point("b: on the host", 300.0, 0)
     made["method"].update(device="cuda:0", device_name="Imaginary card")
-    table = tables.read(write_records(folder, [made]))
+    table = drawing.read(write_records(folder, [made]))
     assert set(table["name"]) == {*table["label"]} - {"b: on the host"} | {"b: on the host, on the CUDA:0"}
-    (path,) = pictures.draw_frontier(table, folder / "pareto.svg")
+    (path,) = drawing.draw_frontier(table, folder / "pareto.svg")
     assert "b: on the host, on the CUDA:0" in path.read_text()
 
 

@@ -9,14 +9,13 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 from shadowbench.harness.report import panels
-from shadowbench.harness.report.dots import dots
 
 
 def drawn(monkeypatch, tmp_path: Path, table: pd.DataFrame, **changes) -> Figure:
     """The figure of a dot plot."""
     kept = []
-    monkeypatch.setattr(panels, "save", lambda figure, *_: kept.append(figure))
-    dots(tmp_path / "a.svg", table, "row", "x", "scene", below="ratio", **changes)
+    monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: kept.append(figure))
+    panels.dots(tmp_path / "a.svg", table, "row", "x", "scene", below="ratio", **changes)
     return kept[0]
 
 

@@ -8,13 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from helpers.table1_records import METHODS, SCENES, record, score, write_records
-from matplotlib.figure import Figure
 from shadowbench.experiments import table1
-from shadowbench.harness.commands.show import show
-from shadowbench.harness.errors import UserError
 from shadowbench.harness.report import document, style
 from shadowbench.harness.report import paper_table1 as paper
-from shadowbench.harness.results.newest import newest
 from shadowbench.harness.results.record import Record
 from shadowbench.harness.results.schema import checked
 from shadowbench.harness.results.table import table_of
@@ -239,27 +235,6 @@ def test_draw_writes_a_tidy_csv_a_markdown_table_and_bars(records, tmp_path, cap
     assert "stand-in" in text
 
 
-def test_the_same_records_give_the_same_bytes(records, tmp_path):
-    write_records(tmp_path, records)
-    first = [file.read_bytes() for file in table1.draw(tmp_path, quiet=True)]
-    assert [file.read_bytes() for file in table1.draw(tmp_path, quiet=True)] == first
-
-
-def test_only_the_newest_record_of_a_point_is_shown(tmp_path):
-    old = record("bunny", "warp_bvh", key="old", rounds=[{"round": 0, "noted": 100.0}])
-    new = record("bunny", "warp_bvh", seed=1, key="new", rounds=[{"round": 0, "noted": 200.0}])
-    other = record("bunny", "embree", rounds=[{"round": 0, "noted": 1.0}])
-    write_records(tmp_path, [new, old, other])
-    chosen, older = newest(tmp_path)
-    assert {made.key for made in chosen} == {"new", other["key"]}
-    assert older == 1
-    table1.draw(tmp_path, quiet=True)
-    assert (
-        "older records of these points, or of other scenes of their names: 1."
-        in (tmp_path / "table1.md").read_text()
-    )
-
-
 def test_settings_and_originals_have_entries_of_their_own(tmp_path):
     plain = record("sibenik", "warp_bvh")
     refit = record("sibenik", "warp_bvh", seed=1, key="refit")
@@ -306,52 +281,6 @@ def test_bars_are_compact_and_drawn_only_where_there_is_something(records, tmp_p
     assert not (tmp_path / "table1.svg").exists()
 
 
-def test_a_method_keeps_its_colour_whoever_else_is_drawn():
-    alone, together = style.colours(["warp_bvh"]), style.colours([*METHODS, "somebodys"])
-    assert alone["warp_bvh"] == together["warp_bvh"]
-    assert len({together[name] for name in METHODS}) == len(METHODS)
-
-
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [(None, "-"), (float("nan"), "-"), (0.01234, "0.012"), (1.234, "1.23"), (1234.5, "1,234")],
-)
-def test_numbers_have_no_exponents(value, text):
-    assert style.number(value) == text
-
-
-def test_show_draws_again_and_says_what_is_wrong_with_a_folder(records, tmp_path, capsys):
-    write_records(tmp_path, records)
-    files = show("table1", tmp_path)
-    assert "Table 1: build, trace and shadow times" in capsys.readouterr().out
-    assert all(file.exists() for file in files)
-    with pytest.raises(UserError, match="did you mean table1"):
-        show("tabel1", tmp_path)
-    with pytest.raises(UserError, match="no such folder"):
-        show("table1", tmp_path / "elsewhere")
-    with pytest.raises(UserError, match="no records"):
-        show("table1", tmp_path / "records")
-
-
-def test_a_folder_that_can_only_be_read_is_drawn_elsewhere(records, tmp_path):
-    folder, out = write_records(tmp_path / "kept", records), tmp_path / "out"
-    table1.draw(folder, quiet=True)
-    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-    for path in (folder / "table1.md", folder):
-        path.chmod(0o555)
-    files = show("table1", folder, quiet=True, out=out)
-    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
-    assert {file.parent for file in files} == {out}
-    for name in ("table1.csv", "table1.md", "table1.svg"):
-        assert (out / name).read_bytes() == before[folder / name]
-    assert sorted(path.name for path in out.iterdir()) == ["table1.csv", "table1.md", "table1.svg"], (
-        "no link stays"
-    )
-    folder.chmod(0o755)
-    with pytest.raises(UserError, match="has records of its own"):
-        show("table1", folder, quiet=True, out=folder)
-
-
 def test_a_scene_that_nothing_can_hit_is_told_beside_its_tick(tmp_path, capsys):
     """Misses are then the right answer, and a plain tick would say more than was checked."""
     blind, partly = (record(scene, "warp_bvh") for scene in ("cloth", "fairy"))
@@ -364,14 +293,6 @@ def test_a_scene_that_nothing_can_hit_is_told_beside_its_tick(tmp_path, capsys):
         assert "4 of 174,117 triangles can never be hit" in text
     said = document.errors(table_from([blind]))
     assert "warning: none of 92,210 triangles" in said
-
-
-def test_records_of_another_experiment_are_not_drawn(tmp_path):
-    write_records(tmp_path, [record("cloth", "warp_bvh")])
-    with pytest.raises(
-        UserError, match=r"its records belong to table1, not to figure2; run shadowbench show table1 "
-    ):
-        show("figure2", tmp_path)
 
 
 def test_a_bar_that_dwarfs_the_others_is_cut_and_keeps_its_number(tmp_path):
@@ -403,28 +324,6 @@ def test_frames_left_out_are_named_and_the_best_is_so_over_the_frames_that_both_
     assert title not in best(short)
     (note,) = [note for note in table1.notes(short) if "left out" in note]
     assert f"{title}, {other['method']['label']}" in note
-
-
-@pytest.mark.parametrize(
-    ("low", "high", "labels"),
-    [
-        (0.3, 6.0, ["0.5", "1", "2", "5"]),
-        (0.3, 40.0, ["0.5", "1", "2", "5", "10", "20", "50"]),
-        (0.2, 400.0, ["1", "10", "100"]),
-        (2e-7, 5e-4, ["0.000001", "0.00001", "0.0001"]),
-        (0.0, 0.0, None),
-    ],
-)
-def test_logarithmic_axes_have_plain_numbers(low: float, high: float, labels: list[str] | None) -> None:
-    axes = Figure().subplots()
-    axes.plot([1, 2], [low, high])
-    style.plain_log(axes)
-    bottom, top = axes.get_ylim()
-    assert axes.get_yscale() == ("log" if labels else "linear")
-    if not labels:
-        return
-    shown = [label.get_text() for label in axes.get_yticklabels() if bottom <= label.get_position()[1] <= top]
-    assert shown == labels
 
 
 def test_times_of_two_runs_stand_apart_and_none_is_best(records, tmp_path):

@@ -1,0 +1,76 @@
+"""``shadowbench show``: the same records give the same files, in their folder or elsewhere, and wrong folders are told."""
+
+from __future__ import annotations
+
+import pytest
+from helpers.table1_records import METHODS, SCENES, record, write_records
+from shadowbench.experiments import table1
+from shadowbench.harness.commands.show import show
+from shadowbench.harness.errors import UserError
+from shadowbench.harness.results.newest import newest
+
+
+@pytest.fixture
+def records():
+    return [record(scene, method) for scene in SCENES for method in METHODS]
+
+
+def test_the_same_records_give_the_same_bytes(records, tmp_path):
+    write_records(tmp_path, records)
+    first = [file.read_bytes() for file in table1.draw(tmp_path, quiet=True)]
+    assert [file.read_bytes() for file in table1.draw(tmp_path, quiet=True)] == first
+
+
+def test_only_the_newest_record_of_a_point_is_shown(tmp_path):
+    old = record("bunny", "warp_bvh", key="old", rounds=[{"round": 0, "noted": 100.0}])
+    new = record("bunny", "warp_bvh", seed=1, key="new", rounds=[{"round": 0, "noted": 200.0}])
+    other = record("bunny", "embree", rounds=[{"round": 0, "noted": 1.0}])
+    write_records(tmp_path, [new, old, other])
+    chosen, older = newest(tmp_path)
+    assert {made.key for made in chosen} == {"new", other["key"]}
+    assert older == 1
+    table1.draw(tmp_path, quiet=True)
+    assert (
+        "older records of these points, or of other scenes of their names: 1."
+        in (tmp_path / "table1.md").read_text()
+    )
+
+
+def test_show_draws_again_and_says_what_is_wrong_with_a_folder(records, tmp_path, capsys):
+    write_records(tmp_path, records)
+    files = show("table1", tmp_path)
+    assert "Table 1: build, trace and shadow times" in capsys.readouterr().out
+    assert all(file.exists() for file in files)
+    with pytest.raises(UserError, match="did you mean table1"):
+        show("tabel1", tmp_path)
+    with pytest.raises(UserError, match="no such folder"):
+        show("table1", tmp_path / "elsewhere")
+    with pytest.raises(UserError, match="no records"):
+        show("table1", tmp_path / "records")
+
+
+def test_a_folder_that_can_only_be_read_is_drawn_elsewhere(records, tmp_path):
+    folder, out = write_records(tmp_path / "kept", records), tmp_path / "out"
+    table1.draw(folder, quiet=True)
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    for path in (folder / "table1.md", folder):
+        path.chmod(0o555)
+    files = show("table1", folder, quiet=True, out=out)
+    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
+    assert {file.parent for file in files} == {out}
+    for name in ("table1.csv", "table1.md", "table1.svg"):
+        assert (out / name).read_bytes() == before[folder / name]
+    assert sorted(path.name for path in out.iterdir()) == ["table1.csv", "table1.md", "table1.svg"], (
+        "no link stays"
+    )
+    folder.chmod(0o755)
+    with pytest.raises(UserError, match="has records of its own"):
+        show("table1", folder, quiet=True, out=folder)
+
+
+def test_records_of_another_experiment_are_not_drawn(tmp_path):
+    write_records(tmp_path, [record("cloth", "warp_bvh")])
+    with pytest.raises(
+        UserError, match=r"its records belong to table1, not to figure2; run shadowbench show table1 "
+    ):
+        show("figure2", tmp_path)
