@@ -86,7 +86,9 @@ def verify(
     reports = []
     for name, described in zip(scene, scenes, strict=True):
         reports.append(
-            _verify_scene(name, described, entries, place, width, height, frame, everything, as_json, limit)
+            _verify_scene(
+                name, described, entries, place, width, height, frame, everything, as_json, limit, view.text()
+            )
         )
     passed = all(not row["counts_against"] for report in reports for row in report["methods"])
     if as_json:
@@ -108,6 +110,7 @@ def _verify_scene(
     everything: bool,
     quiet: bool,
     memory_limit: int | None,
+    view: str,
 ) -> dict[str, Any]:
     from ..judge.context import Judge
     from ..judge.score import Scored, score_answers
@@ -152,6 +155,7 @@ def _verify_scene(
         "stand_in": described.stand_in,
         "triangles": prepared.triangle_count,
         "valid_triangles": int(moment.valid.sum()),
+        "view": view,
         "warning": never_hit(prepared.triangle_count, int(moment.valid.sum())),
         "sha256": prepared.sha256(frame),
         "methods": rows,

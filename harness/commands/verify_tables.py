@@ -47,7 +47,8 @@ def print_reports(reports: list[dict[str, Any]]) -> None:
             notes.append(
                 f"reference on {scene}: errors of Embree; {most.primary.judged:,} pixels were decided exactly to find them"
             )
-        print_lines(console, f"{scene}, {report['triangles']:,} triangles")
+        facts = [scene, f"{report['triangles']:,} triangles", *filter(None, [report["view"]])]
+        print_lines(console, ", ".join(facts))
         console.print(table)
     print_lines(console, *dict.fromkeys(notes))
     print_legend(console, SHOWN, *LEGEND)

@@ -227,7 +227,11 @@ def write(
     apart    see :func:`not_measured`
     """
     csv = write_csv(table if rows is None else rows, folder / f"{experiment.name}.csv", columns)
-    about = [*notes, *(text for text in (*runs_apart(table), effort(table), errors(table)) if text)]
+    about = [
+        *notes,
+        *views(table),
+        *(text for text in (*runs_apart(table), effort(table), errors(table)) if text),
+    ]
     shown = {heading: body for heading, body in tables.items() if len(body)}
     if any(NOISY in str(cell) for body in shown.values() for cell in body.to_numpy().ravel()):
         about.insert(0, ABOUT_NOISE)
@@ -251,6 +255,12 @@ def write(
         for line in [*about, *(["Not measured: " + "; ".join(lost)] if lost else [])]:
             console.print("  " + line.replace(r"\*", "*"))
     return [csv, *pictures, path]
+
+
+def views(table: DataFrame) -> list[str]:
+    """A line a scene that was not seen as it is declared: from where instead."""
+    known = table[table["view"] != ""].groupby("title", sort=False)["view"].unique()
+    return [f"{title}: {' | '.join(found)}." for title, found in known.items()]
 
 
 def where(table: DataFrame) -> str:

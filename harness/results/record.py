@@ -52,6 +52,7 @@ class SceneOptions(TypedDict, total=False):
     invalid_triangles: int | None
     lights: list[Any] | None
     lighting: dict[str, Any] | None
+    view: str | None
     source: dict[str, Any] | None
     frame_count: int | None
     arrays_sha256: str | None

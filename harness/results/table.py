@@ -44,7 +44,7 @@ NUMBERS = (
 TEXTS = (
     "key folder run experiment scene scene_title stand_in scene_sha256 source source_file source_sha256 "
     "method method_title label settings built known_inexact method_sha256 device device_name preset status reason "
-    "light_label moved environment unscored check flip_missing stopped_by"
+    "view light_label moved environment unscored check flip_missing stopped_by"
 ).split()
 """Columns of text: "" where not known, never missing."""
 
@@ -74,6 +74,7 @@ def tidy(folder: Path | str) -> DataFrame:
     method_sha256       text      hash of its source: its version
     device, device_name  text     ``cpu`` or ``cuda:0``, and what it is
     width, height, pixels  Int64  of the image
+    view                text      a camera or lights given on the command line; "": the scene's own
     light_label         text      how the experiment placed the lights; "": as the scene has them
     lights              Int64     number of lights
     light_distance      float     of the lights from the middle of the scene, in its radii; NaN: the scene's own
@@ -214,6 +215,7 @@ def _point(record: Record, folder: str) -> dict[str, Any]:
         "width": point["width"],
         "height": point["height"],
         "pixels": point["width"] * point["height"],
+        "view": scene.get("view") or "",
         "light_label": lighting.get("label", ""),
         "lights": len(scene.get("lights") or ()),
         "light_distance": lighting.get("distance") or None,

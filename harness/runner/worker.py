@@ -19,6 +19,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any
 
+import numpy as np
+
 from ..errors import CapacityRejected, UserError
 from ..files import plain
 from ..frame.method import Method
@@ -81,7 +83,8 @@ class Worker:
         start = time.perf_counter()
         lights = Lighting.read(lighting)
         self.changed = lights.changed
-        described = lights.longer(ChosenView.read(view).applied(resolve(scene, scene_dir)))
+        chosen = ChosenView.read(view)
+        described = lights.longer(chosen.applied(resolve(scene, scene_dir)))
         if make:
             self.prepared = lights.applied(prepare(described))
             store(Path(shared), self.prepared, spread_frames(self.prepared.frame_count, frames))
@@ -93,6 +96,10 @@ class Worker:
             self.moments[frame] = self.prepared.moment(frame, width, height)
         self.load_s = time.perf_counter() - start
         facts = {**scene_facts(self.prepared, self.moments), "lighting": lighting}
+        if chosen.changes:
+            facts["view"] = chosen.text()
+        elif facts["source"]["kind"] == "file" and is_within(next(iter(self.moments.values()))):
+            facts["view"] = "automatic camera, from within"
         return {"scene": facts, "load_s": self.load_s}
 
     def prepare(self, point: dict[str, Any], folder: str) -> dict[str, Any]:
@@ -148,6 +155,13 @@ class Worker:
             self.points.pop(key, None)
         give_back_memory()
         return {}
+
+
+def is_within(moment: Moment) -> bool:
+    """Whether the eye is inside the bounding box of the triangles, as the automatic camera of a closed room is."""
+    corners = moment.points[np.isfinite(moment.points).all(axis=1)]
+    eye = np.asarray(moment.eye)
+    return len(corners) > 0 and bool((corners.min(axis=0) < eye).all() and (eye < corners.max(axis=0)).all())
 
 
 def keep_map(method: Any, moment: Moment, path: Path) -> None:

@@ -57,6 +57,20 @@ class ChosenView:
         }
         return {name: value for name, value in given.items() if value}
 
+    def text(self) -> str:
+        """What is given, as a phrase for tables: "camera 0,1,5 to 0,0,0; light 2,3,4"; "" if nothing is."""
+
+        def place(one: Vector) -> str:
+            return ",".join(f"{x:g}" for x in one)
+
+        return "; ".join(
+            [
+                *([f"camera {place(self.camera[0])} to {place(self.camera[1])}"] if self.camera else []),
+                *([f"field of view {self.fov:g} degrees"] if self.fov is not None else []),
+                *(f"light {place(one)}" for one in self.lights),
+            ]
+        )
+
     @staticmethod
     def read(facts: dict[str, Any] | None) -> ChosenView:
         """The view with these :meth:`facts`."""

@@ -6,11 +6,15 @@ import json
 from dataclasses import replace
 
 import pytest
+from helpers.experiment_records import record_of
+from helpers.table1_records import write_records
 from helpers.tiny_runs import options, write_scene
 from shadowbench.harness.commands.run import plan_run
+from shadowbench.harness.commands.show import show
 from shadowbench.harness.commands.verify import explain, verify
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.results.folder import ResultsFolder
+from shadowbench.harness.runner.experiment import Entry
 from shadowbench.harness.runner.protocol import load_command
 from shadowbench.harness.runner.scene_cache import known_scene, learn_scene
 from shadowbench.harness.runner.worker import Worker
@@ -46,6 +50,8 @@ def test_a_worker_loads_the_scene_as_it_is_to_be_seen(scene, tmp_path):
     assert tuple(facts["seen"]["camera"]["eye"]) == VIEW.camera[0]
     assert facts["seen"]["camera"]["fov"] == 30.0
     assert [tuple(light["position"]) for light in facts["seen"]["lights"]] == list(VIEW.lights)
+    assert facts["seen"]["view"].startswith("camera 3,2,1 to 0,0.5,0; field of view 30 degrees; light 0,9,0;")
+    assert "view" not in facts["plain"]
     assert facts["seen"]["arrays_sha256"] == facts["plain"]["arrays_sha256"]
 
 
@@ -54,6 +60,14 @@ def test_a_run_checks_the_camera_before_it_starts(scene, tmp_path):
     assert chosen.described(scene).lights[1].position == VIEW.lights[1]
     with pytest.raises(UserError, match="eye and target must be finite and different"):
         plan_run("table1", "quick", "cpu", [scene], out=tmp_path, view=ChosenView(((1.0, 2.0, 3.0),) * 2))
+
+
+def test_a_table_names_the_view(tmp_path, capsys):
+    made = record_of("table1", Entry("ray_grids", {}, "ray grids"))
+    made["scene"]["view"] = VIEW.text()
+    write_records(tmp_path, [made])
+    show("table1", tmp_path)
+    assert "camera 3,2,1 to 0,0.5,0" in capsys.readouterr().out
 
 
 def test_verify_and_explain_look_from_there(scene, capsys):
