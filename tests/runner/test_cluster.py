@@ -153,8 +153,11 @@ def lost(place: Path) -> int:
 class Future:
     """A task that has ended."""
 
-    def __init__(self, result):
-        self.status, self._result = "finished", result
+    def __init__(self, result, error=None):
+        self.status, self._result, self._error = "error" if error else "finished", result, error
+
+    def exception(self):
+        return self._error
 
     def result(self, timeout=None):
         return self._result
@@ -178,6 +181,8 @@ class Imagined:
 
     def submit(self, work, what, workers, **_):
         (card,) = workers
+        if work is introduce and card == "broken":
+            return Future(None, error=ModuleNotFoundError("No module named 'shadowbench'"))
         if work is introduce:
             about = {
                 "host": "h",
@@ -193,13 +198,15 @@ class Imagined:
         files = {f"records/{record['key']}.json": json.dumps(record).encode()}
         points = self.given[card]
         after = points.pop(1) if len(points) > 1 else points[0]
-        return Future(Outcome(card, "", points[0], after, keys=(record["key"],), files=files))
+        return Future(
+            Outcome(card, "Imaginary GPU", "", points[0], after, keys=(record["key"],), files=files)
+        )
 
 
 def test_cards_that_are_apart_are_not_merged(place):
     """One is too slow from the start; one gets slow, and what it measured then goes beside the rest."""
     chosen = slow(place, scenes=4)
-    pool = Imagined({"a": [1.0], "b": [1.01, 1.03], "c": [1.05], "d": [0.99]})
+    pool = Imagined({"a": [1.0], "b": [1.01, 1.03], "c": [1.05], "d": [0.99], "broken": [1.0]})
     records = ClusterRun(pool, chosen, Silent()).go()
     assert sorted(record.scene["name"] for record in records) == [f"tetra{i}" for i in range(4)]
     assert len(list((place / "out" / "records").glob("*.json"))) == 4

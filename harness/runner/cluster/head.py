@@ -36,6 +36,9 @@ LOOK_S = 1.0
 ATTEMPTS = 3
 """How many workers may be lost with the same shard before its points count as failed."""
 
+FIRST_S = 120.0
+"""Seconds for which the first shards wait for cards that have not been compared, such as one that another run holds."""
+
 PATIENCE_S = 60.0
 """Seconds to wait for a worker when none is left: a nanny starts its worker again."""
 
@@ -67,6 +70,9 @@ class ClusterRun:
     todo: list[Shard] = field(default_factory=list)
     keys: dict[int, tuple[str, ...]] = field(default_factory=dict)
     """The keys of the points of each finished shard."""
+    joined: bool = False
+    """Whether there are workers that have not been compared with the others."""
+    began: float = field(default_factory=time.monotonic)
     looked: float = -1e9
     alone: float | None = None
     """Since when there is no worker."""
@@ -128,8 +134,11 @@ class ClusterRun:
             if task.future.status in ("cancelled", "lost"):
                 raise SchedulerLostError
             self._finished(address, task)
-        if any(task.shard is None for task in self.tasks.values()):
+        asked = any(task.shard is None for task in self.tasks.values())
+        if asked and not self.keys and time.monotonic() - self.began < FIRST_S:
             return  # the first shards are handed out when all cards have been compared
+        if self.joined:
+            self._compare()
         for address, worker in list(self.cards.items()):
             if address not in self.tasks and self.todo:
                 self._give(address, worker)
@@ -167,20 +176,23 @@ class ClusterRun:
             reason = "it has other source files of shadowbench than this machine; install the same version"
         else:
             self.cards[address] = worker
+            self.joined = True
         self._note_card(worker, reason)
-        if reason or any(task.shard is None for task in self.tasks.values()):
-            return
-        reference = self.ledger.reference(worker.device_name)
-        if reference is None:
+
+    def _compare(self) -> None:
+        """Choose the reference if the folder has none, and drop the cards that are too far from it."""
+        self.joined = False
+        names = {one.device_name for one in self.cards.values()}
+        if self.cards and not any(self.ledger.reference(name) for name in names):
             chosen = reference_of(list(self.cards.values()))
             facts = {"device_name": chosen.device_name, "calibration": chosen.calibration.facts()}
             self.ledger.note("reference", card=chosen.card, **facts)
-        for other, one in list(self.cards.items()):
+        for address, one in list(self.cards.items()):
             reference = self.ledger.reference(one.device_name)
             if reference is None:
-                self._drop(other, f"it is another product ({one.device_name}) than the first")
+                self._drop(address, f"it is another product ({one.device_name}) than the reference")
             elif one.card != reference[0] and (gap := one.calibration.apart(reference[1])) > LIMIT:
-                self._drop(other, _too_far(gap))
+                self._drop(address, _too_far(gap))
 
     def _note_card(self, worker: Worker, reason: str) -> None:
         facts = {"card": worker.card, "host": worker.host, "device_name": worker.device_name}
@@ -243,11 +255,10 @@ class ClusterRun:
 
     def _take(self, address: str, shard: Shard, outcome: Outcome) -> None:
         """Write what a worker delivers. What was measured on a card that is too far from the others goes beside."""
-        worker = self.cards.get(address)
         points = {n: p.facts() for n, p in (("before", outcome.before), ("after", outcome.after)) if p}
         about = {"scene": _scene(shard), "size": _size(shard), "card": outcome.card, **points}
         gap = outcome.apart
-        reference = self.ledger.reference(worker.device_name) if worker else None
+        reference = self.ledger.reference(outcome.device_name)
         if outcome.after and reference and reference[0] != outcome.card:
             gap = max(gap, outcome.after.apart(reference[1]))
         if gap > LIMIT:
@@ -255,7 +266,7 @@ class ClusterRun:
             if outcome.keys:
                 Delivery(ResultsFolder(beside), self.options).write(outcome)
             self.ledger.note("apart", **about, apart=round(gap, 4), points=len(outcome.keys))
-            if worker:
+            if address in self.cards:
                 self._drop(address, _too_far(gap))
             self.todo.append(shard)
         else:

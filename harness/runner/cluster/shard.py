@@ -84,6 +84,7 @@ class Outcome:
     """
 
     card: str
+    device_name: str
     folder: str
     before: Calibration | None = None
     after: Calibration | None = None
@@ -175,7 +176,7 @@ def measure(shard: Shard) -> Outcome:
     """
     start_warp()
     device, MACHINE.wait = shard.options.device, shard.wait
-    card = card_id(device)
+    card, title = card_id(device), device_title(device)
     name = spool.name_of(shard.options, card)
     folder = spool.place() / name
     options = dataclasses.replace(shard.options, out=folder)
@@ -191,12 +192,12 @@ def measure(shard: Shard) -> Outcome:
             if shard.reference is not None and shard.reference[0] != card:
                 apart = before.apart(shard.reference[1])
             if apart > shard.limit:
-                return Outcome(card, name, before, apart=apart)
+                return Outcome(card, title, name, before, apart=apart)
         records = measured(options, relay, shard, card)
         if before is not None:
             after = _calibrated(device)
     keys = tuple(record.key for record in records)
-    return Outcome(card, name, before, after, keys=keys, files=spool.fresh(folder, shard.known))
+    return Outcome(card, title, name, before, after, keys=keys, files=spool.fresh(folder, shard.known))
 
 
 def measured(options: Options, relay: Relay, shard: Shard, card: str) -> list[Record]:
