@@ -31,6 +31,7 @@ fuzz: $(STAMP)
 	SHADOWBENCH_SWEEP=all $(BIN)/python -m pytest -n $(JOBS) tests/properties/test_sweep.py
 	$(BIN)/python tests/tools/second_opinion.py --rays 100000
 	$(BIN)/python tests/tools/play.py --frames 10000
+	$(BIN)/python tests/tools/play.py --frames 5000 --effects
 	$(BIN)/python tests/tools/fuzz.py --examples 100000 $(ARGS)
 
 lint: $(LINT_STAMP) build/lint/shadowbench

@@ -8,14 +8,15 @@ fly through geometry, stand on it, and look away. Also the first frame may be su
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from shadowbench.harness.hardcases.case import Mesh, ball, icosphere, joined, quad, sheet, soup
 from shadowbench.harness.scene.moment import Moment
 from shadowbench.harness.scene.prepared import Prepared, prepare
-from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
+from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene, Spot
+from shadowbench.harness.scene.surface_rules import perforated
 
 F64 = NDArray[np.float64]
 
@@ -152,13 +153,54 @@ def drawn(random: np.random.Generator, events: Sequence[str], count: int, every:
     return [ordered[i % len(ordered)] for i in range(count)]
 
 
+def called_for(random: np.random.Generator, scene: Scene) -> Scene:
+    """The scene with some effects: spots, directional lights, facing, triangles with holes, mirrors."""
+    chosen = random.uniform(size=5) < (0.5, 0.3, 0.3, 0.3, 0.4)
+    lights = list(scene.lights)
+    if chosen[0]:
+        lights[0] = replace(lights[0], spot=Spot((0.0, -1.0, 0.0), float(random.choice([10.0, 40.0, 120.0]))))
+    elif chosen[1]:
+        lights[-1] = replace(lights[-1], directional=True)
+    scene = replace(scene, lights=tuple(lights), facing=bool(chosen[2]))
+    if chosen[3]:
+        every, holes = int(random.integers(1, 4)), int(random.choice([1, 2, 5]))
+        scene = replace(scene, alpha=lambda geometry: perforated(geometry, every, holes))
+    if chosen[4]:
+        share = int(random.integers(2, 5))
+        scene = replace(
+            scene, bounces=int(random.integers(1, 3)), mirror=lambda geometry: mirrors(geometry, share)
+        )
+    return scene
+
+
+def mirrors(geometry: Geometry, share: int) -> NDArray[np.uint8]:
+    """One triangle in ``share`` is a mirror."""
+    return (np.arange(len(geometry.faces)) % share == 0).astype(np.uint8)
+
+
+def lamp_at(light: Light, place: F64, target: F64) -> Light:
+    """A light in another place; its spot points at ``target``."""
+    if light.spot is None:
+        return replace(
+            light, position=vector(place if np.abs(place).any() or not light.directional else HOME[0])
+        )
+    way = target - place
+    way = way if np.abs(way).max() > 1e-20 else np.array([0.0, -1.0, 0.0])
+    return replace(light, position=vector(place), spot=replace(light.spot, direction=vector(way)))
+
+
 def draw_story(
-    seed: int, frames: int, still: bool = False, size: tuple[int, int] = SIZE, every: bool = False
+    seed: int,
+    frames: int,
+    still: bool = False,
+    size: tuple[int, int] = SIZE,
+    every: bool = False,
+    effects: bool = False,
 ) -> Story:
     """A story of so many frames.
 
     ``still``: its mesh does not move, for trees that are built once. ``every``: no event comes twice before every other
-    one of its kind came once.
+    one of its kind came once. ``effects``: the scene calls for some, for which kernels are compiled.
     """
     random = np.random.default_rng(seed)
     points, faces = draw_mesh(random)
@@ -178,7 +220,7 @@ def draw_story(
     scene = Scene(
         "story", "Story", lambda: geometry, Camera(vector(eye), vector(target)), tuple(Light(vector(p)) for p in lights)
     )  # fmt: skip
-    prepared = prepare(scene)
+    prepared = prepare(called_for(random, scene) if effects else scene)
     labels, moments = [], []
     for frame in range(frames):
         now = meshes[frame] - prepared.centre
@@ -191,7 +233,10 @@ def draw_story(
             for event, place in zip(events_now, lights, strict=True)
         )
         camera = Camera(vector(eye + prepared.centre), vector(target + prepared.centre), (0.1, 1.0, 0.23))
-        lamps = tuple(Light(vector(place + prepared.centre)) for place in lights)
+        lamps = tuple(
+            lamp_at(light, place + prepared.centre, np.array([0.0, 0.3, 0.0]))
+            for light, place in zip(prepared.scene.lights, lights, strict=True)
+        )
         moments.append(prepared.moment(0 if still else frame, *size, camera, lamps))
         mesh = "still" if still else events[frame]
         labels.append(f"mesh {mesh}, camera {views[frame]}, lights {', '.join(events_now)}")

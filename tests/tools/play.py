@@ -1,6 +1,7 @@
 """Sequences of frames by the thousand: what has played equals what is fresh, bit for bit, and no answer is wrong.
 
     python tests/tools/play.py --frames 10000 --seed 1
+    python tests/tools/play.py --frames 10000 --effects               scenes with spots, holes, mirrors
     python tests/tools/play.py --seconds 120 --device cuda:0          frames are replayed graphs
 
 Each story (``helpers/stories.py``) is played by every method as it is, and by every tree that is kept over frames. A
@@ -29,11 +30,11 @@ STORY = 20
 MOST_FINDINGS = 20
 
 
-def played(seed: int, chosen: list[Player], device: str) -> list[str]:
+def played(seed: int, chosen: list[Player], device: str, effects: bool) -> list[str]:
     """Every method on one story, and those for meshes that do not move on one whose mesh does not."""
     found = []
     for still in (False, True):
-        story = draw_story(seed, STORY, still)
+        story = draw_story(seed, STORY, still, effects=effects)
         judging = Judging(story)
         for player in chosen:
             if keeps_still(player) == still:
@@ -49,6 +50,9 @@ def main() -> int:
         "--seed", type=int, default=int(time.time()), help="default: by the clock; it is printed"
     )
     parser.add_argument("--method", action="append", help="repeatable; default: all")
+    parser.add_argument(
+        "--effects", action="store_true", help="spots, holes, mirrors: their kernels are compiled first"
+    )
     parser.add_argument("--device", default="cpu")
     given = parser.parse_args()
     start_warp()
@@ -58,7 +62,7 @@ def main() -> int:
     print(f"seed {given.seed}", flush=True)
     began, seed, frames, found = time.monotonic(), given.seed, 0, []
     while frames < given.frames and time.monotonic() - began < given.seconds and len(found) < MOST_FINDINGS:
-        found += played(seed, chosen, given.device)
+        found += played(seed, chosen, given.device, given.effects)
         frames += STORY * len(chosen)
         seed += 1
     print(
