@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from helpers import second_opinion
 from helpers.judged_hard_cases import CASES
+from helpers.second_excuses import excuses
 from helpers.second_judge import Bitmap, SecondJudge
 from helpers.second_opinion import Count, answers_of_case, random_opinion, rays_of_case
 from shadowbench.harness.judge import arithmetic
@@ -25,6 +26,20 @@ def test_both_judges_agree_on_random_rays_beside_edges() -> None:
     assert count.hits > 0.4 * count.rays
     assert count.ties > 0.02 * count.rays
     assert 0.2 * count.segments < count.shadows < 0.8 * count.segments
+
+
+def test_both_judges_excuse_the_same() -> None:
+    """Misses and leaks from a hundredth to thirty times the bound beside edges."""
+    counts: dict[str, int] = {}
+    assert [one for seed in range(12) for one in excuses(seed, 40, counts)] == []
+    assert min(counts[f"{what} {excused}"] for what in ("miss", "leak") for excused in (True, False)) > 15, (
+        counts
+    )
+
+
+def test_another_bound_shows(monkeypatch) -> None:
+    monkeypatch.setattr(arithmetic, "EDGE_UNITS", 1.5 * arithmetic.EDGE_UNITS)
+    assert [one for seed in range(12) for one in excuses(seed, 40, {})] != []
 
 
 def test_both_judges_agree_on_a_few_rays_of_cases() -> None:

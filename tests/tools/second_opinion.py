@@ -1,4 +1,4 @@
-"""The exact referee against a judge that shares nothing with it, on random rays near edges and on every hard case.
+"""The exact referee against a judge that shares nothing with it: random rays near edges, what is excused, hard cases.
 
     python tests/tools/second_opinion.py --rays 100000 --seed 1 --most 4096
 
@@ -20,6 +20,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # as a program it finds the tests' helpers, too
 
 from helpers.judged_hard_cases import CASES
+from helpers.second_excuses import excuses
 from helpers.second_judge import SecondJudge, dot, exactly
 from helpers.second_opinion import Count, answers_of_case, random_opinion, random_trial, rays_of_case
 from shadowbench.harness.frame.warp_init import start_warp
@@ -72,13 +73,16 @@ def main() -> int:
     start_warp()
     print(f"seed {given.seed}", flush=True)
     began, count, asked, found = time.monotonic(), Count(), 0, []
+    classes: dict[str, int] = {}
     external = importlib.util.find_spec("CGAL") is not None
     for seed in range(given.seed, given.seed + given.rays // RAYS):
         found += random_opinion(seed, RAYS, count)
+        found += excuses(seed, RAYS // 4, classes)
         if external:
             pairs, differ = cgal_opinion(seed, RAYS // 4)
             asked, found = asked + pairs, found + differ
     print(f"random: {count}; {len(found)} differences; {time.monotonic() - began:.0f} s", flush=True)
+    print(f"excused or not: {classes}")
     print(f"CGAL was asked about {asked} pairs" if external else "CGAL is not installed, and was not asked")
     count = Count()
     for case in CASES if given.most else ():
