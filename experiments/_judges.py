@@ -1,7 +1,7 @@
 """What decides each claim of the paper: a function of the evidence of one experiment, with its thresholds.
 
 A claim's words are the paper's, so the paper's configuration decides it; ours is judged beside it, never instead of it.
-Times that differ by less than 3 % cannot be told apart.
+Times that differ by less than 3 % count as equal.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ FAITHFUL = {"label": BASE}
 OURS = {"method": "perspective_spherical", "settings": "-"}
 TREE = {"method": "warp_bvh", "settings": "-"}
 GRID = {"method": "uniform_grid", "settings": "-"}
-"""The paper's configuration; ours; Warp's tree built anew each frame; one uniform grid."""
+"""The paper's configuration; ours; Warp's tree rebuilt each frame; one uniform grid."""
 
 LARGE, SMALL = ("fairy", "sibenik", "conference"), ("bunny_dragon", "cloth", "buddha")
 """Scenes with large triangles, and scenes of small ones only (but for a ground)."""
@@ -182,7 +182,7 @@ def balanced(evidence: Evidence) -> DataFrame:
 
 
 def radii(distance: float) -> str:
-    """A distance of the light, as a person writes it: 0.1, 10, 1e7."""
+    """A distance of the light in short form: 0.1, 10, 1e7."""
     return f"{distance:g} {'radius' if distance == 1 else 'radii'}".replace("e+0", "e")
 
 
@@ -313,7 +313,7 @@ def key_bits(evidence: Evidence) -> Finding:
 
 
 def reflected(evidence: Evidence) -> Finding:
-    """Times of the passes that trace mirrored rays: a grid over a tree built anew each frame."""
+    """Times of the passes that trace mirrored rays: a grid over a tree rebuilt each frame."""
     found = evidence.ratios(
         {"label": REFLECTING_GRID, "light_label": "4 bounces"},
         {"label": REFLECTING_TREE, "light_label": "4 bounces"},

@@ -56,7 +56,7 @@ KINDS = list(MOVED)
 FRAME = f"{BASE}, ms"
 ORDER = [lighting.label for lighting in (*EFFECTS, *CHANGES)]
 ABOUT = (
-    "Effects are measured one after another, not interleaved. The same frame was measured once more, as the one in which "
+    "Effects are measured one after another, not interleaved. The same frame was measured again, as the one in which "
     "all moved: its difference from the first counts as noise of every effect, beside the spread of the repeats."
 )
 ABOUT_MOVED = (
@@ -113,7 +113,8 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         means = alone.groupby("light_label")["ratio"].agg(compare.geometric)
         if len(means):
             finding = (
-                f"Over the frame of {BASE}, everything rebuilt, the dearest is {means.idxmax()} (x{means.max():.2f}) and "
+                f"Over the frame of {BASE}, everything rebuilt, the most expensive is {means.idxmax()} "
+                f"(x{means.max():.2f}) and "
                 f"the cheapest {means.idxmin()} (x{means.min():.2f}): geometric means over methods and scenes."
             )
     if len(moved):

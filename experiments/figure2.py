@@ -81,7 +81,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
 
 
 def read(folder: Path, key: str, frame: int) -> Counts:
-    """The counts [height, width] of a point's last frame. Raises :class:`UserError` where they are not kept."""
+    """The counts [height, width] of a point's last frame. Raises :class:`UserError` if they were not saved."""
     path = map_path(folder, key, frame)
     if not path.exists():
         raise UserError(f"{path}: not there; run figure2 again into a new folder")

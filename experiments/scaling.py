@@ -29,7 +29,7 @@ METHODS = (
 
 
 def lights(*counts: int) -> tuple[Lighting, ...]:
-    """So many lights, turned evenly about the middle of the scene."""
+    """The given numbers of lights, turned evenly about the middle of the scene."""
     return tuple(Lighting(f"{n} lights", count=n) for n in counts)
 
 

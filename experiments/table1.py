@@ -1,7 +1,7 @@
 """Table 1 of the paper: build, trace and shadow times of every method on every scene, everything rebuilt.
 
 The paper's columns are an HBVH, a kd-tree, a uniform grid and its own two structures on a GTX 280; ours are the
-methods below on this machine. The quick preset is for a CPU: at its size it is not to be held against the paper.
+methods below on this machine. The quick preset is for a CPU: its image size is not comparable with the paper's.
 """
 
 from __future__ import annotations
@@ -182,7 +182,7 @@ def notes(table: DataFrame) -> list[str]:
     theirs = set(table["scene"]) & set(paper.ROWS)
     if theirs and set(table["width"]) | set(table["height"]) != set(paper.SIZE):
         told += [
-            f"Only {paper.SIZE[0]}x{paper.SIZE[1]} is to be held against the paper's rows ({paper.LABEL})."
+            f"Only {paper.SIZE[0]}x{paper.SIZE[1]} can be compared with the paper's rows ({paper.LABEL})."
         ]
     short = table[table["frames_left_out"] > 0]
     told += [f"{LEFT_OUT}{'; '.join(short['title'] + ', ' + short['row'])}."] * bool(len(short))

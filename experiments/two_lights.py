@@ -26,7 +26,7 @@ WITH_EMBREE = (*GRIDS, Entry("embree"))
 
 
 def lights(*counts: int) -> tuple[Lighting, ...]:
-    """So many lights, turned evenly about the middle of the scene."""
+    """The given numbers of lights, turned evenly about the middle of the scene."""
     return tuple(Lighting(f"{n} lights" if n > 1 else "1 light", count=n) for n in counts)
 
 

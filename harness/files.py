@@ -39,7 +39,7 @@ def replacing(path: Path, durable: bool = True) -> Iterator[IO[bytes]]:
 
 
 def write_arrays(path: Path, arrays: Mapping[str, NDArray], compressed: bool = True) -> None:
-    """Write arrays by name as .npz, atomically. Not durable: whatever is kept as arrays can be made again."""
+    """Write arrays by name as .npz, atomically. Not synchronised to disk: all such arrays can be computed again."""
     save = np.savez_compressed if compressed else np.savez
     with replacing(path, durable=False) as stream:
         save(stream, **arrays)  # type: ignore[arg-type]

@@ -19,7 +19,7 @@ CALLED = {
     list: "a list",
     dict: "an object",
 }
-"""What a person calls the types of JSON."""
+"""Names of the types of JSON for error messages."""
 
 
 _SCALARS = (float, int, str, bool)
@@ -32,7 +32,7 @@ class WrongFieldError(ValueError):
 def checked(kind: Any, value: Any, name: str = "") -> Any:
     """``value``, which JSON gave, as an instance of the type ``kind``: dataclasses are made, all else is checked.
 
-    ``kind``: a dataclass, a TypedDict (its undeclared fields are kept as they are), ``X | None``, ``list[X]``,
+    ``kind``: a dataclass, a TypedDict (its undeclared fields are passed on unchanged), ``X | None``, ``list[X]``,
     ``tuple[X, ...]``, ``dict[str, X]``, a type of JSON, or ``Annotated[float, least]``.
     Numbers must be finite. Raises :class:`WrongFieldError`.
     """

@@ -158,7 +158,7 @@ GRID_SIZE = {"quick": 48, "paper": 128}
 def after(options: Options, report: Silent) -> None:
     """Untimed: errors over light distance and scene offset on the run's first scene, and errors on the hard cases.
 
-    Both are kept as CSV and not made again until they are deleted.
+    Both are stored as CSV and are not made again until they are deleted.
     """
     quick = options.preset_name == "quick"
     offsets.keep_grid(options, report, GRID, DISTANCES, OFFSETS, GRID_SIZE.get(options.preset_name, 48))

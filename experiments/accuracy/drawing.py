@@ -67,7 +67,7 @@ LARGEST = 320
 def read(folder: Path) -> pd.DataFrame:
     """The points with their mean wrong answers a frame by class. Besides:
 
-    family, level  the two halves of the label; name: the label as a person reads it, with a device that is not the scene's
+    family, level  the two halves of the label; name: the label as shown, with a device that is not the scene's
     on_frontier    see :func:`frontier`
     """
     table = document.read(folder)
@@ -171,7 +171,7 @@ def finding(table: pd.DataFrame, cost: pd.DataFrame) -> str:
     clear = cost[~cost["within_noise"].astype(bool)].sort_values("share")
     text += f"; of {len(cost)} differences with and without a safety measure {len(clear)} exceed the noise"
     for most in clear.tail(1).itertuples():
-        text += f", the dearest {most.measure} on {most.scene_title} ({most.share:+.0%})"
+        text += f", the most expensive {most.measure} on {most.scene_title} ({most.share:+.0%})"
     return text + "."
 
 
@@ -228,7 +228,7 @@ def draw_costs(cost: pd.DataFrame, base: str, path: Path) -> list[Path]:
 
 
 def draw_where(folder: Path, table: pd.DataFrame, shown: Sequence[str]) -> list[Path]:
-    """A picture a scene: panels of the points of ``shown`` (labels) whose maps were kept, all of the same part of the image.
+    """A picture a scene: panels of the points of ``shown`` (labels) with saved maps, all of the same part of the image.
 
     Maps are large, and a folder that travels may have left them out: its pictures of an earlier drawing stay.
     """
@@ -239,7 +239,7 @@ def draw_where(folder: Path, table: pd.DataFrame, shown: Sequence[str]) -> list[
     for name, own in rows.groupby("file", sort=False):
         kept = []
         for r in own.itertuples():
-            frame = max(r.frame_numbers, default=0)  # of which maps are kept
+            frame = max(r.frame_numbers, default=0)  # of which maps are saved
             path = wrong_path(folder, r.key, frame)
             if path.exists():
                 kept.append((r.label, read_wrong(path), reference_path(folder, r.scene, frame)))

@@ -1,1 +1,1 @@
-"""The commands a person types, one group a file; the command line registers them."""
+"""The commands of the command line, one group per file; the command line registers them."""

@@ -77,7 +77,7 @@ def keep(sources: Sources, out: Out, extras: With = None, replace: Replace = Fal
         raise UserError(f"{error.filename or out}: cannot be read or written ({reason})") from error
     finally:
         shutil.rmtree(fresh, ignore_errors=True)
-    print(f"kept: {len(records)} records of {experiments[0]} in {out}", file=sys.stderr)
+    print(f"packed: {len(records)} records of {experiments[0]} in {out}", file=sys.stderr)
     return 0
 
 

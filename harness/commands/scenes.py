@@ -26,7 +26,7 @@ ARCHIVES = "archives"
 class Source:
     """Where an original is.
 
-    url      of the archive; "" where a person has to fetch it
+    url      of the archive; "" if it must be fetched by hand
     files    pattern of the meshes in the archive; several are the frames of an animation, in the order of their numbers
     terms    whose it is, and under what terms
     sha256   of the archive; "" where it is not known: it is recorded at first use
@@ -91,7 +91,7 @@ def scenes(
 
 
 def fetched(name: str, folder: Path) -> bool:
-    """Fetch one scene unless it is there. False where a person has to fetch it; how is printed."""
+    """Fetch one scene unless it is there. False if it must be fetched by hand; the instructions are printed."""
     source = SOURCES[name]
     if catalogue.original(name, folder):
         print(f"{name}: already in {folder}", file=sys.stderr)

@@ -13,7 +13,7 @@ NO_DRIVER = "Could not find or load the NVIDIA CUDA driver"
 
 
 def start_warp() -> None:
-    """Initialise Warp; a second call does nothing. Its output on standard error, except :data:`NO_DRIVER`, is kept."""
+    """Initialise Warp; a second call does nothing. Its output on standard error appears, except :data:`NO_DRIVER`."""
     wp.config.log_level = wp.LOG_WARNING
     sys.stderr.flush()
     kept = os.dup(2)

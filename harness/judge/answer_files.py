@@ -45,8 +45,8 @@ def save_raw(
 
     The alpha mask of a mesh is saved with it.
 
-    ``scene_argument`` is what a person typed for the scene, a name or a file: should the mesh's file be gone, it
-    is made anew from that. ``extra``: anything JSON can hold, for the reader.
+    ``scene_argument`` is the scene as on the command line, a name or a file: if the mesh's file is missing, it
+    is created again from that. ``extra``: anything JSON can hold, for the reader.
     """
     hashes = input_hashes(prepared, moment)
     effects = effects or Effects.of(prepared.scene)

@@ -1,8 +1,8 @@
 """The rays of bounces, and whether they were made right.
 
 The rays that the harness made are stored with a method's answers and are the definition, so each bounce is judged by
-itself: its rays against a numpy twin made from the answers of the bounce before (whatever these were), its hits and
-shadow bits against Embree and the exact referee on those very rays, as primary rays are.
+itself: its rays against a numpy version computed from the answers of the bounce before (whatever these were), its hits
+and shadow bits against Embree and the exact referee on those very rays, as primary rays are.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def bounce_answers(answers: dict[str, NDArray], bounce: int) -> dict[str, NDArra
 def wrong_rays(judge: Judge, answers: dict[str, NDArray], bounce: int) -> NDArray[np.bool_]:
     """Which pixels' rays of a bounce are not those that its rule makes from the bounce before. bool [pixels]
 
-    A ray may differ from the twin's by the rounding to float32, and by what float64 rounding is worth on a thin
+    A ray may differ from the numpy version's by the rounding to float32, and by what float64 rounding is worth on a thin
     triangle (the edges' product over the area) that is met at a slant (the inverse of the slope).
     """
     prepared, moment = judge.prepared, judge.moment
@@ -104,7 +104,7 @@ def wrong_rays(judge: Judge, answers: dict[str, NDArray], bounce: int) -> NDArra
 
 
 def reflected(corners: F64, o: F64, d: F64) -> tuple[F64, F64, F64, F64]:
-    """Start and direction [n, 3] of mirrored rays in float64, before rounding; the twin of :mod:`.frame.mirrors`' kernel.
+    """Start and direction [n, 3] of mirrored rays in float64, before rounding, as :mod:`.frame.mirrors` computes them.
 
     Also, [n]: the edges' product over the area of each triangle, and the sine of the ray's angle to its plane.
     """

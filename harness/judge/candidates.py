@@ -152,7 +152,7 @@ class Candidates:
         """What may meet the open segments from exact points to a light; and a triangle that certainly does, or -1.
 
         starts  the exact points rounded once to float64 [n, 3];  own  a triangle of each to leave out [n]
-        every   go on after a certain one (without it the list of such a segment is not complete)
+        every   continue after a certain one (without it the list of such a segment is not complete)
         margin  scene units [n]: collect also what passes within this distance, crossing or not
 
         A triangle whose plane holds the light meets no open segment to it, and is never among them.

@@ -121,7 +121,7 @@ class Score(RayCounts):
     excused_share  share of the pixels with an excused answer
     check          "ok" without true errors and with at most :data:`.verdict.EXCUSED_LIMIT` excused, else "failed"
     examples       some of the errors, then of the excused answers: pixel, class, what was given, what is exact
-    truth          where the reference comes from, and how pixels were selected
+    truth          where the exact reference comes from, and how pixels were selected
     bounces        the counts of each bounce
     settled        what other scores added to these counts; None before they were compared
     """

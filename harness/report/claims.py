@@ -71,7 +71,7 @@ def by_ratio(values: dict[str, float], what: str) -> Finding:
 def decide(claim: Claim, data: Data) -> tuple[Finding, str]:
     """What the first evidence that has all that is needed says, and its folders.
 
-    Where none has: what the first one lacks, what there is that cannot be put together, and what to run.
+    Where none has: what the first one lacks, which points cannot be compared, and what to run.
     """
     findings = [(claim.judge(one), one) for one in data.evidence(*claim.experiments)]
     whole = [(finding, origin(one, data)) for finding, one in findings if not finding.lacking]

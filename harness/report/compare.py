@@ -1,4 +1,4 @@
-"""Every ratio of a report: two points held against each other over the frames that both have, within one run.
+"""Every ratio of a report: two points compared over the frames that both have, within one run.
 
 Points of different runs, scenes, lights, devices, image sizes or versions of one method are never compared: they have no
 pair here, and whatever is drawn from it says so by its absence (:func:`apart`).

@@ -316,7 +316,7 @@ def never_hit_notes(table: DataFrame) -> list[str]:
 
 
 def linked(path: Path) -> list[str]:
-    """Pictures that a report shows and that are still there: kept where what they were drawn from is not."""
+    """Pictures in an existing report whose files exist: they stay, though the data they were drawn from may be gone."""
     if not path.is_file():
         return []
     names = re.findall(r"^!\[[^\]]*\]\(([^)/]+)\)$", path.read_text(encoding="utf-8"), re.MULTILINE)

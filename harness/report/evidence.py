@@ -1,4 +1,4 @@
-"""What a claim may rest on: points of one experiment that may be held against each other.
+"""What a claim may rest on: points of one experiment that may be compared.
 
 The rule: a ratio is taken within one run, between points of the same scene, size, lights and frames, and with one
 version of each method (:func:`.report.compare.pairs`). :class:`Evidence` holds one version of each method throughout.

@@ -23,12 +23,12 @@ FLIP_MISSING = "the package flip-evaluator is not installed"
 
 
 def reference_path(folder: Path, scene: str, frame: int) -> Path:
-    """Where the reference's picture of a scene's frame is kept, to draw errors on."""
+    """The file of the reference's picture of a scene's frame, on which errors are drawn."""
     return folder / "images" / f"{scene}-{frame}-reference.png"
 
 
 def answered_path(folder: Path, key: str, frame: int) -> Path:
-    """Where the picture of a point's own answers is kept, if it is not the reference's."""
+    """The file of the picture of a point's own answers, if it differs from the reference's."""
     return folder / "images" / f"{key}-{frame}-answered.png"
 
 
@@ -37,7 +37,7 @@ def keep_wrong(
 ) -> tuple[Scored, dict[str, Any]]:
     """The score of a frame's answers, its map of classes written; and its FLIP, or the reason why there is none.
 
-    The picture of the reference is kept, and that of the answers where it is another.
+    The picture of the reference is saved, and that of the answers if it differs.
     """
     scored = score_answers(judge, answers)
     shape = (judge.moment.height, judge.moment.width)

@@ -30,7 +30,7 @@ SMALLEST = 512
 TALLEST = 4096
 """Pixels beyond which no picture is enlarged."""
 LARGEST = 8192
-"""Pixels a side beyond which only every second, third ... row and column of a picture is kept."""
+"""Pixels a side beyond which only every second, third ... row and column of a picture is used."""
 NARROWEST = 256
 """A caption's width at least."""
 PAPER = (250, 250, 248)
@@ -43,7 +43,7 @@ def scene_picture(
     """Shade a frame's answers, write a caption under it, save it as PNG, and return the path.
 
     The caption has the scene's title, its triangles, the frame of an animation, the size of the frame, and, for a
-    stand-in, what it stands in for. ``shows`` is kept in the file: see :func:`.report.picture.shown_in`.
+    stand-in, what it stands in for. ``shows`` is stored in the file: see :func:`.report.picture.shown_in`.
     """
     scene = prepared.scene
     picture = shade(prepared, moment, answers, lights)

@@ -74,7 +74,7 @@ def png_bytes(
 ) -> bytes:
     """A compact PNG of uint8 [height, width, 3]: a palette of at most ``colours``, made for this picture.
 
-    shows  is kept in the file for :func:`shown_in`: what the picture was made from
+    shows  is stored in the file for :func:`shown_in`: what the picture was made from
     inks   the palette is greys and these colours ("#rrggbb") instead, none of which is ever merged
     """
     image = Image.fromarray(np.ascontiguousarray(picture), "RGB")

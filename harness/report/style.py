@@ -12,8 +12,8 @@ import numpy as np
 from ..frame.passes import PARTS
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255", "#8C564B")
-"""Okabe and Ito's colours (told apart by every common kind of colour vision), then a wine red and a brown. Greys stand
-for parts of a frame."""
+"""Okabe and Ito's colours (distinguishable with every common kind of colour vision), then a wine red and a brown. Greys
+stand for parts of a frame."""
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 """One a line, beside its colour: a grey print keeps them apart."""
@@ -70,7 +70,7 @@ def number(value: float | None) -> str:
 
 
 def radii(distance: float) -> str:
-    """A distance as a person writes it: 0.1, 10, 1e5, 1e7."""
+    """A distance in short form: 0.1, 10, 1e5, 1e7."""
     return f"{distance:.0e}".replace("e+0", "e") if distance >= 1e4 else f"{distance:g}"
 
 

@@ -1,6 +1,7 @@
-"""Tables for people on a line of limited width: whole columns side by side, and below one another what finds no room.
+"""Tables for people on a line of limited width: columns side by side, and in further blocks below those that do not fit.
 
-The width is that of the terminal or of the variable COLUMNS; else 160 columns in a file or a pipe, which can be scrolled.
+The width is that of the terminal or of the variable COLUMNS; else 160 columns in a file or a pipe, which can be
+scrolled.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ def make_console() -> Console:
 
 
 def print_table(body: DataFrame, heading: str = "", console: Console | None = None) -> None:
-    """Print a table of texts. What does not fit beside the columns that name its rows follows below, with those again."""
+    """Print a table of texts. Columns that do not fit follow in further blocks below."""
     from rich.cells import cell_len
     from rich.table import Column, Table
 

@@ -1,9 +1,9 @@
 """The verdict between two runs: per scene and method, and for the geometric mean over scenes.
 
-A point is faster or slower where three things hold. It has at least nine rounds in both runs. Mann and Whitney's test on the
-medians of its rounds finds a difference, at 5 % over all tests together (Holm's correction). And the gap is larger than the
-margin and than the machine's own spread, which is the gap found between two halves of one run, A against A. It is the same
-where the 95 % interval of the gap lies within the margin. Everything else can't be told.
+A point is faster or slower where three things hold. It has at least nine rounds in both runs. Mann and Whitney's test on
+the medians of its rounds finds a difference, at 5 % over all tests together (Holm's correction). And the gap is larger
+than the margin and than the machine's own spread, which is the gap found between two halves of one run, A against A. It
+is the same where the 95 % interval of the gap lies within the margin. Otherwise the verdict is open.
 """
 
 from __future__ import annotations

@@ -62,7 +62,7 @@ def read_disputes(path: Path, state: bool = True) -> tuple[str, int, list[Disput
 def charge_folder(folder: Path) -> dict[str, Record]:
     """Charge the records of a folder with shared errors; those that changed, by key, as they were rewritten.
 
-    A record is written whole or not at all, so that a run that is stopped here charges the rest when it goes on.
+    Records are written atomically, so that a run that is stopped here charges the rest when it is resumed.
     """
     files = sorted((folder / "truth").glob("disputes-*.npz"))
     known = [(path, found) for path in files if (found := read_disputes(path, state=False))]

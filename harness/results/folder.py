@@ -71,7 +71,7 @@ class ResultsFolder:
 
     @contextmanager
     def writing(self) -> Iterator[None]:
-        """Turn a failure to write into one line that says what is kept and what to do."""
+        """Turn a failure to write into one line: which results remain, and what to do."""
         try:
             yield
         except OSError as error:

@@ -59,7 +59,7 @@ class SceneOptions(TypedDict, total=False):
 
 
 class SceneFacts(SceneOptions):
-    """Facts of a scene. Fields beyond those of :class:`SceneOptions` are kept as they are."""
+    """Facts of a scene. Fields beyond those of :class:`SceneOptions` are passed on unchanged."""
 
     name: str
 
@@ -78,7 +78,7 @@ class MethodOptions(TypedDict, total=False):
 
 
 class MethodFacts(MethodOptions):
-    """Facts of a method as it ran. Fields beyond those of :class:`MethodOptions` are kept as they are."""
+    """Facts of a method as it ran. Fields beyond those of :class:`MethodOptions` are passed on unchanged."""
 
     name: str
     device: str

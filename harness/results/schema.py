@@ -17,15 +17,15 @@ from ..typed_json import WrongFieldError, checked
 from .record import SCHEMA, Record
 
 ARCHIVE = "kept.jsonl.xz"
-"""All records of a folder that is kept, in its ``records/``: one a line, a seventh of the size of single files."""
+"""All records of a packed folder, in its ``records/``: one per line, a seventh of the size of single files."""
 
 ARCHIVES = "*.jsonl.xz"
-"""All files of that kind: what is measured for a kept folder later can be laid beside what is there."""
+"""All files of that kind: results that are measured later for a packed folder can be added beside the first."""
 
 def read_records(folder: Path | str) -> list[Record]:
     """Every finished record of a results folder, by key. Raises :class:`UserError` where there is none.
 
-    A folder that is kept has them in one file (:data:`ARCHIVE`); what was measured in it since has a file each.
+    A packed folder has them in one file (:data:`ARCHIVE`); records measured in it later have a file each.
     """
     place = Path(folder) / "records"
     try:
@@ -82,7 +82,7 @@ def whole_record(path: Path) -> Record | None:
 
 
 def read_archive(path: Path) -> list[Record]:
-    """The records of a kept folder, one a line. Raises :class:`UserError` as :func:`read_record` does."""
+    """The records of a packed folder, one per line. Raises :class:`UserError` as :func:`read_record` does."""
     try:
         with lzma.open(path, "rt", encoding="utf-8") as file:
             lines = file.read().splitlines()

@@ -63,7 +63,7 @@ def tidy(folder: Path | str) -> DataFrame:
     run                 text      what was measured in one run, interleaved, has one value: times of different
                                   runs are not to be compared. Records before it was written: ``environment``
     experiment, preset  text      what was run
-    scene, scene_title  text      its name, and what people call it
+    scene, scene_title  text      its name, and its title
     stand_in            text      what the scene stands in for; "": it is the original
     scene_sha256        text      hash of its arrays
     source, source_file, source_sha256  text  procedural or file, and the file
@@ -92,7 +92,8 @@ def tidy(folder: Path | str) -> DataFrame:
     wall_ms             float     the same median on the host's clock
     samples             Int64     how many there are
     build_ms, trace_ms, light_build_ms, shadow_ms  float  the parts: sums of the medians of their passes
-    build_iqr_ms, trace_iqr_ms, light_build_iqr_ms, shadow_iqr_ms  float  interquartile range of the sums of a part's passes
+    build_iqr_ms, trace_iqr_ms, light_build_iqr_ms, shadow_iqr_ms  float  interquartile range of the sums of a part's
+                                                                   passes
     memory_bytes        Int64     structures and work buffers
     regrown             Int64     how often a capacity grew before the frame was measured
     pass_count, build_count  Int64  passes that the frame launches, and those that build structures

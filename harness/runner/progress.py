@@ -52,7 +52,7 @@ Item = TypeVar("Item")
 
 
 def counted(report: Silent, what: str, items: Iterable[Item], count: int) -> Iterator[Item]:
-    """The items of untimed work, one by one as steps of their own, with the time that they will take in all."""
+    """The items of untimed work, one by one as steps of their own, with an estimate of the remaining time."""
     began = time.monotonic()
     report.steps(count)
     report.doing(what, f"1 of {count}")

@@ -13,7 +13,7 @@ from .worker_process import Remote, WorkerError
 
 
 def repaint(options: Options, folder: ResultsFolder, lighting: Lighting, jobs: Sequence[Job]) -> None:
-    """Run the first measured point of a scene once more, untimed, in a separate worker, and draw it.
+    """Run the first measured point of a scene again, untimed, in a separate worker, and draw it.
 
     Nothing is done if the picture can be read. If it cannot be drawn, a message says so.
     """

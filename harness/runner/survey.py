@@ -86,7 +86,7 @@ def seconds_left(points: list[Planned]) -> tuple[float, bool]:
 
 
 def duration(seconds: float) -> str:
-    """As people say it: "40 s", "5 min", "2.5 h"."""
+    """In words: "40 s", "5 min", "2.5 h"."""
     if seconds < 100:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"

@@ -21,7 +21,7 @@ BYTES = 50
 """Bytes of a mesh file per triangle, roughly."""
 
 OVERHEAD = 2.0
-"""A point's time in all over that of its samples, roughly: loading, warming up, checking the answers."""
+"""The total time of a point over that of its samples, roughly: loading, warming up, checking the answers."""
 
 ONCE_S = 1.0
 """Seconds of a point whatever its size, roughly: it is prepared, and its answers are written and read."""

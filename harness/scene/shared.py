@@ -19,7 +19,7 @@ from .scene import Geometry, Scene
 def store(path: Path, prepared: Prepared, frames: Iterable[int]) -> None:
     """Keep a prepared scene and the positions of some of its frames in one .npz file, written atomically.
 
-    The first frame is always kept: trees that are refitted are built there. Its positions are kept as they are, too:
+    The first frame is always kept: trees that are refitted are built there. Its positions are passed on unchanged, too:
     rules that choose triangles (:mod:`.scene.surface_rules`) look at it, and must choose alike in every process.
     """
     arrays: dict[str, NDArray] = {

@@ -131,7 +131,7 @@ def test_the_terminal_table_has_every_method_scene_and_printed_number(
     for label, _ in METHODS.values():
         assert label in flat
     assert "GTX 280" in flat
-    assert "Only 1024x1024 is to be held against the paper" in flat
+    assert "Only 1024x1024 can be compared with the paper" in flat
     assert max(map(len, text.splitlines())) <= width
 
 

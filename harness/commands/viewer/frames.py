@@ -1,4 +1,4 @@
-"""Frames on demand: the camera and the light as a hand placed them, traced by a method, only what changed anew."""
+"""Frames on demand: the camera and the light as placed on the page; only what changed is traced again."""
 
 from __future__ import annotations
 

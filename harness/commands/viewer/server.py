@@ -25,7 +25,7 @@ from .page import page, policy
 
 HOST = "127.0.0.1"
 GRACE_S = 2.0
-"""Seconds after the last page is gone: a page that is loaded anew comes back within them."""
+"""Seconds after the last page is gone: a page that is reloaded connects again within this time."""
 
 LONGEST_WISH = 4096
 """Bytes of a message from the page."""

@@ -162,7 +162,7 @@ def compared(
 
 
 def maps(places: Sequence[Path], points: Sequence[DataFrame], album: Album) -> list[dict[str, Any]]:
-    """Maps of tests per pixel, of each folder and scene those that were kept."""
+    """Maps of tests per pixel: of each folder and scene those that were saved."""
     made = []
     for place, table in zip(places, points, strict=True):
         for (title, _, _), own in table.groupby(["title", "width", "height"], sort=False):

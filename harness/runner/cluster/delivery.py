@@ -60,7 +60,7 @@ class Delivery:
     def write(self, outcome: Outcome) -> list[Record]:
         """Write what a worker delivers, records last, so that a record has its files. Returns the new records.
 
-        A record is checked by the schema before it is kept; keeping it removes a journal that an earlier run left.
+        A record is checked by the schema before it is stored; storing it removes a journal that an earlier run left.
         """
         new: list[Record] = []
         with self.folder.writing():

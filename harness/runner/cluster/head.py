@@ -281,7 +281,7 @@ class ClusterRun:
         self.cleaning.append(forgetting)
 
     def _lost(self, task: Running, reason: str) -> None:
-        """A worker is lost. Its shard goes to another one, at most :data:`ATTEMPTS` times in all."""
+        """A worker is lost. Its shard goes to another one, at most :data:`ATTEMPTS` times in total."""
         shard = task.shard
         if shard is None:
             return

@@ -1,7 +1,7 @@
 """The folder in which a worker measures a shard, on the worker's own disk, until the results are delivered.
 
 It is a results folder. A shard that was interrupted (its worker was killed, its scheduler ended, its network failed)
-continues there as an interrupted run continues in its folder, if the same card gets it again. Another card starts anew:
+continues there as an interrupted run continues in its folder, if the same card gets it again. Another card starts again:
 the rounds of one point are never of two cards.
 """
 
@@ -25,7 +25,7 @@ KEPT_S = 14 * 24 * 3600.0
 """Seconds after which what was never fetched is removed."""
 
 DELIVERED = ("records", "environments", "images", "maps", "answers", "truth")
-"""Folders of a results folder that are delivered; of ``truth``, which is large, only the disputes."""
+"""Folders of a results folder that are delivered; of ``truth``, the exact references, which are large, only the disputes."""
 
 SINGLE = ("scenes.json",)
 
