@@ -41,6 +41,9 @@ COLUMNS = [
     *document.COMMON, "frame", "turn", "frame_ms", "frame_iqr_ms", "frame_true_errors", *PART_MS, *WORK,
 ]  # fmt: skip
 LINE = ["title", "label"]
+PAPER_SAYS = (
+    "The paper moves its lights too, and says that everything is rebuilt each frame; it shows no path."
+)
 
 
 def read(folder: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
@@ -79,12 +82,8 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
             whisker="whisker", wrong="wrong", log_y=False, high=1.25, below="turns of the light about the scene",
             left="ms per frame, everything rebuilt", sharex=True,
         )]  # fmt: skip
-    notes = [
-        "The paper moves its lights too, and says that everything is rebuilt each frame; it shows no path."
-    ]
-    return document.write(
-        folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet, notes, rows=path
-    )
+    told = finding, tables, pictures, quiet, [PAPER_SAYS]
+    return document.write(folder, EXPERIMENT, table, COLUMNS, *told, rows=path)
 
 
 def ranges(path: pd.DataFrame, known: pd.DataFrame) -> pd.DataFrame:

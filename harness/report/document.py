@@ -160,9 +160,8 @@ def span(values: Series, form: Callable[[float], str] = style.number) -> str:
 
 def write_csv(table: DataFrame, path: Path, columns: Sequence[str]) -> Path:
     """The columns as CSV: numbers with six digits, whole ones whole; what is not known is empty."""
-    table.reindex(columns=columns).convert_dtypes().to_csv(
-        path, index=False, float_format="%.6g", lineterminator="\n"
-    )
+    own = table.reindex(columns=columns).convert_dtypes()
+    own.to_csv(path, index=False, float_format="%.6g", lineterminator="\n")
     return path
 
 
