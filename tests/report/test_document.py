@@ -55,7 +55,8 @@ def test_cells_have_the_digits_that_their_spread_carries(tmp_path, capsys):
     assert "~3 (" in capsys.readouterr().out
 
 
-def test_the_first_line_tells_of_a_busy_machine(tmp_path, capsys):
+def test_the_first_line_tells_of_a_busy_machine(tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")  # the line is not broken, whatever the terminal
     loads = {"quiet": 1.0, "busy": 5.0}
     made = [noisy("table1", label, 9.0, clock={"load": load}) for label, load in loads.items()]
     for one in made:
