@@ -82,8 +82,8 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
             whisker="whisker", wrong="wrong", log_y=False, high=1.25, below="turns of the light about the scene",
             left="ms per frame, everything rebuilt", sharex=True,
         )]  # fmt: skip
-    told = finding, tables, pictures, quiet, [PAPER_SAYS]
-    return document.write(folder, EXPERIMENT, table, COLUMNS, *told, rows=path)
+    about = finding, tables, pictures, quiet, [PAPER_SAYS]
+    return document.write(folder, EXPERIMENT, table, COLUMNS, *about, rows=path)
 
 
 def ranges(path: pd.DataFrame, known: pd.DataFrame) -> pd.DataFrame:
