@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
@@ -19,9 +20,10 @@ def make_console() -> Console:
 
 
 def print_lines(console: Console, *lines: str) -> None:
-    """Print lines of text: wrapped at words in a terminal, not wrapped in a file or a pipe."""
+    """Print lines of text: wrapped at words in a terminal or if COLUMNS is set, not wrapped in a file or a pipe."""
+    wrapped = console.is_terminal or "COLUMNS" in os.environ
     for line in lines:
-        console.print(line, soft_wrap=not console.is_terminal)
+        console.print(line, soft_wrap=not wrapped)
 
 
 def print_legend(console: Console, kinds: Iterable[Verdict], *more: str) -> None:

@@ -45,7 +45,7 @@ def print_reports(reports: list[dict[str, Any]]) -> None:
         if most is not None and most.reference_errors:
             table.add_row("reference", *_reference_cells(most.reference_errors))
             notes.append(
-                f"reference on {scene}: errors of Embree; {most.primary.judged:,} pixels were decided exactly to find them"
+                f"reference on {scene}: wrong answers of Embree among {most.primary.judged:,} pixels decided exactly"
             )
         facts = [scene, f"{report['triangles']:,} triangles", *filter(None, [report["view"]])]
         print_lines(console, ", ".join(facts))

@@ -194,6 +194,7 @@ def test_tables_are_as_wide_as_asked(capsys, mesh, monkeypatch, columns):
     verify([mesh], ["perspective_spherical", "honest"], size="40x30", device="cpu")
     table, _, notes = capsys.readouterr().out.partition("* honest")
     assert max(map(len, table.splitlines())) <= 80
+    assert max(map(len, notes.splitlines())) <= int(columns)
     row = next(line for line in table.splitlines() if line.startswith("perspective_spherical "))
     assert row.split()[-1] == "ok"
     assert "leak: a shadowed point called lit" in notes
