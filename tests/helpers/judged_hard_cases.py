@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import os
 
 from shadowbench.harness.frame.registry import make_method, method_names
 from shadowbench.harness.hardcases import all_cases, find_case
@@ -17,8 +18,27 @@ def judged(name: str) -> Judged:
     return Judged(case, case.make())
 
 
+EVERYTHING = os.environ.get("SHADOWBENCH_SWEEP") == "all"
+"""Whether nobody takes turns: every method, setting and place for each case. ``make fuzz`` asks for it; it takes an hour."""
+
 EXACT_SETTINGS: dict[str, dict[str, str]] = {"warp_bvh": {"update": "bvh_rebuild"}}
 """Settings that make a method exact whose defaults are not."""
+
+
+OTHER_SETTINGS: dict[str, tuple[dict[str, str], ...]] = {
+    "perspective_spherical": (
+        {"light_map": "cube", "clamp": "none", "balancing": "algorithm-1", "r": "3"},
+        {"light_map": "two-angle", "aimed": "false", "clamp": "view", "tile": "5"},
+    ),
+    "uniform_grid": ({"density": "100"},),
+    "ray_grids": ({"queue": "never"}, {"queue": "always", "inline_cells": "0"}),
+}
+"""Other settings of exact methods, which take other ways to the same answers."""
+
+
+def settings_of(name: str, given: dict[str, str]) -> tuple[dict[str, str], ...]:
+    """The settings under which an exact method is tried."""
+    return (given, *OTHER_SETTINGS.get(name, ()))
 
 
 def exact_methods() -> tuple[tuple[str, dict[str, str]], ...]:

@@ -7,12 +7,11 @@ surface stays closed, wherever its vertices were rounded to. The exact methods t
 from __future__ import annotations
 
 import collections
-import os
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.judged_hard_cases import CASES, exact_methods, judged
+from helpers.judged_hard_cases import CASES, EVERYTHING, exact_methods, judged
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.hardcases import HardCase, parallel, reported, structures
 from shadowbench.harness.hardcases.case import Counts, Trial
@@ -75,17 +74,20 @@ def placed(trial: Trial, scale: float, sizes: float) -> Trial:
 def methods_at(case: int, place: int) -> tuple[tuple[str, dict[str, str]], ...]:
     """The methods that answer a case in a place: one, in turn, so that a new method costs nothing; or all.
 
-    All of them where ``SHADOWBENCH_SWEEP=all``, which ``make fuzz`` sets.
+    A case lies in two of the four places, in turn; in all of them where :data:`.judged_hard_cases.EVERYTHING` holds.
+    What is exact in a place is worked out anew, which takes longer than any method.
     """
-    if os.environ.get("SHADOWBENCH_SWEEP") == "all":
+    if EVERYTHING:
         return METHODS
-    return (METHODS[(case + place) % len(METHODS)],)
+    return (METHODS[(case // 2 + place) % len(METHODS)],) if (case + place) % 2 == 0 else ()
 
 
 @pytest.mark.parametrize("place", range(len(PLACES)), ids=lambda place: "{:g}-{:g}".format(*PLACES[place]))
 def test_no_true_error_wherever_a_case_lies(place: int) -> None:
     wrong, run = {}, collections.Counter[str]()
     for number, case in enumerate(SWEPT):
+        if not methods_at(number, place):
+            continue
         trial = placed(judged(case.name).trial, *PLACES[place])
         one = Judged(HardCase(case.name, case.title, case.breaks, lambda trial=trial: trial), trial)
         for name, settings in methods_at(number, place):
@@ -97,7 +99,7 @@ def test_no_true_error_wherever_a_case_lies(place: int) -> None:
                 wrong[case.name, name] = (finding.classes, finding.reason, finding.examples[:1])
     assert wrong == {}
     assert set(run) == {name for name, _ in METHODS}
-    assert min(run.values()) > 0.6 * len(SWEPT) / len(METHODS)
+    assert min(run.values()) > (0.6 if EVERYTHING else 0.3) * len(SWEPT) / len(METHODS)
 
 
 def test_most_of_the_catalogue_is_swept() -> None:
