@@ -8,7 +8,7 @@ from fractions import Fraction
 
 import numpy as np
 from helpers.judged_hard_cases import judged
-from helpers.second_judge import Bitmap, SecondJudge, Seen, dot, exactly, minus
+from helpers.second_judge import Bitmap, Point, SecondJudge, Seen, dot, exactly, minus
 from numpy.typing import NDArray
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
@@ -168,12 +168,13 @@ def answers_of_case(name: str, most: int, count: Count) -> list[str]:
     one = judged(name)
     trial, exact = one.trial, one.exact
     moment, pixels, second = trial.moment, pixels_of(trial, most), second_of(trial)
-    seen = second.closest(np.array(moment.origins(pixels)), moment.directions(pixels))
+    origins = np.array(moment.origins(pixels))
+    seen = second.closest(origins, moment.directions(pixels))
     found = [f"{name}: pixel {pixel}: {text}" for pixel, text in _unlike(second, seen, exact, pixels)]
     for i, light in enumerate(trial.prepared.scene.lights):
         bits = second.shadowed(seen, moment.lights[i]) if light.shadows else [False] * len(seen)
         for row, (pixel, bit) in enumerate(zip(pixels, bits, strict=True)):
-            lit = _receives(trial, second, seen[row], i)
+            lit = _receives(trial, second, seen[row], i, exactly(origins[row]))
             if lit is not None and exact["visibility"][i, pixel] != (bit and lit):
                 found.append(
                     f"{name}: pixel {pixel}, light {i}: {exact['visibility'][i, pixel]}, not {bit and lit}"
@@ -216,7 +217,7 @@ def _unlike(
     return found
 
 
-def _receives(trial: Trial, second: SecondJudge, one: Seen | None, light: int) -> bool | None:
+def _receives(trial: Trial, second: SecondJudge, one: Seen | None, light: int, eye: Point) -> bool | None:
     """Whether a hit point has a shadow ray to a light; None where rounding may say either."""
     lamp, place = trial.prepared.scene.lights[light], exactly(trial.moment.lights[light])
     if one is None:
@@ -224,7 +225,6 @@ def _receives(trial: Trial, second: SecondJudge, one: Seen | None, light: int) -
     if trial.prepared.scene.facing:
         flat = second.flat(one.ties[0])
         assert flat is not None
-        eye = exactly(trial.moment.eye)
         sides = flat.side(eye), flat.side(place)
         reach = [
             math.sqrt(dot(flat.normal, flat.normal) * dot(minus(p, one.point), minus(p, one.point)))

@@ -154,8 +154,8 @@ def drawn(random: np.random.Generator, events: Sequence[str], count: int, every:
 
 
 def called_for(random: np.random.Generator, scene: Scene) -> Scene:
-    """The scene with some effects: spots, directional lights, facing, triangles with holes, mirrors."""
-    chosen = random.uniform(size=5) < (0.5, 0.3, 0.3, 0.3, 0.4)
+    """The scene with some effects: spots, directional lights, facing, holes, mirrors, an orthographic camera."""
+    chosen = random.uniform(size=6) < (0.5, 0.3, 0.3, 0.3, 0.4, 0.3)
     lights = list(scene.lights)
     if chosen[0]:
         lights[0] = replace(lights[0], spot=Spot((0.0, -1.0, 0.0), float(random.choice([10.0, 40.0, 120.0]))))
@@ -170,6 +170,8 @@ def called_for(random: np.random.Generator, scene: Scene) -> Scene:
         scene = replace(
             scene, bounces=int(random.integers(1, 3)), mirror=lambda geometry: mirrors(geometry, share)
         )
+    if chosen[5]:
+        scene = replace(scene, camera=replace(scene.camera, height=float(random.choice([1.0, 3.0]))))
     return scene
 
 
@@ -232,7 +234,8 @@ def draw_story(
             light_at(random, event, place, eye, now, faces)
             for event, place in zip(events_now, lights, strict=True)
         )
-        camera = Camera(vector(eye + prepared.centre), vector(target + prepared.centre), (0.1, 1.0, 0.23))
+        seen = replace(prepared.scene.camera, up=(0.1, 1.0, 0.23))
+        camera = replace(seen, eye=vector(eye + prepared.centre), target=vector(target + prepared.centre))
         lamps = tuple(
             lamp_at(light, place + prepared.centre, np.array([0.0, 0.3, 0.0]))
             for light, place in zip(prepared.scene.lights, lights, strict=True)
