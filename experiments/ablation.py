@@ -95,9 +95,8 @@ def read(folder: Path) -> pd.DataFrame:
     frames = document.frames(folder)
     table = document.named(frames)
     for name, label in (("ratio", BASE), ("ratio_to_best", BEST), ("ratio_to_tree", TREE)):
-        table[[name, f"{name}_spread"]] = compare.ratios(frames, frames["label"] == label)[
-            ["ratio", "spread"]
-        ]
+        found = compare.ratios(frames, frames["label"] == label)
+        table[[name, f"{name}_spread"]] = found[["ratio", "spread"]]
     pairs = table.filter(regex=r"^counter\..* pairs$").sum(axis=1)
     table["pairs"] = pairs.where(pairs > 0)
     for rays in ("primary", "shadow"):
@@ -128,9 +127,8 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     told = [f"{BEST} and {TREE} were not both measured in one run"]
     if len(known):
         slower = ", ".join(known.loc[known["ratio_to_tree"] > 1, "title"]) or f"none of {len(known)} scenes"
-        told = [
-            f"{BEST} takes {document.span(known['ratio_to_tree'])} of the time of {TREE}, slower on {slower}"
-        ]
+        share = document.span(known["ratio_to_tree"])
+        told = [f"{BEST} takes {share} of the time of {TREE}, slower on {slower}"]
     alone = changed[changed["label"] != BEST].groupby("label")["ratio"]
     means = alone.agg(compare.geometric)[alone.size() == alone.size().max()]
     if len(means):

@@ -101,12 +101,9 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         ratio = document.carry(effects["ratio"], effects["noise"]).str.strip(document.NOISY)
         added = document.carry(effects["added_ms"], effects["noise_ms"], "+") + " (x" + ratio + ")"
         base = effects["light_label"] == BASE
-        rows = effects.assign(
-            text=effects["ms"].where(base, added), effect=effects["light_label"].where(~base, FRAME)
-        )
-        rows = document.arranged(
-            document.arranged(rows, "effect", [FRAME]), "title", effects["title"].unique()
-        )
+        effect = effects["light_label"].where(~base, FRAME)
+        rows = effects.assign(text=effects["ms"].where(base, added), effect=effect)
+        rows = document.arranged(document.arranged(rows, "effect", [FRAME]), "title", rows["title"].unique())
         heading = f"What each effect adds to the frame of {BASE}, ms (times its time)"
         tables = {heading: document.cross_table(rows, {**scene, "effect": "effect"}, "label", "text")}
         notes += [ABOUT]
@@ -129,9 +126,8 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         text = moved["ms"] + " (" + moved["builds"].astype(str) + ")"
         cells = moved.assign(text=text.where(moved["passes"] > 0, "no launch"))
         cells = document.arranged(cells, "title", moved["title"].unique())
-        tables["A frame by what alone moved, ms"] = document.cross_table(
-            cells, {**scene, "label": "method"}, "moved", "text"
-        )
+        wide = document.cross_table(cells, {**scene, "label": "method"}, "moved", "text")
+        tables["A frame by what alone moved, ms"] = wide
         notes += [ABOUT_MOVED]
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet, notes)
 

@@ -120,9 +120,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         ends = far.dropna(subset="traversal_ms").groupby([*PANEL, "title"], sort=False)["traversal_ms"]
         grown = (ends.last() / ends.first())[ends.count() > 1].groupby(["title", "rectangle"], sort=False)
         told = [f"{title} {document.span(ratios)} {rectangle}" for (title, rectangle), ratios in grown]
-        finding = (
-            f"Traversal with the farthest light over that at one radius ({PRECISE}: work): {', '.join(told)}."
-        )
+        finding = f"Shadow traversal, farthest light over a light at one radius ({PRECISE}: work): {', '.join(told)}."
     apart = [lighting.label for lighting in FORMATS_PRESET.lightings]
     notes = finding, tables, pictures, quiet, [PAPER_SAYS]
     return document.write(folder, EXPERIMENT, table, COLUMNS, *notes, apart=apart)
@@ -135,14 +133,12 @@ def by_distance(table: pd.DataFrame, exact: pd.DataFrame) -> pd.DataFrame:
     rows = ["title", *PANEL, "quantity"]
     balanced = exact[exact["r"] != int(UNBALANCED)].sort_values("traversal_ms", kind="stable")
     best = balanced.drop_duplicates(["title", *PANEL, "distance"])
-    work = best.join(document.texts(best, QUANTITIES)).melt(
-        [*rows[:3], "distance"], [*QUANTITIES], "quantity"
-    )
+    work = best.join(document.texts(best, QUANTITIES))
+    work = work.melt([*rows[:3], "distance"], [*QUANTITIES], "quantity")
     other = table[table["precision"] != PRECISE]
     cost = other["over_exact"].map("{:.2f}".format).where(other["status"] == "ok", other["status"])
-    cells = pd.concat(
-        [work, other.assign(quantity=f"frame, over {PRECISE}: " + other["precision"], value=cost)]
-    )
+    other = other.assign(quantity=f"frame, over {PRECISE}: " + other["precision"], value=cost)
+    cells = pd.concat([work, other])
     cells = document.arranged(cells.dropna(subset="value"), "distance", table["distance"].unique())
     return document.cross_table(cells, rows, "distance", "value").sort_values(rows[:3], kind="stable")
 
@@ -162,9 +158,8 @@ def drawings(table: pd.DataFrame, exact: pd.DataFrame, folder: Path) -> list[Pat
     """
     titles = table["title"].unique()
     scene = (table["title"] + ", ") * int(len(titles) > 1)
-    table = table.assign(
-        where=scene + table["rectangle"], panel=scene + table["rectangle"] + ", " + table["axes"]
-    )
+    where = scene + table["rectangle"]
+    table = table.assign(where=where, panel=where + ", " + table["axes"])
     formats, r = table["precision"] != PRECISE, "r = " + table["r"].astype(str)
     balancing = r.where(table["r"] != int(UNBALANCED), r + " (no balancing)")
     times = table.assign(line=balancing.mask(formats, table["precision"] + ", " + r), formats=formats)

@@ -95,9 +95,8 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     titles = document.measured(table).sort_values("triangles")["scene_title"].unique()
     scenes = ", ".join(titles) if len(titles) <= 3 else f"{titles[0]} to {titles[-1]}"
     pictures, notes = [], [f"Scenes: {scenes}."] * bool(len(titles))
-    notes += [
-        f"Not measured: time against {sweep}." for sweep in SWEEPS if len(titles) and lines[sweep].empty
-    ]
+    gone = [sweep for sweep in SWEEPS if len(titles) and lines[sweep].empty]
+    notes += [f"Not measured: time against {sweep}." for sweep in gone]
     every = pd.concat([line.assign(sweep=sweep, x=line[sweep]) for sweep, line in lines.items()])
     if len(every):
         pictures = [panels.lines(
@@ -108,10 +107,9 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     lines = {sweep: document.measured(line) for sweep, line in lines.items()}
     tables = {f"Against {sweep}": exponents(line, sweep) for sweep, line in lines.items()}
     ours = {sweep: growth(lines[sweep][lines[sweep]["label"] == OURS], sweep) for sweep in SWEEPS[:2]}
-    told = " and with ".join(
-        f"{sweep} to the power of {g} (from {short(g.first)})" for sweep, g in ours.items() if g
-    )
-    finding = f"The frame time of {OURS} grows with {told}." if told else "No growth was measured."
+    told = [f"{sweep} to the power of {g} (from {short(g.first)})" for sweep, g in ours.items() if g]
+    known = f"The frame time of {OURS} grows with {' and with '.join(told)}."
+    finding = known if told else "No growth was measured."
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet, notes)
 
 

@@ -96,10 +96,8 @@ def frontier(table: pd.DataFrame) -> pd.Series:
     found = (table["wrong_per_frame"] < 0).astype("boolean").where(table.index.isin(usable(table).index))
     for _, own in usable(table).groupby("title", sort=False):
         here = own[own["device"] == own["device"].mode()[0]].sort_values(["total_ms", "wrong_per_frame"])
-        wrong = here["wrong_per_frame"]
-        found[here.index] = (wrong == wrong.cummin()) & (
-            here["total_ms"] == here.groupby(wrong)["total_ms"].transform("min")
-        )
+        time, wrong = here["total_ms"], here["wrong_per_frame"]
+        found[here.index] = (wrong == wrong.cummin()) & (time == time.groupby(wrong).transform("min"))
     return found
 
 
@@ -117,9 +115,8 @@ def costs(folder: Path, measures: Sequence[Measure]) -> pd.DataFrame:
         own, other = compare.pairs(frames[frames["label"].isin([with_, without])], frames["label"] == without)
         own = own[own["label"] == with_]
         other = other.loc[own.index]
-        noise = np.maximum(
-            *(2 * compare.spread(side).where(side["samples"] >= ENOUGH) for side in (own, other))
-        )
+        spreads = [compare.spread(side).where(side["samples"] >= ENOUGH) for side in (own, other)]
+        noise = 2 * np.maximum(*spreads)
         cost = own["total_ms"] - other["total_ms"]
         found.append(own[["scene", "device"]].assign(
             scene_title=titles.loc[own.index], measure=name, **{"with": with_, "without": without},
@@ -214,7 +211,7 @@ def draw_costs(cost: pd.DataFrame, base: str, path: Path) -> list[Path]:
         return []
     known = own.assign(added=own["cost_ms"].clip(lower=0).where(~own["within_noise"], 0.0))
     table = (
-        document.cross_table(known, ["scene_title"], "measure", "added").fillna(0.0).set_index("scene_title")
+        document.cross_table(known, ["scene_title"], "measure", "added").set_index("scene_title").fillna(0)
     )
     names = [name for name in table if table[name].any()]
     total = own.groupby("scene_title", sort=False)["with_ms"].first()
@@ -233,10 +230,8 @@ def draw_where(folder: Path, table: pd.DataFrame, shown: Sequence[str]) -> list[
     Maps are large, and a folder that travels may have left them out: its pictures of an earlier drawing stay.
     """
     inks = {title: colour for title, (_, colour) in PAINT.items()}
-    rows = document.arranged(table[table["label"].isin(shown)], "label", shown).drop_duplicates(
-        ["file", "label"]
-    )
-    for name, own in rows.groupby("file", sort=False):
+    rows = table[table["label"].isin(shown)].drop_duplicates(["file", "label"])
+    for name, own in document.arranged(rows, "label", shown).groupby("file", sort=False):
         kept = []
         for r in own.itertuples():
             frame = max(r.frame_numbers, default=0)  # of which maps are saved
@@ -245,9 +240,7 @@ def draw_where(folder: Path, table: pd.DataFrame, shown: Sequence[str]) -> list[
                 kept.append((r.label, read_wrong(path), reference_path(folder, r.scene, frame)))
         if kept:
             part = window(max((~np.isin(classes, RIGHT) for _, classes, _ in kept), key=np.sum))
-            captions = [
-                "\n".join([label, *textwrap.wrap(counted(classes), 44)]) for label, classes, _ in kept
-            ]
+            captions = ["\n".join([label, *textwrap.wrap(counted(found), 44)]) for label, found, _ in kept]
             images = [painted(reference, classes)[part] for _, classes, reference in kept]
             below = [f"Where the wrong pixels are: {own['title'].iloc[0]}", ABOUT]
             panels.images(folder / f"accuracy_where-{name}.png", list(zip(captions, images, strict=True)), across=3,

@@ -99,7 +99,6 @@ def apart(table: DataFrame) -> list[str]:
     for title, own in table[table["total_ms"].notna()].groupby("scene_title", sort=False):
         labels = own.groupby("run", sort=False)["label"].agg(lambda found: ", ".join(dict.fromkeys(found)))
         if len(labels) > 1:
-            lines.append(
-                f"{title} was measured in {len(labels)} runs, which are not compared: {' | '.join(labels)}."
-            )
+            runs = f"{len(labels)} runs, which are not compared: {' | '.join(labels)}"
+            lines.append(f"{title} was measured in {runs}.")
     return lines

@@ -74,9 +74,8 @@ def with_passes(table: DataFrame, folder: Path, passes: Mapping[str, tuple[str, 
     repeats = samples(folder)
     for name, which in passes.items():
         ms, around = stage_ms(table, *which), pass_spread(repeats, *which).reindex(table["key"])
-        table = table.assign(
-            **{f"{name}_ms": ms, f"{name}_spread": around, f"{name}_text": carry(ms, around)}
-        )
+        made = {"ms": ms, "spread": around, "text": carry(ms, around)}
+        table = table.assign(**{f"{name}_{kind}": values for kind, values in made.items()})
     return table
 
 
@@ -119,9 +118,8 @@ def in_order(table: DataFrame) -> DataFrame:
     """The rows in the order of tables."""
     table = table.sort_values(["scene_title", "label", "device", "key", "frame"], ignore_index=True)
     table = arranged(table, "method", style.in_order(table["method"]))
-    return arranged(table.sort_values("scene", kind="stable"), "scene", list(paper.ROWS)).reset_index(
-        drop=True
-    )
+    table = arranged(table.sort_values("scene", kind="stable"), "scene", list(paper.ROWS))
+    return table.reset_index(drop=True)
 
 
 def read(folder: Path | str) -> DataFrame:

@@ -90,10 +90,8 @@ def over(frames: DataFrame, base: Series, measure: Measure, **wanted: Any) -> di
     own, others = compare.pairs(frames, base.loc[frames.index])
     own = own.reset_index()
     known = by_scene(own[matching(own, **wanted)])
-    values = (
-        (measure(known) / measure(others.loc[known["key"]]).to_numpy()).replace(0.0, float("nan")).dropna()
-    )
-    return dict(sorted(values[values < float("inf")].items()))
+    values = measure(known) / measure(others.loc[known["key"]]).to_numpy()
+    return dict(sorted(values[(values != 0.0) & (values < float("inf"))].items()))
 
 
 @dataclass(frozen=True, eq=False)

@@ -67,9 +67,8 @@ def sheet(
             for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
                 named.setdefault(label, handle)
         if named:
-            figure.legend(
-                named.values(), named.keys(), loc="outside upper center", ncols=legend, frameon=False
-            )
+            place = {"loc": "outside upper center", "ncols": legend, "frameon": False}
+            figure.legend(named.values(), named.keys(), **place)
         figure.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None)
     if colours or inks:
         with Image.open(path) as whole:
@@ -218,10 +217,8 @@ def stacked(axes: Any, own: DataFrame, parts: Parts = FRAME, limit: float = math
     for column, colour in parts.values():
         shades = [style.lightened(t, colour) if isinstance(colour, float) else colour for t in tints]
         edge = tints if isinstance(colour, float) else GREY
-        left = starts[column]
-        axes.barh(
-            range(len(own)), ends[column] - left, left=left, height=0.74, color=shades, lw=0.4, edgecolor=edge
-        )
+        look = {"height": 0.74, "color": shades, "lw": 0.4, "edgecolor": edge}
+        axes.barh(range(len(own)), ends[column] - starts[column], left=starts[column], **look)
     for place, row in enumerate(own.to_dict("records")):
         known, end = not math.isnan(row["total_ms"]), row["total_ms"] + row["iqr_ms"] / 2
         if known and end <= limit:
@@ -272,10 +269,11 @@ def dots(
                 ends = mine[whisker].clip(upper=0.9 * mine[x]).fillna(0.0) if whisker else None
                 axes.errorbar(mine[x], y, xerr=ends, label=str(value), **look)
                 if marked:
-                    mine = mine[mine[marked].to_numpy(bool)]
-                    axes.plot(
-                        mine[x], heights[mine.index], look["marker"], mfc="none", mec="black", mew=0.9, ms=4.2
+                    mine, edge = (
+                        mine[mine[marked].to_numpy(bool)],
+                        {"mfc": "none", "mec": "black", "mew": 0.9},
                     )
+                    axes.plot(mine[x], heights[mine.index], look["marker"], ms=4.2, **edge)
             if zero:
                 axes.set_xscale("symlog", linthresh=1.0)
                 axes.xaxis.set_major_formatter(lambda at, _: style.radii(at))

@@ -82,9 +82,8 @@ def stages(frames: DataFrame, work_of: WorkOf) -> DataFrame:
     groups = pd.DataFrame(rows).groupby([*place, "stage", "part"], sort=False)
     found = groups[["ms", "bytes", "tests"]].agg(lambda values: values.sum(skipna=False))
     found = found.join(groups["launches"].max()).reset_index("device_name")
-    found["floor_ms"] = pd.concat(
-        [least_ms(own, MACHINES[name]) for name, own in found.groupby("device_name")]
-    )
+    floors = [least_ms(own, MACHINES[name]) for name, own in found.groupby("device_name")]
+    found["floor_ms"] = pd.concat(floors)
     mean = found.groupby([*SCENE, "stage", "part"], sort=False).mean(numeric_only=True)
     return mean.assign(
         times=mean["ms"] / mean["floor_ms"], bytes_mb=mean["bytes"] / 1e6, tests_m=mean["tests"] / 1e6,

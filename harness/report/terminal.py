@@ -56,10 +56,8 @@ def print_table(body: DataFrame, heading: str = "", console: Console | None = No
             groups.append([*keys])
         groups[-1].append(name)
     for names in groups:  # sentences share the room that the others leave
-        fixed = [widths[name] if widths[name] <= SENTENCE else None for name in names]
-        columns = [
-            Column(name, width=width, overflow="fold") for name, width in zip(names, fixed, strict=True)
-        ]
+        fixed = {name: widths[name] if widths[name] <= SENTENCE else None for name in names}
+        columns = [Column(name, width=width, overflow="fold") for name, width in fixed.items()]
         shown = Table(*columns, box=None, pad_edge=False, padding=(0, GAP, 0, 0))
         for line in cells[names].to_numpy().tolist():
             shown.add_row(*map(styled, line))
