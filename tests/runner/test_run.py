@@ -1,39 +1,14 @@
-"""Whole runs: what a misbehaving method costs, stopping and resuming, folders that cannot be written."""
+"""Whole runs: what a misbehaving method costs, memory, retries, scores, budgets."""
 
-import errno
-import json
-import os
 import re
-import signal
-import subprocess
-import sys
-import time
 
 import numpy as np
 import pytest
-from helpers.tiny_runs import install_misbehaving, options, write_scene
-from shadowbench.harness.errors import UserError
-from shadowbench.harness.results.folder import ResultsFolder
-from shadowbench.harness.results.journal import Journal
+from helpers.tiny_runs import options, write_scene
 from shadowbench.harness.runner import runner as run_module
 from shadowbench.harness.runner.experiment import Entry
 from shadowbench.harness.runner.progress import Silent
 from shadowbench.harness.runner.runner import Run
-
-
-@pytest.fixture(scope="module")
-def package(tmp_path_factory):
-    """The package of misbehaving methods, for this process and for its workers."""
-    folder = tmp_path_factory.mktemp("packages")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("PYTHONPATH", install_misbehaving(folder))
-        patch.syspath_prepend(str(folder))
-        yield folder
-
-
-@pytest.fixture(scope="module")
-def scene(tmp_path_factory):
-    return write_scene(tmp_path_factory.mktemp("scenes") / "tetra.obj")
 
 
 def go(chosen):
@@ -266,130 +241,3 @@ def test_a_slow_point_keeps_to_its_budget_and_says_so(package, tmp_path):
     assert measured.frames_left_out == [1, 2, 3]
     assert [len(f.total_ms) for f in measured.frames] == [1]
     assert [r["round"] for r in measured.rounds] == [0]
-
-
-# --- killed, and gone on ------------------------------------------------------------------------------------
-
-
-def test_kill_9_loses_at_most_one_round(package, tmp_path):
-    first, second = write_scene(tmp_path / "first.obj"), write_scene(tmp_path / "second.obj")
-    out = tmp_path / "out"
-    command = [
-        sys.executable,
-        "-m",
-        "shadowbench.harness.cli",
-        "run",
-        "table1",
-        "--preset",
-        "quick",
-        "--size",
-        "8x8",
-        "--no-score",
-    ]
-    command += ["--out", str(out), "--rounds", "6", "--samples", "3", "--scene", first, second]
-    command += ["--method", "steady", "--set", "steady.ms=10", "--json"]
-    log = open(tmp_path / "log", "wb")  # noqa: SIM115  (the process holds it)
-    process = subprocess.Popen(command, stdout=log, stderr=log)
-    journal = out / "journal"
-    try:
-        _wait_for(lambda: list((out / "records").glob("first-*.json")), process)
-        _wait_for(
-            lambda: any(p.read_bytes().count(b'"round"') >= 2 for p in journal.glob("second-*.jsonl")),
-            process,
-        )
-    finally:
-        workers = _children(process.pid)
-        os.kill(process.pid, signal.SIGKILL)
-        process.wait()
-    assert workers
-    _wait_for(lambda: not any(_alive(pid) for pid in workers), None)
-    (under_way,) = journal.glob("second-*.jsonl")
-    rounds = [e for e in Journal(under_way).events if e["event"] == "round"]
-    assert 1 <= len(rounds) < 6
-    finished = {p: p.read_bytes() for p in (out / "records").iterdir()}
-    assert len(finished) == 1
-
-    done = subprocess.run(command, capture_output=True, text=True, timeout=900)
-    assert done.returncode == 0, done.stderr
-    assert [p["status"] for p in json.loads(done.stdout)["points"]] == ["ok", "ok"]
-    for path, content in finished.items():
-        assert path.read_bytes() == content
-    (path,) = (out / "records").glob("second-*.json")
-    whole = json.loads(path.read_text())
-    assert [r["round"] for r in whole["rounds"]] == list(range(6))
-    before = [ms for event in rounds for ms in event["frames"][0]["total_ms"]]
-    assert whole["frames"][0]["total_ms"][: len(before)] == before
-    assert len(whole["frames"][0]["total_ms"]) == 6 * whole["point"]["samples"]
-
-
-def _wait_for(condition, process, seconds=900.0):
-    """Until the condition holds. The time only ends a hang: it is far beyond what a busy machine needs."""
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "waited too long"
-        assert process is None or process.poll() is None, "the run ended early"
-        time.sleep(0.01)
-
-
-def _children(pid):
-    with open(f"/proc/{pid}/task/{pid}/children") as file:
-        return [int(word) for word in file.read().split()]
-
-
-def _alive(pid):
-    try:
-        with open(f"/proc/{pid}/stat") as file:
-            return file.read().rsplit(")", 1)[1].split()[0] != "Z"
-    except OSError:
-        return False
-
-
-# --- folders ------------------------------------------------------------------------------------------------
-
-
-def test_a_full_folder_keeps_what_was_measured_and_goes_on(package, scene, tmp_path, monkeypatch):
-    chosen = options(tmp_path / "out", [scene], ["steady"])
-    calls, real = [], os.fsync
-
-    def full(handle):
-        calls.append(handle)
-        if len(calls) == 4:  # environment, scenes.json, prepared; then the first round
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        return real(handle)
-
-    monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(
-        UserError, match=r"cannot write \(No space left on device\); finished measurements are kept"
-    ):
-        Run(chosen, Silent()).go()
-    (journal,) = (tmp_path / "out" / "journal").glob("*.jsonl")
-    assert [e["event"] for e in Journal(journal).events] == ["prepared"]
-    (measured,) = Run(chosen, Silent()).go()
-    assert measured.status == "ok"
-    assert [r["round"] for r in measured.rounds] == [0, 1]
-
-
-def test_a_folder_that_is_a_file_or_in_use_is_refused(tmp_path, scene):
-    occupied = tmp_path / "file"
-    occupied.write_text("")
-    with pytest.raises(UserError, match=r"cannot write there .*; choose another --out"):
-        Run(options(occupied / "out", [scene], ["steady"]), Silent()).go()
-    with (
-        ResultsFolder(tmp_path / "used").locked(),
-        pytest.raises(UserError, match="another run is writing there"),
-    ):
-        Run(options(tmp_path / "used", [scene], ["steady"]), Silent()).go()
-
-
-def test_another_scene_of_the_same_name_gets_a_picture_of_its_own(tmp_path):
-    """As where an original takes the place of its stand-in in a folder that has records of the stand-in."""
-    scene, out = tmp_path / "tetra.obj", tmp_path / "out"
-    write_scene(scene)
-    picture = out / "images" / "tetra-8x8.png"
-    go(options(out, [str(scene)], ["warp_bvh"]))
-    first, when = picture.read_bytes(), picture.stat().st_mtime_ns
-    go(options(out, [str(scene)], ["warp_bvh", "uniform_grid"]))
-    assert picture.stat().st_mtime_ns == when
-    scene.write_text("v 0 0 0\nv 5 0 0\nv 0 1 0\nf 1 2 3\n")
-    go(options(out, [str(scene)], ["warp_bvh"]))
-    assert picture.read_bytes() != first

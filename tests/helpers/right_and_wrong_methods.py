@@ -1,0 +1,100 @@
+"""Methods of which each is right, or wrong in one way, for tests of the commands that judge; and a mesh to try them on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from helpers import rational_brute_force as cases
+from helpers.exact_method import ExactMethod
+from shadowbench.harness.errors import CapacityRejected
+
+
+class Right(ExactMethod):
+    """Answers from exact arithmetic of the tests' own."""
+
+    name = title = "right"
+
+    def exact(self, prepared, moment, referee):
+        return cases.exact_answers(prepared, moment, referee)
+
+
+class Wrong(Right):
+    """Leaks the first shadowed pixel."""
+
+    name = title = "wrong"
+
+    def spoil(self, answers):
+        bits = answers["visibility"][0]
+        bits[np.argmax(bits)] = 0
+
+
+class Honest(Wrong):
+    name = title = "honest"
+    known_inexact = "it leaks, and says so"
+
+
+class Lazy(Right):
+    """Never writes its shadows."""
+
+    name = title = "lazy"
+
+    def trace_shadow(self, frame, light):
+        pass
+
+
+class Once(Right):
+    """Traces only when it is called for the first time."""
+
+    name = title = "once"
+    traced = False
+
+    def trace_primary(self, frame):
+        if not self.traced:
+            super().trace_primary(frame)
+        self.traced = True
+
+
+class Crashing(Right):
+    name = title = "crashing"
+
+    def trace_primary(self, frame):
+        raise RuntimeError("no such luck")
+
+
+class Greedy(Right):
+    name = title = "greedy"
+
+    def trace_primary(self, frame):
+        raise CapacityRejected("needs 12 pairs")
+
+
+class Choosy(Right):
+    name = title = "choosy"
+
+    def applies(self, scene, device):
+        return "only spheres"
+
+
+@dataclass
+class Point:
+    """Stands in for an installed package's entry point."""
+
+    cls: type
+
+    def load(self):
+        return self.cls
+
+
+INSTALLED = {cls.name: Point(cls) for cls in (Right, Wrong, Honest, Lazy, Once, Crashing, Greedy, Choosy)}
+"""What the registry finds in place of installed packages."""
+
+
+def ball_file(folder: Path) -> str:
+    """A ball over a floor as a file."""
+    geometry = cases.ball_on_floor().geometry()
+    path = folder / "ball.ply"
+    trimesh.Trimesh(geometry.positions(0), geometry.faces, process=False).export(path)
+    return str(path)
