@@ -92,8 +92,7 @@ def tidy(folder: Path | str) -> DataFrame:
     wall_ms             float     the same median on the host's clock
     samples             Int64     how many there are
     build_ms, trace_ms, light_build_ms, shadow_ms  float  the parts: sums of the medians of their passes
-    build_iqr_ms, trace_iqr_ms, light_build_iqr_ms, shadow_iqr_ms  float  interquartile range of the sums of a part's
-                                                                   passes
+    build_iqr_ms, trace_iqr_ms, light_build_iqr_ms, shadow_iqr_ms  float  interquartile range of the sums of a part's passes
     memory_bytes        Int64     structures and work buffers
     regrown             Int64     how often a capacity grew before the frame was measured
     pass_count, build_count  Int64  passes that the frame launches, and those that build structures
