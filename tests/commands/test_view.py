@@ -166,7 +166,7 @@ def running(scene):
 
 
 def asked(address, path, **headers):
-    connection = http.client.HTTPConnection(address.split("/")[2], timeout=10)
+    connection = http.client.HTTPConnection(address.split("/")[2], timeout=120)
     connection.request("GET", path, headers=headers)
     answer = connection.getresponse()
     return answer.status, answer.read().decode()
@@ -193,7 +193,7 @@ def test_the_page_in_a_browser(running, scene, tmp_path):
         driver.quit()
     # A hint for pages that read pixels, as this test does.
     assert [message for message in messages if "willReadFrequently" not in message] == []
-    assert process.wait(timeout=20) == 0, "it ends with its page"
+    assert process.wait(timeout=120) == 0, "it ends with its page"
     assert "Traceback" not in process.stderr.read()
 
 
@@ -209,7 +209,7 @@ def checked_page(driver, address, scene):
 
     def facts(after=0):
         """The facts of the last frame, once a frame after number ``after`` is there and none is under way."""
-        for _ in range(200):
+        for _ in range(1200):
             count = int(canvas.get_attribute("data-count") or 0)
             if count > after:
                 time.sleep(0.2)

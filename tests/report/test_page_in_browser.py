@@ -64,11 +64,11 @@ def settle(
     driver,
     until="return document.querySelector('main').dataset.ready === document.querySelector('main').dataset.view",
 ):
-    for _ in range(100):
+    for _ in range(1200):
         if driver.execute_script(until):
             return
         time.sleep(0.05)
-    raise AssertionError(f"not within 5 s: {until}")
+    raise AssertionError(f"not within a minute: {until}")
 
 
 def css(driver, selector):
@@ -257,8 +257,7 @@ def test_the_keyboard_alone_reaches_everything(visit):
     assert "method's source" in dialog.text
     assert "A GPU" in dialog.text
     press(found, Keys.ESCAPE)
-    settle(found, "return !document.querySelector('dialog[open]')")
-    assert "point=" not in found.current_url
+    settle(found, "return !document.querySelector('dialog[open]') && !location.href.includes('point=')")
     found.execute_script("document.querySelector('details.pick summary').focus()")
     press(found, Keys.ENTER, Keys.TAB, Keys.SPACE)
     assert len(css(found, "details.pick[open] input:checked:focus")) == 1, (
