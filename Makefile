@@ -53,7 +53,7 @@ $(BIN)/python:
 # Installed anew only where the declared packages change.
 $(STAMP): pyproject.toml constraints.txt | $(BIN)/python
 	@echo "Installing into $(VENV) (once, about half a minute)"
-	@$(PIP) uninstall --yes shadowbench >/dev/null 2>&1 || true  # the name of the distribution until 22 November 2026
+	@$(PIP) uninstall --yes shadowbench >/dev/null 2>&1 || true  # the former name of the distribution
 	$(PIP) install -c constraints.txt -e '.[test]'
 	@touch $@
 
