@@ -20,7 +20,8 @@ def store(path: Path, prepared: Prepared, frames: Iterable[int]) -> None:
     """Keep a prepared scene and the positions of some of its frames in one .npz file, written atomically.
 
     The first frame is always kept: trees that are refitted are built there. Its positions are passed on unchanged, too:
-    rules that choose triangles (:mod:`.scene.surface_rules`) look at it, and must choose alike in every process.
+    rules that choose triangles (:mod:`.scene.surface_rules`) look at it, and must choose alike in every process. Where it
+    has triangles that are not valid, all frames are kept: a tree leaves out those that are valid in none.
     """
     arrays: dict[str, NDArray] = {
         "faces": prepared.faces,
@@ -32,6 +33,8 @@ def store(path: Path, prepared: Prepared, frames: Iterable[int]) -> None:
         "first": np.asarray(prepared.geometry.positions(0), dtype=np.float64).reshape(-1, 3),
     }
     arrays |= arrays_of(prepared.alpha)
+    if not prepared.points(0)[1].all():
+        frames = range(prepared.frame_count)
     for frame in sorted({0, *frames}):
         arrays[f"points_{frame}"], arrays[f"valid_{frame}"] = prepared.points(frame)
     write_arrays(path, arrays, compressed=False)

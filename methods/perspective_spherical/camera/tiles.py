@@ -13,7 +13,7 @@ import warp as wp
 from ....harness.frame.geometry import Camera, Corners, Mesh, corners_of
 from ...common.reserve import reserve_many
 from ...common.screen import in_camera_space
-from ...common.triangle import FLOOR32, U32, largest
+from ...common.triangle import FLOOR32, OVERFLOW, U32, largest
 from ..lists.binning import PairSink, PieceQueue, piece_of, write_pair
 from .bounds import widened
 
@@ -60,12 +60,14 @@ def screen_triangle(camera: Camera, corners: Corners, widening: wp.float32) -> S
     s.error = longest * (32.0 * U32 * reach * edge + 6.0 * reach * slack) + FLOOR32
     n_error = 16.0 * U32 * edge * edge + 6.0 * edge * slack
     det_error = 3.0 * n_error * reach + 16.0 * U32 * largest(n) * reach + 3.0 * largest(n) * slack + FLOOR32
-    s.oriented = wp.abs(det) > det_error
+    # A det that overflows may have either sign: where the compiler fuses, inf takes the place of inf - inf.
+    known = wp.abs(det) < OVERFLOW
+    s.oriented = known and wp.abs(det) > det_error
     if det < 0.0:
         s.n0 = -s.n0
         s.n1 = -s.n1
         s.n2 = -s.n2
-    s.refine = wp.abs(det) > 100.0 * det_error and largest(n) > 100.0 * n_error
+    s.refine = known and wp.abs(det) > 100.0 * det_error and largest(n) > 100.0 * n_error
     if s.refine:
         s.m = n / det
         s.m_error = 0.03 * largest(s.m) * longest
