@@ -29,6 +29,7 @@ CASES = [(name, effect) for name, kernel in KERNELS.items() for effect in named(
 SMALL = {
     "alpha": "methods.ray_grids.camera.stream.doubt_kernel",
     "bounced": "harness.frame.mirrors.mirror_kernel",
+    "orthographic": "harness.frame.shading.color_kernel",
     "receivers": "methods.perspective_spherical.light.frame.box_kernel",
 }
 """Of each effect a kernel that branches on it and calls little: compiled in a quarter of a second."""

@@ -16,6 +16,7 @@ from helpers.tiny_runs import TETRAHEDRON
 from shadowbench.harness.commands.explain import explain
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.runner import runner as run_module
+from shadowbench.harness.runner import turns
 from shadowbench.harness.runner.machine_lock import EXCLUSIVE, FOLDER, FREE, MACHINE, SHARED, MachineLock
 from shadowbench.harness.runner.progress import Silent
 
@@ -260,7 +261,8 @@ def test_a_run_takes_its_rounds_alone_and_does_the_rest_shared(tmp_path, monkeyp
     from shadowbench.harness.commands.run import plan_run
 
     lock = MachineLock(tmp_path)
-    monkeypatch.setattr(run_module, "MACHINE", lock)
+    for module in (run_module, turns):
+        monkeypatch.setattr(module, "MACHINE", lock)
     sent: list[tuple[str, bool, int]] = []
 
     class Watching(run_module.Run):
