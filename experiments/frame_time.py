@@ -36,9 +36,10 @@ COLUMNS = [*document.COMMON, "times_slower", "low", "high", "memory_bytes", "bui
 KINDS = {
     **dict.fromkeys([entry.label for entry in REBUILD], "that rebuilds its tree"),
     **dict.fromkeys([entry.label for entry in REFIT], "that refits its tree"),
+    _rivals.RASTERISED.label: "that rasterises",
     **dict.fromkeys(["cubql refitted", "SAH refitted", "LBVH refitted"], "that refits its tree"),
 }
-"""What a peer does with its tree in each frame, by label; the last three are in earlier records alone."""
+"""What a peer does in each frame, by label; the last three are in earlier records alone."""
 CUT = 4.0
 """So many times the median of its panel a bar is cut off: a much slower method would leave the others no room."""
 
@@ -88,12 +89,12 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
 def fastest(done: pd.DataFrame) -> pd.DataFrame:
     """The fastest peer of each kind on each scene and size, over the frames that it has in common with ours.
 
-    Of each kind all peers, and those apart that call themselves exact.
+    Of each kind all peers; of trees also those apart that call themselves exact.
     """
     import pandas as pd
 
     every = done[done["kind"].notna() & done["times_slower"].notna()]
-    exact = every[every["known_inexact"] == ""]
+    exact = every[(every["known_inexact"] == "") & (every["label"] != _rivals.RASTERISED.label)]
     peers = pd.concat([every, exact.assign(kind=exact["kind"] + ", exact")], ignore_index=True)
     return peers.loc[peers.groupby(["kind", "title"], sort=False)["times_slower"].idxmin()]
 
