@@ -2,6 +2,7 @@
 
 import json
 import os
+import runpy
 import subprocess
 import sys
 import tomllib
@@ -308,20 +309,27 @@ def test_stand_ins_are_listed_as_such(call):
     assert rows["bunny"]["stand_in"] is None
 
 
-def test_the_package_runs_as_a_module_and_states_its_version():
+def test_the_package_runs_as_a_module_and_states_its_version(monkeypatch, capsys):
+    """Once as a process of its own; then as Python runs a module, in this process."""
     import shadowbench
 
     declared = tomllib.loads((ROOT / "pyproject.toml").read_text())
     assert declared["tool"]["setuptools"]["dynamic"]["version"] == {"attr": "shadowbench.__version__"}
-    shown = [
-        subprocess.run([sys.executable, "-m", *words], capture_output=True, text=True).stdout
-        for words in (["shadowbench", "--version"], ["shadowbench.harness.cli", "--version"])
-    ]
-    assert shown == [f"shadowbench {shadowbench.__version__}\n"] * 2
-    listed = subprocess.run(
-        [sys.executable, "-m", "shadowbench", "list", "experiments"], capture_output=True, text=True
-    )
-    assert "table1" in listed.stdout, listed.stderr
+    version = f"shadowbench {shadowbench.__version__}\n"
+    command = [sys.executable, "-m", "shadowbench", "--version"]
+    assert subprocess.run(command, capture_output=True, text=True).stdout == version
+
+    def said(module, *words):
+        with monkeypatch.context() as patched:
+            patched.setattr(sys, "argv", [module, *words])
+            patched.delitem(sys.modules, module, raising=False)
+            with pytest.raises(SystemExit) as stopped:
+                runpy.run_module(module, run_name="__main__", alter_sys=True)
+        assert not stopped.value.code
+        return capsys.readouterr().out
+
+    assert said("shadowbench.harness.cli", "--version") == version
+    assert "table1" in said("shadowbench.__main__", "list", "experiments")
 
 
 def test_completion_is_installed_and_completes_names(tmp_path):

@@ -30,7 +30,7 @@ SMALL = 10_000
 """Triangles up to which every combination is traced."""
 
 LARGE = 500_000
-"""Triangles beyond which the inexact tests are left out: seconds for each run, and of the six Buddha alone."""
+"""Triangles beyond which the inexact tests are left out, and all pairs of map and clamp but two: of the six Buddha alone."""
 
 RADII = {0.3: (0.3, 0.8, 0.52), 2.0: (-0.7, 0.2, 0.68), 1e3: (0.1, 0.99, 0.05), 1e7: (0.48, 0.6, 0.64)}
 """A light's distance from the scene's middle in radii: inside, outside, far, and as far as aimed maps go; its way."""
@@ -92,7 +92,9 @@ def check(name: str, turn: int) -> None:
     hits = int((lit.exact[2.0]["triangle"] >= 0).sum())
     assert hits > 0.05 * SIZE**2
     assert any(exact["visibility"].sum() > 0 for exact in lit.exact.values()), "nothing casts a shadow"
-    for light_map, clamp, aimed, radii in combinations(count <= SMALL, turn):
+    for light_map, clamp, aimed, radii in list(combinations(count <= SMALL, turn))[
+        :: 3 if count > LARGE else 1
+    ]:
         settings = {**COARSE, "light_map": light_map, "clamp": clamp, "aimed": aimed}
         same(lit.answers(settings, radii), lit.exact[radii], (light_map, clamp, aimed, radii))
     same(lit.answers({**COARSE, "precision": "float32-centred"}, 1e7), lit.exact[1e7], "float32-centred")

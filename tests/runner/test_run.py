@@ -1,6 +1,7 @@
 """Whole runs: what a misbehaving method costs, memory, retries, scores, budgets."""
 
 import re
+import shutil
 
 import numpy as np
 import pytest
@@ -32,6 +33,8 @@ def troubled(package, scene, tmp_path_factory):
         "rejects",
         "skips",
         "grows",
+        "greedy",
+        "hoards",
         "broken",
     ]
     entries = [Entry(name, {}, name) for name in names]
@@ -59,6 +62,8 @@ UNSTEADY = "the timed frames gave other answers than the frame that was judged"
         ("rejects", "rejected", "needs 1000000000 pairs, allowed are 1048576"),
         ("skips", "skipped", "only for closed scenes"),
         ("grows", "ok", ""),
+        ("greedy", "ok", ""),
+        ("hoards", "ok", ""),
         ("broken", "failed", "cannot be constructed: ImportError: libmissing.so: cannot open"),
     ],
 )
@@ -69,7 +74,7 @@ def test_trouble_costs_its_own_point_only(troubled, label, status, reason):
 
 def test_every_planned_point_has_one_record_and_no_journal(troubled):
     out, records = troubled
-    assert len(records) == 14
+    assert len(records) == 16
     assert sorted(p.stem for p in (out / "records").iterdir()) == sorted(r.key for r in records.values())
     assert list((out / "journal").iterdir()) == []
 
@@ -87,7 +92,7 @@ def test_a_record_holds_every_sample(troubled):
     assert frame.counters == {"frames": 1}
     assert frame.unscored.startswith("not requested")
     assert records["steady"].stopped_by == "samples"
-    assert {r["place"] for r in records["steady"].rounds} <= set(range(14))
+    assert {r["place"] for r in records["steady"].rounds} <= set(range(16))
 
 
 def test_growth_is_recorded_and_over_before_timing(troubled):
@@ -112,11 +117,10 @@ def test_what_answers_otherwise_later_has_the_rounds_before_it(troubled):
     assert [len(records[name].rounds) for name in ("once", "fickle")] == [0, 1]
 
 
-def test_memory_that_numpy_allocates_is_counted(package, scene, tmp_path):
+def test_memory_that_numpy_allocates_is_counted(troubled):
     """320 MiB, held from frame to frame or allocated in each: no allocator of Warp's knows of it."""
-    entries = [Entry(name, {}, name) for name in ("steady", "greedy", "hoards")]
-    records = go(options(tmp_path, [scene], entries, rounds=1))
-    held = {name: record.frames[0].memory_bytes for name, record in records.items()}
+    _, records = troubled
+    held = {name: records[name].frames[0].memory_bytes for name in ("steady", "greedy", "hoards")}
     assert held["steady"] < 1 << 20
     assert min(held["greedy"], held["hoards"]) > 300 << 20
 
@@ -144,15 +148,16 @@ def test_memory_does_not_depend_on_what_the_process_did_before(scene, tmp_path, 
     )
 
 
-def test_retry_measures_failed_points_only(package, scene, tmp_path):
+def test_retry_measures_failed_points_only(troubled, scene, tmp_path):
+    out, first = tmp_path / "out", troubled[1]
+    shutil.copytree(troubled[0], out)
     entries = [Entry(name, {}, name) for name in ("steady", "raises")]
-    chosen = options(tmp_path, [scene], entries)
-    first = go(chosen)
-    kept = tmp_path / "records" / f"{first['steady'].key}.json"
-    before, written = kept.read_bytes(), kept.stat().st_mtime_ns
-    runner = Run(options(tmp_path, [scene], entries, retry=True), Silent())
+    kept, failed = (out / "records" / f"{first[entry.label].key}.json" for entry in entries)
+    before, written, earlier = kept.read_bytes(), kept.stat().st_mtime_ns, failed.stat().st_mtime_ns
+    runner = Run(options(out, [scene], entries, timeout_s=3.0, retry=True), Silent())
     assert [r.status for r in runner.go()] == ["ok", "failed"]
     assert (kept.read_bytes(), kept.stat().st_mtime_ns) == (before, written)
+    assert failed.stat().st_mtime_ns > earlier
     assert "raises" in runner.workers
     assert "steady" not in runner.workers
 

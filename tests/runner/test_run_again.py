@@ -20,11 +20,19 @@ def go(chosen):
     return {r.method["label"]: r for r in Run(chosen, Silent()).go()}
 
 
+@pytest.fixture(scope="module")
+def finished(scene, tmp_path_factory):
+    """A run that has ended: its options, its folder and its record."""
+    out = tmp_path_factory.mktemp("finished")
+    chosen = options(out, [str(scene)], ["warp_bvh"])
+    (record,) = go(chosen).values()
+    return chosen, out, record
+
+
 @pytest.mark.parametrize("damage", [lambda whole: None, lambda whole: whole[: len(whole) // 2]])
-def test_a_picture_that_is_gone_or_damaged_is_drawn_again(scene, tmp_path, damage):
-    chosen = options(tmp_path, [str(scene)], ["warp_bvh"])
-    (first,) = go(chosen).values()
-    picture = tmp_path / "images" / "tetra-8x8.png"
+def test_a_picture_that_is_gone_or_damaged_is_drawn_again(finished, damage):
+    chosen, out, first = finished
+    picture = out / "images" / "tetra-8x8.png"
     whole = picture.read_bytes()
     left = damage(whole)
     picture.unlink()
@@ -33,7 +41,7 @@ def test_a_picture_that_is_gone_or_damaged_is_drawn_again(scene, tmp_path, damag
     (again,) = go(chosen).values()
     assert again == first, "nothing is measured anew"
     assert picture.read_bytes() == whole
-    assert not list((tmp_path / "journal").iterdir())
+    assert not list((out / "journal").iterdir())
 
 
 @pytest.mark.parametrize(
