@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import sys
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,6 +12,9 @@ from ..errors import UserError
 from ..runner.experiment import PACKAGE, parse_size
 from ..runner.machine_lock import MACHINE
 from .options import CameraPlace, Device, Fov, Lights, SceneDir, Size, view_of
+
+if TYPE_CHECKING:
+    from .viewer.frames import Frames
 
 DEFAULT_SCENE = "cloth"
 LARGEST = 1 << 22
@@ -23,7 +26,11 @@ def view(
     scene: Annotated[str, typer.Argument(help="Name of a scene, or a mesh file.")] = DEFAULT_SCENE,
     method: Annotated[
         str | None,
-        typer.Option("--method", metavar="NAME", help="The method to begin with. Default: ray_grids."),
+        typer.Option(
+            "--method",
+            metavar="NAME",
+            help="The method to begin with. Default: ray_grids, or where it cannot trace the scene the first that can.",
+        ),
     ] = None,
     size: Size = "256x256",
     frame: Annotated[int, typer.Option("--frame", metavar="N", help="Frame to begin with, from 0.")] = 0,
@@ -52,7 +59,6 @@ def view(
     if width * height > LARGEST:
         raise UserError(f"--size {size}: more than {LARGEST:,} pixels; choose fewer for a page")
     place = find_device(device)
-    chosen = method or default_method()
     listening = listen(port)
     try:
         described = view_of(camera, fov, light).applied(resolve(scene, scene_dir))
@@ -61,6 +67,7 @@ def view(
         if not 0 <= frame < prepared.frame_count:
             raise UserError(f"--frame {frame}: {scene} has frames 0 to {prepared.frame_count - 1}")
         frames = Frames(prepared, width, height, place)
+        chosen = method or default_method(frames)
         frames.session(chosen)
         MACHINE.release()
         facts = {
@@ -82,6 +89,8 @@ def view(
     return 0
 
 
-def default_method() -> str:
-    """The method that the project itself proposes: see its list of rivals."""
-    return importlib.import_module(f"{PACKAGE}._rivals").OURS.method
+def default_method(frames: Frames) -> str:
+    """The method that the project proposes (see its list of rivals); if it cannot trace the scene, the first that can."""
+    proposed = importlib.import_module(f"{PACKAGE}._rivals").OURS.method
+    able = [row["name"] for row in frames.methods() if not row["reason"]]
+    return proposed if proposed in able or not able else able[0]

@@ -16,7 +16,7 @@ from helpers import browser
 from helpers.tiny_runs import TETRAHEDRON
 from shadowbench.harness.commands.options import view_of
 from shadowbench.harness.commands.render import opened
-from shadowbench.harness.commands.view import view
+from shadowbench.harness.commands.view import default_method, view
 from shadowbench.harness.commands.viewer.frames import Frames, Wish
 from shadowbench.harness.commands.viewer.orbit import turned
 from shadowbench.harness.commands.viewer.server import Server, listen
@@ -134,6 +134,16 @@ def test_what_cannot_be_shown_is_one_line(scene, changed, said):
     with pytest.raises(UserError, match=said) as refused:
         view(scene, **{"method": METHOD, "size": "16x16", "device": "cpu", **changed})
     assert "\n" not in str(refused.value)
+
+
+def test_it_begins_with_a_method_that_can_trace_the_scene(scene, tmp_path):
+    camera = '[camera]\neye = [0, 1, 6]\ntarget = [0, 0, 0]\nkind = "orthographic"\nheight = 4\n'
+    (tmp_path / "parallel.toml").write_text('mesh = "tetra.obj"\n' + camera)
+    parallel = Frames(prepare(resolve(str(tmp_path / "parallel.toml"))), *SIZE, "cpu")
+    assert default_method(Frames(prepare(resolve(scene)), *SIZE, "cpu")) == "ray_grids"
+    able = {row["name"]: not row["reason"] for row in parallel.methods()}
+    assert not able["ray_grids"]
+    assert able[default_method(parallel)]
 
 
 def test_a_port_in_use_is_one_line(scene):

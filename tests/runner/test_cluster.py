@@ -89,6 +89,12 @@ def test_records_and_answers_are_those_of_a_run_on_one_machine(place):
     assert not list((place / "out").glob("journal/*"))
 
 
+def test_a_word_that_is_no_address_is_refused_at_once(place):
+    with pytest.raises(UserError, match="give local, or the address") as caught, connected("nonsense", "cpu"):
+        pass
+    assert "\n" not in str(caught.value)
+
+
 def test_a_scheduler_that_is_not_there_is_one_line(place, monkeypatch):
     monkeypatch.setattr("shadowbench.harness.runner.cluster.pool.CONNECT_S", 1.0)
     with (

@@ -96,6 +96,10 @@ def connected(cluster: str, kind: str | None) -> Iterator[Pool]:
         raise UserError(
             f"--cluster needs Dask ({error.name} is missing): {install('shadowbench-rt[cluster]')}"
         ) from None
+    if cluster != LOCAL and ":" not in cluster:  # Dask would look for a host of this name for a while
+        raise UserError(
+            f"--cluster {cluster}: give {LOCAL}, or the address of a scheduler, such as tcp://HOST:8786"
+        )
     _quiet()
     settings = {"distributed.comm.timeouts.connect": CONNECT_S, "distributed.scheduler.allowed-failures": 0}
     with contextlib.ExitStack() as open_:
