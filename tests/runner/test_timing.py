@@ -103,7 +103,9 @@ def test_counts_of_samples(device, capturable):
 
 
 @pytest.mark.parametrize("capturable", [True, False])
-def test_passes_add_up_to_the_whole_frame(device, capturable):
+def test_passes_add_up_to_the_whole_frame(device, capturable, monkeypatch):
+    if device == "cpu":  # on a machine with too much to do, the wall clock counts other programs too
+        monkeypatch.setattr(time, "perf_counter", time.process_time)
     method = Spinner(trace=Work(2000, 6000, 4000))
     method.capturable = capturable
     measured = sample_frame(session(method, device), Sampling(samples=7, most=7, stage_samples=7))
