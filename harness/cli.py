@@ -1,19 +1,15 @@
 """The command line: ``shadowbench COMMAND``. It only reads arguments; :mod:`.commands` does the work.
 
-Exit codes: 0: success; 1: a check or a point failed; 2: the command line was wrong. An error is one line on standard
-error; ``--debug`` adds the traceback. Each command imports what it needs when it runs, so that ``--help`` is fast.
+Each command imports what it needs when it runs, so that ``--help`` is fast. What all commands share, such as exit codes, is
+in :mod:`.commands.program`.
 """
 
 from __future__ import annotations
 
-import functools
-import inspect
 import json
-import os
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -31,110 +27,21 @@ from .commands.options import (
     SceneDir,
     Settings,
     complete_experiment,
-    complete_method,
     complete_scene,
+    method_option,
     view_of,
 )
 from .commands.plan import plan
+from .commands.program import app as app
+from .commands.program import command, main
 from .commands.report import report
 from .commands.scenes import scenes
 from .commands.verify import explain, score, verify
 from .commands.view import view
 from .errors import UserError
-from .runner.machine_lock import MACHINE
 
 if TYPE_CHECKING:
     from .runner.job import Options
-
-DEBUG = "SHADOWBENCH_DEBUG"
-INTERRUPTED = 130
-
-app = typer.Typer(
-    name="shadowbench",
-    help="Measures acceleration structures for ray tracing scenes that change every frame, and checks every answer.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
-
-
-def show_version(wanted: bool) -> None:
-    if wanted:
-        import shadowbench
-
-        print(f"shadowbench {shadowbench.__version__}")
-        raise typer.Exit
-
-
-@app.callback()
-def everywhere(
-    version: Annotated[
-        bool,
-        typer.Option("--version", help="Print the version.", callback=show_version, is_eager=True),
-    ] = False,
-    debug: Annotated[bool, typer.Option("--debug", help="Print the traceback of an error.")] = False,
-    no_wait: Annotated[
-        bool,
-        typer.Option("--no-wait", help="Stop with an error if another run on this machine is measuring."),
-    ] = False,
-) -> None:
-    if debug:
-        os.environ[DEBUG] = "1"
-    MACHINE.wait = not no_wait
-
-
-EVERYWHERE = ("--debug", "--no-wait")
-"""Options of the program itself: accepted before and after the command."""
-
-
-SHORT = {
-    "run": "Measure an experiment: every method on every scene.",
-    "show": "Draw tables and figures of an experiment from its records.",
-    "list": "List methods, scenes or experiments.",
-    "render": "Render a picture or an animation of a scene.",
-    "check": "Test one method on small scenes that are hard to trace.",
-    "plan": "List the passes of each method for a scene, with reasons.",
-    "verify": "Compare every answer of every method with the reference.",
-    "explain": "Show every answer at one pixel, and the exact one.",
-    "score": "Score answers that a run saved without a score.",
-    "report": "Write results as one HTML page to explore.",
-    "compare": "Compare two runs: faster, slower or the same.",
-    "view": "Show a scene on an interactive page on this machine.",
-    "scenes": "Fetch the originals of scenes.",
-    "new-method": "Create a Python package for a new method.",
-    "keep": "Pack results into a folder to publish.",
-}
-"""One line per command in ``shadowbench --help``, short enough for 80 columns."""
-
-
-def command(name: str, example: str) -> Callable[[Callable[..., int | None]], Callable[..., int | None]]:
-    """Register a command. The function returns its exit code; the help text ends with the example."""
-
-    def register(work: Callable[..., int | None]) -> Callable[..., int | None]:
-        @functools.wraps(work)
-        def checked(*args: Any, **kwargs: Any) -> None:
-            try:
-                code = work(*args, **kwargs)
-            except KeyboardInterrupt:  # typer would exit without a message
-                way_on = "; run the same command again to continue" if name == "run" else ""
-                print(f"shadowbench: interrupted{way_on}", file=sys.stderr)
-                raise SystemExit(INTERRUPTED) from None
-            finally:
-                MACHINE.release()
-            raise typer.Exit(code or 0)
-
-        text = inspect.cleandoc(work.__doc__ or "")
-        always = (
-            "Every command also takes --debug (print the traceback of an error) and --no-wait (stop with an error "
-            "if another run on this machine is measuring)."
-        )
-        app.command(name, short_help=SHORT[name], help=f"{text}\n\n{always}\n\n\b\nExample:\n  {example}")(
-            checked
-        )
-        return work
-
-    return register
 
 
 @command("run", "shadowbench run table1 --scene cloth --method warp_bvh --method embree")
@@ -164,15 +71,7 @@ def run_(
             autocompletion=complete_scene,
         ),
     ] = None,
-    method: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--method",
-            metavar="NAME",
-            help="Name of a method. Repeatable. Default: those of the preset.",
-            autocompletion=complete_method,
-        ),
-    ] = None,
+    method: Annotated[list[str] | None, method_option("those of the preset")] = None,
     setting: Settings = None,
     scene_dir: SceneDir = None,
     out: Annotated[
@@ -432,58 +331,6 @@ command("view", "shadowbench view cloth --size 256x256")(view)
 command("scenes", "shadowbench scenes fetch sibenik buddha --scene-dir scenes")(scenes)
 command("new-method", "shadowbench new-method my_method")(new_method)
 command("keep", "shadowbench keep results/local/table1-quick --out results/my-machine/table1")(keep)
-
-
-SEVERAL = ("--scene", "--method", "--set")
-"""Options that take several values after one flag, if they come after the command's own argument."""
-
-
-def spread_values(arguments: list[str]) -> list[str]:
-    """Rewrite ``--scene a b`` as ``--scene a --scene b``, the form that typer reads.
-
-    This applies only after the command and its argument (``run table1 --scene a b``): before them, ``b`` could be the
-    argument.
-    """
-    result: list[str] = []
-    plain, flag, taken = 0, "", False
-    for word in arguments:
-        if word.startswith("-"):
-            flag, taken = word, False
-        elif flag in SEVERAL and taken and plain >= 2:
-            result.append(flag)
-        elif flag:
-            # An option takes one value; the next word is an argument.
-            taken = True
-            if flag not in SEVERAL:
-                flag = ""
-        else:
-            plain += 1
-        result.append(word)
-    return result
-
-
-def main() -> None:
-    """The ``shadowbench`` command."""
-    words = spread_values(sys.argv[1:])
-    try:
-        app(sorted(words, key=lambda word: word not in EVERYWHERE), standalone_mode=True)
-    except UserError as error:
-        if os.environ.get(DEBUG):
-            raise
-        print(f"shadowbench: {error}", file=sys.stderr)
-        raise SystemExit(2) from None
-    except MemoryError as error:
-        if os.environ.get(DEBUG):
-            raise
-        reason = " ".join(str(error).split()) or "allocation failed"
-        print(f"shadowbench: not enough memory ({reason}); choose a smaller --size", file=sys.stderr)
-        raise SystemExit(2) from None
-    except KeyboardInterrupt:
-        print("shadowbench: interrupted", file=sys.stderr)
-        raise SystemExit(INTERRUPTED) from None
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        raise SystemExit(INTERRUPTED) from None
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -39,15 +39,17 @@ def complete_scene(incomplete: str) -> list[str]:
     return _starting(incomplete, NAMES)
 
 
-Methods = Annotated[
-    list[str] | None,
-    typer.Option(
+def method_option(default: str) -> Any:
+    """``--method``, for the methods that a command works on. ``default``: which those are without it."""
+    return typer.Option(
         "--method",
         metavar="NAME",
-        help="Name of a method. Repeatable. Default: all methods.",
+        help=f"Name of a method. Repeatable. Default: {default}.",
         autocompletion=complete_method,
-    ),
-]
+    )
+
+
+Methods = Annotated[list[str] | None, method_option("all methods")]
 Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="METHOD.PARAM=VALUE", help="Parameter of a method. Repeatable."),

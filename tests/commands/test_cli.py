@@ -13,7 +13,8 @@ import pytest
 from helpers.tiny_runs import write_scene
 from PIL import Image
 from shadowbench.harness import cli
-from shadowbench.harness.cli import spread_values
+from shadowbench.harness.commands import program
+from shadowbench.harness.commands.program import spread_values
 
 ROOT = Path(__file__).parents[2]
 COMMANDS = (
@@ -37,7 +38,7 @@ def call(monkeypatch, capsys):
 
     def run(*arguments):
         monkeypatch.setattr(sys, "argv", ["shadowbench", *map(str, arguments)])
-        monkeypatch.delenv(cli.DEBUG, raising=False)
+        monkeypatch.delenv(program.DEBUG, raising=False)
         with pytest.raises(SystemExit) as stopped:
             cli.main()
         said = capsys.readouterr()
@@ -133,8 +134,8 @@ def test_a_wrong_call_is_one_line_and_exit_2(call, arguments, said):
 
 def test_debug_shows_where_it_came_from(monkeypatch):
     monkeypatch.setattr(sys, "argv", ["shadowbench", "list", "nothing", "--debug"])
-    monkeypatch.setenv(cli.DEBUG, "")
-    with pytest.raises(cli.UserError, match="unknown kind"):
+    monkeypatch.setenv(program.DEBUG, "")
+    with pytest.raises(program.UserError, match="unknown kind"):
         cli.main()
 
 
@@ -148,7 +149,7 @@ def test_interrupting_says_how_to_go_on(call, monkeypatch, scene, tmp_path):
     code, out, err = call(
         "run", "table1", "--scene", scene, "--method", "warp_bvh", "--out", tmp_path / "out"
     )
-    assert code == cli.INTERRUPTED
+    assert code == program.INTERRUPTED
     assert out == ""
     assert err == "shadowbench: interrupted; run the same command again to continue\n"
 

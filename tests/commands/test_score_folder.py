@@ -7,10 +7,9 @@ import json
 import pytest
 from helpers import rational_brute_force as cases
 from helpers.experiment_records import record_of
-from helpers.right_and_wrong_methods import INSTALLED, Right, Wrong, ball_file
+from helpers.right_and_wrong_methods import Right, Wrong
 from shadowbench.harness.commands.verify import score
 from shadowbench.harness.errors import UserError
-from shadowbench.harness.frame import registry
 from shadowbench.harness.frame.warp_init import start_warp
 from shadowbench.harness.judge.answer_files import save_raw
 from shadowbench.harness.judge.referee import Referee
@@ -20,15 +19,7 @@ from shadowbench.harness.scene.prepared import prepare
 
 start_warp()  # as the commands do: what it has to say must not end up in a test's output
 
-
-@pytest.fixture(autouse=True)
-def methods(monkeypatch):
-    monkeypatch.setattr(registry, "_entry_points", lambda: INSTALLED)
-
-
-@pytest.fixture(scope="module")
-def mesh(tmp_path_factory) -> str:
-    return ball_file(tmp_path_factory.mktemp("meshes"))
+pytestmark = pytest.mark.usefixtures("right_and_wrong")
 
 
 @pytest.fixture

@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 import trimesh
 from helpers import rational_brute_force as cases
-from helpers.right_and_wrong_methods import INSTALLED, ball_file
 from shadowbench.harness.commands.verify import explain, verify
 from shadowbench.harness.errors import UserError
-from shadowbench.harness.frame import registry
 from shadowbench.harness.frame.warp_init import start_warp
 from shadowbench.harness.judge.referee import Referee
 from shadowbench.harness.scene.catalogue import resolve
@@ -19,15 +17,7 @@ from shadowbench.harness.scene.prepared import prepare
 
 start_warp()  # as the commands do: what it has to say must not end up in a test's output
 
-
-@pytest.fixture(autouse=True)
-def methods(monkeypatch):
-    monkeypatch.setattr(registry, "_entry_points", lambda: INSTALLED)
-
-
-@pytest.fixture(scope="module")
-def mesh(tmp_path_factory) -> str:
-    return ball_file(tmp_path_factory.mktemp("meshes"))
+pytestmark = pytest.mark.usefixtures("right_and_wrong")
 
 
 def run(capsys, *names: str, scenes: list[str], **options) -> tuple[int, dict]:

@@ -11,6 +11,7 @@ import pytest
 from helpers.experiment_records import record_of, write_records
 from PIL import Image
 from shadowbench.harness import cli
+from shadowbench.harness.commands import program
 from shadowbench.harness.report.flip import answered_path, reference_path
 from shadowbench.harness.results.pixel_maps import map_path, write_map, wrong_path
 from shadowbench.harness.runner.experiment import Entry
@@ -82,7 +83,7 @@ def make_results(root: Path) -> Path:
 
 def command(monkeypatch, *words):
     monkeypatch.setattr(sys, "argv", ["shadowbench", "report", *map(str, words)])
-    monkeypatch.delenv(cli.DEBUG, raising=False)
+    monkeypatch.delenv(program.DEBUG, raising=False)
     with pytest.raises(SystemExit) as stopped:
         cli.main()
     return stopped.value.code or 0

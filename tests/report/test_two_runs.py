@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from helpers.experiment_records import record_of, write_records
 from shadowbench.harness import cli
+from shadowbench.harness.commands import program
 from shadowbench.harness.report import two_runs
 from shadowbench.harness.runner.experiment import Entry
 
@@ -57,7 +58,7 @@ def write(folder, records, facts=FACTS):
 def call(monkeypatch, capsys):
     def run(*arguments):
         monkeypatch.setattr(sys, "argv", ["shadowbench", "compare", *map(str, arguments)])
-        monkeypatch.delenv(cli.DEBUG, raising=False)
+        monkeypatch.delenv(program.DEBUG, raising=False)
         with pytest.raises(SystemExit) as stopped:
             cli.main()
         said = capsys.readouterr()
