@@ -29,7 +29,7 @@ from ..harness.runner.machine_lock import MACHINE
 from ..harness.runner.memory import peak_resident_bytes
 from ..harness.runner.points import orders
 from ..harness.runner.progress import Silent
-from ..harness.runner.source_closure import SAMPLING, closure_hash
+from ..harness.runner.source_closure import SAMPLING, closure_hash, hash_of
 from ..harness.runner.timing import Sampling, sample_frame
 
 NAME, SORT = "radix_sort_pairs", "sort pairs"
@@ -172,6 +172,6 @@ def _facts(options: Options, preset: Preset, bits: int) -> dict[str, Any]:
     method = {
         "name": NAME, "title": "Warp's radix sort", "label": f"{bits} bits", "settings": {"bits": str(bits)},
         "parameters": {}, "built": {}, "device": options.device, "device_name": device_title(options.device),
-        "source_sha256": digest([Path(__file__).read_text(encoding="utf-8"), closure_hash([SAMPLING])]),
+        "source_sha256": digest([hash_of({NAME: Path(__file__)}), closure_hash([SAMPLING])]),
     }  # fmt: skip
     return {"point": point, "scene": scene, "method": method}

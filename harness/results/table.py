@@ -71,7 +71,7 @@ def tidy(folder: Path | str) -> DataFrame:
     method, method_title, label  text  its name, its title, and the name of its column in the experiment
     settings, built     text      what was set, "-" for nothing; what was really built
     known_inexact       text      why the method declares itself inexact
-    method_sha256       text      hash of its source: its version
+    method_sha256       text      hash of its code: its version
     device, device_name  text     ``cpu`` or ``cuda:0``, and what it is
     width, height, pixels  Int64  of the image
     view                text      a camera or lights given on the command line; "": the scene's own

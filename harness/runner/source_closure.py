@@ -4,7 +4,8 @@ A record is current as long as the code that it measured is. That code is every 
 imports, directly or not, as far as it belongs to this project or to the method's distribution; and, for every method,
 the modules that load a frame and take samples (:data:`MEASURING`). Import statements are read from the source, also
 those inside functions; nothing is run. Modules found by name at run time (the registry's methods, the catalogue's
-stand-ins) are not imported by a statement, and so one method's key does not depend on another method.
+stand-ins) are not imported by a statement, and so one method's key does not depend on another method. Comments,
+docstrings and layout do not count (:mod:`.runner.code_tokens`).
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ import sys
 import sysconfig
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+
+from .code_tokens import code_of
 
 HARNESS = __name__.rsplit(".", 2)[0]
 PROJECT = HARNESS.rpartition(".")[0]
@@ -56,12 +59,17 @@ def closure_hash(roots: Iterable[str], places: Mapping[str, Path] | None = None)
 
 
 def hash_of(files: Mapping[str, Path]) -> str:
-    """Sha256 of the names and bytes of modules; the same wherever their folders lie."""
+    """Sha256 of the names and the code of modules; the same wherever their folders lie, and for every Python."""
     total = hashlib.sha256()
     for name, file in sorted(files.items()):
-        content = file.read_bytes()
-        total.update(f"{name} {len(content)}\0".encode() + content)
+        total.update(f"{name} {_code_hash(file.read_bytes())}\n".encode())
     return total.hexdigest()
+
+
+@functools.lru_cache(maxsize=4096)
+def _code_hash(source: bytes) -> str:
+    """Sha256 of a file's code."""
+    return hashlib.sha256(code_of(source)).hexdigest()
 
 
 def closure(roots: Iterable[str], places: Mapping[str, Path]) -> dict[str, Path]:

@@ -47,9 +47,9 @@ def reached(graph: dict[str, set[str]], roots: list[str]) -> set[str]:
     return found
 
 
-def edit(file: Path) -> bytes:
+def edit(file: Path, text: bytes = b"\nan_edit = 1\n") -> bytes:
     before = file.read_bytes()
-    file.write_bytes(before + b"# an edit\n")
+    file.write_bytes(before + text)
     return before
 
 
@@ -71,6 +71,9 @@ def test_a_hash_changes_with_each_of_its_files_and_with_no_other(tmp_path) -> No
         for file in files.values() if name == METHODS[0] else ():
             content = edit(file)
             assert hash_of(files) != before, file
+            file.write_bytes(content)
+            edit(file, b'\n# a comment\n"""and a docstring"""\n')
+            assert hash_of(files) == before, file
             file.write_bytes(content)
         others = {file: edit(file) for file in set(modules(root).values()) - set(files.values())}
         assert source_hash(cls, root) == before, name
