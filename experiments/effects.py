@@ -56,8 +56,8 @@ KINDS = list(MOVED)
 FRAME = f"{BASE}, ms"
 ORDER = [lighting.label for lighting in (*EFFECTS, *CHANGES)]
 ABOUT = (
-    "Effects are measured one after another, not interleaved. The same frame was measured again, as the one in which "
-    "all moved: its difference from the first counts as noise of every effect, beside the spread of the repeats."
+    "The same frame was measured again, as the one in which all moved: its difference from the first counts as noise of "
+    "every effect, beside the spread of the repeats."
 )
 ABOUT_MOVED = (
     "In brackets: passes that build structures. A method that knows no parts of a mesh rebuilds all of it."
@@ -90,7 +90,8 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     done = document.measured(table)
     effects, moved = done[(done["moved"] == "") & done["ratio"].notna()], done[done["moved"] != ""]
     tables: dict[str, pd.DataFrame] = {}
-    pictures, notes, finding = [], [], f"No effect was measured beside {BASE}."
+    pictures, finding = [], f"No effect was measured beside {BASE}."
+    notes = compare.in_sequence(document.frames(folder))
     scene = {"title": "scene"}
     if len(effects):
         alone = effects[effects["light_label"] != BASE]

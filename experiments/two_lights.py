@@ -35,10 +35,6 @@ COLUMNS = [
 ]  # fmt: skip
 PAPER = "the paper: 7.6 frames a second, its kd-tree peer 5.26, and 60 % more time for the second light"
 """Section 5: Fairy with two lights, GTX 280, 1024x1024."""
-APART = (
-    "Numbers of lights are measured one after another, each with its methods interleaved: what is said of one number over "
-    "another also holds what the machine drifted between them."
-)
 SAME = (*compare.SCENE, *compare.SIZE, "label")
 
 
@@ -91,7 +87,8 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         "Each light after the first over the first, by number of lights":
             document.cross_table(further, {"title": "scene", "label": "method"}, "lights", "text"),
     }  # fmt: skip
-    return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, [picture], quiet, [APART])
+    notes = compare.in_sequence(frames)
+    return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, [picture], quiet, notes)
 
 
 EXPERIMENT = Experiment(

@@ -102,3 +102,22 @@ def apart(table: DataFrame) -> list[str]:
             runs = f"{len(labels)} runs, which are not compared: {' | '.join(labels)}"
             lines.append(f"{title} was measured in {runs}.")
     return lines
+
+
+def in_sequence(frames: DataFrame) -> list[str]:
+    """A line if the lightings of a scene were measured one after another, as earlier versions did; none if in turn.
+
+    frames  a tidy table (:func:`.results.table.tidy`)
+    """
+    known = frames[frames["total_ms"].notna() & (frames["started"] > 0)].sort_values("started")
+    for _, own in known.groupby([*SCENE, *SIZE], sort=False):
+        lights = own["light_label"]
+        if 1 < lights.nunique() == (lights != lights.shift()).sum():
+            return [ONE_BY_ONE]
+    return []
+
+
+ONE_BY_ONE = (
+    "Lightings were measured one after another, not interleaved: a difference between two also holds what changed on the "
+    "machine between them."
+)

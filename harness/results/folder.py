@@ -86,10 +86,9 @@ class ResultsFolder:
             f"then run the same command again to continue"
         )
 
-    @property
-    def shared_scene(self) -> Path:
-        """Where the scene under way is handed from one worker to the others."""
-        return self.path / "journal" / "scene.npz"
+    def shared_scene(self, frames: int = 1) -> Path:
+        """Where the scene under way is handed from one worker to the others; ``frames``: see :class:`.Lighting`."""
+        return self.path / "journal" / f"scene-{frames}.npz"
 
     def image(self, scene: str, light: str, width: int, height: int) -> Path:
         """The picture of a scene: see :func:`image_name`."""

@@ -9,6 +9,7 @@ from ..results.journal import Journal
 from ..results.record import Record
 from ..scene.catalogue import resolve
 from ..scene.chosen_view import ChosenView
+from ..scene.overrides import Lighting
 from ..scene.scene import Scene
 from .experiment import Experiment, Preset
 from .points import Point
@@ -43,6 +44,7 @@ class Job:
     scene: str
     journal: Journal
     steps: int
+    lighting: Lighting = field(default_factory=Lighting)
     generation: int = 0
     record: Record | None = None
 

@@ -115,7 +115,9 @@ class Bar(Silent):
         result = f"{mean:{',.0f' if mean >= 100 else '.3g'}} ms per frame" if times else "no time"
         result = result + self._short(record) if record.status == "ok" else record.status
         why = f": {record.reason}" if record.reason else ""
-        self._line(f"{record.scene['name']}, {record.method['label']}: {result}{why}")
+        light = (record.scene.get("lighting") or {}).get("label", "")
+        what = ", ".join(filter(None, (record.scene["name"], light, record.method["label"])))
+        self._line(f"{what}: {result}{why}")
 
     def _short(self, record: Record) -> str:
         """Says so where the budget ended before all rounds."""

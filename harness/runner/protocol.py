@@ -27,15 +27,15 @@ def load_command(
         "frames": preset.frames,
         "width": preset.width,
         "height": preset.height,
-        "shared": str(folder.shared_scene),
+        "shared": str(folder.shared_scene(lighting.frames)),
         "lighting": lighting.facts(),
         "make": make,
         **({"view": options.view.facts()} if options.view.changes else {}),
     }
 
 
-def prepare_command(options: Options, job: Job) -> dict[str, Any]:
-    """The command to prepare a point and hand over its answers."""
+def prepare_command(options: Options, job: Job, answers: bool = True) -> dict[str, Any]:
+    """The command to prepare a point; ``answers``: and to hand over its answers."""
     preset = options.preset
     spec = {
         "key": job.point.key,
@@ -47,10 +47,11 @@ def prepare_command(options: Options, job: Job) -> dict[str, Any]:
         "budget_s": preset.budget_s,
         "runs": preset.rounds * (preset.samples + preset.stage_samples + 1),
     }
-    return {"do": "prepare", "point": spec, "folder": str(options.out)}
+    about = {"folder": str(options.out), "light": job.lighting.label, "answers": answers}
+    return {"do": "prepare", "point": spec, **about}
 
 
-def grade_command(options: Options, folder: ResultsFolder, lighting: Lighting, job: Job) -> dict[str, Any]:
+def grade_command(options: Options, folder: ResultsFolder, job: Job) -> dict[str, Any]:
     """The command to score the answers of a job, and to draw the picture of its scene if there is none."""
     return {
         "do": "grade",
@@ -59,13 +60,13 @@ def grade_command(options: Options, folder: ResultsFolder, lighting: Lighting, j
         "device": options.device,
         "save_answers": options.save_answers,
         "score": options.score,
-        "picture": str(picture_of(folder, lighting, job)),
+        "picture": str(picture_of(folder, job)),
         # Another scene of the same name (an original instead of its stand-in) is drawn again.
         "shows": digest(contents(job.point.scene)),
     }
 
 
-def picture_of(folder: ResultsFolder, lighting: Lighting, job: Job) -> Path:
+def picture_of(folder: ResultsFolder, job: Job) -> Path:
     """The file of the picture of a job's scene with its lights, at its size."""
     preset = job.point.preset
-    return folder.image(job.point.scene["name"], lighting.label, preset.width, preset.height)
+    return folder.image(job.point.scene["name"], job.lighting.label, preset.width, preset.height)

@@ -16,10 +16,13 @@ import sys
 import time
 import traceback
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
+import psutil
+import warp as wp
 
 from ..errors import CapacityRejected, UserError
 from ..files import plain
@@ -43,18 +46,30 @@ from .memory import give_back_memory, reset_peak_resident
 from .timing import CompileClock, Sampling
 
 
+@dataclass(frozen=True)
+class Lit:
+    """A scene with one lighting. ``scene_argument``: as on the command line; ``changed``: see :attr:`.Lighting.changed`."""
+
+    prepared: Prepared
+    moments: dict[int, Moment]
+    size: tuple[int, int]
+    scene_argument: str
+    changed: frozenset[str] | None
+
+
 class Worker:
-    """The state between commands: one scene, its moments, and the points prepared on it."""
+    """The state between commands: one scene, by its lightings' labels, and the points prepared on it.
+
+    base  the scene before any lighting, and the seconds that it took, by what it depends on
+    last  the lighting that was loaded last, whose answers :meth:`grade` scores
+    """
 
     def __init__(self) -> None:
-        self.prepared: Prepared | None = None
-        self.size = (0, 0)
-        self.load_s = 0.0
-        self.moments: dict[int, Moment] = {}
+        self.base: dict[str, tuple[Prepared, float]] = {}
+        self.lit: dict[str, Lit] = {}
+        self.last: Lit | None = None
         self.points: dict[str, MeasuredPoint] = {}
-        self.scene_argument = ""
         self.grader: Grader | None = None
-        self.changed: frozenset[str] | None = None
 
     def do(self, command: dict[str, Any]) -> dict[str, Any]:
         """Carry out one command and return its reply. ``share``: hold the machine lock, because the parent does not."""
@@ -77,48 +92,66 @@ class Worker:
         lighting: dict[str, Any],
         make: bool,
         view: dict[str, Any] | None = None,
+        alone: bool = True,
     ) -> dict[str, Any]:
-        """Make the scene (or take the one that another worker stored) and its moments; reply with its facts."""
-        self.free()
+        """Load the scene with a lighting and its moments; reply with its facts.
+
+        ``make`` the scene, or read the one that another worker stored as ``shared``; either is done once for all
+        lightings. ``alone``: forget other lightings and their points.
+        """
+        if alone:
+            self._forget_lightings()
+        give_back_memory()
         start = time.perf_counter()
-        lights = Lighting.read(lighting)
-        self.changed = lights.changed
-        chosen = ChosenView.read(view)
+        lights, chosen = Lighting.read(lighting), ChosenView.read(view)
         described = lights.longer(chosen.applied(resolve(scene, scene_dir)))
-        if make:
-            self.prepared = lights.applied(prepare(described))
-            store(Path(shared), self.prepared, spread_frames(self.prepared.frame_count, frames))
-        else:
-            self.prepared = lights.applied(read_stored(Path(shared), described))
-        self.size = (width, height)
-        self.scene_argument = scene
-        for frame in spread_frames(self.prepared.frame_count, frames):
-            self.moments[frame] = self.prepared.moment(frame, width, height)
-        self.load_s = time.perf_counter() - start
-        facts = {**scene_facts(self.prepared, self.moments), "lighting": lighting}
+        of = json.dumps([scene, scene_dir, frames, lights.frames, view])
+        if of not in self.base:
+            base = prepare(described) if make else read_stored(Path(shared), described)
+            if make:
+                store(Path(shared), base, spread_frames(base.frame_count, frames))
+            self.base[of] = base, time.perf_counter() - start
+            start = time.perf_counter()
+        base, base_s = self.base[of]
+        prepared = lights.applied(base)
+        moments = {
+            frame: prepared.moment(frame, width, height)
+            for frame in spread_frames(prepared.frame_count, frames)
+        }
+        load_s = base_s + time.perf_counter() - start
+        self.last = Lit(prepared, moments, (width, height), scene, lights.changed)
+        self.lit[lights.label] = self.last
+        facts = {**scene_facts(prepared, moments), "lighting": lighting}
         if chosen.changes:
             facts["view"] = chosen.text()
-        elif facts["source"]["kind"] == "file" and is_within(next(iter(self.moments.values()))):
+        elif facts["source"]["kind"] == "file" and is_within(next(iter(moments.values()))):
             facts["view"] = "automatic camera, from within"
-        return {"scene": facts, "load_s": self.load_s}
+        return {"scene": facts, "load_s": load_s}
 
-    def prepare(self, point: dict[str, Any], folder: str) -> dict[str, Any]:
-        """Prepare a point, and hand its answers over to be graded."""
-        assert self.prepared is not None
+    def prepare(
+        self, point: dict[str, Any], folder: str, light: str = "", answers: bool = True
+    ) -> dict[str, Any]:
+        """Prepare a point on the scene with the lighting of this label; ``answers``: hand them over to be graded.
+
+        The reply has ``room``, see :func:`room`.
+        """
+        lit = self.lit[light]
 
         def make() -> Method:
             return make_method(point["method"], point["settings"])
 
-        def answered(method: Method, frame: int, answers: Answers) -> None:
-            hand_over(handed_path(Path(folder), point["key"], frame), answers)
+        def answered(method: Method, frame: int, given: Answers) -> None:
+            if not answers:
+                return
+            hand_over(handed_path(Path(folder), point["key"], frame), given)
             if point.get("maps"):
-                keep_map(method, self.moments[frame], map_path(Path(folder), point["key"], frame))
+                keep_map(method, lit.moments[frame], map_path(Path(folder), point["key"], frame))
 
         if not self.points:
             reset_peak_resident()
-        made = MeasuredPoint(make, self.prepared, self.moments, self.size, point, self.changed, answered)
+        made = MeasuredPoint(make, lit.prepared, lit.moments, lit.size, point, lit.changed, answered)
         self.points[point["key"]] = made
-        return made.facts
+        return {**made.facts, "room": room(made.device)}
 
     def round(self, key: str, sampling: dict[str, Any]) -> dict[str, Any]:
         """One round of samples of every frame of a point."""
@@ -138,23 +171,43 @@ class Worker:
         wrong_maps: bool = False,
     ) -> dict[str, Any]:
         """Score answers that a method's worker handed over (a command for the scoring processes)."""
-        assert self.prepared is not None
+        lit = self.last
+        assert lit is not None
         if self.grader is None:
-            self.grader = Grader(self.prepared, self.moments, self.scene_argument, Path(folder), device)
+            self.grader = Grader(lit.prepared, lit.moments, lit.scene_argument, Path(folder), device)
         with CompileClock() as compiling:
             frames = self.grader.grade(key, save_answers, score, Path(picture), shows, wrong_maps)
         return {"frames": frames, "compile_s": compiling.seconds}
 
-    def free(self, key: str | None = None) -> dict[str, Any]:
-        """Free one point, or the scene and all of its points."""
+    def free(self, key: str | None = None, light: str | None = None) -> dict[str, Any]:
+        """Free one point, and the lighting ``light`` with it, or the scene and all of its points."""
+        made = None
         if key is None:
-            self.points.clear()
-            self.moments.clear()
-            self.prepared = self.grader = None
+            self._forget_lightings()
+            self.base.clear()
         else:
-            self.points.pop(key, None)
+            made = self.points.pop(key, None)
+            if light is not None:
+                self.lit.pop(light, None)
+        device = "cpu" if made is None else made.device
+        del made
         give_back_memory()
-        return {}
+        return {"room": room(device)}
+
+    def _forget_lightings(self) -> None:
+        self.points.clear()
+        self.lit.clear()
+        self.last = self.grader = None
+
+
+def room(device: str) -> float:
+    """The share of a device's memory that is free, or of the host's where that is less."""
+    host = psutil.virtual_memory()
+    share = host.available / host.total
+    if device.startswith("cuda"):
+        card = wp.get_device(device)
+        share = min(share, card.free_memory / card.total_memory)
+    return share
 
 
 def is_within(moment: Moment) -> bool:

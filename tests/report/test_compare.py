@@ -6,6 +6,7 @@ import pytest
 from helpers.experiment_records import record_of, write_records
 from shadowbench.harness.report import compare, document
 from shadowbench.harness.runner.experiment import Entry
+from shadowbench.harness.scene.overrides import Lighting
 
 OURS, TREE = Entry("ray_grids", {}, "ours"), Entry("warp_bvh", {}, "tree")
 
@@ -92,3 +93,13 @@ def test_any_measure_of_a_pair_is_over_the_common_frames(tmp_path):
     shadow = (one["shadow_ms"] / other["shadow_ms"])[one["label"] == "ours"]
     assert list(shadow) == pytest.approx([0.5])
     assert list(one.index) == list(other.index)
+
+
+@pytest.mark.parametrize(("starts", "said"), [((1, 2, 3, 4), 1), ((1, 3, 2, 4), 0), ((0, 0, 0, 0), 0)])
+def test_lightings_that_were_not_measured_in_turn_are_named(tmp_path, starts, said):
+    lights = [Lighting("one", count=1), Lighting("two", count=2)]
+    records = [record_of("effects", entry, lighting=light) for light in lights for entry in (OURS, TREE)]
+    for record, start in zip(records, starts, strict=True):
+        record["frames"][0]["started"] = [float(start)]
+    frames = document.frames(write_records(tmp_path, records))
+    assert compare.in_sequence(frames) == [compare.ONE_BY_ONE] * said

@@ -16,7 +16,7 @@ from helpers.tiny_runs import TETRAHEDRON
 from shadowbench.harness.commands.explain import explain
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.runner import runner as run_module
-from shadowbench.harness.runner import turns
+from shadowbench.harness.runner import turns, workers
 from shadowbench.harness.runner.machine_lock import EXCLUSIVE, FOLDER, FREE, MACHINE, SHARED, MachineLock
 from shadowbench.harness.runner.progress import Silent
 
@@ -261,20 +261,22 @@ def test_a_run_takes_its_rounds_alone_and_does_the_rest_shared(tmp_path, monkeyp
     from shadowbench.harness.commands.run import plan_run
 
     lock = MachineLock(tmp_path)
-    for module in (run_module, turns):
+    for module in (run_module, turns, workers):
         monkeypatch.setattr(module, "MACHINE", lock)
     sent: list[tuple[str, bool, int]] = []
 
-    class Watching(run_module.Run):
-        def _send(self, worker, **command):
-            super()._send(worker, **command)
-            sent.append((command["do"], worker.name.startswith(run_module.GRADER), lock.held))
+    def watched(crew, worker, **command):
+        send(crew, worker, **command)
+        sent.append((command["do"], workers.grades(worker.name), lock.held))
+
+    send = workers.Workers.send
+    monkeypatch.setattr(workers.Workers, "send", watched)
 
     options = plan_run(
         "table1", "quick", "cpu", ["cloth"], ["warp_bvh"], out=tmp_path / "out", size="32x32",
         overrides={"frames": 1, "rounds": 2, "budget_s": 1.0},
     )  # fmt: skip
-    Watching(options, Silent()).go()
+    run_module.Run(options, Silent()).go()
     kinds = {kind for kind, _, _ in sent}
     assert {"load", "prepare", "round", "grade", "free"} <= kinds
     for kind, grades, held in sent:

@@ -125,7 +125,7 @@ def test_the_estimate_holds_within_a_factor_of_two(seconds):
             assert 0.5 < estimate.left() / rest < 2.0
 
 
-def test_a_run_has_an_estimate_after_every_round_and_every_scene(tmp_path):
+def test_a_run_has_an_estimate_after_preparing_after_every_round_and_every_scene(tmp_path):
     class Estimates(Silent):
         def __init__(self):
             self.given: list[float] = []
@@ -137,9 +137,9 @@ def test_a_run_has_an_estimate_after_every_round_and_every_scene(tmp_path):
     twice = replace(chosen.preset, also=(replace(chosen.preset, width=9),))
     report = Estimates()
     Run(replace(chosen, preset=twice), report).go()
-    assert len(report.given) == 2 * (3 + 1)
-    assert all(seconds > 0 for seconds in report.given[:-1])
-    assert report.given[-1] == 0.0
+    assert len(report.given) == 2 * (1 + 3 + 1)
+    assert all(seconds > 0 for seconds in report.given[:-2])
+    assert report.given[-2:] == [0.0, 0.0], "after the last round there is nothing left"
 
 
 def test_small_scenes_are_measured_first_and_records_come_in_the_order_declared(tmp_path):

@@ -108,7 +108,7 @@ def test_a_second_run_measures_nothing_and_changes_no_byte(troubled, scene):
     runner = Run(options(out, [scene], entries, timeout_s=3.0), Silent())
     again = runner.go()
     assert [r.status for r in again] == ["ok", "timeout"]
-    assert runner.workers == {}
+    assert runner.workers.started == set()
     assert {p: p.read_bytes() for p in (out / "records").iterdir()} == before
 
 
@@ -158,8 +158,8 @@ def test_retry_measures_failed_points_only(troubled, scene, tmp_path):
     assert [r.status for r in runner.go()] == ["ok", "failed"]
     assert (kept.read_bytes(), kept.stat().st_mtime_ns) == (before, written)
     assert failed.stat().st_mtime_ns > earlier
-    assert "raises" in runner.workers
-    assert "steady" not in runner.workers
+    assert "raises" in runner.workers.started
+    assert "steady" not in runner.workers.started
 
 
 @pytest.mark.parametrize("change", [{"width": 9}, {"samples": 4}, {"frames": 1, "rounds": 1}])

@@ -1,0 +1,173 @@
+"""The worker processes of a run: what each has loaded, and which prepared points they hold in memory.
+
+The points of a scene are measured in turn, whatever their method and lighting, so each worker keeps its points prepared.
+Where memory gets short, the points that were not used for longest are freed, and prepared again when their turn comes.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..results.folder import ResultsFolder
+from ..scene.overrides import Lighting
+from .job import Job, Options
+from .machine_lock import MACHINE
+from .protocol import LOAD_S, load_command, prepare_command
+from .worker_process import Remote, WorkerError, WorkerLostError
+
+GRADER = "grading"
+"""The name of the worker that makes scenes and scores answers; no method may have this name. Further ones get a number."""
+
+ROOM = 0.2
+"""Share of the memory of the device, and of the host, that is kept free by freeing other points."""
+
+
+class Workers:
+    """The workers by name: a method's, or :data:`GRADER`. ``options``: of the presets under way."""
+
+    def __init__(self, folder: ResultsFolder, options: Options):
+        self.folder, self.options = folder, options
+        self._remotes: dict[str, Remote] = {}
+        self._loaded: dict[tuple[str, str], int] = {}
+        """The generation of the worker that has loaded a lighting, by worker and label."""
+        self._held: dict[Job, None] = {}
+        """Jobs that are prepared, the one that was not used for longest first."""
+
+    def get(self, name: str) -> Remote:
+        """A worker, which starts with its first command."""
+        if name not in self._remotes:
+            self._remotes[name] = Remote(name, self.folder.log(name))
+        return self._remotes[name]
+
+    @property
+    def started(self) -> set[str]:
+        """The names of the workers whose process was started at least once."""
+        return {name for name, worker in self._remotes.items() if worker.generation}
+
+    # --- commands ---
+
+    def command(self, worker: Remote, **command: Any) -> dict[str, Any]:
+        """Send a command and wait for its reply."""
+        timeout = self.options.preset.timeout_s
+        self.send(worker, **command)
+        return self.reply(worker, max(timeout, LOAD_S) if command["do"] == "load" else timeout)
+
+    def send(self, worker: Remote, **command: Any) -> None:
+        """Send a command. It runs under the machine lock of this process, else under the worker's."""
+        worker.send(**command, share=not MACHINE.held)
+
+    def reply(self, worker: Remote, timeout: float) -> dict[str, Any]:
+        """The reply to the command sent last. Raises :class:`~.errors.UserError` if the folder cannot be written."""
+        try:
+            return worker.receive(timeout)
+        except WorkerError as error:
+            if error.status == "unwritable":
+                raise self.folder.unwritable(error.reason) from error
+            raise
+
+    def _tell(self, worker: Remote, **command: Any) -> dict[str, Any]:
+        """Send a command whose failure affects no point: the worker is stopped if it fails. Its reply, or nothing."""
+        if not worker.running:
+            return {}
+        try:
+            return self.command(worker, **command)
+        except WorkerLostError:
+            pass
+        except WorkerError:
+            worker.stop()
+        return {}
+
+    # --- scenes ---
+
+    def make(
+        self, scene: str, lighting: Lighting, methods: set[str]
+    ) -> tuple[dict[str, Any], dict[str, WorkerError]]:
+        """Have the grader make a scene, and the workers of ``methods`` read it: its facts, and the workers that failed.
+
+        Raises :class:`WorkerError` if it cannot be made.
+        """
+        with self.folder.writing():
+            self.folder.shared_scene().parent.mkdir(parents=True, exist_ok=True)
+        made = self._load(GRADER, scene, lighting, make=True)
+        lost = {}
+        asked = [(method, self.get(method)) for method in sorted(methods)]
+        for method, worker in asked:
+            self.send(worker, **self._load_command(method, scene, lighting))
+        for method, worker in asked:
+            try:
+                self.reply(worker, max(LOAD_S, self.options.preset.timeout_s))
+                self._loaded[method, lighting.label] = worker.generation
+            except WorkerError as error:
+                lost[method] = error
+        return {**made["scene"], "load_s": made["load_s"]}, lost
+
+    def ensure_loaded(self, name: str, job: Job) -> None:
+        """Have a worker load the scene of a job with its lighting, unless it has."""
+        worker = self.get(name)
+        if not worker.running or self._loaded.get((name, job.lighting.label)) != worker.generation:
+            self._load(name, job.scene, job.lighting)
+
+    def _load(self, name: str, scene: str, lighting: Lighting, make: bool = False) -> dict[str, Any]:
+        worker = self.get(name)
+        if grades(name):
+            self._loaded = {known: start for known, start in self._loaded.items() if known[0] != name}
+        reply = self.command(worker, **self._load_command(name, scene, lighting, make))
+        self._loaded[name, lighting.label] = worker.generation
+        return reply
+
+    def _load_command(self, name: str, scene: str, lighting: Lighting, make: bool = False) -> dict[str, Any]:
+        # A grader scores one lighting after another; a method's worker measures all in turn.
+        return {**load_command(self.options, self.folder, lighting, scene, make), "alone": grades(name)}
+
+    # --- points ---
+
+    def prepare(self, job: Job, answers: bool) -> dict[str, Any] | None:
+        """Have a job's worker prepare it, unless it has: what there is to note, or None. ``answers``: hand them over."""
+        worker = self.get(job.method)
+        if worker.running and worker.generation == job.generation:
+            self._held[job] = self._held.pop(job, None)
+            return None
+        self.ensure_loaded(job.method, job)
+        reply = self.command(worker, **prepare_command(self.options, job, answers))
+        job.generation = worker.generation
+        self._held[job] = None
+        self._make_room(job, reply.pop("room"))
+        return reply
+
+    def _make_room(self, job: Job, room: float) -> None:
+        """Free other points until a share of :data:`ROOM` of the memory is free, or only ``job`` is left."""
+        for other in [one for one in self._held if one is not job]:
+            if room >= ROOM:
+                return
+            room = self.free(other).get("room", room)
+
+    def free(self, job: Job) -> dict[str, Any]:
+        """Free a point, and its lighting where its worker holds no other point with that; its worker's reply, if any."""
+        self._held.pop(job, None)
+        job.generation = 0
+        place = (job.method, job.lighting.label)
+        last = all((one.method, one.lighting.label) != place for one in self._held)
+        if last:
+            self._loaded.pop(place, None)
+        light = job.lighting.label if last else None
+        return self._tell(self.get(job.method), do="free", key=job.point.key, light=light)
+
+    def clear(self) -> None:
+        """Free the scene and all its points, in all workers."""
+        self._held.clear()
+        self._loaded.clear()
+        for worker in self._remotes.values():
+            self._tell(worker, do="free")
+
+    def stop(self) -> None:
+        """End all processes, and remove the scene that they shared."""
+        for worker in self._remotes.values():
+            worker.stop()
+        for path in (self.folder.path / "journal").glob("scene-*.npz"):
+            if path.stem.removeprefix("scene-").isdecimal():
+                path.unlink(missing_ok=True)
+
+
+def grades(name: str) -> bool:
+    """Whether this is the name of a worker that scores answers."""
+    return name == GRADER or name.startswith(f"{GRADER}-")

@@ -1,0 +1,80 @@
+"""The points of a scene are measured in turn, whatever their method and lighting."""
+
+from __future__ import annotations
+
+import pytest
+from helpers.tiny_runs import options, write_scene
+from shadowbench.harness.runner import workers
+from shadowbench.harness.runner.experiment import Entry
+from shadowbench.harness.runner.progress import Silent
+from shadowbench.harness.runner.runner import Run
+from shadowbench.harness.scene.overrides import Lighting
+
+LIGHTINGS = (Lighting("one", count=1), Lighting("two", count=2), Lighting("moved", count=1, moved="all"))
+ENTRIES = [Entry("warp_bvh", {}, "a"), Entry("warp_bvh", {"leaf_size": "8"}, "b")]
+
+
+@pytest.fixture
+def chosen(tmp_path):
+    scene = write_scene(tmp_path / "scene-1.obj")
+    return options(tmp_path / "out", [scene], ENTRIES, frames=1, lightings=LIGHTINGS, score=True)
+
+
+class Stops(Silent):
+    """Stops the run, as Ctrl-C does, at the given step."""
+
+    def __init__(self, step: int):
+        self.step, self.measured = step, 0
+
+    def doing(self, what, who=""):
+        self.measured += "measuring" in what
+        if self.measured == self.step:
+            raise KeyboardInterrupt
+
+
+def order(records):
+    """The lighting of each round of each point in the order of time, as pairs of round and label."""
+    rounds = [
+        (r["started"], r["round"], one.scene["lighting"]["label"]) for one in records for r in one.rounds
+    ]
+    return [(number, label) for _, number, label in sorted(rounds)]
+
+
+def test_every_lighting_has_its_first_round_before_any_has_its_second(chosen):
+    records = Run(chosen, Silent()).go()
+    taken = order(records)
+    assert [number for number, _ in taken] == [0] * 6 + [1] * 6
+    assert {label for _, label in taken[:6]} == {"one", "two", "moved"}
+    labels = [label for _, label in taken]
+    assert labels[:6] == labels[6:][::-1]
+    assert [one.scene["lighting"]["label"] for one in records] == ["one"] * 2 + ["two"] * 2 + ["moved"] * 2
+    assert all(one.frames[0].score for one in records)
+    assert list((chosen.out / "journal").iterdir()) == []
+
+
+def test_an_interrupted_run_of_lightings_takes_only_the_missing_rounds(chosen):
+    with pytest.raises(KeyboardInterrupt):
+        Run(chosen, Stops(8)).go()
+    again = Stops(-1)
+    records = Run(chosen, again).go()
+    assert again.measured == 12 - 7
+    assert [(one.status, len(one.rounds)) for one in records] == [("ok", 2)] * 6
+    assert all(one.frames[0].score for one in records)
+    assert list((chosen.out / "journal").iterdir()) == []
+
+
+def test_where_memory_is_short_a_worker_holds_one_point_at_a_time(chosen, monkeypatch):
+    held = []
+    command = workers.Workers.command
+
+    def watched(self, worker, **sent):
+        if sent["do"] == "round":
+            held.append(len(self._held))
+        return command(self, worker, **sent)
+
+    monkeypatch.setattr(workers.Workers, "command", watched)
+    monkeypatch.setattr(workers, "ROOM", 2.0)
+    records = Run(chosen, Silent()).go()
+    assert held == [1] * 12
+    assert [(one.status, len(one.rounds)) for one in records] == [("ok", 2)] * 6
+    assert all(one.frames[0].score for one in records)
