@@ -74,7 +74,7 @@ def steps_of(preset: Preset) -> int:
 
 @dataclass(frozen=True)
 class Unit:
-    """The points of a scene with one lighting.
+    """The points of a scene, of all methods with all lightings.
 
     work    of each point (:func:`expected_work`)
     points  how many there are
@@ -87,8 +87,9 @@ class Unit:
 
     @classmethod
     def of(cls, scene: str, part: Preset) -> Unit:
-        """Those of a scene with one of the lightings of a preset."""
-        return cls(expected_work(scene, part), len(part.methods), OVERHEAD * part.budget_s)
+        """Those of a scene of a preset."""
+        points = len(part.methods) * len(part.lightings)
+        return cls(expected_work(scene, part), points, OVERHEAD * part.budget_s)
 
 
 class Estimate:
@@ -106,7 +107,7 @@ class Estimate:
     @classmethod
     def of(cls, parts: Sequence[Preset]) -> Estimate:
         """For all scenes of some presets."""
-        return cls([Unit.of(scene, part) for part in parts for scene in part.scenes for _ in part.lightings])
+        return cls([Unit.of(scene, part) for part in parts for scene in part.scenes])
 
     def finished(self, unit: Unit, measured: int, seconds: float) -> None:
         """``measured`` points of a unit were measured in ``seconds``; its others had their records."""

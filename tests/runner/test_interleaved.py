@@ -21,10 +21,14 @@ def chosen(tmp_path):
 
 
 class Stops(Silent):
-    """Stops the run, as Ctrl-C does, at the given step."""
+    """Stops the run, as Ctrl-C does, at the given step; keeps the estimates of the remaining time."""
 
-    def __init__(self, step: int):
+    def __init__(self, step: int = -1):
         self.step, self.measured = step, 0
+        self.given: list[float] = []
+
+    def left(self, seconds):
+        self.given.append(seconds)
 
     def doing(self, what, who=""):
         self.measured += "measuring" in what
@@ -41,7 +45,9 @@ def order(records):
 
 
 def test_every_lighting_has_its_first_round_before_any_has_its_second(chosen):
-    records = Run(chosen, Silent()).go()
+    report = Stops()
+    records = Run(chosen, report).go()
+    assert report.given[-2:] == [0.0, 0.0], "after the last round of the only scene there is nothing left"
     taken = order(records)
     assert [number for number, _ in taken] == [0] * 6 + [1] * 6
     assert {label for _, label in taken[:6]} == {"one", "two", "moved"}
@@ -55,7 +61,7 @@ def test_every_lighting_has_its_first_round_before_any_has_its_second(chosen):
 def test_an_interrupted_run_of_lightings_takes_only_the_missing_rounds(chosen):
     with pytest.raises(KeyboardInterrupt):
         Run(chosen, Stops(8)).go()
-    again = Stops(-1)
+    again = Stops()
     records = Run(chosen, again).go()
     assert again.measured == 12 - 7
     assert [(one.status, len(one.rounds)) for one in records] == [("ok", 2)] * 6
