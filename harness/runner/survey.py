@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,13 +19,13 @@ from .job import Options
 from .points import describe_method, make_point
 from .protocol import load_command
 from .scene_cache import known_scene
-from .workload import OVERHEAD, expected_work, guess
+from .workload import expected_work, guess
 
 
 @dataclass(frozen=True)
 class Planned:
     """A point: ``status`` of its record, "" where it is to be measured; ``sampling_s`` its record's time of samples;
-    ``guess_s`` its time by :func:`.workload.guess`.
+    ``guess`` its seconds by :func:`.workload.guess`, from a measured rate or None.
     """
 
     scene: str
@@ -32,8 +34,7 @@ class Planned:
     status: str
     sampling_s: float
     work: float
-    limit_s: float
-    guess_s: float
+    guess: Callable[[float | None], float]
 
     @property
     def to_do(self) -> bool:
@@ -68,21 +69,18 @@ def survey(options: Options) -> list[Planned]:
                             "" if record is None or again else record.status,
                             sum(one.get("spent_s", 0.0) for one in rounds),
                             expected_work(scene, part),
-                            part.budget_s,
-                            guess(scene, part, lighting.count, options.device),
+                            functools.partial(guess, scene, part, lighting.count, options.device),
                         )
                     )
     return found
 
 
 def seconds_left(points: list[Planned]) -> tuple[float, bool]:
-    """Seconds that the points to be measured may take, and whether that follows from the points of this folder;
-    otherwise it is guessed from the sizes of scenes and image."""
+    """Seconds that the points to be measured may take, and whether that follows from the points of this folder: the time of
+    their samples is known. All else, most of it on a GPU, is guessed from the sizes of scenes and image."""
     known = [p for p in points if not p.to_do and p.sampling_s]
-    if not known:
-        return sum(p.guess_s for p in points if p.to_do), False
-    rate = sum(p.sampling_s for p in known) / sum(p.work for p in known)
-    return OVERHEAD * sum(min(p.limit_s, p.work * rate) for p in points if p.to_do), True
+    rate = sum(p.sampling_s for p in known) / sum(p.work for p in known) if known else None
+    return sum(p.guess(rate) for p in points if p.to_do), bool(known)
 
 
 def duration(seconds: float) -> str:

@@ -32,8 +32,15 @@ SCENE_S = 2.0
 CPU_S = 7.5e-7
 """Seconds of one frame per unit of work on two CPU cores, roughly; a median over methods."""
 
-GPU_S = 3.5
-"""Seconds per point, frame and 2^20 pixels of a run on a GPU, nearly all of them for the exact reference on its host."""
+REFERENCE_S = 8.0
+"""Seconds of the exact reference per frame and 2^20 pixels on the host of a GPU, roughly. It is computed once for all
+methods of a scene with one lighting, so it is most of the time of an experiment with a single method."""
+
+ANSWERS_S = 1.0
+"""Seconds per point, frame and 2^20 pixels of a run on a GPU, roughly: answers are copied, written, read and compared."""
+
+ROUND_S = 0.2
+"""Seconds of the samples of a point per frame and round on a GPU, roughly; they do not depend on the scene."""
 
 UNKNOWN = 100_000
 """Assumed number of triangles if the name does not tell: a declared scene, a folder of frames."""
@@ -49,17 +56,23 @@ def expected_work(scene: str, preset: Preset) -> float:
     return frames * preset.rounds * (triangles + PIXEL * preset.width * preset.height)
 
 
-def guess(scene: str, preset: Preset, lights: int, device: str) -> float:
-    """Seconds of one point, guessed from sizes before anything is measured: right within a factor of two for the quick
-    presets of the experiments on two cores. ``lights``: how many replace the scene's own; 0: none.
+def guess(scene: str, preset: Preset, lights: int, device: str, rate: float | None = None) -> float:
+    """Seconds of one point with its part of what the points of a scene share, from sizes.
+
+    Right within a factor of two for the quick presets of the experiments on two cores, and for most paper presets on a
+    GPU. ``lights``: how many replace the scene's own; 0: none. ``rate``: measured seconds of samples per unit of work.
     """
     frames = preset.frames if scene in ANIMATED else 1
-    once = ONCE_S + SCENE_S / max(1, len(preset.methods))
+    shared, methods, more = SCENE_S, max(1, len(preset.methods)), (1 + max(1, lights)) / 2
+    work = expected_work(scene, preset)
     if device.startswith("cuda"):
-        return once + GPU_S * frames * preset.width * preset.height / 2**20
+        pixels = more * frames * preset.width * preset.height / 2**20
+        shared += REFERENCE_S * pixels
+        sampling = ROUND_S * frames * preset.rounds if rate is None else rate * work
+        return ONCE_S + shared / methods + ANSWERS_S * pixels + min(sampling, preset.budget_s)
     runs = 1 + preset.samples + preset.stage_samples + 1
-    seconds = CPU_S * runs * expected_work(scene, preset) * (1 + max(1, lights)) / 2
-    return once + min(seconds, OVERHEAD * preset.budget_s)
+    seconds = CPU_S * runs * work * more if rate is None else OVERHEAD * rate * work
+    return ONCE_S + shared / methods + min(seconds, OVERHEAD * preset.budget_s)
 
 
 def points_of(preset: Preset) -> int:
