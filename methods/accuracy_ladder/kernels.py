@@ -89,7 +89,7 @@ def make_kernels(test: str, fast_math: bool) -> tuple[Any, Any]:
         hits.t[pixel] = wp.float32(found.t)
         hits.u[pixel] = found.u
         hits.v[pixel] = found.v
-        # The shadow's origin never depends on the test: one knob at a time.
+        # The origin of a shadow ray does not depend on the test, so that each parameter changes one thing.
         corners = corners_of(mesh, found.triangle)
         hit_points[pixel] = hit_point(ray, plane_distance(ray, corners), corners)
 

@@ -1,6 +1,6 @@
 """Where a shadow ray starts: the schemes that renderers use against self-shadowing, side by side.
 
-The normal is turned to the light's side. Schemes that move the point leave nothing else to skip.
+The normal is turned to the light's side. Schemes that move the point skip no triangle.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Triangle tests to compare: from the textbook's float32 to float64, all answering (t, u, v).
 
-A hit has t > 0 in lengths of d; (u, v) are the weights of vertices 1 and 2. A miss is t = -1. Each is written as
-its authors give it; what they get wrong is what is measured.
+A hit has t > 0 in lengths of d; (u, v) are the weights of vertices 1 and 2. A miss is t = -1. Each test is written as its
+authors published it, because its errors are to be measured.
 """
 
 from __future__ import annotations

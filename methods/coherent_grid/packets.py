@@ -5,7 +5,7 @@ cells across that axis the frustum covers a rectangle; the triangles in its cell
 once (mailboxing). The packet ends when every ray has a hit in front of the next slice.
 
 Everything is in grid coordinates (:mod:`..common.grid`). What a packet covers is padded by :data:`SPREAD`: directions are
-rounded sums, so that those within a packet may lie that much outside of its corners'.
+rounded sums, so that a direction within a packet may lie outside those of its corners by that much.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ SPREAD = wp.constant(wp.float64(2.0**-20))
 """Directions are sums of two float32 vectors, rounded: off by 2^-24 of their largest part, three times."""
 
 LEAST_SHARE = wp.constant(wp.float64(0.1))
-"""Of a coherent packet's rays, the least step along the axis, as a share of the middle ray's."""
+"""Least step along the axis of a ray of a coherent packet, as a share of the middle ray's step."""
 
 AHEAD = wp.constant(wp.float64(1.0 + 2.0**-20))
 """A hit that is nearer by this factor than the end of a slice ends a ray."""
@@ -246,7 +246,7 @@ def packet_kernel(
     queue: Queue,
     tests: wp.array(dtype=wp.int64),
 ):
-    """One packet of ``side`` x ``side`` pixels a thread; one that is not coherent is traced ray by ray.
+    """One packet of ``side`` x ``side`` pixels per thread; a packet that is not coherent is traced ray by ray.
 
     stamps  int32 [triangles]: the packet that a triangle was last tested in    tests  int64 [1]: pairs tested
     """
@@ -259,7 +259,7 @@ def packet_kernel(
     whole = frustum_of(grid, camera, box)
     wide = box[2] - box[0] + 1
     number = wp.where(whole.coherent, 1, wide * (box[3] - box[1] + 1))
-    for k in range(number):  # of one call, since each is compiled into the kernel
+    for k in range(number):  # of a single call, because every call is compiled into the kernel
         part = box
         f = whole
         stamp = packet + 1

@@ -14,7 +14,8 @@ from ...harness.scene.effects import Effects
 def bounced_tests(
     frame: Frame, effects: Effects, trace: Callable[..., None], shadow: Callable[..., None]
 ) -> dict[str, int]:
-    """Triangle tests of mirrored rays and of their hits' shadow rays: traced again, counted. {} where none bounce.
+    """Triangle tests of mirrored rays and of their hits' shadow rays, which are traced again to count them. {} without
+    mirrored rays.
 
     trace   trace(tests, bounce);  shadow  shadow(light, tests, bounce): ``tests`` int32 [pixels] is filled or added to
     """

@@ -12,22 +12,22 @@ from .triangle import U32
 
 BLOCK = 256
 BLOCKS = 264
-"""Two blocks a multiprocessor of a large GPU: enough to read at full bandwidth, few enough atomics."""
+"""Two blocks per multiprocessor of a large GPU: enough to read at full bandwidth, with few atomics."""
 
 PLACES = wp.constant(1024)
-"""Warp's Morton codes have ten bits an axis."""
+"""Warp's Morton codes have ten bits per axis."""
 
 PADDED_UNITS = 16.0
-"""Units of 2^-24 of the largest coordinate: what the roundings of Warp's slab test can amount to, and more.
+"""Units of 2^-24 of the largest coordinate: more than the roundings of Warp's slab test can amount to.
 
-With M a bound on the coordinates of scene and eye, no box is further than 2 M from a ray's origin; the slab
-is wrong by at most 3 u 2 M, the rounded box by u M, a shadow origin by u M and its direction by u 2 M: 10 u M in all.
+With M a bound on the coordinates of scene and eye, no box is farther than 2 M from a ray's origin; the slab is wrong by
+at most 3 u 2 M, the rounded box by u M, a shadow origin by u M and its direction by u 2 M: 10 u M in all.
 """
 
 
 @wp.func
 def lower_box(box: wp.array(dtype=wp.float32), lane: wp.int32, low: wp.vec3f, high: wp.vec3f):
-    """Lower x, y, z, -x, -y, -z to what the threads of a block found: one reduction a block, then six atomics."""
+    """Lower x, y, z, -x, -y, -z to what the threads of a block found: one reduction per block, then six atomics."""
     x0 = wp.tile_min(wp.tile(low[0]))
     y0 = wp.tile_min(wp.tile(low[1]))
     z0 = wp.tile_min(wp.tile(low[2]))
@@ -56,7 +56,7 @@ def bounds_kernel(
     mesh: Mesh,
     box: wp.array(dtype=wp.float32),
 ):
-    """Minimum over valid triangles of x, y, z, -x, -y, -z: one reduction a block, then six atomics."""
+    """Minimum over valid triangles of x, y, z, -x, -y, -z: one reduction per block, then six atomics."""
     block, lane = wp.tid()
     low = wp.vec3f(wp.INF, wp.INF, wp.INF)
     high = wp.vec3f(-wp.INF, -wp.INF, -wp.INF)
@@ -96,7 +96,8 @@ def launch_bounds(frame: Frame, box: wp.array) -> None:
 
 @wp.func
 def aside(low: wp.vec3f, high: wp.vec3f, i: wp.int32) -> wp.vec3f:
-    """One of :data:`PLACES` points of the longest edge at the low corner of a box, another for each index in turn.
+    """One of :data:`PLACES` points on the longest edge at the low corner of a box; consecutive indices get different
+    points.
 
     Ten thousand boxes in one place have one Morton code, and Warp's rebuild on an H200 takes 25 ms for them.
     """

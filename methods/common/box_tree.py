@@ -1,4 +1,4 @@
-"""A wp.Bvh over padded boxes, rebuilt in place so that a captured graph may hold it, and the one traversal of it.
+"""A wp.Bvh over padded boxes, rebuilt in place so that a captured graph may hold it, and its traversal.
 
 Warp's slab test computes a distance with three roundings, so a ray that touches a box may be found to miss it. Boxes
 are therefore padded by what those roundings can amount to (:data:`.bounds.PADDED_UNITS`; Ize 2013, "Robust BVH Ray
@@ -30,7 +30,7 @@ def traverse(
     query: Any,
     found: Found,
 ) -> Found:
-    """Put every valid triangle whose box the ray start + t direction meets through ``test``; what was found.
+    """Call ``test`` for every valid triangle whose box the ray start + t direction meets, and return what was found.
 
     ``test`` is compiled in. It is called as test(mesh, alpha, i, query, found), as in :mod:`.ray_queries`; it may lower
     ``found.limit``, and sets ``found.done`` to end the query.
@@ -87,7 +87,7 @@ class BoxTree:
     """The boxes of a frame's triangles and the tree over them, with the passes that rebuild both.
 
     constructor  "sah", "median" or "lbvh": the order in which Warp builds it; on CUDA only "lbvh" can be rebuilt in place
-    leaf_size    triangles a leaf, at least 1
+    leaf_size    triangles per leaf, at least 1
     padding      of the boxes, in units of 2^-24 of the largest coordinate of scene and eye; 0 leaves them as they are
     box          float32 [6]: the box of all triangles, as :func:`.bounds.launch_bounds` writes it
     """

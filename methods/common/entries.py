@@ -1,13 +1,13 @@
 """Entries of contiguous arrays, read and written where they lie, 8 or 16 bytes at once.
 
-Warp's own index wraps below zero and multiplies by a stride that the launch passes: eight instructions an
-access, of the fifty that a pixel's test takes. Arrays of the frame and of the queues are contiguous, and their indices
-within: one instruction does. Indices are not checked.
+Warp's own index wraps below zero and multiplies by a stride that the launch passes: eight instructions per access, of the
+fifty that the test of a pixel takes. Arrays of the frame and of the queues are contiguous and their indices are valid, so
+that one instruction suffices. Indices are not checked.
 
-Warp's vectors promise no more alignment than their components have, so the compiler moves them one component at a
-time: four times the instructions, and where a warp's lanes lie apart four times the traffic with the second cache.
-Arrays begin on at least 64 bytes, so that elements of 16 or 8 bytes are aligned where the array is no slice of a
-narrower one and rows follow one another without gaps: those are moved at once.
+Warp's vectors are aligned only as their components are, so the compiler moves them one component at a time: four times
+the instructions, and four times the traffic with the second-level cache where the lanes of a warp access distant entries.
+Arrays begin on at least 64 bytes, so that elements of 16 or 8 bytes are aligned where the array is no slice of a narrower
+one and rows follow one another without gaps: those are moved at once.
 """
 
 from __future__ import annotations
@@ -132,7 +132,7 @@ return values.data[i];
 #endif
 """)
 def entry_now(values: wp.array(dtype=wp.uint64), i: wp.int32) -> wp.uint64:
-    """values[i], loaded here, so that other instructions hide its latency. Bypasses the first cache."""
+    """values[i], loaded here, so that other instructions hide its latency. Bypasses the first-level cache."""
 
 
 @wp.func_native("""

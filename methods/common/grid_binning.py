@@ -1,9 +1,10 @@
 """Which cells a triangle is binned into: all that come within twice the grid's slack of it, and few others.
 
 The overlap test is Schwarz & Seidel's (2010, "Fast Parallel Surface and Solid Voxelization"): the triangle's three
-projections against the projected cell, and its plane against the cell; with the cells grown by the slack. Columns
-along the axis that the triangle faces most are cut to the cells that its plane passes, so that the work goes with
-the triangle's area and not with its box. Normals and planes that rounding could turn are left out of the test.
+projections against the projected cell, and its plane against the cell; with the cells grown by the slack. Columns along
+the axis that the triangle faces most are cut to the cells that its plane passes, so that the work is proportional to the
+triangle's area and not to the volume of its box. Normals and planes whose direction rounding could change are left out of
+the test.
 
 Counting and emitting run the same kernel, because two kernels may round differently.
 """
@@ -273,7 +274,7 @@ def bin_columns(
 ):  # fmt: skip
     """One lane's part of a queued item: every ``lanes``-th column.
 
-    Which lane's pairs come first is chance; a triangle has a cell once, and the stable sort by cell leaves the
+    The order of the lanes' pairs is arbitrary; a triangle is in a cell once, and the stable sort by cell leaves the
     triangles of a cell in the order of the items, so the lists are the same in every run.
     """
     s = span_of(grid, corners)

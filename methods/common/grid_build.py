@@ -18,7 +18,8 @@ MOST_CELLS = 1 << 28
 
 
 def cells_for(triangles: int, density: float, memory: int) -> int:
-    """How many cells ``density`` cells a triangle make. Raises CapacityRejected if their lists exceed ``memory`` bytes."""
+    """The number of cells at ``density`` cells per triangle. Raises CapacityRejected if their lists exceed ``memory``
+    bytes."""
     cells = min(MOST_CELLS, max(1, int(triangles * density)))
     refuse_cells(cells, memory)
     return cells

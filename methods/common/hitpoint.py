@@ -1,13 +1,14 @@
 """Hit points in float64: where shadow rays start, by one function for every method.
 
-How far a hit point is off is what its shadow tests must allow for (:func:`hit_error`), so its error is bounded relative to
-its own size, whatever the distance of the eye and the size and shape of the triangle:
+Shadow tests must allow for the error of a hit point (:func:`hit_error`). Therefore it is bounded relative to the point's
+own coordinates, whatever the distance of the eye and the size and shape of the triangle:
 
-- o + t d is rounded once (:func:`fused`), so that it lies beside its ray by U of its own size; what t itself is off moves
-  it along the ray, and the step back onto the plane takes that away.
-- Led back onto a plane that the ray meets at an angle of sine s, a point beside its ray by x moves by x / s. And the step
-  is known as well as the normal: to 16 U e f w / |n . d| lengths of d, with e, f the edges and w the way to a corner.
-- Where either would be too much (:func:`is_flat`) sums and products are carried with what their rounding lost (the
+- o + t d is rounded once (:func:`fused`), so that it lies off its ray by U of its own size. The error of t moves it along
+  the ray, and the step back onto the plane removes that.
+- The step onto a plane that the ray meets at an angle of sine s moves a point that lies off its ray by x by x / s. The
+  step is as accurate as the normal: 16 U e f w / |n . d| lengths of d, with e, f the edges and w the distance to a
+  corner.
+- Where either would be too much (:func:`is_flat`), sums and products are carried with their rounding errors (the
   error-free transformations of Knuth and Dekker, the dot product of Ogita, Rump and Oishi 2005), and the point is rounded
   once, at the end.
 """
@@ -22,18 +23,18 @@ from ...harness.frame.vectors import largest, to_float32, to_float64, total
 U64 = wp.constant(wp.float64(1.1102230246251565e-16))  # 2^-53
 
 LEAST_STEP = wp.constant(64.0)
-"""A sixteenth of the units of the hit point's own size by which the step onto the plane may be off before more care is
-taken."""
+"""A sixteenth of the error of the step onto the plane, in units of the hit point's own size, beyond which
+:func:`flat_hit_point` is used."""
 
 HIT_UNITS = wp.constant(wp.float64(1040.0))
-"""Units of U64 of its own largest coordinate by which a hit point may be off: the step, nine of the point beside its ray
-that is led back at a sine of an eighth or more, one of rounding, and some to spare."""
+"""Bound on the error of a hit point, in units of U64 of its own largest coordinate: the step, nine for the point off its
+ray that is moved onto the plane at a sine of an eighth or more, one for rounding, and a margin."""
 
 ORIGIN_UNITS = wp.constant(wp.float64(2.0**-20))
 """Likewise of the origin's: :func:`flat_hit_point` rounds a step of 2^-23 of the way from there."""
 
 STEEP = wp.constant(wp.float64(2.0**-20))
-"""Least slope, as a share of the products that it is a sum of, at which a hit point may be rounded (:func:`is_vague`)."""
+"""Least slope at which a hit point may be rounded (:func:`is_vague`), as a share of the products whose sum it is."""
 
 LEADING = wp.constant(wp.uint64(0xFFFFFFFFE0000000))
 """Of a float64 the sign, the exponent and 23 bits of the fraction: times a float32 it is exact."""
@@ -143,9 +144,9 @@ def is_vague(ray: Ray, corners: Corners) -> wp.bool:
 def steep_hit_point(ray: Ray, t: wp.float64, corners: Corners) -> wp.vec3d:
     """:func:`hit_point` where the ray is not flat.
 
-    t is as uncertain as the way from o to the corner that it was computed from is long: of a large triangle that may
-    be far more than the hit point's own rounding. One step of Newton's from the corner nearest to the point leaves what
-    its distance to that corner accounts for.
+    The error of t is proportional to the distance from o to the corner that t was computed from. For a large triangle
+    that may be far more than the hit point's own rounding. After one Newton step from the corner nearest to the point,
+    the error is proportional to the distance from that corner.
     """
     d64 = to_float64(ray.direction)
     a64 = to_float64(corners.a)
@@ -188,13 +189,14 @@ def precise_height(ab: wp.vec3d, ac: wp.vec3d, w: wp.vec3d, w_lost: wp.vec3d) ->
 
 @wp.func
 def flat_hit_point(ray: Ray, t: wp.float64, corners: Corners) -> wp.vec3d:
-    """:func:`hit_point` where the ray is flat: nothing is rounded before the end but what is far too small to matter."""
+    """:func:`hit_point` where the ray is flat: before the end, only terms are rounded that are far too small to
+    matter."""
     o64 = to_float64(ray.origin)
     d64 = to_float64(ray.direction)
     a64 = to_float64(corners.a)
     b64 = to_float64(corners.b)
     c64 = to_float64(corners.c)
-    # A shorter t, whose product with d is exact: what it is short of, the step to the plane makes up for.
+    # t with fewer bits, so that its product with d is exact. The step to the plane corrects the difference.
     way = d64 * wp.cast(wp.cast(t, wp.uint64) & LEADING, wp.float64)
     p = o64 + way
     p_lost = lost_in_sum(o64, way, p)

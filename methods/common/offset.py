@@ -1,11 +1,11 @@
-"""Shadow origins for queries that only take a float32 ray and cannot skip a triangle (Embree, Warp's Mesh).
+"""Origins of shadow rays for queries that take only a float32 ray and cannot skip a triangle (Embree, Warp's Mesh).
 
-The origin is the float64 hit point moved off its triangle's plane, towards the light's side, by a bound on what
-the query's own float32 arithmetic can be wrong by, then rounded outward. The bound is Pharr, Jakob & Humphreys'
-(PBRT, 4th edition, section 6.8): gamma_7 = 7 u / (1 - 7 u) times the coordinates that the query subtracts and
-multiplies, projected on the normal; no fixed epsilon, so it scales with the scene. A query that finds its distance
-from edge functions (Woop's shear) rounds each of them too, which a small triangle in the query's projection
-magnifies: their errors, carried through the same formula, are the larger part of its bound.
+The origin is the float64 hit point moved off its triangle's plane, towards the light's side, by a bound on the error of
+the query's own float32 arithmetic, then rounded outward. The bound is Pharr, Jakob & Humphreys' (PBRT, 4th edition,
+section 6.8): gamma_7 = 7 u / (1 - 7 u) times the coordinates that the query subtracts and multiplies, projected on the
+normal; no fixed epsilon, so it scales with the scene. A query that finds its distance from edge functions (Woop's shear)
+rounds each of them too, which a small triangle in the query's projection magnifies: their errors, carried through the
+same formula, are the larger part of its bound.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ INTEGER_STEP = wp.constant(256.0)
 def edge_error(
     px: wp.float64, py: wp.float64, qx: wp.float64, qy: wp.float64, p: wp.vec2d, q: wp.vec2d
 ) -> wp.float64:
-    """What p x q in float32 may be wrong by; ``p``, ``q`` bound the errors of (px, py) and (qx, qy)."""
+    """Bound on the error of p x q in float32; ``p``, ``q`` bound the errors of (px, py) and (qx, qy)."""
     return (
         wp.abs(px) * q[1] + p[0] * wp.abs(qy) + wp.abs(py) * q[0] + p[1] * wp.abs(qx)
         + wp.float64(2.0) * UNIT * (wp.abs(px * qy) + wp.abs(py * qx))
@@ -44,11 +44,12 @@ def edge_error(
 
 @wp.func
 def sheared_error(h: wp.vec3d, way: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> wp.float64:
-    """How far from the plane Woop's float32 distance along ``way`` may still see it from h: a bound, scene units.
+    """Bound on the distance of h from the plane at which Woop's float32 test along ``way`` may still report a hit, in
+    scene units.
 
     The distance is sum(E_i z_i) / sum(E_i), with E_i the edge functions of the sheared corners. Each rounding of
-    corner, shear, product and sum is carried through; divided by the sum, and projected on the normal, what is
-    left is the numerator's error over twice the triangle's area.
+    corner, shear, product and sum is carried through; divided by the sum and projected on the normal, this is the
+    numerator's error over twice the triangle's area.
     """
     kz = wp.int32(0)
     if wp.abs(way[1]) > wp.abs(way[kz]):

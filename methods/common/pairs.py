@@ -1,6 +1,6 @@
 """(triangle, cell) pairs: count, scan, emit, radix sort by cell, cell lists. Kalojanov & Slusallek 2009.
 
-One thread a triangle counts its cells; an int64 scan gives each triangle its place and the total, which is what
+One thread per triangle counts its cells; an int64 scan gives each triangle its place and the total, which is what
 the frame *needs*; writers check the capacity and drop nothing silently, because the harness reads the need and
 repeats the frame with more room. The sort runs at capacity (its length is fixed in a captured graph); unused
 places carry the key ``cells``, which sorts behind every real one.

@@ -1,4 +1,4 @@
-"""Which pixel a thread takes: plain rows, or blocks of 8x4 so that the 32 threads of a warp trace rays that agree."""
+"""Which pixel a thread takes: plain rows, or blocks of 8x4 so that the 32 threads of a warp trace similar rays."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def thread_count(width: int, height: int, blocks: bool) -> int:
 
 @wp.func
 def tile_pixel(k: wp.int32, width: wp.int32, height: wp.int32) -> wp.vec2i:
-    """Column and row of a thread's pixel, 8 x 4 pixels a warp, or -1: neighbours on the image mostly share a cell."""
+    """Column and row of a thread's pixel, 8 x 4 pixels per warp, or -1: neighbours on the image mostly share a cell."""
     across = (width + 7) >> 3
     tile = k >> 5
     # Unsigned division has no case for negative numbers.

@@ -1,9 +1,9 @@
-"""The kernels that trace one ray a pixel through any structure: closest hits and shadow bits.
+"""The kernels that trace one ray per pixel through any structure: closest hits and shadow bits.
 
 A structure brings its struct of arrays and a ``walk``: walk(test, structure, mesh, alpha, start, direction, end, own,
-query) puts the triangles that the ray start + t direction, 0 <= t <= end, may meet through ``test``
-(:mod:`.ray_queries`), nearest first where it can, and returns what was found. start and direction are vec3d; triangle
-``own`` is left out (-1: none).
+query) calls ``test`` (:mod:`.ray_queries`) for the triangles that the ray start + t direction, 0 <= t <= end, may meet,
+nearest first where it can, and returns what was found. start and direction are vec3d; triangle ``own`` is left out (-1:
+none).
 """
 
 # Annotations are evaluated here: the struct is an argument of the factory, which Warp could not look up by its name.
@@ -33,7 +33,7 @@ FOREVER = wp.constant(wp.float64(wp.inf))
 def make_primary_kernel(structure_type: Any, walk: Any, registers: int = 0) -> Any:
     """Closest hit of each pixel: nearest by float64 t, ties to the lowest index. Empty ``tests``: not counted.
 
-    ``registers``: what a thread may take on a GPU; 0: as many as the compiler wants.
+    ``registers``: limit of registers per thread on a GPU; 0: the compiler decides.
     """
     limit = {"cuda_max_registers": registers} if registers else {}
 

@@ -25,7 +25,7 @@ def check_registers(registers: int) -> None:
 
 
 class PixelRays:
-    """The rays of a frame, one a pixel, light and bounce, through one structure.
+    """The rays of a frame through one structure: one per pixel, light and bounce.
 
     structure  the struct that the kernels take; primary, shadow: of :mod:`.ray_kernels`
     swizzle    whether 32 consecutive threads trace a block of 8x4 pixels, or 32 pixels of a row
@@ -62,7 +62,8 @@ class PixelRays:
         )
 
     def tests_per_pixel(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """Triangle tests of each pixel's primary ray and of its shadow rays: the last frame traced again, counted."""
+        """Triangle tests of each pixel's primary ray and of its shadow rays. The last frame is traced again to count
+        them."""
         primary = wp.zeros(self._frame.pixels, dtype=wp.int32, device=self._frame.device)
         shadow = wp.zeros_like(primary)
         self.launch_primary(primary)

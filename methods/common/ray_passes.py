@@ -1,4 +1,4 @@
-"""The passes of shadow rays, for methods that trace one ray a pixel and light."""
+"""The passes of shadow rays, for methods that trace one ray per pixel and light."""
 
 from __future__ import annotations
 

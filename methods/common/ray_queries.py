@@ -1,8 +1,8 @@
 """The tests of one triangle that every structure's queries share: is it the closest hit, does it occlude the light?
 
 A query is a loop over candidate triangles, in whatever order its structure yields them. Each candidate goes through one
-of the functions below, which take what has been found so far and return what has been found with it. The answer does
-not depend on the order, nor on how often a triangle comes by: float32 rejects, float64 decides (:mod:`.triangle`,
+of the functions below, which take what has been found so far and return what has been found with it. The answer does not
+depend on the order, nor on how often a triangle is tested: float32 rejects, float64 decides (:mod:`.triangle`,
 :mod:`.segment`).
 
 All have the same form, test(mesh, alpha, i, query, found), so that a traversal takes any of them

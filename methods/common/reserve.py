@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 BEYOND = 2**30
 """The place of everything from here on: no list of 32-bit places has more room (:func:`.pairs.grown`)."""
 
-# As unsigned numbers, so that what has turned negative is beyond as well: written, it would be before the list. On the
-# GPU by the one lane that counts: after the shuffle, it made the compiler unroll the loops around it.
+# As unsigned numbers, so that a negative place is beyond as well: written to, it would lie before the list. On the
+# GPU the one lane that counts does this: after the shuffle, it made the compiler unroll the loops around it.
 WITHIN = f"base = (unsigned int)base < {BEYOND}u ? base : {BEYOND};"
 
 # Summed bit by bit, not lane by lane: numbers are short, and a vote of some lanes costs a quarter of their shuffle.

@@ -67,7 +67,7 @@ def screen_scale(tx: wp.float32, ty: wp.float32, width: wp.int32, height: wp.int
 
 @wp.func
 def in_front(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> wp.bool:
-    """Whether every vertex lies so far before the eye's plane that its projection is known."""
+    """Whether every vertex lies far enough in front of the eye's plane for its projection to be known."""
     return a[2] > 1.0e-4 * largest(a) and b[2] > 1.0e-4 * largest(b) and c[2] > 1.0e-4 * largest(c)
 
 

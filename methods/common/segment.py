@@ -1,8 +1,8 @@
 """The shadow test that all exact methods share: float32 rejects, float64 decides, as :mod:`.triangle` does for rays.
 
 A shadow ray is the open segment from a hit point to a light. It is tested against planes through the light and each
-edge, since all shadow rays of a light meet there, evaluated relative to an end of the edge: right at any distance of
-the light. The hit point is float64 and rounded; each test states what its bound allows for that.
+edge, since all shadow rays of a light meet there, evaluated relative to an end of the edge, so that the test is valid at
+any distance of the light. The hit point is float64 and rounded; each test states the error of it that its bound covers.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from .triangle import CLOSED, FLOOR32, OVERFLOW, U32, U64, certainly_outside, la
 def may_occlude(h: wp.vec3f, light: wp.vec3f, corners: Corners, h_error: wp.float32) -> wp.bool:
     """False only if the open segment h-light certainly misses the triangle.
 
-    Planes through the light and each edge, evaluated relative to an end of the edge: right at any distance of
-    the light. ``h_error`` bounds |h - the float64 hit point| in each coordinate.
+    Planes through the light and each edge, evaluated relative to an end of the edge: valid at any distance of the light.
+    ``h_error`` bounds |h - the float64 hit point| in each coordinate.
     """
     la = corners.a - light
     lb = corners.b - light
@@ -55,8 +55,9 @@ def may_occlude(h: wp.vec3f, light: wp.vec3f, corners: Corners, h_error: wp.floa
 def plane_crosses_segment(h: wp.vec3d, light: wp.vec3f, corners: Corners, origin_size: wp.float64) -> wp.bool:
     """Whether the plane of the triangle crosses the open segment from the hit point h to the light.
 
-    A plane that h may lie in, given what h itself may be off (:func:`.hitpoint.hit_error`), does not, nor does one that
-    holds the light within rounding. ``origin_size`` is the largest coordinate of the origin of the ray that found h.
+    A plane that h may lie in, given the error of h (:func:`.hitpoint.hit_error`), does not count as crossing, nor does
+    one that contains the light within rounding. ``origin_size`` is the largest coordinate of the origin of the ray that
+    found h.
     """
     a = to_float64(corners.a)
     ab = to_float64(corners.b) - a

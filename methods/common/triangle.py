@@ -11,8 +11,8 @@ weights of vertices 1 and 2; the shadow segment is open at the hit point and at 
 Bounds: u32 = 2^-24 and u64 = 2^-53 are the unit roundoffs. For e = d . ((p - o) x (q - p)) with exact inputs,
 every difference carries one rounding, every product one, and at most three additions follow, so that
 |error| <= 8 u * sum_i |d_i| (|P_j Q_k| + |P_k Q_j|) <= 16 u |d|_1 |P|_max |Q|_max. Fused multiply-adds only round
-less. FLOOR covers underflow. Where a product of lengths nears float32's largest number (OVERFLOW) nothing is certain:
-an infinity of the wrong sign would be.
+less. FLOOR covers underflow. Where a product of lengths comes near float32's largest number (OVERFLOW), nothing counts as
+certain, because an infinity could have the wrong sign.
 """
 
 from __future__ import annotations
@@ -44,8 +44,9 @@ The triangle is closed, so doubt counts as inside: six edges that meet at a vert
 that lets a ray exactly through the vertex pass. The doubt is the bound on rounding. As a share of the sum that is 16 u64
 times distance over height of the triangle: no more than this for triangles seen from up to half a million times their
 height. (Of a shadow segment, the distance is the hit point's, not the light's.) From farther away such a ray may pass: of
-fans of six, aimed at exactly, none of 200,000 let it pass at 1e7 edge lengths and 78 at 1e8, where a step of a float32
-direction is six edges long. It stays a share of the sum there, so that a ray almost in the plane does not hit far beside.
+200,000 rays aimed exactly at the centre of a fan of six triangles, none passed at 1e7 edge lengths and 78 at 1e8, where a
+step of a float32 direction is six edges long. It stays a share of the sum there, so that a ray almost in the plane does
+not hit far from the triangle.
 """
 
 
@@ -59,7 +60,7 @@ def certainly_outside(e0: wp.float32, e1: wp.float32, e2: wp.float32, bound: wp.
 
 @wp.func
 def may_hit(ray: Ray, corners: Corners) -> wp.bool:
-    """False only if the ray's line certainly misses the triangle. Float32; t is not looked at."""
+    """False only if the ray's line certainly misses the triangle. Float32; t is not tested."""
     d = ray.direction
     pa = corners.a - ray.origin
     pb = corners.b - ray.origin
@@ -114,7 +115,7 @@ def edge_error(o: wp.vec3d, d: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) 
 def hit_distance(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.float64:
     """t > 0 of the hit in lengths of the direction, or NO_HIT. Float64 on exact float32 inputs.
 
-    A triangle whose plane holds the origin within rounding is not hit, nor is one whose plane holds the direction.
+    A triangle whose plane contains the origin within rounding is not hit, nor is one whose plane contains the direction.
     """
     o64 = to_float64(ray.origin)
     d64 = to_float64(ray.direction)
