@@ -44,8 +44,7 @@ class Build:
 
     padding    by how much boxes are larger than their triangles: "none", as in most engines; "3_ulp": 3 ulp of the
                largest coordinate, as is commonly advised; "rounding": a bound on the rounding of Warp's slab test, as in
-               the
-               exact tree
+               the exact tree
     leaf_size  triangles per leaf
     fast_math  whether the compiler may reorder, contract and approximate float arithmetic
     """

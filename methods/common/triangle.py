@@ -44,9 +44,9 @@ The triangle is closed, so doubt counts as inside: six edges that meet at a vert
 that lets a ray exactly through the vertex pass. The doubt is the bound on rounding. As a share of the sum that is 16 u64
 times distance over height of the triangle: no more than this for triangles seen from up to half a million times their
 height. (Of a shadow segment, the distance is the hit point's, not the light's.) From farther away such a ray may pass: of
-200,000 rays aimed exactly at the centre of a fan of six triangles, none passed at 1e7 edge lengths and 78 at 1e8, where a
-step of a float32 direction is six edges long. It stays a share of the sum there, so that a ray almost in the plane does
-not hit far from the triangle.
+200,000 fans of six triangles with a ray aimed exactly at their centre, none let it pass at 1e7 edge lengths and 78 at
+1e8, where a step of a float32 direction is six edges long. It stays a share of the sum there, so that a ray almost in the
+plane does not hit far from the triangle.
 """
 
 

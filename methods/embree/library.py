@@ -1,4 +1,4 @@
-"""Embree's own C interface, through ctypes: the library that the wheel of embreex carries.
+"""Embree's own C interface, through ctypes: the library that is in the wheel of embreex.
 
 embreex exposes neither build quality, refit, packets nor thread counts. Names and numbers are those of ``embree4/rtcore.h``
 (Embree 4 API reference). The major version is asserted when the library is loaded.
@@ -144,7 +144,7 @@ class TriangleScene:
         self._device, self._library = device, device._library
         lib, level = self._library, QUALITIES["low" if refit else quality]
         self._faces = np.ascontiguousarray(faces, dtype=np.uint32)
-        # Embree reads a vertex with 16 bytes.
+        # Embree reads 16 bytes per vertex.
         self._memory = np.zeros(3 * len(points) + 4, dtype=np.float32)
         self._points = self._memory[: 3 * len(points)].reshape(-1, 3)
         self._points[:] = points

@@ -35,10 +35,10 @@ UPDATES = ("rebuild", "refit", "static")
 RAYS = ("single", "packet16")
 
 PARTS_PER_THREAD = 4
-"""The image is cut into this many parts a thread, so that a slow part does not hold up the others."""
+"""The image is cut into this many parts per thread, so that a slow part does not delay the end."""
 
 SMALLEST_PART = 64
-"""Blocks of pixels; below this a part costs more to schedule than to trace."""
+"""Fewest blocks of pixels in a part: a smaller part costs more to schedule than to trace."""
 
 
 @dataclass(frozen=True)
@@ -191,8 +191,8 @@ class Embree(BaseMethod):
     def _refit(self) -> None:
         """Copy the vertices and commit: Embree builds or refits, as the scene was made. Other flags need a new scene.
 
-        What is refitted is the first frame's tree, again after frames with other flags: a frame does not depend on those
-        before it.
+        The tree of the first frame is refitted, also after frames with other flags, so that a frame does not depend on
+        those before it.
         """
         points, valid = self._frame.points.numpy(), self._frame.valid.numpy()
         same = self._valid is not None and np.array_equal(valid, self._valid)
@@ -208,7 +208,7 @@ class Embree(BaseMethod):
     def _on_threads(
         self, what: str, work: Callable[[tuple[int, int]], None], parts: Sequence[tuple[int, int]]
     ) -> None:
-        """Call ``work`` for each part, on the threads. The first call of a kind may compile: alone, before the threads."""
+        """Call ``work`` for each part, on the threads. The first call may compile, so it runs alone before them."""
         if what not in self._compiled:
             self._compiled.add(what)
             work(parts[0])

@@ -1,9 +1,9 @@
 """Large nodes, breadth first: cut off empty space, then divide at the middle of the longest side. Zhou et al. 2008.
 
 A level is three launches, repeated inside the graph while there are nodes to divide: nodes choose their planes, pairs go
-to the children, the level's bounds advance. Pairs stay where they are: one that both children need stays as the one and
-is appended as the other, with its box cut to each (as spatial splits do, Stich et al. 2009). So there are no lists to move
-and nothing to sort; each pair knows its node.
+to the children, the level's bounds advance. Pairs stay where they are. A pair that both children need stays in its place
+for one child and is appended for the other, with its box cut to each (as spatial splits do, Stich et al. 2009). So no
+lists are moved or sorted; each pair stores its node.
 
 Division ends at nodes of ``small`` pairs, at LARGE_DEPTH, and where a node's ancestors have multiplied their pairs
 MOST_GROWTH times: 100,000 triangles with one centroid would otherwise be doubled at each level. So there are at most
@@ -43,7 +43,7 @@ NOTHING = wp.constant(0x7FFFFFFF)
 """Start of a minimum of :func:`.nodes.ordered` numbers."""
 
 MOST_GROWTH = wp.constant(wp.float32(8.0))
-"""Nodes whose ancestors have multiplied their pairs this often are not divided. Surfaces come to 2 or so."""
+"""Nodes whose ancestors have multiplied their pairs by this are not divided. For surfaces the factor is about 2."""
 
 
 @wp.func_native("""
@@ -144,7 +144,7 @@ def divide_kernel(
     nodes: wp.array(dtype=wp.vec2i),
     counters: wp.array(dtype=wp.int32),
 ):
-    """Each node of the level settles, or gets its planes."""
+    """Each node of the level is marked as settled, or gets its planes."""
     node = counters[LEVEL_BEGIN] + wp.tid()
     room = large.count.shape[0]
     while node < counters[LEVEL_END]:
@@ -164,7 +164,7 @@ def divide_kernel(
             low = large.low[node]
             high = large.high[node]
             done = count <= small or depth >= most_depth or growth >= MOST_GROWTH
-            # Empty space: a plane at the box of the pairs, an empty leaf beyond it. One side after another.
+            # Empty space: a plane at the box of the pairs, an empty leaf beyond it; each side in turn.
             for side in range(wp.static(6)):
                 axis = side % 3
                 edge = unordered(large.tight[6 * node + side])

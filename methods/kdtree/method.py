@@ -149,7 +149,7 @@ class KdTree(BaseMethod):
             need = int(needed[slot])
             if need <= before[slot]:
                 continue
-            # A level that had no room was not divided further: the need is a lower bound, so at least double.
+            # A level without room was not divided further, so the need is a lower bound: at least double the capacity.
             most = min(self._limits.memory // size, MOST_CHILDREN, BEYOND)
             if need > most:
                 raise CapacityRejected(f"needs {need:,} {what} ({need * size / 2**30:.1f} GiB)")
@@ -158,7 +158,8 @@ class KdTree(BaseMethod):
         return self._capacity != before
 
     def tests_per_pixel(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """Triangle tests of each pixel's primary ray and of its shadow rays: the last frame traced again, counted."""
+        """Triangle tests of each pixel's primary ray and of its shadow rays. The last frame is traced again to count
+        them."""
         return self._rays.tests_per_pixel()
 
     def counters(self) -> dict[str, int]:

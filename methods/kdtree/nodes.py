@@ -20,12 +20,12 @@ NODES_USED = wp.constant(9)
 MEMBERS_USED = wp.constant(10)
 LONGEST = wp.constant(11)
 COUNTERS = 12
-"""Places of the counters: pairs, nodes, members of leaves, small roots, pairs in small roots; the level's first node and
-the first beyond it, the pairs that it begins with; nodes when the large ones are done; what small nodes use of the nodes and
-members that are reserved for them; the longest list of a leaf."""
+"""Indices of the counters: pairs, nodes, members of leaves, small roots, pairs in small roots; the level's first node,
+the first beyond it, and the number of pairs at its start; nodes when the large ones are done; how many of the nodes and
+members that are reserved for small nodes they use; the longest list of a leaf."""
 
 SETTLED = wp.constant(-1)
-"""Depth of a node that is not to be looked at again."""
+"""Depth of a node that is not visited again."""
 
 
 @wp.struct
@@ -123,7 +123,8 @@ def put_inner(
 
 @wp.func
 def goes_below(low: wp.float32, high: wp.float32, plane: wp.float32) -> wp.bool:
-    """Whether a pair with this interval belongs below the plane; what only touches it belongs to one side."""
+    """Whether a pair with this interval belongs below the plane; a pair that only touches the plane belongs to one
+    side."""
     return low < plane or high <= plane
 
 

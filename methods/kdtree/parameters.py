@@ -53,7 +53,8 @@ class Trace:
 
     swizzle    whether 32 consecutive threads trace a block of 8x4 pixels (true) or 32 pixels of a row (false)
     stack      nodes that a ray's stack holds (1, 2, 4, 8, 16, 32 or 64)
-    registers  a thread may take on the GPU; 0: as many as the compiler wants. 96 was the best on balls-40k and balls-300k
+    registers  limit of registers per thread on the GPU; 0: the compiler decides. 96 was the best on balls-40k and
+               balls-300k
     """
 
     swizzle: bool = True

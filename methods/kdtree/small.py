@@ -2,8 +2,8 @@
 
 A block of 32 threads takes a small root and builds the tree below it. The faces of the pairs' boxes are its candidate
 planes. For each plane the block makes two words once: which pairs belong below and which above. A node is then a word,
-and what a plane costs in it follows from the words' bits. (Zhou et al. proceed breadth first; the tree is the same. A
-block can stay with its root since nodes are numbered as they come.)
+and the cost of a plane in it follows from the bits of the words. (Zhou et al. proceed breadth first; the tree is the
+same. A block can complete its root alone because nodes are numbered as they are made.)
 
 On a CPU a block is one thread.
 """
@@ -41,17 +41,18 @@ MOST_SMALL = wp.constant(SMALL)
 DEPTH = wp.constant(SMALL_DEPTH)
 NODE_CHUNK = 128
 MEMBER_CHUNK = 512
-"""What a block reserves at once: an atomic for each node would be most of the time."""
+"""Number of entries that a block reserves at once: one atomic per node would take most of the time."""
 
 STACK_ROOM = wp.constant(SMALL_DEPTH + 1)
 NO_PLANE = wp.constant(wp.uint64(0xFFFFFFFFFFFFFFFF))
 EMPTY_SPACE = wp.constant(wp.float32(0.8))
-"""A plane that cuts off empty space costs this share of what it would: the ray that leaves there is done with the node."""
+"""The cost of a plane that cuts off empty space is multiplied by this, because a ray that leaves there needs no further
+test in the node."""
 
 
 @wp.struct
 class Scratch:
-    """Room of each block.
+    """Memory of each block.
 
     planes  float32 [blocks * CANDIDATES]: the faces of the root's pairs, low x y z and high x y z of each; by triangle
     triangles  int32 [blocks * SMALL]: the triangles of those pairs
@@ -136,7 +137,8 @@ def split_cost(
 def order_root(
     lane: wp.int32, slot: wp.int32, count: wp.int32, block: wp.int32, refs: Refs, roots: Roots, scratch: Scratch
 ):  # fmt: skip
-    """Put the pairs of a root in the order of their triangles: the order in which they were listed is chance."""
+    """Put the pairs of a root in the order of their triangles, because the order in which they were listed varies from
+    run to run."""
     begin = roots.begin[slot]
     k = wp.int32(lane)
     while k < count:
@@ -334,7 +336,8 @@ def finish_kernel(
     counters: wp.array(dtype=wp.int32),
     need: wp.array(dtype=wp.int64),
 ):
-    """What the frame needed; where it was more than there is, a tree without triangles, which rays can walk."""
+    """Write what the frame needed. Where that exceeds the capacity, make a tree without triangles, which rays can
+    traverse."""
     need[0] = wp.int64(counters[REFS])
     need[1] = wp.int64(counters[LARGE_NODES])
     need[2] = wp.int64(counters[NODES])

@@ -1,4 +1,5 @@
-"""A ray's walk down the tree, nearer child first, with a short stack of the others and the parts of the ray in them.
+"""Traversal of the tree by a ray, nearer child first, with a short stack of the other children and the parts of the ray
+in them.
 
 The stack holds the last few of them (Horn et al. 2007). Where more are pending the oldest is forgotten, and when the
 stack is empty the traversal restarts at the root. Two bit masks record for each level what remains: ``pending``, whether
@@ -6,19 +7,19 @@ the farther child is still to be visited, and ``done``, whether the nearer one n
 same nodes are visited with the same parts of the ray, however short the stack. (A restart behind the part already
 visited would not be enough: near a plane both children have the same times.)
 
-No hit is missed. Let e be more than every rounding of the times at which a ray meets a plane, as a way along the plane's
-axis. A child is visited for all times at which the ray is within e of it. A triangle is listed in a leaf around each of
-its points (:mod:`.large`, :mod:`.small` cut boxes outwards only). A hit lies within e of a point of its triangle, so a
-leaf that lists the triangle is visited. With A the largest coordinate of the ray's origin, B of the scene, u = 2^-24,
-while t d lies within the scene:
+No hit is missed. Let e be a bound on the rounding of the times at which a ray meets a plane, expressed as a distance
+along the plane's axis. A child is visited for all times at which the ray is within e of it. A triangle is listed in a
+leaf around each of its points (:mod:`.large`, :mod:`.small` cut boxes outwards only). A hit lies within e of a point of
+its triangle, so a leaf that lists the triangle is visited. With A the largest coordinate of the ray's origin, B of the
+scene, u = 2^-24, while t d lies within the scene:
 
     plane - origin rounded                     (A + B) u      1 / d rounded                 (A + B) u
     their product                              (A + B) u      the sum with the margin       (A + B) u
     the direction, if it is light - hit point  (A + B) u      the hit point, in float32     B u
     a triangle's closed edge, 2^-30 of it      B u
 
-5 A u + 7 B u in all; e is 8 A u + 16 B u. A direction's part of less than 2^-40 of its largest is replaced by that: it
-moves a ray by 2^-40 of its way.
+5 A u + 7 B u in all; e is 8 A u + 16 B u. A component of the direction that is less than 2^-40 of the largest is replaced
+by that value, which moves a ray by 2^-40 of its length.
 
 The traversal continues behind a leaf until the rest of the ray begins behind the closest hit: a triangle may be hit
 beyond the leaf that offered it, and nearer ones may lie between.
@@ -41,7 +42,7 @@ from ..common.triangle import U32, largest, to_float32
 from .nodes import LEAF, Tree, bit
 
 LATEST = wp.constant(wp.float32(3.0e37))
-"""Times and margins beyond float32 are cut to this."""
+"""Times and margins beyond the range of float32 are limited to this."""
 
 
 @wp.func
@@ -87,7 +88,7 @@ def make_walk(stack: int) -> Any:
         own: wp.int32,
         query: Any,
     ) -> Found:
-        """Put the triangles of the leaves that a ray meets through ``test``: see :mod:`..common.ray_kernels`."""
+        """Call ``test`` for the triangles of the leaves that a ray meets: see :mod:`..common.ray_kernels`."""
         found = nothing_found(SLACK * wp.float32(end))
         stack_node = wp.zeros(shape=KEPT, dtype=wp.int32)
         stack_from = wp.zeros(shape=KEPT, dtype=wp.float32)

@@ -71,7 +71,7 @@ class PerspectiveSpherical(BaseMethod):
         return reason
 
     def built(self) -> dict[str, Any]:
-        """The values of the parameters that may change an answer; all others never do."""
+        """The values of the parameters that may change an answer; the others do not."""
         built = {"triangle test": self.build.triangle_test, "culling": self.build.cull}
         if self.build.light_bounds != "exact":
             built["light bounds"] = self.build.light_bounds
@@ -148,7 +148,8 @@ class PerspectiveSpherical(BaseMethod):
         return (*capacity[:2], light.items.capacity if light else 0)
 
     def tests_per_pixel(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """Triangle tests of each pixel's primary ray and of its shadow rays: the last frame traced again, counted."""
+        """Triangle tests of each pixel's primary ray and of its shadow rays. The last frame is traced again to count
+        them."""
         assert self.camera is not None
         frame = self.camera.frame
         with wp.ScopedDevice(frame.device):

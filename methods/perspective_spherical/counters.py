@@ -16,8 +16,8 @@ def work(
     """Counts of the last frame. ``primary``, ``shadow``: triangle tests of each pixel.
 
     Of each grid: pairs, occupied tiles and cells, and the lengths of the occupied tiles' lists (mean, p99, max).
-    Of each light: shadow rays, tiles with rays, most rays in a tile, chunks C_total, and lanes C_total * r; the
-    lane fill is rays / lanes. Tests a ray, in hundredths.
+    Of each light: shadow rays, tiles with rays, most rays in a tile, chunks C_total, and lanes C_total * r; the lane fill
+    is rays / lanes. Tests per ray, in hundredths.
     """
     result = {
         "primary tests": _sum(primary),

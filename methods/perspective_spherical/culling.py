@@ -1,4 +1,4 @@
-"""Back-face culling (paper, section 3): legal only where the surface is closed and seen from outside, by an exact test.
+"""Back-face culling (paper, section 3): valid only where the surface is closed and seen from outside, with an exact test.
 
 Culling changes no answer there, up to ties: a ray from outside enters a closed surface through a front face, and a
 segment that leaves the surface towards a light outside crosses, if anything, a face that the light sees. Of two
@@ -40,7 +40,8 @@ def faces_away(outward: wp.float64, viewer: wp.vec3f, corners: Corners) -> wp.bo
 
 
 def loses_hits(triangle_test: str) -> str | None:
-    """Why back faces must stay under a triangle test, or None. All tests but one may let rays pass between front faces."""
+    """Why back faces cannot be culled with a triangle test, or None. All tests but one may let rays pass between front
+    faces."""
     if triangle_test == "exact":
         return None
     return f"culling needs triangle_test=exact: what slips between two front faces of {triangle_test} is lost behind"
@@ -48,7 +49,7 @@ def loses_hits(triangle_test: str) -> str | None:
 
 @functools.lru_cache(maxsize=64)
 def refusal(scene: Scene, lights_too: bool) -> str | None:
-    """Why back faces of this scene must stay, or None. ``lights_too``: the lights' back faces go as well.
+    """Why back faces of this scene cannot be culled, or None. ``lights_too``: the lights' back faces are culled as well.
 
     Every frame is tried, with its eye and lights as they are traced: recentred, in float32. A point outside the bounds
     of the surface costs nothing; one inside them costs a sum over all triangles, a fifth of a second for a million.
@@ -90,7 +91,7 @@ def lights_at(scene: Scene, share: float) -> Iterator[Vector]:
 
 
 def as_traced(points: Any, centre: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Places as every method gets them: relative to the scene's centre, rounded to float32."""
+    """Positions as every method gets them: relative to the scene's centre, rounded to float32."""
     with np.errstate(over="ignore"):
         return (np.asarray(points, dtype=np.float64) - centre).astype(np.float32).astype(np.float64)
 
@@ -98,9 +99,9 @@ def as_traced(points: Any, centre: NDArray[np.float64]) -> NDArray[np.float64]:
 def inside(points: NDArray[np.float64], faces: NDArray[np.int32], at: NDArray[np.float64]) -> bool:
     """Whether a closed surface winds around ``at``, or ``at`` lies on it within :data:`NEAR`.
 
-    The solid angle of a closed surface is a multiple of 4 pi, and zero outside (van Oosterom & Strackee 1983). Seen from
-    a point of a triangle it is not known; there the triangle's own half angle is a right one or more, and its
-    volume nothing.
+    The solid angle of a closed surface is a multiple of 4 pi, and zero outside (van Oosterom & Strackee 1983). From a
+    point of a triangle it is undefined; there half the triangle's own solid angle is at least pi / 2, and its volume is
+    zero.
     """
     used = np.zeros(len(points), dtype=bool)
     used[faces] = True

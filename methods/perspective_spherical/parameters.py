@@ -1,4 +1,5 @@
-"""What can be set of the paper's method. Defaults are what is fastest on an H200 at 1024x1024; PAPER is the paper's."""
+"""The parameters of the paper's method. The defaults are the fastest on an H200 at 1024x1024; PAPER is the paper's
+configuration."""
 
 from __future__ import annotations
 
@@ -34,20 +35,20 @@ class Build:
                   "float32-centred": relative to the middle of the hit points, which lies on the axis of an aimed
                   frame; what is rounded is then small where the light is far (distances stay in float64)
     light_bounds  box of a triangle in azimuth and elevation. "exact": of its great arcs, and of a pole inside it.
-                  "seam": of its vertices, azimuths unwrapped. "vertices": of its vertices as they are, which is
-                  what the paper's wording suggests. The last two lose shadows; they are there to show how many
+                  "seam": of its vertices, azimuths unwrapped. "vertices": of its vertices as they are, which the paper's
+                  wording suggests. The last two lose shadows; they exist to show how many
     clamp         rectangle of a light grid: "hits" of the hit points; "view" of the camera's frustum (Figure 5);
                   "none": all directions, or the whole spot; "scene": of a sphere around the scene, seen from the
                   light. The first three depend on what the camera sees, so that the grid is rebuilt where only the
                   camera moves; the last does not (``skip_empty`` is then off: it looks at the rays)
-    skip_empty    no pair where no shadow ray lies in the tile, or none reaches the slice
+    skip_empty    no pair where no shadow ray lies in the tile, or where none reaches the slice
     triangle_test "exact": float32 rejects only what is certain, float64 decides. "edge_planes": float32 planes
                   through the origin and each edge, in difference form and weld order. "moller_trumbore": float32,
                   determinant not zero, as the paper uses it. See :mod:`.camera.ray_tests` for what the last two may lose
     cull          back faces left out: "off", "primary" (from the eye's grid), "primary+light" (from the lights'
                   too). Refused unless the scene is declared closed, eye (and lights) are outside in every frame, and
                   the triangle test is exact: rays that slip between front faces of the others are lost behind.
-                  "primary" is what section 3 names for the perspective grid alone
+                  Section 3 names "primary" for the perspective grid alone
     sort          of pairs by cell and of shadow rays by tile: "radix" (the paper's), or "counting", with a count of
                   each cell (radix where cells are more than 4 million)
     pair_capacity initial room for (triangle, cell) pairs; 0 chooses; grows as needed
@@ -115,7 +116,7 @@ class Trace:
 
     k               sorting tiles along each side of a tracing tile, which is one thread block: 1 direct mapping,
                     2 the paper's best indirect mapping (section 3)
-    r               shadow rays a chunk, which is one thread block, at most (section 4.3)
+    r               most shadow rays per chunk, which is one thread block (section 4.3)
     balancing       how rays become chunks: "algorithm-1" word by word, or "direct" from each tile's count
     staging         "shared": the threads of a block bring triangles to shared memory (CUDA; elsewhere the plain
                     kernel runs); "none": each thread reads them itself

@@ -59,7 +59,7 @@ def lookup_kernel(
     receivers: wp.array2d(dtype=wp.uint8),
     visibility: wp.array2d(dtype=wp.uint8),
 ):
-    """The shadow bit of each pixel's hit point; one pixel a thread."""
+    """The shadow bit of each pixel's hit point; one pixel per thread."""
     pixel = wp.tid()
     best = hits.triangle[pixel]
     if best < 0:

@@ -122,7 +122,7 @@ def edges_at(found: Cover, sx: wp.float32, sy: wp.float32) -> wp.vec3f:
 
 @wp.func
 def opaque_there(alpha: Alpha, i: wp.int32, e: wp.vec3f) -> wp.bool:
-    """Whether triangle i is opaque where its edge functions are e: one look at the bitmap, as engines do it."""
+    """Whether triangle i is opaque where its edge functions are e: one lookup in the bitmap, as in engines."""
     if alpha.masked[i] == wp.uint8(0):
         return True
     sum = wp.float64(e[0] + e[1] + e[2])
@@ -147,7 +147,7 @@ def draw(found: Cover, at: wp.int32, e: wp.vec3f, texels: wp.array(dtype=wp.int3
 
 @wp.func
 def row_span(found: Cover, size: wp.int32, sy: wp.float32) -> wp.vec2i:
-    """First and last texel of a row that the edge planes leave, a texel to spare on either side."""
+    """First and last texel of a row that the edge planes leave, with a margin of one texel on either side."""
     first = found.x0
     last = found.x1
     for k in range(3):
@@ -192,7 +192,7 @@ def raster_kernel(
     counts: wp.array(dtype=wp.int32),
     strips: wp.array(dtype=wp.vec4i),
 ):
-    """One thread a triangle and face. Large ones are queued in strips of rows where ``queued``."""
+    """One thread per triangle and face. Large triangles are queued in strips of rows where ``queued``."""
     k = wp.tid()
     face = k // triangle_count
     i = k - face * triangle_count

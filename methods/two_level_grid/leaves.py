@@ -1,6 +1,6 @@
 """The second level: a grid in each occupied cell of the top grid, with a resolution that its own triangles ask for.
 
-A leaf grid is a grid like any other (:class:`..common.grid.Grid`), so triangles are binned into it by the same code. Its
+A leaf grid is a :class:`..common.grid.Grid`, so triangles are binned into it by the same code. Its
 slack covers that of the top grid: a ray passes within the top grid's slack of every point of it in the top cells that it
 visits, and that is res times as much in cells of the leaf grid. The same factor holds for rounding.
 """
@@ -69,7 +69,7 @@ def leaf_grid(top: Grid, cell: wp.int32, res: wp.vec3i) -> Grid:
 
 @wp.kernel(enable_backward=False)
 def resolution_kernel(density: wp.float64, top: TopCells, counts: wp.array(dtype=wp.int64)):
-    """The resolution of each cell's leaf grid, ``density`` cells a triangle, and how many cells that makes."""
+    """The resolution of each cell's leaf grid, ``density`` cells per triangle, and its number of cells."""
     cell = wp.tid()
     held = top.end[cell] - top.begin[cell]
     if held == 0:

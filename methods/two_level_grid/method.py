@@ -1,4 +1,5 @@
-"""The two-level grid as a method: a top grid, a leaf grid in each of its cells, both by sorting; then one walk a ray.
+"""The two-level grid as a method: a top grid, a leaf grid in each of its cells, both by sorting; then one traversal per
+ray.
 
 Kalojanov, Billeter & Slusallek 2011, "Two-Level Grids for Ray Tracing on GPUs" (Eurographics).
 """
@@ -58,7 +59,8 @@ class Trace:
     """How rays are traced.
 
     swizzle    whether 32 consecutive threads trace a block of 8x4 pixels (true) or 32 pixels of a row (false)
-    registers  a thread may take on the GPU; 0: as many as the compiler wants. 128 was the best on balls-40k and balls-300k
+    registers  limit of registers per thread on the GPU; 0: the compiler decides. 128 was the best on balls-40k and
+               balls-300k
     """
 
     swizzle: bool = True
@@ -131,7 +133,7 @@ class TwoLevelGrid(BaseMethod):
         return self._need
 
     def grow(self, needed: NDArray[np.int64]) -> bool:
-        # What the leaf level needs is known when the top level has had room.
+        # The need of the leaf level is known only once the top level has enough room.
         for slot, what in ((TOP, "(triangle, top cell) pairs"), (LEAF, "(triangle, leaf cell) pairs")):
             capacity = grown(int(needed[slot]), self._capacity[slot], self._limits.memory, what)
             if capacity != self._capacity[slot]:
@@ -140,7 +142,8 @@ class TwoLevelGrid(BaseMethod):
         return False
 
     def tests_per_pixel(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """Triangle tests of each pixel's primary ray and of its shadow rays: the last frame traced again, counted."""
+        """Triangle tests of each pixel's primary ray and of its shadow rays. The last frame is traced again to count
+        them."""
         return self._rays.tests_per_pixel()
 
     def counters(self) -> dict[str, int]:

@@ -101,7 +101,7 @@ def walk(
     own: wp.int32,
     query: Any,
 ) -> Found:
-    """Put the triangles in the leaf cells of a ray through ``test``: see :mod:`..common.ray_kernels`.
+    """Call ``test`` for the triangles in the leaf cells of a ray: see :mod:`..common.ray_kernels`.
 
     The walk ends behind the closest hit and all that may tie with it, or when ``test`` sets ``found.done``.
     """

@@ -1,4 +1,4 @@
-"""The uniform grid as a method: place, count, scan, emit, sort, lists; then one walk a ray.
+"""The uniform grid as a method: place, count, scan, emit, sort, lists; then one traversal per ray.
 
 Kalojanov & Slusallek 2009, "A Parallel Algorithm for Construction of Uniform Grids" (HPG): the grid is built from
 sorted (cell, triangle) pairs. It serves any ray, so primary and shadow rays share it.
@@ -49,7 +49,8 @@ class Trace:
     """How rays are traced.
 
     swizzle    whether 32 consecutive threads trace a block of 8x4 pixels (true) or 32 pixels of a row (false)
-    registers  a thread may take on the GPU; 0: as many as the compiler wants. 64 was the best on balls-40k and balls-300k
+    registers  limit of registers per thread on the GPU; 0: the compiler decides. 64 was the best on balls-40k and
+               balls-300k
     """
 
     swizzle: bool = True
@@ -100,7 +101,8 @@ class UniformGrid(BaseMethod):
         return True
 
     def tests_per_pixel(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """Triangle tests of each pixel's primary ray and of its shadow rays: the last frame traced again, counted."""
+        """Triangle tests of each pixel's primary ray and of its shadow rays. The last frame is traced again to count
+        them."""
         return self._rays.tests_per_pixel()
 
     def counters(self) -> dict[str, int]:

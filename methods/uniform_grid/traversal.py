@@ -39,7 +39,7 @@ def walk(
     own: wp.int32,
     query: Any,
 ) -> Found:
-    """Put the triangles in the cells of the ray start + t direction, 0 <= t <= end, through ``test``; what was found.
+    """Call ``test`` for the triangles in the cells of the ray start + t direction, 0 <= t <= end; return what was found.
 
     ``test`` is compiled in, and called as test(mesh, alpha, i, query, found): see :mod:`..common.ray_queries`. Triangle
     ``own`` is left out (-1: none). The walk ends behind the closest hit and all that may tie with it, or when ``test``

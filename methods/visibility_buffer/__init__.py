@@ -1,4 +1,5 @@
-"""A visibility buffer for primary rays and irregular z-buffers for shadow rays: rasterisation by others' recipes, exact.
+"""A visibility buffer for primary rays and irregular z-buffers for shadow rays: rasterisation as published, with exact
+tests.
 
 Primary rays: Burns and Hunt 2013 (the buffer), Karis 2021 (64-bit atomics on depth and index). Shadow rays: Johnson et
 al. 2005 and Wyman, Hoetzlein and Lefohn 2015 (lists of hit points in the texels of a light's map). The exact tests, the

@@ -18,8 +18,8 @@ class Build(Streams):
                    one is divided into tiles of 8 x 8 pixels
     inline_cells   a triangle whose box on a face of a light's map holds at most this many texels is rasterised there by
                    one thread; a larger one is divided into tiles of 8 x 8 texels
-    inline_rays    hit points that one thread tests of a light; where the lists of a small box are longer, the box is divided
-                   into tiles too
+    inline_rays    most hit points of a light that one thread tests; where the lists of a small box are longer, the box is
+                   divided into tiles too
     beside         lights whose passes run at the same time on the GPU, each with queues and lists of its own
     shares         parts of the triangles that are rasterised at the same time on the GPU, each with queues of its own
     item_capacity  initial capacity, entries, of the queues of larger triangles and of groups of 32 of their tiles; 0

@@ -21,7 +21,7 @@ from . import lists, raster, shadow
 
 
 def tile_steps(split: Callable[[int], None], fill: Callable[[int], None]) -> list[Step]:
-    """What is done to each share with larger triangles: which tiles they cover, and the pixels or texels of these."""
+    """The passes of each share for larger triangles: which tiles they cover, and the pixels or texels of these."""
     return [
         ("tiles of larger triangles", ("items",), ("tiles",), split),
         ("inside of tiles", ("tiles",), (), fill),

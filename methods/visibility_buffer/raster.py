@@ -118,7 +118,7 @@ def raster_kernel(
     nearest: wp.array(dtype=wp.uint64),
     queue: Queue,
 ):
-    """One thread a triangle: a small one is rasterised, a larger one is queued."""
+    """One thread per triangle: a small one is rasterised, a larger one is queued."""
     i = triangle_of(wp.tid(), share)
     if i >= share.triangles:
         return
@@ -142,7 +142,7 @@ def raster_kernel(
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def split_kernel(threads: wp.int32, lanes: wp.int32, camera: Camera, queue: Queue):
-    """Tiles of larger triangles, ``lanes`` threads an item: those that an edge plane leaves out are not queued."""
+    """Tiles of larger triangles, ``lanes`` threads per item: tiles outside an edge plane are not queued."""
     item = wp.tid() // lanes
     stop = held_items(queue)
     bound = sign_bound(camera.tangents)
@@ -175,7 +175,7 @@ def tile_kernel(
     nearest: wp.array(dtype=wp.uint64),
     queue: Queue,
 ):
-    """Pixels of queued tiles, ``lanes`` threads a tile."""
+    """Pixels of queued tiles, ``lanes`` threads per tile."""
     at = wp.tid() // lanes
     stop = held_parts(queue)
     while at < stop:

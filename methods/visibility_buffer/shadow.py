@@ -62,7 +62,8 @@ def is_empty(farthest: wp.array(dtype=wp.int32), face: wp.int32, tile: wp.vec2i,
 
 @wp.func
 def depth_slack(reach: wp.float32, cube: Cube) -> wp.float32:
-    """What a corner's coordinate on the cube may be off: depths are known to 8 u reach, and receivers' to u of theirs."""
+    """Error bound of a corner's coordinate on the cube: depths are known to 8 u reach, and those of receivers to u of
+    their own."""
     return 32.0 * U32 * (reach + cube.distance)
 
 
@@ -110,7 +111,7 @@ def raster_kernel(
     bits: ShadowBits,
     queue: Queue,
 ):
-    """One thread a triangle: on a face where it is small it is tested, where it is larger it is queued."""
+    """One thread per triangle: on a face where it is small it is tested, where it is larger it is queued."""
     i = triangle_of(wp.tid(), share)
     if i >= share.triangles:
         return
@@ -131,7 +132,7 @@ def raster_kernel(
     if wp.static(effects.alpha):
         if alpha.masked[i] != wp.uint8(0):
             occluder.sure = wp.INF
-    # What is tested here is tested after the loop, by all lanes at once whichever their faces. Few triangles are small on
+    # Small triangles are tested after the loop, by all lanes at once whatever their faces. Few triangles are small on
     # two faces: the second is queued.
     here = wp.int32(-1)
     box_here = wp.vec4i()
@@ -162,7 +163,7 @@ def raster_kernel(
         planes = set_planes(occluder, lights[bits.light], corners_at(mesh, i))
         if here >= 0:
             if not test_texels(bits, queue, cells, head, along, here, box_here, planes, inline_rays):
-                # What was tested is tested again with the rest: bits stay set, and few pairs are doubtful.
+                # Pairs that were tested are tested again with the rest: bits stay set, and few pairs are doubtful.
                 queued_too = True
                 queue_large(queue, i, here, box_here, planes.bound)
         if queued_too:
@@ -179,7 +180,7 @@ def setup_kernel(
     mesh: Mesh,
     queue: Queue,
 ):
-    """One thread a queued triangle: the lines that bound it on its face, and the groups of its tiles."""
+    """One thread per queued triangle: the lines that bound it on its face, and the groups of its tiles."""
     place = wp.tid()
     stop = held_large(queue)
     cube = cubes[light]
@@ -209,8 +210,8 @@ def setup_kernel(
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def split_kernel(threads: wp.int32, lanes: wp.int32, cells: RayCells, queue: Queue):
-    """Tiles of larger triangles, ``lanes`` threads an item. Left out are tiles that hold no hit points, or only nearer ones
-    than the triangle, and those that it does not cover."""
+    """Tiles of larger triangles, ``lanes`` threads per item. Tiles without hit points, with nearer hit points than the
+    triangle only, and those that it does not cover are left out."""
     item = wp.tid() // lanes
     stop = held_items(queue)
     along = cells_of(cells.table)
@@ -243,7 +244,7 @@ def tile_kernel(
     bits: ShadowBits,
     queue: Queue,
 ):
-    """Hit points in the texels of queued tiles, ``lanes`` threads a tile."""
+    """Hit points in the texels of queued tiles, ``lanes`` threads per tile."""
     at = wp.tid() // lanes
     stop = held_parts(queue)
     along = cells_of(cells.table)

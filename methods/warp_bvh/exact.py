@@ -108,8 +108,8 @@ class ExactBvh:
     """A box tree over a frame's triangles and the passes that rebuild and query it.
 
     constructor  what Warp builds; on CUDA only "lbvh" can be rebuilt in place
-    leaf_size    triangles a leaf
-    blocks       whether 32 consecutive threads take a block of 8x4 pixels instead of a stretch of a row
+    leaf_size    triangles per leaf
+    blocks       whether 32 consecutive threads take a block of 8x4 pixels instead of 32 pixels of a row
     bounces      how many times mirrored rays are reflected
     """
 
@@ -124,7 +124,8 @@ class ExactBvh:
         self.lights: list[int] = []
 
     def tests_per_pixel(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """Triangle tests of each pixel's primary ray and of its shadow rays: the last frame traced again, counted."""
+        """Triangle tests of each pixel's primary ray and of its shadow rays. The last frame is traced again to count
+        them."""
         primary = wp.zeros(self.frame.pixels, dtype=wp.int32, device=self.frame.device)
         shadow = wp.zeros_like(primary)
         self._primary(primary)

@@ -1,4 +1,4 @@
-"""Warp's bounding volume hierarchies as a method: the peer that most Warp users would reach for first."""
+"""Warp's bounding volume hierarchies as a method: the peer that most users of Warp would try first."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Build:
                  frame and queried with this project's triangle tests: exact, and it can be captured
     constructor  how Warp builds the tree: "default" (LBVH on CUDA, SAH on the CPU), "sah", "median", "lbvh", "cubql". Warp
                  replaces what a device does not support (LBVH on the CPU by SAH); the record holds what was built
-    leaf_size    triangles a leaf; 0: Warp's default for the constructor
+    leaf_size    triangles per leaf; 0: Warp's default for the constructor
     """
 
     update: str = "rebuild"
@@ -156,7 +156,7 @@ class WarpBvh(BaseMethod):
         return what
 
     def counters(self) -> dict[str, int]:
-        """Tests of the exact variant; a wp.Mesh counts nothing that could be read."""
+        """Tests of the exact variant; a wp.Mesh has no counters to read."""
         if self._exact is None:
             return {}
         return self._exact.counters()
@@ -167,7 +167,8 @@ class WarpBvh(BaseMethod):
         )
 
     def _first_mesh(self) -> None:
-        """The tree of the animation's first frame: a tree built on points still at zero would stay bad for ever."""
+        """The tree of the animation's first frame. A tree built while all points are still zero would stay
+        inefficient."""
         frame = self._frame
         prepared = frame.prepared
         if self.build.update == "static" and prepared.frame_count > 1:

@@ -2,7 +2,7 @@
 
 Triangles that no ray can hit are left out, so that they cost nothing. If the tree lives over an animation, a triangle that
 is valid in some frame stays in it; while it is invalid it is one point, its first finite vertex, in the build and in every
-refit. With another place in the build than in the refit, a leaf of many such triangles would span the scene.
+refit. If its place in the build differed from that in the refit, a leaf with many such triangles would span the scene.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def mesh_indices_kernel(mesh: Mesh, kept: wp.array(dtype=wp.int32), indices: wp.
 
 
 def may_be_hit(prepared: Prepared) -> NDArray[np.int64]:
-    """The triangles that are valid in some frame, ascending. Later frames are looked at only while some are not."""
+    """The triangles that are valid in some frame, ascending. Later frames are read only while some are not."""
     never = np.flatnonzero(prepared.points(0)[1] == 0)
     for frame in range(1, prepared.frame_count):
         if len(never) == 0:

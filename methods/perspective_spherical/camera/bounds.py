@@ -87,7 +87,7 @@ def project_kernel(
 
     widening  growth of each triangle about its middle; outward  see :func:`~.culling.faces_away`
     records   vec4f [3 * triangle_count], written where the box is not empty
-    The range is reduced in each block: an atomic a triangle would cost more than all else here.
+    The range is reduced in each block: one atomic per triangle would cost more than everything else here.
     """
     i = wp.tid()
     depth = wp.vec2f(wp.INF, -wp.INF)

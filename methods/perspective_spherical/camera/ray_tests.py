@@ -1,4 +1,4 @@
-"""Float32 tests of a ray from the eye against a triangle, on a record made once a frame.
+"""Float32 tests of a ray from the eye against a triangle, on a record made once per frame.
 
 Three tests, chosen when the kernels are compiled (:class:`~.variants.Variant`):
 

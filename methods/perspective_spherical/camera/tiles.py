@@ -105,7 +105,7 @@ def slice_of(depth: wp.float32, near: wp.float32, per_slice: wp.float32, slices:
 
 @wp.func
 def slice_scale(grid: ImageTiles) -> wp.float32:
-    """Slices a metre; 0 where all depths agree or there are none."""
+    """Slices per unit of depth; 0 where all depths are equal or there are none."""
     span = grid.depth_range[1] - grid.depth_range[0]
     if span > 0.0:
         return wp.float32(grid.slices) / span

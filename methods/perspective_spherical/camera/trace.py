@@ -4,8 +4,8 @@ A tile's list is one run of sorted pairs, front slices first. A ray is done once
 the next pair. Thread blocks are tracing tiles of k x k sorting tiles (indirect mapping): threads of one sorting
 tile follow one another, so that lanes of a warp share a list.
 
-A ray first advances to the next triangle that float32 cannot rule out, then decides: the lanes of a warp decide
-together, which is rare and long, instead of each holding up all others in turn.
+A ray first advances to the next triangle that float32 cannot rule out, then decides it in float64. The decision is rare
+and slow, so the lanes of a warp make theirs together instead of each one making the others wait.
 
 With split lists (:mod:`.lists.items`) a block takes one part of one sorting tile's list; parts meet in ``nearest``.
 """
@@ -113,7 +113,8 @@ def write_nearest(
 
 @functools.cache
 def make_trace_kernel(variant: Variant) -> wp.Kernel:
-    """One thread a pixel, each reading triangles for itself: direct on any device, the equivalent of the staged kernel."""
+    """One thread per pixel, each reading triangles for itself. Runs on any device; the equivalent of the staged
+    kernel."""
     passes = RAY_PASSES[variant.test]
     decide = RAY_DECIDES[variant.test]
 

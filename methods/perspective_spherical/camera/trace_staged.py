@@ -25,7 +25,7 @@ from .tiles import ImageTiles, slice_scale
 from .trace import indirect_pixel, packed_depth, record_at, slice_start, write_nearest
 
 TRACE_REGISTERS = 64
-"""A cap that lets more warps hide each other's waiting than what it spills costs: 0.30 to 0.25 ms on Buddha."""
+"""Limit of registers: more warps hide latency, which gains more than spilling costs (0.30 to 0.25 ms on Buddha)."""
 
 
 @wp.func
@@ -69,7 +69,7 @@ def make_staged_trace_kernel(variant: Variant, block: int) -> wp.Kernel:
         first_sub = first // tile_area
         last_sub = (wp.min(first + wp.static(slots), area) - 1) // tile_area
         room = wp.static(slots) // (last_sub - first_sub + 1)
-        # What this thread loads for, by the first pixel of its sorting tile (outside the image if that is).
+        # The sorting tile that this thread loads for, by its first pixel (outside the image if the tile is).
         mine = wp.vec3i(-1, -1, -1)
         if first_sub + lane // room <= last_sub:
             mine = indirect_pixel(camera, grid, k, work[0], (first_sub + lane // room) * tile_area)

@@ -20,7 +20,7 @@ from .space import EXTENT, LightSpace, LightTiles, distance_slice, tile_of
 from .sphere import ROUNDING, TWO_PI
 
 FAR_EYE = wp.constant(wp.float64(2.0**-16))
-"""What an eye far away adds to the size that rays are known to, as a share of its distance."""
+"""Addition to the error of the rays for an eye far away, as a share of its distance."""
 
 
 @wp.struct
@@ -116,14 +116,14 @@ def covered(grid: LightTiles, axis: wp.int32, low: wp.float64, high: wp.float64,
                 tile_of(low + shift, first, last, grid.tiles), tile_of(high + shift, first, last, grid.tiles)
             )
     if overlaps > 1:
-        # Both ends of the rectangle: everything, and the planes through the edges sort out the middle.
+        # Both ends of the rectangle: take all tiles; the planes through the edges reject those between.
         return wp.vec2i(0, grid.tiles - 1)
     return result
 
 
 @wp.func
 def no_ray_in(grid: LightTiles, box: wp.vec4i, slice: wp.int32, side: wp.int32) -> wp.bool:
-    """Whether no shadow ray in a small box of tiles reaches ``slice``; large boxes are not looked at."""
+    """Whether no shadow ray in a small box of tiles reaches ``slice``; large boxes are not tested."""
     if (box[2] - box[0] + 1) * (box[3] - box[1] + 1) > INLINE_TILES:
         return False
     for row in range(box[1], box[3] + 1):

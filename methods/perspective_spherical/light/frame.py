@@ -17,7 +17,7 @@ from .mapping import ray_place, ray_place32, ray_place_centred
 from .space import EXTENT, LightSpace, LightTiles, distance_slice, tile_of
 
 FINEST = wp.constant(wp.float64(4.0e-14))
-"""What a direction is known to in float64, relative to its length."""
+"""Error bound of a direction in float64, relative to its length."""
 
 FACES = 6
 """Most rectangles of a light grid."""
@@ -67,7 +67,7 @@ def box_kernel(
 
 @wp.func
 def reduce_extent(low: wp.vec3d, high: wp.vec3d, lane: wp.int32, extent: wp.array(dtype=wp.float64)):
-    """Lower extent[0..2] and raise extent[3..5]: one reduction a block, then at most six atomics.
+    """Lower extent[0..2] and raise extent[3..5]: one reduction per block, then at most six atomics.
 
     Every thread of the block must call it.
     """

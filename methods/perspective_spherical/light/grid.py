@@ -219,7 +219,7 @@ class LightGrid:
         if split:
             blocks = self.items.capacity
             if tests is not None:
-                # Traced before: rays that are set would be left alone.
+                # Set by an earlier trace: rays whose bit is set would be skipped.
                 f.answers.visibility[self.index].zero_()
         variant = Variant.of(self.build)
         in_blocks = staged(self.trace, f.device)

@@ -19,7 +19,7 @@ from .space import EXTENT, LightSpace
 from .tile_edges import edges_kernel
 
 FLOAT64_PAD, FLOAT32_PAD = 4.0e-14, 64 * 2.0**-24
-"""What a ray's direction from the light is known to, relative to its length."""
+"""Error bound of a ray's direction from the light, relative to its length."""
 
 PARALLEL_PAD = 2.0**-45
 """How far the rays of a directional light turn, seen from its post 2^24 scene radii away: 2 (2^-24)^2, and twice that

@@ -169,7 +169,7 @@ def view_bounds(
     high_u = -low_u
     low_v = low_u
     high_v = -low_u
-    # Loops that the compiler does not unroll: the bounds are long, and run once a frame.
+    # Loops that the compiler does not unroll: the bounds are long, and run once per frame.
     for side in range(sides):
         # The four corners of a side: those with bit (side / 2) equal to side % 2, in order around it.
         bit = side // 2

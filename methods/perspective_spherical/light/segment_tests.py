@@ -1,4 +1,4 @@
-"""Float32 tests of a shadow segment against a triangle, on a record made once a frame and light.
+"""Float32 tests of a shadow segment against a triangle, on a record made once per frame and light.
 
 The same three tests as :mod:`.camera.ray_tests`. The verdict is NO, YES, or DOUBT, which float64 decides; only the
 exact test returns YES. Which side of the triangle's plane the ends lie on is never decided by float32 in doubt.
@@ -66,9 +66,9 @@ def plane_through(n: wp.vec3f, p: wp.vec3f, scale: wp.float32) -> wp.vec4f:
 def segment_exact(light: wp.vec3f, corners: Corners, weld: wp.vec3i, size: wp.float32) -> SegmentRecord:
     """``size`` bounds every coordinate of the hit points.
 
-    n = (p - light) x (q - p), scaled so that its parts are at most 2, is known to 10 u a part. Where all coordinates
-    are at most s, |h - p|_1 <= 6 s: that is 60 u s. Rounding h moves the value by 6 u s, and n . h + c rounds by
-    60 u s; dividing all by s costs 18 u more. So 144 u bounds the error of the scaled planes, relative to the scene
+    n = (p - light) x (q - p), scaled so that its parts are at most 2, is known to 10 u per component. Where all
+    coordinates are at most s, |h - p|_1 <= 6 s: that is 60 u s. Rounding h moves the value by 6 u s, and n . h + c rounds
+    by 60 u s; dividing all by s costs 18 u more. So 144 u bounds the error of the scaled planes, relative to the scene
     and right at any distance of the light. The triangle's own plane, n = ab x ac, is known as well.
     """
     a = corners.a
@@ -183,7 +183,7 @@ def segment_bounded(h: wp.vec3f, light: wp.vec3f, h_error: wp.float32, r: Segmen
 
 @wp.func
 def segment_plain(h: wp.vec3f, light: wp.vec3f, h_error: wp.float32, r: SegmentRecord) -> wp.int32:
-    """Plain signs at the edges, certain sides only at the ends."""
+    """Plain signs at the edges; at the ends only sides that are certain."""
     h0 = h - wp.vec3f(r.q0[0], r.q0[1], r.q0[2])
     h1 = h - wp.vec3f(r.q1[0], r.q1[1], r.q1[2])
     e0 = dot3(r.q2, h0)
@@ -202,7 +202,7 @@ def segment_plain(h: wp.vec3f, light: wp.vec3f, h_error: wp.float32, r: SegmentR
 
 @wp.func
 def segment_moller_trumbore(h: wp.vec3f, light: wp.vec3f, h_error: wp.float32, r: SegmentRecord) -> wp.int32:
-    """From the surface to the light. Beyond the light by a little is left to float64, as the start is."""
+    """From the surface to the light. Hits slightly beyond the light, and those near the start, are left to float64."""
     d = light - h
     s = h - wp.vec3f(r.q0[0], r.q0[1], r.q0[2])
     e1 = wp.vec3f(r.q1[0], r.q1[1], r.q1[2])

@@ -20,7 +20,7 @@ COLLAPSE = wp.constant(wp.float64(1.0e-5))
 
 @wp.func
 def edge_pad(low: wp.float64, high: wp.float64) -> wp.float64:
-    """What ``tile_of`` may misplace a ray by at a tile's edge, with room to spare."""
+    """Bound, with a margin, on the distance by which ``tile_of`` may misplace a ray at a tile's edge."""
     return wp.float64(1.0e-13) * (high - low) + wp.float64(1.0e-15) * (wp.abs(low) + wp.abs(high))
 
 
@@ -60,7 +60,7 @@ def edges_kernel(
     rows: wp.array(dtype=wp.vec4d),
     stretch: wp.array(dtype=wp.vec2d),
 ):
-    """Edges of every column and row of tiles, once a frame: the corners' directions are their products.
+    """Edges of every column and row of tiles, once per frame; the directions of the corners are their products.
 
     Column (c, s) and row (c', s') meet in direction (c' c, c' s, s'). ``stretch[face]``: see ``missed``.
     """

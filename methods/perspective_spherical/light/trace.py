@@ -1,7 +1,7 @@
-"""Tracing shadow rays through a light grid (paper, section 4.4): any hit, one thread block a chunk.
+"""Tracing shadow rays through a light grid (paper, section 4.4): any hit, one thread block per chunk.
 
 The bit is set in primary-ray order, so that blocks need no synchronisation. With split lists (:mod:`.lists.items`) a
-block takes one part of a chunk's list, and leaves rays alone whose bit another part has set.
+block takes one part of a chunk's list, and skips rays whose bit another part has set.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ def segment_at(records: wp.array(dtype=wp.vec4f), i: wp.int32) -> SegmentRecord:
 
 @wp.func
 def hit_error(h: wp.vec3f) -> wp.float32:
-    """Bound of what rounding the float64 hit point to h moved each coordinate by."""
+    """Bound on the change of each coordinate when the float64 hit point was rounded to h."""
     return U32 * largest(h) + 1.0e-37
 
 
 @functools.cache
 def make_shadow_kernel(variant: Variant) -> wp.Kernel:
-    """``lanes`` threads a chunk, each ray by ray: on CUDA a block, on a CPU one thread for the whole chunk."""
+    """``lanes`` threads per chunk, each ray by ray: on CUDA a block, on a CPU one thread for the whole chunk."""
     judge = SEGMENT_PASSES[variant.test]
     decide = SEGMENT_DECIDES[variant.test]
 

@@ -1,13 +1,13 @@
 """Putting triangles into the cells of a tiled grid: one pass that finds and writes the pairs, then a sort by cell.
 
 A triangle whose box covers at most :data:`INLINE_TILES` tiles is one thread's work. A larger one is queued in pieces,
-and on a GPU every tile of a piece has a thread of its own (up to :data:`ENOUGH` a triangle), so that nothing waits for
-one thread that walks a whole screen of tiles. A thread counts its pairs, reserves that many places, and
-writes them; neither the queue's order nor the list's is the same from run to run, and answers depend on neither.
+and on a GPU every tile of a piece has a thread of its own (up to :data:`ENOUGH` per triangle), so that nothing waits for
+one thread that visits the tiles of a whole image. A thread counts its pairs, reserves that many places, and writes them;
+neither the queue's order nor the list's is the same from run to run, and answers depend on neither.
 
-The sort, by (tile, slice) with the tile in the high bits, is the paper's radix sort or a counting sort: pairs are
-counted a cell while they are written, which also gives each its number within its cell, so that a scan of the
-counts is all that is missing. That is cheap while cells are few against pairs.
+The sort, by (tile, slice) with the tile in the high bits, is the paper's radix sort or a counting sort: pairs are counted
+per cell while they are written, which also gives each its number within its cell. Then only a scan of the counts is
+missing. That is cheap as long as there are few cells compared with pairs.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ class Piece:
 
 @wp.func
 def piece_size(tiles: wp.int32, lanes: wp.int32) -> wp.int32:
-    """Tiles of a queued piece of a box: as many a thread as keeps the pieces few, and as the bits of an int32 hold."""
+    """Tiles of a queued piece of a box: per thread as many as keep the pieces few and fit into the bits of an int32."""
     if lanes == 1:
         return THREAD_TILES
     return lanes * wp.clamp((tiles + ENOUGH - 1) // ENOUGH, 1, THREAD_TILES)
@@ -168,7 +168,7 @@ def place_pairs_kernel(
 ):
     """The counting sort's last step: every pair to its cell; and the run of each tile.
 
-    Pairs that did not fit are no lists at all: the frame is thrown away, and tracing it could take very long.
+    Where pairs did not fit, all lists are empty: the frame is discarded, and tracing it could take very long.
     """
     i = wp.tid()
     needed = pairs.needs[pairs.slot]
@@ -190,7 +190,7 @@ def place_pairs_kernel(
 
 @wp.kernel(enable_backward=False)
 def drop_lists_kernel(pairs: PairSink, lists: TileLists):
-    """The same of pairs that a radix sort put in order."""
+    """The same for pairs that a radix sort has put in order."""
     tile = wp.tid()
     if pairs.needs[pairs.slot] > wp.int64(pairs.capacity):
         lists.begin[tile] = 0
