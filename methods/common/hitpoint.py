@@ -23,21 +23,22 @@ from ...harness.frame.vectors import largest, to_float32, to_float64, total
 U64 = wp.constant(wp.float64(1.1102230246251565e-16))  # 2^-53
 
 LEAST_STEP = wp.constant(64.0)
-"""A sixteenth of the error of the step onto the plane, in units of the hit point's own size, beyond which
-:func:`flat_hit_point` is used."""
+"""A sixteenth of the largest error that the step onto the plane may have, in units of U64 of the hit point's own size.
+Beyond it :func:`flat_hit_point` is used."""
 
 HIT_UNITS = wp.constant(wp.float64(1040.0))
 """Bound on the error of a hit point, in units of U64 of its own largest coordinate: the step, nine for the point off its
 ray that is moved onto the plane at a sine of an eighth or more, one for rounding, and a margin."""
 
 ORIGIN_UNITS = wp.constant(wp.float64(2.0**-20))
-"""Likewise of the origin's: :func:`flat_hit_point` rounds a step of 2^-23 of the way from there."""
+"""The same in units of the origin's coordinates: :func:`flat_hit_point` rounds a step of 2^-23 of the distance from
+there."""
 
 STEEP = wp.constant(wp.float64(2.0**-20))
 """Least slope at which a hit point may be rounded (:func:`is_vague`), as a share of the products whose sum it is."""
 
 LEADING = wp.constant(wp.uint64(0xFFFFFFFFE0000000))
-"""Of a float64 the sign, the exponent and 23 bits of the fraction: times a float32 it is exact."""
+"""Mask of the sign, the exponent and 23 bits of the fraction of a float64: its product with a float32 is exact."""
 
 
 @wp.func_native("return fma(a, b, c);")
@@ -116,7 +117,7 @@ def is_flat(ray: Ray, t: wp.float64, corners: Corners) -> wp.bool:
     uncertain for the way to a corner (a large triangle, or a sliver)."""
     a64 = to_float64(corners.a)
     n = wp.cross(to_float64(corners.b) - a64, to_float64(corners.c) - a64)
-    # Sizes in float32: no more than a factor depends on them. Where one is zero, infinite or undefined, care is taken.
+    # Sizes in float32: they are needed only up to a factor. Where one is zero, infinite or undefined, the point is flat.
     slope = wp.float32(wp.abs(wp.dot(n, to_float64(ray.direction))))
     if not slope > 0.125 * total(to_float32(n)) * total(ray.direction):
         return True
@@ -211,7 +212,8 @@ def flat_hit_point(ray: Ray, t: wp.float64, corners: Corners) -> wp.vec3d:
 
 @wp.func
 def hit_point(ray: Ray, t: wp.float64, corners: Corners) -> wp.vec3d:
-    """o + t d in float64, led back onto the triangle's plane: the shadow origin, by one function for all methods."""
+    """o + t d in float64, moved back onto the triangle's plane: the origin of shadow rays, by one function for all
+    methods."""
     if is_flat(ray, t, corners):
         return flat_hit_point(ray, t, corners)
     return steep_hit_point(ray, t, corners)
