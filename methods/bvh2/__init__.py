@@ -1,6 +1,8 @@
-"""A binary tree of our own, rebuilt each frame inside the graph and traced in packets and from the light.
+"""A binary tree of this project, rebuilt in each frame inside the graph. Primary rays are traced in packets or singly,
+shadow rays from the light.
 
-What tuned trees of GPU ray tracers do, exact: float32 decides what it can with a bound on its error, float64 the rest.
+It does what tuned trees of GPU ray tracers do, but exactly: float32 decides what it can with a bound on its error,
+float64 the rest.
 """
 
 from __future__ import annotations

@@ -2,22 +2,22 @@
 
 Benthin, Meister, Barczak, Mehalwal, Tsakok & Kensler, "H-PLOC: Hierarchical Parallel Locally-Ordered Clustering for
 Bounding Volume Hierarchy Construction" (HPG 2024). The radix tree is climbed (:mod:`.climb`); at each of its nodes with
-more than :data:`CLUSTERS` leaves a warp holds the clusters of both halves, in their order, and merges those that
-are each other's best within ``radius`` places, by the area of the box of both, until no more than :data:`CLUSTERS` are
-left; at the root, until one is. A warp that has merged a node stays with it and climbs on until the other half is not
-there yet.
+more than :data:`CLUSTERS` leaves a warp holds the clusters of both halves, in their order, and merges pairs that are each
+other's best neighbour within ``radius`` places, by the area of the box of both, until no more than :data:`CLUSTERS` are
+left; at the root, until one is left. A warp that has merged a node climbs on from it until it reaches a node whose other
+half is not there yet.
 
-How high a tree becomes has no bound in the paper: each merge of a node may add one level, so that triangles whose sizes
-halve from one to the next make a chain. Here a cluster carries its height. Where one of a node's clusters is
-:data:`TALL` levels high, neighbours are merged in pairs, whatever their area: one level for each node of the radix tree
-that is still to come, and five at its root. So no tree is higher than TALL + 54 + 5 (:data:`.snippets.STACK`).
+The paper gives no bound on the height of the tree: each merge may add one level, so that triangles whose sizes halve from
+one to the next make a chain. Here a cluster stores its height. Where one of a node's clusters is :data:`TALL` levels
+high, neighbours are merged in pairs, whatever their area: one level for each node of the radix tree that is still to
+come, and five at its root. So no tree is higher than TALL + 54 + 5 (:data:`.snippets.STACK`).
 
-Threads that climb through small nodes leave nothing in memory. A block keeps its leaves' boxes and the flags between them in
-shared memory; of a leaf of another block the warp that merges it computes the box again. So only warps that leave merged
-clusters release, and only warps that take them acquire.
+Threads that climb through small nodes write nothing to global memory. A block keeps the boxes of its leaves and the flags
+between them in shared memory; the warp that merges a leaf of another block computes its box again. So only warps that
+write merged clusters need a release, and only warps that read them an acquire.
 
-The tree depends on the keys alone, not on who came first: a merged cluster keeps the first leaf of its left part as its
-name, and the name that the right part loses is the new node's number. The CPU builds the same tree, one leaf after
+The tree depends on the keys alone, not on the order of the threads: a merged cluster is named by the first leaf of its
+left part, and the name of the right part becomes the new node's number. The CPU builds the same tree, one leaf after
 another.
 """
 
@@ -29,12 +29,12 @@ from typing import Any
 from .climb import make_builder
 
 CLUSTERS = 16
-"""Clusters that a node may keep: half a warp's lanes, so that two nodes' fit one warp."""
+"""Clusters that a node may keep: half the lanes of a warp, so that those of two nodes fit one warp."""
 
 TALL = 64
 
 BLOCK = 128
-"""Threads a block on the GPU."""
+"""Threads per block on the GPU."""
 
 HEIGHT_BIT = 25
 """A cluster's name takes the bits below, its height those above."""

@@ -1,6 +1,7 @@
 """The radix tree of the keys, built in one pass from the leaves up (Apetrei 2014; Karras 2012; Lauterbach et al. 2009).
 
-One thread a leaf. A node has the number of its flag (:mod:`.climb`), so two builds of the same frame make the same tree.
+One thread per leaf. A node has the number of its flag (:mod:`.climb`), so two builds of the same frame make the same
+tree.
 """
 
 from __future__ import annotations
@@ -65,10 +66,10 @@ auto take_box = [&](int k, float* b) {
 };
 #endif
 """
-"""Boxes left for a sibling, past the first cache, which other multiprocessors do not see."""
+"""Boxes for a sibling, written past the first-level cache, which other multiprocessors do not see."""
 
 
 @functools.cache
 def make_lbvh_kernel(node_bytes: int, group: int = 1) -> Any:
-    """One thread a leaf in key order; any number of them a block."""
+    """One thread per leaf in key order, in blocks of any size."""
     return make_builder(node_bytes, group, EXCHANGED + BUILD)

@@ -1,7 +1,8 @@
-"""Rays that float64 decides as they go: those that mirrors reflect, and all where triangles have holes.
+"""Rays that are decided in float64 during the traversal: mirrored rays, and all rays where triangles have holes.
 
-They are few, or stop at what float32 cannot call a hit. Walkers go from pixel to pixel, each with a stack of its own in
-the device's memory; float32 rejects triangles and float64 decides, by the tests that every method shares.
+Mirrored rays are few, and float32 cannot decide a hit on a triangle with holes. Each walker (a thread) takes pixel after
+pixel, with a stack of its own in device memory. float32 rejects triangles and float64 decides, by the tests that all
+methods share.
 """
 
 from __future__ import annotations
@@ -132,7 +133,7 @@ def make_closest_kernel(node_bytes: int, group: int = 1) -> Any:
 
 @functools.cache
 def make_shadow_kernel(node_bytes: int, group: int = 1) -> Any:
-    """Shadow bits, walked from the hit points. ``stack`` as in :func:`make_closest_kernel`."""
+    """Shadow bits, traversed from the hit points. ``stack`` as in :func:`make_closest_kernel`."""
     children_of = make_children_of(node_bytes)
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique")

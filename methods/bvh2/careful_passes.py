@@ -1,4 +1,4 @@
-"""Arrays and launches of the rays that float64 decides as they go (:mod:`.careful`)."""
+"""Arrays and launches of the rays that are decided in float64 during the traversal (:mod:`.careful`)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .shadow import Starts
 from .snippets import STACK
 
 WALKERS = 256
-"""Walkers a multiprocessor of the GPU, and on the CPU, which walks for one after another."""
+"""Walkers per multiprocessor of the GPU, and on the CPU, which runs them one after another."""
 
 
 def walked(effects: Effects) -> bool:

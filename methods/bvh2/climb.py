@@ -1,9 +1,9 @@
 """Climbing a radix tree of sorted keys from its leaves without building it first (Apetrei 2014, section 3).
 
-A node is a range of leaves [l, r]. Its parent joins it to the range on that side where the keys differ less, seen by
+A node is a range of leaves [l, r]. Its parent joins it to the range on that side where the keys differ less, judged by
 the difference of the keys at both ends; equal differences are distinguished by the positions themselves, as if each key
 were extended by the bits of its position (Karras 2012, section 4). So a tree of keys of b bits and up to 2^24 triangles
-is at most b + 24 deep, also where all keys are one.
+is at most b + 24 deep, also where all keys are equal.
 
 The parent of a left child [l, r] and of the right child [r + 1, s] has the flag r. The first thread to arrive stores the
 far end of its range and the difference there, and stops; the second thread to arrive continues with both. The tree ends
@@ -76,14 +76,14 @@ LED = """
 for (int at = GROUP * i; at < GROUP * (i + 1) && at < total; at++)
     if (keys.data[at] != last && (at + 1 == total || keys.data[at + 1] == last)) root.data[1] = at + 1;
 """
-"""The thread that has the last triangle that is not left out counts them."""
+"""The thread of the last triangle that is not left out counts them."""
 
 
 def make_builder(node_bytes: int, group: int, snippet: str) -> Any:
     """The kernel of a builder: the thread of leaf i in key order runs :data:`CLIMB` and ``snippet``.
 
     A leaf is ``group`` triangles whose keys follow one another, the last one fewer; ``count`` of them, ``total`` triangles.
-    root int32 [2]: the reference to the root, and how many triangles lead somewhere.
+    root int32 [2]: the reference to the root, and how many triangles are in the tree.
     """
 
     @wp.func_native(

@@ -1,8 +1,8 @@
-"""Morton keys of the triangles, and what a frame's build begins by clearing.
+"""Morton keys of the triangles, and clearing at the start of a frame's build.
 
 A key interleaves the bits of the middle of a triangle's box, on a cube as large as the scene's longest side (Lauterbach
-et al. 2009). A triangle that is never hit (without area, not a number) is left out: it gets the largest key, which no
-other has, so that it lies behind all others; builders stop before it.
+et al. 2009). A triangle that is never hit (without area, or with a coordinate that is not a number) is left out: it gets
+the largest key, which no other has, so that it comes after all others; builders stop before it.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def box_kernel(
     used: wp.array(dtype=wp.uint8),
     box: wp.array(dtype=wp.float32),
 ):
-    """Minimum over the vertices that triangles use, and that are numbers, of x, y, z, -x, -y, -z.
+    """Minimum of x, y, z, -x, -y, -z over the finite vertices that triangles use.
 
     A triangle that is left out may enlarge the box: keys are then coarser, and bounds wider.
     """
@@ -78,7 +78,7 @@ def spread(x: wp.int32) -> wp.int32:
 
 @wp.func
 def cell(x: wp.float32, low: wp.float32, scale: wp.float32, last: wp.float32) -> wp.int32:
-    """Where x lies among the cells 0..last."""
+    """The cell of x, clamped to 0..last."""
     return wp.int32(wp.min(wp.max((x - low) * scale, 0.0), last))
 
 
@@ -126,7 +126,7 @@ def key_kernel(
     size = wp.max(box_high(box) - low)
     cells = wp.float32(wp.int32(1) << (bits // 3))
     scale = wp.float32(0.0)
-    # Of a scene too large or too small for this all keys are one: the tree is right, if not good.
+    # In a scene too large or too small for this all keys are equal: the tree is correct, but slow to traverse.
     if size > 1.0e-30 and size < 1.0e30:
         scale = cells / size
     # Halves first: a sum may overflow.

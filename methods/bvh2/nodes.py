@@ -2,12 +2,12 @@
 
 A node is four or three words of 16 bytes: (centre of child 0, its reference), (extent), (centre of child 1, its
 reference), (extent); or the two centres with their references and then six extents of 16 bits, rounded up. Of two such
-extents in a word the upper one is read with the lower one's bits behind its own, which make it larger by less than 2^-7:
-that saves an instruction. A slab is then (centre * inverse - origin) -+ extent * |inverse|: whether a direction is negative
-is never asked.
+extents in a word, the upper one is read together with the bits of the lower one, which enlarge it by less than 2^-7: that
+saves an instruction. A slab is then (centre * inverse - origin) -+ extent * |inverse|, which needs no test of the
+direction's sign.
 
-Boxes are padded when they are written. What the slab test of a ray o + t d can be wrong by, as a way along one axis, with
-A the largest coordinate of o, B that of the scene's box, u = 2^-24, and where t d lies within the scene:
+Boxes are padded when they are written. The error of the slab test of a ray o + t d, as a distance along one axis, with A
+the largest coordinate of o, B that of the scene's box, u = 2^-24, and where t d lies within the scene:
 
     o * inverse rounded           A u          the direction, through 1 / d rounded             (A + B) u
     centre * inverse - that       (A + B) u    the direction itself, if it is h - light         (A + B) u
@@ -17,7 +17,8 @@ A the largest coordinate of o, B that of the scene's box, u = 2^-24, and where t
 
 5 A u + 8 B u in all; :func:`padding` is more, with A = ``frame.reach``, which bounds the eye; a light that is farther is not
 traced from (:mod:`.walk_shadow`). (Ize 2013, "Robust BVH Ray Traversal", pads the ray instead.)
-A direction's part of less than 2^-40 of its largest is replaced by that: it moves a ray by 2^-40 of its way.
+A component of the direction that is less than 2^-40 of the largest is replaced by that value, which moves a ray by 2^-40
+of its length.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ auto extent = [&](float l, float h, float c, float pad) {
     return sum(product(high(sum(h, -c), sum(c, -l)), larger), pad);
 };
 """
-"""The same for boxes that hold something, with fewer instructions."""
+"""The same for boxes that are not empty, with fewer instructions."""
 
 WRITE = {
     64: """
@@ -128,7 +129,7 @@ def next_of_leaf(group: int, going_on: str) -> str:
 
 @wp.func
 def padding(reach: wp.float32, extent: wp.float32) -> wp.float32:
-    """What boxes are padded by. ``reach``: bounds the origins that rays come from; ``extent``: the scene's box."""
+    """The padding of boxes. ``reach`` bounds the origins of rays, ``extent`` the scene's box."""
     return U32 * (6.0 * reach + 12.0 * extent) + 1.0e-37
 
 

@@ -1,4 +1,4 @@
-"""What can be set of the tree. Nothing here changes an exact answer."""
+"""The parameters of the tree. None of them changes an exact answer."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Build:
                 first frame, its boxes refitted each frame; "static": that tree, for geometry that does not move
     builder     of a rebuilt tree: "lbvh" (Lauterbach et al. 2009, in one pass: Apetrei 2014) or "hploc" (Benthin et
                 al. 2024)
-    radius      of "hploc": how many neighbours to either side a cluster looks at for the one to merge with
+    radius      of "hploc": how many neighbours on either side are candidates for a merge with a cluster
     key_bits    bits of the Morton keys that the triangles are sorted by
     node_bytes  64: both children's boxes as centre and extent in float32; 48: extents rounded up to bfloat16
     leaf        of a rebuilt tree: how many triangles, neighbours in the order of the keys, a leaf holds
@@ -66,12 +66,12 @@ class Trace:
     """How rays are traced.
 
     precision  "exact": float32 tests with a bound on their error, float64 for what they leave in doubt; "float32": the
-               same tree as it is usually traced, with the errors of that. What mirrors reflect and triangles with
-               holes are traced exactly in any case
+               same tree as it is usually traced, with its errors. Mirrored rays and triangles with holes are traced
+               exactly in either case
     primary    on the GPU: "packet": the rays of 8 x 4 pixels share one stack; "single": each ray has its own
-    registers  a thread of the kernels that trace may take on the GPU
+    registers  limit of registers per thread of the kernels that trace on the GPU
     shares     parts of the pixels that the GPU traces at once, each with queues of its own: while the last rays of one
-               step of a share end, another share's continue
+               share end, the rays of another continue
     """
 
     precision: str = "exact"

@@ -1,4 +1,4 @@
-"""Primary rays: the walk, and in float64 what it left, t, weights and the point that shadow rays start at."""
+"""Primary rays: the traversal; then, in float64, the pairs that it left, t, weights and the origin of shadow rays."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .records import Leaves, triangle_corners
 from .walk_primary import make_walk
 
 BLOCK = 128
-"""Threads a block: :func:`pixel_at` and the stacks of packets count on it."""
+"""Threads per block: :func:`pixel_at` and the stacks of packets depend on it."""
 
 RESOLVE_REGISTERS = 72
 
@@ -46,20 +46,20 @@ class Part:
 
 @wp.func
 def pixel_at(camera: Camera, part: Part, thread: wp.int32) -> wp.vec2i:
-    """Column and row of a thread's pixel, 8 x 4 pixels a warp, or -1."""
+    """Column and row of a thread's pixel, 8 x 4 pixels per warp, or -1."""
     block = (thread >> 7) * part.shares + part.share
     return tile_pixel((block << 7) | (thread & 127), camera.width, camera.height)
 
 
 @wp.func
 def direction_at(camera: Camera, at: wp.vec2i) -> wp.vec3f:
-    """Of a pixel; of the first one for a thread without."""
+    """The direction of a pixel; for a thread without a pixel, that of the first."""
     return entry(camera.column, wp.max(at[0], 0)) + entry(camera.row, wp.max(at[1], 0))
 
 
 @functools.cache
 def make_exact_kernel(packets: bool, node_bytes: int, registers: int, group: int = 1) -> Any:
-    """One thread a pixel, 8 x 4 a warp: the place of the certain closest hit (-1: none), and its chain of doubts."""
+    """One thread per pixel, 8 x 4 per warp: the place of the certain closest hit (-1: none), and its chain of doubts."""
     walk = make_walk("exact", packets, node_bytes, group)
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=registers)
@@ -88,7 +88,7 @@ def make_exact_kernel(packets: bool, node_bytes: int, registers: int, group: int
 
 @functools.cache
 def make_float32_kernel(packets: bool, node_bytes: int, registers: int, group: int = 1) -> Any:
-    """One thread a pixel, 8 x 4 a warp: answers in float32, and the points that shadow rays start at."""
+    """One thread per pixel, 8 x 4 per warp: answers in float32, and the origins of shadow rays."""
     walk = make_walk("float32", packets, node_bytes, group)
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=registers)
@@ -139,7 +139,7 @@ def resolve_kernel(
     hits: Hits,
     start: wp.array(dtype=wp.vec3f),
 ):
-    """The nearest of the certain hit and the doubtful ones; t, weights and hit point of it in float64."""
+    """The nearest of the certain hit and the doubtful ones; its t, weights and hit point in float64."""
     at = pixel_at(camera, part, wp.tid())
     if at[0] < 0:
         return
@@ -182,7 +182,7 @@ def resolve_kernel(
     set_entry(hits.u, pixel, uv[0])
     set_entry(hits.v, pixel, uv[1])
     set_entry(start, pixel, to_float32(point))
-    # Flat rays are few, and slow to compute: from corners that are read again, so that no register holds them until here.
+    # Flat rays are few, and slow to compute. The corners are read again, so that no register holds them until here.
     if flat:
         again = triangle_corners(mesh, best)
         seen = Ray(entry(camera.eye, 0), direction_at(camera, at))

@@ -1,10 +1,9 @@
-"""Triangles set up for an origin that many rays share: a test is then a few multiplications and additions.
+"""Records of triangles for an origin that many rays share: a test is then a few multiplications and additions.
 
 For the eye: three edge planes through it, n_k . d > 0 inside, and m with 1 / t = m . d on the triangle's plane; 48 bytes.
 For a light: three planes through it and the edges, n_k . p + c_k > 0 inside, and the triangle's plane, positive on the
-light's side, for hit points p; 48 bytes, and 16 apart, which few tests read. With the light's own
-place as origin a test would be as short as the eye's, but wrong where the light is far: here all errors are those of the
-scene's size.
+light's side, for hit points p; 48 bytes, and 16 in an array apart, which few tests read. With the light as origin a test
+would be as short as the eye's, but wrong where the light is far. Here all errors are relative to the size of the scene.
 
 Planes are computed in float64, rounded, and scaled in float32: two roundings. Each is scaled by its own largest part, or by
 a little more where the slack that closed triangles have (:func:`..common.triangle.hit_distance`: 2^-30 of the sum s of the
@@ -36,7 +35,7 @@ EYE_UNITS = 10.0
 LIGHT_UNITS = 40.0
 
 REGISTERS = 64
-"""Registers a thread of the kernels that set triangles up: they wait for memory."""
+"""Limit of registers per thread of the kernels that make the records: they are limited by memory."""
 
 CLOSED = wp.constant(2.0**-8)
 ROUNDED = wp.constant(2.0**-20)
@@ -62,7 +61,7 @@ class Leaves:
 
 @wp.func
 def triangle_corners(mesh: Mesh, triangle: wp.int32) -> Corners:
-    """The corners of a triangle, read where they lie (:mod:`..common.entries`)."""
+    """The corners of a triangle, read directly (:mod:`..common.entries`)."""
     face = entry(mesh.triangles, triangle)
     return Corners(entry(mesh.points, face[0]), entry(mesh.points, face[1]), entry(mesh.points, face[2]))
 
@@ -109,7 +108,7 @@ def seen_from(o32: wp.vec3f, corners: Corners) -> Seen:
     s.x = wp.cross(s.b - o, bc)
     s.y = wp.cross(s.c - o, ca)
     s.z = wp.cross(s.a - o, ab)
-    # Sizes choose scales and thresholds: float32 knows them well enough.
+    # Sizes choose scales and thresholds, for which float32 is precise enough.
     reach = wp.max(largest(a32 - o32), wp.max(largest(b32 - o32), largest(c32 - o32)))
     edge = wp.max(largest(b32 - a32), wp.max(largest(c32 - b32), largest(a32 - c32)))
     s.size = reach * edge
@@ -131,7 +130,7 @@ def unknown() -> wp.vec3f:
 
 @wp.func
 def scale_of(n: wp.vec3f, s: Seen, spread: wp.float32) -> wp.float32:
-    """What an edge plane is multiplied by; ``spread``: the most that its slack may come from."""
+    """The scale of an edge plane; ``spread``: the largest sum that its slack is a share of."""
     return s.inward / wp.max(largest(n), wp.max(CLOSED * spread, ROUNDED * s.size))
 
 
@@ -145,7 +144,7 @@ def leads_here(leaves: Leaves, at: wp.int32) -> wp.bool:
 
 @wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
 def eye_kernel(mesh: Mesh, leaves: Leaves, eye: wp.array(dtype=wp.vec3f), records: wp.array(dtype=wp.vec4f)):
-    """Three words a triangle in the tree's order: the edge planes and m, one after the other."""
+    """Three words per triangle in the tree's order: the edge planes and m, one after the other."""
     at = wp.tid()
     if not leads_here(leaves, at):
         return
@@ -188,7 +187,8 @@ def light_kernel(
     records: wp.array(dtype=wp.vec4f),
     sides: wp.array(dtype=wp.vec4f),
 ):
-    """Three words a triangle in the tree's order, the planes through the light, and one apart: the triangle's."""
+    """Three words per triangle in the tree's order: the planes through the light. In an array apart, the triangle's own
+    plane."""
     at = wp.tid()
     if not leads_here(leaves, at):
         return
@@ -224,7 +224,8 @@ def float32_kernel(
     origins: wp.array(dtype=wp.vec3f),
     records: wp.array(dtype=wp.vec4f),
 ):
-    """Three words a triangle for float32 tests from ``origins[index]``: what is left of Moeller & Trumbore 1997.
+    """Three words per triangle for float32 tests from ``origins[index]``: Moeller & Trumbore 1997 with the fixed origin's
+    terms precomputed.
 
     With s = o - a, e = b - a, f = c - a: (f x e, f . (s x e)), (f x s, 0), (s x e, 0), so that for a direction d the
     determinant, u, v and t are three products with d and one number.

@@ -1,8 +1,8 @@
 """A tree of the first frame, its boxes refitted each frame.
 
-One thread a triangle climbs: the second thread to arrive at a node writes it and continues (as :mod:`.build_lbvh`, of
-which a refit is what is left when the tree is known). Arrivals are counted on, odd and even: nothing needs clearing. A
-triangle that is left out in a frame has no box in it, as it has no place in a tree that is rebuilt.
+One thread per triangle climbs: the second thread to arrive at a node writes it and continues (as in :mod:`.build_lbvh`,
+but with a known tree). Counters of arrivals are never reset: an even count means that both have arrived. A triangle that
+is left out in a frame has no box in it, as it has no place in a tree that is rebuilt.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ while (slot >= 0) {
 
 @functools.cache
 def make_refit_kernel(node_bytes: int) -> wp.Kernel:
-    """One thread a place in the tree's order."""
+    """One thread per place in the tree's order."""
 
     @wp.func_native(BASICS + EXCHANGED + ROUNDED_UP + WRITE[node_bytes] + CLIMB)
     def refit(
@@ -154,7 +154,7 @@ class Refitted:
         self.leaves = filled(Leaves, count=count, last=-1, keys=keys, order=self.order)
 
     def passes(self) -> tuple[list[Pass], Pass]:
-        """What comes before the triangles can be set up (nothing: their order is known), and the refit."""
+        """The passes before the records of triangles (none, because the order is known), and the refit."""
         reads = ("triangles", "reach") if self.build.update == "static" else ("points", "triangles", "reach")
         box = Pass("box", "build", reads, ("order",), self._box)
         return [box], Pass("refit", "build", (*reads, "order"), ("bvh",), self._refit)

@@ -37,7 +37,8 @@ class Topology:
 
 
 def sah_topology(corners: NDArray[np.float32], valid: NDArray[np.uint8]) -> Topology:
-    """The tree of triangles with these corners, [triangles, 3, 3]. One that is left out lies in the scene's middle."""
+    """The tree of triangles with these corners, [triangles, 3, 3]. A triangle that is left out is placed in the scene's
+    middle."""
     count = len(corners)
     low, high = boxes(corners, valid)
     centre = 0.5 * (low + high)

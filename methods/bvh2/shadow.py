@@ -1,4 +1,4 @@
-"""Shadow rays of one light: the walk, and in float64 what it left."""
+"""Shadow rays of one light: the traversal; then, in float64, the pairs that it left."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Starts:
     """Where shadow rays start.
 
     seat   int32 [pixels]: the place of the hit triangle in the tree's order; or [triangles]: the place of each triangle
-    point  vec3f [pixels]: the hit point, rounded; nothing at a miss
+    point  vec3f [pixels]: the hit point, rounded; undefined at a miss
     """
 
     seat: wp.array(dtype=wp.int32)
@@ -34,7 +34,7 @@ class Starts:
 def make_shadow_kernel(
     precision: str, node_bytes: int, registers: int, by_triangle: bool = False, group: int = 1
 ) -> Any:
-    """One thread a pixel, 8 x 4 a warp: the shadow bit as far as float32 decides it, and doubts.
+    """One thread per pixel, 8 x 4 per warp: the shadow bit as far as float32 decides it, and doubts.
 
     ``by_triangle``: the places of ``starts`` are those of all triangles, not of the pixels' hits.
     """

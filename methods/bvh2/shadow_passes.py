@@ -23,13 +23,13 @@ from .records import Leaves
 from .shadow import Starts
 
 DOUBT_THREADS = 256
-"""Threads a multiprocessor that go through the doubts, a few thousand mostly."""
+"""Threads per multiprocessor that process the doubts, of which there are mostly a few thousand."""
 
 
 class ShadowRays:
     """What shadow rays and mirrored rays need of a tree whose order of triangles is ``leaves``.
 
-    counts  int32 [slots, shares]: pairs left to float64; slot 0 is free for the primary rays, one a light for each bounce
+    counts  int32 [slots, shares]: pairs left to float64; slot 0 is for the primary rays, then one per light and bounce
     doubts  vec2i [capacity] for each share: those pairs, of one slot after another (:mod:`.doubt_text`)
     primary_starts, or for each bounce seat int32 [pixels], start vec3f [pixels]: see :class:`.shadow.Starts`
     of each light light_records vec4f [3 * triangles], sides vec4f [triangles]: :mod:`.records`
@@ -78,7 +78,7 @@ class ShadowRays:
         self.careful = Careful(frame, build, effects, tree, leaves)
 
     def light_passes(self, received: bool) -> list[Pass]:
-        """Triangles set up for each light that every hit receives, or (not ``received``) for each other one.
+        """Records of the triangles for each light that every hit receives, or (not ``received``) for each other light.
 
         The former need only the order of triangles. The latter come after the hits: where none receives the light, they
         are left out.
@@ -102,7 +102,8 @@ class ShadowRays:
         ]  # fmt: skip
 
     def in_shares(self, of_share: Callable[[int], list[Pass]]) -> list[Pass]:
-        """The passes ``of_share`` of all shares beside each other, each light's triangles before its rays."""
+        """The passes ``of_share`` of all shares, which run concurrently; the records for each light come before its
+        rays."""
         passes = [
             replace(step, branch=(share,), adds=True)
             for steps in zip(*(of_share(share) for share in range(self.shares)), strict=True)
@@ -130,7 +131,7 @@ class ShadowRays:
         return passes
 
     def of(self, share: int) -> str:
-        """What the names of a share's passes and resources end with."""
+        """The ending of the names of a share's passes and resources."""
         return f", share {share + 1} of {self.shares}" if self.shares > 1 else ""
 
     def bounce_passes(self) -> list[Pass]:

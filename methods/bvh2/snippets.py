@@ -1,7 +1,7 @@
-"""What the native snippets of this method have in common: C++ that a GPU and the CPU compile alike.
+"""Shared parts of this method's native snippets: C++ that compiles for a GPU and for the CPU.
 
-Loops over a tree need an array of their own for the stack, votes of a warp and 16-byte loads, for which Warp has no
-words. A snippet is the body of one function, so what several share is text that each begins with.
+The loops over a tree need a local array for the stack, votes of a warp and 16-byte loads, which Warp's language does not
+have. A snippet is the body of one function, so code that several share is text at their start.
 """
 
 from __future__ import annotations
@@ -64,8 +64,8 @@ auto product = [](float a, float b) { return a * b; };
 #endif
 """
 )
-"""``about`` is one over a number, as well as a GPU finds it at once. ``sum`` and ``product`` round by themselves: a GPU's
-compiler would fuse them, and build another tree than the CPU.
+"""``about`` is one over a number, with the precision of a GPU's single instruction. ``sum`` and ``product`` are rounded
+separately: a GPU's compiler would fuse them, and the tree would differ from the CPU's.
 
 ``entering`` and ``leaving``: the largest of three numbers and 0, and the smallest of three numbers and ``limit`` > 0. A GPU
 has one instruction for three integers. As integers, floats from 0 on are in their order, and negative ones are below

@@ -1,4 +1,4 @@
-"""Sorting keys with their triangles on the GPU, in place in a captured graph: a radix sort of one sweep a digit.
+"""Sorting keys with their triangles on the GPU, in place in a captured graph: a radix sort with one sweep per digit.
 
 Adinets & Merrill, "Onesweep: A Faster Least Significant Digit Radix Sort for GPUs" (2022): the digits of all keys are
 counted once; then each pass reads and writes every key once. A block takes the next tile, ranks its keys by digit within
@@ -21,10 +21,10 @@ DIGITS = 1 << DIGIT
 THREADS = 256
 COUNT_BLOCKS = 264
 MANY = 400_000
-"""Keys from here on are taken 16 a thread, fewer 8, so that tiles fill the GPU."""
+"""From this number of keys on, a thread takes 16 of them; below, it takes 8, so that tiles fill the GPU."""
 
 AHEAD = 4
-"""Tiles that a thread that looks back reads at once."""
+"""Tiles whose counts a thread reads at once when it looks back."""
 
 COUNT = f"""
 #if defined(__CUDA_ARCH__)
@@ -160,7 +160,7 @@ def count_kernel(
 
 @functools.cache
 def make_sweep_kernel(items: int) -> Any:
-    """One pass: a block of :data:`THREADS` for each tile of ``items`` keys a thread."""
+    """One pass: a block of :data:`THREADS` for each tile of ``items`` keys per thread."""
     constants = f"constexpr int DIGIT = {DIGIT}, DIGITS = {DIGITS}, THREADS = {THREADS}, ITEMS = {items}, AHEAD = {AHEAD};"
 
     @wp.func_native(constants + SWEEP)

@@ -1,4 +1,4 @@
-"""The eye's rays and their shadow rays: arrays, launches, and the passes of a frame."""
+"""Primary rays and their shadow rays: arrays, launches, and the passes of a frame."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .shadow_passes import ShadowRays
 class Rays(ShadowRays):
     """Everything that is traced in a frame.
 
-    counts  of :class:`.shadow_passes.ShadowRays`; in slot 0 those of the eye's rays
+    counts  of :class:`.shadow_passes.ShadowRays`; in slot 0 those of the primary rays
     chain   int32 [pixels]: the last doubt of each eye's ray (:mod:`.doubt_text`)
     eye_records vec4f [3 * triangles]: :mod:`.records`
     """
@@ -44,7 +44,8 @@ class Rays(ShadowRays):
             self.eye_records = wp.zeros(0 if walked(effects) else 3 * frame.triangle_count, dtype=wp.vec4f)
 
     def records_passes(self) -> list[Pass]:
-        """Triangles set up for the eye, and for lights that every hit receives: they need only the order of triangles."""
+        """Records of the triangles for the eye, and for lights that every hit receives: they need only the order of
+        triangles."""
         if walked(self.effects):
             return []
         reads = ("points", "triangles", "order", "camera")
@@ -52,7 +53,7 @@ class Rays(ShadowRays):
         return [eye, *self.light_passes(received=True)]
 
     def passes(self) -> list[Pass]:
-        """Primary rays and shadow rays, the shares beside each other; then mirrored ones."""
+        """Primary rays and shadow rays, in shares that run concurrently; then mirrored rays."""
         scene = ("bvh", "order", "points", "triangles", *self.effects.surface_reads())
         if walked(self.effects):
             passes = self._careful_passes(scene)

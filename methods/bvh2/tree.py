@@ -52,7 +52,7 @@ class Rebuilt:
         )
 
     def passes(self) -> tuple[list[Pass], Pass]:
-        """What gives the order of the triangles, and what makes the tree from it."""
+        """The passes that give the order of the triangles, and those that make the tree from it."""
         ordered = [
             Pass("keys", "build", ("points", "triangles", "reach"), ("keys",), self._keys),
             Pass("sort", "build", ("keys",), ("order",), self.sort.launch),

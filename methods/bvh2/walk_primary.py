@@ -1,8 +1,9 @@
-"""The closest hit of a ray from the eye: a walk down the tree with a stack, for one ray or for a warp's 32 together.
+"""The closest hit of a primary ray: traversal of the tree with a stack, for one ray or for the 32 rays of a warp
+together.
 
-A packet of rays has one stack and visits the union of what its rays would: the warp votes which child comes first
-(Wald et al. 2001; Guenther et al. 2007). So all lanes read the same nodes and triangles. It gives the answers of single
-rays, which is how the CPU walks.
+A packet of rays has one stack and visits the union of the nodes that its rays visit: the warp votes which child comes
+first (Wald et al. 2001; Guenther et al. 2007). So all lanes read the same nodes and triangles. It gives the answers of
+single rays, which is how the CPU walks.
 
 Exact: an edge plane or a depth that float32 does not decide leaves the pair to float64, and the traversal continues
 without it. The current closest hit is always certain: a triangle replaces it only if it certainly lies in front. Of two
@@ -105,7 +106,7 @@ while (now != NONE) {
 }
 """
 )
-"""One step a turn, down to a child or through a triangle, so that the lanes of a warp meet after each."""
+"""One step per iteration, down to a child or through a triangle, so that the lanes of a warp meet after each."""
 
 PACKET = (
     f"""

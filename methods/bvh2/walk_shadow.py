@@ -1,9 +1,9 @@
-"""Whether anything lies between a hit point and a light: any hit will do, so the walk ends at the first certain one.
+"""Whether anything lies between a hit point and a light: any hit counts, so the traversal ends at the first certain one.
 
 Rays are traced from the light to the hit point: those of a warp, whose hit points are neighbours, then share the nodes
-near the light. That is right as long as the light is not farther than boxes are padded for (:mod:`.nodes`); from a light
-beyond ``reach`` the same segment is walked from the hit point. Which end it is walked from decides which boxes
-are met first, and nothing else: triangles are tested by planes (:mod:`.records`).
+near the light. That is valid as long as the light is not farther than boxes are padded for (:mod:`.nodes`). For a light
+beyond ``reach`` the same segment is traversed from the hit point. The end at which it starts only decides which boxes are
+met first: triangles are tested by planes (:mod:`.records`).
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ return 0;
 
 @functools.cache
 def make_shadow_walk(precision: str, node_bytes: int, group: int = 1) -> Any:
-    """A function of the hit point h and the light: 1 where something lies between, but the triangle at ``own``."""
+    """A function of the hit point h and the light: 1 where something other than the triangle at ``own`` lies between."""
     leaf = EXACT_LEAF if precision == "exact" else FLOAT32_LEAF
     walking = WALK.replace("READ", READ[node_bytes]).replace("SLABS", SLABS).replace("TRIANGLE", leaf)
     walking = walking.replace("NEXT", next_of_leaf(group, "done = false;"))

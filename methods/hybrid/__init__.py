@@ -2,7 +2,7 @@
 
 The camera's stream of ``ray_grids`` is faster than any tree for primary rays, but needs a grid of its own for each light
 and has none for mirrored rays. A tree depends on the geometry alone: the graph of a frame builds it while the camera's
-stream runs. Which of both is there follows from the effects: without shadows and mirrors there is no tree.
+stream runs. The effects decide which of the two exists: without shadows and mirrors there is no tree.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ class Hybrid(BaseMethod):
         return Pass("places", "build", ("order",), ("places",), launch, "shadows")
 
     def _shadow_passes(self, rays: ShadowRays, effects: Effects, shadows: bool) -> list[Pass]:
-        """Of the primary hits, after both branches."""
+        """The shadow rays of the primary hits, after both branches."""
         scene = ("bvh", "order", "points", "triangles", "camera", "hits", *effects.surface_reads())
         if not shadows:
             return rays.light_passes(received=False)
@@ -126,7 +126,7 @@ class Hybrid(BaseMethod):
         return more or self._capacity != before
 
     def counters(self) -> dict[str, int]:
-        """Those of the streams, and shadow rays' pairs that the tree left to float64 in the last frame."""
+        """The counters of the streams, and the pairs of shadow rays that the tree left to float64 in the last frame."""
         if self._streams.needs() is None:
             return {}
         counts = self._streams.counters()

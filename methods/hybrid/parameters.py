@@ -1,4 +1,4 @@
-"""What can be set of the hybrid. Nothing here changes an answer."""
+"""The parameters of the hybrid. None of them changes an answer."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Build.__doc__ = f"""{TreeBuild.__doc__}
 class Trace:
     """How rays are traced through the tree, exactly.
 
-    registers  a thread of the kernels that trace may take on the GPU
+    registers  limit of registers per thread of the kernels that trace on the GPU
     shares     parts of the pixels whose shadow rays the GPU traces at once, each with queues of its own
     """
 

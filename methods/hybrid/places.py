@@ -10,7 +10,7 @@ from ..common.entries import entry, set_entry
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def places_kernel(leaves: Leaves, places: wp.array(dtype=wp.int32)):
-    """One thread a place. Triangles that the tree leaves out keep what they had: no ray hits them."""
+    """One thread per place. Triangles that the tree leaves out keep their old value: no ray hits them."""
     at = wp.tid()
     if leads_here(leaves, at):
         set_entry(places, entry(leaves.order, at), at)
