@@ -1,7 +1,7 @@
 """A cube around the light, and where it is aimed: at the middle of the scene.
 
-So a light outside the scene sees everything through face 0, whose rectangle is clamped to the rays; the other faces
-are whole. Light space is float64: the rays of a light at 1e7 scene radii still spread over all cells.
+A light outside the scene then sees everything through face 0, whose rectangle is clamped to the rays; the other faces are
+whole. Light space is float64, so that the rays of a light at 1e7 scene radii are still spread over all cells.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from .warps import least_of_lanes
 FACES = wp.constant(6)
 
 SAMPLES = wp.constant(16)
-"""Triangles that say where the middle of the scene is."""
+"""Number of triangles from which the middle of the scene is computed."""
 
 LOW_U, LOW_V, HIGH_U, HIGH_V = wp.constant(0), wp.constant(1), wp.constant(2), wp.constant(3)
 """A light's rectangle is int32 [:data:`RECTANGLE_WORDS`]. Its first words are the sides of what the rays cover of face
@@ -51,7 +51,7 @@ class Cube:
 
 @wp.func
 def ordered(x: wp.float32) -> wp.int32:
-    """An integer in the order of the floats, so that atomics find the least."""
+    """An integer that is ordered as the floats are, so that atomics find the least."""
     bits = wp.cast(x, wp.int32)
     if bits < 0:
         bits = bits ^ 2147483647
@@ -69,10 +69,11 @@ def from_ordered(bits: wp.int32) -> wp.float32:
 
 @wp.func
 def nearer_post(post: wp.vec3f, reach: wp.float32) -> wp.vec3f:
-    """A light no farther away than :data:`FARTHEST` times ``reach``, on the same way: what rays and triangles are placed
-    from. Seen from there rays that end at the light turn by 2^-28 of their angle to the axis, far less than float32 rounds.
+    """The position from which rays and triangles are placed: the light's, or a point towards it at :data:`FARTHEST` times
+    ``reach``. Seen from there, rays that end at the light turn by 2^-28 of their angle to the axis, far less than the
+    rounding of float32.
 
-    From farther away float64 would not tell the rays apart, and at last float32 not hold their angles.
+    From farther away float64 would not distinguish the rays, and finally float32 could not represent their angles.
     """
     near = post
     while largest(near) > FARTHEST * reach:
@@ -97,8 +98,8 @@ def aim_kernel(
     """Where a light is placed from, axes of its cube as rows (forward to the scene's middle first); empties its rectangle
     and counters.
 
-    The middle is that of a few triangles: any point among the triangles serves, and a whole box would cost a pass.
-    The lanes of a warp fetch them at once (``threads`` is 32, or 1 on the CPU); the first does the rest.
+    The middle is that of a few triangles: any point among the triangles is suitable, and a box of all would cost a pass.
+    The lanes of a warp read them at once (``threads`` is 32, or 1 on the CPU); the first does the rest.
     """
     low = wp.vec3f(wp.INF)
     high = wp.vec3f(-wp.INF)

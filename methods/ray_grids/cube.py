@@ -1,6 +1,6 @@
 """Where the shadow rays lie on the light's cube, and the rectangle that holds them all (:mod:`.aim`).
 
-On a face, planes through the light are lines, so bounds of what lies on it are exact there.
+On a face, planes through the light are lines, so bounds computed there are exact.
 """
 
 from __future__ import annotations
@@ -45,8 +45,9 @@ def on_face(q: Any, face: wp.int32) -> Any:
     return r
 
 
-# A block agrees before one thread a word asks the words that all blocks share: a look at them by every warp would be
-# as many requests to one address of the second cache, and cost several times the pass it serves.
+# The threads of a block combine their values before one thread per word updates the words that all blocks share: an
+# access by every warp would be as many requests to one address of the second cache, and cost several times the pass it
+# serves.
 @wp.func_native(f"""
 #if defined(__CUDA_ARCH__)
 __shared__ int agreed[6];
@@ -130,7 +131,7 @@ def place_of(hit: wp.vec3d, light: wp.vec3f, frame: wp.mat33d) -> wp.vec4f:
 def place_and_record(
     is_hit: wp.bool, hit: wp.vec3d, light: wp.vec3f, frame: wp.mat33d, rectangle: wp.array(dtype=wp.int32)
 ) -> wp.vec4f:
-    """Where a hit point lies (face -1 at a miss), noted among all rays' (:func:`record_rays`)."""
+    """Where a hit point lies (face -1 at a miss); it is included in the bounds of all rays (:func:`record_rays`)."""
     low_u = EMPTY
     low_v = EMPTY
     high_u = EMPTY

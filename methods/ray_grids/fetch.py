@@ -1,4 +1,4 @@
-"""Corners and directions read where they lie, as :mod:`..common.entries` reads: without Warp's index arithmetic."""
+"""Corners and directions read as in :mod:`..common.entries`, without Warp's index arithmetic."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Work queues on the device: threads reserve places, write what fits, and count on beyond the capacity.
 
-``counts`` (int32) holds one counter a queue. After the frame the harness compares counters with capacities; a
+``counts`` (int32) holds one counter per queue. After the frame the harness compares counters with capacities; a
 frame that lost an item is discarded, the queue grown, and the frame repeated. Nothing is dropped silently.
 """
 
@@ -27,13 +27,13 @@ ITEMS, PARTS, DOUBTS, LARGE = 0, 1, 2, 3
 rays; (triangle, pixel or ray) pairs left to float64; larger triangles on a face of a light's cube."""
 
 RAYS = 4
-"""In the same row, no queue: where the next row of cells puts its rays."""
+"""In the same row, but not of a queue: the place for the rays of the next row of cells."""
 
 COUNTERS = 6
 """Words of a row: an even number, since all rows are cleared with the 64-bit words of the pixels."""
 
 THREADS = 9 * 128
-"""Threads a multiprocessor of a kernel that empties a queue: as many as fit, since they stride over what is there. The
+"""Threads per multiprocessor of a kernel that processes a queue: as many as fit, since they stride over the entries. The
 count stays on the device."""
 
 BLOCK_DIM = wp.constant(128)
@@ -41,7 +41,7 @@ BLOCK_DIM = wp.constant(128)
 
 @wp.struct
 class Queue:
-    """What one share of one stream's triangles queues; its lengths count on beyond the capacities.
+    """The queues of one share of one stream's triangles; their counters continue beyond the capacities.
 
     counts   int32 [6]: ITEMS, PARTS, DOUBTS, LARGE, RAYS
     large    vec4i [item_capacity]: triangles to be split into items (a light's)
@@ -64,7 +64,7 @@ class Queue:
 
 @wp.struct
 class Share:
-    """Which of a stream's triangles are streamed: share ``number`` of ``count``, of ``triangles`` in all."""
+    """A part of a stream's triangles: share ``number`` of ``count``, of ``triangles`` in all."""
 
     number: wp.int32
     count: wp.int32
@@ -88,7 +88,7 @@ def queue_doubt(queue: Queue, i: wp.int32, pixel: wp.int32):
 
 @wp.func
 def queue_parts(queue: Queue, item: wp.int32, number: wp.int32, size: wp.int32, lane: wp.int32):
-    """Queue what an item of ``number`` elements has beyond its first ``size``: (item, part), by one lane."""
+    """Queue the elements of an item beyond its first ``size``, of ``number`` in all: (item, part), by one lane."""
     if number > size and lane == 0:
         further = (number - 1) // size
         place = reserve(queue.counts, PARTS, further)
@@ -99,7 +99,7 @@ def queue_parts(queue: Queue, item: wp.int32, number: wp.int32, size: wp.int32, 
 
 @wp.kernel(enable_backward=False)
 def copy_counts_kernel(counts: wp.array(dtype=wp.int32), needs: wp.array(dtype=wp.int64)):
-    """Copy a stream's counters to where another method counts its own needs."""
+    """Copy a stream's counters to the array in which another method counts its needs."""
     i = wp.tid()
     needs[i] = wp.int64(counts[i])
 
@@ -109,7 +109,7 @@ Capacity = tuple[int, int, int]
 
 
 def more_room(needed: NDArray[np.int64], before: Capacity, memory: int) -> Capacity:
-    """What the queues must hold, given the counters of one or more streams."""
+    """The capacities that the queues need, given the counters of one or more streams."""
     most = counted(needed).reshape(-1, COUNTERS).max(axis=0)
     items, parts, doubts = before
     return (
@@ -120,7 +120,7 @@ def more_room(needed: NDArray[np.int64], before: Capacity, memory: int) -> Capac
 
 
 class Queues:
-    """What the streams of one frame share: queues, counters, and planes of queued triangles.
+    """Memory that the streams of one frame share: queues, counters, and planes of queued triangles.
 
     The triangles of a stream may be divided into ``shares`` that run at the same time, each with queues and a row of
     counters of its own. nearest uint64 [pixels]; counts int32 [streams * shares, 6]. Without queues (CPU) all arrays of a
@@ -138,7 +138,7 @@ class Queues:
         self.threads = THREADS * device.sm_count if self.cuda else 64
         words = COUNTERS // 2 * streams * shares
         with wp.ScopedDevice(frame.device):
-            # One array for all that a frame begins by clearing: a launch costs as much as the bytes.
+            # One array for everything that is cleared at the start of a frame: a launch costs as much as the bytes.
             self.cleared = wp.zeros(frame.pixels + words, dtype=wp.uint64)
             self.nearest = self.cleared[: frame.pixels]
             self.counts = wp.array(
@@ -192,7 +192,7 @@ class Queues:
 
 
 Step = tuple[str, tuple[str, ...], tuple[str, ...], Callable[[int], None]]
-"""What is done to each share: its name, the queues it reads and writes, and what launches it."""
+"""A step of each share: its name, the queues it reads and writes, and what launches it."""
 
 
 def in_shares(

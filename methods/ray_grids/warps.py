@@ -1,10 +1,10 @@
 """The lanes of a warp working on one item together: sums over lanes, values of other lanes.
 
 A triangle's rows differ in length. Each lane finds one row's pixels or rays; their lengths are summed up over the
-lanes, and then all lanes take the pixels or rays of all rows in turn, 32 at a time: every lane has work, however
-long or short the rows are. Warp has no words for this, so these are native snippets. They are for the GPU: kernels for
-the CPU walk the rows one after the other. What they call there all the same is of a thread alone
-(:func:`least_of_lanes`) or does nothing (:func:`scan_row`).
+lanes, and then all lanes take the pixels or rays of all rows in turn, 32 at a time: every lane has work, however long or
+short the rows are. Warp's language has no functions for this, so these are native snippets. They are for the GPU: kernels
+for the CPU process the rows one after the other. The functions that these call too apply to one thread
+(:func:`least_of_lanes`) or do nothing (:func:`scan_row`).
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ return 0;
 #endif
 """)
 def filled_lane(value: wp.int32) -> wp.int32:
-    """The lanes whose value is positive, in order, one a lane; 32 beyond the last. All lanes must call it."""
+    """The lanes whose value is positive, in order, one for each lane; 32 beyond the last. All lanes must call it."""
 
 
 @wp.func_native("""

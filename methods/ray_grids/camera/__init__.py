@@ -1,1 +1,1 @@
-"""The camera's grid, a pixel a cell, over which triangles are streamed."""
+"""The camera's grid, one pixel per cell, over which triangles are streamed."""

@@ -21,8 +21,8 @@ from . import stream as camera_stream
 class CameraStream:
     """Primary rays. hit vec3d [pixels]: float64 hit points; vec3f, if they are to be ``rounded``.
 
-    ``needs`` (int64): where another method wants the stream's counters copied to. structure: resources of a structure that
-    the steps read.
+    ``needs`` (int64): where the stream's counters are copied to for another method. structure: resources of a structure
+    that the steps read.
     """
 
     structure: tuple[str, ...] = ()
@@ -55,7 +55,7 @@ class CameraStream:
         return passes
 
     def steps(self) -> list[Step]:
-        """What is done to each share of the triangles before the doubtful pairs are decided."""
+        """The passes of each share of the triangles before the doubtful pairs are decided."""
         steps: list[Step] = [("stream triangles", (), ("items",), self.launch_stream)]
         if self.queues.queued:
             steps += [

@@ -34,8 +34,8 @@ class Candidate:
     """A triangle as pixels are tested against it.
 
     i      its index                        planes   its edge planes
-    bound  an edge function below minus this is certainly outside (:func:`sign_bound`)
-    sure   three above this are a certain hit: the bound, or infinite where the triangle has holes
+    bound  a pixel with an edge function below -bound is certainly outside (:func:`sign_bound`)
+    sure   three edge functions above this are a certain hit: the bound, or infinite where the triangle has holes
     m      1 / t = m . direction on its plane (:func:`inverse_depth`)
     spare  :func:`..common.triangle.spare_bits`
     """
@@ -50,7 +50,7 @@ class Candidate:
 
 @wp.func
 def edge_planes(o: wp.vec3f, corners: Corners) -> Planes:
-    """A triangle seen edge-on within rounding, or of a size that float32 does not hold, gets zeros."""
+    """A triangle seen edge-on within rounding, or of a size beyond the range of float32, gets zeros."""
     pa = corners.a - o
     pb = corners.b - o
     pc = corners.c - o
@@ -87,7 +87,7 @@ def sign_bound(tangents: wp.array(dtype=wp.float32)) -> wp.float32:
 
 @wp.func
 def inverse_depth(o: wp.vec3f, corners: Corners) -> wp.vec3d:
-    """m with 1 / t = m . d on the triangle's plane, float64; zero where the plane passes the eye."""
+    """m with 1 / t = m . d on the triangle's plane, float64; zero where the plane contains the eye."""
     a64 = to_float64(corners.a)
     n = wp.cross(to_float64(corners.b) - a64, to_float64(corners.c) - a64)
     height = wp.dot(n, a64 - to_float64(o))
@@ -116,7 +116,7 @@ def index_of(word: wp.uint64, spare: wp.int32) -> wp.int32:
 def store_if_nearer(
     nearest: wp.array(dtype=wp.uint64), pixel: wp.int32, known: wp.uint64, candidate: Candidate, d: wp.vec3f
 ):
-    """Store a certain hit if it is nearer than ``known``: a word that was there, which spares most an atomic."""
+    """Store a certain hit if it is nearer than ``known``, an earlier word of the pixel: most hits then need no atomic."""
     inverse = wp.dot(candidate.m, to_float64(d))
     if inverse > wp.float64(0.0):
         word = hit_word(inverse, candidate.i, candidate.spare)
@@ -126,7 +126,7 @@ def store_if_nearer(
 
 @wp.func
 def least_edge(planes: Planes, d: wp.vec3f) -> wp.float32:
-    """The least of the three edge functions of direction d."""
+    """The smallest of the three edge functions for direction d."""
     return wp.min(wp.dot(planes.n0, d), wp.min(wp.dot(planes.n1, d), wp.dot(planes.n2, d)))
 
 
@@ -177,9 +177,9 @@ def test_box(
 ):
     """Test every pixel of a small box, 32 at a time: all against the planes first, then those stored that passed.
 
-    A warp waits for its lane with most to do. Tests are short and read only the pixels' directions; what takes long
-    (the word that was there, a place among the doubts) is left to the few pixels that need it, and every lane goes
-    through its own, whatever the shape of its box.
+    A warp waits for its lane with the most work. Tests are short and read only the directions of pixels. Slow steps
+    (reading the stored word, reserving a place in the queue of doubtful pairs) are done only for the few pixels that need
+    them, and every lane processes its own pixels, whatever the shape of its box.
     """
     number = (box[2] - box[0] + 1) * (box[3] - box[1] + 1)
     first = wp.int32(0)
@@ -204,7 +204,7 @@ def test_box(
             at = pixel_in(box, first + lowest_bit(hits))
             hits &= hits - wp.uint32(1)
             pixel = at[1] * camera.width + at[0]
-            # Nothing waits for an atomic without an answer; the word that was there would take a thread longer.
+            # An atomic whose result is not used does not stall the thread; reading the stored word first would.
             store_if_nearer(nearest, pixel, wp.uint64(0), candidate, direction_at(camera, at[0], at[1]))
         if unsure != wp.uint32(0):
             place = reserve(queue.counts, DOUBTS, wp.int32(wp.bit_count(unsure)))

@@ -18,12 +18,12 @@ from .pixels import Candidate, sign_bound, test_pixel, test_pixel_or_queue
 from .stream import Lines, pixels_of_row
 
 REGISTERS = 56
-"""Registers a thread: nine blocks of 128 a multiprocessor."""
+"""Registers per thread, for nine blocks of 128 per multiprocessor."""
 
 
 @wp.func
 def line_direction(tall: wp.bool, line: wp.int32, camera: Camera) -> wp.vec3f:
-    """What all pixels of a row share of their directions; of a column."""
+    """The part of their directions that all pixels of a row, or of a column, have in common."""
     if tall:
         return entry(camera.column, line)
     return entry(camera.row, line)
@@ -31,7 +31,7 @@ def line_direction(tall: wp.bool, line: wp.int32, camera: Camera) -> wp.vec3f:
 
 @functools.cache
 def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
-    """Queued groups of rows, a warp each on the GPU, a thread each on the CPU; ``again``: their further parts."""
+    """Queued groups of rows, one warp for each on the GPU, one thread on the CPU; ``again``: their further parts."""
     counter = PARTS if again else ITEMS
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=REGISTERS)

@@ -15,7 +15,7 @@ from ..fetch import corners_at, direction_at, weld_at
 from .pixels import index_of
 
 REGISTERS = 80
-"""Registers a thread: six blocks of 128 a multiprocessor; 72 spill."""
+"""Registers per thread, for six blocks of 128 per multiprocessor; with 72 the kernel spills."""
 
 
 @wp.func
@@ -47,9 +47,9 @@ def resolve_points(
     hits: Hits,
     hit_points: wp.array(dtype=Any),
 ):
-    """One thread a pixel, 8 x 4 a warp. What :func:`..common.triangle.write_hit` writes, to the bit.
+    """One thread per pixel, 8 x 4 per warp. Writes the same bits as :func:`..common.triangle.write_hit`.
 
-    hit_points: vec3d, or vec3f for who needs them rounded.
+    hit_points: vec3d, or vec3f where they are needed rounded.
     """
     at = tile_pixel(wp.tid(), camera.width, camera.height)
     if at[0] < 0:
@@ -77,7 +77,7 @@ def resolve_points(
     set_entry(hits.u, pixel, uv[0])
     set_entry(hits.v, pixel, uv[1])
     set_point(hit_points, pixel, hit)
-    # Flat rays are few and take long: all they need is read again, so that no registers hold it until here.
+    # Flat rays are few and slow to compute. Their input is read again, so that no registers hold it until here.
     if flat:
         corners = corners_at(mesh, best)
         y = wp.int32(wp.uint32(pixel) // wp.uint32(camera.width))

@@ -1,4 +1,4 @@
-"""Primary rays: one ray a pixel lies in the grid; triangles are streamed over it.
+"""Primary rays: one ray per pixel lies in the grid; triangles are streamed over it.
 
 How a pixel is tested, and what is stored for it, is in :mod:`.camera.pixels`.
 """
@@ -34,15 +34,16 @@ GROUP = wp.constant(32)
 """Rows or columns of a work item: the 32 lanes of the GPU's warp find the ends of one each."""
 
 TALL = wp.constant(2)
-"""A queued box whose height is this multiple of its width is cut in columns: fewer of them, and longer ones."""
+"""A queued box whose height is this multiple of its width is cut into columns, which are fewer and longer than its
+rows."""
 
 REGISTERS = 64
-"""Registers a thread of the kernel that sees every triangle: eight blocks of 128 a multiprocessor."""
+"""Registers per thread of the kernel over all triangles, for eight blocks of 128 per multiprocessor."""
 
 
 @wp.struct
 class Lines:
-    """The edge planes along a row of pixels: start + n . row[y] + x / inverse; inverse 0: as good as constant.
+    """The edge planes along a row of pixels: start + n . row[y] + x / inverse; inverse 0: practically constant.
 
     Along a column likewise: start + n . column[x] + y / inverse.
     """
@@ -87,7 +88,7 @@ def pixels_of_row(
     """First and last pixel of first..last that are not certainly outside an edge plane, in the row of direction d.
 
     Or in the column; ``length``: pixels along the whole of it.
-    ``margin`` covers the rounding of the quotient. A plane that is not a number cuts nothing.
+    ``margin`` covers the rounding of the quotient. A plane that is not a number leaves nothing out.
     """
     low = wp.float32(first)
     high = wp.float32(last)
@@ -117,7 +118,7 @@ def pixels_of_row(
 def queue_triangle(queue: Queue, box: wp.vec4i, tall: wp.bool, candidate: Candidate, lines: Lines):
     """Queue a triangle's rows. An item is (triangle, first row and rows << 16, first column and last << 16, 0).
 
-    Of a tall one its columns: (triangle, first column and columns << 16, first row and last << 16, 1).
+    For a tall triangle its columns: (triangle, first column and columns << 16, first row and last << 16, 1).
     """
     i = candidate.i
     n0 = candidate.planes.n0
@@ -152,7 +153,7 @@ def box_of(corners: Corners, o: wp.vec3f, camera: Camera) -> wp.vec4i:
     a = camera_space(corners.a, o, camera.axes)
     b = camera_space(corners.b, o, camera.axes)
     c = camera_space(corners.c, o, camera.axes)
-    # What lies in front of the eye and beside the view has an empty box.
+    # A triangle in front of the eye but outside the view has an empty box.
     if not in_front(a, b, c):
         if out_of_view(a, b, c, camera.tangents[0], camera.tangents[1]):
             return wp.vec4i(0, 0, -1, -1)
@@ -161,7 +162,8 @@ def box_of(corners: Corners, o: wp.vec3f, camera: Camera) -> wp.vec4i:
 
 @functools.cache
 def make_stream_kernel(queued: bool) -> wp.Kernel:
-    """One thread a triangle. Small ones test their pixels here; larger ones are queued, or tested all the same (CPU)."""
+    """One thread per triangle. Small triangles test their pixels here; larger ones are queued, or tested here too
+    (CPU)."""
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=REGISTERS)
     def stream_kernel(
@@ -251,7 +253,7 @@ def doubt_kernel(
             if hits:
                 hits = opaque_at_hit(alpha, i, ray, corners, weld)
         if hits:
-            # The pair is read again: held until here, it would leave room for one block of threads less.
+            # The pair is read again: if registers held it until here, one block of threads fewer would fit.
             again = entry(queue.doubts, k)
             raise_entry(nearest, again[1], hit_word(wp.float64(1.0) / t, again[0], spare))
         k += threads

@@ -17,7 +17,7 @@ from ..warps import scan_row
 from .reach import raise_farthest
 
 SPARE = wp.constant(4)
-"""Words between two rows of cells: one for where a row ends, the others so that rows begin on 16-byte addresses."""
+"""Words between two rows of cells: one for the end of a row, the others so that rows begin on 16-byte addresses."""
 
 
 @wp.struct
@@ -68,7 +68,7 @@ def face_rectangle(face: wp.int32, rectangle: wp.array(dtype=wp.int32), cells: w
 
 @wp.func
 def cell_along(x: wp.float32, low: wp.float32, per_unit: wp.float32, cells: wp.int32) -> wp.int32:
-    """Monotone; triangles are mapped by the same numbers, with a pad far beyond what this rounds."""
+    """Monotone; triangles are mapped by the same numbers, with a pad far larger than the rounding here."""
     return wp.int32(wp.clamp((x - low) * per_unit, 0.0, wp.float32(cells) - 0.5))
 
 
@@ -91,7 +91,8 @@ def span_of(
 def cells_in_use(rectangle: wp.array(dtype=wp.int32), cells: wp.vec2i) -> wp.int32:
     """Cells along a face: the first number where rays lie on several faces, the second where all lie on face 0.
 
-    Fewer rays of other triangles share a finer cell, but every face in use has its cells cleared and summed up.
+    In finer cells a triangle meets fewer rays that it does not cover, but the cells of every face in use are cleared and
+    summed.
     """
     chosen = cells[1]
     for k in range(1, FACES):
@@ -174,7 +175,7 @@ def set_table(k: wp.int32, cells: RayCells, along: wp.int32):
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def scan_kernel(cells: RayCells, counts: wp.array(dtype=wp.int32)):
-    """Where each row's rays lie (GPU: 128 threads a row, faces without rays left out), and the faces' rectangles.
+    """Where each row's rays lie (GPU: 128 threads per row, faces without rays left out), and the faces' rectangles.
 
     table: each face's rectangle in float32, for triangles: (low u, low v, cells per u, cells per v); zero if unused.
     After them, cells along a face and the largest coordinate of a hit point.
@@ -195,7 +196,7 @@ def cells_of(table: wp.array(dtype=wp.vec4f)) -> wp.int32:
 
 @wp.func
 def reach_of(table: wp.array(dtype=wp.vec4f)) -> wp.float32:
-    """The largest coordinate of a hit point, likewise."""
+    """The largest coordinate of a hit point, as the scan left it."""
     return table[FACES][1]
 
 

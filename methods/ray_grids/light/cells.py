@@ -1,7 +1,7 @@
 """Which cells of a face of the light's cube a triangle covers: float32, relative to the scene's middle.
 
-Rays are placed in float64; a pad covers what float32 does to a triangle's corners, so a cell is left out only if no
-ray in it can pass the triangle.
+Rays are placed in float64; a pad covers the float32 rounding of a triangle's corners, so a cell is left out only if no
+ray in it can meet the triangle.
 """
 
 from __future__ import annotations
@@ -109,8 +109,8 @@ def beyond_face(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, slack: wp.float32) -> wp.
 
 @wp.struct
 class Sides:
-    """Lines that bound a triangle's cells: in row y, cell coordinate line[0] + (y - line[1]) line[2] is a least one
-    where line[3] > 0, a greatest one where it is < 0, and no bound where it is 0."""
+    """Lines that bound a triangle's cells: in row y, the cell coordinate line[0] + (y - line[1]) line[2] is a lower bound
+    where line[3] > 0, an upper bound where it is < 0, and no bound where it is 0."""
 
     line0: wp.vec4f
     line1: wp.vec4f
@@ -122,7 +122,7 @@ def side_of(p: wp.vec2f, q: wp.vec2f, other: wp.vec2f, pad: wp.float32) -> wp.ve
     """The line of an edge p-q; ``other`` lies on the inner side.
 
     A point of the triangle is a mean of corners, so it is off by no more than the pad of a corner, up and across;
-    half a row on either side belongs to the row. What rounding does to the line is small against the slack.
+    half a row on either side belongs to the row. The rounding of the line is small compared with the slack.
     """
     rise = q[1] - p[1]
     if not (wp.abs(rise) > 1.0e-6 * (wp.abs(q[0] - p[0]) + 1.0)):
@@ -148,7 +148,7 @@ def sides_of_flat(flat: Flat) -> Sides:
 @wp.func
 def side_of_plane(n: wp.vec3f, error: wp.float32, r: wp.vec4f, middle: wp.float32) -> wp.vec4f:
     """The line n0 + n1 u + n2 v >= -error in cell coordinates, taken from row ``middle``."""
-    # A line along the row is taken as a very steep one: |u| <= 1, so that is off by at most three errors.
+    # A line along the row is replaced by a very steep one: |u| <= 1, so the difference is at most three errors.
     across = n[1]
     if not (wp.abs(across) > error):
         across = 2.0 * error
@@ -205,7 +205,7 @@ def cells_of_row(sides: Sides, y: wp.int32, first: wp.int32, last: wp.int32) -> 
         if k == 2:
             line = sides.line2
         x = line[0] + (wp.float32(y) - line[1]) * line[2]
-        # What is not a number cuts nothing.
+        # A line that is not a number leaves nothing out.
         if line[3] > 0.0 and x > low:
             low = x
         if line[3] < 0.0 and x < high:

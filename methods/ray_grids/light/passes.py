@@ -127,7 +127,7 @@ class LightStream:
         ]
 
     def steps(self) -> list[Step]:
-        """What is done to each share of the triangles before the doubtful pairs are decided."""
+        """The passes of each share of the triangles before the doubtful pairs are decided."""
         steps: list[Step] = [("stream triangles", (), ("large triangles",), self.launch_stream)]
         if self.queues.queued:
             steps += [

@@ -32,7 +32,7 @@ from .rays import (
 )
 
 REGISTERS = 56
-"""Registers a thread that empties a queue: nine blocks of 128 a multiprocessor."""
+"""Registers per thread that processes a queue, for nine blocks of 128 per multiprocessor."""
 
 SPLITTERS = wp.constant(2)
 """Threads that share the rows of one large triangle."""
@@ -116,7 +116,7 @@ def ray_of_lane(
 ) -> wp.vec4f:
     """Element ``at`` + lane of the rows of a warp's lanes, if that is before ``end``. All lanes must call it.
 
-    ``base``, ``start``: where a lane's row lies among the rays less where its elements start, and where they start.
+    ``start``: where the elements of a lane's row start; ``base``: the place of the row among the rays, less ``start``.
     """
     ray = of_lane(base, lane_at(start, at)) + at + lane
     h = wp.vec4f()
@@ -127,7 +127,7 @@ def ray_of_lane(
 
 @functools.cache
 def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
-    """Queued groups of rows, a warp each on the GPU, a thread each on the CPU; ``again``: their further parts."""
+    """Queued groups of rows, one warp for each on the GPU, one thread on the CPU; ``again``: their further parts."""
     counter = PARTS if again else ITEMS
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=REGISTERS)

@@ -1,6 +1,6 @@
 """A triangle against the shadow rays in some cells: planes through the light in float32, with a bound on their error.
 
-Each plane is n . p + c, with a bound on what float32 does to it at any hit point of the frame. A set bit stays set, so
+Each plane is n . p + c, with a bound on its float32 error at any hit point of the frame. A set bit stays set, so
 the order in which triangles arrive does not matter. What the planes cannot decide is left to ``occludes`` in float64
 (:mod:`.light.queue`).
 """
@@ -91,7 +91,7 @@ def set_planes(occluder: Occluder, light: wp.vec3f, corners: Corners) -> Occlude
 def sign_bound(size: wp.float32) -> wp.float32:
     """Error of n . h + c, where ``size`` bounds every coordinate of the hit points and of the triangle.
 
-    n is known to 8 u a part; over |h - p|_1 <= 6 size that is 48 u size, and n . h + c rounds by 78 u size more.
+    n is known to 8 u per component; over |h - p|_1 <= 6 size that is 48 u size, and n . h + c rounds by 78 u size more.
     """
     return 128.0 * U32 * size + 1.0e-36
 
@@ -115,7 +115,7 @@ NO, YES, DOUBTFUL = wp.constant(0), wp.constant(1), wp.constant(2)
 
 @wp.func
 def float32_verdict(h: wp.vec4f, occluder: Occluder) -> wp.int32:
-    """What float32 decides of a ray (hit point and pixel) and a triangle.
+    """The verdict of float32 on a ray (hit point and pixel) and a triangle.
 
     A ray's own triangle passes through its hit point, so it is always among the doubtful.
     """
@@ -142,7 +142,7 @@ def set_bit_or_doubt(bits: ShadowBits, verdict: wp.int32, i: wp.int32, pixel: wp
 def set_bit_or_queue(bits: ShadowBits, queue: Queue, verdict: wp.int32, i: wp.int32, h: wp.vec4f):
     """Set the ray's bit where the verdict is YES; queue a doubtful pair for float64. Not for NO.
 
-    Few pairs are doubtful, but nearly every warp meets one; deciding them on the spot would hold up all its lanes.
+    Few pairs are doubtful, but nearly every warp meets one; if it were decided here, all lanes of the warp would wait.
     """
     pixel = wp.cast(h[3], wp.int32)
     if set_bit_or_doubt(bits, verdict, i, pixel):
@@ -159,7 +159,7 @@ def test_ray(bits: ShadowBits, queue: Queue, h: wp.vec4f, occluder: Occluder):
 
 @wp.func
 def store_planes(records: wp.array2d(dtype=wp.vec4f), occluder: Occluder):
-    """Store the planes of a triangle that is queued, four words a plane."""
+    """Store the planes of a queued triangle, four words per plane."""
     set_entry(records, occluder.i, 0, occluder.e0)
     set_entry(records, occluder.i, 1, occluder.e1)
     set_entry(records, occluder.i, 2, occluder.e2)

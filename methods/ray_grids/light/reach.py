@@ -1,6 +1,6 @@
 """How far a light's rays go: the farthest receiver in each tile of 8 x 8 cells, and triangles that lie beyond it.
 
-In a room most triangles are what receives the light, or lie behind that: no ray goes so far. Depths are distances
+In a room most triangles receive the light or lie behind those that do: no ray goes so far. Depths are distances
 from the light along the axis of a face, as float32 whose bits are compared as integers.
 """
 
@@ -16,7 +16,7 @@ TILE_SHIFT = wp.constant(3)
 TILE_CELLS = wp.constant(64)
 
 MOST_TILES = wp.constant(32)
-"""A triangle over more tiles is not looked up: its thread would read them one after the other."""
+"""A triangle over more tiles is not tested: its thread would read them one after the other."""
 
 
 @wp.func
@@ -49,8 +49,8 @@ def all_rays_end_before(
 ) -> wp.bool:
     """Whether certainly no ray in a box of cells (first column and row, last column and row) reaches ``depth``.
 
-    Of a triangle whose corners lie at least that deep, every point does: along the axis of a face depth is linear. A
-    shadow segment from the light to a hit point at less depth has no point in common with it.
+    Depth along the axis of a face is linear, so if the corners of a triangle lie at least that deep, all of its points
+    do. A shadow segment from the light to a hit point at less depth has no point in common with it.
     """
     x0 = box[0] >> TILE_SHIFT
     y0 = box[1] >> TILE_SHIFT

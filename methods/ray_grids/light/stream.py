@@ -43,15 +43,15 @@ from .rays import (
 from .reach import all_rays_end_before
 
 INLINE_ROWS = wp.constant(16)
-"""A triangle of more rows of cells is queued: its thread would look them up one after the other."""
+"""A triangle over more rows of cells is queued: its thread would read them one after the other."""
 
 MANY = wp.constant(2147483647)
-"""Rays of a box that are not looked up: more than are tested here."""
+"""Number of rays that stands for a box whose rays are not counted: more than are tested here."""
 
 
 @functools.cache
 def make_stream_kernel(queued: bool) -> wp.Kernel:
-    """One thread a triangle: few rays are tested here; more are queued, or tested here all the same (CPU).
+    """One thread per triangle: few rays are tested here; more are queued, or tested here too (CPU).
 
     A large triangle is (triangle, face, first cell and last << 16, first row and last << 16).
     """
@@ -90,8 +90,8 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
         if wp.static(effects.alpha):
             if alpha.masked[i] != wp.uint8(0):
                 occluder.sure = wp.INF
-        # What is tested here is tested after the loop, by all lanes at once whichever their faces. Few triangles have
-        # little to do on two faces: the second is queued.
+        # Small triangles are tested after the loop, by all lanes at once whatever their faces. Few triangles have
+        # few rays on two faces: the second is queued.
         here = wp.int32(-1)
         box_here = wp.vec4i()
         queued_too = wp.bool(False)
