@@ -46,8 +46,8 @@ def on_face(q: Any, face: wp.int32) -> Any:
 
 
 # The threads of a block combine their values before one thread per word updates the words that all blocks share: an
-# access by every warp would be as many requests to one address of the second cache, and cost several times the pass it
-# serves.
+# access by every warp would be as many requests to one address of the second-level cache, and would take several times as
+# long as the pass.
 @wp.func_native(f"""
 #if defined(__CUDA_ARCH__)
 __shared__ int agreed[6];
