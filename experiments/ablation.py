@@ -88,13 +88,14 @@ COLUMNS = [
 ORDER = [entry.label for entry in METHODS]
 APART = [TREE, *(entry.label for entry in LEFT_OUT)]
 """What is no change to the paper's configuration."""
+BASES = {"ratio": BASE, "ratio_to_best": BEST, "ratio_to_tree": TREE}
 
 
 def read(folder: Path) -> pd.DataFrame:
-    """The points with their time over that of :data:`BASE` and of :data:`BEST` in the same run, and their work."""
+    """The points with their time over that of each of :data:`BASES` in the same run, and their work."""
     frames = document.frames(folder)
     table = document.named(frames)
-    for name, label in (("ratio", BASE), ("ratio_to_best", BEST), ("ratio_to_tree", TREE)):
+    for name, label in BASES.items():
         found = compare.ratios(frames, frames["label"] == label)
         table[[name, f"{name}_spread"]] = found[["ratio", "spread"]]
     pairs = table.filter(regex=r"^counter\..* pairs$").sum(axis=1)
@@ -105,47 +106,36 @@ def read(folder: Path) -> pd.DataFrame:
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
-    """How much of the time each change takes, a mark a scene: a drawing from each end; and CSV."""
+    """How much of the time each change takes, a mark a scene: a drawing and a table from each end; and CSV."""
     table = read(folder)
     done = document.measured(table)
-    changed = done[done["ratio"].notna() & ~done["label"].isin([BASE, *APART])]
-    back = done[done["ratio_to_best"].notna() & done["label"].isin(APART)]
-    ends = (("ablation", changed, "ratio", BASE), ("ablation-ours", back, "ratio_to_best", BEST))
-    pictures = [
-        panels.dots(folder / f"{name}.svg", own, "label", ratio, "title", order=ORDER, whisker=f"{ratio}_spread",
-                    below=f"frame time over that of {base}")
-        for name, own, ratio, base in ends
-        if len(own)
-    ]  # fmt: skip
-    tables = {
-        f"Frame time over that of {BASE}": ratios(changed, "ratio"),
-        f"Frame time over that of {BEST}, one of its changes taken back":
-            ratios(back[back["label"] != TREE], "ratio_to_best"),
-        f"Frame time over that of {TREE}": ratios(done[done["label"].isin([BASE, BEST])], "ratio_to_tree"),
-    }  # fmt: skip
-    known = done[(done["label"] == BEST) & done["ratio_to_tree"].notna()]
-    told = [f"{BEST} and {TREE} were not both measured in one run"]
-    if len(known):
-        slower = ", ".join(known.loc[known["ratio_to_tree"] > 1, "title"]) or f"none of {len(known)} scenes"
-        share = document.span(known["ratio_to_tree"])
-        told = [f"{BEST} takes {share} of the time of {TREE}, slower on {slower}"]
-    alone = changed[changed["label"] != BEST].groupby("label")["ratio"]
-    means = alone.agg(compare.geometric)[alone.size() == alone.size().max()]
-    if len(means):
-        told += [f"alone, {means.idxmin()} takes least ({means.min():.2f} of {BASE}, geometric mean)"]
-        told += [f"{means.idxmax()} most ({means.max():.2f})"]
-    finding = "; ".join(told) + "."
+    apart, tables, pictures = done["label"].isin(APART), {}, []
+    ends = (("ablation", done[~apart], "ratio"), ("ablation-ours", done[apart], "ratio_to_best"))
+    for name, own, ratio in ends:
+        own = own[own[ratio].notna() & (own["label"] != BASE)]
+        below = f"frame time over that of {BASES[ratio]}"
+        tables[below.capitalize()] = ratios(own[own["label"] != TREE], ratio)
+        if len(own):
+            whisker = f"{ratio}_spread"
+            pictures.append(panels.dots(folder / f"{name}.svg", own, "label", ratio, "title", order=ORDER,
+                                        whisker=whisker, below=below))  # fmt: skip
+    told = document.ranked(done[done["label"].isin([BASE, BEST])], "ratio_to_tree", "label")
+    alone = document.ranked(done[~apart & ~done["label"].isin([BASE, BEST])], "ratio", "label")
+    finding = f"Frame time over that of {TREE}: {told or 'not measured in one run'}; over that of {BASE}, "
+    finding += f"with one change: {alone or 'not measured'}."
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet)
 
 
 def ratios(own: pd.DataFrame, column: str) -> pd.DataFrame:
-    """Scenes across, points down, the least geometric mean first; a ratio has the digits that its spread carries."""
-    own = own[own[column].notna()]
-    text = document.carry(own[column], own[f"{column}_spread"])
-    wide = document.cross_table(own.assign(text=text), {"label": "configuration"}, "title", "text")
-    means = wide["configuration"].map(own.groupby("label")[column].agg(compare.geometric))
-    wide.insert(1, "geometric mean", means.map("{:.2f}".format))
-    return wide.loc[means.sort_values(kind="stable").index]
+    """Scenes across, points down, the least geometric mean first; numbers have the digits that their spread carries."""
+    own = own.assign(text=document.carry(own[column], own[f"{column}_spread"]))
+    wide = document.cross_table(own, {"label": "configuration"}, "title", "text")
+    points = own.groupby("label")
+    wide.insert(
+        1, "geometric mean", [document.mean(points.get_group(x), column) for x in wide["configuration"]]
+    )
+    order = wide["configuration"].map(points[column].agg(compare.geometric))
+    return wide.loc[order.sort_values(kind="stable").index]
 
 
 EXPERIMENT = Experiment(

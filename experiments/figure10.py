@@ -42,7 +42,6 @@ def with_half(base: Preset) -> Preset:
 
 TIMES, PARTS = [f"{name}_ms" for name in STAGES], ["build_ms", "trace_ms", "light_build_ms", "shadow_ms"]
 COLUMNS = [*document.COMMON, *TIMES, "other_ms", "shadow_rays"]
-RAYS: document.Columns = {"scene": ("name", str), "shadow rays": ("shadow_rays", "{:,.0f}")}
 
 
 def read(frames: pd.DataFrame, folder: Path) -> pd.DataFrame:
@@ -71,34 +70,27 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     frames = document.frames(folder)
     table = read(frames, folder)
     widest = document.measured(read(frames[frames["pixels"] == frames["pixels"].max()], folder))
-    grown, variation = growth(frames), widest[TIMES].std(ddof=0) / widest[TIMES].mean()
-    pictures, tables = [], {}
-    finding = "One scene alone does not say how the stages depend on the model."
-    if len(widest):
-        # The number at a bar's end is the median of the whole frame.
-        named = widest["title"] + (", " + widest["label"]) * int(widest["label"].nunique() > 1)
-        rows = widest.assign(name=named, text=widest["ms"])
-        parts = {title: (f"{name}_ms", colour) for name, (title, _, colour) in STAGES.items()}
-        pictures = [panels.bars(folder / "figure10.svg", rows, name="name", parts=parts, room=1.2, legend=2)]
-        made = rows.set_index("name")[[f"{name}_text" for name in STAGES]].T
-        made.insert(0, "stage", [title for title, _, _ in STAGES.values()])
-        made["variation"] = variation.map("{:.0%}".format).array
-        if len(grown):
-            means = grown.apply(compare.geometric)
-            made["larger over smaller size"] = means.map("{:.1f}".format).array
-        tables = {
-            "Stages at the largest size, ms": made,
-            "Shadow rays at the largest size": document.texts(rows, RAYS),
-        }
-    if widest["scene"].nunique() > 1:
-        finding = (
-            f"Rearrangement takes {document.span(widest['rearrangement_ms'])} ms over {len(widest)} scenes, a coefficient "
-            f"of variation of {variation['rearrangement_ms']:.0%} (the paper: more or less the same for all models)."
-        )
-    if len(grown):
-        mean = compare.geometric(grown["rearrangement"])
-        finding += f" It takes {mean:.1f} times as long at the larger size, same frames."
-    return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet)
+    if widest.empty:
+        return document.write(folder, EXPERIMENT, table, COLUMNS, "Nothing was measured.", {}, [], quiet)
+    variation = widest[TIMES].std(ddof=0) / widest[TIMES].mean()
+    # The number at a bar's end is the median of the whole frame.
+    named = widest["title"] + (", " + widest["label"]) * int(widest["label"].nunique() > 1)
+    rows = widest.assign(name=named, text=widest["ms"])
+    parts = {title: (f"{name}_ms", colour) for name, (title, _, colour) in STAGES.items()}
+    picture = panels.bars(folder / "figure10.svg", rows, name="name", parts=parts, room=1.2, legend=2)
+    made = rows.set_index("name")[[f"{name}_text" for name in STAGES]].T
+    made.insert(0, "stage", list(parts))
+    made["variation"] = variation.map("{:.0%}".format).array
+    finding = (
+        f"Rearrangement takes {document.span(widest['rearrangement_ms'])} ms over {len(widest)} scenes, a coefficient of "
+        f"variation of {variation['rearrangement_ms']:.0%} (the paper: more or less the same for all models)."
+    )
+    if len(grown := growth(frames)):
+        means = grown.apply(compare.geometric)
+        made["larger over smaller size"] = means.map("{:.1f}".format).array
+        finding += f" It takes {means['rearrangement']:.1f} times as long at the larger size, same frames."
+    tables = {"Stages at the largest size, ms": made}
+    return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, [picture], quiet)
 
 
 EXPERIMENT = Experiment(

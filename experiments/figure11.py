@@ -12,8 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..harness.report import compare, document, panels, style
-from ..harness.results.table import stage_ms
+from ..harness.report import document, panels, style
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
 from ._paper import UNBALANCED, faithful
@@ -67,15 +66,9 @@ COUNTED = {
     "list_longest": "light 0 list, longest", "shadow_tests_a_hundred_rays": "shadow tests a hundred rays",
 }  # fmt: skip
 COLUMNS = [
-    *document.COMMON, "clamp", "axes", "precision", "r", "traversal_ms", "without_balancing", "lane_fill", *COUNTED,
+    *document.COMMON, "clamp", "axes", "precision", "r", "traversal_ms", "lane_fill", *COUNTED,
 ]  # fmt: skip
-"""``without_balancing``: traversal without load balancing over that at this r, with the light at the same place."""
-PANEL = ["rectangle", "axes"]
-QUANTITIES: document.Columns = {
-    "traversal at the fastest r, ms": ("traversal_text", str),
-    f"without load balancing (r = {UNBALANCED}), over the fastest r": ("without_balancing", "{:.2f}"),
-    "tests per shadow ray": ("tests", "{:,.0f}"), "tiles that hold rays": ("tiles_with_rays", "{:,.0f}"),
-}  # fmt: skip
+PANEL = ["title", "rectangle", "axes"]
 MEASURES = {"traversal_ms": "shadow traversal, ms", "chunks": "blocks, C_total", "lane_fill": "lane fill"}
 PAPER_SAYS = "The paper: time grows as the light moves away, and breaking full tiles into chunks of r rays compensates."
 DISTANCE = "distance of the light from the middle, scene radii"
@@ -84,25 +77,17 @@ DISTANCE = "distance of the light from the middle, scene radii"
 def read(folder: Path) -> pd.DataFrame:
     """The points, nearest light first, with what their panel is, the time of the traversal alone, and the work counted.
 
-    over_exact  frame time over that of the same point in the exact number format
+    line  r, or the number format where it is not the exact one
     """
-    frames = document.frames(folder)
-    table = document.with_passes(document.named(frames), folder, {"traversal": TRAVERSAL})
+    table = document.with_passes(document.read(folder), folder, {"traversal": TRAVERSAL})
     aimed = table["set.aimed"].astype(str).str.lower().isin(["true", "1"])
     table["axes"], table["rectangle"] = aimed.map(AXES), table["set.clamp"].map(RECTANGLES)
     table["clamp"], table["precision"] = table["set.clamp"], table["set.precision"]
     table["r"], table["distance"] = table["set.r"].astype(int), table["light_distance"].map(style.radii)
     table[[*COUNTED]] = table.reindex(columns=[f"counter.{name}" for name in COUNTED.values()])
-    table["tests"] = table["shadow_tests_a_hundred_rays"] / 100
     table["lane_fill"] = table["rays"] / table["lanes"]
-
-    exact = frames["set.precision"] == PRECISE
-    place = (*compare.SAME, "set.clamp", "set.aimed")
-    own, plain = compare.pairs(frames, exact & (frames["set.r"].astype(int) == int(UNBALANCED)), place)
-    gain = stage_ms(plain, *TRAVERSAL) / stage_ms(own, *TRAVERSAL)
-    table["without_balancing"] = gain.where(own["set.precision"] == PRECISE)
-    own, same = compare.pairs(frames, exact, (*place, "set.r"))
-    table["over_exact"] = own["total_ms"] / same["total_ms"]
+    r = ("r = " + table["r"].astype(str)).replace(f"r = {UNBALANCED}", f"r = {UNBALANCED} (no balancing)")
+    table["line"] = r.where(table["precision"] == PRECISE, table["precision"] + ", " + r)
     table = document.arranged(table.sort_values("r", kind="stable"), "axes", [*AXES.values()])
     table = document.arranged(table, "rectangle", [*RECTANGLES.values()])
     return table.sort_values("light_distance", kind="stable")
@@ -115,32 +100,17 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     tables, pictures, finding = {}, [], "Nothing was measured."
     if len(exact):
         pictures = drawings(table, exact, folder)
-        tables = {f"By the light's distance in radii ({PRECISE})": by_distance(table, exact)}
+        text = table["traversal_text"].where(table["status"] == "ok", table["status"])
+        cells = document.cross_table(table.assign(text=text), [*PANEL, "line"], "distance", "text")
+        tables = {"Shadow traversal, ms, by the light's distance in radii": cells}
         far = exact[(exact["light_distance"] >= 1.0) & (exact["r"] == exact["r"].min())]
-        ends = far.dropna(subset="traversal_ms").groupby([*PANEL, "title"], sort=False)["traversal_ms"]
-        grown = (ends.last() / ends.first())[ends.count() > 1].groupby(["title", "rectangle"], sort=False)
-        told = [f"{title} {document.span(ratios)} {rectangle}" for (title, rectangle), ratios in grown]
-        finding = f"Shadow traversal, farthest light over a light at one radius ({PRECISE}: work): {', '.join(told)}."
+        ends = far.dropna(subset="traversal_ms").groupby(PANEL, sort=False)["traversal_ms"]
+        grown = (ends.last() / ends.first())[ends.count() > 1].rename("ratio").reset_index()
+        told = document.ranked(grown.assign(what=grown["title"] + " " + grown["rectangle"]), "ratio", "what")
+        finding = f"Shadow traversal, farthest light over a light at one radius ({PRECISE}: work): {told}."
     apart = [lighting.label for lighting in FORMATS_PRESET.lightings]
     notes = finding, tables, pictures, quiet, [PAPER_SAYS]
     return document.write(folder, EXPERIMENT, table, COLUMNS, *notes, apart=apart)
-
-
-def by_distance(table: pd.DataFrame, exact: pd.DataFrame) -> pd.DataFrame:
-    """Work and time at each distance at the fastest r, and what number formats cost: a row a panel and quantity."""
-    import pandas as pd
-
-    rows = ["title", *PANEL, "quantity"]
-    balanced = exact[exact["r"] != int(UNBALANCED)].sort_values("traversal_ms", kind="stable")
-    best = balanced.drop_duplicates(["title", *PANEL, "distance"])
-    work = best.join(document.texts(best, QUANTITIES))
-    work = work.melt([*rows[:3], "distance"], [*QUANTITIES], "quantity")
-    other = table[table["precision"] != PRECISE]
-    cost = other["over_exact"].map("{:.2f}".format).where(other["status"] == "ok", other["status"])
-    other = other.assign(quantity=f"frame, over {PRECISE}: " + other["precision"], value=cost)
-    cells = pd.concat([work, other])
-    cells = document.arranged(cells.dropna(subset="value"), "distance", table["distance"].unique())
-    return document.cross_table(cells, rows, "distance", "value").sort_values(rows[:3], kind="stable")
 
 
 def looks(rows: pd.DataFrame) -> dict[Any, dict[str, Any]]:
@@ -157,29 +127,27 @@ def drawings(table: pd.DataFrame, exact: pd.DataFrame, folder: Path) -> list[Pat
     of the two extremes of the panels; and the tiles that hold rays, the same for every r.
     """
     titles = table["title"].unique()
-    scene = (table["title"] + ", ") * int(len(titles) > 1)
-    where = scene + table["rectangle"]
-    table = table.assign(where=where, panel=where + ", " + table["axes"])
-    formats, r = table["precision"] != PRECISE, "r = " + table["r"].astype(str)
-    balancing = r.where(table["r"] != int(UNBALANCED), r + " (no balancing)")
-    times = table.assign(line=balancing.mask(formats, table["precision"] + ", " + r), formats=formats)
+    where = (table["title"] + ", ") * int(len(titles) > 1) + table["rectangle"]
+    table = table.assign(
+        where=where, panel=where + ", " + table["axes"], formats=table["precision"] != PRECISE
+    )
+    times = table.sort_values("formats", kind="stable")
     tiles = table.drop_duplicates(["where", "axes", "precision", "light_distance"])
     tiles = tiles.assign(line=tiles["axes"] + ", " + tiles["precision"])
     several = exact.groupby("light_distance")["r"].transform("nunique") > 1
     by_r = table.loc[several[several | ~several.any()].index].sort_values(["light_distance", "r"])
     extremes = [(RECTANGLES[CLAMPS[0]], AXES[False]), (RECTANGLES[CLAMPS[-1]], AXES[True])]
-    by_r = by_r[by_r.set_index(PANEL).index.isin(extremes)].assign(line=by_r["distance"] + " radii")
+    by_r = by_r[by_r.set_index(PANEL[1:]).index.isin(extremes)].assign(line=by_r["distance"] + " radii")
     across = max(1, by_r["panel"].nunique())
     by_r = by_r.melt(["panel", "line", "r", "status"], list(MEASURES), "measure").dropna(subset="value")
     by_r["panel"] = by_r["measure"].map(MEASURES) + "\n" + by_r["panel"]
-    lines = partial(panels.lines, hue="line", sharex=True)
-    against: dict[str, Any] = {"across": 2, "log_x": 10, "sharey": True, "below": [DISTANCE, *titles]}
+    lines, below = partial(panels.lines, hue="line", sharex=True), "\n".join(["", *titles])
+    against: dict[str, Any] = {"across": 2, "log_x": 10, "sharey": True, "below": DISTANCE + below}
     return [
-        lines(folder / "figure11.svg", times.sort_values("formats", kind="stable"), "light_distance", "traversal_ms",
-              facet="panel", whisker="traversal_spread", drawn=looks(times.sort_values(["formats", "r"])),
-              left="shadow traversal, ms", **against),
+        lines(folder / "figure11.svg", times, "light_distance", "traversal_ms", facet="panel", whisker="traversal_spread",
+              drawn=looks(table.sort_values(["formats", "r"])), left="shadow traversal, ms", **against),
         lines(folder / "figure11-r.svg", by_r, "r", "value", facet="panel", across=across, log_x=2, ticks=str, high=1.4,
-              legend=3, below=["r, rays a block at most", *titles], left="", sharey="row"),
+              legend=3, below="r, rays a block at most" + below, left="", sharey="row"),
         lines(folder / "figure11-tiles.svg", tiles, "light_distance", "tiles_with_rays", facet="where", drawn=looks(tiles),
               left="tiles that hold rays", **against),
     ]  # fmt: skip

@@ -44,19 +44,21 @@ HEADINGS: document.Columns = {
     "with a shadow ray": ("shadow_rays", "{:,.0f}"), "share": ("shadow_ray_share", "{:.0%}"),
     "light grid, ms": ("grids_text", "{}"), "shadow rays, ms": ("rays_text", "{}"),
 }  # fmt: skip
-PARTS = {"grids": ("light build", ""), "rays": ("shadow", "")}
+GRIDS, RAYS = ("light build", ""), ("shadow", "")
 
 
 def read(folder: Path) -> pd.DataFrame:
-    """The points, the light everywhere first, then cones and rectangles, and what falls off last."""
+    """The points, the light everywhere first, then cones and rectangles, and what falls off last.
+
+    over_plain  light grid and shadow rays over those with the light everywhere
+    """
     frames = document.frames(folder)
-    table = document.with_passes(document.named(frames), folder, PARTS)
-    names = ["angle", "rise", "falloff"]
-    spot = table.reindex(columns=[f"light.{name}" for name in ("target", *names)])
-    is_spot = spot["light.target"].notna()
-    table["spot"] = spot["light.rise"].isna().map({True: "cone", False: "rectangle"}).where(is_spot)
-    for name in names:
-        table[f"spot_{name}"] = spot[f"light.{name}"].astype(float).where(is_spot)
+    table = document.with_passes(document.named(frames), folder, {"grids": GRIDS, "rays": RAYS})
+    names = ["target", "angle", "rise", "falloff"]
+    spot = table.reindex(columns=[f"light.{name}" for name in names]).set_axis(names, axis=1)
+    is_spot = spot["target"].notna()
+    table["spot"] = spot["rise"].isna().map({True: "cone", False: "rectangle"}).where(is_spot)
+    table[[f"spot_{name}" for name in names[1:]]] = spot[names[1:]].astype(float).where(is_spot)
     table["light"] = [spot_text(r) for r in table.itertuples()]
     table = table.sort_values(["file", "spot_falloff", "spot"], na_position="first")
     own, plain = compare.pairs(frames, frames["light_label"] == "", (*compare.SCENE, *compare.SIZE, "label"))
@@ -64,27 +66,22 @@ def read(folder: Path) -> pd.DataFrame:
     table["shadow_rays"] = table.filter(regex=rays).sum(axis=1, min_count=1)
     table["hit_pixels"] = plain.filter(regex=rays).sum(axis=1, min_count=1)
     table["shadow_ray_share"] = table["shadow_rays"] / table["hit_pixels"]
-    for name, passes in PARTS.items():
-        table[f"{name}_over_plain"] = stage_ms(own, *passes) / stage_ms(plain, *passes)
-    return table
+    times = [stage_ms(side, *GRIDS) + stage_ms(side, *RAYS) for side in (own, plain)]
+    return table.assign(over_plain=times[0] / times[1])
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """The scene without and with each spot, and what the spot saves."""
     table = read(folder)
-    drawn = [
-        picture(own, folder, folder / f"figure6-{name}.png")
-        for name, own in table.groupby("file", sort=False)
-    ]
     done = document.measured(table)
+    drawn = [picture(own, folder, name) for name, own in table.groupby("file", sort=False)]
     spots = done[done["spot"].notna() & done["shadow_ray_share"].notna()]
     finding = "No spot was measured beside the light that shines everywhere."
     if len(spots):
         share = document.span(spots["shadow_ray_share"], "{:.0%}".format)
-        grids, rays = (document.span(spots[f"{name}_over_plain"]) for name in PARTS)
-        finding = (
-            f"Spots leave {share} of the hit points a shadow ray; light grids take {grids} times and shadow rays {rays} "
-            "times as long as with the light everywhere (the paper has no times)."
+        finding = f"Spots leave {share} of the hit points a shadow ray; light grid and shadow rays over those with the "
+        finding += (
+            f"light everywhere: {document.ranked(spots, 'over_plain', 'light')} (the paper has no times)."
         )
     tables, pictures = {"Lights": document.texts(done, HEADINGS)}, [path for path in drawn if path]
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet)
@@ -100,7 +97,7 @@ def spot_text(r: Any) -> str:
     return f"{r.spot} of {2 * r.spot_angle:g}{rise} degrees{falls}"
 
 
-def picture(own: pd.DataFrame, folder: Path, path: Path) -> Path | None:
+def picture(own: pd.DataFrame, folder: Path, name: str) -> Path | None:
     """The pictures of a scene under each light, two a row; above each which light, below all which scene."""
     shown = []
     for r in own.drop_duplicates("light_label").itertuples():
@@ -109,9 +106,11 @@ def picture(own: pd.DataFrame, folder: Path, path: Path) -> Path | None:
             rays = f"\nshadow rays: {r.shadow_ray_share:.0%}" if r.shadow_ray_share < 1 else ""
             whole = np.asarray(image.convert("RGB"))  # below the picture itself stands its own caption
             shown.append((r.light.capitalize() + rays, whole[: round(image.width * r.height / r.width)]))
-    about = [f"{own['title'].iloc[0]}, {document.where(own)}"]
-    about += [gallery.stand_in_text(text) for text in own["stand_in"].unique() if text]
-    return panels.images(path, shown, across=2, below=about, dpi=220, colours=40) if shown else None
+    if not shown:
+        return None
+    made = [gallery.stand_in_text(text) for text in own["stand_in"].unique() if text]
+    about = "\n".join([f"{own['title'].iloc[0]}, {document.where(own)}", *made])
+    return panels.images(folder / f"figure6-{name}.png", shown, across=2, below=about, dpi=220, colours=40)
 
 
 EXPERIMENT = Experiment(

@@ -19,27 +19,21 @@ HEADINGS: document.Columns = {
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
-    """The gallery, CSV, and triangle counts beside the paper's."""
-    table = document.read(folder)
-    table["paper_triangles"] = table["scene"].map({scene: paper_triangles(scene) for scene in paper.ROWS})
+    """The gallery, CSV, and triangle counts beside the paper's, which it prints as "174k" or "1.09M"."""
+    table, units = document.read(folder), {"k": "e3", "M": "e6"}
+    printed = {scene: row.triangles for scene, row in paper.ROWS.items()}
+    table["paper_triangles"] = table["scene"].map(
+        {x: float(n[:-1] + units[n[-1]]) for x, n in printed.items()}
+    )
     table["triangles_to_paper"] = table["triangles"] / table["paper_triangles"]
     scenes = table.drop_duplicates("scene")
+    title = f"Figure 9: the test scenes with shadows, traced by {table['method_title'].iloc[0]}, {document.where(table)}"
     known = scenes["triangles_to_paper"].dropna()
-    method = table["method_title"].iloc[0]
-    pictures = gallery.draw(
-        folder, scenes, f"Figure 9: the test scenes with shadows, traced by {method}, {document.where(table)}"
-    )
-    finding = f"{len(known)} of the paper's {len(paper.ROWS)} scenes"
-    finding += f", each with its number of triangles within {(known - 1).abs().max():.1%}" * bool(len(known))
-    finding += f"; of {len(scenes)} scenes {int((scenes['stand_in'] != '').sum())} are stand-ins."
-    tables = {"Scenes": document.texts(scenes, HEADINGS)}
+    most = f"{(known - 1).abs().max():.1%}" if len(known) else "-"
+    finding = f"{len(known)} of the paper's {len(paper.ROWS)} scenes, each with its number of triangles within {most}; "
+    finding += f"of {len(scenes)} scenes {int((scenes['stand_in'] != '').sum())} are stand-ins."
+    tables, pictures = {"Scenes": document.texts(scenes, HEADINGS)}, gallery.draw(folder, scenes, title)
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet)
-
-
-def paper_triangles(scene: str) -> float:
-    """Triangles as the paper prints them, "174k" or "1.09M", as a number."""
-    digits, unit = paper.ROWS[scene].triangles[:-1], paper.ROWS[scene].triangles[-1]
-    return float(digits) * {"k": 1e3, "M": 1e6}[unit]
 
 
 EXPERIMENT = Experiment(

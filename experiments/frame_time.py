@@ -34,28 +34,29 @@ METHODS = (
 
 COLUMNS = [*document.COMMON, "times_slower", "low", "high", "memory_bytes", "built"]
 KINDS = {
-    **dict.fromkeys([entry.label for entry in REBUILD], "that rebuilds its tree"),
-    **dict.fromkeys([entry.label for entry in REFIT], "that refits its tree"),
-    _rivals.RASTERISED.label: "that rasterises",
-    **dict.fromkeys(["cubql refitted", "SAH refitted", "LBVH refitted"], "that refits its tree"),
+    **dict.fromkeys([entry.label for entry in REBUILD], "rebuilds its tree"),
+    **dict.fromkeys([entry.label for entry in REFIT], "refits its tree"),
+    _rivals.RASTERISED.label: "rasterises",
+    **dict.fromkeys(["cubql refitted", "SAH refitted", "LBVH refitted"], "refits its tree"),
 }
 """What a peer does in each frame, by label; the last three are in earlier records alone."""
 CUT = 4.0
 """So many times the median of its panel a bar is cut off: a much slower method would leave the others no room."""
+FLOOR = "Floor: bytes over bandwidth or ray-triangle tests over rate, and launches; stage by stage in frame_time-stages.csv."
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Ratios to the fastest peer of each kind, with the rounds' range; bars by part of the frame; the floor; CSV."""
     frames = document.frames(folder)
     ours = frames["label"] == OURS
-    found = compare.ratios(frames, ours).rename(columns={"ratio": "times_slower", "spread": "times_spread"})
+    names = {"ratio": "times_slower", "spread": "times_slower_spread"}
+    found = compare.ratios(frames, ours).rename(columns=names)
     stages = roofline.stages(frames[ours], ray_grids)
-    floors = roofline.of_frames(stages)
-    table = document.named(frames).join(found.drop(columns="frames")).join(floors, on=roofline.SCENE)
+    table = document.named(frames).join(found.drop(columns="frames"))
+    table = table.join(roofline.of_frames(stages), on=roofline.SCENE)
     table["kind"], table["other"] = table["label"].map(KINDS), table["label"] != OURS
     done = document.measured(table)
-    own, peers = done[~done["other"]], fastest(done)
-    files, told, notes = [], [], []
+    own, peers, files = done[~done["other"]], fastest(done), []
     if len(stages):
         files.append(document.write_csv(stages, folder / "frame_time-stages.csv", roofline.COLUMNS))
     if len(own):
@@ -66,24 +67,18 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         files.append(panels.bars(
             folder / "frame_time.svg", rows, facet="title", across=across, cut=CUT, wide=0.35 + 0.65 * across,
             legend=3 * across, mark=("frame_floor_ms", f"floor of {OURS}"),
-            below=[panels.WHOLE, f"2.0x: twice the time of {OURS}", wrong],
+            below=f"{panels.WHOLE}\n2.0x: twice the time of {OURS}\n{wrong}",
         ))  # fmt: skip
-    for pixels, rows in own.groupby("pixels"):
-        size, times = document.where(rows).split(" on ")[0], document.span(rows["total_ms"])
-        told.append(f"A frame of {OURS} at {size}, everything rebuilt, takes {times} ms")
-        for kind, ratio in peers[peers["pixels"] == pixels].groupby("kind", sort=False)["times_slower"]:
-            told[-1] += f"; the fastest peer {kind} {document.span(ratio, '{:.2f}'.format)} times that"
-            told[-1] += f" (geometric mean {compare.geometric(ratio):.2f})"
-    if len(floors):
-        known = stages.join(floors, on=roofline.SCENE, how="inner")
-        lost = (known["ms"] - known["floor_ms"]).groupby(known["stage"]).sum() / len(floors)
-        most = ", ".join(f"{stage} by {ms:.3f} ms" for stage, ms in lost.nlargest(3).items())
-        notes = ["Floor: bytes over bandwidth or ray-triangle tests over rate, and launches. Farthest from theirs, mean of "
-                 f"the scenes: {most}."]  # fmt: skip
-    text = ". ".join(told or [f"{OURS} was not measured"]) + "."
-    heading = f"Frame time of the fastest peer over that of {OURS}, and its range over the rounds"
-    tables = {heading: against(own, peers)}
-    return document.write(folder, EXPERIMENT, table, COLUMNS, text, tables, files, quiet, notes)
+    told = [
+        f"A frame of {OURS} at {document.where(rows).split(' on ')[0]}, everything rebuilt, takes "
+        f"{document.span(rows['total_ms'])} ms; over that the fastest peer that "
+        f"{document.ranked(peers[peers['pixels'] == pixels], 'times_slower', 'kind')}"
+        for pixels, rows in own.groupby("pixels")
+    ]
+    finding = ". ".join(told or [f"{OURS} was not measured"]) + "."
+    tables = {f"Frame time of the fastest peer over that of {OURS}": against(own, peers)}
+    notes = [FLOOR] * bool(own["frame_floor_ms"].notna().any())
+    return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, files, quiet, notes)
 
 
 def fastest(done: pd.DataFrame) -> pd.DataFrame:
@@ -103,17 +98,13 @@ def against(own: pd.DataFrame, peers: pd.DataFrame) -> pd.DataFrame:
     """A row a scene: our time, the fastest peer of each kind and its ratio with the range, and our time over the floor."""
     own = own.set_index("title", drop=False)
     made = document.texts(own, {"scene": ("title", str), f"{OURS}, ms": ("ms", str)})
-    times = document.carry(peers["times_slower"], peers["times_spread"])
-    texts = [
-        f"{x} ({r.low:.2f} to {r.high:.2f}; {r.label})"
-        for x, r in zip(times, peers.itertuples(), strict=True)
-    ]
-    for kind, cells in peers.assign(text=texts).groupby("kind", sort=False):
-        made[f"fastest {kind}"] = cells.set_index("title")["text"]
-    floor = own["frame_floor_ms"].astype("float64").dropna()
-    if len(floor):
-        made["floor, ms"] = floor.map("{:.3f}".format)
-        made["times the floor"] = (own["total_ms"] / floor).map("{:.1f}".format)
+    times = document.carry(peers["times_slower"], peers["times_slower_spread"])
+    ranges = [f" ({r.low:.2f} to {r.high:.2f}; {r.label})" for r in peers.itertuples()]
+    for kind, cells in peers.assign(text=times + ranges).groupby("kind", sort=False):
+        made[f"fastest that {kind}"] = cells.set_index("title")["text"]
+    if own["frame_floor_ms"].notna().any():
+        floor = own["frame_floor_ms"].map("{:.3f}".format, na_action="ignore")
+        made["floor, ms (times)"] = floor + (own["total_ms"] / own["frame_floor_ms"]).map(" ({:.1f})".format)
     return made
 
 
@@ -121,7 +112,7 @@ def beside(row: dict[str, Any]) -> str:
     """The text at a bar's end: its time and its time over ours, with the digits that they carry, and wrong answers."""
     text = f"{row['ms']} ms"
     if row["label"] != OURS and row["times_slower"] == row["times_slower"]:
-        text += f", {document.carried(row['times_slower'], row['times_spread'])}x"
+        text += f", {document.carried(row['times_slower'], row['times_slower_spread'])}x"
     return text if row["error"] == style.OK else f"{text}  {row['error'].removesuffix(' wrong')}"
 
 

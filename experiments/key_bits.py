@@ -33,23 +33,22 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     frames = document.frames(folder)
     table = document.with_passes(document.named(frames), folder, {"sort": PASS, "copy": ("build", "copy")})
     table["bits"], table["pairs"] = table["point.bits"].astype(int), table["point.pairs"].astype(int)
+    own, base = compare.pairs(frames, frames["point.bits"].astype(int) == max(BITS))
+    table["share"] = stage_ms(own, *PASS) / stage_ms(base, *PASS)
     table = table.sort_values(["pairs", "bits"])
-    table["ns_a_pair"] = 1e6 * table["sort_ms"] / table["pairs"]
-    table["around"] = 1e6 * table["sort_spread"] / table["pairs"]
+    table["ns_a_pair"], table["around"] = (
+        1e6 * table[f"sort_{x}"] / table["pairs"] for x in ("ms", "spread")
+    )
     table["heading"] = table["bits"].map("{} bits".format)
     table["count"] = table["pairs"].map("{:,} pairs".format)
     picture = panels.lines(
         folder / "key_bits.svg", table, "bits", "ns_a_pair", hue="count", whisker="around", ticks=str, log_y=False,
         upright=(HERE, f"the paper's {HERE} bits"), below="bits of the key", left="sort, ns per pair",
     )  # fmt: skip
-    own, base = compare.pairs(frames, frames["point.bits"].astype(int) == max(BITS))
-    share = stage_ms(own, *PASS) / stage_ms(base, *PASS)
-    here = table[table["bits"] == HERE].assign(share=share).dropna(subset="share")
-    pairs = zip(here["share"], here["pairs"], strict=True)
-    told = [f"{x:.2f} of the time of {max(BITS)} at {n:,} pairs" for x, n in pairs]
-    finding = f"No sort with keys of {HERE} and of {max(BITS)} bits was measured."
-    if told:
-        finding = f"Keys of {HERE} bits, the paper's, are sorted in {' and '.join(told)}."
+    told = document.ranked(table[table["bits"] == HERE], "share", "count") or "not measured"
+    finding = (
+        f"Keys of {HERE} bits, the paper's, are sorted in this share of the time of {max(BITS)}: {told}."
+    )
     cells = document.cross_table(table, {"count": "sorted"}, "heading", "sort_text")
     tables = {"Milliseconds of a sort": cells}
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, [picture], quiet)

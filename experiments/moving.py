@@ -8,8 +8,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ..harness.frame.passes import PARTS
-from ..harness.report import document, panels, style
+from ..harness.report import document, panels
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
 from ._paper import METHOD, SCENES
@@ -40,7 +42,7 @@ PART_MS = {f"frame_{part.replace(' ', '_')}_ms": part for part in PARTS}
 COLUMNS = [
     *document.COMMON, "frame", "turn", "frame_ms", "frame_iqr_ms", "frame_true_errors", *PART_MS, *WORK,
 ]  # fmt: skip
-LINE = ["title", "label"]
+TIMES = {"fastest": "min", "median": "median", "slowest": "max"}
 PAPER_SAYS = (
     "The paper moves its lights too, and says that everything is rebuilt each frame; it shows no path."
 )
@@ -53,9 +55,10 @@ def read(folder: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
     """
     frames = document.frames(folder)
     table = document.arranged(document.complete(document.named(frames)), "scene", (*ANIMATED, *STATIC))
-    own = {"frame_ms": "total_ms", "frame_iqr_ms": "iqr_ms", "frame_true_errors": "true_errors"}
-    own |= {name: name.removeprefix("frame_") for name in PART_MS}
-    own |= {name: f"counter.{counter}" for name, counter in WORK.items()}
+    own = {name: name.removeprefix("frame_") for name in PART_MS} | {
+        name: f"counter.{x}" for name, x in WORK.items()
+    }
+    own |= {"frame_ms": "total_ms", "frame_iqr_ms": "iqr_ms", "frame_true_errors": "true_errors"}
     timed = frames.reindex(columns=["key", "frame", *own.values()]).set_axis(["key", "frame", *own], axis=1)
     path = table.merge(timed, on="key", how="left")
     path["tests_a_shadow_ray"] /= 100
@@ -68,43 +71,32 @@ def read(folder: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Time of each frame along the path, and CSV with the work of each."""
-    table, path = read(folder)
-    known = path[path["frame_ms"].notna()]
-    pictures, tables, finding = [], {}, "Nothing was measured."
-    if len(known):
-        tables = {"Milliseconds along the path": ranges(path, known)}
-        times = known.groupby(LINE, sort=False)["frame_ms"]
-        most = (times.max() / times.min() - 1).groupby("label", sort=False).max().sort_values()
-        told = ", ".join(f"{share:+.0%} ({label})" for label, share in most.items())
-        finding = f"Slowest place of the light over the fastest, at most over {known['title'].nunique()} scenes: {told}."
-        pictures = [panels.lines(
-            folder / "moving.svg", path, "turn", "frame_ms", facet="title", across=min(2, path["title"].nunique()),
-            whisker="whisker", wrong="wrong", log_y=False, high=1.25, below="turns of the light about the scene",
-            left="ms per frame, everything rebuilt", sharex=True,
-        )]  # fmt: skip
-    about = finding, tables, pictures, quiet, [PAPER_SAYS]
-    return document.write(folder, EXPERIMENT, table, COLUMNS, *about, rows=path)
-
-
-def ranges(path: pd.DataFrame, known: pd.DataFrame) -> pd.DataFrame:
-    """A row a scene and method: the range of the times along the path and where the slowest is, or why there is none."""
     import pandas as pd
 
-    paths = known.groupby(LINE, sort=False)
-    times = paths["frame_ms"]
-    slow, fast = (known.loc[rows].set_index(LINE) for rows in (times.idxmax(), times.idxmin()))
-    every = path.drop_duplicates(LINE).set_index(LINE)
-    places, left_out = times.size().astype(str), slow["frames_left_out"]
-    planned = (times.size() + left_out).astype(str)
-    made = pd.DataFrame({
-        "places": places.where(left_out == 0, places + " of " + planned),
-        "fastest": document.carry(fast["frame_ms"], fast["whisker"]), "median": times.median().map(style.number),
-        "slowest": document.carry(slow["frame_ms"], slow["whisker"]), "at turn": slow["turn"].map("{:.2f}".format),
-        "slowest over fastest": (slow["frame_ms"] / fast["frame_ms"] - 1).map("{:+.0%}".format),
-        "frames with wrong answers": paths["wrong"].sum(),
-    }).reindex(every.index)  # fmt: skip
-    made["places"] = made["places"].fillna(every["status"])
-    return made.rename_axis(["scene", "method"]).reset_index()
+    table, path = read(folder)
+    paths = path.groupby(["title", "label"], sort=False)
+    made = paths["frame_ms"].agg(["count", "min", "median", "max"])
+    around = paths["whisker"].max()
+    made["ratio"] = made["max"] / made["min"]
+    made["ratio_spread"] = made["ratio"] * np.hypot(around / made["min"], around / made["max"])
+    pictures = [panels.lines(
+        folder / "moving.svg", path, "turn", "frame_ms", facet="title", across=min(2, path["title"].nunique()),
+        whisker="whisker", wrong="wrong", log_y=False, high=1.25, below="turns of the light about the scene",
+        left="ms per frame, everything rebuilt", sharex=True,
+    )] if made["count"].any() else []  # fmt: skip
+    told = document.ranked(made.reset_index(), "ratio", "label") or "not measured"
+    finding = f"Slowest place of the light over the fastest, geometric mean and range of the scenes: {told}."
+    count, left_out = made["count"].astype(str), paths["frames_left_out"].first()
+    places = count.where(left_out == 0, count + " of " + (made["count"] + left_out).astype(str))
+    shown = {"places": places.where(made["count"] > 0, paths["status"].first())}
+    shown |= {name: document.carry(made[x], around) for name, x in TIMES.items()}
+    shown["slowest over fastest"] = document.carry(made["ratio"], made["ratio_spread"])
+    shown["frames with wrong answers"] = paths["wrong"].sum().where(made["count"] > 0)
+    tables = {
+        "Milliseconds along the path": pd.DataFrame(shown).rename_axis(["scene", "method"]).reset_index()
+    }
+    about = finding, tables, pictures, quiet, [PAPER_SAYS]
+    return document.write(folder, EXPERIMENT, table, COLUMNS, *about, rows=path)
 
 
 EXPERIMENT = Experiment(

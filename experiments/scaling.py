@@ -6,13 +6,14 @@ things. One sweep follows the other, each from one common point: 300,000 triangl
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..harness.report import document, panels, style
+from ..harness.report import document, panels
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
 from ._paper import METHOD
@@ -46,30 +47,18 @@ SWEEPS = ("triangles", "pixels", "lights")
 PROPORTION = "dotted line: time in proportion, exponent 1"
 
 
-class Growth(NamedTuple):
-    """time ~ x^exponent from ``first`` on; ``half`` the 95 % interval of the exponent, None for two points."""
+def growth(line: pd.DataFrame, sweep: str) -> tuple[float, float]:
+    """The exponent e of time ~ x^e over the upper half of a line's points, four at least, where fixed costs count least.
 
-    exponent: float
-    half: float | None
-    first: float
-
-    def __str__(self) -> str:
-        return f"{self.exponent:.2f}" + ("" if self.half is None else f" ± {self.half:.2f}")
-
-
-def growth(line: pd.DataFrame, sweep: str) -> Growth | None:
-    """The exponent over the upper half of a line's points, where fixed costs count least; four points at least.
-
-    Least squares of logarithms. None for a single point.
+    Least squares of logarithms. With half its 95 % interval, nan for two points; both are nan for a single one.
     """
     from scipy import stats
 
     if len(line) < 2:
-        return None
+        return math.nan, math.nan
     x, ms = line[[sweep, "total_ms"]].astype("float64").tail(max(4, (len(line) + 2) // 2)).to_numpy().T
     found = stats.linregress(np.log(x), np.log(ms))
-    half = float(stats.t.ppf(0.975, len(x) - 2) * found.stderr) if len(x) > 2 else None
-    return Growth(float(found.slope), half, float(x[0]))
+    return float(found.slope), float(stats.t.ppf(0.975, len(x) - 2) * found.stderr)
 
 
 def along(table: pd.DataFrame, sweep: str) -> pd.DataFrame:
@@ -89,48 +78,40 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
 
     table = document.arranged(document.read(folder), "label", [OURS])
     lines = {sweep: along(table, sweep) for sweep in SWEEPS}
-    table["sweep"] = [
-        " ".join(name for name, line in lines.items() if key in line.index) for key in table.index
-    ]
+    table["sweep"] = [" ".join(x for x, line in lines.items() if key in line.index) for key in table.index]
     titles = document.measured(table).sort_values("triangles")["scene_title"].unique()
     scenes = ", ".join(titles) if len(titles) <= 3 else f"{titles[0]} to {titles[-1]}"
-    pictures, notes = [], [f"Scenes: {scenes}."] * bool(len(titles))
     gone = [sweep for sweep in SWEEPS if len(titles) and lines[sweep].empty]
+    notes = [f"Scenes: {scenes}."] * bool(len(titles))
     notes += [f"Not measured: time against {sweep}." for sweep in gone]
     every = pd.concat([line.assign(sweep=sweep, x=line[sweep]) for sweep, line in lines.items()])
-    if len(every):
-        pictures = [panels.lines(
-            folder / "scaling.svg", every, "x", "total_ms", facet="sweep", across=every["sweep"].nunique(), whisker="spread",
-            log_x=10, ticks=short, proportion=PROPORTION, wide=2, high=2.0, legend=4, below=notes,
-            left="ms per frame, everything rebuilt", sharey=True,
-        )]  # fmt: skip
-    lines = {sweep: document.measured(line) for sweep, line in lines.items()}
-    tables = {f"Against {sweep}": exponents(line, sweep) for sweep, line in lines.items()}
-    ours = {sweep: growth(lines[sweep][lines[sweep]["label"] == OURS], sweep) for sweep in SWEEPS[:2]}
-    told = [f"{sweep} to the power of {g} (from {short(g.first)})" for sweep, g in ours.items() if g]
-    known = f"The frame time of {OURS} grows with {' and with '.join(told)}."
-    finding = known if told else "No growth was measured."
+    pictures = [panels.lines(
+        folder / "scaling.svg", every, "x", "total_ms", facet="sweep", across=every["sweep"].nunique(), whisker="spread",
+        log_x=10, ticks=short, proportion=PROPORTION, wide=2, high=2.0, legend=4, below="\n".join(notes),
+        left="ms per frame, everything rebuilt", sharey=True,
+    )] if len(every) else []  # fmt: skip
+    made = [
+        {"method": label, "sweep": sweep, "growth": grown(own, sweep)}
+        for sweep, line in lines.items()
+        for label, own in document.measured(line).groupby("label", sort=False)
+    ]
+    rows = pd.DataFrame(made, columns=["method", "sweep", "growth"])
+    tables = {
+        "Frame time and its exponent, over the upper half of the points": document.cross_table(
+            rows, ["method"], "sweep", "growth"
+        )
+    }
+    ours = rows[(rows["method"] == OURS) & rows["sweep"].isin(SWEEPS[:2])]
+    told = "; ".join(ours["growth"] + " (" + ours["sweep"] + ")") or "not measured"
+    finding = f"The frame time of {OURS}: {told}."
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet, notes)
 
 
-def exponents(line: pd.DataFrame, sweep: str) -> pd.DataFrame:
-    """A row a method, ours first: its first and last time; how it grows, or what a further light costs."""
-    import pandas as pd
-
-    rows = []
-    for label, own in line.groupby("label", sort=False):
-        x, ms = own[sweep].tolist(), own["total_ms"].tolist()
-        ends = {f"{short(x[0])} {sweep}, ms": own["ms"].iloc[0], f"{short(x[-1])}, ms": own["ms"].iloc[-1]}
-        rows.append({"method": label, **ends})
-        if sweep == "lights":
-            slope = float(np.polyfit(x, ms, 1)[0])
-            rows[-1] |= {
-                "a further light, ms": style.number(slope),
-                "of the first frame": f"{slope / ms[0]:.0%}",
-            }
-        elif found := growth(own, sweep):
-            rows[-1] |= {"exponent": str(found), "from": short(found.first)}
-    return pd.DataFrame(rows)
+def grown(own: pd.DataFrame, sweep: str) -> str:
+    """The first and the last time of a line, and its exponent with the half of its interval."""
+    first, last = (f"{own['ms'].iloc[i]} ms at {short(own[sweep].iloc[i])}" for i in (0, -1))
+    exponent, half = growth(own, sweep)
+    return f"{first} to {last}, exponent {exponent:.2f}" + f" ± {half:.2f}" * (half == half)
 
 
 def short(value: float) -> str:

@@ -94,14 +94,15 @@ def geometric(values: Iterable[float]) -> float:
 
 
 def apart(table: DataFrame) -> list[str]:
-    """A line a scene whose points are of several runs: which columns were measured together."""
-    lines = []
+    """Which columns were measured together, where the points of a scene are of several runs: a line for scenes alike."""
+    lines: dict[str, list[str]] = {}
     for title, own in table[table["total_ms"].notna()].groupby("scene_title", sort=False):
         labels = own.groupby("run", sort=False)["label"].agg(lambda found: ", ".join(dict.fromkeys(found)))
         if len(labels) > 1:
             runs = f"{len(labels)} runs, which are not compared: {' | '.join(labels)}"
-            lines.append(f"{title} was measured in {runs}.")
-    return lines
+            lines.setdefault(runs, []).append(str(title))
+    were = {runs: "were" if len(titles) > 1 else "was" for runs, titles in lines.items()}
+    return [f"{', '.join(titles)} {were[runs]} measured in {runs}." for runs, titles in lines.items()]
 
 
 def in_sequence(frames: DataFrame) -> list[str]:

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +17,7 @@ from ..scene.facts import never_hit
 from . import paper_table1 as paper
 from . import style
 from .compare import apart as runs_apart
-from .compare import pass_spread, spread
+from .compare import geometric, pass_spread, spread
 from .terminal import make_console, print_table
 
 if TYPE_CHECKING:
@@ -152,8 +151,31 @@ def named(table: DataFrame) -> DataFrame:
 
 def span(values: Series, form: Callable[[float], str] = style.number) -> str:
     """The range of values, as "1.20 to 3.40"; one where they are alike."""
-    low, high = form(values.min()), form(values.max())
-    return low if low == high else f"{low} to {high}"
+    return " to ".join(dict.fromkeys((form(values.min()), form(values.max()))))
+
+
+def mean(table: DataFrame, ratio: str) -> str:
+    """The geometric mean of a column of ratios, with the digits that their spreads (column RATIO_spread) carry."""
+    values, spreads = table[ratio].astype("float64"), table.get(f"{ratio}_spread", table[ratio] * 0.0)
+    middle = geometric(values)
+    return carried(middle, middle * float(((spreads / values) ** 2).sum(skipna=False)) ** 0.5 / len(values))
+
+
+def ranked(table: DataFrame, ratio: str, by: str, most: int = 5) -> str:
+    """What a finding says of a column of ratios: :func:`mean` and range of each value of ``by``, least first.
+
+    Of more than ``most`` values the least and the greatest are told, of those that are known on as many scenes as any.
+    """
+    own = table[table[ratio].notna()].groupby(by, sort=False)
+    order = own[ratio].agg(geometric).sort_values().index
+    if len(order) > most:
+        order = order[own.size()[order] == own.size().max()][[0, -1]]
+    parts = {name: own.get_group(name) for name in order}
+    ranges = [f" ({span(part[ratio])})" * (part[ratio].nunique() > 1) for part in parts.values()]
+    told = [
+        f"{name} {mean(part, ratio)}{text}" for (name, part), text in zip(parts.items(), ranges, strict=True)
+    ]
+    return (" ... " if len(own) > most else ", ").join(told)
 
 
 def write_csv(table: DataFrame, path: Path, columns: Sequence[str]) -> Path:
@@ -224,25 +246,22 @@ def write(
     apart    see :func:`not_measured`
     """
     csv = write_csv(table if rows is None else rows, folder / f"{experiment.name}.csv", columns)
-    about = [
-        *notes,
-        *views(table),
-        *(text for text in (*runs_apart(table), effort(table), errors(table)) if text),
-    ]
     shown = {heading: body for heading, body in tables.items() if len(body)}
-    if any(NOISY in str(cell) for body in shown.values() for cell in body.to_numpy().ravel()):
-        about.insert(0, ABOUT_NOISE)
-    lost = not_measured(table, apart)
+    cells = [str(cell) for body in shown.values() for cell in body.to_numpy().ravel()]
+    about = [ABOUT_NOISE] * any(NOISY in text for text in (finding, *cells))
+    about += [*notes, *views(table), *runs_apart(table), effort(table), errors(table)]
+    about, lost = list(filter(None, about)), not_measured(table, apart)
     measured_on = "; ".join(filter(None, [where(table), disturbances(folder)]))
     text = [f"# {experiment.title}", "", finding, "", f"{measured_on}.", ""]
     for heading, body in shown.items():
         text += [f"## {heading}", "", *markdown(body), ""]
     text += [f"{line}\n" for line in about]
     text += ["Not measured:", "", *(f"- {line}" for line in lost), ""] if lost else []
-    path = folder / f"{experiment.name}.md"
+    path, kept = folder / f"{experiment.name}.md", sorted(folder.glob("*.png"))
+    # Pictures of an earlier drawing stay, though what they were drawn from may be gone.
     names = [file.name for file in pictures if file.suffix in (".svg", ".png")]
-    names += [name for name in linked(path) if name not in names]
-    text += [f"![{Path(name).stem}]({name})" for name in names]
+    names += [file.name for file in kept if file.name.startswith((experiment.name, "gallery"))]
+    text += [f"![{Path(name).stem}]({name})" for name in dict.fromkeys(names)]
     path.write_text("\n".join(text).rstrip() + "\n", encoding="utf-8")
     if not quiet:
         console = make_console()
@@ -276,8 +295,14 @@ def effort(table: DataFrame) -> str:
         return ""
     short = table[(table["rounds"] > 0) & (table["rounds"] < table["point.rounds"])]
     rows = short[["title", "label", "rounds", "point.rounds"]].to_numpy()
-    less = "; ".join(f"{title}, {label}: {n} of {of:.0f}" for title, label, n, of in rows)
+    less = listed([f"{title}, {label}: {n} of {of:.0f}" for title, label, n, of in rows])
     return f"{' and '.join(parts)}." + f" The budget was spent before the last round: {less}." * bool(less)
+
+
+def listed(texts: Sequence[str], most: int = 6) -> str:
+    """The first texts of a list, and how many more there are."""
+    rest = [f"and {len(texts) - most} more (see the CSV)"] * (len(texts) > most)
+    return "; ".join([*texts[:most], *rest])
 
 
 def check_text(row: Mapping[str, Any]) -> str:
@@ -297,11 +322,7 @@ def errors(table: DataFrame) -> str:
     names = done["title"] + ", " + done["label"] + lights
     bad = [f"{name}: {text}" for name, text in zip(names, done["error"], strict=True) if text != style.OK]
     bad += [text for text in never_hit_notes(table) if "warning" in text]
-    if not bad:
-        return "Every answer behind these times was found right."
-    if len(bad) > 6:
-        bad = [*bad[:6], f"and {len(bad) - 6} more (see the CSV)"]
-    return "Answers: " + "; ".join(bad) + "."
+    return f"Answers: {listed(bad)}." if bad else "Every answer behind these times was found right."
 
 
 def never_hit_notes(table: DataFrame) -> list[str]:
@@ -310,11 +331,3 @@ def never_hit_notes(table: DataFrame) -> list[str]:
     known = known[["title", "triangles", "invalid_triangles"]].to_numpy()
     found = [(title, never_hit(int(total), int(total - invalid))) for title, total, invalid in known]
     return [f"{title}: {text}." for title, text in found if text]
-
-
-def linked(path: Path) -> list[str]:
-    """Pictures in an existing report whose files exist: they stay, though the data they were drawn from may be gone."""
-    if not path.is_file():
-        return []
-    names = re.findall(r"^!\[[^\]]*\]\(([^)/]+)\)$", path.read_text(encoding="utf-8"), re.MULTILINE)
-    return [name for name in names if (path.parent / name).is_file()]

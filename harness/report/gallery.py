@@ -101,7 +101,7 @@ def draw(folder: Path, points: DataFrame, title: str = "") -> list[Path]:
         shown = [("", np.asarray(image.convert("RGB"))) for image in images if image]
         name = "gallery.png" if len(sizes) == 1 else f"gallery-{width}x{height}.png"
         if shown:
-            sheets.append(panels.images(folder / name, shown, across=3, below=[title], wide=2, colours=256))
+            sheets.append(panels.images(folder / name, shown, across=3, below=title, wide=2, colours=256))
     return sheets
 
 

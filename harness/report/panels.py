@@ -31,22 +31,20 @@ GREY = "#555555"
 Parts = Mapping[str, tuple[str, Any]]
 """What a bar is made of: the column and the colour of each part by its title; of a number, so much lighter than the
 method's colour."""
-FRAME: Parts = {
-    part: (f"{column}_ms", style.PART_SHARE[part]) for part, column in PART_COLUMNS.items()
-}  # fmt: skip
+FRAME: Parts = {part: (f"{column}_ms", style.PART_SHARE[part]) for part, column in PART_COLUMNS.items()}
 
 
 @contextmanager
 def sheet(
     path: Path, size: tuple[float, float], down: int = 1, across: int = 1, *, legend: int = 2, grid: str = "both",
-    dpi: int = 150, colours: int = 0, inks: Sequence[str] = (), below: Sequence[str] = (), left: str = "", **shared: Any,
+    dpi: int = 150, colours: int = 0, inks: Sequence[str] = (), below: str = "", left: str = "", **shared: Any,
 ) -> Iterator[tuple[Any, Any]]:  # fmt: skip
     """Yield a figure of ``size`` inches and its axes [down, across]; on leaving, add texts and legend and write ``path``.
 
     legend   columns of the legend above the panels: every label of every panel once; 0 for none
     grid     "x", "y", "both" or "" for none
     colours, inks   of a PNG: how many colours it keeps, for a quarter of its bytes (0: all); or greys and these colours
-    below, left     texts beside the panels; each of those below in as many lines as it needs
+    below, left     texts beside the panels; each line of the one below in as many lines as it needs
     shared   passed on to ``Figure.subplots``: ``sharex``, ``sharey``
     """
     import matplotlib
@@ -57,11 +55,9 @@ def sheet(
         figure = Figure(figsize=size, layout="constrained", dpi=dpi)
         yield figure, figure.subplots(down, across, squeeze=False, **shared)
         letters = int(size[0] * 72 / (0.57 * 6.5))
-        lines = [line for text in below for line in textwrap.wrap(text, letters, break_on_hyphens=False)]
-        if lines:
-            figure.supxlabel("\n".join(lines), fontsize=6.5)
-        if left:
-            figure.supylabel(left, fontsize=7)
+        lines = [textwrap.fill(text, letters, break_on_hyphens=False) for text in below.splitlines()]
+        figure.supxlabel("\n".join(lines), fontsize=6.5)
+        figure.supylabel(left, fontsize=7)
         named: dict[str, Any] = {}
         for axes in figure.axes if legend else ():
             for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
@@ -76,17 +72,20 @@ def sheet(
         path.write_bytes(png_bytes(picture, colours or 256, inks=inks))
 
 
-def places(table: DataFrame, facet: str, across: int) -> tuple[list[tuple[str, DataFrame]], int]:
-    """The rows of each panel by its title, in the table's order, and how many panels stand below one another."""
+@contextmanager
+def facets(
+    path: Path, table: DataFrame, facet: str, across: int, high: float, wide: float, **options: Any
+) -> Iterator[list[tuple[Any, str, DataFrame]]]:
+    """Yield the axes, the value and the rows of a panel for each value of ``facet`` ("": one), on a :func:`sheet`.
+
+    high, wide  inches of a panel; columns of a page
+    """
     found = list(table.groupby(facet, sort=False)) if facet else [("", table)]
-    return found, -(-len(found) // across)
-
-
-def filled(grid: NDArray[Any], shown: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
-    """The panels with what each shows; what is left over is not seen."""
-    for axes in grid.flat[len(shown) :]:
-        axes.set_visible(False)
-    yield from zip(grid.flat, shown, strict=False)
+    down = -(-len(found) // across)
+    with sheet(path, (style.COLUMN_WIDTH * wide, high * down + 0.9), down, across, **options) as (_, grid):
+        for axes in grid.flat[len(found) :]:
+            axes.set_visible(False)
+        yield [(axes, str(value), rows) for axes, (value, rows) in zip(grid.flat, found, strict=False)]
 
 
 def looks(table: DataFrame, hue: str = "label") -> dict[Any, dict[str, Any]]:
@@ -107,11 +106,10 @@ def looks(table: DataFrame, hue: str = "label") -> dict[Any, dict[str, Any]]:
 
 
 def lines(
-    path: Path, table: DataFrame, x: str, y: str, *, below: str | Sequence[str], left: str, hue: str = "label",
-    facet: str = "", across: int = 1, whisker: str = "", drawn: Mapping[Any, Mapping[str, Any]] | None = None,
-    log_x: int = 0, log_y: bool = True, ticks: Callable[[Any], str] | None = None, wrong: str = "",
-    proportion: str = "", upright: tuple[float, str] | None = None, high: float = 1.6, wide: float = 1.0, legend: int = 2,
-    **shared: Any,
+    path: Path, table: DataFrame, x: str, y: str, *, below: str, left: str, hue: str = "label", facet: str = "",
+    across: int = 1, whisker: str = "", drawn: Mapping[Any, Mapping[str, Any]] | None = None, log_x: int = 0,
+    log_y: bool = True, ticks: Callable[[Any], str] | None = None, wrong: str = "", proportion: str = "",
+    upright: tuple[float, str] | None = None, high: float = 1.6, wide: float = 1.0, **options: Any,
 ) -> Path:  # fmt: skip
     """Lines of ``y`` over ``x``: a line a value of ``hue``, a panel a value of ``facet``, ``across`` beside one another.
 
@@ -124,19 +122,16 @@ def lines(
     ticks    the text of a value of x: each value has a tick then
     wrong    column that is true where answers are wrong: a cross
     proportion, upright   the label of a line y ~ x; the place and the label of an upright line
-    high, wide   inches of a panel; columns of a page
+    high, wide, options   see :func:`facets`, :func:`sheet`
     """
     drawn = drawn or looks(table, hue)
-    shown, down = places(table, facet, across)
-    size = (style.COLUMN_WIDTH * wide, high * down + 0.9)
-    texts = [below] if isinstance(below, str) else below
-    with sheet(path, size, down, across, legend=legend, below=texts, left=left, **shared) as (_, grid):
-        for axes, (title, here) in filled(grid, shown):
+    with facets(path, table, facet, across, high, wide, below=below, left=left, **options) as shown:
+        for axes, title, here in shown:
             for value, own in here.groupby(hue, sort=False):
                 line(axes, own, x, y, whisker, str(value), drawn[value])
             gone = here[here[y].isna().groupby(here[hue]).transform("all")].groupby(hue, sort=False)["status"]
             lost = [f"{value}: {' and '.join(status)}" for value, status in gone.unique().items()]
-            axes.set_title("\n".join([str(title), *lost]), fontsize=6.5)
+            axes.set_title("\n".join([title, *lost]), fontsize=6.5)
             if wrong and here[wrong].any():
                 own = here[here[wrong]]
                 axes.plot(own[x], own[y], "kx", ms=5, mew=0.9, zorder=3, label="a frame with wrong answers")
@@ -152,9 +147,9 @@ def lines(
             if ticks:
                 axes.set_xticks(values, map(ticks, values), rotation=45 if log_x and len(values) > 5 else 0)
                 axes.tick_params(axis="x", which="minor", length=0, labelbottom=False)
-        for axes, _ in filled(grid, shown):
+        for axes, *_ in shown:
             style.plain_log(axes) if log_y else axes.set_ylim(bottom=0)
-        for axes, _ in list(filled(grid, shown))[-across:]:
+        for axes, *_ in shown[-across:]:
             axes.tick_params(labelbottom=True)  # the lowest of a column has the numbers
     return path
 
@@ -172,7 +167,7 @@ def line(
 
 
 def bars(
-    path: Path, table: DataFrame, *, below: Sequence[str] = (WHOLE,), name: str = "label", facet: str = "", across: int = 1,
+    path: Path, table: DataFrame, *, below: str = WHOLE, name: str = "label", facet: str = "", across: int = 1,
     parts: Parts = FRAME, cut: float = math.inf, room: float = 1.45, mark: tuple[str, str] | None = None,
     wide: float = 1.0, legend: int = 3,
 ) -> Path:  # fmt: skip
@@ -182,14 +177,13 @@ def bars(
     room  length of the axis over that of the longest bar
     mark  column and name of a time that is marked at the first bar of a panel
     """
-    shown, down = places(table, facet, across)
-    rows = max(len(own) for _, own in shown)
-    size = (style.COLUMN_WIDTH * wide, ((0.13 if facet else 0.24) * rows + 0.3) * down + 0.9)
-    with sheet(path, size, down, across, grid="x", legend=legend, below=below) as (_, grid):
-        for i, (axes, (title, own)) in enumerate(filled(grid, shown)):
+    most = table.groupby(facet).size().max() if facet else len(table)
+    high = (0.13 if facet else 0.24) * most + 0.3
+    with facets(path, table, facet, across, high, wide, grid="x", legend=legend, below=below) as shown:
+        for i, (axes, title, own) in enumerate(shown):
             limit, longest = cut * own["total_ms"].median(), own["total_ms"].max()
             stacked(axes, own, parts, limit)
-            beside = i % across > 0 and list(own[name]) == list(shown[i - 1][1][name])
+            beside = i % across > 0 and list(own[name]) == list(shown[i - 1][2][name])
             axes.set_yticks(range(len(own)), [""] * len(own) if beside else own[name])
             axes.set_xlim(0, room * min(limit, longest) if longest > 0 else 1)
             axes.set_title(title, loc="left", fontsize=7)
@@ -197,7 +191,7 @@ def bars(
                 axes.plot(at, -0.42, "v", color="black", ms=3.5, label=mark[1], clip_on=False)
         for part, (_, colour) in parts.items():
             shade = style.lightened(GREY, colour) if isinstance(colour, float) else colour
-            grid[0, 0].fill_between([], [], color=shade, edgecolor=GREY, lw=0.4, label=part)
+            shown[0][0].fill_between([], [], color=shade, edgecolor=GREY, lw=0.4, label=part)
     return path
 
 
@@ -250,29 +244,25 @@ def dots(
     own = table[table[x].notna()].reset_index(drop=True)
     here = list(own[rows].unique())
     names = [name for name in order if name in here] + [name for name in here if name not in order]
-    drawn, (shown, _) = looks(own, hue), places(own, facet, 1)
+    drawn, across = looks(own, hue), own[facet].nunique() if facet else 1
     lane = {value: (i + 0.5) / len(drawn) - 0.5 for i, value in enumerate(drawn)}
     heights = own[rows].map(names.index) + 0.84 * own[hue].map(lane)
-    size = (style.COLUMN_WIDTH * (0.45 + 0.55 * len(shown)), band * len(names) + 1.2)
-    with sheet(path, size, 1, len(shown), legend=legend, grid="x", sharey=True) as (figure, grid):
-        for axes, (title, part) in filled(grid, shown):
+    size = {"high": band * len(names) + 0.3, "wide": 0.45 + 0.55 * across}
+    bands = facets(path, own, facet, across, **size, legend=legend, grid="x", below=below, sharey=True)
+    with bands as shown:
+        for axes, title, part in shown:
             for k in range(0, len(names), 2):
                 axes.axhspan(k - 0.5, k + 0.5, color="#f3f3f3", zorder=0)
             zero = bool((part[x] <= 0).any())
             if zero or upright:
                 axes.axvline(0.0 if zero else upright, color="#444444", lw=0.8, zorder=1)
             for value, mine in part.groupby(hue, sort=False):
-                y, look = (
-                    heights[mine.index],
-                    {**drawn[value], "ls": "none", "ms": 2.5, "mew": 0.5, "elinewidth": 0.6},
-                )
+                look = {**drawn[value], "ls": "none", "ms": 2.5, "mew": 0.5, "elinewidth": 0.6}
                 ends = mine[whisker].clip(upper=0.9 * mine[x]).fillna(0.0) if whisker else None
-                axes.errorbar(mine[x], y, xerr=ends, label=str(value), **look)
+                axes.errorbar(mine[x], heights[mine.index], xerr=ends, label=str(value), **look)
                 if marked:
-                    mine, edge = (
-                        mine[mine[marked].to_numpy(bool)],
-                        {"mfc": "none", "mec": "black", "mew": 0.9},
-                    )
+                    mine = mine[mine[marked].to_numpy(bool)]
+                    edge = {"mfc": "none", "mec": "black", "mew": 0.9}
                     axes.plot(mine[x], heights[mine.index], look["marker"], ms=4.2, **edge)
             if zero:
                 axes.set_xscale("symlog", linthresh=1.0)
@@ -282,14 +272,13 @@ def dots(
             axes.minorticks_off()
             axes.tick_params(axis="y", length=0)
             axes.set_title(title, loc="left")
-        grid[0, 0].set_yticks(range(len(names)), names)
-        grid[0, 0].set_ylim(len(names) - 0.5, -0.5)
-        figure.supxlabel(below, fontsize=7)
+        shown[0][0].set_yticks(range(len(names)), names)
+        shown[0][0].set_ylim(len(names) - 0.5, -0.5)
     return path
 
 
 def images(
-    path: Path, shown: Sequence[tuple[str, NDArray[Any]]], *, across: int, below: Sequence[str] = (),
+    path: Path, shown: Sequence[tuple[str, NDArray[Any]]], *, across: int, below: str = "",
     key: Mapping[str, str] | None = None, scale: tuple[Any, Any, str] | None = None, wide: float = 1.0, **options: Any,
 ) -> Path:  # fmt: skip
     """Images [height, width] or [height, width, 3], each with its caption above it, ``across`` of them beside one another.
@@ -305,26 +294,27 @@ def images(
     width = style.COLUMN_WIDTH * wide
     tallest = max(image.shape[0] / image.shape[1] for _, image in shown)
     captions = 0.11 * max(caption.count("\n") + 1 for caption, _ in shown) + 0.08
-    beside = 0.15 * len(below) + 0.45 * bool(key) + 0.6 * bool(scale)
+    beside = 0.15 * len(below.splitlines()) + 0.45 * bool(key) + 0.6 * bool(scale)
     size = (width, (min(2.5, tallest) * width / across + captions) * down + beside)
     colours, norm, about = scale or (None, None, "")
     look = {"cmap": colours, "norm": norm, "interpolation": "nearest" if scale or key else "antialiased"}
     drawn = sheet(path, size, down, across, grid="", legend=2 * bool(key), below=below, **options)
     with drawn as (figure, grid):
-        for axes, (caption, image) in filled(grid, shown):
+        for axes in grid.flat:
+            axes.set_axis_off()
+        for axes, (caption, image) in zip(grid.flat, shown, strict=False):
             axes.imshow(image, **look)
             axes.set_title(caption, fontsize=5.5)
-            axes.set_axis_off()
         for text, colour in (key or {}).items():
             grid[0, 0].fill_between([], [], color=colour, label=text)
         if scale:
-            below_all = {
+            beneath = {
                 "location": "bottom",
                 "shrink": 0.9,
                 "aspect": 35,
                 "pad": 0.02,
                 "ticks": MaxNLocator(5),
             }
-            bar = figure.colorbar(ScalarMappable(norm, colours), ax=list(grid.flat), **below_all)
+            bar = figure.colorbar(ScalarMappable(norm, colours), ax=list(grid.flat), **beneath)
             bar.set_label(about, fontsize=6.5)
     return path
