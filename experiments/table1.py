@@ -57,29 +57,19 @@ COLUMNS = (
 ).split()
 """The columns of the CSV: those of a point (:func:`.results.means.points`), after ``origin``: this run or the paper."""
 
-FRAME = "Whole frame with shadows, everything rebuilt, ms"
-PRINTED = f"The paper as printed ({paper.LABEL.removeprefix('paper, ')}): build / traversal and tracing of primary rays, ms"
+FRAME = f"Whole frame with shadows, everything rebuilt, ms; {paper.LABEL}: as printed, build / trace of primary rays"
 PARTS: document.Columns = {
-    "scene": ("title", str), "method": ("row", str), "build": ("build", str),
-    "trace": ("trace", str), "light build": ("light build", str),
-    "shadow": ("shadow", str), "whole": ("ms", str), "±": ("spread", style.number),
-    "answers": ("error", str), "Mrays/s": ("rate", str), "MB": ("memory_bytes", style.megabytes),
-}  # fmt: skip
-SCENE_FACTS: document.Columns = {
-    "scene": ("title", str), "made as": ("stand_in", lambda text: text or "-"), "triangles": ("triangles", "{:,}"),
-    "frames": ("frames", "{}"), "excused as too close to an edge, at most": ("excused_share", "{:.4%}"),
-    "answers that the reference (Embree) got wrong": ("reference_errors", "{:,}"),
-}  # fmt: skip
-BUILT: document.Columns = {
-    "method": ("row", str), "built": ("built", str),
-    "declares itself inexact": ("known_inexact", lambda text: text or "-"),
+    "scene": ("title", str), "method": ("row", str), **{name: (name, str) for name in PART_COLUMNS},
+    "whole": ("ms", str), "±": ("spread", style.number), "answers": ("error", str), "Mrays/s": ("rate", str),
+    "MB": ("memory_bytes", style.megabytes),
 }  # fmt: skip
 CUT = 3.0
 """A bar more than this many times longer than the median of its scene is cut off; its number stands beside it."""
 ABOUT = (
     f"{style.OK} no wrong answer; {style.WRONG} n: n wrong pixels and visibility bits over all frames measured; "
     f"{style.UNSCORED}: there was no exact reference. Mrays/s: primary and shadow rays over the whole frame. MB: "
-    "structures and work buffers. Where a scene moves, times are means over its frames."
+    "structures and work buffers. Where a scene moves, times are means over its frames. What each method built, and why "
+    "it declares itself inexact, is in the CSV."
 )
 LEFT_OUT = (
     "Frames left out, beyond the point's budget; best is who is fastest over the frames that both have: "
@@ -94,16 +84,16 @@ def read(folder: Path) -> DataFrame:
     best  the answers are right, and so fast is no other point with right answers, over the frames that both have
     """
     frames = document.frames(folder)
-    table = document.named(frames)
-    table.attrs["older"] = frames.attrs["older"]
+    table = document.with_passes(
+        document.named(frames), folder, {name: (part, "") for part, name in PART_COLUMNS.items()}
+    )
     usual = {entry.label: settings_text(dict(entry.settings)).split(", ") for entry in METHODS}
     several = int(table["device"].nunique() > 1)
-    shown = []
-    for r in table.itertuples():
-        extra = [text for text in r.settings.split(", ") if text not in ("-", *usual.get(r.label, ()))]
-        shown.append(", ".join([r.label, *extra, *[r.device] * several]))
-    table["row"] = shown
-    table = document.with_passes(table, folder, {name: (part, "") for part, name in PART_COLUMNS.items()})
+    table["row"] = [
+        ", ".join([r.label, *(x for x in r.settings.split(", ") if x not in ("-", *usual.get(r.label, ())))])
+        + f", {r.device}" * several
+        for r in table.itertuples()
+    ]
     for part, name in PART_COLUMNS.items():
         table[part] = table[f"{name}_text"].where(table[f"{name}_ms"] != 0, "-")
     rate = table["frame_mrays_per_s"]
@@ -114,6 +104,7 @@ def read(folder: Path) -> DataFrame:
         first, beside = own["total_ms"].idxmin(), frames[frames["key"].isin(own["key"])]
         ratios = compare.ratios(beside, beside["key"] == first, same)["ratio"].reindex(own["key"])
         table.loc[first, "best"] = len(own) > 1 and bool((ratios >= 1).all())
+    table.attrs["older"] = frames.attrs["older"]
     return document.arranged(table, "label", [*usual, *table["label"]])
 
 
@@ -121,7 +112,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Table, drawing and gallery from the records in a folder; printed too unless ``quiet``.
 
     table1.csv  one row a point, then the paper's printed entries
-    table1.md   the whole frame, methods down and scenes across; then the parts of each frame, and what the paper prints
+    table1.md   the whole frame, methods down and scenes across, with what the paper prints; then the parts of each frame
     table1.svg  stacked bars of each scene
     gallery.png the pictures of ``folder/images``, where there are any
     """
@@ -136,17 +127,12 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         pictures = [panels.bars(
             folder / "table1.svg", by_scene.assign(text=time.where(by_scene["total_ms"].notna(), by_scene["status"])),
             name="row", facet="title", across=across, cut=CUT, wide=0.35 + 0.65 * across, legend=5,
-            below=["ms per frame, split by part; whisker: interquartile range of repeats"],
+            below="ms per frame, split by part; whisker: interquartile range of repeats",
         )]  # fmt: skip
     pictures += gallery.draw(folder, table, f"Table 1: the scenes; {document.where(table)}")
-    built = table[table["built"] != "-"].drop_duplicates(["row", "built", "known_inexact"])
-    scenes = by_scene.groupby("title", sort=False)[[name for name, _ in SCENE_FACTS.values()][1:]].max()
     tables = {
-        FRAME: frame_table(by_scene),
+        FRAME: frame_table(by_scene, theirs),
         "Parts of the frame, ms, and ± of the whole": document.texts(document.measured(by_scene), PARTS),
-        PRINTED: document.cross_table(theirs, {"scene_title": "scene"}, "method", "printed"),
-        "What each method built": document.texts(built, BUILT),
-        "Scenes": document.texts(scenes.reset_index(), SCENE_FACTS),
     }
     rows = pd.concat([table.assign(origin="this run"), theirs])
     told = finding(done), tables, pictures, quiet, notes(table)
@@ -155,37 +141,39 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
 
 def finding(done: DataFrame) -> str:
     """On how many scenes who is fastest."""
-    n = done["title"].nunique()
     best = done[done["best"]].groupby("row", sort=False)["total_ms"]
     told = ", ".join(f"{row} on {len(own)} ({document.span(own)} ms)" for row, own in best)
-    known = f"Of {n} scene{'s' * (n != 1)} the fastest frame with every answer right: {told}."
-    return known if told else "No scene has two methods with right answers over the same frames in one run."
+    told = told or "of no scene are there two over the same frames in one run"
+    return f"Of {done['title'].nunique()} scenes the fastest frame with every answer right: {told}."
 
 
-def frame_table(by_scene: DataFrame) -> DataFrame:
-    """Methods down, scenes across: frame time with its error, or why there is none; the fastest right one in bold."""
+def frame_table(by_scene: DataFrame, theirs: DataFrame) -> DataFrame:
+    """Methods down, scenes across: frame time with its error, or why there is none; the fastest right one in bold.
+
+    Then the paper's ``theirs`` as printed, in italics.
+    """
+    import pandas as pd
+
     own = document.arranged(by_scene, "label", [entry.label for entry in METHODS])
     text = own["ms"] + " " + own["error"].str.removesuffix(" wrong")
     text = text.where(own["status"] == "ok", own["status"])
     own = own.assign(text=text.where(~own["best"], "**" + text + "**"))
-    titles = by_scene.groupby("title", sort=False)["scene"].first()
-    wide = document.cross_table(own, {"row": "method"}, "title", "text")[["method", *titles.index]]
-    if len(theirs := titles[titles.isin(paper.ROWS)]):
-        printed = theirs.map(lambda scene: f"*{paper.ROWS[scene].cells[-1].removesuffix(' ms')}*")
-        wide.loc[len(wide)] = {"method": f"*the paper, {paper.GPU}*", **printed}
-    return wide
+    printed = theirs.merge(by_scene[["scene", "title"]].drop_duplicates())
+    printed = printed.assign(
+        row="*the paper: " + printed["method"] + "*",
+        text="*" + printed["printed"].str.replace("*", r"\*") + "*",
+    )
+    wide = document.cross_table(pd.concat([own, printed]), {"row": "method"}, "title", "text")
+    return wide[["method", *by_scene["title"].unique()]]
 
 
 def notes(table: DataFrame) -> list[str]:
     """How to read an entry, what was left out, and where the paper's numbers are from."""
-    told = [ABOUT]
-    theirs = set(table["scene"]) & set(paper.ROWS)
+    told, theirs = [ABOUT], set(table["scene"]) & set(paper.ROWS)
     if theirs and set(table["width"]) | set(table["height"]) != set(paper.SIZE):
-        told += [
-            f"Only {paper.SIZE[0]}x{paper.SIZE[1]} can be compared with the paper's rows ({paper.LABEL})."
-        ]
+        told += [f"Only {paper.SIZE[0]}x{paper.SIZE[1]} can be compared with the paper's rows."]
     short = table[table["frames_left_out"] > 0]
-    told += [f"{LEFT_OUT}{'; '.join(short['title'] + ', ' + short['row'])}."] * bool(len(short))
+    told += [f"{LEFT_OUT}{document.listed(list(short['title'] + ', ' + short['row']))}."] * bool(len(short))
     told += [f"Unscored: {reason}." for reason in sorted(set(table["unscored"]) - {""})]
     if older := table.attrs.get("older"):
         told += [f"Not shown: older records of these points, or of other scenes of their names: {older}."]

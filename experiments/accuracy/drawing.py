@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import ImageColor
+from PIL import Image, ImageColor
 
 from ...harness.judge.verdict import Verdict
 from ...harness.report import compare, document, panels, style
@@ -53,12 +53,16 @@ PAINT: dict[str, tuple[tuple[int, ...], str]] = {
     "not judged: differs from the reference": ((UNJUDGED,), "#CC79A7"),
     "excused: edge or near tie": ((Verdict.EDGE, Verdict.NEAR_TIE), "#009E73"),
 }
-WRONG_SIDE = "wrong answers a frame"
+SIDES = {"wrong answers a frame": "wrong_per_frame", "ms per frame": "total_ms"}
 RIGHT = (Verdict.OK, Verdict.TIE)
 ABOUT = "Of large frames the part where most is wrong in any panel; numbers count the whole frame."
 HEAT = (
-    "In a cell: answers that differ from the exact one on {scene}, {size}x{size}, scene not recentred: wrong (+ excused, "
-    "within rounding of an edge)"
+    "distance of the light from the middle, in scene radii\nIn a cell: answers that differ from the exact one on {}, "
+    "{}x{}, scene not recentred: wrong (+ excused, within rounding of an edge)"
+)
+SAMPLED = (
+    "Of {} points so many answers differ from the reference's that only a sample of them was judged; every other one "
+    "counts as wrong, in no class of its own."
 )
 LARGEST = 320
 """Pixels along a side of a panel: larger frames are cropped to where most is wrong."""
@@ -115,8 +119,9 @@ def costs(folder: Path, measures: Sequence[Measure]) -> pd.DataFrame:
         own, other = compare.pairs(frames[frames["label"].isin([with_, without])], frames["label"] == without)
         own = own[own["label"] == with_]
         other = other.loc[own.index]
-        spreads = [compare.spread(side).where(side["samples"] >= ENOUGH) for side in (own, other)]
-        noise = 2 * np.maximum(*spreads)
+        noise = 2 * np.maximum(
+            *[compare.spread(side).where(side["samples"] >= ENOUGH) for side in (own, other)]
+        )
         cost = own["total_ms"] - other["total_ms"]
         found.append(own[["scene", "device"]].assign(
             scene_title=titles.loc[own.index], measure=name, **{"with": with_, "without": without},
@@ -128,10 +133,9 @@ def costs(folder: Path, measures: Sequence[Measure]) -> pd.DataFrame:
 
 
 def frontier_table(table: pd.DataFrame) -> pd.DataFrame:
-    """The points of each scene that no other one beats, fastest first; beside them the fastest that is never wrong."""
-    known = usable(table)
-    own = known[known["on_frontier"].astype(bool)].sort_values("total_ms")
-    return document.texts(document.arranged(own, "title", known["title"].unique()), FRONTIER)
+    """The points of each scene that no other one beats, fastest first."""
+    own = table[table["on_frontier"].fillna(False).astype(bool)].sort_values("total_ms")
+    return document.texts(document.arranged(own, "title", usable(table)["title"].unique()), FRONTIER)
 
 
 def cost_table(cost: pd.DataFrame, hard: pd.DataFrame) -> pd.DataFrame:
@@ -141,15 +145,13 @@ def cost_table(cost: pd.DataFrame, hard: pd.DataFrame) -> pd.DataFrame:
     noise = cost["noise_ms"] / cost["without_ms"]
     text = document.carry(cost["share"], noise, "+%").mask(cost["within_noise"], noise.map("±{:.1%}".format))
     cost = cost.assign(text=text.mask(noise.isna(), "?"))
-    wide, groups = (
-        document.cross_table(cost, ["measure"], "scene_title", "text"),
-        cost.groupby("measure", sort=False),
-    )
+    wide = document.cross_table(cost, ["measure"], "scene_title", "text").set_index("measure")
+    groups, errors = cost.groupby("measure"), hard.set_index("label")["true_errors"].map("{:,}".format)
     wrong = groups[["wrong_without", "wrong_with"]].sum().map("{:,.0f}".format)
-    errors = hard.set_index("label")["true_errors"].map("{:,}".format)
     pairs = groups[["without", "with"]].first().apply(lambda labels: labels.map(errors).fillna("-"))
-    wide["wrong without (with)"] = (wrong["wrong_without"] + " (" + wrong["wrong_with"] + ")").array
-    return wide.assign(**{"hard cases": (pairs["without"] + " (" + pairs["with"] + ")").array})
+    wide["wrong without (with)"] = wrong["wrong_without"] + " (" + wrong["wrong_with"] + ")"
+    wide["hard cases"] = pairs["without"] + " (" + pairs["with"] + ")"
+    return wide.reset_index()
 
 
 def finding(table: pd.DataFrame, cost: pd.DataFrame) -> str:
@@ -159,32 +161,21 @@ def finding(table: pd.DataFrame, cost: pd.DataFrame) -> str:
         return "No point has both a time and a score."
     never = known.groupby("label")["wrong_per_frame"].max() == 0
     right = known[known["label"].isin(never.index[never])].sort_values("total_ms").drop_duplicates("title")
-    counts = [
-        f"{name} ({n} of {known['title'].nunique()} scenes)"
-        for name, n in right["name"].value_counts().items()
-    ]
-    text = f"{never.sum()} of {len(never)} points are never wrong on these scenes"
-    text += f", the fastest of them {' and '.join(counts)}" if counts else ""
-    clear = cost[~cost["within_noise"].astype(bool)].sort_values("share")
-    text += f"; of {len(cost)} differences with and without a safety measure {len(clear)} exceed the noise"
-    for most in clear.tail(1).itertuples():
-        text += f", the most expensive {most.measure} on {most.scene_title} ({most.share:+.0%})"
-    return text + "."
+    first = ", ".join(f"{name} ({n} scenes)" for name, n in right["name"].value_counts().items())
+    clear = cost[~cost["within_noise"].astype(bool)]
+    told = (
+        document.ranked(clear.assign(ratio=clear["with_ms"] / clear["without_ms"]), "ratio", "measure") or "-"
+    )
+    return (
+        f"{never.sum()} of {len(never)} points are never wrong on these scenes, the fastest of them {first or '-'}; frame "
+        f"time with a safety measure over that without, where it exceeds the noise: {told}."
+    )
 
 
 def notes(table: pd.DataFrame) -> list[str]:
     """What else must be known to read the tables."""
-    known, told = usable(table), []
-    if known["device_name"].nunique() > 1:
-        told.append("Points on another device than most of their scene's are on no frontier.")
-    sampled = known.reindex(columns=["primary.unjudged"])["primary.unjudged"] > 0
-    if sampled.any():
-        told.append(
-            f"Of {int(sampled.sum())} points so many answers differ from the reference's that only a sample of them was "
-            "judged; every other one counts as wrong, in no class of its own."
-        )
-    missing = known.loc[known["flip_missing"].fillna("") != "", "flip_missing"].value_counts()
-    return told + [f"FLIP is missing at {count} points: {reason}." for reason, count in missing.items()]
+    sampled = int((usable(table).reindex(columns=["primary.unjudged"])["primary.unjudged"] > 0).sum())
+    return [SAMPLED.format(sampled)] * bool(sampled)
 
 
 def draw_frontier(table: pd.DataFrame, path: Path) -> list[Path]:
@@ -195,8 +186,7 @@ def draw_frontier(table: pd.DataFrame, path: Path) -> list[Path]:
     if known.empty:
         return []
     known = document.arranged(known, "family", known["family"].unique())
-    sides = {WRONG_SIDE: "wrong_per_frame", "ms per frame": "total_ms"}
-    rows = pd.concat([known.assign(side=side, x=known[column]) for side, column in sides.items()])
+    rows = pd.concat([known.assign(side=side, x=known[column]) for side, column in SIDES.items()])
     return [panels.dots(path, rows, "name", "x", "title", facet="side", marked="on_frontier", upright=0.0, band=0.24,
                  legend=3, below="black edge: no other point of the scene is both faster and less wrong")]  # fmt: skip
 
@@ -220,7 +210,7 @@ def draw_costs(cost: pd.DataFrame, base: str, path: Path) -> list[Path]:
         rest=total - table.sum(axis=1),
     )  # fmt: skip
     parts = {"all else": ("rest", "#cccccc"), **{n: (n, style.COLOURS[i]) for i, n in enumerate(names)}}
-    below = [f"ms: the frame of {base}, and what of it each measure adds that adds more than the noise"]
+    below = f"ms: the frame of {base}, and what of it each measure adds that adds more than the noise"
     return [panels.bars(path, table, name="scene", parts=parts, room=1.12, wide=2, below=below)]
 
 
@@ -232,19 +222,21 @@ def draw_where(folder: Path, table: pd.DataFrame, shown: Sequence[str]) -> list[
     inks = {title: colour for title, (_, colour) in PAINT.items()}
     rows = table[table["label"].isin(shown)].drop_duplicates(["file", "label"])
     for name, own in document.arranged(rows, "label", shown).groupby("file", sort=False):
-        kept = []
-        for r in own.itertuples():
-            frame = max(r.frame_numbers, default=0)  # of which maps are saved
-            path = wrong_path(folder, r.key, frame)
-            if path.exists():
-                kept.append((r.label, read_wrong(path), reference_path(folder, r.scene, frame)))
+        frames = [max(numbers, default=0) for numbers in own["frame_numbers"]]  # of which maps are saved
+        paths = [wrong_path(folder, key, frame) for key, frame in zip(own["key"], frames, strict=True)]
+        kept = {
+            label: read_wrong(path) for label, path in zip(own["label"], paths, strict=True) if path.exists()
+        }
         if kept:
-            part = window(max((~np.isin(classes, RIGHT) for _, classes, _ in kept), key=np.sum))
-            captions = ["\n".join([label, *textwrap.wrap(counted(found), 44)]) for label, found, _ in kept]
-            images = [painted(reference, classes)[part] for _, classes, reference in kept]
-            below = [f"Where the wrong pixels are: {own['title'].iloc[0]}", ABOUT]
-            panels.images(folder / f"accuracy_where-{name}.png", list(zip(captions, images, strict=True)), across=3,
-                          below=below, key=inks, wide=2, inks=list(inks.values()))  # fmt: skip
+            part = window(max((~np.isin(classes, RIGHT) for classes in kept.values()), key=np.sum))
+            image = opened(reference_path(folder, own["scene"].iloc[0], frames[0]))
+            images = [
+                ("\n".join([label, *textwrap.wrap(counted(found), 44)]), painted(image, found)[part])
+                for label, found in kept.items()
+            ]
+            below = f"Where the wrong pixels are: {own['title'].iloc[0]}\n{ABOUT}"
+            panels.images(folder / f"accuracy_where-{name}.png", images, across=3, below=below, key=inks, wide=2,
+                          inks=list(inks.values()))  # fmt: skip
     return sorted(folder.glob("accuracy_where*.png"))
 
 
@@ -254,21 +246,20 @@ def draw_heat(folder: Path) -> list[Path]:
     import pandas as pd
     from matplotlib.colors import LogNorm
 
+    path = folder / "accuracy_heat.png"
     rows = pd.read_csv(folder / NAME).query("status == 'ok'") if (folder / NAME).exists() else pd.DataFrame()
     if rows.empty:
         return []
     rows["share"] = (rows["wrong"] + rows["excused"]) / rows["pixels"]
     excused = rows["excused"].map("\n(+{:,.0f})".format).where(rows["excused"] > 0, "")
     rows["text"] = rows["wrong"].map("{:,.0f}".format) + excused
-    shown, down = panels.places(rows, "label", 3)
     look = {"norm": LogNorm(1e-4, 1.0), "cmap": matplotlib.colormaps["magma_r"].with_extremes(bad="white")}
     scene, size = rows.iloc[0][["scene", "size"]]
-    below = ["distance of the light from the middle, in scene radii", HEAT.format(scene=scene, size=size)]
-    sheet = panels.sheet(folder / "accuracy_heat.png", (7.0, 0.8 + 1.6 * down), down, min(3, len(shown)), legend=0, grid="",
-                         dpi=200, colours=160, sharex=True, sharey=True, below=below,
-                         left="offset of the scene from the origin, in radii")  # fmt: skip
-    with sheet as (figure, grid):
-        for axes, (label, own) in panels.filled(grid, shown):
+    sheet = panels.facets(path, rows, "label", min(3, rows["label"].nunique()), 1.6, 2, legend=0, grid="", dpi=200,
+                          colours=160, sharex=True, sharey=True, below=HEAT.format(scene, size, size),
+                          left="offset of the scene from the origin, in radii")  # fmt: skip
+    with sheet as shown:
+        for axes, label, own in shown:
             share, text = (own.pivot(index="offset", columns="distance", values=v) for v in ("share", "text"))
             image = axes.imshow(share.where(share > 0), origin="lower", aspect="auto", **look)
             for (y, x), words in np.ndenumerate(text.to_numpy()):
@@ -277,14 +268,13 @@ def draw_heat(folder: Path) -> list[Path]:
             axes.set_title(label, fontsize=7)
             axes.set_xticks(range(share.shape[1]), map(style.radii, share.columns))
             axes.set_yticks(range(share.shape[0]), map(style.radii, share.index))
-        bar = figure.colorbar(image, ax=list(grid.flat), shrink=0.9, pad=0.01)
+        bar = axes.figure.colorbar(image, ax=[axes for axes, *_ in shown], shrink=0.9, pad=0.01)
         bar.set_label("differing answers / pixels (white: none)", fontsize=6.5)
-    return [folder / "accuracy_heat.png"]
+    return [path]
 
 
-def painted(reference: Path, classes: NDArray[np.int64]) -> NDArray[np.uint8]:
+def painted(image: Image.Image | None, classes: NDArray[np.int64]) -> NDArray[np.uint8]:
     """The reference in light grey with every wrong or excused pixel in its class's colour. uint8 [h, w, 3]."""
-    image = opened(reference)
     grey = np.full(classes.shape, 255.0) if image is None else np.asarray(image.convert("L"), dtype=float)
     picture = np.repeat((110 + grey * 0.55)[..., None], 3, axis=2).clip(0, 255).astype(np.uint8)
     for kinds, colour in PAINT.values():
@@ -303,8 +293,6 @@ def window(wrong: NDArray[np.bool_]) -> tuple[slice, slice]:
 
 def counted(classes: NDArray[np.int64]) -> str:
     """How many pixels of a map are in each class that is painted."""
-    counts = {
-        name.split(":")[0].split(" or")[0]: np.isin(classes, kinds).sum()
-        for name, (kinds, _) in PAINT.items()
-    }
-    return ", ".join(f"{count:,} {name}" for name, count in counts.items() if count) or "nothing wrong"
+    counts = {title: np.isin(classes, kinds).sum() for title, (kinds, _) in PAINT.items()}
+    told = (f"{n:,} {title.split(':')[0].split(' or')[0]}" for title, n in counts.items() if n)
+    return ", ".join(told) or "nothing wrong"
