@@ -6,14 +6,13 @@ Times that differ by less than 3 % count as equal.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from ..harness.report import compare, style
 from ..harness.report.claims import FAILS, HOLDS, OPEN, Finding, by_ratio, each, lacking
 from ..harness.report.compare import geometric
-from ..harness.report.evidence import Evidence, over
+from ..harness.report.evidence import Evidence
 from ..harness.results.table import stage_ms
 from . import _rivals, figure10
 from ._paper import UNBALANCED
@@ -289,25 +288,14 @@ def key_bits(evidence: Evidence) -> Finding:
     told, rises, saves = [], [], []
     for width in evidence.widths:
         frames = evidence.of(width=width)
-        points = frames.set_index(frames["point.bits"].astype(int)).sort_index()
-        sort_ms = stage_ms(points, "build", SORT)
-        if not {HERE, 32} <= set(points.index):
+        own, base = compare.pairs(frames, frames["point.bits"] == 32)
+        line = stage_ms(own, "build", SORT) / stage_ms(base, "build", SORT)
+        line = line.set_axis(own["point.bits"].astype(int)).sort_index()
+        if not {HERE, 32} <= set(line.index):
             return lacking(f"{HERE} or 32 bits")
-        known = frames[["key", "point.bits"]].drop_duplicates().sort_values("point.bits").to_numpy()
-        base = frames["point.bits"] == 32
-        ratio = {
-            int(bits): over(
-                frames[base | (frames["key"] == key)], base, lambda t: stage_ms(t, "build", SORT), key=key
-            )
-            for key, bits in known
-        }
-        line = {bits: next(iter(found.values()), 0.0) for bits, found in ratio.items()}
-        rises.append(all(b > 0.97 * a for a, b in itertools.pairwise(line.values())))
+        rises.append((line.to_numpy()[1:] > 0.97 * line.to_numpy()[:-1]).all())
         saves.append(line[HERE] < 0.97)
-        pairs = int(points.loc[32, "point.pairs"])
-        told.append(
-            f"{pairs:,} pairs, over {sort_ms[32]:.3f} ms with 32 bits: {each({str(n): v for n, v in line.items()})}"
-        )
+        told.append(f"{int(own['point.pairs'].iloc[0]):,} pairs, over 32 bits: {each(dict(line))}")
     verdict = HOLDS if all(rises) and all(saves) else OPEN if any(saves) else FAILS
     return Finding(verdict, "; ".join(told))
 

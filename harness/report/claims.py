@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 HOLDS, FAILS, OPEN = "holds", "does not hold", "can't tell"
+ABOUT = (
+    "Scenes are stand-ins where their title says so; the paper's own numbers come from a GTX 280. A ratio is taken within "
+    "one run, over the same frames; where there are several runs, that of the last versions of the methods counts."
+)
 
 
 @dataclass(frozen=True)
@@ -74,13 +78,14 @@ def decide(claim: Claim, data: Data) -> tuple[Finding, str]:
     Where none has: what the first one lacks, which points cannot be compared, and what to run.
     """
     findings = [(claim.judge(one), one) for one in data.evidence(*claim.experiments)]
-    whole = [(finding, origin(one, data)) for finding, one in findings if not finding.lacking]
-    run, told = f"run {claim.experiments[0]}", findings[0][0].numbers if findings else "not measured"
+    told = findings[0][0].numbers if findings else "not measured"
     if len(findings) > 1:
         told += f"; of different runs or versions, and not to be mixed: {'; '.join(e.described() for _, e in findings)}"
-    result, source = whole[0] if whole else (Finding(OPEN, f"{told}; {run}", lacking=True), "")
+    nothing = Finding(OPEN, f"{told}; run {claim.experiments[0]}", lacking=True), ""
+    whole = ((finding, origin(one, data)) for finding, one in findings if not finding.lacking)
+    result, source = next(whole, nothing)
     if claim.beside:
-        others = [(claim.beside[1](one), one) for one in data.evidence(claim.beside[0])]
+        others = ((claim.beside[1](one), one) for one in data.evidence(claim.beside[0]))
         text = next((f"; {words} ({origin(one, data)})" for words, one in others if words), "")
         result = replace(result, numbers=result.numbers + text)
     return result, source
@@ -88,9 +93,9 @@ def decide(claim: Claim, data: Data) -> tuple[Finding, str]:
 
 def origin(evidence: Evidence, data: Data) -> str:
     """The folders of evidence, and the methods in it of which there are records of a later version."""
-    old = [m for m, version in evidence.versions.items() if data.newest(m) != version]
-    earlier = f", an earlier version of {' and '.join(sorted(old))}" if old else ""
-    return " and ".join(evidence.folders) + earlier
+    old = sorted(m for m, version in evidence.versions.items() if data.newest[m] != version)
+    earlier = f", an earlier version of {' and '.join(old)}" if old else ""
+    return " and ".join(sorted(evidence.frames["folder"].unique())) + earlier
 
 
 def judge_all(claims: Sequence[Claim], data: Data) -> DataFrame:
@@ -109,36 +114,20 @@ def judge_all(claims: Sequence[Claim], data: Data) -> DataFrame:
 def draw(folder: Path, quiet: bool, claims: Sequence[Claim]) -> list[Path]:
     """``claims.md`` and ``claims.csv`` in the folder; printed unless ``quiet``."""
     data = collect(folder)
-    made = judge_all(claims, data)
-    path = folder / "claims.md"
-    path.write_text("\n".join(markdown(made, data)) + "\n", encoding="utf-8")
+    made, points, path = judge_all(claims, data), document.named(data.frames), folder / "claims.md"
+    told, errors = made["verdict"].value_counts(), points["error"].str.split().str[0].value_counts()
+    shown = made.assign(verdict="**" + made["verdict"] + "**")
+    lines = [
+        f"# Claims of the paper, measured here\n\n{told.get(HOLDS, 0)} hold, {told.get(FAILS, 0)} do not hold, "
+        f"{told.get(OPEN, 0)} cannot be told from these records.\n\n{document.where(points)}. {ABOUT}\n",
+        *document.markdown(
+            shown.rename(columns={"number": "", "numbers": "measured", "judged_from": "judged from"})
+        ),
+        f"\nOf {len(points)} points measured {errors.get(style.WRONG, 0)} have wrong answers and "
+        f"{errors.get(style.UNSCORED, 0)} are unscored.\n",
+    ]
+    path.write_text("\n".join(lines), encoding="utf-8")
     if not quiet:
         text = made["claim"] + " (" + made["section"] + "): " + made["numbers"]
         print_table(made[["number", "verdict"]].assign(**{"claim (section): what was measured": text}))
     return [path, document.write_csv(made, folder / "claims.csv", list(made))]
-
-
-def markdown(made: DataFrame, data: Data) -> list[str]:
-    """The table, what it was measured on, and what was wrong among the answers behind it."""
-    points = document.named(data.frames)
-    told, wrong = made["verdict"].value_counts(), points["error"].str.startswith(style.WRONG)
-    headings = {"number": "", "numbers": "measured", "judged_from": "judged from"}
-    shown = made.assign(verdict="**" + made["verdict"] + "**").rename(columns=headings)
-    old = {method: data.earlier(method) for method in sorted(points["method"].unique())}
-    lines = [
-        f"Records of an earlier version of {m}: {', '.join(folders)}."
-        for m, folders in old.items()
-        if folders
-    ]
-    lines += [
-        f"Of {len(points)} points measured {wrong.sum()} have wrong answers and {(points['error'] == style.UNSCORED).sum()} "
-        "are unscored."
-    ]
-    return [
-        f"# Claims of the paper, measured here\n\n{told.get(HOLDS, 0)} hold, {told.get(FAILS, 0)} do not hold, "
-        f"{told.get(OPEN, 0)} cannot be told from these records.\n\n{document.where(points)}. Scenes are stand-ins where "
-        "their title says so; the paper's own numbers come from a GTX 280. A ratio is taken within one run, over the same "
-        "frames; where there are several runs, that of the last versions of the methods counts.\n",
-        *document.markdown(shown),
-        *(f"\n{line}" for line in lines),
-    ]

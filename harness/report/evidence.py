@@ -9,7 +9,7 @@ from __future__ import annotations
 import operator
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property, reduce
+from functools import cached_property, reduce
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +19,7 @@ from . import compare, document
 if TYPE_CHECKING:
     from pandas import DataFrame, Series
 
-RUN = ["folder", "run"]
+RUN = ["experiment", "folder", "run"]
 SCENE = ["scene", "scene_title", "scene_sha256"]
 Measure = Callable[["DataFrame"], "Series"]
 
@@ -50,16 +50,6 @@ class Evidence:
         return dict(self.frames.groupby("method")["method_sha256"].last())
 
     @cached_property
-    def scenes(self) -> set[tuple[str, ...]]:
-        """What tells each scene from all others: its name, its title, and the hash of its arrays."""
-        return set(self.frames[SCENE].itertuples(index=False, name=None))
-
-    @property
-    def folders(self) -> list[str]:
-        """The folders that the points come from."""
-        return sorted(self.frames["folder"].unique())
-
-    @cached_property
     def widths(self) -> list[int]:
         """Image widths, smallest first."""
         return sorted(self.frames["width"].unique())
@@ -75,23 +65,20 @@ class Evidence:
     def ratios(self, one: dict[str, Any], other: dict[str, Any], measure: Measure) -> dict[str, float]:
         """Measure of the points with the columns of ``one`` over that of those with ``other``'s, by scene."""
         frames = self.of()
-        own, base = matching(frames, **one), matching(frames, **other)
-        return over(frames[base | own], base, measure, **one) if own.any() and base.any() else {}
+        base = matching(frames, **other)
+        if not base.any() or not matching(frames, **one).any():
+            return {}
+        both = base | matching(frames, **one)
+        points, bases = compare.pairs(frames[both], base[both])
+        known = by_scene(points[matching(points, **one)].reset_index())
+        values = measure(known) / measure(bases.loc[known["key"]]).to_numpy()
+        return dict(sorted(values[(values != 0.0) & (values < float("inf"))].items()))
 
     def described(self) -> str:
-        """Where it is from, and what others must agree with: sizes and versions."""
+        """The folders it is from, and what others must agree with: sizes and versions."""
         sizes = ", ".join(dict.fromkeys(f"{w}x{h}" for w, h in self.frames[["width", "height"]].to_numpy()))
         versions = ", ".join(f"{m} {v[:8]}".strip() for m, v in sorted(self.versions.items()))
-        return f"{' and '.join(self.folders)} ({sizes}; {versions})"
-
-
-def over(frames: DataFrame, base: Series, measure: Measure, **wanted: Any) -> dict[str, float]:
-    """Measure of the points that have these columns over that of their base, by scene, over the frames that both have."""
-    own, others = compare.pairs(frames, base.loc[frames.index])
-    own = own.reset_index()
-    known = by_scene(own[matching(own, **wanted)])
-    values = measure(known) / measure(others.loc[known["key"]]).to_numpy()
-    return dict(sorted(values[(values != 0.0) & (values < float("inf"))].items()))
+        return f"{' and '.join(sorted(self.frames['folder'].unique()))} ({sizes}; {versions})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,48 +93,43 @@ class Data:
         return bool(self.frames["device"].str.startswith("cuda").any())
 
     @cached_property
-    def last(self) -> dict[tuple[str, str], float]:
-        """When each version of each method was last measured."""
-        return dict(self.frames.groupby(["method", "method_sha256"])["started"].max())
-
-    def newest(self, method: str) -> str:
-        """The version of a method that was measured last."""
-        return max((when, version) for (name, version), when in self.last.items() if name == method)[1]
-
-    def earlier(self, method: str) -> list[str]:
-        """Folders whose records of a method are not all of its last version."""
-        own = self.frames[self.frames["method"] == method]
-        return sorted(own.loc[own["method_sha256"] != self.newest(method), "folder"].unique())
+    def newest(self) -> dict[str, str]:
+        """The version of each method that was measured last."""
+        return dict(self.frames.sort_values("started").groupby("method")["method_sha256"].last())
 
     def evidence(self, *experiments: str) -> list[Evidence]:
-        """What there is of these experiments, the last versions of the methods first, then as they are named.
-
-        Runs are joined where they have other scenes and the same versions. Where a method has several versions in one
-        run, its last one counts.
-        """
-        found = [e for name in experiments for e in self._joined(name)]
+        """What there is of these experiments, the last versions of the methods first, then as they are named."""
+        last = self.frames.groupby(["method", "method_sha256"])["started"].max()
+        found = [e for name in experiments for e in self.runs.get(name, [])]
         # Two that share a version are equally recent, whichever of them was measured later.
-        return sorted(found, key=lambda e: -max(self.last[item] for item in e.versions.items()))
+        return sorted(found, key=lambda e: -max(last[item] for item in e.versions.items()))
 
-    @cache  # noqa: B019  (the data of one command)
-    def _joined(self, experiment: str) -> list[Evidence]:
+    @cached_property
+    def runs(self) -> dict[str, list[Evidence]]:
+        """Evidence by experiment. Where a method has several versions in one run, its last one counts.
+
+        Runs are joined where they have other scenes and the same versions.
+        """
         import pandas as pd
 
-        own = self.frames[self.frames["experiment"] == experiment].sort_values("started", kind="stable")
-        latest = own.groupby([*RUN, "method"])["method_sha256"].transform("last")
-        runs = [run for _, run in own[own["method_sha256"] == latest].groupby(RUN, sort=False)]
+        own = self.frames.sort_values("started", kind="stable")
+        own = own[own["method_sha256"] == own.groupby([*RUN, "method"])["method_sha256"].transform("last")]
         # What other experiments count and set are columns of this one too, all empty.
-        fresh = [Evidence(experiment, run.dropna(axis=1, how="all").copy()) for run in runs]
-        found: list[Evidence] = []
+        fresh = [
+            Evidence(name, run.dropna(axis=1, how="all").copy())
+            for (name, *_), run in own.groupby(RUN, sort=False)
+        ]
+        found: dict[str, list[Evidence]] = {}
         for run in sorted(fresh, key=lambda e: -e.frames["started"].max()):
-            for i, other in enumerate(found):
+            before = found.setdefault(run.experiment, [])
+            for i, other in enumerate(before):
                 shared = other.versions.items() & run.versions.items()
                 agree = shared and len(shared) == len(other.versions.keys() & run.versions.keys())
-                if agree and not run.scenes & other.scenes:
-                    found[i] = Evidence(experiment, pd.concat([other.frames, run.frames]).sort_index())
+                if agree and not run.frames.merge(other.frames[SCENE]).size:
+                    before[i] = Evidence(run.experiment, pd.concat([other.frames, run.frames]).sort_index())
                     break
             else:
-                found.append(run)
+                before.append(run)
         return found
 
 
