@@ -131,7 +131,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         )]  # fmt: skip
     pictures += gallery.draw(folder, table, f"Table 1: the scenes; {document.where(table)}")
     tables = {
-        FRAME: frame_table(by_scene, theirs),
+        FRAME: frame_table(by_scene),
         "Parts of the frame, ms, and ± of the whole": document.texts(document.measured(by_scene), PARTS),
     }
     rows = pd.concat([table.assign(origin="this run"), theirs])
@@ -147,10 +147,10 @@ def finding(done: DataFrame) -> str:
     return f"Of {done['title'].nunique()} scenes the fastest frame with every answer right: {told}."
 
 
-def frame_table(by_scene: DataFrame, theirs: DataFrame) -> DataFrame:
+def frame_table(by_scene: DataFrame) -> DataFrame:
     """Methods down, scenes across: frame time with its error, or why there is none; the fastest right one in bold.
 
-    Then the paper's ``theirs`` as printed, in italics.
+    Then the paper's own as printed, in italics.
     """
     import pandas as pd
 
@@ -158,7 +158,7 @@ def frame_table(by_scene: DataFrame, theirs: DataFrame) -> DataFrame:
     text = own["ms"] + " " + own["error"].str.removesuffix(" wrong")
     text = text.where(own["status"] == "ok", own["status"])
     own = own.assign(text=text.where(~own["best"], "**" + text + "**"))
-    printed = theirs.merge(by_scene[["scene", "title"]].drop_duplicates())
+    printed = paper.entries(own["scene"].unique()).merge(own[["scene", "title"]].drop_duplicates())
     printed = printed.assign(
         row="*the paper: " + printed["method"] + "*",
         text="*" + printed["printed"].str.replace("*", r"\*") + "*",

@@ -109,15 +109,12 @@ def test_the_exponent_is_that_of_the_power_law():
     def growth(x, ms):
         return scaling.growth(pd.DataFrame({"triangles": x, "total_ms": ms}), "triangles")
 
-    exact = growth(x, [2.0 * v**0.5 for v in x])
-    assert exact.exponent == pytest.approx(0.5)
-    assert exact.half == pytest.approx(0.0, abs=1e-9)
-    assert exact.first == 3e3
-    noisy = growth(x, [2.0 * v**0.5 * f for v, f in zip(x, (1, 1, 1.1, 0.9, 1.1), strict=True)])
-    assert noisy.half > 0.05
-    assert abs(noisy.exponent - 0.5) < noisy.half
-    assert growth(x[:1], [1.0]) is None
-    assert growth(x[:2], [1.0, 3.0]).half is None
+    assert growth(x, [2.0 * v**0.5 for v in x]) == pytest.approx((0.5, 0.0), abs=1e-9)
+    exponent, half = growth(x, [2.0 * v**0.5 * f for v, f in zip(x, (1, 1, 1.1, 0.9, 1.1), strict=True)])
+    assert half > 0.05
+    assert abs(exponent - 0.5) < half
+    assert np.isnan(growth(x[:1], [1.0])).all()
+    assert np.isnan(growth(x[:2], [1.0, 3.0])).tolist() == [False, True]
 
 
 def records():
@@ -140,16 +137,10 @@ def test_text_and_picture(tmp_path):
     write_records(tmp_path, records())
     show("scaling", tmp_path, quiet=True)
     text = (tmp_path / "scaling.md").read_text()
-    assert "| method | 1k triangles, ms | 100k, ms | exponent | from |" in text
-    assert "| ray grids | 0.791 | 7.91 | 0.50 ± 0.00 | 1k |" in text
-    assert "| 1.00 ± 0.00 |" in text
-    assert "| a further light, ms | of the first frame |" in text
-    assert "| 0.500 | 20% |" in text
-    assert "| 1.50 | 20% |" in text
-    assert (
-        "grows with triangles to the power of 0.50 ± 0.00 (from 1k) and with pixels to the power of 1.00"
-        in text
-    )
+    ours = "0.791 ms at 1k to 7.91 ms at 100k, exponent 0.50 ± 0.00"
+    assert f"| ray grids | {ours} |" in text
+    assert "exponent 1.00 ± 0.00 |" in text
+    assert f"The frame time of ray grids: {ours} (triangles); " in text
     drawn = (tmp_path / "scaling.svg").read_text()
     for word in ("triangles", "pixels", "lights", "100k"):
         assert f">{word}<" in drawn, word

@@ -123,9 +123,8 @@ def test_the_terminal_table_has_every_method_scene_and_printed_number(
     table1.draw(write_records(tmp_path, records))
     text = capsys.readouterr().out
     flat = " ".join(text.split())
-    for scene, (title, triangles, _) in SCENES.items():
+    for scene, (title, *_) in SCENES.items():
         assert title in flat
-        assert f"{triangles:,}" in flat
         for word in " ".join(paper.ROWS[scene].cells if scene in paper.ROWS else ()).split():
             assert word in flat
     for label, _ in METHODS.values():
@@ -197,8 +196,6 @@ def test_errors_of_the_reference_have_their_own_column(records, tmp_path):
     assert list(table["reference_errors"]) == [9], (
         "one wrong pixel and two wrong bits in each of three frames"
     )
-    (line,) = document.texts(table, table1.SCENE_FACTS).to_dict("records")
-    assert line["answers that the reference (Embree) got wrong"] == "9"
 
 
 def test_draw_writes_a_tidy_csv_a_markdown_table_and_bars(records, tmp_path, capsys):
@@ -229,8 +226,8 @@ def test_draw_writes_a_tidy_csv_a_markdown_table_and_bars(records, tmp_path, cap
         "the paper states no errors",
     )
     text = (tmp_path / "table1.md").read_text()
-    assert "| Fairy | 124 / 33.11 | 65 / 125 [#] | 24 / 285.7 | 8.73 / 32.43 | 82.18 ms |" in text
-    assert "| 39 / n/a* |" in text
+    assert "| *the paper: HBVH* | *124 / 33.11* |" in text
+    assert r"| *39 / n/a\** |" in text
     assert "* Cloth model" in text
     assert "stand-in" in text
 
@@ -332,4 +329,4 @@ def test_times_of_two_runs_stand_apart_and_none_is_best(records, tmp_path):
     assert not best(points_of(tmp_path, records))
     table1.draw(tmp_path, quiet=True)
     text = (tmp_path / "table1.md").read_text()
-    assert "Cloth (stand-in) was measured in 2 runs, which are not compared" in text
+    assert "were measured in 2 runs, which are not compared" in text
