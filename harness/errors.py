@@ -34,7 +34,7 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 
 
 def install(package: str, editable: bool = False) -> str:
-    """The command that installs a package where this program runs, from the folder where the user stands."""
+    """The command that installs a package for the Python that runs this program, from the current folder."""
     python = Path(sys.executable)
     if python.is_relative_to(Path.cwd()):
         python = python.relative_to(Path.cwd())

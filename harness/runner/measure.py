@@ -1,7 +1,7 @@
 """Measure one point in its worker process: prepare it once, then take rounds of samples of every frame on request.
 
-This module and its imports contain everything that times a method or counts its memory, and nothing else, because an edit
-of these modules makes every record outdated (:mod:`.runner.source_closure`).
+This module and its imports contain everything that times a method or counts its memory, and nothing else, because a
+change of their code makes every record outdated (:mod:`.runner.source_closure`).
 """
 
 from __future__ import annotations

@@ -3,9 +3,9 @@
 A hit on a masked triangle counts only where the bitmap of the scene's :class:`.scene.scene.AlphaMask` is opaque, at the
 texture coordinates interpolated with the barycentric weights of the hit. Texel (row, column) covers
 [column, column + 1] x [row, row + 1] of the coordinates times the bitmap's size, and the bitmap repeats. The opaque
-part is closed, as triangles are: a hit exactly on the border of two texels counts if either is opaque. So rounding
-never decides on a border, where float64 in another order would say something else: methods look to both sides by the
-bound of their own rounding, and count the hit if anything there is opaque.
+part is closed, as triangles are: a hit exactly on the border of two texels counts if either is opaque. On a border,
+float64 operations in another order could give another answer. Therefore methods test the texels within the bound of their
+own rounding on both sides, and count the hit if any of them is opaque.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ MOST_TEXELS = 2.0**30
 
 
 def checked(mask: AlphaMask, triangle_count: int, name: str) -> AlphaMask:
-    """The mask with every array contiguous and of its own type (1 for anything that is not 0).
+    """The mask with contiguous arrays of the declared types; every value that is not 0 becomes 1.
 
     Raises :class:`UserError` for shapes that do not fit the mesh, coordinates that are not finite or so large that
     texels cannot be numbered, and a bitmap without texels. ``name``: of the scene, for the message.
@@ -66,7 +66,7 @@ def alpha_of(scene: Scene, geometry: Geometry) -> AlphaMask | None:
 
 
 def arrays_of(mask: AlphaMask | None) -> dict[str, NDArray]:
-    """The arrays of a mask under names for a file; {} for none. :func:`from_arrays` reads them back."""
+    """The arrays of a mask by their names in a file; {} for no mask. :func:`from_arrays` reads them."""
     if mask is None:
         return {}
     return {f"alpha_{field.name}": getattr(mask, field.name) for field in fields(mask)}

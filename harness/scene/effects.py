@@ -29,7 +29,7 @@ OUTPUTS = ("depth", "ids", "shadows", "color", "counters")
 
 @dataclass(frozen=True)
 class Effects:
-    """The effects that a frame simulates, derived from its scene. No pass runs for any other.
+    """The effects that a frame simulates, derived from its scene. Passes of other effects do not run.
 
     shadows      one flag per light: whether shadow rays are traced to it
     limited      one flag per light: whether it is a spot; () for none
@@ -38,7 +38,7 @@ class Effects:
     alpha        whether triangles have holes
     bounces      how many times rays are mirrored
     color        whether the frame is shaded
-    orthographic whether primary rays are parallel, with an origin each
+    orthographic whether primary rays are parallel, each with its own origin
     """
 
     shadows: tuple[bool, ...]
@@ -76,13 +76,13 @@ class Effects:
         return light < len(self.shadows) and self.shadows[light] and (self.facing or spot)
 
     def receiver_reads(self, light: int, bounce: int = 0) -> tuple[str, ...]:
-        """The receivers that a pass reads which traces shadow rays to ``light`` from the hits of a bounce."""
+        """The receivers that are read by a pass that traces shadow rays to ``light`` from the hits of a bounce."""
         if not self.has_receivers(light):
             return ()
         return (f"receivers/{light}/{bounce}" if bounce else f"receivers/{light}",)
 
     def surface_reads(self) -> tuple[str, ...]:
-        """The surface data that a pass reads which decides whether a hit counts."""
+        """The surface data that are read by a pass that decides whether a hit counts."""
         return ("surfaces",) if self.alpha else ()
 
     def switches(self, light: int | None = None, bounce: int = 0) -> Switches:

@@ -14,30 +14,31 @@ F32 = NDArray[np.float32]
 
 
 NEARER = 2.0**-32
-"""Share of the way to a directional light at which its post stands: 2^24 radii away."""
+"""Share of the distance to a directional light at which its post lies: 2^24 radii away."""
 
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """All that a frame is made from, on the host.
+    """Everything that a frame is made from, on the host.
 
     points   float32 [vertex_count, 3]
     valid    uint8 [triangle_count]: 0 for zero-area, NaN and infinite triangles, which are never hit
     eye      float32 [3]
     axes     float32 [3, 3]: right, up, forward, unit length
     tangents float32 [2]: half width and half height of the image plane at distance 1 along forward
-    column   float32 [width, 3], row float32 [height, 3]: a pixel's direction is column[x] + row[y], one float32
-             addition a component; its forward part is 1 up to rounding, so t is the depth along forward
+    column   float32 [width, 3], row float32 [height, 3]: a pixel's direction is column[x] + row[y], one float32 addition
+             per component; its forward part is 1 up to rounding, so t is the depth along forward
     orthographic  whether the rays are parallel: column[x] + row[y] is where a pixel's ray starts, its direction is forward,
              and ``tangents`` are half the width and height of what the image shows
     lights   float32 [light_count, 3]
-    spots    float64 [light_count, 12]: what each light is limited to (:mod:`.judge.receivers`); no row: not limited
-    posts    float32 [light_count, 3]: where a structure may look from in a light's stead: the light itself, or for
-             a directional one the point :data:`NEARER` as far along its way, far enough to give its direction
-             apart (a ray of the light lies within 2^-23 of the direction that the post sees it in, relative to
-             the angle between that direction and the way to the scene's middle)
-    reach    float32 [1]: a power of two that no coordinate of scene and eye exceeds: what roundings grow with. It
-             stays what it is while the camera moves about the scene, so that a structure need not know the eye
+    spots    float64 [light_count, 12]: the spot of each light (:mod:`.judge.receivers`); no row: not limited
+    posts    float32 [light_count, 3]: the points from which a structure may be built in place of the lights. The post of
+             a directional light is the point at :data:`NEARER` of its distance; a ray of the light lies within 2^-23 of
+             its direction as seen from the post, relative to the angle between that direction and the direction to the
+             scene's middle. Otherwise it is the light itself
+    reach    float32 [1]: a power of two that no coordinate of scene and eye exceeds; bounds on rounding are proportional
+             to it. It does not change while the camera moves near the scene, so that a structure does not depend on the
+             eye
     facing   whether only hit points that face a light have a shadow ray to it
     """
 
@@ -71,7 +72,7 @@ class Moment:
         return self._sums(pixels)
 
     def origins(self, pixels: NDArray[np.integer]) -> F32:
-        """Where the rays of the given pixel indices start, float32 [n, 3]."""
+        """The origins of the rays of the given pixel indices, float32 [n, 3]."""
         if self.orthographic:
             return self._sums(pixels)
         return np.broadcast_to(self.eye, (len(pixels), 3))
@@ -81,7 +82,7 @@ class Moment:
 
 
 def posts_of(positions: F32, lights: tuple[Light, ...]) -> F32:
-    """Float32 [light_count, 3]: see :attr:`Moment.posts`. Scaled by a power of two: the way stays what it is."""
+    """Float32 [light_count, 3]: see :attr:`Moment.posts`. Scaled by a power of two, which keeps the direction exactly."""
     scale = [NEARER if light.directional else 1.0 for light in lights]
     return np.ascontiguousarray(positions * np.array(scale, dtype=np.float32).reshape(-1, 1))
 

@@ -1,4 +1,5 @@
-"""The names of the catalogue's scenes. Apart from the catalogue, so that who asks for a name needs no file reader."""
+"""The names of the catalogue's scenes, in a module apart from the catalogue, so that names can be read without the file
+readers."""
 
 from __future__ import annotations
 
@@ -12,12 +13,12 @@ TRIANGLES = {
     "fairy": 174_114, "sibenik": 82_298, "bunny_dragon": 253_092, "conference": 285_036, "cloth": 92_210,
     "buddha": 1_087_068, BUNNY: 12_200,
 }  # fmt: skip
-"""Triangles of the stand-ins and of the bunny; an original has its own number."""
+"""Numbers of triangles of the stand-ins and of the bunny; an original has its own number."""
 
 ANIMATED = ("fairy", "bunny_dragon", "cloth")
-"""Those that have more than one frame."""
+"""The scenes that have more than one frame."""
 
 
 def scene_names() -> list[str]:
-    """Every name of the catalogue, the paper's first."""
+    """Every name of the catalogue, the paper's scenes first."""
     return [*NAMES, BUNNY]

@@ -21,18 +21,19 @@ from .moment import F32, Moment, posts_of, ray_tables, reach_of
 from .scene import AlphaMask, Camera, Geometry, Light, Scene
 
 INFINITELY_FAR = 2.0**56
-"""Scene radii to a directional light: beyond what 53 bits can add to a coordinate of the scene."""
+"""Distance of a directional light in scene radii: so far that a coordinate of the scene added to it is rounded away in 53
+bits."""
 
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
     """A scene recentred, rounded and welded: the arrays that all methods receive. Made by :func:`prepare`.
 
-    scene     lights, camera and effects; another one of the same geometry: :func:`under`
-    geometry  the mesh over time, as the scene made it, float64
+    scene     lights, camera and effects; :func:`under` gives the same geometry with another scene
+    geometry  the mesh over time, as the scene made it, in float64
     faces     int32 [triangle_count, 3]
-    centre    float64 [3]: what was subtracted. Zero where the bounding box lies within its own size of the origin
-              (nothing would be gained, and the file's own float32 values stay as they are)
+    centre    float64 [3]: the point that was subtracted. Zero where the bounding box lies within its own size of the
+              origin: subtracting would gain nothing, and the float32 values of the file remain unchanged
     weld      int32 [vertex_count]: see :func:`weld`
     middle    float64 [3]: the middle of the first frame's bounding box, recentred
     radius    half the diagonal of that box
@@ -100,12 +101,12 @@ class Prepared:
         )
 
     def light_point(self, light: Light) -> NDArray[np.float64]:
-        """Where a light stands, recentred, float64 [3].
+        """The position of a light, recentred, float64 [3].
 
-        A directional light stands :data:`INFINITELY_FAR` scene radii (rounded up to a power of two) along its way:
-        there ``p - light`` rounds to ``-light`` in float64 for every point p of the scene, so that whatever is
-        computed from differences is what it is in the limit, and exact arithmetic differs from the limit by less
-        than float64 resolves.
+        A directional light is placed at :data:`INFINITELY_FAR` scene radii (rounded up to a power of two) in its
+        direction. There ``p - light`` rounds to ``-light`` in float64 for every point p of the scene, so that everything
+        computed from differences equals the limit, and exact arithmetic differs from the limit by less than the
+        resolution of float64.
         """
         position = np.asarray(light.position, dtype=np.float64)
         if not light.directional:
@@ -131,7 +132,7 @@ class Prepared:
         return path.at(self.scene.lights, share)
 
     def sha256(self, frame: int = 0) -> str:
-        """Hash of the arrays as everyone gets them: float32 positions of a frame, then faces in their order."""
+        """Hash of the arrays as all methods get them: float32 positions of a frame, then faces in their order."""
         digest = hashlib.sha256(np.ascontiguousarray(self.points(frame)[0]).tobytes())
         digest.update(self.faces.tobytes())
         return digest.hexdigest()
@@ -160,7 +161,7 @@ def prepare(scene: Scene) -> Prepared:
 
 
 def under(prepared: Prepared, scene: Scene) -> Prepared:
-    """The same mesh under another scene: its lights, camera and effects. No array of the mesh is made again."""
+    """The same mesh with another scene's lights, camera and effects. The arrays of the mesh are shared."""
     alpha, mirror = prepared.alpha, prepared.mirror
     if scene.alpha is not prepared.scene.alpha:
         alpha = alpha_of(scene, prepared.geometry)
@@ -194,7 +195,7 @@ def mirror_of(scene: Scene, geometry: Geometry) -> NDArray[np.uint8]:
 
 
 def check_faces(faces: NDArray[np.int32], vertex_count: int, name: str) -> None:
-    """Raise :class:`UserError` unless every index names a vertex."""
+    """Raise :class:`UserError` unless every index is that of a vertex."""
     if len(faces) and (faces.min() < 0 or faces.max() >= vertex_count):
         bad = int(faces.max()) if faces.max() >= vertex_count else int(faces.min())
         raise UserError(
@@ -222,7 +223,7 @@ def recentre(positions: NDArray[np.float64]) -> NDArray[np.float64]:
 def weld(positions: NDArray[np.float64]) -> NDArray[np.int32]:
     """For each vertex the lowest index of a vertex at the same position (-0 equals +0), int32 [vertex_count].
 
-    ``positions``: recentred, [vertex_count, 3]; compared as float32, as everyone gets them.
+    ``positions``: recentred, [vertex_count, 3]; compared as float32, as all methods get them.
 
     Edge planes are built in this order, so that two triangles that meet at an edge get the same plane even where
     the file has split its vertices. Vertices with NaN keep their own index.

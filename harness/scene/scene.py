@@ -35,7 +35,8 @@ class Camera:
 
 @dataclass(frozen=True)
 class Spot:
-    """What a light is limited to: a cone, or a rectangle of azimuth and elevation about its direction (Figure 6).
+    """The directions that a light is limited to: a cone, or a rectangle of azimuth and elevation about its direction
+    (Figure 6).
 
     direction   where it points; any length
     angle       half-angle of the cone, degrees in 0..180; or half-width of the rectangle in azimuth
@@ -43,7 +44,7 @@ class Spot:
     up          what elevation is measured towards; must not be parallel to ``direction``
     falloff     exponent of the cosine from the direction, for pictures only; 0: none
 
-    Hit points outside are no receivers: they cast no shadow ray and their bit is 0 (:mod:`.judge.receivers`).
+    Hit points outside are not receivers: they have no shadow ray and their visibility bit is 0 (:mod:`.judge.receivers`).
     """
 
     direction: Vector
@@ -57,10 +58,10 @@ class Spot:
 class Light:
     """A point light, or a directional one.
 
-    position     where it stands; of a directional light the way from the scene to it, any length
-    shadows      whether it asks for shadow rays: without, no structure is built and no ray is sorted for it
+    position     its position; of a directional light the direction from the scene to it, any length
+    shadows      whether it has shadow rays; otherwise no structure is built and no ray is sorted for it
     color, intensity  for pictures only
-    spot         what it is limited to; None shines everywhere
+    spot         the directions it is limited to; None: all directions
     directional  the limit of a light infinitely far away: all its rays are parallel (:func:`.scene.prepared.light_point`)
     """
 
@@ -76,7 +77,7 @@ class Light:
             raise ValueError("a directional light cannot be a spot: it stands nowhere")
 
     def moved(self, position: Vector) -> Light:
-        """The same light elsewhere."""
+        """The same light at another position."""
         return replace(self, position=position)
 
 
@@ -115,12 +116,12 @@ class AlphaMask:
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """A triangle mesh over time: fixed topology, one array of positions a frame.
+    """A triangle mesh over time: fixed topology, one array of positions per frame.
 
     ``faces``: int32, shape [triangle_count, 3], indices in range (checked by :func:`.scene.prepared.check_faces`).
     ``positions(k)``: float64 or float32, shape [vertex_count, 3], for frame k in 0..frame_count-1. May hold
     NaN or infinite coordinates: such triangles are never hit and keep their index.
-    ``motion``: how it moves, for people and plans; None is all of it, deforming, where there are several frames.
+    ``motion``: how it moves, for display and for ``plan``; None: where there are several frames, all of it deforms.
     """
 
     faces: NDArray[np.int32]
@@ -158,18 +159,18 @@ class Source:
 class Scene:
     """One entry of the catalogue, or a file given on the command line.
 
-    name       what a person types; lower case, no spaces
-    title      what a table prints; for a stand-in it ends in "(stand-in)"
+    name       the name on the command line; lower case, no spaces
+    title      the name in tables; for a stand-in it ends in "(stand-in)"
     geometry   makes the mesh; called once, may take seconds
-    stand_in   None for the real thing; otherwise one line saying what it stands in for
-    closed     True only if the surface is closed and consistently oriented (culling is legal then)
+    stand_in   None for the original; otherwise one line that says what it stands in for
+    closed     True only if the surface is closed and consistently oriented (then culling is valid)
     light_path a path of :mod:`.scene.light_paths` that moves ``lights`` over the animation, or None for fixed lights
-    camera_moves  whether the camera is to be taken as moving (what a frame may keep depends on it)
+    camera_moves  whether the camera counts as moving, which decides what a frame may reuse
     facing     only hit points that face a light, as the eye sees them, have a shadow ray (:mod:`.judge.receivers`)
     alpha      makes the alpha mask of the geometry, or None: every triangle is opaque
     mirror     makes the mirrors of the geometry, uint8 [triangle_count], or None: nothing reflects
     bounces    how many times a ray is mirrored; 0: mirrors are seen as plain surfaces
-    outputs    what is wanted of a frame, of :data:`OUTPUTS`
+    outputs    the outputs of a frame, of :data:`OUTPUTS`
     """
 
     name: str

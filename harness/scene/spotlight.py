@@ -9,18 +9,18 @@ from ..errors import UserError
 from .scene import Light, Spot
 
 SPOT = 12
-"""Numbers of a spot."""
+"""Number of values that describe a spot."""
 
 
 DOUBT = 2.0**-40
-"""Share of edge times edge times distance below which the sign of a plane's side is not taken as sure."""
+"""Share of edge times edge times distance below which the side of a plane counts as uncertain."""
 
 
 NO_SPOT, CONE, RECTANGLE = 0.0, 1.0, 2.0
 
 
 def spot_row(spot: Spot | None) -> NDArray[np.float64]:
-    """The numbers of a spot, float64 [12]. Raises :class:`UserError` for angles or directions that make none."""
+    """The values of a spot, float64 [12]. Raises :class:`UserError` for invalid angles or directions."""
     row = np.zeros(SPOT)
     if spot is None:
         return row
@@ -50,5 +50,5 @@ def spot_row(spot: Spot | None) -> NDArray[np.float64]:
 
 
 def spot_rows(lights: tuple[Light, ...]) -> NDArray[np.float64]:
-    """The numbers of every light's spot, float64 [light_count, 12]."""
+    """The values of every light's spot, float64 [light_count, 12]."""
     return np.array([spot_row(light.spot) for light in lights], dtype=np.float64).reshape(-1, SPOT)

@@ -102,7 +102,8 @@ auto inverse_of = [&](float x) { return 1.0f / (size(x) > least ? x : (x < 0.0f 
 float ix = inverse_of(d[0]), iy = inverse_of(d[1]), iz = inverse_of(d[2]);
 float ox = o[0] * ix, oy = o[1] * iy, oz = o[2] * iz, jx = size(ix), jy = size(iy), jz = size(iz);
 """
-"""What a slab needs of a ray (o, d): one over its direction and the origin times that. ``tiny`` > 0: the least part of a
+"""The values of a ray (o, d) that the slab test needs: one over its direction, and the origin times that. ``tiny`` > 0:
+the least part of a
 direction whose inverse, and a coordinate times that, float32 still holds."""
 
 SLABS = """

@@ -68,7 +68,8 @@ def triangle_corners(mesh: Mesh, triangle: wp.int32) -> Corners:
 
 @wp.struct
 class Seen:
-    """Of a triangle seen from an origin o: its edge planes and normal from float64, as float32; sizes; which way it faces.
+    """A triangle seen from an origin o: its edge planes and normal from float64, as float32; sizes; the side that it
+    faces.
 
     size: the largest distance of a corner times the longest edge; inward: +-1, 0: edge-on, or too large or small
     """

@@ -108,7 +108,7 @@ def place_grid_kernel(
         extent = wp.vec3d(wp.max(extent[0], flat), wp.max(extent[1], flat), wp.max(extent[2], flat))
         count = wp.vec3d(wp.float64(g.res[0]), wp.float64(g.res[1]), wp.float64(g.res[2]))
         middle = (low + high) * half
-        # How far off the eye is, in cells, is what the rays' rounding grows with.
+        # The rounding of rays is proportional to the distance of the eye in cells.
         off = wp.float64(bound[0]) + largest(middle)
         distance = off * largest(wp.cw_div(count, extent))
         g.slack = wp.min(FINEST_SLACK + ROUNDING * (distance + largest(count)), COARSEST_SLACK)

@@ -151,7 +151,8 @@ for (int rest = triangles - 1; rest > 0; rest >>= 1) --spare;
 return spare < 0 ? 0 : spare > 8 ? 8 : spare;
 """)
 def spare_bits(triangles: wp.int32) -> wp.int32:
-    """Of 24 bits of an index those that no triangle needs, eight at most. They extend the keys of hits."""
+    """The number of bits of a 24-bit index that no triangle of the mesh needs, eight at most. They extend the keys of
+    hits."""
 
 
 @wp.func

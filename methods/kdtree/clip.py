@@ -1,4 +1,4 @@
-"""Where a plane divides a triangle: boxes around what lies on either side of it, rounded outwards."""
+"""Boxes around the parts of a triangle on either side of a plane, rounded outwards."""
 
 from __future__ import annotations
 

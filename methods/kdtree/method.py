@@ -45,7 +45,7 @@ NEEDS = (
     ("nodes", 8),
     ("members of leaves", 4),
 )
-"""What may overflow, and the bytes of one."""
+"""The buffers that may overflow, and the bytes of one entry."""
 
 BLOCKS = 32
 """Blocks of a multiprocessor that build small nodes."""

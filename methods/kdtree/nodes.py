@@ -5,7 +5,7 @@ from __future__ import annotations
 import warp as wp
 
 LEAF = wp.constant(3)
-"""Where an inner node has its axis."""
+"""Lowest bit of the axis of an inner node."""
 
 REFS = wp.constant(0)
 NODES = wp.constant(1)
@@ -78,7 +78,7 @@ class Roots:
 
 @wp.struct
 class Tree:
-    """What rays need. A node's children follow one another, that below the plane first.
+    """The arrays that rays read. A node's children follow one another, the one below the plane first.
 
     nodes    vec2i [node capacity]: (plane's bits, axis | first child * 4), or (first member, LEAF | members * 4)
     members  int32 [member capacity]: triangles of leaves

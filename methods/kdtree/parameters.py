@@ -1,4 +1,4 @@
-"""What can be set of the kd-tree. Nothing here changes an answer."""
+"""The parameters of the kd-tree. None of them changes an answer."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from ..common.ray_launches import check_registers
 
 SMALL = 64
-"""Triangles of a small node at most: a set of them is 64 bits."""
+"""Most triangles of a small node: a set of them has 64 bits."""
 
 SMALL_DEPTH = 16
-"""Levels of the tree within a small node at most."""
+"""Most levels of the tree within a small node."""
 
 LARGE_DEPTH = 40
-"""Levels of large nodes at most. With those of small nodes they must not be more than 64: a ray keeps a bit for each."""
+"""Most levels of large nodes. Together with those of small nodes they must not exceed 64, because a ray keeps one bit per
+level."""
 
 
 STACKS = (1, 2, 4, 8, 16, 32, 64)

@@ -120,7 +120,7 @@ def split_cost(
     traversal: wp.float32, low: wp.vec3f, high: wp.vec3f, whole: wp.float32, plane: wp.float32, axis: wp.int32,
     below: wp.int32, above: wp.int32,
 ) -> wp.float32:  # fmt: skip
-    """What a ray through the node, whose :func:`area` is ``whole``, is expected to cost, in triangle tests."""
+    """The expected cost, in triangle tests, of a ray through the node, whose :func:`area` is ``whole``."""
     middle_high = wp.vec3f(high[0], high[1], high[2])
     middle_high[axis] = plane
     middle_low = wp.vec3f(low[0], low[1], low[2])

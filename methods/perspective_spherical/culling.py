@@ -23,7 +23,8 @@ from ...harness.scene.scene import Scene, Vector
 from ..common.triangle import U64, largest, to_float64, total
 
 NEAR = 1e-6
-"""How near the surface counts as on it, relative to the distance of a triangle's corners: beyond float32's rounding."""
+"""Distance from the surface, relative to that of a triangle's corners, within which a point counts as on it: more than
+the rounding of float32."""
 
 
 @wp.func
@@ -83,7 +84,8 @@ def refusal(scene: Scene, lights_too: bool) -> str | None:
 
 
 def lights_at(scene: Scene, share: float) -> Iterator[Vector]:
-    """Where lights with shadows stand at a share of the animation. Directional ones stand nowhere, so not inside."""
+    """The positions of lights with shadows at a share of the animation. Directional lights are left out: they cannot be
+    inside."""
     path: Any = scene.light_path
     for light in scene.lights if path is None else path.at(scene.lights, share):
         if light.shadows and not light.directional:

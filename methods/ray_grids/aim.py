@@ -95,8 +95,8 @@ def aim_kernel(
     rectangles: wp.array2d(dtype=wp.int32),
     counts: wp.array(dtype=wp.int32),
 ):
-    """Where a light is placed from, axes of its cube as rows (forward to the scene's middle first); empties its rectangle
-    and counters.
+    """The position from which a light's rays are placed and the axes of its cube as rows (forward, to the scene's middle,
+    first). Empties its rectangle and counters.
 
     The middle is that of a few triangles: any point among the triangles is suitable, and a box of all would cost a pass.
     The lanes of a warp read them at once (``threads`` is 32, or 1 on the CPU); the first does the rest.

@@ -9,7 +9,8 @@ QUEUES = ("auto", "always", "never")
 
 @dataclass(frozen=True)
 class Streams:
-    """What every stream of triangles over cells of rays has: its cells, what a thread tests alone, and its queues."""
+    """Parameters of every stream of triangles over cells of rays: its cells, the work of a single thread, and its
+    queues."""
 
     cells: int = 0
     inline_pixels: int = 40

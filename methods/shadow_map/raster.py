@@ -54,7 +54,7 @@ def last_texel(s: wp.float32, size: wp.int32) -> wp.int32:
 
 @wp.func
 def cover(m: LightMap, face: wp.int32, size: wp.int32, corners: Corners) -> Cover:
-    """What a triangle may cover of a face; x1 < x0 where nothing."""
+    """The texels of a face that a triangle may cover; x1 < x0 where there are none."""
     found = Cover()
     found.x0 = 0
     found.x1 = -1

@@ -21,7 +21,7 @@ EMPTY_CELL = wp.constant(-1)
 
 @wp.struct
 class TopCells:
-    """What the top grid stores about its cells. ``members[begin[cell]:end[cell]]`` are the triangles of a cell.
+    """The data of the top grid's cells. ``members[begin[cell]:end[cell]]`` are the triangles of a cell.
 
     grid   Grid [1]                           begin, end  int32 [top cells]
     keys   int32 [2 * top pairs]: the cell of each pair; ``cells`` or more where there is none

@@ -1,4 +1,4 @@
-"""Where a triangle lies on the image: its box of tiles, its range of depth, its record. The perspective grid's first pass.
+"""The first pass of the perspective grid: a triangle's box of tiles on the image, its range of depth and its record.
 
 Camera space is (right, up, forward) from the eye.
 """

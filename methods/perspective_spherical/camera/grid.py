@@ -124,7 +124,7 @@ class CameraGrid:
     def launch_trace(self, tests: wp.array | None = None) -> None:
         """Closest hits. ``tests`` (int32 [pixels]) is raised by the triangle tests of each pixel, if given."""
         f, bins, split = self.frame, self.bins, self.trace.triangle_chunk
-        # Of a split list a block takes one sorting tile; otherwise a tracing tile of k x k of them.
+        # A block takes one sorting tile of a split list; otherwise a tracing tile of k x k of them.
         k = 1 if split else self.trace.k
         sources = -(-self.across // k) * -(-self.down // k)
         if split:

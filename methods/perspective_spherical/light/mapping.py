@@ -279,4 +279,4 @@ WRAPS = ((1, 0), (1, 1), (0, 0))
 """By map: bounds of a triangle, and which of the two coordinates have a seam."""
 
 LOOSE_BOUNDS = {"exact": None, "seam": (seam_bounds, (1, 0)), "vertices": (vertex_bounds, (0, 0))}
-"""What may stand in place of the exact bounds of azimuth and elevation, by name."""
+"""Alternatives to the exact bounds of azimuth and elevation, by name."""
