@@ -32,10 +32,10 @@ class Moment:
              and ``tangents`` are half the width and height of what the image shows
     lights   float32 [light_count, 3]
     spots    float64 [light_count, 12]: the spot of each light (:mod:`.judge.receivers`); no row: not limited
-    posts    float32 [light_count, 3]: the points from which a structure may be built in place of the lights. The post of
-             a directional light is the point at :data:`NEARER` of its distance; a ray of the light lies within 2^-23 of
-             its direction as seen from the post, relative to the angle between that direction and the direction to the
-             scene's middle. Otherwise it is the light itself
+    posts    float32 [light_count, 3]: the points from which a structure may be built in place of the lights. For a light
+             with a position this is the light; for a directional light it is the point at :data:`NEARER` of its distance.
+             A ray of the light lies within 2^-23 of its direction as seen from the post, relative to the angle between
+             that direction and the direction to the scene's middle
     reach    float32 [1]: a power of two that no coordinate of scene and eye exceeds; bounds on rounding are proportional
              to it. It does not change while the camera moves near the scene, so that a structure does not depend on the
              eye
