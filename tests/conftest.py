@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import gc
 import os
+import sys
 import tempfile
 
 import pytest
@@ -15,6 +16,10 @@ from shadowbench.harness.runner.machine_lock import FOLDER
 
 _turns = tempfile.TemporaryDirectory(prefix="shadowbench-turns-")
 os.environ[FOLDER] = _turns.name
+
+# Source is compiled once for the many Python processes that tests start, whatever this environment says.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 
 def pytest_collection_finish() -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import gc
 import json
 import os
 import signal
@@ -276,6 +277,7 @@ def main() -> None:
     replies = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
     start_warp()
+    gc.freeze()  # what is imported stays to the end: no search for garbage need visit it
     serve(sys.stdin, replies)
 
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from scipy.optimize import nnls
 
 from ..scene.names import ANIMATED, TRIANGLES
 from ..scene.standins import balls
@@ -154,5 +153,7 @@ def fitted(known: Sequence[tuple[float, float]]) -> Callable[[float, float], flo
     seconds = np.maximum(seconds, 1e-3)
     if np.ptp(work) < 0.01 * work.max():
         return lambda one, most: float(seconds.mean() * (one / work.mean()) ** 0.5)
+    from scipy.optimize import nnls  # imported here because it takes a third of a second
+
     fixed, rate = nnls(np.stack([1.0 / seconds, work / seconds], axis=1), np.ones(len(work)))[0].tolist()
     return lambda one, most: fixed + min(rate * one, most)
