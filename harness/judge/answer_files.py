@@ -1,4 +1,4 @@
-"""Raw answers saved for scoring elsewhere: made where a method runs, scored where Embree is.
+"""Raw answers saved for scoring on another machine: made where a method runs, scored where Embree is installed.
 
 One .npz file per frame has the answers, the rays and lights as they were traced, and a few facts. The mesh is beside it in
 a file of its own, named by its hash and shared by every method.
@@ -92,7 +92,7 @@ def read_raw(
         with np.load(path) as stored:
             mirrored = ("mirror", *BOUNCES) if facts.get("bounces") else ()
             answers = {name: stored[name] for name in (*ARRAYS, *mirrored)}
-            # Answers saved before there were spots have no such table: no light was limited.
+            # Answers that were saved before spotlights existed have no such table: no light was limited.
             tables = {name: stored[f"moment_{name}"] for name in TABLES if f"moment_{name}" in stored}
     except DAMAGED as error:
         raise UserError(f"{path}: not a file of raw answers ({error}); run its point again") from error
@@ -124,7 +124,7 @@ def score_raw(
 ) -> Scored:
     """The score of answers saved by :func:`save_raw`.
 
-    Raises :class:`UserError` for a file that is no such file, or a mesh that is not the one traced.
+    Raises :class:`UserError` for a file that does not have raw answers, or a mesh that is not the one traced.
     ``scene_dir``: where originals of the catalogue's scenes are. ``folder``: stores the reference's answers.
     """
     prepared, moment, answers, facts = read_raw(Path(path), scene_dir)

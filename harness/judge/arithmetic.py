@@ -22,16 +22,16 @@ UNIT = 2.0**-24
 """Rounding of a float32 relative to its size."""
 
 EDGE_UNITS = 16.0
-"""How many units a ray may pass from an exact edge and still be excused (a choice; see the accuracy notes)."""
+"""Distance in these units from an exact edge within which a ray is excused (a choice; see the accuracy notes)."""
 
 
 def edge_bound(*points: NDArray[np.floating]) -> F64:
     """The one bound that excuses: 16 * 2^-24 of the largest coordinate, in scene units.
 
-    Each argument has shape [n, ..., 3]: where rays start, and where they pass what they are tested against. These are what
-    a float32 test of this ray and this triangle must round. The corners of a large triangle are not among them: a test that
-    is off by the rounding of a corner far away has chosen to start there. Nor is the far end of a segment (a light): it
-    would excuse everything where the light is far. Returns [n].
+    Each argument has shape [n, ..., 3]: the points where rays start, and the points where they pass what they are tested
+    against. A float32 test of this ray and this triangle cannot avoid rounding these. The corners of a large triangle do
+    not count: a test whose error is the rounding of a distant corner has chosen to start there. Nor does the far end of a
+    segment (a light), which would excuse everything where the light is far. Returns [n].
     """
     sizes = [
         np.abs(np.asarray(c, dtype=np.float64)).reshape(len(c), np.size(c[0]) if len(c) else 3).max(axis=1)
@@ -67,7 +67,8 @@ def _dot(p: Sequence[int], q: Sequence[int]) -> int:
 
 
 def weights(d: Sequence[int], a: Integers, b: Integers, c: Integers) -> Integers:
-    """Numbers in the ratio of the weights of a, b and c where the line through the origin along ``d`` meets them."""
+    """Numbers in the ratio of the weights of a, b and c at the point where the line through the origin along ``d`` meets
+    their plane."""
     return _dot(d, _cross(c, b)), _dot(d, _cross(a, c)), _dot(d, _cross(b, a))
 
 
@@ -169,7 +170,8 @@ def edge_distance(p: F64, q: F64, triangles: F64) -> tuple[F64, F64]:
 
 
 def plane_distance(x: F64, triangles: F64) -> F64:
-    """Distances [n] of points [n, 3] from the planes of their triangles [n, 3, 3]; inf where float64 sees no plane."""
+    """Distances [n] of points [n, 3] from the planes of their triangles [n, 3, 3]; inf where the plane is not defined in
+    float64."""
     normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     size = np.linalg.norm(normal, axis=1)
     away = np.abs(_dots(x - triangles[:, 0], normal))

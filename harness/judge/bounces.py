@@ -1,4 +1,4 @@
-"""The rays of bounces, and whether they were made right.
+"""The rays of bounces, and the check that they were made correctly.
 
 The rays that the harness made are stored with a method's answers and are the definition, so each bounce is judged by
 itself: its rays against a numpy version computed from the answers of the bounce before (whatever these were), its hits
@@ -19,15 +19,16 @@ from .context import Judge
 F64 = NDArray[np.float64]
 
 FINE = 2.0**-48
-"""Float64 rounding of a ray's making, 32 of its units: devices may fuse a multiplication with an addition."""
+"""Bound on the float64 rounding when a ray is made, 32 units: devices may fuse a multiplication with an addition."""
 
 NO_RAY = -77
-"""Stands for a triangle named where there is no ray: never an answer."""
+"""Stands for a triangle given where there is no ray: never a valid answer."""
 
 
 @dataclass(frozen=True, eq=False)
 class Mirrored(Moment):
-    """A moment whose rays are those of a bounce, one a pixel; where there is none, one that leads out of the scene.
+    """A moment whose rays are those of a bounce, one per pixel; a pixel without a ray gets one that leads out of the
+    scene.
 
     ray_origins, ray_directions  float32 [pixels, 3];  active  bool [pixels]
     """
@@ -56,7 +57,7 @@ def mirrored(prepared: Prepared, moment: Moment, answers: dict[str, NDArray], bo
 
 
 def bounce_judge(judge: Judge, answers: dict[str, NDArray], bounce: int) -> Judge:
-    """The judge of a bounce's rays; as many of the rays are sampled as of primary rays, all where there are no more."""
+    """The judge of a bounce's rays. As many rays are sampled as primary rays, or all if there are fewer."""
     rays = mirrored(judge.prepared, judge.moment, answers, bounce)
     count, active = len(rays.active), int(rays.active.sum())
     return judge.of_rays(rays, min(count, judge.random_pixels * count // max(1, active)))
@@ -73,10 +74,10 @@ def bounce_answers(answers: dict[str, NDArray], bounce: int) -> dict[str, NDArra
 
 
 def wrong_rays(judge: Judge, answers: dict[str, NDArray], bounce: int) -> NDArray[np.bool_]:
-    """Which pixels' rays of a bounce are not those that its rule makes from the bounce before. bool [pixels]
+    """The pixels whose ray of a bounce is not the one that follows from the bounce before. bool [pixels]
 
-    A ray may differ from the numpy version's by the rounding to float32, and by what float64 rounding is worth on a thin
-    triangle (the edges' product over the area) that is met at a slant (the inverse of the slope).
+    A ray may differ from that of the numpy version by the rounding to float32, and by the float64 rounding, which is
+    larger on a thin triangle (by the edges' product over the area) and at a grazing angle (by the inverse of the slope).
     """
     prepared, moment = judge.prepared, judge.moment
     before = mirrored(prepared, moment, answers, bounce - 1) if bounce > 1 else moment

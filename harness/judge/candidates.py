@@ -1,7 +1,7 @@
-"""Which triangles may matter to a ray: the tree over a mesh, and lists of what the float64 filter leaves.
+"""The triangles that a ray may meet: the tree over a mesh, and lists of the candidates that the float64 filter leaves.
 
-No triangle that a ray exactly meets is ever missing from its list (:mod:`.judge.filter_kernels` says why); the lists
-are short, and what is on them is decided exactly elsewhere.
+No triangle that a ray exactly meets is ever missing from its list (:mod:`.judge.filter_kernels` says why); the lists are
+short, and their triangles are decided exactly elsewhere.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ BATCH = 8192
 """Rays decided at once: bounds the memory of candidate lists."""
 
 LIGHTS = 16
-"""Lights of which the triangles around them are remembered."""
+"""Number of lights whose surrounding triangles are cached."""
 
 Lists = list[NDArray[np.int32]]
 
@@ -80,7 +80,8 @@ def build_tree(points: NDArray[np.float32], faces: NDArray[np.int32], valid: NDA
 
 
 def in_planes(corners: NDArray[np.float32], point: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Which triangles [n, 3, 3] have a point exactly in their planes, uint8 [n]: float64, and integers where that doubts."""
+    """Which triangles [n, 3, 3] have a point exactly in their planes, uint8 [n]: in float64, and in integers where that
+    is uncertain."""
     with np.errstate(invalid="ignore", over="ignore"):
         a, b, c = (corners[:, k].astype(np.float64) - point.astype(np.float64) for k in range(3))
         value = np.einsum("ij,ij->i", a, np.cross(b, c))
@@ -96,7 +97,7 @@ def in_planes(corners: NDArray[np.float32], point: NDArray[np.float32]) -> NDArr
 
 
 def _keys(low: NDArray[np.float32], high: NDArray[np.float32]) -> NDArray[np.int64]:
-    """Sort keys: large triangles first and apart, so that they do not blow up the boxes of small ones."""
+    """Sort keys: large triangles come first, so that they do not enlarge the boxes of small ones."""
     low, high = low.astype(np.float64), high.astype(np.float64)
     bottom, extent = low.min(axis=0), float((high.max(axis=0) - low.min(axis=0)).max()) or 1.0
     share = (high - low).max(axis=1) / extent
@@ -131,7 +132,8 @@ class Candidates:
     def along(
         self, origins: NDArray[np.float32], directions: NDArray[np.float32], nearest: bool
     ) -> Iterator[tuple[range, Lists]]:
-        """Batches of rows and, for each ray, what it may hit; with ``nearest`` no further than a certain hit."""
+        """Batches of rows and, for each ray, the triangles that it may hit; with ``nearest``, none beyond a certain
+        hit."""
         for start in range(0, len(directions), BATCH):
             stop = min(start + BATCH, len(directions))
             o = wp.array(origins[start:stop].astype(np.float64), dtype=wp.vec3d, device=self.device)
@@ -149,13 +151,13 @@ class Candidates:
         every: bool,
         margin: NDArray[np.float64] | None = None,
     ) -> tuple[Lists, NDArray[np.int32]]:
-        """What may meet the open segments from exact points to a light; and a triangle that certainly does, or -1.
+        """The triangles that may meet the open segments from exact points to a light; and one that certainly does, or -1.
 
         starts  the exact points rounded once to float64 [n, 3];  own  a triangle of each to leave out [n]
         every   continue after a certain one (without it the list of such a segment is not complete)
-        margin  scene units [n]: collect also what passes within this distance, crossing or not
+        margin  scene units [n]: also collect triangles within this distance of the segment, crossing or not
 
-        A triangle whose plane holds the light meets no open segment to it, and is never among them.
+        A triangle whose plane contains the light meets no open segment to it, and is never among them.
         """
         count = len(starts)
         if not count:

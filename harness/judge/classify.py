@@ -21,7 +21,7 @@ from .verdict import EXCUSED, GRAVEST_BIT, RIGHT, Verdict
 class Classes:
     """The classes of answers, int8 values of :class:`.judge.verdict.Verdict`.
 
-    triangle  [judged]: of the triangle named, whatever its t, u and v
+    triangle  [judged]: of the triangle given, whatever its t, u and v
     primary   [pixels]: of the closest hit; a right triangle with a wrong t, u or v is TRUE; -1: left unjudged
     named     bool [pixels]: whether the triangle is right
     bits      [lights, pixels]: of the shadow bits where the triangle is right; -1 elsewhere
@@ -34,13 +34,14 @@ class Classes:
 
     @cached_property
     def shadow(self) -> NDArray[np.int8]:
-        """``bits`` where they are scored: -1 also where t, u or v are wrong. What is no bit is INVALID anywhere."""
+        """``bits`` where they are scored: -1 also where t, u or v are wrong. A value that is not 0 or 1 is INVALID
+        anywhere."""
         unscored = ~np.isin(self.primary, RIGHT) & (self.bits != Verdict.INVALID)
         return np.where(unscored, np.int8(-1), self.bits)
 
     @cached_property
     def gravest(self) -> NDArray[np.int8]:
-        """One class a pixel: the primary answer's unless it is right, then that of the gravest bit. [pixels]"""
+        """One class per pixel: that of the primary answer unless it is right, then that of the worst bit. [pixels]"""
         result, right = self.primary.copy(), np.isin(self.primary, RIGHT)
         for kind in GRAVEST_BIT:
             result[right & (self.shadow == kind).any(axis=0)] = kind
@@ -97,13 +98,13 @@ def _classify_bits(
 ) -> NDArray[np.int8]:
     """The class of every light's bits where the triangle is right. int8 [lights, pixels]
 
-    Hit points that are no receivers have no shadow ray: a bit there is a shadow where none can be.
+    Hit points that are not receivers have no shadow ray: a bit that is set there is an error.
     """
     result = np.full(checked.shadow_invalid.shape, -1, dtype=np.int8)
     for i, light in enumerate(judge.moment.lights):
         bits, classes = checked.answers["visibility"][i], result[i]
         if not judge.wanted[i]:
-            classes[bits != 0] = Verdict.INVALID  # a light that asks for no shadows: every bit must be 0
+            classes[bits != 0] = Verdict.INVALID  # a light without shadows: every bit must be 0
             continue
         scored = named & (checked.answers["triangle"] >= 0)
         outside = checked.outside[i]
@@ -120,6 +121,6 @@ def _classify_bits(
 
 
 def lowest_ids(given: NDArray, referee: Referee) -> NDArray:
-    """Given triangles, of duplicates the one with the lowest index; what is no triangle stays. [n]"""
+    """The given triangles, each replaced by its duplicate with the lowest index; invalid indices stay unchanged. [n]"""
     known = (given >= 0) & (given < len(referee.faces))
     return np.where(known, referee.duplicate_of[np.where(known, given, 0)], given) if known.any() else given

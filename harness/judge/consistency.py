@@ -1,4 +1,4 @@
-"""What can be said of an answer without a reference: is it an answer at all, and do t, u, v fit its triangle?
+"""Checks of an answer without a reference: is it valid, and do t, u and v fit its triangle?
 
 The check of t, u and v runs over every pixel in float64, whose own error is far below the float32 tolerance.
 """
@@ -17,7 +17,7 @@ from .planes import plane_numbers
 from .receivers import not_receivers
 
 T_UNITS = 64.0
-"""Relative error allowed of t, and absolute error of u and v, in units of 2^-24, on a triangle seen squarely."""
+"""Allowed relative error of t and absolute error of u and v, in units of 2^-24, on a triangle seen along its normal."""
 
 BATCH = 1 << 18
 
@@ -28,7 +28,7 @@ class Checked:
 
     answers          as a method gives them; ``visibility`` uint8 [lights, pixels]
     outside          bool [lights, pixels]: hit points that have no shadow ray to the light (:mod:`.judge.receivers`)
-    primary_invalid  bool [pixels]: poison, NaN, an index out of range, a triangle never hit, a miss not so filled
+    primary_invalid  bool [pixels]: poison, NaN, an index out of range, a triangle never hit, a miss with other values
     shadow_invalid   bool [lights, pixels]: neither 0 nor 1, or 1 at a miss
     t_wrong, uv_wrong  bool [pixels]: beyond the tolerance for the triangle that was given
     t_error          float64 [pixels]: relative error of t against the triangle given; 0 at a miss

@@ -30,8 +30,8 @@ class Judge:
 
     moment         the rays: primary ones, or those of a bounce (:class:`.judge.bounces.Mirrored`)
     reference      answers to these rays, to compare with
-    random_pixels  pixels that the referee decides beyond those in dispute; ``seed`` chooses them
-    limit          most disputed pixels that the referee decides
+    random_pixels  number of pixels that the referee decides in addition to disputed ones; ``seed`` chooses them
+    limit          largest number of disputed pixels that the referee decides
     """
 
     prepared: Prepared

@@ -9,7 +9,7 @@ from ..typed_json import OMITTED, checked, to_json
 from .verdict import ERRORS, EXCUSED_LIMIT, Verdict
 
 Count = Annotated[int, 0]
-"""A number of things, checked where it is read: it is not negative."""
+"""A count; when it is read it is checked not to be negative."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +82,7 @@ class ReferenceErrors:
 
 @dataclass(frozen=True, kw_only=True)
 class RayCounts:
-    """The counts of one set of rays. ``true_errors``: what no rounding excuses, unjudged pixels included."""
+    """The counts of one set of rays. ``true_errors``: errors that no rounding excuses, including unjudged pixels."""
 
     primary: PrimaryCounts
     shadow: tuple[ShadowCounts, ...]
@@ -92,7 +92,8 @@ class RayCounts:
 
 @dataclass(frozen=True, kw_only=True)
 class BounceCounts(RayCounts):
-    """Of one bounce of mirrored rays. ``rays_wrong``: rays not made as the hit before them demands; true errors too."""
+    """The counts of one bounce of mirrored rays. ``rays_wrong``: rays that do not follow from the hit before; these are
+    true errors too."""
 
     bounce: Count
     rays: Count
@@ -101,7 +102,7 @@ class BounceCounts(RayCounts):
 
 @dataclass(frozen=True, kw_only=True)
 class Shared:
-    """What a score was charged with for errors of the reference that other methods' scores showed.
+    """The counts that were added to a score for errors of the reference that the scores of other methods showed.
 
     scores      how many scores share the reference
     changes     by path of a count in the score ("bounces/0/primary/true"): what was added to it
@@ -121,9 +122,9 @@ class Score(RayCounts):
     excused_share  share of the pixels with an excused answer
     check          "ok" without true errors and with at most :data:`.verdict.EXCUSED_LIMIT` excused, else "failed"
     examples       some of the errors, then of the excused answers: pixel, class, what was given, what is exact
-    truth          where the exact reference comes from, and how pixels were selected
+    truth          the origin of the exact reference, and how pixels were selected
     bounces        the counts of each bounce
-    settled        what other scores added to these counts; None before they were compared
+    settled        the counts that were added because of other scores; None before the comparison
     """
 
     excused_share: float

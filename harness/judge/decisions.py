@@ -13,7 +13,7 @@ Ratio = tuple[int, int]
 
 
 def integers_of(o: F32, d: F32, *more: F32) -> tuple[int, list[int]]:
-    """One scale for everything, and o, d, ... as a flat list of integers."""
+    """A common scale, and the values as a flat list of integers."""
     values = np.concatenate([o.ravel(), d.ravel(), *(m.ravel() for m in more)])
     scale = exact.scale_of(values)
     return scale, exact.integers(values, scale)
@@ -53,9 +53,9 @@ class Decisions:
         triangles: NDArray[np.int32],
         holes: bool = True,
     ) -> list[int]:
-        """Those triangles that exactly meet the open segment from o + ratio d to the light; none without ``ratio``.
+        """The triangles that exactly meet the open segment from o + ratio d to the light; none without ``ratio``.
 
-        ``holes``: a segment through a hole meets nothing. Without it, it meets the triangle all the same.
+        ``holes``: whether a segment may pass through a hole; otherwise it meets the triangle there too.
         """
         if ratio is None or not len(triangles):
             return []

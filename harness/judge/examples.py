@@ -1,4 +1,4 @@
-"""Examples of wrong answers in a score: where, what was given, and what is exact."""
+"""Examples of wrong answers in a score: the pixel, the given answer and the exact one."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .classify import Judgement
 from .verdict import ERRORS, EXCUSED, Verdict
 
 EXAMPLES = 10
-"""At most so many in a score."""
+"""Largest number of examples in a score."""
 
 
 def examples_of(found: Judgement) -> list[dict[str, Any]]:

@@ -43,7 +43,7 @@ def permanent(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> wp.float64:
 
 @wp.func
 def triple(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, ea: wp.float64, eb: wp.float64, ec: wp.float64) -> wp.vec2d:
-    """a . (b x c) and a bound of its error, where the components of a, b, c are off by up to ea, eb, ec."""
+    """a . (b x c) and a bound on its error, where the components of a, b, c have errors of up to ea, eb, ec."""
     value = (
         a[0] * (b[1] * c[2] - b[2] * c[1])
         + a[1] * (b[2] * c[0] - b[0] * c[2])
@@ -107,7 +107,7 @@ def filter_ray(o: wp.vec3d, d: wp.vec3d, va: wp.vec3d, vb: wp.vec3d, vc: wp.vec3
 def filter_segment(
     p: wp.vec3d, light: wp.vec3d, va: wp.vec3d, vb: wp.vec3d, vc: wp.vec3d, e: wp.float64
 ) -> wp.int32:
-    """An open segment, its start known to within e a component: 0 misses, 1 certainly meets, 2 uncertain."""
+    """An open segment whose start has an error of up to e per component: 0 misses, 1 certainly meets, 2 uncertain."""
     zero = wp.float64(0.0)
     near = sign_of(triple(va - p, vb - va, vc - va, e, zero, zero))
     far = sign_of(triple(light - va, vb - va, vc - va, zero, zero, zero))
@@ -144,7 +144,7 @@ def opacity(
     error = u[1] + v[1] + w[1]
     if not (wp.abs(sum) > wp.float64(2.0) * error):
         return 2
-    # A weight of at most 1 is off by its own error and the sum's, over the least that the sum can be.
+    # The error of a weight of at most 1 is its own and that of the sum, over the smallest possible sum.
     doubt = wp.float64(2.0) * error / (wp.abs(sum) - error) + WIDEN
     found = texels_near(alpha, i, v[0] / sum, w[0] / sum, doubt)
     if found == 3:
@@ -309,7 +309,7 @@ def collect_between(
 ):
     """Triangles that may meet the open segment start -> light; one certain occluder, or -1.
 
-    Left out are ``own`` and the triangles flagged in ``around``, whose planes hold the light.
+    ``own`` and the triangles flagged in ``around``, whose planes contain the light, are left out.
 
     With ``every`` = 0 a certain occluder ends the search. With ``margin`` > 0 every triangle whose box passes
     within that distance of the segment is collected, crossing or not.

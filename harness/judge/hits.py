@@ -1,4 +1,4 @@
-"""Exact answers of the referee: closest hits with their ties, and what occludes each light."""
+"""Exact answers of the referee: closest hits with their ties, and an occluder for each light."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The referee's view of triangles with holes: opacity in integers, and how near a hit lies to a border of holes.
+"""Triangles with holes in the referee: opacity in integers, and how near a hit lies to the border of a hole.
 
 The rule is :mod:`.scene.alpha`'s, without rounding: a hit counts if a texel that contains it, border included, is opaque.
 """
@@ -54,7 +54,8 @@ class Holes:
     def within(
         self, triangles: NDArray[np.integer], corners: F64, o: F64, d: F64, bound: F64
     ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Whether anything opaque, and anything transparent, lies within ``bound`` of where rays meet the planes.
+        """Whether an opaque and whether a transparent texel lies within ``bound`` of the points where rays meet the
+        planes.
 
         triangles [n], corners [n, 3, 3], o and d [n, 3]; bound [n] in scene units, across the ray. A triangle
         without a mask is opaque everywhere.

@@ -5,7 +5,7 @@ the surface faces the light (:func:`facing`; elsewhere the surface is dark with 
 
 A spot is twelve float64 numbers (:func:`spot_row`): kind (0 none, 1 cone, 2 rectangle); direction, right and up,
 unit length, right-handed; then the cosine of the cone's half-angle and 0, or the half-widths in azimuth and
-elevation, in radians. :func:`receivers` reads them; kernels say the same in float64.
+elevation, in radians. :func:`receivers` reads them; kernels compute the same in float64.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from .planes import plane_numbers
 
 
 def receivers(moment: Moment, points: NDArray[np.floating], light: int) -> NDArray[np.bool_]:
-    """Which hit points [n, 3] lie in a light's spot. Only these have a shadow ray; all others have bit 0."""
+    """Which hit points [n, 3] lie in a light's spot. Only these have a shadow ray; all others have visibility bit 0."""
     if light >= len(moment.spots) or moment.spots[light, 0] == NO_SPOT:
         return np.ones(len(points), dtype=bool)
     row = moment.spots[light]
@@ -75,7 +75,7 @@ def strength(spot: Spot | None, away: NDArray[np.floating]) -> NDArray[np.float6
 def not_receivers(prepared: Prepared, moment: Moment, triangle: NDArray[np.integer]) -> NDArray[np.bool_]:
     """Which hits have no shadow ray to each light (:mod:`.judge.receivers`), bool [lights, pixels].
 
-    ``triangle`` [pixels]: what each pixel hits; the points are float64, on the triangles' planes.
+    ``triangle`` [pixels]: the triangle that each pixel hits; the points are float64, on the triangles' planes.
     """
     outside = np.zeros((len(moment.lights), len(triangle)), dtype=bool)
     limited = [

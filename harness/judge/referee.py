@@ -22,7 +22,7 @@ from .holes import Holes
 from .verdict import Verdict
 
 PAIRS = 1 << 17
-"""Pairs of rays and candidates that are looked at together: bounds the memory of a classification."""
+"""Pairs of rays and candidates that are processed together: bounds the memory of a classification."""
 
 
 class Referee:
@@ -53,7 +53,7 @@ class Referee:
     def duplicate_of(self) -> NDArray[np.int32]:
         """The lowest index of a valid triangle with the same three positions, int32 [triangle_count].
 
-        Triangles with holes stand for themselves.
+        A triangle with holes has no duplicates.
         """
         corners = self.points[self.faces] + np.float32(0.0)  # -0 becomes +0
         bits = corners.view(np.uint32).astype(np.uint64)
@@ -96,7 +96,7 @@ class Referee:
         lights: NDArray[np.float32],
         wanted: Sequence[bool] | NDArray[np.bool_],
     ) -> Exact:
-        """Exact closest hits, and the occluders of those lights that are ``wanted``."""
+        """Exact closest hits, and occluders for the ``wanted`` lights."""
         hits = self.closest(origins, directions)
         occluders = np.full((len(lights), len(hits)), -1, dtype=np.int32)
         for i in np.nonzero(np.asarray(wanted, dtype=bool))[0]:
@@ -106,7 +106,7 @@ class Referee:
     def all_hits(
         self, origins: NDArray[np.float32], directions: NDArray[np.float32]
     ) -> list[list[tuple[float, int]]]:
-        """Every exact hit of each ray as (t, triangle), in no order."""
+        """Every exact hit of each ray as (t, triangle), unordered."""
         result: list[list[tuple[float, int]]] = []
         for rows, candidates in self._candidates.along(origins, directions, nearest=False):
             for i, triangles in zip(rows, candidates, strict=True):
@@ -152,7 +152,7 @@ class Referee:
     # --- classes ---
 
     def classify_primary(self, hits: Hits, triangle: NDArray[np.integer]) -> NDArray[np.int8]:
-        """The class [n] of a closest triangle that a method gave for each of the rays of ``hits``."""
+        """The class [n] of the closest triangle that a method gave for each ray of ``hits``."""
         verdicts = np.full(len(hits), Verdict.OK, dtype=np.int8)
         wrong = []
         for i, (given, right) in enumerate(zip(triangle.tolist(), hits.triangle.tolist(), strict=True)):
@@ -217,7 +217,7 @@ class Referee:
         apart = np.abs(reached[rows] - hits.t[rows]) * speed[rows]
         met = o[rows] + hits.t[rows, None] * d[rows]
         verdicts[rows[apart <= exact.edge_bound(o[rows], met)]] = Verdict.NEAR_TIE
-        # The closest hit alone decides most; only where it is excused the hits behind it matter.
+        # The closest hit alone decides most rays. The hits behind it matter only where it is excused.
         rows = np.nonzero((verdicts == Verdict.EDGE) & (hits.triangle >= 0))[0]
         skipped = self._passed_over(o[rows], d[rows], hits.triangle[rows], hits.t[rows], reached[rows])
         verdicts[rows[skipped]] = Verdict.TRUE
@@ -237,7 +237,8 @@ class Referee:
         at: NDArray[np.float64],
         reached: NDArray[np.float64],
     ) -> NDArray[np.bool_]:
-        """Which hits (triangle, at) before ``reached`` no rounding misses: far from edges, eye and the given triangle."""
+        """Which hits (triangle, at) before ``reached`` cannot be missed by rounding: far from edges, eye and the given
+        triangle."""
         distance, _, bound = self.ray_to(o, d, triangle, edges_only=True)
         _, clear = self.holes.within(triangle, self.corners(triangle), o, d, bound)
         with np.errstate(invalid="ignore"):
@@ -298,7 +299,7 @@ class Referee:
         triangles: NDArray[np.int32],
         holes: bool = True,
     ) -> list[int]:
-        """Those triangles that exactly meet the open segment from hit point i to the light (:class:`.Decisions`)."""
+        """The triangles that exactly meet the open segment from hit point i to the light (:class:`.Decisions`)."""
         o, d = hits.origins[i], hits.directions[i]
         return self._decisions.between(o, d, hits.ratio[i], light, triangles, holes)
 
@@ -313,7 +314,7 @@ class Referee:
         triangles: NDArray[np.integer],
         edges_only: bool = False,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Distance of rays from triangles (or their edges), the t where it is reached, and the bound; each [n]."""
+        """Distance of rays from triangles (or their edges), the t at which it is smallest, and the bound; each [n]."""
         corners = self.corners(triangles)
         if not len(corners):
             return np.zeros(0), np.zeros(0), np.zeros(0)
@@ -328,7 +329,8 @@ class Referee:
 def _rounds(
     candidates: list[NDArray[np.int32]], verdicts: NDArray[np.int8], undecided: Verdict
 ) -> Iterator[tuple[NDArray[np.intp], NDArray[np.int32]]]:
-    """Pairs (ray, candidate) of the rays that are still ``undecided``, a few of each ray first, then more of those left.
+    """Pairs (ray, candidate) of the rays that are still ``undecided``: first a few per ray, then more for the remaining
+    rays.
 
     Most rays are decided by one of their first candidates; a ray may have as many as there are triangles.
     """

@@ -36,14 +36,16 @@ BLOCK = 1 << 15
 """Rays of one query: a query runs on one thread and releases the interpreter lock."""
 
 OFFSET_UNITS = 8 * 2.0**-24
-"""How far a shadow ray starts off its surface, relative to the coordinates and the triangle that it leaves."""
+"""Distance of the origin of a shadow ray from its surface, relative to the coordinates and the triangle that it
+leaves."""
 
 
 EXACT = "exact referee"
-"""What the provenance of a reference says that holds the referee's own answers."""
+"""The provenance of a reference that consists of the referee's own answers."""
 
 DECIDED = 1 << 14
-"""Pixels up to which a reference holds the referee's answers in full, with the ties of every ray: some 0.5 KB a pixel."""
+"""Largest image, in pixels, for which a reference has the referee's answers in full, with the ties of every ray: about
+0.5 KB per pixel."""
 
 NO_FILTER = "triangles have holes, and Embree's Python binding has no filter functions to skip a hit in one"
 
@@ -94,7 +96,7 @@ def exact_reference(
     effects: Effects | None = None,
     folder: Path | str | None = None,
 ) -> Reference:
-    """The referee's own answers in place of Embree's: 10 to 30 us a pixel. ``folder`` as in :func:`embree_reference`.
+    """The referee's own answers in place of Embree's: 10 to 30 us per pixel. ``folder`` as in :func:`embree_reference`.
 
     For a machine without Embree, and for triangles with holes, which Embree's Python binding cannot skip.
     """
@@ -148,10 +150,10 @@ def embree_installed() -> bool:
 
 
 def make_scene(points: NDArray[np.float32], faces: NDArray[np.int32], valid: NDArray) -> Any | None:
-    """An Embree scene of the valid triangles, ids unchanged; None where there is nothing to hit.
+    """An Embree scene of the valid triangles with unchanged ids; None if there is no valid triangle.
 
-    Invalid triangles are led to a NaN vertex: Embree drops such triangles, and the others keep their ids.
-    Raises ValueError for an index out of range, which Embree would follow into foreign memory.
+    Invalid triangles get a NaN vertex: Embree drops such triangles, and the others keep their ids. Raises ValueError for
+    an index out of range, with which Embree would read outside the array.
     """
     # Imported here, so that answers can be saved for scoring elsewhere on a machine without Embree.
     from embreex.mesh_construction import TriangleMesh
@@ -175,12 +177,12 @@ def shadow_origins(
     directions: NDArray[np.float32],
     light: NDArray[np.float32],
 ) -> NDArray[np.float32]:
-    """Starts of shadow rays [n, 3]: float64 hit points on triangles ``corners`` [n, 3, 3], moved off the surface.
+    """Origins of shadow rays [n, 3]: float64 hit points on triangles ``corners`` [n, 3, 3], moved off the surface.
 
     ``eye`` is where the rays started, [3] or [n, 3].
 
-    Moved towards the light's side by :data:`OFFSET_UNITS` of the point, and of the triangle as Embree sees it
-    from there. That is exact enough to find the pixels that the referee must decide.
+    They are moved towards the light's side by :data:`OFFSET_UNITS` of the coordinates of the point and of the triangle
+    relative to the eye. That is exact enough to find the pixels that the referee must decide.
     """
     a, b, c = (corners[:, i].astype(np.float64) for i in range(3))
     o, d = eye.astype(np.float64), directions.astype(np.float64)

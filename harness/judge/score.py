@@ -42,8 +42,8 @@ from .verdict import ERRORS, PRIMARY, RIGHT, SHADOW, Verdict
 
 @dataclass(frozen=True, eq=False)
 class Scored:
-    """A score; the gravest class of each pixel, int8 [pixels], -1 where a disputed one was left unjudged; and what other
-    methods' scores need of this one and it of theirs (:mod:`.judge.shared_errors`)."""
+    """A score; the worst class of each pixel, int8 [pixels], -1 where a disputed pixel was left unjudged; and the data
+    that this score and those of other methods exchange (:mod:`.judge.shared_errors`)."""
 
     score: Score
     classes: NDArray[np.int8]
@@ -70,8 +70,8 @@ def judge_frame(judge: Judge, answers: dict[str, NDArray]) -> list[Judgement]:
 
 
 def gravest_classes(found: list[Judgement]) -> NDArray[np.int8]:
-    """One class a pixel, int8 [pixels]: that of its primary answers unless they are right, else of the first bounce
-    whose answers are not."""
+    """One class per pixel, int8 [pixels]: that of its primary answers if they are wrong, else that of the first bounce
+    with a wrong answer."""
     result = found[0].classes.gravest
     for one in found[1:]:
         right = np.isin(result, RIGHT)

@@ -1,4 +1,5 @@
-"""Where answers and reference differ, and which pixels are decided exactly: those, their neighbours, a random sample."""
+"""The pixels where answers and reference differ, and the pixels that are decided exactly: those, their neighbours, a
+random sample."""
 
 from __future__ import annotations
 
@@ -12,7 +13,7 @@ from .context import Judge
 from .referee import Referee
 
 NEIGHBOUR_LIMIT = 5_000
-"""Neighbours of disputed pixels judged; beyond it a seeded sample of them."""
+"""Largest number of neighbours of disputed pixels that are judged; of more, a seeded sample."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +21,7 @@ class Agreement:
     """Where answers agree with the reference.
 
     triangle  bool [pixels]: the same closest triangle, or exact duplicates of each other
-    bits      bool [lights, pixels]: where both see the same point and say different shadow bits
+    bits      bool [lights, pixels]: where both have the same hit point and different shadow bits
     """
 
     triangle: NDArray[np.bool_]
@@ -29,14 +30,14 @@ class Agreement:
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """Which pixels are decided exactly, ascending. ``unjudged`` are disputed ones beyond the limit."""
+    """The pixels that are decided exactly, ascending. ``unjudged``: disputed pixels beyond the limit."""
 
     judged: NDArray[np.intp]
     unjudged: NDArray[np.intp]
 
 
 def compare(judge: Judge, checked: Checked) -> Agreement:
-    """Answers against the reference."""
+    """Compare answers with the reference."""
     reference, given = judge.reference, checked.answers
     agree = same_triangle(given["triangle"], reference.triangle, judge.referee)
     comparable = agree & ~checked.primary_invalid & (given["triangle"] >= 0)

@@ -27,21 +27,22 @@ from .examples import EXAMPLES
 from .verdict import ERRORS, EXCUSED, RIGHT, Verdict
 
 AGREES, TIES, DECIDED = 0, 1, 2
-"""What an answer is: the reference's and so counted as right, the same as a tie, or decided by itself."""
+"""The state of an answer: equal to the reference's and so counted as right, equal except for a tie, or decided by the
+referee."""
 
 
 @dataclass(eq=False)
 class Disputes:
-    """Of one score and one set of rays: where it was decided, and the reference's answers that are not right.
+    """For one score and one set of rays: the pixels that were decided, and the reference's answers that are not right.
 
-    place      where the counts lie in the score: "" or "bounces/0/"
-    reference  names the reference's answers to these very rays; two scores of one name share them
+    place      the path of the counts in the score: "" or "bounces/0/"
+    reference  the name of the reference's answers to these rays; scores with the same name share them
     width      of the image in pixels
     state      uint8 [pixels]: AGREES, TIES or DECIDED
     pixels     int64 [n]: where the reference was found wrong or excused, ascending
-    hit        bool [n]: whether the reference names a triangle there
+    hit        bool [n]: whether the reference gives a triangle there
     primary    int8 [n]: the class of that triangle (of a miss)
-    shadow     int8 [n, lights that ask for shadows]: the class of each bit, -1 where the triangle is not right
+    shadow     int8 [n, lights with shadows]: the class of each bit, -1 where the triangle is not right
     """
 
     place: str
@@ -55,7 +56,8 @@ class Disputes:
 
 
 def find_disputes(found: Judgement) -> Disputes:
-    """What a score leaves to others. ``place`` is to be set where the rays are not the primary ones."""
+    """The disputes of a score, for the scores of other methods. ``place`` must be set if the rays are not the primary
+    ones."""
     judge, selection, reference = found.judge, found.selection, found.reference
     judged, moment = selection.judged, judge.moment
     state = np.where(found.classes.primary == Verdict.TIE, TIES, AGREES).astype(np.uint8)
@@ -81,7 +83,7 @@ def find_disputes(found: Judgement) -> Disputes:
 
 
 def pooled(disputes: Iterable[Disputes]) -> dict[str, tuple[Disputes, int]]:
-    """By reference: what all scores together found of it, each pixel once, and how many scores were asked."""
+    """For each reference: the errors that all scores together found, each pixel once, and the number of scores."""
     groups: dict[str, list[Disputes]] = {}
     for one in disputes:
         groups.setdefault(one.reference, []).append(one)
@@ -98,16 +100,16 @@ def pooled(disputes: Iterable[Disputes]) -> dict[str, tuple[Disputes, int]]:
 
 
 def share_errors(rows: Sequence[tuple[Score, Sequence[Disputes]]]) -> list[Score]:
-    """Scores of any moments, each charged with what all of them together found of its reference.
+    """Scores of any moments, each with the errors of its reference that all of them together found.
 
-    Doing it again, or with more rows, starts from what each score had by itself.
+    If it is repeated, also with more rows, it starts again from each score's own counts.
     """
     pool = pooled(one for _, disputes in rows for one in disputes)
     return [charge(score, disputes, pool) for score, disputes in rows]
 
 
 def charge(score: Score, disputes: Sequence[Disputes], pool: dict[str, tuple[Disputes, int]]) -> Score:
-    """A score charged with what ``pool`` knows of its reference; the same object where that changes nothing."""
+    """A score with the errors of its reference in ``pool``; the same object if nothing changes."""
     if not disputes:
         return score
     changes: dict[str, int] = {}
@@ -135,7 +137,7 @@ def charge(score: Score, disputes: Sequence[Disputes], pool: dict[str, tuple[Dis
 def charged_pixels(
     disputes: Sequence[Disputes], pool: dict[str, tuple[Disputes, int]]
 ) -> tuple[NDArray[np.int64], NDArray[np.int8]]:
-    """The pixels that a score is charged with, primary rays first, and their gravest classes."""
+    """The pixels whose errors are added to a score, primary rays first, and their worst classes."""
     pixels, kinds = [np.zeros(0, np.int64)], [np.zeros(0, np.int8)]
     for own in disputes:
         left = _open(own, pool[own.reference][0])
@@ -146,7 +148,7 @@ def charged_pixels(
 
 
 def _open(own: Disputes, whole: Disputes) -> Disputes:
-    """What is known of the reference where a score did not decide itself; ``state`` is the score's there."""
+    """The known errors of the reference at pixels that a score did not decide itself; ``state`` is the score's there."""
     rows = np.nonzero(own.state[whole.pixels] != DECIDED)[0]
     pixels = whole.pixels[rows]
     parts = (whole.hit[rows], whole.primary[rows], whole.shadow[rows])
@@ -160,7 +162,7 @@ def _count(
     changes: dict[str, int],
     examples: list[dict[str, Any]],
 ) -> None:
-    """Add to ``changes`` (path of a count in the score: by how much) what the pixels of ``left`` come to."""
+    """Add the counts of the pixels of ``left`` to ``changes`` (path of a count in the score: increment)."""
 
     def change(path: str, by: int) -> None:
         if by:

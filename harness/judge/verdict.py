@@ -14,7 +14,7 @@ class Verdict(IntEnum):
     EDGE      wrong only because the ray passes within the bound of an exact edge, or of the border of a hole
     TRUE      wrong
     INVALID   not an answer: poison, NaN, an index out of range, a triangle that is never hit
-    ACNE      says shadowed, is lit;  LEAK  says lit, is shadowed
+    ACNE      a lit point called shadowed;  LEAK  a shadowed point called lit
     """
 
     OK = 0
@@ -48,7 +48,7 @@ EXCUSED = (Verdict.NEAR_TIE, Verdict.EDGE)
 ERRORS = (Verdict.TRUE, Verdict.INVALID, Verdict.ACNE, Verdict.LEAK)
 
 WRONG_BIT = (Verdict.EDGE, Verdict.ACNE, Verdict.LEAK)
-"""The classes of a shadow bit that is 0 or 1, and not the right one."""
+"""The classes of a shadow bit that is 0 or 1 and wrong."""
 
 GRAVEST_BIT = (Verdict.EDGE, Verdict.INVALID, Verdict.LEAK, Verdict.ACNE)
 """The classes of wrong shadow bits; of a pixel with several, the last one here counts."""
@@ -65,4 +65,4 @@ MEANINGS = {
 """What each class but OK means, for legends."""
 
 EXCUSED_LIMIT = 0.001
-"""A score fails where a larger share of the pixels had to be excused."""
+"""A score fails if a larger share of the pixels is excused."""
