@@ -1,4 +1,5 @@
-"""P34-P37, S36-S38, M07: eyes, lights and surfaces in contact, and what lies closer together than an eye far away resolves.
+"""P34-P37, S36-S38, M07: eyes, lights and surfaces in contact, and surfaces that are closer together than a distant eye
+resolves.
 
 An eye or a light exactly on a vertex, on an edge or in a plane has a hit at t = 0, which does not count. With corners that
 need all of float32's digits, rounding puts such a hit before or behind the eye. Where eye and receiver are far apart, a gap
@@ -36,9 +37,10 @@ def touched(seed: int, place: str) -> tuple[Mesh, F64]:
 
 
 def eye_on(seed: int, place: str, scale: float = 1.0, turn: int = 0, offset: float = 0.0) -> Trial:
-    """An eye on a triangle that therefore no ray hits; a wall ahead is hit by all, and lit from the eye.
+    """An eye on a triangle, which therefore no ray hits; all rays hit a wall ahead, which is lit from the eye.
 
-    ``scale`` is a power of two, so that the eye stays where it is. With an ``offset`` (in scene sizes) a vertex does.
+    ``scale`` is a power of two, so that the eye stays where it is. With an ``offset`` (in scene sizes) a vertex stays
+    where it is instead.
     """
     mesh, eye = touched(seed, place)
     towards = np.random.default_rng(seed + 1000).normal(size=3)
@@ -60,7 +62,7 @@ def eye_on_mesh(seed: int) -> Trial:
 
 
 def light_on(seed: int, place: str, scale: float = 1.0, turn: int = 0) -> Trial:
-    """Lights on a vertex, an edge and in the plane of a triangle: it does not shadow what they light."""
+    """Lights on a vertex, an edge and in the plane of a triangle, which does not shadow the receivers."""
     mesh, light = touched(seed, place)
     a, b, c = mesh[0]
     beside = a + 2 * (b - a) + (c - a) if place == "plane" else light
@@ -71,7 +73,8 @@ def light_on(seed: int, place: str, scale: float = 1.0, turn: int = 0) -> Trial:
 
 
 def light_off_plane(height: float, turn: int = 0) -> Trial:
-    """A light above a triangle by far less than float32 rounds: it is no surface at the light, and shadows all below."""
+    """A light above a triangle by far less than the rounding of float32: the triangle is not at the light, and shadows
+    everything below."""
     roof = triangles((8, 1, 0), (-8, 7, 0), (-7, -9, 0))
     return view(
         joined(roof, plane(2, -1, 4)), [(0.25, 0.125, height), (0.25, 0.125, -height)], (0, 0, -6), (0, 0, 1), 0.125,
@@ -91,7 +94,7 @@ def mirrors_at_the_eye(seed: int) -> Trial:
 
 
 def blade(distance: float, width: float, gap: float, turn: int = 0, scale: float = 1.0) -> Trial:
-    """A blade closely above a floor, which an eye below and far away sees: all that it sees lies under the blade."""
+    """A blade close above a floor that a distant eye sees from below: every visible point lies under the blade."""
     floor = quad((-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0))
     long = triangles((0, -0.9, gap), (width / 2, 0.9, gap), (-width / 2, 0.9, gap))
     return view(
@@ -101,7 +104,7 @@ def blade(distance: float, width: float, gap: float, turn: int = 0, scale: float
 
 
 def two_sheets(distance: float, gap: float, turn: int = 0, scale: float = 1.0) -> Trial:
-    """A hidden sheet whose triangles have the lower indices, closely behind the one that is seen."""
+    """A hidden sheet whose triangles have the lower indices, close behind the visible one."""
     x = np.arange(-2, 3) / 2
     behind, front = (moved_sheet(x, z) for z in (-gap, 0.0))
     return view(
@@ -116,7 +119,7 @@ def moved_sheet(x: F64, z: float) -> Mesh:
 
 
 def wide_floor(half: float, turn: int = 0) -> Trial:
-    """A floor of two triangles whose common edge crosses the picture, seen from nearby; things stand on it."""
+    """A floor of two triangles whose common edge crosses the picture, seen from nearby, with objects on it."""
     floor = plane(2, 0, half)
     thing = triangles((0.25, -0.125, 0.25), (0.375, 0.25, 0.25), (-0.25, 0.25, 0.375))
     return view(
@@ -126,7 +129,8 @@ def wide_floor(half: float, turn: int = 0) -> Trial:
 
 
 def far_fan(distance: float) -> Trial:
-    """Fans of six triangles seen from so far that a step of a direction is wider than they are, each aimed at exactly."""
+    """Fans of six triangles, seen from so far away that one float32 step of a direction is wider than they are; a ray is
+    aimed exactly at each."""
     random = np.random.default_rng(5)
     size = 16
     x = ((2 * np.arange(size) + 1 - size) / size).astype(np.float32).astype(np.float64)

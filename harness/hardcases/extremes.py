@@ -1,7 +1,7 @@
-"""V scale, V far, V sun, V mixed and more: scenes, lights and directions near the ends of what float32 holds.
+"""V scale, V far, V sun, V mixed and more: scenes, lights and directions near the limits of float32.
 
 Products of two lengths overflow from 2e19 on and underflow from 1e-19 down, those of three from 7e12 and 2e-13. Numbers
-below 1.2e-38 are subnormal: they lose digits, and a processor that flushes them takes them for 0.
+below 1.2e-38 are subnormal: they lose digits, and a processor that flushes them treats them as 0.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def among_subnormals(turn: int) -> Trial:
 
 
 def one_step_from_zero(eye: float, turn: int) -> Trial:
-    """A plane at z = 0 and before it, but later in the list, one at the least positive number of float32.
+    """A plane at z = 0 and, in front of it but later in the list, one at the smallest positive number of float32.
 
     From an eye at twice that number they are at distances of 2 and 1 of it.
     """
@@ -113,7 +113,7 @@ def mixed(seed: int) -> Mesh:
 
 
 def mixed_scene(seed: int) -> Trial:
-    """Such triangles from an eye, and with lights, whose coordinates are mixed alike."""
+    """Such triangles with an eye and lights whose coordinates are mixed in the same way."""
     random = np.random.default_rng(seed + 100)
     eye, *lights = (10.0 ** random.uniform(-8, 8, (3, 3)) * random.choice([-1.0, 1.0], (3, 3))).tolist()
     towards = 10.0 ** random.uniform(-2, 2, 3) * random.choice([-1.0, 1.0], 3)
@@ -123,12 +123,12 @@ def mixed_scene(seed: int) -> Trial:
 
 TELLING_SEEDS = (1, 4, 5)
 NEAR_PLANES = (0, 2, 3)
-"""Seeds with an eye in the plane of a large triangle, within what float64 tells: not seen by what the bounds promise
-(docs/accuracy.md), so that a test holds their counts instead."""
+"""Seeds with an eye in the plane of a large triangle within the resolution of float64. The promised bounds do not cover
+them (docs/accuracy.md), so a test compares their counts instead."""
 
 
 def stretched(turn: int) -> Trial:
-    """A ball on a floor 6e5 long, 6 wide and as flat as 1e-5: each coordinate has a factor of its own."""
+    """A ball on a floor, 6e5 long, 6 wide and 1e-5 thick: each coordinate has its own factor."""
     points, faces = ball_on_floor()
     factors = np.array([1e5, 1e-5, 1.0])
 

@@ -19,8 +19,8 @@ DOWN = (0.0, 0.0, -1.0)
 
 
 def onto_towers(kind: str, turn: int = 0, scale: float = 1.0, offset: float = 0.0) -> Trial:
-    """Rays down on boxes with integer corners: at the even integers ("edges") through edges, corners and in walls, at the
-    odd ones ("faces") through the diagonals of their squares."""
+    """Vertical rays onto boxes with integer corners: at the even integers ("edges") through edges and corners and within
+    walls, at the odd ones ("faces") through the diagonals of their squares."""
     shift = 1.0 if kind == "edges" else 0.0
     sun = Light((0.0, 0.0, 1.0), directional=True)
     return view(
@@ -32,7 +32,7 @@ def onto_towers(kind: str, turn: int = 0, scale: float = 1.0, offset: float = 0.
 def integer_ball(kind: str, turn: int = 0) -> Trial:
     """The rays of tinybvh#168 themselves: a grid of rays along -y from the top of a mesh on a grid of integers.
 
-    The thread's mesh is in a file that could not be had; here it is a ball of 1,280 triangles of radius 37.
+    The thread's mesh is in a file that is not available; here it is a ball of 1,280 triangles of radius 37.
     """
     points, faces = icosphere(3)
     eye = (0.0, 37.0, 0.0) if kind == "halves" else (0.5, 37.0, 0.5)

@@ -1,6 +1,7 @@
-"""P48-P50, S41-S42: what users of other ray tracers reported. Each name says the project and the number of the thread.
+"""P48-P50, S41-S42: errors that users of other ray tracers reported. Each name has the project and the number of the
+thread.
 
-Where a thread gives its numbers only in part or in a file that could not be had, the case has the configuration that it
+Where a thread gives its numbers only in part or in a file that is not available, the case has the configuration that it
 describes and says so.
 """
 
@@ -28,7 +29,7 @@ from .case import (
 
 ORIGIN = (0.0, 0.0, 0.0)
 START = np.array([0x3E6A2C13, 0x3FAD24CE, 0x3E6A2C13], dtype=np.uint32).view(np.float32).astype(np.float64)
-"""Where the rays of embree#423 begin: x and y are the thread's own bits, z is not known."""
+"""Origin of the rays of embree#423: x and y are the bits given in the thread, z is not known."""
 
 
 def rays_of(towards: tuple[float, float, float], half: float, eye: F64 | None = None) -> F64:
@@ -38,10 +39,11 @@ def rays_of(towards: tuple[float, float, float], half: float, eye: F64 | None = 
 
 
 def embree_423(turn: int = 0, scale: float = 1.0) -> Trial:
-    """False hits of triangles far beside a ray: each of 256 rays lies in the plane of a triangle, up to float32's rounding.
+    """False hits of triangles far from a ray: each of 256 rays lies in the plane of a triangle, up to the rounding of
+    float32.
 
     In the thread the edge of a mesh is such a ray, and the triangle lies far from it; without fused arithmetic all three
-    edge functions have one sign by rounding alone. Only the first two coordinates of the thread could be had
+    edge functions have one sign by rounding alone. Only the first two coordinates of the thread are available
     (:data:`START`); the triangles follow its description.
     """
     towards = (0.2, -0.1, -1.0)
@@ -61,8 +63,9 @@ def mitsuba_1149(turn: int = 0, scale: float = 1.0) -> Trial:
     """Rays through the middle of the edge that two triangles of a square share, from directions over a hemisphere.
 
     The thread's test has a unit square turned by 90 degrees about (1, 1, 1), and rays towards its middle from a hemisphere
-    with density proportional to the cosine. The rays of a picture start in one point, so here each of 256 rays has a square
-    of its own, turned so that ray and square are to each other as there; the squares do not touch.
+    with density proportional to the cosine. The rays of a picture start in one point, so here each of 256 rays has a
+    square of its own, turned so that ray and square have the same relative position as in the thread; the squares do not
+    touch.
     """
     ways = rays_of((0, 0, -1), 0.5)
     u, v = (axis.ravel() for axis in np.meshgrid(np.linspace(0.05, 0.95, 16), np.linspace(0.05, 0.95, 16)))
@@ -88,9 +91,9 @@ def mitsuba_1149(turn: int = 0, scale: float = 1.0) -> Trial:
 def tinybvh_168(kind: str, turn: int = 0) -> Trial:
     """Rays along -y onto a closed mesh on a grid of integers, through its edges and vertices.
 
-    The thread's mesh (a dragon rounded to integers) is in a file that could not be had; here it is a ball of 1,280 triangles
-    of radius 37. Its rays are parallel: here they are the shadow rays of a light at infinity, from the plane under the ball,
-    at integers ("integers") or half integers.
+    The thread's mesh (a dragon rounded to integers) is in a file that is not available; here it is a ball of 1,280
+    triangles of radius 37. Its rays are parallel: here they are the shadow rays of a light at infinity, from the plane
+    under the ball, at integers ("integers") or half integers.
     """
     points, faces = icosphere(3)
     ball = np.round(points * 37.0) + (0.0, 40.0, 0.0), faces
@@ -104,8 +107,8 @@ def tinybvh_168(kind: str, turn: int = 0) -> Trial:
 def bvh_20(turn: int = 0) -> Trial:
     """Vertical rays onto a height field over a regular grid, through all its vertices: heights looked up by rays.
 
-    The thread's own numbers could not be had; its neighbours (madmann91/bvh#9, #21 and #60) describe rays with components of
-    0 that find nothing, or visit nearly every leaf of such a mesh.
+    The thread's own numbers are not available; related threads (madmann91/bvh#9, #21 and #60) describe rays with
+    components of 0 that find nothing, or visit nearly every leaf of such a mesh.
     """
     grid = np.arange(-16.0, 17.0)
     points, faces = sheet(grid, grid, 1.0)

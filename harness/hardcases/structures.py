@@ -1,7 +1,7 @@
 """P38-P47, S39: meshes that trees and grids find hard: one centroid, halving sizes, everything in one cell, odd counts.
 
-Structures sort triangles by centroids and boxes. Where these do not tell triangles apart, a tree grows deep or a cell long;
-where the number of triangles reaches the edge of a block or a warp, the last of them may be forgotten.
+Structures sort triangles by centroids and boxes. Where these do not distinguish triangles, a tree becomes deep or the
+list of a cell long. Where the number of triangles reaches the end of a block or a warp, the last of them may be skipped.
 """
 
 from __future__ import annotations
@@ -34,17 +34,18 @@ from .case import (
 
 ORIGIN = (0.0, 0.0, 0.0)
 FLOAT32_HALVINGS = 148
-"""How often 1 can be halved in float32, to 2^-148: twice its least positive number, which a corner still halves."""
+"""How often 1 can be halved in float32, to 2^-148: twice the smallest positive number, which a corner still halves."""
 
 EDGES_OF_BLOCKS = (31, 32, 33, 127, 128, 129, 255, 256, 257, 1023, 1024, 1025)
 
 AT_INFINITY = 10 / 192
-"""Rays along the outer walls of boxes: a light at infinity stands 2^56 radii away, so that exactly they pass beside by 2^-56
-of the scene. Float64 cannot tell, and every method answers for parallel rays, which meet the edge."""
+"""Rays along the outer walls of boxes: a light at infinity is placed 2^56 radii away, so that in exact arithmetic the
+rays miss the edge by 2^-56 of the scene. Float64 cannot resolve that, and every method gives the answer for parallel
+rays, which meet the edge."""
 
 
 def one_centroid(count: int, turn: int = 0, scale: float = 1.0, offset: float = 0.0) -> Trial:
-    """Triangles of sizes from 1 to 2^-12 whose vertices and whose boxes all have their middle in the origin.
+    """Triangles of sizes from 1 to 2^-12; the mean of the vertices and the middle of the box of each lie at the origin.
 
     Along each axis the three coordinates are v, -v and 0 in some order, so both middles are exact in float32. With an
     ``offset`` (in scene sizes) they are only nearly the same.
@@ -68,7 +69,8 @@ def chain(levels: F64) -> Mesh:
 
 
 def halving(first: int, last: int, eye: float, turn: int = 0) -> Trial:
-    """Sizes 2^first to 2^last along a diagonal: the deepest tree. An eye on it at ``eye`` (negative: beyond the smallest).
+    """Sizes 2^first to 2^last along a diagonal: the deepest tree. The eye is on it at ``eye`` (negative: beyond the
+    smallest).
 
     The ray in the middle meets every triangle, the others meet those that are large as seen from the eye. A tree's nodes
     lie one within the other, and a ray from the small end puts one on its stack at each level.
@@ -144,7 +146,8 @@ def on_one_line(kind: str, turn: int = 0) -> Trial:
 
 
 def after_nothing(order: str) -> Trial:
-    """A whole frame after one whose coordinates are all NaN: the first frame of a session, or between two whole ones."""
+    """A valid frame after one whose coordinates are all NaN; that is the first frame of a session, or lies between two
+    valid ones."""
     points, faces = joined(quad((-3, 0, -3), (3, 0, -3), (3, 0, 3), (-3, 0, 3)), ball(0.5, (0, 0.6, 0)))
     whole = view((points, faces), [(1, 2.5, 0.5), (-0.4, 0.1, 0.7)], (0.3, 1.7, 3.1), (-0.1, -0.45, -1), 0.5)
     frames = [
@@ -160,7 +163,7 @@ def after_nothing(order: str) -> Trial:
 
 
 def so_many(count: int, turn: int = 0) -> Trial:
-    """A number of triangles that meets the edge of a block or of a warp; the last ones are large and before the others."""
+    """A number of triangles at the end of a block or of a warp; the last ones are large and in front of the others."""
     points, faces = soup(count, count - 2, 0.2)
     front = triangles(
         ((-0.5, -0.6, 1.5), (0.4, -0.3, 1.6), (0.1, 0.5, 1.7)),
@@ -191,7 +194,7 @@ def full_screen(count: int, same: bool, turn: int = 0, scale: float = 1.0) -> Tr
 def one_light_cell(directional: bool, turn: int) -> Trial:
     """All of 68,644 hit points but a column lie in one cell of a grid around the light, and within 2^-10 of one point.
 
-    A second plane far outside, which one column of pixels sees, widens what a grid must span.
+    A second plane far outside, which one column of pixels sees, widens the extent of the grid.
     """
     half = 2.0**-10
     small = quad((-half, -half, 0), (half, -half, 0), (half, half, 0), (-half, half, 0))
@@ -208,8 +211,8 @@ def one_light_cell(directional: bool, turn: int) -> Trial:
 def t_junctions(exact: bool, turn: int = 0, scale: float = 1.0) -> Trial:
     """Coarse squares beside strips of fine ones, whose vertices stand on the edges of the coarse ones.
 
-    ``exact``: on dyadic coordinates, where no gap is left and rays pass exactly along these edges; otherwise the vertices
-    are rounded off the edges, and rays may pass between.
+    ``exact``: on dyadic coordinates, where no gap is left and rays pass exactly along these edges; otherwise rounding
+    moves the vertices off the edges, and rays may pass between.
     """
     fine = np.arange(-8, 9) / 8
     coarse = np.array([-1.0, 0.0, 1.0])

@@ -1,8 +1,9 @@
-"""The code of a Python file without its comments, docstrings and layout, so that a hash of it stays when only these change.
+"""The code of a Python file without its comments, docstrings and layout, so that its hash does not change if only these
+do.
 
 The code is the sequence of tokens. Comments, blank lines, the width of an indentation and blanks between tokens do not
 count, nor does a statement that is only a string (the docstring of a module, class or function, the text below an
-attribute): it does nothing. A program that reads ``__doc__`` as data is not protected.
+attribute): it does nothing. Changes of a docstring that a program reads as data (``__doc__``) are not seen.
 """
 
 from __future__ import annotations
@@ -13,10 +14,11 @@ import tokenize
 from collections.abc import Iterator
 
 LAYOUT = {tokenize.NEWLINE: "end", tokenize.INDENT: "in", tokenize.DEDENT: "out"}
-"""The tokens of layout that are part of a program's meaning. A token of the text is preceded by a blank instead."""
+"""Names for the tokens of layout that are part of a program's meaning. A token of the text has a blank before it
+instead."""
 
 WORD = (tokenize.NAME, tokenize.ERRORTOKEN)
-"""What a name is made of: before Python 3.12, ``tokenize`` splits names with some letters, such as U+2118."""
+"""The tokens of a name: before Python 3.12, ``tokenize`` splits names with some letters, such as U+2118."""
 
 IGNORED = (tokenize.COMMENT, tokenize.NL, tokenize.ENDMARKER, tokenize.ENCODING)
 
@@ -31,7 +33,8 @@ Place = tuple[int, int]
 
 
 def code_of(source: bytes) -> bytes:
-    """The code of a Python file, the same for every version of Python that can read it; all of a file that none can."""
+    """The code of a Python file, the same for every version of Python that can parse it; the whole file if it cannot be
+    parsed."""
     try:
         encoding, _ = tokenize.detect_encoding(io.BytesIO(source).readline)
         text = source.decode(encoding).replace("\r\n", "\n").replace("\r", "\n")

@@ -89,7 +89,7 @@ class Bar(Silent):
         self.bar.stop()
 
     def steps(self, count: int) -> None:
-        self.end = None  # what was estimated was of other steps
+        self.end = None  # the earlier estimate was for other steps
         self.bar.update(self.task, total=count, completed=0)
 
     def doing(self, what: str, who: str = "") -> None:
@@ -120,7 +120,7 @@ class Bar(Silent):
         self._line(f"{what}: {result}{why}")
 
     def _short(self, record: Record) -> str:
-        """Says so where the budget ended before all rounds."""
+        """A text if the budget ended before all rounds."""
         taken, asked = len(record.rounds or ()), record.point.get("rounds") or 0
         if not 0 < taken < asked:
             return ""

@@ -35,7 +35,7 @@ def load_command(
 
 
 def prepare_command(options: Options, job: Job, answers: bool = True) -> dict[str, Any]:
-    """The command to prepare a point; ``answers``: and to hand over its answers."""
+    """The command to prepare a point; with ``answers``, also to hand over its answers."""
     preset = options.preset
     spec = {
         "key": job.point.key,

@@ -50,12 +50,12 @@ class Run:
     report: Silent
     environment: str = ""
     once: float = 0.0
-    """Seconds of the current scene spent on what is done once: starting processes, compiling kernels."""
+    """Seconds of the current scene spent on one-time work: starting processes, compiling kernels."""
     estimate: Estimate = field(default_factory=lambda: Estimate(()))
     unit: Unit = field(default_factory=lambda: Unit(0.0, 0))
     """The points of the current scene."""
     began: float = 0.0
-    """When they began; seconds of waiting for other runs are taken away."""
+    """When they began; the time of waiting for other runs is subtracted."""
     name: str = field(default_factory=lambda: os.urandom(6).hex())
     """Tables compare only points of one run, because the points of a scene are interleaved."""
     turns: Turns = field(default_factory=Turns)
@@ -127,7 +127,7 @@ class Run:
         self.report.left(self.estimate.left_within(self.unit, measured, self._spent_on_scene(), rest))
 
     def _spent_on_scene(self) -> float:
-        """Seconds that the current scene has taken, without what is done once."""
+        """Seconds that the current scene has taken, without one-time work."""
         seconds = time.monotonic() - MACHINE.waited - self.began
         return max(seconds - self.once, 0.1 * seconds)
 

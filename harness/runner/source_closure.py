@@ -27,7 +27,7 @@ ROOT = Path(__file__).parents[2]
 
 SAMPLING = f"{HARNESS}.runner.timing"
 MEASURING = (f"{HARNESS}.runner.measure",)
-"""What loads the frames of every method, takes the samples and counts the memory."""
+"""The modules that load the frames of every method, take the samples and count the memory."""
 
 
 def source_hash(cls: type, root: Path = ROOT) -> str:
@@ -139,10 +139,10 @@ def project(root: Path = ROOT) -> dict[str, Path]:
 
 
 def distribution(name: str, file: Path) -> dict[str, Path]:
-    """The places of what belongs to the same distribution as a module of someone else's.
+    """The places of the packages and modules of the same distribution as a given module from elsewhere.
 
-    That is its top-level package, and the others that were installed with it; where it was not installed (a script,
-    an editable install) those that lie beside it.
+    These are its top-level package and the others that were installed with it. If it was not installed (a script, an
+    editable install), they are those beside it.
     """
     top = name.partition(".")[0]
     up = name.count(".") + (file.name == "__init__.py")
@@ -155,7 +155,7 @@ def distribution(name: str, file: Path) -> dict[str, Path]:
         same = {one for one, names in owners.items() if set(names) & set(owners.get(top, ()))}
         beside = {one: place for one, place in beside.items() if one in same or one == top}
     places = {top: folder / top, **beside}
-    if _file(name, places) != file:  # its folders are not called as its packages are
+    if _file(name, places) != file:  # the names of its folders differ from those of its packages
         package, _, module = name.rpartition(".")
         places |= (
             {name: file.parent}

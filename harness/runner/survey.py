@@ -84,14 +84,14 @@ def seconds_left(points: list[Planned]) -> tuple[float, bool]:
 
 
 def duration(seconds: float) -> str:
-    """In words: "40 s", "5 min", "2.5 h"."""
+    """A duration as text: "40 s", "5 min", "2.5 h"."""
     if seconds < 100:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
 
 
 def announcement(options: Options, points: list[Planned]) -> str:
-    """What a run is going to do, in one line."""
+    """The plan of a run, in one line."""
     to_do, scenes = sum(p.to_do for p in points), len({p.scene for p in points})
     count = f"{len(points)} point{'s' * (len(points) != 1)} on {scenes} scene{'s' * (scenes != 1)}"
     name = f"{options.experiment.name}, preset {options.preset_name}, on {device_title(options.device)}"
@@ -108,7 +108,7 @@ def announcement(options: Options, points: list[Planned]) -> str:
 
 
 def busy(device: str) -> str:
-    """A warning where the machine has more to do than it has cores; "" elsewhere."""
+    """A warning if the load of the machine exceeds its cores; else ""."""
     load, cores = os.getloadavg()[0], len(os.sched_getaffinity(0))
     if load <= CROWDED * cores:
         return ""
@@ -127,7 +127,7 @@ def as_json(points: list[Planned]) -> dict[str, Any]:
 
 
 def as_text(options: Options, points: list[Planned]) -> str:
-    """What ``run --dry-run`` prints: a line a point, and the announcement of the run."""
+    """The output of ``run --dry-run``: one line per point, and the announcement of the run."""
     lines = []
     for p in points:
         where = f"{p.scene}, {p.light}" if p.light else p.scene

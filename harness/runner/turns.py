@@ -24,7 +24,7 @@ class CardTurns(Turns):
     """Several cards of a machine measure at the same time. The caller holds the lock of its card.
 
     The clock of a GPU times a captured graph, whatever the host does meanwhile. A method on the CPU, and one whose
-    launches the host must keep up with, needs the machine alone: all others pause between two of their rounds.
+    launches the host must issue in time, needs the machine alone: all others pause between two of their rounds.
     """
 
     def measuring(self) -> contextlib.AbstractContextManager[None]:

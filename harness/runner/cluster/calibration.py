@@ -1,4 +1,5 @@
-"""How fast a card is now: two fixed kernels, one bound by arithmetic and one by memory, timed before and after a shard."""
+"""The present speed of a card: two fixed kernels, one bound by arithmetic and one by memory, timed before and after a
+shard."""
 
 from __future__ import annotations
 
@@ -20,7 +21,8 @@ SAMPLES = 15
 
 @dataclass(frozen=True)
 class Size:
-    """``threads`` that each do ``steps`` dependent multiply-adds, and ``words`` of 4 bytes that are read and written."""
+    """Size of the kernels: ``threads`` that each do ``steps`` dependent multiply-adds; ``words`` of 4 bytes that are read
+    and written."""
 
     threads: int
     steps: int
@@ -44,7 +46,7 @@ class Calibration:
         return max(max(a, b) / min(a, b) - 1.0 for a, b in pairs)
 
     def facts(self) -> dict[str, float]:
-        """As the log of a cluster has it, and as :meth:`read` reads it."""
+        """The calibration as the log of a cluster stores it; :meth:`read` reads it."""
         return {"arithmetic_ms": round(self.arithmetic_ms, 5), "memory_ms": round(self.memory_ms, 5)}
 
     @staticmethod

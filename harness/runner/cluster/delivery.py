@@ -1,4 +1,4 @@
-"""What goes from a results folder to a worker, and what comes back: written as a run on one machine writes it."""
+"""Files that go from a results folder to a worker and back; they are stored as a run on one machine stores them."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Delivery:
         try:
             records = read_records(place)
         except UserError:
-            records = []  # nothing is there yet, or what is there is no record and is measured again
+            records = []  # there is no record yet, or the file is invalid and the point is measured again
         for record in records:
             size = (record.point["width"], record.point["height"])
             if record.scene["name"] == scene and size == (preset.width, preset.height):

@@ -1,8 +1,8 @@
-"""The client's side of a run on a cluster: hand out shards, take in results, say what was lost.
+"""The client's side of a run on a cluster: hand out shards, collect results, report what was lost.
 
 Every worker has at most one shard, and a shard is pinned to its worker, so Dask itself never repeats one. If a worker is
-lost, that is written into ``cluster.jsonl``, and its shard goes to another worker. What is delivered goes into the results
-folder as a run on one machine writes it.
+lost, that is written into ``cluster.jsonl``, and its shard goes to another worker. Results are stored in the results
+folder as a run on one machine stores them.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from .shard import TOPIC, Outcome, Shard, Worker, code_hash, introduce, measure
 
 POLL_S = 0.1
 LOOK_S = 1.0
-"""Seconds between two looks at which workers there are."""
+"""Seconds between two queries for the present workers."""
 
 ATTEMPTS = 3
 """How many workers may be lost with the same shard before its points count as failed."""
@@ -112,7 +112,7 @@ class ClusterRun:
             return charged_records(self.folder, [record for record in records if record is not None])
 
     def _shards(self) -> list[Shard]:
-        """One a scene and size, the largest first, so that the last ones are short."""
+        """One shard per scene and size, the largest first, so that the last ones are short."""
         shards: list[Shard] = []
         named = Experiment(self.options.experiment.name, self.options.experiment.title, {})
         for part in self.options.preset.parts():
@@ -123,7 +123,7 @@ class ClusterRun:
         return sorted(shards, key=lambda one: -expected_work(_scene(one), one.options.preset))
 
     def _turn(self) -> None:
-        """Look at the workers, take what is done, hand out what is to do."""
+        """Check the workers, collect finished shards, hand out the next ones."""
         if time.monotonic() - self.looked > LOOK_S:
             self.looked = time.monotonic()
             self._look()
@@ -170,7 +170,7 @@ class ClusterRun:
             raise self._ended("no worker is left")
 
     def _admit(self, address: str, worker: Worker) -> None:
-        """Take a worker into the run, if it runs the same code on a card that can stand in one column with the others."""
+        """Add a worker to the run if it runs the same code on a card that can share a column with the others."""
         reason = ""
         if worker.code != code_hash():
             reason = "it has other source files of shadowbench than this machine; install the same version"
@@ -217,7 +217,7 @@ class ClusterRun:
         return self.pool.client.submit(work, what, pure=False, retries=0, **pinned)
 
     def _give(self, address: str, worker: Worker) -> None:
-        """Hand the worker a shard: one that its machine has begun on this card, else the largest."""
+        """Hand the worker a shard: one that was begun on this card of its machine, else the largest."""
         begun = (one for one in self.todo if spool.name_of(one.options, worker.card) in worker.held)
         shard = next(begun, self.todo[0])
         self.todo.remove(shard)
@@ -254,7 +254,8 @@ class ClusterRun:
             self._take(address, task.shard, result)
 
     def _take(self, address: str, shard: Shard, outcome: Outcome) -> None:
-        """Write what a worker delivers. What was measured on a card that is too far from the others goes beside."""
+        """Store the results of a worker. Those of a card that differs too much from the others go into a folder of their
+        own."""
         points = {n: p.facts() for n, p in (("before", outcome.before), ("after", outcome.after)) if p}
         about = {"scene": _scene(shard), "size": _size(shard), "card": outcome.card, **points}
         gap = outcome.apart
@@ -301,7 +302,7 @@ class ClusterRun:
         self.report.done()
 
     def _device(self) -> tuple[str, str]:
-        """Name and product name of the device that the points are of."""
+        """Name and product name of the device of the points."""
         names = [event["device_name"] for event in self.ledger.events("card")]
         return self.options.device, names[-1] if names else ""
 

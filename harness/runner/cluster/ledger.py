@@ -1,7 +1,7 @@
-"""What happened on a cluster, beside the records: cards with their calibration, shards, and workers that were lost.
+"""The log of a run on a cluster: cards with their calibration, shards, and workers that were lost.
 
-``cluster.jsonl`` in a results folder, a line an event. It also holds the cards of earlier runs into the folder, because
-cards that are too far apart are not merged into one column, and a column is of one folder.
+``cluster.jsonl`` in a results folder has one line per event. It also has the cards of earlier runs into the folder,
+because all results of a folder share columns, and results of cards that differ too much are not merged into one column.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Ledger:
 
 
 def middle(points: list[Calibration]) -> Calibration:
-    """The median of calibration points, number by number."""
+    """The median of calibration points, separately for each kernel."""
     return Calibration(
         median(point.arithmetic_ms for point in points), median(point.memory_ms for point in points)
     )

@@ -1,4 +1,4 @@
-"""Workers: those of this machine, one a GPU, or those of any Dask scheduler; and which of them are there."""
+"""Workers: those of this machine, one per GPU, or those of any Dask scheduler; and which of them are present."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ RESOURCES = {"cuda": "GPU", "cpu": "CPU"}
 
 
 class SchedulerLostError(Exception):
-    """The scheduler ended or cannot be reached any more."""
+    """The scheduler has ended or can no longer be reached."""
 
 
 @dataclass
@@ -43,7 +43,7 @@ class Pool:
 
     @property
     def resources(self) -> dict[str, float]:
-        """What a task takes of a worker."""
+        """The resources that a task takes of a worker."""
         return {RESOURCES[self.kind]: 1}
 
     def workers(self) -> dict[str, str]:
@@ -58,7 +58,7 @@ class Pool:
         }
 
     def info(self) -> dict[str, Any]:
-        """What the scheduler knows of every worker."""
+        """The scheduler's information on every worker."""
         if self.client.status != "running":
             raise SchedulerLostError
         try:
@@ -156,7 +156,7 @@ def _cards(kind: str | None) -> list[str]:
 
 @contextlib.contextmanager
 def _local(distributed: Any, cards: list[str]) -> Iterator[Any]:
-    """A scheduler in this process, and one worker process a GPU that sees this GPU alone; without GPUs one worker."""
+    """A scheduler in this process, and one worker process per GPU, which sees only this GPU; without GPUs, one worker."""
     options = {"nthreads": 1, "memory_limit": 0, "dashboard": False, "silence_logs": logging.CRITICAL}
     specs: dict[Any, Any] = {}
     for number, card in enumerate(cards or [""]):
@@ -192,7 +192,7 @@ LOGS = ("distributed", "tornado", "asyncio", "bokeh")
 
 
 def _quiet() -> None:
-    """What happens is said once, by this program; Dask's own log only with ``--debug``."""
+    """This program reports every event once; Dask's own log is shown only with ``--debug``."""
     if not os.environ.get("SHADOWBENCH_DEBUG"):
         known = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] in LOGS]
         for name in (*LOGS, *known):

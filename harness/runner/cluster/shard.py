@@ -38,7 +38,7 @@ TOPIC = "shadowbench"
 
 @dataclass(frozen=True)
 class Worker:
-    """What a worker says of itself. ``card`` and ``host`` are hashes: they identify, and tell no name or serial number.
+    """A worker's description of itself. ``card`` and ``host`` are hashes: they identify without a name or serial number.
 
     code   hash of the source of this project; warp, python: versions
     held   names of the shards that wait in its :mod:`.spool`
@@ -57,7 +57,7 @@ class Worker:
 
 @dataclass(frozen=True)
 class Shard:
-    """What is to be measured. ``options``: of one scene; ``known``: files of the results folder that concern it.
+    """The points to be measured. ``options``: of one scene; ``known``: files of the results folder that concern it.
 
     run        the name of the run, common to all its shards; attempt: which one this is, from 1
     reference  card and calibration that this card must be within ``limit`` of; None: there is none yet
@@ -77,7 +77,7 @@ class Shard:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a shard. ``folder``: its name in the :mod:`.spool` of the worker.
+    """The outcome of a shard. ``folder``: its name in the :mod:`.spool` of the worker.
 
     apart  how far the card was from the reference before the shard, if too far; nothing was measured then
     keys   the keys of all its points in the declared order
@@ -95,7 +95,7 @@ class Outcome:
 
 @functools.cache
 def code_hash() -> str:
-    """The hash of every module of this project, so that all workers run the same."""
+    """The hash of the code of all modules of this project, so that all workers run the same code."""
     files = {
         f"{package}/{path.relative_to(root).as_posix()}": path
         for package, root in project().items()
@@ -124,7 +124,7 @@ def card_lock(device: str) -> MachineLock:
 
 
 def introduce(device: str) -> Worker:
-    """What this worker is, with a calibration point. Runs in a worker, as a task."""
+    """The worker's description of itself, with a calibration point. Runs in a worker, as a task."""
     start_warp()
     with card_lock(device).exclusive():
         calibration = _calibrated(device)
@@ -170,7 +170,7 @@ class Relay(Silent):
 
 
 def measure(shard: Shard) -> Outcome:
-    """Measure one shard. Runs in a worker, as a task; what it raises, the client reports.
+    """Measure one shard. Runs in a worker, as a task; the client reports its exceptions.
 
     The lock of the card is held from the first calibration point to the last, so nothing else measures on it between.
     """

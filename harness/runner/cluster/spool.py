@@ -2,7 +2,7 @@
 
 It is a results folder. A shard that was interrupted (its worker was killed, its scheduler ended, its network failed)
 continues there as an interrupted run continues in its folder, if the same card gets it again. Another card starts again:
-the rounds of one point are never of two cards.
+all rounds of a point are of one card.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ PLACE = "SHADOWBENCH_SHARDS"
 """The environment variable that gives the folder of the shards of a machine."""
 
 KEPT_S = 14 * 24 * 3600.0
-"""Seconds after which what was never fetched is removed."""
+"""Seconds after which results that were not fetched are removed."""
 
 DELIVERED = ("records", "environments", "images", "maps", "answers", "truth")
 """Folders of a results folder that are delivered; of ``truth``, the exact references, which are large, only the disputes."""
@@ -56,7 +56,7 @@ def name_of(options: Options, card: str) -> str:
 
 
 def held() -> list[str]:
-    """The names of the folders that wait on this machine; what is too old is removed."""
+    """The names of the folders that wait on this machine; folders that are too old are removed."""
     names = []
     for folder in sorted(place().glob("*")):
         with contextlib.suppress(OSError):
@@ -74,7 +74,7 @@ def forget(name: str) -> None:
 
 
 def fill(folder: Path, files: Files) -> None:
-    """Put what is known already into the folder; what the folder has itself is newer, and stays."""
+    """Write the known files into the folder. Files that the folder already has are newer, and stay."""
     folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     os.utime(folder)
     for name, content in files.items():
@@ -83,7 +83,7 @@ def fill(folder: Path, files: Files) -> None:
 
 
 def fresh(folder: Path, known: Files) -> Files:
-    """What is to be delivered: files that were not sent, or that changed since."""
+    """The files to be delivered: those that were not sent, or that have changed since."""
     paths = [folder / name for name in SINGLE]
     for part in DELIVERED:
         pattern = "disputes-*.npz" if part == "truth" else "*"

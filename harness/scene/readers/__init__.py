@@ -1,1 +1,1 @@
-"""Readers of scene files, one format a file."""
+"""Readers of scene files, one module per format."""
