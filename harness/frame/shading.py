@@ -12,7 +12,7 @@ The picture shows the answers of a method: the triangle gives the normal, t the 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import warp as wp
@@ -212,11 +212,10 @@ def shaded(
     moment: Moment,
     answers: dict[str, NDArray],
     lights: Sequence[Light],
-    block: int,
-) -> Iterator[tuple[slice, NDArray[np.float32]]]:
-    """Linear colours float32 [n, 3] of answers on the host (:meth:`.frame.frame.Answers.to_host`), in blocks of ``block``
-    pixels.
+) -> Callable[[int, int], NDArray[np.float32]]:
+    """A function (first pixel, number of pixels) to their linear colours, float32 [n, 3].
 
+    It colours answers on the host (:meth:`.frame.frame.Answers.to_host`). On a CPU, several threads may call it at once.
     The bits of lights without shadows do not count. ``lights`` gives colours and flags; positions and spots come from
     the moment. Runs on the CPU; if Warp cannot compile for it, on the first GPU.
     """
@@ -262,11 +261,13 @@ def shaded(
     )
     inputs = [bounces, camera, mesh, looks, hits, on_device(bits, wp.uint8), mirrored]
     kernel = specialised(color_kernel, Switches(bounced=bounces > 0, orthographic=moment.orthographic))
-    color = wp.zeros(min(block, pixels), dtype=wp.vec3f, device=device)
-    for start in range(0, pixels, block):
-        count = min(block, pixels - start)
-        wp.launch(kernel, dim=count, inputs=[start, *inputs], outputs=[color], device=device)
-        yield slice(start, start + count), color.numpy()[:count]
+
+    def colors(first: int, count: int) -> NDArray[np.float32]:
+        color = wp.empty(count, dtype=wp.vec3f, device=device)
+        wp.launch(kernel, dim=count, inputs=[first, *inputs], outputs=[color], device=device)
+        return color.numpy()
+
+    return colors
 
 
 BOUNCED = (

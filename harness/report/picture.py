@@ -6,9 +6,11 @@ Never part of anything timed. What is shown is what a method answered (:mod:`.fr
 from __future__ import annotations
 
 import io
+import os
 import struct
 import zlib
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -36,8 +38,9 @@ UNREADABLE = (
 )  # fmt: skip
 """What Pillow raises for a file that is no whole picture."""
 
-BLOCK = 1 << 18
-"""Pixels displayed at a time, so that a large picture needs little memory."""
+BLOCK = 1 << 16
+"""Pixels of a thread at a time, so that a large picture needs little memory."""
+THREADS = min(8, os.cpu_count() or 1)
 
 
 def shade(
@@ -49,9 +52,17 @@ def shade(
              what mirrored rays met, where they are among them
     lights   colour, intensity and fall-off of each light of ``moment``, in the same order; places are the moment's
     """
-    picture = np.empty((moment.width * moment.height, 3), dtype=np.uint8)
-    for pixels, color in shaded(prepared, moment, answers, lights, BLOCK):
-        picture[pixels] = display(color.astype(np.float64))
+    pixels = moment.width * moment.height
+    picture = np.empty((pixels, 3), dtype=np.uint8)
+    colors = shaded(prepared, moment, answers, lights)
+
+    def part(first: int) -> None:
+        count = min(BLOCK, pixels - first)
+        picture[first : first + count] = display(colors(first, count).astype(np.float64))
+
+    part(0)  # alone: the first launch loads the kernel
+    with ThreadPoolExecutor(THREADS) as pool:
+        list(pool.map(part, range(BLOCK, pixels, BLOCK)))
     return picture.reshape(moment.height, moment.width, 3)
 
 
