@@ -1,6 +1,6 @@
 """What accuracy costs: one safety measure at a time, the sensible combinations, and the shadow maps of engines.
 
-One plain tree (``accuracy_ladder``) carries the knobs that any tracer has, so that nothing else changes between two
+One plain tree (``accuracy_ladder``) has the parameters that any tracer has, so that nothing else changes between two
 points: triangle test, start of the shadow rays, padding of boxes, float arithmetic. The paper's grids carry those of
 their own: bounds of a triangle on the light's sphere, the light's frame, culling. Beside them stand the methods as
 people use them, and shadow maps from 512 texels upward. Labels read "family: level"; a family has one colour.
@@ -24,39 +24,39 @@ REAL = ("bunny",) if find_spec("pxr") else ()
 QUICK_SCENES = (*(REAL or ("sibenik",)), "conference")
 
 
-def _knob(label: str, **settings: str) -> Entry:
+def _tree(label: str, **settings: str) -> Entry:
     return Entry("accuracy_ladder", settings, label)
 
 
 EXACT = "exact tree: every measure"
 LADDER = (
-    _knob(EXACT),
-    _knob("triangle test: Möller-Trumbore", test="moller_trumbore"),
-    _knob("triangle test: M.-T., det > 1e-7", test="moller_trumbore_epsilon"),
-    _knob("triangle test: Woop", test="woop"),
-    _knob("triangle test: Woop, zeros in float64", test="woop_float64"),
-    _knob("triangle test: edge planes", test="edge_planes"),
-    _knob("triangle test: float64", test="float64"),
-    _knob("shadow origin: own triangle skipped", origin="identity"),
-    _knob("shadow origin: barycentric, as it is", origin="barycentric"),
-    _knob("shadow origin: o + t d, as it is", origin="ray"),
-    _knob("shadow origin: 1e-2 radii", origin="epsilon_1e-2"),
-    _knob("shadow origin: 1e-4 radii", origin="epsilon_1e-4"),
-    _knob("shadow origin: 1e-6 radii", origin="epsilon_1e-6"),
-    _knob("shadow origin: Wächter-Binder", origin="wachter_binder"),
-    _knob("shadow origin: error bound", origin="error_bound"),
-    _knob("tree: boxes not padded", padding="none"),
-    _knob("tree: boxes padded by 3 ulp", padding="3_ulp"),
-    _knob("tree: fast math", fast_math="true"),
-    _knob(
+    _tree(EXACT),
+    _tree("triangle test: Möller-Trumbore", test="moller_trumbore"),
+    _tree("triangle test: M.-T., det > 1e-7", test="moller_trumbore_epsilon"),
+    _tree("triangle test: Woop", test="woop"),
+    _tree("triangle test: Woop, zeros in float64", test="woop_float64"),
+    _tree("triangle test: edge planes", test="edge_planes"),
+    _tree("triangle test: float64", test="float64"),
+    _tree("shadow origin: own triangle skipped", origin="identity"),
+    _tree("shadow origin: barycentric, as it is", origin="barycentric"),
+    _tree("shadow origin: o + t d, as it is", origin="ray"),
+    _tree("shadow origin: 1e-2 radii", origin="epsilon_1e-2"),
+    _tree("shadow origin: 1e-4 radii", origin="epsilon_1e-4"),
+    _tree("shadow origin: 1e-6 radii", origin="epsilon_1e-6"),
+    _tree("shadow origin: Wächter-Binder", origin="wachter_binder"),
+    _tree("shadow origin: error bound", origin="error_bound"),
+    _tree("tree: boxes not padded", padding="none"),
+    _tree("tree: boxes padded by 3 ulp", padding="3_ulp"),
+    _tree("tree: fast math", fast_math="true"),
+    _tree(
         "tree: all of it float32, careful", test="woop_float64", origin="error_bound", padding="rounding"
     ),
-    _knob(
+    _tree(
         "tree: all of it float32, careless", test="moller_trumbore_epsilon", origin="epsilon_1e-4", padding="none",
         fast_math="true",
     ),
 )  # fmt: skip
-"""One knob at a time away from the exact tree; then all of them in float32, with care and without."""
+"""One parameter at a time away from the exact tree; then all of them in float32, with care and without."""
 
 GRIDS = "as used: perspective and spherical grids"
 
@@ -76,7 +76,7 @@ IN_GRIDS = (
     _grids("back faces culled", cull="primary"),
     _grids("back faces culled, lights too", cull="primary+light"),
 )
-"""One knob at a time away from the grids as they are. Scenes that are not declared closed refuse culling."""
+"""One parameter at a time away from the grids as they are. Scenes that are not declared closed refuse culling."""
 
 PEERS = (
     Entry("perspective_spherical", {}, GRIDS),
@@ -124,12 +124,12 @@ SHOWN = (
 """Points whose wrong pixels are shown, where they were run."""
 
 GRID = (
-    _knob("float64 hit point (ours)"),
-    _knob("error bound", origin="error_bound"),
-    _knob("Wächter-Binder", origin="wachter_binder"),
-    _knob("own triangle skipped", origin="identity"),
-    _knob("1e-4 radii", origin="epsilon_1e-4"),
-    _knob("1e-6 radii", origin="epsilon_1e-6"),
+    _tree("float64 hit point (ours)"),
+    _tree("error bound", origin="error_bound"),
+    _tree("Wächter-Binder", origin="wachter_binder"),
+    _tree("own triangle skipped", origin="identity"),
+    _tree("1e-4 radii", origin="epsilon_1e-4"),
+    _tree("1e-6 radii", origin="epsilon_1e-6"),
     Entry("perspective_spherical", {}, "grids (ours)"),
     Entry("perspective_spherical", {"light_bounds": "vertices"}, "grids, vertex bounds"),
     Entry("embree", {}, "Embree, robust"),

@@ -11,6 +11,7 @@ from ..errors import UserError, did_you_mean
 from ..frame.registry import method_class, method_names, parameters
 from ..runner.experiment import experiment_names, find_experiment
 from ..scene.catalogue import TITLES, resolve, scene_names
+from ..scene.standins import balls
 
 KINDS = ("methods", "scenes", "experiments")
 
@@ -37,15 +38,25 @@ def methods() -> list[dict[str, Any]]:
 
 
 def scenes() -> list[dict[str, Any]]:
-    """The scenes of the catalogue; for a stand-in also what it replaces. A mesh file can be given instead of a name."""
+    """The scenes of the catalogue and the family of balls; for a stand-in also what it replaces.
+
+    A mesh file can be given instead of a name.
+    """
     rows = []
     for name in scene_names():
         try:
             found = resolve(name)
-            rows.append({"name": name, "title": TITLES[name], "stand_in": found.stand_in})
+            about = found.stand_in or found.notes
+            rows.append({"name": name, "title": TITLES[name], "stand_in": found.stand_in, "about": about})
         except UserError as error:  # one broken original or a missing package must not hide the others
-            rows.append({"name": name, "title": f"{TITLES[name]}: {error}", "stand_in": None})
-    return rows
+            rows.append({"name": name, "title": f"{TITLES[name]}: {error}", "stand_in": None, "about": ""})
+    return [*rows, {"name": "balls-N", "title": "Balls over ground", "stand_in": None, "about": BALLS}]
+
+
+BALLS = (
+    f"procedural, with about N triangles, such as {balls.EXAMPLE} or balls-2m; {balls.EXAMPLE}-seen10: the ground is seen "
+    f"by 10 % of the pixels; {balls.EXAMPLE}-moving30: 30 % of the triangles move"
+)
 
 
 def experiments() -> list[dict[str, Any]]:
@@ -74,8 +85,8 @@ def as_text(rows: list[dict[str, Any]], columns: int | None = None) -> str:
     for row in rows:
         devices = f" [{', '.join(row['devices'])}]" if row.get("devices") else ""
         add(row["title"] + devices, f"{row['name']:{width}}", " " * width)
-        if row.get("stand_in"):
-            add(row["stand_in"], " " * width)
+        if row.get("about"):
+            add(row["about"], " " * width)
         if row.get("presets"):
             add(", ".join(f"{key}: {value}" for key, value in row["presets"].items()), " " * width)
         for known in row.get("parameters", {}).values():

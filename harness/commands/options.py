@@ -111,8 +111,10 @@ def _place(option: str, text: str) -> Vector:
         x, y, z = (float(number) for number in text.split(","))
     except ValueError:
         raise UserError(f"{option} {text!r}: give three numbers, as in {option} 0,1.7,4") from None
+    if any(number != number for number in (x, y, z)):
+        raise UserError(f"{option} {text!r}: nan is not a number; give three numbers, as in {option} 0,1.7,4")
     if not all(abs(number) <= FARTHEST for number in (x, y, z)):
-        raise UserError(f"{option} {text!r}: is outside the range of float32")
+        raise UserError(f"{option} {text!r}: a number is outside the range of float32, -3.4e38 to 3.4e38")
     return x, y, z
 
 

@@ -19,6 +19,7 @@ from ..runner.experiment import Entry, parse_size
 from ..runner.points import parse_settings
 from ..scene.catalogue import resolve
 from ..scene.effects import Effects
+from ..scene.facts import triangles
 from ..scene.prepared import Prepared, prepare
 from ..scene.scene import Scene
 from .options import Device, Json, Methods, SceneDir, Settings, Size
@@ -93,7 +94,7 @@ def declared(scene: Scene, prepared: Prepared) -> dict[str, Any]:
         words.append("moving" if scene.light_path is not None else "fixed")
         lights.append(", ".join(words))
     return {
-        "geometry": f"{prepared.triangle_count:,} triangles, {moves}",
+        "geometry": f"{triangles(prepared.triangle_count)}, {moves}",
         "closed": scene.closed,
         "camera": "moving" if scene.camera_moves else "fixed",
         "lights": lights,

@@ -15,6 +15,7 @@ from ..frame.session import Session
 from ..runner.experiment import parse_size
 from ..runner.machine_lock import MACHINE
 from ..scene.catalogue import resolve
+from ..scene.facts import triangles
 from ..scene.light_paths import Orbit, vector
 from ..scene.prepared import Prepared, prepare, under
 from ..scene.scene import Scene
@@ -49,7 +50,7 @@ class Renderer:
         picture = shade(self.prepared, moment, answers, self.prepared.lights(frame))
         described = self.prepared.scene
         if described.stand_in:
-            facts = f"{self.prepared.triangle_count:,} triangles"
+            facts = triangles(self.prepared.triangle_count)
             picture = captioned(picture, described.title, facts, described.stand_in)
         return picture
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..judge.counts import ReferenceErrors, Score, total
 from ..judge.verdict import EXCUSED_LIMIT, Verdict
+from ..scene.facts import triangles
 from .tables import make_console, make_table, print_legend, print_lines
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ def print_reports(reports: list[dict[str, Any]]) -> None:
             notes.append(
                 f"reference on {scene}: wrong answers of Embree among {most.primary.judged:,} pixels decided exactly"
             )
-        facts = [scene, f"{report['triangles']:,} triangles", *filter(None, [report["view"]])]
+        facts = [scene, triangles(report["triangles"]), *filter(None, [report["view"]])]
         print_lines(console, ", ".join(facts))
         console.print(table)
     print_lines(console, *dict.fromkeys(notes))

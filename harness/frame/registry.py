@@ -169,7 +169,7 @@ def _replaced(method: str, block: Any, texts: dict[str, str]) -> Any:
                 dataclasses.replace(block, **{key: values[key]})
             except (ValueError, TypeError) as own:
                 if str(own) == str(error):
-                    raise _invalid(method, key, kinds[key], texts[key], own) from own
+                    raise UserError(f"{method}.{key}={texts[key]!r}: {own}") from own
         said = ", ".join(f"{method}.{key}={text!r}" for key, text in texts.items())
         raise UserError(f"{said}: {error}") from error
 
@@ -180,11 +180,9 @@ def _value(method: str, key: str, kind: Any, text: str) -> Any:
             return {"true": True, "1": True, "false": False, "0": False}[str(text).lower()]
         return kind(text)
     except (KeyError, ValueError, TypeError) as error:
-        raise _invalid(method, key, kind, text, error) from error
+        wanted = WANTED.get(kind, f"a valid {getattr(kind, '__name__', kind)}")
+        raise UserError(f"{method}.{key}={text!r}: not {wanted}") from error
 
 
-def _invalid(method: str, key: str, kind: Any, text: str, error: Exception) -> UserError:
-    detail = str(error) if isinstance(error, ValueError) else ""
-    if kind is not str or not detail:  # any text is a valid str; what its parameter allows is in the detail
-        detail = f"not a valid {getattr(kind, '__name__', kind)}" + (f": {detail}" if detail else "")
-    return UserError(f"{method}.{key}={text!r}: {detail}")
+WANTED = {int: "a whole number", float: "a number", bool: "true or false"}
+"""What a text must be for a parameter of a type."""

@@ -16,6 +16,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from ..errors import warn
 from ..results.folder import image_name
+from ..scene.facts import triangles
 from ..scene.moment import Moment
 from ..scene.prepared import Prepared
 from ..scene.scene import Light
@@ -51,7 +52,7 @@ def scene_picture(
     picture = picture[::skip, ::skip]
     factor = max(1, min(-(-SMALLEST // picture.shape[1]), TALLEST // picture.shape[0]))
     picture = picture.repeat(factor, axis=0).repeat(factor, axis=1)
-    facts = f"{prepared.triangle_count:,} triangles"
+    facts = triangles(prepared.triangle_count)
     if prepared.frame_count > 1:
         facts += f", frame {moment.index + 1} of {prepared.frame_count}"
     facts += f", {moment.width}x{moment.height}"

@@ -81,7 +81,7 @@ def resolve(name: str | Path, scene_dir: str | Path | None = None, within: tuple
     if exists(path) or path.suffix.lower() in SUFFIXES or path.parent != Path("."):
         known = path.stem.lower()
         return _from_files(path, known if known in NAMES else _plain(path.stem), path.name)
-    raise UserError(f"no scene or file {text!r}{did_you_mean(text, scene_names())}")
+    raise UserError(f"no scene or file {text!r}{did_you_mean(text, [*scene_names(), balls.EXAMPLE])}")
 
 
 def folder(scene_dir: str | Path | None = None) -> Path | None:
@@ -156,7 +156,7 @@ def _bunny() -> Scene:
         )
     if not usd.available():
         raise UserError(f"bunny: {usd.missing()}")
-    return replace(_from_files(path, BUNNY, TITLES[BUNNY]), notes="bunny.usd of the warp-lang package")
+    return replace(_from_files(path, BUNNY, TITLES[BUNNY]), notes="a real mesh, bunny.usd of the warp-lang package")
 
 
 def _plain(stem: str) -> str:

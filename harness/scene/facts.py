@@ -62,14 +62,21 @@ def surface_facts(prepared: Prepared) -> dict[str, str]:
     return {"surfaces_sha256": array_hash(*chosen)} if chosen else {}
 
 
-def never_hit(triangles: int, valid: int) -> str:
+def triangles(count: int) -> str:
+    """A number of triangles in words: "1 triangle", "12,200 triangles"."""
+    return f"{count:,} triangle" + "s" * (count != 1)
+
+
+def never_hit(count: int, valid: int) -> str:
     """A warning where triangles cannot be hit, which every method then answers right by missing them; else ""."""
-    if valid == triangles:
+    if valid == count:
         return ""
     why = "no area, or a corner that is not a finite number"
     if valid:
-        return f"{triangles - valid:,} of {triangles:,} triangles can never be hit ({why})"
-    return f"warning: none of {triangles:,} triangles can ever be hit ({why}): this checked misses, and nothing else"
+        return f"{count - valid:,} of {triangles(count)} can never be hit ({why})"
+    return (
+        f"warning: none of {triangles(count)} can ever be hit ({why}): this checked misses, and nothing else"
+    )
 
 
 def input_hashes(prepared: Prepared, moment: Moment) -> dict[str, str]:

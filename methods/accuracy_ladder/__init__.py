@@ -27,9 +27,9 @@ class AccuracyLadder(BaseMethod):
     """See the module."""
 
     name: ClassVar[str] = "accuracy_ladder"
-    title: ClassVar[str] = "BVH with accuracy knobs"
+    title: ClassVar[str] = "BVH with accuracy parameters"
     cannot: ClassVar[dict[str, str]] = dict.fromkeys(
-        ("receivers", "alpha", "mirror"), "its knobs are for whole frames of opaque triangles"
+        ("receivers", "alpha", "mirror"), "its parameters are for whole frames of opaque triangles"
     )
     Build: ClassVar[type] = Build
     Trace: ClassVar[type] = Trace

@@ -83,7 +83,10 @@ def test_no_command_shows_help(call):
             ["run", "key_bits", "--cluster", "local"],
             "key_bits has no scenes to hand out; leave out --cluster",
         ),
-        (["run", "table1", "--set", "warp_bvh.leaf_size=many"], "warp_bvh.leaf_size='many': not a valid int"),
+        (
+            ["run", "table1", "--set", "warp_bvh.leaf_size=many"],
+            "warp_bvh.leaf_size='many': not a whole number",
+        ),
         (["run", "table1", "--set", "update=refit"], "--set 'update=refit': write it as method.param=value"),
         (
             ["run", "table1", "--set", "warp_bhv.update=refit"],
@@ -110,6 +113,11 @@ def test_no_command_shows_help(call):
         (["run", "table1", "--memory-limit", "-5"], "--memory-limit -5: must be more than 0 bytes"),
         (["run", "table1", "--device", "cuda:77"], "no device 'cuda:77' on this machine; it has cpu"),
         (["run", "table1", "--scene-dir", "nowhere"], "nowhere: no such folder of scenes"),
+        (["verify", "cloth", "--camera", "nan,0,0", "0,0,0"], "--camera 'nan,0,0': nan is not a number"),
+        (
+            ["verify", "cloth", "--light", "1e50,0,0"],
+            "--light '1e50,0,0': a number is outside the range of float32",
+        ),
         (["list", "method"], "list 'method': unknown kind; did you mean methods?"),
         (["show", "table2", "."], "no experiment 'table2'; did you mean table1?"),
         (["show", "table1", "nowhere"], "nowhere: no such folder"),
@@ -308,6 +316,8 @@ def test_stand_ins_are_listed_as_such(call):
     rows = {row["name"]: row for row in json.loads(out)}
     assert "stand-in" in rows["cloth"]["stand_in"]
     assert rows["bunny"]["stand_in"] is None
+    assert "warp-lang" in rows["bunny"]["about"]
+    assert "balls-300k" in rows["balls-N"]["about"]
 
 
 def test_the_package_runs_as_a_module_and_states_its_version(monkeypatch, capsys):

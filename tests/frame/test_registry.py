@@ -92,11 +92,11 @@ def test_every_parameter_of_a_built_in_method_is_explained(name):
     [
         ({"cell": "3"}, ["no parameter 'cell'", "did you mean cells?"]),
         ({"zzzzzz": "3"}, ["no parameter 'zzzzzz'", "known: cells, order, padded, reach"]),
-        ({"cells": "many"}, ["sample.cells='many'", "not a valid int"]),
-        ({"cells": "2.5"}, ["not a valid int"]),
-        ({"cells": "0"}, ["cells must be at least 1"]),
-        ({"padded": "perhaps"}, ["not a valid bool"]),
-        ({"reach": ""}, ["not a valid float"]),
+        ({"cells": "many"}, ["sample.cells='many': not a whole number"]),
+        ({"cells": "2.5"}, ["not a whole number"]),
+        ({"cells": "0"}, ["sample.cells='0': cells must be at least 1"]),
+        ({"padded": "perhaps"}, ["not true or false"]),
+        ({"reach": ""}, ["sample.reach='': not a number"]),
     ],
 )
 def test_wrong_settings_are_one_line(sample, settings, words):
@@ -247,3 +247,12 @@ def test_an_entry_point_that_leads_nowhere_is_one_line(installed):
 
 def test_a_method_that_cannot_run_here_says_why(installed):
     assert registry.make_method("brute").applies(room(), "cuda:0") == "runs on cpu only"
+
+
+def test_a_number_that_is_refused_is_told_its_range_alone():
+    with pytest.raises(UserError) as caught:
+        registry.make_method("uniform_grid", {"density": "1e30"})
+    assert (
+        str(caught.value)
+        == "uniform_grid.density='1e30': density must lie between 0 and 1000 cells a triangle"
+    )

@@ -124,7 +124,7 @@ def test_folders_that_are_none(tmp_path, monkeypatch):
     ("name", "line"),
     [
         ("sibenk", "no scene or file 'sibenk'; did you mean sibenik?"),
-        ("zzz", "known: buddha, bunny, bunny_dragon, cloth, conference, fairy, sibenik"),
+        ("zzz", "known: balls-300k, buddha, bunny, bunny_dragon, cloth, conference, fairy, sibenik"),
         ("absent.ply", "absent.ply: no such file"),
         ("some/where", "some/where: no such file"),
         ("x" * 5000, "no scene or file"),

@@ -135,7 +135,7 @@ def test_a_camera_may_look_along_its_up():
     [
         (("1,2", "0,0,0"), None, None, "--camera '1,2': give three numbers, as in --camera 0,1.7,4"),
         (("1,2,x", "0,0,0"), None, None, "give three numbers"),
-        (("1,2,nan", "0,0,0"), None, None, "outside the range of float32"),
+        (("1,2,nan", "0,0,0"), None, None, "nan is not a number"),
         (("1,2,3", "1,2,3"), None, None, "eye and target must be finite and different"),
         (None, 0.0, None, "fov 0.0 degrees must lie between 0 and 180"),
         (None, None, ["1;2;3"], "--light '1;2;3': give three numbers"),

@@ -22,6 +22,7 @@ F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 
 NAME = re.compile(r"balls-([1-9]\d*)(k|m)?(?:-seen(100|[1-9]\d?))?(?:-moving(100|\d\d?))?")
+EXAMPLE = "balls-300k"
 BALLS = 24
 GROUND_SHARE = 0.4
 """Share of the triangles that belong to the ground; the balls share the rest equally."""
