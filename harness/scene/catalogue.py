@@ -156,7 +156,9 @@ def _bunny() -> Scene:
         )
     if not usd.available():
         raise UserError(f"bunny: {usd.missing()}")
-    return replace(_from_files(path, BUNNY, TITLES[BUNNY]), notes="a real mesh, bunny.usd of the warp-lang package")
+    return replace(
+        _from_files(path, BUNNY, TITLES[BUNNY]), notes="a real mesh, bunny.usd of the warp-lang package"
+    )
 
 
 def _plain(stem: str) -> str:
