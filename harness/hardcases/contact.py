@@ -39,8 +39,8 @@ def touched(seed: int, place: str) -> tuple[Mesh, F64]:
 def eye_on(seed: int, place: str, scale: float = 1.0, turn: int = 0, offset: float = 0.0) -> Trial:
     """An eye on a triangle, which therefore no ray hits; all rays hit a wall ahead, which is lit from the eye.
 
-    ``scale`` is a power of two, so that the eye stays where it is. With an ``offset`` (in scene sizes) a vertex stays
-    where it is instead.
+    ``scale`` is a power of two, so that the eye remains exactly on the triangle. With an ``offset`` (in scene sizes) this
+    is true only of an eye on a vertex.
     """
     mesh, eye = touched(seed, place)
     towards = np.random.default_rng(seed + 1000).normal(size=3)

@@ -181,8 +181,8 @@ def shadow_origins(
 
     ``eye`` is where the rays started, [3] or [n, 3].
 
-    They are moved towards the light's side by :data:`OFFSET_UNITS` of the coordinates of the point and of the triangle
-    relative to the eye. That is exact enough to find the pixels that the referee must decide.
+    They are moved towards the light's side by :data:`OFFSET_UNITS` of the point's largest coordinate plus the distance to
+    the farthest corner. That is exact enough to find the pixels that the referee must decide.
     """
     a, b, c = (corners[:, i].astype(np.float64) for i in range(3))
     o, d = eye.astype(np.float64), directions.astype(np.float64)
