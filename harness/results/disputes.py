@@ -32,7 +32,7 @@ def disputes_path(folder: Path, key: str, frame: int) -> Path:
 
 
 def write_disputes(folder: Path, key: str, frame: int, disputes: Sequence[Disputes]) -> None:
-    """Write what a frame's score leaves to others; atomically. About a hundredth of the frame's answers."""
+    """Write the disputes of a frame's score, atomically. Their size is about a hundredth of the frame's answers."""
     path = disputes_path(folder, key, frame)
     facts = {
         "key": key,
@@ -60,9 +60,9 @@ def read_disputes(path: Path, state: bool = True) -> tuple[str, int, list[Disput
 
 
 def charge_folder(folder: Path) -> dict[str, Record]:
-    """Charge the records of a folder with shared errors; those that changed, by key, as they were rewritten.
+    """Add shared errors to the records of a folder. Returns the records that changed, by key, as they were rewritten.
 
-    Records are written atomically, so that a run that is stopped here charges the rest when it is resumed.
+    Records are written atomically, so that a run that is stopped here updates the rest when it is resumed.
     """
     files = sorted((folder / "truth").glob("disputes-*.npz"))
     known = [(path, found) for path in files if (found := read_disputes(path, state=False))]
@@ -71,7 +71,7 @@ def charge_folder(folder: Path) -> dict[str, Record]:
     for path, (key, frame, _) in known:
         place = folder / "records" / f"{key}.json"
         if not place.is_file():
-            continue  # its point is under way, or was never of this folder
+            continue  # its point is being measured, or does not belong to this folder
         record = read_record(place)
         score = next((one.score for one in record.frames if one.frame == frame), None)
         whole = read_disputes(path) if score else None
@@ -87,7 +87,7 @@ def charge_folder(folder: Path) -> dict[str, Record]:
 
 
 def charged_records(folder: ResultsFolder, records: list[Record]) -> list[Record]:
-    """The records, and their files, with what other points' disputes showed of their answers."""
+    """The records, and their files, with the errors of their answers that the disputes of other points showed."""
     if not any((folder.path / "truth").glob("disputes-*.npz")):
         return records
     with folder.writing():

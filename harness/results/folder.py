@@ -23,7 +23,7 @@ from .schema import archived, whole_record
 from ..scene.catalogue import resolve
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
-"""Errors for which a results folder is at fault wherever they come up."""
+"""Errors that are due to the results folder wherever they occur."""
 
 UNWRITABLE = (*FULL, errno.EACCES, errno.EPERM, errno.EIO, errno.ENOTDIR, errno.EISDIR)
 
@@ -36,7 +36,7 @@ class ResultsFolder:
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Make the folder and hold it for this process. Raises :class:`UserError` where that cannot be."""
+        """Make the folder and lock it for this process. Raises :class:`UserError` if that is not possible."""
         try:
             self.path.mkdir(parents=True, exist_ok=True)
             file = open(self.path / ".lock", "w", encoding="utf-8")  # noqa: SIM115  (held until the run ends)
@@ -55,7 +55,7 @@ class ResultsFolder:
 
     @contextmanager
     def idle(self) -> Iterator[None]:
-        """Hold a folder that is there, so that no run writes to it. Raises :class:`UserError` where one does.
+        """Lock an existing folder, so that no run writes to it. Raises :class:`UserError` if one does.
 
         A folder without a lock file is not locked, and no lock file is created, because the folder may be read-only.
         """
@@ -95,7 +95,7 @@ class ResultsFolder:
         return self.path / "images" / image_name(scene, light, width, height)
 
     def log(self, worker: str) -> Path:
-        """What a worker, and the method in it, wrote on standard error."""
+        """The output of a worker, and of the method in it, on standard error."""
         return self.path / "logs" / f"{worker}.log"
 
     def journal(self, key: str) -> Journal:
@@ -104,7 +104,7 @@ class ResultsFolder:
             return Journal(self.path / "journal" / f"{key}.jsonl")
 
     def record(self, key: str) -> Record | None:
-        """The finished record of a point; None where there is none, or a file that is no whole record."""
+        """The finished record of a point; None if there is none, or if the file is not a whole record."""
         found = whole_record(self.path / "records" / f"{key}.json") or self._archived.get(key)
         return found if found is not None and found.key == key else None
 

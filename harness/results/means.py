@@ -1,4 +1,4 @@
-"""From frames to points: the means over frames that tables show. Never mixed into a spread."""
+"""From frames to points: the means over frames that tables show. Spreads are never taken over frames."""
 
 from __future__ import annotations
 
@@ -23,21 +23,22 @@ SUMS = ["pixels_scored", "reference_errors"]
 
 
 def points(table: DataFrame) -> DataFrame:
-    """One row a point of a tidy table, in its order: the columns of :func:`.results.table.tidy`, over the point's frames.
+    """One row per point of a tidy table, in its order: the columns of :func:`.results.table.tidy`, over the point's
+    frames.
 
     Times, counters, classes and FLIP are means over the frames, as an animation's time is the sum over its frames;
     ``samples`` is the least of any frame; ``memory_bytes``, ``regrown`` and ``excused_share`` are the most;
-    ``true_errors`` the sum, <NA> where nothing was found wrong and not every frame was judged. Besides:
+    ``true_errors`` the sum, <NA> where nothing was found wrong and not every frame was judged. Further columns:
 
     ==========================  =======  ======================================================================
     frames                      Int64    how many were measured
     frame_numbers               object   which, as a tuple
     between_ms                  float    the range between the rounds' own times, each a mean over the frames
     stage_gap                   float    (sum of the parts - whole frame) / whole frame
-    wrong_per_frame             float    ``true_errors`` a frame
-    primary_mrays_per_s         float    1e6 primary rays a second of ``trace_ms``
-    shadow_mrays_per_s          float    1e6 shadow rays a second of ``shadow_ms``
-    frame_mrays_per_s           float    1e6 rays of both kinds a second of ``total_ms``
+    wrong_per_frame             float    ``true_errors`` per frame
+    primary_mrays_per_s         float    1e6 primary rays per second of ``trace_ms``
+    shadow_mrays_per_s          float    1e6 shadow rays per second of ``shadow_ms``
+    frame_mrays_per_s           float    1e6 rays of both kinds per second of ``total_ms``
     ==========================  =======  ======================================================================
     """
     import pandas as pd
@@ -93,7 +94,7 @@ def points(table: DataFrame) -> DataFrame:
 
 
 def _errors(table: DataFrame) -> list[Series]:
-    """What was found wrong counts even where other frames were not judged; "none found" needs all of them."""
+    """Errors count even if other frames were not judged; "no errors" needs all frames."""
     groups = table.groupby("key", sort=False)
     frames, known, wrong = groups["frame"].count(), groups["true_errors"].count(), groups["true_errors"].sum()
     all_of_them = (known == frames) & (known > 0)

@@ -20,7 +20,8 @@ def settings_text(settings: dict[str, Any] | None) -> str:
 
 
 def entry_of(record: Record) -> tuple[Any, ...]:
-    """What two records of one entry of a table have in common: scene, lights, method, settings, device and size."""
+    """The properties that two records of one table entry have in common: scene, lights, method, settings, device and
+    size."""
     scene, method, point = record.scene, record.method, record.point
     label = method.get("label") or method.get("title") or method["name"]
     return (
@@ -31,7 +32,7 @@ def entry_of(record: Record) -> tuple[Any, ...]:
 
 
 def newest(folder: Path | str) -> tuple[list[Record], int]:
-    """A folder's records, of each entry of a table the one asked for last; and how many others there are.
+    """The records of a folder, for each table entry the one asked for last; and the number of the others.
 
     A changed method or scene has another key, and its older records stay in the folder. A record is asked for when it is
     measured, and when a run takes it from the folder though another has come since (:func:`prefer`). Raises
@@ -51,7 +52,7 @@ def newest(folder: Path | str) -> tuple[list[Record], int]:
 
 
 def prefer(folder: Path | str, records: Iterable[Record]) -> None:
-    """Have the records of a run shown, not those that came into its folder in between."""
+    """Mark the records of a run as asked for last, before those that came into its folder in between."""
     shown = {record.key for record in newest(folder)[0]}
     for record in records:
         if record.key not in shown:

@@ -18,7 +18,7 @@ SCHEMA = 1
 """Version of the files. Another one is refused."""
 
 STATUSES = ("ok", "skipped", "failed", "timeout", "rejected")
-"""What may become of a point. Every planned point yields exactly one record with one of these."""
+"""The statuses of a point. Every planned point yields exactly one record with one of these."""
 
 FAILURES = ("failed", "timeout")
 """Statuses that say nothing about the method: ``--retry`` measures such a point again."""
@@ -28,7 +28,7 @@ Ms = Annotated[float, 0.0]
 
 
 class Point(TypedDict, total=False):
-    """What was asked for, with whatever else the configuration has: all of it goes into the record's key."""
+    """The requested measurement, with all other fields of the configuration. All of it goes into the record's key."""
 
     preset: str | None
     rounds: Annotated[int, 1]
@@ -101,10 +101,10 @@ class Frame:
 
     total_ms     samples of the whole frame on the device's clock; ``wall_ms`` on the host's; ``round``: whose they are
     passes       samples pass by pass, measured apart; ``stage_round``: the round of each sample of a pass
-    started      when the frame's samples began, seconds since the epoch, one a round; ``stopped_by``: what ended them
+    started      when the frame's samples began, seconds since the epoch, one per round; ``stopped_by``: what ended them
     counters     work counters by name
     score        what :mod:`.judge.score` made of the answers; None: not judged, ``unscored`` says why
-    shadow_rays  one a light and pixel that needs one
+    shadow_rays  number of shadow rays: one for each light and each pixel that needs one
     flip         mean FLIP against the reference's picture; None: not computed, ``flip_missing`` says why
     """
 
@@ -146,8 +146,8 @@ class Frame:
 
 @dataclass
 class Record:
-    """What became of a point. ``frames_left_out``: those that the budget did not pay for; ``asked``: when a run last
-    took this record for its own though a later one of the same entry is in the folder, seconds since the epoch.
+    """The outcome of a point. ``frames_left_out``: frames beyond the budget; ``asked``: when a run last used this record
+    although a later one of the same entry is in the folder, seconds since the epoch.
     """
 
     key: str

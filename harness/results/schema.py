@@ -1,6 +1,7 @@
 """Reading records: every declared field is checked (:mod:`.results.record`), and a fault is one line.
 
-A file that another program wrote, a hand edited or a disk damaged is refused by its name and by the field that is wrong.
+A file that was written by another program, edited by hand or damaged is refused; the message names the file and the wrong
+field.
 """
 
 from __future__ import annotations
@@ -57,13 +58,14 @@ def folders_with_records(folder: Path | str) -> list[Path]:
 
 
 def archived(place: Path) -> dict[str, Record]:
-    """By key the records in the archives of a folder ``records/``; of two that have one, the later name's."""
+    """The records in the archives of a folder ``records/``, by key; if two archives have a key, the later file name
+    counts."""
     paths = sorted(place.glob(ARCHIVES))
     return {record.key: record for path in paths for record in read_archive(path)}
 
 
 def read_record(path: Path) -> Record:
-    """A finished record. Raises :class:`UserError`, one line that names the file, for what is none."""
+    """A finished record. Raises :class:`UserError`, one line that names the file, if the file is not a record."""
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as error:

@@ -1,4 +1,5 @@
-"""The results of a folder as pandas DataFrames: :func:`tidy`, a row a point and frame; :func:`samples`, a row a sample.
+"""The results of a folder as pandas DataFrames: :func:`tidy`, one row per point and frame; :func:`samples`, one row per
+sample.
 
 >>> from shadowbench.harness.results import tidy
 >>> table = tidy("results/nvidia-h200/frame_time")
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame, Series
 
 PART_COLUMNS = {part: part.replace(" ", "_") for part in PARTS}
-"""How a part of a frame is called in the names of columns: ``light build`` is ``light_build_ms``."""
+"""The names of a frame's parts in the names of columns: ``light build`` is ``light_build_ms``."""
 
 COUNTS = (
     "triangles vertices invalid_triangles frame_count width height pixels lights rounds frames_left_out frame samples "
@@ -50,7 +51,7 @@ TEXTS = (
 
 
 def tidy(folder: Path | str) -> DataFrame:
-    """The results of a folder, one row a point and measured frame; a point without one has one row, with its reason.
+    """The results of a folder, one row per point and measured frame; a point without one has one row, with its reason.
 
     Of several records of one table entry the one asked for last counts (:func:`.results.newest.newest`);
     ``table.attrs["older"]`` is the number of the others. Raises :class:`~.errors.UserError` where there are none.
@@ -60,8 +61,8 @@ def tidy(folder: Path | str) -> DataFrame:
     ==================  ========  ==========================================================================
     key                 text      the point: one method with its settings on one scene, size and device
     folder              text      name of the folder
-    run                 text      what was measured in one run, interleaved, has one value: times of different
-                                  runs are not to be compared. Records before it was written: ``environment``
+    run                 text      one value for all points of one run, which are interleaved; times of different runs must
+                        not be compared. Older records have the ``environment`` here
     experiment, preset  text      what was run
     scene, scene_title  text      its name, and its title
     stand_in            text      what the scene stands in for; "": it is the original
@@ -82,7 +83,7 @@ def tidy(folder: Path | str) -> DataFrame:
     moved               text      what alone changed since the last frame; "": everything is rebuilt
     status, reason      text      ok, skipped, failed, timeout or rejected; and why
     rounds              Int64     rounds in which the point was measured
-    frames_left_out     Int64     frames that the budget did not pay for
+    frames_left_out     Int64     frames beyond the budget
     compile_s, first_frame_s  float  seconds
     peak_rss_bytes      Int64     of the worker's process
     environment         text      file in ``environments/``: machine, driver, versions, commit
@@ -96,7 +97,7 @@ def tidy(folder: Path | str) -> DataFrame:
     memory_bytes        Int64     structures and work buffers
     regrown             Int64     how often a capacity grew before the frame was measured
     pass_count, build_count  Int64  passes that the frame launches, and those that build structures
-    shadow_rays         Int64     one a light and pixel that needs one
+    shadow_rays         Int64     number of shadow rays: one for each light and each pixel that needs one
     mirrored_rays       Int64     of all bounces; <NA>: not judged
     true_errors         Int64     wrong pixels and visibility bits; <NA>: the frame was not judged
     unscored            text      why it was not judged
@@ -165,7 +166,7 @@ def samples(folder: Path | str) -> DataFrame:
 
 
 def stage_ms(table: DataFrame, part: str, pattern: str = "") -> Series:
-    """Milliseconds of the passes of a part whose names hold ``pattern`` (a regular expression), row by row."""
+    """Milliseconds of the passes of a part whose names match ``pattern`` (a regular expression), row by row."""
     found = table.filter(regex=rf"^pass\.{part}\..*(?:{pattern})").sum(axis=1)
     return found.where(table["total_ms"].notna())
 
@@ -271,7 +272,7 @@ def _range(values: Sequence[float] | Any) -> float:
 
 
 def _score(frame: Frame) -> dict[str, Any]:
-    """What the judge found of a frame: true errors, or why there is no such number (then it is missing, never 0)."""
+    """The score of a frame: true errors, or why there is no such number (then it is missing, never 0)."""
     row: dict[str, Any] = {"flip": frame.flip, "flip_missing": frame.flip_missing}
     score = frame.score
     if score is None:
@@ -300,7 +301,7 @@ def reference_errors(score: Score) -> int:
 
 
 def _shadow_rays(frame: Frame) -> int | None:
-    """How many shadow rays a frame asks for. Old records do not say, but have the number judged."""
+    """The number of shadow rays of a frame. Old records do not have it, but the number that was judged."""
     if frame.shadow_rays is not None or not frame.score:
         return frame.shadow_rays
     return sum(light.scored for light in frame.score.shadow)

@@ -32,13 +32,14 @@ def usual_clock(records: Iterable[Record]) -> float:
 
 
 CROWDED = 1.25
-"""Load of a host over its cores, above which programs wait for each other: what a CPU takes then says little."""
+"""Load of a host over its cores above which programs wait for each other, so that times on the CPU are not reliable."""
 
 
 def disturbed(one: Mapping[str, Any], usual: float, device: str, cores: int | None) -> str:
-    """Why a round should not count: its clocks were throttled or, on a CPU, the machine had more to do than it has cores.
+    """Why a round should not count: its clocks were throttled or, on a CPU, the load of the machine exceeded its cores.
 
-    "" where neither is known. ``cores``: that a run may use; None: not known. The load is the mean of the last minute.
+    "" if neither is known. ``cores``: the number that a run may use; None: not known. The load is the mean of the last
+    minute.
     """
     if device.startswith("cuda"):
         return (found := throttled(one, usual)) and f"clocks throttled ({found})"
@@ -49,7 +50,7 @@ def disturbed(one: Mapping[str, Any], usual: float, device: str, cores: int | No
 
 
 def disturbances(folder: Path) -> str:
-    """How many rounds of a results folder were disturbed, and by what at most, as a phrase; "" where none was."""
+    """The number of disturbed rounds of a results folder and the worst disturbance, as a phrase; "" if there are none."""
     records = newest(folder)[0]
     usual, cores, found, count = usual_clock(records), dict[str, int | None](), list[str](), 0
     for record in records:
