@@ -61,8 +61,8 @@ def tidy(folder: Path | str) -> DataFrame:
     ==================  ========  ==========================================================================
     key                 text      the point: one method with its settings on one scene, size and device
     folder              text      name of the folder
-    run                 text      one value for all points of one run, which are interleaved; times of different runs must
-                        not be compared. Older records have the ``environment`` here
+    run                 text      one value for all points of one run, which are interleaved; times of different
+                                  runs must not be compared. Older records have the ``environment`` here
     experiment, preset  text      what was run
     scene, scene_title  text      its name, and its title
     stand_in            text      what the scene stands in for; "": it is the original
