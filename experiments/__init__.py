@@ -1,1 +1,1 @@
-"""One file per item of the paper or of our own: what to run, and how to draw it."""
+"""The experiments, one file for each: what to run, and how to draw it."""

@@ -1,4 +1,4 @@
-"""What decides each claim of the paper: a function of the evidence of one experiment, with its thresholds.
+"""The judges of the paper's claims: functions of the evidence of one experiment, with their thresholds.
 
 A claim's words are the paper's, so the paper's configuration decides it; ours is judged beside it, never instead of it.
 Times that differ by less than 3 % count as equal.
@@ -39,7 +39,8 @@ LARGE, SMALL = ("fairy", "sibenik", "conference"), ("bunny_dragon", "cloth", "bu
 
 CLAMPS = {"none": "unclamped", "view": "clamped to the view", "hits": "clamped to the hits"}
 LEFT = 1.5
-"""Load balancing compensates for the light's place where the slowest takes at most so many times the fastest."""
+"""Load balancing compensates for the light's position if the slowest position takes at most this many times the
+fastest."""
 
 
 def total(t: DataFrame) -> Series:
@@ -63,7 +64,7 @@ def column(name: str) -> Callable[[DataFrame], Series]:
 
 
 def with_ours(judge: Callable[[dict[str, Any]], Finding]) -> Finding:
-    """What the paper's configuration decides, and what ours would: given the columns of each."""
+    """The finding for the paper's configuration, with that for ours beside it, given the columns of each."""
     paper, ours = judge(FAITHFUL), judge(OURS)
     beside = "" if ours.lacking else f"; our configuration: {ours.verdict}, {ours.numbers}"
     return Finding(paper.verdict, paper.numbers + beside, paper.lacking)
@@ -113,7 +114,7 @@ def wrong_in(points: DataFrame) -> str:
 
 
 def culling(evidence: Evidence) -> Finding:
-    """With the exact triangle test: only there do culled points have the answers of those that are not."""
+    """Only with the exact triangle test do points with culling have the same answers as those without."""
     one, other = {"label": CULLED}, {"label": EXACT}
     pairs = evidence.ratios(one, other, column("counter.camera pairs"))
     build = evidence.ratios(one, other, column("build_ms"))
@@ -144,7 +145,7 @@ def rearrangement(evidence: Evidence) -> Finding:
 
 
 def resolution(evidence: Evidence) -> Finding:
-    """Of the smallest and the largest size, where one run measured both on the same scenes and frames."""
+    """Compares the smallest and the largest size, if one run measured both on the same scenes and frames."""
     sizes = evidence.widths
     if len(sizes) < 2:
         return lacking("a second size in the same run")
@@ -168,7 +169,8 @@ def shadow_slower(evidence: Evidence) -> Finding:
 
 
 def balanced(evidence: Evidence) -> DataFrame:
-    """A row a scene, clamp and distance of the light: traversal, ms, without load balancing and with it at the best r."""
+    """One row per scene, clamp and distance of the light: traversal, ms, without load balancing and with it at the best
+    r."""
     frames = evidence.of()
     own = frames[
         (frames["set.precision"] == "float64")
@@ -211,7 +213,7 @@ def balancing(evidence: Evidence) -> Finding:
 
 
 def unbalanced(evidence: Evidence) -> str:
-    """What load balancing is worth with the light where the scene has it."""
+    """The gain of load balancing with the light at the scene's own position."""
     found = evidence.ratios({"label": "no load balancing"}, {"label": BASE}, column("shadow_ms"))
     what = "at the scene's own light, shadow rays without balancing over with it"
     return f"{what}: {each(found)}" if found else ""
@@ -228,7 +230,7 @@ def clamping(evidence: Evidence) -> Finding:
 
 
 def six_of(found: dict[str, float]) -> dict[str, float]:
-    """Those of the six scenes that there are: large triangles first."""
+    """The scenes of the six that were measured: those with large triangles first."""
     return {scene: found[scene] for scene in (*LARGE, *SMALL) if scene in found}
 
 

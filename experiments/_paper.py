@@ -1,9 +1,9 @@
 """The paper's configuration for the experiments that start from it, and its scenes.
 
-Culling is off on all six scenes. The paper says no more of it than "we also can remove back-facing triangles" (section
-3): an option, and none of its results names it. It loses hits on a surface that is not closed: Fairy, Sibenik,
-Bunny/Dragon, Conference and Cloth are not; of the six Buddha alone is. There ``ablation`` measures it apart, with the
-exact triangle test: with the paper's a ray may slip between two front faces and then meets no back face either.
+Culling is off on all six scenes. All that the paper says of it is "we also can remove back-facing triangles" (section 3):
+it is an option, and no result mentions it. It loses hits on a surface that is not closed: Fairy, Sibenik, Bunny/Dragon,
+Conference and Cloth are not; only Buddha is. There ``ablation`` measures it separately, with the exact triangle test:
+with the paper's test a ray may pass between two front faces and then meets no back face either.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ SCENES = ("fairy", "sibenik", "bunny_dragon", "conference", "cloth", "buddha")
 """The paper's, in its order."""
 
 UNBALANCED = "65536"
-"""r of which hardly a tile has more rays, but where a far light leaves few tiles: no load balancing."""
+"""A value of r that hardly any tile exceeds, except where a far light leaves few tiles: no load balancing."""
 
 
 def faithful(label: str, **changes: str) -> Entry:

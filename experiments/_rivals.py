@@ -1,6 +1,6 @@
 """The strongest structures of each kind, each in one setting for all scenes. Experiments that compare them share this list.
 
-Settings were found on scenes other than those that are shown: the balls of :mod:`.scene.standins.balls`, and real meshes
+Settings were chosen on scenes other than those in the tables: the balls of :mod:`.scene.standins.balls`, and real meshes
 that are not part of the project.
 """
 
@@ -33,7 +33,7 @@ REFITTED = (
     ),
     Entry("warp_bvh", {"update": "refit", "constructor": "sah", "origin": "plain"}, "SAH refitted, plain"),
 )
-"""Trees of the first frame whose boxes are refitted: less is asked of them than of the others."""
+"""Trees of the first frame whose boxes are refitted: they do less work than the others."""
 
 GRIDS = (
     Entry(METHOD, {}, "the paper's grids"),

@@ -1,4 +1,5 @@
-"""What sorting pairs costs by the bits of their keys: so many random pairs, the same number for each, timed as frames are.
+"""The time of sorting pairs by the number of bits of their keys: the same number of random pairs each, timed as frames
+are.
 
 A trial is a frame of two passes: the unsorted pairs are copied in, and sorted. So :mod:`.runner.timing` measures it by
 its own rules (whole frames, passes apart, graphs on a GPU), in interleaved rounds; the order is checked against
@@ -58,7 +59,7 @@ class Trial(PassRunner):
         wp.utils.radix_sort_pairs(*self._sorted, self.pairs, 0, self.bits)
 
     def wrong(self) -> int:
-        """How many places of the last order are not those of a stable sort."""
+        """The number of places of the last order that differ from a stable sort."""
         wp.synchronize_device(self.device)
         places = self._sorted[1].numpy()[: self.pairs]
         return int((places != np.argsort(self.unsorted, kind="stable")).sum())
@@ -67,7 +68,7 @@ class Trial(PassRunner):
 def measure(options: Options, report: Silent, bits: Sequence[int]) -> list[Record]:
     """The record of each number of key bits, at as many pairs as the preset's image has pixels (and those after it).
 
-    What has a record is not measured again. Raises :class:`UserError` where scenes or methods are named, and where the
+    Points with a record are not measured again. Raises :class:`UserError` if scenes or methods are given, or if the
     folder cannot be written.
     """
     if options.preset.scenes or options.preset.methods:
@@ -117,7 +118,7 @@ def _measured(
 
 
 def _prepared(trial: Trial, journal: Journal) -> dict[str, Any] | None:
-    """Sort once and judge the order; nothing where an earlier run did."""
+    """Sort once and judge the order, unless an earlier run did."""
     start = time.perf_counter()
     trial.run()
     wrong = trial.wrong()
@@ -157,7 +158,7 @@ def _note(folder: ResultsFolder, journal: Journal, event: dict[str, Any] | None)
 
 
 def _facts(options: Options, preset: Preset, bits: int) -> dict[str, Any]:
-    """What a record says of a trial: its point, what stands for a scene, and what for a method."""
+    """The facts of a trial for its record: its point, and what takes the place of a scene and of a method."""
     pairs = preset.width * preset.height
     point = {
         "schema": SCHEMA, "experiment": options.experiment.name, "preset": options.preset_name, "bits": bits,

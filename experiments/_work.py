@@ -1,4 +1,4 @@
-"""What the stages of our fastest method must at least read, write and test: the floor that frame_time draws.
+"""The least that the stages of our fastest method must read, write and test: the floor that frame_time draws.
 
 Each input is read once and each output written once, whatever a cache or a gather adds; each ray is tested once,
 though every triangle before or beside its first one costs a test as well.

@@ -1,7 +1,7 @@
-"""One change at a time from the paper's configuration, and one taken back at a time from ours: which buys what.
+"""One change at a time from the paper's configuration, and one change at a time removed from ours: the gain of each.
 
-Warp's tree, rebuilt every frame, is measured in the same run: against it both configurations are held. Culling needs
-the exact triangle test and a scene that is declared closed; elsewhere it stands there as skipped with the reason.
+Warp's tree, rebuilt every frame, is measured in the same run, and both configurations are compared with it. Culling needs
+the exact triangle test and a scene that is declared closed; elsewhere it is listed as skipped, with the reason.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ TAKEN_BACK = {
     "r = 128": ("r",),
     "Algorithm 1": ("balancing",),
 }
-"""What tells our best configuration from the paper's, setting by setting, by what the paper has in its place."""
+"""The differences of our best configuration from the paper's, setting by setting, by the paper's label for each."""
 
 
 def without(label: str) -> Entry:
-    """Our best configuration with one of its changes taken back."""
+    """Our best configuration with one of its changes removed."""
     return Entry(METHOD, {key: PAPER[key] for key in TAKEN_BACK[label]}, f"ours with {label}")
 
 
@@ -87,7 +87,7 @@ COLUMNS = [
 ]  # fmt: skip
 ORDER = [entry.label for entry in METHODS]
 APART = [TREE, *(entry.label for entry in LEFT_OUT)]
-"""What is no change to the paper's configuration."""
+"""Entries that are not a change to the paper's configuration."""
 BASES = {"ratio": BASE, "ratio_to_best": BEST, "ratio_to_tree": TREE}
 
 
@@ -106,7 +106,8 @@ def read(folder: Path) -> pd.DataFrame:
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
-    """How much of the time each change takes, a mark a scene: a drawing and a table from each end; and CSV."""
+    """The relative time of each change, one mark per scene: a drawing and a table for each of the two configurations; and
+    CSV."""
     table = read(folder)
     done = document.measured(table)
     apart, tables, pictures = done["label"].isin(APART), {}, []

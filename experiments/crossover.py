@@ -30,7 +30,7 @@ AXES = {
     "seen": "pixels that see the ground, %",
     "moving": "triangles that move, %",
 }
-"""What is swept, by the column that holds it."""
+"""The swept quantities, by column."""
 MAPS = (("triangles", "pixels"), ("triangles", "seen"))
 NATURAL = -1
 """In the columns ``seen`` and ``moving``: the scene's own camera; nothing moves and there is one frame."""
@@ -163,7 +163,7 @@ def finding(done: pd.DataFrame) -> str:
 
 
 def winner_table(line: pd.DataFrame, axis: str) -> pd.DataFrame:
-    """A row a value of ``axis``: the fastest of the exact and of all, its time, and the next with its factor."""
+    """One row per value of ``axis``: the fastest of the exact and of all, its time, and the next with its factor."""
     import pandas as pd
 
     rows: dict[Any, dict[str, str]] = {}
@@ -182,7 +182,7 @@ def factor(row: Any) -> str:
 
 
 def line_picture(lines: dict[str, pd.DataFrame], done: pd.DataFrame, path: Path) -> Path:
-    """A panel a quantity: time against it, a line a method."""
+    """One panel per quantity: time against it, one line per method."""
     from matplotlib.ticker import NullLocator
 
     looks = panels.looks(done)
@@ -208,7 +208,7 @@ def line_picture(lines: dict[str, pd.DataFrame], done: pd.DataFrame, path: Path)
 
 
 def crossing(line: pd.DataFrame, axis: str) -> str:
-    """The values of what is not swept: "pixels: 128², lights: 1"."""
+    """The values of the quantities that are not swept: "pixels: 128², lights: 1"."""
     others = [other for other in AXES if other != axis and line[other].iloc[0] != NATURAL]
     return ", ".join(f"{AXES[other]}: {counted(other, line[other].iloc[0])}" for other in others)
 
@@ -219,9 +219,10 @@ def counted(axis: str, value: float) -> str:
 
 
 def map_picture(maps: list[tuple[str, str]], done: pd.DataFrame, path: Path) -> Path:
-    """Who wins over two quantities: a square a setting in the winner's colour, and how many times slower the next is.
+    """The fastest structure over two quantities: one square per setting in its colour, and how many times slower the next
+    is.
 
-    Left the exact methods alone, right all. Hatched: the spreads of the two do not tell them apart.
+    Left: exact methods only; right: all. Hatched: the gap is within the spreads of the two.
     """
     from matplotlib.patches import Rectangle
 

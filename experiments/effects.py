@@ -1,4 +1,4 @@
-"""Only what a scene calls for: the cost of each effect, alone and together, and of a frame by what moved."""
+"""The cost of each effect, alone and together, and of a frame by what has moved."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ EFFECTS = (
 """Each effect alone against one point light with shadows, then together."""
 
 PLAIN = 6
-"""So many of them ask for nothing but lights; the others are measured last, since their reference takes longest."""
+"""Number of them that need only lights; the others are measured last, because their reference takes longest."""
 
 CHANGES = tuple(Lighting(f"moved {what}", count=1, moved=what) for what in MOVED)
 LIGHTINGS = (*EFFECTS[:PLAIN], *CHANGES, *EFFECTS[PLAIN:])

@@ -1,8 +1,8 @@
 """Figure 10 of the paper: time of each stage of a frame, on its six scenes.
 
 The paper's stages: grid build, data rearrangement (mapping, sorting, scanning and chunking of the shadow rays), and
-traversal; here primary and shadow rays stand apart. Rearrangement is said not to depend on the model but on the
-resolution: so every scene is measured at half the width and height too, in the same run.
+traversal; here primary and shadow rays are separate. The paper says that rearrangement depends on the resolution and not
+on the model: so every scene is measured at half the width and height too, in the same run.
 """
 
 from __future__ import annotations
@@ -54,7 +54,8 @@ def read(frames: pd.DataFrame, folder: Path) -> pd.DataFrame:
 
 
 def growth(frames: pd.DataFrame) -> pd.DataFrame:
-    """Every stage's time at the largest size over that at the smallest, a row a scene, over the frames that both have."""
+    """Every stage's time at the largest size over that at the smallest, one row per scene, over the frames that both
+    have."""
     import pandas as pd
 
     smallest, largest = frames["pixels"].min(), frames["pixels"].max()

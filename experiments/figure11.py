@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 CLAMPS = ("none", "hits")
 VALUES = ("32", "64", "128")
 LARGE = ("32", "64", "128", "256", "1024")
-"""At 1024x1024 a tile may hold thousands of rays: what happens where r hardly cuts them up."""
+"""At 1024x1024 a tile may hold thousands of rays; with this r they are hardly divided."""
 
 FORMAT_R = "64"
 """The r at which number formats are compared."""
@@ -123,7 +123,8 @@ def looks(rows: pd.DataFrame) -> dict[Any, dict[str, Any]]:
 
 
 def drawings(table: pd.DataFrame, exact: pd.DataFrame, folder: Path) -> list[Path]:
-    """Time against distance, a line an r or a number format; time, C_total and lane fill against r, a line a distance,
+    """Time against distance, one line per r or number format; time, C_total and lane fill against r, one line per
+    distance,
     of the two extremes of the panels; and the tiles that hold rays, the same for every r.
     """
     titles = table["title"].unique()

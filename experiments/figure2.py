@@ -33,7 +33,7 @@ METHODS = (
 
 
 SHOWN = (DIRECT, DIRECT_SMALL, INDIRECT)
-"""Maps of these are drawn; further settings stand in table and CSV."""
+"""Maps of these are drawn; further settings are in the table and the CSV."""
 BASES = {"": DIRECT, "_same_tiles": DIRECT_SMALL}
 MOST = "counter.primary tests, most"
 STATISTICS = ["tests_mean", "tests_median", "tests_p99", "tests_most"]
@@ -53,7 +53,7 @@ TOLD = "against {} {:.0%} of the most triangles for a pixel, primary rays {:+.0%
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
-    """The maps side by side, the CSV, and what they show."""
+    """The maps side by side, the CSV, and the finding."""
     frames = document.frames(folder)
     table = document.with_passes(document.named(frames), folder, {"primary": ("trace", "")})
     done = document.measured(table)

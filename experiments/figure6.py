@@ -1,4 +1,4 @@
-"""Figure 6 of the paper: spotlights on the Fairy scene, so that only what they hold has a shadow.
+"""Figure 6 of the paper: spotlights on the Fairy scene: only hit points inside them have shadow rays.
 
 A cone, the paper's rectangle of azimuth and elevation, and a wider cone whose light falls off towards its edge.
 """
@@ -71,7 +71,7 @@ def read(folder: Path) -> pd.DataFrame:
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
-    """The scene without and with each spot, and what the spot saves."""
+    """The scene without and with each spot, and the time that the spot saves."""
     table = read(folder)
     done = document.measured(table)
     drawn = [picture(own, folder, name) for name, own in table.groupby("file", sort=False)]
@@ -98,7 +98,7 @@ def spot_text(r: Any) -> str:
 
 
 def picture(own: pd.DataFrame, folder: Path, name: str) -> Path | None:
-    """The pictures of a scene under each light, two a row; above each which light, below all which scene."""
+    """The pictures of a scene under each light, two per row; the light is named above each, the scene below all."""
     shown = []
     for r in own.drop_duplicates("light_label").itertuples():
         image = opened(folder / "images" / image_name(r.scene, r.light_label, r.width, r.height))

@@ -1,7 +1,7 @@
 """The whole frame, everything rebuilt, of our fastest method against every peer in its best configuration.
 
 All are interleaved in one run. Rebuild peers make their tree anew each frame, as the paper's table does; refit peers
-keep the tree of the first frame and only refit its boxes, which is less than is asked of the others.
+keep the tree of the first frame and only refit its boxes, which is less work than the others do.
 """
 
 from __future__ import annotations
@@ -39,9 +39,10 @@ KINDS = {
     _rivals.RASTERISED.label: "rasterises",
     **dict.fromkeys(["cubql refitted", "SAH refitted", "LBVH refitted"], "refits its tree"),
 }
-"""What a peer does in each frame, by label; the last three are in earlier records alone."""
+"""What a peer does in each frame, by label; the last three are in earlier records only."""
 CUT = 4.0
-"""So many times the median of its panel a bar is cut off: a much slower method would leave the others no room."""
+"""A bar longer than this many times the median of its panel is cut off: a much slower method would leave the others no
+room."""
 FLOOR = "Floor: bytes over bandwidth or ray-triangle tests over rate, and launches; stage by stage in frame_time-stages.csv."
 
 
@@ -95,7 +96,8 @@ def fastest(done: pd.DataFrame) -> pd.DataFrame:
 
 
 def against(own: pd.DataFrame, peers: pd.DataFrame) -> pd.DataFrame:
-    """A row a scene: our time, the fastest peer of each kind and its ratio with the range, and our time over the floor."""
+    """One row per scene: our time, the fastest peer of each kind and its ratio with the range, and our time over the
+    floor."""
     own = own.set_index("title", drop=False)
     made = document.texts(own, {"scene": ("title", str), f"{OURS}, ms": ("ms", str)})
     times = document.carry(peers["times_slower"], peers["times_slower_spread"])

@@ -1,7 +1,9 @@
-"""What a sort costs by the bits of its keys, at equal numbers of pairs: the sort that the paper's grids are built by.
+"""The time of a sort by the number of bits of its keys, at equal numbers of pairs: the sort that builds the paper's
+grids.
 
 The paper (section 5): sorting is fast because a cell's number has fewer than 32 bits, 18 in its case. As many pairs as
-pixels, as its shadow rays are; in the paper preset four times as many too, so that the cost of launching falls out.
+pixels, as its shadow rays are; in the paper preset also four times as many, so that the cost of launching does not
+matter.
 """
 
 from __future__ import annotations
@@ -29,7 +31,7 @@ COLUMNS = [*document.COMMON, "pairs", "bits", "sort_ms", "copy_ms", "ns_a_pair"]
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
-    """Time against bits, CSV, and what 18 bits save against 32."""
+    """Time against bits, CSV, and the gain of 18 bits over 32."""
     frames = document.frames(folder)
     table = document.with_passes(document.named(frames), folder, {"sort": PASS, "copy": ("build", "copy")})
     table["bits"], table["pairs"] = table["point.bits"].astype(int), table["point.pairs"].astype(int)

@@ -1,6 +1,6 @@
-"""A moving light, one turn about the scene: over each animated scene and over those that stand still.
+"""A moving light, one turn about the scene: for each animated scene and for static ones.
 
-The animated ones come first: a run that is stopped has them.
+The animated scenes come first, so that a run that is stopped has them.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ STATIC = tuple(scene for scene in SCENES if scene not in ANIMATED)
 
 
 def turn(places: int) -> tuple[Lighting, ...]:
-    """One turn, at so many places over a scene that stands still, over all frames of one that does not."""
+    """One turn of the light: over this many places for a static scene, over all frames of an animated one."""
     return (Lighting("one turn", turns=1.0, frames=places),)
 
 
@@ -49,7 +49,8 @@ PAPER_SAYS = (
 
 
 def read(folder: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The points, animated scenes first, and a row a frame of each: the light's place in turns, its time and its work.
+    """The points, animated scenes first, and one row per frame of each: the light's place in turns, its time and its
+    work.
 
     A point that was not measured has one row without a time.
     """

@@ -1,4 +1,4 @@
-"""Mirrors: what one and four bounces of mirrored rays cost in every structure that can trace them.
+"""Mirrors: the cost of one and four bounces of mirrored rays in every structure that can trace them.
 
 The paper (section 6): grids are inefficient for reflected rays, since these are incoherent; trees do better on them, but
 only where the SIMD width is low. Its own grids have no place for such rays: they hold what the eye and the lights see.
@@ -25,7 +25,7 @@ BOTH = (_rivals.HYBRID,)
 """A tree for mirrored rays beside another structure for primary rays."""
 METHODS = (*GRIDS, *TREES, *BOTH)
 ONE_GRID, ONE_TREE = GRIDS[0].label, TREES[0].label
-"""What the paper's sentence on reflected rays is judged by."""
+"""The entries by which the paper's sentence on reflected rays is judged."""
 
 BASE = "no mirrors"
 LIGHTINGS = (
@@ -54,7 +54,7 @@ def read(folder: Path) -> pd.DataFrame:
     """The points, with what mirrors add to the frame of :data:`BASE` of the same method and scene, and by ray:
 
     primary_ns, mirrored_ns  time of tracing a primary and a mirrored ray, ns, without shadow rays and without the build
-    loss                     mirrored_ns over primary_ns: what is lost with the coherence of the rays
+    loss                     mirrored_ns over primary_ns: the cost of the lost coherence of the rays
     """
     frames = document.frames(folder)
     table = document.named(frames)
@@ -72,7 +72,7 @@ def read(folder: Path) -> pd.DataFrame:
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
-    """What a bounce adds to the frame, and the time of a mirrored ray beside that of a primary ray; CSV."""
+    """The time that a bounce adds to the frame, and the time of a mirrored ray beside that of a primary ray; CSV."""
     table = read(folder)
     files = []
     done = document.measured(table)
@@ -137,7 +137,8 @@ def best_ratio(bounced: pd.DataFrame) -> pd.Series:
 
 
 def picture(bounced: pd.DataFrame, path: Path) -> Path:
-    """A panel a scene, a line a method: the time of a mirrored ray over that of a primary ray, by number of bounces."""
+    """One panel per scene, one line per method: the time of a mirrored ray over that of a primary ray, by number of
+    bounces."""
     own = bounced.assign(bounces=bounced["light_label"].str.split().str[0].astype(int))
     return panels.lines(
         path, own, "bounces", "mirrored_ns", facet="title", across=min(3, own["title"].nunique()), ticks=str, wide=2,

@@ -115,7 +115,7 @@ def grown(own: pd.DataFrame, sweep: str) -> str:
 
 
 def short(value: float) -> str:
-    """A count for people: 300k, 10M."""
+    """A count in short form: 300k, 10M."""
     for unit, letter in ((1e6, "M"), (1e3, "k")):
         if value >= unit:
             return f"{value / unit:.3g}{letter}"

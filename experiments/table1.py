@@ -43,7 +43,7 @@ METHODS = (
 """The rows, in the order of the table. A line here adds a row."""
 
 QUICK = tuple(e for e in METHODS if e.label in QUICK_ROWS)
-"""What a CPU compiles and runs in less than four minutes."""
+"""The methods that a CPU compiles and runs in less than four minutes."""
 
 COLUMNS = (
     "origin scene scene_title stand_in source source_file source_sha256 triangles "
@@ -81,7 +81,7 @@ def read(folder: Path) -> DataFrame:
 
     row   the label; what was set by hand; and the device where there are several
     build, trace, light build, shadow, rate  as text, with the digits that their spread carries
-    best  the answers are right, and so fast is no other point with right answers, over the frames that both have
+    best  the answers are right, and no other point with right answers is faster, over the frames that both have
     """
     frames = document.frames(folder)
     table = document.with_passes(
@@ -111,7 +111,7 @@ def read(folder: Path) -> DataFrame:
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Table, drawing and gallery from the records in a folder; printed too unless ``quiet``.
 
-    table1.csv  one row a point, then the paper's printed entries
+    table1.csv  one row per point, then the paper's printed entries
     table1.md   the whole frame, methods down and scenes across, with what the paper prints; then the parts of each frame
     table1.svg  stacked bars of each scene
     gallery.png the pictures of ``folder/images``, where there are any
@@ -140,7 +140,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
 
 
 def finding(done: DataFrame) -> str:
-    """On how many scenes who is fastest."""
+    """The number of scenes on which each method is the fastest."""
     best = done[done["best"]].groupby("row", sort=False)["total_ms"]
     told = ", ".join(f"{row} on {len(own)} ({document.span(own)} ms)" for row, own in best)
     told = told or "of no scene are there two over the same frames in one run"

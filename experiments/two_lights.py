@@ -1,7 +1,7 @@
-"""Fairy with two lights, as the paper reports it in frames a second, and time against 1 to 16 lights.
+"""Fairy with two lights, in frames per second as in the paper, and time against 1 to 16 lights.
 
-Fewest lights first. Embree stands beside them on a CPU alone: with 16 lights its frames on a GPU's host, and the whole
-sweep that waits for them, take longer than all the others together; table1 has it.
+Fewest lights first. Embree is included on a CPU only: with 16 lights its frames on a GPU's host, and the sweep that waits
+for them, would take longer than all the others together; table1 has it.
 """
 
 from __future__ import annotations
@@ -45,7 +45,8 @@ HEADINGS: document.Columns = {
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
-    """Time against the number of lights, CSV, frames a second, and what each light after the first adds over the first.
+    """Time against the number of lights, CSV, frames per second, and the time of each further light over that of the
+    first.
 
     A light costs its grid and its shadow rays: those passes are compared, with one light and with more. (Differences of
     whole frames would hold the noise of the build and of the primary rays, which can be more than a light.)

@@ -1,9 +1,9 @@
-"""What accuracy costs: one safety measure at a time, the sensible combinations, and the shadow maps of engines.
+"""The cost of accuracy: one safety measure at a time, the sensible combinations, and the shadow maps of engines.
 
 One plain tree (``accuracy_ladder``) has the parameters that any tracer has, so that nothing else changes between two
-points: triangle test, start of the shadow rays, padding of boxes, float arithmetic. The paper's grids carry those of
-their own: bounds of a triangle on the light's sphere, the light's frame, culling. Beside them stand the methods as
-people use them, and shadow maps from 512 texels upward. Labels read "family: level"; a family has one colour.
+points: triangle test, start of the shadow rays, padding of boxes, float arithmetic. The paper's grids have parameters of
+their own: bounds of a triangle on the light's sphere, the light's frame, culling. Beside them stand the methods as people
+use them, and shadow maps from 512 texels upward. Labels read "family: level"; a family has one colour.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ MEASURES = (
     ("padded boxes", EXACT, "tree: boxes not padded"),
     ("strict float arithmetic", EXACT, "tree: fast math"),
 )
-"""Safety measures of the exact tree: name, the point with it, the point without it and otherwise the same."""
+"""Safety measures of the exact tree: name, the point with it, and the otherwise equal point without it."""
 
 OTHER_MEASURES = (
     ("robust Embree", "Embree: robust, 1 thread", "Embree: fast, 1 thread"),
@@ -136,22 +136,22 @@ GRID = (
     Entry("shadow_map", {"size": "1024"}, "shadow map, 1024"),
 )
 HARD = (*LADDER, *IN_GRIDS, *PEERS[3:])
-"""Points tried on the hard cases too: shadow maps are not, whose answers there say no more than that they are maps."""
+"""Points that are also run on the hard cases; without shadow maps, which are approximate there by design."""
 
 VARIANTS = "V "
-"""How the names of cases begin that are others scaled and moved; the quick preset leaves them out."""
+"""Prefixes of the names of cases that are scaled and moved copies of others; the quick preset leaves them out."""
 
 LONG = ("P17", "P29", "P31", "S16", "S19c", "S31", "S35")
-"""How those begin that take the judge a second or more a point: many rays, or many exactly through vertices. The quick
-preset leaves them out too."""
+"""Prefixes of cases for which the judge takes a second or more per point: many rays, or many exactly through vertices.
+The quick preset leaves them out too."""
 
 OF_EFFECTS = ("H", "M")
-"""How those of holes and mirrors begin: most points are methods of opaque scenes."""
+"""Prefixes of cases with holes and mirrors: most points support opaque scenes only."""
 
 DISTANCES = (1e-4, 1e-1, 1.5, 1e1, 1e3, 1e5, 1e7)
 OFFSETS = (0.0, 1e1, 1e3, 1e5)
 TELLING = ("P29c", "P29d", "P29e", "P31 1e+07", "S31 1000")
-"""Of the cases that the quick preset would leave out, cheap ones in which most points that are ever wrong are wrong."""
+"""Cases that the quick preset would leave out, but that are cheap and in which most of the inexact points are wrong."""
 GRID_SIZE = {"quick": 48, "paper": 128}
 
 
@@ -168,7 +168,8 @@ def after(options: Options, report: Silent) -> None:
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
-    """The frontier, what measures cost, wrong pixels and the grid of errors; tables as CSV, the first two in the report."""
+    """The Pareto frontier, the costs of measures, wrong pixels and the grid of errors; tables as CSV, the first two in
+    the report."""
     table = drawing.read(folder)
     cost = drawing.costs(folder, [*MEASURES, *OTHER_MEASURES])
     hard = hard_cases.read_hard(folder)

@@ -1,5 +1,5 @@
-"""What is drawn of accuracy: points with their errors, the frontier, what each safety measure costs, and where wrong
-pixels are."""
+"""Drawings of the accuracy experiment: points with their errors, the Pareto frontier, the cost of each safety measure,
+and the places of wrong pixels."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Measure = tuple[str, str, str]
-"""A safety measure: its name, the label of the point that has it, that of the point without it and otherwise the same."""
+"""A safety measure: its name, the label of the point that has it, and that of the otherwise equal point without it."""
 
 CLASSES = {
     "primary_wrong": ("primary.true", "primary.invalid"), "acne": ("shadow.acne",), "leak": ("shadow.leak",),
@@ -41,10 +41,10 @@ FRONTIER: document.Columns = {
     "acne": ("acne", "{:,.0f}"), "leaks": ("leak", "{:,.0f}"), "excused": ("excused", "{:,.0f}"), "FLIP": ("flip", "{:.4f}"),
 }  # fmt: skip
 ENOUGH = 4
-"""Repeats below which nothing is known of the noise, and no difference of times is taken for a cost."""
+"""Number of repeats below which the noise is not known, so that no difference of times counts as a cost."""
 
 UNJUDGED = -1
-"""Of so many disputed pixels only a sample is judged."""
+"""Number of disputed pixels from which only a sample is judged."""
 
 PAINT: dict[str, tuple[tuple[int, ...], str]] = {
     "acne: says shadowed, is lit": ((Verdict.ACNE,), "#D55E00"),
@@ -69,7 +69,7 @@ LARGEST = 320
 
 
 def read(folder: Path) -> pd.DataFrame:
-    """The points with their mean wrong answers a frame by class. Besides:
+    """The points with their mean wrong answers per frame by class. Further columns:
 
     family, level  the two halves of the label; name: the label as shown, with a device that is not the scene's
     on_frontier    see :func:`frontier`
@@ -93,9 +93,9 @@ def usable(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def frontier(table: pd.DataFrame) -> pd.Series:
-    """Whether no other point of a scene beats one in time and in error at once; missing where either is not known.
+    """Whether no other point of the scene is better in both time and error; missing if either is not known.
 
-    Only points on the device that most of a scene's points ran on: a CPU's times beside a GPU's are no frontier.
+    Only points on the device of most of the scene's points: times of a CPU and of a GPU are not comparable.
     """
     found = (table["wrong_per_frame"] < 0).astype("boolean").where(table.index.isin(usable(table).index))
     for _, own in usable(table).groupby("title", sort=False):
@@ -106,7 +106,7 @@ def frontier(table: pd.DataFrame) -> pd.Series:
 
 
 def costs(folder: Path, measures: Sequence[Measure]) -> pd.DataFrame:
-    """One row a scene and measure of which both points were measured in one run, over the frames that both have.
+    """One row per scene and measure of which both points were measured in one run, over the frames that both have.
 
     noise_ms  the larger spread of the two points, between quartiles or between rounds; missing with too few repeats
     """
@@ -133,7 +133,7 @@ def costs(folder: Path, measures: Sequence[Measure]) -> pd.DataFrame:
 
 
 def frontier_table(table: pd.DataFrame) -> pd.DataFrame:
-    """The points of each scene that no other one beats, fastest first."""
+    """The Pareto-optimal points of each scene, fastest first."""
     own = table[table["on_frontier"].fillna(False).astype(bool)].sort_values("total_ms")
     return document.texts(document.arranged(own, "title", usable(table)["title"].unique()), FRONTIER)
 
@@ -155,7 +155,7 @@ def cost_table(cost: pd.DataFrame, hard: pd.DataFrame) -> pd.DataFrame:
 
 
 def finding(table: pd.DataFrame, cost: pd.DataFrame) -> str:
-    """One sentence: who is never wrong and fastest, and what the safety measures cost."""
+    """One sentence: the fastest points without errors, and the costs of the safety measures."""
     known = usable(table)
     if known.empty:
         return "No point has both a time and a score."
@@ -173,13 +173,13 @@ def finding(table: pd.DataFrame, cost: pd.DataFrame) -> str:
 
 
 def notes(table: pd.DataFrame) -> list[str]:
-    """What else must be known to read the tables."""
+    """Notes for reading the tables."""
     sampled = int((usable(table).reindex(columns=["primary.unjudged"])["primary.unjudged"] > 0).sum())
     return [SAMPLED.format(sampled)] * bool(sampled)
 
 
 def draw_frontier(table: pd.DataFrame, path: Path) -> list[Path]:
-    """Wrong answers of every point beside its time: a row a point, a marker a scene."""
+    """Wrong answers of every point beside its time: one row per point, one marker per scene."""
     import pandas as pd
 
     known = usable(table)
@@ -192,7 +192,7 @@ def draw_frontier(table: pd.DataFrame, path: Path) -> list[Path]:
 
 
 def draw_costs(cost: pd.DataFrame, base: str, path: Path) -> list[Path]:
-    """A bar a scene: the frame of the point ``base``, split into the costs of its measures and the rest.
+    """One bar per scene: the frame of the point ``base``, split into the costs of its measures and the rest.
 
     A difference within the noise is no cost.
     """
@@ -215,9 +215,10 @@ def draw_costs(cost: pd.DataFrame, base: str, path: Path) -> list[Path]:
 
 
 def draw_where(folder: Path, table: pd.DataFrame, shown: Sequence[str]) -> list[Path]:
-    """A picture a scene: panels of the points of ``shown`` (labels) with saved maps, all of the same part of the image.
+    """One picture per scene: panels of the points of ``shown`` (labels) with saved maps, all of the same part of the
+    image.
 
-    Maps are large, and a folder that travels may have left them out: its pictures of an earlier drawing stay.
+    Maps are large and may have been left out of a packed folder; its pictures of an earlier drawing then stay.
     """
     inks = {title: colour for title, (_, colour) in PAINT.items()}
     rows = table[table["label"].isin(shown)].drop_duplicates(["file", "label"])
@@ -241,7 +242,7 @@ def draw_where(folder: Path, table: pd.DataFrame, shown: Sequence[str]) -> list[
 
 
 def draw_heat(folder: Path) -> list[Path]:
-    """One panel a method: the share of pixels that differ from the exact answer, from white (none) to dark (all)."""
+    """One panel per method: the share of pixels that differ from the exact answer, from white (none) to dark (all)."""
     import matplotlib
     import pandas as pd
     from matplotlib.colors import LogNorm
@@ -283,7 +284,7 @@ def painted(image: Image.Image | None, classes: NDArray[np.int64]) -> NDArray[np
 
 
 def window(wrong: NDArray[np.bool_]) -> tuple[slice, slice]:
-    """Of a large frame the square with most wrong pixels, else the whole."""
+    """The square of a large frame with the most wrong pixels, else the whole frame."""
     h, w = (min(LARGEST, side) for side in wrong.shape)
     total = np.pad(wrong.cumsum(0).cumsum(1), ((1, 0), (1, 0)))
     inside = total[h:, w:] - total[:-h, w:] - total[h:, :-w] + total[:-h, :-w]

@@ -26,7 +26,8 @@ COLUMNS = "label method device cases cases_wrong true_errors worst left_out".spl
 def hard_rows(
     entries: Sequence[Entry], device: str, without: tuple[str, ...] = (), but: Sequence[str] = ()
 ) -> Iterator[dict[str, Any]]:
-    """One row an entry: cases run, cases with a true error, true errors in all, the cases with the most, and those left out.
+    """One row per entry: cases run, cases with a true error, true errors in all, the cases with the most, and those left
+    out.
 
     Shadow bits count also where a method declares them to lie outside what it can do. Methods whose library is not
     installed have no row. ``without``: cases whose names begin so are left out, ``but`` for those named. The exact answers
@@ -64,7 +65,7 @@ def keep_hard(
     without: tuple[str, ...],
     but: Sequence[str] = (),
 ) -> None:
-    """Judge the entries on the hard cases and write a row each, unless that was done."""
+    """Judge the entries on the hard cases and write one row for each, unless that was done."""
     import pandas as pd
 
     if not (options.out / NAME).exists():
@@ -74,7 +75,7 @@ def keep_hard(
 
 
 def read_hard(folder: Path) -> pd.DataFrame:
-    """The rows that were kept; none where a folder has none. A folder of before has no ``left_out``: it is not known."""
+    """The stored rows; none if a folder has none. Older folders have no ``left_out``: it is not known."""
     import pandas as pd
 
     path = folder / NAME

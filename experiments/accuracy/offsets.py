@@ -1,8 +1,8 @@
-"""Errors over how far the light is and how far the scene lies from the origin: counted, kept as CSV, and drawn.
+"""Errors over the distance of the light and the offset of the scene from the origin: counted, stored as CSV, and drawn.
 
-Scenes are recentred before anyone sees them, which hides what an offset does. Here it is put back on purpose, alike
-for every method and for the judge: all of them get the same rounded triangles, so what is counted is what the
-arithmetic gets wrong and not what the rounding of the input moved. Nothing is timed.
+Scenes are recentred before methods get them, which hides the effect of an offset. Here it is added on purpose, equally
+for every method and for the judge. All of them get the same rounded triangles, so the counts are errors of the
+arithmetic, not of the rounding of the input. Nothing is timed.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ COLUMNS = "scene label method distance offset size status wrong primary_wrong ac
 
 
 def offset_by(prepared: Prepared, radii: float) -> Prepared:
-    """The prepared scene with everything, eye and lights too, moved from where it was by so many of its radii."""
+    """The prepared scene with everything, including eye and lights, moved by a number of its radii."""
     step = DIRECTION * radii * prepared.radius
     centre = prepared.centre - step
     first = np.asarray(prepared.geometry.positions(0), dtype=np.float64).reshape(-1, 3)
@@ -57,7 +57,7 @@ def error_grid(
     size: int,
     device: str,
 ) -> Iterator[dict[str, Any]]:
-    """One row an entry, light distance and offset (both in scene radii): counts of each class, or why there are none.
+    """One row per entry, light distance and offset (both in scene radii): counts of each class, or why there are none.
 
     The light stands in its own direction from the scene's middle. ``size``: pixels along a side.
     """

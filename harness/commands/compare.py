@@ -121,12 +121,12 @@ class Run:
         return cls(name, folder, two_runs.entries(records), older, known)
 
     def of(self, record: Record) -> list[dict[str, Any]]:
-        """The environments that a record was measured in, as far as they are known."""
+        """The known environments in which a record was measured."""
         return [self.environments[one] for one in environments_of(record) if one in self.environments]
 
 
 def environments_of(record: Record) -> list[str]:
-    """The names of the environments of a record: one, or several where a run went on elsewhere."""
+    """The names of the environments of a record: one, or several if a run was continued in another environment."""
     names = [
         record.environment,
         *(str(one["environment"]) for one in record.rounds or () if "environment" in one),
@@ -135,7 +135,7 @@ def environments_of(record: Record) -> list[str]:
 
 
 def machine(facts: Mapping[str, Any]) -> str:
-    """What a measurement ran on, as a phrase."""
+    """The device of a measurement, as a phrase."""
     gpus = [gpu.get("name", "?") for gpu in facts.get("gpus") or ()]
     cpu = facts.get("cpu") or {}
     return " and ".join(
@@ -159,7 +159,7 @@ def cores(runs: Iterable[Run]) -> int | None:
 
 
 def refuse(runs: Mapping[str, Run], allow: Iterable[str]) -> None:
-    """Raise :class:`UserError` where the runs differ in what would be compared besides the methods."""
+    """Raise :class:`UserError` if the runs differ in more than their methods."""
     base = runs["A"]
     shared = [entry for entry in base.entries if all(entry in run.entries for run in runs.values())]
     facts_of: Mapping[str, Callable[[Mapping[str, Any]], str]] = {"machine": machine, "driver": driver}
@@ -209,7 +209,7 @@ def refuse(runs: Mapping[str, Run], allow: Iterable[str]) -> None:
 
 
 def notes_of(runs: Mapping[str, Run], found: Comparison, allow: Iterable[str]) -> Iterable[str]:
-    """What a reader must know besides the verdicts, a line each."""
+    """Notes that belong to the verdicts, one line each."""
     for run, point, number, why in found.left_out:
         yield f"left out: round {number} of {run}, {point}: {why}"
     for name, own in runs.items():

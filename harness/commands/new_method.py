@@ -21,7 +21,7 @@ TEMPLATE = "template"
 """The folder beside this file with the files of the package; their names and texts have the marks of :func:`filled`."""
 
 ENDING = ".txt"
-"""Removed from the names of the template's files, which are no modules of the harness; ``--`` in them is a folder."""
+"""Suffix of the template's files, which are not modules of the harness; ``--`` in their names stands for a folder."""
 
 LONGEST = 64
 

@@ -22,7 +22,7 @@ from ..scene.scene import Scene
 from .options import view_of
 
 PLACES = 48
-"""Places of the light around a scene that does not move, where ``--frames`` does not say."""
+"""Number of places of the light around a scene that does not move, without ``--frames``."""
 
 
 class Renderer:
@@ -36,7 +36,7 @@ class Renderer:
         self.size = size
 
     def picture(self, frame: int) -> NDArray[np.uint8]:
-        """The picture of a frame, uint8 [height, width, 3]; of a stand-in with a caption that says so."""
+        """The picture of a frame, uint8 [height, width, 3]; a stand-in gets a caption that names it as one."""
         from ..report.gallery import captioned
         from ..report.picture import shade
 

@@ -90,7 +90,7 @@ def view(
 
 
 def default_method(frames: Frames) -> str:
-    """The method that the project proposes (see its list of rivals); if it cannot trace the scene, the first that can."""
+    """The default method of the page (see the list of rivals); if it cannot trace the scene, the first one that can."""
     proposed = importlib.import_module(f"{PACKAGE}._rivals").OURS.method
     able = [row["name"] for row in frames.methods() if not row["reason"]]
     return proposed if proposed in able or not able else able[0]

@@ -14,13 +14,13 @@ from ..files import replacing
 from .gallery import PAPER
 
 QUALITY = 60
-"""Of the lossy encoding, 0 to 100: a few kB for a frame of 256x256 pixels."""
+"""Quality of the lossy encoding, 0 to 100: a few kB for a frame of 256x256 pixels."""
 
 LONGEST_SIDE = 16383
-"""Pixels: what the WebP format allows."""
+"""Largest width and height of a WebP file, pixels."""
 
 MOST_PIXELS = 1 << 28
-"""Of all frames together: they are in memory until the file is written, 3 bytes a pixel."""
+"""Largest number of pixels of all frames together: they are in memory until the file is written, 3 bytes per pixel."""
 
 
 def check_animation(width: int, height: int, frames: int) -> None:

@@ -28,7 +28,7 @@ ABOUT = (
 
 @dataclass(frozen=True)
 class Finding:
-    """A verdict, and the numbers that it rests on. ``lacking``: the evidence does not have what decides."""
+    """A verdict, and the numbers behind it. ``lacking``: the evidence does not have the deciding numbers."""
 
     verdict: str
     numbers: str
@@ -37,11 +37,11 @@ class Finding:
 
 @dataclass(frozen=True)
 class Claim:
-    """A sentence of the paper (or of ours), where it stands, and what decides it.
+    """A sentence of the paper (or of this project), its section, and what decides it.
 
     experiments  whose records may decide it; the last versions of the methods come first, then this order
     judge        given one piece of evidence at a time, until one has all that it needs: it never sees two
-    beside       (experiment, phrase): what another experiment says of the same thing; it decides nothing
+    beside       (experiment, phrase): the result of another experiment on the same question; it does not decide
     counted      it is about counted work, the same on every device; all others are about times on a GPU
     """
 
@@ -59,12 +59,12 @@ def each(values: dict[str, float], form: str = "{:.2f}") -> str:
 
 
 def lacking(what: str, numbers: str = "") -> Finding:
-    """The evidence does not have what decides: what is not there, and the numbers that are."""
+    """The evidence does not have the deciding numbers: what is missing, and the numbers that exist."""
     return Finding(OPEN, f"{what} is not measured" + (f"; {numbers}" if numbers else ""), lacking=True)
 
 
 def by_ratio(values: dict[str, float], what: str) -> Finding:
-    """Holds where the geometric mean of ratios lies above 1 by over 3 %."""
+    """Holds if the geometric mean of the ratios exceeds 1 by more than 3 %."""
     if not values:
         return lacking("either of the two")
     mean = geometric(values.values())
@@ -73,9 +73,9 @@ def by_ratio(values: dict[str, float], what: str) -> Finding:
 
 
 def decide(claim: Claim, data: Data) -> tuple[Finding, str]:
-    """What the first evidence that has all that is needed says, and its folders.
+    """The finding of the first evidence that has all needed numbers, and its folders.
 
-    Where none has: what the first one lacks, which points cannot be compared, and what to run.
+    If none has them: what the first one lacks, which points cannot be compared, and what to run.
     """
     findings = [(claim.judge(one), one) for one in data.evidence(*claim.experiments)]
     told = findings[0][0].numbers if findings else "not measured"
@@ -99,7 +99,7 @@ def origin(evidence: Evidence, data: Data) -> str:
 
 
 def judge_all(claims: Sequence[Claim], data: Data) -> DataFrame:
-    """One row a claim: number, claim, section, verdict, numbers, judged_from."""
+    """One row per claim: number, claim, section, verdict, numbers, judged_from."""
     import pandas as pd
 
     made = []

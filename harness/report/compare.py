@@ -1,7 +1,7 @@
 """Every ratio of a report: two points compared over the frames that both have, within one run.
 
-Points of different runs, scenes, lights, devices, image sizes or versions of one method are never compared: they have no
-pair here, and whatever is drawn from it says so by its absence (:func:`apart`).
+Points of different runs, scenes, lights, devices, image sizes or versions of one method are never compared: they form no
+pair here, and tables and drawings show no ratio for them (:func:`apart`).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ SCENE = ("folder", "run", "scene", "scene_title", "scene_sha256", "device")
 LIGHTS = ("light_label", "lights")
 SIZE = ("width", "height")
 SAME = (*SCENE, *LIGHTS, *SIZE)
-"""What two points must agree in to be compared, unless the caller says what else may differ."""
+"""The columns in which two points must agree to be compared, unless the caller allows others to differ."""
 
 
 def pairs(frames: DataFrame, base: Series, same: Sequence[str] = SAME) -> tuple[DataFrame, DataFrame]:
@@ -51,8 +51,8 @@ def ratios(frames: DataFrame, base: Series, same: Sequence[str] = SAME) -> DataF
     """Frame time over that of the base, for each point that has one (see :func:`pairs`), by key.
 
     ratio   of the means over the frames that both have; frames: how many these are
-    spread  how far the ratio may lie from that, from the spreads of the two (:func:`spread`); NaN: not known
-    low, high  the ratio where each lies at the end of its range between rounds that makes it least, and greatest
+    spread  uncertainty of the ratio, from the spreads of the two (:func:`spread`); NaN: not known
+    low, high  the smallest and the largest ratio if each time lies anywhere in its range between rounds
     """
     import pandas as pd
 
@@ -66,14 +66,14 @@ def ratios(frames: DataFrame, base: Series, same: Sequence[str] = SAME) -> DataF
 
 
 def spread(table: DataFrame) -> Series:
-    """How far a point's time may lie from what is shown, ms: half the interquartile range of repeats or half the range
-    between rounds, whichever is larger; NaN where there is one sample, which says nothing of it.
+    """Uncertainty of a point's time, ms: half the interquartile range of repeats or half the range between rounds,
+    whichever is larger; NaN for a single sample.
     """
     return (table[["iqr_ms", "between_ms"]].max(axis=1) / 2).where(table["samples"] > 1)
 
 
 def pass_spread(samples: DataFrame, part: str, pattern: str = "") -> Series:
-    """How far the time of passes may lie from what is shown, ms, by key: as :func:`spread`, of the sums of the passes.
+    """Uncertainty of the time of passes, ms, by key: as :func:`spread`, of the sums of the passes.
 
     samples  every sample of a folder (:func:`.results.table.samples`)
     part, pattern  which passes: those of the part whose names hold the pattern, a regular expression
@@ -88,7 +88,7 @@ def pass_spread(samples: DataFrame, part: str, pattern: str = "") -> Series:
 
 
 def geometric(values: Iterable[float]) -> float:
-    """Geometric mean of the values that are known; NaN where none is."""
+    """Geometric mean of the known values; NaN if there are none."""
     known = [math.log(value) for value in values if value == value]
     return math.exp(sum(known) / len(known)) if known else math.nan
 

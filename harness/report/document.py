@@ -31,18 +31,18 @@ COMMON = (
 """Columns that every CSV of an experiment begins with."""
 
 Columns = dict[str, tuple[str, str | Callable[[Any], str]]]
-"""Of a table of texts: the column behind each heading, and its form."""
+"""For a table of texts: the column for each heading, and its format."""
 
 NO_RECORD = "no record"
-"""Status of what a run that was stopped did not come to."""
+"""Status of points that a stopped run did not reach."""
 
 NOISY = "~"
-"""Before a number that is shown with fewer digits, as its spread carries no more or is not known."""
+"""Mark before a number that is shown with fewer digits, because its spread is too large or not known."""
 ABOUT_NOISE = f"{NOISY}: shown with fewer digits, as the spread of the repeats carries no more, or a single repeat has none."
 
 
 def carried(value: float, spread: float, form: str = "") -> str:
-    """A number with three digits, or with fewer and :data:`NOISY` before it where its ``spread`` does not carry three.
+    """A number with three digits, or with fewer and :data:`NOISY` before it if its ``spread`` is too large for three.
 
     The last digit shown is the first one that the spread changes; where it is not known (nan), two digits are shown.
     ``form``: holds "+" for a sign, "%" for a share in per cent, which has two digits at most.
@@ -108,7 +108,8 @@ def frames(folder: Path | str) -> DataFrame:
 
 
 def arranged(table: DataFrame, column: str, order: Sequence[Any]) -> DataFrame:
-    """The rows by the place of a column's values in ``order``, then those of other values; otherwise as they stand."""
+    """The rows sorted by the place of a column's values in ``order``, then those with other values; otherwise in their
+    present order."""
     places = {value: i for i, value in reversed(list(enumerate(order)))}
     return table.sort_values(column, key=lambda own: own.map(places).fillna(len(order)), kind="stable")
 
@@ -179,26 +180,26 @@ def ranked(table: DataFrame, ratio: str, by: str, most: int = 5) -> str:
 
 
 def write_csv(table: DataFrame, path: Path, columns: Sequence[str]) -> Path:
-    """The columns as CSV: numbers with six digits, whole ones whole; what is not known is empty."""
+    """The columns as CSV: numbers with six digits, whole numbers without decimals; unknown values are empty."""
     own = table.reindex(columns=columns).convert_dtypes()
     own.to_csv(path, index=False, float_format="%.6g", lineterminator="\n")
     return path
 
 
 def markdown(table: DataFrame) -> list[str]:
-    """A table of texts in Markdown: its index is not shown; what is missing is a dash."""
+    """A table of texts in Markdown: its index is not shown; missing values are dashes."""
     texts = table.astype(object).where(table.notna(), "-").astype(str)
     lines = [[str(name) for name in table.columns], ["---"] * len(table.columns), *texts.to_numpy().tolist()]
     return ["| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines]
 
 
 def measured(table: DataFrame) -> DataFrame:
-    """Those points that have a time."""
+    """The points that have a time."""
     return table[(table["status"] == "ok") & table["total_ms"].notna()]
 
 
 def complete(table: DataFrame, apart: Collection[str] = ()) -> DataFrame:
-    """The points, and a row with the status :data:`NO_RECORD` for each that a run never came to, scene after scene.
+    """The points, and a row with the status :data:`NO_RECORD` for each one that a run did not reach, scene after scene.
 
     A run that was stopped leaves no record of what it did not reach: other scenes, sizes and lights show what is missing.
     ``apart``: lightings at which only some points are measured on purpose.
@@ -221,7 +222,7 @@ def complete(table: DataFrame, apart: Collection[str] = ()) -> DataFrame:
 
 
 def not_measured(table: DataFrame, apart: Collection[str] = ()) -> list[str]:
-    """What has no time, a line a reason; and what has no record (see :func:`complete`)."""
+    """The points without a time, one line per reason; and those without a record (see :func:`complete`)."""
     lost = complete(table, apart)
     lost = lost[(lost["status"] != "ok") | lost["total_ms"].isna()]
     names = lost["label"].where(lost["light_label"] == "", lost["label"] + ", " + lost["light_label"])
@@ -258,7 +259,7 @@ def write(
     text += [f"{line}\n" for line in about]
     text += ["Not measured:", "", *(f"- {line}" for line in lost), ""] if lost else []
     path, kept = folder / f"{experiment.name}.md", sorted(folder.glob("*.png"))
-    # Pictures of an earlier drawing stay, though what they were drawn from may be gone.
+    # Pictures of an earlier drawing stay, because the files that they were drawn from may have been removed.
     names = [file.name for file in pictures if file.suffix in (".svg", ".png")]
     names += [file.name for file in kept if file.name.startswith((experiment.name, "gallery"))]
     text += [f"![{Path(name).stem}]({name})" for name in dict.fromkeys(names)]
@@ -274,7 +275,7 @@ def write(
 
 
 def views(table: DataFrame) -> list[str]:
-    """A line a scene that was not seen as it is declared: from where instead."""
+    """One line per scene with a camera or lights other than the declared ones."""
     known = table[table["view"] != ""].groupby("title", sort=False)["view"].unique()
     return [f"{title}: {' | '.join(found)}." for title, found in known.items()]
 
@@ -316,7 +317,7 @@ def check_text(row: Mapping[str, Any]) -> str:
 
 
 def errors(table: DataFrame) -> str:
-    """What is known of the answers behind the times, as a sentence."""
+    """The correctness of the answers behind the times, as a sentence."""
     done = measured(table)
     lights = done["light_label"].where(done["light_label"] == "", ", " + done["light_label"])
     names = done["title"] + ", " + done["label"] + lights
@@ -326,7 +327,7 @@ def errors(table: DataFrame) -> str:
 
 
 def never_hit_notes(table: DataFrame) -> list[str]:
-    """A line a scene with triangles that nothing can hit: right answers there are misses."""
+    """One line per scene with triangles that are never hit: right answers there are misses."""
     known = table.dropna(subset=["triangles"]).drop_duplicates("title")
     known = known[["title", "triangles", "invalid_triangles"]].to_numpy()
     found = [(title, never_hit(int(total), int(total - invalid))) for title, total, invalid in known]

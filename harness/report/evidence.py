@@ -1,4 +1,4 @@
-"""What a claim may rest on: points of one experiment that may be compared.
+"""Evidence for a claim: points of one experiment that may be compared.
 
 The rule: a ratio is taken within one run, between points of the same scene, size, lights and frames, and with one
 version of each method (:func:`.report.compare.pairs`). :class:`Evidence` holds one version of each method throughout.
@@ -30,7 +30,8 @@ def matching(table: DataFrame, **wanted: Any) -> Series:
 
 
 def by_scene(points: DataFrame) -> DataFrame:
-    """Of each scene the point measured last, by the scene's name; by its title beside a stand-in of the same name."""
+    """For each scene the point measured last, by the scene's name, or by its title if there is also a stand-in of that
+    name."""
     last = points.sort_values("started").drop_duplicates(SCENE[:2], keep="last")
     last = points[points.index.isin(last.index)]
     alone = last.groupby("scene")["scene_title"].transform("nunique") == 1
@@ -39,7 +40,7 @@ def by_scene(points: DataFrame) -> DataFrame:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """The measured frames of one experiment: one version of each method, and of each scene those of one run."""
+    """The measured frames of one experiment: one version of each method, and for each scene those of one run."""
 
     experiment: str
     frames: DataFrame
@@ -59,7 +60,7 @@ class Evidence:
         return self.frames[matching(self.frames, **{"width": self.widths[-1], **wanted})]
 
     def by_scene(self, **wanted: Any) -> DataFrame:
-        """One point a scene (:func:`by_scene`) of the frames that :meth:`of` gives."""
+        """One point per scene (:func:`by_scene`) of the frames that :meth:`of` gives."""
         return by_scene(document.named(self.of(**wanted)))
 
     def ratios(self, one: dict[str, Any], other: dict[str, Any], measure: Measure) -> dict[str, float]:
@@ -75,7 +76,7 @@ class Evidence:
         return dict(sorted(values[(values != 0.0) & (values < float("inf"))].items()))
 
     def described(self) -> str:
-        """The folders it is from, and what others must agree with: sizes and versions."""
+        """Its folders, sizes and versions of methods."""
         sizes = ", ".join(dict.fromkeys(f"{w}x{h}" for w, h in self.frames[["width", "height"]].to_numpy()))
         versions = ", ".join(f"{m} {v[:8]}".strip() for m, v in sorted(self.versions.items()))
         return f"{' and '.join(sorted(self.frames['folder'].unique()))} ({sizes}; {versions})"

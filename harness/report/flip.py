@@ -1,7 +1,7 @@
-"""Where a frame is wrong and how much one sees of it: a map of classes beside the records, and FLIP.
+"""Where a frame is wrong and how visible that is: a map of classes beside the records, and FLIP.
 
-FLIP (Andersson et al. 2020) is how different two pictures look to an eye that flips between them. Ten wrong pixels
-in a million are nothing to it, which is why it stands beside the counts and never in their place.
+FLIP (Andersson et al. 2020) measures how different two pictures look when one flips between them. Ten wrong pixels in a
+million hardly change it, so it is shown beside the counts and never instead of them.
 """
 
 from __future__ import annotations

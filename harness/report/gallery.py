@@ -1,6 +1,6 @@
-"""The gallery (Figure 9 of the paper): one picture a scene, with shadows, and a sheet of them all.
+"""The gallery (Figure 9 of the paper): one picture per scene, with shadows, and a sheet of all.
 
-A stand-in says so in the picture itself, so that it cannot be taken for the original wherever the file goes.
+The caption in the picture names a stand-in as such, so that it cannot be mistaken for the original.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ if TYPE_CHECKING:
 SMALLEST = 512
 """Pictures below this width are enlarged by a whole factor: one ray stays one square."""
 TALLEST = 4096
-"""Pixels beyond which no picture is enlarged."""
+"""Largest size of an enlarged picture, pixels."""
 LARGEST = 8192
-"""Pixels a side beyond which only every second, third ... row and column of a picture is used."""
+"""Pixels per side beyond which only every second, third ... row and column of a picture is used."""
 NARROWEST = 256
-"""A caption's width at least."""
+"""Smallest width of a caption."""
 PAPER = (250, 250, 248)
 
 

@@ -1,4 +1,5 @@
-"""The shared drawings: lines, stacked bars, dots and images, a panel a value of a column. Saved without a date: the same
+"""The shared drawings: lines, stacked bars, dots and images, one panel per value of a column. Saved without a date: the
+same
 records give the same bytes."""
 
 from __future__ import annotations
@@ -26,11 +27,11 @@ DASHES = ("-", "--", ":", "-.")
 CUT = {"marker": "$//$", "color": "black", "ms": 6, "mew": 0.3, "ls": "none"}
 """The mark at the end of a bar that is cut off."""
 WHOLE = "ms per frame: a number and its bar; the parts, measured apart, are shown as shares of it"
-"""What to say below stacked bars."""
+"""The text below stacked bars."""
 GREY = "#555555"
 Parts = Mapping[str, tuple[str, Any]]
-"""What a bar is made of: the column and the colour of each part by its title; of a number, so much lighter than the
-method's colour."""
+"""The parts of a bar, by title: the column, and the colour; a number makes it that much lighter than the method's
+colour."""
 FRAME: Parts = {part: (f"{column}_ms", style.PART_SHARE[part]) for part, column in PART_COLUMNS.items()}
 
 
@@ -111,7 +112,8 @@ def lines(
     log_y: bool = True, ticks: Callable[[Any], str] | None = None, wrong: str = "", proportion: str = "",
     upright: tuple[float, str] | None = None, high: float = 1.6, wide: float = 1.0, **options: Any,
 ) -> Path:  # fmt: skip
-    """Lines of ``y`` over ``x``: a line a value of ``hue``, a panel a value of ``facet``, ``across`` beside one another.
+    """Lines of ``y`` over ``x``: one line per value of ``hue``, one panel per value of ``facet``, ``across`` beside one
+    another.
 
     A row with an ``x`` and no ``y`` has a mark at the upper edge; a line without any ``y`` stands above its panel with the
     status of its rows.
@@ -171,7 +173,7 @@ def bars(
     parts: Parts = FRAME, cut: float = math.inf, room: float = 1.45, mark: tuple[str, str] | None = None,
     wide: float = 1.0, legend: int = 3,
 ) -> Path:  # fmt: skip
-    """Panels of stacked bars (:func:`stacked`), a bar a row: before it the column ``name``, at its end ``text``.
+    """Panels of stacked bars (:func:`stacked`), one bar per row: before it the column ``name``, at its end ``text``.
 
     cut   so many times the median time of its panel a bar is cut off
     room  length of the axis over that of the longest bar
@@ -196,7 +198,7 @@ def bars(
 
 
 def stacked(axes: Any, own: DataFrame, parts: Parts = FRAME, limit: float = math.inf) -> None:
-    """A stacked bar a row, from the top down, as long as ``total_ms``. Whisker: its interquartile range.
+    """One stacked bar per row, from the top down, as long as ``total_ms``. Whisker: its interquartile range.
 
     The parts of a frame are measured apart from the whole and may add up to another time: a bar shows the share of each
     in their sum. ``text`` at its end is red where answers are wrong, alone and in italics where nothing was measured. A bar
@@ -236,7 +238,7 @@ def dots(
     hue      column with a marker for each value (:func:`looks`)
     facet    column with a panel for each value, side by side; "": one panel
     order    of the rows; by default the table's
-    whisker  column with how far a value may lie from what is shown
+    whisker  column with the uncertainty of a value
     marked   column that is true where a marker has a black edge
     upright  where a line stands, 0: nowhere; where there are zeros it stands at zero
     band     height of a band, inches
@@ -283,8 +285,8 @@ def images(
 ) -> Path:  # fmt: skip
     """Images [height, width] or [height, width, 3], each with its caption above it, ``across`` of them beside one another.
 
-    key    what a colour means, by its text
-    scale  of images of numbers: colours, their norm, and what the bar below says
+    key    colours by their meaning
+    scale  for images of numbers: colours, their norm, and the text of the bar below
     """
     from matplotlib.cm import ScalarMappable
     from matplotlib.ticker import MaxNLocator

@@ -1,6 +1,7 @@
-"""A picture of a frame from its answers: shaded by the kernel that frames use, and turned into what displays show.
+"""A picture of a frame from its answers: shaded by the kernel that frames use, and converted to display values.
 
-Never part of anything timed. What is shown is what a method answered (:mod:`.frame.shading`): a wrong answer is seen as one.
+Never part of a timed frame. The picture shows a method's answers (:mod:`.frame.shading`), so that wrong answers are
+visible.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ F64 = NDArray[np.float64]
 
 EXPOSURE = 1.1
 WHITE = 2.2
-"""Radiance that is shown as white; what lies below is compressed as little as possible."""
+"""Radiance that is shown as white; lower values are compressed as little as possible."""
 
 SHOWS = "shows"
 """The name, in a PNG file, of the text that says what it was made from."""
@@ -36,10 +37,10 @@ SHOWS = "shows"
 UNREADABLE = (
     OSError, ValueError, SyntaxError, EOFError, struct.error, zlib.error, Image.DecompressionBombError,
 )  # fmt: skip
-"""What Pillow raises for a file that is no whole picture."""
+"""Exceptions of Pillow for a file that is not a whole picture."""
 
 BLOCK = 1 << 16
-"""Pixels of a thread at a time, so that a large picture needs little memory."""
+"""Pixels that are shaded at a time, so that a large picture needs little memory."""
 THREADS = min(8, os.cpu_count() or 1)
 
 
@@ -77,7 +78,7 @@ def display(radiance: F64) -> NDArray[np.uint8]:
 
 
 GREYS = 40
-"""Of a picture that has greys and a few inks."""
+"""Number of colours of a picture that has greys and a few inks."""
 
 
 def png_bytes(
@@ -117,7 +118,7 @@ def opened(path: Path | str) -> Image.Image | None:
 
 
 def shown_in(path: Path | str) -> str | None:
-    """What a picture says that it was made from; None where there is no whole picture, or it does not say."""
+    """The text in a picture file about the data it was made from; None if there is no whole picture or no text."""
     image = opened(path)
     return None if image is None else image.info.get(SHOWS)
 

@@ -1,7 +1,7 @@
 """The least time that stages could take on a device: bytes over bandwidth or tests over rate, and a launch each.
 
-What a stage must at least move and test is an experiment's to say (:class:`Work`); what a device can do is here, as
-measured or, where said so, estimated. The floor is not a prediction: it leaves out every latency but the launch's.
+An experiment declares what a stage must at least move and test (:class:`Work`). The rates of devices are here, measured
+or, where noted, estimated. The floor is not a prediction: it includes no latency except that of launches.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Work:
-    """What a stage cannot do without: bytes read and written once, ray-triangle tests, kernels one after another.
+    """The least work of a stage: bytes read and written once, ray-triangle tests, kernels one after another.
 
     stage  what it is a share of, where passes that run beside each other make up a stage; "": the pass is all of it
     """
@@ -34,7 +34,8 @@ UNKNOWN = Work(float("nan"), float("nan"))
 
 @dataclass(frozen=True)
 class Machine:
-    """What a device can do: bytes a second, ray-triangle tests a second, milliseconds from one kernel to the next."""
+    """The rates of a device: bytes per second, ray-triangle tests per second, milliseconds from one kernel to the
+    next."""
 
     bytes_per_s: float
     tests_per_s: float
@@ -62,9 +63,10 @@ def least_ms(work: Any, machine: Machine) -> Any:
 
 
 def stages(frames: DataFrame, work_of: WorkOf) -> DataFrame:
-    """A row a scene, image size and stage of a tidy table, on known devices: mean over frames of time, floor and work.
+    """One row per scene, image size and stage of a tidy table, on known devices: mean over frames of time, floor and
+    work.
 
-    Passes that share a stage run beside each other: their times and work add up, and their kernels start at once.
+    Passes of one stage run concurrently: their times and work are added, and their kernels start at the same time.
     """
     import pandas as pd
 

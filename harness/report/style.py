@@ -1,4 +1,4 @@
-"""What every table and drawing shares: one colour a method, one word for each number, quiet axes."""
+"""Style that all tables and drawings share: one colour per method, one name for each quantity, light axes."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8
 stand for parts of a frame."""
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
-"""One a line, beside its colour: a grey print keeps them apart."""
+"""Markers of lines, in addition to colours, so that lines are distinct in a grey print."""
 
 PART_SHARE = dict(zip(PARTS, (0.0, 0.40, 0.68, 0.88), strict=True))
-"""How far each part of a frame is lightened from its method's colour: steps that a grey print keeps apart."""
+"""How much each part of a frame is lightened from its method's colour, in steps that are distinct in a grey print."""
 
 COLUMN_WIDTH = 3.4
 """Inches: one column of a two-column page."""
@@ -31,7 +31,8 @@ OK, WRONG, UNSCORED = "✓", "✗", "unscored"
 
 
 SLOTS = 265122
-"""Start of the checksum that gives a method its colour and its marker: one that gives the built-in methods eight of each."""
+"""Start of the checksum that gives a method its colour and its marker; chosen so that the built-in methods get eight of
+each."""
 
 
 def in_order(methods: Iterable[str]) -> list[str]:
@@ -44,7 +45,7 @@ def in_order(methods: Iterable[str]) -> list[str]:
 
 def look(method: str) -> dict[str, str]:
     """The colour and the marker of a method. They follow from its name alone: the same in every figure and every run,
-    whatever else is measured or installed.
+    independent of what else is measured or installed.
     """
     place, slot = divmod(zlib.crc32(method.encode(), SLOTS), len(COLOURS))
     return {"color": COLOURS[slot], "marker": MARKERS[place % len(MARKERS)]}

@@ -1,4 +1,4 @@
-"""Tables for people on a line of limited width: columns side by side, and in further blocks below those that do not fit.
+"""Tables of limited width: columns side by side; columns that do not fit follow in further blocks below.
 
 The width is that of the terminal or of the variable COLUMNS; else 160 columns in a file or a pipe, which can be
 scrolled.
@@ -19,7 +19,7 @@ PIPE_WIDTH = 160
 GAP = 2
 """Columns between two columns of a table."""
 SENTENCE = 38
-"""Columns from which a column of a table holds sentences: it may be broken between words."""
+"""Width from which a column of a table is taken to hold sentences, which may be broken between words."""
 MARKS = (("**", "bold green"), ("*", "dim"))
 """Emphasis of a whole cell in Markdown, and its style in a terminal."""
 
@@ -55,7 +55,7 @@ def print_table(body: DataFrame, heading: str = "", console: Console | None = No
         if groups[-1] != keys and sum(needed[n] for n in [*groups[-1], name]) > console.width + GAP:
             groups.append([*keys])
         groups[-1].append(name)
-    for names in groups:  # sentences share the room that the others leave
+    for names in groups:  # columns of sentences share the width that the others leave
         fixed = {name: widths[name] if widths[name] <= SENTENCE else None for name in names}
         columns = [Column(name, width=width, overflow="fold") for name, width in fixed.items()]
         shown = Table(*columns, box=None, pad_edge=False, padding=(0, GAP, 0, 0))

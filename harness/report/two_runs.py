@@ -123,7 +123,7 @@ def compared(
     """Compare the records of two runs, by entry (:func:`entries`).
 
     again  a second run of A on the same machine, whose gap to A is added to what is known of the machine's own spread
-    cores  of the machine: points of a CPU leave out rounds in which it had more to do than that. None: not known
+    cores  of the machine: points of a CPU leave out rounds in which the load exceeded them. None: not known
     """
     usual = usual_clock([*a.values(), *b.values()])
     shared = [entry for entry in a if entry in b]

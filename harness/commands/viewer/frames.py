@@ -26,14 +26,14 @@ from ...scene.scene import Camera, Light
 from .orbit import turned
 
 JUDGED = 2000
-"""Most disputed pixels that the exact referee decides of one frame."""
+"""Largest number of disputed pixels of a frame that the exact referee decides."""
 
 COLOURS = ("shaded", "tests")
 
 
 @dataclass(frozen=True)
 class Wish:
-    """What is to be shown. Angles in degrees from where the scene has its camera and its light.
+    """The requested view. Angles in degrees, relative to the scene's own camera and light.
 
     method  name                      frame  of an animation
     camera, light  (azimuth, elevation, distance as a factor)
@@ -50,7 +50,7 @@ class Wish:
 
     @staticmethod
     def read(facts: Any) -> Wish:
-        """From JSON. Raises ValueError for anything that is no wish."""
+        """From JSON. Raises ValueError for an invalid request."""
         if not isinstance(facts, dict):
             raise ValueError("not an object")
         wish = Wish(
@@ -76,7 +76,7 @@ def _place(values: Any) -> tuple[float, float, float]:
 class TimedSession(Session):
     """A session that notes how long each pass of the last frame took: the clock around it, milliseconds.
 
-    For the eye only: a pass is waited for before the next one begins, so nothing runs concurrently.
+    For display only: each pass is waited for before the next one begins, so nothing runs concurrently.
     """
 
     def run(self) -> None:
@@ -108,7 +108,7 @@ class Frames:
         self._session: TimedSession | None = None
 
     def methods(self) -> list[dict[str, str]]:
-        """Every method that can trace the scene here; of the others the reason why not."""
+        """Every method, with the reason if it cannot trace the scene here."""
         rows = []
         for name in method_names():
             try:
@@ -133,7 +133,7 @@ class Frames:
         return self._session
 
     def camera(self, wish: Wish) -> Camera:
-        """The scene's camera, turned about what it looks at."""
+        """The scene's camera, turned about its target."""
         known = self.prepared.scene.camera
         return replace(known, eye=turned(known.eye, known.target, known.up, *wish.camera))
 
@@ -151,7 +151,7 @@ class Frames:
         """The facts of a frame and its picture as lossless WebP. Raises :class:`UserError` if the method cannot make it."""
         from ...report.picture import shade
 
-        with MACHINE.shared():  # a run that measures goes first
+        with MACHINE.shared():  # a run that measures has priority
             session = self.session(wish.method)
             frame = wish.frame % self.prepared.frame_count
             camera, lights = self.camera(wish), self.lights(wish, frame)

@@ -1,4 +1,4 @@
-"""A camera or a light that a hand turns about a point."""
+"""A camera or a light that is turned about a point."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from ...scene.light_paths import vector
 from ...scene.scene import Vector
 
 STEEPEST = math.radians(89.0)
-"""Elevation at most, so that ``up`` is never parallel to the view."""
+"""Largest elevation, so that ``up`` is never parallel to the view."""
 
 
 def turned(
     point: Vector, centre: Vector, up: Vector, azimuth: float, elevation: float, scale: float
 ) -> Vector:
-    """``point`` turned about ``centre`` and moved to ``scale`` times its distance; as it is where nothing changes.
+    """``point`` turned about ``centre`` and moved to ``scale`` times its distance; unchanged if nothing is to change.
 
     azimuth    degrees about ``up``, counter-clockwise seen from above
     elevation  degrees towards ``up``; it ends :data:`STEEPEST` above and below

@@ -22,7 +22,7 @@ def page(facts: dict[str, Any]) -> str:
 
 
 def policy(text: str, sockets: str) -> str:
-    """A content security policy: only the page's own script runs, and it speaks with this server alone."""
+    """A content security policy: only the page's own script runs, and it connects to this server only."""
     (program,) = re.findall(r"<script>(.*?)</script>", text, re.DOTALL)
     return (
         f"default-src 'none'; script-src {script_source(program)}; style-src 'unsafe-inline'; img-src data: blob:; "

@@ -1,4 +1,4 @@
-"""A server for one page: on 127.0.0.1 alone, with a token in the address. It ends when the page is closed."""
+"""A server for one page: on 127.0.0.1 only, with a token in the address. It ends when the page is closed."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from .page import page, policy
 
 HOST = "127.0.0.1"
 GRACE_S = 2.0
-"""Seconds after the last page is gone: a page that is reloaded connects again within this time."""
+"""Seconds to wait after the last page has closed: a page that is reloaded connects again within this time."""
 
 LONGEST_WISH = 4096
-"""Bytes of a message from the page."""
+"""Largest message from the page, bytes."""
 
 TOKEN_NEEDED = "Open the whole address that shadowbench view has printed, with its token.\n"
 

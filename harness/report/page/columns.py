@@ -1,4 +1,5 @@
-"""A DataFrame as compact JSON: a list a column, texts as numbers of a list of distinct texts, numbers with few digits."""
+"""A DataFrame as compact JSON: one list per column, texts as indices into a list of distinct texts, numbers with few
+digits."""
 
 from __future__ import annotations
 

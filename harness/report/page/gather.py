@@ -1,4 +1,5 @@
-"""What the page shows of a folder of results, from its tidy tables: points, frames, ratios, environments, notices."""
+"""The content of the page for a folder of results, from its tidy tables: points, frames, ratios, environments,
+notices."""
 
 from __future__ import annotations
 
@@ -36,7 +37,7 @@ FRAME = (
 """Columns of a measured frame on the page; ``point`` is the row of its point."""
 
 BULKY = ("pass.", "counter.", "set.", "light.", "point.", "round.", "primary.", "shadow.")
-"""Beginnings of columns that no ratio needs."""
+"""Prefixes of columns that no ratio needs."""
 
 MOST_BASES = 8
 """Columns of a table up to which each of them can be the base of ratios; else the first one of each method can."""
@@ -126,7 +127,7 @@ def frames_of(table: DataFrame, place: dict[str, int]) -> DataFrame:
 
 
 def ratios_of(table: DataFrame, points: DataFrame, place: dict[str, int]) -> DataFrame:
-    """Frame time over that of each base, a row a pair that may be compared (:func:`.report.compare.ratios`)."""
+    """Frame time over that of each base, one row per pair that may be compared (:func:`.report.compare.ratios`)."""
     import pandas as pd
 
     slim = table[[name for name in table if not name.startswith(BULKY) or name == "pass_count"]]
@@ -143,7 +144,7 @@ def ratios_of(table: DataFrame, points: DataFrame, place: dict[str, int]) -> Dat
 
 
 def described(place: Path, table: DataFrame, points: DataFrame) -> dict[str, Any]:
-    """What the page says of a folder: its experiment, its finding, notices."""
+    """The texts of the page about a folder: its experiment, its finding, notices."""
     experiments = list(dict.fromkeys(points["experiment"]))
     title, finding = written(place, experiments)
     notices = [*compare.apart(points), *document.not_measured(points)[:12]] if len(points) else []

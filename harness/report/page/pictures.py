@@ -1,4 +1,4 @@
-"""What the page draws from files, each as a data address: figures, pictures of scenes, maps of counts and of errors."""
+"""Images from files, each as a data address: figures, pictures of scenes, maps of counts and of errors."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 LARGEST = 1024
-"""Pixels a side of a picture on the page, at most."""
+"""Most pixels per side of a picture on the page."""
 
 ROOM = 5_000_000
-"""Bytes for all figures, pictures and maps together; what is beyond is named on the page."""
+"""Bytes for all figures, pictures and maps together; files beyond that are listed on the page."""
 
 TYPES = {".svg": "image/svg+xml", ".png": "image/png", ".webp": "image/webp"}
 
@@ -67,7 +67,7 @@ def figures(places: Sequence[Path], album: Album) -> list[dict[str, Any]]:
 
 
 def opened(path: Path) -> Image.Image | None:
-    """A picture as RGB; None where there is none, or a damaged one, which is said."""
+    """A picture as RGB; None if there is none, or if it is damaged, with a message."""
     if not path.is_file():
         return None
     try:
