@@ -52,7 +52,7 @@ def on_face(q: Any, face: wp.int32) -> Any:
 #if defined(__CUDA_ARCH__)
 __shared__ int agreed[6];
 if (threadIdx.x < 6) agreed[threadIdx.x] = threadIdx.x < {FACE} ? {EMPTY} : 0;
-__syncthreads();
+if (!__syncthreads_or(face >= 0)) return;
 int used = face < 0 ? 0 : 1 << face;
 #if __CUDA_ARCH__ >= 800
 low_u = __reduce_min_sync(0xffffffffu, low_u);

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import warp as wp
 
-from ...harness.frame.geometry import Camera
+from ...harness.frame.geometry import Camera, Hits
+from ...harness.frame.specialise import effects
 from ..common.entries import entry
 from ..common.pixels import tile_pixel
 from ..ray_grids.light.bins import RayCells, cell_along, cells_in_use, face_rectangle, set_table
@@ -28,7 +29,14 @@ def texel_index(face: wp.int32, x: wp.int32, y: wp.int32, along: wp.int32) -> wp
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
-def insert_kernel(camera: Camera, cells: RayCells, head: wp.array(dtype=wp.int32)):
+def insert_kernel(
+    light: wp.int32,
+    camera: Camera,
+    hits: Hits,
+    receivers: wp.array2d(dtype=wp.uint8),
+    cells: RayCells,
+    head: wp.array(dtype=wp.int32),
+):
     """Put every hit point in the list of its texel; the farthest of each tile; the faces' rectangles (``cells.table``).
 
     head: 1 + the pixel of the last hit point of a texel, 0 where the list is empty. The fourth word of ``cells.point``
@@ -40,10 +48,13 @@ def insert_kernel(camera: Camera, cells: RayCells, head: wp.array(dtype=wp.int32
     if at[0] < 0:
         return
     pixel = at[1] * camera.width + at[0]
+    if wp.static(effects.receivers):
+        if receivers[light, pixel] == wp.uint8(0):
+            return
+    elif entry(hits.triangle, pixel) < 0:
+        return
     p = entry(cells.place, pixel)
     face = wp.int32(p[2])
-    if face < 0:
-        return
     r = face_rectangle(face, cells.rectangle, along)
     x = cell_along(p[0], r[0], r[2], along)
     y = cell_along(p[1], r[1], r[3], along)

@@ -91,9 +91,9 @@ class LightRaster(LightStream):
         cells = {name: array for name, array in arrays.items() if name != "head"}
         super().__init__(frame, index, build, hit, queues, cells, aims, effects)
 
-    def cell_passes(self, place: str, rays: str, effect: str) -> list[Pass]:
+    def cell_passes(self, seen: tuple[str, ...], place: str, rays: str, effect: str) -> list[Pass]:
         name = f"light {self.index}: lists of texels"
-        return [Pass(name, "light build", (place,), (rays,), self.launch_insert, effect)]
+        return [Pass(name, "light build", (*seen, place), (rays,), self.launch_insert, effect)]
 
     def steps(self) -> list[Step]:
         return [
@@ -106,9 +106,9 @@ class LightRaster(LightStream):
         f = self.frame
         self.head.zero_()
         wp.launch(
-            lists.insert_kernel,
+            specialised(lists.insert_kernel, self.switches),
             dim=thread_count(f.width, f.height, True),
-            inputs=[f.camera],
+            inputs=[self.index, f.camera, f.hits(0), f.receivers],
             outputs=[self.cells, self.head],
             device=f.device,
         )

@@ -49,7 +49,7 @@ def resolve_points(
 ):
     """One thread per pixel, 8 x 4 per warp. Writes the same bits as :func:`..common.triangle.write_hit`.
 
-    hit_points: vec3d, or vec3f where they are needed rounded.
+    hit_points: vec3d, or vec3f where they are needed rounded; nothing is written at a miss.
     """
     at = tile_pixel(wp.tid(), camera.width, camera.height)
     if at[0] < 0:
@@ -76,7 +76,8 @@ def resolve_points(
     set_entry(hits.t, pixel, t)
     set_entry(hits.u, pixel, uv[0])
     set_entry(hits.v, pixel, uv[1])
-    set_point(hit_points, pixel, hit)
+    if best >= 0:
+        set_point(hit_points, pixel, hit)
     # Flat rays are few and slow to compute. Their input is read again, so that no registers hold it until here.
     if flat:
         corners = corners_at(mesh, best)

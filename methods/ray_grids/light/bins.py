@@ -113,9 +113,10 @@ def map_kernel(
     cells: RayCells,
     visibility: wp.array2d(dtype=wp.uint8),
 ):
-    """Places of all rays (face -1: no shadow ray), the rectangle of face 0, and the faces in use; empties ``farthest``.
+    """Places of all rays, the rectangle of face 0, and the faces in use; empties ``farthest``. Clears the shadow bits,
+    unless the receivers' pass of the harness has.
 
-    point: the hit in float32, and the pixel's number in the bits of the fourth.
+    point: the hit in float32, and the pixel's number in the bits of the fourth. Nothing is written for pixels without ray.
     """
     tile = wp.tid()
     while tile < cells.farthest.shape[0]:
@@ -126,32 +127,37 @@ def map_kernel(
     wanted = wp.bool(False)
     pixel = at[1] * camera.width + at[0]
     if at[0] >= 0:
-        visibility[light, pixel] = wp.uint8(0)
-        wanted = hits.triangle[pixel] >= 0
         if wp.static(effects.receivers):
             wanted = receivers[light, pixel] != wp.uint8(0)
+        else:
+            visibility[light, pixel] = wp.uint8(0)
+            wanted = entry(hits.triangle, pixel) >= 0
         if wanted:
             hit = hit_points[pixel]
     p = place_and_record(wanted, hit, lights[light], axes[light], cells.rectangle)
-    if at[0] >= 0:
+    if wanted:
         set_entry(cells.place, pixel, p)
         h = to_float32(hit)
         set_entry(cells.point, pixel, wp.vec4f(h[0], h[1], h[2], wp.cast(pixel, wp.float32)))
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
-def count_kernel(camera: Camera, cells: RayCells):
+def count_kernel(
+    light: wp.int32, camera: Camera, hits: Hits, receivers: wp.array2d(dtype=wp.uint8), cells: RayCells
+):
     """Cell of every ray, and its rank there; the farthest receivers. Ranks depend on the order of threads; no answer
     does."""
     at = tile_pixel(wp.tid(), camera.width, camera.height)
     if at[0] < 0:
         return
     pixel = at[1] * camera.width + at[0]
+    if wp.static(effects.receivers):
+        if receivers[light, pixel] == wp.uint8(0):
+            return
+    elif entry(hits.triangle, pixel) < 0:
+        return
     p = entry(cells.place, pixel)
     face = wp.int32(p[2])
-    if face < 0:
-        set_entry(cells.slot, pixel, wp.vec2i(-1, 0))
-        return
     along = cells_in_use(cells.rectangle, cells.cells)
     r = face_rectangle(face, cells.rectangle, along)
     x = cell_along(p[0], r[0], r[2], along)
@@ -201,12 +207,18 @@ def reach_of(table: wp.array(dtype=wp.vec4f)) -> wp.float32:
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
-def scatter_kernel(camera: Camera, cells: RayCells):
+def scatter_kernel(
+    light: wp.int32, camera: Camera, hits: Hits, receivers: wp.array2d(dtype=wp.uint8), cells: RayCells
+):
     """Rays in cell order: float32 hit point, and the pixel's number in the bits of the fourth."""
     at = tile_pixel(wp.tid(), camera.width, camera.height)
     if at[0] < 0:
         return
     pixel = at[1] * camera.width + at[0]
+    if wp.static(effects.receivers):
+        if receivers[light, pixel] == wp.uint8(0):
+            return
+    elif entry(hits.triangle, pixel) < 0:
+        return
     s = entry(cells.slot, pixel)
-    if s[0] >= 0:
-        set_entry(cells.rays, cells.offset[s[0]] + s[1], entry(cells.point, pixel))
+    set_entry(cells.rays, cells.offset[s[0]] + s[1], entry(cells.point, pixel))

@@ -110,19 +110,26 @@ class LightStream:
                 ahead=True,
             ),
             Pass(f"{who}: map rays", build, seen, (place, bits), self.launch_map, effect),
-            *self.cell_passes(place, rays, effect),
+            *self.cell_passes(seen, place, rays, effect),
         ]
         steps = [*self.steps(), ("doubtful pairs", (), (), self.launch_doubts)]
         passes += in_shares(who, "shadow", steps, self.queues.shares, (*scene, bits), (bits,), effect)
         return [replace(work, branch=(branch, *work.branch)) for work in passes]
 
-    def cell_passes(self, place: str, rays: str, effect: str) -> list[Pass]:
-        """Passes that put the mapped rays (resource ``place``) into the cells (``rays``)."""
+    def cell_passes(self, seen: tuple[str, ...], place: str, rays: str, effect: str) -> list[Pass]:
+        """Passes that put the mapped rays (``seen``: which pixels have one; ``place``) into the cells (``rays``)."""
         who, offsets = f"light {self.index}", f"ray offsets/{self.index}"
         return [
-            Pass(f"{who}: count and scan", "light build", (place,), (offsets,), self.launch_count, effect),
             Pass(
-                f"{who}: scatter rays", "light build", (place, offsets), (rays,), self.launch_scatter, effect
+                f"{who}: count and scan", "light build", (*seen, place), (offsets,), self.launch_count, effect
+            ),
+            Pass(
+                f"{who}: scatter rays",
+                "light build",
+                (*seen, place, offsets),
+                (rays,),
+                self.launch_scatter,
+                effect,
             ),
         ]
 
@@ -164,9 +171,9 @@ class LightStream:
         if not self.queues.cuda:
             cells.count.zero_()
         wp.launch(
-            light_bins.count_kernel,
+            specialised(light_bins.count_kernel, self.switches),
             dim=thread_count(f.width, f.height, True),
-            inputs=[f.camera],
+            inputs=[self.index, f.camera, f.hits(0), f.receivers],
             outputs=[cells],
             device=f.device,
         )
@@ -185,9 +192,9 @@ class LightStream:
     def launch_scatter(self) -> None:
         f = self.frame
         wp.launch(
-            light_bins.scatter_kernel,
+            specialised(light_bins.scatter_kernel, self.switches),
             dim=thread_count(f.width, f.height, True),
-            inputs=[f.camera],
+            inputs=[self.index, f.camera, f.hits(0), f.receivers],
             outputs=[self.cells],
             device=f.device,
         )
