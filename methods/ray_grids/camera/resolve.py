@@ -23,6 +23,38 @@ def set_point(points: wp.array(dtype=wp.vec3d), i: wp.int32, point: wp.vec3d):
     set_entry(points, i, point)
 
 
+# A predicated store: with a branch the compiler computes a hit and a miss apart, and needs more registers for the hit.
+SET_POINT_OF_HIT = """
+#if defined(__CUDA_ARCH__)
+asm volatile("{{ .reg .pred hit; setp.ge.s32 hit, %4, 0; @hit st.global.{kind} [%0], %1;"
+    " @hit st.global.{kind} [%0 + {size}], %2; @hit st.global.{kind} [%0 + 2 * {size}], %3; }}"
+    :: "l"((unsigned long long)(points.data + i)), "{letter}"(point[0]), "{letter}"(point[1]), "{letter}"(point[2]), "r"(triangle)
+    : "memory");
+#else
+if (triangle >= 0) points.data[i] = point;
+#endif
+"""
+
+
+@wp.func_native(SET_POINT_OF_HIT.format(kind="f64", size=8, letter="d"))
+def set_point_of(points: wp.array(dtype=wp.vec3d), i: wp.int32, point: wp.vec3d, triangle: wp.int32): ...
+
+
+@wp.func_native(SET_POINT_OF_HIT.format(kind="f32", size=4, letter="f"))
+def set_point_of(points: wp.array(dtype=wp.vec3f), i: wp.int32, point: wp.vec3f, triangle: wp.int32): ...
+
+
+@wp.func
+def set_point_of_hit(points: wp.array(dtype=wp.vec3d), i: wp.int32, point: wp.vec3d, triangle: wp.int32):
+    """Set a pixel's hit point where it hit a triangle (>= 0)."""
+    set_point_of(points, i, point, triangle)
+
+
+@wp.func
+def set_point_of_hit(points: wp.array(dtype=wp.vec3f), i: wp.int32, point: wp.vec3d, triangle: wp.int32):
+    set_point_of(points, i, to_float32(point), triangle)
+
+
 @wp.func
 def takes_care(points: wp.array(dtype=wp.vec3d), ray: Ray, t: wp.float64, corners: Corners) -> wp.bool:
     """Whether the hit point is one that :func:`...common.hitpoint.flat_hit_point` computes."""
@@ -76,8 +108,7 @@ def resolve_points(
     set_entry(hits.t, pixel, t)
     set_entry(hits.u, pixel, uv[0])
     set_entry(hits.v, pixel, uv[1])
-    if best >= 0:
-        set_point(hit_points, pixel, hit)
+    set_point_of_hit(hit_points, pixel, hit, best)
     # Flat rays are few and slow to compute. Their input is read again, so that no registers hold it until here.
     if flat:
         corners = corners_at(mesh, best)
