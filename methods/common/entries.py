@@ -153,8 +153,9 @@ def entry_now(values: wp.array(dtype=wp.vec3d), i: wp.int32) -> wp.vec3d: ...
 #if defined(__CUDA_ARCH__)
 atomicMax((unsigned long long*)(values.data + i), (unsigned long long)value);
 #else
-if (value > values.data[i]) values.data[i] = value;
+unsigned long long *word = (unsigned long long*)(values.data + i), known = __atomic_load_n(word, __ATOMIC_RELAXED);
+while (known < value && !__atomic_compare_exchange_n(word, &known, value, true, __ATOMIC_RELAXED, __ATOMIC_RELAXED)) {}
 #endif
 """)
 def raise_entry(values: wp.array(dtype=wp.uint64), i: wp.int32, value: wp.uint64):
-    """Raise an entry to at least ``value``."""
+    """Raise an entry to at least ``value``; atomic on a CPU, too, where kernels may run in several threads."""

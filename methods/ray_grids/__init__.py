@@ -19,6 +19,7 @@ from ...harness.errors import CapacityRejected
 from ...harness.frame.frame import Frame
 from ...harness.frame.method import BaseMethod
 from ...harness.frame.passes import Pass
+from ...harness.frame.threads import cpu_threads
 from ...harness.scene.effects import Effects, Limits
 from .camera.passes import CameraStream
 from .light.passes import LightAims, LightStream, cell_arrays
@@ -52,6 +53,7 @@ class RayGrids(BaseMethod):
         self._queues: Queues | None = None
         self._memory = 0
         self._queued = False
+        self._threads = 1
 
     def uses_queues(self, cuda: bool) -> bool:
         """Whether larger triangles go through queues on a GPU (``cuda``), or on the CPU."""
@@ -88,16 +90,17 @@ class RayGrids(BaseMethod):
             raise CapacityRejected(f"holds at most {MOST_PIXELS_ALONG} pixels along a side")
         self._memory = limits.memory
         self._queued = self.uses_queues(wp.get_device(frame.device).is_cuda)
-        shares = self.build.shares if self._queued else 1
+        threads = self._threads = cpu_threads(getattr(self.build, "threads", 1), frame.device)
+        shares = self.build.shares if self._queued else threads
         if self._capacity is None:  # of each share
             self._capacity = (
                 self.build.item_capacity or max(262144, frame.triangle_count // shares),
                 self.build.part_capacity or 65536,
                 self.build.doubt_capacity or max(262144, frame.pixels // (2 * shares)),
             )
-        queues = Queues(frame, self._queued, self._capacity, streams, shares)
+        queues = Queues(frame, self._queued, self._capacity, streams, shares, threads > 1)
         self._queues, self._needs = queues, queues.counts
-        camera = self.Camera(frame, self.build, queues, effects, rounded=rounded)
+        camera = self.Camera(frame, self.build, queues, effects, rounded=rounded, bands=threads)
         return camera.passes(), camera, queues
 
     def needs(self) -> wp.array | None:
@@ -123,7 +126,9 @@ class RayGrids(BaseMethod):
         return result
 
     def built(self) -> dict[str, Any]:
-        return {"structure": "rays in the grid, triangles streamed", "queues": self._queued}
+        assert self._queues is not None
+        threads = {} if self._queues.cuda else {"threads": self._threads}
+        return {"structure": "rays in the grid, triangles streamed", "queues": self._queued, **threads}
 
 
 METHOD = RayGrids

@@ -51,6 +51,8 @@ class Build(Streams):
     shares         with queues: parts of the triangles that are streamed at the same time on the GPU, each with queues of
                    its own
     queue          whether larger triangles go through queues: "auto" (on the GPU only), "always", "never"
+    threads        of a CPU: each streams a part of the triangles and resolves a band of the image; 0: one for each core
+                   that this process may use, at most 16
     item_capacity  initial capacity, entries, of the queues of work items and of large triangles; 0 chooses; grows when a
                    frame needs more
     part_capacity  initial capacity, entries, of the queue of further parts of work items; 0 chooses; grows when a frame
@@ -62,6 +64,7 @@ class Build(Streams):
     inline_rays: int = 32
     part: int = 256
     queue: str = "auto"
+    threads: int = 0
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -69,5 +72,7 @@ class Build(Streams):
             raise ValueError("must not be negative")
         if self.part < 1:
             raise ValueError("part must be at least 1")
+        if self.threads < 0:
+            raise ValueError("threads must be 0 (all cores) or more")
         if self.queue not in QUEUES:
             raise ValueError(f"must be one of {', '.join(QUEUES)}")

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import filled
 from ...harness.frame.passes import Pass
+from ...harness.frame.threads import beside
 from ..common.entries import set_entry
 from ..common.pairs import grown
 from ..common.reserve import counted, number_in, reserve
@@ -127,8 +128,16 @@ class Queues:
     :class:`Queue` but the doubts are one element long.
     """
 
-    def __init__(self, frame: Frame, queued: bool, capacity: Capacity, streams: int, shares: int = 1):
-        self.queued, self.shares = queued, shares
+    def __init__(
+        self,
+        frame: Frame,
+        queued: bool,
+        capacity: Capacity,
+        streams: int,
+        shares: int = 1,
+        threaded: bool = False,
+    ):
+        self.queued, self.shares, self.threaded = queued, shares, threaded
         self.triangle_count = frame.triangle_count
         self._capacity = capacity if queued else (1, 1, capacity[2])
         self._rows = max(1, frame.triangle_count) if queued else 1
@@ -199,14 +208,25 @@ def in_shares(
     who: str,
     part: str,
     steps: Sequence[Step],
-    shares: int,
+    queues: Queues,
     reads: tuple[str, ...],
     writes: tuple[str, ...],
     effect: str | None = None,
 ) -> list[Pass]:
-    """Passes of a stream's steps; the shares may run at the same time. All read ``reads`` and add to ``writes``."""
+    """Passes of a stream's steps; the shares may run at the same time. All read ``reads`` and add to ``writes``.
+
+    On a GPU each share has passes of its own, in a branch; threads of a CPU take the shares of one pass.
+    """
     passes = []
+    shares = queues.shares
     for name, taken, made, launch in steps:
+        if queues.threaded:
+            together = beside([functools.partial(launch, share) for share in range(shares)])
+            read, written = (tuple(f"{who} {queue}" for queue in some) for some in (taken, made))
+            passes.append(
+                Pass(f"{who}: {name}", part, (*reads, *read), (*writes, *written), together, effect)
+            )
+            continue
         for share in range(shares):
             of = f", share {share + 1} of {shares}" if shares > 1 else ""
             passes.append(

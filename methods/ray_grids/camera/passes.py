@@ -10,7 +10,7 @@ from ....harness.frame.frame import Frame
 from ....harness.frame.passes import Pass
 from ....harness.frame.specialise import specialised
 from ....harness.scene.effects import Effects
-from ...common.pixels import thread_count
+from ...common.bands import Band, bands_of, in_bands
 from ..parameters import Streams
 from ..queues import BLOCK_DIM, COUNTERS, Queues, Step, copy_counts_kernel, in_shares
 from . import queue as camera_queue
@@ -19,7 +19,8 @@ from . import stream as camera_stream
 
 
 class CameraStream:
-    """Primary rays. hit vec3d [pixels]: float64 hit points; vec3f, if they are to be ``rounded``.
+    """Primary rays. hit vec3d [pixels]: float64 hit points; vec3f, if they are to be ``rounded``. ``bands``: of the image,
+    that are resolved at the same time.
 
     ``needs`` (int64): where the stream's counters are copied to for another method. structure: resources of a structure
     that the steps read.
@@ -35,6 +36,7 @@ class CameraStream:
         effects: Effects,
         needs: wp.array | None = None,
         rounded: bool = False,
+        bands: int = 1,
     ):
         self.frame, self.queues = frame, queues
         self.build: Any = build
@@ -43,6 +45,7 @@ class CameraStream:
         self.resolve = camera_resolve.rounded_kernel if rounded else camera_resolve.resolve_kernel
         with wp.ScopedDevice(frame.device):
             self.hit = wp.zeros(frame.pixels, dtype=wp.vec3f if rounded else wp.vec3d)
+        self.bands = bands_of(frame, bands)
 
     def passes(self) -> list[Pass]:
         """Clear, stream the shares of the triangles at the same time, and resolve."""
@@ -50,9 +53,9 @@ class CameraStream:
         words = ("nearest words",)
         passes = [Pass("camera: clear", "trace", scene, words, self.queues.cleared.zero_)]
         steps = [*self.steps(), ("doubtful pairs", (), (), self.launch_doubts)]
-        passes += in_shares("camera", "trace", steps, self.queues.shares, (*scene, *words), words)
-        passes.append(Pass("camera: resolve", "trace", (*scene, *words), ("hits",), self.launch_resolve))
-        return passes
+        passes += in_shares("camera", "trace", steps, self.queues, (*scene, *words), words)
+        resolve = in_bands(self.bands, self.launch_resolve)
+        return [*passes, Pass("camera: resolve", "trace", (*scene, *words), ("hits",), resolve)]
 
     def steps(self) -> list[Step]:
         """The passes of each share of the triangles before the doubtful pairs are decided."""
@@ -108,13 +111,13 @@ class CameraStream:
                 copy_counts_kernel, dim=COUNTERS, inputs=[counts], outputs=[self.needs], device=f.device
             )
 
-    def launch_resolve(self) -> None:
+    def launch_resolve(self, band: Band) -> None:
         f = self.frame
         wp.launch(
             self.resolve,
-            dim=thread_count(f.width, f.height, True),
-            inputs=[f.camera, f.mesh, self.queues.nearest],
-            outputs=[f.hits(0), self.hit],
+            dim=band.threads,
+            inputs=[band.camera, f.mesh, band.of(self.queues.nearest)],
+            outputs=[band.hits, band.of(self.hit)],
             device=f.device,
             block_dim=BLOCK_DIM,
         )

@@ -113,7 +113,7 @@ class LightStream:
             *self.cell_passes(seen, place, rays, effect),
         ]
         steps = [*self.steps(), ("doubtful pairs", (), (), self.launch_doubts)]
-        passes += in_shares(who, "shadow", steps, self.queues.shares, (*scene, bits), (bits,), effect)
+        passes += in_shares(who, "shadow", steps, self.queues, (*scene, bits), (bits,), effect)
         return [replace(work, branch=(branch, *work.branch)) for work in passes]
 
     def cell_passes(self, seen: tuple[str, ...], place: str, rays: str, effect: str) -> list[Pass]:
