@@ -24,6 +24,7 @@ from ..common.pairs import grown
 from ..common.reserve import counted
 from .parameters import FLOAT32_INEXACT, Build, Trace
 from .refit import Refitted
+from .shadow_passes import threads_built
 from .tracing import Rays
 from .tree import Rebuilt
 
@@ -86,7 +87,7 @@ class BinaryTree(BaseMethod):
     def built(self) -> dict[str, Any]:
         rebuilt = self.build.update == "rebuild"
         tree = self.build.builder if rebuilt else "SAH of the first frame, on the host"
-        return {"update": self.build.update, "tree": tree}
+        return {"update": self.build.update, "tree": tree, **threads_built(self._rays)}
 
 
 METHOD = BinaryTree

@@ -72,12 +72,14 @@ class Trace:
     registers  limit of registers per thread of the kernels that trace on the GPU
     shares     parts of the pixels that the GPU traces at once, each with queues of its own: while the last rays of one
                share end, the rays of another continue
+    threads    of a CPU: each traces a share of the pixels; 0: one for each core that this process may use, at most 16
     """
 
     precision: str = "exact"
     primary: str = "single"
     registers: int = 48
     shares: int = 2
+    threads: int = 0
 
     def __post_init__(self) -> None:
         if self.precision not in PRECISIONS:
@@ -88,3 +90,5 @@ class Trace:
             raise ValueError("registers must be in 32..255")
         if not 1 <= self.shares <= 16:
             raise ValueError("shares must be in 1..16")
+        if self.threads < 0:
+            raise ValueError("threads must be 0 (all cores) or more")

@@ -13,6 +13,7 @@ from ...harness.frame.geometry import filled
 from ...harness.frame.mirrors import traced_bounces
 from ...harness.frame.passes import Pass
 from ...harness.frame.specialise import specialised
+from ...harness.frame.threads import beside, cpu_threads
 from ...harness.scene.effects import Effects
 from ..common.pixels import thread_count
 from . import records, shadow
@@ -24,6 +25,11 @@ from .shadow import Starts
 
 DOUBT_THREADS = 256
 """Threads per multiprocessor that process the doubts, of which there are mostly a few thousand."""
+
+
+def threads_built(rays: ShadowRays | None) -> dict[str, int]:
+    """For :meth:`...harness.frame.method.Method.built`: threads of a CPU."""
+    return {"threads": rays.shares} if rays is not None and rays.threaded else {}
 
 
 class ShadowRays:
@@ -56,7 +62,8 @@ class ShadowRays:
         self.exact = trace.precision == "exact"
         self.lights = [i for i, wanted in enumerate(effects.shadows) if wanted]
         device = wp.get_device(frame.device)
-        self.shares = trace.shares if device.is_cuda else 1
+        self.shares = trace.shares if device.is_cuda else cpu_threads(trace.threads, frame.device)
+        self.threaded = not device.is_cuda
         blocks = -(-thread_count(frame.width, frame.height, True) // BLOCK)
         self.threads = BLOCK * -(-blocks // self.shares)
         self.doubters = DOUBT_THREADS * (device.sm_count if device.is_cuda else 1)
@@ -102,17 +109,30 @@ class ShadowRays:
         ]  # fmt: skip
 
     def in_shares(self, of_share: Callable[[int], list[Pass]]) -> list[Pass]:
-        """The passes ``of_share`` of all shares, which run concurrently; the records for each light come before its
-        rays."""
-        passes = [
-            replace(step, branch=(share,), adds=True)
-            for steps in zip(*(of_share(share) for share in range(self.shares)), strict=True)
-            for share, step in enumerate(steps)
-        ]
+        """The passes ``of_share`` of all shares, which run concurrently; the records for each light come before its rays.
+
+        Threads of a CPU take the shares of one pass.
+        """
+        passes: list[Pass] = []
+        for steps in zip(*(of_share(share) for share in range(self.shares)), strict=True):
+            if self.threaded:
+                passes.append(self._in_threads(steps))
+            else:
+                passes += (replace(step, branch=(share,), adds=True) for share, step in enumerate(steps))
         for late in self.light_passes(received=False):
             made = set(late.writes)
             passes.insert(next(k for k, step in enumerate(passes) if made.intersection(step.reads)), late)
         return passes
+
+    def _in_threads(self, steps: tuple[Pass, ...]) -> Pass:
+        """The same step of all shares as one pass."""
+        return replace(
+            steps[0],
+            name=steps[0].name.removesuffix(self.of(0)),
+            reads=tuple(dict.fromkeys(name for step in steps for name in step.reads)),
+            writes=tuple(dict.fromkeys(name for step in steps for name in step.writes)),
+            launch=beside([step.launch for step in steps]),
+        )
 
     def share_passes(self, share: int, seen: tuple[str, ...]) -> list[Pass]:
         """The shadow rays of one share of the pixels, light after light. ``seen``: what they read apart from the lights."""

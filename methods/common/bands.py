@@ -15,7 +15,7 @@ from typing import Any
 import warp as wp
 
 from ...harness.frame.frame import Frame
-from ...harness.frame.geometry import Camera, Hits, filled
+from ...harness.frame.geometry import Camera, filled
 from ...harness.frame.threads import Launch, beside
 from .pixels import thread_count
 
@@ -25,25 +25,35 @@ ROWS = 4
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """Pixels ``first`` to ``end`` of a frame; ``camera`` and ``hits``: its part of the frame's, ``threads``: of a kernel
+    """Pixels ``first`` to ``end`` of a frame of ``pixels``; ``camera``: the frame's, of these rows; ``threads``: of a kernel
     that takes blocks of 8 x 4 pixels."""
 
     first: int
     end: int
+    pixels: int
     threads: int
     camera: Any
-    hits: Any
 
-    def of(self, pixels: wp.array) -> wp.array:
-        """The band's part of an array [pixels]."""
-        return pixels[self.first : self.end]
+    def of(self, array: wp.array) -> wp.array:
+        """The band's part of an array [pixels] or [rows, pixels]; the array itself if it is not of that size."""
+        if array.shape[-1] != self.pixels or self.end - self.first == self.pixels:
+            return array
+        return array[self.first : self.end] if array.ndim == 1 else array[:, self.first : self.end]
+
+    def fields_of(self, struct: Any) -> Any:
+        """The band's part of a struct whose arrays are all [pixels], or empty."""
+        if self.end - self.first == self.pixels:
+            return struct
+        kind = struct._cls
+        arrays = {name: getattr(struct, name) for name in kind.vars}
+        return filled(kind, **{name: self.of(array) for name, array in arrays.items() if array is not None})
 
 
 def bands_of(frame: Frame, number: int) -> list[Band]:
     """At most ``number`` bands of about the same height; the whole image if that is one."""
     if number == 1:
         threads = thread_count(frame.width, frame.height, True)
-        return [Band(0, frame.pixels, threads, frame.camera, frame.hits(0))]
+        return [Band(0, frame.pixels, frame.pixels, threads, frame.camera)]
     rows = -(-frame.height // ROWS)
     cuts = sorted({min(frame.height, rows * k // number * ROWS) for k in range(number + 1)})
     cuts[-1] = frame.height
@@ -54,12 +64,8 @@ def bands_of(frame: Frame, number: int) -> list[Band]:
             Camera, width=frame.width, height=below - top, eye=frame.eye, axes=frame.axes, tangents=frame.tangents,
             column=frame.column, row=frame.row[top:below],
         )  # fmt: skip
-        of = frame.answers
-        hits = filled(
-            Hits, triangle=of.triangle[first:end], t=of.t[first:end], u=of.u[first:end], v=of.v[first:end]
-        )
         threads = thread_count(frame.width, below - top, True)
-        bands.append(Band(first, end, threads, camera, hits))
+        bands.append(Band(first, end, frame.pixels, threads, camera))
     return bands
 
 

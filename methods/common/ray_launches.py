@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -12,9 +13,10 @@ from ...harness.frame.frame import Frame
 from ...harness.frame.mirrors import traced_bounces
 from ...harness.frame.passes import Pass
 from ...harness.frame.specialise import specialised
+from ...harness.frame.threads import Launch
 from ...harness.scene.effects import Effects
+from .bands import Band, bands_of, in_bands
 from .bounces import bounced_tests
-from .pixels import thread_count
 from .ray_passes import shadow_ray_passes
 
 
@@ -30,15 +32,17 @@ class PixelRays:
     structure  the struct that the kernels take; primary, shadow: of :mod:`.ray_kernels`
     swizzle    whether 32 consecutive threads trace a block of 8x4 pixels, or 32 pixels of a row
     hit        vec3d [pixels]: hit points of primary rays, where others trace these
+    threads    of a CPU, that each trace a band of the image
     """
 
     def __init__(
         self, frame: Frame, effects: Effects, structure: Any, primary: wp.Kernel, shadow: wp.Kernel, swizzle: bool,
-        hit: wp.array | None = None,
+        hit: wp.array | None = None, threads: int = 1,
     ):  # fmt: skip
         self._frame, self._effects, self._structure = frame, effects, structure
         self._primary_kernel, self._shadow_kernel, self._swizzle = primary, shadow, swizzle
-        self._threads = thread_count(frame.width, frame.height, swizzle)
+        self.bands = bands_of(frame, threads)
+        self._launches: dict[tuple[Any, ...], Launch] = {}
         bounces = effects.bounces
         with wp.ScopedDevice(frame.device):
             self._hit = wp.zeros(frame.pixels, dtype=wp.vec3d) if hit is None else hit
@@ -60,6 +64,10 @@ class PixelRays:
             lambda b: self.launch_primary(bounce=b),
             lambda i, b: self.launch_shadow(i, bounce=b),
         )
+
+    def built(self) -> dict[str, int]:
+        """For :meth:`...harness.frame.method.Method.built`: threads of a CPU."""
+        return {} if wp.get_device(self._frame.device).is_cuda else {"threads": len(self.bands)}
 
     def tests_per_pixel(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         """Triangle tests of each pixel's primary ray and of its shadow rays. The last frame is traced again to count
@@ -87,32 +95,48 @@ class PixelRays:
 
     def launch_primary(self, tests: wp.array | None = None, bounce: int = 0) -> None:
         """Closest hits of the primary rays, or of the mirrored rays of a bounce."""
+        self._in_bands(self._primary, bounce, tests)
+
+    def _in_bands(self, launch: Callable[..., None], *arguments: Any) -> None:
+        """Launch a kernel on each band; what is not counted, on all at the same time."""
+        if arguments[-1] is not None:
+            for band in self.bands:
+                launch(band, *arguments)
+            return
+        known = (launch.__name__, *arguments)
+        if known not in self._launches:
+            self._launches[known] = in_bands(self.bands, lambda band: launch(band, *arguments))
+        self._launches[known]()
+
+    def _primary(self, band: Band, bounce: int, tests: wp.array | None) -> None:
         frame = self._frame
         wp.launch(
             specialised(self._primary_kernel, self._effects.switches(bounce=bounce)),
-            dim=self._threads,
+            dim=band.threads if self._swizzle else band.end - band.first,
             inputs=[
-                self._swizzle,
-                self._structure,
-                frame.camera,
-                frame.mesh,
-                frame.alpha,
-                frame.rays(bounce),
+                self._swizzle, self._structure, band.camera, frame.mesh, frame.alpha, band.fields_of(frame.rays(bounce)),
             ],
-            outputs=[frame.hits(bounce), self._hits(bounce), self._uncounted if tests is None else tests],
+            outputs=[
+                band.fields_of(frame.hits(bounce)), band.of(self._hits(bounce)),
+                self._uncounted if tests is None else band.of(tests),
+            ],
             device=frame.device,
-        )
+        )  # fmt: skip
 
     def launch_shadow(self, light: int, tests: wp.array | None = None, bounce: int = 0) -> None:
         """Shadow bits of the hits of :meth:`launch_primary`."""
+        self._in_bands(self._shadow, light, bounce, tests)
+
+    def _shadow(self, band: Band, light: int, bounce: int, tests: wp.array | None) -> None:
         frame = self._frame
         wp.launch(
             specialised(self._shadow_kernel, self._effects.switches(light, bounce)),
-            dim=self._threads,
+            dim=band.threads if self._swizzle else band.end - band.first,
             inputs=[
-                self._swizzle, light, self._structure, frame.camera, frame.mesh, frame.alpha, frame.lights,
-                frame.hits(bounce), self._hits(bounce), frame.masks(bounce), frame.rays(bounce),
+                self._swizzle, light, self._structure, band.camera, frame.mesh, frame.alpha, frame.lights,
+                band.fields_of(frame.hits(bounce)), band.of(self._hits(bounce)), band.of(frame.masks(bounce)),
+                band.fields_of(frame.rays(bounce)),
             ],
-            outputs=[frame.bits(bounce), self._uncounted if tests is None else tests],
+            outputs=[band.of(frame.bits(bounce)), self._uncounted if tests is None else band.of(tests)],
             device=frame.device,
         )  # fmt: skip

@@ -21,13 +21,14 @@ from ...harness.frame.passes import Pass
 from ...harness.scene.effects import Effects, Limits
 from ..bvh2.refit import Refitted
 from ..bvh2.shadow import Starts
-from ..bvh2.shadow_passes import ShadowRays
+from ..bvh2.shadow_passes import ShadowRays, threads_built
 from ..bvh2.tree import Rebuilt
 from ..common.misses import miss_passes
 from ..common.pairs import grown
 from ..common.ray_passes import shadow_ray_passes
 from ..common.reserve import counted
 from ..ray_grids import RayGrids
+from ..ray_grids.parameters import Build as StreamsBuild
 from .parameters import Build, Trace
 from .places import places_kernel
 
@@ -46,7 +47,7 @@ class Hybrid(BaseMethod):
 
     def __init__(self, build: Any = None, trace: Any = None):
         super().__init__(build, trace)
-        self._streams = RayGrids()
+        self._streams = RayGrids(StreamsBuild(threads=self.trace.threads))
         self._capacity = 0
         self._memory = 0
         self._rays: ShadowRays | None = None
@@ -138,7 +139,8 @@ class Hybrid(BaseMethod):
     def built(self) -> dict[str, Any]:
         rebuilt = self.build.update == "rebuild"
         tree = self.build.builder if rebuilt else "SAH of the first frame, on the host"
-        return {"shadows": self.build.shadows, "update": self.build.update, "tree": tree}
+        found = {"shadows": self.build.shadows, "update": self.build.update, "tree": tree}
+        return {**found, **threads_built(self._rays)}
 
 
 METHOD = Hybrid

@@ -34,14 +34,17 @@ class Trace:
 
     registers  limit of registers per thread of the kernels that trace on the GPU
     shares     parts of the pixels whose shadow rays the GPU traces at once, each with queues of its own
+    threads    of a CPU: each streams a share of the triangles, and traces the shadow rays of a share of the pixels; 0: one
+               for each core that this process may use, at most 16
     """
 
     registers: int = 40
     shares: int = 1
+    threads: int = 0
 
     def __post_init__(self) -> None:
         self.of_tree()
 
     def of_tree(self) -> TreeTrace:
         """The same for the tree."""
-        return TreeTrace(registers=self.registers, shares=self.shares)
+        return TreeTrace(registers=self.registers, shares=self.shares, threads=self.threads)

@@ -17,6 +17,7 @@ from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import filled
 from ...harness.frame.method import BaseMethod
 from ...harness.frame.passes import Pass
+from ...harness.frame.threads import cpu_threads
 from ...harness.scene.effects import Effects, Limits
 from ..common.grid_build import TriangleGrid, cells_for
 from ..common.misses import miss_passes
@@ -51,13 +52,17 @@ class Trace:
     swizzle    whether 32 consecutive threads trace a block of 8x4 pixels (true) or 32 pixels of a row (false)
     registers  limit of registers per thread on the GPU; 0: the compiler decides. 64 was the best on balls-40k and
                balls-300k
+    threads    of a CPU: each traces a band of the image; 0: one for each core that this process may use, at most 16
     """
 
     swizzle: bool = True
     registers: int = 64
+    threads: int = 0
 
     def __post_init__(self) -> None:
         check_registers(self.registers)
+        if self.threads < 0:
+            raise ValueError("threads must be 0 (all cores) or more")
 
 
 class UniformGrid(BaseMethod):
@@ -73,6 +78,7 @@ class UniformGrid(BaseMethod):
         super().__init__(build, trace)
         self._capacity = 0
         self._need: wp.array | None = None
+        self._rays: PixelRays | None = None
 
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
         self._limits = limits
@@ -87,7 +93,8 @@ class UniformGrid(BaseMethod):
         self._grid = TriangleGrid(frame, cells, self._capacity)
         pairs = self._grid.binned.list
         lists = filled(Cells, grid=self._grid.grid, begin=pairs.begin, end=pairs.end, members=pairs.values)
-        self._rays = PixelRays(frame, effects, lists, *make_kernels(self.trace.registers), self.trace.swizzle)
+        kernels, threads = make_kernels(self.trace.registers), cpu_threads(self.trace.threads, frame.device)
+        self._rays = PixelRays(frame, effects, lists, *kernels, self.trace.swizzle, threads=threads)
         return [*self._grid.passes(self._need, 0), *self._rays.passes(("cells", "sorted pairs", "grid"))]
 
     def needs(self) -> wp.array | None:
@@ -103,10 +110,11 @@ class UniformGrid(BaseMethod):
     def tests_per_pixel(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         """Triangle tests of each pixel's primary ray and of its shadow rays. The last frame is traced again to count
         them."""
+        assert self._rays is not None
         return self._rays.tests_per_pixel()
 
     def counters(self) -> dict[str, int]:
-        if self._need is None:
+        if self._need is None or self._rays is None:
             return {}
         binned = self._grid.binned
         lengths = binned.list.end.numpy() - binned.list.begin.numpy()
@@ -120,4 +128,4 @@ class UniformGrid(BaseMethod):
         }
 
     def built(self) -> dict[str, Any]:
-        return {"density": self.build.density}
+        return {"density": self.build.density, **(self._rays.built() if self._rays is not None else {})}

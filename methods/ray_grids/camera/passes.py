@@ -117,7 +117,7 @@ class CameraStream:
             self.resolve,
             dim=band.threads,
             inputs=[band.camera, f.mesh, band.of(self.queues.nearest)],
-            outputs=[band.hits, band.of(self.hit)],
+            outputs=[band.fields_of(f.hits(0)), band.of(self.hit)],
             device=f.device,
             block_dim=BLOCK_DIM,
         )

@@ -28,8 +28,8 @@ SET_POINT_OF_HIT = """
 #if defined(__CUDA_ARCH__)
 asm volatile("{{ .reg .pred hit; setp.ge.s32 hit, %4, 0; @hit st.global.{kind} [%0], %1;"
     " @hit st.global.{kind} [%0 + {size}], %2; @hit st.global.{kind} [%0 + 2 * {size}], %3; }}"
-    :: "l"((unsigned long long)(points.data + i)), "{letter}"(point[0]), "{letter}"(point[1]), "{letter}"(point[2]), "r"(triangle)
-    : "memory");
+    :: "l"((unsigned long long)(points.data + i)), "{letter}"(point[0]), "{letter}"(point[1]), "{letter}"(point[2]),
+    "r"(triangle) : "memory");
 #else
 if (triangle >= 0) points.data[i] = point;
 #endif
