@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +16,7 @@ import warp as wp
 
 from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import Camera, filled
-from ...harness.frame.threads import Launch, beside
+from ...harness.frame.threads import Launch, beside, cpu_threads
 from .pixels import thread_count
 
 ROWS = 4
@@ -25,14 +25,16 @@ ROWS = 4
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """Pixels ``first`` to ``end`` of a frame of ``pixels``; ``camera``: the frame's, of these rows; ``threads``: of a kernel
-    that takes blocks of 8 x 4 pixels."""
+    """Pixels ``first`` to ``end`` of a frame of ``pixels``; ``camera``: the frame's, of these rows."""
 
     first: int
     end: int
     pixels: int
-    threads: int
     camera: Any
+
+    def thread_count(self, blocks: bool) -> int:
+        """Threads of a kernel over the band: :func:`.pixels.thread_count`."""
+        return thread_count(self.camera.width, self.camera.height, blocks)
 
     def of(self, array: wp.array) -> wp.array:
         """The band's part of an array [pixels] or [rows, pixels]; the array itself if it is not of that size."""
@@ -52,8 +54,7 @@ class Band:
 def bands_of(frame: Frame, number: int) -> list[Band]:
     """At most ``number`` bands of about the same height; the whole image if that is one."""
     if number == 1:
-        threads = thread_count(frame.width, frame.height, True)
-        return [Band(0, frame.pixels, frame.pixels, threads, frame.camera)]
+        return [Band(0, frame.pixels, frame.pixels, frame.camera)]
     rows = -(-frame.height // ROWS)
     cuts = sorted({min(frame.height, rows * k // number * ROWS) for k in range(number + 1)})
     cuts[-1] = frame.height
@@ -64,11 +65,32 @@ def bands_of(frame: Frame, number: int) -> list[Band]:
             Camera, width=frame.width, height=below - top, eye=frame.eye, axes=frame.axes, tangents=frame.tangents,
             column=frame.column, row=frame.row[top:below],
         )  # fmt: skip
-        threads = thread_count(frame.width, below - top, True)
-        bands.append(Band(first, end, frame.pixels, threads, camera))
+        bands.append(Band(first, end, frame.pixels, camera))
     return bands
 
 
-def in_bands(bands: Sequence[Band], launch: Callable[[Band], None]) -> Launch:
-    """``launch`` of each band, at the same time if there are several."""
-    return beside([functools.partial(launch, band) for band in bands])
+class Bands:
+    """The bands of a frame, and launches on all of them: on a CPU a thread each, of ``threads`` (0: one for each core)."""
+
+    def __init__(self, frame: Frame, threads: int):
+        self.bands = bands_of(frame, cpu_threads(threads, frame.device))
+        self._cpu = not wp.get_device(frame.device).is_cuda
+        self._launches: dict[tuple[Any, ...], Launch] = {}
+
+    def run(self, launch: Callable[..., None], *arguments: Hashable) -> None:
+        """``launch(band, *arguments)`` of every band, at the same time."""
+        known = (launch, *arguments)
+        if known not in self._launches:
+            self._launches[known] = beside(
+                [functools.partial(launch, band, *arguments) for band in self.bands]
+            )
+        self._launches[known]()
+
+    def run_in_turn(self, launch: Callable[..., None], *arguments: Any) -> None:
+        """``launch(band, *arguments)`` of every band."""
+        for band in self.bands:
+            launch(band, *arguments)
+
+    def built(self) -> dict[str, int]:
+        """For :meth:`...harness.frame.method.Method.built`: threads of a CPU."""
+        return {"threads": len(self.bands)} if self._cpu else {}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,11 +12,16 @@ from ...harness.frame.frame import Frame
 from ...harness.frame.mirrors import traced_bounces
 from ...harness.frame.passes import Pass
 from ...harness.frame.specialise import specialised
-from ...harness.frame.threads import Launch
 from ...harness.scene.effects import Effects
-from .bands import Band, bands_of, in_bands
+from .bands import Band, Bands
 from .bounces import bounced_tests
 from .ray_passes import shadow_ray_passes
+
+
+def check_threads(threads: int) -> None:
+    """Raise ValueError if this is no number of threads of a CPU; 0: one for each core."""
+    if threads < 0:
+        raise ValueError("threads must be 0 (all cores) or more")
 
 
 def check_registers(registers: int) -> None:
@@ -32,7 +36,7 @@ class PixelRays:
     structure  the struct that the kernels take; primary, shadow: of :mod:`.ray_kernels`
     swizzle    whether 32 consecutive threads trace a block of 8x4 pixels, or 32 pixels of a row
     hit        vec3d [pixels]: hit points of primary rays, where others trace these
-    threads    of a CPU, that each trace a band of the image
+    threads    of a CPU, that each trace a band of the image; 0: one for each core
     """
 
     def __init__(
@@ -41,8 +45,7 @@ class PixelRays:
     ):  # fmt: skip
         self._frame, self._effects, self._structure = frame, effects, structure
         self._primary_kernel, self._shadow_kernel, self._swizzle = primary, shadow, swizzle
-        self.bands = bands_of(frame, threads)
-        self._launches: dict[tuple[Any, ...], Launch] = {}
+        self.bands = Bands(frame, threads)
         bounces = effects.bounces
         with wp.ScopedDevice(frame.device):
             self._hit = wp.zeros(frame.pixels, dtype=wp.vec3d) if hit is None else hit
@@ -64,10 +67,6 @@ class PixelRays:
             lambda b: self.launch_primary(bounce=b),
             lambda i, b: self.launch_shadow(i, bounce=b),
         )
-
-    def built(self) -> dict[str, int]:
-        """For :meth:`...harness.frame.method.Method.built`: threads of a CPU."""
-        return {} if wp.get_device(self._frame.device).is_cuda else {"threads": len(self.bands)}
 
     def tests_per_pixel(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         """Triangle tests of each pixel's primary ray and of its shadow rays. The last frame is traced again to count
@@ -95,24 +94,16 @@ class PixelRays:
 
     def launch_primary(self, tests: wp.array | None = None, bounce: int = 0) -> None:
         """Closest hits of the primary rays, or of the mirrored rays of a bounce."""
-        self._in_bands(self._primary, bounce, tests)
+        if tests is None:
+            self.bands.run(self._primary, bounce)
+        else:
+            self.bands.run_in_turn(self._primary, bounce, tests)
 
-    def _in_bands(self, launch: Callable[..., None], *arguments: Any) -> None:
-        """Launch a kernel on each band; what is not counted, on all at the same time."""
-        if arguments[-1] is not None:
-            for band in self.bands:
-                launch(band, *arguments)
-            return
-        known = (launch.__name__, *arguments)
-        if known not in self._launches:
-            self._launches[known] = in_bands(self.bands, lambda band: launch(band, *arguments))
-        self._launches[known]()
-
-    def _primary(self, band: Band, bounce: int, tests: wp.array | None) -> None:
+    def _primary(self, band: Band, bounce: int, tests: wp.array | None = None) -> None:
         frame = self._frame
         wp.launch(
             specialised(self._primary_kernel, self._effects.switches(bounce=bounce)),
-            dim=band.threads if self._swizzle else band.end - band.first,
+            dim=band.thread_count(self._swizzle),
             inputs=[
                 self._swizzle, self._structure, band.camera, frame.mesh, frame.alpha, band.fields_of(frame.rays(bounce)),
             ],
@@ -125,13 +116,16 @@ class PixelRays:
 
     def launch_shadow(self, light: int, tests: wp.array | None = None, bounce: int = 0) -> None:
         """Shadow bits of the hits of :meth:`launch_primary`."""
-        self._in_bands(self._shadow, light, bounce, tests)
+        if tests is None:
+            self.bands.run(self._shadow, light, bounce)
+        else:
+            self.bands.run_in_turn(self._shadow, light, bounce, tests)
 
-    def _shadow(self, band: Band, light: int, bounce: int, tests: wp.array | None) -> None:
+    def _shadow(self, band: Band, light: int, bounce: int, tests: wp.array | None = None) -> None:
         frame = self._frame
         wp.launch(
             specialised(self._shadow_kernel, self._effects.switches(light, bounce)),
-            dim=band.threads if self._swizzle else band.end - band.first,
+            dim=band.thread_count(self._swizzle),
             inputs=[
                 self._swizzle, light, self._structure, band.camera, frame.mesh, frame.alpha, frame.lights,
                 band.fields_of(frame.hits(bounce)), band.of(self._hits(bounce)), band.of(frame.masks(bounce)),

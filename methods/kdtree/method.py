@@ -75,6 +75,7 @@ class KdTree(BaseMethod):
         super().__init__(build, trace)
         self._capacity: list[int] = []
         self._need: wp.array | None = None
+        self._workers: dict[str, int] = {}
 
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
         self._frame, self._limits = frame, limits
@@ -91,7 +92,8 @@ class KdTree(BaseMethod):
         self._allocate(frame)
         tree = filled(Tree, nodes=self._nodes, members=self._members, box=self._box)
         kernels = make_kernels(self.trace.stack, self.trace.registers)
-        self._rays = PixelRays(frame, effects, tree, *kernels, self.trace.swizzle)
+        self._rays = PixelRays(frame, effects, tree, *kernels, self.trace.swizzle, threads=self.trace.threads)
+        self._workers = self._rays.bands.built()
         return [
             Pass("root", "build", ("points", "triangles"), ("pairs",), self._root),
             Pass("large nodes", "build", ("points", "triangles", "pairs"), ("small roots",), self._divide),
@@ -177,7 +179,7 @@ class KdTree(BaseMethod):
         }
 
     def built(self) -> dict[str, Any]:
-        return {"small": self.build.small, "traversal_cost": self.build.traversal_cost}
+        return {"small": self.build.small, "traversal_cost": self.build.traversal_cost, **self._workers}
 
     def _root(self) -> None:
         frame = self._frame

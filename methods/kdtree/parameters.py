@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..common.ray_launches import check_registers
+from ..common.ray_launches import check_registers, check_threads
 
 SMALL = 64
 """Most triangles of a small node: a set of them has 64 bits."""
@@ -56,13 +56,16 @@ class Trace:
     stack      nodes that a ray's stack holds (1, 2, 4, 8, 16, 32 or 64)
     registers  limit of registers per thread on the GPU; 0: the compiler decides. 96 was the best on balls-40k and
                balls-300k
+    threads    of a CPU: each traces a band of the image; 0: one for each core that this process may use, at most 16
     """
 
     swizzle: bool = True
     stack: int = 8
     registers: int = 96
+    threads: int = 0
 
     def __post_init__(self) -> None:
         if self.stack not in STACKS:
             raise ValueError(f"stack must be one of {', '.join(map(str, STACKS))}")
         check_registers(self.registers)
+        check_threads(self.threads)

@@ -100,7 +100,7 @@ class RayGrids(BaseMethod):
             )
         queues = Queues(frame, self._queued, self._capacity, streams, shares, threads > 1)
         self._queues, self._needs = queues, queues.counts
-        camera = self.Camera(frame, self.build, queues, effects, rounded=rounded, bands=threads)
+        camera = self.Camera(frame, self.build, queues, effects, rounded=rounded, threads=threads)
         return camera.passes(), camera, queues
 
     def needs(self) -> wp.array | None:

@@ -22,7 +22,7 @@ from ...harness.scene.effects import Effects, Limits
 from ..common.grid_build import BinnedItems, TriangleGrid, cells_for, refuse_cells
 from ..common.misses import miss_passes
 from ..common.pairs import grown
-from ..common.ray_launches import PixelRays, check_registers
+from ..common.ray_launches import PixelRays, check_registers, check_threads
 from .leaves import TopCells, bin_large_leaf_kernel, bin_leaf_kernel, first_kernel, resolution_kernel
 from .traversal import LeafCells, make_kernels
 
@@ -61,13 +61,16 @@ class Trace:
     swizzle    whether 32 consecutive threads trace a block of 8x4 pixels (true) or 32 pixels of a row (false)
     registers  limit of registers per thread on the GPU; 0: the compiler decides. 128 was the best on balls-40k and
                balls-300k
+    threads    of a CPU: each traces a band of the image; 0: one for each core that this process may use, at most 16
     """
 
     swizzle: bool = True
     registers: int = 128
+    threads: int = 0
 
     def __post_init__(self) -> None:
         check_registers(self.registers)
+        check_threads(self.threads)
 
 
 class TwoLevelGrid(BaseMethod):
@@ -86,6 +89,7 @@ class TwoLevelGrid(BaseMethod):
         super().__init__(build, trace)
         self._capacity = [self.build.top_capacity, self.build.leaf_capacity]
         self._need: wp.array | None = None
+        self._workers: dict[str, int] = {}
 
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
         self._frame, self._limits = frame, limits
@@ -116,7 +120,9 @@ class TwoLevelGrid(BaseMethod):
             LeafCells, grid=self._top.grid, res=self._res, first=self._first, begin=leaf.begin, end=leaf.end,
             members=leaf.values,
         )  # fmt: skip
-        self._rays = PixelRays(frame, effects, lists, *make_kernels(self.trace.registers), self.trace.swizzle)
+        kernels, trace = make_kernels(self.trace.registers), self.trace
+        self._rays = PixelRays(frame, effects, lists, *kernels, trace.swizzle, threads=trace.threads)
+        self._workers = self._rays.bands.built()
         levels = ("grid", "cells", "sorted pairs", "leaf grids")
         geometry = ("points", "triangles", *levels)
         return [
@@ -164,7 +170,11 @@ class TwoLevelGrid(BaseMethod):
         }
 
     def built(self) -> dict[str, Any]:
-        return {"top_density": self.build.top_density, "leaf_density": self.build.leaf_density}
+        return {
+            "top_density": self.build.top_density,
+            "leaf_density": self.build.leaf_density,
+            **self._workers,
+        }
 
     def _resolve(self) -> None:
         top_cells, device = self._cells.cells, self._frame.device

@@ -17,12 +17,11 @@ from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import filled
 from ...harness.frame.method import BaseMethod
 from ...harness.frame.passes import Pass
-from ...harness.frame.threads import cpu_threads
 from ...harness.scene.effects import Effects, Limits
 from ..common.grid_build import TriangleGrid, cells_for
 from ..common.misses import miss_passes
 from ..common.pairs import grown
-from ..common.ray_launches import PixelRays, check_registers
+from ..common.ray_launches import PixelRays, check_registers, check_threads
 from .traversal import Cells, make_kernels
 
 
@@ -61,8 +60,7 @@ class Trace:
 
     def __post_init__(self) -> None:
         check_registers(self.registers)
-        if self.threads < 0:
-            raise ValueError("threads must be 0 (all cores) or more")
+        check_threads(self.threads)
 
 
 class UniformGrid(BaseMethod):
@@ -78,7 +76,7 @@ class UniformGrid(BaseMethod):
         super().__init__(build, trace)
         self._capacity = 0
         self._need: wp.array | None = None
-        self._rays: PixelRays | None = None
+        self._workers: dict[str, int] = {}
 
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
         self._limits = limits
@@ -93,8 +91,9 @@ class UniformGrid(BaseMethod):
         self._grid = TriangleGrid(frame, cells, self._capacity)
         pairs = self._grid.binned.list
         lists = filled(Cells, grid=self._grid.grid, begin=pairs.begin, end=pairs.end, members=pairs.values)
-        kernels, threads = make_kernels(self.trace.registers), cpu_threads(self.trace.threads, frame.device)
-        self._rays = PixelRays(frame, effects, lists, *kernels, self.trace.swizzle, threads=threads)
+        kernels, trace = make_kernels(self.trace.registers), self.trace
+        self._rays = PixelRays(frame, effects, lists, *kernels, trace.swizzle, threads=trace.threads)
+        self._workers = self._rays.bands.built()
         return [*self._grid.passes(self._need, 0), *self._rays.passes(("cells", "sorted pairs", "grid"))]
 
     def needs(self) -> wp.array | None:
@@ -110,11 +109,10 @@ class UniformGrid(BaseMethod):
     def tests_per_pixel(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         """Triangle tests of each pixel's primary ray and of its shadow rays. The last frame is traced again to count
         them."""
-        assert self._rays is not None
         return self._rays.tests_per_pixel()
 
     def counters(self) -> dict[str, int]:
-        if self._need is None or self._rays is None:
+        if self._need is None:
             return {}
         binned = self._grid.binned
         lengths = binned.list.end.numpy() - binned.list.begin.numpy()
@@ -128,4 +126,4 @@ class UniformGrid(BaseMethod):
         }
 
     def built(self) -> dict[str, Any]:
-        return {"density": self.build.density, **(self._rays.built() if self._rays is not None else {})}
+        return {"density": self.build.density, **self._workers}

@@ -13,9 +13,10 @@ from ...harness.frame.mirrors import traced_bounces
 from ...harness.frame.passes import Pass
 from ...harness.frame.specialise import effects, specialised
 from ...harness.scene.effects import Effects
+from ..common.bands import Band, Bands
 from ..common.bounces import bounced_tests
 from ..common.box_tree import BoxTree, traverse
-from ..common.pixels import pixel_of, thread_count
+from ..common.pixels import pixel_of
 from ..common.ray_passes import shadow_ray_passes
 from ..common.ray_queries import (
     SLACK,
@@ -111,11 +112,14 @@ class ExactBvh:
     leaf_size    triangles per leaf
     blocks       whether 32 consecutive threads take a block of 8x4 pixels instead of 32 pixels of a row
     bounces      how many times mirrored rays are reflected
+    threads      of a CPU, that each trace a band of the image; 0: one for each core
     """
 
-    def __init__(self, frame: Frame, constructor: str, leaf_size: int, blocks: bool, bounces: int = 0):
+    def __init__(
+        self, frame: Frame, constructor: str, leaf_size: int, blocks: bool, bounces: int = 0, threads: int = 1
+    ):
         self.frame, self.blocks = frame, blocks
-        self.threads = thread_count(frame.width, frame.height, blocks)
+        self.bands = Bands(frame, threads)
         self.tree = BoxTree(frame, constructor, leaf_size)
         with wp.ScopedDevice(frame.device):
             self.hit = wp.zeros(frame.pixels, dtype=wp.vec3d)
@@ -160,24 +164,42 @@ class ExactBvh:
         return self.bounced_hit[bounce - 1] if bounce else self.hit
 
     def _primary(self, tests: wp.array | None = None, bounce: int = 0) -> None:
+        if tests is None:
+            self.bands.run(self._primary_of, bounce)
+        else:
+            self.bands.run_in_turn(self._primary_of, bounce, tests)
+
+    def _primary_of(self, band: Band, bounce: int, tests: wp.array | None = None) -> None:
         frame = self.frame
         wp.launch(
             specialised(primary_kernel, self.effects.switches(bounce=bounce)),
-            dim=self.threads,
-            inputs=[self.blocks, self.tree.id, frame.camera, frame.mesh, frame.alpha, frame.rays(bounce)],
-            outputs=[frame.hits(bounce), self._hits(bounce), self.uncounted if tests is None else tests],
+            dim=band.thread_count(self.blocks),
+            inputs=[
+                self.blocks, self.tree.id, band.camera, frame.mesh, frame.alpha, band.fields_of(frame.rays(bounce)),
+            ],
+            outputs=[
+                band.fields_of(frame.hits(bounce)), band.of(self._hits(bounce)),
+                self.uncounted if tests is None else band.of(tests),
+            ],
             device=frame.device,
-        )
+        )  # fmt: skip
 
     def _shadow(self, light: int, tests: wp.array | None = None, bounce: int = 0) -> None:
+        if tests is None:
+            self.bands.run(self._shadow_of, light, bounce)
+        else:
+            self.bands.run_in_turn(self._shadow_of, light, bounce, tests)
+
+    def _shadow_of(self, band: Band, light: int, bounce: int, tests: wp.array | None = None) -> None:
         frame = self.frame
         wp.launch(
             specialised(shadow_kernel, self.effects.switches(light, bounce)),
-            dim=self.threads,
+            dim=band.thread_count(self.blocks),
             inputs=[
-                self.blocks, light, self.tree.id, frame.camera, frame.mesh, frame.alpha, frame.lights,
-                frame.hits(bounce), self._hits(bounce), frame.masks(bounce), frame.rays(bounce),
+                self.blocks, light, self.tree.id, band.camera, frame.mesh, frame.alpha, frame.lights,
+                band.fields_of(frame.hits(bounce)), band.of(self._hits(bounce)), band.of(frame.masks(bounce)),
+                band.fields_of(frame.rays(bounce)),
             ],
-            outputs=[frame.bits(bounce), self.uncounted if tests is None else tests],
+            outputs=[band.of(frame.bits(bounce)), self.uncounted if tests is None else band.of(tests)],
             device=frame.device,
         )  # fmt: skip

@@ -16,9 +16,10 @@ from ...harness.frame.mirrors import traced_bounces
 from ...harness.frame.passes import Pass
 from ...harness.frame.specialise import specialised
 from ...harness.scene.effects import Effects, Limits
+from ..common.bands import Band, Bands
 from ..common.misses import miss_passes, write_misses
 from ..common.offset import SHADOW_END
-from ..common.pixels import thread_count
+from ..common.ray_launches import check_threads
 from ..common.ray_passes import shadow_ray_passes
 from .exact import ExactBvh
 from .mesh_kernels import mesh_primary_kernel, mesh_shadow_kernel
@@ -73,12 +74,15 @@ class Trace:
              of the query's rounding, computed in float64; "plain": float32 throughout, as users of Warp write it, off the
              surface by the rule of Waechter and Binder (Ray Tracing Gems, chapter 6); "plain_cut": after 1e-6 of the way to
              the light. The plain ones are for queries of wp.Mesh, are not exact, and stand in ratios as Warp's peer
+    threads  of a CPU: each traces a band of the image; 0: one for each core that this process may use, at most 16
     """
 
     swizzle: bool = True
     origin: str = "exact"
+    threads: int = 0
 
     def __post_init__(self) -> None:
+        check_threads(self.threads)
         if self.origin not in STARTS:
             raise ValueError(f"origin must be one of {', '.join(STARTS)}")
 
@@ -113,6 +117,7 @@ class WarpBvh(BaseMethod):
         self._triangles: TreeTriangles | None = None
         self._valid: Any = None
         self._exact: ExactBvh | None = None
+        self._bands: Bands | None = None
 
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
         self._device = frame.device
@@ -120,10 +125,13 @@ class WarpBvh(BaseMethod):
             return miss_passes(frame, effects)
         if self.build.update == "bvh_rebuild":
             leaf_size = self.build.leaf_size or 1
-            self._exact = ExactBvh(frame, self._constructor, leaf_size, self.trace.swizzle, effects.bounces)
+            self._exact = ExactBvh(
+                frame, self._constructor, leaf_size, self.trace.swizzle, effects.bounces, self.trace.threads
+            )
+            self._bands = self._exact.bands
             return self._exact.passes(effects)
         self._frame, self._effects = frame, effects
-        self._threads = thread_count(frame.width, frame.height, self.trace.swizzle)
+        self._bands = Bands(frame, self.trace.threads)
         self._mesh = self._triangles = self._valid = None
         passes = []
         if self.build.update == "rebuild":
@@ -153,7 +161,7 @@ class WarpBvh(BaseMethod):
         what = {"update": self.build.update, "leaf_size": self.build.leaf_size or "default"}
         if self._device:
             what["constructor"] = self._constructor
-        return what
+        return what | (self._bands.built() if self._bands is not None else {})
 
     def counters(self) -> dict[str, int]:
         """Tests of the exact variant; a wp.Mesh has no counters to read."""
@@ -208,13 +216,20 @@ class WarpBvh(BaseMethod):
         if self._mesh is None or self._triangles is None:
             write_misses(frame, bounce)
             return
+        assert self._bands is not None
+        self._bands.run(self._primary_of, bounce)
+
+    def _primary_of(self, band: Band, bounce: int) -> None:
+        frame = self._frame
+        assert self._mesh is not None
+        assert self._triangles is not None
         wp.launch(
             specialised(mesh_primary_kernel, self._effects.switches(bounce=bounce)),
-            dim=self._threads,
+            dim=band.thread_count(self.trace.swizzle),
             inputs=[
-                self.trace.swizzle, self._mesh.id, self._triangles.names, frame.camera, frame.rays(bounce),
+                self.trace.swizzle, self._mesh.id, self._triangles.names, band.camera, band.fields_of(frame.rays(bounce)),
             ],
-            outputs=[frame.hits(bounce)],
+            outputs=[band.fields_of(frame.hits(bounce))],
             device=frame.device,
         )  # fmt: skip
 
@@ -223,13 +238,19 @@ class WarpBvh(BaseMethod):
         if self._mesh is None:
             frame.bits(bounce)[light].zero_()
             return
+        assert self._bands is not None
+        self._bands.run(self._shadow_of, light, bounce)
+
+    def _shadow_of(self, band: Band, light: int, bounce: int) -> None:
+        frame = self._frame
+        assert self._mesh is not None
         wp.launch(
             specialised(SHADOW_KERNELS[self.trace.origin], self._effects.switches(light, bounce)),
-            dim=self._threads,
+            dim=band.thread_count(self.trace.swizzle),
             inputs=[
-                self.trace.swizzle, light, SHADOW_END, self._mesh.id, frame.camera, frame.mesh, frame.lights,
-                frame.hits(bounce), frame.masks(bounce), frame.rays(bounce),
+                self.trace.swizzle, light, SHADOW_END, self._mesh.id, band.camera, frame.mesh, frame.lights,
+                band.fields_of(frame.hits(bounce)), band.of(frame.masks(bounce)), band.fields_of(frame.rays(bounce)),
             ],
-            outputs=[frame.bits(bounce)],
+            outputs=[band.of(frame.bits(bounce))],
             device=frame.device,
         )  # fmt: skip

@@ -10,7 +10,7 @@ from ....harness.frame.frame import Frame
 from ....harness.frame.passes import Pass
 from ....harness.frame.specialise import specialised
 from ....harness.scene.effects import Effects
-from ...common.bands import Band, bands_of, in_bands
+from ...common.bands import Band, Bands
 from ..parameters import Streams
 from ..queues import BLOCK_DIM, COUNTERS, Queues, Step, copy_counts_kernel, in_shares
 from . import queue as camera_queue
@@ -19,8 +19,8 @@ from . import stream as camera_stream
 
 
 class CameraStream:
-    """Primary rays. hit vec3d [pixels]: float64 hit points; vec3f, if they are to be ``rounded``. ``bands``: of the image,
-    that are resolved at the same time.
+    """Primary rays. hit vec3d [pixels]: float64 hit points; vec3f, if they are to be ``rounded``. ``threads``: of a CPU,
+    that each resolve a band of the image.
 
     ``needs`` (int64): where the stream's counters are copied to for another method. structure: resources of a structure
     that the steps read.
@@ -36,7 +36,7 @@ class CameraStream:
         effects: Effects,
         needs: wp.array | None = None,
         rounded: bool = False,
-        bands: int = 1,
+        threads: int = 1,
     ):
         self.frame, self.queues = frame, queues
         self.build: Any = build
@@ -45,7 +45,7 @@ class CameraStream:
         self.resolve = camera_resolve.rounded_kernel if rounded else camera_resolve.resolve_kernel
         with wp.ScopedDevice(frame.device):
             self.hit = wp.zeros(frame.pixels, dtype=wp.vec3f if rounded else wp.vec3d)
-        self.bands = bands_of(frame, bands)
+        self.bands = Bands(frame, threads)
 
     def passes(self) -> list[Pass]:
         """Clear, stream the shares of the triangles at the same time, and resolve."""
@@ -54,8 +54,8 @@ class CameraStream:
         passes = [Pass("camera: clear", "trace", scene, words, self.queues.cleared.zero_)]
         steps = [*self.steps(), ("doubtful pairs", (), (), self.launch_doubts)]
         passes += in_shares("camera", "trace", steps, self.queues, (*scene, *words), words)
-        resolve = in_bands(self.bands, self.launch_resolve)
-        return [*passes, Pass("camera: resolve", "trace", (*scene, *words), ("hits",), resolve)]
+        passes.append(Pass("camera: resolve", "trace", (*scene, *words), ("hits",), self.launch_resolve))
+        return passes
 
     def steps(self) -> list[Step]:
         """The passes of each share of the triangles before the doubtful pairs are decided."""
@@ -111,11 +111,14 @@ class CameraStream:
                 copy_counts_kernel, dim=COUNTERS, inputs=[counts], outputs=[self.needs], device=f.device
             )
 
-    def launch_resolve(self, band: Band) -> None:
+    def launch_resolve(self) -> None:
+        self.bands.run(self._resolve_band)
+
+    def _resolve_band(self, band: Band) -> None:
         f = self.frame
         wp.launch(
             self.resolve,
-            dim=band.threads,
+            dim=band.thread_count(True),
             inputs=[band.camera, f.mesh, band.of(self.queues.nearest)],
             outputs=[band.fields_of(f.hits(0)), band.of(self.hit)],
             device=f.device,

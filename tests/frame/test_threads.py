@@ -1,0 +1,100 @@
+"""Threads of a CPU: parts of a pass run at the same time, give the same bits, and are told in the record."""
+
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+import pytest
+import warp as wp
+from helpers.brute_force import make_scene, soup
+from shadowbench.harness.errors import UserError
+from shadowbench.harness.frame.registry import make_method
+from shadowbench.harness.frame.session import Session
+from shadowbench.harness.frame.threads import beside, cpu_threads, processors
+from shadowbench.harness.scene.scene import Light, Spot
+from shadowbench.methods.common.entries import raise_entry
+
+WIDTH, HEIGHT = 21, 18
+METHODS = (
+    "ray_grids", "hybrid", "bvh2", "uniform_grid", "two_level_grid", "kdtree", "warp_bvh", "warp_bvh.update=bvh_rebuild"
+)  # fmt: skip
+
+
+def scene():
+    vertices, faces = soup(40, 300, size=0.5)
+    spot = Light((0.4, 2.5, 1.2), spot=Spot((-0.2, -1.0, -0.4), 30.0))
+    return make_scene(vertices, faces, [spot, Light((3.0, 3.0, 3.0))])
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_the_answers_have_the_same_bits_with_every_number_of_threads(name):
+    name, _, setting = name.partition(".")
+    prepared = scene()
+    moment = prepared.moment(0, WIDTH, HEIGHT)
+    expected = None
+    for threads in (1, 2, 3):
+        settings = {"threads": str(threads), **dict([setting.split("=")] if setting else [])}
+        session = Session(make_method(name, settings), prepared, WIDTH, HEIGHT, "cpu")
+        for _ in range(3):  # the first in one thread, for kernels that have to be compiled
+            got = session.answers(moment)
+            expected = expected or got
+            for key, array in expected.items():
+                np.testing.assert_array_equal(got[key], array, f"{threads} threads: {key}")
+        assert session.method.built()["threads"] == threads
+    assert (expected["triangle"] >= 0).any()
+    assert expected["visibility"].any(axis=1).all()
+
+
+def test_parts_run_at_the_same_time_after_the_first_time():
+    meeting = threading.Barrier(3)
+    times = []
+
+    def part():
+        if len(times) >= 3:
+            meeting.wait(timeout=20)
+        times.append(threading.get_ident())
+
+    launch = beside([part, part, part])
+    launch()
+    assert len(set(times)) == 1
+    launch()
+    assert len(set(times[3:])) == 3
+
+
+def test_an_error_of_a_part_is_raised():
+    calls = []
+
+    def fails():
+        calls.append(1)
+        if len(calls) > 1:
+            raise ValueError("lost")
+
+    launch = beside([lambda: None, fails])
+    launch()
+    with pytest.raises(ValueError, match="lost"):
+        launch()
+
+
+def test_the_number_of_threads():
+    assert cpu_threads(3, "cpu") == 3
+    assert cpu_threads(0, "cpu") == min(16, processors())
+    with pytest.raises(UserError, match="threads must be 0"):
+        make_method("ray_grids", {"threads": "-1"})
+
+
+@wp.kernel(enable_backward=False)
+def raise_all(first: wp.int32, words: wp.array(dtype=wp.uint64)):
+    i = wp.tid()
+    raise_entry(words, i % 3, wp.uint64(2 * i + first))
+
+
+def test_words_that_two_threads_raise_hold_the_greatest_value():
+    count = 200_000
+    words = wp.zeros(3, dtype=wp.uint64, device="cpu")
+    both = beside([lambda k=k: wp.launch(raise_all, count, [k], [words], device="cpu") for k in (0, 1)])
+    for _ in range(6):
+        words.zero_()
+        both()
+        last = 2 * np.arange(count - 3, count) + 1
+        assert sorted(words.numpy().tolist()) == sorted(last.tolist())
