@@ -145,6 +145,9 @@ class Queues:
         device = wp.get_device(frame.device)
         self.cuda = device.is_cuda
         self.threads = THREADS * device.sm_count if self.cuda else 64
+        self.few_threads = (
+            self.threads // 4
+        )  # for large triangles and doubtful pairs: blocks without work take time too
         words = COUNTERS // 2 * streams * shares
         with wp.ScopedDevice(frame.device):
             # One array for everything that is cleared at the start of a frame: a launch costs as much as the bytes.

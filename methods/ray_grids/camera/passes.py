@@ -99,8 +99,8 @@ class CameraStream:
         f, q = self.frame, self.queues
         wp.launch(
             specialised(camera_stream.doubt_kernel, self.effects.switches()),
-            dim=q.threads,
-            inputs=[q.threads, f.camera, f.mesh, f.alpha],
+            dim=q.few_threads,
+            inputs=[q.few_threads, f.camera, f.mesh, f.alpha],
             outputs=[q.nearest, self.queue[share]],
             device=f.device,
             block_dim=BLOCK_DIM,

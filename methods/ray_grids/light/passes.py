@@ -217,8 +217,8 @@ class LightStream:
         f, q = self.frame, self.queues
         wp.launch(
             light_queue.split_kernel,
-            dim=q.threads,
-            inputs=[q.threads, self.index, f.lights, self.aims.cubes, self.cells.table, f.mesh],
+            dim=q.few_threads,
+            inputs=[q.few_threads, self.index, f.lights, self.aims.cubes, self.cells.table, f.mesh],
             outputs=[self.queue[share]],
             device=f.device,
             block_dim=BLOCK_DIM,
@@ -245,8 +245,8 @@ class LightStream:
         f, q = self.frame, self.queues
         wp.launch(
             specialised(light_queue.doubt_kernel, self.switches),
-            dim=q.threads,
-            inputs=[q.threads, f.lights, f.camera, f.mesh, f.alpha, self.hit],
+            dim=q.few_threads,
+            inputs=[q.few_threads, f.lights, f.camera, f.mesh, f.alpha, self.hit],
             outputs=[self.bits, self.queue[share]],
             device=f.device,
             block_dim=BLOCK_DIM,
