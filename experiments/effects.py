@@ -53,22 +53,19 @@ COLUMNS = [
     *document.COMMON, "moved", "ratio", "added_ms", "added_iqr_ms", "passes", "builds", "memory_bytes", "compile_s",
 ]  # fmt: skip
 KINDS = list(MOVED)
-FRAME = f"{BASE}, ms"
 ORDER = [lighting.label for lighting in (*EFFECTS, *CHANGES)]
 ABOUT = (
     "The same frame was measured again, as the one in which all moved: its difference from the first counts as noise of "
-    "every effect, beside the spread of the repeats."
-)
-ABOUT_MOVED = (
-    "In brackets: passes that build structures. A method that knows no parts of a mesh rebuilds all of it."
+    "every effect, beside the spread of the repeats. In brackets: passes that build structures. A method that knows no "
+    "parts of a mesh rebuilds all of it."
 )
 
 
 def read(folder: Path) -> pd.DataFrame:
     """The points, effects in their order, with what each adds to the frame :data:`BASE` of the same method and scene.
 
-    added_iqr_ms  half the spread of the two, as one reads an error bar; noise_ms: or how far the base frame was from its
-    own repetition, where that is more; noise: over the base frame
+    added_iqr_ms  half the spread of the two, as one reads an error bar
+    ratio_spread  that, or how far the base frame was from its own repetition, where that is more, over the base frame
     """
     frames = document.frames(folder)
     table = document.named(frames)
@@ -79,8 +76,8 @@ def read(folder: Path) -> pd.DataFrame:
     table["ratio"] = own["total_ms"] / base["total_ms"]
     table["added_ms"] = own["total_ms"] - base["total_ms"]
     table["added_iqr_ms"] = np.hypot(compare.spread(own), compare.spread(base))
-    table["noise_ms"] = np.fmax(table["added_iqr_ms"], (again["total_ms"] - base["total_ms"]).abs())
-    table["noise"] = table["noise_ms"] / base["total_ms"]
+    noise = np.fmax(table["added_iqr_ms"], (again["total_ms"] - base["total_ms"]).abs())
+    table["ratio_spread"] = noise / base["total_ms"]
     return document.arranged(table, "light_label", ORDER)
 
 
@@ -89,32 +86,12 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     table = read(folder)
     done = document.measured(table)
     effects, moved = done[(done["moved"] == "") & done["ratio"].notna()], done[done["moved"] != ""]
-    tables: dict[str, pd.DataFrame] = {}
-    pictures, finding = [], f"No effect was measured beside {BASE}."
-    notes = compare.in_sequence(document.frames(folder))
-    scene = {"title": "scene"}
+    alone, pictures = effects[effects["light_label"] != BASE], []
     if len(effects):
-        alone = effects[effects["light_label"] != BASE]
         pictures += [panels.dots(
-            folder / "effects.svg", alone, "light_label", "ratio", "label", facet="title", whisker="noise", legend=3,
-            below=f"frame time over that of {BASE} (bars: noise)",
+            folder / "effects.svg", alone, "light_label", "ratio", "label", facet="title", whisker="ratio_spread",
+            legend=3, below=f"frame time over that of {BASE} (bars: noise)",
         )]  # fmt: skip
-        ratio = document.carry(effects["ratio"], effects["noise"]).str.strip(document.NOISY)
-        added = document.carry(effects["added_ms"], effects["noise_ms"], "+") + " (x" + ratio + ")"
-        base = effects["light_label"] == BASE
-        effect = effects["light_label"].where(~base, FRAME)
-        rows = effects.assign(text=effects["ms"].where(base, added), effect=effect)
-        rows = document.arranged(document.arranged(rows, "effect", [FRAME]), "title", rows["title"].unique())
-        heading = f"What each effect adds to the frame of {BASE}, ms (times its time)"
-        tables = {heading: document.cross_table(rows, {**scene, "effect": "effect"}, "label", "text")}
-        notes += [ABOUT]
-        means = alone.groupby("light_label")["ratio"].agg(compare.geometric)
-        if len(means):
-            finding = (
-                f"Over the frame of {BASE}, everything rebuilt, the most expensive is {means.idxmax()} "
-                f"(x{means.max():.2f}) and "
-                f"the cheapest {means.idxmin()} (x{means.min():.2f}): geometric means over methods and scenes."
-            )
     if len(moved):
         # Where nothing moved, nothing is launched.
         seen, scenes = moved[moved["passes"] > 0], moved["title"].nunique()
@@ -124,12 +101,21 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
             facet="title", across=scenes, whisker="spread", drawn=panels.looks(moved), ticks=KINDS.__getitem__,
             below="what moved since the last frame" + idle, left="ms per frame", wide=max(1.0, 0.6 * scenes), sharey=True,
         )]  # fmt: skip
-        text = moved["ms"] + " (" + moved["builds"].astype(str) + ")"
-        cells = moved.assign(text=text.where(moved["passes"] > 0, "no launch"))
-        cells = document.arranged(cells, "title", moved["title"].unique())
-        wide = document.cross_table(cells, {**scene, "label": "method"}, "moved", "text")
-        tables["A frame by what alone moved, ms"] = wide
-        notes += [ABOUT_MOVED]
+    shown = document.carry(effects["ratio"], effects["ratio_spread"])
+    effects = effects.assign(text=shown.where(effects["light_label"] != BASE, effects["ms"] + " ms"))
+    text = moved["ms"] + " (" + moved["builds"].astype(str) + ")"
+    moved = moved.assign(text=text.where(moved["passes"] > 0, "no launch"))
+    effects, moved = (document.arranged(own, "title", table["title"].unique()) for own in (effects, moved))
+    scene, notes = {"title": "scene"}, [*compare.in_sequence(document.frames(folder)), ABOUT]
+    heading = f"Frame time over that of {BASE}, everything rebuilt"
+    tables = {
+        heading: document.cross_table(effects, {**scene, "light_label": "effect"}, "label", "text"),
+        "A frame by what alone moved, ms": document.cross_table(
+            moved, {**scene, "label": "method"}, "moved", "text"
+        ),
+    }
+    finding = f"{heading}, geometric mean and range of methods and scenes: "
+    finding += f"{document.ranked(alone, 'ratio', 'light_label') or 'not measured'}."
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet, notes)
 
 

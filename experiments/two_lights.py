@@ -33,15 +33,8 @@ def lights(*counts: int) -> tuple[Lighting, ...]:
 COLUMNS = [
     *document.COMMON, "frames_per_s", "ms_per_light", "further_ms", "further_over_first", "shadow_rays",
 ]  # fmt: skip
-PAPER = "the paper: 7.6 frames a second, its kd-tree peer 5.26, and 60 % more time for the second light"
+PAPER = "the paper, on Fairy: 7.6, its kd-tree peer 5.26, and 60 % more time for the second light"
 """Section 5: Fairy with two lights, GTX 280, 1024x1024."""
-SAME = (*compare.SCENE, *compare.SIZE, "label")
-
-
-HEADINGS: document.Columns = {
-    "scene": ("title", str), "method": ("label", str), "ms": ("ms", str), "frames/s": ("rate", str),
-    "over 1 light": ("more", str),
-}  # fmt: skip
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
@@ -51,42 +44,36 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     A light costs its grid and its shadow rays: those passes are compared, with one light and with more. (Differences of
     whole frames would hold the noise of the build and of the primary rays, which can be more than a light.)
     """
-    frames = document.frames(folder)
-    repeats = samples(folder)
-    shadow, build = compare.pass_spread(repeats, "shadow"), compare.pass_spread(repeats, "light build")
+    frames, repeats = document.frames(folder), samples(folder)
+    shadow, build = (compare.pass_spread(repeats, part) for part in ("shadow", "light build"))
     frames["lights_spread"] = frames["key"].map(np.hypot(shadow, build.reindex(shadow.index).fillna(0.0)))
-    table, one = document.named(frames), frames["lights"] == 1
-    table["frames_per_s"] = 1000.0 / table["total_ms"]
-    table["ms_per_light"] = (table["light_build_ms"] + table["shadow_ms"]) / table["lights"]
-    own, first = compare.pairs(frames, one, SAME)
+    own, first = compare.pairs(frames, frames["lights"] == 1, (*compare.SCENE, *compare.SIZE, "label"))
     lights_ms, first_ms = (side["light_build_ms"] + side["shadow_ms"] for side in (own, first))
-    table["further_ms"] = (lights_ms - first_ms) / (own["lights"].where(own["lights"] > 1) - 1)
-    table["further_over_first"] = (table["further_ms"] / first_ms).astype("float64")
-    both = np.hypot(own["lights_spread"], first["lights_spread"])
-    spreads = both / (own["lights"].astype("float64") - 1) / first_ms
-    table["each"] = document.carry(table["further_over_first"], spreads.reindex(table.index))
-    whole = compare.ratios(frames, one, SAME).reindex(table.index)
-    table["more"] = document.carry(whole["ratio"] - 1, whole["spread"], "+%").where(table["lights"] > 1)
-    rate = table["frames_per_s"]
-    table["rate"] = document.carry(rate, rate * table["spread"] / table["total_ms"])
-    table, scenes = table.sort_values("lights", kind="stable"), table["title"].nunique()
-    done = document.measured(table)
+    further = own["lights"].where(own["lights"] > 1).astype("float64") - 1
+
+    table = document.named(frames).sort_values("lights", kind="stable")
+    table["frames_per_s"] = 1000.0 / table["total_ms"]
+    table["frames_per_s_spread"] = table["frames_per_s"] * table["spread"] / table["total_ms"]
+    table["ms_per_light"] = (table["light_build_ms"] + table["shadow_ms"]) / table["lights"]
+    table["further_ms"] = (lights_ms - first_ms) / further
+    table["further_over_first"] = table["further_ms"] / first_ms
+    spread = np.hypot(own["lights_spread"], first["lights_spread"]) / further / first_ms
+    table["each"] = document.carry(table["further_over_first"], spread.reindex(table.index))
+    scenes = table["title"].nunique()
     picture = panels.lines(
         folder / "two_lights.svg", table, "lights", "total_ms", facet="title", across=min(2, scenes), whisker="spread",
         log_x=2, ticks=str, high=1.4 if scenes > 1 else 2.0, below="number of lights", sharex=True,
         left="ms per frame, everything rebuilt",
     )  # fmt: skip
-    two, finding = done[done["lights"] == 2], "No frame with two lights was measured."
-    if len(two):
-        here = two[two["scene"] == ("fairy" if "fairy" in set(two["scene"]) else two["scene"].iloc[0])]
-        rates = ", ".join(here["rate"] + " (" + here["label"] + ")")
-        paper = f"; {PAPER}" * (here["scene"].iloc[0] == "fairy")
-        finding = f"Two lights on {here['title'].iloc[0]}: {rates} frames a second{paper}."
-    further = done[done["lights"] > 1].assign(text=done["each"])
+    done, rows = document.measured(table), {"title": "scene", "label": "method"}
+    two = done[done["lights"] == 2]
+    title = next(iter(two["title"]), "any scene")
+    told = document.ranked(two[two["title"] == title], "frames_per_s", "label") or "not measured"
+    finding = f"Frames a second with two lights on {title}: {told} ({PAPER})."
     tables = {
-        "Frames with two lights": document.texts(two, HEADINGS),
+        "Milliseconds, by number of lights": document.cross_table(done, rows, "lights", "ms"),
         "Each light after the first over the first, by number of lights":
-            document.cross_table(further, {"title": "scene", "label": "method"}, "lights", "text"),
+            document.cross_table(done[done["lights"] > 1], rows, "lights", "each"),
     }  # fmt: skip
     notes = compare.in_sequence(frames)
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, [picture], quiet, notes)

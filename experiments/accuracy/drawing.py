@@ -256,7 +256,7 @@ def draw_heat(folder: Path) -> list[Path]:
     rows["text"] = rows["wrong"].map("{:,.0f}".format) + excused
     look = {"norm": LogNorm(1e-4, 1.0), "cmap": matplotlib.colormaps["magma_r"].with_extremes(bad="white")}
     scene, size = rows.iloc[0][["scene", "size"]]
-    sheet = panels.facets(path, rows, "label", min(3, rows["label"].nunique()), 1.6, 2, legend=0, grid="", dpi=200,
+    sheet = panels.facets(path, rows, "label", min(3, rows["label"].nunique()), 1.6, 2.06, legend=0, grid="", dpi=200,
                           colours=160, sharex=True, sharey=True, below=HEAT.format(scene, size, size),
                           left="offset of the scene from the origin, in radii")  # fmt: skip
     with sheet as shown:
