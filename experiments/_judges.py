@@ -7,6 +7,7 @@ Times that differ by less than 3 % count as equal.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ..harness.report import compare, style
@@ -67,7 +68,7 @@ def with_ours(judge: Callable[[dict[str, Any]], Finding]) -> Finding:
     """The finding for the paper's configuration, with that for ours beside it, given the columns of each."""
     paper, ours = judge(FAITHFUL), judge(OURS)
     beside = "" if ours.lacking else f"; our configuration: {ours.verdict}, {ours.numbers}"
-    return Finding(paper.verdict, paper.numbers + beside, paper.lacking)
+    return replace(paper, numbers=paper.numbers + beside)
 
 
 def indirect_speed(evidence: Evidence) -> Finding:
@@ -101,10 +102,8 @@ def build_cheap(evidence: Evidence) -> Finding:
     points = evidence.by_scene()
     shares = points["build_ms"] / primary(points)
     verdict = HOLDS if shares.max() < 0.5 else FAILS if shares.min() > 0.5 else OPEN
-    return Finding(
-        verdict,
-        f"share of build in build and trace: {each(dict(shares), '{:.0%}')} (an earlier grid: 15-30 %)",
-    )
+    text = f"share of build in build and trace: {each(dict(shares), '{:.0%}')} (an earlier grid: 15-30 %)"
+    return Finding(verdict, text)
 
 
 def wrong_in(points: DataFrame) -> str:
@@ -119,11 +118,8 @@ def culling(evidence: Evidence) -> Finding:
     pairs = evidence.ratios(one, other, column("counter.camera pairs"))
     build = evidence.ratios(one, other, column("build_ms"))
     if not pairs or not build:
-        old = (
-            evidence.by_scene(**{"set.cull": "primary"})
-            if "set.cull" in evidence.frames
-            else evidence.by_scene()[:0]
-        )
+        known = "set.cull" in evidence.frames
+        old = evidence.by_scene(**{"set.cull": "primary"} if known else {"label": CULLED})
         old = old[old["label"] != CULLED]
         wrong = wrong_in(old)
         test = f"culled with {old['set.triangle_test'].iloc[0]}, answers are wrong: {wrong}" if wrong else ""
@@ -219,14 +215,23 @@ def unbalanced(evidence: Evidence) -> str:
     return f"{what}: {each(found)}" if found else ""
 
 
-def spherical(evidence: Evidence) -> Finding:
-    found = evidence.ratios({"label": "cube map"}, {"label": BASE}, lit)
-    return by_ratio(found, "light grid and shadow rays with a cube map over those with a spherical one:")
+def ratio(
+    one: str, other: str, measure: Callable[[DataFrame], Series], what: str
+) -> Callable[[Evidence], Finding]:
+    """A judge that holds where the points labelled ``one`` take longer than those labelled ``other``."""
+    return lambda evidence: by_ratio(evidence.ratios({"label": one}, {"label": other}, measure), what)
 
 
-def clamping(evidence: Evidence) -> Finding:
-    found = evidence.ratios({"label": "light not clamped"}, {"label": BASE}, lit)
-    return by_ratio(found, "light grid and shadow rays unclamped over clamped to the view:")
+spherical = ratio(
+    "cube map", BASE, lit, "light grid and shadow rays with a cube map over those with a spherical one:"
+)
+clamping = ratio(
+    "light not clamped", BASE, lit, "light grid and shadow rays unclamped over clamped to the view:"
+)
+small_cells = ratio(
+    "direct mapping, 16x16 tiles", "direct mapping, 8x8 tiles", primary,
+    "build and trace of primary rays with 16x16 tiles over 8x8 tiles, k = 1:",
+)  # fmt: skip
 
 
 def six_of(found: dict[str, float]) -> dict[str, float]:
@@ -242,15 +247,14 @@ def large_triangles(evidence: Evidence) -> Finding:
         if len(found) < 6:
             return lacking(f"one of the six scenes with both {grids.get('label', 'the grids')} and the tree")
         hurt = geometric([found[s] for s in LARGE]) / geometric([found[s] for s in SMALL])
-        verdict = HOLDS if hurt > 1.2 else FAILS if hurt < 1 else OPEN
         text = (
             f"frame time over that of a tree rebuilt: {each(found)}; {hurt:.2f} times as much with large ones"
         )
-        return Finding(verdict, text)
+        return Finding(HOLDS if hurt > 1.2 else FAILS if hurt < 1 else OPEN, text)
 
     found, grid = with_ours(judge), judge(GRID)
     beside = "" if grid.lacking else f"; one uniform grid: {grid.numbers}"
-    return Finding(found.verdict, found.numbers + beside, found.lacking)
+    return replace(found, numbers=found.numbers + beside)
 
 
 def architecture(evidence: Evidence) -> Finding:
@@ -271,18 +275,15 @@ def two_lights(evidence: Evidence) -> Finding:
     two = {"scene": "fairy", "lights": 2}
 
     def judge(grids: dict[str, Any]) -> Finding:
-        found = evidence.ratios({**TREE, **two}, {**grids, **two}, total)
-        if not found:
+        gain = evidence.ratios({**TREE, **two}, {**grids, **two}, total).get("fairy")
+        if gain is None:
             return lacking(f"Fairy with two lights, {grids.get('label', 'ours')} beside a tree")
-        gain = found["fairy"]
-        return Finding(
-            HOLDS if gain > 1.03 else FAILS if gain < 0.97 else OPEN, f"{gain:.2f} times a rebuilt tree"
-        )
+        verdict = HOLDS if gain > 1.03 else FAILS if gain < 0.97 else OPEN
+        return Finding(verdict, f"{gain:.2f} times a rebuilt tree")
 
-    found = with_ours(judge)
-    rates = 1000 / evidence.of(**two).groupby("label")["total_ms"].mean()
+    found, rates = with_ours(judge), 1000 / evidence.of(**two).groupby("label")["total_ms"].mean()
     told = f"; frames a second: {each(dict(rates), '{:.1f}')}" if len(rates) else ""
-    return Finding(found.verdict, f"{found.numbers}{told} (paper: 7.6 against 5.26, 1.44)", found.lacking)
+    return replace(found, numbers=f"{found.numbers}{told} (paper: 7.6 against 5.26, 1.44)")
 
 
 def key_bits(evidence: Evidence) -> Finding:
@@ -319,14 +320,10 @@ def reflected(evidence: Evidence) -> Finding:
     )
 
 
-def small_cells(evidence: Evidence) -> Finding:
-    ones, others = {"label": "direct mapping, 16x16 tiles"}, {"label": "direct mapping, 8x8 tiles"}
-    found = evidence.ratios(ones, others, primary)
-    return by_ratio(found, "build and trace of primary rays with 16x16 tiles over 8x8 tiles, k = 1:")
-
-
 def against_rivals(evidence: Evidence) -> Finding:
     """Our two fastest methods against the fastest rivals of every scene. Exact, rebuilt rivals decide, on the first."""
+    import pandas as pd
+
     exact = {e.label for e in (*_rivals.REBUILT, _rivals.RASTERISED, *_rivals.GRIDS)}
     exact -= set(evidence.frames.loc[evidence.frames["known_inexact"] != "", "label"])
     kinds = {
@@ -334,26 +331,19 @@ def against_rivals(evidence: Evidence) -> Finding:
         "rebuilt, those in float32 too": exact | {e.label for e in _rivals.REBUILT},
         "refitted": {e.label for e in _rivals.REFITTED},
     }
-    told: list[str] = []
-    decides: dict[str, dict[str, float]] = {}  # of the first method, by kind
+    told, decides = [], {}  # of the first method: over the fastest rival of a scene, ours takes most
     for ours in (_rivals.OURS.label, _rivals.HYBRID.label):
-        ratios = {
-            rival: evidence.ratios({"label": ours}, {"label": rival}, total)
-            for rival in sorted(set().union(*kinds.values()))
-        }
+        rivals = sorted(set().union(*kinds.values()))
+        found = {rival: evidence.ratios({"label": ours}, {"label": rival}, total) for rival in rivals}
+        table = pd.DataFrame(found, dtype=float).sort_index()
         for kind, labels in kinds.items():
-            largest: dict[str, float] = {}  # over the fastest rival of a scene, ours takes most
-            for rival in labels:
-                for scene, ratio in ratios[rival].items():
-                    largest[scene] = max(ratio, largest.get(scene, 0.0))
-            if largest:
-                told.append(f"{ours} over the fastest {kind}: {each(dict(sorted(largest.items())))}")
+            largest = dict(table[sorted(labels)].max(axis=1).dropna())
+            told += [f"{ours} over the fastest {kind}: {each(largest)}"] * bool(largest)
             decides.setdefault(kind, largest)
-    slowest = max(decides["exact and rebuilt"].values(), default=None)
-    if slowest is None:
+    if not decides["exact and rebuilt"]:
         return lacking("a scene with our method and a rebuilt rival")
-    verdict = HOLDS if slowest < 0.97 else FAILS if slowest > 1.03 else OPEN
-    return Finding(verdict, "; ".join(told))
+    slowest = max(decides["exact and rebuilt"].values())
+    return Finding(HOLDS if slowest < 0.97 else FAILS if slowest > 1.03 else OPEN, "; ".join(told))
 
 
 def interactive(evidence: Evidence) -> Finding:

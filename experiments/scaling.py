@@ -90,25 +90,19 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         log_x=10, ticks=short, proportion=PROPORTION, wide=2, high=2.0, legend=4, below="\n".join(notes),
         left="ms per frame, everything rebuilt", sharey=True,
     )] if len(every) else []  # fmt: skip
-    made = [
-        {"method": label, "sweep": sweep, "growth": grown(own, sweep)}
-        for sweep, line in lines.items()
-        for label, own in document.measured(line).groupby("label", sort=False)
-    ]
-    rows = pd.DataFrame(made, columns=["method", "sweep", "growth"])
-    tables = {
-        "Frame time and its exponent, over the upper half of the points": document.cross_table(
-            rows, ["method"], "sweep", "growth"
-        )
-    }
-    ours = rows[(rows["method"] == OURS) & rows["sweep"].isin(SWEEPS[:2])]
+    done = document.measured(every)
+    made = done.groupby(["label", "sweep"], sort=False)[[*SWEEPS, "total_ms", "ms", "sweep"]].apply(grown)
+    rows = made.rename("growth").reset_index() if len(done) else done.assign(growth="")
+    cells = document.cross_table(rows, {"label": "method"}, "sweep", "growth")
+    ours = rows[(rows["label"] == OURS) & rows["sweep"].isin(SWEEPS[:2])]
     told = "; ".join(ours["growth"] + " (" + ours["sweep"] + ")") or "not measured"
-    finding = f"The frame time of {OURS}: {told}."
+    finding, tables = f"The frame time of {OURS}: {told}.", {"Frame time and its exponent": cells}
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet, notes)
 
 
-def grown(own: pd.DataFrame, sweep: str) -> str:
-    """The first and the last time of a line, and its exponent with the half of its interval."""
+def grown(own: pd.DataFrame) -> str:
+    """The first and the last time along a sweep, and its exponent with the half of its interval."""
+    sweep = own["sweep"].iloc[0]
     first, last = (f"{own['ms'].iloc[i]} ms at {short(own[sweep].iloc[i])}" for i in (0, -1))
     exponent, half = growth(own, sweep)
     return f"{first} to {last}, exponent {exponent:.2f}" + f" ± {half:.2f}" * (half == half)

@@ -143,7 +143,7 @@ def finding(done: DataFrame) -> str:
     """The number of scenes on which each method is the fastest."""
     best = done[done["best"]].groupby("row", sort=False)["total_ms"]
     told = ", ".join(f"{row} on {len(own)} ({document.span(own)} ms)" for row, own in best)
-    told = told or "of no scene are there two over the same frames in one run"
+    told = told or "none, as no two were measured over the same frames in one run"
     return f"Of {done['title'].nunique()} scenes the fastest frame with every answer right: {told}."
 
 

@@ -111,11 +111,9 @@ def in_sequence(frames: DataFrame) -> list[str]:
     frames  a tidy table (:func:`.results.table.tidy`)
     """
     known = frames[frames["total_ms"].notna() & (frames["started"] > 0)].sort_values("started")
-    for _, own in known.groupby([*SCENE, *SIZE], sort=False):
-        lights = own["light_label"]
-        if 1 < lights.nunique() == (lights != lights.shift()).sum():
-            return [ONE_BY_ONE]
-    return []
+    lights = known.groupby([*SCENE, *SIZE], sort=False)["light_label"]
+    apart = lights.agg(lambda own: 1 < own.nunique() == (own != own.shift()).sum())
+    return [ONE_BY_ONE] * bool(apart.any())
 
 
 ONE_BY_ONE = (

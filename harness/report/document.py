@@ -171,11 +171,9 @@ def ranked(table: DataFrame, ratio: str, by: str, most: int = 5) -> str:
     order = own[ratio].agg(geometric).sort_values().index
     if len(order) > most:
         order = order[own.size()[order] == own.size().max()][[0, -1]]
-    parts = {name: own.get_group(name) for name in order}
-    ranges = [f" ({span(part[ratio])})" * (part[ratio].nunique() > 1) for part in parts.values()]
-    told = [
-        f"{name} {mean(part, ratio)}{text}" for (name, part), text in zip(parts.items(), ranges, strict=True)
-    ]
+    told = []
+    for name, part in ((name, own.get_group(name)) for name in order):
+        told.append(f"{name} {mean(part, ratio)}" + f" ({span(part[ratio])})" * (part[ratio].nunique() > 1))
     return (" ... " if len(own) > most else ", ").join(told)
 
 
@@ -216,7 +214,7 @@ def complete(table: DataFrame, apart: Collection[str] = ()) -> DataFrame:
     missing = every[~every.set_index([*place, "label"]).index.isin(known)]
     if missing.empty:
         return table
-    empty = dict.fromkeys([c for c in (*TEXTS, "error") if c not in missing], "")
+    empty = {column: "" for column in (*TEXTS, "error") if column not in missing}
     whole = pd.concat([table, missing.assign(**{**empty, "status": NO_RECORD})], ignore_index=True)
     return arranged(arranged(whole, "label", table["label"].unique()), "title", table["title"].unique())
 

@@ -7,8 +7,11 @@ scrolled.
 from __future__ import annotations
 
 import os
+import re
 import sys
 from typing import TYPE_CHECKING
+
+from .style import WRONG
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -20,7 +23,7 @@ GAP = 2
 """Columns between two columns of a table."""
 SENTENCE = 38
 """Width from which a column of a table is taken to hold sentences, which may be broken between words."""
-MARKS = (("**", "bold green"), ("*", "dim"))
+MARKS = {"**": "bold green", "*": "dim"}
 """Emphasis of a whole cell in Markdown, and its style in a terminal."""
 
 
@@ -41,13 +44,14 @@ def print_table(body: DataFrame, heading: str = "", console: Console | None = No
     if heading:
         console.print(f"\n{heading}", style="italic")
     cells = body.astype(object).where(body.notna(), "-").astype(str).rename(columns=str)
-    widths = {}
-    for name in cells:  # the heading may take three lines or so
-        longest = max([len(name) // 3 + 1, *map(len, name.split())])
-        widths[name] = max([longest, *(cell_len(styled(cell).plain) for cell in cells[name])])
-    told = [n for n in range(1, min(3, cells.shape[1]) + 1) if not cells.iloc[:, :n].duplicated().any()]
-    keys = list(cells)[: told[0] if told else 1]
+    # The heading may take three lines or so.
+    least = {name: max(len(name) // 3 + 1, *map(len, name.split())) for name in cells}
+    widths = {
+        name: max([n, *(cell_len(styled(cell).plain) for cell in cells[name])]) for name, n in least.items()
+    }
     needed = {name: min(width, SENTENCE) + GAP for name, width in widths.items()}
+    told = [n for n in range(1, min(3, len(widths)) + 1) if not cells.iloc[:, :n].duplicated().any()]
+    keys = list(cells)[: told[0] if told else 1]
     if sum(needed[name] for name in keys) + max(needed.values()) > console.width + GAP:
         keys = keys[:1]
     groups = [[*keys]]
@@ -68,10 +72,7 @@ def styled(cell: str) -> Text:
     """A cell as a terminal shows it: emphasis of the whole cell in its style, a cell with wrong answers in red."""
     from rich.text import Text
 
-    from .style import WRONG
-
     cell = cell.replace(r"\*", "*")
-    for mark, look in MARKS:
-        if cell.startswith(mark) and cell.endswith(mark) and len(cell) > 2 * len(mark):
-            return Text(cell[len(mark) : -len(mark)], style=look)
+    if marked := re.fullmatch(r"(\*{1,2})(.+)\1", cell):
+        return Text(marked[2], style=MARKS[marked[1]])
     return Text(cell, style="red" if WRONG in cell else "")
