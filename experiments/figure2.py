@@ -43,11 +43,11 @@ COLUMNS = [
 """``speed_up`` and ``most_share``: against direct mapping with tiles as large as indirect mapping's blocks;
 ``_same_tiles``: with tiles as small as its sorting tiles."""
 HEADINGS: document.Columns = {
-    "scene": ("title", "{}"), "mapping": ("label", "{}"), "most": ("tests_most", "{:,.0f}"),
-    "mean": ("tests_mean", "{:.0f}"), "primary rays, ms": ("primary_text", "{}"),
-    f"most, of {DIRECT}": ("most_share", "{:.0%}"), f"faster than {DIRECT}": ("speed_up", "{:+.0%}"),
-    f"most, of {DIRECT_SMALL}": ("most_share_same_tiles", "{:.0%}"),
-    f"faster than {DIRECT_SMALL}": ("speed_up_same_tiles", "{:+.0%}"),
+    "scene": ("title", str), "mapping": ("label", str), "most": ("tests_most", document.count),
+    "mean": ("tests_mean", "{:.0f}".format), "primary rays, ms": ("primary_text", str),
+    f"most, of {DIRECT}": ("most_share", "{:.0%}".format), f"faster than {DIRECT}": ("speed_up", "{:+.0%}".format),
+    f"most, of {DIRECT_SMALL}": ("most_share_same_tiles", "{:.0%}".format),
+    f"faster than {DIRECT_SMALL}": ("speed_up_same_tiles", "{:+.0%}".format),
 }  # fmt: skip
 TOLD = "against {} {:.0%} of the most triangles for a pixel, primary rays {:+.0%} in speed"
 

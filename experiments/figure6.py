@@ -40,9 +40,9 @@ COLUMNS = [
     *document.COMMON, "spot", "spot_angle", "spot_rise", "spot_falloff", "hit_pixels", "shadow_rays", "shadow_ray_share",
 ]  # fmt: skip
 HEADINGS: document.Columns = {
-    "scene": ("title", "{}"), "light": ("light", "{}"), "hit points": ("hit_pixels", "{:,.0f}"),
-    "with a shadow ray": ("shadow_rays", "{:,.0f}"), "share": ("shadow_ray_share", "{:.0%}"),
-    "light grid, ms": ("grids_text", "{}"), "shadow rays, ms": ("rays_text", "{}"),
+    "scene": ("title", str), "light": ("light", str), "hit points": ("hit_pixels", document.count),
+    "with a shadow ray": ("shadow_rays", document.count), "share": ("shadow_ray_share", "{:.0%}".format),
+    "light grid, ms": ("grids_text", str), "shadow rays, ms": ("rays_text", str),
 }  # fmt: skip
 GRIDS, RAYS = ("light build", ""), ("shadow", "")
 

@@ -13,8 +13,8 @@ METHODS = (Entry(METHOD),)
 
 COLUMNS = [*document.COMMON, "paper_triangles", "triangles_to_paper"]
 HEADINGS: document.Columns = {
-    "scene": ("title", str), "triangles": ("triangles", "{:,.0f}"), "the paper's": ("paper_triangles", "{:,.0f}"),
-    "share": ("triangles_to_paper", "{:.1%}"), "made as": ("stand_in", str),
+    "scene": ("title", str), "triangles": ("triangles", document.count), "the paper's": ("paper_triangles", document.count),
+    "share": ("triangles_to_paper", "{:.1%}".format), "made as": ("stand_in", str),
 }  # fmt: skip
 
 

@@ -170,9 +170,8 @@ def after(options: Options, report: Silent) -> None:
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """The Pareto frontier, the costs of measures, wrong pixels and the grid of errors; tables as CSV, the first two in
     the report."""
-    table = drawing.read(folder)
+    table, hard = drawing.read(folder), hard_cases.read_hard(folder)
     cost = drawing.costs(folder, [*MEASURES, *OTHER_MEASURES])
-    hard = hard_cases.read_hard(folder)
     files = [
         document.write_csv(cost, folder / "accuracy_costs.csv", drawing.COST_COLUMNS),
         *drawing.draw_frontier(table, folder / "accuracy_pareto.svg"),
@@ -180,13 +179,10 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         *drawing.draw_where(folder, table, SHOWN),
         *drawing.draw_heat(folder),
     ]
-    shown = {
-        "Points that no other one beats in time and wrong answers a frame": drawing.frontier_table(table),
-        "What each safety measure adds to the frame (±: within the noise)": drawing.cost_table(cost, hard),
-    }
+    shown = {drawing.BEST: drawing.frontier_table(table), drawing.COST: drawing.cost_table(cost, hard)}
+    told = drawing.finding(table, cost), shown, files, quiet
     notes = [*drawing.notes(table), *hard_cases.described(hard)]
-    finding = drawing.finding(table, cost)
-    return document.write(folder, EXPERIMENT, table, drawing.COLUMNS, finding, shown, files, quiet, notes)
+    return document.write(folder, EXPERIMENT, table, drawing.COLUMNS, *told, notes)
 
 
 EXPERIMENT = Experiment(

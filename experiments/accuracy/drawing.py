@@ -37,9 +37,12 @@ COST_COLUMNS = (
     "wrong_with wrong_without"
 ).split()
 FRONTIER: document.Columns = {
-    "scene": ("title", str), "point": ("name", str), "ms": ("ms", str), "wrong answers": ("wrong_per_frame", "{:,.0f}"),
-    "acne": ("acne", "{:,.0f}"), "leaks": ("leak", "{:,.0f}"), "excused": ("excused", "{:,.0f}"), "FLIP": ("flip", "{:.4f}"),
+    "scene": ("title", str), "point": ("name", str), "ms": ("ms", str), "wrong answers": ("wrong_per_frame", document.count),
+    "acne": ("acne", document.count), "leaks": ("leak", document.count), "excused": ("excused", document.count),
+    "FLIP": ("flip", "{:.4f}".format),
 }  # fmt: skip
+BEST = "Points that no other one beats in time and wrong answers a frame"
+COST = "Frame time with a safety measure over that without (=: within the noise, ?: not known)"
 ENOUGH = 4
 """Number of repeats below which the noise is not known, so that no difference of times counts as a cost."""
 
@@ -139,15 +142,15 @@ def frontier_table(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def cost_table(cost: pd.DataFrame, hard: pd.DataFrame) -> pd.DataFrame:
-    """Measures down, scenes across: what each adds to the frame, and what is wrong without it (with it), in all scenes."""
+    """Measures down, scenes across: the frame with over that without, and what is wrong without (with) it, in all scenes."""
     if cost.empty:
         return cost
     noise = cost["noise_ms"] / cost["without_ms"]
-    text = document.carry(cost["share"], noise, "+%").mask(cost["within_noise"], noise.map("±{:.1%}".format))
-    cost = cost.assign(text=text.mask(noise.isna(), "?"))
+    text = document.carry(1.0 + cost["share"], noise).mask(cost["within_noise"], "=").mask(noise.isna(), "?")
+    cost = cost.assign(text=text)
     wide = document.cross_table(cost, ["measure"], "scene_title", "text").set_index("measure")
     groups, errors = cost.groupby("measure"), hard.set_index("label")["true_errors"].map("{:,}".format)
-    wrong = groups[["wrong_without", "wrong_with"]].sum().map("{:,.0f}".format)
+    wrong = groups[["wrong_without", "wrong_with"]].sum().map(document.count)
     pairs = groups[["without", "with"]].first().apply(lambda labels: labels.map(errors).fillna("-"))
     wide["wrong without (with)"] = wrong["wrong_without"] + " (" + wrong["wrong_with"] + ")"
     wide["hard cases"] = pairs["without"] + " (" + pairs["with"] + ")"
@@ -253,7 +256,7 @@ def draw_heat(folder: Path) -> list[Path]:
         return []
     rows["share"] = (rows["wrong"] + rows["excused"]) / rows["pixels"]
     excused = rows["excused"].map("\n(+{:,.0f})".format).where(rows["excused"] > 0, "")
-    rows["text"] = rows["wrong"].map("{:,.0f}".format) + excused
+    rows["text"] = rows["wrong"].map(document.count) + excused
     look = {"norm": LogNorm(1e-4, 1.0), "cmap": matplotlib.colormaps["magma_r"].with_extremes(bad="white")}
     scene, size = rows.iloc[0][["scene", "size"]]
     sheet = panels.facets(path, rows, "label", min(3, rows["label"].nunique()), 1.6, 2.06, legend=0, grid="", dpi=200,

@@ -30,8 +30,10 @@ COMMON = (
 ).split()
 """Columns that every CSV of an experiment begins with."""
 
-Columns = dict[str, tuple[str, str | Callable[[Any], str]]]
+Columns = dict[str, tuple[str, Callable[[Any], str]]]
 """For a table of texts: the column for each heading, and its format."""
+
+count = "{:,.0f}".format
 
 NO_RECORD = "no record"
 """Status of points that a stopped run did not reach."""
@@ -45,18 +47,15 @@ def carried(value: float, spread: float, form: str = "") -> str:
     """A number with three digits, or with fewer and :data:`NOISY` before it if its ``spread`` is too large for three.
 
     The last digit shown is the first one that the spread changes; where it is not known (nan), two digits are shown.
-    ``form``: holds "+" for a sign, "%" for a share in per cent, which has two digits at most.
+    ``form``: "+" for a sign.
     """
     if value is None or not math.isfinite(value):
         return "-"
-    share = "%" in form
-    value, spread = (100 * value, 100 * spread) if share else (value, spread)
     size = math.floor(math.log10(abs(value))) if value else -3
-    finest = min(0, max(size - 1, -1)) if share else min(0, max(size - 2, -3))
+    finest = min(0, max(size - 2, -3))
     coarsest = max(finest, size - 1 if math.isnan(spread) else math.floor(math.log10(max(spread, 1e-9))))
     shown = round(value, -coarsest) or 0.0  # no minus before a zero
-    text = f"{shown:{'+' * ('+' in form and shown != 0)},.{max(0, -coarsest)}f}{'%' * share}"
-    return NOISY * (coarsest > (finest if share else max(finest, size - 2))) + text
+    return NOISY * (coarsest > max(finest, size - 2)) + f"{shown:{form * (shown != 0)},.{max(0, -coarsest)}f}"
 
 
 def carry(values: Series, spreads: Series, form: str = "") -> Series:
@@ -79,12 +78,11 @@ def with_passes(table: DataFrame, folder: Path, passes: Mapping[str, tuple[str, 
 
 
 def texts(table: DataFrame, columns: Columns) -> DataFrame:
-    """A table of texts: {heading: (column, form)}; a form is a function or a format such as "{:.1%}"."""
+    """A table of texts: {heading: (column, form)}; what is not known is missing."""
     import pandas as pd
 
-    forms = {name: form.format if isinstance(form, str) else form for name, (_, form) in columns.items()}
     own = {name: table[column].astype(object) for name, (column, _) in columns.items()}
-    shown = {name: values.map(forms[name], na_action="ignore") for name, values in own.items()}
+    shown = {name: values.map(columns[name][1], na_action="ignore") for name, values in own.items()}
     return pd.DataFrame(shown, index=table.index)
 
 

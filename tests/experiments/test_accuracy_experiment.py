@@ -274,13 +274,13 @@ def test_everything_is_drawn_and_the_tables_are_in_the_text(folder, capsys, monk
     assert all(path.stat().st_size > 100 for path in files)
     text = (folder / "accuracy.md").read_text()
     assert "| Buddha (stand-in) | b: quick | 5.00 | 2,000 | 2,000 | 0 | 6 | 0.2500 |" in text
-    assert "| care | +33% | 4 (0) | 1,234 (0) |" in text
+    assert "| care | 1.33 | 4 (0) | 1,234 (0) |" in text
     assert "a: beaten" not in text
     assert "which of the others were left out was not recorded" in text
     assert len(text.split()) < 700, "a page"
     pareto_text = (folder / "accuracy_pareto.svg").read_text()
     assert all(name in pareto_text for name in ("a: exact", "a: fast", "b: beaten", "b: quick", "black edge"))
-    assert "What each safety measure adds" in capsys.readouterr().out
+    assert "Frame time with a safety measure" in capsys.readouterr().out
     with open(folder / "accuracy.csv", newline="") as file:
         table = list(csv.DictReader(file))
     assert len(table) == 5
