@@ -331,7 +331,8 @@ def against_rivals(evidence: Evidence) -> Finding:
         "rebuilt, those in float32 too": exact | {e.label for e in _rivals.REBUILT},
         "refitted": {e.label for e in _rivals.REFITTED},
     }
-    told, decides = [], {}  # of the first method: over the fastest rival of a scene, ours takes most
+    told: list[str] = []
+    decides: dict[str, dict[str, float]] = {}  # of the first method: over the fastest rival of a scene
     for ours in (_rivals.OURS.label, _rivals.HYBRID.label):
         rivals = sorted(set().union(*kinds.values()))
         found = {rival: evidence.ratios({"label": ours}, {"label": rival}, total) for rival in rivals}
