@@ -1,6 +1,6 @@
 """The names that scripts and notebooks use, in one place; docs/api.md shows each in use.
 
-They are those of the modules that define them: nothing is done here.
+They are defined in other modules and only collected here.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ def replacing(path: Path, durable: bool = True) -> Iterator[IO[bytes]]:
         os.chmod(temporary, 0o644)
         os.replace(temporary, path)
     except BaseException:
-        # What a full disk left of it would fill the disk.
+        # A partial file would keep a full disk full.
         Path(temporary).unlink(missing_ok=True)
         raise
 

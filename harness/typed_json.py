@@ -26,7 +26,7 @@ _SCALARS = (float, int, str, bool)
 
 
 class WrongFieldError(ValueError):
-    """A value is not what a field holds: the text names both."""
+    """A value does not have the type of its field; the text names both."""
 
 
 def checked(kind: Any, value: Any, name: str = "") -> Any:
@@ -37,7 +37,7 @@ def checked(kind: Any, value: Any, name: str = "") -> Any:
     Numbers must be finite. Raises :class:`WrongFieldError`.
     """
     if type(value) is kind and kind in _SCALARS and (kind is not float or math.isfinite(value)):
-        return value  # most of what a record holds
+        return value  # most values of a record
     if kind is Any:
         return value
     origin, arguments = _parts(kind)
@@ -62,7 +62,7 @@ def checked(kind: Any, value: Any, name: str = "") -> Any:
 
 
 def _require(kind: type, value: Any, name: str) -> None:
-    # JSON's true and false are no numbers, though Python's are.
+    # JSON's true and false are not numbers, unlike Python's.
     fits = isinstance(value, (int, float) if kind is float else kind) and isinstance(value, bool) <= (
         kind is bool
     )
@@ -79,7 +79,7 @@ def _all_plain(kind: Any, values: list[Any]) -> bool:
 
 @cache
 def _parts(kind: Any) -> tuple[Any, tuple[Any, ...]]:
-    """What a generic type is made from, and its arguments."""
+    """The origin of a generic type, and its arguments."""
     return get_origin(kind), get_args(kind)
 
 

@@ -1,4 +1,4 @@
-"""Unpack meshes from archives of others: no path leaves the folder, and nothing grows beyond a limit."""
+"""Unpack meshes from downloaded archives: no path leaves the folder, and the unpacked size is limited."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MOST_BYTES = 8 << 30
 MOST_MEMBERS = 20_000
 BLOCK = 1 << 20
 BROKEN = (zipfile.BadZipFile, tarfile.TarError, zlib.error, EOFError, NotImplementedError, RuntimeError)
-"""What Python raises for an archive that is damaged, encrypted or of an unknown kind."""
+"""Exceptions of Python for an archive that is damaged, encrypted or of an unknown kind."""
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from .scene import Light, Scene, Vector
 
 @dataclass(frozen=True)
 class ChosenView:
-    """What is given; the default changes nothing.
+    """The given camera and lights; the default changes nothing.
 
     camera  eye and target, in scene coordinates
     fov     vertical field of view, degrees
@@ -58,7 +58,7 @@ class ChosenView:
         return {name: value for name, value in given.items() if value}
 
     def text(self) -> str:
-        """What is given, as a phrase for tables: "camera 0,1,5 to 0,0,0; light 2,3,4"; "" if nothing is."""
+        """The given camera and lights, as a phrase for tables: "camera 0,1,5 to 0,0,0; light 2,3,4"; "" if nothing is."""
 
         def place(one: Vector) -> str:
             return ",".join(f"{x:g}" for x in one)

@@ -153,7 +153,7 @@ def declared_scene(path: Path, resolve: Callable[[str], Scene]) -> Scene:
 
 
 def _lens(path: Path, given: dict[str, Any]) -> dict[str, Any]:
-    """What a camera table declares, without its kind: an orthographic camera has a height, a pinhole camera a fov."""
+    """The fields of a camera table, without its kind: an orthographic camera has a height, a pinhole camera a fov."""
     given = dict(given)
     kind = given.pop("kind", "perspective")
     if kind not in KINDS:

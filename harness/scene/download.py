@@ -11,7 +11,7 @@ from ..errors import UserError
 from ..files import write_atomic
 
 CHECKSUMS = "checksums.json"
-"""In the folder of scenes: the SHA-256 of each address, recorded at its first use where none is pinned."""
+"""File in the folder of scenes with the SHA-256 of each address, recorded at its first use if none is pinned."""
 
 LARGEST = 2 << 30
 """Bytes of a download."""
@@ -22,7 +22,7 @@ BLOCK = 1 << 18
 
 
 class Resumed:
-    """A downloader for pooch that keeps what has arrived beside the file (``.part``) and asks for the rest."""
+    """A downloader for pooch that keeps a partial download beside the file (``.part``) and requests the rest."""
 
     def __init__(self, part: Path, most: int = LARGEST):
         self.part = part
@@ -43,7 +43,7 @@ class Resumed:
 
     @property
     def _tag(self) -> Path:
-        """The server's mark of the version that the part is of."""
+        """The server's identifier of the version of the part."""
         return self.part.with_suffix(".tag")
 
     def _continue(self, url: str) -> None:
@@ -54,7 +54,7 @@ class Resumed:
         if have:
             headers |= {"Range": f"bytes={have}-", "If-Range": self._tag.read_text()}
         with requests.get(url, headers=headers, stream=True, timeout=TIMEOUT_S) as answer:
-            if answer.status_code == 416:  # all of it was there, or the file has become shorter
+            if answer.status_code == 416:  # the part was complete, or the file has become shorter
                 self.part.unlink()
                 raise requests.exceptions.ConnectionError("the part does not fit")
             answer.raise_for_status()
@@ -64,7 +64,7 @@ class Resumed:
             if tag and not tag.startswith("W/"):
                 self._tag.write_text(tag)
             with self.part.open("ab" if have else "wb") as target:
-                # Not iter_content: of an answer that is cut off it drops what has arrived of the last block.
+                # Not iter_content: if an answer is cut off, it drops the received part of the last block.
                 while block := self._read(answer):
                     have += len(block)
                     if have > self.most:
@@ -72,7 +72,7 @@ class Resumed:
                     target.write(block)
 
     def _read(self, answer: Any) -> bytes:
-        """What has arrived, at most a block; empty at the end. Raises requests' error where the answer is cut off."""
+        """The received bytes, at most one block; empty at the end. Raises requests' error if the answer is cut off."""
         import requests
         import urllib3
 
@@ -106,7 +106,7 @@ def download(url: str, folder: Path, pinned: str | None = None) -> Path:
     except requests.exceptions.RequestException as error:
         reason = " ".join(str(error).split())[:200]
         raise UserError(f"{url}: cannot be fetched ({reason}); the same command continues it") from error
-    except ValueError as error:  # pooch's word for another checksum
+    except ValueError as error:  # pooch's error for another checksum
         raise UserError(
             f"{url}: its checksum is not {expected}; it has changed or was altered on its way, and is not used"
         ) from error

@@ -1,4 +1,4 @@
-"""Facts for records: what a scene is, in hashes and numbers, and any value as JSON can hold it."""
+"""Facts of a scene for records: hashes and numbers."""
 
 from __future__ import annotations
 
@@ -48,14 +48,15 @@ def scene_facts(prepared: Prepared, moments: dict[int, Moment]) -> dict[str, Any
 
 
 def contents(facts: dict[str, Any]) -> list[str | None]:
-    """What scenes of one name differ in, as :func:`scene_facts` gave it: the hashes of what everyone gets."""
+    """The facts (:func:`scene_facts`) in which scenes of one name may differ: the hashes of the arrays that all methods
+    get."""
     return [facts.get(name) for name in ("arrays_sha256", "moments_sha256", "surfaces_sha256")]
 
 
 def surface_facts(prepared: Prepared) -> dict[str, str]:
     """A hash of which triangles are mirrors and of the mask of holes; {} where a scene has neither.
 
-    A rule may choose them, and what it chooses by need not be among the arrays that all methods receive.
+    A rule may choose them, and the rule's input need not be among the arrays that all methods receive.
     """
     mirror = [prepared.mirror] if prepared.scene.mirror is not None else []
     chosen = [*mirror, *arrays_of(prepared.alpha).values()]
@@ -63,12 +64,12 @@ def surface_facts(prepared: Prepared) -> dict[str, str]:
 
 
 def triangles(count: int) -> str:
-    """A number of triangles in words: "1 triangle", "12,200 triangles"."""
+    """A number of triangles as text: "1 triangle", "12,200 triangles"."""
     return f"{count:,} triangle" + "s" * (count != 1)
 
 
 def never_hit(count: int, valid: int) -> str:
-    """A warning where triangles cannot be hit, which every method then answers right by missing them; else ""."""
+    """A warning if triangles cannot be hit, so that misses are the right answers; else ""."""
     if valid == count:
         return ""
     why = "no area, or a corner that is not a finite number"
@@ -80,7 +81,7 @@ def never_hit(count: int, valid: int) -> str:
 
 
 def input_hashes(prepared: Prepared, moment: Moment) -> dict[str, str]:
-    """Hashes of all that an answer depends on: mesh, rays, lights, and the alpha mask where there is one."""
+    """Hashes of everything that an answer depends on: mesh, rays, lights, and the alpha mask if there is one."""
     hashes = {
         "mesh": array_hash(moment.points, prepared.faces, moment.valid),
         "rays": array_hash(

@@ -1,7 +1,8 @@
-"""Closed interiors: whether a mesh is a room or a building, which shows nothing from outside, and where to stand in it.
+"""Closed interiors: whether a mesh is a room or a building whose inside is not visible from outside, and a view from
+within.
 
-Decided from points spread over the triangles by area, seen from a place: how much of the sphere of directions they
-cover, which way the nearest ones face, and how far they are. The same mesh always gives the same points.
+The decision uses points spread over the triangles by area, seen from a place: how much of the sphere of directions they
+cover, which way the nearest ones face, and their distances. The same mesh always gives the same points.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 SAMPLES = 100_000
-"""Points spread over a mesh, and one more for each triangle at most."""
+"""Number of points spread over a mesh, in addition to at most one per triangle."""
 
 _ROWS, _COLUMNS = 16, 32
 """Fields of the sphere of directions: equal in the cosine of the angle to z, and in azimuth; so of equal area."""
@@ -22,7 +23,7 @@ _ENCLOSED = 0.97
 _FACING, _SOME_FACING = 0.75, 0.25
 _FURNISHED = 0.15
 _FLOOR, _WALL = 0.5, 0.3
-"""Least shares of the box's lower side, and of three of its upright sides, that triangles lie on."""
+"""Least shares of the box's lower side, and of three of its upright sides, that triangles must cover."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,11 +36,11 @@ class Samples:
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """What a place sees.
+    """The surroundings of a place.
 
-    covered    share of the sphere of directions with something in it
+    covered    share of the sphere of directions in which there is a point
     facing     share of those in which the nearest triangle faces the place
-    furnished  share of those with something else well behind the nearest triangle
+    furnished  share of those with another point well behind the nearest triangle
     distance   float64 [fields]: of the nearest point in each direction; infinite where there is none
     """
 
@@ -67,7 +68,7 @@ def spread_points(corners: NDArray[np.float64]) -> Samples:
 
 
 def surroundings(samples: Samples, place: NDArray[np.float64]) -> Surroundings:
-    """What ``place`` sees of the samples."""
+    """The surroundings of ``place``, from the samples."""
     way = samples.points - place
     distance = np.maximum(np.linalg.norm(way, axis=1), 1e-300)
     row = np.clip(((way[:, 2] / distance + 1.0) / 2.0 * _ROWS).astype(int), 0, _ROWS - 1)

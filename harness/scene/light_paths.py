@@ -1,4 +1,4 @@
-"""Where lights stand: over an animation, and in the sweeps of the experiments. The same for every method.
+"""Positions of lights over an animation and in the sweeps of the experiments; the same for every method.
 
 Declared scenes and the lightings of experiments (:mod:`.scene.overrides`) both take their lights from here.
 """
@@ -18,7 +18,7 @@ from .scene import Light, Spot, Vector
 class Orbit:
     """Every light turns about an axis through ``centre`` by ``turns`` full turns, at its own radius and height.
 
-    A directional light's position is a direction: it turns about the axis alone.
+    The position of a directional light is a direction, which turns about the axis only.
     """
 
     centre: Vector
@@ -57,7 +57,7 @@ def spread(light: Light, centre: Vector, count: int, axis: Vector = (0.0, 1.0, 0
 
 
 def at_distance(light: Light, middle: Vector, distance: float) -> Light:
-    """The light at a distance from ``middle``, in the direction where it stands; above, where it stands there."""
+    """The light at a distance from ``middle``, in its own direction; above, if it is at ``middle`` itself."""
     away = np.subtract(light.position, middle)
     length = float(np.linalg.norm(away))
     direction = away / length if length > 0 else np.array([0.0, 1.0, 0.0])
@@ -65,7 +65,8 @@ def at_distance(light: Light, middle: Vector, distance: float) -> Light:
 
 
 def as_point(light: Light, middle: Vector, radius: float) -> Light:
-    """A directional light as a point light two radii from ``middle``, on the side that it shines from; others as is."""
+    """A directional light as a point light two radii from ``middle``, on the side that it shines from; others
+    unchanged."""
     if not light.directional:
         return light
     way = np.asarray(light.position) / np.linalg.norm(light.position)
@@ -73,7 +74,7 @@ def as_point(light: Light, middle: Vector, radius: float) -> Light:
 
 
 def as_directional(light: Light, middle: Vector) -> Light:
-    """The light as it shines at ``middle``, from infinitely far away; one that is directional as it is."""
+    """A directional light with the direction of the light at ``middle``; a directional one is unchanged."""
     if light.directional:
         return light
     return replace(light, position=vector(np.subtract(light.position, middle)), spot=None, directional=True)

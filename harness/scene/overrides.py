@@ -24,12 +24,13 @@ MOVED: dict[str, frozenset[str]] = {
     "part": frozenset({"points"}),
     "all": frozenset({"points", "camera", "light/0"}),
 }
-"""What can have changed since the last frame. A part of the geometry is all of it for a method that ignores parts."""
+"""Inputs that can have changed since the last frame. For a method that ignores parts, a part of the geometry is all of
+it."""
 
 
 @dataclass(frozen=True)
 class Lighting:
-    """What is changed of a scene's lights and of what it calls for; the default changes nothing.
+    """Changes of a scene's lights and effects; the default changes nothing.
 
     label     names it in tables and file names; "" only for the default
     count     number of lights: copies of the scene's first one, turned evenly about the vertical through the scene's
@@ -40,15 +41,16 @@ class Lighting:
     rise      half-width of the spot's rectangle in elevation, degrees; None: a cone
     falloff   exponent of the cosine from the spot's direction, for pictures
     turns     full turns of every light about the vertical through the middle, over the frames
-    frames    places of the light over geometry that does not move: a static scene then has that number of frames
+    frames    number of positions of the light for static geometry, which then has that number of frames
     spot      half-angle, degrees, of a spot that every light becomes, towards what the camera looks at; 0: none
-    shadows   whether lights ask for shadow rays
+    shadows   whether lights have shadow rays
     directional  every light becomes directional, shining as it does at the scene's middle
     facing    only hit points that face a light have a shadow ray
     color     the frame is shaded
     alpha     every n-th triangle has holes (:func:`.scene.surface_rules.perforated`); 0: none
     bounces   number of bounces of rays mirrored by the scene's largest triangles; 0: nothing reflects
-    moved     what alone changed since the last frame, of :data:`MOVED`: only what that calls for is timed; None: all
+    moved     the only input that has changed since the last frame, of :data:`MOVED`: only the passes that depend on it
+              are timed; None: all
     """
 
     label: str = ""
@@ -139,7 +141,7 @@ class Lighting:
         return replace(scene, lights=lights, light_path=path, **self._called_for(scene))
 
     def _called_for(self, scene: Scene) -> dict[str, Any]:
-        """The scene's fields that say what it calls for, where they change."""
+        """The scene's fields that declare effects, if they change."""
         fields: dict[str, Any] = {}
         if self.facing:
             fields["facing"] = True

@@ -1,4 +1,4 @@
-"""A prepared scene handed from one process to others, so that its mesh is made once: the same bytes for everyone."""
+"""A prepared scene passed from one process to others, so that its mesh is made once and all have the same bytes."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def store(path: Path, prepared: Prepared, frames: Iterable[int]) -> None:
     """Keep a prepared scene and the positions of some of its frames in one .npz file, written atomically.
 
     The first frame is always kept: trees that are refitted are built there. Its positions are passed on unchanged, too:
-    rules that choose triangles (:mod:`.scene.surface_rules`) look at it, and must choose alike in every process. Where it
-    has triangles that are not valid, all frames are kept: a tree leaves out those that are valid in none.
+    rules that choose triangles (:mod:`.scene.surface_rules`) use it, and must make the same choice in every process.
+    Where it has triangles that are not valid, all frames are kept: a tree leaves out those that are valid in none.
     """
     arrays: dict[str, NDArray] = {
         "faces": prepared.faces,

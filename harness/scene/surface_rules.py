@@ -1,4 +1,4 @@
-"""Rules that choose triangles of any mesh, for effects that a scene has no surfaces of its own for."""
+"""Rules that choose triangles of any mesh, for effects whose surfaces the scene does not define."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ def largest_triangles(geometry: Geometry, share: float = 0.5) -> NDArray[np.uint
 
 
 def perforated(geometry: Geometry, every: int = 2, holes: int = 4) -> AlphaMask:
-    """A mask for any mesh: triangle 0 and every ``every``-th after it become a chequerboard, ``holes`` fields a side.
+    """A mask for any mesh: triangle 0 and every ``every``-th after it become a chequerboard with ``holes`` fields per
+    side.
 
     The fields lie along two edges of the triangle itself, so that the pattern follows it as it moves. ``every`` = 1
     masks them all. Raises ValueError unless both are at least 1.

@@ -1,4 +1,4 @@
-"""A camera and a light for geometry that comes without: from its bounds, its walls, and which way is up."""
+"""A camera and a light for geometry without them: from its bounds, its walls, and its upward axis."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ other.
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """What views are chosen from.
+    """The measurements from which views are chosen.
 
     points  float64 [n, 3]: finite vertices that faces use, of frames spread over the whole length
     sides   share of each side of the bounding box that triangles lie on, float64 [axis, low or high]
@@ -70,7 +70,7 @@ class Shape:
 
 
 def shape_of(loaded: Loaded) -> Shape:
-    """Measures a loaded file; at most 8 frames of it are looked at."""
+    """Measures a loaded file, using at most 8 of its frames."""
     used = np.unique(loaded.faces)
     chosen = np.unique(np.linspace(0, len(loaded.frames) - 1, 8).round().astype(int))
     points = np.concatenate([loaded.frames[k][used].astype(np.float64) for k in chosen])

@@ -29,7 +29,7 @@ GROUND_SHARE = 0.4
 HALF = 6.0
 """Half the ground's side in metres."""
 FRAMES = 21
-"""Of a scene of which a share moves."""
+"""Number of frames of a scene in which a share of the triangles moves."""
 CAMERA = Camera(eye=(7.5, 4.2, 8.5), target=(0.0, 0.7, 0.0), fov=42.0)
 
 
@@ -48,7 +48,7 @@ class Name:
 
 
 def read_name(name: str) -> Name | None:
-    """What a name such as ``balls-30k`` or ``balls-10m-seen5-moving30`` says; None for another name."""
+    """The specification in a name such as ``balls-30k`` or ``balls-10m-seen5-moving30``; None for another name."""
     match = NAME.fullmatch(name)
     if not match:
         return None

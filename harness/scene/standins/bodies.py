@@ -21,7 +21,7 @@ F64 = NDArray[np.float64]
 Point = Sequence[float] | NDArray[np.float64]
 
 CHUNK = 2048
-"""Points evaluated at a time: blobs far from all of them are left out."""
+"""Number of points evaluated at a time: blobs far from all of them are left out."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ def both(blobs: Iterable[Blob]) -> list[Blob]:
 
 
 def curve(knots: Sequence[Point], per_span: int) -> F64:
-    """A Catmull-Rom curve through knots [n, d], ``per_span`` points a span, shape [(n - 1) per_span + 1, d]."""
+    """A Catmull-Rom curve through knots [n, d], ``per_span`` points per span, shape [(n - 1) per_span + 1, d]."""
     line = np.asarray(knots, dtype=np.float64)
     line = np.concatenate([2 * line[:1] - line[1:2], line, 2 * line[-1:] - line[-2:-1]])
     s = (np.arange(per_span) / per_span)[None, :, None]

@@ -1,6 +1,6 @@
 """A small cloth simulation: one square sheet, one turning ball, the ground, and the sheet's contact with itself.
 
-Extended position-based dynamics with many small steps and one pass over the constraints a step (Macklin et al.,
+Extended position-based dynamics with many small steps and one pass over the constraints per step (Macklin et al.,
 "Small Steps in Physics Simulation", SCA 2019; compliance as in Macklin et al., "XPBD", MIG 2016). A run
 repeats bit for bit on one machine. Vertices are moved by float64 addition, multiplication, division and square
 root alone, in a fixed order, so other platforms should agree; that has not been tried.

@@ -1,7 +1,7 @@
 """A closed mesh of the surface where a signed distance is zero, for stand-ins of scanned statues.
 
 Surface nets (Gibson 1998, "Constrained elastic surface nets"): one vertex in each lattice cell that the surface
-passes, one quad for each lattice edge that it crosses. Only lattice points near the surface are looked at.
+passes, one quad for each lattice edge that it crosses. Only lattice points near the surface are evaluated.
 """
 
 from __future__ import annotations

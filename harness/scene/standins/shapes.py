@@ -1,4 +1,4 @@
-"""Meshes that the procedural stand-ins are put together from.
+"""Meshes from which the procedural stand-ins are composed.
 
 Every function returns a :class:`Mesh`: float64 vertices in metres, int32 faces, counter-clockwise seen
 from outside. y is up. Only :func:`noise` draws random numbers, and it takes its seed: same call, same bytes.
@@ -87,7 +87,7 @@ def rotation(axis: Sequence[float], degrees: float) -> F64:
 
 
 def patch(points: ArrayLike, wrap_u: bool = False, wrap_v: bool = False) -> Mesh:
-    """A surface through points [nu, nv, 3], two triangles a quad, facing along (d/du) x (d/dv).
+    """A surface through points [nu, nv, 3], two triangles per quad, facing along (d/du) x (d/dv).
 
     ``wrap_u`` and ``wrap_v`` join the last row or column to the first.
     """
