@@ -46,8 +46,13 @@ def keep(sources: Sources, out: Out, extras: With = None, replace: Replace = Fal
         raise UserError(f"--with {unknown[0]}: choose {' or '.join(BULKY)}")
     if out.resolve() in [source.resolve() for source in sources]:
         raise UserError(f"--out {out}: is one of the folders to read; choose another")
-    if out.exists() and (not out.is_dir() or any(out.iterdir())) and not replace:
-        raise UserError(f"--out {out}: is not empty; choose another, or give --replace")
+    if out.exists() and not out.is_dir():
+        raise UserError(f"--out {out}: is a file; choose another")
+    if out.is_dir() and any(out.iterdir()):
+        if not replace:
+            raise UserError(f"--out {out}: is not empty; choose another, or give --replace")
+        if not (out / "records").is_dir():
+            raise UserError(f"--out {out}: is no folder of results, so it is not replaced; choose another")
     found = [record for source in sources for record in read_records(source)]
     experiments = sorted({record.experiment for record in found})
     if len(experiments) > 1:

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import CapacityRejected, UserError
+from ..errors import CapacityRejected, UserError, warn
 from ..frame.devices import device_for, find_device
 from ..frame.registry import make_method
 from ..frame.session import Session
 from ..runner.experiment import parse_size
 from ..runner.machine_lock import MACHINE
 from ..scene.catalogue import resolve
-from ..scene.facts import triangles
+from ..scene.facts import never_hit, triangles
 from ..scene.light_paths import Orbit, vector
 from ..scene.prepared import Prepared, prepare, under
 from ..scene.scene import Scene
@@ -47,6 +47,9 @@ class Renderer:
             raise UserError(
                 f"{self.method} on {self.scene}: rejected: {error}; choose a smaller --size or another --method"
             ) from error
+        unseen = never_hit(len(moment.valid), int(np.count_nonzero(moment.valid)))
+        if unseen.startswith("warning"):
+            warn(f"{self.scene}: {unseen.removeprefix('warning: ').partition(':')[0]}")
         picture = shade(self.prepared, moment, answers, self.prepared.lights(frame))
         described = self.prepared.scene
         if described.stand_in:

@@ -25,6 +25,9 @@ from ..scene.catalogue import resolve
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
 """Errors that are due to the results folder wherever they occur."""
 
+PARTS = ("answers", "environments", "images", "journal", "logs", "maps", "records", "truth")
+"""The folders in a results folder."""
+
 UNWRITABLE = (*FULL, errno.EACCES, errno.EPERM, errno.EIO, errno.ENOTDIR, errno.EISDIR)
 
 
@@ -37,6 +40,9 @@ class ResultsFolder:
     @contextmanager
     def locked(self) -> Iterator[None]:
         """Make the folder and lock it for this process. Raises :class:`UserError` if that is not possible."""
+        taken = [self.path / name for name in PARTS if (self.path / name).is_file()]
+        if taken:
+            raise UserError(f"{taken[0]}: a file where a folder is needed; move it, or choose another --out")
         try:
             self.path.mkdir(parents=True, exist_ok=True)
             file = open(self.path / ".lock", "w", encoding="utf-8")  # noqa: SIM115  (held until the run ends)

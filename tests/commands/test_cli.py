@@ -247,6 +247,14 @@ def test_render_draws_what_a_method_answers(call, scene, tmp_path):
     assert "frames 0 to 0" in err
 
 
+def test_a_picture_of_nothing_is_drawn_with_a_warning(call, tmp_path):
+    flat = tmp_path / "flat.obj"
+    flat.write_text("v 0 0 0\nv 1 0 0\nv nan 1 0\nf 1 2 3\n")
+    code, _, err = call("render", flat, "--method", "warp_bvh", "--out", tmp_path / "a.png", "--size", "8x8")
+    assert code == 0
+    assert "flat.obj: none of 1 triangle can ever be hit (no area, or a corner that is not" in err
+
+
 def test_render_animates_scenes_side_by_side(call, scene, tmp_path):
     """Of a still scene the light turns; the captions of stand-ins stay."""
     code, _, err = call(

@@ -94,6 +94,18 @@ def test_what_is_there_already_is_never_lost_unasked(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["other", "run"], "nothing half made is left"
 
 
+def test_only_a_folder_of_results_is_replaced(tmp_path: Path) -> None:
+    run, letters, file = run_folder(tmp_path / "run"), tmp_path / "letters", tmp_path / "file"
+    letters.mkdir()
+    (letters / "a.txt").write_text("dear")
+    file.write_text("dear")
+    with pytest.raises(UserError, match="letters: is no folder of results, so it is not replaced"):
+        keep([run], letters, replace=True)
+    with pytest.raises(UserError, match="file: is a file; choose another"):
+        keep([run], file, replace=True)
+    assert [path.read_text() for path in (letters / "a.txt", file)] == ["dear", "dear"]
+
+
 def test_a_folder_that_a_run_writes_to_is_left_alone(tmp_path: Path) -> None:
     run, busy = run_folder(tmp_path / "run"), run_folder(tmp_path / "busy")
     with ResultsFolder(busy).locked():
@@ -157,7 +169,7 @@ def test_wrong_calls_are_one_line_each(tmp_path: Path) -> None:
         ([run], run, [], "is one of the folders to read"),
         ([run], tmp_path / "out", ["answers"], "--with answers: choose images or maps"),
         ([tmp_path], tmp_path / "out", [], "no records here"),
-        ([run], run / "scenes.json", [], "is not empty"),
+        ([run], run / "scenes.json", [], "is a file"),
         ([run], run / "scenes.json" / "in", [], "cannot be read or written"),
     ):
         with pytest.raises(UserError, match=said) as refused:

@@ -127,6 +127,10 @@ def test_a_folder_that_is_a_file_or_in_use_is_refused(tmp_path, scene):
     occupied.write_text("")
     with pytest.raises(UserError, match=r"cannot write there .*; choose another --out"):
         Run(options(occupied / "out", [scene], ["steady"]), Silent()).go()
+    (tmp_path / "part").mkdir()
+    (tmp_path / "part" / "records").write_text("")
+    with pytest.raises(UserError, match=r"part/records: a file where a folder is needed; .*another --out"):
+        Run(options(tmp_path / "part", [scene], ["steady"]), Silent()).go()
     with (
         ResultsFolder(tmp_path / "used").locked(),
         pytest.raises(UserError, match="another run is writing there"),
