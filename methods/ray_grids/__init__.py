@@ -73,7 +73,7 @@ class RayGrids(BaseMethod):
             branches.append((queues.with_own_lists(), self.light_arrays(frame)))
         for number, i in enumerate(wanted):
             branch = number % len(branches)
-            light = self.Light(frame, i, self.build, camera.hit, *branches[branch], aims, effects)
+            light = self.Light(frame, i, camera.build, camera.hit, *branches[branch], aims, effects)
             passes += light.passes(branch)
         return passes
 
@@ -100,7 +100,8 @@ class RayGrids(BaseMethod):
             )
         queues = Queues(frame, self._queued, self._capacity, streams, shares, threads > 1)
         self._queues, self._needs = queues, queues.counts
-        camera = self.Camera(frame, self.build, queues, effects, rounded=rounded, threads=threads)
+        build = self.build.chosen(frame.triangle_count, self._queued)
+        camera = self.Camera(frame, build, queues, effects, rounded=rounded, threads=threads)
         return camera.passes(), camera, queues
 
     def needs(self) -> wp.array | None:

@@ -2,9 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
 
 QUEUES = ("auto", "always", "never")
+
+CHOOSE = -1
+"""For a parameter: chosen from the number of triangles."""
+
+FEW_TRIANGLES = 65536
+"""With fewer, a GPU has room for more threads than there are triangles. What the thread of a triangle does not do, many do at
+the same time. Measured on an H200 (``docs/optimisation-log.md``)."""
+
+INLINE_PIXELS, INLINE_RAYS, INLINE_OF_FEW = 40, 32, 8
+"""What :data:`CHOOSE` stands for."""
 
 
 @dataclass(frozen=True)
@@ -12,8 +23,11 @@ class Streams:
     """Parameters of every stream of triangles over cells of rays: its cells, the work of a single thread, and its
     queues."""
 
+    least: ClassVar[int] = 0
+    """Least value of ``inline_pixels`` and ``inline_rays``."""
+
     cells: int = 0
-    inline_pixels: int = 40
+    inline_pixels: int = INLINE_PIXELS
     inline_cells: int = 64
     beside: int = 2
     shares: int = 2
@@ -25,12 +39,16 @@ class Streams:
         if not 0 <= self.cells <= 8192 or self.cells % 8:
             raise ValueError("cells must be a multiple of 8 in 0..8192")
         room = (self.item_capacity, self.part_capacity, self.doubt_capacity)
-        if min(self.inline_pixels, self.inline_cells, *room) < 0:
+        if self.inline_pixels < self.least or min(self.inline_cells, *room) < 0:
             raise ValueError("must not be negative")
         if not (1 <= self.beside <= 16 and 1 <= self.shares <= 16):
             raise ValueError("beside and shares must be in 1..16")
         if max(room) > 2**28:
             raise ValueError("must be at most 2^28")
+
+    def chosen(self, triangles: int, queued: bool) -> Self:
+        """The same with the values that are chosen for a number of triangles."""
+        return self
 
 
 @dataclass(frozen=True)
@@ -41,11 +59,11 @@ class Build(Streams):
                    the square root of the number of pixels where one face holds all rays, or where triangles are more
                    than half as many as pixels; else half of that
     inline_pixels  a triangle whose box on the image holds at most this many pixels tests them in its own thread; a
-                   larger one is queued
+                   larger one is queued; -1: 40, but 8 for fewer than 65,536 triangles
     inline_cells   a triangle whose box on a face covers at most this many cells, in at most 16 rows, counts the rays in
                    them; a larger one is queued
     inline_rays    a triangle that has counted at most this many rays, on one face, tests them in its own thread; with
-                   more, or on a second face, it is queued
+                   more, or on a second face, it is queued; -1: 32, but 8 for fewer than 65,536 triangles
     part           pixels or rays of a queued group of 32 rows that one warp tests; larger groups are split into parts
     beside         with queues: lights whose passes run at the same time on the GPU, each with queues and rays of its own
     shares         with queues: parts of the triangles that are streamed at the same time on the GPU, each with queues of
@@ -61,14 +79,17 @@ class Build(Streams):
                    grows when a frame needs more
     """
 
-    inline_rays: int = 32
+    least: ClassVar[int] = CHOOSE
+
+    inline_pixels: int = CHOOSE
+    inline_rays: int = CHOOSE
     part: int = 256
     queue: str = "auto"
     threads: int = 0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.inline_rays < 0:
+        if self.inline_rays < self.least:
             raise ValueError("must not be negative")
         if self.part < 1:
             raise ValueError("part must be at least 1")
@@ -76,3 +97,12 @@ class Build(Streams):
             raise ValueError("threads must be 0 (all cores) or more")
         if self.queue not in QUEUES:
             raise ValueError(f"must be one of {', '.join(QUEUES)}")
+
+    def chosen(self, triangles: int, queued: bool) -> Self:
+        few = queued and triangles < FEW_TRIANGLES
+        pixels, rays = (INLINE_OF_FEW, INLINE_OF_FEW) if few else (INLINE_PIXELS, INLINE_RAYS)
+        return replace(
+            self,
+            inline_pixels=pixels if self.inline_pixels == CHOOSE else self.inline_pixels,
+            inline_rays=rays if self.inline_rays == CHOOSE else self.inline_rays,
+        )

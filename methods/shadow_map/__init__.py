@@ -78,7 +78,8 @@ class ShadowMap(BaseMethod):
         self._effects = effects
         self._allocate(frame, len(effects.shadows), wanted)
         queues = Queues(frame, self._queued, self._capacity, 1)
-        camera = CameraStream(frame, CameraBuild(), queues, effects, self._needs)
+        build = CameraBuild().chosen(frame.triangle_count, self._queued)
+        camera = CameraStream(frame, build, queues, effects, self._needs)
         self._hit = camera.hit
         wide, bias = self.trace.filter == "pcf", self.trace.bias
         amount = self.trace.bias_amount * (3.0 if wide and bias in ("slope", "normal") else 1.0)

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 import warp as wp
 from helpers.brute_force import closest, make_scene, shadowed, soup
-from shadowbench.harness.errors import CapacityRejected
+from shadowbench.harness.errors import CapacityRejected, UserError
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.effects import Limits
 from shadowbench.methods.common.reserve import BEYOND, number_in, reserve
+from shadowbench.methods.ray_grids.parameters import FEW_TRIANGLES
 from shadowbench.methods.ray_grids.queues import COUNTERS, DOUBTS, more_room
 
 
@@ -163,3 +164,15 @@ def test_few_pairs_are_doubtful_however_far_the_eye():
     rays = int((got["triangle"] >= 0).sum())
     assert rays > 1000
     assert session.method.counters()["light 0 doubtful pairs"] < 0.02 * rays
+
+
+def test_what_a_triangle_tests_itself_is_chosen_from_the_number_of_triangles():
+    build = make_method("ray_grids", {}).build
+    few, many = build.chosen(FEW_TRIANGLES - 1, True), build.chosen(FEW_TRIANGLES, True)
+    assert (few.inline_pixels, few.inline_rays) == (8, 8)
+    assert (many.inline_pixels, many.inline_rays) == (40, 32)
+    assert build.chosen(1, False) == build.chosen(FEW_TRIANGLES, False) == many
+    given = make_method("ray_grids", {"inline_pixels": "0", "inline_rays": "5"}).build
+    assert given.chosen(1, True) == given
+    with pytest.raises(UserError, match="must not be negative"):
+        make_method("ray_grids", {"inline_rays": "-2"})
