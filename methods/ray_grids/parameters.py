@@ -11,8 +11,8 @@ CHOOSE = -1
 """For a parameter: chosen from the number of triangles."""
 
 FEW_TRIANGLES = 65536
-"""With fewer, a GPU has room for more threads than there are triangles. What the thread of a triangle does not do, many do at
-the same time. Measured on an H200 (``docs/optimisation-log.md``)."""
+"""With fewer, a GPU has room for more threads than there are triangles. What the thread of a triangle leaves to a queue,
+many threads do at the same time. Measured on an H200 (``docs/optimisation-log.md``)."""
 
 INLINE_PIXELS, INLINE_RAYS, INLINE_OF_FEW = 40, 32, 8
 """What :data:`CHOOSE` stands for."""
