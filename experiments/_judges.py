@@ -208,13 +208,6 @@ def balancing(evidence: Evidence) -> Finding:
     return Finding(verdicts.pop() if len(verdicts) == 1 else OPEN, "; ".join(parts).replace(":;", ":"))
 
 
-def unbalanced(evidence: Evidence) -> str:
-    """The gain of load balancing with the light at the scene's own position."""
-    found = evidence.ratios({"label": "no load balancing"}, {"label": BASE}, column("shadow_ms"))
-    what = "at the scene's own light, shadow rays without balancing over with it"
-    return f"{what}: {each(found)}" if found else ""
-
-
 def ratio(
     one: str, other: str, measure: Callable[[DataFrame], Series], what: str
 ) -> Callable[[Evidence], Finding]:

@@ -44,13 +44,7 @@ CLAIMS = (
         ("figure10",),
         judge.shadow_slower,
     ),
-    Claim(
-        "Load balancing compensates for the light's position",
-        "5",
-        ("figure11",),
-        judge.balancing,
-        beside=("ablation", judge.unbalanced),
-    ),
+    Claim("Load balancing compensates for the light's position", "5", ("figure11",), judge.balancing),
     Claim("A spherical map is better than a cube map", "4.1", ("ablation",), judge.spherical),
     Claim("Clamping the light's rectangle to the view helps", "4.1", ("ablation",), judge.clamping),
     Claim(

@@ -7,7 +7,7 @@ compared; the verdict is computed from the records of all experiments in a folde
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -41,7 +41,6 @@ class Claim:
 
     experiments  whose records may decide it; the last versions of the methods come first, then this order
     judge        given one piece of evidence at a time, until one has all that it needs: it never sees two
-    beside       (experiment, phrase): the result of another experiment on the same question; it does not decide
     counted      it is about counted work, the same on every device; all others are about times on a GPU
     """
 
@@ -49,7 +48,6 @@ class Claim:
     section: str
     experiments: tuple[str, ...]
     judge: Callable[[Evidence], Finding]
-    beside: tuple[str, Callable[[Evidence], str]] | None = None
     counted: bool = False
 
 
@@ -83,12 +81,7 @@ def decide(claim: Claim, data: Data) -> tuple[Finding, str]:
         told += f"; of different runs or versions, and not to be mixed: {'; '.join(e.described() for _, e in findings)}"
     nothing = Finding(OPEN, f"{told}; run {claim.experiments[0]}", lacking=True), ""
     whole = ((finding, origin(one, data)) for finding, one in findings if not finding.lacking)
-    result, source = next(whole, nothing)
-    if claim.beside:
-        others = ((claim.beside[1](one), one) for one in data.evidence(claim.beside[0]))
-        text = next((f"; {words} ({origin(one, data)})" for words, one in others if words), "")
-        result = replace(result, numbers=result.numbers + text)
-    return result, source
+    return next(whole, nothing)
 
 
 def origin(evidence: Evidence, data: Data) -> str:
