@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -28,18 +29,27 @@ def imports(root: Path = ROOT) -> dict[str, set[str]]:
 
 def _imported(name: str, file: Path, files: dict[str, Path]) -> Iterator[str]:
     package = name if file.name == "__init__.py" else name.rpartition(".")[0]
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.ImportFrom):
-            parents = package.split(".")
-            base = parents[: len(parents) - node.level + 1] if node.level else []
-            base += node.module.split(".") if node.module else []
-            if base[:1] == ["shadowbench"]:
-                base = base[1:]
-            elif not node.level:
-                continue
-            for alias in node.names:
-                inner = ".".join([*base, alias.name])
-                yield inner if inner in files else ".".join(base)
+    for level, module, names in _statements(file.read_text(encoding="utf-8")):
+        parents = package.split(".")
+        base = parents[: len(parents) - level + 1] if level else []
+        base += module.split(".") if module else []
+        if base[:1] == ["shadowbench"]:
+            base = base[1:]
+        elif not level:
+            continue
+        for imported in names:
+            inner = ".".join([*base, imported])
+            yield inner if inner in files else ".".join(base)
+
+
+@functools.cache
+def _statements(text: str) -> tuple[tuple[int, str | None, tuple[str, ...]], ...]:
+    """Level, module and names of every ``from ... import`` in a source text: a text is parsed once for all tests."""
+    return tuple(
+        (node.level, node.module, tuple(alias.name for alias in node.names))
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.ImportFrom)
+    )
 
 
 def circles(graph: dict[str, set[str]]) -> list[list[str]]:

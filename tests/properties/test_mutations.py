@@ -14,9 +14,9 @@ from pathlib import Path
 
 import pytest
 import warp as wp
+from helpers.judged_hard_cases import judged
 from shadowbench.harness.frame.registry import make_method
-from shadowbench.harness.hardcases import find_case
-from shadowbench.harness.hardcases.judge import Judged, judge_case
+from shadowbench.harness.hardcases.judge import judge_case
 from shadowbench.methods.common import bounds, grid, grid_build, hitpoint, ray_queries, segment, triangle
 from shadowbench.methods.perspective_spherical.camera import tiles as camera_grid
 from shadowbench.methods.perspective_spherical.light import frame as light_frame
@@ -310,13 +310,11 @@ def rebuild() -> None:
                     factory.cache_clear()
 
 
-def wrong_cases(mutation: Mutation, judged: dict[str, Judged], device: str) -> list[str]:
+def wrong_cases(mutation: Mutation, device: str) -> list[str]:
+    """The mutation's cases on which the method errs. What is exact is worked out on the first call, with nothing planted."""
     wrong = []
     for name in mutation.cases:
-        if name not in judged:
-            case = find_case(name)
-            judged[name] = Judged(case, case.make())
-        finding = judge_case(judged[name], make_method(mutation.method, dict(mutation.settings)), device)
+        finding = judge_case(judged(name), make_method(mutation.method, dict(mutation.settings)), device)
         assert "failed" not in finding.classes, finding.reason
         if set(finding.classes) - {"tie"}:  # what rounding would excuse in others: ours have none
             wrong.append(name)
@@ -325,13 +323,12 @@ def wrong_cases(mutation: Mutation, judged: dict[str, Judged], device: str) -> l
 
 @pytest.mark.parametrize("mutation", MUTATIONS, ids=lambda mutation: mutation.name.replace(" ", "-"))
 def test_a_named_case_catches_it(mutation: Mutation, tmp_path: Path, device: str) -> None:
-    judged: dict[str, Judged] = {}
-    assert wrong_cases(mutation, judged, device) == [], "the method as it is must pass"
+    assert wrong_cases(mutation, device) == [], "the method as it is must pass"
     with pytest.MonkeyPatch.context() as patch:
         for planted in mutation.planted:
             plant(planted, tmp_path, patch)
         rebuild()
-        caught = wrong_cases(mutation, judged, device)
+        caught = wrong_cases(mutation, device)
     rebuild()
     assert caught == list(mutation.cases)
-    assert wrong_cases(mutation, judged, device) == [], "the error must be gone again"
+    assert wrong_cases(mutation, device) == [], "the error must be gone again"

@@ -74,12 +74,12 @@ def placed(trial: Trial, scale: float, sizes: float) -> Trial:
 def methods_at(case: int, place: int) -> tuple[tuple[str, dict[str, str]], ...]:
     """The methods that answer a case in a place: one, in turn, so that a new method costs nothing; or all.
 
-    A case lies in two of the four places, in turn; in all of them where :data:`.judged_hard_cases.EVERYTHING` holds.
+    A case lies in one of the four places, in turn; in all of them where :data:`.judged_hard_cases.EVERYTHING` holds.
     What is exact in a place is worked out anew, which takes longer than any method.
     """
     if EVERYTHING:
         return METHODS
-    return (METHODS[(case // 2 + place) % len(METHODS)],) if (case + place) % 2 == 0 else ()
+    return (METHODS[(case // len(PLACES) + place) % len(METHODS)],) if case % len(PLACES) == place else ()
 
 
 @pytest.mark.parametrize("place", range(len(PLACES)), ids=lambda place: "{:g}-{:g}".format(*PLACES[place]))
@@ -99,7 +99,7 @@ def test_no_true_error_wherever_a_case_lies(place: int) -> None:
                 wrong[case.name, name] = (finding.classes, finding.reason, finding.examples[:1])
     assert wrong == {}
     assert set(run) == {name for name, _ in METHODS}
-    assert min(run.values()) > (0.6 if EVERYTHING else 0.3) * len(SWEPT) / len(METHODS)
+    assert min(run.values()) > (0.6 if EVERYTHING else 0.15) * len(SWEPT) / len(METHODS)
 
 
 def test_most_of_the_catalogue_is_swept() -> None:
