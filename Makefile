@@ -28,7 +28,8 @@ test: $(STAMP)
 	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal $(ARGS)
 
 fuzz: $(STAMP)
-	SHADOWBENCH_SWEEP=all $(BIN)/python -m pytest -n $(JOBS) tests/properties/test_sweep.py tests/hardcases/test_hard_cases.py
+	SHADOWBENCH_SWEEP=all $(BIN)/python -m pytest -n $(JOBS) tests/properties/test_sweep.py tests/properties/test_map_clamp_sweep.py \
+		tests/hardcases/test_hard_cases.py
 	$(BIN)/python tests/tools/second_opinion.py --rays 100000
 	$(BIN)/python tests/tools/play.py --frames 10000
 	$(BIN)/python tests/tools/play.py --frames 5000 --effects
