@@ -22,7 +22,7 @@ from shadowbench.harness.scene.prepared import prepare
 
 start_warp()
 
-WIDTH, HEIGHT = 24, 18
+WIDTH, HEIGHT = 16, 12
 GRAVEST_LAST = ("edge", "invalid", "leak", "acne")
 
 
@@ -111,7 +111,7 @@ def test_explain_prints_the_class_that_verify_scored(
     random = np.random.default_rng(seed)
     wrong = np.nonzero(every_pixel.classes > Verdict.TIE)[0]
     hit = np.nonzero(outcome.answers["triangle"] >= 0)[0]
-    pixels = [int(random.choice(some)) for some in (hit, hit, wrong, wrong) if len(some)]
+    pixels = [int(random.choice(some)) for some in (hit, wrong, wrong) if len(some)]
     pixels.append(int(random.integers(WIDTH * HEIGHT)))
     for pixel in pixels:
         x, y = pixel % WIDTH, pixel // WIDTH

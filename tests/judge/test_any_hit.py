@@ -50,7 +50,7 @@ def pictures(drawn: Example) -> tuple[Example, Example, int]:
     return one, other, first
 
 
-@settings(max_examples=60, derandomize=True, deadline=None, database=None, suppress_health_check=CHECKS)
+@settings(max_examples=40, derandomize=True, deadline=None, database=None, suppress_health_check=CHECKS)
 @given(EXAMPLES)
 def test_shadowed_if_and_only_if_something_is_hit_before_the_light(drawn: Example) -> None:
     from_light, from_beyond, first = pictures(drawn)

@@ -30,14 +30,14 @@ def assert_same_as_plainest(example: Example, triangle_test: str, **changes: str
 
 
 @pytest.mark.parametrize("triangle_test", TRIANGLE_TESTS)
-@some(50)
+@some(30)
 @given(EXAMPLES)
 def test_no_knob_changes_a_bit(triangle_test: str, example: Example) -> None:
     assert_same_as_plainest(example, triangle_test)
 
 
 @pytest.mark.parametrize("triangle_test", TRIANGLE_TESTS)
-@some(12)
+@some(8)
 @given(EXAMPLES, st.sampled_from(["0", "1", "3"]))
 def test_no_knob_changes_a_bit_of_staged_kernels(triangle_test: str, example: Example, chunk: str) -> None:
     """Blocks of 64 threads on a CPU: eight by eight pixels, in one sorting tile or in four, and as many shadow rays."""

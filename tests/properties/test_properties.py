@@ -27,7 +27,7 @@ from shadowbench.harness.scene.prepared import prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene, Spot
 
 
-@some(100)
+@some(60)
 @given(CULLED)
 def test_every_method_answers_exactly(example: Example) -> None:
     """Under drawn settings no method has a true error; a knob meant for speed therefore changes no answer."""
@@ -35,7 +35,7 @@ def test_every_method_answers_exactly(example: Example) -> None:
     assert true_errors(example) == {}
 
 
-@some(40)
+@some(30)
 @given(EXAMPLES)
 def test_exact_methods_agree_bit_for_bit(example: Example) -> None:
     found = traced(example)
@@ -53,7 +53,7 @@ def scaled(example: Example, factor: float) -> Example:
     )  # fmt: skip
 
 
-@some(30)
+@some(20)
 @given(EXAMPLES, st.sampled_from([-20, -7, 7, 20]))
 def test_a_power_of_two_changes_t_only_by_it(example: Example, power: int) -> None:
     factor = 2.0**power
@@ -74,7 +74,7 @@ def turned(example: Example, turn: int) -> Example:
     )  # fmt: skip
 
 
-@some(30)
+@some(20)
 @given(EXAMPLES, st.sampled_from([1, 2]))
 def test_cycling_the_axes_changes_nothing(example: Example, turn: int) -> None:
     """Sums run in another order, so only what is exact must agree: triangles, bits, and t to its last place."""
@@ -84,7 +84,7 @@ def test_cycling_the_axes_changes_nothing(example: Example, turn: int) -> None:
         np.testing.assert_allclose(other[name]["t"], one[name]["t"], rtol=2**-23)
 
 
-@some(30)
+@some(20)
 @given(EXAMPLES)
 def test_mirroring_turns_the_image_over(example: Example) -> None:
     """Mirrored along the image's right axis: every row of pixels runs the other way."""
@@ -121,7 +121,7 @@ def moved(example: Example, angles: tuple[float, float], offset: float) -> Examp
     )  # fmt: skip
 
 
-@some(30)
+@some(20)
 @given(EXAMPLES, st.tuples(st.floats(0.1, 6.0), st.floats(0.1, 6.0)), st.sampled_from([0.0, 100.0]))
 def test_turning_and_moving_changes_only_what_rounding_excuses(
     example: Example, angles: tuple[float, float], offset: float
@@ -147,7 +147,7 @@ PINHOLE = Example.thawed(
 """A ray leaves the mesh beside a vertex by 4e-16: two equal triangles are hit in float64, none in exact arithmetic."""
 
 
-@some(30)
+@some(20)
 @given(EXAMPLES, st.randoms(use_true_random=False))
 @example(PINHOLE, Random(0))
 def test_permuting_triangles_changes_ids_up_to_ties(drawn: Example, random) -> None:
@@ -175,7 +175,7 @@ def test_permuting_triangles_changes_ids_up_to_ties(drawn: Example, random) -> N
         )
 
 
-@some(30)
+@some(20)
 @given(EXAMPLES, st.binary(min_size=60, max_size=200).map(decode))
 def test_adding_triangles_brings_nothing_to_light(example: Example, more: Example) -> None:
     """Where the closest hit stays the same, a shadowed point stays shadowed; and no hit moves away."""
@@ -193,7 +193,7 @@ def test_adding_triangles_brings_nothing_to_light(example: Example, more: Exampl
         assert not lit_again.any(), name
 
 
-@some(25)
+@some(20)
 @given(EXAMPLES, st.lists(st.binary(min_size=20, max_size=80), min_size=1, max_size=2))
 def test_a_frame_built_again_equals_a_fresh_scene(example: Example, others: list[bytes]) -> None:
     """Frames of other geometry, eyes and lights run before it leave nothing behind."""
@@ -221,7 +221,7 @@ def test_a_frame_built_again_equals_a_fresh_scene(example: Example, others: list
                 assert same_bits(got[key], values), (name, k, key)
 
 
-@some(30)
+@some(20)
 @given(EXAMPLES, st.integers(2, 4))
 def test_lights_at_one_place_agree(example: Example, count: int) -> None:
     light = example.lights[:1]
@@ -257,7 +257,7 @@ def test_a_spot_of_the_whole_sphere_is_a_point_light(
             assert same_bits(found[1][key], values), (name, key)
 
 
-@some(30)
+@some(20)
 @given(EXAMPLES)
 def test_a_crop_equals_its_window(example: Example) -> None:
     """The middle half of an 16 x 16 image, and the same window as an image of its own, by its own camera."""

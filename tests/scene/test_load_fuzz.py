@@ -45,7 +45,7 @@ WORDS = [
     b"\xff\xfe", b"\xef\xbb\xbf", b"\xc3\x28", "\u0661".encode(), b"/", b"//", b"#", b"[", b"{", b'"', b"null",
 ]  # fmt: skip
 
-EXAMPLES = 200
+EXAMPLES = 100
 
 position = st.floats(0, 1, exclude_max=True)
 byte = st.integers(0, 255).map(lambda n: bytes([n]))
@@ -245,7 +245,7 @@ numbers = st.sampled_from(
 
 
 @given(st.lists(st.tuples(position, numbers), min_size=1, max_size=3))
-@settings(derandomize=True, max_examples=300, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(derandomize=True, max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
 def test_glb_whose_json_says_anything(tmp_path_factory, steps):
     def change(head):
         for where, value in steps:
