@@ -169,7 +169,9 @@ def test_the_grid_of_errors_is_zero_for_the_exact_tree_and_not_for_a_fixed_offse
 
 def test_the_hard_cases_tell_a_rung_from_the_top():
     entries = (Entry("accuracy_ladder", {}, "exact"), Entry("accuracy_ladder", {"origin": "ray"}, "o + t d"))
-    exact, rung = hard_rows(entries, "cpu", without=("V ", "S", "M", "H", "O", "P2", "P3", "P4", "P0"), but=("P07",))
+    exact, rung = hard_rows(
+        entries, "cpu", without=("V ", "S", "M", "H", "O", "P2", "P3", "P4", "P0"), but=("P07",)
+    )
     assert exact["left_out"] == rung["left_out"]
     names = exact["left_out"].split("; ")
     assert {"S35", "P21", "V ball +1"} <= set(names)

@@ -49,7 +49,6 @@ def swept() -> list[HardCase]:
     ]
 
 
-
 def placed(trial: Trial, scale: float, sizes: float) -> Trial:
     """The same trial scaled, then carried off, in float64; nothing is stated of it any more."""
     scene = trial.prepared.scene
