@@ -275,7 +275,7 @@ def two_lights(evidence: Evidence) -> Finding:
         return Finding(verdict, f"{gain:.2f} times a rebuilt tree")
 
     found, rates = with_ours(judge), 1000 / evidence.of(**two).groupby("label")["total_ms"].mean()
-    told = f"; frames a second: {each(dict(rates), '{:.1f}')}" if len(rates) else ""
+    told = f"; frames per second: {each(dict(rates), '{:.1f}')}" if len(rates) else ""
     return replace(found, numbers=f"{found.numbers}{told} (paper: 7.6 against 5.26, 1.44)")
 
 

@@ -148,7 +148,7 @@ def drawings(table: pd.DataFrame, exact: pd.DataFrame, folder: Path) -> list[Pat
         lines(folder / "figure11.svg", times, "light_distance", "traversal_ms", facet="panel", whisker="traversal_spread",
               drawn=looks(table.sort_values(["formats", "r"])), left="shadow traversal, ms", **against),
         lines(folder / "figure11-r.svg", by_r, "r", "value", facet="panel", across=across, log_x=2, ticks=str, high=1.4,
-              legend=3, below="r, rays a block at most" + below, left="", sharey="row"),
+              legend=3, below="r, most rays per block" + below, left="", sharey="row"),
         lines(folder / "figure11-tiles.svg", tiles, "light_distance", "tiles_with_rays", facet="where", drawn=looks(tiles),
               left="tiles that hold rays", **against),
     ]  # fmt: skip

@@ -69,7 +69,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     two = done[done["lights"] == 2]
     title = next(iter(two["title"]), "any scene")
     told = document.ranked(two[two["title"] == title], "frames_per_s", "label") or "not measured"
-    finding = f"Frames a second with two lights on {title}: {told} ({PAPER})."
+    finding = f"Frames per second with two lights on {title}: {told} ({PAPER})."
     tables = {
         "Milliseconds, by number of lights": document.cross_table(done, rows, "lights", "ms"),
         "Each light after the first over the first, by number of lights":

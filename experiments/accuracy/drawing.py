@@ -41,7 +41,7 @@ FRONTIER: document.Columns = {
     "acne": ("acne", document.count), "leaks": ("leak", document.count), "excused": ("excused", document.count),
     "FLIP": ("flip", "{:.4f}".format),
 }  # fmt: skip
-BEST = "Points that no other one beats in time and wrong answers a frame"
+BEST = "Points that no other one beats in time and wrong answers per frame"
 COST = "Frame time with a safety measure over that without (=: within the noise, ?: not known)"
 ENOUGH = 4
 """Number of repeats below which the noise is not known, so that no difference of times counts as a cost."""
@@ -56,7 +56,7 @@ PAINT: dict[str, tuple[tuple[int, ...], str]] = {
     "not judged: differs from the reference": ((UNJUDGED,), "#CC79A7"),
     "excused: edge or near tie": ((Verdict.EDGE, Verdict.NEAR_TIE), "#009E73"),
 }
-SIDES = {"wrong answers a frame": "wrong_per_frame", "ms per frame": "total_ms"}
+SIDES = {"wrong answers per frame": "wrong_per_frame", "ms per frame": "total_ms"}
 RIGHT = (Verdict.OK, Verdict.TIE)
 ABOUT = "Of large frames the part where most is wrong in any panel; numbers count the whole frame."
 HEAT = (

@@ -89,7 +89,7 @@ def described(hard: pd.DataFrame) -> list[str]:
     if hard.empty:
         return []
     most = int(hard["cases"].max())
-    text = f"Wrong answers on the hard cases: on up to {most} of them a point, each in {NAME}"
+    text = f"Wrong answers on the hard cases: up to {most} of them per point, each in {NAME}"
     missing = hard["left_out"].iloc[0]
     if pd.isna(hard["left_out"]).all():
         return [f"{text}; which of the others were left out was not recorded."]

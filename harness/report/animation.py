@@ -26,7 +26,7 @@ MOST_PIXELS = 1 << 28
 def check_animation(width: int, height: int, frames: int) -> None:
     """Raise :class:`UserError` where an animation of this size cannot be written."""
     if max(width, height) > LONGEST_SIDE:
-        raise UserError(f"--size {width}x{height}: a WebP file has at most {LONGEST_SIDE} pixels a side")
+        raise UserError(f"--size {width}x{height}: a WebP file has at most {LONGEST_SIDE} pixels per side")
     if width * height * frames > MOST_PIXELS:
         raise UserError(
             f"{frames} frames of {width}x{height}: too many pixels for one animation; choose a smaller --size or --frames"

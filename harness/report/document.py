@@ -286,7 +286,7 @@ def where(table: DataFrame) -> str:
 def effort(table: DataFrame) -> str:
     """How long the points were sampled, where they say so, as a sentence."""
     asked = table.reindex(columns=["point.rounds", "point.budget_s"]).dropna().drop_duplicates()
-    form = "{:.0f} round{}, at most {:g} s of samples a point"
+    form = "{:.0f} round{}, at most {:g} s of samples per point"
     parts = [form.format(n, "s" if n > 1 else "", budget) for n, budget in asked.to_numpy()]
     if not parts:
         return ""

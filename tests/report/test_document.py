@@ -15,10 +15,10 @@ from shadowbench.harness.runner.experiment import Entry
 @pytest.mark.parametrize(
     ("taken", "told"),
     [
-        (3, "3 rounds, at most 5 s of samples a point."),
+        (3, "3 rounds, at most 5 s of samples per point."),
         (
             1,
-            "3 rounds, at most 5 s of samples a point. The budget was spent before the last round: Cloth, grid: 1 of 3.",
+            "3 rounds, at most 5 s of samples per point. The budget was spent before the last round: Cloth, grid: 1 of 3.",
         ),
     ],
 )
