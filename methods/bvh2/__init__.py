@@ -57,13 +57,13 @@ class BinaryTree(BaseMethod):
         if not self._capacity:
             self._capacity = self.build.doubt_capacity or max(262144, frame.pixels // 2)
         tree = Rebuilt(frame, self.build) if self.build.update == "rebuild" else Refitted(frame, self.build)
-        ordered, grows = tree.passes()
-        rays = Rays(
-            frame, self.build, self.trace, effects, tree.tree, tree.leaves, tree.extent, self._capacity
-        )
+        first, grows = tree.passes()
+        rays = Rays(frame, self.build, self.trace, effects, tree.tree, tree.extent, self._capacity)
         self._rays = rays
-        passes = [replace(grows, branch=(0,)), *(replace(p, branch=(1,)) for p in rays.records_passes())]
-        return [*ordered, *passes, *rays.passes()]
+        passes = [replace(p, branch=(0,)) for p in grows] + [
+            replace(p, branch=(1,)) for p in rays.records_passes()
+        ]
+        return [first, *passes, *rays.passes()]
 
     def needs(self) -> wp.array | None:
         return self._rays.counts if self._rays is not None else None

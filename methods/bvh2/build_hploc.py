@@ -79,19 +79,23 @@ auto store = [&](int k, const Cluster& c) {
     __stcg(kept + 2 * k + 1, make_float4(c.box[3], c.box[4], c.box[5], real(c.name)));
 };
 __shared__ float leaf_box[6][BLOCK];
-bool on = leads_here(i);
+__shared__ unsigned int leaf_ref[BLOCK];
+bool on = i < count;
 if (on) {
     float box[6];
-    box_of(i, box);
+    leaf_ref[threadIdx.x] = box_of(i, box);
     for (int axis = 0; axis < 6; axis++) leaf_box[axis][threadIdx.x] = box[axis];
 }
 auto load = [&](int k, bool leaf) {
     if (leaf) {
         Cluster c;
         int here = k - begin;
-        if (here < 0 || here >= BLOCK) box_of(k, c.box);
-        else for (int axis = 0; axis < 6; axis++) c.box[axis] = leaf_box[axis][here];
-        c.ref = leaf_at(k);
+        if (here < 0 || here >= BLOCK) {
+            c.ref = box_of(k, c.box);
+        } else {
+            for (int axis = 0; axis < 6; axis++) c.box[axis] = leaf_box[axis][here];
+            c.ref = leaf_ref[here];
+        }
         c.name = (unsigned int)k;
         return c;
     }
@@ -246,7 +250,7 @@ while (true) {
 """
 
 ONE_BY_ONE = """
-if (!leads_here(i)) return;
+if (i >= count) return;
 auto store = [&](int k, const Cluster& c) {
     keep(scratch.data, 2 * k, c.box[0], c.box[1], c.box[2], real(c.ref));
     keep(scratch.data, 2 * k + 1, c.box[3], c.box[4], c.box[5], real(c.name));
@@ -282,8 +286,7 @@ auto merge_down = [&](Cluster* held, int& number, int enough) {
     }
 };
 Cluster own;
-box_of(i, own.box);
-own.ref = leaf_at(i);
+own.ref = box_of(i, own.box);
 own.name = (unsigned int)i;
 store(i, own);
 int left = i, right = i, split = i + 1;
@@ -325,7 +328,7 @@ while (true) {
 
 
 @functools.cache
-def make_hploc_kernel(radius: int, node_bytes: int, group: int = 1) -> Any:
+def make_hploc_kernel(radius: int, node_bytes: int) -> Any:
     """A thread for each leaf in key order, and up to a full block of :data:`BLOCK`."""
     by_device = f"\n#if defined(__CUDA_ARCH__)\n{BY_WARPS}\n#else\n{ONE_BY_ONE}\n#endif\n"
-    return make_builder(node_bytes, group, f"constexpr int RADIUS = {radius};" + SHARED + by_device)
+    return make_builder(node_bytes, f"constexpr int RADIUS = {radius};" + SHARED + by_device)

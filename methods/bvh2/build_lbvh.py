@@ -12,10 +12,9 @@ from typing import Any
 from .climb import make_builder
 
 BUILD = """
-if (!leads_here(i)) return;
+if (i >= count) return;
 float box[6];
-box_of(i, box);
-unsigned int ref = leaf_at(i), before = gap(i - 1), after = gap(i);
+unsigned int ref = box_of(i, box), before = gap(i - 1), after = gap(i);
 int l = i, r = i;
 while (before != NONE || after != NONE) {
     bool left = is_left(l, r, before, after);
@@ -70,6 +69,6 @@ auto take_box = [&](int k, float* b) {
 
 
 @functools.cache
-def make_lbvh_kernel(node_bytes: int, group: int = 1) -> Any:
-    """One thread per leaf in key order, in blocks of any size."""
-    return make_builder(node_bytes, group, EXCHANGED + BUILD)
+def make_lbvh_kernel(node_bytes: int) -> Any:
+    """One thread a leaf in key order; any number of them a block."""
+    return make_builder(node_bytes, EXCHANGED + BUILD)

@@ -31,14 +31,15 @@ from ..common.triangle import (
 )
 from .nodes import make_children_of
 from .primary import Tree
-from .records import Leaves, triangle_corners
-from .shadow import Starts
+from .records import triangle_corners
+from .snippets import INDEX, PAIR
 
 MISSED = wp.constant(9.9e37)
 FARTHEST = wp.constant(9.0e37)
 SLACK = wp.constant(1.0 + 2.0**-20)
 EMPTY_TREE = wp.constant(-1)
-PLACE = wp.constant(0x7FFFFFFF)
+INDICES = wp.constant(INDEX)
+PAIRED = wp.constant(PAIR)
 
 
 @wp.func
@@ -52,7 +53,7 @@ def nearer_child(children: wp.vec4f) -> wp.int32:
 
 
 @functools.cache
-def make_closest_kernel(node_bytes: int, group: int = 1) -> Any:
+def make_closest_kernel(node_bytes: int) -> Any:
     """stack int32 [walkers * STACK]: entry k of a walker at k * walkers + walker."""
     children_of = make_children_of(node_bytes)
 
@@ -63,12 +64,11 @@ def make_closest_kernel(node_bytes: int, group: int = 1) -> Any:
         camera: Camera,
         tree: Tree,
         mesh: Mesh,
-        leaves: Leaves,
         alpha: Alpha,
         rays: Rays,
         stack: wp.array(dtype=wp.int32),
         hits: Hits,
-        starts: Starts,
+        starts: wp.array(dtype=wp.vec3f),
     ):
         walker = wp.tid()
         pixel = wp.int32(walker)
@@ -80,7 +80,6 @@ def make_closest_kernel(node_bytes: int, group: int = 1) -> Any:
                 if rays.active[pixel] == wp.uint8(0):
                     now = EMPTY_TREE
             best = wp.int32(-1)
-            place = wp.int32(-1)
             best_t = wp.float64(wp.INF)
             limit = wp.float32(FARTHEST)
             held = wp.int32(0)
@@ -95,8 +94,7 @@ def make_closest_kernel(node_bytes: int, group: int = 1) -> Any:
                             stack[held * walkers + walker] = wp.cast(children[3 - first], wp.int32)
                             held += 1
                 else:
-                    at = now & PLACE
-                    i = entry(leaves.order, at)
+                    i = now & INDICES
                     corners = triangle_corners(mesh, i)
                     if may_hit(ray, corners):
                         distance = hit_distance(ray, corners, weld_of(mesh, i))
@@ -106,24 +104,21 @@ def make_closest_kernel(node_bytes: int, group: int = 1) -> Any:
                                     distance = NO_HIT
                         if distance > wp.float64(0.0) and nearer(mesh, distance, i, best_t, best):
                             best = i
-                            place = at
                             best_t = distance
                             limit = wp.min(wp.float32(distance) * SLACK, FARTHEST)
-                    if wp.static(group > 1):
-                        if (at + 1) % wp.static(group) != 0 and at + 1 < entry(tree.root, 1):
-                            following = now + 1
+                    if (now & PAIRED) != 0:
+                        following = (now + 1) & ~PAIRED
                 if following == EMPTY_TREE and held > 0:
                     held -= 1
                     following = stack[held * walkers + walker]
                 now = following
             hits.triangle[pixel] = best
-            starts.seat[pixel] = place
             hits.t[pixel] = wp.float32(best_t)
             uv = wp.vec2f()
             if best >= 0:
                 met = triangle_corners(mesh, best)
                 uv = hit_weights(ray, met, weld_of(mesh, best))
-                starts.point[pixel] = to_float32(hit_point(ray, best_t, met))
+                starts[pixel] = to_float32(hit_point(ray, best_t, met))
             hits.u[pixel] = uv[0]
             hits.v[pixel] = uv[1]
             pixel += walkers
@@ -132,8 +127,8 @@ def make_closest_kernel(node_bytes: int, group: int = 1) -> Any:
 
 
 @functools.cache
-def make_shadow_kernel(node_bytes: int, group: int = 1) -> Any:
-    """Shadow bits, traversed from the hit points. ``stack`` as in :func:`make_closest_kernel`."""
+def make_shadow_kernel(node_bytes: int) -> Any:
+    """Shadow bits, walked from the hit points. ``stack`` as in :func:`make_closest_kernel`."""
     children_of = make_children_of(node_bytes)
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
@@ -145,7 +140,6 @@ def make_shadow_kernel(node_bytes: int, group: int = 1) -> Any:
         lights: wp.array(dtype=wp.vec3f),
         tree: Tree,
         mesh: Mesh,
-        leaves: Leaves,
         alpha: Alpha,
         hits: Hits,
         receivers: wp.array2d(dtype=wp.uint8),
@@ -192,8 +186,7 @@ def make_shadow_kernel(node_bytes: int, group: int = 1) -> Any:
                             stack[held * walkers + walker] = wp.cast(children[3 - first], wp.int32)
                             held += 1
                 else:
-                    at = now & PLACE
-                    i = entry(leaves.order, at)
+                    i = now & INDICES
                     corners = triangle_corners(mesh, i)
                     if i != own and may_occlude(start, target, corners, error):
                         shadowed = occludes(h, target, corners, weld_of(mesh, i), size)
@@ -202,9 +195,8 @@ def make_shadow_kernel(node_bytes: int, group: int = 1) -> Any:
                                 shadowed = opaque_to_light(
                                     alpha, i, h, target, corners, weld_of(mesh, i), size
                                 )
-                    if wp.static(group > 1):
-                        if (at + 1) % wp.static(group) != 0 and at + 1 < entry(tree.root, 1) and not shadowed:
-                            following = now + 1
+                    if (now & PAIRED) != 0 and not shadowed:
+                        following = (now + 1) & ~PAIRED
                 if following == EMPTY_TREE and held > 0 and not shadowed:
                     held -= 1
                     following = stack[held * walkers + walker]

@@ -10,8 +10,6 @@ from ...harness.scene.effects import Effects
 from .careful import make_closest_kernel, make_shadow_kernel
 from .parameters import Build
 from .primary import Tree
-from .records import Leaves
-from .shadow import Starts
 from .snippets import STACK
 
 WALKERS = 256
@@ -26,22 +24,21 @@ def walked(effects: Effects) -> bool:
 class Careful:
     """stack int32 [walkers * STACK]: each walker's; empty where no ray needs one."""
 
-    def __init__(self, frame: Frame, build: Build, effects: Effects, tree: Tree, leaves: Leaves):
+    def __init__(self, frame: Frame, build: Build, effects: Effects, tree: Tree):
         self.frame, self.effects = frame, effects
-        self.tree, self.leaves = tree, leaves
-        self.node_bytes, self.group = build.node_bytes, build.group
+        self.tree, self.node_bytes = tree, build.node_bytes
         device = wp.get_device(frame.device)
         self.walkers = WALKERS * (device.sm_count if device.is_cuda else 1)
         needed = walked(effects) or effects.bounces > 0
         self.stack = wp.zeros(self.walkers * STACK if needed else 0, dtype=wp.int32, device=device)
 
-    def launch_closest(self, bounce: int, starts: Starts) -> None:
+    def launch_closest(self, bounce: int, starts: wp.array) -> None:
         f = self.frame
         wp.launch(
-            specialised(make_closest_kernel(self.node_bytes, self.group), self.effects.switches(bounce=bounce)),
+            specialised(make_closest_kernel(self.node_bytes), self.effects.switches(bounce=bounce)),
             dim=self.walkers,
             inputs=[
-                self.walkers, f.pixels, f.camera, self.tree, f.mesh, self.leaves, f.alpha, f.rays(bounce), self.stack,
+                self.walkers, f.pixels, f.camera, self.tree, f.mesh, f.alpha, f.rays(bounce), self.stack,
             ],
             outputs=[f.hits(bounce), starts],
             device=f.device,
@@ -50,10 +47,10 @@ class Careful:
     def launch_shadow(self, light: int, bounce: int) -> None:
         f = self.frame
         wp.launch(
-            specialised(make_shadow_kernel(self.node_bytes, self.group), self.effects.switches(light, bounce)),
+            specialised(make_shadow_kernel(self.node_bytes), self.effects.switches(light, bounce)),
             dim=self.walkers,
             inputs=[
-                self.walkers, f.pixels, f.camera, light, f.lights, self.tree, f.mesh, self.leaves, f.alpha,
+                self.walkers, f.pixels, f.camera, light, f.lights, self.tree, f.mesh, f.alpha,
                 f.hits(bounce), f.masks(bounce), f.rays(bounce), self.stack,
             ],
             outputs=[f.bits(bounce)],

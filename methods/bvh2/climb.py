@@ -7,7 +7,7 @@ is at most b + 24 deep, also where all keys are equal.
 
 The parent of a left child [l, r] and of the right child [r + 1, s] has the flag r. The first thread to arrive stores the
 far end of its range and the difference there, and stops; the second thread to arrive continues with both. The tree ends
-before the first triangle that is left out (:mod:`.keys`).
+after the last leaf: what has none was left out by the sort (:mod:`.keys`).
 
 On the GPU an exchange of a flag releases what was written before it, and acquires what the first arrival wrote.
 """
@@ -25,11 +25,9 @@ CLIMB = """
 typedef unsigned long long Flag;
 const Flag EMPTY = ~0ull;
 auto gap = [&](int k) {
-    if (k < 0 || k + 1 >= count || keys.data[GROUP * (k + 1)] == last) return NONE;
-    return (unsigned int)(keys.data[GROUP * k] ^ keys.data[GROUP * (k + 1)]);
+    if (k < 0 || k + 1 >= count) return NONE;
+    return (unsigned int)(keys.data[k] ^ keys.data[k + 1]);
 };
-auto leads_here = [&](int k) { return k < count && keys.data[GROUP * k] != last; };
-auto leaf_at = [&](int k) { return LEAF | (unsigned int)(GROUP * k); };
 auto is_left = [&](int l, int r, unsigned int before, unsigned int after) {
     if (before == NONE || after == NONE) return before == NONE;
     return before != after ? after < before : (unsigned int)(r ^ (r + 1)) < (unsigned int)((l - 1) ^ l);
@@ -56,10 +54,11 @@ auto exchange = [&](int k, Flag value) {
 auto peek = [&](int k) { return (Flag)flags.data[k]; };
 #endif
 auto box_of = [&](int k, float* box) {
+    unsigned int ref = LEAF | (unsigned int)values.data[k];
     box[0] = box[1] = box[2] = 3.4e38f, box[3] = box[4] = box[5] = -3.4e38f;
-    for (int at = GROUP * k; at < GROUP * (k + 1); at++) {
-        if (GROUP > 1 && (at >= total || keys.data[at] == last)) break;
-        wp::vec3i face = triangles.data[values.data[at]];
+    int at = (int)(ref & INDEX), stop = at + (ref & PAIR ? 2 : 1);
+    for (; at < stop; at++) {
+        wp::vec3i face = triangles.data[at];
         const float* a = (const float*)(points.data + face[0]);
         const float* b = (const float*)(points.data + face[1]);
         const float* c = (const float*)(points.data + face[2]);
@@ -68,38 +67,21 @@ auto box_of = [&](int k, float* box) {
             box[axis + 3] = high(box[axis + 3], high(a[axis], high(b[axis], c[axis])));
         }
     }
+    return ref;
 };
 """
 
 
-LED = """
-for (int at = GROUP * i; at < GROUP * (i + 1) && at < total; at++)
-    if (keys.data[at] != last && (at + 1 == total || keys.data[at + 1] == last)) root.data[1] = at + 1;
-"""
-"""The thread of the last triangle that is not left out counts them."""
-
-
-def make_builder(node_bytes: int, group: int, snippet: str) -> Any:
+def make_builder(node_bytes: int, snippet: str) -> Any:
     """The kernel of a builder: the thread of leaf i in key order runs :data:`CLIMB` and ``snippet``.
 
-    A leaf is ``group`` triangles whose keys follow one another, the last one fewer; ``count`` of them, ``total`` triangles.
-    root int32 [2]: the reference to the root, and how many triangles are in the tree.
+    held int32 [1]: how many leaves there are; root int32 [1]: the reference to the root.
     """
 
-    @wp.func_native(
-        BASICS
-        + f"constexpr int GROUP = {group};"
-        + CLIMB
-        + LED
-        + PLAIN_ROUNDED_UP
-        + WRITE[node_bytes]
-        + snippet
-    )
+    @wp.func_native(BASICS + CLIMB + PLAIN_ROUNDED_UP + WRITE[node_bytes] + snippet)
     def build(
         i: wp.int32,
         count: wp.int32,
-        total: wp.int32,
-        last: wp.int32,
         pad: wp.float32,
         keys: wp.array(dtype=wp.int32),
         values: wp.array(dtype=wp.int32),
@@ -113,9 +95,7 @@ def make_builder(node_bytes: int, group: int, snippet: str) -> Any:
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
     def build_kernel(
-        count: wp.int32,
-        total: wp.int32,
-        last: wp.int32,
+        held: wp.array(dtype=wp.int32),
         reach: wp.array(dtype=wp.float32),
         extent: wp.array(dtype=wp.float32),
         keys: wp.array(dtype=wp.int32),
@@ -128,6 +108,6 @@ def make_builder(node_bytes: int, group: int, snippet: str) -> Any:
         root: wp.array(dtype=wp.int32),
     ):
         pad = padding(reach[0], extent[0])
-        build(wp.tid(), count, total, last, pad, keys, values, points, triangles, scratch, flags, nodes, root)
+        build(wp.tid(), held[0], pad, keys, values, points, triangles, scratch, flags, nodes, root)
 
     return build_kernel

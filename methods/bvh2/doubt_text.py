@@ -1,8 +1,7 @@
 """Leaving a pair of a triangle and a ray to float64, from within a native snippet.
 
-``leave(at)`` takes a place in ``doubts`` and continues to count beyond the capacity (the harness then repeats the frame
-with more room). An entry is (place of the triangle in the tree's order, :data:`PAIR`: the pixel; :data:`CHAIN`: the ray's
-entry before, or -1).
+``leave(at)``, of triangle ``at``, takes a place in ``doubts`` and counts on beyond its room (the harness then repeats the frame with more). An
+entry is (triangle, :data:`OF_PIXEL`: the pixel; :data:`CHAIN`: the ray's entry before, or -1).
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ auto leave = [&](int at) {{
 }};
 """
 
-PAIR = LEAVE.replace("ENTRY", "doubts.data[place] = wp::vec2i(at, pixel);")
+OF_PIXEL = LEAVE.replace("ENTRY", "doubts.data[place] = wp::vec2i(at, pixel);")
 
 CHAIN = "int last = -1;\n" + LEAVE.replace("ENTRY", "doubts.data[place] = wp::vec2i(at, last); last = place;")
 """``last``: the entry that the ray added last. Each ray has its own chain."""

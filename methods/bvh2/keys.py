@@ -14,11 +14,15 @@ import warp as wp
 from numpy.typing import NDArray
 
 from ...harness.frame.frame import Frame
+from ...harness.frame.geometry import Mesh, value_struct
 from ..common.bounds import BLOCK, BLOCKS, box_high, box_low, lower_box
 from ..common.entries import entry, set_entry
+from .snippets import BASICS, PAIR
 
 EMPTY = wp.constant(wp.uint64(0xFFFFFFFFFFFFFFFF))
 """A flag at which neither child has arrived."""
+
+PAIRED = wp.constant(PAIR)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -88,40 +92,45 @@ def extent_of(box: wp.array(dtype=wp.float32)) -> wp.float32:
     return wp.max(wp.max(wp.abs(box_low(box)), wp.abs(box_high(box))))
 
 
-@wp.kernel(enable_backward=False, grid_stride=False)
-def key_kernel(
-    count: wp.int32,
-    bits: wp.int32,
-    points: wp.array(dtype=wp.vec3f),
-    triangles: wp.array(dtype=wp.vec3i),
-    valid: wp.array(dtype=wp.uint8),
-    box: wp.array(dtype=wp.float32),
-    keys: wp.array(dtype=wp.int32),
-    values: wp.array(dtype=wp.int32),
-    flags: wp.array(dtype=wp.uint64),
-    root: wp.array(dtype=wp.int32),
-    extent: wp.array(dtype=wp.float32),
-):
-    """Key and index of each triangle; empties the flags, and the tree. extent: the box's largest coordinate."""
-    i = wp.tid()
-    if i >= count:
-        return
-    face = entry(triangles, i)
-    left_out = entry(valid, i) == wp.uint8(0)
-    if i < flags.shape[0]:
-        flags[i] = EMPTY
-    set_entry(values, i, i)
-    if i == 0:
-        root[0] = -1
-        root[1] = 0
-        extent[0] = extent_of(box)
+@value_struct
+class Box:
+    """Low and high corner."""
+
+    low: wp.vec3f
+    high: wp.vec3f
+
+
+@wp.func
+def box_at(mesh: Mesh, triangle: wp.int32) -> Box:
+    """Of a triangle."""
+    face = entry(mesh.triangles, triangle)
+    a = entry(mesh.points, face[0])
+    b = entry(mesh.points, face[1])
+    c = entry(mesh.points, face[2])
+    return Box(wp.min(a, wp.min(b, c)), wp.max(a, wp.max(b, c)))
+
+
+@wp.func_native(
+    BASICS
+    + """
+auto area = [&](const wp::vec3f& l, const wp::vec3f& h) {
+    float x = sum(h[0], -l[0]), y = sum(h[1], -l[1]), z = sum(h[2], -l[2]);
+    return sum(sum(product(x, y), product(y, z)), product(z, x));
+};
+wp::vec3f l(low(p[0], r[0]), low(p[1], r[1]), low(p[2], r[2])), h(high(q[0], s[0]), high(q[1], s[1]), high(q[2], s[2]));
+return area(l, h) <= product(most, sum(area(p, q), area(r, s)));
+"""
+)
+def share_a_leaf(p: wp.vec3f, q: wp.vec3f, r: wp.vec3f, s: wp.vec3f, most: wp.float32) -> wp.bool:
+    """Whether the area of the common box of (p, q) and (r, s) is at most ``most`` times the sum of theirs."""
+
+
+@wp.func
+def key_of(of: Box, used: wp.bool, bits: wp.int32, box: wp.array(dtype=wp.float32)) -> wp.int32:
+    """Of the middle of a leaf's box; the largest one if there is no leaf."""
     largest = (wp.int32(1) << bits) - 1
-    if left_out:
-        set_entry(keys, i, largest)
-        return
-    a = entry(points, face[0])
-    b = entry(points, face[1])
-    c = entry(points, face[2])
+    if not used:
+        return largest
     low = box_low(box)
     size = wp.max(box_high(box) - low)
     cells = wp.float32(wp.int32(1) << (bits // 3))
@@ -130,8 +139,52 @@ def key_kernel(
     if size > 1.0e-30 and size < 1.0e30:
         scale = cells / size
     # Halves first: a sum may overflow.
-    middle = 0.5 * wp.min(a, wp.min(b, c)) + 0.5 * wp.max(a, wp.max(b, c))
+    middle = 0.5 * of.low + 0.5 * of.high
     x = cell(middle[0], low[0], scale, cells - 1.0)
     y = cell(middle[1], low[1], scale, cells - 1.0)
     z = cell(middle[2], low[2], scale, cells - 1.0)
-    set_entry(keys, i, wp.min((spread(x) << 2) | (spread(y) << 1) | spread(z), largest - 1))
+    return wp.min((spread(x) << 2) | (spread(y) << 1) | spread(z), largest - 1)
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def key_kernel(
+    mesh: Mesh,
+    count: wp.int32,
+    bits: wp.int32,
+    pair: wp.float32,
+    box: wp.array(dtype=wp.float32),
+    keys: wp.array(dtype=wp.int32),
+    values: wp.array(dtype=wp.int32),
+    flags: wp.array(dtype=wp.uint64),
+    root: wp.array(dtype=wp.int32),
+    extent: wp.array(dtype=wp.float32),
+):
+    """One thread for two triangles that follow each other: their keys and references, of one leaf or of two.
+
+    Empties the flags, and the tree. extent: the box's largest coordinate.
+    """
+    i = 2 * wp.tid()
+    if i >= count:
+        return
+    if i == 0:
+        root[0] = -1
+        extent[0] = extent_of(box)
+    flags[i] = EMPTY
+    first = box_at(mesh, i)
+    used = entry(mesh.valid, i) != wp.uint8(0)
+    followed = i + 1 < count
+    second = first
+    if followed:
+        flags[i + 1] = EMPTY
+        second = box_at(mesh, i + 1)
+    other_used = followed and entry(mesh.valid, wp.min(i + 1, count - 1)) != wp.uint8(0)
+    value = i
+    if used and other_used and share_a_leaf(first.low, first.high, second.low, second.high, pair):
+        first = Box(wp.min(first.low, second.low), wp.max(first.high, second.high))
+        value = i | PAIRED
+        other_used = False
+    set_entry(keys, i, key_of(first, used, bits, box))
+    set_entry(values, i, value)
+    if followed:
+        set_entry(keys, i + 1, key_of(second, other_used, bits, box))
+        set_entry(values, i + 1, i + 1)

@@ -121,11 +121,13 @@ SLABS = """
 Where a product overflows, an end may not be a number; the box then counts as met."""
 
 
-def next_of_leaf(group: int, going_on: str) -> str:
-    """After the triangle at place ``at``: the next one of its leaf, if there is one, and ``going_on``."""
-    if group == 1:
-        return ""
-    return f"if ((at + 1) % {group} != 0 && at + 1 < root.data[1]) {{ now++; {going_on} }}"
+OF_LEAF = """
+        int at = (int)(now & INDEX), stop = at + (now & PAIR ? 2 : 1);
+        for (; at < stop; at++) {
+            TRIANGLE
+        }
+"""
+"""The triangles of the leaf ``now``."""
 
 
 @wp.func

@@ -9,7 +9,6 @@ UPDATES = ("rebuild", "refit", "static")
 RADII = (1, 2, 4, 8)
 KEY_BITS = (24, 30)
 NODE_BYTES = (48, 64)
-LEAVES = (1, 2, 4)
 PRECISIONS = ("exact", "float32")
 PRIMARIES = ("packet", "single")
 
@@ -29,7 +28,8 @@ class Build:
     radius      of "hploc": how many neighbours on either side are candidates for a merge with a cluster
     key_bits    bits of the Morton keys that the triangles are sorted by
     node_bytes  64: both children's boxes as centre and extent in float32; 48: extents rounded up to bfloat16
-    leaf        of a rebuilt tree: how many triangles, neighbours in the order of the keys, a leaf holds
+    pair        of a rebuilt tree: triangles 2 k and 2 k + 1 of the mesh share a leaf where the area of their common box is
+                at most this many times the sum of their own boxes' areas; 0: never
     doubt_capacity  initial room for pairs of a triangle and a ray left to float64; 0 chooses; grows as needed
     """
 
@@ -38,7 +38,7 @@ class Build:
     radius: int = 2
     key_bits: int = 24
     node_bytes: int = 48
-    leaf: int = 1
+    pair: float = 1.0
     doubt_capacity: int = 0
 
     def __post_init__(self) -> None:
@@ -48,17 +48,13 @@ class Build:
             ("radius", RADII),
             ("key_bits", KEY_BITS),
             ("node_bytes", NODE_BYTES),
-            ("leaf", LEAVES),
         ):
             if getattr(self, name) not in known:
                 raise ValueError(f"{name} must be one of {', '.join(map(str, known))}")
         if not 0 <= self.doubt_capacity <= 2**28:
             raise ValueError("doubt_capacity must be in 0..2^28")
-
-    @property
-    def group(self) -> int:
-        """How many triangles a leaf holds."""
-        return self.leaf if self.update == "rebuild" else 1
+        if not 0.0 <= self.pair <= 1000.0:
+            raise ValueError("pair must be in 0..1000")
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from ..common.entries import entry, set_entry
 from ..common.hitpoint import flat_hit_point, is_vague, plane_distance, steep_hit_point
 from ..common.pixels import tile_pixel
 from ..common.triangle import hit_distance, hit_weights, nearer, to_float32
-from .records import Leaves, triangle_corners
+from .records import triangle_corners
 from .walk_primary import make_walk
 
 BLOCK = 128
@@ -58,9 +58,9 @@ def direction_at(camera: Camera, at: wp.vec2i) -> wp.vec3f:
 
 
 @functools.cache
-def make_exact_kernel(packets: bool, node_bytes: int, registers: int, group: int = 1) -> Any:
-    """One thread per pixel, 8 x 4 per warp: the place of the certain closest hit (-1: none), and its chain of doubts."""
-    walk = make_walk("exact", packets, node_bytes, group)
+def make_exact_kernel(packets: bool, node_bytes: int, registers: int) -> Any:
+    """One thread a pixel, 8 x 4 a warp: the certain closest hit (-1: none), and its chain of doubts."""
+    walk = make_walk("exact", packets, node_bytes)
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=registers)
     def exact_kernel(
@@ -70,7 +70,7 @@ def make_exact_kernel(packets: bool, node_bytes: int, registers: int, group: int
         records: wp.array(dtype=wp.vec4f),
         counts: wp.array(dtype=wp.int32),
         doubts: wp.array(dtype=wp.vec2i),
-        seat: wp.array(dtype=wp.int32),
+        certain: wp.array(dtype=wp.int32),
         chain: wp.array(dtype=wp.int32),
     ):
         at = pixel_at(camera, part, wp.tid())
@@ -80,16 +80,16 @@ def make_exact_kernel(packets: bool, node_bytes: int, registers: int, group: int
             seen, entry(camera.eye, 0), direction_at(camera, at), tree.nodes, tree.root, records, counts, doubts
         )  # fmt: skip
         if seen:
-            set_entry(seat, pixel, wp.cast(found[3], wp.int32))
+            set_entry(certain, pixel, wp.cast(found[3], wp.int32))
             set_entry(chain, pixel, wp.cast(found[2], wp.int32))
 
     return exact_kernel
 
 
 @functools.cache
-def make_float32_kernel(packets: bool, node_bytes: int, registers: int, group: int = 1) -> Any:
-    """One thread per pixel, 8 x 4 per warp: answers in float32, and the origins of shadow rays."""
-    walk = make_walk("float32", packets, node_bytes, group)
+def make_float32_kernel(packets: bool, node_bytes: int, registers: int) -> Any:
+    """One thread a pixel, 8 x 4 a warp: answers in float32, and the points that shadow rays start at."""
+    walk = make_walk("float32", packets, node_bytes)
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=registers)
     def float32_kernel(
@@ -97,11 +97,9 @@ def make_float32_kernel(packets: bool, node_bytes: int, registers: int, group: i
         part: Part,
         tree: Tree,
         records: wp.array(dtype=wp.vec4f),
-        order: wp.array(dtype=wp.int32),
         counts: wp.array(dtype=wp.int32),
         doubts: wp.array(dtype=wp.vec2i),
         hits: Hits,
-        seat: wp.array(dtype=wp.int32),
         start: wp.array(dtype=wp.vec3f),
     ):
         at = pixel_at(camera, part, wp.tid())
@@ -111,18 +109,15 @@ def make_float32_kernel(packets: bool, node_bytes: int, registers: int, group: i
             seen, entry(camera.eye, 0), direction_at(camera, at), tree.nodes, tree.root, records, counts, doubts
         )  # fmt: skip
         if seen:
-            place = wp.cast(found[3], wp.int32)
-            best = wp.int32(-1)
+            best = wp.cast(found[3], wp.int32)
             distance = wp.float32(wp.INF)
-            if place >= 0:
-                best = entry(order, place)
+            if best >= 0:
                 distance = found[0]
                 set_entry(start, pixel, entry(camera.eye, 0) + direction_at(camera, at) * distance)
             set_entry(hits.triangle, pixel, best)
             set_entry(hits.t, pixel, distance)
             set_entry(hits.u, pixel, found[1])
             set_entry(hits.v, pixel, found[2])
-            set_entry(seat, pixel, place)
 
     return float32_kernel
 
@@ -132,10 +127,9 @@ def resolve_kernel(
     camera: Camera,
     part: Part,
     mesh: Mesh,
-    leaves: Leaves,
     doubts: wp.array(dtype=wp.vec2i),
     chain: wp.array(dtype=wp.int32),
-    seat: wp.array(dtype=wp.int32),
+    certain: wp.array(dtype=wp.int32),
     hits: Hits,
     start: wp.array(dtype=wp.vec3f),
 ):
@@ -144,33 +138,27 @@ def resolve_kernel(
     if at[0] < 0:
         return
     pixel = at[1] * camera.width + at[0]
-    place = entry(seat, pixel)
+    best = entry(certain, pixel)
     last = entry(chain, pixel)
     ray = Ray(entry(camera.eye, 0), direction_at(camera, at))
     if last >= 0:
         nearest = wp.float64(wp.INF)
-        first = wp.int32(-1)
-        if place >= 0:
-            first = entry(leaves.order, place)
-            nearest = plane_distance(ray, triangle_corners(mesh, first))
+        if best >= 0:
+            nearest = plane_distance(ray, triangle_corners(mesh, best))
         while last >= 0:
             doubt = entry(doubts, last)
             last = doubt[1]
-            i = entry(leaves.order, doubt[0])
+            i = doubt[0]
             t = hit_distance(ray, triangle_corners(mesh, i), weld_at(mesh, i))
-            if t > wp.float64(0.0) and nearer(mesh, t, i, nearest, first):
+            if t > wp.float64(0.0) and nearer(mesh, t, i, nearest, best):
                 nearest = t
-                first = i
-                place = doubt[0]
-        set_entry(seat, pixel, place)
-    best = wp.int32(-1)
+                best = i
     distance32 = wp.float32(wp.INF)
     uv = wp.vec2f()
     point = wp.vec3d()
     flat = wp.bool(False)
     # Nothing is written before all is computed: after a store the compiler would read and widen the corners again.
-    if place >= 0:
-        best = entry(leaves.order, place)
+    if best >= 0:
         corners = triangle_corners(mesh, best)
         distance64 = plane_distance(ray, corners)
         distance32 = wp.float32(distance64)

@@ -45,20 +45,6 @@ LARGEST = wp.constant(1.0e35)
 DEEPEST = wp.constant(1.0e30)
 
 
-@wp.struct
-class Leaves:
-    """The triangles in the tree's order.
-
-    order  int32 [triangles, or twice that]: the triangle at each place
-    keys   likewise: ``last`` at places that no triangle has
-    """
-
-    count: wp.int32
-    last: wp.int32
-    keys: wp.array(dtype=wp.int32)
-    order: wp.array(dtype=wp.int32)
-
-
 @wp.func
 def triangle_corners(mesh: Mesh, triangle: wp.int32) -> Corners:
     """The corners of a triangle, read directly (:mod:`..common.entries`)."""
@@ -135,21 +121,13 @@ def scale_of(n: wp.vec3f, s: Seen, spread: wp.float32) -> wp.float32:
     return s.inward / wp.max(largest(n), wp.max(CLOSED * spread, ROUNDED * s.size))
 
 
-@wp.func
-def leads_here(leaves: Leaves, at: wp.int32) -> wp.bool:
-    """Whether there is a triangle at a place of the tree's order."""
-    if at >= leaves.count:
-        return False
-    return entry(leaves.keys, at) != leaves.last
-
-
 @wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
-def eye_kernel(mesh: Mesh, leaves: Leaves, eye: wp.array(dtype=wp.vec3f), records: wp.array(dtype=wp.vec4f)):
-    """Three words per triangle in the tree's order: the edge planes and m, one after the other."""
+def eye_kernel(mesh: Mesh, eye: wp.array(dtype=wp.vec3f), records: wp.array(dtype=wp.vec4f)):
+    """Three words a triangle: the edge planes and m, one after the other."""
     at = wp.tid()
-    if not leads_here(leaves, at):
+    if entry(mesh.valid, at) == wp.uint8(0):
         return
-    s = seen_from(entry(eye, 0), triangle_corners(mesh, entry(leaves.order, at)))
+    s = seen_from(entry(eye, 0), triangle_corners(mesh, at))
     x = wp.vec3f()
     y = wp.vec3f()
     z = wp.vec3f()
@@ -181,20 +159,18 @@ def plane_word(n: wp.vec3d, p: wp.vec3d, n32: wp.vec3f, scale: wp.float32) -> wp
 @wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
 def light_kernel(
     mesh: Mesh,
-    leaves: Leaves,
     light: wp.int32,
     lights: wp.array(dtype=wp.vec3f),
     extent: wp.array(dtype=wp.float32),
     records: wp.array(dtype=wp.vec4f),
     sides: wp.array(dtype=wp.vec4f),
 ):
-    """Three words per triangle in the tree's order: the planes through the light. In an array apart, the triangle's own
-    plane."""
+    """Three words a triangle, the planes through the light, and one apart: the triangle's."""
     at = wp.tid()
-    if not leads_here(leaves, at):
+    if entry(mesh.valid, at) == wp.uint8(0):
         return
     place = entry(lights, light)
-    s = seen_from(place, triangle_corners(mesh, entry(leaves.order, at)))
+    s = seen_from(place, triangle_corners(mesh, at))
     none = wp.vec4f()
     first = none
     second = none
@@ -220,7 +196,6 @@ def light_kernel(
 @wp.kernel(enable_backward=False, grid_stride=False)
 def float32_kernel(
     mesh: Mesh,
-    leaves: Leaves,
     index: wp.int32,
     origins: wp.array(dtype=wp.vec3f),
     records: wp.array(dtype=wp.vec4f),
@@ -232,9 +207,9 @@ def float32_kernel(
     determinant, u, v and t are three products with d and one number.
     """
     at = wp.tid()
-    if not leads_here(leaves, at):
+    if entry(mesh.valid, at) == wp.uint8(0):
         return
-    corners = triangle_corners(mesh, entry(leaves.order, at))
+    corners = triangle_corners(mesh, at)
     a = corners.a
     e = corners.b - a
     f = corners.c - a

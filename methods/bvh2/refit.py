@@ -21,7 +21,6 @@ from .keys import extent_of, launch_box, used_vertices
 from .nodes import ROUNDED_UP, WRITE, padding
 from .parameters import Build
 from .primary import Tree
-from .records import Leaves
 from .sah import sah_topology
 from .snippets import BASICS
 
@@ -143,21 +142,19 @@ class Refitted:
             self.used = wp.array(used_vertices(prepared.faces, frame.vertex_count), dtype=wp.uint8)
             self.extent = wp.zeros(1, dtype=wp.float32)
             self.order = wp.array(topology.order, dtype=wp.int32)
-            self.refs = wp.array(topology.refs.view("int32"), dtype=wp.int32)
+            self.refs = wp.array(topology.leaves().view("int32"), dtype=wp.int32)
             self.leaf_parent = wp.array(topology.leaf_parent, dtype=wp.int32)
             self.node_parent = wp.array(topology.node_parent, dtype=wp.int32)
             self.scratch = wp.zeros(4 * count, dtype=wp.vec4f)
             self.flags = wp.zeros(count, dtype=wp.int32)
             nodes = wp.zeros(count * build.node_bytes // 16, dtype=wp.vec4f)
-            self.tree = filled(Tree, nodes=nodes, root=wp.zeros(2, dtype=wp.int32))
-            keys = wp.zeros(count, dtype=wp.int32)
-        self.leaves = filled(Leaves, count=count, last=-1, keys=keys, order=self.order)
+            self.tree = filled(Tree, nodes=nodes, root=wp.zeros(1, dtype=wp.int32))
 
-    def passes(self) -> tuple[list[Pass], Pass]:
-        """The passes before the records of triangles (none, because the order is known), and the refit."""
+    def passes(self) -> tuple[Pass, list[Pass]]:
+        """What the triangles' planes wait for, too, and the refit."""
         reads = ("triangles", "reach") if self.build.update == "static" else ("points", "triangles", "reach")
-        box = Pass("box", "build", reads, ("order",), self._box)
-        return [box], Pass("refit", "build", (*reads, "order"), ("bvh",), self._refit)
+        box = Pass("box", "build", reads, ("extent",), self._box)
+        return box, [Pass("refit", "build", (*reads, "extent"), ("bvh",), self._refit)]
 
     def _box(self) -> None:
         launch_box(self.frame, self.used, self.box)

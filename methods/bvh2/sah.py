@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .snippets import LEAF
+from .snippets import INDEX, LEAF
 
 BINS = 16
 DEEP = 64
@@ -34,6 +34,12 @@ class Topology:
     refs: NDArray[np.uint32]
     leaf_parent: NDArray[np.int32]
     node_parent: NDArray[np.int32]
+
+    def leaves(self) -> NDArray[np.uint32]:
+        """``refs`` with the index of each leaf's triangle instead of its place."""
+        leaf = (self.refs & np.uint32(LEAF)) != 0
+        triangles = self.order[np.where(leaf, self.refs & np.uint32(INDEX), 0)].astype(np.uint32)
+        return np.where(leaf, np.uint32(LEAF) | triangles, self.refs)
 
 
 def sah_topology(corners: NDArray[np.float32], valid: NDArray[np.uint8]) -> Topology:

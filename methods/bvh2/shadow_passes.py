@@ -20,8 +20,6 @@ from . import records, shadow
 from .careful_passes import Careful, walked
 from .parameters import Build, Trace
 from .primary import BLOCK, Part, Tree
-from .records import Leaves
-from .shadow import Starts
 
 DOUBT_THREADS = 256
 """Threads per multiprocessor that process the doubts, of which there are mostly a few thousand."""
@@ -33,15 +31,14 @@ def threads_built(rays: ShadowRays | None) -> dict[str, int]:
 
 
 class ShadowRays:
-    """Arrays and passes for shadow rays and mirrored rays through a tree whose order of triangles is ``leaves``.
+    """What shadow rays and mirrored rays need of a tree.
 
     counts  int32 [slots, shares]: pairs left to float64; slot 0 is for the primary rays, then one per light and bounce
     doubts  vec2i [capacity] for each share: those pairs, of one slot after another (:mod:`.doubt_text`)
-    primary_starts, or for each bounce seat int32 [pixels], start vec3f [pixels]: see :class:`.shadow.Starts`
+    starts  for each bounce vec3f [pixels]: the points that shadow rays start at, rounded; nothing at a miss
     of each light light_records vec4f [3 * triangles], sides vec4f [triangles]: :mod:`.records`
 
-    ``primary_starts``: where the primary hits' shadow rays start, if another method finds those hits: the places of all
-    triangles in the tree's order, and the points. By default each pixel's place is stored here.
+    ``primary_starts``: those of the primary hits, if another method finds them.
     """
 
     def __init__(
@@ -51,14 +48,12 @@ class ShadowRays:
         trace: Trace,
         effects: Effects,
         tree: Tree,
-        leaves: Leaves,
         extent: wp.array,
         doubt_capacity: int,
-        primary_starts: Starts | None = None,
+        primary_starts: wp.array | None = None,
     ):
         self.frame, self.build, self.trace, self.effects = frame, build, trace, effects
-        self.tree, self.leaves, self.extent = tree, leaves, extent
-        self.group = build.group
+        self.tree, self.extent = tree, extent
         self.exact = trace.precision == "exact"
         self.lights = [i for i, wanted in enumerate(effects.shadows) if wanted]
         device = wp.get_device(frame.device)
@@ -73,21 +68,20 @@ class ShadowRays:
         with wp.ScopedDevice(frame.device):
             self.counts = wp.zeros((slots, self.shares), dtype=wp.int32)
             self.doubts = [wp.zeros(doubt_capacity, dtype=wp.vec2i) for _ in range(self.shares)]
-            seat = wp.zeros((own, frame.pixels), dtype=wp.int32)
             start = wp.zeros((own, frame.pixels), dtype=wp.vec3f)
             words = 0 if walked(effects) else frame.triangle_count
             self.light_records = {i: wp.zeros(3 * words, dtype=wp.vec4f) for i in self.lights}
             sided = words if self.exact else 0
             self.sides = {i: wp.zeros(sided, dtype=wp.vec4f) for i in self.lights}
-        kept = [filled(Starts, seat=seat[k], point=start[k]) for k in range(own)]
+        kept = [start[k] for k in range(own)]
         self.starts = kept if primary_starts is None else [primary_starts, *kept]
         self.parts = [filled(Part, share=share, shares=self.shares) for share in range(self.shares)]
-        self.careful = Careful(frame, build, effects, tree, leaves)
+        self.careful = Careful(frame, build, effects, tree)
 
     def light_passes(self, received: bool) -> list[Pass]:
         """Records of the triangles for each light that every hit receives, or (not ``received``) for each other light.
 
-        The former need only the order of triangles. The latter come after the hits: where none receives the light, they
+        The former need no tree. The latter come after the hits: where none receives the light, they
         are left out.
         """
         if walked(self.effects):
@@ -95,7 +89,7 @@ class ShadowRays:
         return [self._light_pass(i) for i in self.lights if self.effects.has_receivers(i) != received]
 
     def _light_pass(self, light: int) -> Pass:
-        reads = ("points", "triangles", "order", f"light/{light}")
+        reads = ("points", "triangles", "extent", f"light/{light}")
         made, launch = (f"light triangles/{light}",), functools.partial(self._light_records, light)
         return Pass(f"light {light}: triangles", "light build", reads, made, launch, f"shadows/{light}")
 
@@ -159,7 +153,7 @@ class ShadowRays:
         planes = () if walked(self.effects) else tuple(f"light triangles/{i}" for i in self.lights)
         return traced_bounces(
             self.effects,
-            ("bvh", "order", "points", "triangles", "reach", *planes),
+            ("bvh", "points", "triangles", "reach", *planes),
             lambda b: self.careful.launch_closest(b, self.starts[b]),
             self._bounce_shadow,
         )
@@ -167,10 +161,10 @@ class ShadowRays:
     def _light_records(self, light: int) -> None:
         f = self.frame
         if self.exact:
-            kernel, inputs = records.light_kernel, [f.mesh, self.leaves, light, f.lights, self.extent]
+            kernel, inputs = records.light_kernel, [f.mesh, light, f.lights, self.extent]
             outputs = [self.light_records[light], self.sides[light]]
         else:
-            kernel, inputs = records.float32_kernel, [f.mesh, self.leaves, light, f.lights]
+            kernel, inputs = records.float32_kernel, [f.mesh, light, f.lights]
             outputs = [self.light_records[light]]
         wp.launch(kernel, dim=f.triangle_count, inputs=inputs, outputs=outputs, device=f.device)
 
@@ -180,10 +174,7 @@ class ShadowRays:
 
     def _shadow(self, light: int, bounce: int, share: int) -> None:
         f, counts = self.frame, self._shadow_counts(light, bounce, share)
-        by_triangle = bounce == 0 and self.primary_starts is not None
-        kernel = shadow.make_shadow_kernel(
-            self.trace.precision, self.build.node_bytes, self.trace.registers, by_triangle, self.group
-        )
+        kernel = shadow.make_shadow_kernel(self.trace.precision, self.build.node_bytes, self.trace.registers)
         wp.launch(
             specialised(kernel, self.effects.switches(light, bounce)),
             dim=self.threads,
@@ -202,7 +193,7 @@ class ShadowRays:
             specialised(shadow.shadow_doubt_kernel, self.effects.switches(light, bounce)),
             dim=self.doubters,
             inputs=[
-                self.doubters, f.camera, light, f.lights, f.mesh, self.leaves, f.hits(bounce), f.rays(bounce),
+                self.doubters, f.camera, light, f.lights, f.mesh, f.hits(bounce), f.rays(bounce),
                 self._shadow_counts(light, bounce, share), self.doubts[share],
             ],
             outputs=[f.bits(bounce)],

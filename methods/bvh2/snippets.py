@@ -7,7 +7,13 @@ have. A snippet is the body of one function, so code that several share is text 
 from __future__ import annotations
 
 LEAF = 0x80000000
-"""Bit of a reference to a child that says that it is a triangle: the other bits are its place in the tree's order."""
+"""Bit of a reference to a child that says that it is a leaf: the lower bits are the index of its triangle."""
+
+PAIR = 0x40000000
+"""Bit of a reference to a leaf that says that it holds the next triangle of the mesh, too."""
+
+INDEX = PAIR - 1
+"""Bits of a reference to a leaf that are the index of its first triangle."""
 
 NONE = 0xFFFFFFFF
 """The reference to nothing: the root of a tree without triangles."""
@@ -18,7 +24,7 @@ STACK = 128
 BASICS = (
     f"""
 struct Quad {{ float x, y, z, w; }};
-constexpr unsigned int LEAF = {LEAF}u, NONE = {NONE}u;
+constexpr unsigned int LEAF = {LEAF}u, PAIR = {PAIR}u, INDEX = {INDEX}u, NONE = {NONE}u;
 """
     + """
 auto bits = [](float value) { union { float f; unsigned int u; } both; both.f = value; return both.u; };

@@ -6,6 +6,8 @@ the block, and learns how many keys of each digit lie in the tiles before by loo
 blocks published: a count of their own, or of all up to them (Merrill & Garland 2016). It is stable: triangles with one
 key stay in their order.
 
+A key that stands for nothing is left out by the first pass; the others read and write what is left.
+
 Warp's own sort, which takes scratch memory each time and copies an odd number of passes back, sorts on the CPU.
 """
 
@@ -33,6 +35,7 @@ for (int k = threadIdx.x; k < passes * {DIGITS}; k += {THREADS}) found[k] = 0;
 __syncthreads();
 for (int i = blockIdx.x * {THREADS} + threadIdx.x; i < count; i += gridDim.x * {THREADS}) {{
     unsigned int key = keys.data[i];
+    if (key == (unsigned int)nothing) continue;
     for (int pass = 0; pass < passes; pass++)
         atomicAdd(found + pass * {DIGITS} + ((key >> pass * {DIGIT}) & {DIGITS - 1}), 1);
 }}
@@ -55,20 +58,23 @@ __shared__ int taken;
 int thread = threadIdx.x, lane = thread & 31, warp = thread >> 5;
 """
     + """
+if (pass_ > 0) count = held.data[0];
 if (thread == 0) taken = atomicAdd(state.data + 4 * DIGITS + pass_, 1);
 for (int k = 0; k < WARPS; k++) of_warp[k][thread] = 0;
 __syncthreads();
 int tile = taken, first = tile * THREADS * ITEMS + warp * 32 * ITEMS + lane;
+if (pass_ > 0 && tile * THREADS * ITEMS >= count) return;
 unsigned int key[ITEMS];
 int rank[ITEMS], shift = pass_ * DIGIT;
 #pragma unroll
-for (int k = 0; k < ITEMS; k++) key[k] = first + 32 * k < count ? from_keys.data[first + 32 * k] : ALL;
+for (int k = 0; k < ITEMS; k++) key[k] = first + 32 * k < count ? from_keys.data[first + 32 * k] : (unsigned int)nothing;
 #pragma unroll
 for (int k = 0; k < ITEMS; k++) {
     int digit = (key[k] >> shift) & (DIGITS - 1), before = 0;
-    unsigned int peers = __match_any_sync(ALL, digit);
+    bool some = key[k] != (unsigned int)nothing;
+    unsigned int peers = __match_any_sync(ALL, some ? digit : DIGITS);
     int leader = __ffs(peers) - 1;
-    if (lane == leader) {
+    if (some && lane == leader) {
         before = of_warp[warp][digit];
         of_warp[warp][digit] = before + __popc(peers);
     }
@@ -95,7 +101,12 @@ if (lane == 31) sums[0][warp] = smaller, sums[1][warp] = inner;
 __syncthreads();
 smaller -= number;
 inner -= own;
-for (int k = 0; k < warp; k++) smaller += sums[0][k], inner += sums[1][k];
+int here = 0, all_keys = 0;
+for (int k = 0; k < WARPS; k++) {
+    if (k < warp) smaller += sums[0][k], inner += sums[1][k];
+    all_keys += sums[0][k], here += sums[1][k];
+}
+if (pass_ == 0 && tile == 0 && thread == 0) held.data[0] = all_keys;
 for (int k = 0; k < WARPS; k++) of_warp[k][thread] += inner;
 int value[ITEMS], earlier = 0;
 #pragma unroll
@@ -120,10 +131,9 @@ __syncthreads();
 #pragma unroll
 for (int k = 0; k < ITEMS; k++) {
     rank[k] += of_warp[warp][(key[k] >> shift) & (DIGITS - 1)];
-    kept[rank[k]] = key[k];
+    if (key[k] != (unsigned int)nothing) kept[rank[k]] = key[k];
 }
 __syncthreads();
-int here = count - tile * THREADS * ITEMS;
 int place[ITEMS];
 #pragma unroll
 for (int k = 0; k < ITEMS; k++) {
@@ -134,7 +144,8 @@ for (int k = 0; k < ITEMS; k++) {
 }
 __syncthreads();
 #pragma unroll
-for (int k = 0; k < ITEMS; k++) kept[rank[k]] = value[k];
+for (int k = 0; k < ITEMS; k++)
+    if (key[k] != (unsigned int)nothing) kept[rank[k]] = value[k];
 __syncthreads();
 #pragma unroll
 for (int k = 0; k < ITEMS; k++)
@@ -146,16 +157,24 @@ for (int k = 0; k < ITEMS; k++)
 
 @wp.func_native(COUNT)
 def count_digits(
-    count: wp.int32, passes: wp.int32, keys: wp.array(dtype=wp.int32), state: wp.array(dtype=wp.int32)
+    count: wp.int32,
+    passes: wp.int32,
+    nothing: wp.int32,
+    keys: wp.array(dtype=wp.int32),
+    state: wp.array(dtype=wp.int32),
 ): ...
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def count_kernel(
-    count: wp.int32, passes: wp.int32, keys: wp.array(dtype=wp.int32), state: wp.array(dtype=wp.int32)
+    count: wp.int32,
+    passes: wp.int32,
+    nothing: wp.int32,
+    keys: wp.array(dtype=wp.int32),
+    state: wp.array(dtype=wp.int32),
 ):
     """How many keys have each digit, for all passes at once."""
-    count_digits(count, passes, keys, state)
+    count_digits(count, passes, nothing, keys, state)
 
 
 @functools.cache
@@ -168,9 +187,11 @@ def make_sweep_kernel(items: int) -> Any:
         count: wp.int32,
         pass_: wp.int32,
         tiles: wp.int32,
+        nothing: wp.int32,
         from_keys: wp.array(dtype=wp.int32),
         from_values: wp.array(dtype=wp.int32),
         state: wp.array(dtype=wp.int32),
+        held: wp.array(dtype=wp.int32),
         to_keys: wp.array(dtype=wp.int32),
         to_values: wp.array(dtype=wp.int32),
     ): ...
@@ -180,27 +201,46 @@ def make_sweep_kernel(items: int) -> Any:
         count: wp.int32,
         pass_: wp.int32,
         tiles: wp.int32,
+        nothing: wp.int32,
         from_keys: wp.array(dtype=wp.int32),
         from_values: wp.array(dtype=wp.int32),
         state: wp.array(dtype=wp.int32),
+        held: wp.array(dtype=wp.int32),
         to_keys: wp.array(dtype=wp.int32),
         to_values: wp.array(dtype=wp.int32),
     ):
-        sweep(count, pass_, tiles, from_keys, from_values, state, to_keys, to_values)
+        sweep(count, pass_, tiles, nothing, from_keys, from_values, state, held, to_keys, to_values)
 
     return sweep_kernel
 
 
-class Sort:
-    """Sorts ``keys`` with ``values``, each int32 [2 * count]: the result is their first half.
+@wp.kernel(enable_backward=False, grid_stride=False)
+def held_kernel(
+    count: wp.int32, nothing: wp.int32, keys: wp.array(dtype=wp.int32), held: wp.array(dtype=wp.int32)
+):
+    """How many sorted keys there are before the first ``nothing``."""
+    low = wp.int32(0)
+    high = count
+    while low < high:
+        middle = (low + high) // 2
+        if keys[middle] < nothing:
+            low = middle + 1
+        else:
+            high = middle
+    held[0] = low
 
-    ``begin``: the half, 0 or 1, that unsorted keys and values are to be written to.
+
+class Sort:
+    """Sorts ``keys`` with ``values``, each int32 [2 * count]: the result is their first half, without the keys ``nothing``.
+
+    ``nothing`` is no smaller than any key. ``begin``: the half, 0 or 1, that unsorted keys and values are to be written to.
     state int32: digits' counts [4, 256], tickets [32], and the counts that tiles publish [passes, tiles, 256]; cleared
-    each time
+    each time; held int32 [1]: how many keys there are but ``nothing``
     """
 
-    def __init__(self, keys: wp.array, values: wp.array, count: int, bits: int):
+    def __init__(self, keys: wp.array, values: wp.array, count: int, bits: int, nothing: int):
         self.keys, self.values, self.count, self.bits = keys, values, count, bits
+        self.nothing = nothing
         self.device = keys.device
         self.passes = -(-bits // DIGIT)
         self.begin = self.passes % 2 if self.device.is_cuda else 0
@@ -208,6 +248,7 @@ class Sort:
         self.tiles = -(-count // (THREADS * self.items))
         words = 4 * DIGITS + 32 + self.passes * self.tiles * DIGITS
         self.state = wp.zeros(words if self.device.is_cuda else 0, dtype=wp.int32, device=self.device)
+        self.held = wp.zeros(1, dtype=wp.int32, device=self.device)
 
     def half(self, which: int) -> tuple[wp.array, wp.array]:
         """Keys and values of one half."""
@@ -217,13 +258,15 @@ class Sort:
     def launch(self) -> None:
         if self.device.is_cpu:
             wp.utils.radix_sort_pairs(self.keys, self.values, self.count, 0, self.bits)
+            inputs = [self.count, self.nothing, self.keys]
+            wp.launch(held_kernel, dim=1, inputs=inputs, outputs=[self.held], device=self.device)
             return
         self.state.zero_()
         begin = self.half(self.begin)
         wp.launch(
             count_kernel,
             dim=THREADS * min(COUNT_BLOCKS, self.tiles),
-            inputs=[self.count, self.passes, begin[0]],
+            inputs=[self.count, self.passes, self.nothing, begin[0]],
             outputs=[self.state],
             device=self.device,
             block_dim=THREADS,
@@ -233,8 +276,8 @@ class Sort:
             wp.launch(
                 make_sweep_kernel(self.items),
                 dim=THREADS * self.tiles,
-                inputs=[self.count, k, self.tiles, *source, self.state],
-                outputs=list(target),
+                inputs=[self.count, k, self.tiles, self.nothing, *source, self.state],
+                outputs=[self.held, *target],
                 device=self.device,
                 block_dim=THREADS,
             )

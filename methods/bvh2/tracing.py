@@ -15,14 +15,14 @@ from . import primary, records
 from .careful_passes import walked
 from .parameters import Build, Trace
 from .primary import BLOCK, Tree
-from .records import Leaves
 from .shadow_passes import ShadowRays
 
 
 class Rays(ShadowRays):
     """Everything that is traced in a frame.
 
-    counts  of :class:`.shadow_passes.ShadowRays`; in slot 0 those of the primary rays
+    counts  of :class:`.shadow_passes.ShadowRays`; in slot 0 those of the eye's rays
+    certain int32 [pixels]: the closest certain hit of each eye's ray, -1: none
     chain   int32 [pixels]: the last doubt of each eye's ray (:mod:`.doubt_text`)
     eye_records vec4f [3 * triangles]: :mod:`.records`
     """
@@ -34,27 +34,26 @@ class Rays(ShadowRays):
         trace: Trace,
         effects: Effects,
         tree: Tree,
-        leaves: Leaves,
         extent: wp.array,
         doubt_capacity: int,
     ):
-        super().__init__(frame, build, trace, effects, tree, leaves, extent, doubt_capacity)
+        super().__init__(frame, build, trace, effects, tree, extent, doubt_capacity)
         with wp.ScopedDevice(frame.device):
+            self.certain = wp.zeros(frame.pixels if self.exact else 0, dtype=wp.int32)
             self.chain = wp.zeros(frame.pixels if self.exact else 0, dtype=wp.int32)
             self.eye_records = wp.zeros(0 if walked(effects) else 3 * frame.triangle_count, dtype=wp.vec4f)
 
     def records_passes(self) -> list[Pass]:
-        """Records of the triangles for the eye, and for lights that every hit receives: they need only the order of
-        triangles."""
+        """Triangles set up for the eye, and for lights that every hit receives: they need no tree."""
         if walked(self.effects):
             return []
-        reads = ("points", "triangles", "order", "camera")
+        reads = ("points", "triangles", "camera")
         eye = Pass("eye: triangles", "trace", reads, ("eye triangles",), self._eye_records)
         return [eye, *self.light_passes(received=True)]
 
     def passes(self) -> list[Pass]:
-        """Primary rays and shadow rays, in shares that run concurrently; then mirrored rays."""
-        scene = ("bvh", "order", "points", "triangles", *self.effects.surface_reads())
+        """Primary rays and shadow rays, the shares beside each other; then mirrored ones."""
+        scene = ("bvh", "points", "triangles", *self.effects.surface_reads())
         if walked(self.effects):
             passes = self._careful_passes(scene)
         else:
@@ -66,17 +65,17 @@ class Rays(ShadowRays):
     def _share(self, share: int, scene: tuple[str, ...]) -> list[Pass]:
         """The steps of one share of the pixels. ``hits`` is all shares', ``hits of`` what a share continues with."""
         of = self.of(share)
-        seats, hits = f"seats{of}", f"hits of share{of}"
+        certain, hits = f"certain hits{of}", f"hits of share{of}"
         seen = (*scene, "camera")
         run = functools.partial
         primary_reads = (*seen, "eye triangles", "primary counts")
         if self.exact:
             passes = [
-                Pass(f"primary rays{of}", "trace", primary_reads, (seats,), run(self._primary, share)),
+                Pass(f"primary rays{of}", "trace", primary_reads, (certain,), run(self._primary, share)),
                 Pass(
                     f"hit points{of}",
                     "trace",
-                    (*seen, seats),
+                    (*seen, certain),
                     ("hits", hits),
                     run(self._resolve, share),
                 ),
@@ -99,38 +98,38 @@ class Rays(ShadowRays):
     def _eye_records(self) -> None:
         f = self.frame
         if self.exact:
-            kernel, inputs = records.eye_kernel, [f.mesh, self.leaves, f.eye]
+            kernel, inputs = records.eye_kernel, [f.mesh, f.eye]
         else:
-            kernel, inputs = records.float32_kernel, [f.mesh, self.leaves, 0, f.eye]
+            kernel, inputs = records.float32_kernel, [f.mesh, 0, f.eye]
         wp.launch(kernel, dim=f.triangle_count, inputs=inputs, outputs=[self.eye_records], device=f.device)
 
     def _primary(self, share: int) -> None:
-        f, counts, starts = self.frame, self.counts[0, share : share + 1], self.starts[0]
+        f, counts = self.frame, self.counts[0, share : share + 1]
         arguments: tuple[Any, ...] = (
-            self.trace.primary == "packet", self.build.node_bytes, self.trace.registers, self.group
+            self.trace.primary == "packet", self.build.node_bytes, self.trace.registers
         )  # fmt: skip
         if self.exact:
             kernel = primary.make_exact_kernel(*arguments)
-            inputs, outputs = [], [starts.seat, self.chain]
+            outputs = [self.certain, self.chain]
         else:
             kernel = primary.make_float32_kernel(*arguments)
-            inputs, outputs = [self.leaves.order], [f.hits(0), starts.seat, starts.point]
+            outputs = [f.hits(0), self.starts[0]]
         wp.launch(
             kernel,
             dim=self.threads,
-            inputs=[f.camera, self.parts[share], self.tree, self.eye_records, *inputs],
+            inputs=[f.camera, self.parts[share], self.tree, self.eye_records],
             outputs=[counts, self.doubts[share], *outputs],
             device=f.device,
             block_dim=BLOCK,
         )
 
     def _resolve(self, share: int) -> None:
-        f, starts = self.frame, self.starts[0]
+        f = self.frame
         wp.launch(
             primary.resolve_kernel,
             dim=self.threads,
-            inputs=[f.camera, self.parts[share], f.mesh, self.leaves, self.doubts[share], self.chain],
-            outputs=[starts.seat, f.hits(0), starts.point],
+            inputs=[f.camera, self.parts[share], f.mesh, self.doubts[share], self.chain, self.certain],
+            outputs=[f.hits(0), self.starts[0]],
             device=f.device,
             block_dim=BLOCK,
         )

@@ -12,7 +12,6 @@ from .build_lbvh import make_lbvh_kernel
 from .keys import key_kernel, launch_box, used_vertices
 from .parameters import Build
 from .primary import Tree
-from .records import Leaves
 from .sort import Sort
 
 LBVH_BLOCK = 128
@@ -21,51 +20,42 @@ LBVH_BLOCK = 128
 class Rebuilt:
     """Boxes, keys, a sort, and the tree.
 
-    keys, order  int32 [2 * triangles]: sorted keys and their triangles, and room for the sort
+    keys, order  int32 [2 * triangles]: sorted keys and references of their leaves, and room for the sort
     extent       float32 [1]: the largest coordinate of the scene's box
-    nodes        vec4f [leaves * node_bytes / 16]; scratch vec4f [4 * leaves]; flags uint64 [leaves]; root int32 [2]
+    nodes        vec4f [triangles * node_bytes / 16]; scratch vec4f [4 * triangles]; flags uint64 [triangles]; root int32 [1]
     """
 
     def __init__(self, frame: Frame, build: Build):
         self.frame, self.build = frame, build
         count = frame.triangle_count
-        self.group = build.group
-        self.leaf_count = -(-count // self.group)
         with wp.ScopedDevice(frame.device):
             self.box = wp.zeros(6, dtype=wp.float32)
             self.used = wp.array(used_vertices(frame.prepared.faces, frame.vertex_count), dtype=wp.uint8)
             self.keys = wp.zeros(2 * count, dtype=wp.int32)
             self.order = wp.zeros(2 * count, dtype=wp.int32)
-            self.sort = Sort(self.keys, self.order, count, build.key_bits)
-            self.flags = wp.zeros(self.leaf_count, dtype=wp.uint64)
-            self.scratch = wp.zeros(4 * self.leaf_count, dtype=wp.vec4f)
-            self.nodes = wp.zeros(self.leaf_count * build.node_bytes // 16, dtype=wp.vec4f)
-            self.root = wp.zeros(2, dtype=wp.int32)
+            self.sort = Sort(self.keys, self.order, count, build.key_bits, (1 << build.key_bits) - 1)
+            self.flags = wp.zeros(count, dtype=wp.uint64)
+            self.scratch = wp.zeros(4 * count, dtype=wp.vec4f)
+            self.nodes = wp.zeros(count * build.node_bytes // 16, dtype=wp.vec4f)
+            self.root = wp.zeros(1, dtype=wp.int32)
             self.extent = wp.zeros(1, dtype=wp.float32)
         self.tree = filled(Tree, nodes=self.nodes, root=self.root)
-        self.leaves = filled(
-            Leaves,
-            count=count,
-            last=(1 << build.key_bits) - 1,
-            keys=self.keys,
-            order=self.order,
-        )
 
-    def passes(self) -> tuple[list[Pass], Pass]:
-        """The passes that give the order of the triangles, and those that make the tree from it."""
-        ordered = [
-            Pass("keys", "build", ("points", "triangles", "reach"), ("keys",), self._keys),
+    def passes(self) -> tuple[Pass, list[Pass]]:
+        """What the triangles' planes wait for, too, and what makes the tree from it."""
+        first = Pass("keys", "build", ("points", "triangles", "reach"), ("keys", "extent"), self._keys)
+        return first, [
             Pass("sort", "build", ("keys",), ("order",), self.sort.launch),
+            Pass("tree", "build", ("points", "triangles", "reach", "order", "extent"), ("bvh",), self._tree),
         ]
-        return ordered, Pass("tree", "build", ("points", "triangles", "reach", "order"), ("bvh",), self._tree)
 
     def _keys(self) -> None:
         f = self.frame
         launch_box(f, self.used, self.box)
         wp.launch(
             key_kernel,
-            dim=f.triangle_count,
-            inputs=[f.triangle_count, self.build.key_bits, f.points, f.triangles, f.valid, self.box],
+            dim=-(-f.triangle_count // 2),
+            inputs=[f.mesh, f.triangle_count, self.build.key_bits, self.build.pair, self.box],
             outputs=[*self.sort.half(self.sort.begin), self.flags, self.root, self.extent],
             device=f.device,
         )
@@ -73,15 +63,14 @@ class Rebuilt:
     def _tree(self) -> None:
         f, b = self.frame, self.build
         if b.builder == "hploc":
-            kernel, block = make_hploc_kernel(b.radius, b.node_bytes, self.group), BLOCK
+            kernel, block = make_hploc_kernel(b.radius, b.node_bytes), BLOCK
         else:
-            kernel, block = make_lbvh_kernel(b.node_bytes, self.group), LBVH_BLOCK
+            kernel, block = make_lbvh_kernel(b.node_bytes), LBVH_BLOCK
         wp.launch(
             kernel,
-            dim=-(-self.leaf_count // block) * block,
+            dim=-(-f.triangle_count // block) * block,
             inputs=[
-                self.leaf_count, f.triangle_count, self.leaves.last, f.reach, self.extent, self.keys, self.order,
-                f.points, f.triangles,
+                self.sort.held, f.reach, self.extent, self.keys, self.order, f.points, f.triangles,
             ],
             outputs=[self.scratch, self.flags, self.nodes, self.root],
             device=f.device,

@@ -18,7 +18,7 @@ from typing import Any
 import warp as wp
 
 from .doubt_text import CHAIN
-from .nodes import INVERSE, READ, SLABS, next_of_leaf
+from .nodes import INVERSE, OF_LEAF, READ, SLABS
 from .records import EYE_UNITS
 from .snippets import BASICS, STACK
 
@@ -95,9 +95,7 @@ while (now != NONE) {
             done = false;
         }
     } else {
-        int at = (int)(now & ~LEAF);
-        TRIANGLE
-        NEXT
+        OF_LEAF
     }
     if (done) {
         if (held == 0) break;
@@ -141,9 +139,7 @@ while (now != NONE) {
         }
     }
     {
-        int at = (int)(now & ~LEAF);
-        TRIANGLE
-        NEXT
+        OF_LEAF
     }
     if (held == 0) break;
     now = stack[--held];
@@ -156,8 +152,8 @@ walked:;
 
 
 @functools.cache
-def make_walk(precision: str, packets: bool, node_bytes: int, group: int = 1) -> Any:
-    """A function of a ray that gives (t, u, v, bits of the place of the closest hit or of -1); exact: (0, 0, last, place),
+def make_walk(precision: str, packets: bool, node_bytes: int) -> Any:
+    """A function of a ray that gives (t, u, v, bits of the closest triangle or of -1); exact: (0, 0, last, triangle),
     with the chain of what it left (:mod:`.doubt_text`).
 
     ``seen`` is False in a lane without a ray; ``packets`` walks as one only where a warp does, on the GPU.
@@ -165,19 +161,14 @@ def make_walk(precision: str, packets: bool, node_bytes: int, group: int = 1) ->
     exact = precision == "exact"
     triangle = EXACT_LEAF if exact else FLOAT32_LEAF
 
-    def walk_of(text: str, real_ray: str, going_on: str) -> str:
-        inner = triangle.replace("REAL", real_ray)
-        return (
-            text.replace("READ", READ[node_bytes])
-            .replace("SLABS", SLABS)
-            .replace("TRIANGLE", inner)
-            .replace("NEXT", next_of_leaf(group, going_on))
-        )
+    def walk_of(text: str, real_ray: str) -> str:
+        leaf = OF_LEAF.replace("TRIANGLE", triangle.replace("REAL", real_ray))
+        return text.replace("READ", READ[node_bytes]).replace("SLABS", SLABS).replace("OF_LEAF", leaf)
 
-    single = "if (!seen) now = NONE;" + walk_of(SINGLE, "true", "done = false;")
+    single = "if (!seen) now = NONE;" + walk_of(SINGLE, "true")
     walking = single
     if packets:
-        together = walk_of(PACKET, "seen", "continue;")
+        together = walk_of(PACKET, "seen")
         walking = f"\n#if defined(__CUDA_ARCH__)\n{together}\n#else\n{single}\n#endif\n"
 
     @wp.func_native(

@@ -13,8 +13,8 @@ from typing import Any
 
 import warp as wp
 
-from .doubt_text import PAIR
-from .nodes import INVERSE, READ, SLABS, next_of_leaf
+from .doubt_text import OF_PIXEL
+from .nodes import INVERSE, OF_LEAF, READ, SLABS
 from .records import LIGHT_UNITS
 from .snippets import BASICS, STACK
 
@@ -79,9 +79,7 @@ while (true) {
             done = false;
         }
     } else {
-        int at = (int)(now & ~LEAF);
-        TRIANGLE
-        NEXT
+        OF_LEAF
     }
     if (done) {
         if (held == 0) break;
@@ -94,13 +92,13 @@ return 0;
 
 
 @functools.cache
-def make_shadow_walk(precision: str, node_bytes: int, group: int = 1) -> Any:
-    """A function of the hit point h and the light: 1 where something other than the triangle at ``own`` lies between."""
+def make_shadow_walk(precision: str, node_bytes: int) -> Any:
+    """A function of the hit point h and the light: 1 where something lies between, but the triangle ``own``."""
     leaf = EXACT_LEAF if precision == "exact" else FLOAT32_LEAF
-    walking = WALK.replace("READ", READ[node_bytes]).replace("SLABS", SLABS).replace("TRIANGLE", leaf)
-    walking = walking.replace("NEXT", next_of_leaf(group, "done = false;"))
+    walking = WALK.replace("READ", READ[node_bytes]).replace("SLABS", SLABS)
+    walking = walking.replace("OF_LEAF", OF_LEAF.replace("TRIANGLE", leaf))
 
-    @wp.func_native(BASICS + PAIR + BEGIN[precision] + INVERSE + walking)
+    @wp.func_native(BASICS + OF_PIXEL + BEGIN[precision] + INVERSE + walking)
     def walk(
         h: wp.vec3f,
         light: wp.vec3f,

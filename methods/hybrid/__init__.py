@@ -15,12 +15,10 @@ import warp as wp
 from numpy.typing import NDArray
 
 from ...harness.frame.frame import Frame
-from ...harness.frame.geometry import filled
 from ...harness.frame.method import BaseMethod
 from ...harness.frame.passes import Pass
 from ...harness.scene.effects import Effects, Limits
 from ..bvh2.refit import Refitted
-from ..bvh2.shadow import Starts
 from ..bvh2.shadow_passes import ShadowRays, threads_built
 from ..bvh2.tree import Rebuilt
 from ..common.misses import miss_passes
@@ -30,7 +28,6 @@ from ..common.reserve import counted
 from ..ray_grids import RayGrids
 from ..ray_grids.parameters import Build as StreamsBuild
 from .parameters import Build, Trace
-from .places import places_kernel
 
 STREAM, TREE = 0, 1
 """Branches of the graph."""
@@ -61,53 +58,41 @@ class Hybrid(BaseMethod):
             return miss_passes(frame, effects)
         if not self._capacity:
             self._capacity = self.build.doubt_capacity or max(262144, frame.pixels // 2)
-        places = wp.zeros(frame.triangle_count, dtype=wp.int32, device=frame.device)
-        starts = Starts()
+        starts = None
         if shadows:
             streamed, camera, _ = self._streams.camera_stream(frame, effects, limits, rounded=True)
-            starts = filled(Starts, seat=places, point=camera.hit)
+            starts = camera.hit
         else:
             streamed = self._streams.plan(frame, effects, limits)
         tree = Rebuilt(frame, self.build) if self.build.update == "rebuild" else Refitted(frame, self.build)
-        ordered, grows = tree.passes()
+        first, grows = tree.passes()
         rays = ShadowRays(
             frame,
             self.build,
             self.trace.of_tree(),
             effects,
             tree.tree,
-            tree.leaves,
             tree.extent,
             self._capacity,
             starts,
         )
         self._rays = rays
         after = rays.light_passes(received=True)
-        if shadows and not effects.alpha:
-            after.insert(0, self._places_pass(frame, rays, places))
         effect = "shadows" if shadows else "mirror"
-        passes = [replace(work, branch=(TREE,), effect=effect) for work in ordered]
-        passes.append(replace(grows, branch=(TREE, 0), effect=effect))
+        passes = [replace(first, branch=(TREE,), effect=effect)]
+        passes += [replace(work, branch=(TREE, 0), effect=effect) for work in grows]
         passes += [replace(work, branch=(TREE, 1)) for work in after]
         passes += [replace(work, branch=(STREAM, *work.branch)) for work in streamed]
         return [*passes, *self._shadow_passes(rays, effects, shadows), *rays.bounce_passes()]
 
-    def _places_pass(self, frame: Frame, rays: ShadowRays, places: wp.array) -> Pass:
-        def launch() -> None:
-            count = rays.leaves.count
-            wp.launch(places_kernel, dim=count, inputs=[rays.leaves], outputs=[places], device=frame.device)
-
-        return Pass("places", "build", ("order",), ("places",), launch, "shadows")
-
     def _shadow_passes(self, rays: ShadowRays, effects: Effects, shadows: bool) -> list[Pass]:
-        """The shadow rays of the primary hits, after both branches."""
-        scene = ("bvh", "order", "points", "triangles", "camera", "hits", *effects.surface_reads())
+        """Of the primary hits, after both branches."""
+        scene = ("bvh", "points", "triangles", "camera", "hits", *effects.surface_reads())
         if not shadows:
             return rays.light_passes(received=False)
         if effects.alpha:
             return shadow_ray_passes(effects, scene, lambda i: rays.careful.launch_shadow(i, 0))
-        seen = (*scene, "places")
-        return [*rays.clear_passes(), *rays.in_shares(lambda share: rays.share_passes(share, seen))]
+        return [*rays.clear_passes(), *rays.in_shares(lambda share: rays.share_passes(share, scene))]
 
     def needs(self) -> wp.array | None:
         streamed = self._streams.needs()

@@ -25,9 +25,9 @@ from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
 NAME = "bvh2"
 SETTINGS = [
     {},
-    {"builder": "lbvh", "key_bits": "30", "leaf": "1"},
+    {"builder": "lbvh", "key_bits": "30", "pair": "0"},
     {"radius": "8", "node_bytes": "64", "shares": "1"},
-    {"primary": "packet", "radius": "1", "shares": "4", "leaf": "2"},
+    {"primary": "packet", "radius": "1", "shares": "4", "pair": "0.6"},
     {"update": "refit"},
     {"update": "static", "node_bytes": "64", "primary": "packet"},
 ]
@@ -68,7 +68,7 @@ def test_settings_change_no_bit(device):
 
 
 @pytest.mark.parametrize(
-    "settings", [{"leaf": "1"}, {"leaf": "4"}, {"leaf": "4", "primary": "packet"}], ids=str
+    "settings", [{"pair": "0"}, {"pair": "1000"}, {"pair": "1000", "primary": "packet"}], ids=str
 )
 def test_a_wall_one_step_from_the_eye_is_not_hidden_by_a_sure_hit(settings, device):
     """float32 knows no depth of it; in a leaf of four it is tested after the wall behind it."""

@@ -15,10 +15,10 @@ from shadowbench.methods.bvh2.snippets import LEAF, NONE, STACK
 from shadowbench.methods.bvh2.sort import Sort
 
 BUILDS = [
-    {"builder": "lbvh", "leaf": "1"},
-    {"builder": "lbvh", "key_bits": "30", "node_bytes": "64", "leaf": "4"},
-    {"radius": "1", "leaf": "2"},
-    {"radius": "2", "leaf": "1"},
+    {"builder": "lbvh", "pair": "0"},
+    {"builder": "lbvh", "key_bits": "30", "node_bytes": "64", "pair": "1000"},
+    {"radius": "1", "pair": "0.6"},
+    {"radius": "2", "pair": "0"},
     {"radius": "8", "node_bytes": "64"},
     {"update": "refit"},
 ]
@@ -116,7 +116,7 @@ def test_every_triangle_once_in_boxes_that_hold_it(name, settings, device):
 
 def test_a_tree_of_one_centroid_is_as_deep_as_its_bits():
     prepared = make_scene(*SCENES["one centroid"], [(5.0, 4.0, 3.0)])
-    assert checked_depth(built(prepared, {"builder": "lbvh", "leaf": "1"}), prepared) <= 24 + 15
+    assert checked_depth(built(prepared, {"builder": "lbvh", "pair": "0"}), prepared) <= 24 + 15
 
 
 def test_nothing_valid_is_an_empty_tree(device):

@@ -24,7 +24,7 @@ SETTINGS: list[dict[str, str]] = [
     {"builder": "lbvh"},
 ]
 TRIALS = {name: (prepared, width, height) for name, prepared, width, height in hard_trials()}
-TREE = {"keys", "sort", "tree", "places"}
+TREE = {"keys", "sort", "tree"}
 
 
 def two_lights() -> Prepared:
@@ -70,7 +70,7 @@ def test_effects_decide_the_structure():
     assert passes_of(lit, {}) >= TREE
     assert passes_of(lit, {"shadows": "grid"}) == {work.name for work in streams}
     assert not passes_of(unlit, {}) & TREE
-    assert passes_of(mirrored, {"shadows": "grid"}) & TREE == TREE - {"places"}
+    assert passes_of(mirrored, {"shadows": "grid"}) & TREE == TREE
 
 
 @pytest.mark.parametrize(
