@@ -158,14 +158,19 @@ def key_kernel(
     flags: wp.array(dtype=wp.uint64),
     root: wp.array(dtype=wp.int32),
     extent: wp.array(dtype=wp.float32),
+    state: wp.array(dtype=wp.int32),
 ):
     """One thread for two triangles that follow each other: their keys and references, of one leaf or of two.
 
-    Empties the flags, and the tree. extent: the box's largest coordinate.
+    Empties the flags, the tree and the sort's state. extent: the box's largest coordinate.
     """
     i = 2 * wp.tid()
     if i >= count:
         return
+    word = i / 2
+    while word < state.shape[0]:
+        state[word] = 0
+        word += (count + 1) / 2
     if i == 0:
         root[0] = -1
         extent[0] = extent_of(box)

@@ -234,8 +234,8 @@ class Sort:
     """Sorts ``keys`` with ``values``, each int32 [2 * count]: the result is their first half, without the keys ``nothing``.
 
     ``nothing`` is no smaller than any key. ``begin``: the half, 0 or 1, that unsorted keys and values are to be written to.
-    state int32: digits' counts [4, 256], tickets [32], and the counts that tiles publish [passes, tiles, 256]; cleared
-    each time; held int32 [1]: how many keys there are but ``nothing``
+    state int32: digits' counts [4, 256], tickets [32], and the counts that tiles publish [passes, tiles, 256]; whoever writes
+    the keys clears it; held int32 [1]: how many keys there are but ``nothing``
     """
 
     def __init__(self, keys: wp.array, values: wp.array, count: int, bits: int, nothing: int):
@@ -261,7 +261,6 @@ class Sort:
             inputs = [self.count, self.nothing, self.keys]
             wp.launch(held_kernel, dim=1, inputs=inputs, outputs=[self.held], device=self.device)
             return
-        self.state.zero_()
         begin = self.half(self.begin)
         wp.launch(
             count_kernel,

@@ -56,7 +56,7 @@ class Rebuilt:
             key_kernel,
             dim=-(-f.triangle_count // 2),
             inputs=[f.mesh, f.triangle_count, self.build.key_bits, self.build.pair, self.box],
-            outputs=[*self.sort.half(self.sort.begin), self.flags, self.root, self.extent],
+            outputs=[*self.sort.half(self.sort.begin), self.flags, self.root, self.extent, self.sort.state],
             device=f.device,
         )
 

@@ -78,6 +78,8 @@ class Hybrid(BaseMethod):
         )
         self._rays = rays
         after = rays.light_passes(received=True)
+        if shadows and not effects.alpha:
+            after += rays.clear_passes()
         effect = "shadows" if shadows else "mirror"
         passes = [replace(first, branch=(TREE,), effect=effect)]
         passes += [replace(work, branch=(TREE, 0), effect=effect) for work in grows]
@@ -92,7 +94,7 @@ class Hybrid(BaseMethod):
             return rays.light_passes(received=False)
         if effects.alpha:
             return shadow_ray_passes(effects, scene, lambda i: rays.careful.launch_shadow(i, 0))
-        return [*rays.clear_passes(), *rays.in_shares(lambda share: rays.share_passes(share, scene))]
+        return rays.in_shares(lambda share: rays.share_passes(share, scene))
 
     def needs(self) -> wp.array | None:
         streamed = self._streams.needs()

@@ -11,7 +11,7 @@ from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.prepared import Prepared
 from shadowbench.methods.bvh2.sah import DEEP, sah_topology
-from shadowbench.methods.bvh2.snippets import LEAF, NONE, STACK
+from shadowbench.methods.bvh2.snippets import INDEX, LEAF, NONE, PAIR, STACK
 from shadowbench.methods.bvh2.sort import Sort
 
 BUILDS = [
@@ -52,9 +52,6 @@ def checked_depth(session: Session, prepared: Prepared) -> int:
     corners = points[prepared.faces].astype(np.float64)
     centres, extents, refs, root = children(session)
     low, high = centres.astype(np.float64) - extents, centres.astype(np.float64) + extents
-    order = session.method._rays.leaves.order.numpy()
-    refitted = session.method.build.update == "refit"
-    reaching = int(session.method._rays.tree.root.numpy()[1])
     if root == NONE:
         assert not valid.any()
         return 0
@@ -63,11 +60,9 @@ def checked_depth(session: Session, prepared: Prepared) -> int:
     inside = np.array([[[-np.inf] * 3, [np.inf] * 3]])
     while len(now):
         leaf = (now & LEAF) != 0
-        first = now[leaf] & ~LEAF
-        places = first[:, None] + np.arange(session.method._rays.group)
-        leads = places < (len(valid) if refitted else reaching)
-        triangles = order[np.where(leads, places, 0)]
-        counted = leads & (valid[triangles] != 0)
+        first, pair = now[leaf] & INDEX, (now[leaf] & PAIR) != 0
+        triangles = np.stack([first, np.where(pair, first + 1, first)], axis=1)
+        counted = np.stack([valid[first] != 0, pair], axis=1)
         found += triangles[counted].tolist()
         held, box = corners[triangles[counted]], np.repeat(inside[leaf], counted.sum(axis=1), axis=0)
         assert (held.min(axis=1) > box[:, 0]).all()
@@ -153,12 +148,16 @@ def test_deep_sah_trees_are_halved():
 def test_sorting_is_stable(count, bits, device):
     random = np.random.default_rng(count)
     keys = random.integers(0, 2**bits if count % 2 else 300, count).astype(np.int32)
-    sort = Sort(*(wp.zeros(2 * count, dtype=wp.int32, device=device) for _ in range(2)), count, bits)
+    nothing = 2**bits - 1
+    keys[random.random(count) < 0.4] = nothing
+    sort = Sort(*(wp.zeros(2 * count, dtype=wp.int32, device=device) for _ in range(2)), count, bits, nothing)
     for _ in range(2):
         into = sort.half(sort.begin)
         into[0].assign(keys)
         into[1].assign(np.arange(count, dtype=np.int32))
+        sort.state.zero_()
         sort.launch()
-        wanted = np.argsort(keys, kind="stable")
-        np.testing.assert_array_equal(sort.half(0)[1].numpy(), wanted)
-        np.testing.assert_array_equal(sort.half(0)[0].numpy(), keys[wanted])
+        wanted = np.argsort(keys, kind="stable")[: (keys < nothing).sum()]
+        assert sort.held.numpy()[0] == len(wanted)
+        np.testing.assert_array_equal(sort.half(0)[1].numpy()[: len(wanted)], wanted)
+        np.testing.assert_array_equal(sort.half(0)[0].numpy()[: len(wanted)], keys[wanted])
