@@ -122,7 +122,8 @@ Where a product overflows, an end may not be a number; the box then counts as me
 
 
 OF_LEAF = """
-        int at = (int)(now & INDEX), stop = at + (now & PAIR ? 2 : 1);
+        int at = (int)(now & INDEX), stop = at + 1 + (int)(now >> MORE & 3u);
+#pragma unroll 1
         for (; at < stop; at++) {
             TRIANGLE
         }

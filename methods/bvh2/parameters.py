@@ -39,6 +39,7 @@ class Build:
     key_bits: int = 24
     node_bytes: int = 48
     pair: float = 1.0
+    quad: float = 0.0
     doubt_capacity: int = 0
 
     def __post_init__(self) -> None:

@@ -55,7 +55,14 @@ class Rebuilt:
         wp.launch(
             key_kernel,
             dim=-(-f.triangle_count // 2),
-            inputs=[f.mesh, f.triangle_count, self.build.key_bits, self.build.pair, self.box],
+            inputs=[
+                f.mesh,
+                f.triangle_count,
+                self.build.key_bits,
+                self.build.pair,
+                self.build.quad,
+                self.box,
+            ],
             outputs=[*self.sort.half(self.sort.begin), self.flags, self.root, self.extent, self.sort.state],
             device=f.device,
         )

@@ -11,13 +11,13 @@ from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.prepared import Prepared
 from shadowbench.methods.bvh2.sah import DEEP, sah_topology
-from shadowbench.methods.bvh2.snippets import INDEX, LEAF, NONE, PAIR, STACK
+from shadowbench.methods.bvh2.snippets import INDEX, LEAF, MORE, NONE, STACK
 from shadowbench.methods.bvh2.sort import Sort
 
 BUILDS = [
     {"builder": "lbvh", "pair": "0"},
     {"builder": "lbvh", "key_bits": "30", "node_bytes": "64", "pair": "1000"},
-    {"radius": "1", "pair": "0.6"},
+    {"radius": "1", "pair": "0.6", "quad": "1000"},
     {"radius": "2", "pair": "0"},
     {"radius": "8", "node_bytes": "64"},
     {"update": "refit"},
@@ -60,9 +60,10 @@ def checked_depth(session: Session, prepared: Prepared) -> int:
     inside = np.array([[[-np.inf] * 3, [np.inf] * 3]])
     while len(now):
         leaf = (now & LEAF) != 0
-        first, pair = now[leaf] & INDEX, (now[leaf] & PAIR) != 0
-        triangles = np.stack([first, np.where(pair, first + 1, first)], axis=1)
-        counted = np.stack([valid[first] != 0, pair], axis=1)
+        first, more = now[leaf] & INDEX, (now[leaf] >> MORE) & 3
+        counted = np.arange(4) <= more[:, None]
+        triangles = first[:, None] + np.arange(4)
+        counted[valid[first] == 0] = False
         found += triangles[counted].tolist()
         held, box = corners[triangles[counted]], np.repeat(inside[leaf], counted.sum(axis=1), axis=0)
         assert (held.min(axis=1) > box[:, 0]).all()
