@@ -6,7 +6,7 @@ the block, and learns how many keys of each digit lie in the tiles before by loo
 blocks published: a count of their own, or of all up to them (Merrill & Garland 2016). It is stable: triangles with one
 key stay in their order.
 
-A key that stands for nothing is left out by the first pass; the others read and write what is left.
+The first pass leaves out keys that stand for nothing; the others read and write what is left.
 
 Warp's own sort, which takes scratch memory each time and copies an odd number of passes back, sorts on the CPU.
 """
@@ -234,8 +234,8 @@ class Sort:
     """Sorts ``keys`` with ``values``, each int32 [2 * count]: the result is their first half, without the keys ``nothing``.
 
     ``nothing`` is no smaller than any key. ``begin``: the half, 0 or 1, that unsorted keys and values are to be written to.
-    state int32: digits' counts [4, 256], tickets [32], and the counts that tiles publish [passes, tiles, 256]; whoever writes
-    the keys clears it; held int32 [1]: how many keys there are but ``nothing``
+    state int32: digits' counts [4, 256], tickets [32], and the counts that tiles publish [passes, tiles, 256]; cleared by
+    what writes the keys. held int32 [1]: how many keys there are but ``nothing``
     """
 
     def __init__(self, keys: wp.array, values: wp.array, count: int, bits: int, nothing: int):
