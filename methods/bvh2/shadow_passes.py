@@ -111,8 +111,10 @@ class ShadowRays:
         for steps in zip(*(of_share(share) for share in range(self.shares)), strict=True):
             if self.threaded:
                 passes.append(self._in_threads(steps))
-            else:
+            elif self.shares > 1:
                 passes += (replace(step, branch=(share,), adds=True) for share, step in enumerate(steps))
+            else:
+                passes += steps
         for late in self.light_passes(received=False):
             made = set(late.writes)
             passes.insert(next(k for k, step in enumerate(passes) if made.intersection(step.reads)), late)

@@ -44,13 +44,12 @@ class Rays(ShadowRays):
             self.eye_records = wp.zeros(0 if walked(effects) else 3 * frame.triangle_count, dtype=wp.vec4f)
 
     def records_passes(self) -> list[Pass]:
-        """Triangles set up for the eye, and for lights that every hit receives; counters: they need no tree."""
+        """Triangles set up for the eye, and for lights that every hit receives, and counters: they need no tree."""
         if walked(self.effects):
             return []
         reads = ("points", "triangles", "camera")
         eye = Pass("eye: triangles", "trace", reads, ("eye triangles",), self._eye_records)
-        clear = Pass("clear counts", "trace", reads, ("primary counts",), self.counts[0].zero_)
-        return [eye, clear, *self.light_passes(received=True), *self.clear_passes()]
+        return [eye, *self.light_passes(received=True), *self.clear_passes()]
 
     def passes(self) -> list[Pass]:
         """Primary rays and shadow rays, the shares beside each other; then mirrored ones."""
@@ -58,7 +57,10 @@ class Rays(ShadowRays):
         if walked(self.effects):
             passes = self._careful_passes(scene)
         else:
-            passes = self.in_shares(lambda share: self._share(share, scene))
+            # Between two forks of the graph, which would be one without it.
+            reads = (*scene, "camera", "eye triangles")
+            passes = [Pass("clear counts", "trace", reads, ("primary counts",), self.counts[0].zero_)]
+            passes += self.in_shares(lambda share: self._share(share, scene))
         return passes + self.bounce_passes()
 
     def _share(self, share: int, scene: tuple[str, ...]) -> list[Pass]:

@@ -78,7 +78,7 @@ class Hybrid(BaseMethod):
         )
         self._rays = rays
         after = rays.light_passes(received=True)
-        if shadows and not effects.alpha:
+        if shadows and not effects.alpha and rays.shares == 1:
             after += rays.clear_passes()
         effect = "shadows" if shadows else "mirror"
         passes = [replace(first, branch=(TREE,), effect=effect)]
@@ -94,7 +94,9 @@ class Hybrid(BaseMethod):
             return rays.light_passes(received=False)
         if effects.alpha:
             return shadow_ray_passes(effects, scene, lambda i: rays.careful.launch_shadow(i, 0))
-        return rays.in_shares(lambda share: rays.share_passes(share, scene))
+        passes = rays.in_shares(lambda share: rays.share_passes(share, scene))
+        # Several shares fork again: a pass must lie between.
+        return passes if rays.shares == 1 else [*rays.clear_passes(), *passes]
 
     def needs(self) -> wp.array | None:
         streamed = self._streams.needs()

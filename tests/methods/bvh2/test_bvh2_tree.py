@@ -110,6 +110,24 @@ def test_every_triangle_once_in_boxes_that_hold_it(name, settings, device):
     assert checked_depth(built(prepared, settings, device), prepared) <= STACK
 
 
+def test_neighbours_of_the_mesh_share_a_leaf_where_their_common_box_is_small(device):
+    quad = np.array([[0.0, 0, 0], [1, 0, 0], [1, 0, 1], [0.0, 0, 0], [1, 0, 1], [0, 0, 1]])
+    corners = np.concatenate([quad + [k % 10, 0.1 * k, k // 10] for k in range(60)]).reshape(-1, 3, 3)
+    apart = np.concatenate([corners[0::2], corners[1::2]])
+
+    def leaves(triangles: NDArray, settings: dict[str, str]) -> int:
+        points = triangles.reshape(-1, 3)
+        prepared = make_scene(points, np.arange(len(points)).reshape(-1, 3), [(5.0, 4.0, 3.0)])
+        _, _, refs, _ = children(built(prepared, settings, device))
+        return int(((refs & LEAF) != 0).sum())
+
+    assert leaves(corners, {}) == 60
+    assert leaves(corners[:-1], {}) == 60
+    assert leaves(corners, {"pair": "0"}) == 120
+    assert leaves(apart, {}) > 110
+    assert leaves(apart, {"pair": "1000"}) == 60
+
+
 def test_a_tree_of_one_centroid_is_as_deep_as_its_bits():
     prepared = make_scene(*SCENES["one centroid"], [(5.0, 4.0, 3.0)])
     assert checked_depth(built(prepared, {"builder": "lbvh", "pair": "0"}), prepared) <= 24 + 15
