@@ -9,10 +9,11 @@ import warp as wp
 
 from ...harness.frame.geometry import Camera, Hits, Mesh, Ray
 from ..common.entries import entry, set_entry
-from ..common.hitpoint import flat_hit_point, is_vague, plane_distance, steep_hit_point
+from ..common.hitpoint import flat_hit_point, plane_distance
 from ..common.pixels import tile_pixel
 from ..common.triangle import hit_distance, hit_weights, nearer, to_float32
 from .records import triangle_corners
+from .start import is_vague, start_point
 from .walk_primary import make_walk
 
 BLOCK = 128
@@ -70,18 +71,16 @@ def make_exact_kernel(packets: bool, node_bytes: int, registers: int) -> Any:
         records: wp.array(dtype=wp.vec4f),
         counts: wp.array(dtype=wp.int32),
         doubts: wp.array(dtype=wp.vec2i),
-        certain: wp.array(dtype=wp.int32),
-        chain: wp.array(dtype=wp.int32),
+        found: wp.array(dtype=wp.vec2i),
     ):
         at = pixel_at(camera, part, wp.tid())
         seen = at[0] >= 0
         pixel = at[1] * camera.width + at[0]
-        found = walk(
+        walked = walk(
             seen, entry(camera.eye, 0), direction_at(camera, at), tree.nodes, tree.root, records, counts, doubts
         )  # fmt: skip
         if seen:
-            set_entry(certain, pixel, wp.cast(found[3], wp.int32))
-            set_entry(chain, pixel, wp.cast(found[2], wp.int32))
+            found[pixel] = wp.vec2i(wp.cast(walked[3], wp.int32), wp.cast(walked[2], wp.int32))
 
     return exact_kernel
 
@@ -128,8 +127,7 @@ def resolve_kernel(
     part: Part,
     mesh: Mesh,
     doubts: wp.array(dtype=wp.vec2i),
-    chain: wp.array(dtype=wp.int32),
-    certain: wp.array(dtype=wp.int32),
+    found: wp.array(dtype=wp.vec2i),
     hits: Hits,
     start: wp.array(dtype=wp.vec3f),
 ):
@@ -138,8 +136,9 @@ def resolve_kernel(
     if at[0] < 0:
         return
     pixel = at[1] * camera.width + at[0]
-    best = entry(certain, pixel)
-    last = entry(chain, pixel)
+    certain = entry(found, pixel)
+    best = certain[0]
+    last = certain[1]
     ray = Ray(entry(camera.eye, 0), direction_at(camera, at))
     if last >= 0:
         nearest = wp.float64(wp.INF)
@@ -163,7 +162,7 @@ def resolve_kernel(
         distance64 = plane_distance(ray, corners)
         distance32 = wp.float32(distance64)
         uv = hit_weights(ray, corners, weld_at(mesh, best))
-        point = steep_hit_point(ray, distance64, corners)
+        point = start_point(ray, distance64, corners)
         flat = is_vague(ray, corners)
     set_entry(hits.triangle, pixel, best)
     set_entry(hits.t, pixel, distance32)

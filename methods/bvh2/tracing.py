@@ -22,8 +22,7 @@ class Rays(ShadowRays):
     """Everything that is traced in a frame.
 
     counts  of :class:`.shadow_passes.ShadowRays`; in slot 0 those of the eye's rays
-    certain int32 [pixels]: the closest certain hit of each eye's ray, -1: none
-    chain   int32 [pixels]: the last doubt of each eye's ray (:mod:`.doubt_text`)
+    found   vec2i [pixels]: of each eye's ray the closest certain hit (-1: none) and the last doubt (:mod:`.doubt_text`)
     eye_records vec4f [3 * triangles]: :mod:`.records`
     """
 
@@ -39,8 +38,7 @@ class Rays(ShadowRays):
     ):
         super().__init__(frame, build, trace, effects, tree, extent, doubt_capacity)
         with wp.ScopedDevice(frame.device):
-            self.certain = wp.zeros(frame.pixels if self.exact else 0, dtype=wp.int32)
-            self.chain = wp.zeros(frame.pixels if self.exact else 0, dtype=wp.int32)
+            self.found = wp.zeros(frame.pixels if self.exact else 0, dtype=wp.vec2i)
             self.eye_records = wp.zeros(0 if walked(effects) else 3 * frame.triangle_count, dtype=wp.vec4f)
 
     def records_passes(self) -> list[Pass]:
@@ -111,7 +109,7 @@ class Rays(ShadowRays):
         )  # fmt: skip
         if self.exact:
             kernel = primary.make_exact_kernel(*arguments)
-            outputs = [self.certain, self.chain]
+            outputs = [self.found]
         else:
             kernel = primary.make_float32_kernel(*arguments)
             outputs = [f.hits(0), self.starts[0]]
@@ -129,7 +127,7 @@ class Rays(ShadowRays):
         wp.launch(
             primary.resolve_kernel,
             dim=self.threads,
-            inputs=[f.camera, self.parts[share], f.mesh, self.doubts[share], self.chain, self.certain],
+            inputs=[f.camera, self.parts[share], f.mesh, self.doubts[share], self.found],
             outputs=[f.hits(0), self.starts[0]],
             device=f.device,
             block_dim=BLOCK,
