@@ -60,10 +60,8 @@ class BinaryTree(BaseMethod):
         first, grows = tree.passes()
         rays = Rays(frame, self.build, self.trace, effects, tree.tree, tree.extent, self._capacity)
         self._rays = rays
-        passes = [replace(p, branch=(0,)) for p in grows] + [
-            replace(p, branch=(1,)) for p in rays.records_passes()
-        ]
-        return [first, *passes, *rays.passes()]
+        passes = [replace(grows, branch=(0,)), *(replace(p, branch=(1,)) for p in rays.records_passes())]
+        return [*first, *passes, *rays.passes()]
 
     def needs(self) -> wp.array | None:
         return self._rays.counts if self._rays is not None else None

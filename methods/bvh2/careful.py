@@ -32,15 +32,14 @@ from ..common.triangle import (
 from .nodes import make_children_of
 from .primary import Tree
 from .records import triangle_corners
-from .snippets import INDEX, MORE
+from .snippets import INDEX, PAIR
 
 MISSED = wp.constant(9.9e37)
 FARTHEST = wp.constant(9.0e37)
 SLACK = wp.constant(1.0 + 2.0**-20)
 EMPTY_TREE = wp.constant(-1)
 INDICES = wp.constant(INDEX)
-ONE_MORE = wp.constant(1 << MORE)
-ALL_MORE = wp.constant(3 << MORE)
+PAIRED = wp.constant(PAIR)
 
 
 @wp.func
@@ -107,8 +106,8 @@ def make_closest_kernel(node_bytes: int) -> Any:
                             best = i
                             best_t = distance
                             limit = wp.min(wp.float32(distance) * SLACK, FARTHEST)
-                    if (now & ALL_MORE) != 0:
-                        following = now + 1 - ONE_MORE
+                    if (now & PAIRED) != 0:
+                        following = (now + 1) & ~PAIRED
                 if following == EMPTY_TREE and held > 0:
                     held -= 1
                     following = stack[held * walkers + walker]
@@ -196,8 +195,8 @@ def make_shadow_kernel(node_bytes: int) -> Any:
                                 shadowed = opaque_to_light(
                                     alpha, i, h, target, corners, weld_of(mesh, i), size
                                 )
-                    if (now & ALL_MORE) != 0 and not shadowed:
-                        following = now + 1 - ONE_MORE
+                    if (now & PAIRED) != 0 and not shadowed:
+                        following = (now + 1) & ~PAIRED
                 if following == EMPTY_TREE and held > 0 and not shadowed:
                     held -= 1
                     following = stack[held * walkers + walker]

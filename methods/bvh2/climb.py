@@ -56,7 +56,7 @@ auto peek = [&](int k) { return (Flag)flags.data[k]; };
 auto box_of = [&](int k, float* box) {
     unsigned int ref = LEAF | (unsigned int)values.data[k];
     box[0] = box[1] = box[2] = 3.4e38f, box[3] = box[4] = box[5] = -3.4e38f;
-    int at = (int)(ref & INDEX), stop = at + 1 + (int)(ref >> MORE & 3u);
+    int at = (int)(ref & INDEX), stop = at + (ref & PAIR ? 2 : 1);
     for (; at < stop; at++) {
         wp::vec3i face = triangles.data[at];
         const float* a = (const float*)(points.data + face[0]);

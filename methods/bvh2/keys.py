@@ -21,12 +21,12 @@ from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import Mesh, value_struct
 from ..common.bounds import BLOCK, BLOCKS, box_high, box_low, lower_box
 from ..common.entries import entry, set_entry
-from .snippets import BASICS, MORE
+from .snippets import BASICS, PAIR
 
 EMPTY = wp.constant(wp.uint64(0xFFFFFFFFFFFFFFFF))
 """A flag at which neither child has arrived."""
 
-ONE_MORE = wp.constant(1 << MORE)
+PAIRED = wp.constant(PAIR)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -156,7 +156,6 @@ def key_kernel(
     count: wp.int32,
     bits: wp.int32,
     pair: wp.float32,
-    quad: wp.float32,
     box: wp.array(dtype=wp.float32),
     keys: wp.array(dtype=wp.int32),
     values: wp.array(dtype=wp.int32),
@@ -191,19 +190,8 @@ def key_kernel(
     value = i
     if used and other_used and share_a_leaf(first.low, first.high, second.low, second.high, pair):
         first = Box(wp.min(first.low, second.low), wp.max(first.high, second.high))
-        value = i | ONE_MORE
+        value = i | PAIRED
         other_used = False
-        other = i ^ 2
-        if quad > 0.0 and other + 1 < count:
-            third = box_at(mesh, other)
-            fourth = box_at(mesh, other + 1)
-            beside = entry(mesh.valid, other) != wp.uint8(0) and entry(mesh.valid, other + 1) != wp.uint8(0)
-            if beside and share_a_leaf(third.low, third.high, fourth.low, fourth.high, pair):
-                third = Box(wp.min(third.low, fourth.low), wp.max(third.high, fourth.high))
-                if share_a_leaf(first.low, first.high, third.low, third.high, quad):
-                    first = Box(wp.min(first.low, third.low), wp.max(first.high, third.high))
-                    value = i | (3 * ONE_MORE)
-                    used = (i & 2) == 0
     set_entry(keys, i, key_of(first, used, bits, box))
     set_entry(values, i, value)
     if followed:

@@ -122,7 +122,7 @@ Where a product overflows, an end may not be a number; the box then counts as me
 
 
 OF_LEAF = """
-        int at = (int)(now & INDEX), stop = at + 1 + (int)(now >> MORE & 3u);
+        int at = (int)(now & INDEX), stop = at + (now & PAIR ? 2 : 1);
 #pragma unroll 1
         for (; at < stop; at++) {
             TRIANGLE

@@ -38,8 +38,7 @@ class Build:
     radius: int = 2
     key_bits: int = 24
     node_bytes: int = 48
-    pair: float = 1.0
-    quad: float = 0.0
+    pair: float = 1.25
     doubt_capacity: int = 0
 
     def __post_init__(self) -> None:

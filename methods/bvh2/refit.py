@@ -150,11 +150,11 @@ class Refitted:
             nodes = wp.zeros(count * build.node_bytes // 16, dtype=wp.vec4f)
             self.tree = filled(Tree, nodes=nodes, root=wp.zeros(1, dtype=wp.int32))
 
-    def passes(self) -> tuple[Pass, list[Pass]]:
-        """What the triangles' planes wait for, too, and the refit."""
+    def passes(self) -> tuple[list[Pass], Pass]:
+        """What comes before the triangles are set up, and the refit, which runs beside that."""
         reads = ("triangles", "reach") if self.build.update == "static" else ("points", "triangles", "reach")
         box = Pass("box", "build", reads, ("extent",), self._box)
-        return box, [Pass("refit", "build", (*reads, "extent"), ("bvh",), self._refit)]
+        return [box], Pass("refit", "build", (*reads, "extent"), ("bvh",), self._refit)
 
     def _box(self) -> None:
         launch_box(self.frame, self.used, self.box)

@@ -9,10 +9,10 @@ from __future__ import annotations
 LEAF = 0x80000000
 """Bit of a reference to a child that says that it is a leaf: the lower bits are the index of its triangle."""
 
-MORE = 29
-"""Bits 29 and 30 of a reference to a leaf: how many of the mesh's next triangles it holds, too."""
+PAIR = 0x40000000
+"""Bit of a reference to a leaf that says that it holds the next triangle of the mesh, too."""
 
-INDEX = (1 << MORE) - 1
+INDEX = PAIR - 1
 """Bits of a reference to a leaf that are the index of its first triangle."""
 
 NONE = 0xFFFFFFFF
@@ -24,7 +24,7 @@ STACK = 128
 BASICS = (
     f"""
 struct Quad {{ float x, y, z, w; }};
-constexpr unsigned int LEAF = {LEAF}u, MORE = {MORE}u, INDEX = {INDEX}u, NONE = {NONE}u;
+constexpr unsigned int LEAF = {LEAF}u, PAIR = {PAIR}u, INDEX = {INDEX}u, NONE = {NONE}u;
 """
     + """
 auto bits = [](float value) { union { float f; unsigned int u; } both; both.f = value; return both.u; };

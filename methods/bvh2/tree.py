@@ -41,13 +41,14 @@ class Rebuilt:
             self.extent = wp.zeros(1, dtype=wp.float32)
         self.tree = filled(Tree, nodes=self.nodes, root=self.root)
 
-    def passes(self) -> tuple[Pass, list[Pass]]:
-        """What the triangles' planes wait for, too, and what makes the tree from it."""
-        first = Pass("keys", "build", ("points", "triangles", "reach"), ("keys", "extent"), self._keys)
-        return first, [
+    def passes(self) -> tuple[list[Pass], Pass]:
+        """What comes before the triangles are set up, and the tree, which is made beside that."""
+        first = [
+            Pass("keys", "build", ("points", "triangles", "reach"), ("keys", "extent"), self._keys),
             Pass("sort", "build", ("keys",), ("order",), self.sort.launch),
-            Pass("tree", "build", ("points", "triangles", "reach", "order", "extent"), ("bvh",), self._tree),
         ]
+        reads = ("points", "triangles", "reach", "order", "extent")
+        return first, Pass("tree", "build", reads, ("bvh",), self._tree)
 
     def _keys(self) -> None:
         f = self.frame
@@ -60,7 +61,6 @@ class Rebuilt:
                 f.triangle_count,
                 self.build.key_bits,
                 self.build.pair,
-                self.build.quad,
                 self.box,
             ],
             outputs=[*self.sort.half(self.sort.begin), self.flags, self.root, self.extent, self.sort.state],

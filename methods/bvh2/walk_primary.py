@@ -84,7 +84,6 @@ int held = 0;
 """
     + """
 while (now != NONE) {
-    bool done = true;
     if (!(now & LEAF)) {
         READ
         SLABS
@@ -92,19 +91,20 @@ while (now != NONE) {
             bool second = met1 && (!met0 || near1 < near0);
             if (met0 && met1) stack[held++] = second ? ref0 : ref1;
             now = second ? ref1 : ref0;
-            done = false;
+        } else {
+            if (held == 0) break;
+            now = stack[--held];
         }
-    } else {
-        OF_LEAF
     }
-    if (done) {
+    if (now & LEAF) {
+        OF_LEAF
         if (held == 0) break;
         now = stack[--held];
     }
 }
 """
 )
-"""One step per iteration, down to a child or through a triangle, so that the lanes of a warp meet after each."""
+"""A turn is at most one step down and one leaf, so that the lanes of a warp meet after each."""
 
 PACKET = (
     f"""

@@ -68,7 +68,6 @@ int held = 0;
     + """
 if (now == NONE) return 0;
 while (true) {
-    bool done = true;
     if (!(now & LEAF)) {
         READ
         SLABS
@@ -76,12 +75,13 @@ while (true) {
             bool second = met1 && (!met0 || near1 < near0);
             if (met0 && met1) stack[held++] = second ? ref0 : ref1;
             now = second ? ref1 : ref0;
-            done = false;
+        } else {
+            if (held == 0) break;
+            now = stack[--held];
         }
-    } else {
-        OF_LEAF
     }
-    if (done) {
+    if (now & LEAF) {
+        OF_LEAF
         if (held == 0) break;
         now = stack[--held];
     }

@@ -81,8 +81,8 @@ class Hybrid(BaseMethod):
         if shadows and not effects.alpha and rays.shares == 1:
             after += rays.clear_passes()
         effect = "shadows" if shadows else "mirror"
-        passes = [replace(first, branch=(TREE,), effect=effect)]
-        passes += [replace(work, branch=(TREE, 0), effect=effect) for work in grows]
+        passes = [replace(work, branch=(TREE,), effect=effect) for work in first]
+        passes.append(replace(grows, branch=(TREE, 0), effect=effect))
         passes += [replace(work, branch=(TREE, 1)) for work in after]
         passes += [replace(work, branch=(STREAM, *work.branch)) for work in streamed]
         return [*passes, *self._shadow_passes(rays, effects, shadows), *rays.bounce_passes()]

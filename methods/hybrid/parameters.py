@@ -38,7 +38,7 @@ class Trace:
                for each core that this process may use, at most 16
     """
 
-    registers: int = 40
+    registers: int = 48
     shares: int = 1
     threads: int = 0
 

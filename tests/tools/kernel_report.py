@@ -76,7 +76,7 @@ def hot_modules() -> dict[str, wp.Module | str]:
         "bvh2: hit points": "shadowbench.methods.bvh2.primary",
         "bvh2: shadow": shadow.make_shadow_kernel("exact", 48, 48).module,
         "bvh2: shadow, float32": shadow.make_shadow_kernel("float32", 48, 48).module,
-        "hybrid: shadow": shadow.make_shadow_kernel("exact", 48, 40).module,
+        "hybrid: shadow": shadow.make_shadow_kernel("exact", 48, 48).module,
         "perspective_spherical: trace": make_staged_trace_kernel(Variant(0), 64).module,
         "perspective_spherical: shadow": make_staged_shadow_kernel(Variant(0), 64).module,
     }
