@@ -70,5 +70,5 @@ auto take_box = [&](int k, float* b) {
 
 @functools.cache
 def make_lbvh_kernel(node_bytes: int) -> Any:
-    """One thread a leaf in key order; any number of them a block."""
+    """One thread per leaf in key order, in blocks of any size."""
     return make_builder(node_bytes, EXCHANGED + BUILD)

@@ -128,7 +128,7 @@ def make_closest_kernel(node_bytes: int) -> Any:
 
 @functools.cache
 def make_shadow_kernel(node_bytes: int) -> Any:
-    """Shadow bits, walked from the hit points. ``stack`` as in :func:`make_closest_kernel`."""
+    """Shadow bits, traversed from the hit points. ``stack`` as in :func:`make_closest_kernel`."""
     children_of = make_children_of(node_bytes)
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique")

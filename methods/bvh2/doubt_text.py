@@ -1,7 +1,8 @@
 """Leaving a pair of a triangle and a ray to float64, from within a native snippet.
 
-``leave(at)``, of triangle ``at``, takes an entry of ``doubts`` and counts on beyond its room (the harness then repeats the
-frame with more). An entry is (triangle, :data:`OF_PIXEL`: the pixel; :data:`CHAIN`: the ray's entry before, or -1).
+``leave(at)``, of triangle ``at``, takes an entry of ``doubts`` and continues to count beyond the capacity (the harness then
+repeats the frame with more room). An entry is (triangle, :data:`OF_PIXEL`: the pixel; :data:`CHAIN`: the ray's entry
+before, or -1).
 """
 
 from __future__ import annotations

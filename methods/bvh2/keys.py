@@ -1,12 +1,12 @@
-"""The leaves of a rebuilt tree with their Morton keys, and what a frame's build begins by clearing.
+"""The leaves of a rebuilt tree with their Morton keys, and clearing at the start of a frame's build.
 
 Exporters write the two triangles of a quad, and generators those of a strip, one after the other. Two of them share a leaf
 where the box of both is hardly larger than one of theirs: the sort and the tree then have half as many leaves, and a ray
 does a step less before it tests them. Whether they do is decided anew in each frame, from their boxes.
 
 A key interleaves the bits of the middle of a leaf's box, on a cube as large as the scene's longest side (Lauterbach
-et al. 2009). A triangle that is never hit (without area, not a number) has no leaf, nor has the second of two that share
-one: they get the largest key, which no leaf has, and the sort leaves them out.
+et al. 2009). A triangle that is never hit (without area, or with a coordinate that is not a number) has no leaf, nor has
+the second of two that share one: they get the largest key, which no leaf has, and the sort leaves them out.
 """
 
 from __future__ import annotations

@@ -9,11 +9,10 @@ import warp as wp
 
 from ...harness.frame.geometry import Camera, Hits, Mesh, Ray
 from ..common.entries import entry, set_entry
-from ..common.hitpoint import flat_hit_point, plane_distance
+from ..common.hitpoint import flat_hit_point, is_vague, plane_distance, steep_hit_point
 from ..common.pixels import tile_pixel
 from ..common.triangle import hit_distance, hit_weights, nearer, to_float32
 from .records import triangle_corners
-from .start import is_vague, start_point
 from .walk_primary import make_walk
 
 BLOCK = 128
@@ -60,7 +59,7 @@ def direction_at(camera: Camera, at: wp.vec2i) -> wp.vec3f:
 
 @functools.cache
 def make_exact_kernel(packets: bool, node_bytes: int, registers: int) -> Any:
-    """One thread a pixel, 8 x 4 a warp: the certain closest hit (-1: none), and its chain of doubts."""
+    """One thread per pixel, 8 x 4 per warp: the certain closest hit (-1: none), and its chain of doubts."""
     walk = make_walk("exact", packets, node_bytes)
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=registers)
@@ -87,7 +86,7 @@ def make_exact_kernel(packets: bool, node_bytes: int, registers: int) -> Any:
 
 @functools.cache
 def make_float32_kernel(packets: bool, node_bytes: int, registers: int) -> Any:
-    """One thread a pixel, 8 x 4 a warp: answers in float32, and the points that shadow rays start at."""
+    """One thread per pixel, 8 x 4 per warp: answers in float32, and the origins of shadow rays."""
     walk = make_walk("float32", packets, node_bytes)
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=registers)
@@ -162,7 +161,7 @@ def resolve_kernel(
         distance64 = plane_distance(ray, corners)
         distance32 = wp.float32(distance64)
         uv = hit_weights(ray, corners, weld_at(mesh, best))
-        point = start_point(ray, distance64, corners)
+        point = steep_hit_point(ray, distance64, corners)
         flat = is_vague(ray, corners)
     set_entry(hits.triangle, pixel, best)
     set_entry(hits.t, pixel, distance32)

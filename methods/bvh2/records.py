@@ -123,7 +123,7 @@ def scale_of(n: wp.vec3f, s: Seen, spread: wp.float32) -> wp.float32:
 
 @wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
 def eye_kernel(mesh: Mesh, eye: wp.array(dtype=wp.vec3f), records: wp.array(dtype=wp.vec4f)):
-    """Three words a triangle: the edge planes and m, one after the other."""
+    """Three words per triangle: the edge planes and m, one after the other."""
     at = wp.tid()
     if entry(mesh.valid, at) == wp.uint8(0):
         return
@@ -165,7 +165,7 @@ def light_kernel(
     records: wp.array(dtype=wp.vec4f),
     sides: wp.array(dtype=wp.vec4f),
 ):
-    """Three words a triangle, the planes through the light, and one apart: the triangle's."""
+    """Three words per triangle: the planes through the light. In an array apart, the triangle's own plane."""
     at = wp.tid()
     if entry(mesh.valid, at) == wp.uint8(0):
         return

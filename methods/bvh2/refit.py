@@ -151,7 +151,7 @@ class Refitted:
             self.tree = filled(Tree, nodes=nodes, root=wp.zeros(1, dtype=wp.int32))
 
     def passes(self) -> tuple[list[Pass], Pass]:
-        """What comes before the triangles are set up, and the refit, which runs beside that."""
+        """The passes before the records of triangles, and the refit, which runs concurrently with those."""
         reads = ("triangles", "reach") if self.build.update == "static" else ("points", "triangles", "reach")
         box = Pass("box", "build", reads, ("extent",), self._box)
         return [box], Pass("refit", "build", (*reads, "extent"), ("bvh",), self._refit)

@@ -20,7 +20,7 @@ from .walk_shadow import make_shadow_walk
 
 @functools.cache
 def make_shadow_kernel(precision: str, node_bytes: int, registers: int) -> Any:
-    """One thread a pixel, 8 x 4 a warp: the shadow bit as far as float32 decides it, and doubts.
+    """One thread per pixel, 8 x 4 per warp: the shadow bit as far as float32 decides it, and doubts.
 
     ``starts``: the hit points, rounded; nothing at a miss.
     """

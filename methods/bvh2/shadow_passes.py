@@ -31,7 +31,7 @@ def threads_built(rays: ShadowRays | None) -> dict[str, int]:
 
 
 class ShadowRays:
-    """What shadow rays and mirrored rays need of a tree.
+    """Arrays and passes for shadow rays and mirrored rays through a tree.
 
     counts  int32 [slots, shares]: pairs left to float64; slot 0 is for the primary rays, then one per light and bounce
     doubts  vec2i [capacity] for each share: those pairs, of one slot after another (:mod:`.doubt_text`)

@@ -21,8 +21,8 @@ from .shadow_passes import ShadowRays
 class Rays(ShadowRays):
     """Everything that is traced in a frame.
 
-    counts  of :class:`.shadow_passes.ShadowRays`; in slot 0 those of the eye's rays
-    found   vec2i [pixels]: of each eye's ray the closest certain hit (-1: none) and the last doubt (:mod:`.doubt_text`)
+    counts  of :class:`.shadow_passes.ShadowRays`; in slot 0 those of the primary rays
+    found   vec2i [pixels]: of each primary ray the closest certain hit (-1: none) and the last doubt (:mod:`.doubt_text`)
     eye_records vec4f [3 * triangles]: :mod:`.records`
     """
 
@@ -42,7 +42,7 @@ class Rays(ShadowRays):
             self.eye_records = wp.zeros(0 if walked(effects) else 3 * frame.triangle_count, dtype=wp.vec4f)
 
     def records_passes(self) -> list[Pass]:
-        """Triangles set up for the eye, and for lights that every hit receives, and counters: they need no tree."""
+        """Records of the triangles for the eye, and for lights that every hit receives, and counters: they need no tree."""
         if walked(self.effects):
             return []
         reads = ("points", "triangles", "camera")
@@ -50,7 +50,7 @@ class Rays(ShadowRays):
         return [eye, *self.light_passes(received=True), *self.clear_passes()]
 
     def passes(self) -> list[Pass]:
-        """Primary rays and shadow rays, the shares beside each other; then mirrored ones."""
+        """Primary rays and shadow rays, in shares that run concurrently; then mirrored rays."""
         scene = ("bvh", "points", "triangles", *self.effects.surface_reads())
         if walked(self.effects):
             passes = self._careful_passes(scene)

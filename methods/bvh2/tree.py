@@ -42,7 +42,7 @@ class Rebuilt:
         self.tree = filled(Tree, nodes=self.nodes, root=self.root)
 
     def passes(self) -> tuple[list[Pass], Pass]:
-        """What comes before the triangles are set up, and the tree, which is made beside that."""
+        """The passes before the records of triangles, and the one that makes the tree, concurrently with those."""
         first = [
             Pass("keys", "build", ("points", "triangles", "reach"), ("keys", "extent"), self._keys),
             Pass("sort", "build", ("keys",), ("order",), self.sort.launch),

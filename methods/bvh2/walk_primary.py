@@ -104,7 +104,7 @@ while (now != NONE) {
 }
 """
 )
-"""A turn is at most one step down and one leaf, so that the lanes of a warp meet after each."""
+"""At most one step down and one leaf per iteration, so that the lanes of a warp meet after each."""
 
 PACKET = (
     f"""

@@ -93,7 +93,7 @@ return 0;
 
 @functools.cache
 def make_shadow_walk(precision: str, node_bytes: int) -> Any:
-    """A function of the hit point h and the light: 1 where something lies between, but the triangle ``own``."""
+    """A function of the hit point h and the light: 1 where something other than the triangle ``own`` lies between."""
     leaf = EXACT_LEAF if precision == "exact" else FLOAT32_LEAF
     walking = WALK.replace("READ", READ[node_bytes]).replace("SLABS", SLABS)
     walking = walking.replace("OF_LEAF", OF_LEAF.replace("TRIANGLE", leaf))

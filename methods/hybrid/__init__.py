@@ -88,7 +88,7 @@ class Hybrid(BaseMethod):
         return [*passes, *self._shadow_passes(rays, effects, shadows), *rays.bounce_passes()]
 
     def _shadow_passes(self, rays: ShadowRays, effects: Effects, shadows: bool) -> list[Pass]:
-        """Of the primary hits, after both branches."""
+        """The shadow rays of the primary hits, after both branches."""
         scene = ("bvh", "points", "triangles", "camera", "hits", *effects.surface_reads())
         if not shadows:
             return rays.light_passes(received=False)
