@@ -119,7 +119,7 @@ def capture_passes(passes: Sequence[Pass], device: str) -> Any:
                 f"pass {work.name!r} cannot run ahead: it reads what another pass of the frame writes"
             )
     place = passes.index(early[0]) if early else len(passes)
-    _refuse_shared(passes)
+    refuse_shared(passes)
     with wp.ScopedDevice(device), wp.ScopedCapture() as capture:
         if early:
             with wp.ScopedStream(wp.Stream(device)) as branch:
@@ -145,7 +145,8 @@ def _forks(passes: Sequence[Pass], depth: int) -> Iterator[tuple[bool, list[list
         yield forked, list(branches.values())
 
 
-def _refuse_shared(passes: Sequence[Pass], depth: int = 0) -> None:
+def refuse_shared(passes: Sequence[Pass], depth: int = 0) -> None:
+    """ValueError if concurrent passes use a resource that one of them writes."""
     for forked, branches in _forks(passes, depth):
         for one, other in itertools.permutations(branches, 2):
             for work, beside in itertools.product(one, other):
@@ -156,11 +157,11 @@ def _refuse_shared(passes: Sequence[Pass], depth: int = 0) -> None:
                     )
         if forked:
             for branch in branches:
-                _refuse_shared(branch, depth + 1)
+                refuse_shared(branch, depth + 1)
             continue
         for only_if, together in _conditional(branches[0]):
             if only_if is not None:
-                _refuse_shared(together, depth)
+                refuse_shared(together, depth)
 
 
 def _capture(passes: Sequence[Pass], device: str, depth: int = 0) -> None:

@@ -101,13 +101,13 @@ def test_passes_with_one_condition_run_beside_each_other_too():
     pair = [beside(0, writes=("bits",), only_if=one), beside(1, writes=("bits",), only_if=one)]
     with pytest.raises(ValueError, match=r"cannot run concurrently with .*, which writes bits"):
         passes.capture_passes(pair, "cpu")
-    passes._refuse_shared([pair[0], replace(pair[1], only_if=other)])
+    passes.refuse_shared([pair[0], replace(pair[1], only_if=other)])
 
 
 def test_passes_that_may_run_beside_each_other():
-    passes._refuse_shared([beside(0, writes=("bits",), adds=True), beside(1, writes=("bits",), adds=True)])
-    passes._refuse_shared([beside(0), beside(1)])  # both only read the hits
-    passes._refuse_shared([beside(0, writes=("bits",)), beside(0, reads=("bits",))])  # one after the other
+    passes.refuse_shared([beside(0, writes=("bits",), adds=True), beside(1, writes=("bits",), adds=True)])
+    passes.refuse_shared([beside(0), beside(1)])  # both only read the hits
+    passes.refuse_shared([beside(0, writes=("bits",)), beside(0, reads=("bits",))])  # one after the other
 
 
 def test_branches_fork_where_passes_are_neighbours():
