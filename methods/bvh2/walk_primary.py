@@ -84,6 +84,7 @@ int held = 0;
 """
     + """
 while (now != NONE) {
+    bool done = true;
     if (!(now & LEAF)) {
         READ
         SLABS
@@ -91,20 +92,19 @@ while (now != NONE) {
             bool second = met1 && (!met0 || near1 < near0);
             if (met0 && met1) stack[held++] = second ? ref0 : ref1;
             now = second ? ref1 : ref0;
-        } else {
-            if (held == 0) break;
-            now = stack[--held];
+            done = false;
         }
-    }
-    if (now & LEAF) {
+    } else {
         OF_LEAF
+    }
+    if (done) {
         if (held == 0) break;
         now = stack[--held];
     }
 }
 """
 )
-"""At most one step down and one leaf per iteration, so that the lanes of a warp meet after each."""
+"""One step per iteration, down to a child or through a leaf, so that the lanes of a warp meet after each."""
 
 PACKET = (
     f"""
