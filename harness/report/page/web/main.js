@@ -56,7 +56,7 @@ let kept = "";
 try { kept = localStorage.getItem(THEME) || ""; } catch { /* none */ }
 theme(kept);
 $("#name").textContent = DATA.title;
-$("#footer").append(el("p", {}, `Drawn by shadowbench ${DATA.version} from ${points.length} records. Every number is from the records in ${DATA.title}, but for columns that say "paper": those are Guntury and Narayanan's, 2010, on a GTX 280. `,
-  "A stand-in is geometry made by a program in place of a scene that cannot be passed on."));
+$("#footer").append(el("p", {}, `Drawn by shadowbench ${DATA.version} from ${points.length} records. Every number is from the records in ${DATA.title}, except in columns that say "paper": these are Guntury and Narayanan's, 2010, on a GTX 280. `,
+  "A stand-in is geometry made by a program in place of a scene that cannot be distributed."));
 readAddress();
 drawFromAddress();

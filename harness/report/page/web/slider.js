@@ -14,7 +14,7 @@ function twoPictures(left, right, labels, name, read) {
   const window_ = el("div.window", { role: "group", "aria-label": `${labels[0]} and ${labels[1]}` }, inner);
   window_.style.width = `min(100%, ${(78 * shape).toFixed(1)}vh)`;
   const range = el("input", { type: "range", min: 0, max: 100, step: 0.5, value: String(start), "data-focus": `${name}.cut`,
-    "aria-label": `Part the pictures: ${labels[0]} left, ${labels[1]} right`, oninput: () => cut(Number(range.value)), onchange: () => change({ [`${name}.cut`]: range.value }, true) });
+    "aria-label": `Divider of the pictures: ${labels[0]} left, ${labels[1]} right`, oninput: () => cut(Number(range.value)), onchange: () => change({ [`${name}.cut`]: range.value }, true) });
   function cut(percent_) {
     over.style.clipPath = `inset(0 0 0 ${percent_}%)`;
     line.style.left = `${percent_}%`;

@@ -3,7 +3,7 @@
 const WORDS = { holds: "hold", "does not hold": "do not hold", "can't tell": "cannot be told" };
 
 function viewClaims(host) {
-  if (!DATA.claims.length) { host.append(el("p.empty-note", {}, "Nothing here decides a claim.")); return; }
+  if (!DATA.claims.length) { host.append(el("p.empty-note", {}, "These results decide no claim.")); return; }
   const columns = [
     { key: "number", title: "#", numeric: "up", value: (c) => c.number, text: (c) => String(c.number) },
     { key: "verdict", title: "verdict", text: (c) => c.verdict, node: (c) => el(`span.verdict.${c.verdict.replace(/\W+/g, "-")}`, {}, c.verdict) },

@@ -4,7 +4,7 @@ async function viewMaps(host) {
   const titles = unique(shown(["method", "device"]).map((p) => p.title));
   const entries = DATA.maps.filter((one) => titles.includes(one.title) && (!state.exp.length || state.exp.includes(one.folder)));
   if (!entries.length) {
-    host.append(DATA.maps.length ? nothing() : el("p.empty-note", {}, "These results have no maps of tests per pixel. A run of figure2 keeps them; shadowbench keep --with maps carries them along."));
+    host.append(DATA.maps.length ? nothing() : el("p.empty-note", {}, "These results have no maps of tests per pixel. A run of figure2 keeps them; shadowbench keep --with maps includes them."));
     return;
   }
   const name = (one) => `${one.folder} · ${one.title}, ${one.width}×${one.height}`;

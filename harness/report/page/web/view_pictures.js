@@ -32,7 +32,7 @@ async function viewPictures(host) {
   if (single.length) host.append(section("Scenes", null, el("div.sheet", {}, single.map((one) => el("figure", {}, el("img", { src: one.pictures[0].uri, alt: one.title, loading: "lazy" }), el("figcaption", {}, one.title))))));
   const drawn = DATA.figures.filter((one) => one.name.endsWith(".png") && (!state.exp.length || state.exp.includes(one.folder)));
   if (drawn.length) host.append(section("Drawn sheets", null, drawn.map((one, i) => { const node = figure(one); if (i === 0 && !pairs.length) node.open = true; return node; })));
-  if (!pairs.length) host.append(el("p.note", {}, "These results have no pictures of several methods. A run of the experiment accuracy keeps them (images/ and maps/); shadowbench keep --with images --with maps carries them along."));
+  if (!pairs.length) host.append(el("p.note", {}, "These results have no pictures of several methods. A run of the experiment accuracy keeps them (images/ and maps/); shadowbench keep --with images --with maps includes them."));
 }
 
 const ERROR_TINTS = { true: [213, 0, 60], invalid: [160, 0, 200], acne: [235, 90, 0], leak: [0, 120, 255], edge: [120, 120, 120], "near-tie": [150, 150, 90] };

@@ -102,7 +102,7 @@ function barShares(lines, heads, at, value, across) {
 const filtered = () => Object.keys(FILTERS).some((key) => state[key].length) || Boolean(state.q);
 
 /** In place of a view that has nothing to show: because of the filters, or because `lacking` is not in the results. */
-const nothing = (lacking = "Nothing was measured.") => (!filtered() ? el("p.empty-note", {}, lacking) : el("p.empty-note", {}, "Nothing here passes the filters. ", el("button.small", { type: "button", onclick: () => change({ exp: [], scene: [], method: [], device: [], q: "" }) }, "Clear filters")));
+const nothing = (lacking = "Nothing was measured.") => (!filtered() ? el("p.empty-note", {}, lacking) : el("p.empty-note", {}, "No row matches the filters. ", el("button.small", { type: "button", onclick: () => change({ exp: [], scene: [], method: [], device: [], q: "" }) }, "Clear filters")));
 
 /** The drawings of a folder, opened where asked for. */
 function figuresOf(folder, host) {
