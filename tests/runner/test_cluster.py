@@ -17,7 +17,7 @@ from helpers.experiment_records import record_of
 from helpers.tiny_runs import install_misbehaving, options, write_scene
 from shadowbench.harness.commands.keep import keep
 from shadowbench.harness.errors import UserError
-from shadowbench.harness.runner.cluster import spool
+from shadowbench.harness.runner.cluster import head, spool
 from shadowbench.harness.runner.cluster.calibration import Calibration
 from shadowbench.harness.runner.cluster.head import ClusterRun
 from shadowbench.harness.runner.cluster.pool import connected
@@ -31,7 +31,12 @@ pytest.importorskip("distributed", reason="Dask distributed is not installed: th
 
 @pytest.fixture
 def place(tmp_path, monkeypatch):
-    """The folder of a test, with a scene in it; methods of another package, and shards in a folder of their own."""
+    """The folder of a test, with a scene in it; methods of another package, and shards in a folder of their own.
+
+    The head looks for workers ten times as often as usual.
+    """
+    monkeypatch.setattr(head, "LOOK_S", 0.1)
+    monkeypatch.setattr(head, "POLL_S", 0.02)
     path = install_misbehaving(tmp_path / "packages")
     monkeypatch.syspath_prepend(tmp_path / "packages")
     monkeypatch.setenv("PYTHONPATH", path)
@@ -96,7 +101,7 @@ def test_a_word_that_is_no_address_is_refused_at_once(place):
 
 
 def test_a_scheduler_that_is_not_there_is_one_line(place, monkeypatch):
-    monkeypatch.setattr("shadowbench.harness.runner.cluster.pool.CONNECT_S", 1.0)
+    monkeypatch.setattr("shadowbench.harness.runner.cluster.pool.CONNECT_S", 0.2)
     with (
         pytest.raises(UserError, match="no Dask scheduler answers there") as caught,
         connected("tcp://127.0.0.1:9", None),
