@@ -105,7 +105,8 @@ def code_hash() -> str:
         for path in root.rglob("*.py")
         if "template" not in path.parts
     }
-    return digest([[name, digest(path.read_text(encoding="utf-8"))] for name, path in sorted(files.items())])[:16]
+    known = [[name, digest(path.read_text(encoding="utf-8"))] for name, path in sorted(files.items())]
+    return digest(known)[:16]
 
 
 def host_id() -> str:
