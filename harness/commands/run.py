@@ -29,6 +29,9 @@ from .options import checked_limit
 RESULTS = Path("results/local")
 """The parent folder of results without ``--out``."""
 
+MOST_ROUNDS = 10_000
+"""The order of all rounds is made before the first."""
+
 
 def plan_run(
     experiment: str,
@@ -60,6 +63,8 @@ def plan_run(
         if not (value > 0 and math.isfinite(value)):
             finite = "" if math.isfinite(value) else " and finite"
             raise UserError(f"--{key.removesuffix('_s')} {value:g}: must be more than 0{finite}")
+    if changes.get("rounds", 0) > MOST_ROUNDS:
+        raise UserError(f"--rounds {changes['rounds']}: must be at most {MOST_ROUNDS:,}")
     # The limit is part of the point's configuration: a method rejected under one limit may pass under another.
     memory = checked_limit(options.pop("memory_limit", None))
     if memory is not None:

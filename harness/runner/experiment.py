@@ -115,7 +115,8 @@ def find_preset(experiment: Experiment, name: str | None, device: str) -> tuple[
         raise UserError(
             f"{experiment.name} measures nothing; run other experiments, then `shadowbench show {experiment.name} DIR`"
         )
-    chosen = name or (experiment.gpu if device.startswith("cuda") else experiment.cpu)
+    default = experiment.gpu if device.startswith("cuda") else experiment.cpu
+    chosen = default if name is None else name
     if chosen not in experiment.presets:
         raise UserError(
             f"{experiment.name} has no preset {chosen!r}{did_you_mean(chosen, experiment.presets)}"

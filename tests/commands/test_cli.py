@@ -108,6 +108,8 @@ def test_no_command_shows_help(call):
         ),
         (["run", "table1", "--size", "0x9"], "--size '0x9': write it as WIDTHxHEIGHT"),
         (["run", "table1", "--rounds", "0"], "--rounds 0: must be more than 0"),
+        (["run", "table1", "--rounds", "99999999999"], "--rounds 99999999999: must be at most 10,000"),
+        (["run", "table1", "--preset", ""], "table1 has no preset ''"),
         (["run", "table1", "--budget", "-1"], "--budget -1: must be more than 0"),
         (["run", "table1", "--budget", "nan"], "--budget nan: must be more than 0 and finite"),
         (["run", "table1", "--memory-limit", "-5"], "--memory-limit -5: must be more than 0 bytes"),
