@@ -82,9 +82,10 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     made = rows.set_index("name")[[f"{name}_text" for name in STAGES]].T
     made.insert(0, "stage", list(parts))
     made["variation"] = variation.map("{:.0%}".format).array
+    span = document.span(widest["rearrangement_ms"], widest["rearrangement_spread"])
     finding = (
-        f"Rearrangement takes {document.span(widest['rearrangement_ms'])} ms over {len(widest)} scenes, a coefficient of "
-        f"variation of {variation['rearrangement_ms']:.0%} (the paper: more or less the same for all models)."
+        f"Rearrangement takes {span} ms over {len(widest)} scenes, a coefficient of variation of "
+        f"{variation['rearrangement_ms']:.0%} (the paper: more or less the same for all models)."
     )
     if len(grown := growth(frames)):
         means = grown.apply(compare.geometric)

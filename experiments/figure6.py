@@ -78,7 +78,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     spots = done[done["spot"].notna() & done["shadow_ray_share"].notna()]
     finding = "No spot was measured beside the light that shines everywhere."
     if len(spots):
-        share = document.span(spots["shadow_ray_share"], "{:.0%}".format)
+        share = document.span(spots["shadow_ray_share"], form="{:.0%}".format)
         finding = f"Spots leave {share} of the hit points a shadow ray; light grid and shadow rays over those with the "
         finding += (
             f"light everywhere: {document.ranked(spots, 'over_plain', 'light')} (the paper has no times)."

@@ -72,7 +72,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         ))  # fmt: skip
     told = [
         f"A frame of {OURS} at {document.where(rows).split(' on ')[0]}, everything rebuilt, takes "
-        f"{document.span(rows['total_ms'])} ms; over that the fastest peer that "
+        f"{document.span(rows['total_ms'], rows['spread'])} ms; over that the fastest peer that "
         f"{document.ranked(peers[peers['pixels'] == pixels], 'times_slower', 'kind')}"
         for pixels, rows in own.groupby("pixels")
     ]

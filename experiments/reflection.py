@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..harness.report import compare, document, panels, style
+from ..harness.report import compare, document, panels
 from ..harness.results.table import stage_ms
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
@@ -63,11 +63,18 @@ def read(folder: Path) -> pd.DataFrame:
     table["added_ms"] = table["key"].map(own["total_ms"] - base["total_ms"])
     table["added_spread"] = table["key"].map((compare.spread(own) ** 2 + compare.spread(base) ** 2) ** 0.5)
     table["ratio"] = table["key"].map(compare.ratios(frames, frames["light_label"] == BASE, same)["ratio"])
+    passes = {"mirrored": ("trace", MIRRORED), "traced": ("trace", "")}
+    table = document.with_passes(table, folder, passes)
     rays = table["mirrored_rays"].where(table["mirrored_rays"] > 0).astype("float64")
     bounces = stage_ms(table, "trace", "bounce ")
     table["primary_ns"] = (stage_ms(table, "trace") - bounces) * 1e6 / table["pixels"].astype("float64")
     table["mirrored_ns"] = stage_ms(table, "trace", MIRRORED) * 1e6 / rays
+    table["mirrored_ns_spread"] = table["mirrored_spread"] * 1e6 / rays
     table["loss"] = table["mirrored_ns"] / table["primary_ns"]
+    shares = (table["mirrored_spread"] / table["mirrored_ms"]) ** 2 + (
+        table["traced_spread"] / table["traced_ms"]
+    ) ** 2
+    table["loss_spread"] = table["loss"] * shares**0.5
     return table
 
 
@@ -82,7 +89,10 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         files.append(picture(bounced, folder / "reflection.svg"))
         shown = bounced.assign(
             added=document.carry(bounced["added_ms"], bounced["added_spread"], "+"),
-            each=bounced["mirrored_ns"].map(style.number) + " (x" + bounced["loss"].map(style.number) + ")",
+            each=document.carry(bounced["mirrored_ns"], bounced["mirrored_ns_spread"])
+            + " (x"
+            + document.carry(bounced["loss"], bounced["loss_spread"]).str.strip(document.NOISY)
+            + ")",
         )
         tables = {
             f"What mirrors add to the frame of {BASE}, ms": added_table(shown, done),
@@ -121,19 +131,22 @@ def finding(bounced: pd.DataFrame) -> str:
         times = best_ratio(own)
         if len(times):
             told.append(
-                f"On {device} the fastest grid takes {compare.geometric(times):.2f} times as long for a mirrored ray as the "
-                f"fastest tree ({document.span(times)} by scene and number of bounces)."
+                f"On {device} the fastest grid takes {document.mean(times, 'ratio')} times as long for a mirrored ray as "
+                f"the fastest tree ({document.span(times['ratio'], times['ratio_spread'])} by scene and number of bounces)."
             )
     return " ".join(told) or "No grid and tree were measured with mirrors."
 
 
-def best_ratio(bounced: pd.DataFrame) -> pd.Series:
-    """Time of a mirrored ray, fastest grid over fastest tree: by scene and number of bounces."""
-    kinds = bounced.assign(kind=bounced["label"].map(KINDS)).groupby(["scene", "light_label", "kind"])[
-        "mirrored_ns"
-    ]
-    least = kinds.min().unstack("kind").reindex(columns=["grid", "tree"])
-    return (least["grid"] / least["tree"]).dropna()
+def best_ratio(bounced: pd.DataFrame) -> pd.DataFrame:
+    """Time of a mirrored ray, fastest grid over fastest tree: ``ratio`` and ``ratio_spread`` by scene and bounces."""
+    own = bounced.assign(kind=bounced["label"].map(KINDS)).sort_values("mirrored_ns")
+    least = own.drop_duplicates(["kind", "scene", "light_label"]).set_index(["scene", "light_label"])
+    sides = [least[least["kind"] == kind] for kind in ("grid", "tree")]
+    grid, tree = (side["mirrored_ns"] for side in sides)
+    shares = [side["mirrored_ns_spread"] / side["mirrored_ns"] for side in sides]
+    share = (shares[0] ** 2 + shares[1] ** 2) ** 0.5
+    ratio = grid / tree
+    return ratio.to_frame("ratio").assign(ratio_spread=ratio * share).dropna(subset="ratio")
 
 
 def picture(bounced: pd.DataFrame, path: Path) -> Path:

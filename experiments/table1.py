@@ -141,10 +141,13 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
 
 def finding(done: DataFrame) -> str:
     """The number of scenes on which each method is the fastest."""
-    best = done[done["best"]].groupby("row", sort=False)["total_ms"]
-    told = ", ".join(f"{row} on {len(own)} ({document.span(own)} ms)" for row, own in best)
+    best = done[done["best"]].groupby("row", sort=False)
+    told = ", ".join(
+        f"{row} on {len(own)} ({document.span(own['total_ms'], own['spread'])} ms)" for row, own in best
+    )
     told = told or "none, as no two were measured over the same frames in one run"
-    return f"Of {done['title'].nunique()} scenes the fastest frame with every answer right: {told}."
+    scenes = done["title"].nunique()
+    return f"Of {scenes} scene{'s' * (scenes != 1)} the fastest frame with every answer right: {told}."
 
 
 def frame_table(by_scene: DataFrame) -> DataFrame:

@@ -148,9 +148,13 @@ def named(table: DataFrame) -> DataFrame:
     )  # fmt: skip
 
 
-def span(values: Series, form: Callable[[float], str] = style.number) -> str:
-    """The range of values, as "1.20 to 3.40"; one where they are alike."""
-    return " to ".join(dict.fromkeys((form(values.min()), form(values.max()))))
+def span(values: Series, spreads: Series | None = None, form: Callable[[float], str] = style.number) -> str:
+    """The range of values, as "1.20 to 3.40"; one where they are alike. With the digits that their ``spreads`` carry."""
+    known = values.astype("float64").to_numpy()
+    ends = [int(known.argmin()), int(known.argmax())]
+    if spreads is None:
+        return " to ".join(dict.fromkeys(form(known[i]) for i in ends))
+    return " to ".join(dict.fromkeys(carried(float(known[i]), float(spreads.iloc[i])) for i in ends))
 
 
 def mean(table: DataFrame, ratio: str) -> str:
@@ -166,12 +170,16 @@ def ranked(table: DataFrame, ratio: str, by: str, most: int = 5) -> str:
     Of more than ``most`` values the least and the greatest are told, of those that are known on as many scenes as any.
     """
     own = table[table[ratio].notna()].groupby(by, sort=False)
+    spreads = f"{ratio}_spread"
     order = own[ratio].agg(geometric).sort_values().index
     if len(order) > most:
         order = order[own.size()[order] == own.size().max()][[0, -1]]
     told = []
     for name, part in ((name, own.get_group(name)) for name in order):
-        told.append(f"{name} {mean(part, ratio)}" + f" ({span(part[ratio])})" * (part[ratio].nunique() > 1))
+        told.append(
+            f"{name} {mean(part, ratio)}"
+            + f" ({span(part[ratio], part.get(spreads))})" * (part[ratio].nunique() > 1)
+        )
     return (" ... " if len(own) > most else ", ").join(told)
 
 

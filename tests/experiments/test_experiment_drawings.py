@@ -28,8 +28,8 @@ def test_figure2_says_how_much_the_most_drops(tmp_path):
     files = show("figure2", tmp_path, quiet=True)
     text = (tmp_path / "figure2.md").read_text()
     told = "against direct, {0}x{0} tiles {1} of the most triangles for a pixel, primary rays {2} in speed"
-    assert told.format(16, "40%", "+40%") in text
-    assert told.format(8, "80%", "-20%") in text
+    assert told.format(16, "40%", "+40.0%") in text
+    assert told.format(8, "80%", "-20.0%") in text
     assert "| indirect, 2x2 of 8x8 | 400 |" in text
     table = list(csv.DictReader((tmp_path / "figure2.csv").open()))
     (ours,) = (r for r in table if r["label"] == figure2.INDIRECT)

@@ -47,7 +47,7 @@ def test_added_time_and_the_time_of_a_mirrored_ray(tmp_path):
     assert bounced.loc[GRID.label, "primary_ns"] == pytest.approx(1000.0)
     assert bounced.loc[GRID.label, "loss"] == pytest.approx(4.0)
     assert bounced.loc[TREE.label, "added_ms"] == pytest.approx(2.548)
-    assert reflection.best_ratio(bounced.reset_index()).tolist() == pytest.approx([4.0])
+    assert reflection.best_ratio(bounced.reset_index())["ratio"].tolist() == pytest.approx([4.0])
     files = {file.name for file in show("reflection", tmp_path, quiet=True)}
     assert files == {"reflection.csv", "reflection.svg", "reflection.md"}
     text = (tmp_path / "reflection.md").read_text()

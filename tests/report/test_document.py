@@ -8,7 +8,7 @@ from helpers.experiment_records import record_of
 from helpers.table1_records import write_records
 from shadowbench.experiments import frame_time, table1
 from shadowbench.harness.commands.show import show
-from shadowbench.harness.report.document import effort
+from shadowbench.harness.report.document import effort, span
 from shadowbench.harness.runner.experiment import Entry
 
 
@@ -69,3 +69,9 @@ def test_the_first_line_tells_of_a_busy_machine(tmp_path, capsys, monkeypatch):
     said = "2 of 4 rounds were disturbed, the worst by load 5.0 on 2 cores"
     assert said in capsys.readouterr().out.splitlines()[0]
     assert said in (tmp_path / "table1.md").read_text()
+
+
+def test_a_range_has_the_digits_that_the_spreads_of_its_ends_carry():
+    values, spreads = pd.Series([2.345, 0.1234, 1.0]), pd.Series([0.3, 0.0, 0.0])
+    assert span(values) == "0.123 to 2.35"
+    assert span(values, spreads) == "0.123 to ~2.3"
