@@ -42,7 +42,10 @@ def texts(folder: Path) -> dict[str, str]:
 
 def experiment_of(folder: Path) -> str:
     """What its first record says, without checking the others: drawing them does."""
-    with lzma.open(folder / "records" / ARCHIVE, "rt", encoding="utf-8") as file:
+    packed = folder / "records" / ARCHIVE
+    if not packed.is_file():  # the records of a run, one file each
+        return json.loads(next((folder / "records").glob("*.json")).read_text(encoding="utf-8"))["experiment"]
+    with lzma.open(packed, "rt", encoding="utf-8") as file:
         return json.loads(file.readline())["experiment"]
 
 
