@@ -111,8 +111,10 @@ def in_sequence(frames: DataFrame) -> list[str]:
     frames  a tidy table (:func:`.results.table.tidy`)
     """
     known = frames[frames["total_ms"].notna() & (frames["started"] > 0)].sort_values("started")
-    lights = known.groupby([*SCENE, *SIZE], sort=False)["light_label"]
-    apart = lights.agg(lambda own: 1 < own.nunique() == (own != own.shift()).sum())
+    points = known.drop_duplicates("key", keep="last")
+    lights = points.groupby([*SCENE, *SIZE], sort=False)["light_label"]
+    # The order of single points, one for each lighting, does not tell.
+    apart = lights.agg(lambda own: 1 < own.nunique() == (own != own.shift()).sum() < len(own))
     return [ONE_BY_ONE] * bool(apart.any())
 
 

@@ -103,3 +103,4 @@ def test_lightings_that_were_not_measured_in_turn_are_named(tmp_path, starts, sa
         record["frames"][0]["started"] = [float(start)]
     frames = document.frames(write_records(tmp_path, records))
     assert compare.in_sequence(frames) == [compare.ONE_BY_ONE] * said
+    assert compare.in_sequence(frames[frames["label"] == "ours"]) == [], "one method alone does not tell"
