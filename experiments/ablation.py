@@ -117,9 +117,8 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         below = f"frame time over that of {BASES[ratio]}"
         tables[below.capitalize()] = ratios(own[own["label"] != TREE], ratio)
         if len(own):
-            whisker = f"{ratio}_spread"
-            pictures.append(panels.dots(folder / f"{name}.svg", own, "label", ratio, "title", order=ORDER,
-                                        whisker=whisker, below=below))  # fmt: skip
+            look = {"order": ORDER, "whisker": f"{ratio}_spread", "below": below}
+            pictures.append(panels.dots(folder / f"{name}.svg", own, "label", ratio, "title", **look))
     told = document.ranked(done[done["label"].isin([BASE, BEST])], "ratio_to_tree", "label")
     alone = document.ranked(done[~apart & ~done["label"].isin([BASE, BEST])], "ratio", "label")
     finding = f"Frame time over that of {TREE}: {told or 'not measured in one run'}; over that of {BASE}, "
@@ -131,12 +130,9 @@ def ratios(own: pd.DataFrame, column: str) -> pd.DataFrame:
     """Scenes across, points down, the least geometric mean first; numbers have the digits that their spread carries."""
     own = own.assign(text=document.carry(own[column], own[f"{column}_spread"]))
     wide = document.cross_table(own, {"label": "configuration"}, "title", "text")
-    points = own.groupby("label")
-    wide.insert(
-        1, "geometric mean", [document.mean(points.get_group(x), column) for x in wide["configuration"]]
-    )
-    order = wide["configuration"].map(points[column].agg(compare.geometric))
-    return wide.loc[order.sort_values(kind="stable").index]
+    points, names = own.groupby("label"), wide["configuration"]
+    wide.insert(1, "geometric mean", [document.mean(points.get_group(name), column) for name in names])
+    return wide.loc[names.map(points[column].agg(compare.geometric)).sort_values(kind="stable").index]
 
 
 EXPERIMENT = Experiment(

@@ -129,9 +129,8 @@ def drawings(table: pd.DataFrame, exact: pd.DataFrame, folder: Path) -> list[Pat
     """
     titles = table["title"].unique()
     where = (table["title"] + ", ") * int(len(titles) > 1) + table["rectangle"]
-    table = table.assign(
-        where=where, panel=where + ", " + table["axes"], formats=table["precision"] != PRECISE
-    )
+    table = table.assign(where=where, panel=where + ", " + table["axes"])
+    table["formats"] = table["precision"] != PRECISE
     times = table.sort_values("formats", kind="stable")
     tiles = table.drop_duplicates(["where", "axes", "precision", "light_distance"])
     tiles = tiles.assign(line=tiles["axes"] + ", " + tiles["precision"])

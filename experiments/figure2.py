@@ -77,9 +77,8 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     ]
     known = done[done["label"] == INDIRECT].dropna(subset="speed_up").head(1).to_dict("records")
     told = [TOLD.format(x, r[f"most_share{n}"], r[f"told{n}"]) for n, x in BASES.items() for r in known]
-    finding = (
-        f"{INDIRECT}: {'; '.join(told) or 'not measured'} (the paper: less than half, and 30-50 % faster)."
-    )
+    text = "; ".join(told) or "not measured"
+    finding = f"{INDIRECT}: {text} (the paper: less than half, and 30-50 % faster)."
     tables = {"Triangles checked for a pixel, and time of primary rays": document.texts(done, HEADINGS)}
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet)
 
@@ -108,13 +107,9 @@ def picture(own: pd.DataFrame, maps: dict[str, Counts], path: Path) -> Path:
     rows = own.loc[[label for label in SHOWN if label in own.index]]
     counted = np.any([maps[key] for key in rows["key"]], axis=0)
     part = np.ix_(counted.any(axis=1), counted.any(axis=0)) if counted.any() else ...
-    shown = [
-        (
-            f"{r.Index}\nmost {r.tests_most:,.0f}, mean {r.tests_mean:.0f}",
-            np.ma.masked_equal(maps[r.key][part], 0),
-        )
-        for r in rows.itertuples()
-    ]
+    captions = [f"{r.Index}\nmost {r.tests_most:,.0f}, mean {r.tests_mean:.0f}" for r in rows.itertuples()]
+    counts = [np.ma.masked_equal(maps[key][part], 0) for key in rows["key"]]
+    shown = list(zip(captions, counts, strict=True))
     # Colours follow the square root: the most is several times what is usual.
     norm = PowerNorm(0.5, 0, max(2.0, rows["tests_most"].max()))
     colours = matplotlib.colormaps["viridis"].with_extremes(bad="#d9d9d9")

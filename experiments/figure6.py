@@ -79,10 +79,9 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     finding = "No spot was measured beside the light that shines everywhere."
     if len(spots):
         share = document.span(spots["shadow_ray_share"], form="{:.0%}".format)
+        told = document.ranked(spots, "over_plain", "light")
         finding = f"Spots leave {share} of the hit points a shadow ray; light grid and shadow rays over those with the "
-        finding += (
-            f"light everywhere: {document.ranked(spots, 'over_plain', 'light')} (the paper has no times)."
-        )
+        finding += f"light everywhere: {told} (the paper has no times)."
     tables, pictures = {"Lights": document.texts(done, HEADINGS)}, [path for path in drawn if path]
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet)
 

@@ -84,9 +84,8 @@ def read(folder: Path) -> DataFrame:
     best  the answers are right, and no other point with right answers is faster, over the frames that both have
     """
     frames = document.frames(folder)
-    table = document.with_passes(
-        document.named(frames), folder, {name: (part, "") for part, name in PART_COLUMNS.items()}
-    )
+    parts = {name: (part, "") for part, name in PART_COLUMNS.items()}
+    table = document.with_passes(document.named(frames), folder, parts)
     usual = {entry.label: settings_text(dict(entry.settings)).split(", ") for entry in METHODS}
     several = int(table["device"].nunique() > 1)
     table["row"] = [
@@ -162,10 +161,8 @@ def frame_table(by_scene: DataFrame) -> DataFrame:
     text = text.where(own["status"] == "ok", own["status"])
     own = own.assign(text=text.where(~own["best"], "**" + text + "**"))
     printed = paper.entries(own["scene"].unique()).merge(own[["scene", "title"]].drop_duplicates())
-    printed = printed.assign(
-        row="*the paper: " + printed["method"] + "*",
-        text="*" + printed["printed"].str.replace("*", r"\*") + "*",
-    )
+    printed["row"] = "*the paper: " + printed["method"] + "*"
+    printed["text"] = "*" + printed["printed"].str.replace("*", r"\*") + "*"
     wide = document.cross_table(pd.concat([own, printed]), {"row": "method"}, "title", "text")
     return wide[["method", *by_scene["title"].unique()]]
 

@@ -122,9 +122,8 @@ def costs(folder: Path, measures: Sequence[Measure]) -> pd.DataFrame:
         own, other = compare.pairs(frames[frames["label"].isin([with_, without])], frames["label"] == without)
         own = own[own["label"] == with_]
         other = other.loc[own.index]
-        noise = 2 * np.maximum(
-            *[compare.spread(side).where(side["samples"] >= ENOUGH) for side in (own, other)]
-        )
+        spreads = [compare.spread(side).where(side["samples"] >= ENOUGH) for side in (own, other)]
+        noise = 2 * np.maximum(*spreads)
         cost = own["total_ms"] - other["total_ms"]
         found.append(own[["scene", "device"]].assign(
             scene_title=titles.loc[own.index], measure=name, **{"with": with_, "without": without},
@@ -166,9 +165,8 @@ def finding(table: pd.DataFrame, cost: pd.DataFrame) -> str:
     right = known[known["label"].isin(never.index[never])].sort_values("total_ms").drop_duplicates("title")
     first = ", ".join(f"{name} ({n} scenes)" for name, n in right["name"].value_counts().items())
     clear = cost[~cost["within_noise"].astype(bool)]
-    told = (
-        document.ranked(clear.assign(ratio=clear["with_ms"] / clear["without_ms"]), "ratio", "measure") or "-"
-    )
+    clear = clear.assign(ratio=clear["with_ms"] / clear["without_ms"])
+    told = document.ranked(clear, "ratio", "measure") or "-"
     return (
         f"{never.sum()} of {len(never)} points are never wrong on these scenes, the fastest of them {first or '-'}; frame "
         f"time with a safety measure over that without, where it exceeds the noise: {told}."
@@ -203,9 +201,8 @@ def draw_costs(cost: pd.DataFrame, base: str, path: Path) -> list[Path]:
     if own.empty:
         return []
     known = own.assign(added=own["cost_ms"].clip(lower=0).where(~own["within_noise"], 0.0))
-    table = (
-        document.cross_table(known, ["scene_title"], "measure", "added").set_index("scene_title").fillna(0)
-    )
+    table = known.pivot(index="scene_title", columns="measure", values="added").fillna(0)
+    table = table.loc[own["scene_title"].unique(), own["measure"].unique()]
     names = [name for name in table if table[name].any()]
     total = own.groupby("scene_title", sort=False)["with_ms"].first()
     table = table.assign(

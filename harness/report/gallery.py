@@ -92,14 +92,13 @@ def draw(folder: Path, points: DataFrame, title: str = "") -> list[Path]:
     sheets, sizes = [], list(points.groupby(["width", "height"], sort=False))
     for (width, height), own in sizes:
         files = [folder / "images" / image_name(scene, "", width, height) for scene in own["scene"].unique()]
-        images = [opened(file) for file in files]
-        for file in (
-            file for file, image in zip(files, images, strict=True) if image is None and file.exists()
-        ):
-            warn(f"{file}: not a whole picture, left out; the same `shadowbench run` draws it again")
-        for image in filter(None, images):
-            image.thumbnail((704, 4 * 704))
-        shown = [("", np.asarray(image.convert("RGB"))) for image in images if image]
+        shown = []
+        for file in filter(Path.exists, files):
+            if image := opened(file):
+                image.thumbnail((704, 4 * 704))
+                shown.append(("", np.asarray(image.convert("RGB"))))
+            else:
+                warn(f"{file}: not a whole picture, left out; the same `shadowbench run` draws it again")
         name = "gallery.png" if len(sizes) == 1 else f"gallery-{width}x{height}.png"
         if shown:
             sheets.append(panels.images(folder / name, shown, across=3, below=title, wide=2, colours=256))
