@@ -6,6 +6,7 @@ the exact triangle test and a scene that is declared closed; elsewhere it is lis
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -117,8 +118,8 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         below = f"frame time over that of {BASES[ratio]}"
         tables[below.capitalize()] = ratios(own[own["label"] != TREE], ratio)
         if len(own):
-            look = {"order": ORDER, "whisker": f"{ratio}_spread", "below": below}
-            pictures.append(panels.dots(folder / f"{name}.svg", own, "label", ratio, "title", **look))
+            draw_dots = partial(panels.dots, order=ORDER, whisker=f"{ratio}_spread", below=below)
+            pictures.append(draw_dots(folder / f"{name}.svg", own, "label", ratio, "title"))
     told = document.ranked(done[done["label"].isin([BASE, BEST])], "ratio_to_tree", "label")
     alone = document.ranked(done[~apart & ~done["label"].isin([BASE, BEST])], "ratio", "label")
     finding = f"Frame time over that of {TREE}: {told or 'not measured in one run'}; over that of {BASE}, "
