@@ -80,7 +80,12 @@ def read_facts(path: Path) -> dict[str, Any]:
         with np.load(path) as stored:
             return json.loads(str(stored["facts"]))
     except DAMAGED as error:
-        raise UserError(f"{path}: not a file of raw answers ({error}); run its point again") from error
+        raise UserError(f"{path}: not a file of raw answers ({_why(error)}); run its point again") from error
+
+
+def _why(error: Exception) -> str:
+    """What is wrong with a file. numpy takes what is no archive for pickled data, and advises to trust it."""
+    return "it is no .npz file" if "pickle" in str(error) else str(error)
 
 
 def read_raw(
@@ -95,7 +100,7 @@ def read_raw(
             # Answers that were saved before spotlights existed have no such table: no light was limited.
             tables = {name: stored[f"moment_{name}"] for name in TABLES if f"moment_{name}" in stored}
     except DAMAGED as error:
-        raise UserError(f"{path}: not a file of raw answers ({error}); run its point again") from error
+        raise UserError(f"{path}: not a file of raw answers ({_why(error)}); run its point again") from error
     prepared = _mesh(path, facts, scene_dir)
     if facts["frame"] >= prepared.frame_count:
         raise UserError(f"{path}: frame {facts['frame']}, but {facts['scene']} has {prepared.frame_count}")

@@ -55,3 +55,8 @@ def test_a_file_that_is_none_is_one_line(tmp_path):
     path.write_bytes(b"PK\x03\x04 not really")
     with pytest.raises(UserError, match="not a file of raw answers"):
         score_raw(path)
+    path.write_text("text")
+    with pytest.raises(
+        UserError, match=r"not a file of raw answers \(it is no \.npz file\); run its point again"
+    ):
+        score_raw(path)
