@@ -21,7 +21,7 @@ pytestmark = pytest.mark.usefixtures("right_and_wrong")
 
 
 def run(capsys, *names: str, scenes: list[str], **options) -> tuple[int, dict]:
-    code = verify(scenes, list(names), size="40x30", device="cpu", as_json=True, **options)
+    code = verify(scenes, list(names), size="24x18", device="cpu", as_json=True, **options)
     return code, json.loads(capsys.readouterr().out)
 
 
@@ -33,7 +33,7 @@ def test_a_right_method_passes(capsys, mesh):
     (row,) = scene["methods"]
     assert row["status"] == "ok"
     assert row["score"]["check"] == "ok"
-    assert row["score"]["shadow"][0]["scored"] > 100
+    assert row["score"]["shadow"][0]["scored"] > 50
     assert scene["triangles"] == len(cases.ball_on_floor().geometry().faces)
     assert len(scene["sha256"]) == 64
 
@@ -54,7 +54,7 @@ def test_unwritten_shadows_are_found(capsys, mesh):
     code, report = run(capsys, "lazy", scenes=[mesh])
     score = report["scenes"][0]["methods"][0]["score"]
     assert code == 1
-    assert score["shadow"][0]["invalid"] == 40 * 30
+    assert score["shadow"][0]["invalid"] == 24 * 18
 
 
 def test_a_method_that_traces_only_once_fails(capsys, mesh):
@@ -83,7 +83,7 @@ def test_one_method_does_not_hide_another(capsys, mesh):
 
 
 def test_the_table_shows_what_is_wrong(capsys, mesh):
-    assert verify([mesh], ["right", "honest", "choosy"], size="40x30", device="cpu") == 0
+    assert verify([mesh], ["right", "honest", "choosy"], size="24x18", device="cpu") == 0
     text = capsys.readouterr().out
     assert "ball.ply" in text
     assert "failed*" in text
@@ -96,7 +96,7 @@ def test_the_table_shows_what_is_wrong(capsys, mesh):
 def test_tables_are_as_wide_as_asked(capsys, mesh, monkeypatch, columns):
     """A pipe has no width of its own: COLUMNS counts, else 80."""
     monkeypatch.setenv("COLUMNS", columns)
-    verify([mesh], ["perspective_spherical", "honest"], size="40x30", device="cpu")
+    verify([mesh], ["perspective_spherical", "honest"], size="24x18", device="cpu")
     table, _, notes = capsys.readouterr().out.partition("* honest")
     assert max(map(len, table.splitlines())) <= 80
     assert max(map(len, notes.splitlines())) <= int(columns)
@@ -128,7 +128,7 @@ def test_triangles_that_cannot_be_hit_are_reported(tmp_path, capsys, broken, wor
 
 def test_every_pixel_can_be_decided(capsys, mesh):
     _, report = run(capsys, "right", scenes=[mesh], everything=True)
-    assert report["scenes"][0]["methods"][0]["score"]["primary"]["judged"] == 40 * 30
+    assert report["scenes"][0]["methods"][0]["score"]["primary"]["judged"] == 24 * 18
 
 
 @pytest.mark.parametrize(
@@ -143,7 +143,7 @@ def test_every_pixel_can_be_decided(capsys, mesh):
     ],
 )
 def test_a_wrong_call_is_one_line(mesh, change, message):
-    arguments = {"scene": [mesh], "method": ["right"], "size": "40x30", "device": "cpu", **change}
+    arguments = {"scene": [mesh], "method": ["right"], "size": "24x18", "device": "cpu", **change}
     with pytest.raises(UserError, match=message) as caught:
         verify(**arguments)
     assert "\n" not in str(caught.value)
@@ -155,17 +155,17 @@ def test_a_wrong_call_is_one_line(mesh, change, message):
 def shadowed_pixel(mesh: str) -> tuple[int, int]:
     """Where the wrong method leaks."""
     prepared = prepare(resolve(mesh))
-    moment = prepared.moment(0, 40, 30)
+    moment = prepared.moment(0, 24, 18)
     referee = Referee(moment.points, prepared.faces, moment.valid)
-    hits = referee.closest(moment.eye, moment.directions(np.arange(40 * 30)))
+    hits = referee.closest(moment.eye, moment.directions(np.arange(24 * 18)))
     pixel = int(np.argmax(referee.occluded(hits, moment.lights[0])))
-    return pixel % 40, pixel // 40
+    return pixel % 24, pixel // 24
 
 
 def test_explain_shows_every_answer_and_the_exact_one(capsys, mesh):
     x, y = shadowed_pixel(mesh)
     names = ["right", "wrong", "choosy"]
-    code = explain(mesh, f"{x},{y}", names, "cpu", "40x30", as_json=True)
+    code = explain(mesh, f"{x},{y}", names, "cpu", "24x18", as_json=True)
     facts = json.loads(capsys.readouterr().out)
     assert code == 1
     exact = facts["exact"]
@@ -179,7 +179,7 @@ def test_explain_shows_every_answer_and_the_exact_one(capsys, mesh):
     assert (rows["right"]["class"], rows["right"]["shadow_classes"]) == ("ok", ["ok"])
     assert (rows["wrong"]["class"], rows["wrong"]["shadow_classes"]) == ("ok", ["leak"])
     assert rows["choosy"]["reason"] == "only spheres"
-    assert explain(mesh, f"{x},{y}", ["right", "honest"], "cpu", "40x30") == 0
+    assert explain(mesh, f"{x},{y}", ["right", "honest"], "cpu", "24x18") == 0
     text = capsys.readouterr().out
     assert f"exact: triangle {exact['triangle']}" in text
     assert "0 leak" in text
@@ -190,23 +190,23 @@ def test_explain_follows_a_mirrored_ray(capsys, mesh, tmp_path):
     declared.write_text(f'mesh = "{mesh}"\n[mirror]\nshare = 1.0\nbounces = 2\n')
     x, y = shadowed_pixel(mesh)
     names = ["uniform_grid", "ray_grids"]
-    assert explain(str(declared), f"{x},{y}", names, "cpu", "40x30", as_json=True) == 0
+    assert explain(str(declared), f"{x},{y}", names, "cpu", "24x18", as_json=True) == 0
     facts = json.loads(capsys.readouterr().out)
     assert [found["bounce"] for found in facts["bounces"]] == [1, 2]
     (row,) = facts["bounces"][0]["answers"]
     assert row["method"] == "uniform_grid"  # the other holds no mirrored rays
     assert (row["triangle"], row["class"]) == (row["exact"]["triangle"], "ok")
     assert row["triangle"] != facts["exact"]["triangle"]
-    assert explain(str(declared), f"{x},{y}", names, "cpu", "40x30") == 0
+    assert explain(str(declared), f"{x},{y}", names, "cpu", "24x18") == 0
     assert "bounce 1, each method's own ray:" in capsys.readouterr().out
 
 
 def test_explain_a_miss(capsys, mesh):
-    assert explain(mesh, "0,0", ["right"], "cpu", "40x30") == 0
+    assert explain(mesh, "0,0", ["right"], "cpu", "24x18") == 0
     assert "exact: a miss" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("pixel", ["40,0", "0,30", "1", "1,2,3", "-1,0", "a,b"])
+@pytest.mark.parametrize("pixel", ["24,0", "0,18", "1", "1,2,3", "-1,0", "a,b"])
 def test_explain_needs_a_pixel_of_the_image(mesh, pixel):
     with pytest.raises(UserError, match="--pixel"):
-        explain(mesh, pixel, ["right"], "cpu", "40x30")
+        explain(mesh, pixel, ["right"], "cpu", "24x18")
