@@ -86,8 +86,8 @@ def coloured(trial, camera) -> tuple[np.ndarray, np.ndarray]:
     moment = prepared.moment(0, 24, 17)
     session = Session(make_method("uniform_grid"), prepared, 24, 17, "cpu")
     answers = session.answers(moment)
-    host = [part.copy() for _, part in shaded(prepared, moment, answers, scene.lights, 100)]
-    return session.frame.color.numpy(), np.concatenate(host)
+    host = shaded(prepared, moment, answers, scene.lights)(0, 24 * 17)
+    return session.frame.color.numpy(), host
 
 
 def test_colours_are_those_of_a_pinhole_camera_far_away() -> None:

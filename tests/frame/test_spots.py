@@ -69,7 +69,7 @@ def test_the_spot_rule_agrees_with_angles():
 def test_methods_that_do_not_know_spots_say_so():
     assert (
         make_method("accuracy_ladder").applies(spotted(*SPOTS["wide cone"]).scene, "cpu")
-        == "receivers: its knobs are for whole frames of opaque triangles"
+        == "receivers: its parameters are for whole frames of opaque triangles"
     )
     assert make_method("perspective_spherical").applies(spotted(*SPOTS["wide cone"]).scene, "cpu") is None
 
