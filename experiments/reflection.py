@@ -24,9 +24,6 @@ TREES = (*_rivals.REBUILT, _rivals.REFITTED[0], Entry("embree", {}, "Embree"))
 BOTH = (_rivals.HYBRID,)
 """A tree for mirrored rays beside another structure for primary rays."""
 METHODS = (*GRIDS, *TREES, *BOTH)
-ONE_GRID, ONE_TREE = GRIDS[0].label, TREES[0].label
-"""The entries by which the paper's sentence on reflected rays is judged."""
-
 BASE = "no mirrors"
 LIGHTINGS = (
     Lighting(BASE, count=1),

@@ -10,6 +10,7 @@ pandas is imported when a table is made, not when this module is: most commands 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,6 +28,9 @@ if TYPE_CHECKING:
 
 PART_COLUMNS = {part: part.replace(" ", "_") for part in PARTS}
 """The names of a frame's parts in the names of columns: ``light build`` is ``light_build_ms``."""
+
+BACKWARDS = 0.05
+"""A part that would take less than minus this share of its frame shows that the times of passes contradict each other."""
 
 COUNTS = (
     "triangles vertices invalid_triangles frame_count width height pixels lights rounds frames_left_out frame samples "
@@ -108,7 +112,8 @@ def tidy(folder: Path | str) -> DataFrame:
     flip, flip_missing  float, text  mean FLIP against the reference's picture; why there is none
     started, stopped_by  float, text  start of the last samples, seconds since the epoch; what ended them
     round.N             float     median of the whole frame's samples of round N, ms
-    pass.PART.NAME      float     median of a pass, ms
+    pass.PART.NAME      float     median of a pass, ms. Missing, like the times of parts, where they contradict each
+                                  other: on a GPU a pass is the difference of two graphs, and one was disturbed
     counter.NAME        float     work counters
     primary.CLASS       float     pixels by the class of their primary ray's answer
     shadow.CLASS        float     visibility bits by class, of all lights
@@ -168,7 +173,7 @@ def samples(folder: Path | str) -> DataFrame:
 def stage_ms(table: DataFrame, part: str, pattern: str = "") -> Series:
     """Milliseconds of the passes of a part whose names match ``pattern`` (a regular expression), row by row."""
     found = table.filter(regex=rf"^pass\.{part}\..*(?:{pattern})").sum(axis=1)
-    return found.where(table["total_ms"].notna())
+    return found.where(table["build_ms"].notna())
 
 
 def _rows(record: Record, folder: str) -> Iterator[dict[str, Any]]:
@@ -259,12 +264,17 @@ def _times(frame: Frame) -> dict[str, Any]:
     row |= {f"round.{n}": float(np.median(total[rounds == n])) for n in dict.fromkeys(frame.round)}
     steps = [step for step in frame.passes if step.ms]
     medians = {step.name: float(np.median(step.ms)) for step in steps}
+    counters = {f"counter.{name}": value for name, value in (frame.counters or {}).items()}
+    parts = {column: [step for step in steps if step.part == part] for part, column in PART_COLUMNS.items()}
+    sums = {column: float(sum(medians[step.name] for step in own)) for column, own in parts.items()}
+    if min(sums.values()) < -BACKWARDS * middle:
+        unknown = (f"{column}_{kind}" for column in parts for kind in ("ms", "iqr_ms"))
+        return row | dict.fromkeys(unknown, math.nan) | counters
     row |= {f"pass.{step.part}.{step.name}": medians[step.name] for step in steps}
-    for part, column in PART_COLUMNS.items():
-        own = [step for step in steps if step.part == part]
-        row[f"{column}_ms"] = float(sum(medians[step.name] for step in own))
+    for column, own in parts.items():
+        row[f"{column}_ms"] = sums[column]
         row[f"{column}_iqr_ms"] = _range(np.sum([step.ms for step in own], axis=0)) if own else 0.0
-    return row | {f"counter.{name}": value for name, value in (frame.counters or {}).items()}
+    return row | counters
 
 
 def _range(values: Sequence[float] | Any) -> float:

@@ -62,6 +62,15 @@ def test_the_papers_sentence_is_judged_by_the_passes_of_mirrored_rays(tmp_path, 
     assert _judges.reflected(evidence).verdict == verdict
 
 
+def test_the_fastest_tree_stands_for_the_trees(tmp_path):
+    four = reflection.LIGHTINGS[2]
+    faster = point(reflection.TREES[1], four, 1.0)
+    (evidence,) = collect(write_records(tmp_path, [*records(2.0, 8.0), faster])).evidence("reflection")
+    found = _judges.reflected(evidence)
+    assert found.verdict == FAILS
+    assert f"{GRID.label} over {reflection.TREES[1].label}" in found.numbers
+
+
 def test_no_mirrors_measured_is_said(tmp_path):
     write_records(tmp_path, [point(GRID, reflection.LIGHTINGS[0])])
     show("reflection", tmp_path, quiet=True)

@@ -66,6 +66,23 @@ def test_a_stage_is_the_passes_that_a_pattern_names(records, tmp_path):
     np.testing.assert_allclose(stage_ms(table, "light build", "the l"), table["light_build_ms"])
 
 
+def test_parts_are_missing_where_their_times_contradict_each_other(records, tmp_path):
+    records[0]["method"]["device"] = "cuda:0"  # there alone a pass is a difference
+    steps = records[0]["frames"][0]["passes"]
+    late = next(step for step in steps if step["part"] == "trace")
+    early = next(step for step in steps if step["part"] == "build")
+    whole = records[0]["frames"][0]["total_ms"][0]
+    for step, by in ((early, 30 * whole), (late, -30 * whole)):
+        step["ms"] = [ms + by for ms in step["ms"]]
+    table = tidy(write_records(tmp_path, records)).set_index("key")
+    disturbed = table.loc[[records[0]["key"]]].query("frame == @records[0]['frames'][0]['frame']")
+    assert disturbed[["build_ms", "trace_ms", "light_build_ms", "shadow_ms", "build_iqr_ms"]].isna().all(axis=None)
+    assert disturbed.filter(like="pass.").isna().all(axis=None)
+    assert stage_ms(disturbed, "trace").isna().all()
+    assert disturbed["total_ms"].notna().all()
+    assert table.drop(index=records[0]["key"])["trace_ms"].notna().all()
+
+
 def test_samples_in_long_form(records, tmp_path):
     found = samples(write_records(tmp_path, records[:1]))
     frames = records[0]["frames"]
