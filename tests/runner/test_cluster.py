@@ -63,12 +63,26 @@ def events(place: Path, kind: str) -> list[dict]:
     return [event for event in map(json.loads, lines) if event["event"] == kind]
 
 
-def test_records_and_answers_are_those_of_a_run_on_one_machine(place):
+def updated_at_once(client):
+    """The client's own update of what it keeps of the scheduler, which has no workers, after every other update."""
+    update = client._update_scheduler_info
+
+    async def race(n_workers=0):
+        await update(n_workers)
+        await update(0)
+
+    return race
+
+
+def test_records_and_answers_are_those_of_a_run_on_one_machine(place, monkeypatch):
     scene, wanted = [str(place / "tetra.obj")], {"save_answers": True, "frames": 1}
     alone = Run(options(place / "alone", scene, ["warp_bvh", "raises"], **wanted), Silent()).go()
     chosen = options(place / "out", scene, ["warp_bvh", "raises"], **wanted)
     with connected("local", "cpu") as pool:
+        monkeypatch.setattr(pool.client, "_update_scheduler_info", updated_at_once(pool.client))
+        assert len(pool.workers()) == 1, "workers seem lost when the client updates what it keeps"
         found = ClusterRun(pool, chosen, Silent()).go()
+        assert not events(place, "lost")
         kept, removed = sorted((place / "out" / "records").iterdir(), key=lambda path: "raises" in path.name)
         written = kept.stat().st_mtime_ns
         removed.unlink()

@@ -62,7 +62,8 @@ class Pool:
         if self.client.status != "running":
             raise SchedulerLostError
         try:
-            workers = self.client.scheduler_info()["workers"]
+            # Not `scheduler_info`: it returns what the client keeps, which its own updates replace by one without workers.
+            workers = self.client.sync(self.client.scheduler.identity, n_workers=-1)["workers"]
         except (OSError, TimeoutError, KeyError, ValueError) as error:
             raise SchedulerLostError from error
         if self.client.status != "running":
