@@ -97,7 +97,10 @@ def apart(table: DataFrame) -> list[str]:
     """Which columns were measured together, where the points of a scene are of several runs: a line for scenes alike."""
     lines: dict[str, list[str]] = {}
     for title, own in table[table["total_ms"].notna()].groupby("scene_title", sort=False):
-        labels = own.groupby("run", sort=False)["label"].agg(lambda found: ", ".join(dict.fromkeys(found)))
+        split = own.groupby("label")["run"].nunique() > 1  # such a method is named with its lightings
+        lights = own["light_label"].where(own["label"].map(split), "")
+        names = own["label"] + lights.where(lights == "", " (" + lights + ")")
+        labels = names.groupby(own["run"], sort=False).agg(lambda found: ", ".join(dict.fromkeys(found)))
         if len(labels) > 1:
             runs = f"{len(labels)} runs, which are not compared: {' | '.join(labels)}"
             lines.setdefault(runs, []).append(str(title))
@@ -111,6 +114,9 @@ def in_sequence(frames: DataFrame) -> list[str]:
     frames  a tidy table (:func:`.results.table.tidy`)
     """
     known = frames[frames["total_ms"].notna() & (frames["started"] > 0)].sort_values("started")
+    known = known[
+        ~known["run"].str.contains("+", regex=False)
+    ]  # what a run continued is in an order of its own
     points = known.drop_duplicates("key", keep="last")
     lights = points.groupby([*SCENE, *SIZE], sort=False)["light_label"]
     # The order of single points, one for each lighting, does not tell.

@@ -299,9 +299,17 @@ def effort(table: DataFrame) -> str:
     if not parts:
         return ""
     short = table[(table["rounds"] > 0) & (table["rounds"] < table["point.rounds"])]
-    rows = short[["title", "label", "rounds", "point.rounds"]].to_numpy()
-    less = listed([f"{title}, {label}: {n} of {of:.0f}" for title, label, n, of in rows])
+    counts = short[["rounds", "point.rounds"]].to_numpy()
+    less = listed(
+        [f"{name}: {n:.0f} of {of:.0f}" for name, (n, of) in zip(names(short), counts, strict=True)]
+    )
     return f"{' and '.join(parts)}." + f" The budget was spent before the last round: {less}." * bool(less)
+
+
+def names(table: DataFrame) -> Series:
+    """What each point is called in a sentence: scene, method, and lighting where it has a name."""
+    lights = table["light_label"].where(table["light_label"] == "", ", " + table["light_label"])
+    return table["title"] + ", " + table["label"] + lights
 
 
 def listed(texts: Sequence[str], most: int = 6) -> str:
@@ -323,9 +331,9 @@ def check_text(row: Mapping[str, Any]) -> str:
 def errors(table: DataFrame) -> str:
     """The correctness of the answers behind the times, as a sentence."""
     done = measured(table)
-    lights = done["light_label"].where(done["light_label"] == "", ", " + done["light_label"])
-    names = done["title"] + ", " + done["label"] + lights
-    bad = [f"{name}: {text}" for name, text in zip(names, done["error"], strict=True) if text != style.OK]
+    bad = [
+        f"{name}: {text}" for name, text in zip(names(done), done["error"], strict=True) if text != style.OK
+    ]
     bad += [text for text in never_hit_notes(table) if "warning" in text]
     return f"Answers: {listed(bad)}." if bad else "Every answer behind these times was found right."
 

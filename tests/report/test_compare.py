@@ -72,6 +72,15 @@ def test_runs_in_one_folder_are_named(tmp_path):
     assert line == "Cloth (stand-in) was measured in 2 runs, which are not compared: ours | tree."
 
 
+def test_a_method_of_several_runs_is_named_with_its_lightings(tmp_path):
+    lights = [Lighting("one", count=1), Lighting("two", count=2)]
+    records = [record_of("effects", entry, lighting=light) for light in lights for entry in (OURS, TREE)]
+    for record, run in zip(records, "abbb", strict=True):
+        record["rounds"] = [{"run": run}]
+    (line,) = compare.apart(document.read(write_records(tmp_path, records)))
+    assert line.endswith("2 runs, which are not compared: ours (one) | ours (two), tree.")
+
+
 def test_a_ratio_has_the_range_of_its_rounds(tmp_path):
     records = two()
     for record, times in zip(records, ([0.9, 1.1], [2.0, 2.0]), strict=True):
@@ -104,3 +113,6 @@ def test_lightings_that_were_not_measured_in_turn_are_named(tmp_path, starts, sa
     frames = document.frames(write_records(tmp_path, records))
     assert compare.in_sequence(frames) == [compare.ONE_BY_ONE] * said
     assert compare.in_sequence(frames[frames["label"] == "ours"]) == [], "one method alone does not tell"
+    assert compare.in_sequence(frames.assign(run="a+b")) == [], (
+        "what a run continued is in an order of its own"
+    )

@@ -13,24 +13,23 @@ from shadowbench.harness.runner.experiment import Entry
 
 
 @pytest.mark.parametrize(
-    ("taken", "told"),
+    ("taken", "light", "told"),
     [
-        (3, "3 rounds, at most 5 s of samples per point."),
-        (
-            1,
-            "3 rounds, at most 5 s of samples per point. The budget was spent before the last round: Cloth, grid: 1 of 3.",
-        ),
+        (3, "", ""),
+        (1, "", " The budget was spent before the last round: Cloth, grid: 1 of 3."),
+        (1, "two lights", " The budget was spent before the last round: Cloth, grid, two lights: 1 of 3."),
     ],
 )
-def test_points_that_the_budget_left_without_rounds_are_named(taken, told):
+def test_points_that_the_budget_left_without_rounds_are_named(taken, light, told):
     row = {
         "title": "Cloth",
         "label": "grid",
+        "light_label": light,
         "rounds": taken,
         "point.rounds": 3,
         "point.budget_s": 5.0,
     }
-    assert effort(pd.DataFrame([row])) == told
+    assert effort(pd.DataFrame([row])) == "3 rounds, at most 5 s of samples per point." + told
     assert effort(pd.DataFrame([row]).drop(columns=["point.rounds"])) == ""
 
 
