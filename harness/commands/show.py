@@ -58,6 +58,12 @@ def lent(folder: Path, out: Path) -> Iterator[None]:
             elif path.suffix in (".csv", ".md", ".svg", ".png"):
                 shutil.copyfile(path, out / path.name)
         yield
+    except UserError as error:
+        # The links are about to go: the message names the files that stay.
+        text = str(error)
+        for link in links:
+            text = text.replace(str(link), str(folder / link.name))
+        raise UserError(text) from error
     finally:
         for link in links:
             if link.is_symlink():

@@ -6,6 +6,7 @@ compared; the verdict is computed from the records of all experiments in a folde
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -78,7 +79,9 @@ def decide(claim: Claim, data: Data) -> tuple[Finding, str]:
     findings = [(claim.judge(one), one) for one in data.evidence(*claim.experiments)]
     told = findings[0][0].numbers if findings else "not measured"
     if len(findings) > 1:
-        told += f"; of different runs or versions, and not to be mixed: {'; '.join(e.described() for _, e in findings)}"
+        alike = Counter(one.described() for _, one in findings)
+        known = "; ".join(f"{count} runs of {name}" if count > 1 else name for name, count in alike.items())
+        told += f"; of different runs or versions, and not to be mixed: {known}"
     nothing = Finding(OPEN, f"{told}; run {claim.experiments[0]}", lacking=True), ""
     whole = ((finding, origin(one, data)) for finding, one in findings if not finding.lacking)
     return next(whole, nothing)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+
 import pandas as pd
 import pytest
 from helpers.experiment_records import record_of, write_records
@@ -12,7 +14,7 @@ from shadowbench.harness.commands.show import show
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.report import claims
 from shadowbench.harness.report.evidence import collect
-from shadowbench.harness.runner.experiment import Entry, find_experiment
+from shadowbench.harness.runner.experiment import Entry, Lighting, find_experiment
 
 SIX = (*_judges.LARGE, *_judges.SMALL)
 
@@ -243,6 +245,12 @@ def test_the_resolution_is_judged_between_sizes_of_one_run_and_the_runs_that_the
     for word in ("not to be mixed", "one (64x64; perspective_spherical 01234567)", "two (32x32; ",
                  "run figure10"):  # fmt: skip
         assert word in found["numbers"], word
+    lit = Lighting("two", count=2)
+    another = record_of("figure10", entries("figure10")[BASE], "cloth", passes=passes, size=32, lighting=lit)
+    write_records(tmp_path / "two", [{**another, "rounds": [{"run": "another"}]}])
+    assert "2 runs of two (32x32; " in starting(tmp_path, "... and depends")["numbers"]
+    shutil.rmtree(tmp_path / "two")
+    write_records(tmp_path / "two", [low])
     del high["method"]["source_sha256"]
     write_records(tmp_path / "one", [high, low])
     found = starting(tmp_path, "... and depends")

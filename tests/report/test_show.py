@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 from helpers.table1_records import METHODS, record, write_records
 from shadowbench.experiments import table1
@@ -64,6 +66,10 @@ def test_a_folder_that_can_only_be_read_is_drawn_elsewhere(records, tmp_path):
         "no link stays"
     )
     folder.chmod(0o755)
+    (folder / "records" / "torn.json").write_text("{")
+    with pytest.raises(UserError, match=re.escape(str(folder / "records" / "torn.json"))):
+        show("claims", folder, quiet=True, out=out)
+    (folder / "records" / "torn.json").unlink()
     with pytest.raises(UserError, match="has records of its own"):
         show("table1", folder, quiet=True, out=folder)
 
