@@ -98,9 +98,15 @@ def apart(table: DataFrame) -> list[str]:
     lines: dict[str, list[str]] = {}
     for title, own in table[table["total_ms"].notna()].groupby("scene_title", sort=False):
         split = own.groupby("label")["run"].nunique() > 1  # such a method is named with its lightings
-        lights = own["light_label"].where(own["label"].map(split), "")
-        names = own["label"] + lights.where(lights == "", " (" + lights + ")")
-        labels = names.groupby(own["run"], sort=False).agg(lambda found: ", ".join(dict.fromkeys(found)))
+        lights = (
+            own["light_label"]
+            .where(own["label"].map(split), "")
+            .groupby([own["run"], own["label"]], sort=False)
+        )
+        lit = lights.agg(lambda found: ", ".join(dict.fromkeys(found)))
+        names = lit.index.get_level_values("label") + lit.where(lit == "", ": " + lit)
+        between = "; " if (lit != "").any() else ", "
+        labels = names.groupby("run", sort=False).agg(between.join)
         if len(labels) > 1:
             runs = f"{len(labels)} runs, which are not compared: {' | '.join(labels)}"
             lines.setdefault(runs, []).append(str(title))

@@ -78,7 +78,7 @@ def test_a_method_of_several_runs_is_named_with_its_lightings(tmp_path):
     for record, run in zip(records, "abbb", strict=True):
         record["rounds"] = [{"run": run}]
     (line,) = compare.apart(document.read(write_records(tmp_path, records)))
-    assert line.endswith("2 runs, which are not compared: ours (one) | ours (two), tree.")
+    assert line.endswith("2 runs, which are not compared: ours: one | ours: two; tree.")
 
 
 def test_a_ratio_has_the_range_of_its_rounds(tmp_path):
