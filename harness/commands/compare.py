@@ -211,7 +211,7 @@ def refuse(runs: Mapping[str, Run], allow: Iterable[str]) -> None:
 def notes_of(runs: Mapping[str, Run], found: Comparison, allow: Iterable[str]) -> Iterable[str]:
     """Notes that belong to the verdicts, one line each."""
     for run, point, number, why in found.left_out:
-        yield f"left out: round {number} of {run}, {point}: {why}"
+        yield f"left out: round {number + 1} of {run}, {point}: {why}"
     for name, own in runs.items():
         if own.older:
             yield f"{name}: {own.older} older records of the same entries are left out"

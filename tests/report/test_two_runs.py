@@ -105,7 +105,7 @@ def test_exit_codes_follow_the_verdicts(call, pair):
     code, out, _ = call(a, b)
     assert code == 0
     assert (
-        "left out: round 3 of B, Cloth (stand-in), on the CPU: clocks throttled (temperature (software))"
+        "left out: round 4 of B, Cloth (stand-in), on the CPU: clocks throttled (temperature (software))"
         in " ".join(out.split())
     )
 
@@ -168,7 +168,7 @@ def test_rounds_of_a_cpu_that_had_too_much_to_do_are_left_out(call, tmp_path):
     quiet = {**made(EMBREE, 20.0, 1), "method": busy["method"]}
     a, b = write(tmp_path / "a", [quiet]), write(tmp_path / "b", [busy])
     _, out, _ = call(a, b)
-    assert "left out: round 5 of B, Cloth (stand-in), on the CPU: load 2.6 on 2 cores" in out
+    assert "left out: round 6 of B, Cloth (stand-in), on the CPU: load 2.6 on 2 cores" in out
     assert "1 same." in out
 
 
