@@ -6,6 +6,7 @@ Times that differ by less than 3 % count as equal.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -296,31 +297,22 @@ def key_bits(evidence: Evidence) -> Finding:
 
 def reflected(evidence: Evidence) -> Finding:
     """Times of the passes that trace mirrored rays: on each scene the fastest grid over the fastest tree."""
-    bounced = {"light_label": "4 bounces"}
-    labels = {kind: [label for label, own in KINDS.items() if own == kind] for kind in ("grid", "tree")}
+    traced = functools.partial(stage_ms, part="trace", pattern=MIRRORED)
     found: dict[str, tuple[float, str]] = {}
-    for grid in labels["grid"]:
-        over_tree: dict[str, tuple[float, str]] = {}
-        for tree in labels["tree"]:
-            one, other = {"label": grid, **bounced}, {"label": tree, **bounced}
-            for scene, ratio in evidence.ratios(one, other, mirrored).items():
+    for grid in (label for label, kind in KINDS.items() if kind == "grid"):
+        one, over_tree = {"label": grid, "light_label": "4 bounces"}, dict[str, tuple[float, str]]()
+        for tree in (label for label, kind in KINDS.items() if kind == "tree"):
+            for scene, ratio in evidence.ratios(one, {**one, "label": tree}, traced).items():
                 over_tree[scene] = max(over_tree.get(scene, (0.0, "")), (ratio, f"{grid} over {tree}"))
         for scene, ratio_of in over_tree.items():
             found[scene] = min(found.get(scene, ratio_of), ratio_of)
     if not found:
         return lacking("a grid and a tree with mirrors")
     mean = geometric(ratio for ratio, _ in found.values())
-    verdict = HOLDS if mean < 0.97 else FAILS if mean > 1.03 else OPEN
     told = ", ".join(f"{scene} {ratio:.2f}, {pair}" for scene, (ratio, pair) in found.items())
-    return Finding(
-        verdict,
-        f"mirrored rays of 4 bounces, fastest grid over fastest tree: {mean:.2f} (geometric mean; {told})",
-    )
-
-
-def mirrored(t: DataFrame) -> Series:
-    """Tracing mirrored rays, ms."""
-    return stage_ms(t, "trace", MIRRORED)
+    verdict = HOLDS if mean < 0.97 else FAILS if mean > 1.03 else OPEN
+    text = f"mirrored rays of 4 bounces, fastest grid over fastest tree: {mean:.2f} (geometric mean; {told})"
+    return Finding(verdict, text)
 
 
 def against_rivals(evidence: Evidence) -> Finding:

@@ -1,12 +1,11 @@
 """The referee's float64 filter: which triangles a ray certainly misses, and a tree that finds the rest.
 
-Every test has an error bound. With u = 2^-53 a difference of float32 values carries u, a product of two of them
-3u, a cross product 4u of its sum of absolute values, and a triple product 7u of its *permanent* (the same
-expression in absolute values); 16u is used, which also covers the rounding of the permanent itself. Fused
-multiply-adds only round less. Values lie between 2^-447 and 2^387: no float64 overflow or underflow.
-
-The tree is a heap: node i has children 2i and 2i + 1, leaf j holds ``LEAF`` triangles of a sorted order. Its
-boxes are exact; the slab test widens its interval by 2^-48, far more than its two roundings.
+Every test has an error bound. With u = 2^-53 a difference of float32 values carries u, a product of two of them 3u, a
+cross product 4u of its sum of absolute values, and a triple product 7u of its *permanent* (the same expression in
+absolute values); 16u is used, which also covers the rounding of the permanent itself. Fused multiply-adds round less.
+Values lie between 2^-447 and 2^387: no float64 overflow or underflow. The tree is a heap: node i has children 2i and
+2i + 1, leaf j holds ``LEAF`` triangles of a sorted order. Its boxes are exact; the slab test widens its interval by
+2^-48, far more than its two roundings.
 """
 
 from __future__ import annotations

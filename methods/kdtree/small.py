@@ -3,9 +3,7 @@
 A block of 32 threads takes a small root and builds the tree below it. The faces of the pairs' boxes are its candidate
 planes. For each plane the block makes two words once: which pairs belong below and which above. A node is then a word,
 and the cost of a plane in it follows from the bits of the words. (Zhou et al. proceed breadth first; the tree is the
-same. A block can complete its root alone because nodes are numbered as they are made.)
-
-On a CPU a block is one thread.
+same. A block can complete its root alone because nodes are numbered as they are made.) On a CPU a block is one thread.
 """
 
 from __future__ import annotations

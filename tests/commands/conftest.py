@@ -1,10 +1,35 @@
-"""What tests of several commands share: methods made for the purpose, and a small mesh."""
+"""What tests of several commands share: a command in this process, methods made for the purpose, and small meshes."""
 
 from __future__ import annotations
 
+import sys
+
 import pytest
 from helpers.right_and_wrong_methods import INSTALLED, ball_file
+from helpers.tiny_runs import write_scene
+from shadowbench.harness import cli
+from shadowbench.harness.commands import program
 from shadowbench.harness.frame import registry
+
+
+@pytest.fixture
+def call(monkeypatch, capsys):
+    """Run a command in this process: exit code, standard output, standard error."""
+
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["shadowbench", *map(str, arguments)])
+        monkeypatch.delenv(program.DEBUG, raising=False)
+        with pytest.raises(SystemExit) as stopped:
+            cli.main()
+        said = capsys.readouterr()
+        return stopped.value.code or 0, said.out, said.err
+
+    return run
+
+
+@pytest.fixture
+def scene(tmp_path):
+    return write_scene(tmp_path / "tetra.obj")
 
 
 @pytest.fixture

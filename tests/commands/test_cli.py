@@ -8,10 +8,7 @@ import sys
 import tomllib
 from pathlib import Path
 
-import numpy as np
 import pytest
-from helpers.tiny_runs import write_scene
-from PIL import Image
 from shadowbench.harness import cli
 from shadowbench.harness.commands import program
 from shadowbench.harness.commands.program import spread_values
@@ -30,26 +27,6 @@ COMMANDS = (
     "new-method",
     "view",
 )
-
-
-@pytest.fixture
-def call(monkeypatch, capsys):
-    """Run a command in this process: exit code, standard output, standard error."""
-
-    def run(*arguments):
-        monkeypatch.setattr(sys, "argv", ["shadowbench", *map(str, arguments)])
-        monkeypatch.delenv(program.DEBUG, raising=False)
-        with pytest.raises(SystemExit) as stopped:
-            cli.main()
-        said = capsys.readouterr()
-        return stopped.value.code or 0, said.out, said.err
-
-    return run
-
-
-@pytest.fixture
-def scene(tmp_path):
-    return write_scene(tmp_path / "tetra.obj")
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -233,66 +210,6 @@ def test_an_unwritable_folder_is_refused(call, scene, tmp_path):
     assert code == 2
     assert "cannot write there" in err
     assert err.count("\n") == 1
-
-
-def test_render_draws_what_a_method_answers(call, scene, tmp_path):
-    code, _, err = call(
-        "render", scene, "--method", "warp_bvh", "--out", tmp_path / "a.png", "--size", "48x32"
-    )
-    assert code == 0
-    assert "written" in err
-    pixels = np.asarray(Image.open(tmp_path / "a.png"))
-    assert pixels.shape[:2] == (32, 48)
-    assert pixels.std() > 5
-    code, _, err = call("render", scene, "--method", "warp_bvh", "--out", tmp_path / "a.png", "--frame", "3")
-    assert code == 2
-    assert "frames 0 to 0" in err
-
-
-def test_a_picture_of_nothing_is_drawn_with_a_warning(call, tmp_path):
-    flat = tmp_path / "flat.obj"
-    flat.write_text("v 0 0 0\nv 1 0 0\nv nan 1 0\nf 1 2 3\n")
-    code, _, err = call("render", flat, "--method", "warp_bvh", "--out", tmp_path / "a.png", "--size", "8x8")
-    assert code == 0
-    assert "flat.obj: none of 1 triangle can ever be hit (no area, or a corner that is not" in err
-
-
-def test_render_animates_scenes_side_by_side(call, scene, tmp_path):
-    """Of a still scene the light turns; the captions of stand-ins stay."""
-    code, _, err = call(
-        "render", scene, "cloth", "--method", "embree", "--animate", tmp_path / "a.webp", "--size", "48x32",
-        "--frames", "3",
-    )  # fmt: skip
-    assert (code, err.count("written")) == (0, 1)
-    with Image.open(tmp_path / "a.webp") as image:
-        assert (image.n_frames, image.info["loop"]) == (3, 0)
-        shown = []
-        for number in range(3):
-            image.seek(number)
-            shown.append(np.asarray(image.convert("RGB")).astype(int))
-    assert shown[0].shape[0] > 32 + 20, "a caption stands below the stand-in"
-    assert shown[0].shape[1] == 48 + 256
-    for first, second in ((0, 1), (1, 2), (2, 0)):
-        moved = np.abs(shown[first] - shown[second]).max(axis=2) > 24
-        assert moved[:32, :48].any(), "the light of the still scene turned"
-        assert moved[:32, 48:96].any(), "the cloth moved"
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        ([], "give --out FILE.png for a picture, or --animate FILE.webp"),
-        (["--animate", "a.gif"], "animations are WebP files"),
-        (["--animate", "a.webp", "--frames", "1"], "an animation has at least 2"),
-        (["--animate", "a.webp", "--seconds", "nan"], "give a number between 0 and 3600"),
-        (["--animate", "a.webp", "--size", "16000x16000", "--frames", "9"], "too many pixels"),
-        (["cloth", "--out", "a.png"], "--out shows one scene"),
-    ],
-)
-def test_what_render_cannot_write_is_one_line(call, scene, arguments, said):
-    code, _, err = call("render", scene, *arguments, "--method", "embree")
-    assert (code, err.count("\n")) == (2, 1)
-    assert said in err
 
 
 @pytest.mark.parametrize(
