@@ -297,19 +297,20 @@ def key_bits(evidence: Evidence) -> Finding:
 
 def reflected(evidence: Evidence) -> Finding:
     """Times of the passes that trace mirrored rays: on each scene the fastest grid over the fastest tree."""
+    import pandas as pd
+
     traced = functools.partial(stage_ms, part="trace", pattern=MIRRORED)
-    found: dict[str, tuple[float, str]] = {}
-    for grid in (label for label, kind in KINDS.items() if kind == "grid"):
-        one, over_tree = {"label": grid, "light_label": "4 bounces"}, dict[str, tuple[float, str]]()
-        for tree in (label for label, kind in KINDS.items() if kind == "tree"):
-            for scene, ratio in evidence.ratios(one, {**one, "label": tree}, traced).items():
-                over_tree[scene] = max(over_tree.get(scene, (0.0, "")), (ratio, f"{grid} over {tree}"))
-        for scene, ratio_of in over_tree.items():
-            found[scene] = min(found.get(scene, ratio_of), ratio_of)
-    if not found:
+    grids, trees = ([label for label, kind in KINDS.items() if kind == own] for own in ("grid", "tree"))
+    bounced = {"light_label": "4 bounces"}
+    tables = {grid: evidence.over_rivals({**bounced, "label": grid}, trees, traced) for grid in grids}
+    largest = pd.DataFrame({grid: table.max(axis=1) for grid, table in tables.items()}).dropna(how="all")
+    if largest.empty:
         return lacking("a grid and a tree with mirrors")
-    mean = geometric(ratio for ratio, _ in found.values())
-    told = ", ".join(f"{scene} {ratio:.2f}, {pair}" for scene, (ratio, pair) in found.items())
+    told = ", ".join(
+        f"{scene} {largest.loc[scene, grid]:.2f}, {grid} over {tables[grid].loc[scene].idxmax()}"
+        for scene, grid in largest.idxmin(axis=1).items()
+    )
+    mean = geometric(largest.min(axis=1))
     verdict = HOLDS if mean < 0.97 else FAILS if mean > 1.03 else OPEN
     text = f"mirrored rays of 4 bounces, fastest grid over fastest tree: {mean:.2f} (geometric mean; {told})"
     return Finding(verdict, text)
@@ -317,8 +318,6 @@ def reflected(evidence: Evidence) -> Finding:
 
 def against_rivals(evidence: Evidence) -> Finding:
     """Our two fastest methods against the fastest rivals of every scene. Exact, rebuilt rivals decide, on the first."""
-    import pandas as pd
-
     exact = {e.label for e in (*_rivals.REBUILT, _rivals.RASTERISED, *_rivals.GRIDS)}
     exact -= set(evidence.frames.loc[evidence.frames["known_inexact"] != "", "label"])
     kinds = {
@@ -330,8 +329,7 @@ def against_rivals(evidence: Evidence) -> Finding:
     decides: dict[str, dict[str, float]] = {}  # of the first method: over the fastest rival of a scene
     for ours in (_rivals.OURS.label, _rivals.HYBRID.label):
         rivals = sorted(set().union(*kinds.values()))
-        found = {rival: evidence.ratios({"label": ours}, {"label": rival}, total) for rival in rivals}
-        table = pd.DataFrame(found, dtype=float).sort_index()
+        table = evidence.over_rivals({"label": ours}, rivals, total)
         for kind, labels in kinds.items():
             largest = dict(table[sorted(labels)].max(axis=1).dropna())
             told += [f"{ours} over the fastest {kind}: {each(largest)}"] * bool(largest)

@@ -7,7 +7,7 @@ version of each method (:func:`.report.compare.pairs`). :class:`Evidence` holds 
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce
 from pathlib import Path
@@ -74,6 +74,16 @@ class Evidence:
         known = by_scene(points[matching(points, **one)].reset_index())
         values = measure(known) / measure(bases.loc[known["key"]]).to_numpy()
         return dict(sorted(values[(values != 0.0) & (values < float("inf"))].items()))
+
+    def over_rivals(self, one: dict[str, Any], rivals: Iterable[str], measure: Measure) -> DataFrame:
+        """:meth:`ratios` over each other label in place of that of ``one``: a row per scene, a column per label.
+
+        The largest ratio of a scene is that over its fastest rival.
+        """
+        import pandas as pd
+
+        found = {rival: self.ratios(one, {**one, "label": rival}, measure) for rival in rivals}
+        return pd.DataFrame(found, dtype=float).sort_index()
 
     def described(self) -> str:
         """Its folders, sizes and versions of methods."""

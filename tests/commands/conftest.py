@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import sys
-
 import pytest
+from helpers.called_command import exit_code
 from helpers.right_and_wrong_methods import INSTALLED, ball_file
 from helpers.tiny_runs import write_scene
-from shadowbench.harness import cli
-from shadowbench.harness.commands import program
 from shadowbench.harness.frame import registry
 
 
@@ -17,12 +14,9 @@ def call(monkeypatch, capsys):
     """Run a command in this process: exit code, standard output, standard error."""
 
     def run(*arguments):
-        monkeypatch.setattr(sys, "argv", ["shadowbench", *map(str, arguments)])
-        monkeypatch.delenv(program.DEBUG, raising=False)
-        with pytest.raises(SystemExit) as stopped:
-            cli.main()
+        code = exit_code(monkeypatch, *arguments)
         said = capsys.readouterr()
-        return stopped.value.code or 0, said.out, said.err
+        return code, said.out, said.err
 
     return run
 

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
-import pytest
+from helpers.called_command import exit_code
 from helpers.experiment_records import record_of, write_records
 from PIL import Image
-from shadowbench.harness import cli
-from shadowbench.harness.commands import program
 from shadowbench.harness.report.flip import answered_path, reference_path
 from shadowbench.harness.results.pixel_maps import map_path, write_map, wrong_path
 from shadowbench.harness.runner.experiment import Entry
@@ -82,8 +79,4 @@ def make_results(root: Path) -> Path:
 
 
 def command(monkeypatch, *words):
-    monkeypatch.setattr(sys, "argv", ["shadowbench", "report", *map(str, words)])
-    monkeypatch.delenv(program.DEBUG, raising=False)
-    with pytest.raises(SystemExit) as stopped:
-        cli.main()
-    return stopped.value.code or 0
+    return exit_code(monkeypatch, "report", *words)

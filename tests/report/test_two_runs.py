@@ -5,13 +5,11 @@ from __future__ import annotations
 import copy
 import json
 import math
-import sys
 
 import numpy as np
 import pytest
+from helpers.called_command import exit_code
 from helpers.experiment_records import record_of, write_records
-from shadowbench.harness import cli
-from shadowbench.harness.commands import program
 from shadowbench.harness.report import two_runs
 from shadowbench.harness.runner.experiment import Entry
 
@@ -57,12 +55,9 @@ def write(folder, records, facts=FACTS):
 @pytest.fixture
 def call(monkeypatch, capsys):
     def run(*arguments):
-        monkeypatch.setattr(sys, "argv", ["shadowbench", "compare", *map(str, arguments)])
-        monkeypatch.delenv(program.DEBUG, raising=False)
-        with pytest.raises(SystemExit) as stopped:
-            cli.main()
+        code = exit_code(monkeypatch, "compare", *arguments)
         said = capsys.readouterr()
-        return stopped.value.code or 0, said.out, said.err
+        return code, said.out, said.err
 
     return run
 

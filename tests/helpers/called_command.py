@@ -1,0 +1,18 @@
+"""The command line called in the test's own process, which is faster than one process for each command."""
+
+from __future__ import annotations
+
+import sys
+
+import pytest
+from shadowbench.harness import cli
+from shadowbench.harness.commands import program
+
+
+def exit_code(monkeypatch, *words) -> int:
+    """The exit code of ``shadowbench WORDS``."""
+    monkeypatch.setattr(sys, "argv", ["shadowbench", *map(str, words)])
+    monkeypatch.delenv(program.DEBUG, raising=False)
+    with pytest.raises(SystemExit) as stopped:
+        cli.main()
+    return stopped.value.code or 0
