@@ -32,6 +32,12 @@ def cpu_threads(wanted: int, device: str) -> int:
     return min(MOST_THREADS, wanted or processors())
 
 
+def check_threads(threads: int) -> None:
+    """Raise ValueError if this is no number of threads of a CPU; 0: one for each core."""
+    if threads < 0:
+        raise ValueError("threads must be 0 (all cores) or more")
+
+
 @functools.cache
 def _pool(workers: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(workers, thread_name_prefix="launch")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ...harness.frame.threads import check_threads
+
 BUILDERS = ("hploc", "lbvh")
 UPDATES = ("rebuild", "refit", "static")
 RADII = (1, 2, 4, 8)
@@ -86,5 +88,4 @@ class Trace:
             raise ValueError("registers must be in 32..255")
         if not 1 <= self.shares <= 16:
             raise ValueError("shares must be in 1..16")
-        if self.threads < 0:
-            raise ValueError("threads must be 0 (all cores) or more")
+        check_threads(self.threads)

@@ -77,19 +77,21 @@ class Bands:
         self._cpu = not wp.get_device(frame.device).is_cuda
         self._launches: dict[tuple[Any, ...], Launch] = {}
 
-    def run(self, launch: Callable[..., None], *arguments: Hashable) -> None:
-        """``launch(band, *arguments)`` of every band, at the same time."""
+    def run(self, launch: Callable[..., None], *arguments: Hashable, tests: wp.array | None = None) -> None:
+        """``launch(band, *arguments)`` of every band, at the same time.
+
+        tests  an array to count tests in: ``launch(band, *arguments, tests)`` of every band, one after another
+        """
+        if tests is not None:
+            for band in self.bands:
+                launch(band, *arguments, tests)
+            return
         known = (launch, *arguments)
         if known not in self._launches:
             self._launches[known] = beside(
                 [functools.partial(launch, band, *arguments) for band in self.bands]
             )
         self._launches[known]()
-
-    def run_in_turn(self, launch: Callable[..., None], *arguments: Any) -> None:
-        """``launch(band, *arguments)`` of every band."""
-        for band in self.bands:
-            launch(band, *arguments)
 
     def built(self) -> dict[str, int]:
         """For :meth:`...harness.frame.method.Method.built`: threads of a CPU."""

@@ -18,12 +18,6 @@ from .bounces import bounced_tests
 from .ray_passes import shadow_ray_passes
 
 
-def check_threads(threads: int) -> None:
-    """Raise ValueError if this is no number of threads of a CPU; 0: one for each core."""
-    if threads < 0:
-        raise ValueError("threads must be 0 (all cores) or more")
-
-
 def check_registers(registers: int) -> None:
     """Raise ValueError if a thread cannot be given this number of registers; 0 leaves it to the compiler."""
     if registers and not 32 <= registers <= 255:
@@ -94,10 +88,7 @@ class PixelRays:
 
     def launch_primary(self, tests: wp.array | None = None, bounce: int = 0) -> None:
         """Closest hits of the primary rays, or of the mirrored rays of a bounce."""
-        if tests is None:
-            self.bands.run(self._primary, bounce)
-        else:
-            self.bands.run_in_turn(self._primary, bounce, tests)
+        self.bands.run(self._primary, bounce, tests=tests)
 
     def _primary(self, band: Band, bounce: int, tests: wp.array | None = None) -> None:
         frame = self._frame
@@ -116,10 +107,7 @@ class PixelRays:
 
     def launch_shadow(self, light: int, tests: wp.array | None = None, bounce: int = 0) -> None:
         """Shadow bits of the hits of :meth:`launch_primary`."""
-        if tests is None:
-            self.bands.run(self._shadow, light, bounce)
-        else:
-            self.bands.run_in_turn(self._shadow, light, bounce, tests)
+        self.bands.run(self._shadow, light, bounce, tests=tests)
 
     def _shadow(self, band: Band, light: int, bounce: int, tests: wp.array | None = None) -> None:
         frame = self._frame

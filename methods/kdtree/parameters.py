@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..common.ray_launches import check_registers, check_threads
+from ...harness.frame.threads import check_threads
+from ..common.ray_launches import check_registers
 
 SMALL = 64
 """Most triangles of a small node: a set of them has 64 bits."""

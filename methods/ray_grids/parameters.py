@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
+from ...harness.frame.threads import check_threads
+
 QUEUES = ("auto", "always", "never")
 
 CHOOSE = -1
@@ -93,8 +95,7 @@ class Build(Streams):
             raise ValueError("must not be negative")
         if self.part < 1:
             raise ValueError("part must be at least 1")
-        if self.threads < 0:
-            raise ValueError("threads must be 0 (all cores) or more")
+        check_threads(self.threads)
         if self.queue not in QUEUES:
             raise ValueError(f"must be one of {', '.join(QUEUES)}")
 

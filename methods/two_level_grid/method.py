@@ -18,11 +18,12 @@ from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import filled
 from ...harness.frame.method import BaseMethod
 from ...harness.frame.passes import Pass
+from ...harness.frame.threads import check_threads
 from ...harness.scene.effects import Effects, Limits
 from ..common.grid_build import BinnedItems, TriangleGrid, cells_for, refuse_cells
 from ..common.misses import miss_passes
 from ..common.pairs import grown
-from ..common.ray_launches import PixelRays, check_registers, check_threads
+from ..common.ray_launches import PixelRays, check_registers
 from .leaves import TopCells, bin_large_leaf_kernel, bin_leaf_kernel, first_kernel, resolution_kernel
 from .traversal import LeafCells, make_kernels
 

@@ -17,11 +17,12 @@ from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import filled
 from ...harness.frame.method import BaseMethod
 from ...harness.frame.passes import Pass
+from ...harness.frame.threads import check_threads
 from ...harness.scene.effects import Effects, Limits
 from ..common.grid_build import TriangleGrid, cells_for
 from ..common.misses import miss_passes
 from ..common.pairs import grown
-from ..common.ray_launches import PixelRays, check_registers, check_threads
+from ..common.ray_launches import PixelRays, check_registers
 from .traversal import Cells, make_kernels
 
 

@@ -164,10 +164,7 @@ class ExactBvh:
         return self.bounced_hit[bounce - 1] if bounce else self.hit
 
     def _primary(self, tests: wp.array | None = None, bounce: int = 0) -> None:
-        if tests is None:
-            self.bands.run(self._primary_of, bounce)
-        else:
-            self.bands.run_in_turn(self._primary_of, bounce, tests)
+        self.bands.run(self._primary_of, bounce, tests=tests)
 
     def _primary_of(self, band: Band, bounce: int, tests: wp.array | None = None) -> None:
         frame = self.frame
@@ -185,10 +182,7 @@ class ExactBvh:
         )  # fmt: skip
 
     def _shadow(self, light: int, tests: wp.array | None = None, bounce: int = 0) -> None:
-        if tests is None:
-            self.bands.run(self._shadow_of, light, bounce)
-        else:
-            self.bands.run_in_turn(self._shadow_of, light, bounce, tests)
+        self.bands.run(self._shadow_of, light, bounce, tests=tests)
 
     def _shadow_of(self, band: Band, light: int, bounce: int, tests: wp.array | None = None) -> None:
         frame = self.frame

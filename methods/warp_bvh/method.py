@@ -15,11 +15,11 @@ from ...harness.frame.method import BaseMethod
 from ...harness.frame.mirrors import traced_bounces
 from ...harness.frame.passes import Pass
 from ...harness.frame.specialise import specialised
+from ...harness.frame.threads import check_threads
 from ...harness.scene.effects import Effects, Limits
 from ..common.bands import Band, Bands
 from ..common.misses import miss_passes, write_misses
 from ..common.offset import SHADOW_END
-from ..common.ray_launches import check_threads
 from ..common.ray_passes import shadow_ray_passes
 from .exact import ExactBvh
 from .mesh_kernels import mesh_primary_kernel, mesh_shadow_kernel
