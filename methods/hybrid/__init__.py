@@ -32,6 +32,9 @@ from .parameters import Build, Trace
 STREAM, TREE = 0, 1
 """Branches of the graph."""
 
+PIXELS_PER_TRIANGLE = 2
+"""With fewer a tree takes longer to build than a grid of a light's rays (found on balls: docs/methods/hybrid.md)."""
+
 
 class Hybrid(BaseMethod):
     """See the package. Needs: those of the streams (:class:`..ray_grids.RayGrids`), then the tree's doubtful pairs."""
@@ -47,11 +50,13 @@ class Hybrid(BaseMethod):
         self._streams = RayGrids(StreamsBuild(threads=self.trace.threads))
         self._capacity = 0
         self._memory = 0
+        self._shadows = self.build.shadows
         self._rays: ShadowRays | None = None
 
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
         self._memory, self._rays = limits.memory, None
-        shadows = any(effects.shadows) and self.build.shadows == "tree"
+        self._shadows = self._taken_by(frame, effects)
+        shadows = any(effects.shadows) and self._shadows == "tree"
         if not shadows and not effects.bounces:
             return self._streams.plan(frame, effects, limits)
         if frame.triangle_count == 0:
@@ -86,6 +91,13 @@ class Hybrid(BaseMethod):
         passes += [replace(work, branch=(TREE, 1)) for work in after]
         passes += [replace(work, branch=(STREAM, *work.branch)) for work in streamed]
         return [*passes, *self._shadow_passes(rays, effects, shadows), *rays.bounce_passes()]
+
+    def _taken_by(self, frame: Frame, effects: Effects) -> str:
+        """What takes the shadow rays, ``tree`` or ``grid``. Mirrored rays need the tree, which then serves both."""
+        if self.build.shadows != "auto":
+            return self.build.shadows
+        many = frame.triangle_count * PIXELS_PER_TRIANGLE > frame.pixels
+        return "grid" if many and not effects.bounces else "tree"
 
     def _shadow_passes(self, rays: ShadowRays, effects: Effects, shadows: bool) -> list[Pass]:
         """The shadow rays of the primary hits, after both branches."""
@@ -126,9 +138,12 @@ class Hybrid(BaseMethod):
         return counts
 
     def built(self) -> dict[str, Any]:
+        if self._rays is None:
+            streams = {} if self._streams.needs() is None else self._streams.built()
+            return {"shadows": self._shadows, **streams}
         rebuilt = self.build.update == "rebuild"
         tree = self.build.builder if rebuilt else "SAH of the first frame, on the host"
-        found = {"shadows": self.build.shadows, "update": self.build.update, "tree": tree}
+        found = {"shadows": self._shadows, "update": self.build.update, "tree": tree}
         return {**found, **threads_built(self._rays)}
 
 

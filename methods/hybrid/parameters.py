@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from ..bvh2.parameters import Build as TreeBuild
 from ..bvh2.parameters import Trace as TreeTrace
 
-SHADOWS = ("tree", "grid")
+SHADOWS = ("auto", "tree", "grid")
 
 
 @dataclass(frozen=True)
 class Build(TreeBuild):
     """How the tree is made, as of bvh2; and what takes the shadow rays."""
 
-    shadows: str = "tree"
+    shadows: str = "auto"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -24,7 +24,8 @@ class Build(TreeBuild):
 
 Build.__doc__ = f"""{TreeBuild.__doc__}
     shadows     what takes the shadow rays: "tree": the tree, which all lights share; "grid": a grid of each light, as in
-                ray_grids; the tree is then built for mirrored rays only
+                ray_grids; the tree is then built for mirrored rays only; "auto": the grid where there are more than half as
+                many triangles as pixels and nothing is mirrored, otherwise the tree
     """
 
 

@@ -18,12 +18,13 @@ from shadowbench.harness.scene.prepared import Prepared
 
 NAME = "hybrid"
 SETTINGS: list[dict[str, str]] = [
-    {},
+    {"shadows": "tree"},
     {"shadows": "grid"},
-    {"update": "refit", "shares": "1"},
-    {"builder": "lbvh"},
+    {"shadows": "tree", "update": "refit", "shares": "1"},
+    {"shadows": "tree", "builder": "lbvh"},
 ]
 TRIALS = {name: (prepared, width, height) for name, prepared, width, height in hard_trials()}
+WITH_TREE = {"shadows": "tree"}
 TREE = {"keys", "sort", "tree"}
 
 
@@ -33,7 +34,7 @@ def two_lights() -> Prepared:
 
 @pytest.mark.parametrize("trial", TRIALS)
 def test_equals_brute_force_on_hard_scenes(trial, device):
-    assert_exact(NAME, {}, *TRIALS[trial], device)
+    assert_exact(NAME, WITH_TREE, *TRIALS[trial], device)
 
 
 @pytest.mark.parametrize("settings", SETTINGS, ids=str)
@@ -67,10 +68,27 @@ def test_effects_decide_the_structure():
     lit, mirrored = two_lights(), hall_of_mirrors(1)
     unlit = scene((replace(POINT, shadows=False),))
     streams = Session(make_method("ray_grids"), lit, 8, 8, "cpu").all_passes
-    assert passes_of(lit, {}) >= TREE
+    assert passes_of(lit, WITH_TREE) >= TREE
     assert passes_of(lit, {"shadows": "grid"}) == {work.name for work in streams}
-    assert not passes_of(unlit, {}) & TREE
+    assert not passes_of(unlit, WITH_TREE) & TREE
     assert passes_of(mirrored, {"shadows": "grid"}) & TREE == TREE
+
+
+@pytest.mark.parametrize(
+    ("side", "taken"), [(24, "grid"), (25, "tree")], ids=["more than half", "at most half"]
+)
+def test_numbers_of_triangles_and_pixels_decide_who_takes_the_shadow_rays(side, taken):
+    prepared = make_scene(*soup(7, 300), [(0.1, 0.2, 0.3)])
+    session = Session(make_method(NAME), prepared, side, 24, "cpu")
+    assert prepared.triangle_count == 300
+    names = {work.name for work in session.all_passes}
+    assert (names >= TREE) == (taken == "tree")
+    assert session.method.built()["shadows"] == taken
+
+
+def test_a_tree_that_mirrors_need_takes_the_shadow_rays_too():
+    session = Session(make_method(NAME), hall_of_mirrors(1), 2, 2, "cpu")
+    assert session.method.built()["shadows"] == "tree"
 
 
 @pytest.mark.parametrize(
@@ -81,7 +99,7 @@ def test_effects_decide_the_structure():
     ],
 )
 def test_what_did_not_move_is_not_made_again(changed, left_out):
-    session = Session(make_method(NAME), two_lights(), 8, 8, "cpu")
+    session = Session(make_method(NAME, WITH_TREE), two_lights(), 8, 8, "cpu")
     session.select({changed})
     run = {work.name for work in session.passes}
     assert "light 0: shadow rays" in run
@@ -89,7 +107,7 @@ def test_what_did_not_move_is_not_made_again(changed, left_out):
 
 
 def test_tree_and_stream_are_branches_of_one_fork():
-    session = Session(make_method(NAME), two_lights(), 8, 8, "cpu")
+    session = Session(make_method(NAME, WITH_TREE), two_lights(), 8, 8, "cpu")
     forked = []
     for work in session.all_passes:
         if not work.branch:
@@ -102,7 +120,7 @@ def test_tree_and_stream_are_branches_of_one_fork():
 def test_replays_of_the_graph_repeat_the_answers(device):
     """On the GPU: the branches of the captured graph share nothing that one of them writes."""
     prepared = two_lights()
-    session = Session(make_method(NAME), prepared, 33, 21, device)
+    session = Session(make_method(NAME, WITH_TREE), prepared, 33, 21, device)
     wanted = session.answers(prepared.moment(0, 33, 21))
     for _ in range(3):
         session.poison()
@@ -113,8 +131,8 @@ def test_replays_of_the_graph_repeat_the_answers(device):
 
 def test_queues_of_both_parts_grow(device):
     prepared, width, height = TRIALS["rays at vertices"]
-    _, _, roomy = trace(NAME, {}, prepared, width, height, device)
-    session, _, tight = trace(NAME, {"doubt_capacity": "1"}, prepared, width, height, device)
+    _, _, roomy = trace(NAME, WITH_TREE, prepared, width, height, device)
+    session, _, tight = trace(NAME, {**WITH_TREE, "doubt_capacity": "1"}, prepared, width, height, device)
     assert session.regrown > 0
     for key, values in roomy.items():
         np.testing.assert_array_equal(tight[key], values, key)
