@@ -12,7 +12,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..harness.report import document, panels, style
+from ..harness.report import compare, document, panels, style
+from ..harness.results.table import stage_ms
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
 from ._paper import UNBALANCED, faithful
@@ -111,6 +112,20 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     apart = [lighting.label for lighting in FORMATS_PRESET.lightings]
     notes = finding, tables, pictures, quiet, [PAPER_SAYS]
     return document.write(folder, EXPERIMENT, table, COLUMNS, *notes, apart=apart)
+
+
+def balanced(frames: pd.DataFrame) -> pd.DataFrame:
+    """One row per scene, rectangle and distance: traversal, ms, without load balancing and with it at the best r.
+
+    Of aimed axes in float64. ``distance`` is that of the light in words.
+    """
+    aimed = frames["set.aimed"].astype(str).str.lower().isin(["true", "1"])
+    own = frames[aimed & (frames["set.precision"] == PRECISE)]
+    one, plain = compare.pairs(own, own["set.r"].astype(int) == int(UNBALANCED), (*compare.SAME, "set.clamp"))
+    words = [f"{style.radii(x)} {'radius' if x == 1 else 'radii'}" for x in one["light_distance"]]
+    one = one.assign(best=stage_ms(one, *TRAVERSAL), without=stage_ms(plain, *TRAVERSAL), distance=words)
+    one = one[one["set.r"].astype(int) < int(UNBALANCED)]
+    return one.loc[one.groupby(["scene", "scene_title", "set.clamp", "light_distance"])["best"].idxmin()]
 
 
 def looks(rows: pd.DataFrame) -> dict[Any, dict[str, Any]]:

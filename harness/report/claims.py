@@ -7,14 +7,13 @@ compared; the verdict is computed from the records of all experiments in a folde
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from . import document, style
-from .compare import geometric
-from .evidence import Data, Evidence, collect
+from .evidence import Data, Evidence, Lacking, collect
 from .terminal import print_table
 
 if TYPE_CHECKING:
@@ -29,11 +28,10 @@ ABOUT = (
 
 @dataclass(frozen=True)
 class Finding:
-    """A verdict, and the numbers behind it. ``lacking``: the evidence does not have the deciding numbers."""
+    """A verdict, and the numbers behind it."""
 
     verdict: str
     numbers: str
-    lacking: bool = False
 
 
 @dataclass(frozen=True)
@@ -41,7 +39,7 @@ class Claim:
     """A sentence of the paper (or of this project), its section, and what decides it.
 
     experiments  whose records may decide it; the last versions of the methods come first, then this order
-    judge        given one piece of evidence at a time, until one has all that it needs: it never sees two
+    judge        given one piece of evidence at a time, until one does not raise :class:`.evidence.Lacking`
     counted      it is about counted work, the same on every device; all others are about times on a GPU
     """
 
@@ -52,23 +50,14 @@ class Claim:
     counted: bool = False
 
 
-def each(values: dict[str, float], form: str = "{:.2f}") -> str:
+def each(values: Mapping[str, float], form: Callable[[float], str] = "{:.2f}".format) -> str:
     """Numbers by scene, as a phrase."""
-    return ", ".join(f"{name} {form.format(value)}" for name, value in values.items())
+    return ", ".join(f"{name} {form(value)}" for name, value in values.items())
 
 
-def lacking(what: str, numbers: str = "") -> Finding:
-    """The evidence does not have the deciding numbers: what is missing, and the numbers that exist."""
-    return Finding(OPEN, f"{what} is not measured" + (f"; {numbers}" if numbers else ""), lacking=True)
-
-
-def by_ratio(values: dict[str, float], what: str) -> Finding:
-    """Holds if the geometric mean of the ratios exceeds 1 by more than 3 %."""
-    if not values:
-        return lacking("either of the two")
-    mean = geometric(values.values())
-    verdict = HOLDS if mean > 1.03 else FAILS if mean < 0.97 else OPEN
-    return Finding(verdict, f"{what} {mean:.2f} (geometric mean; {each(values)})")
+def judged(holds: bool, numbers: str, fails: bool = True) -> Finding:
+    """It holds; or, where it does not, it fails or cannot be told."""
+    return Finding(HOLDS if holds else FAILS if fails else OPEN, numbers)
 
 
 def decide(claim: Claim, data: Data) -> tuple[Finding, str]:
@@ -76,15 +65,18 @@ def decide(claim: Claim, data: Data) -> tuple[Finding, str]:
 
     If none has them: what the first one lacks, which points cannot be compared, and what to run.
     """
-    findings = [(claim.judge(one), one) for one in data.evidence(*claim.experiments)]
-    told = findings[0][0].numbers if findings else "not measured"
-    if len(findings) > 1:
-        alike = Counter(one.described() for _, one in findings)
+    lacks, evidence = [], data.evidence(*claim.experiments)
+    for one in evidence:
+        try:
+            return claim.judge(one), origin(one, data)
+        except Lacking as lack:
+            lacks.append(str(lack))
+    told = lacks[0] if lacks else "not measured"
+    if len(evidence) > 1:
+        alike = Counter(one.described() for one in evidence)
         known = "; ".join(f"{count} runs of {name}" if count > 1 else name for name, count in alike.items())
         told += f"; of different runs or versions, and not to be mixed: {known}"
-    nothing = Finding(OPEN, f"{told}; run {claim.experiments[0]}", lacking=True), ""
-    whole = ((finding, origin(one, data)) for finding, one in findings if not finding.lacking)
-    return next(whole, nothing)
+    return Finding(OPEN, f"{told}; run {claim.experiments[0]}"), ""
 
 
 def origin(evidence: Evidence, data: Data) -> str:

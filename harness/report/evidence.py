@@ -24,6 +24,13 @@ SCENE = ["scene", "scene_title", "scene_sha256"]
 Measure = Callable[["DataFrame"], "Series"]
 
 
+class Lacking(Exception):
+    """The evidence does not have the deciding numbers: what is not measured, and the numbers that exist."""
+
+    def __str__(self) -> str:
+        return f"{self.args[0]} is not measured" + "".join(f"; {known}" for known in self.args[1:] if known)
+
+
 def matching(table: DataFrame, **wanted: Any) -> Series:
     """Which rows have these values in these columns."""
     return reduce(operator.and_, (table[name] == value for name, value in wanted.items()))
@@ -63,17 +70,23 @@ class Evidence:
         """One point per scene (:func:`by_scene`) of the frames that :meth:`of` gives."""
         return by_scene(document.named(self.of(**wanted)))
 
-    def ratios(self, one: dict[str, Any], other: dict[str, Any], measure: Measure) -> dict[str, float]:
-        """Measure of the points with the columns of ``one`` over that of those with ``other``'s, by scene."""
-        frames = self.of()
-        base = matching(frames, **other)
-        if not base.any() or not matching(frames, **one).any():
-            return {}
-        both = base | matching(frames, **one)
-        points, bases = compare.pairs(frames[both], base[both])
-        known = by_scene(points[matching(points, **one)].reset_index())
-        values = measure(known) / measure(bases.loc[known["key"]]).to_numpy()
-        return dict(sorted(values[(values != 0.0) & (values < float("inf"))].items()))
+    def ratios(
+        self, one: dict[str, Any], other: dict[str, Any], measure: Measure, lacks: str = "", *scenes: str
+    ) -> dict[str, float]:
+        """Measure of the points with the columns of ``one`` over that of those with ``other``'s, by scene.
+
+        ``scenes``: these alone, in this order. ``lacks``: what :class:`Lacking` says where one of them, or all, have none.
+        """
+        frames, found = self.of(), dict[str, float]()
+        base, own = matching(frames, **other), matching(frames, **one)
+        if base.any() and own.any():
+            points, bases = compare.pairs(frames[base | own], base[base | own])
+            known = by_scene(points[matching(points, **one)].reset_index())
+            values = measure(known) / measure(bases.loc[known["key"]]).to_numpy()
+            found = dict(sorted(values[(values != 0.0) & (values < float("inf"))].items()))
+        if lacks and not (set(scenes) <= set(found) and found):
+            raise Lacking(lacks)
+        return {scene: found[scene] for scene in scenes or found}
 
     def over_rivals(self, one: dict[str, Any], rivals: Iterable[str], measure: Measure) -> DataFrame:
         """:meth:`ratios` over each other label in place of that of ``one``: a row per scene, a column per label.

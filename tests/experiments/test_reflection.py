@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from helpers.experiment_records import record_of, write_records
-from shadowbench.experiments import _judges, reflection
+from shadowbench.experiments import claims, reflection
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.report.claims import FAILS, HOLDS
 from shadowbench.harness.report.evidence import collect
@@ -59,14 +59,14 @@ def test_added_time_and_the_time_of_a_mirrored_ray(tmp_path):
 @pytest.mark.parametrize(("grid", "tree", "verdict"), [(8.0, 2.0, FAILS), (2.0, 8.0, HOLDS)])
 def test_the_papers_sentence_is_judged_by_the_passes_of_mirrored_rays(tmp_path, grid, tree, verdict):
     (evidence,) = collect(write_records(tmp_path, records(grid, tree))).evidence("reflection")
-    assert _judges.reflected(evidence).verdict == verdict
+    assert claims.reflected(evidence).verdict == verdict
 
 
 def test_the_fastest_tree_stands_for_the_trees(tmp_path):
     four = reflection.LIGHTINGS[2]
     faster = point(reflection.TREES[1], four, 1.0)
     (evidence,) = collect(write_records(tmp_path, [*records(2.0, 8.0), faster])).evidence("reflection")
-    found = _judges.reflected(evidence)
+    found = claims.reflected(evidence)
     assert found.verdict == FAILS
     assert f"{GRID.label} over {reflection.TREES[1].label}" in found.numbers
 
