@@ -89,7 +89,14 @@ class LightStream:
         self.queue = queues.of_stream(1 + index)
         self.cells = filled(RayCells, rectangle=aims.rectangles[index], table=aims.tables[index], **arrays)
         answers = frame.answers
-        self.bits = filled(ShadowBits, light=index, triangle=answers.triangle, visibility=answers.visibility)
+        self.receivers = frame.receivers
+        self.bits: Any = filled(
+            ShadowBits, light=index, triangle=answers.triangle, visibility=answers.visibility
+        )
+
+    def variant(self, kernel: wp.Kernel) -> wp.Kernel:
+        """A kernel of the stream for the class of :attr:`bits`."""
+        return kernel
 
     def passes(self, branch: int = 0) -> list[Pass]:
         """The light's passes, which may run at the same time as those of lights in another branch."""
@@ -173,7 +180,7 @@ class LightStream:
         wp.launch(
             specialised(light_bins.count_kernel, self.switches),
             dim=thread_count(f.width, f.height, True),
-            inputs=[self.index, f.camera, f.hits(0), f.receivers],
+            inputs=[self.index, f.camera, f.hits(0), self.receivers],
             outputs=[cells],
             device=f.device,
         )
@@ -194,7 +201,7 @@ class LightStream:
         wp.launch(
             specialised(light_bins.scatter_kernel, self.switches),
             dim=thread_count(f.width, f.height, True),
-            inputs=[self.index, f.camera, f.hits(0), f.receivers],
+            inputs=[self.index, f.camera, f.hits(0), self.receivers],
             outputs=[self.cells],
             device=f.device,
         )
@@ -202,7 +209,7 @@ class LightStream:
     def launch_stream(self, share: int) -> None:
         f, q, build = self.frame, self.queues, self.build
         wp.launch(
-            specialised(light_stream.make_stream_kernel(q.queued), self.switches),
+            specialised(self.variant(light_stream.make_stream_kernel(q.queued)), self.switches),
             dim=q.share_threads,
             inputs=[
                 q.share(share), build.inline_cells, build.inline_rays, f.lights, self.aims.cubes, self.cells, f.mesh,
@@ -227,7 +234,7 @@ class LightStream:
     def _launch_rows(self, share: int, again: bool) -> None:
         f, q = self.frame, self.queues
         wp.launch(
-            specialised(light_queue.make_item_kernel(q.cuda, again), self.switches),
+            specialised(self.variant(light_queue.make_item_kernel(q.cuda, again)), self.switches),
             dim=q.threads,
             inputs=[q.threads, self.build.part, self.cells, f.alpha],
             outputs=[self.bits, self.queue[share]],
@@ -244,7 +251,7 @@ class LightStream:
     def launch_doubts(self, share: int) -> None:
         f, q = self.frame, self.queues
         wp.launch(
-            specialised(light_queue.doubt_kernel, self.switches),
+            specialised(self.variant(light_queue.doubt_kernel), self.switches),
             dim=q.few_threads,
             inputs=[q.few_threads, f.lights, f.camera, f.mesh, f.alpha, self.hit],
             outputs=[self.bits, self.queue[share]],
