@@ -137,6 +137,11 @@ class RayGrids(BaseMethod):
             result[f"light {light.index} rays settled by the last occluder"] = light.settled()
         return result
 
+    def forget(self) -> None:
+        """Between frames: forget the occluders of the last frame, if any are kept, so that the next is a first one."""
+        for light in self._remembering:
+            light.last.zero_()
+
     def built(self) -> dict[str, Any]:
         assert self._queues is not None
         threads = {} if self._queues.cuda else {"threads": self._threads}
