@@ -93,8 +93,7 @@ def map_kernel(
             wanted = receivers[light, pixel] != wp.uint8(0)
         bit = wp.uint8(0)
         if wanted:
-            hit = hit_points[pixel]
-            p = to_float32(hit)
+            p = to_float32(hit_points[pixel])
             h = wp.vec4f(p[0], p[1], p[2], wp.cast(pixel, wp.float32))
             remembered = entry(last, pixel)
             if remembered != 0:
@@ -109,6 +108,8 @@ def map_kernel(
                     set_entry(last, pixel, 0)
         visibility[light, pixel] = bit
         sought[light, pixel] = wp.uint8(wanted)
+        if wanted:
+            hit = hit_points[pixel]  # again: held until here, it would take registers
     place = place_and_record(wanted, hit, posts[light], axes[light], cells.rectangle)
     if wanted:
         set_entry(cells.place, pixel, place)
