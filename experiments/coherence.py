@@ -25,7 +25,7 @@ FIRST = Entry("ray_grids", LAST, "the same, first frame")
 METHODS = (NONE, NEXT, FIRST)
 
 STEPS = {
-    "nothing moved": 0.0,
+    "at rest": 0.0,
     "1/64 step": 1 / 64,
     "1/16 step": 1 / 16,
     "1/4 step": 1 / 4,
@@ -72,10 +72,11 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     done = document.measured(table)
     kept = done[(done["label"] != NONE.label) & done["ratio"].notna()]
     kept = kept.assign(place=kept["light_label"].map(list(STEPS).index))
+    short = [label.removesuffix(" step") for label in STEPS]
     pictures = [panels.lines(
         folder / "coherence.svg", kept, "place", "ratio", facet="title", across=kept["title"].nunique(),
-        whisker="ratio_spread", ticks=list(STEPS).__getitem__, log_y=False, sharey=True, wide=2,
-        below="moved since the frame before", left="frame time over that without occluders",
+        whisker="ratio_spread", ticks=short.__getitem__, log_y=False, sharey=True, wide=2,
+        below="moved since the frame before, steps of the animation", left="frame time over that without occluders",
     )] if len(kept) else []  # fmt: skip
     shown = document.carry(kept["ratio"], kept["ratio_spread"])
     settled = (100 * kept["settled"]).map(" ({:.0f} %)".format).where(kept["label"] == NEXT.label, "")

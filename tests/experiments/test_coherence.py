@@ -52,7 +52,7 @@ def test_the_moment_before_lies_between_two_frames(cloth):
 def test_a_timed_frame_finds_what_the_one_before_it_left(cloth, device):
     this = cloth.moment(FRAME, *SIZE)
     counts = {}
-    for label in ("nothing moved", "1/64 step", "1 step"):
+    for label in ("at rest", "1/64 step", "1 step"):
         before = moment_before(cloth, FRAME, coherence.STEPS[label], *SIZE)
         plain, kept, first = (
             Played(entry, cloth, SIZE, device, entry is coherence.FIRST) for entry in coherence.METHODS
@@ -65,7 +65,7 @@ def test_a_timed_frame_finds_what_the_one_before_it_left(cloth, device):
             assert _sequence.differing(one.timed_answers(*pair), expected) == 0
         assert settled(first) == 0
         counts[label] = settled(kept)
-    assert counts["nothing moved"] > counts["1/64 step"] > counts["1 step"]
+    assert counts["at rest"] > counts["1/64 step"] > counts["1 step"]
 
 
 def test_differing_counts_bits():
@@ -87,7 +87,7 @@ def test_coherence_runs_draws_goes_on_and_tells(tmp_path):
     files = show("coherence", tmp_path / "out", quiet=True)
     assert {file.name for file in files} == {"coherence.csv", "coherence.svg", "coherence.md"}
     text = (tmp_path / "out" / "coherence.md").read_text()
-    assert "| scene | setting | nothing moved | 1/64 step | 1/16 step | 1/4 step | 1 step |" in text
+    assert "| scene | setting | at rest | 1/64 step | 1/16 step | 1/4 step | 1 step |" in text
     assert "| Cloth (stand-in) | last occluders first |" in text
     assert "Every answer behind these times was found right" in text
     table = coherence.read(tmp_path / "out").set_index(["label", "light_label"])
