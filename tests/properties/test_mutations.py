@@ -107,10 +107,7 @@ MUTATIONS = (
         "a fixed determinant epsilon",
         (
             Planted(
-                triangle,
-                "hit_distance",
-                (("NORMAL_UNITS * sum_of_sizes(products, d64)", "wp.float64(1.0e-7)"),),
-                ray_queries,
+                triangle, "hit_distance", (("NORMAL_UNITS * sum_of_sizes(products, d64)", "wp.float64(1.0e-7)"),), ray_queries
             ),
         ),
         "warp_bvh",
@@ -171,10 +168,7 @@ MUTATIONS = (
         "t of a hit at the eye by its sign alone",
         (
             Planted(
-                triangle,
-                "hit_distance",
-                (("NORMAL_UNITS * sum_of_sizes(products, away)", "wp.float64(-1.0)"),),
-                ray_queries,
+                triangle, "hit_distance", (("NORMAL_UNITS * sum_of_sizes(products, away)", "wp.float64(-1.0)"),), ray_queries
             ),
         ),
         "warp_bvh",
@@ -197,7 +191,7 @@ MUTATIONS = (
     ),
     Mutation(
         "all that is outside by 2^-30 of the sum is inside",
-        (Planted(triangle, "hit_distance", (("low < -edge_doubt(", "low + wp.float64(1.0e99) < -edge_doubt("),), ray_queries),),
+        (Planted(triangle, "hit_distance", (("low < -edge", "low + wp.float64(1.0e99) < -edge"),), ray_queries),),
         "warp_bvh",
         EXACT_BVH,
         ("V mixed 11", "V mixed 13", "V mixed 36", "V mixed 42"),
