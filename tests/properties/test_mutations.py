@@ -107,7 +107,7 @@ MUTATIONS = (
         "a fixed determinant epsilon",
         (
             Planted(
-                triangle, "hit_distance", (("NORMAL_UNITS * sum_of_sizes(products, d64)", "wp.float64(1.0e-7)"),), ray_queries
+                triangle, "hit_distance", (("NORMAL_UNITS * sum_of_sizes(products, d64)", "wp.float64(1e-7)"),), ray_queries
             ),
         ),
         "warp_bvh",
