@@ -23,12 +23,10 @@ from ....harness.frame.specialise import effects, specialised
 from ...common.entries import entry, set_entry
 from ...common.pixels import thread_count, tile_pixel
 from ...common.triangle import largest, to_float32
-from ..cube import place_and_record
 from ..fetch import corners_at
-from .bins import RayCells
+from ..queues import BLOCK_DIM
 from .passes import LightStream
 from .rays import YES, Occluder, RememberedBits, float32_verdict, set_planes, sign_bound
-from .reach import empty_tiles
 
 
 @wp.func
@@ -39,7 +37,7 @@ def has_holes(alpha: Alpha, i: wp.int32) -> wp.bool:
 
 @wp.func
 def certainly_occludes(
-    i: wp.int32, own: wp.int32, h: wp.vec4f, eye: wp.vec3f, light: wp.vec3f, mesh: Mesh
+    i: wp.int32, own: wp.int32, h: wp.vec3f, eye: wp.vec3f, light: wp.vec3f, mesh: Mesh
 ) -> wp.bool:
     """Whether triangle i of the mesh (any number) certainly occludes the ray of a pixel that hit triangle ``own`` at h.
 
@@ -54,66 +52,53 @@ def certainly_occludes(
     size = wp.max(largest(corners.a), wp.max(largest(corners.b), largest(corners.c)))
     occluder = Occluder()
     occluder.i = i
-    occluder.bound = sign_bound(wp.max(size, wp.max(largest(wp.vec3f(h[0], h[1], h[2])), largest(eye))))
+    occluder.bound = sign_bound(wp.max(size, wp.max(largest(h), largest(eye))))
     occluder.sure = occluder.bound
-    return float32_verdict(h, set_planes(occluder, light, corners)) == YES
+    return float32_verdict(wp.vec4f(h[0], h[1], h[2], 0.0), set_planes(occluder, light, corners)) == YES
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
-def map_kernel(
+def settle_kernel(
     light: wp.int32,
     camera: Camera,
     lights: wp.array(dtype=wp.vec3f),
-    posts: wp.array(dtype=wp.vec3f),
-    axes: wp.array(dtype=wp.mat33d),
     mesh: Mesh,
     alpha: Alpha,
     hits: Hits,
     hit_points: wp.array(dtype=wp.vec3d),
     receivers: wp.array2d(dtype=wp.uint8),
     last: wp.array(dtype=wp.int32),
-    cells: RayCells,
     sought: wp.array2d(dtype=wp.uint8),
     visibility: wp.array2d(dtype=wp.uint8),
 ):
-    """:func:`.bins.map_kernel` for the rays that their remembered occluder does not settle.
+    """Bits of the rays that their remembered occluder settles, 0 for others. An occluder that fails is forgotten.
 
-    sought: uint8 [lights, pixels]: 1 = the ray is placed in the grid. An occluder that fails is forgotten.
+    sought: uint8 [lights, pixels]: 1 = the pixel has a ray, to be placed in the grid. A pass of its own: in the pass that
+    maps rays, the registers of this test would halve the number of threads.
     """
-    empty_tiles(cells.farthest, wp.tid(), camera.width, camera.height)
     at = tile_pixel(wp.tid(), camera.width, camera.height)
-    hit = wp.vec3d()
-    h = wp.vec4f()
-    wanted = wp.bool(False)
+    if at[0] < 0:
+        return
     pixel = at[1] * camera.width + at[0]
-    if at[0] >= 0:
-        own = entry(hits.triangle, pixel)
-        wanted = own >= 0
-        if wp.static(effects.receivers):
-            wanted = receivers[light, pixel] != wp.uint8(0)
-        bit = wp.uint8(0)
-        if wanted:
-            p = to_float32(hit_points[pixel])
-            h = wp.vec4f(p[0], p[1], p[2], wp.cast(pixel, wp.float32))
-            remembered = entry(last, pixel)
-            if remembered != 0:
-                i = remembered - 1
-                holes = wp.bool(False)
-                if wp.static(effects.alpha):
-                    holes = has_holes(alpha, i)
-                if not holes and certainly_occludes(i, own, h, camera.eye[0], lights[light], mesh):
-                    bit = wp.uint8(1)
-                    wanted = False
-                else:
-                    set_entry(last, pixel, 0)
-        visibility[light, pixel] = bit
-        sought[light, pixel] = wp.uint8(wanted)
-        if wanted:
-            hit = hit_points[pixel]  # again: held until here, it would take registers
-    place = place_and_record(wanted, hit, posts[light], axes[light], cells.rectangle)
-    if wanted:
-        set_entry(cells.place, pixel, place)
-        set_entry(cells.point, pixel, h)
+    own = entry(hits.triangle, pixel)
+    remembered = entry(last, pixel)
+    wanted = own >= 0
+    if wp.static(effects.receivers):
+        wanted = receivers[light, pixel] != wp.uint8(0)
+    bit = wp.uint8(0)
+    if wanted and remembered != 0:
+        i = remembered - 1
+        holes = wp.bool(False)
+        if wp.static(effects.alpha):
+            holes = has_holes(alpha, i)
+        h = to_float32(hit_points[pixel])
+        if not holes and certainly_occludes(i, own, h, camera.eye[0], lights[light], mesh):
+            bit = wp.uint8(1)
+            wanted = False
+        else:
+            set_entry(last, pixel, 0)
+    visibility[light, pixel] = bit
+    sought[light, pixel] = wp.uint8(wanted)
 
 
 @functools.cache
@@ -169,29 +154,34 @@ class RememberingLight(LightStream):
     def variant(self, kernel: wp.Kernel) -> wp.Kernel:
         return remembering(kernel)
 
+    def receiver_reads(self) -> tuple[str, ...]:
+        return (f"rays sought/{self.index}",)
+
     def passes(self, branch: int = 0) -> list[Pass]:
         """The light's passes: the rays' places follow from the occluders, which the stream's steps write."""
-        i = self.index
-        light, memory, bits = f"light/{i}", f"occluders/{i}", f"visibility/{i}"
-        surfaces = ("points", "triangles", "camera", light, memory, *self.effects.surface_reads())
-        made = []
-        for work in super().passes(branch):
-            if work.launch == self.launch_map:
-                work = replace(work, reads=(*work.reads, *surfaces), writes=(*work.writes, memory))
-            elif bits in work.writes:
-                work = replace(work, writes=(*work.writes, memory))
-            made.append(work)
-        return made
+        i, made = self.index, super().passes(branch)
+        memory, bits, effect = f"occluders/{i}", f"visibility/{i}", f"shadows/{i}"
+        reads = ("points", "triangles", "camera", "hits", f"light/{i}", memory, *self.effects.surface_reads())
+        settle = Pass(
+            f"light {i}: last occluders",
+            "shadow",
+            (*reads, *self.effects.receiver_reads(i)),
+            (memory, *self.receiver_reads(), bits),
+            self.launch_settle,
+            effect,
+            branch=(branch,),
+        )
+        made = [replace(w, writes=(*w.writes, memory)) if bits in w.reads else w for w in made]
+        place = next(k for k, work in enumerate(made) if not work.ahead)
+        return [*made[:place], settle, *made[place:]]
 
-    def launch_map(self) -> None:
+    def launch_settle(self) -> None:
         f = self.frame
         wp.launch(
-            specialised(map_kernel, self.given),
+            specialised(settle_kernel, self.given),
             dim=thread_count(f.width, f.height, True),
-            inputs=[
-                self.index, f.camera, f.lights, self.aims.posts, self.aims.axes, f.mesh, f.alpha, f.hits(0), self.hit,
-                f.receivers,
-            ],
-            outputs=[self.last, self.cells, self.sought, f.answers.visibility],
+            inputs=[self.index, f.camera, f.lights, f.mesh, f.alpha, f.hits(0), self.hit, f.receivers],
+            outputs=[self.last, self.sought, f.answers.visibility],
             device=f.device,
-        )  # fmt: skip
+            block_dim=BLOCK_DIM,
+        )

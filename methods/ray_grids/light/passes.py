@@ -98,12 +98,16 @@ class LightStream:
         """A kernel of the stream for the class of :attr:`bits`."""
         return kernel
 
+    def receiver_reads(self) -> tuple[str, ...]:
+        """The resources that say which pixels have a ray, beside the hits."""
+        return self.effects.receiver_reads(self.index)
+
     def passes(self, branch: int = 0) -> list[Pass]:
         """The light's passes, which may run at the same time as those of lights in another branch."""
         i = self.index
         who, build = f"light {i}", "light build"
         light, effect = f"light/{i}", f"shadows/{i}"
-        seen = ("hits", f"light aim/{i}", *self.effects.receiver_reads(i))
+        seen = ("hits", f"light aim/{i}", *self.receiver_reads())
         aim, place, rays, bits = f"light aim/{i}", f"ray places/{i}", f"ray cells/{i}", f"visibility/{i}"
         scene = ("points", "triangles", "hits", light, aim, rays, *self.effects.surface_reads())
         passes = [
@@ -168,7 +172,15 @@ class LightStream:
         wp.launch(
             specialised(light_bins.map_kernel, self.switches),
             dim=thread_count(f.width, f.height, True),
-            inputs=[self.index, f.camera, self.aims.posts, self.aims.axes, f.hits(0), self.hit, f.receivers],
+            inputs=[
+                self.index,
+                f.camera,
+                self.aims.posts,
+                self.aims.axes,
+                f.hits(0),
+                self.hit,
+                self.receivers,
+            ],
             outputs=[self.cells, f.answers.visibility],
             device=f.device,
         )
