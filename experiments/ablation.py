@@ -107,8 +107,7 @@ def read(folder: Path) -> pd.DataFrame:
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
-    """The relative time of each change, one mark per scene: a drawing and a table for each of the two configurations; and
-    CSV."""
+    """The relative time of each change, one mark per scene: a drawing and a table per configuration; CSV."""
     table = read(folder)
     done = document.measured(table)
     apart, tables, pictures = done["label"].isin(APART), {}, []

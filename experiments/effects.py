@@ -50,9 +50,8 @@ LIGHTINGS = (*EFFECTS[:PLAIN], *CHANGES, *EFFECTS[PLAIN:])
 
 
 COLUMNS = [
-    *document.COMMON, "moved", "ratio", "added_ms", "added_iqr_ms", "passes", "builds", "memory_bytes", "compile_s",
+    *document.COMMON, "moved", "ratio", "added_ms", "added_iqr_ms", "pass_count", "build_count", "memory_bytes", "compile_s",
 ]  # fmt: skip
-KINDS = list(MOVED)
 ORDER = [lighting.label for lighting in (*EFFECTS, *CHANGES)]
 ABOUT = (
     "The same frame was measured again, as the one in which all moved: its difference from the first counts as noise of "
@@ -69,7 +68,6 @@ def read(folder: Path) -> pd.DataFrame:
     """
     frames = document.frames(folder)
     table = document.named(frames)
-    table["passes"], table["builds"] = table["pass_count"], table["build_count"]
     same = (*compare.SCENE, *compare.SIZE, "label")
     own, base = compare.pairs(frames, frames["light_label"] == BASE, same)
     _, again = compare.pairs(frames, frames["moved"] == "all", same)
@@ -82,40 +80,29 @@ def read(folder: Path) -> pd.DataFrame:
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
-    """Two drawings, two tables and CSV."""
+    """Markers of each effect over the plain frame, two tables and CSV."""
     table = read(folder)
-    done = document.measured(table)
+    done = document.arranged(document.measured(table), "title", table["title"].unique())
     effects, moved = done[(done["moved"] == "") & done["ratio"].notna()], done[done["moved"] != ""]
-    alone, pictures = effects[effects["light_label"] != BASE], []
-    if len(effects):
-        pictures += [panels.dots(
-            folder / "effects.svg", alone, "light_label", "ratio", "label", facet="title", whisker="ratio_spread",
-            legend=3, below=f"frame time over that of {BASE} (bars: noise)",
-        )]  # fmt: skip
-    if len(moved):
-        # Where nothing moved, nothing is launched.
-        seen, scenes = moved[moved["passes"] > 0], moved["title"].nunique()
-        idle = " (nothing moved: no kernel is launched)" * ("nothing" not in set(seen["moved"]))
-        pictures += [panels.lines(
-            folder / "effects-moved.svg", seen.assign(place=seen["moved"].map(KINDS.index)), "place", "total_ms",
-            facet="title", across=scenes, whisker="spread", drawn=panels.looks(moved), ticks=KINDS.__getitem__,
-            below="what moved since the last frame" + idle, left="ms per frame", wide=max(1.0, 0.6 * scenes), sharey=True,
-        )]  # fmt: skip
+    alone = effects[effects["light_label"] != BASE]
+    pictures = [panels.dots(
+        folder / "effects.svg", alone, "light_label", "ratio", "label", facet="title", whisker="ratio_spread",
+        legend=3, below=f"frame time over that of {BASE} (bars: noise)",
+    )] if len(effects) else []  # fmt: skip
     shown = document.carry(effects["ratio"], effects["ratio_spread"])
     effects = effects.assign(text=shown.where(effects["light_label"] != BASE, effects["ms"] + " ms"))
-    text = moved["ms"] + " (" + moved["builds"].astype(str) + ")"
-    moved = moved.assign(text=text.where(moved["passes"] > 0, "no launch"))
-    effects, moved = (document.arranged(own, "title", table["title"].unique()) for own in (effects, moved))
-    scene, notes = {"title": "scene"}, [*compare.in_sequence(document.frames(folder)), ABOUT]
+    text = moved["ms"] + " (" + moved["build_count"].astype(str) + ")"
+    moved = moved.assign(text=text.where(moved["pass_count"] > 0, "no launch"))
     heading = f"Frame time over that of {BASE}, everything rebuilt"
+    rows = {"title": "scene", "light_label": "effect", "label": "method"}
     tables = {
-        heading: document.cross_table(effects, {**scene, "light_label": "effect"}, "label", "text"),
-        "A frame by what alone moved, ms": document.cross_table(
-            moved, {**scene, "label": "method"}, "moved", "text"
-        ),
+        heading: document.cross_table(effects, ["title", "light_label"], "label", "text"),
+        "A frame by what alone moved, ms": document.cross_table(moved, ["title", "label"], "moved", "text"),
     }
+    tables = {name: table.rename(columns=rows) for name, table in tables.items()}
     finding = f"{heading}, geometric mean and range of methods and scenes: "
     finding += f"{document.ranked(alone, 'ratio', 'light_label') or 'not measured'}."
+    notes = [*compare.in_sequence(document.frames(folder)), ABOUT]
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet, notes)
 
 

@@ -54,8 +54,7 @@ def read(frames: pd.DataFrame, folder: Path) -> pd.DataFrame:
 
 
 def growth(frames: pd.DataFrame) -> pd.DataFrame:
-    """Every stage's time at the largest size over that at the smallest, one row per scene, over the frames that both
-    have."""
+    """Every stage's time at the largest size over that at the smallest, a row per scene, over the frames that both have."""
     import pandas as pd
 
     smallest, largest = frames["pixels"].min(), frames["pixels"].max()
@@ -69,7 +68,7 @@ def growth(frames: pd.DataFrame) -> pd.DataFrame:
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Stacked bars of the largest size, CSV, and whether rearrangement depends on the model and on the resolution."""
     frames = document.frames(folder)
-    table = read(frames, folder)
+    table, grown = read(frames, folder), growth(frames)
     widest = document.measured(read(frames[frames["pixels"] == frames["pixels"].max()], folder))
     if widest.empty:
         return document.write(folder, EXPERIMENT, table, COLUMNS, "Nothing was measured.", {}, [], quiet)
@@ -87,7 +86,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         f"Rearrangement takes {span} ms over {len(widest)} scenes, a coefficient of variation of "
         f"{variation['rearrangement_ms']:.0%} (the paper: more or less the same for all models)."
     )
-    if len(grown := growth(frames)):
+    if len(grown):
         means = grown.apply(compare.geometric)
         made["larger over smaller size"] = means.map("{:.1f}".format).array
         finding += f" It takes {means['rearrangement']:.1f} times as long at the larger size, same frames."

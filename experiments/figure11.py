@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..harness.report import compare, document, panels, style
 from ..harness.results.table import stage_ms
@@ -61,32 +61,25 @@ AXES = {False: "world axes", True: "aimed"}
 PRECISE, COARSE, CENTRED = "float64", "float32", "float32-centred"
 """Number formats: the exact one; the others, of which the second is relative to the middle of the hit points."""
 
-COUNTED = {
-    "pairs": "light 0 pairs", "tiles_with_rays": "light 0 tiles with rays", "chunks": "light 0 chunks",
-    "most_rays_in_a_tile": "light 0 most rays in a tile", "lanes": "light 0 lanes", "rays": "light 0 rays",
-    "list_longest": "light 0 list, longest", "shadow_tests_a_hundred_rays": "shadow tests a hundred rays",
-}  # fmt: skip
-COLUMNS = [
-    *document.COMMON, "clamp", "axes", "precision", "r", "traversal_ms", "lane_fill", *COUNTED,
+TILES, RAYS, LANES = "counter.light 0 tiles with rays", "counter.light 0 rays", "counter.light 0 lanes"
+COUNTED = [
+    "counter.light 0 pairs", TILES, "counter.light 0 chunks", "counter.light 0 most rays in a tile", LANES, RAYS,
+    "counter.light 0 list, longest", "counter.shadow tests a hundred rays",
 ]  # fmt: skip
+COLUMNS = [*document.COMMON, "set.clamp", "axes", "precision", "r", "traversal_ms", "lane_fill", *COUNTED]
 PANEL = ["title", "rectangle", "axes"]
-MEASURES = {"traversal_ms": "shadow traversal, ms", "chunks": "blocks, C_total", "lane_fill": "lane fill"}
 PAPER_SAYS = "The paper: time grows as the light moves away, and breaking full tiles into chunks of r rays compensates."
-DISTANCE = "distance of the light from the middle, scene radii"
 
 
 def read(folder: Path) -> pd.DataFrame:
-    """The points, nearest light first, with what their panel is, the time of the traversal alone, and the work counted.
-
-    line  r, or the number format where it is not the exact one
-    """
+    """The points, nearest light first, with their panel, the traversal alone, and ``line``: r, with an inexact format."""
     table = document.with_passes(document.read(folder), folder, {"traversal": TRAVERSAL})
     aimed = table["set.aimed"].astype(str).str.lower().isin(["true", "1"])
     table["axes"], table["rectangle"] = aimed.map(AXES), table["set.clamp"].map(RECTANGLES)
-    table["clamp"], table["precision"] = table["set.clamp"], table["set.precision"]
-    table["r"], table["distance"] = table["set.r"].astype(int), table["light_distance"].map(style.radii)
-    table[[*COUNTED]] = table.reindex(columns=[f"counter.{name}" for name in COUNTED.values()])
-    table["lane_fill"] = table["rays"] / table["lanes"]
+    table["precision"], table["distance"] = table["set.precision"], table["light_distance"].map(style.radii)
+    table["r"] = table["set.r"].astype(int)
+    table = table.reindex(columns=[*table, *(name for name in COUNTED if name not in table)])
+    table["lane_fill"] = table[RAYS] / table[LANES]
     r = ("r = " + table["r"].astype(str)).replace(f"r = {UNBALANCED}", f"r = {UNBALANCED} (no balancing)")
     table["line"] = r.where(table["precision"] == PRECISE, table["precision"] + ", " + r)
     table = document.arranged(table.sort_values("r", kind="stable"), "axes", [*AXES.values()])
@@ -95,12 +88,12 @@ def read(folder: Path) -> pd.DataFrame:
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
-    """Time against distance and against r, and tiles that hold rays; CSV, and what is work and what number format."""
+    """Time against distance, and tiles that hold rays; CSV with blocks and lane fill, and what is work and what format."""
     table = read(folder)
     exact = document.measured(table[table["precision"] == PRECISE])
     tables, pictures, finding = {}, [], "Nothing was measured."
     if len(exact):
-        pictures = drawings(table, exact, folder)
+        pictures = drawings(table, folder)
         text = table["traversal_text"].where(table["status"] == "ok", table["status"])
         cells = document.cross_table(table.assign(text=text), [*PANEL, "line"], "distance", "text")
         tables = {"Shadow traversal, ms, by the light's distance in radii": cells}
@@ -128,43 +121,29 @@ def balanced(frames: pd.DataFrame) -> pd.DataFrame:
     return one.loc[one.groupby(["scene", "scene_title", "set.clamp", "light_distance"])["best"].idxmin()]
 
 
-def looks(rows: pd.DataFrame) -> dict[Any, dict[str, Any]]:
-    """How lines are drawn: number formats dashed, the centred one hollow too, so that what it lies upon is seen."""
-    drawn = panels.looks(rows, "line")
-    for name, look in drawn.items():
-        look |= {"ls": "--"} if COARSE in name else {}
-        look |= {"mfc": "none", "ms": 6.0} if CENTRED in name else {}
-    return drawn
-
-
-def drawings(table: pd.DataFrame, exact: pd.DataFrame, folder: Path) -> list[Path]:
-    """Time against distance, one line per r or number format; time, C_total and lane fill against r, one line per
-    distance,
-    of the two extremes of the panels; and the tiles that hold rays, the same for every r.
-    """
+def drawings(table: pd.DataFrame, folder: Path) -> list[Path]:
+    """Time against distance, one line per r or number format; and the tiles that hold rays, the same for every r."""
     titles = table["title"].unique()
-    where = (table["title"] + ", ") * int(len(titles) > 1) + table["rectangle"]
-    table = table.assign(where=where, panel=where + ", " + table["axes"])
-    table["formats"] = table["precision"] != PRECISE
+    table["where"] = (table["title"] + ", ") * int(len(titles) > 1) + table["rectangle"]
+    table["panel"], table["formats"] = table["where"] + ", " + table["axes"], table["precision"] != PRECISE
     times = table.sort_values("formats", kind="stable")
     tiles = table.drop_duplicates(["where", "axes", "precision", "light_distance"])
     tiles = tiles.assign(line=tiles["axes"] + ", " + tiles["precision"])
-    several = exact.groupby("light_distance")["r"].transform("nunique") > 1
-    by_r = table.loc[several[several | ~several.any()].index].sort_values(["light_distance", "r"])
-    extremes = [(RECTANGLES[CLAMPS[0]], AXES[False]), (RECTANGLES[CLAMPS[-1]], AXES[True])]
-    by_r = by_r[by_r.set_index(PANEL[1:]).index.isin(extremes)].assign(line=by_r["distance"] + " radii")
-    across = max(1, by_r["panel"].nunique())
-    by_r = by_r.melt(["panel", "line", "r", "status"], list(MEASURES), "measure").dropna(subset="value")
-    by_r["panel"] = by_r["measure"].map(MEASURES) + "\n" + by_r["panel"]
-    lines, below = partial(panels.lines, hue="line", sharex=True), "\n".join(["", *titles])
-    against: dict[str, Any] = {"across": 2, "log_x": 10, "sharey": True, "below": DISTANCE + below}
+    looks, coarse_looks = (
+        panels.looks(times.sort_values(["formats", "r"]), "line"),
+        panels.looks(tiles, "line"),
+    )
+    for name, look in [*looks.items(), *coarse_looks.items()]:
+        # Number formats are dashed, the centred one hollow too, so that what it lies upon is seen.
+        look |= {"ls": "--"} if COARSE in name else {}
+        look |= {"mfc": "none", "ms": 6.0} if CENTRED in name else {}
+    lines = partial(panels.lines, hue="line", across=2, log_x=10, sharex=True, sharey=True,
+                    below="\n".join(["distance of the light from the middle, scene radii", *titles]))  # fmt: skip
     return [
-        lines(folder / "figure11.svg", times, "light_distance", "traversal_ms", facet="panel", whisker="traversal_spread",
-              drawn=looks(table.sort_values(["formats", "r"])), left="shadow traversal, ms", **against),
-        lines(folder / "figure11-r.svg", by_r, "r", "value", facet="panel", across=across, log_x=2, ticks=str, high=1.4,
-              legend=3, below="r, most rays per block" + below, left="", sharey="row"),
-        lines(folder / "figure11-tiles.svg", tiles, "light_distance", "tiles_with_rays", facet="where", drawn=looks(tiles),
-              left="tiles that hold rays", **against),
+        lines(folder / "figure11.svg", times, "light_distance", "traversal_ms", facet="panel", drawn=looks,
+              whisker="traversal_spread", left="shadow traversal, ms"),
+        lines(folder / "figure11-tiles.svg", tiles, "light_distance", TILES, facet="where",
+              drawn=coarse_looks, left="tiles that hold rays"),
     ]  # fmt: skip
 
 

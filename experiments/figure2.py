@@ -40,34 +40,26 @@ STATISTICS = ["tests_mean", "tests_median", "tests_p99", "tests_most"]
 COLUMNS = [
     *document.COMMON, *STATISTICS, "speed_up", "most_share", "speed_up_same_tiles", "most_share_same_tiles",
 ]  # fmt: skip
-"""``speed_up`` and ``most_share``: against direct mapping with tiles as large as indirect mapping's blocks;
-``_same_tiles``: with tiles as small as its sorting tiles."""
-HEADINGS: document.Columns = {
-    "scene": ("title", str), "mapping": ("label", str), "most": ("tests_most", document.count),
-    "mean": ("tests_mean", "{:.0f}".format), "primary rays, ms": ("primary_text", str),
-    f"most, of {DIRECT}": ("most_share", "{:.0%}".format), f"faster than {DIRECT}": ("told", str),
-    f"most, of {DIRECT_SMALL}": ("most_share_same_tiles", "{:.0%}".format),
-    f"faster than {DIRECT_SMALL}": ("told_same_tiles", str),
-}  # fmt: skip
+"""Against direct mapping with tiles as large as indirect mapping's blocks; ``_same_tiles``: as its sorting tiles."""
 TOLD = "against {} {:.0%} of the most triangles for a pixel, primary rays {} in speed"
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
-    """The maps side by side, the CSV, and the finding."""
+    """The maps side by side, the CSV, and the finding. Raises :class:`UserError` if the maps were not saved."""
     frames = document.frames(folder)
-    table = document.with_passes(document.named(frames), folder, {"primary": ("trace", "")})
+    table = document.named(frames)
     done = document.measured(table)
-    maps = {r.key: read(folder, r.key, r.frame_numbers[-1]) for r in done.itertuples()}
+    paths = {row.key: map_path(folder, row.key, row.frame_numbers[-1]) for row in done.itertuples()}
+    if lost := [path for path in paths.values() if not path.exists()]:
+        raise UserError(f"{lost[0]}: not there; run figure2 again into a new folder")
+    maps = {key: read_map(path) for key, path in paths.items()}
     table[STATISTICS] = [statistics(maps.get(key)) for key in table.index]
     for ending, label in BASES.items():
         own, base = compare.pairs(frames, frames["label"] == label)
         ratio = base["trace_ms"] / own["trace_ms"]
+        shares = [(x["trace_iqr_ms"] / x["trace_ms"] / 2).where(x["samples"] > 1) for x in (own, base)]
         table[f"speed_up{ending}"] = ratio - 1
-        parts = [
-            (side["trace_iqr_ms"] / side["trace_ms"] / 2).where(side["samples"] > 1) for side in (own, base)
-        ]
-        percent = document.carry(100 * (ratio - 1), 100 * ratio * np.hypot(*parts), "+")
-        table[f"told{ending}"] = (percent + "%").where(own["label"] != label)
+        table[f"told{ending}"] = document.carry(100 * (ratio - 1), 100 * ratio * np.hypot(*shares), "+") + "%"
         table[f"most_share{ending}"] = own.get(MOST, np.nan) / base.get(MOST, np.nan)
     done = table.loc[done.index]
     pictures = [
@@ -79,16 +71,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     told = [TOLD.format(x, r[f"most_share{n}"], r[f"told{n}"]) for n, x in BASES.items() for r in known]
     text = "; ".join(told) or "not measured"
     finding = f"{INDIRECT}: {text} (the paper: less than half, and 30-50 % faster)."
-    tables = {"Triangles checked for a pixel, and time of primary rays": document.texts(done, HEADINGS)}
-    return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet)
-
-
-def read(folder: Path, key: str, frame: int) -> Counts:
-    """The counts [height, width] of a point's last frame. Raises :class:`UserError` if they were not saved."""
-    path = map_path(folder, key, frame)
-    if not path.exists():
-        raise UserError(f"{path}: not there; run figure2 again into a new folder")
-    return read_map(path)
+    return document.write(folder, EXPERIMENT, table, COLUMNS, finding, {}, pictures, quiet)
 
 
 def statistics(counts: Counts | None) -> list[float]:

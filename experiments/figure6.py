@@ -6,7 +6,7 @@ A cone, the paper's rectangle of azimuth and elevation, and a wider cone whose l
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -36,9 +36,8 @@ LIGHTINGS = (
 METHODS = (Entry(METHOD),)
 
 
-COLUMNS = [
-    *document.COMMON, "spot", "spot_angle", "spot_rise", "spot_falloff", "hit_pixels", "shadow_rays", "shadow_ray_share",
-]  # fmt: skip
+SPOT = ["light.angle", "light.rise", "light.falloff"]
+COLUMNS = [*document.COMMON, "spot", *SPOT, "hit_pixels", "shadow_rays", "shadow_ray_share"]
 HEADINGS: document.Columns = {
     "scene": ("title", str), "light": ("light", str), "hit points": ("hit_pixels", document.count),
     "with a shadow ray": ("shadow_rays", document.count), "share": ("shadow_ray_share", "{:.0%}".format),
@@ -54,13 +53,11 @@ def read(folder: Path) -> pd.DataFrame:
     """
     frames = document.frames(folder)
     table = document.with_passes(document.named(frames), folder, {"grids": GRIDS, "rays": RAYS})
-    names = ["target", "angle", "rise", "falloff"]
-    spot = table.reindex(columns=[f"light.{name}" for name in names]).set_axis(names, axis=1)
-    is_spot = spot["target"].notna()
-    table["spot"] = spot["rise"].isna().map({True: "cone", False: "rectangle"}).where(is_spot)
-    table[[f"spot_{name}" for name in names[1:]]] = spot[names[1:]].astype(float).where(is_spot)
-    table["light"] = [spot_text(r) for r in table.itertuples()]
-    table = table.sort_values(["file", "spot_falloff", "spot"], na_position="first")
+    is_spot = table.reindex(columns=["light.target"])["light.target"].notna()
+    table[SPOT] = table.reindex(columns=SPOT).astype(float).where(is_spot, axis=0)
+    table["spot"] = table["light.rise"].isna().map({True: "cone", False: "rectangle"}).where(is_spot, "")
+    table["light"] = list(map(spot_text, table["spot"], *(table[name] for name in SPOT)))
+    table = table.sort_values(["file", "light.falloff", "spot"], na_position="first")
     own, plain = compare.pairs(frames, frames["light_label"] == "", (*compare.SCENE, *compare.SIZE, "label"))
     rays = r"^counter\.light .* rays$"  # of all lights, as the method counted them
     table["shadow_rays"] = table.filter(regex=rays).sum(axis=1, min_count=1)
@@ -75,7 +72,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     table = read(folder)
     done = document.measured(table)
     drawn = [picture(own, folder, name) for name, own in table.groupby("file", sort=False)]
-    spots = done[done["spot"].notna() & done["shadow_ray_share"].notna()]
+    spots = done[(done["spot"] != "") & done["shadow_ray_share"].notna()]
     finding = "No spot was measured beside the light that shines everywhere."
     if len(spots):
         share = document.span(spots["shadow_ray_share"], form="{:.0%}".format)
@@ -86,14 +83,13 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet)
 
 
-def spot_text(r: Any) -> str:
-    """A row's light in a few words, such as "cone of 6 degrees"; angles are from side to side."""
-    if not isinstance(r.spot, str):
+def spot_text(spot: str, angle: float, rise: float, falloff: float) -> str:
+    """A light in a few words, such as "cone of 6 degrees"; angles are from side to side."""
+    if not spot:
         return "everywhere"
-    rise = "" if np.isnan(r.spot_rise) else f" x {2 * r.spot_rise:g}"
-    edge = np.cos(np.radians(r.spot_angle)) ** r.spot_falloff
-    falls = f", falling off to {edge:.0%}" * bool(r.spot_falloff)
-    return f"{r.spot} of {2 * r.spot_angle:g}{rise} degrees{falls}"
+    high = f" x {2 * rise:g}" if spot == "rectangle" else ""
+    falls = f", falling off to {np.cos(np.radians(angle)) ** falloff:.0%}" if falloff else ""
+    return f"{spot} of {2 * angle:g}{high} degrees{falls}"
 
 
 def picture(own: pd.DataFrame, folder: Path, name: str) -> Path | None:

@@ -12,19 +12,13 @@ from ._paper import METHOD, SCENES
 METHODS = (Entry(METHOD),)
 
 COLUMNS = [*document.COMMON, "paper_triangles", "triangles_to_paper"]
-HEADINGS: document.Columns = {
-    "scene": ("title", str), "triangles": ("triangles", document.count), "the paper's": ("paper_triangles", document.count),
-    "share": ("triangles_to_paper", "{:.1%}".format), "made as": ("stand_in", str),
-}  # fmt: skip
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
-    """The gallery, CSV, and triangle counts beside the paper's, which it prints as "174k" or "1.09M"."""
-    table, units = document.read(folder), {"k": "e3", "M": "e6"}
-    printed = {scene: row.triangles for scene, row in paper.ROWS.items()}
-    table["paper_triangles"] = table["scene"].map(
-        {x: float(n[:-1] + units[n[-1]]) for x, n in printed.items()}
-    )
+    """The gallery; as CSV the triangle counts beside the paper's, which it prints as "174k" or "1.09M"."""
+    table, units = document.read(folder), {"k": 1e3, "M": 1e6}
+    printed = {x: float(row.triangles[:-1]) * units[row.triangles[-1]] for x, row in paper.ROWS.items()}
+    table["paper_triangles"] = table["scene"].map(printed)
     table["triangles_to_paper"] = table["triangles"] / table["paper_triangles"]
     scenes = table.drop_duplicates("scene")
     title = f"Figure 9: the test scenes with shadows, traced by {table['method_title'].iloc[0]}, {document.where(table)}"
@@ -32,8 +26,8 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     most = f"{(known - 1).abs().max():.1%}" if len(known) else "-"
     finding = f"{len(known)} of the paper's {len(paper.ROWS)} scenes, each with its number of triangles within {most}; "
     finding += f"of {len(scenes)} scenes {int((scenes['stand_in'] != '').sum())} are stand-ins."
-    tables, pictures = {"Scenes": document.texts(scenes, HEADINGS)}, gallery.draw(folder, scenes, title)
-    return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet)
+    pictures = gallery.draw(folder, scenes, title)
+    return document.write(folder, EXPERIMENT, table, COLUMNS, finding, {}, pictures, quiet)
 
 
 EXPERIMENT = Experiment(

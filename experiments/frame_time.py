@@ -41,8 +41,7 @@ KINDS = {
 }
 """What a peer does in each frame, by label; the last three are in earlier records only."""
 CUT = 4.0
-"""A bar longer than this many times the median of its panel is cut off: a much slower method would leave the others no
-room."""
+"""A bar longer than this many times the median of its panel is cut off."""
 FLOOR = "Floor: bytes over bandwidth or ray-triangle tests over rate, and launches; stage by stage in frame_time-stages.csv."
 
 
@@ -51,9 +50,8 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     frames = document.frames(folder)
     ours = frames["label"] == OURS
     names = {"ratio": "times_slower", "spread": "times_slower_spread"}
-    found = compare.ratios(frames, ours).rename(columns=names)
-    stages = roofline.stages(frames[ours], ray_grids)
-    table = document.named(frames).join(found.drop(columns="frames"))
+    found = compare.ratios(frames, ours).rename(columns=names).drop(columns="frames")
+    stages, table = roofline.stages(frames[ours], ray_grids), document.named(frames).join(found)
     table = table.join(roofline.of_frames(stages), on=roofline.SCENE)
     table["kind"], table["other"] = table["label"].map(KINDS), table["label"] != OURS
     done = document.measured(table)
@@ -67,8 +65,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         across = 1 if done["title"].nunique() <= 3 else 2
         files.append(panels.bars(
             folder / "frame_time.svg", rows, facet="title", across=across, cut=CUT, wide=0.35 + 0.65 * across,
-            legend=3 * across, mark=("frame_floor_ms", f"floor of {OURS}"),
-            below=f"{panels.WHOLE}\n2.0x: twice the time of {OURS}\n{wrong}",
+            legend=3 * across, below=f"{panels.WHOLE}\n2.0x: twice the time of {OURS}\n{wrong}",
         ))  # fmt: skip
     told = [
         f"A frame of {OURS} at {document.where(rows).split(' on ')[0]}, everything rebuilt, takes "
@@ -96,10 +93,9 @@ def fastest(done: pd.DataFrame) -> pd.DataFrame:
 
 
 def against(own: pd.DataFrame, peers: pd.DataFrame) -> pd.DataFrame:
-    """One row per scene: our time, the fastest peer of each kind and its ratio with the range, and our time over the
-    floor."""
+    """One row per scene: our time, the fastest peer of each kind with the ratio's range, and our time over the floor."""
     own = own.set_index("title", drop=False)
-    made = document.texts(own, {"scene": ("title", str), f"{OURS}, ms": ("ms", str)})
+    made = own[["title", "ms"]].set_axis(["scene", f"{OURS}, ms"], axis=1)
     times = document.carry(peers["times_slower"], peers["times_slower_spread"])
     ranges = [f" ({r.low:.2f} to {r.high:.2f}; {r.label})" for r in peers.itertuples()]
     for kind, cells in peers.assign(text=times + ranges).groupby("kind", sort=False):

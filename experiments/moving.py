@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..harness.frame.passes import PARTS
 from ..harness.report import document, panels
+from ..harness.results.table import PART_COLUMNS
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
 from ._paper import METHOD, SCENES
@@ -29,19 +29,21 @@ def turn(places: int) -> tuple[Lighting, ...]:
     return (Lighting("one turn", turns=1.0, frames=places),)
 
 
-WORK = {
-    "tests_a_shadow_ray": "shadow tests a hundred rays",
-    "tiles_with_rays": "light 0 tiles with rays",
-    "most_rays_in_a_tile": "light 0 most rays in a tile",
-    "longest_list": "light 0 list, longest",
-    "pairs_of_the_light": "light 0 pairs",
-}
-"""What explains a slow place: its column in the CSV, and the work counter."""
-
-PART_MS = {f"frame_{part.replace(' ', '_')}_ms": part for part in PARTS}
-COLUMNS = [
-    *document.COMMON, "frame", "turn", "frame_ms", "frame_iqr_ms", "frame_true_errors", *PART_MS, *WORK,
+WORK = [
+    "counter.shadow tests a hundred rays", "counter.light 0 tiles with rays", "counter.light 0 most rays in a tile",
+    "counter.light 0 list, longest", "counter.light 0 pairs",
 ]  # fmt: skip
+"""What explains a slow place: work counters."""
+
+FRAME = [
+    "frame",
+    "total_ms",
+    "iqr_ms",
+    "true_errors",
+    *(f"{part}_ms" for part in PART_COLUMNS.values()),
+    *WORK,
+]
+COLUMNS = [*document.COMMON, "frame", "turn", *WORK]
 TIMES = {"fastest": "min", "median": "median", "slowest": "max"}
 PAPER_SAYS = (
     "The paper moves its lights too, and says that everything is rebuilt each frame; it shows no path."
@@ -49,25 +51,17 @@ PAPER_SAYS = (
 
 
 def read(folder: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The points, animated scenes first, and one row per frame of each: the light's place in turns, its time and its
-    work.
+    """The points, animated scenes first, and one row per frame of each, with the light's place in turns.
 
     A point that was not measured has one row without a time.
     """
     frames = document.frames(folder)
     table = document.arranged(document.complete(document.named(frames)), "scene", (*ANIMATED, *STATIC))
-    own = {name: name.removeprefix("frame_") for name in PART_MS} | {
-        name: f"counter.{x}" for name, x in WORK.items()
-    }
-    own |= {"frame_ms": "total_ms", "frame_iqr_ms": "iqr_ms", "frame_true_errors": "true_errors"}
-    timed = frames.reindex(columns=["key", "frame", *own.values()]).set_axis(["key", "frame", *own], axis=1)
-    path = table.merge(timed, on="key", how="left")
-    path["tests_a_shadow_ray"] /= 100
+    path = table.drop(columns=FRAME, errors="ignore")
+    path = path.merge(frames.reindex(columns=["key", *FRAME]), on="key", how="left").copy()
     last = (path["frame_count"].fillna(1) - 1).clip(lower=1)
-    path["turn"] = (path["frame"] / last * path["light_turns"].fillna(0.0)).astype(float)
-    path["whisker"] = path["frame_iqr_ms"] / 2
-    path["wrong"] = path["frame_true_errors"].fillna(0) > 0
-    return table, path
+    turn = (path["frame"] / last * path["light_turns"].fillna(0.0)).astype(float)
+    return table, path.assign(turn=turn, whisker=path["iqr_ms"] / 2, wrong=path["true_errors"].fillna(0) > 0)
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
@@ -76,12 +70,11 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
 
     table, path = read(folder)
     paths = path.groupby(["title", "label"], sort=False)
-    made = paths["frame_ms"].agg(["count", "min", "median", "max"])
-    around = paths["whisker"].max()
+    made, around = paths["total_ms"].agg(["count", "min", "median", "max"]), paths["whisker"].max()
     made["ratio"] = made["max"] / made["min"]
     made["ratio_spread"] = made["ratio"] * np.hypot(around / made["min"], around / made["max"])
     pictures = [panels.lines(
-        folder / "moving.svg", path, "turn", "frame_ms", facet="title", across=min(2, path["title"].nunique()),
+        folder / "moving.svg", path, "turn", "total_ms", facet="title", across=min(2, path["title"].nunique()),
         whisker="whisker", wrong="wrong", log_y=False, high=1.25, below="turns of the light about the scene",
         left="ms per frame, everything rebuilt", sharex=True,
     )] if made["count"].any() else []  # fmt: skip
@@ -93,10 +86,8 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     shown |= {name: document.carry(made[x], around) for name, x in TIMES.items()}
     shown["slowest over fastest"] = document.carry(made["ratio"], made["ratio_spread"])
     shown["frames with wrong answers"] = paths["wrong"].sum().where(made["count"] > 0)
-    tables = {
-        "Milliseconds along the path": pd.DataFrame(shown).rename_axis(["scene", "method"]).reset_index()
-    }
-    about = finding, tables, pictures, quiet, [PAPER_SAYS]
+    body = pd.DataFrame(shown).rename_axis(["scene", "method"]).reset_index()
+    about = finding, {"Milliseconds along the path": body}, pictures, quiet, [PAPER_SAYS]
     return document.write(folder, EXPERIMENT, table, COLUMNS, *about, rows=path)
 
 

@@ -69,6 +69,7 @@ def along(table: pd.DataFrame, sweep: str) -> pd.DataFrame:
     others = [column for column in SWEEPS if column != sweep]
     most = table.groupby(others, sort=False)[sweep].nunique().idxmax()
     line = table[(table[others] == list(most)).all(axis=1)].sort_values(sweep, kind="stable")
+    line = line.assign(sweep=sweep, x=line[sweep])
     return line if document.measured(line).duplicated("label").any() else line[:0]
 
 
@@ -81,30 +82,32 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     table["sweep"] = [" ".join(x for x, line in lines.items() if key in line.index) for key in table.index]
     titles = document.measured(table).sort_values("triangles")["scene_title"].unique()
     scenes = ", ".join(titles) if len(titles) <= 3 else f"{titles[0]} to {titles[-1]}"
-    gone = [sweep for sweep in SWEEPS if len(titles) and lines[sweep].empty]
+    every = pd.concat(lines.values())
     notes = [f"Scenes: {scenes}."] * bool(len(titles))
-    notes += [f"Not measured: time against {sweep}." for sweep in gone]
-    every = pd.concat([line.assign(sweep=sweep, x=line[sweep]) for sweep, line in lines.items()])
+    notes += [
+        f"Not measured: time against {x}." for x in SWEEPS if len(titles) and x not in set(every["sweep"])
+    ]
     pictures = [panels.lines(
         folder / "scaling.svg", every, "x", "total_ms", facet="sweep", across=every["sweep"].nunique(), whisker="spread",
         log_x=10, ticks=short, proportion=PROPORTION, wide=2, high=2.0, legend=4, below="\n".join(notes),
         left="ms per frame, everything rebuilt", sharey=True,
     )] if len(every) else []  # fmt: skip
     done = document.measured(every)
-    made = done.groupby(["label", "sweep"], sort=False)[[*SWEEPS, "total_ms", "ms", "sweep"]].apply(grown)
-    rows = made.rename("growth").reset_index() if len(done) else done.assign(growth="")
-    cells = document.cross_table(rows, {"label": "method"}, "sweep", "growth")
+    groups = done.groupby(["label", "sweep"], sort=False)
+    rows = pd.DataFrame([(*name, grown(own)) for name, own in groups], columns=["label", "sweep", "growth"])
+    tables = {
+        "Frame time and its exponent": document.cross_table(rows, {"label": "method"}, "sweep", "growth")
+    }
     ours = rows[(rows["label"] == OURS) & rows["sweep"].isin(SWEEPS[:2])]
     told = "; ".join(ours["growth"] + " (" + ours["sweep"] + ")") or "not measured"
-    finding, tables = f"The frame time of {OURS}: {told}.", {"Frame time and its exponent": cells}
+    finding = f"The frame time of {OURS}: {told}."
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet, notes)
 
 
 def grown(own: pd.DataFrame) -> str:
     """The first and the last time along a sweep, and its exponent with the half of its interval."""
-    sweep = own["sweep"].iloc[0]
-    first, last = (f"{own['ms'].iloc[i]} ms at {short(own[sweep].iloc[i])}" for i in (0, -1))
-    exponent, half = growth(own, sweep)
+    first, last = (f"{own['ms'].iloc[i]} ms at {short(own['x'].iloc[i])}" for i in (0, -1))
+    exponent, half = growth(own, "x")
     return f"{first} to {last}, exponent {exponent:.2f}" + f" ± {half:.2f}" * (half == half)
 
 

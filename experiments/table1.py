@@ -45,23 +45,17 @@ METHODS = (
 QUICK = tuple(e for e in METHODS if e.label in QUICK_ROWS)
 """The methods that a CPU compiles and runs in less than four minutes."""
 
-COLUMNS = (
-    "origin scene scene_title stand_in source source_file source_sha256 triangles "
-    "method method_title label settings built "
-    "device device_name width height preset status reason "
-    "build_ms trace_ms light_build_ms shadow_ms total_ms "
-    "build_iqr_ms trace_iqr_ms light_build_iqr_ms shadow_iqr_ms iqr_ms between_ms stage_gap "
-    "frames frames_left_out samples primary_mrays_per_s shadow_mrays_per_s frame_mrays_per_s "
-    "memory_bytes peak_rss_bytes true_errors pixels_scored excused_share check reference_errors known_inexact unscored "
-    "regrown compile_s first_frame_s environment key"
-).split()
-"""The columns of the CSV: those of a point (:func:`.results.means.points`), after ``origin``: this run or the paper."""
-
+COLUMNS = ["origin", *document.COMMON, *(
+    "source source_file source_sha256 method_title built build_iqr_ms trace_iqr_ms light_build_iqr_ms shadow_iqr_ms "
+    "stage_gap frames_left_out primary_mrays_per_s shadow_mrays_per_s frame_mrays_per_s memory_bytes peak_rss_bytes "
+    "pixels_scored excused_share check reference_errors known_inexact regrown compile_s first_frame_s"
+).split()]  # fmt: skip
+"""``origin``: this run or the paper."""
 FRAME = f"Whole frame with shadows, everything rebuilt, ms; {paper.LABEL}: as printed, build / trace of primary rays"
 PARTS: document.Columns = {
     "scene": ("title", str), "method": ("row", str), **{name: (name, str) for name in PART_COLUMNS},
     "whole": ("ms", str), "±": ("spread", style.number), "answers": ("error", str), "Mrays/s": ("rate", str),
-    "MB": ("memory_bytes", style.megabytes),
+    "MB": ("memory_bytes", lambda size: style.number(size / 1e6)),
 }  # fmt: skip
 CUT = 3.0
 """A bar more than this many times longer than the median of its scene is cut off; its number stands beside it."""
@@ -71,9 +65,7 @@ ABOUT = (
     "structures and work buffers. Where a scene moves, times are means over its frames. What each method built, and why "
     "it declares itself inexact, is in the CSV."
 )
-LEFT_OUT = (
-    "Frames left out, beyond the point's budget; best is who is fastest over the frames that both have: "
-)
+LEFT_OUT = "Frames left out, beyond the point's budget; best is who is fastest over the frames of both: "
 
 
 def read(folder: Path) -> DataFrame:
@@ -86,18 +78,22 @@ def read(folder: Path) -> DataFrame:
     frames = document.frames(folder)
     parts = {name: (part, "") for part, name in PART_COLUMNS.items()}
     table = document.with_passes(document.named(frames), folder, parts)
-    usual = {entry.label: settings_text(dict(entry.settings)).split(", ") for entry in METHODS}
+    usual = {entry.label: ["-", *settings_text(dict(entry.settings)).split(", ")] for entry in METHODS}
     several = int(table["device"].nunique() > 1)
     table["row"] = [
-        ", ".join([r.label, *(x for x in r.settings.split(", ") if x not in ("-", *usual.get(r.label, ())))])
-        + f", {r.device}" * several
+        ", ".join(
+            [
+                r.label,
+                *(x for x in r.settings.split(", ") if x not in usual.get(r.label, "-")),
+                *[r.device] * several,
+            ]
+        )
         for r in table.itertuples()
     ]
     for part, name in PART_COLUMNS.items():
         table[part] = table[f"{name}_text"].where(table[f"{name}_ms"] != 0, "-")
     rate = table["frame_mrays_per_s"]
-    table["rate"] = document.carry(rate, rate * table["spread"] / table["total_ms"])
-    table["best"] = False
+    table["rate"], table["best"] = document.carry(rate, rate * table["spread"] / table["total_ms"]), False
     same = [name for name in compare.SAME if name != "device"]
     for _, own in document.measured(table).query("error == @style.OK").groupby("title"):
         first, beside = own["total_ms"].idxmin(), frames[frames["key"].isin(own["key"])]
@@ -108,18 +104,12 @@ def read(folder: Path) -> DataFrame:
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
-    """Table, drawing and gallery from the records in a folder; printed too unless ``quiet``.
-
-    table1.csv  one row per point, then the paper's printed entries
-    table1.md   the whole frame, methods down and scenes across, with what the paper prints; then the parts of each frame
-    table1.svg  stacked bars of each scene
-    gallery.png the pictures of ``folder/images``, where there are any
-    """
+    """``table1.csv``: one row per point, then the paper's printed entries; ``table1.md``: whole frames beside what the paper
+    prints, then the parts of each; stacked bars of each scene; and the gallery of ``folder/images``."""
     import pandas as pd
 
-    table = read(folder)
+    table, pictures = read(folder), []
     by_scene = document.arranged(table, "scene", [*paper.ROWS, *table["scene"]])
-    theirs, pictures = paper.entries(table["scene"].unique()), []
     if len(done := document.measured(table)):
         time = by_scene["ms"] + " " + by_scene["error"]
         across = min(2, by_scene["title"].nunique())
@@ -133,19 +123,17 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         FRAME: frame_table(by_scene),
         "Parts of the frame, ms, and ± of the whole": document.texts(document.measured(by_scene), PARTS),
     }
-    rows = pd.concat([table.assign(origin="this run"), theirs])
+    rows = pd.concat([table.assign(origin="this run"), paper.entries(table["scene"].unique())])
     told = finding(done), tables, pictures, quiet, notes(table)
     return document.write(folder, EXPERIMENT, table, COLUMNS, *told, rows=rows)
 
 
 def finding(done: DataFrame) -> str:
     """The number of scenes on which each method is the fastest."""
-    best = done[done["best"]].groupby("row", sort=False)
-    told = ", ".join(
-        f"{row} on {len(own)} ({document.span(own['total_ms'], own['spread'])} ms)" for row, own in best
-    )
+    best, scenes = done[done["best"]].groupby("row", sort=False), done["title"].nunique()
+    spans = {row: document.span(own["total_ms"], own["spread"]) for row, own in best}
+    told = ", ".join(f"{row} on {len(own)} ({spans[row]} ms)" for row, own in best)
     told = told or "none, as no two were measured over the same frames in one run"
-    scenes = done["title"].nunique()
     return f"Of {scenes} scene{'s' * (scenes != 1)} the fastest frame with every answer right: {told}."
 
 
@@ -178,8 +166,8 @@ def notes(table: DataFrame) -> list[str]:
     if older := table.attrs.get("older"):
         told += [f"Not shown: older records of these points, or of other scenes of their names: {older}."]
     told += document.never_hit_notes(table)
-    sources = "; ".join(f"{c.title}: {c.source}" for c in paper.COLUMNS)
-    printed = f"The paper's numbers: {sources}. {' '.join(paper.FOOTNOTES)}".replace("*", r"\*")
+    printed = "; ".join(f"{title}: {source}" for title, source in paper.COLUMNS.items())
+    printed = f"The paper's numbers: {printed}. {' '.join(paper.FOOTNOTES)}".replace("*", r"\*")
     return told + [printed] * bool(theirs)
 
 

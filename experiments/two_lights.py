@@ -38,8 +38,7 @@ PAPER = "the paper, on Fairy: 7.6, its kd-tree peer 5.26, and 60 % more time for
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
-    """Time against the number of lights, CSV, frames per second, and the time of each further light over that of the
-    first.
+    """Time against the number of lights, CSV, frames per second, and each further light over the first.
 
     A light costs its grid and its shadow rays: those passes are compared, with one light and with more. (Differences of
     whole frames would hold the noise of the build and of the primary rays, which can be more than a light.)

@@ -168,21 +168,18 @@ def after(options: Options, report: Silent) -> None:
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
-    """The Pareto frontier, the costs of measures, wrong pixels and the grid of errors; tables as CSV, the first two in
-    the report."""
+    """The Pareto frontier, the costs of measures, wrong pixels and the grid of errors; costs as CSV too."""
     table, hard = drawing.read(folder), hard_cases.read_hard(folder)
     cost = drawing.costs(folder, [*MEASURES, *OTHER_MEASURES])
     files = [
         document.write_csv(cost, folder / "accuracy_costs.csv", drawing.COST_COLUMNS),
         *drawing.draw_frontier(table, folder / "accuracy_pareto.svg"),
-        *drawing.draw_costs(cost, EXACT, folder / "accuracy_costs.svg"),
         *drawing.draw_where(folder, table, SHOWN),
         *drawing.draw_heat(folder),
     ]
-    shown = {drawing.BEST: drawing.frontier_table(table), drawing.COST: drawing.cost_table(cost, hard)}
-    told = drawing.finding(table, cost), shown, files, quiet
-    notes = [*drawing.notes(table), *hard_cases.described(hard)]
-    return document.write(folder, EXPERIMENT, table, drawing.COLUMNS, *told, notes)
+    shown = {drawing.COST: drawing.cost_table(cost, hard)}
+    told, notes = drawing.finding(table, cost), [drawing.sampled(table), *hard_cases.described(hard)]
+    return document.write(folder, EXPERIMENT, table, drawing.COLUMNS, told, shown, files, quiet, notes)
 
 
 EXPERIMENT = Experiment(

@@ -1,5 +1,4 @@
-"""Drawings of the accuracy experiment: points with their errors, the Pareto frontier, the cost of each safety measure,
-and the places of wrong pixels."""
+"""What accuracy shows: points with errors, the Pareto frontier, costs of safety measures, the places of wrong pixels."""
 
 from __future__ import annotations
 
@@ -36,12 +35,6 @@ COST_COLUMNS = (
     "scene scene_title device measure with without with_ms without_ms cost_ms noise_ms share within_noise "
     "wrong_with wrong_without"
 ).split()
-FRONTIER: document.Columns = {
-    "scene": ("title", str), "point": ("name", str), "ms": ("ms", str), "wrong answers": ("wrong_per_frame", document.count),
-    "acne": ("acne", document.count), "leaks": ("leak", document.count), "excused": ("excused", document.count),
-    "FLIP": ("flip", "{:.4f}".format),
-}  # fmt: skip
-BEST = "Points that no other one beats in time and wrong answers per frame"
 COST = "Frame time with a safety measure over that without (=: within the noise, ?: not known)"
 ENOUGH = 4
 """Number of repeats below which the noise is not known, so that no difference of times counts as a cost."""
@@ -91,8 +84,13 @@ def read(folder: Path) -> pd.DataFrame:
 
 def usable(table: pd.DataFrame) -> pd.DataFrame:
     """Points that have both a time and an error."""
-    done = document.measured(table)
-    return done[done["wrong_per_frame"].notna()]
+    return document.measured(table).dropna(subset="wrong_per_frame")
+
+
+def sampled(table: pd.DataFrame) -> str:
+    """A note on points of which only a sample was judged; "" where there is none."""
+    count = int((usable(table).reindex(columns=["primary.unjudged"]) > 0).sum().iloc[0])
+    return SAMPLED.format(count) * bool(count)
 
 
 def frontier(table: pd.DataFrame) -> pd.Series:
@@ -119,11 +117,11 @@ def costs(folder: Path, measures: Sequence[Measure]) -> pd.DataFrame:
     titles = document.named(frames)["title"]
     frames, found = frames[frames["true_errors"].notna()], []
     for name, with_, without in measures:
-        own, other = compare.pairs(frames[frames["label"].isin([with_, without])], frames["label"] == without)
+        both = frames[frames["label"].isin([with_, without])]
+        own, other = compare.pairs(both, both["label"] == without)
         own = own[own["label"] == with_]
         other = other.loc[own.index]
-        spreads = [compare.spread(side).where(side["samples"] >= ENOUGH) for side in (own, other)]
-        noise = 2 * np.maximum(*spreads)
+        noise = 2 * np.maximum(*(compare.spread(x).where(x["samples"] >= ENOUGH) for x in (own, other)))
         cost = own["total_ms"] - other["total_ms"]
         found.append(own[["scene", "device"]].assign(
             scene_title=titles.loc[own.index], measure=name, **{"with": with_, "without": without},
@@ -132,12 +130,6 @@ def costs(folder: Path, measures: Sequence[Measure]) -> pd.DataFrame:
             wrong_with=own["wrong_per_frame"], wrong_without=other["wrong_per_frame"],
         ))  # fmt: skip
     return document.arranged(pd.concat(found), "scene_title", titles.unique()).reset_index(drop=True)
-
-
-def frontier_table(table: pd.DataFrame) -> pd.DataFrame:
-    """The Pareto-optimal points of each scene, fastest first."""
-    own = table[table["on_frontier"].fillna(False).astype(bool)].sort_values("total_ms")
-    return document.texts(document.arranged(own, "title", usable(table)["title"].unique()), FRONTIER)
 
 
 def cost_table(cost: pd.DataFrame, hard: pd.DataFrame) -> pd.DataFrame:
@@ -165,18 +157,11 @@ def finding(table: pd.DataFrame, cost: pd.DataFrame) -> str:
     right = known[known["label"].isin(never.index[never])].sort_values("total_ms").drop_duplicates("title")
     first = ", ".join(f"{name} ({n} scenes)" for name, n in right["name"].value_counts().items())
     clear = cost[~cost["within_noise"].astype(bool)]
-    clear = clear.assign(ratio=clear["with_ms"] / clear["without_ms"])
-    told = document.ranked(clear, "ratio", "measure") or "-"
+    told = document.ranked(clear.assign(ratio=1.0 + clear["share"]), "ratio", "measure") or "-"
     return (
         f"{never.sum()} of {len(never)} points are never wrong on these scenes, the fastest of them {first or '-'}; frame "
         f"time with a safety measure over that without, where it exceeds the noise: {told}."
     )
-
-
-def notes(table: pd.DataFrame) -> list[str]:
-    """Notes for reading the tables."""
-    sampled = int((usable(table).reindex(columns=["primary.unjudged"])["primary.unjudged"] > 0).sum())
-    return [SAMPLED.format(sampled)] * bool(sampled)
 
 
 def draw_frontier(table: pd.DataFrame, path: Path) -> list[Path]:
@@ -192,52 +177,27 @@ def draw_frontier(table: pd.DataFrame, path: Path) -> list[Path]:
                  legend=3, below="black edge: no other point of the scene is both faster and less wrong")]  # fmt: skip
 
 
-def draw_costs(cost: pd.DataFrame, base: str, path: Path) -> list[Path]:
-    """One bar per scene: the frame of the point ``base``, split into the costs of its measures and the rest.
-
-    A difference within the noise is no cost.
-    """
-    own = cost[cost["with"] == base]
-    if own.empty:
-        return []
-    known = own.assign(added=own["cost_ms"].clip(lower=0).where(~own["within_noise"], 0.0))
-    table = known.pivot(index="scene_title", columns="measure", values="added").fillna(0)
-    table = table.loc[own["scene_title"].unique(), own["measure"].unique()]
-    names = [name for name in table if table[name].any()]
-    total = own.groupby("scene_title", sort=False)["with_ms"].first()
-    table = table.assign(
-        total_ms=total, iqr_ms=0.0, scene=total.index, method="", text=total.map(style.number) + " ms",
-        rest=total - table.sum(axis=1),
-    )  # fmt: skip
-    parts = {"all else": ("rest", "#cccccc"), **{n: (n, style.COLOURS[i]) for i, n in enumerate(names)}}
-    below = f"ms: the frame of {base}, and what of it each measure adds that adds more than the noise"
-    return [panels.bars(path, table, name="scene", parts=parts, room=1.12, wide=2, below=below)]
-
-
 def draw_where(folder: Path, table: pd.DataFrame, shown: Sequence[str]) -> list[Path]:
-    """One picture per scene: panels of the points of ``shown`` (labels) with saved maps, all of the same part of the
-    image.
+    """One picture per scene: panels of the points of ``shown`` (labels) with saved maps, all of the same part of the image.
 
     Maps are large and may have been left out of a packed folder; its pictures of an earlier drawing then stay.
     """
     inks = {title: colour for title, (_, colour) in PAINT.items()}
     rows = table[table["label"].isin(shown)].drop_duplicates(["file", "label"])
-    for name, own in document.arranged(rows, "label", shown).groupby("file", sort=False):
-        frames = [max(numbers, default=0) for numbers in own["frame_numbers"]]  # of which maps are saved
-        paths = [wrong_path(folder, key, frame) for key, frame in zip(own["key"], frames, strict=True)]
-        kept = {
-            label: read_wrong(path) for label, path in zip(own["label"], paths, strict=True) if path.exists()
-        }
-        if kept:
-            part = window(max((~np.isin(classes, RIGHT) for classes in kept.values()), key=np.sum))
-            image = opened(reference_path(folder, own["scene"].iloc[0], frames[0]))
-            images = [
-                ("\n".join([label, *textwrap.wrap(counted(found), 44)]), painted(image, found)[part])
-                for label, found in kept.items()
-            ]
-            below = f"Where the wrong pixels are: {own['title'].iloc[0]}\n{ABOUT}"
-            panels.images(folder / f"accuracy_where-{name}.png", images, across=3, below=below, key=inks, wide=2,
-                          inks=list(inks.values()))  # fmt: skip
+    rows = document.arranged(rows, "label", shown)
+    rows["frame"] = [max(numbers, default=0) for numbers in rows["frame_numbers"]]  # of which maps are saved
+    rows["map"] = [wrong_path(folder, row.key, row.frame) for row in rows.itertuples()]
+    for name, own in rows[rows["map"].map(Path.exists).astype(bool)].groupby("file", sort=False):
+        kept = [read_wrong(path) for path in own["map"]]
+        part = window(max((~np.isin(classes, RIGHT) for classes in kept), key=np.sum))
+        image = opened(reference_path(folder, own["scene"].iloc[0], own["frame"].iloc[0]))
+        images = [
+            ("\n".join([label, *textwrap.wrap(counted(classes), 44)]), painted(image, classes)[part])
+            for label, classes in zip(own["label"], kept, strict=True)
+        ]
+        below = f"Where the wrong pixels are: {own['title'].iloc[0]}\n{ABOUT}"
+        panels.images(folder / f"accuracy_where-{name}.png", images, across=3, below=below, key=inks, wide=2,
+                      inks=list(inks.values()))  # fmt: skip
     return sorted(folder.glob("accuracy_where*.png"))
 
 

@@ -1,7 +1,6 @@
 """Claims, one by one: what was measured, and whether it holds, does not hold, or cannot be decided from the records.
 
-A claim is declared by an experiment as a sentence and a function of :class:`.report.evidence.Evidence`, rows that may be
-compared; the verdict is computed from the records of all experiments in a folder, so that it changes with them.
+An experiment declares a claim as a sentence and a function of :class:`.report.evidence.Evidence`, rows that may be compared.
 """
 
 from __future__ import annotations

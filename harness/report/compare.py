@@ -37,8 +37,8 @@ def pairs(frames: DataFrame, base: Series, same: Sequence[str] = SAME) -> tuple[
     known = frames[frames["total_ms"].notna()]
     names = ["key", "frame", "method", "method_sha256", "started", *same]
     found = known[names].merge(known.loc[base, names], on=[*same, "frame"], suffixes=("", "_base"))
-    other = found["method"] != found["method_base"]
-    found = found[other | (found["method_sha256"] == found["method_sha256_base"])].sort_values("started_base")
+    alike = found["method_sha256"] == found["method_sha256_base"]  # the same version, or another method
+    found = found[alike | (found["method"] != found["method_base"])].sort_values("started_base")
     found = found[found["key_base"] == found.groupby("key")["key_base"].transform("last")]
     own = known.merge(found[["key", "frame"]], on=["key", "frame"])
     of = found[["key_base", "frame", "key"]].set_axis(["key", "frame", "of"], axis=1)
@@ -66,9 +66,7 @@ def ratios(frames: DataFrame, base: Series, same: Sequence[str] = SAME) -> DataF
 
 
 def spread(table: DataFrame) -> Series:
-    """Uncertainty of a point's time, ms: half the interquartile range of repeats or half the range between rounds,
-    whichever is larger; NaN for a single sample.
-    """
+    """Uncertainty of a point's time, ms: half its interquartile range or range between rounds; NaN for a single sample."""
     return (table[["iqr_ms", "between_ms"]].max(axis=1) / 2).where(table["samples"] > 1)
 
 
@@ -79,8 +77,7 @@ def pass_spread(samples: DataFrame, part: str, pattern: str = "") -> Series:
     part, pattern  which passes: those of the part whose names hold the pattern, a regular expression
     """
     own = samples[(samples["part"] == part) & samples["pass"].astype(str).str.contains(pattern)]
-    own = own.astype({"ms": "float64"})
-    sums = own.groupby(["key", "frame", "round", "sample"], sort=False)["ms"].sum()
+    sums = own.groupby(["key", "frame", "round", "sample"], sort=False)["ms"].sum().astype("float64")
     repeats = sums.groupby(["key", "frame"])
     iqr = (repeats.quantile(0.75) - repeats.quantile(0.25)).where(repeats.size() > 1).groupby("key").mean()
     rounds = sums.groupby(["key", "frame", "round"]).median().groupby(["key", "round"]).mean().groupby("key")
@@ -117,13 +114,10 @@ def apart(table: DataFrame) -> list[str]:
 def in_sequence(frames: DataFrame) -> list[str]:
     """A line if the lightings of a scene were measured one after another, as earlier versions did; none if in turn.
 
-    frames  a tidy table (:func:`.results.table.tidy`)
+    frames  a tidy table (:func:`.results.table.tidy`). A run that was continued is in an order of its own.
     """
-    known = frames[frames["total_ms"].notna() & (frames["started"] > 0)].sort_values("started")
-    known = known[
-        ~known["run"].str.contains("+", regex=False)
-    ]  # what a run continued is in an order of its own
-    points = known.drop_duplicates("key", keep="last")
+    known = frames[frames["total_ms"].notna() & (frames["started"] > 0) & ~frames["run"].str.contains("[+]")]
+    points = known.sort_values("started").drop_duplicates("key", keep="last")
     lights = points.groupby([*SCENE, *SIZE], sort=False)["light_label"]
     # The order of single points, one for each lighting, does not tell.
     apart = lights.agg(lambda own: 1 < own.nunique() == (own != own.shift()).sum() < len(own))

@@ -29,15 +29,11 @@ COMMON = (
     "frames samples true_errors unscored environment key"
 ).split()
 """Columns that every CSV of an experiment begins with."""
-
 Columns = dict[str, tuple[str, Callable[[Any], str]]]
 """For a table of texts: the column for each heading, and its format."""
-
 count = "{:,.0f}".format
-
 NO_RECORD = "no record"
 """Status of points that a stopped run did not reach."""
-
 NOISY = "~"
 """Mark before a number that is shown with fewer digits, because its spread is too large or not known."""
 ABOUT_NOISE = f"{NOISY}: shown with fewer digits, as the spread of the repeats carries no more, or a single repeat has none."
@@ -46,8 +42,7 @@ ABOUT_NOISE = f"{NOISY}: shown with fewer digits, as the spread of the repeats c
 def carried(value: float, spread: float, form: str = "") -> str:
     """A number with three digits, or with fewer and :data:`NOISY` before it if its ``spread`` is too large for three.
 
-    The last digit shown is the first one that the spread changes; where it is not known (nan), two digits are shown.
-    ``form``: "+" for a sign.
+    The last digit shown is the first that the spread changes; where it is nan, two are shown. ``form``: "+" for a sign.
     """
     if value is None or not math.isfinite(value):
         return "-"
@@ -72,26 +67,23 @@ def with_passes(table: DataFrame, folder: Path, passes: Mapping[str, tuple[str, 
     repeats = samples(folder)
     for name, which in passes.items():
         ms, around = stage_ms(table, *which), pass_spread(repeats, *which).reindex(table["key"])
-        made = {"ms": ms, "spread": around, "text": carry(ms, around)}
-        table = table.assign(**{f"{name}_{kind}": values for kind, values in made.items()})
+        made = {f"{name}_ms": ms, f"{name}_spread": around, f"{name}_text": carry(ms, around)}
+        table = table.assign(**made)
     return table
 
 
 def texts(table: DataFrame, columns: Columns) -> DataFrame:
     """A table of texts: {heading: (column, form)}; what is not known is missing."""
-    import pandas as pd
-
-    own = {name: table[column].astype(object) for name, (column, _) in columns.items()}
-    shown = {name: values.map(columns[name][1], na_action="ignore") for name, values in own.items()}
-    return pd.DataFrame(shown, index=table.index)
+    own = table[[column for column, _ in columns.values()]].astype(object).set_axis([*columns], axis=1)
+    return own.apply(lambda values: values.map(columns[values.name][1], na_action="ignore"))
 
 
 def cross_table(
     table: DataFrame, rows: Sequence[str] | Mapping[str, str], columns: str, value: str
 ) -> DataFrame:
-    """``value`` with ``rows`` down and ``columns`` across, both in the table's order; of several in one cell the last.
+    """``value`` with ``rows`` down (columns, or their headings by name) and ``columns`` across, in the table's order.
 
-    ``rows``: names of columns, or their headings by name. A cell is missing where there is no such row.
+    Of several in one cell the last; a cell is missing where there is no such row.
     """
     down = list(rows)
     wide = table.groupby([*down, columns], sort=False, dropna=False)[value].last().unstack(columns)
@@ -105,9 +97,13 @@ def frames(folder: Path | str) -> DataFrame:
     return in_order(tidy(folder))
 
 
+def read(folder: Path | str) -> DataFrame:
+    """The points of a folder (:func:`named`), in the order of :func:`frames`."""
+    return named(frames(folder))
+
+
 def arranged(table: DataFrame, column: str, order: Sequence[Any]) -> DataFrame:
-    """The rows sorted by the place of a column's values in ``order``, then those with other values; otherwise in their
-    present order."""
+    """The rows sorted by the place of a column's values in ``order``, then other values; otherwise as they are."""
     places = {value: i for i, value in reversed(list(enumerate(order)))}
     return table.sort_values(column, key=lambda own: own.map(places).fillna(len(order)), kind="stable")
 
@@ -118,11 +114,6 @@ def in_order(table: DataFrame) -> DataFrame:
     table = arranged(table, "method", style.in_order(table["method"]))
     table = arranged(table.sort_values("scene", kind="stable"), "scene", list(paper.ROWS))
     return table.reset_index(drop=True)
-
-
-def read(folder: Path | str) -> DataFrame:
-    """The points of a folder (:func:`named`), in the order of :func:`frames`."""
-    return named(frames(folder))
 
 
 def named(table: DataFrame) -> DataFrame:
@@ -137,10 +128,9 @@ def named(table: DataFrame) -> DataFrame:
     table = points(table)
     table.index = table["key"].rename(None)
     sizes = table["width"].astype(str) + "x" + table["height"].astype(str)
-    several = int(sizes.nunique() > 1)
+    several, around = int(sizes.nunique() > 1), spread(table)
     apart = (table["stand_in"] != "") & ~table["scene_title"].str.contains("stand-in")
     title = table["scene_title"] + apart.map({True: " (stand-in)", False: ""})
-    around = spread(table)
     return table.assign(
         title=title + (", " + sizes) * several, file=table["scene"] + ("-" + sizes) * several, spread=around,
         ms=carry(table["total_ms"], around), light_count=table["lights"],
@@ -152,9 +142,8 @@ def span(values: Series, spreads: Series | None = None, form: Callable[[float], 
     """The range of values, as "1.20 to 3.40"; one where they are alike. With the digits that their ``spreads`` carry."""
     known = values.astype("float64").to_numpy()
     ends = [int(known.argmin()), int(known.argmax())]
-    if spreads is None:
-        return " to ".join(dict.fromkeys(form(known[i]) for i in ends))
-    return " to ".join(dict.fromkeys(carried(float(known[i]), float(spreads.iloc[i])) for i in ends))
+    told = [form(known[i]) if spreads is None else carried(float(known[i]), spreads.iloc[i]) for i in ends]
+    return " to ".join(dict.fromkeys(told))
 
 
 def mean(table: DataFrame, ratio: str) -> str:
@@ -170,16 +159,13 @@ def ranked(table: DataFrame, ratio: str, by: str, most: int = 5) -> str:
     Of more than ``most`` values the least and the greatest are told, of those that are known on as many scenes as any.
     """
     own = table[table[ratio].notna()].groupby(by, sort=False)
-    spreads = f"{ratio}_spread"
     order = own[ratio].agg(geometric).sort_values().index
     if len(order) > most:
         order = order[own.size()[order] == own.size().max()][[0, -1]]
     told = []
     for name, part in ((name, own.get_group(name)) for name in order):
-        told.append(
-            f"{name} {mean(part, ratio)}"
-            + f" ({span(part[ratio], part.get(spreads))})" * (part[ratio].nunique() > 1)
-        )
+        ends = span(part[ratio], part.get(f"{ratio}_spread"))
+        told.append(f"{name} {mean(part, ratio)}" + f" ({ends})" * (part[ratio].nunique() > 1))
     return (" ... " if len(own) > most else ", ").join(told)
 
 
@@ -203,21 +189,20 @@ def measured(table: DataFrame) -> DataFrame:
 
 
 def complete(table: DataFrame, apart: Collection[str] = ()) -> DataFrame:
-    """The points, and a row with the status :data:`NO_RECORD` for each one that a run did not reach, scene after scene.
+    """The points, and a row with the status :data:`NO_RECORD` for each that a stopped run did not reach, scene after scene.
 
-    A run that was stopped leaves no record of what it did not reach: other scenes, sizes and lights show what is missing.
-    ``apart``: lightings at which only some points are measured on purpose.
+    Other scenes, sizes and lights show what is missing. ``apart``: lightings at which only some points are measured.
     """
     import pandas as pd
 
-    planned = table[~table["light_label"].isin(apart)]
-    place = ["title", "light_label", "width", "height"]
+    planned, place = table[~table["light_label"].isin(apart)], ["title", "light_label", "width", "height"]
     same = "scene scene_title stand_in file lights light_count light_distance pixels".split()
     whose = "label method method_title settings device device_name".split()
     every = planned.drop_duplicates(place)[[*place, *same]]
     every = every.merge(planned.drop_duplicates("label")[whose], how="cross")
-    known = planned.set_index([*place, "label"]).index
-    missing = every[~every.set_index([*place, "label"]).index.isin(known)]
+    missing = every[
+        ~every.set_index([*place, "label"]).index.isin(planned.set_index([*place, "label"]).index)
+    ]
     if missing.empty:
         return table
     empty = {column: "" for column in (*TEXTS, "error") if column not in missing}
@@ -229,10 +214,9 @@ def not_measured(table: DataFrame, apart: Collection[str] = ()) -> list[str]:
     """The points without a time, one line per reason; and those without a record (see :func:`complete`)."""
     lost = complete(table, apart)
     lost = lost[(lost["status"] != "ok") | lost["total_ms"].isna()]
-    names = lost["label"].where(lost["light_label"] == "", lost["label"] + ", " + lost["light_label"])
     reasons = lost["reason"].where((lost["reason"] != "") | (lost["status"] == NO_RECORD), "no reason given")
     why = lost["status"].where(reasons == "", lost["status"] + ": " + reasons)
-    groups = lost["title"].groupby([names, why], sort=False).unique()
+    groups = lost["title"].groupby([with_light(lost, "label"), why], sort=False).unique()
     return [f"{name}: {reason} ({', '.join(titles)})" for (name, reason), titles in groups.items()]
 
 
@@ -243,30 +227,32 @@ def write(
 ) -> list[Path]:  # fmt: skip
     """Write ``EXPERIMENT.csv`` and ``EXPERIMENT.md``, print the report unless ``quiet``; return every file written.
 
-    experiment  has a name and a title
     table    the points behind the report, for where they ran, how long, and what is known of their answers
     columns  of the CSV: of ``table``, or of ``rows``
     tables   what stands under each heading
     notes    lines below the tables
     apart    see :func:`not_measured`
     """
-    csv = write_csv(table if rows is None else rows, folder / f"{experiment.name}.csv", columns)
+    name = experiment.name
+    csv = write_csv(table if rows is None else rows, folder / f"{name}.csv", columns)
     shown = {heading: body for heading, body in tables.items() if len(body)}
     cells = [str(cell) for body in shown.values() for cell in body.to_numpy().ravel()]
     about = [ABOUT_NOISE] * any(NOISY in text for text in (finding, *cells))
-    about += [*notes, *views(table), *runs_apart(table), effort(table), errors(table)]
-    about, lost = list(filter(None, about)), not_measured(table, apart)
-    measured_on = "; ".join(filter(None, [where(table), disturbances(folder)]))
+    about += filter(None, [*notes, *views(table), *runs_apart(table), effort(table), errors(table)])
+    lost, measured_on = (
+        not_measured(table, apart),
+        "; ".join(filter(None, [where(table), disturbances(folder)])),
+    )
     text = [f"# {experiment.title}", "", finding, "", f"{measured_on}.", ""]
     for heading, body in shown.items():
         text += [f"## {heading}", "", *markdown(body), ""]
     text += [f"{line}\n" for line in about]
     text += ["Not measured:", "", *(f"- {line}" for line in lost), ""] if lost else []
-    path, kept = folder / f"{experiment.name}.md", sorted(folder.glob("*.png"))
+    path, kept = folder / f"{name}.md", sorted(folder.glob("*.png"))
     # Pictures of an earlier drawing stay, because the files that they were drawn from may have been removed.
-    names = [file.name for file in pictures if file.suffix in (".svg", ".png")]
-    names += [file.name for file in kept if file.name.startswith((experiment.name, "gallery"))]
-    text += [f"![{Path(name).stem}]({name})" for name in dict.fromkeys(names)]
+    drawn = [file.name for file in pictures if file.suffix in (".svg", ".png")]
+    drawn += [file.name for file in kept if file.name.startswith((name, "gallery"))]
+    text += [f"![{Path(file).stem}]({file})" for file in dict.fromkeys(drawn)]
     path.write_text("\n".join(text).rstrip() + "\n", encoding="utf-8")
     if not quiet:
         console = make_console()
@@ -293,23 +279,25 @@ def where(table: DataFrame) -> str:
 
 def effort(table: DataFrame) -> str:
     """How long the points were sampled, where they say so, as a sentence."""
-    asked = table.reindex(columns=["point.rounds", "point.budget_s"]).dropna().drop_duplicates()
+    asked = table.reindex(columns=["point.rounds", "point.budget_s"]).dropna().drop_duplicates().to_numpy()
     form = "{:.0f} round{}, at most {:g} s of samples per point"
-    parts = [form.format(n, "s" if n > 1 else "", budget) for n, budget in asked.to_numpy()]
-    if not parts:
+    told = " and ".join(form.format(n, "s" if n > 1 else "", budget) for n, budget in asked)
+    if not told:
         return ""
     short = table[(table["rounds"] > 0) & (table["rounds"] < table["point.rounds"])]
-    counts = short[["rounds", "point.rounds"]].to_numpy()
-    less = listed(
-        [f"{name}: {n:.0f} of {of:.0f}" for name, (n, of) in zip(names(short), counts, strict=True)]
-    )
-    return f"{' and '.join(parts)}." + f" The budget was spent before the last round: {less}." * bool(less)
+    counts = zip(names(short), short["rounds"], short["point.rounds"], strict=True)
+    less = listed([f"{name}: {n:.0f} of {of:.0f}" for name, n, of in counts])
+    return f"{told}." + f" The budget was spent before the last round: {less}." * bool(less)
+
+
+def with_light(table: DataFrame, column: str) -> Series:
+    """A column of texts, and the lighting where it has a name."""
+    return table[column] + (", " + table["light_label"]).where(table["light_label"] != "", "")
 
 
 def names(table: DataFrame) -> Series:
     """What each point is called in a sentence: scene, method, and lighting where it has a name."""
-    lights = table["light_label"].where(table["light_label"] == "", ", " + table["light_label"])
-    return table["title"] + ", " + table["label"] + lights
+    return table["title"] + ", " + with_light(table, "label")
 
 
 def listed(texts: Sequence[str], most: int = 6) -> str:
@@ -331,9 +319,7 @@ def check_text(row: Mapping[str, Any]) -> str:
 def errors(table: DataFrame) -> str:
     """The correctness of the answers behind the times, as a sentence."""
     done = measured(table)
-    bad = [
-        f"{name}: {text}" for name, text in zip(names(done), done["error"], strict=True) if text != style.OK
-    ]
+    bad = (names(done) + ": " + done["error"])[done["error"] != style.OK].tolist()
     bad += [text for text in never_hit_notes(table) if "warning" in text]
     return f"Answers: {listed(bad)}." if bad else "Every answer behind these times was found right."
 

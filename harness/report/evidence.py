@@ -1,7 +1,6 @@
-"""Evidence for a claim: points of one experiment that may be compared.
+"""Evidence for a claim: points of one experiment that may be compared, with one version of each method throughout.
 
-The rule: a ratio is taken within one run, between points of the same scene, size, lights and frames, and with one
-version of each method (:func:`.report.compare.pairs`). :class:`Evidence` holds one version of each method throughout.
+A ratio is taken within one run, between points of the same scene, size, lights and frames (:func:`.report.compare.pairs`).
 """
 
 from __future__ import annotations
@@ -37,8 +36,7 @@ def matching(table: DataFrame, **wanted: Any) -> Series:
 
 
 def by_scene(points: DataFrame) -> DataFrame:
-    """For each scene the point measured last, by the scene's name, or by its title if there is also a stand-in of that
-    name."""
+    """The point of each scene that was measured last, by the scene's name; by its title beside a stand-in of that name."""
     last = points.sort_values("started").drop_duplicates(SCENE[:2], keep="last")
     last = points[points.index.isin(last.index)]
     alone = last.groupby("scene")["scene_title"].transform("nunique") == 1
@@ -89,10 +87,7 @@ class Evidence:
         return {scene: found[scene] for scene in scenes or found}
 
     def over_rivals(self, one: dict[str, Any], rivals: Iterable[str], measure: Measure) -> DataFrame:
-        """:meth:`ratios` over each other label in place of that of ``one``: a row per scene, a column per label.
-
-        The largest ratio of a scene is that over its fastest rival.
-        """
+        """:meth:`ratios` over each other label in place of that of ``one``: a row per scene, a column per label."""
         import pandas as pd
 
         found = {rival: self.ratios(one, {**one, "label": rival}, measure) for rival in rivals}
@@ -138,13 +133,11 @@ class Data:
 
         own = self.frames.sort_values("started", kind="stable")
         own = own[own["method_sha256"] == own.groupby([*RUN, "method"])["method_sha256"].transform("last")]
-        # What other experiments count and set are columns of this one too, all empty.
-        fresh = [
-            Evidence(name, run.dropna(axis=1, how="all").copy())
-            for (name, *_), run in own.groupby(RUN, sort=False)
-        ]
+        runs = sorted((run for _, run in own.groupby(RUN)), key=lambda run: -run["started"].max())
         found: dict[str, list[Evidence]] = {}
-        for run in sorted(fresh, key=lambda e: -e.frames["started"].max()):
+        for frames in runs:
+            # What other experiments count and set are columns of this one too, all empty.
+            run = Evidence(frames["experiment"].iloc[0], frames.dropna(axis=1, how="all"))
             before = found.setdefault(run.experiment, [])
             for i, other in enumerate(before):
                 shared = other.versions.items() & run.versions.items()

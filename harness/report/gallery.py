@@ -1,7 +1,4 @@
-"""The gallery (Figure 9 of the paper): one picture per scene, with shadows, and a sheet of all.
-
-The caption in the picture names a stand-in as such, so that it cannot be mistaken for the original.
-"""
+"""The gallery (Figure 9 of the paper): one picture per scene, with shadows, and a sheet of all. Captions name stand-ins."""
 
 from __future__ import annotations
 
@@ -26,10 +23,8 @@ from .picture import opened, save_png, shade
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-SMALLEST = 512
-"""Pictures below this width are enlarged by a whole factor: one ray stays one square."""
-TALLEST = 4096
-"""Largest size of an enlarged picture, pixels."""
+SMALLEST, TALLEST = 512, 4096
+"""Pictures below this width are enlarged by a whole factor (one ray stays one square), up to this height, pixels."""
 LARGEST = 8192
 """Pixels per side beyond which only every second, third ... row and column of a picture is used."""
 NARROWEST = 256
@@ -91,13 +86,13 @@ def draw(folder: Path, points: DataFrame, title: str = "") -> list[Path]:
     """
     sheets, sizes = [], list(points.groupby(["width", "height"], sort=False))
     for (width, height), own in sizes:
-        files = [folder / "images" / image_name(scene, "", width, height) for scene in own["scene"].unique()]
         shown = []
-        for file in filter(Path.exists, files):
+        for scene in own["scene"].unique():
+            file = folder / "images" / image_name(scene, "", width, height)
             if image := opened(file):
                 image.thumbnail((704, 4 * 704))
                 shown.append(("", np.asarray(image.convert("RGB"))))
-            else:
+            elif file.exists():
                 warn(f"{file}: not a whole picture, left out; the same `shadowbench run` draws it again")
         name = "gallery.png" if len(sizes) == 1 else f"gallery-{width}x{height}.png"
         if shown:

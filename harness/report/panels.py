@@ -1,6 +1,7 @@
-"""The shared drawings: lines, stacked bars, dots and images, one panel per value of a column. Saved without a date: the
-same
-records give the same bytes."""
+"""The shared drawings: lines, stacked bars, dots and images, one panel per value of a column.
+
+Saved without a date: the same records give the same bytes.
+"""
 
 from __future__ import annotations
 
@@ -30,8 +31,7 @@ WHOLE = "ms per frame: a number and its bar; the parts, measured apart, are show
 """The text below stacked bars."""
 GREY = "#555555"
 Parts = Mapping[str, tuple[str, Any]]
-"""The parts of a bar, by title: the column, and the colour; a number makes it that much lighter than the method's
-colour."""
+"""The parts of a bar: column and colour by title; a number makes it that much lighter than the method's colour."""
 FRAME: Parts = {part: (f"{column}_ms", style.PART_SHARE[part]) for part, column in PART_COLUMNS.items()}
 
 
@@ -45,8 +45,7 @@ def sheet(
     legend   columns of the legend above the panels: every label of every panel once; 0 for none
     grid     "x", "y", "both" or "" for none
     colours, inks   of a PNG: how many colours it keeps, for a quarter of its bytes (0: all); or greys and these colours
-    below, left     texts beside the panels; each line of the one below in as many lines as it needs
-    shared   passed on to ``Figure.subplots``: ``sharex``, ``sharey``
+    below, left     texts beside the panels
     """
     import matplotlib
     from matplotlib.figure import Figure
@@ -90,10 +89,9 @@ def facets(
 
 
 def looks(table: DataFrame, hue: str = "label") -> dict[Any, dict[str, Any]]:
-    """How each value of ``hue`` is drawn, by value.
+    """How each value of ``hue`` is drawn: a colour and a marker each, in the table's order.
 
-    A label has the colour and the marker of its method (:func:`.style.look`); after the first label of a method they are
-    dashed and hollow. Other values have a colour and a marker each, in the table's order.
+    A label has those of its method (:func:`.style.look`); after the first label of a method they are dashed and hollow.
     """
     if hue != "label":
         kinds = zip(table[hue].unique(), itertools.cycle(zip(style.COLOURS, style.MARKERS, strict=True)))
@@ -110,21 +108,16 @@ def lines(
     path: Path, table: DataFrame, x: str, y: str, *, below: str, left: str, hue: str = "label", facet: str = "",
     across: int = 1, whisker: str = "", drawn: Mapping[Any, Mapping[str, Any]] | None = None, log_x: int = 0,
     log_y: bool = True, ticks: Callable[[Any], str] | None = None, wrong: str = "", proportion: str = "",
-    upright: tuple[float, str] | None = None, high: float = 1.6, wide: float = 1.0, **options: Any,
+    high: float = 1.6, wide: float = 1.0, **options: Any,
 ) -> Path:  # fmt: skip
-    """Lines of ``y`` over ``x``: one line per value of ``hue``, one panel per value of ``facet``, ``across`` beside one
-    another.
+    """Lines of ``y`` over ``x``: one per value of ``hue``, in a panel per value of ``facet``, ``across`` beside one another.
 
-    A row with an ``x`` and no ``y`` has a mark at the upper edge; a line without any ``y`` stands above its panel with the
-    status of its rows.
+    A row with an ``x`` and no ``y`` has a mark at the upper edge; a line without any ``y`` is named above its panel.
 
-    whisker  column of the spread of y: the length of a whisker above and below its marker
-    drawn    how each value of hue is drawn; by default :func:`looks`
+    whisker, wrong  columns: the spread of y; true where answers are wrong, a cross
     log_x    base of a logarithmic x; 0: linear. ``log_y``: logarithmic with plain numbers; else from zero
     ticks    the text of a value of x: each value has a tick then
-    wrong    column that is true where answers are wrong: a cross
-    proportion, upright   the label of a line y ~ x; the place and the label of an upright line
-    high, wide, options   see :func:`facets`, :func:`sheet`
+    proportion  the label of a line y ~ x
     """
     drawn = drawn or looks(table, hue)
     with facets(path, table, facet, across, high, wide, below=below, left=left, **options) as shown:
@@ -137,8 +130,6 @@ def lines(
             if wrong and here[wrong].any():
                 own = here[here[wrong]]
                 axes.plot(own[x], own[y], "kx", ms=5, mew=0.9, zorder=3, label="a frame with wrong answers")
-            if upright:
-                axes.axvline(upright[0], color="0.4", lw=0.8, ls=":", label=upright[1])
             values = sorted(here[x].dropna().unique())
             if proportion:
                 ends = np.array([values[0], values[-1]], float)
@@ -159,7 +150,7 @@ def lines(
 def line(
     axes: Any, own: DataFrame, x: str, y: str, whisker: str, label: str, look: Mapping[str, Any]
 ) -> None:
-    """One line. A row with an ``x`` and no ``y`` has a mark at the upper edge, and the legend names its status."""
+    """One line; the legend names the status of rows without a ``y``."""
     known = own[own[y].notna()]
     ends = known[whisker].fillna(0.0) if whisker else None
     axes.errorbar(known[x], known[y], yerr=ends, elinewidth=0.7, alpha=0.9, label=label, **look)
@@ -170,14 +161,12 @@ def line(
 
 def bars(
     path: Path, table: DataFrame, *, below: str = WHOLE, name: str = "label", facet: str = "", across: int = 1,
-    parts: Parts = FRAME, cut: float = math.inf, room: float = 1.45, mark: tuple[str, str] | None = None,
-    wide: float = 1.0, legend: int = 3,
+    parts: Parts = FRAME, cut: float = math.inf, room: float = 1.45, wide: float = 1.0, legend: int = 3,
 ) -> Path:  # fmt: skip
     """Panels of stacked bars (:func:`stacked`), one bar per row: before it the column ``name``, at its end ``text``.
 
     cut   so many times the median time of its panel a bar is cut off
     room  length of the axis over that of the longest bar
-    mark  column and name of a time that is marked at the first bar of a panel
     """
     most = table.groupby(facet).size().max() if facet else len(table)
     high = (0.13 if facet else 0.24) * most + 0.3
@@ -189,8 +178,6 @@ def bars(
             axes.set_yticks(range(len(own)), [""] * len(own) if beside else own[name])
             axes.set_xlim(0, room * min(limit, longest) if longest > 0 else 1)
             axes.set_title(title, loc="left", fontsize=7)
-            if mark and (at := own[mark[0]].iloc[0]) == at:
-                axes.plot(at, -0.42, "v", color="black", ms=3.5, label=mark[1], clip_on=False)
         for part, (_, colour) in parts.items():
             shade = style.lightened(GREY, colour) if isinstance(colour, float) else colour
             shown[0][0].fill_between([], [], color=shade, edgecolor=GREY, lw=0.4, label=part)
@@ -200,9 +187,8 @@ def bars(
 def stacked(axes: Any, own: DataFrame, parts: Parts = FRAME, limit: float = math.inf) -> None:
     """One stacked bar per row, from the top down, as long as ``total_ms``. Whisker: its interquartile range.
 
-    The parts of a frame are measured apart from the whole and may add up to another time: a bar shows the share of each
-    in their sum. ``text`` at its end is red where answers are wrong, alone and in italics where nothing was measured. A bar
-    longer than ``limit`` is cut off, with a mark that the legend explains.
+    The parts of a frame are measured apart from the whole and may add up to another time: a bar shows the share of each in
+    their sum. ``text`` at its end is red where answers are wrong, in italics where nothing was measured.
     """
     # Stages are differences: on a busy machine one may be negative.
     widths = own[[column for column, _ in parts.values()]].clip(lower=0.0).fillna(0.0)
@@ -235,11 +221,9 @@ def dots(
 ) -> Path:  # fmt: skip
     """Markers of the values ``x``, a band for each value of ``rows`` from the top down. Logarithmic; zero has a place.
 
-    hue      column with a marker for each value (:func:`looks`)
-    facet    column with a panel for each value, side by side; "": one panel
+    hue, facet  columns with a marker, and a panel side by side, for each value
     order    of the rows; by default the table's
-    whisker  column with the uncertainty of a value
-    marked   column that is true where a marker has a black edge
+    whisker, marked   columns: the uncertainty of a value; true where a marker has a black edge
     upright  where a line stands, 0: nowhere; where there are zeros it stands at zero
     band     height of a band, inches
     """
@@ -249,9 +233,10 @@ def dots(
     drawn, across = looks(own, hue), own[facet].nunique() if facet else 1
     lane = {value: (i + 0.5) / len(drawn) - 0.5 for i, value in enumerate(drawn)}
     heights = own[rows].map(names.index) + 0.84 * own[hue].map(lane)
-    size = {"high": band * len(names) + 0.3, "wide": 0.45 + 0.55 * across}
-    bands = facets(path, own, facet, across, **size, legend=legend, grid="x", below=below, sharey=True)
-    with bands as shown:
+    high, wide = band * len(names) + 0.3, 0.45 + 0.55 * across
+    with facets(
+        path, own, facet, across, high, wide, legend=legend, grid="x", below=below, sharey=True
+    ) as shown:
         for axes, title, part in shown:
             for k in range(0, len(names), 2):
                 axes.axhspan(k - 0.5, k + 0.5, color="#f3f3f3", zorder=0)
@@ -300,8 +285,8 @@ def images(
     size = (width, (min(2.5, tallest) * width / across + captions) * down + beside)
     colours, norm, about = scale or (None, None, "")
     look = {"cmap": colours, "norm": norm, "interpolation": "nearest" if scale or key else "antialiased"}
-    drawn = sheet(path, size, down, across, grid="", legend=2 * bool(key), below=below, **options)
-    with drawn as (figure, grid):
+    options = {"grid": "", "legend": 2 * bool(key), "below": below, **options}
+    with sheet(path, size, down, across, **options) as (figure, grid):
         for axes in grid.flat:
             axes.set_axis_off()
         for axes, (caption, image) in zip(grid.flat, shown, strict=False):
@@ -310,13 +295,7 @@ def images(
         for text, colour in (key or {}).items():
             grid[0, 0].fill_between([], [], color=colour, label=text)
         if scale:
-            beneath = {
-                "location": "bottom",
-                "shrink": 0.9,
-                "aspect": 35,
-                "pad": 0.02,
-                "ticks": MaxNLocator(5),
-            }
-            bar = figure.colorbar(ScalarMappable(norm, colours), ax=list(grid.flat), **beneath)
+            bar = figure.colorbar(ScalarMappable(norm, colours), ax=list(grid.flat), location="bottom", shrink=0.9,
+                                  aspect=35, pad=0.02, ticks=MaxNLocator(5))  # fmt: skip
             bar.set_label(about, fontsize=6.5)
     return path

@@ -1,7 +1,6 @@
-"""A picture of a frame from its answers: shaded by the kernel that frames use, and converted to display values.
+"""A picture of a frame from its answers, wrong ones visible: shaded by the kernel that frames use, in display values.
 
-Never part of a timed frame. The picture shows a method's answers (:mod:`.frame.shading`), so that wrong answers are
-visible.
+Never part of a timed frame.
 """
 
 from __future__ import annotations
@@ -42,6 +41,8 @@ UNREADABLE = (
 BLOCK = 1 << 16
 """Pixels that are shaded at a time, so that a large picture needs little memory."""
 THREADS = min(8, os.cpu_count() or 1)
+GREYS = 40
+"""Number of colours of a picture that has greys and a few inks."""
 
 
 def shade(
@@ -75,10 +76,6 @@ def display(radiance: F64) -> NDArray[np.uint8]:
     mapped = np.clip(radiance * (shown / np.maximum(luminance, 1e-9))[:, None], 0.0, 1.0)
     srgb = np.where(mapped <= 0.0031308, 12.92 * mapped, 1.055 * mapped ** (1 / 2.4) - 0.055)
     return np.round(srgb * 255).astype(np.uint8)
-
-
-GREYS = 40
-"""Number of colours of a picture that has greys and a few inks."""
 
 
 def png_bytes(

@@ -29,19 +29,16 @@ class Work:
     stage: str = ""
 
 
-UNKNOWN = Work(float("nan"), float("nan"))
-
-
 @dataclass(frozen=True)
 class Machine:
-    """The rates of a device: bytes per second, ray-triangle tests per second, milliseconds from one kernel to the
-    next."""
+    """The rates of a device; ``launch_ms``: from one kernel to the next."""
 
     bytes_per_s: float
     tests_per_s: float
     launch_ms: float
 
 
+UNKNOWN = Work(float("nan"), float("nan"))
 MACHINES = {
     # A copy counted both ways; 132 multiprocessors of 4 x 32 lanes at 1.98 GHz, 20 instructions a test of edge
     # planes (not measured); a hundred tiny kernels in a graph.
@@ -63,8 +60,7 @@ def least_ms(work: Any, machine: Machine) -> Any:
 
 
 def stages(frames: DataFrame, work_of: WorkOf) -> DataFrame:
-    """One row per scene, image size and stage of a tidy table, on known devices: mean over frames of time, floor and
-    work.
+    """One row per scene, image size and stage of a tidy table, on known devices: means over frames of time, floor, work.
 
     Passes of one stage run concurrently: their times and work are added, and their kernels start at the same time.
     """
@@ -72,21 +68,21 @@ def stages(frames: DataFrame, work_of: WorkOf) -> DataFrame:
 
     counted = ["shadow_rays", "vertices", *(c for c in frames if c.startswith("counter."))]
     known = frames[frames["device_name"].isin(list(MACHINES))].fillna(dict.fromkeys(counted, 0))
-    rows, place = [], [*SCENE, "frame", "device_name"]
+    rows, stage = [], [*SCENE, "stage", "part"]
     for frame in known.to_dict("records"):
         for column in [name for name, ms in frame.items() if name.startswith("pass.") and ms == ms]:
             _, part, name = column.split(".", 2)
             work = work_of(frame, name) or UNKNOWN
-            taken = {"stage": work.stage or name, "part": part, "ms": frame[column]}
-            rows.append({**{key: frame[key] for key in place}, **asdict(work), **taken})
+            rows.append(
+                {**frame, **asdict(work), "stage": work.stage or name, "part": part, "ms": frame[column]}
+            )
     if not rows:
         return pd.DataFrame(columns=COLUMNS)
-    groups = pd.DataFrame(rows).groupby([*place, "stage", "part"], sort=False)
+    groups = pd.DataFrame(rows).groupby([*stage, "frame", "device_name"], sort=False)
     found = groups[["ms", "bytes", "tests"]].agg(lambda values: values.sum(skipna=False))
     found = found.join(groups["launches"].max()).reset_index("device_name")
     floors = [least_ms(own, MACHINES[name]) for name, own in found.groupby("device_name")]
-    found["floor_ms"] = pd.concat(floors)
-    mean = found.groupby([*SCENE, "stage", "part"], sort=False).mean(numeric_only=True)
+    mean = found.assign(floor_ms=pd.concat(floors)).groupby(stage, sort=False).mean(numeric_only=True)
     return mean.assign(
         times=mean["ms"] / mean["floor_ms"], bytes_mb=mean["bytes"] / 1e6, tests_m=mean["tests"] / 1e6,
         launches=mean["launches"].where(mean["floor_ms"].notna()),

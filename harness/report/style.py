@@ -12,11 +12,10 @@ import numpy as np
 from ..frame.passes import PARTS
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255", "#8C564B")
-"""Okabe and Ito's colours (distinguishable with every common kind of colour vision), then a wine red and a brown. Greys
-stand for parts of a frame."""
+"""Okabe and Ito's colours (distinct with every common colour vision), a wine red, a brown. Greys: parts of a frame."""
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
-"""Markers of lines, in addition to colours, so that lines are distinct in a grey print."""
+"""Beside colours, so that lines are distinct in a grey print."""
 
 PART_SHARE = dict(zip(PARTS, (0.0, 0.40, 0.68, 0.88), strict=True))
 """How much each part of a frame is lightened from its method's colour, in steps that are distinct in a grey print."""
@@ -28,11 +27,8 @@ LOST = {"rejected": "x", "timeout": "+", "failed": "1", "skipped": "2"}
 """The mark of a point without a time, by its status."""
 
 OK, WRONG, UNSCORED = "✓", "✗", "unscored"
-
-
 SLOTS = 265122
-"""Start of the checksum that gives a method its colour and its marker; chosen so that the built-in methods get eight of
-each."""
+"""Start of the checksum that gives a method its colour and marker, so chosen that the built-in methods get eight of each."""
 
 
 def in_order(methods: Iterable[str]) -> list[str]:
@@ -44,9 +40,7 @@ def in_order(methods: Iterable[str]) -> list[str]:
 
 
 def look(method: str) -> dict[str, str]:
-    """The colour and the marker of a method. They follow from its name alone: the same in every figure and every run,
-    independent of what else is measured or installed.
-    """
+    """The colour and the marker of a method, from its name alone: the same whatever else is measured or installed."""
     place, slot = divmod(zlib.crc32(method.encode(), SLOTS), len(COLOURS))
     return {"color": COLOURS[slot], "marker": MARKERS[place % len(MARKERS)]}
 
@@ -66,18 +60,12 @@ def number(value: float | None) -> str:
     if value is None or not math.isfinite(value):
         return "-"
     size = abs(value)
-    digits = 0 if size >= 100 else 1 if size >= 10 else 2 if size >= 1 else 3
-    return f"{value:,.{digits}f}"
+    return f"{value:,.{0 if size >= 100 else 1 if size >= 10 else 2 if size >= 1 else 3}f}"
 
 
 def radii(distance: float) -> str:
     """A distance in short form: 0.1, 10, 1e5, 1e7."""
     return f"{distance:.0e}".replace("e+0", "e") if distance >= 1e4 else f"{distance:g}"
-
-
-def megabytes(value: float | None) -> str:
-    """Bytes as MB (1e6), or a dash."""
-    return "-" if value is None else number(value / 1e6)
 
 
 SHEET = {
@@ -96,9 +84,9 @@ def plain_number(value: float, _: int = 0) -> str:
 
 
 def plain_log(axes: Any, which: str = "y") -> None:
-    """A logarithmic axis whose labels are plain numbers: 1, 2 and 5 of each power where few powers lie on it.
+    """A logarithmic axis with plain numbers: 1, 2 and 5 of each power where few powers lie on it.
 
-    Called when everything is drawn, since it depends on the limits. An axis with nothing above zero stays as it is.
+    Called when everything is drawn. An axis with nothing above zero stays as it is.
     """
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 

@@ -78,7 +78,7 @@ def gather(
         "environments": environments(places),
         "paper": {
             "label": paper.LABEL,
-            "columns": [[one.key, one.title, one.source] for one in paper.COLUMNS],
+            "columns": [[title, title, source] for title, source in paper.COLUMNS.items()],
             "rows": {scene: list(row.cells) for scene, row in paper.ROWS.items()},
             "footnotes": list(paper.FOOTNOTES),
         },
