@@ -69,10 +69,13 @@ class MirroredRays:
         self.counts[bounce - 1].zero_()
         self._shares[bounce - 1]()
 
+    def list_of(self, bounce: int, share: int) -> list[wp.array]:
+        """How many pixels of a share have a ray, and which."""
+        return [self.lengths[bounce - 1, share : share + 1], self.listed[bounce - 1][share]]
+
     def _share(self, bounce: int, share: int) -> None:
         f = self.frame
-        length = self.lengths[bounce - 1, share : share + 1]
-        listed = self.listed[bounce - 1][share]
+        length, listed = self.list_of(bounce, share)
         doubts, found, starts = self.doubts[share], self.found[share], self.starts[bounce]
         hits, rays = f.hits(bounce), f.rays(bounce)
         self._run(mirrored.list_kernel, [f.camera, self.parts[share], rays], [hits, length, listed])

@@ -1,5 +1,5 @@
 """Mirrored rays: a list of the pixels that have one; the traversal of each; then, in float64, the pairs that it left, t,
-weights and the origin of shadow rays.
+weights and the origin of shadow rays; and those, of the same list.
 
 After the first bounce few pixels have a ray, spread over the image. In the list they stand side by side, so that the warps
 that trace them are full.
@@ -13,6 +13,7 @@ from typing import Any
 import warp as wp
 
 from ...harness.frame.geometry import Camera, Hits, Mesh, Ray, Rays
+from ...harness.frame.specialise import effects
 from ..common.entries import entry, set_entry
 from ..common.hitpoint import flat_hit_point, is_vague, plane_distance, steep_hit_point
 from ..common.reserve import reserve
@@ -20,8 +21,9 @@ from ..common.triangle import hit_distance, hit_weights, nearer, to_float32
 from .primary import Part, Tree, pixel_at, weld_at
 from .records import triangle_corners
 from .walk_ray import make_ray_walk
+from .walk_shadow import make_shadow_walk
 
-RESOLVE_REGISTERS = 88
+RESOLVE_REGISTERS = 96
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -164,3 +166,45 @@ def resolve_kernel(
     if flat:
         again = triangle_corners(mesh, best)
         set_entry(start, pixel, to_float32(flat_hit_point(ray, plane_distance(ray, again), again)))
+
+
+@functools.cache
+def make_shadow_kernel(precision: str, node_bytes: int, registers: int) -> Any:
+    """One thread per listed pixel: the shadow bit of its hit as far as float32 decides it, and doubts. Bits of other pixels
+    stay."""
+    walk = make_shadow_walk(precision, node_bytes)
+
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=registers)
+    def shadow_kernel(
+        count: wp.array(dtype=wp.int32),
+        listed: wp.array(dtype=wp.int32),
+        light: wp.int32,
+        lights: wp.array(dtype=wp.vec3f),
+        tree: Tree,
+        records: wp.array(dtype=wp.vec4f),
+        sides: wp.array(dtype=wp.vec4f),
+        reach: wp.array(dtype=wp.float32),
+        extent: wp.array(dtype=wp.float32),
+        hits: Hits,
+        starts: wp.array(dtype=wp.vec3f),
+        receivers: wp.array2d(dtype=wp.uint8),
+        counts: wp.array(dtype=wp.int32),
+        doubts: wp.array(dtype=wp.vec2i),
+        visibility: wp.array2d(dtype=wp.uint8),
+    ):
+        k = wp.tid()
+        if k >= entry(count, 0):
+            return
+        pixel = entry(listed, k)
+        hit = entry(hits.triangle, pixel)
+        wanted = hit >= 0
+        if wp.static(effects.receivers):
+            wanted = wanted and receivers[light, pixel] != wp.uint8(0)
+        if wanted:
+            bit = walk(
+                entry(starts, pixel), entry(lights, light), hit, pixel, reach, extent, tree.nodes, tree.root, records,
+                sides, counts, doubts,
+            )  # fmt: skip
+            visibility[light, pixel] = wp.uint8(bit)
+
+    return shadow_kernel

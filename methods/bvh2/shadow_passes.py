@@ -18,7 +18,7 @@ from ...harness.frame.threads import Launch, beside, cpu_threads
 from ...harness.scene.effects import Effects
 from ..common.pixels import thread_count
 from ..common.reserve import counted
-from . import records, shadow
+from . import mirrored, records, shadow
 from .careful_passes import Careful, walked
 from .mirror_passes import RECORDS, MirroredRays
 from .parameters import Build, Trace
@@ -213,12 +213,11 @@ class ShadowRays:
     def _shadow(self, light: int, bounce: int, share: int) -> None:
         f, counts = self.frame, self._shadow_counts(light, bounce, share)
         kernel = shadow.make_shadow_kernel(self.trace.precision, self.build.node_bytes, self.trace.registers)
-        parts = self.bounce_parts if bounce else self.parts
         wp.launch(
             specialised(kernel, self.effects.switches(light, bounce)),
-            dim=self.bounce_threads if bounce else self.threads,
+            dim=self.threads,
             inputs=[
-                f.camera, parts[share], light, f.lights, self.tree, self.light_records[light], self.sides[light],
+                f.camera, self.parts[share], light, f.lights, self.tree, self.light_records[light], self.sides[light],
                 f.reach, self.extent, f.hits(bounce), self.starts[bounce], f.masks(bounce),
             ],
             outputs=[counts, self.doubts[share], f.bits(bounce)],
@@ -242,14 +241,30 @@ class ShadowRays:
 
     def _bounce_shadow(self, light: int, bounce: int) -> None:
         self.counts[self._slot(light, bounce)].zero_()
+        self.frame.bits(bounce)[light].zero_()
         if (light, bounce) not in self._bounced:
             shares = range(self.bounce_shares)
             self._bounced[light, bounce] = beside(
-                [functools.partial(self._decide_shadow, light, bounce, share) for share in shares]
+                [functools.partial(self._mirrored_shadow, light, bounce, share) for share in shares]
             )
         self._bounced[light, bounce]()
 
-    def _decide_shadow(self, light: int, bounce: int, share: int) -> None:
-        self._shadow(light, bounce, share)
+    def _mirrored_shadow(self, light: int, bounce: int, share: int) -> None:
+        assert self.mirrored is not None
+        f, counts = self.frame, self._shadow_counts(light, bounce, share)
+        kernel = mirrored.make_shadow_kernel(
+            self.trace.precision, self.build.node_bytes, self.trace.registers
+        )
+        wp.launch(
+            specialised(kernel, self.effects.switches(light, bounce)),
+            dim=self.bounce_threads,
+            inputs=[
+                *self.mirrored.list_of(bounce, share), light, f.lights, self.tree, self.light_records[light],
+                self.sides[light], f.reach, self.extent, f.hits(bounce), self.starts[bounce], f.masks(bounce),
+            ],
+            outputs=[counts, self.doubts[share], f.bits(bounce)],
+            device=f.device,
+            block_dim=BLOCK,
+        )  # fmt: skip
         if self.exact:
             self._shadow_doubts(light, bounce, share)

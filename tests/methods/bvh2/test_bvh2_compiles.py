@@ -37,6 +37,7 @@ TRACED = {
     "exact": (primary.make_exact_kernel(False, 48, REGISTERS), STACK_BYTES),
     "exact packet": (primary.make_exact_kernel(True, 48, REGISTERS), 0),
     "mirrored": (mirrored.make_exact_kernel(48, REGISTERS), STACK_BYTES),
+    "mirrored shadow": (mirrored.make_shadow_kernel("exact", 48, REGISTERS), STACK_BYTES),
     "mirrored, float32": (mirrored.make_float32_kernel(48, REGISTERS), STACK_BYTES),
     "exact shadow": (shadow.make_shadow_kernel("exact", 48, REGISTERS), STACK_BYTES),
 }
