@@ -33,6 +33,10 @@ OVERFLOW = wp.constant(1.0e37)
 
 NO_HIT = wp.constant(wp.float64(-1.0))
 
+CLEARLY_BEFORE = wp.constant(wp.float64(1.0 - 2.0**-27))
+CLEARLY_BEHIND = wp.constant(wp.float64(1.0 + 2.0**-27))
+"""Ratios of two distances beyond which their keys differ (:func:`nearer_of`)."""
+
 NOT_ZERO = wp.constant(wp.float64(1.0e-300))
 """Added to the sum of the edge functions of a triangle that is hit. The sum is 0 only if each of them is. Otherwise it is at
 least 2^-447, of which every product of three float32 numbers is a multiple, and this does not change it."""
@@ -186,9 +190,13 @@ def hit_distance(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.float64:
 
 
 @wp.func_native("""
-int spare = 24;
-for (int rest = triangles - 1; rest > 0; rest >>= 1) --spare;
-return spare < 0 ? 0 : spare > 8 ? 8 : spare;
+unsigned int last = (unsigned int)(triangles - 1) | 0x8000u;
+#if defined(__CUDA_ARCH__)
+int spare = __clz(last) - 8;
+#else
+int spare = __builtin_clz(last) - 8;
+#endif
+return spare < 0 ? 0 : spare;
 """)
 def spare_bits(triangles: wp.int32) -> wp.int32:
     """The number of bits of a 24-bit index that no triangle of the mesh needs, eight at most. They extend the keys of
@@ -220,9 +228,23 @@ def depth_key(t: wp.float64, spare: wp.int32) -> wp.uint64:
 @wp.func
 def nearer(mesh: Mesh, t: wp.float64, i: wp.int32, best_t: wp.float64, best: wp.int32) -> wp.bool:
     """Whether hit (t, i) comes before (best_t, best): smaller key, then lower index; best = -1 is no hit yet."""
-    if best < 0:
+    return nearer_of(mesh.triangles.shape[0], t, i, best_t, best)
+
+
+@wp.func
+def nearer_of(
+    triangles: wp.int32, t: wp.float64, i: wp.int32, best_t: wp.float64, best: wp.int32
+) -> wp.bool:
+    """:func:`nearer` in a mesh of so many triangles.
+
+    Keys have at least 29 bits of fraction, so that distances that differ by more than 2^-27 of themselves have different
+    keys, in their order. Only closer ones are compared by their keys, which take two divisions.
+    """
+    if best < 0 or t < best_t * CLEARLY_BEFORE:
         return True
-    spare = spare_bits(mesh.triangles.shape[0])
+    if t > best_t * CLEARLY_BEHIND:
+        return False
+    spare = spare_bits(triangles)
     key = depth_key(t, spare)
     best_key = depth_key(best_t, spare)
     return key < best_key or (key == best_key and i < best)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import warp as wp
 
 from ....harness.frame.geometry import Camera, Corners, Mesh, corners_of, weld_of
+from ...common.entries import set_entry
 from ...common.screen import in_camera_space, out_of_view, pixel_box
 from ...common.triangle import largest
 from ..culling import faces_away
@@ -60,9 +61,9 @@ def project(
     r = plane_record(o, corners, weld_of(mesh, i))
     if test == 2:  # Moeller-Trumbore
         r = vertex_record(o, corners, weld_of(mesh, i))
-    records[3 * i] = r.q0
-    records[3 * i + 1] = r.q1
-    records[3 * i + 2] = r.q2
+    set_entry(records, 3 * i, r.q0)
+    set_entry(records, 3 * i + 1, r.q1)
+    set_entry(records, 3 * i + 2, r.q2)
     reach = wp.max(largest(a), wp.max(largest(b), largest(c)))
     low = wp.max(0.0, wp.min(a[2], wp.min(b[2], c[2])) - 1.0e-6 * reach)
     return wp.vec2f(low, wp.max(a[2], wp.max(b[2], c[2])) + 1.0e-6 * reach)

@@ -11,6 +11,7 @@ import functools
 import warp as wp
 
 from ....harness.frame.geometry import Corners, Mesh, corners_of, weld_of
+from ...common.entries import set_entry
 from ...common.triangle import U64, largest, to_float64, total
 from ..culling import faces_away
 from ..lists.binning import INLINE_TILES, PieceQueue, queue_large
@@ -213,13 +214,13 @@ def make_bound_kernel(map: int, bounds: str = "exact") -> wp.Kernel:
             r = segment_planes(light, corners, weld, 0.0)
         else:
             r = segment_vertices(light, corners, weld, 0.0)
-        records[6 * i] = r.q0
-        records[6 * i + 1] = r.q1
-        records[6 * i + 2] = r.q2
+        set_entry(records, 6 * i, r.q0)
+        set_entry(records, 6 * i + 1, r.q1)
+        set_entry(records, 6 * i + 2, r.q2)
         if test != 2:
-            records[6 * i + 3] = r.q3
+            set_entry(records, 6 * i + 3, r.q3)
         if test == 1:
-            records[6 * i + 4] = r.q4
-            records[6 * i + 5] = r.q5
+            set_entry(records, 6 * i + 4, r.q4)
+            set_entry(records, 6 * i + 5, r.q5)
 
     return bound_kernel
