@@ -62,7 +62,7 @@ class AccuracyLadder(BaseMethod):
         wp.launch(
             self._primary_kernel,
             dim=self._threads,
-            inputs=[self._tree.id, frame.camera, frame.mesh],
+            inputs=[self._tree.id, self._tree.records, frame.camera, frame.mesh],
             outputs=[frame.hits(0), self._hit],
             device=frame.device,
         )
@@ -73,7 +73,8 @@ class AccuracyLadder(BaseMethod):
             self._shadow_kernel,
             dim=self._threads,
             inputs=[
-                light, ORIGINS.index(self.trace.origin), self._tree.id, frame.camera, frame.mesh, self._tree.box,
+                light, ORIGINS.index(self.trace.origin), self._tree.id, self._tree.records, frame.camera,
+                frame.mesh, self._tree.box,
                 frame.lights, frame.hits(0), self._hit,
             ],
             outputs=[frame.answers.visibility],

@@ -8,25 +8,28 @@ from typing import Any
 import warp as wp
 
 from ...harness.frame.alpha import Alpha
-from ...harness.frame.geometry import Camera, Hits, Mesh, Ray, corners_of, ray_of, weld_of
+from ...harness.frame.geometry import Camera, Hits, Mesh, Ray, corners_of, ray_of
 from ..common.box_tree import traverse, traverse_alike
+from ..common.corner_records import Triangle, any_hit
 from ..common.hitpoint import hit_point, plane_distance
 from ..common.pixels import pixel_of
-from ..common.ray_queries import SLACK, Found, Segment, any_hit, nothing_found, shadow_segment
+from ..common.ray_queries import SLACK, Found, Segment, nothing_found, shadow_segment
 from ..common.segment import occludes
-from ..common.triangle import nearer, to_float64, write_miss
+from ..common.triangle import nearer_of, to_float64, write_miss
 from .origins import HIT_POINT, IDENTITY, start_of
 from .parameters import EXACT_TESTS, SHEARED_TESTS
 from .tests import TESTS
 
 
 def closest_hit_by(triangle_test: Any) -> Any:
-    """A test of a traversal (:mod:`..common.ray_queries`) that finds the closest hit by ``triangle_test``."""
+    """A test of a traversal (:mod:`..common.corner_records`) that finds the closest hit by ``triangle_test``."""
 
     @wp.func
-    def closest_hit(mesh: Mesh, alpha: Alpha, i: wp.int32, ray: Ray, found: Found) -> Found:
-        hit = triangle_test(ray, corners_of(mesh, i), weld_of(mesh, i))
-        if hit[0] > wp.float64(0.0) and nearer(mesh, hit[0], i, found.t, found.triangle):
+    def closest_hit(
+        triangle: Triangle, count: wp.int32, alpha: Alpha, i: wp.int32, ray: Ray, found: Found
+    ) -> Found:
+        hit = triangle_test(ray, triangle.corners, triangle.weld)
+        if hit[0] > wp.float64(0.0) and nearer_of(count, hit[0], i, found.t, found.triangle):
             found.triangle = i
             found.t = hit[0]
             found.u = wp.float32(hit[1])
@@ -44,18 +47,22 @@ def any_hit_by(test: str) -> Any:
     triangle_test = TESTS[test]
 
     @wp.func
-    def any_hit_of_ray(mesh: Mesh, alpha: Alpha, i: wp.int32, segment: Segment, found: Found) -> Found:
+    def any_hit_of_ray(
+        triangle: Triangle, count: wp.int32, alpha: Alpha, i: wp.int32, segment: Segment, found: Found
+    ) -> Found:
         if i != segment.own:
             ray = Ray(segment.start, segment.light - segment.start)
-            hit = triangle_test(ray, corners_of(mesh, i), weld_of(mesh, i))
+            hit = triangle_test(ray, triangle.corners, triangle.weld)
             found.done = hit[0] > wp.float64(0.0) and hit[0] < wp.float64(1.0)
         return found
 
     @wp.func
-    def any_hit_of_segment(mesh: Mesh, alpha: Alpha, i: wp.int32, segment: Segment, found: Found) -> Found:
+    def any_hit_of_segment(
+        triangle: Triangle, count: wp.int32, alpha: Alpha, i: wp.int32, segment: Segment, found: Found
+    ) -> Found:
         if i != segment.own:
             found.done = occludes(
-                segment.hit, segment.light, corners_of(mesh, i), weld_of(mesh, i), segment.origin_size
+                segment.hit, segment.light, triangle.corners, triangle.weld, segment.origin_size
             )
         return found
 
@@ -72,6 +79,7 @@ def make_kernels(test: str, fast_math: bool) -> tuple[Any, Any]:
     @wp.kernel(module="unique", module_options=options)
     def primary_kernel(
         tree: wp.uint64,
+        records: wp.array(dtype=wp.vec4f),
         camera: Camera,
         mesh: Mesh,
         hits: Hits,
@@ -81,7 +89,9 @@ def make_kernels(test: str, fast_math: bool) -> tuple[Any, Any]:
         if pixel < 0:
             return
         ray = ray_of(camera, pixel)
-        found = traverse(closest, tree, mesh, Alpha(), ray.origin, ray.direction, ray, nothing_found(wp.INF))
+        found = traverse(
+            closest, tree, records, Alpha(), ray.origin, ray.direction, ray, nothing_found(wp.INF)
+        )
         if found.triangle < 0:
             write_miss(hits, pixel)
             return
@@ -98,6 +108,7 @@ def make_kernels(test: str, fast_math: bool) -> tuple[Any, Any]:
         light: wp.int32,
         scheme: wp.int32,
         tree: wp.uint64,
+        records: wp.array(dtype=wp.vec4f),
         camera: Camera,
         mesh: Mesh,
         box: wp.array(dtype=wp.float32),
@@ -127,7 +138,7 @@ def make_kernels(test: str, fast_math: bool) -> tuple[Any, Any]:
                 segment.own = -1
         way = segment.light - segment.start
         found = traverse_alike(
-            occluder, tree, mesh, Alpha(), segment.start, way, segment, nothing_found(SLACK)
+            occluder, tree, records, Alpha(), segment.start, way, segment, nothing_found(SLACK)
         )
         visibility[light, pixel] = wp.uint8(found.done)
 

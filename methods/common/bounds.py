@@ -8,6 +8,7 @@ import warp as wp
 
 from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import Mesh, corners_of
+from .corner_records import store_record
 from .triangle import U32
 
 BLOCK = 256
@@ -121,12 +122,15 @@ def boxes_kernel(
     bound: wp.array(dtype=wp.float32),
     lowers: wp.array(dtype=wp.vec3f),
     uppers: wp.array(dtype=wp.vec3f),
+    records: wp.array(dtype=wp.vec4f),
 ):
-    """Boxes padded by ``units`` of 2^-24 of the largest coordinate of scene and eye; 0 leaves them as they are.
+    """Boxes padded by ``units`` of 2^-24 of the largest coordinate of scene and eye, 0 leaves them as they are; and the
+    records of the triangles (:mod:`.corner_records`).
 
     An invalid triangle gets a point on an edge of the scene's box (:func:`aside`), or zero where nothing is valid.
     """
     i = wp.tid()
+    store_record(records, mesh, i)
     low = box_low(box)
     if not wp.isfinite(low):
         lowers[i] = wp.vec3f(0.0, 0.0, 0.0)
@@ -146,13 +150,16 @@ def boxes_kernel(
     uppers[i] = wp.max(corners.a, wp.max(corners.b, corners.c)) + pad
 
 
-def launch_boxes(frame: Frame, box: wp.array, lowers: wp.array, uppers: wp.array, units: float) -> None:
-    """Fill ``lowers`` and ``uppers`` (vec3f [triangles]) and the frame's ``box``, as :func:`launch_bounds` does."""
+def launch_boxes(
+    frame: Frame, box: wp.array, lowers: wp.array, uppers: wp.array, records: wp.array, units: float
+) -> None:
+    """Fill ``lowers`` and ``uppers`` (vec3f [triangles]), ``records`` (vec4f [3 * triangles]) and the frame's ``box``, as
+    :func:`launch_bounds` does."""
     launch_bounds(frame, box)
     wp.launch(
         boxes_kernel,
         dim=frame.triangle_count,
         inputs=[units, frame.mesh, box, frame.reach],
-        outputs=[lowers, uppers],
+        outputs=[lowers, uppers, records],
         device=frame.device,
     )

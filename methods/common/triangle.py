@@ -232,9 +232,7 @@ def nearer(mesh: Mesh, t: wp.float64, i: wp.int32, best_t: wp.float64, best: wp.
 
 
 @wp.func
-def nearer_of(
-    triangles: wp.int32, t: wp.float64, i: wp.int32, best_t: wp.float64, best: wp.int32
-) -> wp.bool:
+def nearer_of(triangles: wp.int32, t: wp.float64, i: wp.int32, best_t: wp.float64, best: wp.int32) -> wp.bool:
     """:func:`nearer` in a mesh of so many triangles.
 
     Keys have at least 29 bits of fraction, so that distances that differ by more than 2^-27 of themselves have different
