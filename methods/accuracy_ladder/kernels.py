@@ -76,7 +76,7 @@ def make_kernels(test: str, fast_math: bool) -> tuple[Any, Any]:
     sheared = test in SHEARED_TESTS
     options = {"fast_math": fast_math, "enable_backward": False}
 
-    @wp.kernel(module="unique", module_options=options)
+    @wp.kernel(module="unique", grid_stride=False, module_options=options)
     def primary_kernel(
         tree: wp.uint64,
         records: wp.array(dtype=wp.vec4f),
@@ -103,7 +103,7 @@ def make_kernels(test: str, fast_math: bool) -> tuple[Any, Any]:
         corners = corners_of(mesh, found.triangle)
         hit_points[pixel] = hit_point(ray, plane_distance(ray, corners), corners)
 
-    @wp.kernel(module="unique", module_options=options)
+    @wp.kernel(module="unique", grid_stride=False, module_options=options)
     def shadow_kernel(
         light: wp.int32,
         scheme: wp.int32,

@@ -23,7 +23,7 @@ from ..common.ray_queries import SLACK, nothing_found, shadow_segment
 from ..common.triangle import write_hit, write_miss
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def primary_kernel(
     blocks: wp.bool,
     tree: wp.uint64,
@@ -56,7 +56,7 @@ def primary_kernel(
     write_hit(hits, hit_points, pixel, ray, found.triangle, found.t, mesh)
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def shadow_kernel(
     blocks: wp.bool,
     light: wp.int32,

@@ -11,7 +11,7 @@ from ..common.pixels import pixel_of
 from ..common.triangle import write_miss
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def mesh_primary_kernel(
     blocks: wp.bool,
     tree: wp.uint64,
@@ -46,7 +46,7 @@ def mesh_primary_kernel(
         write_miss(hits, pixel)
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def mesh_shadow_kernel(
     blocks: wp.bool,
     light: wp.int32,
