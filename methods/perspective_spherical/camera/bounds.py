@@ -56,7 +56,7 @@ def project(
     if faces_away(outward, o, corners):
         return unseen
     box = wp.vec4i(pixels[0] // tile, pixels[1] // tile, pixels[2] // tile, pixels[3] // tile)
-    boxes[i] = box
+    set_entry(boxes, i, box)
     queue_large(i, box, queue)
     r = plane_record(o, corners, weld_of(mesh, i))
     if test == 2:  # Moeller-Trumbore
@@ -93,7 +93,7 @@ def project_kernel(
     i = wp.tid()
     depth = wp.vec2f(wp.INF, -wp.INF)
     if i < boxes.shape[0]:
-        boxes[i] = wp.vec4i(0, 0, -1, -1)
+        set_entry(boxes, i, wp.vec4i(0, 0, -1, -1))
         if i < triangle_count and mesh.valid[i] != wp.uint8(0):
             depth = project(i, tile, widening, outward, test, camera, mesh, boxes, records, queue)
             depths[i] = depth

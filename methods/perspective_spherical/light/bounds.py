@@ -148,7 +148,7 @@ def make_bound_kernel(map: int, bounds: str = "exact") -> wp.Kernel:
     """Bounds of triangles under one light map: compiled apart, as each takes many registers."""
     bounds_of, wrap = LOOSE_BOUNDS[bounds] or (BOUNDS[map], WRAPS[map])
 
-    @wp.kernel(enable_backward=False, module="unique", cuda_max_registers=128)
+    @wp.kernel(enable_backward=False, module="unique", grid_stride=False, cuda_max_registers=128)
     def bound_kernel(
         triangle_count: wp.int32,
         test: wp.int32,
@@ -164,7 +164,7 @@ def make_bound_kernel(map: int, bounds: str = "exact") -> wp.Kernel:
     ):
         """Each item's box of tiles, span of slices and record; queue the large ones."""
         item = wp.tid()
-        boxes[item] = wp.vec4i(0, 0, -1, -1)
+        set_entry(boxes, item, wp.vec4i(0, 0, -1, -1))
         i = item // grid.faces
         side = item % grid.faces
         offset = side * EXTENT
@@ -202,9 +202,9 @@ def make_bound_kernel(map: int, bounds: str = "exact") -> wp.Kernel:
         first = distance_slice(near, grid, side)
         if grid.skip_empty and no_ray_in(grid, box, first, side):
             return
-        boxes[item] = box
+        set_entry(boxes, item, box)
         far = wp.max(la, wp.max(lb, lc)) * (wp.float64(1.0) + space.distance_pad)
-        spans[item] = wp.vec2i(first, distance_slice(far, grid, side))
+        set_entry(spans, item, wp.vec2i(first, distance_slice(far, grid, side)))
         queue_large(item, box, queue)
         r = SegmentRecord()
         weld = weld_of(mesh, i)
