@@ -10,10 +10,10 @@ import warp as wp
 from ...harness.frame.alpha import Alpha
 from ...harness.frame.geometry import Camera, Hits, Mesh, Ray, corners_of, ray_of
 from ..common.box_tree import traverse, traverse_alike
-from ..common.corner_records import Triangle, any_hit
+from ..common.corner_records import CornerRecords, corners_in, triangles_in, weld_in
 from ..common.hitpoint import hit_point, plane_distance
 from ..common.pixels import pixel_of
-from ..common.ray_queries import SLACK, Found, Segment, nothing_found, shadow_segment
+from ..common.ray_queries import SLACK, Found, Segment, any_hit, nothing_found, shadow_segment
 from ..common.segment import occludes
 from ..common.triangle import nearer_of, to_float64, write_miss
 from .origins import HIT_POINT, IDENTITY, start_of
@@ -22,14 +22,12 @@ from .tests import TESTS
 
 
 def closest_hit_by(triangle_test: Any) -> Any:
-    """A test of a traversal (:mod:`..common.corner_records`) that finds the closest hit by ``triangle_test``."""
+    """A test of a traversal (:mod:`..common.ray_queries`) that finds the closest hit by ``triangle_test``."""
 
     @wp.func
-    def closest_hit(
-        triangle: Triangle, count: wp.int32, alpha: Alpha, i: wp.int32, ray: Ray, found: Found
-    ) -> Found:
-        hit = triangle_test(ray, triangle.corners, triangle.weld)
-        if hit[0] > wp.float64(0.0) and nearer_of(count, hit[0], i, found.t, found.triangle):
+    def closest_hit(records: CornerRecords, alpha: Alpha, i: wp.int32, ray: Ray, found: Found) -> Found:
+        hit = triangle_test(ray, corners_in(records, i), weld_in(records, i))
+        if hit[0] > wp.float64(0.0) and nearer_of(triangles_in(records), hit[0], i, found.t, found.triangle):
             found.triangle = i
             found.t = hit[0]
             found.u = wp.float32(hit[1])
@@ -48,21 +46,21 @@ def any_hit_by(test: str) -> Any:
 
     @wp.func
     def any_hit_of_ray(
-        triangle: Triangle, count: wp.int32, alpha: Alpha, i: wp.int32, segment: Segment, found: Found
+        records: CornerRecords, alpha: Alpha, i: wp.int32, segment: Segment, found: Found
     ) -> Found:
         if i != segment.own:
             ray = Ray(segment.start, segment.light - segment.start)
-            hit = triangle_test(ray, triangle.corners, triangle.weld)
+            hit = triangle_test(ray, corners_in(records, i), weld_in(records, i))
             found.done = hit[0] > wp.float64(0.0) and hit[0] < wp.float64(1.0)
         return found
 
     @wp.func
     def any_hit_of_segment(
-        triangle: Triangle, count: wp.int32, alpha: Alpha, i: wp.int32, segment: Segment, found: Found
+        records: CornerRecords, alpha: Alpha, i: wp.int32, segment: Segment, found: Found
     ) -> Found:
         if i != segment.own:
             found.done = occludes(
-                segment.hit, segment.light, triangle.corners, triangle.weld, segment.origin_size
+                segment.hit, segment.light, corners_in(records, i), weld_in(records, i), segment.origin_size
             )
         return found
 
@@ -79,7 +77,7 @@ def make_kernels(test: str, fast_math: bool) -> tuple[Any, Any]:
     @wp.kernel(module="unique", grid_stride=False, module_options=options)
     def primary_kernel(
         tree: wp.uint64,
-        records: wp.array(dtype=wp.vec4f),
+        records: CornerRecords,
         camera: Camera,
         mesh: Mesh,
         hits: Hits,
@@ -108,7 +106,7 @@ def make_kernels(test: str, fast_math: bool) -> tuple[Any, Any]:
         light: wp.int32,
         scheme: wp.int32,
         tree: wp.uint64,
-        records: wp.array(dtype=wp.vec4f),
+        records: CornerRecords,
         camera: Camera,
         mesh: Mesh,
         box: wp.array(dtype=wp.float32),

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import warp as wp
 
 from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import Mesh, corners_of
-from .corner_records import store_record
+from .corner_records import CornerRecords, store_record
 from .triangle import U32
 
 BLOCK = 256
@@ -122,7 +123,7 @@ def boxes_kernel(
     bound: wp.array(dtype=wp.float32),
     lowers: wp.array(dtype=wp.vec3f),
     uppers: wp.array(dtype=wp.vec3f),
-    records: wp.array(dtype=wp.vec4f),
+    records: CornerRecords,
 ):
     """Boxes padded by ``units`` of 2^-24 of the largest coordinate of scene and eye, 0 leaves them as they are; and the
     records of the triangles (:mod:`.corner_records`).
@@ -130,7 +131,7 @@ def boxes_kernel(
     An invalid triangle gets a point on an edge of the scene's box (:func:`aside`), or zero where nothing is valid.
     """
     i = wp.tid()
-    store_record(records, mesh, i)
+    store_record(mesh, i, records)
     low = box_low(box)
     if not wp.isfinite(low):
         lowers[i] = wp.vec3f(0.0, 0.0, 0.0)
@@ -151,9 +152,9 @@ def boxes_kernel(
 
 
 def launch_boxes(
-    frame: Frame, box: wp.array, lowers: wp.array, uppers: wp.array, records: wp.array, units: float
+    frame: Frame, box: wp.array, lowers: wp.array, uppers: wp.array, records: Any, units: float
 ) -> None:
-    """Fill ``lowers`` and ``uppers`` (vec3f [triangles]), ``records`` (vec4f [3 * triangles]) and the frame's ``box``, as
+    """Fill ``lowers`` and ``uppers`` (vec3f [triangles]), ``records`` and the frame's ``box``, as
     :func:`launch_bounds` does."""
     launch_bounds(frame, box)
     wp.launch(

@@ -13,9 +13,10 @@ import warp as wp
 
 from ...harness.frame.alpha import Alpha
 from ...harness.frame.frame import Frame
+from ...harness.frame.geometry import filled
 from ...harness.frame.passes import Pass
 from .bounds import PADDED_UNITS, launch_boxes
-from .corner_records import NOBODY, triangle_at
+from .corner_records import CornerRecords, valid_in
 from .ray_queries import Found
 
 
@@ -23,7 +24,7 @@ from .ray_queries import Found
 def traverse(
     test: wp.Function,
     tree: wp.uint64,
-    records: wp.array(dtype=wp.vec4f),
+    records: CornerRecords,
     alpha: Alpha,
     start: wp.vec3f,
     direction: wp.vec3f,
@@ -32,15 +33,14 @@ def traverse(
 ) -> Found:
     """Call ``test`` for every valid triangle whose box the ray start + t direction meets, and return what was found.
 
-    ``test`` is compiled in. It is called as test(triangle, count, alpha, i, query, found), as in :mod:`.corner_records`; it
-    may lower ``found.limit``, and sets ``found.done`` to end the query. ``records``: :attr:`BoxTree.records`.
+    ``test`` is compiled in. It is called as test(records, alpha, i, query, found), as in :mod:`.ray_queries`; it may lower
+    ``found.limit``, and sets ``found.done`` to end the query. ``records``: of the tree.
     """
     # What the loop depends on is in variables of its own, and it is left by a break right after the test. Then the
     # compiler makes one loop of steps down the tree and tests, in which the lanes of a warp stay together. With fields
     # of ``result`` in their place, or the break elsewhere, it makes two, and the rebuilt tree takes 1.2 to 3.3 times as
     # long on an H200; a vote of the lanes before every test takes 1.2 to 2 times as long.
     result = found
-    count = records.shape[0] // 3
     limit = found.limit
     tests = wp.int32(0)
     done = wp.bool(False)
@@ -48,9 +48,8 @@ def traverse(
     boxes = wp.bvh_query_ray(tree, start, direction)
     while wp.bvh_query_next(boxes, i, limit):
         tests += 1
-        triangle = triangle_at(records, i)
-        if triangle.weld[0] != NOBODY:
-            result = test(triangle, count, alpha, i, query, result)
+        if valid_in(records, i):
+            result = test(records, alpha, i, query, result)
             limit = result.limit
             done = result.done
             if done:
@@ -63,7 +62,7 @@ def traverse(
 def traverse_alike(
     test: wp.Function,
     tree: wp.uint64,
-    records: wp.array(dtype=wp.vec4f),
+    records: CornerRecords,
     alpha: Alpha,
     start: wp.vec3f,
     direction: wp.vec3f,
@@ -76,14 +75,12 @@ def traverse_alike(
     of 10.5, and three times as long); the layout would be measured, not the test.
     """
     result = found
-    count = records.shape[0] // 3
     i = wp.int32(0)
     boxes = wp.bvh_query_ray(tree, start, direction)
     while not result.done and wp.bvh_query_next(boxes, i, result.limit):
         result.tests += 1
-        triangle = triangle_at(records, i)
-        if triangle.weld[0] != NOBODY:
-            result = test(triangle, count, alpha, i, query, result)
+        if valid_in(records, i):
+            result = test(records, alpha, i, query, result)
     return result
 
 
@@ -94,7 +91,7 @@ class BoxTree:
     leaf_size    triangles per leaf, at least 1
     padding      of the boxes, in units of 2^-24 of the largest coordinate of scene and eye; 0 leaves them as they are
     box          float32 [6]: the box of all triangles, as :func:`.bounds.launch_bounds` writes it
-    records      vec4f [3 * triangles]: what a query reads of its triangles (:mod:`.corner_records`)
+    records      the triangles as a query reads them
     """
 
     def __init__(self, frame: Frame, constructor: str, leaf_size: int, padding: float = PADDED_UNITS):
@@ -107,7 +104,7 @@ class BoxTree:
             self.box = wp.zeros(6, dtype=wp.float32)
             self._lowers = wp.array(corners.min(axis=1), dtype=wp.vec3f)
             self._uppers = wp.array(corners.max(axis=1), dtype=wp.vec3f)
-            self.records = wp.zeros(3 * frame.triangle_count, dtype=wp.vec4f)
+            self.records = filled(CornerRecords, corners=wp.zeros(3 * frame.triangle_count, dtype=wp.vec4f))
         self._bvh = wp.Bvh(self._lowers, self._uppers, constructor=constructor, leaf_size=leaf_size)
 
     @property

@@ -1,113 +1,89 @@
-"""A triangle's corners and weld indices in 48 contiguous bytes, and the triangle tests of a query that reads them so.
+"""A triangle's corners and weld indices in 48 contiguous bytes, for structures that find triangles in no order of the mesh.
 
-A tree finds triangles in no order of the mesh. Through the mesh, a test reads the triangle, then its points and their weld
-indices: thirteen addresses, the later ones known only after the first. A record takes three reads of 16 bytes.
+Through the mesh, a test reads the triangle, then its points and their weld indices: thirteen addresses, most of them known
+only after the first. A record takes three reads of 16 bytes. Tests of triangles (:mod:`.ray_queries`) take either.
 """
 
 from __future__ import annotations
 
 import warp as wp
 
-from ...harness.frame.alpha import Alpha
-from ...harness.frame.geometry import Corners, Mesh, Ray, corners_of, weld_of
-from .alpha import opaque_at_hit, opaque_to_light
+from ...harness.frame.geometry import Corners, Mesh, corners_of, weld_of
 from .entries import entry, set_entry
-from .ray_queries import Found, Segment, with_hit
-from .segment import may_occlude, occludes
-from .triangle import hit_distance, may_hit, nearer_of
 
-NOBODY = wp.constant(-1)
-"""In place of the first weld index: the triangle is invalid, and no ray hits it."""
+INVALID = wp.constant(-1)
+"""In place of the first weld index: no ray hits the triangle."""
 
 
 @wp.struct
-class Triangle:
-    """A triangle as its record gives it."""
+class CornerRecords:
+    """The triangles of a frame. ``corners``: vec4f [3 * triangle_count], each a position and its weld index."""
 
-    corners: Corners
-    weld: wp.vec3i
-
-
-@wp.func
-def cornered(p: wp.vec3f, weld: wp.int32) -> wp.vec4f:
-    return wp.vec4f(p[0], p[1], p[2], wp.cast(weld, wp.float32))
+    corners: wp.array(dtype=wp.vec4f)
 
 
 @wp.func
-def store_record(records: wp.array(dtype=wp.vec4f), mesh: Mesh, i: wp.int32):
-    """Write the record of triangle i: three vec4f, each a corner and its weld index."""
+def position(corner: wp.vec4f) -> wp.vec3f:
+    return wp.vec3f(corner[0], corner[1], corner[2])
+
+
+@wp.func
+def corner(at: wp.vec3f, weld: wp.int32) -> wp.vec4f:
+    return wp.vec4f(at[0], at[1], at[2], wp.cast(weld, wp.float32))
+
+
+@wp.func
+def store_record(mesh: Mesh, i: wp.int32, records: CornerRecords):
+    """Write the record of triangle i."""
     if mesh.valid[i] == wp.uint8(0):
-        set_entry(records, 3 * i, cornered(wp.vec3f(0.0, 0.0, 0.0), NOBODY))
+        set_entry(records.corners, 3 * i, corner(wp.vec3f(0.0, 0.0, 0.0), INVALID))
         return
     corners = corners_of(mesh, i)
     weld = weld_of(mesh, i)
-    set_entry(records, 3 * i, cornered(corners.a, weld[0]))
-    set_entry(records, 3 * i + 1, cornered(corners.b, weld[1]))
-    set_entry(records, 3 * i + 2, cornered(corners.c, weld[2]))
+    set_entry(records.corners, 3 * i, corner(corners.a, weld[0]))
+    set_entry(records.corners, 3 * i + 1, corner(corners.b, weld[1]))
+    set_entry(records.corners, 3 * i + 2, corner(corners.c, weld[2]))
 
 
 @wp.func
-def triangle_at(records: wp.array(dtype=wp.vec4f), i: wp.int32) -> Triangle:
-    """Triangle i; its first weld index is NOBODY where it is invalid."""
-    a = entry(records, 3 * i)
-    b = entry(records, 3 * i + 1)
-    c = entry(records, 3 * i + 2)
-    triangle = Triangle()
-    triangle.corners = Corners(
-        wp.vec3f(a[0], a[1], a[2]), wp.vec3f(b[0], b[1], b[2]), wp.vec3f(c[0], c[1], c[2])
+def valid_in(records: CornerRecords, i: wp.int32) -> wp.bool:
+    return wp.cast(entry(records.corners, 3 * i)[3], wp.int32) != INVALID
+
+
+@wp.func
+def corners_in(mesh: Mesh, i: wp.int32) -> Corners:
+    return corners_of(mesh, i)
+
+
+@wp.func
+def corners_in(records: CornerRecords, i: wp.int32) -> Corners:
+    return Corners(
+        position(entry(records.corners, 3 * i)),
+        position(entry(records.corners, 3 * i + 1)),
+        position(entry(records.corners, 3 * i + 2)),
     )
-    triangle.weld = wp.vec3i(wp.cast(a[3], wp.int32), wp.cast(b[3], wp.int32), wp.cast(c[3], wp.int32))
-    return triangle
 
 
 @wp.func
-def closest_hit(
-    triangle: Triangle, count: wp.int32, alpha: Alpha, i: wp.int32, ray: Ray, found: Found
-) -> Found:
-    """:func:`.ray_queries.closest_hit` of triangle i of ``count``."""
-    if may_hit(ray, triangle.corners):
-        t = hit_distance(ray, triangle.corners, triangle.weld)
-        if t > wp.float64(0.0) and nearer_of(count, t, i, found.t, found.triangle):
-            found = with_hit(found, i, t)
-    return found
+def weld_in(mesh: Mesh, i: wp.int32) -> wp.vec3i:
+    return weld_of(mesh, i)
 
 
 @wp.func
-def closest_opaque_hit(
-    triangle: Triangle, count: wp.int32, alpha: Alpha, i: wp.int32, ray: Ray, found: Found
-) -> Found:
-    """:func:`.ray_queries.closest_opaque_hit`."""
-    if may_hit(ray, triangle.corners):
-        t = hit_distance(ray, triangle.corners, triangle.weld)
-        if t > wp.float64(0.0) and nearer_of(count, t, i, found.t, found.triangle):
-            if opaque_at_hit(alpha, i, ray, triangle.corners, triangle.weld):
-                found = with_hit(found, i, t)
-    return found
+def weld_in(records: CornerRecords, i: wp.int32) -> wp.vec3i:
+    return wp.vec3i(
+        wp.cast(entry(records.corners, 3 * i)[3], wp.int32),
+        wp.cast(entry(records.corners, 3 * i + 1)[3], wp.int32),
+        wp.cast(entry(records.corners, 3 * i + 2)[3], wp.int32),
+    )
 
 
 @wp.func
-def any_hit(
-    triangle: Triangle, count: wp.int32, alpha: Alpha, i: wp.int32, segment: Segment, found: Found
-) -> Found:
-    """:func:`.ray_queries.any_hit`."""
-    if i != segment.own:
-        if may_occlude(segment.start, segment.light, triangle.corners, segment.error):
-            found.done = occludes(
-                segment.hit, segment.light, triangle.corners, triangle.weld, segment.origin_size
-            )
-    return found
+def triangles_in(mesh: Mesh) -> wp.int32:
+    """How many there are."""
+    return mesh.triangles.shape[0]
 
 
 @wp.func
-def any_opaque_hit(
-    triangle: Triangle, count: wp.int32, alpha: Alpha, i: wp.int32, segment: Segment, found: Found
-) -> Found:
-    """:func:`.ray_queries.any_opaque_hit`."""
-    if i != segment.own:
-        corners = triangle.corners
-        if may_occlude(segment.start, segment.light, corners, segment.error):
-            if occludes(segment.hit, segment.light, corners, triangle.weld, segment.origin_size):
-                found.done = opaque_to_light(
-                    alpha, i, segment.hit, segment.light, corners, triangle.weld, segment.origin_size
-                )
-    return found
+def triangles_in(records: CornerRecords) -> wp.int32:
+    return records.corners.shape[0] // 3

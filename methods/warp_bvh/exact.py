@@ -16,10 +16,18 @@ from ...harness.scene.effects import Effects
 from ..common.bands import Band, Bands
 from ..common.bounces import bounced_tests
 from ..common.box_tree import BoxTree, traverse
-from ..common.corner_records import any_hit, any_opaque_hit, closest_hit, closest_opaque_hit
+from ..common.corner_records import CornerRecords
 from ..common.pixels import pixel_of
 from ..common.ray_passes import shadow_ray_passes
-from ..common.ray_queries import SLACK, nothing_found, shadow_segment
+from ..common.ray_queries import (
+    SLACK,
+    any_hit,
+    any_opaque_hit,
+    closest_hit,
+    closest_opaque_hit,
+    nothing_found,
+    shadow_segment,
+)
 from ..common.triangle import write_hit, write_miss
 
 
@@ -27,7 +35,7 @@ from ..common.triangle import write_hit, write_miss
 def primary_kernel(
     blocks: wp.bool,
     tree: wp.uint64,
-    records: wp.array(dtype=wp.vec4f),
+    records: CornerRecords,
     camera: Camera,
     mesh: Mesh,
     alpha: Alpha,
@@ -61,7 +69,7 @@ def shadow_kernel(
     blocks: wp.bool,
     light: wp.int32,
     tree: wp.uint64,
-    records: wp.array(dtype=wp.vec4f),
+    records: CornerRecords,
     camera: Camera,
     alpha: Alpha,
     lights: wp.array(dtype=wp.vec3f),
