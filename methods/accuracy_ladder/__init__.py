@@ -15,7 +15,7 @@ from ...harness.frame.frame import Frame
 from ...harness.frame.method import BaseMethod
 from ...harness.frame.passes import Pass
 from ...harness.scene.effects import Effects, Limits
-from ..common.box_tree import BoxTree
+from ..common.box_tree import QUERY_BLOCK, BoxTree
 from ..common.misses import miss_passes
 from ..common.pixels import thread_count
 from ..common.ray_passes import shadow_ray_passes
@@ -64,6 +64,7 @@ class AccuracyLadder(BaseMethod):
             dim=self._threads,
             inputs=[self._tree.id, self._tree.records, frame.camera, frame.mesh],
             outputs=[frame.hits(0), self._hit],
+            block_dim=QUERY_BLOCK,
             device=frame.device,
         )
 
@@ -78,6 +79,7 @@ class AccuracyLadder(BaseMethod):
                 frame.lights, frame.hits(0), self._hit,
             ],
             outputs=[frame.answers.visibility],
+            block_dim=QUERY_BLOCK,
             device=frame.device,
         )  # fmt: skip
 

@@ -33,16 +33,17 @@ def corner(at: wp.vec3f, weld: wp.int32) -> wp.vec4f:
 
 
 @wp.func
-def store_record(mesh: Mesh, i: wp.int32, records: CornerRecords):
+def store_record(records: CornerRecords, i: wp.int32, corners: Corners, weld: wp.vec3i):
     """Write the record of triangle i."""
-    if mesh.valid[i] == wp.uint8(0):
-        set_entry(records.corners, 3 * i, corner(wp.vec3f(0.0, 0.0, 0.0), INVALID))
-        return
-    corners = corners_of(mesh, i)
-    weld = weld_of(mesh, i)
     set_entry(records.corners, 3 * i, corner(corners.a, weld[0]))
     set_entry(records.corners, 3 * i + 1, corner(corners.b, weld[1]))
     set_entry(records.corners, 3 * i + 2, corner(corners.c, weld[2]))
+
+
+@wp.func
+def store_invalid(records: CornerRecords, i: wp.int32):
+    """Write that no ray hits triangle i."""
+    set_entry(records.corners, 3 * i, corner(wp.vec3f(0.0, 0.0, 0.0), INVALID))
 
 
 @wp.func

@@ -125,10 +125,12 @@ def closest_opaque_hit(mesh: Any, alpha: Alpha, i: wp.int32, ray: Ray, found: Fo
 @wp.func
 def any_hit(mesh: Any, alpha: Alpha, i: wp.int32, segment: Segment, found: Found) -> Found:
     """Done if triangle i meets the shadow ray."""
-    if i != segment.own:
-        corners = corners_in(mesh, i)
-        if may_occlude(segment.start, segment.light, corners, segment.error):
-            found.done = occludes(segment.hit, segment.light, corners, weld_in(mesh, i), segment.origin_size)
+    if i == segment.own:
+        return found
+    corners = corners_in(mesh, i)
+    if not may_occlude(segment.start, segment.light, corners, segment.error):
+        return found
+    found.done = occludes(segment.hit, segment.light, corners, weld_in(mesh, i), segment.origin_size)
     return found
 
 

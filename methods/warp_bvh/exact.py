@@ -15,7 +15,7 @@ from ...harness.frame.specialise import effects, specialised
 from ...harness.scene.effects import Effects
 from ..common.bands import Band, Bands
 from ..common.bounces import bounced_tests
-from ..common.box_tree import BoxTree, traverse
+from ..common.box_tree import QUERY_BLOCK, BoxTree, traverse
 from ..common.corner_records import CornerRecords
 from ..common.pixels import pixel_of
 from ..common.ray_passes import shadow_ray_passes
@@ -181,6 +181,7 @@ class ExactBvh:
                 band.fields_of(frame.hits(bounce)), band.of(self._hits(bounce)),
                 self.uncounted if tests is None else band.of(tests),
             ],
+            block_dim=QUERY_BLOCK,
             device=frame.device,
         )  # fmt: skip
 
@@ -198,5 +199,6 @@ class ExactBvh:
                 band.fields_of(frame.rays(bounce)),
             ],
             outputs=[band.of(frame.bits(bounce)), self.uncounted if tests is None else band.of(tests)],
+            block_dim=QUERY_BLOCK,
             device=frame.device,
         )  # fmt: skip

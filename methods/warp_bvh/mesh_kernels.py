@@ -10,7 +10,7 @@ from ..common.pixels import pixel_of
 from ..common.triangle import write_miss
 
 
-@wp.kernel(enable_backward=False, grid_stride=False)
+@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=64)
 def mesh_primary_kernel(
     blocks: wp.bool,
     tree: wp.uint64,

@@ -25,7 +25,7 @@ from .ray_tests import RAY_DECIDES, RAY_PASSES, RECORD, RayRecord, count_tests
 from .tiles import ImageTiles, slice_scale
 from .trace import indirect_pixel, packed_depth, record_at, slice_start, write_nearest
 
-TRACE_REGISTERS = 64
+TRACE_REGISTERS = 80
 """Limit of registers: more warps hide latency, which gains more than spilling costs (0.30 to 0.25 ms on Buddha)."""
 
 

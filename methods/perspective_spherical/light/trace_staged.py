@@ -26,7 +26,7 @@ from .segment_tests import DOUBT, SEGMENT_DECIDES, SEGMENT_PASSES, USED, YES, Se
 from .space import LightSpace
 from .trace import hit_error, segment_at
 
-SHADOW_REGISTERS = 80
+SHADOW_REGISTERS = 64
 """A cap, as in :mod:`.camera.trace_staged`."""
 
 
