@@ -135,7 +135,7 @@ MUTATIONS = (
         "no rule for the own triangle",
         (
             Planted(segment, "plane_crosses_segment", ((OWN_TRIANGLE, ""),), segment),
-            Planted(ray_queries, "any_hit", (("if i != segment.own:", "if i >= 0:"),), exact),
+            Planted(ray_queries, "any_hit", (("if i == segment.own:", "if i < 0:"),), exact),
         ),
         "warp_bvh",
         EXACT_BVH,

@@ -26,7 +26,8 @@ from .tiles import ImageTiles, slice_scale
 from .trace import indirect_pixel, packed_depth, record_at, slice_start, write_nearest
 
 TRACE_REGISTERS = 80
-"""Limit of registers: more warps hide latency, which gains more than spilling costs (0.30 to 0.25 ms on Buddha)."""
+"""Limit of registers: more warps hide latency. On an H200 frames take 0 to 3 % longer with 64, where more is spilled, and 1 to
+3 % longer with 96."""
 
 
 @wp.func
