@@ -27,7 +27,7 @@ from .space import LightSpace
 from .trace import hit_error, segment_at
 
 SHADOW_REGISTERS = 64
-"""The same for shadow rays: 0 to 2 % longer with 80. By default a block is one warp, and 32 of them fill a multiprocessor."""
+"""The same for shadow rays: 0 to 2 % longer with 80. Blocks of one warp, the default, fill a multiprocessor with 32."""
 
 
 @wp.func
