@@ -13,9 +13,8 @@ from functools import partial
 from typing import Any
 
 from ..harness.report import claims, compare, style
-from ..harness.report.claims import Claim, Finding, each, judged
+from ..harness.report.claims import Claim, Evidence, Finding, Lacking, Measure, each, judged
 from ..harness.report.compare import geometric
-from ..harness.report.evidence import Evidence, Lacking, Measure
 from ..harness.results.table import stage_ms
 from ..harness.runner.experiment import Experiment
 from . import _rivals, figure10

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..harness.report import compare, document, gallery, panels
-from ..harness.report.picture import opened
+from ..harness.report import compare, document, panels
+from ..harness.report.picture import opened, stand_in_text
 from ..harness.results.folder import image_name
-from ..harness.results.table import stage_ms
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
 from ._paper import METHOD
@@ -37,13 +36,7 @@ METHODS = (Entry(METHOD),)
 
 
 SPOT = ["light.angle", "light.rise", "light.falloff"]
-COLUMNS = [*document.COMMON, "spot", *SPOT, "hit_pixels", "shadow_rays", "shadow_ray_share"]
-HEADINGS: document.Columns = {
-    "scene": ("title", str), "light": ("light", str), "hit points": ("hit_pixels", document.count),
-    "with a shadow ray": ("shadow_rays", document.count), "share": ("shadow_ray_share", "{:.0%}".format),
-    "light grid, ms": ("grids_text", str), "shadow rays, ms": ("rays_text", str),
-}  # fmt: skip
-GRIDS, RAYS = ("light build", ""), ("shadow", "")
+COLUMNS = [*document.COMMON, "light", "spot", *SPOT, "hit_pixels", "shadow_rays", "shadow_ray_share"]
 
 
 def read(folder: Path) -> pd.DataFrame:
@@ -52,7 +45,7 @@ def read(folder: Path) -> pd.DataFrame:
     over_plain  light grid and shadow rays over those with the light everywhere
     """
     frames = document.frames(folder)
-    table = document.with_passes(document.named(frames), folder, {"grids": GRIDS, "rays": RAYS})
+    table = document.named(frames)
     is_spot = table.reindex(columns=["light.target"])["light.target"].notna()
     table[SPOT] = table.reindex(columns=SPOT).astype(float).where(is_spot, axis=0)
     table["spot"] = table["light.rise"].isna().map({True: "cone", False: "rectangle"}).where(is_spot, "")
@@ -63,12 +56,12 @@ def read(folder: Path) -> pd.DataFrame:
     table["shadow_rays"] = table.filter(regex=rays).sum(axis=1, min_count=1)
     table["hit_pixels"] = plain.filter(regex=rays).sum(axis=1, min_count=1)
     table["shadow_ray_share"] = table["shadow_rays"] / table["hit_pixels"]
-    times = [stage_ms(side, *GRIDS) + stage_ms(side, *RAYS) for side in (own, plain)]
+    times = [side["light_build_ms"] + side["shadow_ms"] for side in (own, plain)]
     return table.assign(over_plain=times[0] / times[1])
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
-    """The scene without and with each spot, and the time that the spot saves."""
+    """The scene without and with each spot, CSV, and the time that the spot saves."""
     table = read(folder)
     done = document.measured(table)
     drawn = [picture(own, folder, name) for name, own in table.groupby("file", sort=False)]
@@ -79,8 +72,8 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         told = document.ranked(spots, "over_plain", "light")
         finding = f"Spots leave {share} of the hit points a shadow ray; light grid and shadow rays over those with the "
         finding += f"light everywhere: {told} (the paper has no times)."
-    tables, pictures = {"Lights": document.texts(done, HEADINGS)}, [path for path in drawn if path]
-    return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet)
+    pictures = [path for path in drawn if path]
+    return document.write(folder, EXPERIMENT, table, COLUMNS, finding, {}, pictures, quiet)
 
 
 def spot_text(spot: str, angle: float, rise: float, falloff: float) -> str:
@@ -103,7 +96,7 @@ def picture(own: pd.DataFrame, folder: Path, name: str) -> Path | None:
             shown.append((r.light.capitalize() + rays, whole[: round(image.width * r.height / r.width)]))
     if not shown:
         return None
-    made = [gallery.stand_in_text(text) for text in own["stand_in"].unique() if text]
+    made = [stand_in_text(text) for text in own["stand_in"].unique() if text]
     about = "\n".join([f"{own['title'].iloc[0]}, {document.where(own)}", *made])
     return panels.images(folder / f"figure6-{name}.png", shown, across=2, below=about, dpi=220, colours=40)
 

@@ -3,15 +3,46 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from ..harness.report import document, gallery
+import numpy as np
+
+from ..harness.errors import warn
+from ..harness.report import document, panels
 from ..harness.report import paper_table1 as paper
+from ..harness.report.picture import opened
+from ..harness.results.folder import image_name
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from ._paper import METHOD, SCENES
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 METHODS = (Entry(METHOD),)
 
 COLUMNS = [*document.COMMON, "paper_triangles", "triangles_to_paper"]
+
+
+def gallery(folder: Path, points: pd.DataFrame, title: str = "") -> list[Path]:
+    """The pictures of the scenes of ``points`` on a sheet for each size: ``gallery.png``, ``gallery-WxH.png`` of several.
+
+    points  a table with the columns scene, width and height; its order is the sheet's. A damaged picture is left out with
+            a message.
+    """
+    sheets, sizes = [], list(points.groupby(["width", "height"], sort=False))
+    for (width, height), own in sizes:
+        shown = []
+        for scene in own["scene"].unique():
+            file = folder / "images" / image_name(scene, "", width, height)
+            if image := opened(file):
+                image.thumbnail((704, 4 * 704))
+                shown.append(("", np.asarray(image.convert("RGB"))))
+            elif file.exists():
+                warn(f"{file}: not a whole picture, left out; the same `shadowbench run` draws it again")
+        name = "gallery.png" if len(sizes) == 1 else f"gallery-{width}x{height}.png"
+        if shown:
+            sheets.append(panels.images(folder / name, shown, across=3, below=title, wide=2, colours=256))
+    return sheets
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
@@ -26,7 +57,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     most = f"{(known - 1).abs().max():.1%}" if len(known) else "-"
     finding = f"{len(known)} of the paper's {len(paper.ROWS)} scenes, each with its number of triangles within {most}; "
     finding += f"of {len(scenes)} scenes {int((scenes['stand_in'] != '').sum())} are stand-ins."
-    pictures = gallery.draw(folder, scenes, title)
+    pictures = gallery(folder, scenes, title)
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, {}, pictures, quiet)
 
 

@@ -9,11 +9,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..harness.report import compare, document, panels, roofline, style
+from ..harness.report import compare, document, panels, style
 from ..harness.runner.experiment import Entry, Experiment, Preset
-from . import _rivals
+from . import _floor, _rivals
 from ._paper import SCENES, faithful
-from ._work import ray_grids
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -51,21 +50,21 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     ours = frames["label"] == OURS
     names = {"ratio": "times_slower", "spread": "times_slower_spread"}
     found = compare.ratios(frames, ours).rename(columns=names).drop(columns="frames")
-    stages, table = roofline.stages(frames[ours], ray_grids), document.named(frames).join(found)
-    table = table.join(roofline.of_frames(stages), on=roofline.SCENE)
+    stages, table = _floor.stages(frames[ours], _floor.ray_grids), document.named(frames).join(found)
+    table = table.join(_floor.of_frames(stages), on=_floor.SCENE)
     table["kind"], table["other"] = table["label"].map(KINDS), table["label"] != OURS
     done = document.measured(table)
     own, peers, files = done[~done["other"]], fastest(done), []
     if len(stages):
-        files.append(document.write_csv(stages, folder / "frame_time-stages.csv", roofline.COLUMNS))
+        files.append(document.write_csv(stages, folder / "frame_time-stages.csv", _floor.COLUMNS))
     if len(own):
         rows = done.assign(text=[beside(row) for row in done.to_dict("records")])
         rows = document.arranged(rows.sort_values("other", kind="stable"), "title", done["title"].unique())
         wrong = f"{style.WRONG} n: n wrong pixels and visibility bits" * bool((done["true_errors"] > 0).any())
         across = 1 if done["title"].nunique() <= 3 else 2
         files.append(panels.bars(
-            folder / "frame_time.svg", rows, facet="title", across=across, cut=CUT, wide=0.35 + 0.65 * across,
-            legend=3 * across, below=f"{panels.WHOLE}\n2.0x: twice the time of {OURS}\n{wrong}",
+            folder / "frame_time.svg", rows, facet="title", across=across, cut=CUT, legend=3 * across,
+            below=f"{panels.WHOLE}\n2.0x: twice the time of {OURS}\n{wrong}",
         ))  # fmt: skip
     told = [
         f"A frame of {OURS} at {document.where(rows).split(' on ')[0]}, everything rebuilt, takes "

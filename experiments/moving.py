@@ -74,7 +74,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     made["ratio"] = made["max"] / made["min"]
     made["ratio_spread"] = made["ratio"] * np.hypot(around / made["min"], around / made["max"])
     pictures = [panels.lines(
-        folder / "moving.svg", path, "turn", "total_ms", facet="title", across=min(2, path["title"].nunique()),
+        folder / "moving.svg", path, "turn", "total_ms", facet="title", across=2,
         whisker="whisker", wrong="wrong", log_y=False, high=1.25, below="turns of the light about the scene",
         left="ms per frame, everything rebuilt", sharex=True,
     )] if made["count"].any() else []  # fmt: skip

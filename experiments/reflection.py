@@ -151,7 +151,7 @@ def picture(bounced: pd.DataFrame, path: Path) -> Path:
     bounces."""
     own = bounced.assign(bounces=bounced["light_label"].str.split().str[0].astype(int))
     return panels.lines(
-        path, own, "bounces", "mirrored_ns", facet="title", across=min(3, own["title"].nunique()), ticks=str, wide=2,
+        path, own, "bounces", "mirrored_ns", facet="title", across=3, ticks=str, wide=2,
         below="bounces", left="ns per mirrored ray", legend=3, sharey=True,
     )  # fmt: skip
 

@@ -88,7 +88,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         f"Not measured: time against {x}." for x in SWEEPS if len(titles) and x not in set(every["sweep"])
     ]
     pictures = [panels.lines(
-        folder / "scaling.svg", every, "x", "total_ms", facet="sweep", across=every["sweep"].nunique(), whisker="spread",
+        folder / "scaling.svg", every, "x", "total_ms", facet="sweep", across=len(SWEEPS), whisker="spread",
         log_x=10, ticks=short, proportion=PROPORTION, wide=2, high=2.0, legend=4, below="\n".join(notes),
         left="ms per frame, everything rebuilt", sharey=True,
     )] if len(every) else []  # fmt: skip

@@ -10,12 +10,13 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..harness.report import compare, document, gallery, panels, style
+from ..harness.report import compare, document, panels, style
 from ..harness.report import paper_table1 as paper
 from ..harness.results.newest import settings_text
 from ..harness.results.table import PART_COLUMNS
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from ._paper import METHOD, SCENES, faithful
+from .figure9 import gallery
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -112,13 +113,12 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     by_scene = document.arranged(table, "scene", [*paper.ROWS, *table["scene"]])
     if len(done := document.measured(table)):
         time = by_scene["ms"] + " " + by_scene["error"]
-        across = min(2, by_scene["title"].nunique())
         pictures = [panels.bars(
             folder / "table1.svg", by_scene.assign(text=time.where(by_scene["total_ms"].notna(), by_scene["status"])),
-            name="row", facet="title", across=across, cut=CUT, wide=0.35 + 0.65 * across, legend=5,
+            name="row", facet="title", across=2, cut=CUT, legend=5,
             below="ms per frame, split by part; whisker: interquartile range of repeats",
         )]  # fmt: skip
-    pictures += gallery.draw(folder, table, f"Table 1: the scenes; {document.where(table)}")
+    pictures += gallery(folder, table, f"Table 1: the scenes; {document.where(table)}")
     tables = {
         FRAME: frame_table(by_scene),
         "Parts of the frame, ms, and ± of the whole": document.texts(document.measured(by_scene), PARTS),

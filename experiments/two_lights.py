@@ -60,7 +60,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     table["each"] = document.carry(table["further_over_first"], spread.reindex(table.index))
     scenes = table["title"].nunique()
     picture = panels.lines(
-        folder / "two_lights.svg", table, "lights", "total_ms", facet="title", across=min(2, scenes), whisker="spread",
+        folder / "two_lights.svg", table, "lights", "total_ms", facet="title", across=2, whisker="spread",
         log_x=2, ticks=str, high=1.4 if scenes > 1 else 2.0, below="number of lights", sharex=True,
         left="ms per frame, everything rebuilt",
     )  # fmt: skip

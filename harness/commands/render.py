@@ -37,8 +37,7 @@ class Renderer:
 
     def picture(self, frame: int) -> NDArray[np.uint8]:
         """The picture of a frame, uint8 [height, width, 3]; a stand-in gets a caption that names it as one."""
-        from ..report.gallery import captioned
-        from ..report.picture import shade
+        from ..report.picture import captioned, shade
 
         moment = self.prepared.moment(frame, *self.size)
         try:

@@ -81,7 +81,7 @@ def collected(folder: Path) -> dict[str, Any]:
 def claims_of(tables: Sequence[DataFrame]) -> list[dict[str, Any]]:
     """The claims, judged from the records; none where nothing there was measured."""
     from ..report import claims
-    from ..report.evidence import together
+    from ..report.claims import together
 
     declared: Sequence[claims.Claim] = importlib.import_module(f"{PACKAGE}.claims").CLAIMS
     found = together(tables)

@@ -11,7 +11,7 @@ from PIL import Image
 
 from ..errors import UserError
 from ..files import replacing
-from .gallery import PAPER
+from .picture import PAPER
 
 QUALITY = 60
 """Quality of the lossy encoding, 0 to 100: a few kB for a frame of 256x256 pixels."""

@@ -81,6 +81,7 @@ def facets(
     high, wide  inches of a panel; columns of a page
     """
     found = list(table.groupby(facet, sort=False)) if facet else [("", table)]
+    across = max(1, min(across, len(found)))
     down = -(-len(found) // across)
     with sheet(path, (style.COLUMN_WIDTH * wide, high * down + 0.9), down, across, **options) as (_, grid):
         for axes in grid.flat[len(found) :]:
@@ -161,16 +162,17 @@ def line(
 
 def bars(
     path: Path, table: DataFrame, *, below: str = WHOLE, name: str = "label", facet: str = "", across: int = 1,
-    parts: Parts = FRAME, cut: float = math.inf, room: float = 1.45, wide: float = 1.0, legend: int = 3,
+    parts: Parts = FRAME, cut: float = math.inf, room: float = 1.45, legend: int = 3,
 ) -> Path:  # fmt: skip
     """Panels of stacked bars (:func:`stacked`), one bar per row: before it the column ``name``, at its end ``text``.
 
     cut   so many times the median time of its panel a bar is cut off
     room  length of the axis over that of the longest bar
     """
-    most = table.groupby(facet).size().max() if facet else len(table)
-    high = (0.13 if facet else 0.24) * most + 0.3
-    with facets(path, table, facet, across, high, wide, grid="x", legend=legend, below=below) as shown:
+    sizes = table[facet].value_counts() if facet else [len(table)]
+    across, high = min(across, len(sizes)), (0.13 if facet else 0.24) * max(sizes) + 0.3
+    size = across, high, 0.35 + 0.65 * across
+    with facets(path, table, facet, *size, grid="x", legend=legend, below=below) as shown:
         for i, (axes, title, own) in enumerate(shown):
             limit, longest = cut * own["total_ms"].median(), own["total_ms"].max()
             stacked(axes, own, parts, limit)

@@ -130,7 +130,7 @@ def shadow_rays(answers: Answers, effects: Effects) -> int:
 
 def draw_picture(prepared: Prepared, moment: Moment, answers: Answers, path: Path, shows: str) -> None:
     """Draw the frame with its shadows and a caption that says whether the scene is a stand-in."""
-    from ..report.gallery import scene_picture
+    from ..report.picture import scene_picture
 
     path.parent.mkdir(parents=True, exist_ok=True)
     scene_picture(prepared, moment, answers, prepared.lights(moment.index), path, shows)

@@ -7,14 +7,13 @@ import csv
 import pytest
 from helpers.brute_force import make_scene, soup
 from helpers.experiment_records import record_of, write_records
+from shadowbench.experiments import _floor as floor
 from shadowbench.experiments import frame_time
-from shadowbench.experiments._work import ray_grids
+from shadowbench.experiments._floor import Machine, Work, ray_grids
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.report import panels
-from shadowbench.harness.report import roofline as floor
-from shadowbench.harness.report.roofline import Machine, Work
 from shadowbench.harness.runner.experiment import Entry
 
 OURS, GRAPH, MESH = (Entry("ray_grids", {}, "ray grids"), Entry("warp_bvh", {}, "LBVH rebuilt in a graph"),

@@ -12,7 +12,7 @@ from shadowbench.experiments.key_bits import BITS, EXPERIMENT
 from shadowbench.harness.commands.run import plan_run
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.errors import UserError
-from shadowbench.harness.report.evidence import collect
+from shadowbench.harness.report.claims import collect
 from shadowbench.harness.runner.progress import Silent
 from shadowbench.harness.runner.timing import Sampling, sample_frame
 

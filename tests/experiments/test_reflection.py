@@ -6,8 +6,7 @@ import pytest
 from helpers.experiment_records import record_of, write_records
 from shadowbench.experiments import claims, reflection
 from shadowbench.harness.commands.show import show
-from shadowbench.harness.report.claims import FAILS, HOLDS
-from shadowbench.harness.report.evidence import collect
+from shadowbench.harness.report.claims import FAILS, HOLDS, collect
 from shadowbench.harness.runner.experiment import Entry
 
 BOUNCE = ("primary", "shadow", "true_errors")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from helpers.experiment_records import record_of, write_records
-from shadowbench.harness.report.evidence import collect
+from shadowbench.harness.report.claims import collect
 from shadowbench.harness.runner.experiment import find_experiment
 
 ENTRIES = {e.label or e.method: e for e in find_experiment("frame_time").presets["paper"].methods}

@@ -10,8 +10,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from PIL import Image
+from shadowbench.experiments import figure9
 from shadowbench.harness.frame.materials import pieces
-from shadowbench.harness.report import gallery
+from shadowbench.harness.report import picture as pictures
 from shadowbench.harness.report.picture import png_bytes, save_png, shade, shown_in
 from shadowbench.harness.results.folder import image_name
 from shadowbench.harness.scene.prepared import Prepared, prepare
@@ -166,9 +167,9 @@ def test_a_stand_in_says_so_in_its_picture(tmp_path):
     for stand_in in (None, "the paper's Square; made by a program, with as many triangles"):
         prepared = square(lights, stand_in=stand_in)
         moment, answers = answers_to(prepared)
-        path = gallery.scene_picture(prepared, moment, answers, lights, tmp_path / f"{bool(stand_in)}.png")
+        path = pictures.scene_picture(prepared, moment, answers, lights, tmp_path / f"{bool(stand_in)}.png")
         image = np.asarray(Image.open(path).convert("RGB")).astype(int)
-        assert image.shape[1] >= gallery.SMALLEST
+        assert image.shape[1] >= pictures.SMALLEST
         heights.append(image.shape[0])
         strip = image[image.shape[1] :]
         warned = (strip[:, :, 0] > strip[:, :, 2] + 90).sum()
@@ -178,10 +179,10 @@ def test_a_stand_in_says_so_in_its_picture(tmp_path):
 
 def test_the_contact_sheet_holds_every_picture(tmp_path):
     names = [f"s{i}" for i in (3, 0, 1, 2)]
-    assert gallery.draw(tmp_path, points(*names)) == []
+    assert figure9.gallery(tmp_path, points(*names)) == []
     for i in range(4):
         save_png(np.full((40 + 10 * i, 60, 3), 60 * i, dtype=np.uint8), kept(tmp_path, f"s{i}"))
-    (path,) = gallery.draw(tmp_path, points(*names), "title")
+    (path,) = figure9.gallery(tmp_path, points(*names), "title")
     sheet_ = np.asarray(Image.open(path).convert("L"))
     assert {0, 60, 120, 180} <= set(np.unique(sheet_).tolist())
 
@@ -190,7 +191,7 @@ def test_pictures_of_two_sizes_are_on_two_sheets(tmp_path):
     small, large = points("a", "b"), points("a", size=(120, 80))
     for i, (scene, size) in enumerate((("a", (60, 40)), ("b", (60, 40)), ("a", (120, 80)))):
         save_png(np.full((40, 60, 3), 60 * i, dtype=np.uint8), kept(tmp_path, scene, size))
-    sheets = gallery.draw(tmp_path, pd.concat([small, large]))
+    sheets = figure9.gallery(tmp_path, pd.concat([small, large]))
     assert [sheet.name for sheet in sheets] == ["gallery-60x40.png", "gallery-120x80.png"]
     shades = [set(np.unique(Image.open(sheet).convert("L")).tolist()) for sheet in sheets]
     assert [{0, 60, 120} & shade for shade in shades] == [{0, 60}, {120}]
@@ -203,19 +204,19 @@ def test_a_damaged_picture_is_left_out_of_the_sheet_and_told(tmp_path, capsys):
     kept(tmp_path, "c").write_bytes(b"no picture")
     assert shown_in(whole) == "it"
     assert shown_in(half) is None
-    (sheet,) = gallery.draw(tmp_path, points(*"abc"))
+    (sheet,) = figure9.gallery(tmp_path, points(*"abc"))
     assert sheet.name == "gallery.png"
     said = capsys.readouterr().err
     assert [f"{name}-60x40.png: not a whole picture" in said for name in "abc"] == [False, True, True]
     whole.unlink()
-    assert gallery.draw(tmp_path, points(*"abc")) == []
+    assert figure9.gallery(tmp_path, points(*"abc")) == []
 
 
 def test_a_picture_says_what_it_was_made_from(tmp_path):
     lights = (Light((0.0, 0.0, 6.0)),)
     prepared = square(lights)
     moment, answers = answers_to(prepared)
-    path = gallery.scene_picture(prepared, moment, answers, lights, tmp_path / "a.png", shows="this moment")
+    path = pictures.scene_picture(prepared, moment, answers, lights, tmp_path / "a.png", shows="this moment")
     assert shown_in(path) == "this moment"
     assert shown_in(tmp_path / "none.png") is None
     path.write_bytes(path.read_bytes()[:20])
@@ -225,7 +226,7 @@ def test_a_picture_says_what_it_was_made_from(tmp_path):
 @pytest.mark.parametrize(("width", "height"), [(1, 1), (3, 2500), (2500, 3)])
 def test_pictures_of_odd_sizes_stay_small(tmp_path, width, height):
     flat = np.full((height, width, 3), 90, dtype=np.uint8)
-    factor_limit = max(gallery.TALLEST, height) + 200
+    factor_limit = max(pictures.TALLEST, height) + 200
     prepared = square((Light((0.0, 0.0, 6.0)),))
     moment = prepared.moment(0, width, height)
     answers = {
@@ -233,12 +234,12 @@ def test_pictures_of_odd_sizes_stay_small(tmp_path, width, height):
         "t": np.full(width * height, np.inf),
         "visibility": np.zeros((1, width * height), dtype=np.uint8),
     }
-    path = gallery.scene_picture(prepared, moment, answers, (), kept(tmp_path, "odd"))
+    path = pictures.scene_picture(prepared, moment, answers, (), kept(tmp_path, "odd"))
     with Image.open(path) as image:
-        assert gallery.NARROWEST <= image.width <= max(2 * gallery.SMALLEST, width)
+        assert pictures.NARROWEST <= image.width <= max(2 * pictures.SMALLEST, width)
         assert image.height <= factor_limit
-    captioned = gallery.captioned(flat, "Odd", "2 triangles", "procedural stand-in for another")
-    assert captioned.shape[1] == max(width, gallery.NARROWEST)
-    (sheet_,) = gallery.draw(tmp_path, points("odd"))
+    captioned = pictures.captioned(flat, "Odd", "2 triangles", "procedural stand-in for another")
+    assert captioned.shape[1] == max(width, pictures.NARROWEST)
+    (sheet_,) = figure9.gallery(tmp_path, points("odd"))
     with Image.open(sheet_) as image:
         assert image.width * image.height < 10_000_000

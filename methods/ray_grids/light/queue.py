@@ -27,7 +27,6 @@ from .rays import (
     bound_of,
     float32_verdict,
     set_bit_or_doubt,
-    set_shadowed,
     stored_planes,
     test_ray,
 )
@@ -265,4 +264,4 @@ def doubt_kernel(
                 if shadowed:
                     shadowed = opaque_to_light(alpha, i, h, light, corners, weld, origin_size)
             if shadowed:
-                set_shadowed(bits, pair[1], i)
+                bits.visibility[bits.light, pair[1]] = wp.uint8(1)
