@@ -106,7 +106,8 @@ def run_passes(passes: Sequence[Pass]) -> None:
 
 
 def capture_passes(passes: Sequence[Pass], device: str) -> Any:
-    """The passes as a graph (CUDA). Each ``ahead`` pass is a branch that joins at its place in the list.
+    """The passes as a graph (CUDA). The ``ahead`` passes are a branch that joins at the place of the first of them, or before
+    the first condition: a conditional branch cannot be captured while another is open.
 
     Raises ValueError if an ``ahead`` pass reads the output of another pass of the frame, and if concurrent passes use a
     resource that one of them writes.
@@ -118,7 +119,8 @@ def capture_passes(passes: Sequence[Pass], device: str) -> Any:
             raise ValueError(
                 f"pass {work.name!r} cannot run ahead: it reads what another pass of the frame writes"
             )
-    place = passes.index(early[0]) if early else len(passes)
+    joins = (k for k, work in enumerate(passes) if work in early or work.only_if is not None)
+    place = next(joins, len(passes))
     refuse_shared(passes)
     with wp.ScopedDevice(device), wp.ScopedCapture() as capture:
         if early:

@@ -121,10 +121,9 @@ def mixed_scene(seed: int) -> Trial:
     return view(mixed(seed), [(a, b, c) for a, b, c in lights], eye, towards * far, 1.0)
 
 
-TELLING_SEEDS = (1, 4, 5)
-NEAR_PLANES = (0, 2, 3)
-"""Seeds with an eye in the plane of a large triangle within the resolution of float64. The promised bounds do not cover
-them (docs/accuracy.md), so a test compares their counts instead."""
+MIXED_SEEDS = (0, 1, 2, 3, 4, 5, 11, 13, 36, 42)
+"""Six in a row, and four whose rays pass so close to the edges of triangles 1e7 long that a bound by the largest
+coordinate takes them for hits. In 0, 2 and 3 such a bound takes the eye for a point in the plane of the triangle seen."""
 
 
 def stretched(turn: int) -> Trial:
@@ -183,7 +182,7 @@ def _cases() -> Iterator[HardCase]:
             "0 and -0 taken for two vertices",
             partial(two_zeros, turn),
         )
-    for seed in TELLING_SEEDS:
+    for seed in MIXED_SEEDS:
         yield HardCase(
             f"V mixed {seed}",
             "coordinates of 1e-8 to 1e8 in one mesh",

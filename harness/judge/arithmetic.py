@@ -96,6 +96,12 @@ def hit(o: Sequence[int], d: Sequence[int], triangle: Sequence[int]) -> tuple[in
     return plane_hit(d, a, _cross(_sub(b, a), _sub(c, a)))
 
 
+def on_plane(o: Sequence[int], d: Sequence[int], triangle: Sequence[int]) -> tuple[int, int] | None:
+    """As :func:`hit`, on the plane of the triangle, inside it or not."""
+    a, b, c = (_sub(triangle[j : j + 3], o) for j in (0, 3, 6))
+    return plane_hit(d, a, _cross(_sub(b, a), _sub(c, a)))
+
+
 def plane_hit(d: Sequence[int], a: Integers, normal: Integers) -> tuple[int, int] | None:
     """Exact t > 0 at which a ray from the origin meets the plane through ``a``, or None."""
     over, under = _dot(normal, a), _dot(normal, d)

@@ -44,6 +44,12 @@ class Decisions:
         ratio = exact.hit(ints[0:3], ints[3:6], ints[6:15])
         return [] if ratio is None else [ratio[0] / ratio[1]]
 
+    def on_plane(self, o: F32, d: F32, triangle: int) -> float:
+        """The t > 0 at which a ray meets the plane of a triangle; 0 where it does not."""
+        _, ints = integers_of(o, d, self.points[self.faces[triangle]])
+        ratio = exact.on_plane(ints[0:3], ints[3:6], ints[6:15])
+        return 0.0 if ratio is None else ratio[0] / ratio[1]
+
     def between(
         self,
         o: F32,

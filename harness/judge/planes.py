@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .arithmetic import F64
+from .arithmetic import F64, edge_bound, triangle_distance
 
 
 def plane_numbers(corners: F64, o: F64, d: F64) -> tuple[F64, F64, F64, F64]:
@@ -22,3 +22,13 @@ def plane_numbers(corners: F64, o: F64, d: F64) -> tuple[F64, F64, F64, F64]:
         u = np.einsum("ij,ij->i", np.cross(p, f), normal) / area**2
         v = np.einsum("ij,ij->i", np.cross(e, p), normal) / area**2
     return t, u, v, slope
+
+
+def beside_off_the_eye(o: F64, d: F64, t: float, corners: F64) -> bool:
+    """Whether the point o + t d of a triangle's plane is within the bound of the triangle, and farther from the eye.
+
+    o and d [3], corners [1, 3, 3].
+    """
+    met = (o + t * d)[None]
+    limit = edge_bound(o[None], met)[0]
+    return bool(triangle_distance(met, met, corners)[0][0] <= limit < t * np.linalg.norm(d))

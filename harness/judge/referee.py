@@ -19,6 +19,7 @@ from .candidates import BATCH, Candidates
 from .decisions import Decisions, integers_of
 from .hits import Exact, Hits
 from .holes import Holes
+from .planes import beside_off_the_eye
 from .verdict import Verdict
 
 PAIRS = 1 << 17
@@ -196,7 +197,8 @@ class Referee:
         """EDGE, NEAR_TIE or TRUE for answers outside the tie set.
 
         The given triangle must be hit, or be passed within the bound; every triangle hit before it must have
-        been missed within the bound, or lie no nearer than the bound.
+        been missed within the bound, or lie no nearer than the bound. What lies at the eye is right only if it is
+        exactly so: a triangle passed there counts where the ray meets its plane.
         """
         o, d = hits.origins.astype(np.float64), hits.directions.astype(np.float64)
         speed = np.linalg.norm(d, axis=1)
@@ -207,11 +209,13 @@ class Referee:
         opaque, _ = self.holes.within(given[rows], self.corners(given[rows]), o[rows], d[rows], bound)
         for i, near, nearest_t, limit, seen in zip(rows, distance, t, bound, opaque, strict=True):
             exactly = self._decisions.through(hits.origins[i], hits.directions[i], given[i])
-            touches = (
-                nearest_t * speed[i] <= limit
-            )  # at the eye: an answer there is right only if it is exactly so
-            reached[i] = exactly[0] if exactly else nearest_t
-            possible[i] = (bool(exactly) or (near <= limit and not touches)) and seen
+            at = exactly[0] if exactly else nearest_t
+            passes = bool(exactly) or near <= limit
+            if passes and not exactly and at * speed[i] <= limit:
+                at = self._decisions.on_plane(hits.origins[i], hits.directions[i], given[i])
+                passes = beside_off_the_eye(o[i], d[i], at, self.corners(given[[i]]))
+            reached[i] = at
+            possible[i] = passes and seen
         verdicts = np.where(possible, Verdict.EDGE, Verdict.TRUE).astype(np.int8)
         rows = np.nonzero(possible & (given >= 0) & (hits.triangle >= 0))[0]
         apart = np.abs(reached[rows] - hits.t[rows]) * speed[rows]

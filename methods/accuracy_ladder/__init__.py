@@ -15,7 +15,7 @@ from ...harness.frame.frame import Frame
 from ...harness.frame.method import BaseMethod
 from ...harness.frame.passes import Pass
 from ...harness.scene.effects import Effects, Limits
-from ..common.box_tree import BoxTree
+from ..common.box_tree import QUERY_BLOCK, BoxTree
 from ..common.misses import miss_passes
 from ..common.pixels import thread_count
 from ..common.ray_passes import shadow_ray_passes
@@ -62,8 +62,9 @@ class AccuracyLadder(BaseMethod):
         wp.launch(
             self._primary_kernel,
             dim=self._threads,
-            inputs=[self._tree.id, frame.camera, frame.mesh],
+            inputs=[self._tree.id, self._tree.records, frame.camera, frame.mesh],
             outputs=[frame.hits(0), self._hit],
+            block_dim=QUERY_BLOCK,
             device=frame.device,
         )
 
@@ -73,10 +74,12 @@ class AccuracyLadder(BaseMethod):
             self._shadow_kernel,
             dim=self._threads,
             inputs=[
-                light, ORIGINS.index(self.trace.origin), self._tree.id, frame.camera, frame.mesh, self._tree.box,
+                light, ORIGINS.index(self.trace.origin), self._tree.id, self._tree.records, frame.camera,
+                frame.mesh, self._tree.box,
                 frame.lights, frame.hits(0), self._hit,
             ],
             outputs=[frame.answers.visibility],
+            block_dim=QUERY_BLOCK,
             device=frame.device,
         )  # fmt: skip
 

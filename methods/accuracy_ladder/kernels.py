@@ -8,33 +8,62 @@ from typing import Any
 import warp as wp
 
 from ...harness.frame.alpha import Alpha
-from ...harness.frame.geometry import Camera, Hits, Mesh, Ray, corners_of, ray_of, weld_of
-from ..common.box_tree import traverse, traverse_alike
+from ...harness.frame.geometry import Camera, Hits, Mesh, Ray, corners_of, ray_of
+from ..common.box_tree import traverse
+from ..common.corner_records import CornerRecords, corners_in, triangles_in, weld_in
 from ..common.hitpoint import hit_point, plane_distance
 from ..common.pixels import pixel_of
-from ..common.ray_queries import SLACK, Found, Segment, any_hit, nothing_found, shadow_segment
+from ..common.ray_queries import (
+    SLACK,
+    Found,
+    Segment,
+    any_hit,
+    closest_hit,
+    nothing_found,
+    shadow_segment,
+    with_hit,
+)
 from ..common.segment import occludes
-from ..common.triangle import nearer, to_float64, write_miss
+from ..common.triangle import hit_distance, hit_weights, nearer_of, to_float64, write_miss
 from .origins import HIT_POINT, IDENTITY, start_of
 from .parameters import EXACT_TESTS, SHEARED_TESTS
 from .tests import TESTS
 
 
-def closest_hit_by(triangle_test: Any) -> Any:
-    """A test of a traversal (:mod:`..common.ray_queries`) that finds the closest hit by ``triangle_test``."""
+def closest_hit_by(test: str) -> Any:
+    """A test of a traversal (:mod:`..common.ray_queries`) that finds the closest hit by the triangle test named ``test``.
+
+    Those in float64 leave the weights to the end: in the loop their divisions would change its layout.
+    """
+    if test == "exact":
+        return closest_hit
+    if test == "float64":
+        return closest_hit_in_float64
+    triangle_test = TESTS[test]
 
     @wp.func
-    def closest_hit(mesh: Mesh, alpha: Alpha, i: wp.int32, ray: Ray, found: Found) -> Found:
-        hit = triangle_test(ray, corners_of(mesh, i), weld_of(mesh, i))
-        if hit[0] > wp.float64(0.0) and nearer(mesh, hit[0], i, found.t, found.triangle):
-            found.triangle = i
-            found.t = hit[0]
+    def closest_hit_of_ray(
+        records: CornerRecords, alpha: Alpha, i: wp.int32, ray: Ray, found: Found
+    ) -> Found:
+        hit = triangle_test(ray, corners_in(records, i), weld_in(records, i))
+        if hit[0] > wp.float64(0.0) and nearer_of(triangles_in(records), hit[0], i, found.t, found.triangle):
+            found = with_hit(found, i, hit[0])
             found.u = wp.float32(hit[1])
             found.v = wp.float32(hit[2])
-            found.limit = wp.float32(hit[0]) * SLACK
         return found
 
-    return closest_hit
+    return closest_hit_of_ray
+
+
+@wp.func
+def closest_hit_in_float64(
+    records: CornerRecords, alpha: Alpha, i: wp.int32, ray: Ray, found: Found
+) -> Found:
+    """:func:`..common.ray_queries.closest_hit` without its test in float32."""
+    t = hit_distance(ray, corners_in(records, i), weld_in(records, i))
+    if t > wp.float64(0.0) and nearer_of(triangles_in(records), t, i, found.t, found.triangle):
+        found = with_hit(found, i, t)
+    return found
 
 
 def any_hit_by(test: str) -> Any:
@@ -44,18 +73,22 @@ def any_hit_by(test: str) -> Any:
     triangle_test = TESTS[test]
 
     @wp.func
-    def any_hit_of_ray(mesh: Mesh, alpha: Alpha, i: wp.int32, segment: Segment, found: Found) -> Found:
+    def any_hit_of_ray(
+        records: CornerRecords, alpha: Alpha, i: wp.int32, segment: Segment, found: Found
+    ) -> Found:
         if i != segment.own:
             ray = Ray(segment.start, segment.light - segment.start)
-            hit = triangle_test(ray, corners_of(mesh, i), weld_of(mesh, i))
+            hit = triangle_test(ray, corners_in(records, i), weld_in(records, i))
             found.done = hit[0] > wp.float64(0.0) and hit[0] < wp.float64(1.0)
         return found
 
     @wp.func
-    def any_hit_of_segment(mesh: Mesh, alpha: Alpha, i: wp.int32, segment: Segment, found: Found) -> Found:
+    def any_hit_of_segment(
+        records: CornerRecords, alpha: Alpha, i: wp.int32, segment: Segment, found: Found
+    ) -> Found:
         if i != segment.own:
             found.done = occludes(
-                segment.hit, segment.light, corners_of(mesh, i), weld_of(mesh, i), segment.origin_size
+                segment.hit, segment.light, corners_in(records, i), weld_in(records, i), segment.origin_size
             )
         return found
 
@@ -65,13 +98,15 @@ def any_hit_by(test: str) -> Any:
 @functools.cache
 def make_kernels(test: str, fast_math: bool) -> tuple[Any, Any]:
     """(primary kernel, shadow kernel) with one triangle test compiled in."""
-    closest, occluder = closest_hit_by(TESTS[test]), any_hit_by(test)
+    closest, occluder = closest_hit_by(test), any_hit_by(test)
+    weighted = test not in EXACT_TESTS
     sheared = test in SHEARED_TESTS
     options = {"fast_math": fast_math, "enable_backward": False}
 
-    @wp.kernel(module="unique", module_options=options)
+    @wp.kernel(module="unique", grid_stride=False, module_options=options)
     def primary_kernel(
         tree: wp.uint64,
+        records: CornerRecords,
         camera: Camera,
         mesh: Mesh,
         hits: Hits,
@@ -81,23 +116,29 @@ def make_kernels(test: str, fast_math: bool) -> tuple[Any, Any]:
         if pixel < 0:
             return
         ray = ray_of(camera, pixel)
-        found = traverse(closest, tree, mesh, Alpha(), ray.origin, ray.direction, ray, nothing_found(wp.INF))
+        found = traverse(
+            closest, tree, records, Alpha(), ray.origin, ray.direction, ray, nothing_found(wp.INF)
+        )
         if found.triangle < 0:
             write_miss(hits, pixel)
             return
         hits.triangle[pixel] = found.triangle
         hits.t[pixel] = wp.float32(found.t)
-        hits.u[pixel] = found.u
-        hits.v[pixel] = found.v
+        corners = corners_in(records, found.triangle)
+        weights = wp.vec2f(found.u, found.v)
+        if wp.static(not weighted):
+            weights = hit_weights(ray, corners, weld_in(records, found.triangle))
+        hits.u[pixel] = weights[0]
+        hits.v[pixel] = weights[1]
         # The origin of a shadow ray does not depend on the test, so that each parameter changes one thing.
-        corners = corners_of(mesh, found.triangle)
         hit_points[pixel] = hit_point(ray, plane_distance(ray, corners), corners)
 
-    @wp.kernel(module="unique", module_options=options)
+    @wp.kernel(module="unique", grid_stride=False, module_options=options)
     def shadow_kernel(
         light: wp.int32,
         scheme: wp.int32,
         tree: wp.uint64,
+        records: CornerRecords,
         camera: Camera,
         mesh: Mesh,
         box: wp.array(dtype=wp.float32),
@@ -126,9 +167,7 @@ def make_kernels(test: str, fast_math: bool) -> tuple[Any, Any]:
             if scheme != IDENTITY:
                 segment.own = -1
         way = segment.light - segment.start
-        found = traverse_alike(
-            occluder, tree, mesh, Alpha(), segment.start, way, segment, nothing_found(SLACK)
-        )
+        found = traverse(occluder, tree, records, Alpha(), segment.start, way, segment, nothing_found(SLACK))
         visibility[light, pixel] = wp.uint8(found.done)
 
     return primary_kernel, shadow_kernel

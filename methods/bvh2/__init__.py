@@ -75,8 +75,7 @@ class BinaryTree(BaseMethod):
         """Pairs that were left to float64 in the last frame."""
         if self._rays is None:
             return {}
-        found = counted(self._rays.counts.numpy().astype(np.int64)).sum(axis=1)
-        counts = {"primary doubtful pairs": int(found[0]), "shadow doubtful pairs": int(found[1:].sum())}
+        counts = {f"{rays} doubtful pairs": pairs for rays, pairs in self._rays.doubtful().items()}
         if self.build.update == "refit":
             host = self._rays.frame.host
             counts["frames since the tree was made"] = host.index if host is not None else 0

@@ -1,8 +1,9 @@
-"""Rays that are decided in float64 during the traversal: mirrored rays, and all rays where triangles have holes.
+"""Rays that are decided in float64 during the traversal: all rays of a scene where triangles have holes, or whose camera
+is orthographic.
 
-Mirrored rays are few, and float32 cannot decide a hit on a triangle with holes. Each walker (a thread) takes pixel after
-pixel, with a stack of its own in device memory. float32 rejects triangles and float64 decides, by the tests that all
-methods share.
+float32 cannot decide a hit on a triangle with holes, and parallel rays have no origin in common. Each walker (a thread)
+takes pixel after pixel, with a stack of its own in device memory. float32 rejects triangles and float64 decides, by the
+tests that all methods share.
 """
 
 from __future__ import annotations

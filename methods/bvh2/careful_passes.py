@@ -29,8 +29,7 @@ class Careful:
         self.tree, self.node_bytes = tree, build.node_bytes
         device = wp.get_device(frame.device)
         self.walkers = WALKERS * (device.sm_count if device.is_cuda else 1)
-        needed = walked(effects) or effects.bounces > 0
-        self.stack = wp.zeros(self.walkers * STACK if needed else 0, dtype=wp.int32, device=device)
+        self.stack = wp.zeros(self.walkers * STACK if walked(effects) else 0, dtype=wp.int32, device=device)
 
     def launch_closest(self, bounce: int, starts: wp.array) -> None:
         f = self.frame

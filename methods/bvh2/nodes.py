@@ -16,7 +16,8 @@ the largest coordinate of o, B that of the scene's box, u = 2^-24, and where t d
     the extent rounded: nothing, it is enlarged by 2^-22 of itself
 
 5 A u + 8 B u in all; :func:`padding` is more, with A = ``frame.reach``, which bounds the eye; a light that is farther is not
-traced from (:mod:`.walk_shadow`). (Ize 2013, "Robust BVH Ray Traversal", pads the ray instead.)
+traced from (:mod:`.walk_shadow`), and mirrored rays start in the scene (:mod:`.walk_ray`). (Ize 2013, "Robust BVH Ray
+Traversal", pads the ray instead.)
 A component of the direction that is less than 2^-40 of the largest is replaced by that value, which moves a ray by 2^-40
 of its length.
 """

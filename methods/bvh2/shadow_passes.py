@@ -6,6 +6,7 @@ import functools
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
 import warp as wp
 
 from ...harness.frame.frame import Frame
@@ -13,11 +14,13 @@ from ...harness.frame.geometry import filled
 from ...harness.frame.mirrors import traced_bounces
 from ...harness.frame.passes import Pass
 from ...harness.frame.specialise import specialised
-from ...harness.frame.threads import beside, cpu_threads
+from ...harness.frame.threads import Launch, beside, cpu_threads
 from ...harness.scene.effects import Effects
 from ..common.pixels import thread_count
-from . import records, shadow
+from ..common.reserve import counted
+from . import mirrored, records, shadow
 from .careful_passes import Careful, walked
+from .mirror_passes import RECORDS, MirroredRays
 from .parameters import Build, Trace
 from .primary import BLOCK, Part, Tree
 
@@ -33,7 +36,8 @@ def threads_built(rays: ShadowRays | None) -> dict[str, int]:
 class ShadowRays:
     """Arrays and passes for shadow rays and mirrored rays through a tree.
 
-    counts  int32 [slots, shares]: pairs left to float64; slot 0 is for the primary rays, then one per light and bounce
+    counts  int32 [slots, shares]: pairs left to float64; slot 0 is for the primary rays, then one per light and bounce,
+            from ``mirror_slot`` on one per bounce for the mirrored rays themselves
     doubts  vec2i [capacity] for each share: those pairs, of one slot after another (:mod:`.doubt_text`)
     starts  for each bounce vec3f [pixels]: the points that shadow rays start at, rounded; nothing at a miss
     of each light light_records vec4f [3 * triangles], sides vec4f [triangles]: :mod:`.records`
@@ -64,7 +68,8 @@ class ShadowRays:
         self.doubters = DOUBT_THREADS * (device.sm_count if device.is_cuda else 1)
         self.primary_starts = primary_starts
         own = effects.bounces + (primary_starts is None)
-        slots = 1 + frame.light_count * (effects.bounces + 1)
+        self.mirror_slot = 1 + frame.light_count * (effects.bounces + 1)
+        slots = self.mirror_slot + effects.bounces
         with wp.ScopedDevice(frame.device):
             self.counts = wp.zeros((slots, self.shares), dtype=wp.int32)
             self.doubts = [wp.zeros(doubt_capacity, dtype=wp.vec2i) for _ in range(self.shares)]
@@ -77,6 +82,28 @@ class ShadowRays:
         self.starts = kept if primary_starts is None else [primary_starts, *kept]
         self.parts = [filled(Part, share=share, shares=self.shares) for share in range(self.shares)]
         self.careful = Careful(frame, build, effects, tree)
+        # On a GPU, where a bounce is one chain of passes, it is not divided into shares.
+        self.bounce_shares = self.shares if self.threaded else 1
+        self.bounce_threads = BLOCK * -(-blocks // self.bounce_shares)
+        self.bounce_parts = [
+            filled(Part, share=share, shares=self.bounce_shares) for share in range(self.bounce_shares)
+        ]
+        self._bounced: dict[tuple[int, int], Launch] = {}
+        self.mirrored: MirroredRays | None = None
+        if effects.bounces and not walked(effects):
+            kept = self.counts[self.mirror_slot :]
+            self.mirrored = MirroredRays(
+                frame, build, trace, effects.bounces, tree, self.bounce_parts, self.bounce_threads, kept, self.doubts,
+                self.starts,
+            )  # fmt: skip
+
+    def doubtful(self) -> dict[str, int]:
+        """The pairs of the last frame that were left to float64, by kind of rays."""
+        found = counted(self.counts.numpy().astype(np.int64)).sum(axis=1)
+        pairs = {"primary": int(found[0]), "shadow": int(found[1 : self.mirror_slot].sum())}
+        if self.mirrored is not None:
+            pairs["mirror"] = int(found[self.mirror_slot :].sum())
+        return pairs
 
     def light_passes(self, received: bool) -> list[Pass]:
         """Records of the triangles for each light that every hit receives, or (not ``received``) for each other light.
@@ -150,14 +177,21 @@ class ShadowRays:
         """The ending of the names of a share's passes and resources."""
         return f", share {share + 1} of {self.shares}" if self.shares > 1 else ""
 
+    def mirror_passes(self) -> list[Pass]:
+        """Records of the triangles for mirrored rays, which need no tree."""
+        return [] if self.mirrored is None else self.mirrored.records_passes()
+
     def bounce_passes(self) -> list[Pass]:
         """Mirrored rays, and the shadow rays of their hits."""
-        planes = () if walked(self.effects) else tuple(f"light triangles/{i}" for i in self.lights)
+        scene = ("bvh", "points", "triangles", "reach")
+        if self.mirrored is None:
+            closest = self.careful.launch_closest
+            return traced_bounces(
+                self.effects, scene, lambda b: closest(b, self.starts[b]), self.careful.launch_shadow
+            )
+        planes = tuple(f"light triangles/{i}" for i in self.lights)
         return traced_bounces(
-            self.effects,
-            ("bvh", "points", "triangles", "reach", *planes),
-            lambda b: self.careful.launch_closest(b, self.starts[b]),
-            self._bounce_shadow,
+            self.effects, (*scene, RECORDS, *planes), self.mirrored.launch, self._bounce_shadow
         )
 
     def _light_records(self, light: int) -> None:
@@ -170,9 +204,11 @@ class ShadowRays:
             outputs = [self.light_records[light]]
         wp.launch(kernel, dim=f.triangle_count, inputs=inputs, outputs=outputs, device=f.device)
 
+    def _slot(self, light: int, bounce: int) -> int:
+        return 1 + bounce * self.frame.light_count + light
+
     def _shadow_counts(self, light: int, bounce: int, share: int) -> wp.array:
-        slot = 1 + bounce * self.frame.light_count + light
-        return self.counts[slot, share : share + 1]
+        return self.counts[self._slot(light, bounce), share : share + 1]
 
     def _shadow(self, light: int, bounce: int, share: int) -> None:
         f, counts = self.frame, self._shadow_counts(light, bounce, share)
@@ -204,11 +240,31 @@ class ShadowRays:
         )  # fmt: skip
 
     def _bounce_shadow(self, light: int, bounce: int) -> None:
-        if walked(self.effects):
-            self.careful.launch_shadow(light, bounce)
-            return
-        self.counts[1 + bounce * self.frame.light_count + light].zero_()
-        for share in range(self.shares):
-            self._shadow(light, bounce, share)
-            if self.exact:
-                self._shadow_doubts(light, bounce, share)
+        self.counts[self._slot(light, bounce)].zero_()
+        self.frame.bits(bounce)[light].zero_()
+        if (light, bounce) not in self._bounced:
+            shares = range(self.bounce_shares)
+            self._bounced[light, bounce] = beside(
+                [functools.partial(self._mirrored_shadow, light, bounce, share) for share in shares]
+            )
+        self._bounced[light, bounce]()
+
+    def _mirrored_shadow(self, light: int, bounce: int, share: int) -> None:
+        assert self.mirrored is not None
+        f, counts = self.frame, self._shadow_counts(light, bounce, share)
+        kernel = mirrored.make_shadow_kernel(
+            self.trace.precision, self.build.node_bytes, self.trace.registers
+        )
+        wp.launch(
+            specialised(kernel, self.effects.switches(light, bounce)),
+            dim=self.bounce_threads,
+            inputs=[
+                *self.mirrored.list_of(bounce, share), light, f.lights, self.tree, self.light_records[light],
+                self.sides[light], f.reach, self.extent, f.hits(bounce), self.starts[bounce], f.masks(bounce),
+            ],
+            outputs=[counts, self.doubts[share], f.bits(bounce)],
+            device=f.device,
+            block_dim=BLOCK,
+        )  # fmt: skip
+        if self.exact:
+            self._shadow_doubts(light, bounce, share)

@@ -47,7 +47,7 @@ class Rays(ShadowRays):
             return []
         reads = ("points", "triangles", "camera")
         eye = Pass("eye: triangles", "trace", reads, ("eye triangles",), self._eye_records)
-        return [eye, *self.light_passes(received=True), *self.clear_passes()]
+        return [eye, *self.mirror_passes(), *self.light_passes(received=True), *self.clear_passes()]
 
     def passes(self) -> list[Pass]:
         """Primary rays and shadow rays, in shares that run concurrently; then mirrored rays."""

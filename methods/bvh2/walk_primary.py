@@ -151,6 +151,17 @@ walked:;
 """Blocks of 128 threads. A lane outside the image has a limit that no box is before."""
 
 
+def walk_text(text: str, triangle: str, node_bytes: int) -> str:
+    """:data:`SINGLE` or :data:`PACKET` with the test of a triangle, for a layout of nodes."""
+    leaf = OF_LEAF.replace("TRIANGLE", triangle)
+    return text.replace("READ", READ[node_bytes]).replace("SLABS", SLABS).replace("OF_LEAF", leaf)
+
+
+def single_walk(triangle: str, node_bytes: int) -> str:
+    """The loop of a ray with a stack of its own; ``now`` and ``limit`` are the root and how far the ray goes."""
+    return walk_text(SINGLE, triangle, node_bytes)
+
+
 @functools.cache
 def make_walk(precision: str, packets: bool, node_bytes: int) -> Any:
     """A function of a ray that gives (t, u, v, bits of the closest triangle or of -1); exact: (0, 0, last, triangle),
@@ -161,14 +172,10 @@ def make_walk(precision: str, packets: bool, node_bytes: int) -> Any:
     exact = precision == "exact"
     triangle = EXACT_LEAF if exact else FLOAT32_LEAF
 
-    def walk_of(text: str, real_ray: str) -> str:
-        leaf = OF_LEAF.replace("TRIANGLE", triangle.replace("REAL", real_ray))
-        return text.replace("READ", READ[node_bytes]).replace("SLABS", SLABS).replace("OF_LEAF", leaf)
-
-    single = "if (!seen) now = NONE;" + walk_of(SINGLE, "true")
+    single = "if (!seen) now = NONE;" + single_walk(triangle.replace("REAL", "true"), node_bytes)
     walking = single
     if packets:
-        together = walk_of(PACKET, "seen")
+        together = walk_text(PACKET, triangle.replace("REAL", "seen"), node_bytes)
         walking = f"\n#if defined(__CUDA_ARCH__)\n{together}\n#else\n{single}\n#endif\n"
 
     @wp.func_native(

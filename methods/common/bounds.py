@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import warp as wp
 
 from ...harness.frame.frame import Frame
-from ...harness.frame.geometry import Mesh, corners_of
+from ...harness.frame.geometry import Mesh, corners_of, weld_of
+from .corner_records import CornerRecords, store_invalid, store_record
 from .triangle import U32
 
 BLOCK = 256
@@ -113,7 +115,7 @@ def aside(low: wp.vec3f, high: wp.vec3f, i: wp.int32) -> wp.vec3f:
     return point
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def boxes_kernel(
     units: wp.float32,
     mesh: Mesh,
@@ -121,8 +123,10 @@ def boxes_kernel(
     bound: wp.array(dtype=wp.float32),
     lowers: wp.array(dtype=wp.vec3f),
     uppers: wp.array(dtype=wp.vec3f),
+    records: CornerRecords,
 ):
-    """Boxes padded by ``units`` of 2^-24 of the largest coordinate of scene and eye; 0 leaves them as they are.
+    """Boxes padded by ``units`` of 2^-24 of the largest coordinate of scene and eye, 0 leaves them as they are; and the
+    records of the triangles (:mod:`.corner_records`).
 
     An invalid triangle gets a point on an edge of the scene's box (:func:`aside`), or zero where nothing is valid.
     """
@@ -131,28 +135,35 @@ def boxes_kernel(
     if not wp.isfinite(low):
         lowers[i] = wp.vec3f(0.0, 0.0, 0.0)
         uppers[i] = wp.vec3f(0.0, 0.0, 0.0)
+        store_invalid(records, i)
         return
     if mesh.valid[i] == wp.uint8(0):
         point = aside(low, box_high(box), i)
         lowers[i] = point
         uppers[i] = point
+        store_invalid(records, i)
         return
     corners = corners_of(mesh, i)
+    weld = weld_of(mesh, i)
     reach = wp.max(wp.max(wp.abs(low), wp.abs(box_high(box))), wp.vec3f(bound[0], bound[0], bound[0]))
     pad = (units * U32) * reach
     if units > 0.0:
         pad = pad + wp.vec3f(1.0e-37, 1.0e-37, 1.0e-37)
     lowers[i] = wp.min(corners.a, wp.min(corners.b, corners.c)) - pad
     uppers[i] = wp.max(corners.a, wp.max(corners.b, corners.c)) + pad
+    store_record(records, i, corners, weld)
 
 
-def launch_boxes(frame: Frame, box: wp.array, lowers: wp.array, uppers: wp.array, units: float) -> None:
-    """Fill ``lowers`` and ``uppers`` (vec3f [triangles]) and the frame's ``box``, as :func:`launch_bounds` does."""
+def launch_boxes(
+    frame: Frame, box: wp.array, lowers: wp.array, uppers: wp.array, records: Any, units: float
+) -> None:
+    """Fill ``lowers`` and ``uppers`` (vec3f [triangles]), ``records`` and the frame's ``box``, as
+    :func:`launch_bounds` does."""
     launch_bounds(frame, box)
     wp.launch(
         boxes_kernel,
         dim=frame.triangle_count,
         inputs=[units, frame.mesh, box, frame.reach],
-        outputs=[lowers, uppers],
+        outputs=[lowers, uppers, records],
         device=frame.device,
     )

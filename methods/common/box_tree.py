@@ -13,17 +13,22 @@ import warp as wp
 
 from ...harness.frame.alpha import Alpha
 from ...harness.frame.frame import Frame
-from ...harness.frame.geometry import Mesh
+from ...harness.frame.geometry import filled
 from ...harness.frame.passes import Pass
 from .bounds import PADDED_UNITS, launch_boxes
+from .corner_records import CornerRecords, valid_in
 from .ray_queries import Found
+
+QUERY_BLOCK = 128
+"""Threads of a block of a kernel that traverses. With 80 to 96 registers a thread, blocks of 256 fill a multiprocessor to a
+half or less: 5 to 10 % more time on an H200."""
 
 
 @wp.func
 def traverse(
     test: wp.Function,
     tree: wp.uint64,
-    mesh: Mesh,
+    records: CornerRecords,
     alpha: Alpha,
     start: wp.vec3f,
     direction: wp.vec3f,
@@ -32,8 +37,8 @@ def traverse(
 ) -> Found:
     """Call ``test`` for every valid triangle whose box the ray start + t direction meets, and return what was found.
 
-    ``test`` is compiled in. It is called as test(mesh, alpha, i, query, found), as in :mod:`.ray_queries`; it may lower
-    ``found.limit``, and sets ``found.done`` to end the query.
+    ``test`` is compiled in. It is called as test(records, alpha, i, query, found), as in :mod:`.ray_queries`; it may lower
+    ``found.limit``, and sets ``found.done`` to end the query. ``records``: of the tree.
     """
     # What the loop depends on is in variables of its own, and it is left by a break right after the test. Then the
     # compiler makes one loop of steps down the tree and tests, in which the lanes of a warp stay together. With fields
@@ -47,39 +52,13 @@ def traverse(
     boxes = wp.bvh_query_ray(tree, start, direction)
     while wp.bvh_query_next(boxes, i, limit):
         tests += 1
-        if mesh.valid[i] != wp.uint8(0):
-            result = test(mesh, alpha, i, query, result)
+        if valid_in(records, i):
+            result = test(records, alpha, i, query, result)
             limit = result.limit
             done = result.done
             if done:
                 break
     result.tests = tests
-    return result
-
-
-@wp.func
-def traverse_alike(
-    test: wp.Function,
-    tree: wp.uint64,
-    mesh: Mesh,
-    alpha: Alpha,
-    start: wp.vec3f,
-    direction: wp.vec3f,
-    query: Any,
-    found: Found,
-) -> Found:
-    """:func:`traverse` in a loop that a GPU's compiler lays out alike for every test, to compare tests by their times.
-
-    For some any-hit tests the loop of :func:`traverse` becomes one whose lanes run one by one (3.4 of 32 active instead
-    of 10.5, and three times as long); the layout would be measured, not the test.
-    """
-    result = found
-    i = wp.int32(0)
-    boxes = wp.bvh_query_ray(tree, start, direction)
-    while not result.done and wp.bvh_query_next(boxes, i, result.limit):
-        result.tests += 1
-        if mesh.valid[i] != wp.uint8(0):
-            result = test(mesh, alpha, i, query, result)
     return result
 
 
@@ -90,6 +69,7 @@ class BoxTree:
     leaf_size    triangles per leaf, at least 1
     padding      of the boxes, in units of 2^-24 of the largest coordinate of scene and eye; 0 leaves them as they are
     box          float32 [6]: the box of all triangles, as :func:`.bounds.launch_bounds` writes it
+    records      the triangles as a query reads them
     """
 
     def __init__(self, frame: Frame, constructor: str, leaf_size: int, padding: float = PADDED_UNITS):
@@ -102,6 +82,7 @@ class BoxTree:
             self.box = wp.zeros(6, dtype=wp.float32)
             self._lowers = wp.array(corners.min(axis=1), dtype=wp.vec3f)
             self._uppers = wp.array(corners.max(axis=1), dtype=wp.vec3f)
+            self.records = filled(CornerRecords, corners=wp.zeros(3 * frame.triangle_count, dtype=wp.vec4f))
         self._bvh = wp.Bvh(self._lowers, self._uppers, constructor=constructor, leaf_size=leaf_size)
 
     @property
@@ -117,7 +98,7 @@ class BoxTree:
         ]
 
     def _launch_boxes(self) -> None:
-        launch_boxes(self._frame, self.box, self._lowers, self._uppers, self._padding)
+        launch_boxes(self._frame, self.box, self._lowers, self._uppers, self.records, self._padding)
 
     def _rebuild(self) -> None:
         self._bvh.rebuild(self._constructor)

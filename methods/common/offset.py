@@ -124,7 +124,7 @@ def shadow_origin(ray: Ray, light: wp.vec3f, corners: Corners, sheared: wp.bool)
     )
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def shadow_origin_kernel(
     first: wp.int32,
     light: wp.int32,

@@ -6,19 +6,22 @@ depend on the order, nor on how often a triangle is tested: float32 rejects, flo
 :mod:`.segment`).
 
 All have the same form, test(mesh, alpha, i, query, found), so that a traversal takes any of them
-(:func:`.box_tree.traverse`). Those named ``opaque`` look up whether the triangle has a hole there; a kernel names them
-under ``if wp.static(effects.alpha):`` only.
+(:func:`.box_tree.traverse`); ``mesh`` is a Mesh or :class:`.corner_records.CornerRecords`. Those named ``opaque`` look up
+whether the triangle has a hole there; a kernel names them under ``if wp.static(effects.alpha):`` only.
 """
 
 from __future__ import annotations
 
+from typing import Any
+
 import warp as wp
 
 from ...harness.frame.alpha import Alpha
-from ...harness.frame.geometry import Mesh, Ray, corners_of, weld_of
+from ...harness.frame.geometry import Ray
 from .alpha import opaque_at_hit, opaque_to_light
+from .corner_records import corners_in, triangles_in, weld_in
 from .segment import may_occlude, occludes
-from .triangle import U32, hit_distance, largest, may_hit, nearer, to_float32
+from .triangle import U32, hit_distance, largest, may_hit, nearer_of, to_float32
 
 SLACK = wp.constant(1.0 + 2.0**-20)
 """A box that begins just behind the closest hit may hold a tie: boxes are searched to this multiple of its distance."""
@@ -96,46 +99,48 @@ def with_hit(found: Found, i: wp.int32, t: wp.float64) -> Found:
 
 
 @wp.func
-def closest_hit(mesh: Mesh, alpha: Alpha, i: wp.int32, ray: Ray, found: Found) -> Found:
+def closest_hit(mesh: Any, alpha: Alpha, i: wp.int32, ray: Ray, found: Found) -> Found:
     """Triangle i if it is hit nearer than what was found: by float64 t, ties to the lowest index."""
-    corners = corners_of(mesh, i)
+    corners = corners_in(mesh, i)
     if may_hit(ray, corners):
-        t = hit_distance(ray, corners, weld_of(mesh, i))
-        if t > wp.float64(0.0) and nearer(mesh, t, i, found.t, found.triangle):
+        t = hit_distance(ray, corners, weld_in(mesh, i))
+        if t > wp.float64(0.0) and nearer_of(triangles_in(mesh), t, i, found.t, found.triangle):
             found = with_hit(found, i, t)
     return found
 
 
 @wp.func
-def closest_opaque_hit(mesh: Mesh, alpha: Alpha, i: wp.int32, ray: Ray, found: Found) -> Found:
+def closest_opaque_hit(mesh: Any, alpha: Alpha, i: wp.int32, ray: Ray, found: Found) -> Found:
     """:func:`closest_hit`, unless the ray passes through a hole of triangle i."""
-    corners = corners_of(mesh, i)
+    corners = corners_in(mesh, i)
     if may_hit(ray, corners):
-        weld = weld_of(mesh, i)
+        weld = weld_in(mesh, i)
         t = hit_distance(ray, corners, weld)
-        if t > wp.float64(0.0) and nearer(mesh, t, i, found.t, found.triangle):
+        if t > wp.float64(0.0) and nearer_of(triangles_in(mesh), t, i, found.t, found.triangle):
             if opaque_at_hit(alpha, i, ray, corners, weld):
                 found = with_hit(found, i, t)
     return found
 
 
 @wp.func
-def any_hit(mesh: Mesh, alpha: Alpha, i: wp.int32, segment: Segment, found: Found) -> Found:
+def any_hit(mesh: Any, alpha: Alpha, i: wp.int32, segment: Segment, found: Found) -> Found:
     """Done if triangle i meets the shadow ray."""
-    if i != segment.own:
-        corners = corners_of(mesh, i)
-        if may_occlude(segment.start, segment.light, corners, segment.error):
-            found.done = occludes(segment.hit, segment.light, corners, weld_of(mesh, i), segment.origin_size)
+    if i == segment.own:
+        return found
+    corners = corners_in(mesh, i)
+    if not may_occlude(segment.start, segment.light, corners, segment.error):
+        return found
+    found.done = occludes(segment.hit, segment.light, corners, weld_in(mesh, i), segment.origin_size)
     return found
 
 
 @wp.func
-def any_opaque_hit(mesh: Mesh, alpha: Alpha, i: wp.int32, segment: Segment, found: Found) -> Found:
+def any_opaque_hit(mesh: Any, alpha: Alpha, i: wp.int32, segment: Segment, found: Found) -> Found:
     """:func:`any_hit`, unless the shadow ray passes through a hole of triangle i."""
     if i != segment.own:
-        corners = corners_of(mesh, i)
+        corners = corners_in(mesh, i)
         if may_occlude(segment.start, segment.light, corners, segment.error):
-            weld = weld_of(mesh, i)
+            weld = weld_in(mesh, i)
             if occludes(segment.hit, segment.light, corners, weld, segment.origin_size):
                 found.done = opaque_to_light(
                     alpha, i, segment.hit, segment.light, corners, weld, segment.origin_size

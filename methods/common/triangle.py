@@ -33,6 +33,10 @@ OVERFLOW = wp.constant(1.0e37)
 
 NO_HIT = wp.constant(wp.float64(-1.0))
 
+CLEARLY_BEFORE = wp.constant(wp.float64(1.0 - 2.0**-27))
+CLEARLY_BEHIND = wp.constant(wp.float64(1.0 + 2.0**-27))
+"""Ratios of two distances beyond which their keys differ (:func:`nearer_of`)."""
+
 NOT_ZERO = wp.constant(wp.float64(1.0e-300))
 """Added to the sum of the edge functions of a triangle that is hit. The sum is 0 only if each of them is. Otherwise it is at
 least 2^-447, of which every product of three float32 numbers is a multiple, and this does not change it."""
@@ -48,6 +52,13 @@ height. (Of a shadow segment, the distance is the hit point's, not the light's.)
 1e8, where a step of a float32 direction is six edges long. It stays a share of the sum there, so that a ray almost in the
 plane does not hit far from the triangle.
 """
+
+
+NORMAL_UNITS = wp.constant(wp.float64(9.0 * 2.0**-53))
+"""Bound on the error of (e x f) . w, where e, f and w are differences of two float32 numbers: times the sum over the
+components of (|e_j f_k| + |e_k f_j|) |w_i|. Differences and products cost 3 u64 each, the difference of two products one
+more, its product with w_i two, and the sum of three two: 8 u64. The ninth covers the rounding of the bound itself. Sizes of
+components, not of vectors: a triangle 1e8 long and 1 wide has products of 1e8, not of 1e16."""
 
 
 @wp.func
@@ -104,11 +115,27 @@ def edge_functions(
 
 
 @wp.func
-def edge_error(o: wp.vec3d, d: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d) -> wp.float64:
-    """Bound on the error of :func:`edge_functions`."""
-    reach = wp.max(largest(a - o), wp.max(largest(b - o), largest(c - o)))
-    edge = wp.max(largest(b - a), wp.max(largest(c - b), largest(a - c)))
-    return wp.float64(17.0) * U64 * total(d) * reach * edge
+def products_of_normal(e: wp.vec3d, f: wp.vec3d) -> wp.vec3d:
+    """The sizes of the products of which the components of e x f are differences, added."""
+    return wp.vec3d(
+        wp.abs(e[1] * f[2]) + wp.abs(e[2] * f[1]),
+        wp.abs(e[2] * f[0]) + wp.abs(e[0] * f[2]),
+        wp.abs(e[0] * f[1]) + wp.abs(e[1] * f[0]),
+    )
+
+
+@wp.func
+def sum_of_sizes(products: wp.vec3d, w: wp.vec3d) -> wp.float64:
+    return products[0] * wp.abs(w[0]) + products[1] * wp.abs(w[1]) + products[2] * wp.abs(w[2])
+
+
+@wp.func
+def edge_doubt(
+    o: wp.vec3d, d: wp.vec3d, p: wp.vec3d, q: wp.vec3d, weld_p: wp.int32, weld_q: wp.int32
+) -> wp.float64:
+    """Bound on the error of :func:`edge_function`."""
+    first = wp.where(weld_p < weld_q, p, q)
+    return NORMAL_UNITS * sum_of_sizes(products_of_normal(first - o, q - p), d)
 
 
 @wp.func
@@ -123,14 +150,29 @@ def hit_distance(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.float64:
     b64 = to_float64(corners.b)
     c64 = to_float64(corners.c)
     e = edge_functions(o64, d64, a64, b64, c64, weld)
+    sum = e[0] + e[1] + e[2]
+    if sum < wp.float64(0.0):
+        e = -e  # inside is positive
     low = wp.min(e[0], wp.min(e[1], e[2]))
-    high = wp.max(e[0], wp.max(e[1], e[2]))
-    if low < wp.float64(0.0) and high > wp.float64(0.0):
-        slack = wp.abs(e[0] + e[1] + e[2]) * CLOSED
-        if low < -slack and high > slack:
+    if low < wp.float64(0.0):
+        if low < -CLOSED * wp.abs(sum):
             return NO_HIT
-        slack = wp.min(slack, edge_error(o64, d64, a64, b64, c64))
-        if low < -slack and high > slack:
+        # Only the edge that the ray passes farthest outside: bounds of all three would take many registers.
+        p = b64
+        q = c64
+        weld_p = weld[1]
+        weld_q = weld[2]
+        if e[1] == low:
+            p = c64
+            q = a64
+            weld_p = weld[2]
+            weld_q = weld[0]
+        if e[2] == low:
+            p = a64
+            q = b64
+            weld_p = weld[0]
+            weld_q = weld[1]
+        if low < -edge_doubt(o64, d64, p, q, weld_p, weld_q):
             return NO_HIT
     e1 = b64 - a64
     e2 = c64 - a64
@@ -138,17 +180,23 @@ def hit_distance(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.float64:
     away = a64 - o64
     det = wp.dot(n, d64)
     height = wp.dot(n, away)
-    unit = wp.float64(8.0) * U64 * largest(e1) * largest(e2)
-    if wp.abs(det) <= unit * total(d64) or wp.abs(height) <= wp.float64(2.0) * unit * total(away):
+    products = products_of_normal(e1, e2)
+    if wp.abs(det) <= NORMAL_UNITS * sum_of_sizes(products, d64):
+        return NO_HIT
+    if wp.abs(height) <= NORMAL_UNITS * sum_of_sizes(products, away):
         return NO_HIT
     t = height / det
     return wp.where(t > wp.float64(0.0), t, NO_HIT)
 
 
 @wp.func_native("""
-int spare = 24;
-for (int rest = triangles - 1; rest > 0; rest >>= 1) --spare;
-return spare < 0 ? 0 : spare > 8 ? 8 : spare;
+unsigned int last = (unsigned int)(triangles - 1) | 0x8000u;
+#if defined(__CUDA_ARCH__)
+int spare = __clz(last) - 8;
+#else
+int spare = __builtin_clz(last) - 8;
+#endif
+return spare < 0 ? 0 : spare;
 """)
 def spare_bits(triangles: wp.int32) -> wp.int32:
     """The number of bits of a 24-bit index that no triangle of the mesh needs, eight at most. They extend the keys of
@@ -180,9 +228,21 @@ def depth_key(t: wp.float64, spare: wp.int32) -> wp.uint64:
 @wp.func
 def nearer(mesh: Mesh, t: wp.float64, i: wp.int32, best_t: wp.float64, best: wp.int32) -> wp.bool:
     """Whether hit (t, i) comes before (best_t, best): smaller key, then lower index; best = -1 is no hit yet."""
-    if best < 0:
+    return nearer_of(mesh.triangles.shape[0], t, i, best_t, best)
+
+
+@wp.func
+def nearer_of(triangles: wp.int32, t: wp.float64, i: wp.int32, best_t: wp.float64, best: wp.int32) -> wp.bool:
+    """:func:`nearer` in a mesh of so many triangles.
+
+    Keys have at least 29 bits of fraction, so that distances that differ by more than 2^-27 of themselves have different
+    keys, in their order. Only closer ones are compared by their keys, which take two divisions.
+    """
+    if best < 0 or t < best_t * CLEARLY_BEFORE:
         return True
-    spare = spare_bits(mesh.triangles.shape[0])
+    if t > best_t * CLEARLY_BEHIND:
+        return False
+    spare = spare_bits(triangles)
     key = depth_key(t, spare)
     best_key = depth_key(best_t, spare)
     return key < best_key or (key == best_key and i < best)

@@ -82,7 +82,7 @@ class Hybrid(BaseMethod):
             starts,
         )
         self._rays = rays
-        after = rays.light_passes(received=True)
+        after = [*rays.mirror_passes(), *rays.light_passes(received=True)]
         if shadows and not effects.alpha and rays.shares == 1:
             after += rays.clear_passes()
         effect = "shadows" if shadows else "mirror"
@@ -133,8 +133,10 @@ class Hybrid(BaseMethod):
             return {}
         counts = self._streams.counters()
         if self._rays is not None:
-            found = counted(self._rays.counts.numpy().astype(np.int64))
-            counts["tree: shadow doubtful pairs"] = int(found.sum())
+            found = self._rays.doubtful()
+            counts["tree: shadow doubtful pairs"] = found["shadow"]
+            if "mirror" in found:
+                counts["tree: mirror doubtful pairs"] = found["mirror"]
         return counts
 
     def built(self) -> dict[str, Any]:

@@ -9,6 +9,7 @@ Aila & Laine 2004; Wyman 2015).
 
 from __future__ import annotations
 
+import functools
 from typing import Any, ClassVar
 
 import numpy as np
@@ -22,6 +23,7 @@ from ...harness.frame.passes import Pass
 from ...harness.frame.threads import cpu_threads
 from ...harness.scene.effects import Effects, Limits
 from .camera.passes import CameraStream
+from .light.memory import RememberingLight, occluder_arrays
 from .light.passes import LightAims, LightStream, cell_arrays
 from .parameters import Build
 from .queues import COUNTERS, DOUBTS, ITEMS, PARTS, Capacity, Queues, more_room
@@ -54,6 +56,7 @@ class RayGrids(BaseMethod):
         self._memory = 0
         self._queued = False
         self._threads = 1
+        self._remembering: list[RememberingLight] = []
 
     def uses_queues(self, cuda: bool) -> bool:
         """Whether larger triangles go through queues on a GPU (``cuda``), or on the CPU."""
@@ -71,10 +74,16 @@ class RayGrids(BaseMethod):
         beside = self.build.beside if self._queued else 1
         for _ in range(1, min(len(wanted), beside)):
             branches.append((queues.with_own_lists(), self.light_arrays(frame)))
+        make: Any = self.Light
+        self._remembering = []
+        if wanted and getattr(self.build, "occluders", "none") == "last":
+            make = functools.partial(RememberingLight, **occluder_arrays(frame))
         for number, i in enumerate(wanted):
             branch = number % len(branches)
-            light = self.Light(frame, i, camera.build, camera.hit, *branches[branch], aims, effects)
+            light = make(frame, i, camera.build, camera.hit, *branches[branch], aims, effects)
             passes += light.passes(branch)
+            if isinstance(light, RememberingLight):
+                self._remembering.append(light)
         return passes
 
     def camera_stream(
@@ -114,7 +123,7 @@ class RayGrids(BaseMethod):
         return self._capacity != before
 
     def counters(self) -> dict[str, int]:
-        """Queued work of the last frame, and pairs that were decided in float64."""
+        """Queued work of the last frame, pairs that were decided in float64, and rays that a remembered occluder settled."""
         assert self._needs is not None
         result = {}
         assert self._queues is not None
@@ -124,7 +133,14 @@ class RayGrids(BaseMethod):
             result[f"{name} items"] = int(needed[ITEMS])
             result[f"{name} parts"] = int(needed[PARTS])
             result[f"{name} doubtful pairs"] = int(needed[DOUBTS])
+        for light in self._remembering:
+            result[f"light {light.index} rays settled by the last occluder"] = light.settled()
         return result
+
+    def forget(self) -> None:
+        """Between frames: forget the occluders of the last frame, if any are kept, so that the next is a first one."""
+        for light in self._remembering:
+            light.last.zero_()
 
     def built(self) -> dict[str, Any]:
         assert self._queues is not None

@@ -9,6 +9,8 @@ from ...harness.frame.threads import check_threads
 
 QUEUES = ("auto", "always", "never")
 
+OCCLUDERS = ("none", "last")
+
 CHOOSE = -1
 """For a parameter: chosen from the number of triangles."""
 
@@ -71,6 +73,8 @@ class Build(Streams):
     shares         with queues: parts of the triangles that are streamed at the same time on the GPU, each with queues of
                    its own
     queue          whether larger triangles go through queues: "auto" (on the GPU only), "always", "never"
+    occluders      "last": each shadow ray is tested first against the triangle that shadowed its pixel in the last frame;
+                   a ray that it shadows still is not placed in the light's grid. "none": no occluder is kept
     threads        of a CPU: each streams a part of the triangles and resolves a band of the image; 0: one for each core
                    that this process may use, at most 16
     item_capacity  initial capacity, entries, of the queues of work items and of large triangles; 0 chooses; grows when a
@@ -87,6 +91,7 @@ class Build(Streams):
     inline_rays: int = CHOOSE
     part: int = 256
     queue: str = "auto"
+    occluders: str = "none"
     threads: int = 0
 
     def __post_init__(self) -> None:
@@ -98,6 +103,8 @@ class Build(Streams):
         check_threads(self.threads)
         if self.queue not in QUEUES:
             raise ValueError(f"must be one of {', '.join(QUEUES)}")
+        if self.occluders not in OCCLUDERS:
+            raise ValueError(f"must be one of {', '.join(OCCLUDERS)}")
 
     def chosen(self, triangles: int, queued: bool) -> Self:
         few = queued and triangles < FEW_TRIANGLES

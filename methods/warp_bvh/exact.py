@@ -15,7 +15,8 @@ from ...harness.frame.specialise import effects, specialised
 from ...harness.scene.effects import Effects
 from ..common.bands import Band, Bands
 from ..common.bounces import bounced_tests
-from ..common.box_tree import BoxTree, traverse
+from ..common.box_tree import QUERY_BLOCK, BoxTree, traverse
+from ..common.corner_records import CornerRecords
 from ..common.pixels import pixel_of
 from ..common.ray_passes import shadow_ray_passes
 from ..common.ray_queries import (
@@ -30,10 +31,11 @@ from ..common.ray_queries import (
 from ..common.triangle import write_hit, write_miss
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def primary_kernel(
     blocks: wp.bool,
     tree: wp.uint64,
+    records: CornerRecords,
     camera: Camera,
     mesh: Mesh,
     alpha: Alpha,
@@ -54,21 +56,21 @@ def primary_kernel(
         ray = mirrored_ray(mirrored, pixel)
     found = nothing_found(wp.INF)
     if wp.static(effects.alpha):
-        found = traverse(closest_opaque_hit, tree, mesh, alpha, ray.origin, ray.direction, ray, found)
+        found = traverse(closest_opaque_hit, tree, records, alpha, ray.origin, ray.direction, ray, found)
     else:
-        found = traverse(closest_hit, tree, mesh, alpha, ray.origin, ray.direction, ray, found)
+        found = traverse(closest_hit, tree, records, alpha, ray.origin, ray.direction, ray, found)
     if tests.shape[0] > 0:
         tests[pixel] = found.tests
     write_hit(hits, hit_points, pixel, ray, found.triangle, found.t, mesh)
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def shadow_kernel(
     blocks: wp.bool,
     light: wp.int32,
     tree: wp.uint64,
+    records: CornerRecords,
     camera: Camera,
-    mesh: Mesh,
     alpha: Alpha,
     lights: wp.array(dtype=wp.vec3f),
     hits: Hits,
@@ -97,9 +99,9 @@ def shadow_kernel(
     way = segment.light - segment.start
     found = nothing_found(SLACK)
     if wp.static(effects.alpha):
-        found = traverse(any_opaque_hit, tree, mesh, alpha, segment.start, way, segment, found)
+        found = traverse(any_opaque_hit, tree, records, alpha, segment.start, way, segment, found)
     else:
-        found = traverse(any_hit, tree, mesh, alpha, segment.start, way, segment, found)
+        found = traverse(any_hit, tree, records, alpha, segment.start, way, segment, found)
     if tests.shape[0] > 0:
         tests[pixel] = tests[pixel] + found.tests
     visibility[light, pixel] = wp.uint8(found.done)
@@ -172,12 +174,14 @@ class ExactBvh:
             specialised(primary_kernel, self.effects.switches(bounce=bounce)),
             dim=band.thread_count(self.blocks),
             inputs=[
-                self.blocks, self.tree.id, band.camera, frame.mesh, frame.alpha, band.fields_of(frame.rays(bounce)),
+                self.blocks, self.tree.id, self.tree.records, band.camera, frame.mesh, frame.alpha,
+                band.fields_of(frame.rays(bounce)),
             ],
             outputs=[
                 band.fields_of(frame.hits(bounce)), band.of(self._hits(bounce)),
                 self.uncounted if tests is None else band.of(tests),
             ],
+            block_dim=QUERY_BLOCK,
             device=frame.device,
         )  # fmt: skip
 
@@ -190,10 +194,11 @@ class ExactBvh:
             specialised(shadow_kernel, self.effects.switches(light, bounce)),
             dim=band.thread_count(self.blocks),
             inputs=[
-                self.blocks, light, self.tree.id, band.camera, frame.mesh, frame.alpha, frame.lights,
+                self.blocks, light, self.tree.id, self.tree.records, band.camera, frame.alpha, frame.lights,
                 band.fields_of(frame.hits(bounce)), band.of(self._hits(bounce)), band.of(frame.masks(bounce)),
                 band.fields_of(frame.rays(bounce)),
             ],
             outputs=[band.of(frame.bits(bounce)), self.uncounted if tests is None else band.of(tests)],
+            block_dim=QUERY_BLOCK,
             device=frame.device,
         )  # fmt: skip

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import warp as wp
 
-from ...harness.frame.geometry import Camera, Hits, Mesh, Rays, corners_of, mirrored_ray, ray_of
+from ...harness.frame.geometry import Camera, Hits, Rays, mirrored_ray, ray_of
 from ...harness.frame.specialise import effects
-from ..common.offset import shadow_origin
 from ..common.pixels import pixel_of
 from ..common.triangle import write_miss
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=64)
 def mesh_primary_kernel(
     blocks: wp.bool,
     tree: wp.uint64,
@@ -46,21 +45,24 @@ def mesh_primary_kernel(
         write_miss(hits, pixel)
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def mesh_shadow_kernel(
     blocks: wp.bool,
     light: wp.int32,
     end: wp.float32,
     tree: wp.uint64,
     camera: Camera,
-    mesh: Mesh,
     lights: wp.array(dtype=wp.vec3f),
     hits: Hits,
+    origins: wp.array(dtype=wp.vec3f),
     receivers: wp.array2d(dtype=wp.uint8),
-    mirrored: Rays,
     visibility: wp.array2d(dtype=wp.uint8),
 ):
-    """Whether the wp.Mesh ``tree`` finds anything between each hit, moved off its triangle, and ``end`` of the way."""
+    """Whether the wp.Mesh ``tree`` finds anything between each hit, moved off its triangle, and ``end`` of the way.
+
+    ``origins`` are found by a kernel of their own (:func:`..common.offset.launch_shadow_origins`): float64 takes half as
+    many registers again as the query, and would halve how many queries a GPU has in flight.
+    """
     pixel = pixel_of(wp.tid(), camera.width, camera.height, blocks)
     if pixel < 0:
         return
@@ -69,12 +71,7 @@ def mesh_shadow_kernel(
             visibility[light, pixel] = wp.uint8(0)
             return
     shadowed = wp.bool(False)
-    best = hits.triangle[pixel]
-    if best >= 0:
-        ray = ray_of(camera, pixel)
-        if wp.static(effects.bounced):
-            ray = mirrored_ray(mirrored, pixel)
-        target = lights[light]
-        origin = shadow_origin(ray, target, corners_of(mesh, best), True)
-        shadowed = wp.mesh_query_ray_anyhit(tree, origin, target - origin, end)
+    if hits.triangle[pixel] >= 0:
+        origin = origins[pixel]
+        shadowed = wp.mesh_query_ray_anyhit(tree, origin, lights[light] - origin, end)
     visibility[light, pixel] = wp.uint8(shadowed)

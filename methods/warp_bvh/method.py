@@ -19,7 +19,7 @@ from ...harness.frame.threads import check_threads
 from ...harness.scene.effects import Effects, Limits
 from ..common.bands import Band, Bands
 from ..common.misses import miss_passes, write_misses
-from ..common.offset import SHADOW_END
+from ..common.offset import SHADOW_END, launch_shadow_origins
 from ..common.ray_passes import shadow_ray_passes
 from .exact import ExactBvh
 from .mesh_kernels import mesh_primary_kernel, mesh_shadow_kernel
@@ -28,7 +28,7 @@ from .triangles import TreeTriangles, may_be_hit
 
 UPDATES = ("rebuild", "refit", "static", "bvh_rebuild")
 CONSTRUCTORS = ("default", "sah", "median", "lbvh", "cubql")
-SHADOW_KERNELS = {"exact": mesh_shadow_kernel, "plain": plain_shadow_kernel, "plain_cut": cut_shadow_kernel}
+PLAIN_KERNELS = {"plain": plain_shadow_kernel, "plain_cut": cut_shadow_kernel}
 MESH_INEXACT = "float32 with boxes that are not padded: rays through vertices and edges may escape, and shadow rays start "
 STARTS = {
     "exact": "a rounding bound away from the surface",
@@ -133,6 +133,8 @@ class WarpBvh(BaseMethod):
         self._frame, self._effects = frame, effects
         self._bands = Bands(frame, self.trace.threads)
         self._mesh = self._triangles = self._valid = None
+        exact = self.trace.origin == "exact"
+        self._origins = wp.zeros(frame.pixels if exact else 0, dtype=wp.vec3f, device=frame.device)
         passes = []
         if self.build.update == "rebuild":
             passes.append(Pass("new mesh", "build", ("points", "triangles"), ("mesh",), self._rebuild))
@@ -244,12 +246,31 @@ class WarpBvh(BaseMethod):
     def _shadow_of(self, band: Band, light: int, bounce: int) -> None:
         frame = self._frame
         assert self._mesh is not None
+        if self.trace.origin == "exact":
+            self._exact_shadow_of(band, light, bounce)
+            return
         wp.launch(
-            specialised(SHADOW_KERNELS[self.trace.origin], self._effects.switches(light, bounce)),
+            specialised(PLAIN_KERNELS[self.trace.origin], self._effects.switches(light, bounce)),
             dim=band.thread_count(self.trace.swizzle),
             inputs=[
                 self.trace.swizzle, light, SHADOW_END, self._mesh.id, band.camera, frame.mesh, frame.lights,
                 band.fields_of(frame.hits(bounce)), band.of(frame.masks(bounce)), band.fields_of(frame.rays(bounce)),
+            ],
+            outputs=[band.of(frame.bits(bounce))],
+            device=frame.device,
+        )  # fmt: skip
+
+    def _exact_shadow_of(self, band: Band, light: int, bounce: int) -> None:
+        frame = self._frame
+        assert self._mesh is not None
+        part = (band.first, band.end - band.first)
+        launch_shadow_origins(frame, light, self._origins, True, bounce, part)
+        wp.launch(
+            specialised(mesh_shadow_kernel, self._effects.switches(light, bounce)),
+            dim=band.thread_count(self.trace.swizzle),
+            inputs=[
+                self.trace.swizzle, light, SHADOW_END, self._mesh.id, band.camera, frame.lights,
+                band.fields_of(frame.hits(bounce)), band.of(self._origins), band.of(frame.masks(bounce)),
             ],
             outputs=[band.of(frame.bits(bounce))],
             device=frame.device,

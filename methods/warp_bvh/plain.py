@@ -16,7 +16,7 @@ CUT = wp.constant(1.0e-6)
 """The share of the way to the light that ``origin = plain_cut`` leaves out."""
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def plain_shadow_kernel(
     blocks: wp.bool,
     light: wp.int32,
@@ -53,7 +53,7 @@ def plain_shadow_kernel(
     visibility[light, pixel] = wp.uint8(shadowed)
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def cut_shadow_kernel(
     blocks: wp.bool,
     light: wp.int32,

@@ -30,7 +30,7 @@ REJECTED: Answers = {}
 
 
 def players(device: str) -> list[Player]:
-    """Every method with its settings, and again with each way to keep a tree over frames."""
+    """Every method with its settings, and again with each way to keep a tree, or occluders, over frames."""
     found: list[Player] = []
     for name in method_names():
         cls = type(make_method(name))
@@ -41,6 +41,8 @@ def players(device: str) -> list[Player]:
             found.append((name, {}))
         if hasattr(cls.Build, "update"):
             found += [(name, {"update": update}) for update in UPDATES]
+        if hasattr(cls.Build, "occluders"):
+            found.append((name, {"occluders": "last"}))
     return found
 
 

@@ -177,6 +177,24 @@ def test_an_answer_at_the_eye_is_never_excused():
     assert referee.classify_primary(hits, given).tolist() == [Verdict.EDGE]
 
 
+@pytest.mark.parametrize(
+    ("height", "aside", "expected"),
+    [
+        (2.0**-6, 2.0**-17, Verdict.EDGE),  # meets the plane 4096 from the eye, 0.04 beside the edge
+        (2.0**-6, 2.0**-12, Verdict.TRUE),  # there too, 1 beside it
+        (0.0, 2.0**-17, Verdict.TRUE),  # the eye is in the plane
+        (-(2.0**-6), 2.0**-17, Verdict.TRUE),  # the plane is behind the eye
+    ],
+)
+def test_an_answer_is_at_the_eye_where_the_ray_meets_the_plane(height, aside, expected):
+    """A wall along which a ray flies, nearest at the eye: within the bound of 0.5 there, as is all that is near."""
+    wall = np.float32([(0, 0, 0), (2.0**20, 0, 0), (0, 2.0**20, 0)])
+    referee = Referee(wall, np.array([(0, 1, 2)]), np.ones(1))
+    hits = referee.closest(np.float32([2.0**19, -0.01, height]), np.float32([(-1, -aside, -(2.0**-18))]))
+    assert hits.triangle.tolist() == [-1]
+    assert referee.classify_primary(hits, np.array([0])).tolist() == [expected]
+
+
 def test_a_far_corner_does_not_widen_the_bound():
     """Two triangles with corners at 1e7, and a ray 0.01 from their common edge."""
     far = np.float32([(-1e7, -1e7, 0), (1e7, -1e7, 0), (1e7, 1e7, 0), (-1e7, 1e7, 0)])

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager, nullcontext
+from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 import warp as wp
 from helpers.brute_force import make_scene, soup
-from shadowbench.harness.frame.passes import refuse_shared
+from helpers.effect_scenes import BEHIND, POINT, SPOT, scene
+from shadowbench.harness.frame.passes import capture_passes, refuse_shared
 from shadowbench.harness.frame.registry import make_method, method_names
 from shadowbench.harness.frame.session import Session
 
@@ -52,3 +56,59 @@ def test_concurrent_passes_share_nothing_that_one_writes(name, settings, monkeyp
     refuse_shared(session.passes)
     branched = [work for work in session.passes if work.branch]
     assert branched or name not in ("bvh2", "hybrid", "ray_grids", "visibility_buffer")
+
+
+class Capture:
+    """What a CUDA stream refuses while it is captured: a condition, or the end, before what forked from it has joined."""
+
+    def __init__(self) -> None:
+        self.open: set[Any] = set()
+        self.launched: list[str] = []
+        self.conditions = 0
+
+    @contextmanager
+    def scoped(self, stream: Any) -> Any:
+        self.open.add(stream)
+        yield stream
+
+    def join(self, event: Any) -> None:
+        self.open.discard(event)
+
+    def condition(self, only_if: Any, on_true: Any) -> None:
+        assert not self.open, "capturing stream has unjoined work"
+        self.conditions += 1
+        on_true()
+        assert not self.open, "capturing stream has unjoined work"
+
+
+class Stream:
+    """A stream that is its own event."""
+
+    def __init__(self, device: Any):
+        self.device = device
+
+    def record_event(self) -> Stream:
+        return self
+
+
+@pytest.mark.parametrize("lights", [(SPOT, BEHIND, POINT), (BEHIND, SPOT)], ids=["spot first", "spot last"])
+@pytest.mark.parametrize(("name", "settings"), VARIANTS, ids=str)
+def test_a_condition_is_captured_when_all_has_joined(name, settings, lights, monkeypatch):
+    prepared = scene(lights)
+    method = make_method(name, settings)
+    reason = method.applies(prepared.scene, "cuda")
+    if reason or not method.capturable:
+        pytest.skip(f"{name}: {reason or 'is not captured as a graph'}")
+    plan_for_cuda(method, monkeypatch)
+    session = Session(method, prepared, 32, 32, "cpu")
+    capture = Capture()
+    passes = [replace(work, launch=lambda n=work.name: capture.launched.append(n)) for work in session.passes]
+    monkeypatch.setattr(wp, "Stream", Stream)
+    monkeypatch.setattr(wp, "ScopedStream", capture.scoped)
+    monkeypatch.setattr(wp, "ScopedCapture", lambda: nullcontext(SimpleNamespace(graph=None)))
+    monkeypatch.setattr(wp, "wait_event", capture.join)
+    monkeypatch.setattr(wp, "capture_if", capture.condition)
+    capture_passes(passes, "cpu")
+    assert not capture.open
+    assert capture.conditions
+    assert sorted(capture.launched) == sorted(work.name for work in passes)

@@ -107,10 +107,7 @@ MUTATIONS = (
         "a fixed determinant epsilon",
         (
             Planted(
-                triangle,
-                "hit_distance",
-                (("unit * total(d64)", "wp.float64(1.0e-7)"),),
-                ray_queries,
+                triangle, "hit_distance", (("NORMAL_UNITS * sum_of_sizes(products, d64)", "wp.float64(1e-7)"),), ray_queries
             ),
         ),
         "warp_bvh",
@@ -138,7 +135,7 @@ MUTATIONS = (
         "no rule for the own triangle",
         (
             Planted(segment, "plane_crosses_segment", ((OWN_TRIANGLE, ""),), segment),
-            Planted(ray_queries, "any_hit", (("if i != segment.own:", "if i >= 0:"),), exact),
+            Planted(ray_queries, "any_hit", (("if i == segment.own:", "if i < 0:"),), exact),
         ),
         "warp_bvh",
         EXACT_BVH,
@@ -150,9 +147,9 @@ MUTATIONS = (
             Planted(
                 triangle,
                 "hit_distance",
-                (("    if low < wp.float64(0.0) and high > wp.float64(0.0):",
+                (("    if low < wp.float64(0.0):",
                   "    if not inside32(ray.origin, ray.direction, corners.a, corners.b, corners.c):\n"
-                  "        return NO_HIT\n    if low > high:"),),
+                  "        return NO_HIT\n    if low > wp.float64(1.0e300):"),),
                 ray_queries,
             ),
         ),
@@ -171,10 +168,7 @@ MUTATIONS = (
         "t of a hit at the eye by its sign alone",
         (
             Planted(
-                triangle,
-                "hit_distance",
-                (("wp.float64(2.0) * unit * total(away)", "wp.float64(-1.0)"),),
-                ray_queries,
+                triangle, "hit_distance", (("NORMAL_UNITS * sum_of_sizes(products, away)", "wp.float64(-1.0)"),), ray_queries
             ),
         ),
         "warp_bvh",
@@ -182,8 +176,29 @@ MUTATIONS = (
         ("P34 vertex 2",),
     ),
     Mutation(
+        "t of a hit bounded by the largest coordinate",
+        (
+            Planted(
+                triangle,
+                "hit_distance",
+                (("sum_of_sizes(products, away)", "largest(e1) * largest(e2) * total(away)"),),
+                ray_queries,
+            ),
+        ),
+        "warp_bvh",
+        EXACT_BVH,
+        ("V mixed 0", "V mixed 2", "V mixed 3"),
+    ),
+    Mutation(
+        "all that is outside by 2^-30 of the sum is inside",
+        (Planted(triangle, "hit_distance", (("low < -edge", "low + wp.float64(1.0e99) < -edge"),), ray_queries),),
+        "warp_bvh",
+        EXACT_BVH,
+        ("V mixed 11", "V mixed 13", "V mixed 36", "V mixed 42"),
+    ),
+    Mutation(
         "doubt at an edge is outside",
-        (Planted(triangle, "hit_distance", (("* CLOSED", "* wp.float64(0.0)"),), ray_queries),),
+        (Planted(triangle, "hit_distance", (("-CLOSED", "wp.float64(0.0)"),), ray_queries),),
         "warp_bvh",
         EXACT_BVH,
         ("P29", "P29b"),

@@ -4,7 +4,7 @@
     python tests/tools/play.py --frames 10000 --effects               scenes with spots, holes, mirrors
     python tests/tools/play.py --seconds 120 --device cuda:0          frames are replayed graphs
 
-Each story (``helpers/stories.py``) is played by every method as it is, and by every tree that is kept over frames. A
+Each story (``helpers/stories.py``) is played by every method as it is, and with trees and occluders kept over frames. A
 session that went through all earlier frames, and one that ran only the passes whose inputs changed, must give the bits
 of a session made for the frame alone; the answers of methods that call themselves exact must have no true error. At
 the end a story is played again and again: live memory must stay what it is. A failure is found again by its seed.

@@ -2,7 +2,8 @@
 
     python tests/tools/sanitizer.py --tool memcheck                 every method, at its default settings
     python tests/tools/sanitizer.py --tool racecheck --method ray_grids
-    python tests/tools/sanitizer.py --tool memcheck --planted       an access out of bounds, and a race: both must be found
+    python tests/tools/sanitizer.py --tool memcheck --graphs        each frame also as a replayed graph
+    python tests/tools/sanitizer.py --tool initcheck --planted      errors that the tool must find, in place of methods
     python tests/tools/sanitizer.py --tool none                     without the sanitizer: compiles the kernels
 
 A method runs four frames of a moving scene at 32 x 32 pixels by plain launches, then again with every initial capacity
@@ -69,8 +70,9 @@ def frames(name: str, device: str, graphs: bool) -> str:
     return ", ".join(digests)
 
 
-def planted(device: str) -> str:
-    """A write behind the end of an array, and threads of a block that exchange values in shared memory without a barrier."""
+def planted(device: str, graphs: bool) -> str:
+    """A read of memory that nobody wrote, a write behind the end of an array, and threads of a block that exchange values in
+    shared memory without a barrier; launched, or replayed from a graph."""
 
     @wp.func_native("""
     __shared__ int seat[64];
@@ -80,14 +82,25 @@ def planted(device: str) -> str:
     def exchange(values: wp.array(dtype=wp.int32), i: wp.int32): ...
 
     @wp.kernel(enable_backward=False, module="unique")
-    def wrong(values: wp.array(dtype=wp.int32)):
+    def wrong(values: wp.array(dtype=wp.int32), unwritten: wp.array(dtype=wp.int32)):
         i = wp.tid()
         exchange(values, i)
-        values[i + 1] = i
+        values[i + 1] = i + (unwritten[i] & 1)
 
     wp.set_mempool_enabled(device, False)
     values = wp.zeros(64, dtype=wp.int32, device=device)
-    wp.launch(wrong, dim=64, inputs=[values], device=device, block_dim=64)
+    unwritten = wp.empty(64, dtype=wp.int32, device=device)
+
+    def launched() -> None:
+        wp.launch(wrong, dim=64, inputs=[values, unwritten], device=device, block_dim=64)
+
+    if graphs:
+        wp.load_module(module=wrong.module, device=device, block_dim=64)
+        with wp.ScopedCapture(device, force_module_load=False) as capture:
+            launched()
+        wp.capture_launch(capture.graph)
+    else:
+        launched()
     wp.synchronize_device(device)
     return f"{int(np.count_nonzero(values.numpy()))} of 64 written"
 
@@ -132,7 +145,7 @@ def main() -> int:
     parser.add_argument("--frames", help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.frames == PLANTED:
-        print(f"answers: {planted(given.device)}", flush=True)
+        print(f"answers: {planted(given.device, given.graphs)}", flush=True)
         return 0
     if given.frames:
         print(f"answers: {frames(given.frames, given.device, given.graphs)}", flush=True)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import warp as wp
 
 from ....harness.frame.geometry import Camera, Corners, Mesh, corners_of, weld_of
+from ...common.entries import set_entry
 from ...common.screen import in_camera_space, out_of_view, pixel_box
 from ...common.triangle import largest
 from ..culling import faces_away
@@ -55,14 +56,14 @@ def project(
     if faces_away(outward, o, corners):
         return unseen
     box = wp.vec4i(pixels[0] // tile, pixels[1] // tile, pixels[2] // tile, pixels[3] // tile)
-    boxes[i] = box
+    set_entry(boxes, i, box)
     queue_large(i, box, queue)
     r = plane_record(o, corners, weld_of(mesh, i))
     if test == 2:  # Moeller-Trumbore
         r = vertex_record(o, corners, weld_of(mesh, i))
-    records[3 * i] = r.q0
-    records[3 * i + 1] = r.q1
-    records[3 * i + 2] = r.q2
+    set_entry(records, 3 * i, r.q0)
+    set_entry(records, 3 * i + 1, r.q1)
+    set_entry(records, 3 * i + 2, r.q2)
     reach = wp.max(largest(a), wp.max(largest(b), largest(c)))
     low = wp.max(0.0, wp.min(a[2], wp.min(b[2], c[2])) - 1.0e-6 * reach)
     return wp.vec2f(low, wp.max(a[2], wp.max(b[2], c[2])) + 1.0e-6 * reach)
@@ -92,7 +93,7 @@ def project_kernel(
     i = wp.tid()
     depth = wp.vec2f(wp.INF, -wp.INF)
     if i < boxes.shape[0]:
-        boxes[i] = wp.vec4i(0, 0, -1, -1)
+        set_entry(boxes, i, wp.vec4i(0, 0, -1, -1))
         if i < triangle_count and mesh.valid[i] != wp.uint8(0):
             depth = project(i, tile, widening, outward, test, camera, mesh, boxes, records, queue)
             depths[i] = depth

@@ -20,6 +20,7 @@ from ....harness.frame.alpha import Alpha
 from ....harness.frame.geometry import Camera, Hits, Mesh, Ray, corners_of, ray_of, ray_through, weld_of
 from ....harness.frame.specialise import effects
 from ...common.alpha import opaque_at_hit
+from ...common.entries import entry
 from ...common.triangle import NO_HIT, depth_key, nearer, spare_bits, total, write_hit
 from ..lists.binning import TileLists
 from ..lists.items import ListParts, pairs_of_part, part_of
@@ -84,9 +85,9 @@ def packed_depth(nearest: wp.uint64) -> wp.float32:
 @wp.func
 def record_at(records: wp.array(dtype=wp.vec4f), i: wp.int32) -> RayRecord:
     r = RayRecord()
-    r.q0 = records[3 * i]
-    r.q1 = records[3 * i + 1]
-    r.q2 = records[3 * i + 2]
+    r.q0 = entry(records, 3 * i)
+    r.q1 = entry(records, 3 * i + 1)
+    r.q2 = entry(records, 3 * i + 2)
     return r
 
 

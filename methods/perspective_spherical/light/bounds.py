@@ -11,6 +11,7 @@ import functools
 import warp as wp
 
 from ....harness.frame.geometry import Corners, Mesh, corners_of, weld_of
+from ...common.entries import set_entry
 from ...common.triangle import U64, largest, to_float64, total
 from ..culling import faces_away
 from ..lists.binning import INLINE_TILES, PieceQueue, queue_large
@@ -147,7 +148,7 @@ def make_bound_kernel(map: int, bounds: str = "exact") -> wp.Kernel:
     """Bounds of triangles under one light map: compiled apart, as each takes many registers."""
     bounds_of, wrap = LOOSE_BOUNDS[bounds] or (BOUNDS[map], WRAPS[map])
 
-    @wp.kernel(enable_backward=False, module="unique", cuda_max_registers=128)
+    @wp.kernel(enable_backward=False, module="unique", grid_stride=False, cuda_max_registers=128)
     def bound_kernel(
         triangle_count: wp.int32,
         test: wp.int32,
@@ -163,7 +164,7 @@ def make_bound_kernel(map: int, bounds: str = "exact") -> wp.Kernel:
     ):
         """Each item's box of tiles, span of slices and record; queue the large ones."""
         item = wp.tid()
-        boxes[item] = wp.vec4i(0, 0, -1, -1)
+        set_entry(boxes, item, wp.vec4i(0, 0, -1, -1))
         i = item // grid.faces
         side = item % grid.faces
         offset = side * EXTENT
@@ -201,9 +202,9 @@ def make_bound_kernel(map: int, bounds: str = "exact") -> wp.Kernel:
         first = distance_slice(near, grid, side)
         if grid.skip_empty and no_ray_in(grid, box, first, side):
             return
-        boxes[item] = box
+        set_entry(boxes, item, box)
         far = wp.max(la, wp.max(lb, lc)) * (wp.float64(1.0) + space.distance_pad)
-        spans[item] = wp.vec2i(first, distance_slice(far, grid, side))
+        set_entry(spans, item, wp.vec2i(first, distance_slice(far, grid, side)))
         queue_large(item, box, queue)
         r = SegmentRecord()
         weld = weld_of(mesh, i)
@@ -213,13 +214,13 @@ def make_bound_kernel(map: int, bounds: str = "exact") -> wp.Kernel:
             r = segment_planes(light, corners, weld, 0.0)
         else:
             r = segment_vertices(light, corners, weld, 0.0)
-        records[6 * i] = r.q0
-        records[6 * i + 1] = r.q1
-        records[6 * i + 2] = r.q2
+        set_entry(records, 6 * i, r.q0)
+        set_entry(records, 6 * i + 1, r.q1)
+        set_entry(records, 6 * i + 2, r.q2)
         if test != 2:
-            records[6 * i + 3] = r.q3
+            set_entry(records, 6 * i + 3, r.q3)
         if test == 1:
-            records[6 * i + 4] = r.q4
-            records[6 * i + 5] = r.q5
+            set_entry(records, 6 * i + 4, r.q4)
+            set_entry(records, 6 * i + 5, r.q5)
 
     return bound_kernel

@@ -181,7 +181,7 @@ def map_kernel(
         reduce_extent(low, high, k % wp.block_dim(), extent)
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def key_kernel(
     counted: wp.bool,
     space: LightSpace,
@@ -222,7 +222,7 @@ def key_kernel(
     raise_to(grid.deepest, tile, slice)
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def place_rays_kernel(
     tiles: wp.int32,
     keys: wp.array(dtype=wp.int32),

@@ -14,6 +14,7 @@ from ....harness.frame.alpha import Alpha
 from ....harness.frame.geometry import Camera, Hits, Mesh, corners_of, weld_of
 from ....harness.frame.specialise import effects
 from ...common.alpha import opaque_to_light
+from ...common.entries import entry
 from ...common.triangle import U32, largest, to_float32
 from ..camera.ray_tests import count_tests
 from ..lists.binning import TileLists
@@ -27,12 +28,12 @@ from .space import LightSpace
 @wp.func
 def segment_at(records: wp.array(dtype=wp.vec4f), i: wp.int32) -> SegmentRecord:
     r = SegmentRecord()
-    r.q0 = records[6 * i]
-    r.q1 = records[6 * i + 1]
-    r.q2 = records[6 * i + 2]
-    r.q3 = records[6 * i + 3]
-    r.q4 = records[6 * i + 4]
-    r.q5 = records[6 * i + 5]
+    r.q0 = entry(records, 6 * i)
+    r.q1 = entry(records, 6 * i + 1)
+    r.q2 = entry(records, 6 * i + 2)
+    r.q3 = entry(records, 6 * i + 3)
+    r.q4 = entry(records, 6 * i + 4)
+    r.q5 = entry(records, 6 * i + 5)
     return r
 
 

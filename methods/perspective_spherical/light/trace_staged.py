@@ -20,13 +20,24 @@ from ..camera.ray_tests import count_tests
 from ..lists.binning import TileLists
 from ..lists.chunks import RayChunks
 from ..lists.items import ListParts, pairs_of_part, part_of
+from ..lists.staging import any_of_block, make_shared, wait_for_block
 from ..variants import Variant
 from .segment_tests import DOUBT, SEGMENT_DECIDES, SEGMENT_PASSES, USED, YES, SegmentRecord
 from .space import LightSpace
 from .trace import hit_error, segment_at
 
-SHADOW_REGISTERS = 80
-"""A cap, as in :mod:`.camera.trace_staged`."""
+SHADOW_REGISTERS = 64
+"""The same for shadow rays: 0 to 2 % longer with 80. Blocks of one warp, the default, fill a multiprocessor with 32."""
+
+
+@wp.func
+def tag_row(tag: wp.vec2i) -> wp.vec4f:
+    return wp.vec4f(wp.cast(tag[0], wp.float32), wp.cast(tag[1], wp.float32), 0.0, 0.0)
+
+
+@wp.func
+def tag_of(row: wp.vec4f) -> wp.vec2i:
+    return wp.vec2i(wp.cast(row[0], wp.int32), wp.cast(row[1], wp.int32))
 
 
 @functools.cache
@@ -36,6 +47,7 @@ def make_staged_shadow_kernel(variant: Variant, block: int) -> wp.Kernel:
     used = USED[variant.test]
     decide = SEGMENT_DECIDES[variant.test]
     slots = block
+    shared = make_shared((1 + used) * slots)
 
     @wp.kernel(enable_backward=False, module="unique", grid_stride=False, cuda_max_registers=SHADOW_REGISTERS)
     def staged_shadow_kernel(
@@ -66,13 +78,7 @@ def make_staged_shadow_kernel(variant: Variant, block: int) -> wp.Kernel:
         tile = chunks.tiles[chunks.first[chunk]]
         pairs = pairs_of_part(lists, tile, parts, work[1])
         stop = pairs[1]
-        shared0 = wp.tile_zeros(shape=wp.static(slots), dtype=wp.vec4f, storage="shared")
-        shared1 = wp.tile_zeros(shape=wp.static(slots), dtype=wp.vec4f, storage="shared")
-        shared2 = wp.tile_zeros(shape=wp.static(slots), dtype=wp.vec4f, storage="shared")
-        shared3 = wp.tile_zeros(shape=wp.static(slots), dtype=wp.vec4f, storage="shared")
-        shared4 = wp.tile_zeros(shape=wp.static(slots), dtype=wp.vec4f, storage="shared")
-        shared5 = wp.tile_zeros(shape=wp.static(slots), dtype=wp.vec4f, storage="shared")
-        tags = wp.tile_zeros(shape=wp.static(slots), dtype=wp.vec2i, storage="shared")
+        nothing = wp.vec4f()
         base = chunks.first[chunk]
         while base < chunks.first[chunk + 1]:
             at = base + lane
@@ -94,49 +100,45 @@ def make_staged_shadow_kernel(variant: Variant, block: int) -> wp.Kernel:
             number = wp.int32(0)
             shadowed = wp.bool(False)
             load = pairs[0]
-            active = wp.int32(0)
-            if deepest >= 0:
-                active = 1
-            going = wp.tile_extract(wp.tile_max(wp.tile(active)), 0)
-            while going != 0 and load < stop:
-                r = SegmentRecord()
-                tag = wp.vec2i(0, 0)
-                loads = load + lane < stop
-                if loads:
+            active = deepest >= 0
+            going = any_of_block(active)
+            while going and load < stop:
+                if load + lane < stop:
                     i = lists.values[load + lane]
                     r = segment_at(records, i)
                     tag = wp.vec2i(i, lists.keys[load + lane] - tile * slices)
-                wp.tile_scatter_masked(shared0, lane, r.q0, loads)
-                wp.tile_scatter_masked(shared1, lane, r.q1, loads)
-                wp.tile_scatter_masked(shared2, lane, r.q2, loads)
-                if wp.static(used > 3):
-                    wp.tile_scatter_masked(shared3, lane, r.q3, loads)
-                if wp.static(used > 4):
-                    wp.tile_scatter_masked(shared4, lane, r.q4, loads)
-                    wp.tile_scatter_masked(shared5, lane, r.q5, loads)
-                wp.tile_scatter_masked(tags, lane, tag, loads)
+                    shared(True, lane, tag_row(tag))
+                    shared(True, wp.static(slots) + lane, r.q0)
+                    shared(True, wp.static(2 * slots) + lane, r.q1)
+                    shared(True, wp.static(3 * slots) + lane, r.q2)
+                    if wp.static(used > 3):
+                        shared(True, wp.static(4 * slots) + lane, r.q3)
+                    if wp.static(used > 4):
+                        shared(True, wp.static(5 * slots) + lane, r.q4)
+                        shared(True, wp.static(6 * slots) + lane, r.q5)
+                wait_for_block()
                 j = wp.int32(0)
                 held = wp.int32(0)
-                if active != 0:
+                if active:
                     held = wp.min(stop - load, wp.static(slots))
                 while j < held:
                     i = wp.int32(-1)
                     while j < held and i < 0:
                         s = SegmentRecord()
-                        here = wp.tile_extract(tags, j)
+                        here = tag_of(shared(False, j, nothing))
                         if here[1] > deepest:
-                            active = 0
+                            active = wp.bool(False)
                             held = 0
                             break
                         if here[0] != own:
-                            s.q0 = wp.tile_extract(shared0, j)
-                            s.q1 = wp.tile_extract(shared1, j)
-                            s.q2 = wp.tile_extract(shared2, j)
+                            s.q0 = shared(False, wp.static(slots) + j, nothing)
+                            s.q1 = shared(False, wp.static(2 * slots) + j, nothing)
+                            s.q2 = shared(False, wp.static(3 * slots) + j, nothing)
                             if wp.static(used > 3):
-                                s.q3 = wp.tile_extract(shared3, j)
+                                s.q3 = shared(False, wp.static(4 * slots) + j, nothing)
                             if wp.static(used > 4):
-                                s.q4 = wp.tile_extract(shared4, j)
-                                s.q5 = wp.tile_extract(shared5, j)
+                                s.q4 = shared(False, wp.static(5 * slots) + j, nothing)
+                                s.q5 = shared(False, wp.static(6 * slots) + j, nothing)
                             number += 1
                             verdict = judge(h, light, h_error, s)
                             if wp.static(effects.alpha):
@@ -144,7 +146,7 @@ def make_staged_shadow_kernel(variant: Variant, block: int) -> wp.Kernel:
                                     verdict = DOUBT
                             if verdict == YES:
                                 shadowed = wp.bool(True)
-                                active = 0
+                                active = wp.bool(False)
                                 held = 0
                             if verdict == DOUBT:
                                 i = here[0]
@@ -157,10 +159,10 @@ def make_staged_shadow_kernel(variant: Variant, block: int) -> wp.Kernel:
                             if shadowed:
                                 shadowed = opaque_to_light(alpha, i, h64, light, corners, weld, origin_size)
                         if shadowed:
-                            active = 0
+                            active = wp.bool(False)
                             held = 0
                 load += wp.static(slots)
-                going = wp.tile_extract(wp.tile_max(wp.tile(active)), 0)
+                going = any_of_block(active)
             if shadowed:
                 visibility[space.index, pixel] = wp.uint8(1)
             if number > 0:

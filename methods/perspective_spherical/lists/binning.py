@@ -17,6 +17,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from ....harness.frame.geometry import filled
+from ...common.entries import entry, set_entry
 from ...common.pairs import grown
 from ...common.reserve import reserve_many
 
@@ -112,7 +113,7 @@ def queue_large(item: wp.int32, box: wp.vec4i, queue: PieceQueue):
     for j in range(number):
         place = first + wp.int64(j)
         if place < wp.int64(queue.pieces.shape[0]):
-            queue.pieces[wp.int32(place)] = wp.vec2i(item, j * size)
+            set_entry(queue.pieces, wp.int32(place), wp.vec2i(item, j * size))
 
 
 @wp.func
@@ -126,16 +127,17 @@ def piece_of(thread: wp.int32, boxes: wp.array(dtype=wp.vec4i), queue: PieceQueu
     if thread >= boxes.shape[0]:
         if k >= queue.pieces.shape[0] or wp.int64(k) >= queue.needs[queue.slot]:
             return p
-        item = queue.pieces[k][0]
-    box = boxes[item]
+        item = entry(queue.pieces, k)[0]
+    box = entry(boxes, item)
     p.x = box[0]
     p.y = box[1]
     p.w = box[2] - box[0] + 1
     tiles = p.w * (box[3] - box[1] + 1)
     if thread >= boxes.shape[0]:
         p.item = item
-        p.first = queue.pieces[k][1] + (thread - boxes.shape[0]) % queue.lanes
-        p.stop = wp.min(tiles, queue.pieces[k][1] + piece_size(tiles, queue.lanes))
+        begin = entry(queue.pieces, k)[1]
+        p.first = begin + (thread - boxes.shape[0]) % queue.lanes
+        p.stop = wp.min(tiles, begin + piece_size(tiles, queue.lanes))
         p.step = queue.lanes
     elif box[2] >= box[0] and tiles <= INLINE_TILES:
         p.item = item
@@ -147,18 +149,18 @@ def piece_of(thread: wp.int32, boxes: wp.array(dtype=wp.vec4i), queue: PieceQueu
 def write_pair(place: wp.int64, cell: wp.int32, triangle: wp.int32, out: PairSink):
     if place < wp.int64(out.capacity):
         at = wp.int32(place)
-        out.keys[at] = cell
-        out.values[at] = triangle
+        set_entry(out.keys, at, cell)
+        set_entry(out.values, at, triangle)
         if out.counted:
-            out.ranks[at] = wp.atomic_add(out.cell_count, cell, 1)
+            set_entry(out.ranks, at, wp.atomic_add(out.cell_count, cell, 1))
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def clear_need_kernel(slot: wp.int32, needs: wp.array(dtype=wp.int64)):
     needs[slot] = wp.int64(0)
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def place_pairs_kernel(
     tiles: wp.int32,
     slices: wp.int32,
@@ -182,13 +184,13 @@ def place_pairs_kernel(
         lists.begin[i] = first
         lists.end[i] = last
     if i < pairs.capacity and wp.int64(i) < needed:
-        cell = pairs.keys[i]
-        at = cell_end[cell] - pairs.cell_count[cell] + pairs.ranks[i]
-        lists.keys[at] = cell
-        lists.values[at] = pairs.values[i]
+        cell = entry(pairs.keys, i)
+        at = entry(cell_end, cell) - entry(pairs.cell_count, cell) + entry(pairs.ranks, i)
+        set_entry(lists.keys, at, cell)
+        set_entry(lists.values, at, entry(pairs.values, i))
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def drop_lists_kernel(pairs: PairSink, lists: TileLists):
     """The same for pairs that a radix sort has put in order."""
     tile = wp.tid()
@@ -197,7 +199,7 @@ def drop_lists_kernel(pairs: PairSink, lists: TileLists):
         lists.end[tile] = 0
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def mark_tiles_kernel(
     tiles: wp.int32,
     slices: wp.int32,

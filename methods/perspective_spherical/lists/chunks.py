@@ -115,7 +115,7 @@ def compact_kernel(
         outArr[total] = i + 1
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def chunk_count_kernel(
     r: wp.int32,
     begin: wp.array(dtype=wp.int32),
@@ -127,7 +127,7 @@ def chunk_count_kernel(
     chunks[tile] = (end[tile] - begin[tile] + r - 1) // r
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def chunk_kernel(
     r: wp.int32,
     begin: wp.array(dtype=wp.int32),

@@ -14,7 +14,7 @@ from ..aim import FACE, FACES, HIGH_U, HIGH_V, LARGEST, LOW_U, LOW_V, from_order
 from ..cube import place_and_record
 from ..queues import RAYS
 from ..warps import scan_row
-from .reach import raise_farthest
+from .reach import empty_tiles, raise_farthest
 
 SPARE = wp.constant(4)
 """Words between two rows of cells: one for the end of a row, the others so that rows begin on 16-byte addresses."""
@@ -118,10 +118,7 @@ def map_kernel(
 
     point: the hit in float32, and the pixel's number in the bits of the fourth. Nothing is written for pixels without ray.
     """
-    tile = wp.tid()
-    while tile < cells.farthest.shape[0]:
-        cells.farthest[tile] = 0
-        tile += ((camera.width + 7) >> 3) * ((camera.height + 3) >> 2) * 32
+    empty_tiles(cells.farthest, wp.tid(), camera.width, camera.height)
     at = tile_pixel(wp.tid(), camera.width, camera.height)
     hit = wp.vec3d()
     wanted = wp.bool(False)

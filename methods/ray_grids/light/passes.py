@@ -89,14 +89,25 @@ class LightStream:
         self.queue = queues.of_stream(1 + index)
         self.cells = filled(RayCells, rectangle=aims.rectangles[index], table=aims.tables[index], **arrays)
         answers = frame.answers
-        self.bits = filled(ShadowBits, light=index, triangle=answers.triangle, visibility=answers.visibility)
+        self.receivers = frame.receivers
+        self.bits: Any = filled(
+            ShadowBits, light=index, triangle=answers.triangle, visibility=answers.visibility
+        )
+
+    def variant(self, kernel: wp.Kernel) -> wp.Kernel:
+        """A kernel of the stream for the class of :attr:`bits`."""
+        return kernel
+
+    def receiver_reads(self) -> tuple[str, ...]:
+        """The resources that say which pixels have a ray, beside the hits."""
+        return self.effects.receiver_reads(self.index)
 
     def passes(self, branch: int = 0) -> list[Pass]:
         """The light's passes, which may run at the same time as those of lights in another branch."""
         i = self.index
         who, build = f"light {i}", "light build"
         light, effect = f"light/{i}", f"shadows/{i}"
-        seen = ("hits", f"light aim/{i}", *self.effects.receiver_reads(i))
+        seen = ("hits", f"light aim/{i}", *self.receiver_reads())
         aim, place, rays, bits = f"light aim/{i}", f"ray places/{i}", f"ray cells/{i}", f"visibility/{i}"
         scene = ("points", "triangles", "hits", light, aim, rays, *self.effects.surface_reads())
         passes = [
@@ -161,7 +172,15 @@ class LightStream:
         wp.launch(
             specialised(light_bins.map_kernel, self.switches),
             dim=thread_count(f.width, f.height, True),
-            inputs=[self.index, f.camera, self.aims.posts, self.aims.axes, f.hits(0), self.hit, f.receivers],
+            inputs=[
+                self.index,
+                f.camera,
+                self.aims.posts,
+                self.aims.axes,
+                f.hits(0),
+                self.hit,
+                self.receivers,
+            ],
             outputs=[self.cells, f.answers.visibility],
             device=f.device,
         )
@@ -173,7 +192,7 @@ class LightStream:
         wp.launch(
             specialised(light_bins.count_kernel, self.switches),
             dim=thread_count(f.width, f.height, True),
-            inputs=[self.index, f.camera, f.hits(0), f.receivers],
+            inputs=[self.index, f.camera, f.hits(0), self.receivers],
             outputs=[cells],
             device=f.device,
         )
@@ -194,7 +213,7 @@ class LightStream:
         wp.launch(
             specialised(light_bins.scatter_kernel, self.switches),
             dim=thread_count(f.width, f.height, True),
-            inputs=[self.index, f.camera, f.hits(0), f.receivers],
+            inputs=[self.index, f.camera, f.hits(0), self.receivers],
             outputs=[self.cells],
             device=f.device,
         )
@@ -202,7 +221,7 @@ class LightStream:
     def launch_stream(self, share: int) -> None:
         f, q, build = self.frame, self.queues, self.build
         wp.launch(
-            specialised(light_stream.make_stream_kernel(q.queued), self.switches),
+            specialised(self.variant(light_stream.make_stream_kernel(q.queued)), self.switches),
             dim=q.share_threads,
             inputs=[
                 q.share(share), build.inline_cells, build.inline_rays, f.lights, self.aims.cubes, self.cells, f.mesh,
@@ -227,7 +246,7 @@ class LightStream:
     def _launch_rows(self, share: int, again: bool) -> None:
         f, q = self.frame, self.queues
         wp.launch(
-            specialised(light_queue.make_item_kernel(q.cuda, again), self.switches),
+            specialised(self.variant(light_queue.make_item_kernel(q.cuda, again)), self.switches),
             dim=q.threads,
             inputs=[q.threads, self.build.part, self.cells, f.alpha],
             outputs=[self.bits, self.queue[share]],
@@ -244,7 +263,7 @@ class LightStream:
     def launch_doubts(self, share: int) -> None:
         f, q = self.frame, self.queues
         wp.launch(
-            specialised(light_queue.doubt_kernel, self.switches),
+            specialised(self.variant(light_queue.doubt_kernel), self.switches),
             dim=q.few_threads,
             inputs=[q.few_threads, f.lights, f.camera, f.mesh, f.alpha, self.hit],
             outputs=[self.bits, self.queue[share]],

@@ -27,6 +27,7 @@ from .rays import (
     bound_of,
     float32_verdict,
     set_bit_or_doubt,
+    set_shadowed,
     stored_planes,
     test_ray,
 )
@@ -264,4 +265,4 @@ def doubt_kernel(
                 if shadowed:
                     shadowed = opaque_to_light(alpha, i, h, light, corners, weld, origin_size)
             if shadowed:
-                bits.visibility[bits.light, pair[1]] = wp.uint8(1)
+                set_shadowed(bits, pair[1], i)

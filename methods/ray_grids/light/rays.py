@@ -7,6 +7,8 @@ the order in which triangles arrive does not matter. What the planes cannot deci
 
 from __future__ import annotations
 
+from typing import Any
+
 import warp as wp
 
 from ....harness.frame.geometry import Corners
@@ -48,6 +50,16 @@ class ShadowBits:
     light: wp.int32
     triangle: wp.array(dtype=wp.int32)
     visibility: wp.array2d(dtype=wp.uint8)
+
+
+@wp.struct
+class RememberedBits:
+    """:class:`ShadowBits`, and ``last`` int32 [pixels]: 1 + the triangle that last shadowed each pixel's ray, or 0."""
+
+    light: wp.int32
+    triangle: wp.array(dtype=wp.int32)
+    visibility: wp.array2d(dtype=wp.uint8)
+    last: wp.array(dtype=wp.int32)
 
 
 @wp.func
@@ -130,16 +142,29 @@ def float32_verdict(h: wp.vec4f, occluder: Occluder) -> wp.int32:
 
 
 @wp.func
-def set_bit_or_doubt(bits: ShadowBits, verdict: wp.int32, i: wp.int32, pixel: wp.int32) -> wp.bool:
+def set_shadowed(bits: ShadowBits, pixel: wp.int32, i: wp.int32):
+    """Set the pixel's bit: triangle i shadows it."""
+    bits.visibility[bits.light, pixel] = wp.uint8(1)
+
+
+@wp.func
+def set_shadowed(bits: RememberedBits, pixel: wp.int32, i: wp.int32):
+    """Set the pixel's bit: triangle i shadows it. Of several triangles any one is remembered."""
+    bits.visibility[bits.light, pixel] = wp.uint8(1)
+    set_entry(bits.last, pixel, i + 1)
+
+
+@wp.func
+def set_bit_or_doubt(bits: Any, verdict: wp.int32, i: wp.int32, pixel: wp.int32) -> wp.bool:
     """Set the pixel's bit where the verdict is YES; of a doubtful pair, whether float64 must decide. Not for NO."""
     if verdict == YES:
-        bits.visibility[bits.light, pixel] = wp.uint8(1)
+        set_shadowed(bits, pixel, i)
         return False
     return entry(bits.triangle, pixel) != i and bits.visibility[bits.light, pixel] == wp.uint8(0)
 
 
 @wp.func
-def set_bit_or_queue(bits: ShadowBits, queue: Queue, verdict: wp.int32, i: wp.int32, h: wp.vec4f):
+def set_bit_or_queue(bits: Any, queue: Queue, verdict: wp.int32, i: wp.int32, h: wp.vec4f):
     """Set the ray's bit where the verdict is YES; queue a doubtful pair for float64. Not for NO.
 
     Few pairs are doubtful, but nearly every warp meets one; if it were decided here, all lanes of the warp would wait.
@@ -150,7 +175,7 @@ def set_bit_or_queue(bits: ShadowBits, queue: Queue, verdict: wp.int32, i: wp.in
 
 
 @wp.func
-def test_ray(bits: ShadowBits, queue: Queue, h: wp.vec4f, occluder: Occluder):
+def test_ray(bits: Any, queue: Queue, h: wp.vec4f, occluder: Occluder):
     """Test a ray against the triangle and act on the verdict of float32."""
     verdict = float32_verdict(h, occluder)
     if verdict != NO:
@@ -179,7 +204,7 @@ def stored_planes(records: wp.array2d(dtype=wp.vec4f), occluder: Occluder) -> Oc
 
 @wp.func
 def test_rays_of_row(
-    bits: ShadowBits,
+    bits: Any,
     queue: Queue,
     cells: RayCells,
     along: wp.int32,
@@ -198,7 +223,7 @@ def test_rays_of_row(
 
 @wp.func
 def test_rays_of_box(
-    bits: ShadowBits,
+    bits: Any,
     queue: Queue,
     cells: RayCells,
     along: wp.int32,

@@ -27,6 +27,15 @@ def tile_index(face: wp.int32, x: wp.int32, y: wp.int32, cells: wp.int32) -> wp.
 
 
 @wp.func
+def empty_tiles(farthest: wp.array(dtype=wp.int32), thread: wp.int32, width: wp.int32, height: wp.int32):
+    """No ray yet in any tile; by the threads of an image (:mod:`...common.pixels`)."""
+    tile = wp.int32(thread)
+    while tile < farthest.shape[0]:
+        farthest[tile] = 0
+        tile += ((width + 7) >> 3) * ((height + 3) >> 2) * 32
+
+
+@wp.func
 def raise_farthest(
     farthest: wp.array(dtype=wp.int32),
     face: wp.int32,

@@ -3,7 +3,17 @@
 from __future__ import annotations
 
 import pytest
-from shadowbench.methods.bvh2 import build_hploc, build_lbvh, careful, primary, refit, shadow, sort
+from shadowbench.methods.bvh2 import (
+    build_hploc,
+    build_lbvh,
+    careful,
+    mirrored,
+    primary,
+    ray_records,
+    refit,
+    shadow,
+    sort,
+)
 from shadowbench.methods.bvh2.parameters import Trace
 from tools.kernel_report import uses_of
 
@@ -18,13 +28,17 @@ KERNELS = {
     "hploc, wide": build_hploc.make_hploc_kernel(8, 64),
     "refit": refit.make_refit_kernel(48),
     "sort, large": sort.make_sweep_kernel(16),
-    "mirrored": careful.make_closest_kernel(48),
-    "mirrored shadows": careful.make_shadow_kernel(48),
+    "holes": careful.make_closest_kernel(48),
+    "shadows with holes": careful.make_shadow_kernel(48),
+    "mirrored, wide": mirrored.make_exact_kernel(64, 64),
     "float32 packet": primary.make_float32_kernel(True, 64, REGISTERS),
 }
 TRACED = {
     "exact": (primary.make_exact_kernel(False, 48, REGISTERS), STACK_BYTES),
     "exact packet": (primary.make_exact_kernel(True, 48, REGISTERS), 0),
+    "mirrored": (mirrored.make_exact_kernel(48, REGISTERS), STACK_BYTES),
+    "mirrored shadow": (mirrored.make_shadow_kernel("exact", 48, REGISTERS), STACK_BYTES),
+    "mirrored, float32": (mirrored.make_float32_kernel(48, REGISTERS), STACK_BYTES),
     "exact shadow": (shadow.make_shadow_kernel("exact", 48, REGISTERS), STACK_BYTES),
 }
 
@@ -40,3 +54,11 @@ def test_traced_kernels_spill_nothing(name):
     (use,) = uses_of(kernel.module).values()
     assert use.registers <= REGISTERS
     assert use.stack_bytes <= stack
+
+
+def test_kernels_of_mirrored_rays_spill_nothing():
+    found = {
+        name: use for module in (mirrored, ray_records) for name, use in uses_of(module.__name__).items()
+    }
+    assert set(found) == {"list_kernel", "resolve_kernel", "ray_kernel", "float32_ray_kernel"}
+    assert [name for name, use in found.items() if use.stack_bytes] == []

@@ -1,0 +1,210 @@
+"""Mirrored rays: a list of the pixels that have one; the traversal of each; then, in float64, the pairs that it left, t,
+weights and the origin of shadow rays; and those, of the same list.
+
+After the first bounce few pixels have a ray, spread over the image. In the list they stand side by side, so that the warps
+that trace them are full.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from ...harness.frame.geometry import Camera, Hits, Mesh, Ray, Rays
+from ...harness.frame.specialise import effects
+from ..common.entries import entry, set_entry
+from ..common.hitpoint import flat_hit_point, is_vague, plane_distance, steep_hit_point
+from ..common.reserve import reserve
+from ..common.triangle import hit_distance, hit_weights, nearer, to_float32
+from .primary import Part, Tree, pixel_at, weld_at
+from .records import triangle_corners
+from .walk_ray import make_ray_walk
+from .walk_shadow import make_shadow_walk
+
+RESOLVE_REGISTERS = 96
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def list_kernel(
+    camera: Camera,
+    part: Part,
+    rays: Rays,
+    hits: Hits,
+    count: wp.array(dtype=wp.int32),
+    listed: wp.array(dtype=wp.int32),
+):
+    """One thread per pixel, 8 x 4 per warp: the pixels that have a ray; all others miss."""
+    at = pixel_at(camera, part, wp.tid())
+    if at[0] < 0:
+        return
+    pixel = at[1] * camera.width + at[0]
+    if entry(rays.active, pixel) != wp.uint8(0):
+        set_entry(listed, reserve(count, 0, 1), pixel)
+    else:
+        set_entry(hits.triangle, pixel, -1)
+        set_entry(hits.t, pixel, wp.float32(wp.INF))
+        set_entry(hits.u, pixel, 0.0)
+        set_entry(hits.v, pixel, 0.0)
+
+
+@functools.cache
+def make_exact_kernel(node_bytes: int, registers: int) -> Any:
+    """One thread per listed pixel: the certain closest hit (-1: none), and its chain of doubts."""
+    walk = make_ray_walk("exact", node_bytes)
+
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=registers)
+    def exact_kernel(
+        count: wp.array(dtype=wp.int32),
+        listed: wp.array(dtype=wp.int32),
+        rays: Rays,
+        tree: Tree,
+        records: wp.array(dtype=wp.vec4f),
+        counts: wp.array(dtype=wp.int32),
+        doubts: wp.array(dtype=wp.vec2i),
+        found: wp.array(dtype=wp.vec2i),
+    ):
+        k = wp.tid()
+        if k >= entry(count, 0):
+            return
+        pixel = entry(listed, k)
+        walked = walk(
+            entry(rays.origin, pixel), entry(rays.direction, pixel), tree.nodes, tree.root, records, counts, doubts
+        )  # fmt: skip
+        set_entry(found, k, wp.vec2i(wp.cast(walked[3], wp.int32), wp.cast(walked[2], wp.int32)))
+
+    return exact_kernel
+
+
+@functools.cache
+def make_float32_kernel(node_bytes: int, registers: int) -> Any:
+    """One thread per listed pixel: answers in float32, and the origins of shadow rays."""
+    walk = make_ray_walk("float32", node_bytes)
+
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=registers)
+    def float32_kernel(
+        count: wp.array(dtype=wp.int32),
+        listed: wp.array(dtype=wp.int32),
+        rays: Rays,
+        tree: Tree,
+        records: wp.array(dtype=wp.vec4f),
+        counts: wp.array(dtype=wp.int32),
+        doubts: wp.array(dtype=wp.vec2i),
+        hits: Hits,
+        start: wp.array(dtype=wp.vec3f),
+    ):
+        k = wp.tid()
+        if k >= entry(count, 0):
+            return
+        pixel = entry(listed, k)
+        found = walk(
+            entry(rays.origin, pixel), entry(rays.direction, pixel), tree.nodes, tree.root, records, counts, doubts
+        )  # fmt: skip
+        best = wp.cast(found[3], wp.int32)
+        distance = wp.float32(wp.INF)
+        if best >= 0:
+            distance = found[0]
+            set_entry(start, pixel, entry(rays.origin, pixel) + entry(rays.direction, pixel) * distance)
+        set_entry(hits.triangle, pixel, best)
+        set_entry(hits.t, pixel, distance)
+        set_entry(hits.u, pixel, found[1])
+        set_entry(hits.v, pixel, found[2])
+
+    return float32_kernel
+
+
+@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=RESOLVE_REGISTERS)
+def resolve_kernel(
+    count: wp.array(dtype=wp.int32),
+    listed: wp.array(dtype=wp.int32),
+    rays: Rays,
+    mesh: Mesh,
+    doubts: wp.array(dtype=wp.vec2i),
+    found: wp.array(dtype=wp.vec2i),
+    hits: Hits,
+    start: wp.array(dtype=wp.vec3f),
+):
+    """The nearest of the certain hit and the doubtful ones; its t, weights and hit point in float64."""
+    k = wp.tid()
+    if k >= entry(count, 0):
+        return
+    pixel = entry(listed, k)
+    certain = entry(found, k)
+    best = certain[0]
+    last = certain[1]
+    ray = Ray(entry(rays.origin, pixel), entry(rays.direction, pixel))
+    if last >= 0:
+        nearest = wp.float64(wp.INF)
+        if best >= 0:
+            nearest = plane_distance(ray, triangle_corners(mesh, best))
+        while last >= 0:
+            doubt = entry(doubts, last)
+            last = doubt[1]
+            i = doubt[0]
+            t = hit_distance(ray, triangle_corners(mesh, i), weld_at(mesh, i))
+            if t > wp.float64(0.0) and nearer(mesh, t, i, nearest, best):
+                nearest = t
+                best = i
+    distance32 = wp.float32(wp.INF)
+    uv = wp.vec2f()
+    point = wp.vec3d()
+    flat = wp.bool(False)
+    # Nothing is written before all is computed: after a store the compiler would read and widen the corners again.
+    if best >= 0:
+        corners = triangle_corners(mesh, best)
+        distance64 = plane_distance(ray, corners)
+        distance32 = wp.float32(distance64)
+        uv = hit_weights(ray, corners, weld_at(mesh, best))
+        point = steep_hit_point(ray, distance64, corners)
+        flat = is_vague(ray, corners)
+    set_entry(hits.triangle, pixel, best)
+    set_entry(hits.t, pixel, distance32)
+    set_entry(hits.u, pixel, uv[0])
+    set_entry(hits.v, pixel, uv[1])
+    set_entry(start, pixel, to_float32(point))
+    if flat:
+        again = triangle_corners(mesh, best)
+        set_entry(start, pixel, to_float32(flat_hit_point(ray, plane_distance(ray, again), again)))
+
+
+@functools.cache
+def make_shadow_kernel(precision: str, node_bytes: int, registers: int) -> Any:
+    """One thread per listed pixel: the shadow bit of its hit as far as float32 decides it, and doubts. Bits of other pixels
+    stay."""
+    walk = make_shadow_walk(precision, node_bytes)
+
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=registers)
+    def shadow_kernel(
+        count: wp.array(dtype=wp.int32),
+        listed: wp.array(dtype=wp.int32),
+        light: wp.int32,
+        lights: wp.array(dtype=wp.vec3f),
+        tree: Tree,
+        records: wp.array(dtype=wp.vec4f),
+        sides: wp.array(dtype=wp.vec4f),
+        reach: wp.array(dtype=wp.float32),
+        extent: wp.array(dtype=wp.float32),
+        hits: Hits,
+        starts: wp.array(dtype=wp.vec3f),
+        receivers: wp.array2d(dtype=wp.uint8),
+        counts: wp.array(dtype=wp.int32),
+        doubts: wp.array(dtype=wp.vec2i),
+        visibility: wp.array2d(dtype=wp.uint8),
+    ):
+        k = wp.tid()
+        if k >= entry(count, 0):
+            return
+        pixel = entry(listed, k)
+        hit = entry(hits.triangle, pixel)
+        wanted = hit >= 0
+        if wp.static(effects.receivers):
+            wanted = wanted and receivers[light, pixel] != wp.uint8(0)
+        if wanted:
+            bit = walk(
+                entry(starts, pixel), entry(lights, light), hit, pixel, reach, extent, tree.nodes, tree.root, records,
+                sides, counts, doubts,
+            )  # fmt: skip
+            visibility[light, pixel] = wp.uint8(bit)
+
+    return shadow_kernel

@@ -1,0 +1,187 @@
+"""The last frame's occluder of each ray, tested again before the ray is placed in the light's grid.
+
+What shadows a ray mostly shadows the ray of the same pixel in the next frame, too. The triangle is tested in this frame's
+positions, by planes in float32 as the stream tests it. If it certainly occludes the ray, the bit is set and the ray gets
+no place in the grid; every other ray goes the usual way. So no answer depends on what is remembered, whatever that is:
+an index of no triangle is passed over.
+"""
+
+from __future__ import annotations
+
+import functools
+import types
+from dataclasses import replace
+from typing import Any
+
+import warp as wp
+
+from ....harness.frame.alpha import Alpha
+from ....harness.frame.frame import Frame
+from ....harness.frame.geometry import Camera, Hits, Mesh, filled
+from ....harness.frame.passes import Pass
+from ....harness.frame.specialise import effects, specialised
+from ...common.entries import entry, set_entry
+from ...common.pixels import thread_count, tile_pixel
+from ...common.triangle import largest, to_float32
+from ..fetch import corners_at
+from ..queues import BLOCK_DIM
+from .passes import LightStream
+from .rays import YES, Occluder, RememberedBits, float32_verdict, set_planes, sign_bound
+
+
+@wp.func
+def has_holes(alpha: Alpha, i: wp.int32) -> wp.bool:
+    """Whether triangle i (any number) has holes."""
+    return i >= 0 and i < alpha.masked.shape[0] and alpha.masked[i] != wp.uint8(0)
+
+
+@wp.func
+def certainly_occludes(
+    i: wp.int32, own: wp.int32, h: wp.vec3f, eye: wp.vec3f, light: wp.vec3f, mesh: Mesh
+) -> wp.bool:
+    """Whether triangle i of the mesh (any number) certainly occludes the ray of a pixel that hit triangle ``own`` at h.
+
+    The bound covers this one hit point. With the eye in it, it exceeds the error of the float64 hit point, in which
+    float64 would find the triangle's plane (:func:`...common.hitpoint.hit_error`).
+    """
+    if i < 0 or i >= mesh.triangles.shape[0] or i == own:
+        return False
+    if entry(mesh.valid, i) == wp.uint8(0):
+        return False
+    corners = corners_at(mesh, i)
+    size = wp.max(largest(corners.a), wp.max(largest(corners.b), largest(corners.c)))
+    occluder = Occluder()
+    occluder.i = i
+    occluder.bound = sign_bound(wp.max(size, wp.max(largest(h), largest(eye))))
+    occluder.sure = occluder.bound
+    return float32_verdict(wp.vec4f(h[0], h[1], h[2], 0.0), set_planes(occluder, light, corners)) == YES
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def settle_kernel(
+    light: wp.int32,
+    camera: Camera,
+    lights: wp.array(dtype=wp.vec3f),
+    mesh: Mesh,
+    alpha: Alpha,
+    hits: Hits,
+    hit_points: wp.array(dtype=wp.vec3d),
+    receivers: wp.array2d(dtype=wp.uint8),
+    last: wp.array(dtype=wp.int32),
+    sought: wp.array2d(dtype=wp.uint8),
+    visibility: wp.array2d(dtype=wp.uint8),
+):
+    """Bits of the rays that their remembered occluder settles, 0 for others. An occluder that fails is forgotten.
+
+    sought: uint8 [lights, pixels]: 1 = the pixel has a ray, to be placed in the grid. A pass of its own: in the pass that
+    maps rays, the registers of this test would halve the number of threads.
+    """
+    at = tile_pixel(wp.tid(), camera.width, camera.height)
+    if at[0] < 0:
+        return
+    pixel = at[1] * camera.width + at[0]
+    own = entry(hits.triangle, pixel)
+    remembered = entry(last, pixel)
+    wanted = own >= 0
+    if wp.static(effects.receivers):
+        wanted = receivers[light, pixel] != wp.uint8(0)
+    bit = wp.uint8(0)
+    if wanted and remembered != 0:
+        i = remembered - 1
+        holes = wp.bool(False)
+        if wp.static(effects.alpha):
+            holes = has_holes(alpha, i)
+        h = to_float32(hit_points[pixel])
+        if not holes and certainly_occludes(i, own, h, camera.eye[0], lights[light], mesh):
+            bit = wp.uint8(1)
+            wanted = False
+        else:
+            set_entry(last, pixel, 0)
+    visibility[light, pixel] = bit
+    sought[light, pixel] = wp.uint8(wanted)
+
+
+@functools.cache
+def remembering(kernel: wp.Kernel) -> wp.Kernel:
+    """A kernel of the stream, its ``bits`` those that remember the occluder."""
+    function = kernel.func
+    copy = types.FunctionType(
+        function.__code__,
+        function.__globals__,
+        function.__name__,
+        function.__defaults__,
+        function.__closure__,
+    )
+    copy.__annotations__ = {**function.__annotations__, "bits": RememberedBits}
+    copy.__module__, copy.__qualname__ = function.__module__, function.__qualname__
+    copy.__doc__ = function.__doc__
+    return wp.kernel(copy, module="unique", **kernel.options)
+
+
+def occluder_arrays(frame: Frame) -> dict[str, wp.array]:
+    """The arrays that the lights of a frame share: see :class:`RememberingLight`. No occluder is known yet."""
+    shape = (frame.light_count, frame.pixels)
+    with wp.ScopedDevice(frame.device):
+        return {"sought": wp.zeros(shape, dtype=wp.uint8), "last": wp.zeros(shape, dtype=wp.int32)}
+
+
+class RememberingLight(LightStream):
+    """Shadow rays of one light that tests the last frame's occluders first.
+
+    sought uint8 [lights, pixels]: rays that are placed in the grid; last int32 [lights, pixels]: 1 + the occluder, or 0.
+    Both belong to all lights; the second is kept from frame to frame.
+    """
+
+    def __init__(self, frame: Frame, index: int, *given: Any, sought: wp.array, last: wp.array):
+        super().__init__(frame, index, *given)
+        self.sought, self.last = sought, last[index]
+        self.given = self.switches
+        self.receivers = sought
+        self.switches = replace(self.switches, receivers=True)
+        self.bits = filled(
+            RememberedBits,
+            light=index,
+            triangle=self.bits.triangle,
+            visibility=self.bits.visibility,
+            last=self.last,
+        )
+
+    def settled(self) -> int:
+        """Rays of the last frame that their remembered occluder still shadowed."""
+        bits = self.frame.answers.visibility[self.index].numpy()
+        return int(((bits == 1) & (self.sought[self.index].numpy() == 0)).sum())
+
+    def variant(self, kernel: wp.Kernel) -> wp.Kernel:
+        return remembering(kernel)
+
+    def receiver_reads(self) -> tuple[str, ...]:
+        return (f"rays sought/{self.index}",)
+
+    def passes(self, branch: int = 0) -> list[Pass]:
+        """The light's passes: the rays' places follow from the occluders, which the stream's steps write."""
+        i, made = self.index, super().passes(branch)
+        memory, bits, effect = f"occluders/{i}", f"visibility/{i}", f"shadows/{i}"
+        reads = ("points", "triangles", "camera", "hits", f"light/{i}", memory, *self.effects.surface_reads())
+        settle = Pass(
+            f"light {i}: last occluders",
+            "shadow",
+            (*reads, *self.effects.receiver_reads(i)),
+            (memory, *self.receiver_reads(), bits),
+            self.launch_settle,
+            effect,
+            branch=(branch,),
+        )
+        made = [replace(w, writes=(*w.writes, memory)) if bits in w.reads else w for w in made]
+        place = next(k for k, work in enumerate(made) if not work.ahead)
+        return [*made[:place], settle, *made[place:]]
+
+    def launch_settle(self) -> None:
+        f = self.frame
+        wp.launch(
+            specialised(settle_kernel, self.given),
+            dim=thread_count(f.width, f.height, True),
+            inputs=[self.index, f.camera, f.lights, f.mesh, f.alpha, f.hits(0), self.hit, f.receivers],
+            outputs=[self.last, self.sought, f.answers.visibility],
+            device=f.device,
+            block_dim=BLOCK_DIM,
+        )

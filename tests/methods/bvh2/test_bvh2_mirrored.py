@@ -1,0 +1,143 @@
+"""Mirrored rays of the tree: what float32 accepts and rejects is float64's verdict, and float32 decides nearly all."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers.brute_force import soup
+from helpers.mirror_scenes import answered, hall_of_mirrors
+from helpers.ray_trials import PLAIN, SIDE, answers_of, session_of
+from numpy.typing import NDArray
+from shadowbench.methods.bvh2 import mirrored, walk_ray
+
+RAYS = SIDE * SIDE
+Mesh = tuple[NDArray, NDArray]
+
+
+def stretched(mesh: Mesh, by: tuple[float, float, float], to: float = 0.0) -> Mesh:
+    """A mesh scaled along each axis, then moved."""
+    return np.asarray(mesh[0], np.float64).reshape(-1, 3) * by + to, mesh[1]
+
+
+def twice(mesh: Mesh) -> Mesh:
+    """Every triangle in its place a second time, turned over."""
+    return mesh[0], np.concatenate([mesh[1], mesh[1][:, ::-1]])
+
+
+def fans(size: float = 1.0) -> Mesh:
+    """Flat squares of many triangles that meet at one corner, one above the other."""
+    ring = np.linspace(0, 2 * np.pi, 25)[:-1]
+    rim = np.stack([np.cos(ring), np.zeros_like(ring), np.sin(ring)], axis=-1)
+    points = np.concatenate([np.concatenate([rim, [[0.0, 0.0, 0.0]]]) + [0, h, 0] for h in (-0.5, 0.0, 0.7)])
+    k = np.arange(24)
+    faces = np.concatenate([np.stack([k, (k + 1) % 24, np.full(24, 24)], axis=-1) + 25 * n for n in range(3)])
+    return points * size, faces
+
+
+def turned(mesh: Mesh) -> Mesh:
+    """Flattened into floors and walls, then turned by a quarter as float32 knows its cosine: zeros become noise."""
+    points = np.asarray(mesh[0], np.float64).reshape(-1, 3, 3)
+    points = np.where(np.arange(3) == np.arange(len(points))[:, None, None] % 3, points[:, :1], points)
+    cosine = float(np.float32(np.cos(np.float32(np.pi / 2))))
+    return points @ np.array([[1, 0, 0], [0, cosine, 1], [0, -1, cosine]]), mesh[1]
+
+
+MESHES = {
+    "soup": soup(3, 200),
+    "small triangles": soup(4, 300, size=0.02),
+    "slivers": stretched(soup(5, 200), (1.0, 1.0, 1e-5)),
+    "flatter than float32 knows": stretched(soup(6, 200), (1.0, 1e-9, 1.0)),
+    "far from the origin": stretched(soup(7, 200), (1.0, 1.0, 1.0), 1e4),
+    "tiny": stretched(soup(8, 200), (1e-12, 1e-12, 1e-12)),
+    "huge": stretched(soup(9, 200), (1e12, 1e12, 1e12)),
+    "beyond float32's squares": stretched(soup(10, 200), (1e20, 1e20, 1e20)),
+    "in one place twice": twice(soup(11, 100)),
+    "fans": fans(),
+    "fans off the origin": stretched(fans(), (1.0, 1.0, 1.0), 3.3),
+    "noise of an exporter": turned(soup(12, 200)),
+}
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_hard_rays_are_decided_as_by_all_triangles_in_float64(name, device):
+    walked, wanted, _ = answers_of(session_of(*MESHES[name], {}, device), 1)
+    assert (wanted["triangle"] >= 0).sum() > RAYS / 20
+    for key, values in wanted.items():
+        np.testing.assert_array_equal(walked[key], values, key)
+
+
+@pytest.mark.parametrize(
+    "settings", [{"node_bytes": "64", "builder": "lbvh"}, {"update": "refit"}, {"threads": "3"}]
+)
+def test_settings_change_no_answer(settings, device):
+    walked, wanted, _ = answers_of(session_of(*MESHES["soup"], settings, device), 2)
+    for key, values in wanted.items():
+        np.testing.assert_array_equal(walked[key], values, key)
+
+
+@pytest.mark.parametrize(
+    "name", ["soup", "small triangles", "far from the origin", "huge", "noise of an exporter"]
+)
+def test_float32_decides_nearly_all_plain_rays(name, device):
+    """Of each ray, which meets many boxes and up to 200 triangles."""
+    _, _, doubts = answers_of(session_of(*MESHES[name], {}, device), 3, [PLAIN])
+    assert doubts < 0.05 * RAYS
+
+
+FAULTS = {
+    "weights": ("weight_units = ", "weight_units = 0.0f * "),
+    "heights and slopes": ("plane_units = ", "plane_units = 0.0f * "),
+}
+
+
+@pytest.fixture
+def planted(request, monkeypatch):
+    """The walk of an exact tree without one of its bounds."""
+    made = (walk_ray.make_ray_walk, mirrored.make_exact_kernel)
+    before, after = FAULTS[request.param]
+    assert before in walk_ray.EXACT_BEGIN
+    monkeypatch.setattr(walk_ray, "EXACT_BEGIN", walk_ray.EXACT_BEGIN.replace(before, after))
+    for factory in made:
+        factory.cache_clear()
+    yield request.param
+    for factory in made:
+        factory.cache_clear()
+
+
+def wrong_answers(device: str) -> int:
+    wrong = 0
+    for name in ("soup", "in one place twice", "fans", "fans off the origin"):
+        session = session_of(*MESHES[name], {}, device)
+        for seed in range(3):
+            walked, wanted, _ = answers_of(session, seed)
+            wrong += int((walked["triangle"] != wanted["triangle"]).sum())
+    return wrong
+
+
+@pytest.mark.parametrize("planted", ["weights", "heights and slopes"], indirect=True)
+def test_a_walk_without_a_bound_is_found(planted, device):
+    assert wrong_answers(device) > 0
+
+
+def test_no_fault_is_found_where_none_is(device):
+    assert wrong_answers(device) == 0
+
+
+def test_float32_traces_mirrored_rays_in_float32(device):
+    prepared = hall_of_mirrors()
+    _, exact = answered("bvh2", {}, prepared, device)
+    _, got = answered("bvh2", {"precision": "float32"}, prepared, device)
+    same = got["bounce_triangle"] == exact["bounce_triangle"]
+    assert same.mean() > 0.97
+    hit = same & (exact["bounce_triangle"] >= 0)
+    np.testing.assert_allclose(got["bounce_t"][hit], exact["bounce_t"][hit], rtol=1e-3)
+    assert (got["bounce_t"][hit] != exact["bounce_t"][hit]).any()
+
+
+def test_pixels_without_a_ray_are_misses(device):
+    _, got = answered("bvh2", {}, hall_of_mirrors(), device)
+    without = got["bounce_active"] == 0
+    assert without.any()
+    assert (got["bounce_triangle"][without] == -1).all()
+    assert np.isinf(got["bounce_t"][without]).all()
+    assert (got["bounce_u"][without] == 0).all()

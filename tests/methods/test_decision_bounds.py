@@ -1,0 +1,96 @@
+"""The bounds of the float64 ray test: as sharp where coordinates differ in size as where they do not, and wide enough.
+
+A power of two for each axis changes no bit of any product, sum or bound of sizes of components. So what a ray hits is the
+same afterwards. A bound by the largest coordinate grows with the most stretched axis.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import warp as wp
+from shadowbench.harness.frame.geometry import Corners, Ray
+from shadowbench.methods.common.triangle import hit_distance
+
+COUNT = 20_000
+
+
+@wp.kernel
+def distance_kernel(
+    origins: wp.array(dtype=wp.vec3f),
+    directions: wp.array(dtype=wp.vec3f),
+    corners: wp.array2d(dtype=wp.vec3f),
+    weld: wp.array(dtype=wp.vec3i),
+    found: wp.array(dtype=wp.float64),
+):
+    i = wp.tid()
+    triangle = Corners(corners[i, 0], corners[i, 1], corners[i, 2])
+    found[i] = hit_distance(Ray(origins[i], directions[i]), triangle, weld[i])
+
+
+def distances(origins: np.ndarray, directions: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """t of every ray with its own triangle, or -1."""
+    weld = np.random.default_rng(5).random((len(corners), 3)).argsort(axis=1)
+    inputs = [
+        wp.array(np.float32(rows), dtype=kind, device="cpu")
+        for rows, kind in ((origins, wp.vec3f), (directions, wp.vec3f), (corners, wp.vec3f))
+    ]
+    inputs.append(wp.array(weld, dtype=wp.vec3i, device="cpu"))
+    found = wp.zeros(len(corners), dtype=wp.float64, device="cpu")
+    wp.launch(distance_kernel, dim=len(corners), inputs=inputs, outputs=[found], device="cpu")
+    return found.numpy()
+
+
+def rays_at_edges(random: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Triangles and rays that pass an edge of theirs at shares of 2^-10 to 2^-29 of their size, on either side."""
+    corners = np.float32(random.normal(size=(COUNT, 3, 3)))
+    origins = np.float32(random.normal(size=(COUNT, 3)) * 3)
+    share, off = (
+        random.uniform(size=COUNT),
+        random.choice([-1.0, 1.0], COUNT) * 2.0 ** -random.uniform(10, 29, COUNT),
+    )
+    weights = np.stack([share * (1 - off), (1 - share) * (1 - off), off], axis=1)
+    # A long way to the point: the rounding of the direction is then less than what the ray is beside the edge.
+    targets = np.einsum("ij,ijk->ik", weights, corners.astype(np.float64))
+    return origins, np.float32(targets - origins), corners
+
+
+def eyes_at_planes(random: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Triangles seen from inside them, at heights of 2^-2 to 2^-20 of their size."""
+    corners = np.float32(random.normal(size=(COUNT, 3, 3)))
+    weights = random.dirichlet((1, 1, 1), COUNT)
+    height = random.choice([-1.0, 1.0], COUNT) * 2.0 ** -random.uniform(2, 20, COUNT)
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    origins = np.einsum("ij,ijk->ik", weights, corners) + normal * height[:, None]
+    return np.float32(origins), np.float32(-normal * np.sign(height)[:, None]), corners
+
+
+@pytest.mark.parametrize("rays", [rays_at_edges, eyes_at_planes])
+@pytest.mark.parametrize("powers", [(30, 0, 0), (0, -25, 25), (-20, 20, -40)])
+def test_axes_of_unlike_scale_change_no_answer(rays, powers) -> None:
+    origins, directions, corners = rays(np.random.default_rng(3))
+    plain = distances(origins, directions, corners)
+    factors = np.float32(2.0) ** np.float32(powers)
+    np.testing.assert_array_equal(
+        distances(origins * factors, directions * factors, corners * factors), plain
+    )
+    assert 0.2 < (plain > 0).mean() <= 1.0
+
+
+def test_an_eye_on_a_corner_or_in_the_plane_sees_nothing() -> None:
+    """t is 0, whatever the sizes of the coordinates: in all of these the rounded height is not always 0."""
+    random = np.random.default_rng(9)
+    corners = np.float32(
+        10.0 ** random.uniform(-8, 8, (COUNT, 3, 3)) * random.choice([-1.0, 1.0], (COUNT, 3, 3))
+    )
+    directions = np.float32(random.normal(size=(COUNT, 3)))
+    for corner in range(3):
+        np.testing.assert_array_equal(distances(corners[:, corner], directions, corners), -1.0)
+    # Whole numbers in a plane, moved off 0 by some that are exact too: the height is exactly 0.
+    whole = random.integers(-999, 1000, (COUNT, 3, 3)).astype(np.float64)
+    place = random.integers(-9, 10, (COUNT, 2))
+    e, f = whole[:, 1] - whole[:, 0], whole[:, 2] - whole[:, 0]
+    within = whole[:, 0] + place[:, :1] * e + place[:, 1:] * f
+    factors = 2.0 ** random.integers(-30, 30, (COUNT, 1, 3))
+    tilted = np.float32(factors * whole), np.float32(factors[:, 0] * within)
+    np.testing.assert_array_equal(distances(tilted[1], directions, tilted[0]), -1.0)
