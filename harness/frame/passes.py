@@ -34,6 +34,8 @@ class Pass:
     adds    whether it only adds to what it writes (atomics, bits that stay set), so that another pass may do so
             concurrently
     only_if int32 [1] on the device: the pass is launched only if it is not 0 (set by the harness inside the frame)
+    reached int32 [1] on the device, of a pass that marks the receivers of a light: not 0 if the light has any. The harness
+            makes it the condition of the light's passes
     """
 
     name: str
@@ -47,6 +49,7 @@ class Pass:
     branch: tuple[int, ...] = ()
     adds: bool = False
     only_if: wp.array | None = None
+    reached: wp.array | None = None
 
     def __post_init__(self) -> None:
         if self.part not in PARTS:

@@ -1,4 +1,4 @@
-"""Receivers: the hits that have a shadow ray to a light. A pass of the harness marks them for every method.
+"""Receivers: the hits that have a shadow ray to a light. A pass of the harness marks them, unless a method does.
 
 The rule and its float64 arithmetic are those of :mod:`.judge.receivers`. The hit point is computed again from the
 triangle of the answer, so that the mask does not depend on a method's own t. The pass clears the light's row of shadow
@@ -8,6 +8,7 @@ bits and records on the device whether the light has any receiver. If not, the l
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import warp as wp
@@ -15,7 +16,7 @@ import warp as wp
 from ..scene.effects import Effects, Switches
 from ..scene.spotlight import DOUBT
 from .frame import Frame
-from .geometry import Camera, Hits, Mesh, Rays, corners_of, mirrored_ray, ray_of
+from .geometry import Camera, Corners, Hits, Mesh, Ray, Rays, corners_of, mirrored_ray, ray_of
 from .passes import Pass
 from .specialise import effects, specialised
 from .vectors import largest, to_float64
@@ -55,6 +56,32 @@ def faces(n: wp.vec3d, size: wp.float64, seen: wp.vec3d, lit: wp.vec3d) -> wp.bo
     return not (sure_e and sure_l and ((side_e > wp.float64(0.0)) != (side_l > wp.float64(0.0))))
 
 
+@wp.func
+def receives(
+    light: wp.int32,
+    facing: wp.bool,
+    ray: Ray,
+    corners: Corners,
+    lights: wp.array(dtype=wp.vec3f),
+    spots: wp.array2d(dtype=wp.float64),
+) -> wp.bool:
+    """Whether the hit of a ray on a triangle has a shadow ray to a light."""
+    a = to_float64(corners.a)
+    e = to_float64(corners.b) - a
+    f = to_float64(corners.c) - a
+    n = wp.cross(e, f)
+    o = to_float64(ray.origin)
+    d = to_float64(ray.direction)
+    place = to_float64(lights[light])
+    wanted = wp.bool(True)
+    if facing:
+        wanted = faces(n, largest(e) * largest(f) * DOUBT64, o - a, place - a)
+    if wanted:
+        t = wp.dot(n, a - o) / wp.dot(n, d)
+        wanted = in_spot(spots, light, o + d * t - place)
+    return wanted
+
+
 @wp.kernel(enable_backward=False)
 def receivers_kernel(
     light: wp.int32,
@@ -76,28 +103,19 @@ def receivers_kernel(
     if hit < 0:
         receivers[light, pixel] = wp.uint8(0)
         return
-    corners = corners_of(mesh, hit)
-    a = to_float64(corners.a)
-    e = to_float64(corners.b) - a
-    f = to_float64(corners.c) - a
-    n = wp.cross(e, f)
     ray = ray_of(camera, pixel)
     if wp.static(effects.bounced):
         ray = mirrored_ray(rays, pixel)
-    o = to_float64(ray.origin)
-    d = to_float64(ray.direction)
-    place = to_float64(lights[light])
-    t = wp.dot(n, a - o) / wp.dot(n, d)
-    wanted = in_spot(spots, light, o + d * t - place)
-    if facing and wanted:
-        wanted = faces(n, largest(e) * largest(f) * DOUBT64, o - a, place - a)
+    wanted = receives(light, facing, ray, corners_of(mesh, hit), lights, spots)
     receivers[light, pixel] = wp.uint8(wanted)
     if wanted and reached[0] == 0:
         reached[0] = 1  # all threads write the same value
 
 
-def receiver_passes(frame: Frame, effects: Effects) -> list[Pass]:
-    """One pass per bounce and per light to which only some hit points have a shadow ray."""
+def receiver_passes(frame: Frame, effects: Effects, planned: Sequence[Pass] = ()) -> list[Pass]:
+    """One pass per bounce and per light to which only some hit points have a shadow ray, unless a ``planned`` pass marks
+    them."""
+    marked = {name for work in planned for name in work.writes}
 
     def launch(light: int, bounce: int) -> None:
         reached = reached_by(frame, light, bounce)
@@ -126,28 +144,30 @@ def receiver_passes(frame: Frame, effects: Effects) -> list[Pass]:
             (*effects.receiver_reads(i, b), f"visibility/{i}/{b}" if b else f"visibility/{i}"),
             lambda i=i, b=b: launch(i, b),  # type: ignore[misc]
             effect="receivers" if b == 0 else "mirror",
+            reached=reached_by(frame, i, b),
         )
         for b in range(effects.bounces + 1)
         for i in range(len(effects.shadows))
-        if effects.has_receivers(i)
+        if effects.has_receivers(i) and marked.isdisjoint(effects.receiver_reads(i, b))
     ]
 
 
-def skippable(passes: list[Pass], frame: Frame, effects: Effects) -> list[Pass]:
-    """The same passes; those of a light with a mask of receivers get the condition that the light has a receiver.
+def skippable(passes: list[Pass], effects: Effects) -> list[Pass]:
+    """The same passes; those of a light with a mask of receivers get the condition that the light has a receiver, if the
+    pass that marks them says so (:attr:`.passes.Pass.reached`).
 
     If rays bounce, the structure that a method builds for a light serves the hits of every bounce. So only the tracing
     passes, which read the receivers of their own hits, get the condition. In a captured graph, passes with scratch memory
     always run; without receivers they process the data of the last traced frame, and their results are not read. Passes
     listed before the receivers are found always run too: the condition would be that of the last frame.
     """
-    # One array per condition: neighbouring passes with the same condition form one branch.
     given: dict[str | None, tuple[str, wp.array]] = {}
+    for marking in passes:
+        for name in marking.writes:
+            if marking.reached is not None and name.startswith("receivers/"):
+                given[name] = name, marking.reached
     for i in range(len(effects.shadows)):
-        for b in range(effects.bounces + 1):
-            for receivers in effects.receiver_reads(i, b):
-                given[receivers] = receivers, reached_by(frame, i, b)
-        if effects.has_receivers(i) and not effects.bounces:
+        if f"receivers/{i}" in given and not effects.bounces:
             given[f"shadows/{i}"] = given[f"receivers/{i}"]
 
     result: list[Pass] = []

@@ -70,10 +70,10 @@ class Session(PassRunner):
         self.capturable = self.method.capturable
         added = [
             *mirror_passes(self.frame, self.effects),
-            *receiver_passes(self.frame, self.effects),
+            *receiver_passes(self.frame, self.effects, planned),
             *shading_passes(self.frame, self.effects),
         ]
-        self.planned = skippable(arranged(planned, added), self.frame, self.effects)
+        self.planned = skippable(arranged(planned, added), self.effects)
         self.all_passes = live(self.planned, wanted_of(self.effects))
         self.passes = self.all_passes
 

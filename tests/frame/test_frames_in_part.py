@@ -232,7 +232,8 @@ def test_what_runs_in_any_case_leaves_no_bit_where_nothing_receives(name, settin
             session.frame.answers.poison()
             session.replay()
             assert not session.overflowed()
-            assert session.frame.reached.numpy()[0] == (k == 0)
+            if any(work.only_if is not None for work in session.passes):
+                assert session.frame.reached.numpy()[0] == (k == 0)
             session.method.counters()
             for key, values in session.frame.answers.to_host().items():
                 np.testing.assert_array_equal(values, wanted[k][key], f"{key}, {k} of {order}")

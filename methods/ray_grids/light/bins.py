@@ -101,6 +101,18 @@ def cells_in_use(rectangle: wp.array(dtype=wp.int32), cells: wp.vec2i) -> wp.int
     return chosen
 
 
+@wp.func
+def place_ray(
+    wanted: wp.bool, pixel: wp.int32, hit: wp.vec3d, light: wp.vec3f, axes: wp.mat33d, cells: RayCells
+):
+    """Place the ray of a pixel that has one (``wanted``). All threads of a block must call it."""
+    p = place_and_record(wanted, hit, light, axes, cells.rectangle)
+    if wanted:
+        set_entry(cells.place, pixel, p)
+        h = to_float32(hit)
+        set_entry(cells.point, pixel, wp.vec4f(h[0], h[1], h[2], wp.cast(pixel, wp.float32)))
+
+
 @wp.kernel(enable_backward=False, grid_stride=False)
 def map_kernel(
     light: wp.int32,
@@ -131,11 +143,7 @@ def map_kernel(
             wanted = entry(hits.triangle, pixel) >= 0
         if wanted:
             hit = hit_points[pixel]
-    p = place_and_record(wanted, hit, lights[light], axes[light], cells.rectangle)
-    if wanted:
-        set_entry(cells.place, pixel, p)
-        h = to_float32(hit)
-        set_entry(cells.point, pixel, wp.vec4f(h[0], h[1], h[2], wp.cast(pixel, wp.float32)))
+    place_ray(wanted, pixel, hit, lights[light], axes[light], cells)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)

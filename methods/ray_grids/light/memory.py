@@ -129,8 +129,10 @@ class RememberingLight(LightStream):
     """Shadow rays of one light that tests the last frame's occluders first.
 
     sought uint8 [lights, pixels]: rays that are placed in the grid; last int32 [lights, pixels]: 1 + the occluder, or 0.
-    Both belong to all lights; the second is kept from frame to frame.
+    Both belong to all lights; the second is kept from frame to frame. The harness marks the receivers.
     """
+
+    marks = False
 
     def __init__(self, frame: Frame, index: int, *given: Any, sought: wp.array, last: wp.array):
         super().__init__(frame, index, *given)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
+from typing import Any, ClassVar
 
 import warp as wp
 
 from ....harness.frame.frame import Frame
 from ....harness.frame.geometry import filled
 from ....harness.frame.passes import Pass
+from ....harness.frame.receivers import reached_by
 from ....harness.frame.specialise import specialised
 from ....harness.scene.effects import Effects
 from ...common.pixels import thread_count
@@ -21,6 +22,7 @@ from ..warps import LANES
 from . import bins as light_bins
 from . import queue as light_queue
 from . import reach as light_reach
+from . import receivers as light_receivers
 from . import stream as light_stream
 from .bins import RayCells
 from .rays import ShadowBits
@@ -68,7 +70,13 @@ def cell_arrays(frame: Frame, build: Streams, sorted_rays: bool = True) -> dict[
 
 
 class LightStream:
-    """Shadow rays of one light. ``arrays``: of :func:`cell_arrays`; hit vec3d [pixels]: float64 hit points."""
+    """Shadow rays of one light. ``arrays``: of :func:`cell_arrays`; hit vec3d [pixels]: float64 hit points.
+
+    marks    whether the pass that places the rays marks the receivers, instead of the harness
+    reached  int32 [1]: not 0 if the light has receivers; empty on a GPU, where a condition costs more than passes without rays
+    """
+
+    marks: ClassVar[bool] = True
 
     def __init__(
         self,
@@ -90,6 +98,10 @@ class LightStream:
         self.cells = filled(RayCells, rectangle=aims.rectangles[index], table=aims.tables[index], **arrays)
         answers = frame.answers
         self.receivers = frame.receivers
+        self.marking = self.marks and effects.has_receivers(index)
+        self.reached = wp.empty(0, dtype=wp.int32, device=frame.device)
+        if self.marking and not queues.cuda:
+            self.reached = reached_by(frame, index, 0)
         self.bits: Any = filled(
             ShadowBits, light=index, triangle=answers.triangle, visibility=answers.visibility
         )
@@ -120,12 +132,29 @@ class LightStream:
                 effect,
                 ahead=True,
             ),
-            Pass(f"{who}: map rays", build, seen, (place, bits), self.launch_map, effect),
+            self.map_pass(seen, place, bits),
             *self.cell_passes(seen, place, rays, effect),
         ]
         steps = [*self.steps(), ("doubtful pairs", (), (), self.launch_doubts)]
         passes += in_shares(who, "shadow", steps, self.queues, (*scene, bits), (bits,), effect)
         return [replace(work, branch=(branch, *work.branch)) for work in passes]
+
+    def map_pass(self, seen: tuple[str, ...], place: str, bits: str) -> Pass:
+        """The pass that places the rays (``seen``: which pixels have one) and clears their shadow bits."""
+        i = self.index
+        receivers = self.effects.receiver_reads(i) if self.marking else ()
+        if self.marking:
+            others = tuple(name for name in seen if name not in receivers)
+            seen = (*others, "camera", "points", "triangles", f"light/{i}")
+        return Pass(
+            f"light {i}: map rays",
+            "light build",
+            seen,
+            (place, bits, *receivers),
+            self.launch_marking_map if self.marking else self.launch_map,
+            f"shadows/{i}",
+            reached=self.reached if self.reached.size else None,
+        )
 
     def cell_passes(self, seen: tuple[str, ...], place: str, rays: str, effect: str) -> list[Pass]:
         """Passes that put the mapped rays (``seen``: which pixels have one; ``place``) into the cells (``rays``)."""
@@ -184,6 +213,21 @@ class LightStream:
             outputs=[self.cells, f.answers.visibility],
             device=f.device,
         )
+
+    def launch_marking_map(self) -> None:
+        f, a = self.frame, self.aims
+        if self.reached.size:
+            self.reached.zero_()
+        wp.launch(
+            light_receivers.map_kernel,
+            dim=thread_count(f.width, f.height, True),
+            inputs=[
+                self.index, self.effects.facing, f.camera, f.mesh, f.lights, f.spots, a.posts, a.axes, f.hits(0),
+                self.hit,
+            ],
+            outputs=[self.cells, f.receivers, self.reached, f.answers.visibility],
+            device=f.device,
+        )  # fmt: skip
 
     def launch_count(self) -> None:
         f, cells = self.frame, self.cells
