@@ -109,8 +109,8 @@ def run_passes(passes: Sequence[Pass]) -> None:
 
 
 def capture_passes(passes: Sequence[Pass], device: str) -> Any:
-    """The passes as a graph (CUDA). The ``ahead`` passes are a branch that joins at the place of the first of them, or before
-    the first condition: a conditional branch cannot be captured while another is open.
+    """The passes as a graph (CUDA). The ``ahead`` passes are a branch that joins at the place of the first of them, or
+    before the first condition: a conditional branch cannot be captured while another is open.
 
     Raises ValueError if an ``ahead`` pass reads the output of another pass of the frame, and if concurrent passes use a
     resource that one of them writes.

@@ -71,7 +71,7 @@ class RayGrids(BaseMethod):
         aims = LightAims(frame, len(effects.shadows))
         wanted = [i for i, wanted in enumerate(effects.shadows) if wanted]
         branches = [(queues, self.light_arrays(frame))] if wanted else []
-        beside = self.build.beside if self._queued else 1
+        beside = camera.build.beside if self._queued else 1
         for _ in range(1, min(len(wanted), beside)):
             branches.append((queues.with_own_lists(), self.light_arrays(frame)))
         make: Any = self.Light
@@ -100,7 +100,9 @@ class RayGrids(BaseMethod):
         self._memory = limits.memory
         self._queued = self.uses_queues(wp.get_device(frame.device).is_cuda)
         threads = self._threads = cpu_threads(getattr(self.build, "threads", 1), frame.device)
-        shares = self.build.shares if self._queued else threads
+        lights = sum(effects.shadows) if streams > 1 else 1
+        build = self.build.chosen(frame.triangle_count, self._queued, lights)
+        shares = build.shares if self._queued else threads
         if self._capacity is None:  # of each share
             self._capacity = (
                 self.build.item_capacity or max(262144, frame.triangle_count // shares),
@@ -109,7 +111,6 @@ class RayGrids(BaseMethod):
             )
         queues = Queues(frame, self._queued, self._capacity, streams, shares, threads > 1)
         self._queues, self._needs = queues, queues.counts
-        build = self.build.chosen(frame.triangle_count, self._queued)
         camera = self.Camera(frame, build, queues, effects, rounded=rounded, threads=threads)
         return camera.passes(), camera, queues
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 from ...harness.frame.threads import check_threads
 
@@ -12,14 +12,18 @@ QUEUES = ("auto", "always", "never")
 OCCLUDERS = ("none", "last")
 
 CHOOSE = -1
-"""For a parameter: chosen from the number of triangles."""
+"""For a parameter: chosen from the number of triangles and of lights."""
 
 FEW_TRIANGLES = 65536
 """With fewer, a GPU has room for more threads than there are triangles. What the thread of a triangle leaves to a queue,
 many threads do at the same time. Measured on an H200 (``docs/optimisation-log.md``)."""
 
 INLINE_PIXELS, INLINE_RAYS, INLINE_OF_FEW = 40, 32, 8
-"""What :data:`CHOOSE` stands for."""
+"""What :data:`CHOOSE` stands for with one light."""
+
+RAYS_OF_SEVERAL, BESIDE, MANY_LIGHTS = 48, 4, 8
+"""With several lights the passes of up to ``BESIDE`` of them, or of ``MANY_LIGHTS``, fill the GPU: more is tested in line,
+and triangles have one share."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +32,7 @@ class Streams:
     queues."""
 
     least: ClassVar[int] = 0
-    """Least value of ``inline_pixels`` and ``inline_rays``."""
+    """Least value of ``inline_pixels`` and ``inline_rays``; if :data:`CHOOSE`, also a value of ``beside`` and ``shares``."""
 
     cells: int = 0
     inline_pixels: int = INLINE_PIXELS
@@ -45,13 +49,14 @@ class Streams:
         room = (self.item_capacity, self.part_capacity, self.doubt_capacity)
         if self.inline_pixels < self.least or min(self.inline_cells, *room) < 0:
             raise ValueError("must not be negative")
-        if not (1 <= self.beside <= 16 and 1 <= self.shares <= 16):
+        chosen = (CHOOSE,) if self.least == CHOOSE else ()
+        if any(number not in (*chosen, *range(1, 17)) for number in (self.beside, self.shares)):
             raise ValueError("beside and shares must be in 1..16")
         if max(room) > 2**28:
             raise ValueError("must be at most 2^28")
 
-    def chosen(self, triangles: int, queued: bool) -> Self:
-        """The same with the values that are chosen for a number of triangles."""
+    def chosen(self, triangles: int, queued: bool, lights: int = 1) -> Self:
+        """The same with the values that are chosen for a number of triangles, and of lights with shadows."""
         return self
 
 
@@ -67,11 +72,13 @@ class Build(Streams):
     inline_cells   a triangle whose box on a face covers at most this many cells, in at most 16 rows, counts the rays in
                    them; a larger one is queued
     inline_rays    a triangle that has counted at most this many rays, on one face, tests them in its own thread; with
-                   more, or on a second face, it is queued; -1: 32, but 8 for fewer than 65,536 triangles
+                   more, or on a second face, it is queued; -1: 32, with several lights 48, but 8 for fewer than 65,536
+                   triangles
     part           pixels or rays of a queued group of 32 rows that one warp tests; larger groups are split into parts
-    beside         with queues: lights whose passes run at the same time on the GPU, each with queues and rays of its own
+    beside         with queues: lights whose passes run at the same time on the GPU, each with queues and rays of its own;
+                   -1: 4, from 8 lights on 8
     shares         with queues: parts of the triangles that are streamed at the same time on the GPU, each with queues of
-                   its own
+                   its own; -1: 2, with several lights 1
     queue          whether larger triangles go through queues: "auto" (on the GPU only), "always", "never"
     occluders      "last": each shadow ray is tested first against the triangle that shadowed its pixel in the last frame;
                    a ray that it shadows still is not placed in the light's grid. "none": no occluder is kept
@@ -89,6 +96,8 @@ class Build(Streams):
 
     inline_pixels: int = CHOOSE
     inline_rays: int = CHOOSE
+    beside: int = CHOOSE
+    shares: int = CHOOSE
     part: int = 256
     queue: str = "auto"
     occluders: str = "none"
@@ -106,11 +115,14 @@ class Build(Streams):
         if self.occluders not in OCCLUDERS:
             raise ValueError(f"must be one of {', '.join(OCCLUDERS)}")
 
-    def chosen(self, triangles: int, queued: bool) -> Self:
+    def chosen(self, triangles: int, queued: bool, lights: int = 1) -> Self:
         few = queued and triangles < FEW_TRIANGLES
-        pixels, rays = (INLINE_OF_FEW, INLINE_OF_FEW) if few else (INLINE_PIXELS, INLINE_RAYS)
-        return replace(
-            self,
-            inline_pixels=pixels if self.inline_pixels == CHOOSE else self.inline_pixels,
-            inline_rays=rays if self.inline_rays == CHOOSE else self.inline_rays,
-        )
+        several = queued and lights > 1
+        rays = RAYS_OF_SEVERAL if several else INLINE_RAYS
+        values: dict[str, Any] = {
+            "inline_pixels": INLINE_OF_FEW if few else INLINE_PIXELS,
+            "inline_rays": INLINE_OF_FEW if few else rays,
+            "beside": MANY_LIGHTS if lights >= MANY_LIGHTS else BESIDE,
+            "shares": 1 if several else 2,
+        }
+        return replace(self, **{name: v for name, v in values.items() if getattr(self, name) == CHOOSE})

@@ -20,6 +20,7 @@ VARIANTS: list[tuple[str, dict[str, str]]] = [(name, {}) for name in method_name
     ("bvh2", {"shares": "1"}),
     ("bvh2", {"update": "refit", "shares": "3"}),
     ("hybrid", {"shares": "2"}),
+    ("ray_grids", {"shares": "3"}),
     ("hybrid", {"shadows": "grid"}),
 ]
 REAL_DEVICE = wp.get_device

@@ -73,7 +73,8 @@ class LightStream:
     """Shadow rays of one light. ``arrays``: of :func:`cell_arrays`; hit vec3d [pixels]: float64 hit points.
 
     marks    whether the pass that places the rays marks the receivers, instead of the harness
-    reached  int32 [1]: not 0 if the light has receivers; empty on a GPU, where a condition costs more than passes without rays
+    reached  int32 [1]: not 0 if the light has receivers; empty on a GPU, where a condition costs more than passes without
+             rays
     """
 
     marks: ClassVar[bool] = True

@@ -166,13 +166,28 @@ def test_few_pairs_are_doubtful_however_far_the_eye():
     assert session.method.counters()["light 0 doubtful pairs"] < 0.02 * rays
 
 
+def test_more_is_tested_in_line_and_beside_with_several_lights():
+    build = make_method("ray_grids", {}).build
+    one, two, eight = (build.chosen(FEW_TRIANGLES, True, lights) for lights in (1, 2, 8))
+    assert (one.inline_rays, one.shares) == (32, 2)
+    assert (two.inline_rays, two.shares, two.beside) == (48, 1, 4)
+    assert (eight.inline_rays, eight.shares, eight.beside) == (48, 1, 8)
+    assert build.chosen(1, True, 2).inline_rays == 8
+    assert build.chosen(1, False, 2).inline_rays == 32
+    with pytest.raises(UserError, match="beside and shares must be in"):
+        make_method("ray_grids", {"shares": "0"})
+    with pytest.raises(UserError, match="beside and shares must be in"):
+        make_method("visibility_buffer", {"beside": "-1"})
+
+
 def test_what_a_triangle_tests_itself_is_chosen_from_the_number_of_triangles():
     build = make_method("ray_grids", {}).build
     few, many = build.chosen(FEW_TRIANGLES - 1, True), build.chosen(FEW_TRIANGLES, True)
     assert (few.inline_pixels, few.inline_rays) == (8, 8)
     assert (many.inline_pixels, many.inline_rays) == (40, 32)
     assert build.chosen(1, False) == build.chosen(FEW_TRIANGLES, False) == many
-    given = make_method("ray_grids", {"inline_pixels": "0", "inline_rays": "5"}).build
-    assert given.chosen(1, True) == given
+    given = {"inline_pixels": "0", "inline_rays": "5", "beside": "3", "shares": "2"}
+    build = make_method("ray_grids", given).build
+    assert build.chosen(1, True, 9) == build
     with pytest.raises(UserError, match="must not be negative"):
         make_method("ray_grids", {"inline_rays": "-2"})
