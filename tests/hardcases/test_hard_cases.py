@@ -60,6 +60,25 @@ def test_exact_methods_pass_every_case(name, given, device) -> None:
     assert sum(outside.values()) < 0.15 * len(CASES)
 
 
+@pytest.mark.parametrize("precision", ["float32", "float32-centred"])
+def test_a_light_space_in_float32_is_exact_at_the_ends_of_float32(precision) -> None:
+    """Only the space is: triangles are widened by its rounding, and lengths near the limits are brought to 1."""
+    names = [
+        case.name
+        for case in CASES
+        if case.name.startswith(("V scale", "V sun", "V far", "V subnormal", "V mixed"))
+    ]
+    assert len(names) > 30
+    wrong = {}
+    for name in names:
+        finding = judge_case(
+            judged(name), make_method("perspective_spherical", {"precision": precision}), "cpu"
+        )
+        if finding.status != "ok" or finding.excused:
+            wrong[name] = (finding.classes, finding.reason)
+    assert wrong == {}
+
+
 @pytest.mark.parametrize(("name", "settings"), EXACT, ids=str)
 def test_rules_of_conduct(name, settings, device) -> None:
     """Frames that follow one another, graph replays, no allocation in a frame after the first."""
