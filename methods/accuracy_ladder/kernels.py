@@ -24,7 +24,7 @@ from ..common.ray_queries import (
     with_hit,
 )
 from ..common.segment import occludes
-from ..common.triangle import hit_distance, hit_weights, nearer_of, to_float64, write_miss
+from ..common.triangle import hit_distance, nearer_of, to_float64, write_hit, write_miss
 from .origins import HIT_POINT, IDENTITY, start_of
 from .parameters import EXACT_TESTS, SHEARED_TESTS
 from .tests import TESTS
@@ -95,11 +95,28 @@ def any_hit_by(test: str) -> Any:
     return any_hit_of_segment if test in EXACT_TESTS else any_hit_of_ray
 
 
+@wp.func
+def write_found(
+    hits: Hits, hit_points: wp.array(dtype=wp.vec3d), pixel: wp.int32, ray: Ray, found: Found, mesh: Mesh
+):
+    """Write a hit with the distance and the weights that its test gave. Its hit point does not depend on them, so that each
+    parameter changes one thing."""
+    if found.triangle < 0:
+        write_miss(hits, pixel)
+        return
+    hits.triangle[pixel] = found.triangle
+    hits.t[pixel] = wp.float32(found.t)
+    hits.u[pixel] = found.u
+    hits.v[pixel] = found.v
+    corners = corners_of(mesh, found.triangle)
+    hit_points[pixel] = hit_point(ray, plane_distance(ray, corners), corners)
+
+
 @functools.cache
 def make_kernels(test: str, fast_math: bool) -> tuple[Any, Any]:
     """(primary kernel, shadow kernel) with one triangle test compiled in."""
     closest, occluder = closest_hit_by(test), any_hit_by(test)
-    weighted = test not in EXACT_TESTS
+    exact = test in EXACT_TESTS
     sheared = test in SHEARED_TESTS
     options = {"fast_math": fast_math, "enable_backward": False}
 
@@ -119,19 +136,10 @@ def make_kernels(test: str, fast_math: bool) -> tuple[Any, Any]:
         found = traverse(
             closest, tree, records, Alpha(), ray.origin, ray.direction, ray, nothing_found(wp.INF)
         )
-        if found.triangle < 0:
-            write_miss(hits, pixel)
-            return
-        hits.triangle[pixel] = found.triangle
-        hits.t[pixel] = wp.float32(found.t)
-        corners = corners_in(records, found.triangle)
-        weights = wp.vec2f(found.u, found.v)
-        if wp.static(not weighted):
-            weights = hit_weights(ray, corners, weld_in(records, found.triangle))
-        hits.u[pixel] = weights[0]
-        hits.v[pixel] = weights[1]
-        # The origin of a shadow ray does not depend on the test, so that each parameter changes one thing.
-        hit_points[pixel] = hit_point(ray, plane_distance(ray, corners), corners)
+        if wp.static(exact):
+            write_hit(hits, hit_points, pixel, ray, found.triangle, found.t, mesh)
+        else:
+            write_found(hits, hit_points, pixel, ray, found, mesh)
 
     @wp.kernel(module="unique", grid_stride=False, module_options=options)
     def shadow_kernel(
