@@ -70,6 +70,8 @@ def any_hit_by(test: str) -> Any:
     """A test of a traversal that finds any occluder by the triangle test named ``test``."""
     if test == "exact":
         return any_hit
+    if test == "float64":
+        return any_hit_in_float64
     triangle_test = TESTS[test]
 
     @wp.func
@@ -82,17 +84,19 @@ def any_hit_by(test: str) -> Any:
             found.done = hit[0] > wp.float64(0.0) and hit[0] < wp.float64(1.0)
         return found
 
-    @wp.func
-    def any_hit_of_segment(
-        records: CornerRecords, alpha: Alpha, i: wp.int32, segment: Segment, found: Found
-    ) -> Found:
-        if i != segment.own:
-            found.done = occludes(
-                segment.hit, segment.light, corners_in(records, i), weld_in(records, i), segment.origin_size
-            )
-        return found
+    return any_hit_of_ray
 
-    return any_hit_of_segment if test in EXACT_TESTS else any_hit_of_ray
+
+@wp.func
+def any_hit_in_float64(
+    records: CornerRecords, alpha: Alpha, i: wp.int32, segment: Segment, found: Found
+) -> Found:
+    """:func:`..common.ray_queries.any_hit` without its test in float32."""
+    if i != segment.own:
+        found.done = occludes(
+            segment.hit, segment.light, corners_in(records, i), weld_in(records, i), segment.origin_size
+        )
+    return found
 
 
 @wp.func

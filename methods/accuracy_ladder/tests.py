@@ -1,4 +1,4 @@
-"""Triangle tests to compare: from the textbook's float32 to float64, all answering (t, u, v).
+"""Triangle tests in float32 to compare with those in float64 that exact methods share; all answer (t, u, v).
 
 A hit has t > 0 in lengths of d; (u, v) are the weights of vertices 1 and 2. A miss is t = -1. Each test is written as its
 authors published it, because its errors are to be measured.
@@ -9,7 +9,6 @@ from __future__ import annotations
 import warp as wp
 
 from ...harness.frame.geometry import Corners, Ray
-from ..common.triangle import NO_HIT, NOT_ZERO, edge_functions, hit_distance, may_hit, to_float64
 
 MISS3 = wp.constant(wp.vec3d(-1.0, 0.0, 0.0))
 TEXTBOOK_EPSILON = wp.constant(1.0e-7)
@@ -132,32 +131,10 @@ def edge_planes(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.vec3d:
     return found3(t, e1 / sum, e2 / sum)
 
 
-@wp.func
-def float64(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.vec3d:
-    t = hit_distance(ray, corners, weld)
-    if t == NO_HIT:
-        return MISS3
-    e = edge_functions(
-        to_float64(ray.origin), to_float64(ray.direction), to_float64(corners.a), to_float64(corners.b),
-        to_float64(corners.c), weld,
-    )  # fmt: skip
-    sum = e[0] + e[1] + e[2] + NOT_ZERO
-    return wp.vec3d(t, e[1] / sum, e[2] / sum)
-
-
-@wp.func
-def exact(ray: Ray, corners: Corners, weld: wp.vec3i) -> wp.vec3d:
-    if may_hit(ray, corners):
-        return float64(ray, corners, weld)
-    return MISS3
-
-
 TESTS = {
     "moller_trumbore": moller_trumbore,
     "moller_trumbore_epsilon": moller_trumbore_epsilon,
     "woop": woop,
     "woop_float64": woop_float64,
     "edge_planes": edge_planes,
-    "float64": float64,
-    "exact": exact,
 }
