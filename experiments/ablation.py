@@ -8,16 +8,12 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..harness.report import compare, document, panels
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from ._paper import METHOD, PAPER, SCENES, UNBALANCED, faithful
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 BASE = "paper-faithful"
 BEST = "all of ours"
@@ -82,7 +78,6 @@ METHODS = (
     *LEFT_OUT,
 )
 
-
 COLUMNS = [
     *document.COMMON, "ratio", "ratio_to_best", "pairs", "primary_tests_per_ray", "shadow_tests_per_ray", "built",
 ]  # fmt: skip
@@ -92,7 +87,7 @@ APART = [TREE, *(entry.label for entry in LEFT_OUT)]
 BASES = {"ratio": BASE, "ratio_to_best": BEST, "ratio_to_tree": TREE}
 
 
-def read(folder: Path) -> pd.DataFrame:
+def read(folder: Path) -> document.DataFrame:
     """The points with their time over that of each of :data:`BASES` in the same run, and their work."""
     frames = document.frames(folder)
     table = document.named(frames)
@@ -126,7 +121,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet)
 
 
-def ratios(own: pd.DataFrame, column: str) -> pd.DataFrame:
+def ratios(own: document.DataFrame, column: str) -> document.DataFrame:
     """Scenes across, points down, the least geometric mean first; numbers have the digits that their spread carries."""
     own = own.assign(text=document.carry(own[column], own[f"{column}_spread"]))
     wide = document.cross_table(own, {"label": "configuration"}, "title", "text")

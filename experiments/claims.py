@@ -22,7 +22,7 @@ from ._paper import UNBALANCED
 from ._sorting import SORT
 from .ablation import BASE, CULLED, EXACT
 from .figure2 import DIRECT, INDIRECT
-from .figure11 import balanced
+from .figure11 import RECTANGLES, balanced
 from .key_bits import HERE
 from .reflection import KINDS, MIRRORED
 
@@ -36,10 +36,8 @@ LARGE, SMALL = ("fairy", "sibenik", "conference"), ("bunny_dragon", "cloth", "bu
 """Scenes with large triangles, and scenes of small ones only (but for a ground)."""
 
 BUDDHA = "Buddha with direct and indirect mapping", "buddha"
-CLAMPS = {"none": "unclamped", "view": "clamped to the view", "hits": "clamped to the hits"}
 LEFT = 1.5
-"""Load balancing compensates for the light's position if the slowest position takes at most this many times the
-fastest."""
+"""Load balancing compensates for the light's position if the slowest takes at most this many times the fastest."""
 
 Judge = Callable[[Evidence], Finding]
 CLAIMS: list[Claim] = []
@@ -165,7 +163,7 @@ def balancing(evidence: Evidence) -> Finding:
     compensated, parts = set(), []
     for title, scene in (points := balanced(evidence.of())).groupby("scene_title", sort=False):
         parts += [f"{title}:"] * (points["scene_title"].nunique() > 1)
-        for clamp, words in CLAMPS.items():
+        for clamp, words in RECTANGLES.items():
             own = scene[scene["set.clamp"] == clamp].set_index("distance")
             gains = each(dict(own["without"] / own["best"]))
             parts += [f"{words}, without balancing over with it at the best r: {gains}"] * bool(len(own))

@@ -11,7 +11,7 @@ import itertools
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..harness.report import document, panels, style
 from ..harness.runner.experiment import Experiment, Preset
@@ -19,9 +19,6 @@ from ..harness.scene.overrides import Lighting
 from ..harness.scene.standins import balls
 from ._rivals import GRIDS, HYBRID, OURS, RASTERISED, REBUILT, REFITTED, STRONGEST
 from .scaling import short
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 AXES = {
     "triangles": "triangles",
@@ -69,7 +66,7 @@ def sweeps(
     return replace(parts[0], also=tuple(parts[1:]))
 
 
-def read(folder: Path) -> pd.DataFrame:
+def read(folder: Path) -> document.DataFrame:
     """The points, with what is swept as columns of its own, and the label of the fastest of each setting.
 
     ``triangles`` is the number in the scene's name. ``exact``: the method calls itself exact and no answer was wrong.
@@ -88,7 +85,7 @@ def read(folder: Path) -> pd.DataFrame:
     return table
 
 
-def winners(table: pd.DataFrame) -> pd.DataFrame:
+def winners(table: document.DataFrame) -> document.DataFrame:
     """The fastest point of each setting: with ``next``, the label of the second, ``times``, how many times slower that is,
     and ``told``, whether the gap is more than the spreads of the two."""
     import pandas as pd
@@ -110,7 +107,7 @@ def winners(table: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=[*table.columns, "next", "times", "told"])
 
 
-def along(table: pd.DataFrame, *axes: str) -> pd.DataFrame:
+def along(table: document.DataFrame, *axes: str) -> document.DataFrame:
     """The points that differ in nothing but ``axes``: of all such groups the one with most settings.
 
     Of several such groups the one whose other values are the most common: where the sweeps cross.
@@ -151,7 +148,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
 ABOUT = "~ before a factor: the gap is within the spread of the two. A method that answered wrongly is not counted as exact."
 
 
-def finding(done: pd.DataFrame) -> str:
+def finding(done: document.DataFrame) -> str:
     """In how many settings each structure is the fastest, of the exact ones and of all."""
     if done.empty:
         return "Nothing was measured."
@@ -162,7 +159,7 @@ def finding(done: pd.DataFrame) -> str:
     return f"Fastest of {len(winners(done))} settings, {'; '.join(told)}."
 
 
-def winner_table(line: pd.DataFrame, axis: str) -> pd.DataFrame:
+def winner_table(line: document.DataFrame, axis: str) -> document.DataFrame:
     """One row per value of ``axis``: the fastest of the exact and of all, its time, and the next with its factor."""
     import pandas as pd
 
@@ -181,7 +178,7 @@ def factor(row: Any) -> str:
     return f"{document.NOISY * (not row.told)}x{row.times:.2f}"
 
 
-def line_picture(lines: dict[str, pd.DataFrame], done: pd.DataFrame, path: Path) -> Path:
+def line_picture(lines: dict[str, document.DataFrame], done: document.DataFrame, path: Path) -> Path:
     """One panel per quantity: time against it, one line per method."""
     from matplotlib.ticker import NullLocator
 
@@ -207,7 +204,7 @@ def line_picture(lines: dict[str, pd.DataFrame], done: pd.DataFrame, path: Path)
     return path
 
 
-def crossing(line: pd.DataFrame, axis: str) -> str:
+def crossing(line: document.DataFrame, axis: str) -> str:
     """The values of the quantities that are not swept: "pixels: 128², lights: 1"."""
     others = [other for other in AXES if other != axis and line[other].iloc[0] != NATURAL]
     return ", ".join(f"{AXES[other]}: {counted(other, line[other].iloc[0])}" for other in others)
@@ -218,7 +215,7 @@ def counted(axis: str, value: float) -> str:
     return f"{round(value**0.5)}²" if axis == "pixels" else short(value)
 
 
-def map_picture(maps: list[tuple[str, str]], done: pd.DataFrame, path: Path) -> Path:
+def map_picture(maps: list[tuple[str, str]], done: document.DataFrame, path: Path) -> Path:
     """The fastest structure over two quantities: one square per setting in its colour, and how many times slower the next
     is.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,9 +10,6 @@ from ..harness.report import compare, document, panels
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import MOVED, Lighting
 from ._paper import METHOD
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 METHODS = (
     Entry(METHOD, {}, "perspective + spherical"),
@@ -48,7 +44,6 @@ PLAIN = 6
 CHANGES = tuple(Lighting(f"moved {what}", count=1, moved=what) for what in MOVED)
 LIGHTINGS = (*EFFECTS[:PLAIN], *CHANGES, *EFFECTS[PLAIN:])
 
-
 COLUMNS = [
     *document.COMMON, "moved", "ratio", "added_ms", "added_iqr_ms", "pass_count", "build_count", "memory_bytes", "compile_s",
 ]  # fmt: skip
@@ -60,11 +55,10 @@ ABOUT = (
 )
 
 
-def read(folder: Path) -> pd.DataFrame:
+def read(folder: Path) -> document.DataFrame:
     """The points, effects in their order, with what each adds to the frame :data:`BASE` of the same method and scene.
 
-    added_iqr_ms  half the spread of the two, as one reads an error bar
-    ratio_spread  that, or how far the base frame was from its own repetition, where that is more, over the base frame
+    ratio_spread  half the spread of the two, or how far the base frame was from its own repetition, over the base frame
     """
     frames = document.frames(folder)
     table = document.named(frames)

@@ -9,15 +9,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ..harness.report import compare, document, panels, style
 from ..harness.results.table import stage_ms
 from ..harness.runner.experiment import Experiment, Preset
 from ._paper import SCENES, faithful
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 PRIMARY, SHADOW = "#0072B2", "#D55E00"
 STAGES = {
@@ -44,7 +40,7 @@ TIMES, PARTS = [f"{name}_ms" for name in STAGES], ["build_ms", "trace_ms", "ligh
 COLUMNS = [*document.COMMON, *TIMES, "other_ms", "shadow_rays"]
 
 
-def read(frames: pd.DataFrame, folder: Path) -> pd.DataFrame:
+def read(frames: document.DataFrame, folder: Path) -> document.DataFrame:
     """The points of frames with the stages' times in ms, what no stage holds, and the rays mapped."""
     table = document.with_passes(document.named(frames), folder, PASSES)
     # Sums of the same numbers in another order: what differs by a rounding is nothing, and never minus zero.
@@ -53,7 +49,7 @@ def read(frames: pd.DataFrame, folder: Path) -> pd.DataFrame:
     return table.assign(other_ms=other, shadow_rays=rays.where(rays > 0))
 
 
-def growth(frames: pd.DataFrame) -> pd.DataFrame:
+def growth(frames: document.DataFrame) -> document.DataFrame:
     """Every stage's time at the largest size over that at the smallest, a row per scene, over the frames that both have."""
     import pandas as pd
 
@@ -73,7 +69,6 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     if widest.empty:
         return document.write(folder, EXPERIMENT, table, COLUMNS, "Nothing was measured.", {}, [], quiet)
     variation = widest[TIMES].std(ddof=0) / widest[TIMES].mean()
-    # The number at a bar's end is the median of the whole frame.
     named = widest["title"] + (", " + widest["label"]) * int(widest["label"].nunique() > 1)
     rows = widest.assign(name=named, text=widest["ms"])
     parts = {title: (f"{name}_ms", colour) for name, (title, _, colour) in STAGES.items()}

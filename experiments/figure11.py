@@ -10,16 +10,12 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ..harness.report import compare, document, panels, style
 from ..harness.results.table import stage_ms
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
 from ._paper import UNBALANCED, faithful
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 CLAMPS = ("none", "hits")
 VALUES = ("32", "64", "128")
@@ -71,7 +67,7 @@ PANEL = ["title", "rectangle", "axes"]
 PAPER_SAYS = "The paper: time grows as the light moves away, and breaking full tiles into chunks of r rays compensates."
 
 
-def read(folder: Path) -> pd.DataFrame:
+def read(folder: Path) -> document.DataFrame:
     """The points, nearest light first, with their panel, the traversal alone, and ``line``: r, with an inexact format."""
     table = document.with_passes(document.read(folder), folder, {"traversal": TRAVERSAL})
     aimed = table["set.aimed"].astype(str).str.lower().isin(["true", "1"])
@@ -107,11 +103,8 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     return document.write(folder, EXPERIMENT, table, COLUMNS, *notes, apart=apart)
 
 
-def balanced(frames: pd.DataFrame) -> pd.DataFrame:
-    """One row per scene, rectangle and distance: traversal, ms, without load balancing and with it at the best r.
-
-    Of aimed axes in float64. ``distance`` is that of the light in words.
-    """
+def balanced(frames: document.DataFrame) -> document.DataFrame:
+    """Traversal, ms, of aimed axes in float64 by scene, rectangle and distance: ``without`` balancing, ``best`` with it."""
     aimed = frames["set.aimed"].astype(str).str.lower().isin(["true", "1"])
     own = frames[aimed & (frames["set.precision"] == PRECISE)]
     one, plain = compare.pairs(own, own["set.r"].astype(int) == int(UNBALANCED), (*compare.SAME, "set.clamp"))
@@ -121,7 +114,7 @@ def balanced(frames: pd.DataFrame) -> pd.DataFrame:
     return one.loc[one.groupby(["scene", "scene_title", "set.clamp", "light_distance"])["best"].idxmin()]
 
 
-def drawings(table: pd.DataFrame, folder: Path) -> list[Path]:
+def drawings(table: document.DataFrame, folder: Path) -> list[Path]:
     """Time against distance, one line per r or number format; and the tiles that hold rays, the same for every r."""
     titles = table["title"].unique()
     table["where"] = (table["title"] + ", ") * int(len(titles) > 1) + table["rectangle"]
@@ -129,11 +122,9 @@ def drawings(table: pd.DataFrame, folder: Path) -> list[Path]:
     times = table.sort_values("formats", kind="stable")
     tiles = table.drop_duplicates(["where", "axes", "precision", "light_distance"])
     tiles = tiles.assign(line=tiles["axes"] + ", " + tiles["precision"])
-    looks, coarse_looks = (
-        panels.looks(times.sort_values(["formats", "r"]), "line"),
-        panels.looks(tiles, "line"),
-    )
-    for name, look in [*looks.items(), *coarse_looks.items()]:
+    looks = panels.looks(times.sort_values(["formats", "r"]), "line")
+    of_tiles = panels.looks(tiles, "line")
+    for name, look in [*looks.items(), *of_tiles.items()]:
         # Number formats are dashed, the centred one hollow too, so that what it lies upon is seen.
         look |= {"ls": "--"} if COARSE in name else {}
         look |= {"mfc": "none", "ms": 6.0} if CENTRED in name else {}
@@ -143,7 +134,7 @@ def drawings(table: pd.DataFrame, folder: Path) -> list[Path]:
         lines(folder / "figure11.svg", times, "light_distance", "traversal_ms", facet="panel", drawn=looks,
               whisker="traversal_spread", left="shadow traversal, ms"),
         lines(folder / "figure11-tiles.svg", tiles, "light_distance", TILES, facet="where",
-              drawn=coarse_looks, left="tiles that hold rays"),
+              drawn=of_tiles, left="tiles that hold rays"),
     ]  # fmt: skip
 
 

@@ -8,7 +8,6 @@ are blocks then. The paper: 30-50 % faster on Buddha, the maximum more than halv
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,9 +16,6 @@ from ..harness.report import compare, document, panels
 from ..harness.results.pixel_maps import Counts, map_path, read_map
 from ..harness.runner.experiment import Experiment, Preset
 from ._paper import faithful
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 DIRECT, INDIRECT = "direct, 16x16 tiles", "indirect, 2x2 of 8x8"
 DIRECT_SMALL = "direct, 8x8 tiles"
@@ -30,7 +26,6 @@ METHODS = (
     faithful("indirect, 4x4 of 4x4", tile="4", k="4"),
     faithful(DIRECT_SMALL, tile="8", k="1"),
 )
-
 
 SHOWN = (DIRECT, DIRECT_SMALL, INDIRECT)
 """Maps of these are drawn; further settings are in the table and the CSV."""
@@ -82,7 +77,7 @@ def statistics(counts: Counts | None) -> list[float]:
     return [float(x) for x in (counts.mean(), np.median(seen), np.percentile(seen, 99), counts.max())]
 
 
-def picture(own: pd.DataFrame, maps: dict[str, Counts], path: Path) -> Path:
+def picture(own: document.DataFrame, maps: dict[str, Counts], path: Path) -> Path:
     """The maps side by side, cut to where any ray was checked; one scale for all, 0 to the most of any."""
     import matplotlib
     from matplotlib.colors import PowerNorm

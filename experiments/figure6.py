@@ -6,7 +6,6 @@ A cone, the paper's rectangle of azimuth and elevation, and a wider cone whose l
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,9 +15,6 @@ from ..harness.results.folder import image_name
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
 from ._paper import METHOD
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 FAIRY = (0.05, 1.25, 0.0)
 """Where the fairy of the stand-in hovers."""
@@ -34,16 +30,12 @@ LIGHTINGS = (
 )
 METHODS = (Entry(METHOD),)
 
-
 SPOT = ["light.angle", "light.rise", "light.falloff"]
 COLUMNS = [*document.COMMON, "light", "spot", *SPOT, "hit_pixels", "shadow_rays", "shadow_ray_share"]
 
 
-def read(folder: Path) -> pd.DataFrame:
-    """The points, the light everywhere first, then cones and rectangles, and what falls off last.
-
-    over_plain  light grid and shadow rays over those with the light everywhere
-    """
+def read(folder: Path) -> document.DataFrame:
+    """The points, the light everywhere first; ``over_plain``: light grid and shadow rays over those of that light."""
     frames = document.frames(folder)
     table = document.named(frames)
     is_spot = table.reindex(columns=["light.target"])["light.target"].notna()
@@ -85,7 +77,7 @@ def spot_text(spot: str, angle: float, rise: float, falloff: float) -> str:
     return f"{spot} of {2 * angle:g}{high} degrees{falls}"
 
 
-def picture(own: pd.DataFrame, folder: Path, name: str) -> Path | None:
+def picture(own: document.DataFrame, folder: Path, name: str) -> Path | None:
     """The pictures of a scene under each light, two per row; the light is named above each, the scene below all."""
     shown = []
     for r in own.drop_duplicates("light_label").itertuples():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,20 +14,13 @@ from ..harness.results.folder import image_name
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from ._paper import METHOD, SCENES
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 METHODS = (Entry(METHOD),)
 
 COLUMNS = [*document.COMMON, "paper_triangles", "triangles_to_paper"]
 
 
-def gallery(folder: Path, points: pd.DataFrame, title: str = "") -> list[Path]:
-    """The pictures of the scenes of ``points`` on a sheet for each size: ``gallery.png``, ``gallery-WxH.png`` of several.
-
-    points  a table with the columns scene, width and height; its order is the sheet's. A damaged picture is left out with
-            a message.
-    """
+def gallery(folder: Path, points: document.DataFrame, title: str = "") -> list[Path]:
+    """The pictures of the scenes of ``points``, in order, a sheet for each size; damaged ones are left out and named."""
     sheets, sizes = [], list(points.groupby(["width", "height"], sort=False))
     for (width, height), own in sizes:
         shown = []

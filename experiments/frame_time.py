@@ -7,15 +7,12 @@ keep the tree of the first frame and only refit its boxes, which is less work th
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..harness.report import compare, document, panels, style
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from . import _floor, _rivals
 from ._paper import SCENES, faithful
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 OURS = _rivals.OURS.label
 REBUILD = (Entry("warp_bvh", {}, "mesh rebuilt"), *_rivals.REBUILT)
@@ -29,7 +26,6 @@ METHODS = (
     *REFIT,
     *_rivals.GRIDS,
 )
-
 
 COLUMNS = [*document.COMMON, "times_slower", "low", "high", "memory_bytes", "built"]
 KINDS = {
@@ -48,8 +44,8 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Ratios to the fastest peer of each kind, with the rounds' range; bars by part of the frame; the floor; CSV."""
     frames = document.frames(folder)
     ours = frames["label"] == OURS
-    names = {"ratio": "times_slower", "spread": "times_slower_spread"}
-    found = compare.ratios(frames, ours).rename(columns=names).drop(columns="frames")
+    found = compare.ratios(frames, ours).drop(columns="frames")
+    found = found.rename(columns={"ratio": "times_slower", "spread": "times_slower_spread"})
     stages, table = _floor.stages(frames[ours], _floor.ray_grids), document.named(frames).join(found)
     table = table.join(_floor.of_frames(stages), on=_floor.SCENE)
     table["kind"], table["other"] = table["label"].map(KINDS), table["label"] != OURS
@@ -78,11 +74,8 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, files, quiet, notes)
 
 
-def fastest(done: pd.DataFrame) -> pd.DataFrame:
-    """The fastest peer of each kind on each scene and size, over the frames that it has in common with ours.
-
-    Of each kind all peers; of trees also those apart that call themselves exact.
-    """
+def fastest(done: document.DataFrame) -> document.DataFrame:
+    """The fastest peer of each kind, and of the exact ones of it, on each scene and size, over the frames in common."""
     import pandas as pd
 
     every = done[done["kind"].notna() & done["times_slower"].notna()]
@@ -91,7 +84,7 @@ def fastest(done: pd.DataFrame) -> pd.DataFrame:
     return peers.loc[peers.groupby(["kind", "title"], sort=False)["times_slower"].idxmin()]
 
 
-def against(own: pd.DataFrame, peers: pd.DataFrame) -> pd.DataFrame:
+def against(own: document.DataFrame, peers: document.DataFrame) -> document.DataFrame:
     """One row per scene: our time, the fastest peer of each kind with the ratio's range, and our time over the floor."""
     own = own.set_index("title", drop=False)
     made = own[["title", "ms"]].set_axis(["scene", f"{OURS}, ms"], axis=1)

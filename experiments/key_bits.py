@@ -26,7 +26,6 @@ PAPER = Preset(
     1024, 1024, (), (), frames=1, samples=20, most=60, deviation=0.005, stage_samples=20, rounds=3, budget_s=3.0,
 )  # fmt: skip
 
-
 COLUMNS = [*document.COMMON, "pairs", "bits", "sort_ms", "copy_ms", "ns_a_pair"]
 
 
@@ -38,13 +37,10 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     own, base = compare.pairs(frames, frames["point.bits"].astype(int) == max(BITS))
     table["share"] = stage_ms(own, *PASS) / stage_ms(base, *PASS)
     table = table.sort_values(["pairs", "bits"])
-    table["ns_a_pair"], table["around"] = (
-        1e6 * table[x] / table["pairs"] for x in ("sort_ms", "sort_spread")
-    )
-    table["heading"], table["count"] = (
-        table["bits"].map("{} bits".format),
-        table["pairs"].map("{:,} pairs".format),
-    )
+    table["ns_a_pair"] = 1e6 * table["sort_ms"] / table["pairs"]
+    table["around"] = 1e6 * table["sort_spread"] / table["pairs"]
+    table["heading"] = table["bits"].map("{} bits".format)
+    table["count"] = table["pairs"].map("{:,} pairs".format)
     picture = panels.lines(
         folder / "key_bits.svg", table, "bits", "ns_a_pair", hue="count", whisker="around", ticks=str, log_y=False,
         below=f"bits of the key (the paper's: {HERE})", left="sort, ns per pair",

@@ -6,7 +6,6 @@ The animated scenes come first, so that a run that is stopped has them.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,9 +14,6 @@ from ..harness.results.table import PART_COLUMNS
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
 from ._paper import METHOD, SCENES
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 METHODS = (Entry(METHOD, {}, "perspective + spherical"), Entry("ray_grids"), Entry("warp_bvh"))
 ANIMATED = ("fairy", "bunny_dragon", "cloth")
@@ -45,16 +41,11 @@ FRAME = [
 ]
 COLUMNS = [*document.COMMON, "frame", "turn", *WORK]
 TIMES = {"fastest": "min", "median": "median", "slowest": "max"}
-PAPER_SAYS = (
-    "The paper moves its lights too, and says that everything is rebuilt each frame; it shows no path."
-)
+PAPER_SAYS = "The paper moves its lights too, and rebuilds everything each frame; it shows no path."
 
 
-def read(folder: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The points, animated scenes first, and one row per frame of each, with the light's place in turns.
-
-    A point that was not measured has one row without a time.
-    """
+def read(folder: Path) -> tuple[document.DataFrame, document.DataFrame]:
+    """The points, animated scenes first; and a row per frame of each (or one without a time) with the light's place."""
     frames = document.frames(folder)
     table = document.arranged(document.complete(document.named(frames)), "scene", (*ANIMATED, *STATIC))
     path = table.drop(columns=FRAME, errors="ignore")

@@ -7,7 +7,6 @@ only where the SIMD width is low. Its own grids have no place for such rays: the
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ..harness.report import compare, document, panels
 from ..harness.results.table import stage_ms
@@ -15,9 +14,6 @@ from ..harness.runner.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
 from . import _rivals
 from ._paper import SCENES
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 GRIDS = _rivals.GRIDS[1:]
 TREES = (*_rivals.REBUILT, _rivals.REFITTED[0], Entry("embree", {}, "Embree"))
@@ -47,7 +43,7 @@ HEADINGS = {"title": "scene", "light_label": "mirrors"}
 KINDS = {**{entry.label: "grid" for entry in GRIDS}, **{entry.label: "tree" for entry in TREES}}
 
 
-def read(folder: Path) -> pd.DataFrame:
+def read(folder: Path) -> document.DataFrame:
     """The points, with what mirrors add to the frame of :data:`BASE` of the same method and scene, and by ray:
 
     primary_ns, mirrored_ns  time of tracing a primary and a mirrored ray, ns, without shadow rays and without the build
@@ -105,7 +101,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
 MIRRORS = "The scene's largest triangles, half of its area, are mirrors."
 
 
-def added_table(shown: pd.DataFrame, done: pd.DataFrame) -> pd.DataFrame:
+def added_table(shown: document.DataFrame, done: document.DataFrame) -> document.DataFrame:
     """Scenes and bounces down, methods across: the frame without mirrors, then what bounces add to it."""
     import pandas as pd
 
@@ -115,13 +111,13 @@ def added_table(shown: pd.DataFrame, done: pd.DataFrame) -> pd.DataFrame:
     return document.cross_table(both, HEADINGS, "label", "added")
 
 
-def rank(column: pd.Series) -> pd.Series:
+def rank(column: document.Series) -> document.Series:
     """The order of the lightings; scenes stay as they are."""
     order = {lighting.label: i for i, lighting in enumerate(LIGHTINGS)}
     return column.map(order) if column.name == "light_label" else column
 
 
-def finding(bounced: pd.DataFrame) -> str:
+def finding(bounced: document.DataFrame) -> str:
     """How many times longer the best grid takes for a mirrored ray than the best tree, by device."""
     told = []
     for device, own in bounced.groupby("device_name", sort=False):
@@ -134,7 +130,7 @@ def finding(bounced: pd.DataFrame) -> str:
     return " ".join(told) or "No grid and tree were measured with mirrors."
 
 
-def best_ratio(bounced: pd.DataFrame) -> pd.DataFrame:
+def best_ratio(bounced: document.DataFrame) -> document.DataFrame:
     """Time of a mirrored ray, fastest grid over fastest tree: ``ratio`` and ``ratio_spread`` by scene and bounces."""
     own = bounced.assign(kind=bounced["label"].map(KINDS)).sort_values("mirrored_ns")
     least = own.drop_duplicates(["kind", "scene", "light_label"]).set_index(["scene", "light_label"])
@@ -146,7 +142,7 @@ def best_ratio(bounced: pd.DataFrame) -> pd.DataFrame:
     return ratio.to_frame("ratio").assign(ratio_spread=ratio * share).dropna(subset="ratio")
 
 
-def picture(bounced: pd.DataFrame, path: Path) -> Path:
+def picture(bounced: document.DataFrame, path: Path) -> Path:
     """One panel per scene, one line per method: the time of a mirrored ray over that of a primary ray, by number of
     bounces."""
     own = bounced.assign(bounces=bounced["light_label"].str.split().str[0].astype(int))

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,9 +16,6 @@ from ..harness.report import document, panels
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from ..harness.scene.overrides import Lighting
 from ._paper import METHOD
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 OURS = "ray grids"
 METHODS = (
@@ -47,7 +43,7 @@ SWEEPS = ("triangles", "pixels", "lights")
 PROPORTION = "dotted line: time in proportion, exponent 1"
 
 
-def growth(line: pd.DataFrame, sweep: str) -> tuple[float, float]:
+def growth(line: document.DataFrame, sweep: str) -> tuple[float, float]:
     """The exponent e of time ~ x^e over the upper half of a line's points, four at least, where fixed costs count least.
 
     Least squares of logarithms. With half its 95 % interval, nan for two points; both are nan for a single one.
@@ -61,11 +57,8 @@ def growth(line: pd.DataFrame, sweep: str) -> tuple[float, float]:
     return float(found.slope), float(stats.t.ppf(0.975, len(x) - 2) * found.stderr)
 
 
-def along(table: pd.DataFrame, sweep: str) -> pd.DataFrame:
-    """The points that differ in nothing but what is swept, in its order; none where no label has several times.
-
-    The sweeps cross in one point; along each, more values of its own column are found there than elsewhere.
-    """
+def along(table: document.DataFrame, sweep: str) -> document.DataFrame:
+    """The points that differ in nothing but what is swept, where the sweeps cross; none if no label has two times."""
     others = [column for column in SWEEPS if column != sweep]
     most = table.groupby(others, sort=False)[sweep].nunique().idxmax()
     line = table[(table[others] == list(most)).all(axis=1)].sort_values(sweep, kind="stable")
@@ -104,7 +97,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet, notes)
 
 
-def grown(own: pd.DataFrame) -> str:
+def grown(own: document.DataFrame) -> str:
     """The first and the last time along a sweep, and its exponent with the half of its interval."""
     first, last = (f"{own['ms'].iloc[i]} ms at {short(own['x'].iloc[i])}" for i in (0, -1))
     exponent, half = growth(own, "x")

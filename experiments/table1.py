@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ..harness.report import compare, document, panels, style
 from ..harness.report import paper_table1 as paper
@@ -17,9 +16,6 @@ from ..harness.results.table import PART_COLUMNS
 from ..harness.runner.experiment import Entry, Experiment, Preset
 from ._paper import METHOD, SCENES, faithful
 from .figure9 import gallery
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 REAL = ("bunny",) if find_spec("pxr") else ()
 """A small real scene that needs no download, where USD files can be read."""
@@ -53,10 +49,9 @@ COLUMNS = ["origin", *document.COMMON, *(
 ).split()]  # fmt: skip
 """``origin``: this run or the paper."""
 FRAME = f"Whole frame with shadows, everything rebuilt, ms; {paper.LABEL}: as printed, build / trace of primary rays"
-PARTS: document.Columns = {
-    "scene": ("title", str), "method": ("row", str), **{name: (name, str) for name in PART_COLUMNS},
-    "whole": ("ms", str), "±": ("spread", style.number), "answers": ("error", str), "Mrays/s": ("rate", str),
-    "MB": ("memory_bytes", lambda size: style.number(size / 1e6)),
+PARTS = {
+    "scene": "title", "method": "row", **{name: name for name in PART_COLUMNS}, "whole": "ms", "±": "around",
+    "answers": "error", "Mrays/s": "rate", "MB": "mb",
 }  # fmt: skip
 CUT = 3.0
 """A bar more than this many times longer than the median of its scene is cut off; its number stands beside it."""
@@ -69,11 +64,10 @@ ABOUT = (
 LEFT_OUT = "Frames left out, beyond the point's budget; best is who is fastest over the frames of both: "
 
 
-def read(folder: Path) -> DataFrame:
+def read(folder: Path) -> document.DataFrame:
     """The points of a folder, methods in the order of the table. Besides the columns of :func:`.report.document.named`:
 
-    row   the label; what was set by hand; and the device where there are several
-    build, trace, light build, shadow, rate  as text, with the digits that their spread carries
+    row   the label; what was set by hand; and the device where there are several. The columns of :data:`PARTS` as text
     best  the answers are right, and no other point with right answers is faster, over the frames that both have
     """
     frames = document.frames(folder)
@@ -93,6 +87,8 @@ def read(folder: Path) -> DataFrame:
     ]
     for part, name in PART_COLUMNS.items():
         table[part] = table[f"{name}_text"].where(table[f"{name}_ms"] != 0, "-")
+    table["around"] = table["spread"].map(style.number)
+    table["mb"] = (table["memory_bytes"].astype("float64") / 1e6).map(style.number)
     rate = table["frame_mrays_per_s"]
     table["rate"], table["best"] = document.carry(rate, rate * table["spread"] / table["total_ms"]), False
     same = [name for name in compare.SAME if name != "device"]
@@ -121,14 +117,16 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     pictures += gallery(folder, table, f"Table 1: the scenes; {document.where(table)}")
     tables = {
         FRAME: frame_table(by_scene),
-        "Parts of the frame, ms, and ± of the whole": document.texts(document.measured(by_scene), PARTS),
+        "Parts of the frame, ms, and ± of the whole": document.measured(by_scene)[[*PARTS.values()]].set_axis(
+            [*PARTS], axis=1
+        ),
     }
     rows = pd.concat([table.assign(origin="this run"), paper.entries(table["scene"].unique())])
     told = finding(done), tables, pictures, quiet, notes(table)
     return document.write(folder, EXPERIMENT, table, COLUMNS, *told, rows=rows)
 
 
-def finding(done: DataFrame) -> str:
+def finding(done: document.DataFrame) -> str:
     """The number of scenes on which each method is the fastest."""
     best, scenes = done[done["best"]].groupby("row", sort=False), done["title"].nunique()
     spans = {row: document.span(own["total_ms"], own["spread"]) for row, own in best}
@@ -137,11 +135,8 @@ def finding(done: DataFrame) -> str:
     return f"Of {scenes} scene{'s' * (scenes != 1)} the fastest frame with every answer right: {told}."
 
 
-def frame_table(by_scene: DataFrame) -> DataFrame:
-    """Methods down, scenes across: frame time with its error, or why there is none; the fastest right one in bold.
-
-    Then the paper's own as printed, in italics.
-    """
+def frame_table(by_scene: document.DataFrame) -> document.DataFrame:
+    """Methods down, scenes across: frame time and error or status, the fastest right one in bold; then the paper's."""
     import pandas as pd
 
     own = document.arranged(by_scene, "label", [entry.label for entry in METHODS])
@@ -155,7 +150,7 @@ def frame_table(by_scene: DataFrame) -> DataFrame:
     return wide[["method", *by_scene["title"].unique()]]
 
 
-def notes(table: DataFrame) -> list[str]:
+def notes(table: document.DataFrame) -> list[str]:
     """How to read an entry, what was left out, and where the paper's numbers are from."""
     told, theirs = [ABOUT], set(table["scene"]) & set(paper.ROWS)
     if theirs and set(table["width"]) | set(table["height"]) != set(paper.SIZE):

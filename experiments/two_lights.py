@@ -40,8 +40,8 @@ PAPER = "the paper, on Fairy: 7.6, its kd-tree peer 5.26, and 60 % more time for
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
     """Time against the number of lights, CSV, frames per second, and each further light over the first.
 
-    A light costs its grid and its shadow rays: those passes are compared, with one light and with more. (Differences of
-    whole frames would hold the noise of the build and of the primary rays, which can be more than a light.)
+    A light costs its grid and its shadow rays: those passes are compared. (Differences of whole frames would hold the noise
+    of the build and of the primary rays, which can be more than a light.)
     """
     frames, repeats = document.frames(folder), samples(folder)
     shadow, build = (compare.pass_spread(repeats, part) for part in ("shadow", "light build"))

@@ -172,7 +172,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     table, hard = drawing.read(folder), hard_cases.read_hard(folder)
     cost = drawing.costs(folder, [*MEASURES, *OTHER_MEASURES])
     files = [
-        document.write_csv(cost, folder / "accuracy_costs.csv", drawing.COST_COLUMNS),
+        document.write_csv(cost, folder / "accuracy_costs.csv", list(cost)),
         *drawing.draw_frontier(table, folder / "accuracy_pareto.svg"),
         *drawing.draw_where(folder, table, SHOWN),
         *drawing.draw_heat(folder),

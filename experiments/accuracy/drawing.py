@@ -5,7 +5,6 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +17,6 @@ from ...harness.report.picture import opened
 from ...harness.results.pixel_maps import read_wrong, wrong_path
 from .offsets import NAME
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 Measure = tuple[str, str, str]
 """A safety measure: its name, the label of the point that has it, and that of the otherwise equal point without it."""
 
@@ -31,10 +27,6 @@ CLASSES = {
 COLUMNS = [
     *document.COMMON, "family", "level", "known_inexact", "wrong_per_frame", *CLASSES, "flip", "flip_missing", "on_frontier",
 ]  # fmt: skip
-COST_COLUMNS = (
-    "scene scene_title device measure with without with_ms without_ms cost_ms noise_ms share within_noise "
-    "wrong_with wrong_without"
-).split()
 COST = "Frame time with a safety measure over that without (=: within the noise, ?: not known)"
 ENOUGH = 4
 """Number of repeats below which the noise is not known, so that no difference of times counts as a cost."""
@@ -56,19 +48,15 @@ HEAT = (
     "distance of the light from the middle, in scene radii\nIn a cell: answers that differ from the exact one on {}, "
     "{}x{}, scene not recentred: wrong (+ excused, within rounding of an edge)"
 )
-SAMPLED = (
-    "Of {} points so many answers differ from the reference's that only a sample of them was judged; every other one "
-    "counts as wrong, in no class of its own."
-)
+SAMPLED = "Of {} points a sample of the many answers that differ was judged; every other one counts as wrong, in no class."
 LARGEST = 320
 """Pixels along a side of a panel: larger frames are cropped to where most is wrong."""
 
 
-def read(folder: Path) -> pd.DataFrame:
-    """The points with their mean wrong answers per frame by class. Further columns:
+def read(folder: Path) -> document.DataFrame:
+    """The points with their mean wrong answers per frame by class.
 
     family, level  the two halves of the label; name: the label as shown, with a device that is not the scene's
-    on_frontier    see :func:`frontier`
     """
     table = document.read(folder)
     table[["family", "level"]] = table["label"].str.extract(r"^([^:]*)(?:: (.*))?$").to_numpy()
@@ -82,22 +70,19 @@ def read(folder: Path) -> pd.DataFrame:
     return table
 
 
-def usable(table: pd.DataFrame) -> pd.DataFrame:
+def usable(table: document.DataFrame) -> document.DataFrame:
     """Points that have both a time and an error."""
     return document.measured(table).dropna(subset="wrong_per_frame")
 
 
-def sampled(table: pd.DataFrame) -> str:
+def sampled(table: document.DataFrame) -> str:
     """A note on points of which only a sample was judged; "" where there is none."""
     count = int((usable(table).reindex(columns=["primary.unjudged"]) > 0).sum().iloc[0])
     return SAMPLED.format(count) * bool(count)
 
 
-def frontier(table: pd.DataFrame) -> pd.Series:
-    """Whether no other point of the scene is better in both time and error; missing if either is not known.
-
-    Only points on the device of most of the scene's points: times of a CPU and of a GPU are not comparable.
-    """
+def frontier(table: document.DataFrame) -> document.Series:
+    """Whether no other point of the scene, on its usual device, is better in time and error; missing if one is unknown."""
     found = (table["wrong_per_frame"] < 0).astype("boolean").where(table.index.isin(usable(table).index))
     for _, own in usable(table).groupby("title", sort=False):
         here = own[own["device"] == own["device"].mode()[0]].sort_values(["total_ms", "wrong_per_frame"])
@@ -106,11 +91,8 @@ def frontier(table: pd.DataFrame) -> pd.Series:
     return found
 
 
-def costs(folder: Path, measures: Sequence[Measure]) -> pd.DataFrame:
-    """One row per scene and measure of which both points were measured in one run, over the frames that both have.
-
-    noise_ms  the larger spread of the two points, between quartiles or between rounds; missing with too few repeats
-    """
+def costs(folder: Path, measures: Sequence[Measure]) -> document.DataFrame:
+    """A row per scene and measure whose two points were measured in one run; ``noise_ms`` is missing with few repeats."""
     import pandas as pd
 
     frames = document.frames(folder)
@@ -132,7 +114,7 @@ def costs(folder: Path, measures: Sequence[Measure]) -> pd.DataFrame:
     return document.arranged(pd.concat(found), "scene_title", titles.unique()).reset_index(drop=True)
 
 
-def cost_table(cost: pd.DataFrame, hard: pd.DataFrame) -> pd.DataFrame:
+def cost_table(cost: document.DataFrame, hard: document.DataFrame) -> document.DataFrame:
     """Measures down, scenes across: the frame with over that without, and what is wrong without (with) it, in all scenes."""
     if cost.empty:
         return cost
@@ -148,7 +130,7 @@ def cost_table(cost: pd.DataFrame, hard: pd.DataFrame) -> pd.DataFrame:
     return wide.reset_index()
 
 
-def finding(table: pd.DataFrame, cost: pd.DataFrame) -> str:
+def finding(table: document.DataFrame, cost: document.DataFrame) -> str:
     """One sentence: the fastest points without errors, and the costs of the safety measures."""
     known = usable(table)
     if known.empty:
@@ -164,7 +146,7 @@ def finding(table: pd.DataFrame, cost: pd.DataFrame) -> str:
     )
 
 
-def draw_frontier(table: pd.DataFrame, path: Path) -> list[Path]:
+def draw_frontier(table: document.DataFrame, path: Path) -> list[Path]:
     """Wrong answers of every point beside its time: one row per point, one marker per scene."""
     import pandas as pd
 
@@ -177,10 +159,10 @@ def draw_frontier(table: pd.DataFrame, path: Path) -> list[Path]:
                  legend=3, below="black edge: no other point of the scene is both faster and less wrong")]  # fmt: skip
 
 
-def draw_where(folder: Path, table: pd.DataFrame, shown: Sequence[str]) -> list[Path]:
-    """One picture per scene: panels of the points of ``shown`` (labels) with saved maps, all of the same part of the image.
+def draw_where(folder: Path, table: document.DataFrame, shown: Sequence[str]) -> list[Path]:
+    """One picture per scene: the points of ``shown`` (labels) with saved maps, all of the same part of the image.
 
-    Maps are large and may have been left out of a packed folder; its pictures of an earlier drawing then stay.
+    Maps may have been left out of a packed folder; its pictures of an earlier drawing then stay.
     """
     inks = {title: colour for title, (_, colour) in PAINT.items()}
     rows = table[table["label"].isin(shown)].drop_duplicates(["file", "label"])

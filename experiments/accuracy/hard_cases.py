@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ...harness.files import write_text
 from ...harness.frame.devices import device_for
 from ...harness.frame.registry import make_method, method_class
 from ...harness.hardcases import all_cases
 from ...harness.hardcases.judge import Judged, judge_method
+from ...harness.report import document
 from ...harness.runner.experiment import Entry
 from ...harness.runner.job import Options
 from ...harness.runner.progress import Silent, counted
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 NAME = "accuracy_hard.csv"
 NONE = "none"
@@ -74,7 +72,7 @@ def keep_hard(
         write_text(options.out / NAME, table.to_csv(index=False, lineterminator="\n"))
 
 
-def read_hard(folder: Path) -> pd.DataFrame:
+def read_hard(folder: Path) -> document.DataFrame:
     """The stored rows; none if a folder has none. Older folders have no ``left_out``: it is not known."""
     import pandas as pd
 
@@ -82,7 +80,7 @@ def read_hard(folder: Path) -> pd.DataFrame:
     return pd.read_csv(path).reindex(columns=COLUMNS) if path.exists() else pd.DataFrame(columns=COLUMNS)
 
 
-def described(hard: pd.DataFrame) -> list[str]:
+def described(hard: document.DataFrame) -> list[str]:
     """What the counts on the hard cases cover, as sentences for the report."""
     import pandas as pd
 

@@ -1,8 +1,7 @@
 """Claims, one by one: what was measured, and whether it holds, does not hold, or cannot be decided from the records.
 
-An experiment declares a claim as a sentence and a function of :class:`Evidence`: points of one experiment that may be
-compared, with one version of each method throughout. A ratio is taken within one run, between points of the same scene,
-size, lights and frames (:func:`.report.compare.pairs`).
+An experiment declares a claim as a sentence and a function of :class:`Evidence`. A ratio is taken within one run, between
+points of the same scene, size, lights and frames (:func:`.report.compare.pairs`).
 """
 
 from __future__ import annotations
@@ -13,14 +12,11 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..results.schema import folders_with_records
 from . import compare, document, style
 from .terminal import print_table
-
-if TYPE_CHECKING:
-    from pandas import DataFrame, Series
 
 HOLDS, FAILS, OPEN = "holds", "does not hold", "can't tell"
 ABOUT = (
@@ -29,7 +25,7 @@ ABOUT = (
 )
 RUN = ["experiment", "folder", "run"]
 SCENE = ["scene", "scene_title", "scene_sha256"]
-Measure = Callable[["DataFrame"], "Series"]
+Measure = Callable[["document.DataFrame"], "document.Series"]
 
 
 class Lacking(Exception):
@@ -39,12 +35,12 @@ class Lacking(Exception):
         return f"{self.args[0]} is not measured" + "".join(f"; {known}" for known in self.args[1:] if known)
 
 
-def matching(table: DataFrame, **wanted: Any) -> Series:
+def matching(table: document.DataFrame, **wanted: Any) -> document.Series:
     """Which rows have these values in these columns."""
     return reduce(operator.and_, (table[name] == value for name, value in wanted.items()))
 
 
-def by_scene(points: DataFrame) -> DataFrame:
+def by_scene(points: document.DataFrame) -> document.DataFrame:
     """The point of each scene that was measured last, by the scene's name; by its title beside a stand-in of that name."""
     last = points.sort_values("started").drop_duplicates(SCENE[:2], keep="last")
     last = points[points.index.isin(last.index)]
@@ -57,7 +53,7 @@ class Evidence:
     """The measured frames of one experiment: one version of each method, and for each scene those of one run."""
 
     experiment: str
-    frames: DataFrame
+    frames: document.DataFrame
 
     @cached_property
     def versions(self) -> dict[str, str]:
@@ -69,20 +65,20 @@ class Evidence:
         """Image widths, smallest first."""
         return sorted(self.frames["width"].unique())
 
-    def of(self, **wanted: Any) -> DataFrame:
+    def of(self, **wanted: Any) -> document.DataFrame:
         """Frames whose columns have these values, of the largest image size unless a width is named."""
         return self.frames[matching(self.frames, **{"width": self.widths[-1], **wanted})]
 
-    def by_scene(self, **wanted: Any) -> DataFrame:
+    def by_scene(self, **wanted: Any) -> document.DataFrame:
         """One point per scene (:func:`by_scene`) of the frames that :meth:`of` gives."""
         return by_scene(document.named(self.of(**wanted)))
 
     def ratios(
         self, one: dict[str, Any], other: dict[str, Any], measure: Measure, lacks: str = "", *scenes: str
     ) -> dict[str, float]:
-        """Measure of the points with the columns of ``one`` over that of those with ``other``'s, by scene.
+        """Measure of the points with the columns of ``one`` over that of ``other``'s, by scene: all, or ``scenes`` in order.
 
-        ``scenes``: these alone, in this order. ``lacks``: what :class:`Lacking` says where one of them, or all, have none.
+        Raises :class:`Lacking` with ``lacks`` where one of them, or all, have none.
         """
         frames, found = self.of(), dict[str, float]()
         base, own = matching(frames, **other), matching(frames, **one)
@@ -95,7 +91,7 @@ class Evidence:
             raise Lacking(lacks)
         return {scene: found[scene] for scene in scenes or found}
 
-    def over_rivals(self, one: dict[str, Any], rivals: Iterable[str], measure: Measure) -> DataFrame:
+    def over_rivals(self, one: dict[str, Any], rivals: Iterable[str], measure: Measure) -> document.DataFrame:
         """:meth:`ratios` over each other label in place of that of ``one``: a row per scene, a column per label."""
         import pandas as pd
 
@@ -113,7 +109,7 @@ class Evidence:
 class Data:
     """The measured frames of every experiment below a folder. What may be compared comes from :meth:`evidence` alone."""
 
-    frames: DataFrame
+    frames: document.DataFrame
 
     @property
     def gpu(self) -> bool:
@@ -134,10 +130,7 @@ class Data:
 
     @cached_property
     def runs(self) -> dict[str, list[Evidence]]:
-        """Evidence by experiment. Where a method has several versions in one run, its last one counts.
-
-        Runs are joined where they have other scenes and the same versions.
-        """
+        """Evidence by experiment, of the last version in each run; runs of other scenes and the same versions are joined."""
         import pandas as pd
 
         own = self.frames.sort_values("started", kind="stable")
@@ -164,7 +157,7 @@ def collect(folder: Path) -> Data:
     return together([document.frames(place) for place in folders_with_records(folder)])
 
 
-def together(tables: Sequence[DataFrame]) -> Data:
+def together(tables: Sequence[document.DataFrame]) -> Data:
     """The measured frames of several folders (:func:`.report.document.frames`)."""
     import pandas as pd
 
@@ -210,10 +203,7 @@ def judged(holds: bool, numbers: str, fails: bool = True) -> Finding:
 
 
 def decide(claim: Claim, data: Data) -> tuple[Finding, str]:
-    """The finding of the first evidence that has all needed numbers, and its folders.
-
-    If none has them: what the first one lacks, which points cannot be compared, and what to run.
-    """
+    """The finding of the first evidence with all needed numbers, and its folders; else what is lacking and what to run."""
     lacks, evidence = [], data.evidence(*claim.experiments)
     for one in evidence:
         try:
@@ -235,7 +225,7 @@ def origin(evidence: Evidence, data: Data) -> str:
     return " and ".join(sorted(evidence.frames["folder"].unique())) + earlier
 
 
-def judge_all(claims: Sequence[Claim], data: Data) -> DataFrame:
+def judge_all(claims: Sequence[Claim], data: Data) -> document.DataFrame:
     """One row per claim: number, claim, section, verdict, numbers, judged_from."""
     import pandas as pd
 

@@ -112,10 +112,7 @@ def apart(table: DataFrame) -> list[str]:
 
 
 def in_sequence(frames: DataFrame) -> list[str]:
-    """A line if the lightings of a scene were measured one after another, as earlier versions did; none if in turn.
-
-    frames  a tidy table (:func:`.results.table.tidy`). A run that was continued is in an order of its own.
-    """
+    """A line if the lightings of a scene were measured one after another, as earlier versions did; none if in turn."""
     known = frames[frames["total_ms"].notna() & (frames["started"] > 0) & ~frames["run"].str.contains("[+]")]
     points = known.sort_values("started").drop_duplicates("key", keep="last")
     lights = points.groupby([*SCENE, *SIZE], sort=False)["light_label"]

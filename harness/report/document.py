@@ -1,7 +1,4 @@
-"""An experiment's report: one sentence of finding, tables, what was not measured, and the pictures.
-
-:func:`read` gives the points of a folder in the order of tables; :func:`write` writes ``EXPERIMENT.md`` and prints it.
-"""
+"""An experiment's report: one sentence of finding, tables, what was not measured, and the pictures."""
 
 from __future__ import annotations
 
@@ -20,7 +17,7 @@ from .compare import apart as runs_apart
 from .compare import geometric, pass_spread, spread
 from .terminal import make_console, print_table
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # experiments annotate with document.DataFrame: pandas takes a second to import
     from pandas import DataFrame, Series
 
 COMMON = (
@@ -29,8 +26,6 @@ COMMON = (
     "frames samples true_errors unscored environment key"
 ).split()
 """Columns that every CSV of an experiment begins with."""
-Columns = dict[str, tuple[str, Callable[[Any], str]]]
-"""For a table of texts: the column for each heading, and its format."""
 count = "{:,.0f}".format
 NO_RECORD = "no record"
 """Status of points that a stopped run did not reach."""
@@ -70,12 +65,6 @@ def with_passes(table: DataFrame, folder: Path, passes: Mapping[str, tuple[str, 
         made = {f"{name}_ms": ms, f"{name}_spread": around, f"{name}_text": carry(ms, around)}
         table = table.assign(**made)
     return table
-
-
-def texts(table: DataFrame, columns: Columns) -> DataFrame:
-    """A table of texts: {heading: (column, form)}; what is not known is missing."""
-    own = table[[column for column, _ in columns.values()]].astype(object).set_axis([*columns], axis=1)
-    return own.apply(lambda values: values.map(columns[values.name][1], na_action="ignore"))
 
 
 def cross_table(
@@ -200,9 +189,8 @@ def complete(table: DataFrame, apart: Collection[str] = ()) -> DataFrame:
     whose = "label method method_title settings device device_name".split()
     every = planned.drop_duplicates(place)[[*place, *same]]
     every = every.merge(planned.drop_duplicates("label")[whose], how="cross")
-    missing = every[
-        ~every.set_index([*place, "label"]).index.isin(planned.set_index([*place, "label"]).index)
-    ]
+    known = planned.set_index([*place, "label"]).index
+    missing = every[~every.set_index([*place, "label"]).index.isin(known)]
     if missing.empty:
         return table
     empty = {column: "" for column in (*TEXTS, "error") if column not in missing}
@@ -229,9 +217,7 @@ def write(
 
     table    the points behind the report, for where they ran, how long, and what is known of their answers
     columns  of the CSV: of ``table``, or of ``rows``
-    tables   what stands under each heading
-    notes    lines below the tables
-    apart    see :func:`not_measured`
+    tables, notes  what stands under each heading; lines below. ``apart``: see :func:`not_measured`
     """
     name = experiment.name
     csv = write_csv(table if rows is None else rows, folder / f"{name}.csv", columns)
@@ -239,10 +225,8 @@ def write(
     cells = [str(cell) for body in shown.values() for cell in body.to_numpy().ravel()]
     about = [ABOUT_NOISE] * any(NOISY in text for text in (finding, *cells))
     about += filter(None, [*notes, *views(table), *runs_apart(table), effort(table), errors(table)])
-    lost, measured_on = (
-        not_measured(table, apart),
-        "; ".join(filter(None, [where(table), disturbances(folder)])),
-    )
+    lost = not_measured(table, apart)
+    measured_on = "; ".join(filter(None, [where(table), disturbances(folder)]))
     text = [f"# {experiment.title}", "", finding, "", f"{measured_on}.", ""]
     for heading, body in shown.items():
         text += [f"## {heading}", "", *markdown(body), ""]

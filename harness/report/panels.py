@@ -1,7 +1,4 @@
-"""The shared drawings: lines, stacked bars, dots and images, one panel per value of a column.
-
-Saved without a date: the same records give the same bytes.
-"""
+"""The shared drawings: lines, stacked bars, dots and images, one panel per value of a column."""
 
 from __future__ import annotations
 
@@ -65,6 +62,7 @@ def sheet(
         if named:
             place = {"loc": "outside upper center", "ncols": legend, "frameon": False}
             figure.legend(named.values(), named.keys(), **place)
+        # Without a date: the same records give the same bytes.
         figure.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None)
     if colours or inks:
         with Image.open(path) as whole:
@@ -90,10 +88,7 @@ def facets(
 
 
 def looks(table: DataFrame, hue: str = "label") -> dict[Any, dict[str, Any]]:
-    """How each value of ``hue`` is drawn: a colour and a marker each, in the table's order.
-
-    A label has those of its method (:func:`.style.look`); after the first label of a method they are dashed and hollow.
-    """
+    """A colour and a marker for each value of ``hue``; a label has its method's, dashed and hollow after the first of it."""
     if hue != "label":
         kinds = zip(table[hue].unique(), itertools.cycle(zip(style.COLOURS, style.MARKERS, strict=True)))
         return {value: {"color": colour, "marker": marker} for value, (colour, marker) in kinds}

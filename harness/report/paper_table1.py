@@ -1,4 +1,4 @@
-"""Table 1 of the paper, exactly as printed, with its hardware, its sources and its footnotes: never scored against.
+"""Table 1 of the paper, exactly as printed, with its hardware, sources and footnotes. Nothing is scored against it.
 
 Guntury and Narayanan 2010, "Ray Tracing Dynamic Scenes with Shadows on the GPU": milliseconds. An entry "a / b" is build /
 traversal and tracing of primary rays; the last column is all steps up to the shadow bits.
@@ -53,10 +53,7 @@ FOOTNOTES = (
 
 
 def entries(scenes: Iterable[str]) -> DataFrame:
-    """The printed entries for these scenes, a row each, in the columns of Table 1's CSV and marked as the paper's own.
-
-    ``printed`` is the text; of ``build_ms``, ``trace_ms`` and ``total_ms`` a row has those that the text has.
-    """
+    """A row per printed entry of these scenes, in the columns of Table 1's CSV: ``printed``, and the times in that text."""
     import pandas as pd
 
     found = [

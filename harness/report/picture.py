@@ -26,8 +26,6 @@ from ..scene.moment import Moment
 from ..scene.prepared import Prepared
 from ..scene.scene import Light
 
-F64 = NDArray[np.float64]
-
 EXPOSURE = 1.1
 WHITE = 2.2
 """Radiance that is shown as white; lower values are compressed as little as possible."""
@@ -77,7 +75,7 @@ def shade(
     return picture.reshape(moment.height, moment.width, 3)
 
 
-def display(radiance: F64) -> NDArray[np.uint8]:
+def display(radiance: NDArray[np.float64]) -> NDArray[np.uint8]:
     """Linear radiance [n, 3] as display values: a curve with a white point on the luminance, then sRGB."""
     radiance = radiance * EXPOSURE
     luminance = radiance @ np.array([0.2126, 0.7152, 0.0722])
@@ -144,8 +142,7 @@ def scene_picture(
 ) -> Path:  # fmt: skip
     """Shade a frame's answers, write a caption under it, save it as PNG, and return the path.
 
-    The caption has the scene's title, its triangles, the frame of an animation, the size of the frame, and, for a
-    stand-in, what it stands in for. ``shows`` is stored in the file: see :func:`.report.picture.shown_in`.
+    ``shows`` is stored in the file: see :func:`shown_in`.
     """
     scene = prepared.scene
     picture = shade(prepared, moment, answers, lights)
@@ -163,10 +160,7 @@ def scene_picture(
 def captioned(
     picture: NDArray[np.uint8], title: str, facts: str, stand_in: str | None = None
 ) -> NDArray[np.uint8]:
-    """The picture with a strip of text below it: title and facts, and what a stand-in stands in for.
-
-    A picture too narrow for text gets a margin at its right.
-    """
+    """The picture with a strip of text below it: title and facts, and what a stand-in stands in for."""
     high, width = picture.shape[0], max(NARROWEST, picture.shape[1])
     size = max(13, width // 34)
     texts = [(f"{title}: {facts}" if title else facts, size, "#20242a")]

@@ -60,7 +60,8 @@ def number(value: float | None) -> str:
     if value is None or not math.isfinite(value):
         return "-"
     size = abs(value)
-    return f"{value:,.{0 if size >= 100 else 1 if size >= 10 else 2 if size >= 1 else 3}f}"
+    digits = 0 if size >= 100 else 1 if size >= 10 else 2 if size >= 1 else 3
+    return f"{value:,.{digits}f}"
 
 
 def radii(distance: float) -> str:
@@ -84,10 +85,7 @@ def plain_number(value: float, _: int = 0) -> str:
 
 
 def plain_log(axes: Any, which: str = "y") -> None:
-    """A logarithmic axis with plain numbers: 1, 2 and 5 of each power where few powers lie on it.
-
-    Called when everything is drawn. An axis with nothing above zero stays as it is.
-    """
+    """A logarithmic axis with plain numbers, once all is drawn: 1, 2 and 5 of each power where few powers lie on it."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     if not getattr(axes.dataLim, f"{which}1") > 0.0:

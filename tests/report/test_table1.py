@@ -78,7 +78,7 @@ def test_a_time_never_stands_without_its_error(records, tmp_path):
     ends = dict(zip(METHODS, ("✓", "✗ 12", "unscored", "✗ 2.00% excused"), strict=True))
     for method, (label, _) in METHODS.items():
         assert cells[label].strip("*").endswith(" " + ends[method]), "errors are summed over frames"
-    answers = document.texts(table, table1.PARTS).set_index("method")["answers"]
+    answers = table.set_index("row")["error"]
     assert answers[METHODS["uniform_grid"][0]] == "✗ 12 wrong"
     assert any("no truth here" in note for note in table1.notes(table))
 
