@@ -51,7 +51,8 @@ def carried(value: float, spread: float, form: str = "") -> str:
 def carry(values: Series, spreads: Series, form: str = "") -> Series:
     """:func:`carried` of each value with its spread; what is not known is missing."""
     texts = [carried(*pair, form) for pair in zip(values.astype("float64"), spreads, strict=True)]
-    return values.astype(object).where(values.isna(), texts)
+    # As texts also where there are none: pyarrow, where it is installed, joins no column of unknown type to a text.
+    return values.astype(object).where(values.isna(), texts).astype("str")
 
 
 def with_passes(table: DataFrame, folder: Path, passes: Mapping[str, tuple[str, str]]) -> DataFrame:
@@ -276,7 +277,8 @@ def effort(table: DataFrame) -> str:
 
 def with_light(table: DataFrame, column: str) -> Series:
     """A column of texts, and the lighting where it has a name."""
-    return table[column] + (", " + table["light_label"]).where(table["light_label"] != "", "")
+    light = table["light_label"].astype("str")
+    return table[column].astype("str") + (", " + light).where(light != "", "")
 
 
 def names(table: DataFrame) -> Series:

@@ -8,7 +8,7 @@ from helpers.experiment_records import record_of
 from helpers.table1_records import write_records
 from shadowbench.experiments import frame_time, table1
 from shadowbench.harness.commands.show import show
-from shadowbench.harness.report.document import effort, span
+from shadowbench.harness.report.document import carry, effort, names, span
 from shadowbench.harness.runner.experiment import Entry
 
 
@@ -74,3 +74,12 @@ def test_a_range_has_the_digits_that_the_spreads_of_its_ends_carry():
     values, spreads = pd.Series([2.345, 0.1234, 1.0]), pd.Series([0.3, 0.0, 0.0])
     assert span(values) == "0.123 to 2.35"
     assert span(values, spreads) == "0.123 to ~2.3"
+
+
+def test_points_that_nothing_names_are_named_where_pyarrow_holds_the_texts():
+    """pyarrow joins no empty column of unknown type to a text."""
+    pytest.importorskip("pyarrow")
+    columns = {"title": "str", "label": object, "light_label": object}
+    table = pd.DataFrame({name: pd.Series([], dtype=kind) for name, kind in columns.items()})
+    assert names(table).tolist() == []
+    assert carry(pd.Series([float("nan")]), pd.Series([0.1])).add(" ms").isna().all()
