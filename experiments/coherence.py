@@ -7,12 +7,16 @@ sequence, for which no occluder is known.
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..harness.errors import UserError
+from ..harness.frame.registry import make_method
 from ..harness.report import compare, document, panels
+from ..harness.results.record import Record
 from ..harness.runner.experiment import Entry, Experiment, Preset
+from ..harness.runner.job import Options
+from ..harness.runner.progress import Silent
 from ._sequence import measure
 
 if TYPE_CHECKING:
@@ -48,6 +52,33 @@ COLUMNS = [
     "settled",
     "memory_bytes",
 ]
+
+
+def checked(options: Options) -> None:
+    """Raise UserError for other methods, for a setting that the experiment varies, and for scenes that cannot be traced.
+
+    The answers are compared with those of the same method, so that no score would tell of a scene that it cannot trace.
+    """
+    declared = {entry.label: entry.settings.get("occluders", "none") for entry in METHODS}
+    for entry in options.preset.methods:
+        if entry.label not in declared:
+            raise UserError(
+                f"--method {entry.method}: coherence measures ray_grids alone; leave out --method"
+            )
+        if entry.settings.get("occluders", "none") != declared[entry.label]:
+            raise UserError("--set ray_grids.occluders: coherence compares its values; leave it out")
+        for name in options.preset.scenes:
+            reason = make_method(entry.method, dict(entry.settings)).applies(
+                options.described(name), options.device
+            )
+            if reason is not None:
+                raise UserError(f"--scene {name}: {entry.method} cannot trace it: {reason}")
+
+
+def measured(options: Options, report: Silent) -> list[Record]:
+    """The points of a run (:func:`._sequence.measure`). Raises UserError as :func:`checked` does."""
+    checked(options)
+    return measure(options, report, STEPS, FIRST.label)
 
 
 def read(folder: Path) -> pd.DataFrame:
@@ -105,5 +136,5 @@ EXPERIMENT = Experiment(
         ),
     },
     draw=draw,
-    measure=partial(measure, steps=STEPS, first=FIRST.label),
+    measure=measured,
 )  # fmt: skip

@@ -111,7 +111,7 @@ def plan_run(
 def dry(options: Options, as_json: bool = False) -> int:
     """Print what :func:`run` would measure, and how long it may take; measure and write nothing."""
     if options.experiment.measure is not None:
-        raise UserError(f"--dry-run: {options.experiment.name} has no points that are known before it runs")
+        raise UserError(f"--dry-run: {options.experiment.name} cannot list its points; leave out --dry-run")
     points = survey.survey(options)
     print(json.dumps(survey.as_json(points), indent=1) if as_json else survey.as_text(options, points))
     return 0
@@ -143,7 +143,7 @@ def run_on_cluster(
     from ..runner.cluster.pool import LOCAL, connected, kind_of
 
     if find_experiment(experiment).measure is not None:
-        raise UserError(f"--cluster: {experiment} has no scenes to hand out; leave out --cluster")
+        raise UserError(f"--cluster: {experiment} runs on this machine alone; leave out --cluster")
     with connected(cluster, kind_of(device)) as pool:
         options = planned(pool.device)
         if cluster != LOCAL:

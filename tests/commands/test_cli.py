@@ -58,7 +58,7 @@ def test_no_command_shows_help(call):
         (["run", "table1", "--cluster", "local", "--dry-run"], "the points are known to the workers alone"),
         (
             ["run", "key_bits", "--cluster", "local"],
-            "key_bits has no scenes to hand out; leave out --cluster",
+            "key_bits runs on this machine alone; leave out --cluster",
         ),
         (
             ["run", "table1", "--set", "warp_bvh.leaf_size=many"],

@@ -10,6 +10,7 @@ from shadowbench.experiments import _played, _sequence, coherence
 from shadowbench.experiments._played import Played, moment_before
 from shadowbench.harness.commands.run import plan_run
 from shadowbench.harness.commands.show import show
+from shadowbench.harness.errors import UserError
 from shadowbench.harness.runner.progress import Silent
 from shadowbench.harness.scene.catalogue import resolve
 from shadowbench.harness.scene.prepared import Prepared, prepare
@@ -96,6 +97,30 @@ def test_coherence_runs_draws_goes_on_and_tells(tmp_path):
     assert shares[0] > 0.8
     assert shares == sorted(shares, reverse=True)
     assert (table.loc[coherence.FIRST.label, "settled"] == 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"methods": ["ray_grids", "bvh2"]}, "--method bvh2: coherence measures ray_grids alone"),
+        (
+            {"settings": ["ray_grids.occluders=last"]},
+            "--set ray_grids.occluders: coherence compares its values",
+        ),
+        (
+            {"settings": ["ray_grids.occluders=none"]},
+            "--set ray_grids.occluders: coherence compares its values",
+        ),
+        ({"scenes": ["mirrored.toml"]}, "mirrored.toml: ray_grids cannot trace it: mirror: "),
+    ],
+)
+def test_what_coherence_cannot_compare_is_refused_before_it_runs(tmp_path, monkeypatch, wrong, said):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mirrored.toml").write_text('mesh = "cloth"\n[mirror]\nshare = 0.5\n')
+    options = plan_run("coherence", preset="quick", device="cpu", out=tmp_path / "out", **wrong)
+    with pytest.raises(UserError, match=said):
+        coherence.EXPERIMENT.measure(options, Silent())
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_timed_frame_with_other_answers_is_an_error(tmp_path, monkeypatch):
