@@ -110,13 +110,15 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         below="moved since the frame before, steps of the animation", left="frame time over that without occluders",
     )] if len(kept) else []  # fmt: skip
     shown = document.carry(kept["ratio"], kept["ratio_spread"])
-    settled = (100 * kept["settled"]).map(" ({:.0f} %)".format).where(kept["label"] == NEXT.label, "")
+    known = (kept["label"] == NEXT.label) & kept["settled"].notna()
+    settled = (100 * kept["settled"]).map(" ({:.0f} %)".format).where(known, "")
     cells = document.cross_table(
         document.arranged(kept.assign(text=shown + settled), "title", table["title"].unique()),
         {"title": "scene", "label": "setting"}, "light_label", "text",
     )  # fmt: skip
     after = kept[(kept["label"] == NEXT.label)]
-    told = document.ranked(after, "ratio", "light_label") or "not measured"
+    each = (document.ranked(after[after["light_label"] == step], "ratio", "light_label") for step in STEPS)
+    told = ", ".join(filter(None, each)) or "not measured"
     finding = f"Frame time with last occluders over that without, geometric mean and range of scenes: {told}."
     tables = {"Frame time over that without occluders": cells}
     return document.write(folder, EXPERIMENT, table, COLUMNS, finding, tables, pictures, quiet, [ABOUT])

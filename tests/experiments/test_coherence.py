@@ -91,6 +91,9 @@ def test_coherence_runs_draws_goes_on_and_tells(tmp_path):
     assert "| scene | setting | at rest | 1/64 step | 1/16 step | 1/4 step | 1 step |" in text
     assert "| Cloth (stand-in) | last occluders first |" in text
     assert "Every answer behind these times was found right" in text
+    finding = text.split("geometric mean and range of scenes: ")[1].splitlines()[0]
+    places = [finding.index(f"{step} ") for step in coherence.STEPS]
+    assert places == sorted(places), "steps are told in their order"
     table = coherence.read(tmp_path / "out").set_index(["label", "light_label"])
     assert table.loc[(coherence.NONE.label, "1 step"), "ratio"] == 1.0
     shares = [table.loc[(coherence.NEXT.label, step), "settled"] for step in coherence.STEPS]
@@ -121,6 +124,20 @@ def test_what_coherence_cannot_compare_is_refused_before_it_runs(tmp_path, monke
     with pytest.raises(UserError, match=said):
         coherence.EXPERIMENT.measure(options, Silent())
     assert not (tmp_path / "out").exists()
+
+
+def test_where_nothing_is_shadowed_no_share_is_told(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "dark.toml").write_text('mesh = "cloth"\nlights = []\n')
+    options = plan_run(
+        "coherence", preset="quick", device="cpu", out=tmp_path / "out", size="24x24", scenes=["dark.toml"]
+    )
+    preset = dataclasses.replace(options.preset, samples=1, rounds=1)
+    coherence.EXPERIMENT.measure(dataclasses.replace(options, preset=preset), Silent())
+    show("coherence", tmp_path / "out", quiet=True)
+    text = (tmp_path / "out" / "coherence.md").read_text()
+    assert "nan" not in text
+    assert "last occluders first" in text
 
 
 def test_a_timed_frame_with_other_answers_is_an_error(tmp_path, monkeypatch):
