@@ -15,10 +15,10 @@ import warp as wp
 from ...harness.frame.geometry import Camera, Hits, Mesh, Ray, Rays
 from ...harness.frame.specialise import effects
 from ..common.entries import entry, set_entry
-from ..common.hitpoint import flat_hit_point, is_vague, plane_distance, steep_hit_point
+from ..common.hitpoint import flat_hit_point, plane_distance
 from ..common.reserve import reserve
-from ..common.triangle import hit_distance, hit_weights, nearer, to_float32
-from .primary import Part, Tree, pixel_at, weld_at
+from ..common.triangle import to_float32
+from .primary import Part, Tree, pixel_at, resolve_hit
 from .records import triangle_corners
 from .walk_ray import make_ray_walk
 from .walk_shadow import make_shadow_walk
@@ -130,41 +130,10 @@ def resolve_kernel(
     if k >= entry(count, 0):
         return
     pixel = entry(listed, k)
-    certain = entry(found, k)
-    best = certain[0]
-    last = certain[1]
     ray = Ray(entry(rays.origin, pixel), entry(rays.direction, pixel))
-    if last >= 0:
-        nearest = wp.float64(wp.INF)
-        if best >= 0:
-            nearest = plane_distance(ray, triangle_corners(mesh, best))
-        while last >= 0:
-            doubt = entry(doubts, last)
-            last = doubt[1]
-            i = doubt[0]
-            t = hit_distance(ray, triangle_corners(mesh, i), weld_at(mesh, i))
-            if t > wp.float64(0.0) and nearer(mesh, t, i, nearest, best):
-                nearest = t
-                best = i
-    distance32 = wp.float32(wp.INF)
-    uv = wp.vec2f()
-    point = wp.vec3d()
-    flat = wp.bool(False)
-    # Nothing is written before all is computed: after a store the compiler would read and widen the corners again.
-    if best >= 0:
-        corners = triangle_corners(mesh, best)
-        distance64 = plane_distance(ray, corners)
-        distance32 = wp.float32(distance64)
-        uv = hit_weights(ray, corners, weld_at(mesh, best))
-        point = steep_hit_point(ray, distance64, corners)
-        flat = is_vague(ray, corners)
-    set_entry(hits.triangle, pixel, best)
-    set_entry(hits.t, pixel, distance32)
-    set_entry(hits.u, pixel, uv[0])
-    set_entry(hits.v, pixel, uv[1])
-    set_entry(start, pixel, to_float32(point))
-    if flat:
-        again = triangle_corners(mesh, best)
+    flat = resolve_hit(ray, entry(found, k), pixel, mesh, doubts, hits, start)
+    if flat >= 0:
+        again = triangle_corners(mesh, flat)
         set_entry(start, pixel, to_float32(flat_hit_point(ray, plane_distance(ray, again), again)))
 
 

@@ -120,25 +120,20 @@ def make_float32_kernel(packets: bool, node_bytes: int, registers: int) -> Any:
     return float32_kernel
 
 
-@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=RESOLVE_REGISTERS)
-def resolve_kernel(
-    camera: Camera,
-    part: Part,
+@wp.func
+def resolve_hit(
+    ray: Ray,
+    certain: wp.vec2i,
+    pixel: wp.int32,
     mesh: Mesh,
     doubts: wp.array(dtype=wp.vec2i),
-    found: wp.array(dtype=wp.vec2i),
     hits: Hits,
     start: wp.array(dtype=wp.vec3f),
-):
-    """The nearest of the certain hit and the doubtful ones; its t, weights and hit point in float64."""
-    at = pixel_at(camera, part, wp.tid())
-    if at[0] < 0:
-        return
-    pixel = at[1] * camera.width + at[0]
-    certain = entry(found, pixel)
+) -> wp.int32:
+    """Store the nearest of the certain hit (certain[0]) and the doubtful ones (chained from certain[1]): t, weights and
+    origin of shadow rays, in float64. Returns the hit triangle if the ray is flat on it and that origin left open, or -1."""
     best = certain[0]
     last = certain[1]
-    ray = Ray(entry(camera.eye, 0), direction_at(camera, at))
     if last >= 0:
         nearest = wp.float64(wp.INF)
         if best >= 0:
@@ -168,8 +163,28 @@ def resolve_kernel(
     set_entry(hits.u, pixel, uv[0])
     set_entry(hits.v, pixel, uv[1])
     set_entry(start, pixel, to_float32(point))
+    return wp.where(flat, best, -1)
+
+
+@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=RESOLVE_REGISTERS)
+def resolve_kernel(
+    camera: Camera,
+    part: Part,
+    mesh: Mesh,
+    doubts: wp.array(dtype=wp.vec2i),
+    found: wp.array(dtype=wp.vec2i),
+    hits: Hits,
+    start: wp.array(dtype=wp.vec3f),
+):
+    """The nearest of the certain hit and the doubtful ones; its t, weights and hit point in float64."""
+    at = pixel_at(camera, part, wp.tid())
+    if at[0] < 0:
+        return
+    pixel = at[1] * camera.width + at[0]
+    ray = Ray(entry(camera.eye, 0), direction_at(camera, at))
+    flat = resolve_hit(ray, entry(found, pixel), pixel, mesh, doubts, hits, start)
     # Flat rays are few, and slow to compute. The corners are read again, so that no register holds them until here.
-    if flat:
-        again = triangle_corners(mesh, best)
+    if flat >= 0:
+        again = triangle_corners(mesh, flat)
         seen = Ray(entry(camera.eye, 0), direction_at(camera, at))
         set_entry(start, pixel, to_float32(flat_hit_point(seen, plane_distance(seen, again), again)))
