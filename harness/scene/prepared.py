@@ -24,6 +24,10 @@ INFINITELY_FAR = 2.0**56
 """Distance of a directional light in scene radii: so far that a coordinate of the scene added to it is rounded away in 53
 bits."""
 
+SHRUNK = 2.0**-4
+"""Share of the first frame's extent below which a frame has a scale of its own. Nearer than 2^28 times a mesh's size, a
+light's post is not so far away that float64 loses the mesh."""
+
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
@@ -82,7 +86,8 @@ class Prepared:
             lights = self.lights(frame)
         eye, axes, tangents, column, row = ray_tables(chosen, width, height, self.centre)
         starts = eye if chosen.height is None else np.abs(column).max(axis=0) + np.abs(row).max(axis=0)
-        positions = np.array([self.light_point(light) for light in lights]).reshape(-1, 3)
+        scale, extent = self.scale(points)
+        positions = np.array([self.light_point(light, scale) for light in lights]).reshape(-1, 3)
         return Moment(
             frame,
             points,
@@ -95,16 +100,31 @@ class Prepared:
             np.ascontiguousarray(positions.astype(np.float32)),
             spot_rows(lights),
             self.scene.facing,
-            reach_of(starts, self.radius + float(np.abs(self.middle).max())),
+            reach_of(starts, extent),
             posts_of(positions.astype(np.float32), lights),
             chosen.height is not None,
         )
 
-    def light_point(self, light: Light) -> NDArray[np.float64]:
-        """The position of a light, recentred, float64 [3].
+    def scale(self, points: F32) -> tuple[float, float]:
+        """The radius from which a frame's directional lights are placed, and a bound on its finite coordinates.
 
-        A directional light is placed at :data:`INFINITELY_FAR` scene radii (rounded up to a power of two) in its
-        direction. There ``p - light`` rounds to ``-light`` in float64 for every point p of the scene, so that everything
+        points  float32 [vertex_count, 3]: those of the frame
+
+        Both are the first frame's while the mesh keeps its size, so that lights and structures rest where nothing else
+        changes. A mesh that grows beyond this bound, or shrinks below :data:`SHRUNK` of it, has the scale of its largest
+        coordinate: it would reach its lights' posts, or be lost in the rounding of the way to them.
+        """
+        extent = self.radius + float(np.abs(self.middle).max())
+        size = largest_coordinate(points) if self.frame_count > 1 else 0.0
+        if size == 0.0 or SHRUNK * extent <= size <= extent:
+            return self.radius, extent
+        return size, size
+
+    def light_point(self, light: Light, radius: float) -> NDArray[np.float64]:
+        """The position of a light, recentred, float64 [3]. ``radius``: see :meth:`scale`.
+
+        A directional light is placed at :data:`INFINITELY_FAR` radii (rounded up to a power of two) in its
+        direction. There ``p - light`` rounds to ``-light`` in float64 for every point p of the frame, so that everything
         computed from differences equals the limit, and exact arithmetic differs from the limit by less than the
         resolution of float64.
         """
@@ -115,10 +135,10 @@ class Prepared:
         if not 0.0 < size < np.inf:
             raise UserError(f"directional light: its direction {light.position} must be finite and not zero")
         way = position / size
-        reach = 2.0 ** np.ceil(np.log2(self.radius))
+        reach = 2.0 ** np.ceil(np.log2(radius))
         if INFINITELY_FAR * reach > np.finfo(np.float32).max:
             raise UserError(
-                f"directional light: the scene has a radius of {self.radius:.3g}, too large for one; scale it below "
+                f"directional light: the scene has a radius of {radius:.3g}, too large for one; scale it below "
                 f"{float(np.finfo(np.float32).max) / INFINITELY_FAR / 2:.2g}, or use a light with a position"
             )
         return way / np.linalg.norm(way) * (INFINITELY_FAR * reach)
@@ -209,6 +229,14 @@ def finite_bounds(positions: NDArray[np.float64]) -> tuple[NDArray[np.float64], 
     if not len(finite):
         return np.zeros(3), np.zeros(3)
     return finite.min(axis=0), finite.max(axis=0)
+
+
+def largest_coordinate(points: F32) -> float:
+    """The largest coordinate of the finite vertices; 0 where there are none. ``points``: [vertex_count, 3]."""
+    size = float(max(points.max(initial=0.0), -points.min(initial=0.0)))
+    if np.isfinite(size):
+        return size
+    return float(np.abs(points[np.isfinite(points).all(axis=1)]).max(initial=0.0))
 
 
 def recentre(positions: NDArray[np.float64]) -> NDArray[np.float64]:
