@@ -59,7 +59,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         wrong = f"{style.WRONG} n: n wrong pixels and visibility bits" * bool((done["true_errors"] > 0).any())
         across = 1 if done["title"].nunique() <= 3 else 2
         files.append(panels.bars(
-            folder / "frame_time.svg", rows, facet="title", across=across, cut=CUT, legend=3 * across,
+            folder / "frame_time.svg", rows, facet="title", across=across, cut=CUT, room=1.75, legend=3 * across,
             below=f"{panels.WHOLE}\n2.0x: twice the time of {OURS}\n{wrong}",
         ))  # fmt: skip
     told = [
