@@ -75,8 +75,8 @@ class Played:
 
     def answers(self, before: Moment, this: Moment) -> dict[str, NDArray]:
         """The answers of a frame after the one before it. Afterwards the buffers are large enough for both."""
-        self.forget()
         for moment in (this, before):
+            self.forget()
             self.session.answers(moment)
         self._forget_if_fresh()
         return self.session.answers(this)
@@ -130,7 +130,12 @@ class Played:
             self.forget()
 
     def _until(self, before: Kept, this: Kept) -> None:
-        """Everything that comes before a timed frame."""
+        """Everything that comes before a timed frame.
+
+        What the method kept of the last sample is forgotten first: a pixel without a ray in the frame before would keep
+        the occluder that the timed frame itself has left there.
+        """
+        self.forget()
         for target, source in before:
             wp.copy(target, source)
         self.session.replay()

@@ -76,6 +76,26 @@ def test_differing_counts_bits():
     assert _sequence.differing(given, other) == 2
 
 
+def test_a_timed_frame_knows_only_what_the_frame_before_it_left():
+    scene = prepare(resolve("bunny_dragon", None))
+    frame = scene.frame_count - 1
+    this, before = scene.moment(frame, *SIZE), moment_before(scene, frame, 1.0, *SIZE)
+    one = Played(coherence.NEXT, scene, SIZE, "cpu")
+    one.forget()
+    for moment in (before, this):
+        one.session.answers(moment)
+    alone = settled(one)
+    one.session.answers(before)
+    one.session.answers(this)
+    assert settled(one) > alone, "pixels without a ray in the frame before keep what an older frame left"
+    one.answers(before, this)
+    assert settled(one) == alone
+    kept = one.keep(before), one.keep(this)
+    for _ in range(2):
+        one.timed_answers(*kept)
+        assert settled(one) == alone
+
+
 def test_coherence_runs_draws_goes_on_and_tells(tmp_path):
     options = tiny(tmp_path / "out", samples=2, rounds=2)
     measure = coherence.EXPERIMENT.measure
