@@ -86,11 +86,14 @@ def fastest(done: document.DataFrame) -> document.DataFrame:
 
 def against(own: document.DataFrame, peers: document.DataFrame) -> document.DataFrame:
     """One row per scene: our time, the fastest peer of each kind with the ratio's range, and our time over the floor."""
+    import pandas as pd
+
     own = own.set_index("title", drop=False)
     made = own[["title", "ms"]].set_axis(["scene", f"{OURS}, ms"], axis=1)
     times = document.carry(peers["times_slower"], peers["times_slower_spread"])
     ranges = [f" ({r.low:.2f} to {r.high:.2f}; {r.label})" for r in peers.itertuples()]
-    for kind, cells in peers.assign(text=times + ranges).groupby("kind", sort=False):
+    told = times + pd.Series(ranges, peers.index, dtype="str")
+    for kind, cells in peers.assign(text=told).groupby("kind", sort=False):
         made[f"fastest that {kind}"] = cells.set_index("title")["text"]
     if own["frame_floor_ms"].notna().any():
         floor = own["frame_floor_ms"].map("{:.3f}".format, na_action="ignore")
