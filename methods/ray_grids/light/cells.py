@@ -13,6 +13,10 @@ from ...common.triangle import U32, largest, total
 from ..aim import Cube
 from ..cube import on_face
 
+FINEST = wp.constant(2.0**-31)
+"""32 u of this are 2^-50: a ray's place is a difference of float64, known to 2^-50 of the way to the light. More than u
+where a few vertices lie 2^26 times as far away as the others, and the light far beyond them."""
+
 
 @wp.struct
 class Flat:
@@ -64,7 +68,9 @@ def on_cells(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, reach: wp.float32, r: wp.vec
         uc = wp.vec2f(c[1] / c[0], c[2] / c[0])
         widest = wp.max(
             wp.max(wp.max(wp.abs(ua[0]), wp.abs(ua[1])), wp.max(wp.abs(ub[0]), wp.abs(ub[1]))),
-            wp.max(wp.max(wp.abs(uc[0]), wp.abs(uc[1])), wp.max(wp.abs(low_u), wp.abs(low_v))),
+            wp.max(
+                wp.max(wp.abs(uc[0]), wp.abs(uc[1])), wp.max(wp.max(wp.abs(low_u), wp.abs(low_v)), FINEST)
+            ),
         )
         flat.a = wp.vec2f((ua[0] - low_u) * per_u, (ua[1] - low_v) * per_v)
         flat.b = wp.vec2f((ub[0] - low_u) * per_u, (ub[1] - low_v) * per_v)
