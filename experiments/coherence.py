@@ -55,18 +55,15 @@ COLUMNS = [
 
 
 def checked(options: Options) -> None:
-    """Raise UserError for other methods, for a setting that the experiment varies, and for scenes that cannot be traced.
+    """Raise UserError for other methods and for scenes that cannot be traced.
 
     The answers are compared with those of the same method, so that no score would tell of a scene that it cannot trace.
     """
-    declared = {entry.label: entry.settings.get("occluders", "none") for entry in METHODS}
     for entry in options.preset.methods:
-        if entry.label not in declared:
+        if entry.method != NONE.method:
             raise UserError(
                 f"--method {entry.method}: coherence measures ray_grids alone; leave out --method"
             )
-        if entry.settings.get("occluders", "none") != declared[entry.label]:
-            raise UserError("--set ray_grids.occluders: coherence compares its values; leave it out")
         for name in options.preset.scenes:
             reason = make_method(entry.method, dict(entry.settings)).applies(
                 options.described(name), options.device

@@ -18,7 +18,7 @@ from ..results.record import FAILURES, Record
 from ..runner import survey
 from ..runner.experiment import Preset, choose_methods, find_experiment, find_preset, parse_size
 from ..runner.machine_lock import MACHINE
-from ..runner.points import parse_settings
+from ..runner.points import parse_settings, refuse_own_settings
 from ..runner.progress import Bar, Silent
 from ..runner.runner import Options, Run
 from ..scene.catalogue import folder as scene_folder
@@ -74,6 +74,8 @@ def plan_run(
     if "samples" in changes:
         changes["most"] = max(chosen.most, changes["samples"])
     changes["scenes"] = tuple(dict.fromkeys(scenes)) or chosen.scenes
+    own = tuple(entry for part in chosen.parts() for entry in part.methods)
+    refuse_own_settings(declared.name, list(settings), own)
     changes["methods"] = parse_settings(list(settings), choose_methods(chosen.methods, list(methods)))
     also: tuple[Preset, ...] = ()
     if not (scenes or size):

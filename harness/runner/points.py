@@ -24,10 +24,7 @@ def parse_settings(texts: list[str], entries: tuple[Entry, ...]) -> tuple[Entry,
     """Entries with ``method.param=value`` settings added to every entry of that method; each setting is checked."""
     result = list(entries)
     for text in texts:
-        match = re.fullmatch(r"([\w-]+)\.(\w+)=(.*)", text)
-        if not match:
-            raise UserError(f"--set {text!r}: write it as method.param=value")
-        method, key, value = match.groups()
+        method, key, value = _parsed(text)
         if method not in {entry.method for entry in entries}:
             known = {entry.method for entry in entries}
             raise UserError(
@@ -38,6 +35,27 @@ def parse_settings(texts: list[str], entries: tuple[Entry, ...]) -> tuple[Entry,
             for e in result
         ]
     return check_entries(tuple(result))
+
+
+def refuse_own_settings(experiment: str, texts: list[str], entries: tuple[Entry, ...]) -> None:
+    """Raise :class:`UserError` for a setting that an entry of the experiment has itself.
+
+    The labels of entries name such settings, and tables, findings and claims compare entries by label.
+    """
+    for text in texts:
+        method, key, _ = _parsed(text)
+        own = [entry.settings.get(key) for entry in entries if entry.method == method]
+        if values := list(dict.fromkeys(value for value in own if value is not None)):
+            named = ", ".join([*["default"] * (None in own), *values])
+            raise UserError(f"--set {method}.{key}: {experiment} sets it itself ({named}); leave it out")
+
+
+def _parsed(text: str) -> tuple[str, str, str]:
+    """Method, parameter and value of a setting."""
+    match = re.fullmatch(r"([\w-]+)\.(\w+)=(.*)", text)
+    if not match:
+        raise UserError(f"--set {text!r}: write it as method.param=value")
+    return match[1], match[2], match[3]
 
 
 def check_entries(entries: tuple[Entry, ...]) -> tuple[Entry, ...]:

@@ -126,14 +126,6 @@ def test_coherence_runs_draws_goes_on_and_tells(tmp_path):
     ("wrong", "said"),
     [
         ({"methods": ["ray_grids", "bvh2"]}, "--method bvh2: coherence measures ray_grids alone"),
-        (
-            {"settings": ["ray_grids.occluders=last"]},
-            "--set ray_grids.occluders: coherence compares its values",
-        ),
-        (
-            {"settings": ["ray_grids.occluders=none"]},
-            "--set ray_grids.occluders: coherence compares its values",
-        ),
         ({"scenes": ["mirrored.toml"]}, "mirrored.toml: ray_grids cannot trace it: mirror: "),
     ],
 )

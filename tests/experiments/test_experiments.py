@@ -8,6 +8,7 @@ import pytest
 from helpers.tiny_runs import write_scene
 from shadowbench.experiments import _paper, figure2
 from shadowbench.experiments.ablation import CULLED, TREE
+from shadowbench.harness.commands.run import plan_run
 from shadowbench.harness.commands.show import show
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.runner.experiment import experiment_names, find_experiment, find_preset
@@ -40,6 +41,46 @@ def test_declarations_are_valid(name):
         names = [lighting.label for lighting in preset.lightings]
         assert len(set(names)) == len(names)
     assert (declared.presets["paper"].width, declared.presets["paper"].height) == (1024, 1024)
+
+
+def own_settings() -> list[tuple[str, str, str]]:
+    """Experiment, preset and ``method.param`` of every setting that an entry of an experiment has itself."""
+    found = {
+        (name, preset, f"{entry.method}.{key}"): None
+        for name in experiment_names()
+        for preset, declared in find_experiment(name).presets.items()
+        for part in declared.parts()
+        for entry in part.methods
+        for key in entry.settings
+    }
+    return list(found)
+
+
+def test_a_setting_that_an_experiment_makes_itself_is_refused(tmp_path):
+    own = own_settings()
+    assert {"coherence", "figure11", "frame_time", "scaling"} <= {name for name, _, _ in own}
+    for name, preset, setting in own:
+        method = setting.split(".")[0]
+        for methods in ((), (method,)):
+            with pytest.raises(
+                UserError, match=rf"^--set {setting}: {name} sets it itself \(.+\); leave it out$"
+            ):
+                plan_run(name, preset, "cpu", methods=methods, settings=[f"{setting}=1"], out=tmp_path)
+
+
+def test_the_refusal_names_the_values_that_an_experiment_compares(tmp_path):
+    for setting, values in (
+        ("bvh2.precision", "default, float32"),
+        ("warp_bvh.update", "default, bvh_rebuild, refit"),
+    ):
+        with pytest.raises(UserError, match=rf"^--set {setting}: frame_time sets it itself \({values}\)"):
+            plan_run("frame_time", "quick", "cpu", settings=[f"{setting}=x"], out=tmp_path)
+
+
+def test_other_settings_reach_every_entry_of_their_method(tmp_path):
+    preset = plan_run("frame_time", "quick", "cpu", settings=["bvh2.radius=4"], out=tmp_path).preset
+    assert {entry.settings.get("radius") for entry in preset.methods if entry.method == "bvh2"} == {"4"}
+    assert not [entry for entry in preset.methods if entry.method != "bvh2" and "radius" in entry.settings]
 
 
 def test_what_the_issue_asks_of_figure_11():
