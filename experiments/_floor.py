@@ -63,10 +63,7 @@ def least_ms(work: Any, machine: Machine) -> Any:
 
 
 def stages(frames: DataFrame, work_of: WorkOf) -> DataFrame:
-    """One row per scene, image size and stage of a tidy table, on known devices: means over frames of time, floor, work.
-
-    Passes of one stage run concurrently: their times and work are added, and their kernels start at the same time.
-    """
+    """Means over frames of time, floor, work, by scene, size and stage, on known devices. Passes of a stage run together."""
     import pandas as pd
 
     counted = ["shadow_rays", "vertices", *(c for c in frames if c.startswith("counter."))]

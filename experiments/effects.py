@@ -74,7 +74,7 @@ def read(folder: Path) -> document.DataFrame:
 
 
 def draw(folder: Path, quiet: bool = False) -> list[Path]:
-    """Markers of each effect over the plain frame, two tables and CSV."""
+    """Each effect over the plain frame, a frame by what moved, two tables and CSV."""
     table = read(folder)
     done = document.arranged(document.measured(table), "title", table["title"].unique())
     effects, moved = done[(done["moved"] == "") & done["ratio"].notna()], done[done["moved"] != ""]
@@ -83,6 +83,14 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
         folder / "effects.svg", alone, "light_label", "ratio", "label", facet="title", whisker="ratio_spread",
         legend=3, below=f"frame time over that of {BASE} (bars: noise)",
     )] if len(effects) else []  # fmt: skip
+    if len(moved):
+        seen, kinds = moved[moved["pass_count"] > 0], list(MOVED)
+        idle = " (nothing moved: no kernel is launched)" * ("nothing" not in set(seen["moved"]))
+        pictures.append(panels.lines(
+            folder / "effects-moved.svg", seen.assign(place=seen["moved"].map(kinds.index)), "place", "total_ms",
+            facet="title", across=moved["title"].nunique(), whisker="spread", drawn=panels.looks(moved), wide=1.2,
+            sharey=True, ticks=kinds.__getitem__, below="what moved since the last frame" + idle, left="ms per frame",
+        ))  # fmt: skip
     shown = document.carry(effects["ratio"], effects["ratio_spread"])
     effects = effects.assign(text=shown.where(effects["light_label"] != BASE, effects["ms"] + " ms"))
     text = moved["ms"] + " (" + moved["build_count"].astype(str) + ")"

@@ -62,6 +62,11 @@ COUNTED = [
     "counter.light 0 pairs", TILES, "counter.light 0 chunks", "counter.light 0 most rays in a tile", LANES, RAYS,
     "counter.light 0 list, longest", "counter.shadow tests a hundred rays",
 ]  # fmt: skip
+BY_R = {
+    "traversal_ms": "shadow traversal, ms",
+    "counter.light 0 chunks": "blocks, C_total",
+    "lane_fill": "lane fill",
+}
 COLUMNS = [*document.COMMON, "set.clamp", "axes", "precision", "r", "traversal_ms", "lane_fill", *COUNTED]
 PANEL = ["title", "rectangle", "axes"]
 PAPER_SAYS = "The paper: time grows as the light moves away, and breaking full tiles into chunks of r rays compensates."
@@ -89,7 +94,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     exact = document.measured(table[table["precision"] == PRECISE])
     tables, pictures, finding = {}, [], "Nothing was measured."
     if len(exact):
-        pictures = drawings(table, folder)
+        pictures = [*drawings(table, folder), by_r(table, exact, folder)]
         text = table["traversal_text"].where(table["status"] == "ok", table["status"])
         cells = document.cross_table(table.assign(text=text), [*PANEL, "line"], "distance", "text")
         tables = {"Shadow traversal, ms, by the light's distance in radii": cells}
@@ -136,6 +141,20 @@ def drawings(table: document.DataFrame, folder: Path) -> list[Path]:
         lines(folder / "figure11-tiles.svg", tiles, "light_distance", TILES, facet="where",
               drawn=of_tiles, left="tiles that hold rays"),
     ]  # fmt: skip
+
+
+def by_r(table: document.DataFrame, exact: document.DataFrame, folder: Path) -> Path:
+    """Time, blocks and lane fill against r, one line per distance, of the two extremes of the panels."""
+    several = exact.groupby("light_distance")["r"].transform("nunique") > 1
+    own = table.loc[several[several | ~several.any()].index].sort_values(["light_distance", "r"])
+    extremes = [(RECTANGLES[CLAMPS[0]], AXES[False]), (RECTANGLES[CLAMPS[-1]], AXES[True])]
+    own = own[own.set_index(PANEL[1:]).index.isin(extremes)].assign(line=own["distance"] + " radii")
+    across = max(1, own["panel"].nunique())
+    own = own.melt(["panel", "line", "r", "status"], list(BY_R), "measure").dropna(subset="value")
+    own["panel"] = own["measure"].map(BY_R) + "\n" + own["panel"]
+    below = "\n".join(["r, most rays per block", *table["title"].unique()])
+    return panels.lines(folder / "figure11-r.svg", own, "r", "value", hue="line", facet="panel", across=across, log_x=2,
+                        ticks=str, high=1.4, legend=3, below=below, left="", sharex=True, sharey="row")  # fmt: skip
 
 
 # Between 1e3 and 1e7 radii only number formats differ: at 1e5 each is measured at one r. One round of few samples: an

@@ -44,10 +44,7 @@ PROPORTION = "dotted line: time in proportion, exponent 1"
 
 
 def growth(line: document.DataFrame, sweep: str) -> tuple[float, float]:
-    """The exponent e of time ~ x^e over the upper half of a line's points, four at least, where fixed costs count least.
-
-    Least squares of logarithms. With half its 95 % interval, nan for two points; both are nan for a single one.
-    """
+    """The exponent e of time ~ x^e over a line's upper half (four points at least), and half its 95 % interval."""
     from scipy import stats
 
     if len(line) < 2:

@@ -174,6 +174,7 @@ def draw(folder: Path, quiet: bool = False) -> list[Path]:
     files = [
         document.write_csv(cost, folder / "accuracy_costs.csv", list(cost)),
         *drawing.draw_frontier(table, folder / "accuracy_pareto.svg"),
+        *drawing.draw_costs(cost, EXACT, folder / "accuracy_costs.svg"),
         *drawing.draw_where(folder, table, SHOWN),
         *drawing.draw_heat(folder),
     ]

@@ -54,10 +54,7 @@ LARGEST = 320
 
 
 def read(folder: Path) -> document.DataFrame:
-    """The points with their mean wrong answers per frame by class.
-
-    family, level  the two halves of the label; name: the label as shown, with a device that is not the scene's
-    """
+    """The points with mean wrong answers per frame by class. Columns: the label, its two halves as family and level."""
     table = document.read(folder)
     table[["family", "level"]] = table["label"].str.extract(r"^([^:]*)(?:: (.*))?$").to_numpy()
     table["level"] = table["level"].fillna(table["family"])
@@ -159,11 +156,24 @@ def draw_frontier(table: document.DataFrame, path: Path) -> list[Path]:
                  legend=3, below="black edge: no other point of the scene is both faster and less wrong")]  # fmt: skip
 
 
-def draw_where(folder: Path, table: document.DataFrame, shown: Sequence[str]) -> list[Path]:
-    """One picture per scene: the points of ``shown`` (labels) with saved maps, all of the same part of the image.
+def draw_costs(cost: document.DataFrame, base: str, path: Path) -> list[Path]:
+    """One bar per scene: the frame of the point ``base``, and what of it each measure adds beyond the noise."""
+    own = cost[cost["with"] == base]
+    if own.empty:
+        return []
+    added = own["cost_ms"].clip(lower=0.0).where(~own["within_noise"], 0.0)
+    table = own.assign(added=added).pivot(index="scene_title", columns="measure", values="added").fillna(0.0)
+    table = table.loc[own["scene_title"].unique(), [n for n in own["measure"].unique() if table[n].any()]]
+    parts = {"all else": ("rest", "#cccccc"), **{n: (n, style.COLOURS[i]) for i, n in enumerate(table)}}
+    total = own.groupby("scene_title", sort=False)["with_ms"].first()
+    rest, text = total - table.sum(axis=1), total.map(style.number) + " ms"
+    table = table.assign(total_ms=total, iqr_ms=0.0, scene=total.index, method="", text=text, rest=rest)
+    below = f"ms: the frame of {base}, and what of it each measure adds that adds more than the noise"
+    return [panels.bars(path, table, name="scene", parts=parts, room=1.25, legend=2, below=below)]
 
-    Maps may have been left out of a packed folder; its pictures of an earlier drawing then stay.
-    """
+
+def draw_where(folder: Path, table: document.DataFrame, shown: Sequence[str]) -> list[Path]:
+    """One picture per scene: points ``shown`` (labels) with saved maps, of one part of the image. Without maps it stays."""
     inks = {title: colour for title, (_, colour) in PAINT.items()}
     rows = table[table["label"].isin(shown)].drop_duplicates(["file", "label"])
     rows = document.arranged(rows, "label", shown)

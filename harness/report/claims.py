@@ -76,10 +76,7 @@ class Evidence:
     def ratios(
         self, one: dict[str, Any], other: dict[str, Any], measure: Measure, lacks: str = "", *scenes: str
     ) -> dict[str, float]:
-        """Measure of the points with the columns of ``one`` over that of ``other``'s, by scene: all, or ``scenes`` in order.
-
-        Raises :class:`Lacking` with ``lacks`` where one of them, or all, have none.
-        """
+        """Measure of ``one``'s points over ``other``'s, by scene (all, or ``scenes``). Raises :class:`Lacking` if none."""
         frames, found = self.of(), dict[str, float]()
         base, own = matching(frames, **other), matching(frames, **one)
         if base.any() and own.any():

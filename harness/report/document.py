@@ -35,10 +35,7 @@ ABOUT_NOISE = f"{NOISY}: shown with fewer digits, as the spread of the repeats c
 
 
 def carried(value: float, spread: float, form: str = "") -> str:
-    """A number with three digits, or with fewer and :data:`NOISY` before it if its ``spread`` is too large for three.
-
-    The last digit shown is the first that the spread changes; where it is nan, two are shown. ``form``: "+" for a sign.
-    """
+    """A number to the first digit that its ``spread`` changes (nan: two), three at most; with a sign if ``form`` is "+"."""
     if value is None or not math.isfinite(value):
         return "-"
     size = math.floor(math.log10(abs(value))) if value else -3
@@ -56,10 +53,7 @@ def carry(values: Series, spreads: Series, form: str = "") -> Series:
 
 
 def with_passes(table: DataFrame, folder: Path, passes: Mapping[str, tuple[str, str]]) -> DataFrame:
-    """The points with the times of passes, {name: (part of the frame, regular expression of their names)}.
-
-    Columns: NAME_ms (:func:`.results.table.stage_ms`), NAME_spread (:func:`.compare.pass_spread`), and NAME_text of both.
-    """
+    """The points with NAME_ms, NAME_spread and NAME_text of passes: {name: (part of the frame, pattern of their names)}."""
     repeats = samples(folder)
     for name, which in passes.items():
         ms, around = stage_ms(table, *which), pass_spread(repeats, *which).reindex(table["key"])
@@ -71,10 +65,7 @@ def with_passes(table: DataFrame, folder: Path, passes: Mapping[str, tuple[str, 
 def cross_table(
     table: DataFrame, rows: Sequence[str] | Mapping[str, str], columns: str, value: str
 ) -> DataFrame:
-    """``value`` with ``rows`` down (columns, or their headings by name) and ``columns`` across, in the table's order.
-
-    Of several in one cell the last; a cell is missing where there is no such row.
-    """
+    """``value`` with ``rows`` down (columns, or {column: heading}) and ``columns`` across; of several in a cell the last."""
     down = list(rows)
     wide = table.groupby([*down, columns], sort=False, dropna=False)[value].last().unstack(columns)
     order = table[down].drop_duplicates().set_index(down).index
@@ -144,10 +135,7 @@ def mean(table: DataFrame, ratio: str) -> str:
 
 
 def ranked(table: DataFrame, ratio: str, by: str, most: int = 5) -> str:
-    """What a finding says of a column of ratios: :func:`mean` and range of each value of ``by``, least first.
-
-    Of more than ``most`` values the least and the greatest are told, of those that are known on as many scenes as any.
-    """
+    """:func:`mean` and range of ratios for each value of ``by``, least first; of more than ``most`` least and greatest."""
     own = table[table[ratio].notna()].groupby(by, sort=False)
     order = own[ratio].agg(geometric).sort_values().index
     if len(order) > most:

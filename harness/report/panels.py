@@ -74,10 +74,7 @@ def sheet(
 def facets(
     path: Path, table: DataFrame, facet: str, across: int, high: float, wide: float, **options: Any
 ) -> Iterator[list[tuple[Any, str, DataFrame]]]:
-    """Yield the axes, the value and the rows of a panel for each value of ``facet`` ("": one), on a :func:`sheet`.
-
-    high, wide  inches of a panel; columns of a page
-    """
+    """Yield axes, value and rows of a panel, ``high`` inches, for each value of ``facet``; ``wide``: columns of a page."""
     found = list(table.groupby(facet, sort=False)) if facet else [("", table)]
     across = max(1, min(across, len(found)))
     down = -(-len(found) // across)
@@ -159,11 +156,7 @@ def bars(
     path: Path, table: DataFrame, *, below: str = WHOLE, name: str = "label", facet: str = "", across: int = 1,
     parts: Parts = FRAME, cut: float = math.inf, room: float = 1.45, legend: int = 3,
 ) -> Path:  # fmt: skip
-    """Panels of stacked bars (:func:`stacked`), one bar per row: before it the column ``name``, at its end ``text``.
-
-    cut   so many times the median time of its panel a bar is cut off
-    room  length of the axis over that of the longest bar
-    """
+    """Panels of :func:`stacked` bars, cut off at ``cut`` medians of the panel; the axis is ``room`` times the longest."""
     sizes = table[facet].value_counts() if facet else [len(table)]
     across, high = min(across, len(sizes)), (0.13 if facet else 0.24) * max(sizes) + 0.3
     size = across, high, 0.35 + 0.65 * across
@@ -265,11 +258,7 @@ def images(
     path: Path, shown: Sequence[tuple[str, NDArray[Any]]], *, across: int, below: str = "",
     key: Mapping[str, str] | None = None, scale: tuple[Any, Any, str] | None = None, wide: float = 1.0, **options: Any,
 ) -> Path:  # fmt: skip
-    """Images [height, width] or [height, width, 3], each with its caption above it, ``across`` of them beside one another.
-
-    key    colours by their meaning
-    scale  for images of numbers: colours, their norm, and the text of the bar below
-    """
+    """Images [height, width(, 3)] with captions. ``key``: {meaning: colour}; ``scale``: colours, norm and text of a bar."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.ticker import MaxNLocator
 

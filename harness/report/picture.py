@@ -88,11 +88,7 @@ def display(radiance: NDArray[np.float64]) -> NDArray[np.uint8]:
 def png_bytes(
     picture: NDArray[np.uint8], colours: int = 256, shows: str = "", inks: Sequence[str] = ()
 ) -> bytes:
-    """A compact PNG of uint8 [height, width, 3]: a palette of at most ``colours``, made for this picture.
-
-    shows  is stored in the file for :func:`shown_in`: what the picture was made from
-    inks   the palette is greys and these colours ("#rrggbb") instead, none of which is ever merged
-    """
+    """A compact PNG of uint8 [height, width, 3], ``shows`` in it: at most ``colours``, or greys and ``inks`` ("#rrggbb")."""
     image = Image.fromarray(np.ascontiguousarray(picture), "RGB")
     exact = image.getcolors(colours)
     if inks:
@@ -140,10 +136,7 @@ def scene_picture(
     prepared: Prepared, moment: Moment, answers: dict[str, NDArray], lights: Sequence[Light], path: Path | str,
     shows: str = "",
 ) -> Path:  # fmt: skip
-    """Shade a frame's answers, write a caption under it, save it as PNG, and return the path.
-
-    ``shows`` is stored in the file: see :func:`shown_in`.
-    """
+    """Shade a frame's answers, write a caption under it, save it as PNG with ``shows`` (:func:`shown_in`) in the file."""
     scene = prepared.scene
     picture = shade(prepared, moment, answers, lights)
     skip = -(-max(picture.shape) // LARGEST)

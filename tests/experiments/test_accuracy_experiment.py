@@ -271,7 +271,7 @@ def test_everything_is_drawn_and_the_tables_are_in_the_text(folder, capsys, monk
     files = declared.draw(folder)
     assert {path.name for path in files} == {
         "accuracy.csv", "accuracy_costs.csv", "accuracy_pareto.svg",
-        "accuracy_where-buddha.png", "accuracy_heat.png", "accuracy.md",
+        "accuracy_costs.svg", "accuracy_where-buddha.png", "accuracy_heat.png", "accuracy.md",
     }  # fmt: skip
     assert all(path.stat().st_size > 100 for path in files)
     text = (folder / "accuracy.md").read_text()
@@ -281,6 +281,8 @@ def test_everything_is_drawn_and_the_tables_are_in_the_text(folder, capsys, monk
     assert len(text.split()) < 700, "a page"
     pareto_text = (folder / "accuracy_pareto.svg").read_text()
     assert all(name in pareto_text for name in ("a: exact", "a: fast", "b: beaten", "b: quick", "black edge"))
+    costs_text = (folder / "accuracy_costs.svg").read_text()
+    assert all(name in costs_text for name in ("all else", "care", "a: exact"))
     assert "Frame time with a safety measure" in capsys.readouterr().out
     with open(folder / "accuracy.csv", newline="") as file:
         table = list(csv.DictReader(file))

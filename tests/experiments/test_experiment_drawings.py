@@ -147,6 +147,9 @@ def test_figure11_tells_work_from_number_format(tmp_path):
         "rejected (aimed, float32)",
     ):
         assert word in tiles, word
+    over_r = (tmp_path / "figure11-r.svg").read_text()
+    for word in ("lane fill", "blocks, C_total", "r, most rays per block", "65536"):
+        assert word in over_r, word
     assert all(file.stat().st_size < 300_000 for file in files)
     lines = (tmp_path / "figure11.csv").read_text().splitlines()
     assert len(lines) == 1 + len(records)
