@@ -23,6 +23,7 @@ from ..scene.facts import triangles
 from ..scene.prepared import Prepared, prepare
 from ..scene.scene import Scene
 from .options import Device, Json, Methods, SceneDir, Settings, Size
+from .tables import table_blocks
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -205,8 +206,9 @@ def show(found: dict[str, Any]) -> None:
             )
         )
     console.print(
-        "\nThe other columns are later frames in which only the named input has changed. A cell names the input that "
-        "makes the pass run; a dot means that the pass does not run."
+        "\nThe columns after the first frame are later frames in which only the named input has changed. A cell names what "
+        "the pass reads that is new; in brackets, what it writes together with another pass that runs. A dot: the pass "
+        "does not run."
     )
     for method in found["methods"]:
         console.print()
@@ -214,23 +216,22 @@ def show(found: dict[str, Any]) -> None:
             console.print(f"{_called(method)}: cannot: {method['cannot']}")
             continue
         console.print(f"{_called(method)} on {method['device']}")
-        console.print(_table(method, list(found["changes"])))
+        for k, table in enumerate(_tables(method, list(found["changes"]), console.width)):
+            if k:
+                console.print()
+            console.print(table)
         if method["left_out"]:
             console.print(f"  left out, because nothing reads their output: {', '.join(method['left_out'])}")
 
 
-def _table(method: dict[str, Any], changes: list[str]) -> Table:
-    from rich.table import Table
-
+def _tables(method: dict[str, Any], changes: list[str], width: int) -> list[Table]:
     passes = method["passes"]
-    table = Table("pass", "first frame", *changes, box=None, padding=(0, 0, 0, 2), header_style="bold")
-    for column in table.columns:
-        column.overflow = "fold"
-    for work in passes:
-        table.add_row(work["name"], work["first"], *(_cause(work["after"][label]) for label in changes))
+    rows = [
+        [work["name"], work["first"], *(_cause(work["after"][label]) for label in changes)] for work in passes
+    ]
     runs = [sum(work["after"][label]["runs"] for work in passes) for label in changes]
-    table.add_row("passes that run", str(len(passes)), *map(str, runs))
-    return table
+    rows.append(["passes that run", str(len(passes)), *map(str, runs)])
+    return table_blocks(["pass", "first frame", *changes], rows, width)
 
 
 def _called(method: dict[str, Any]) -> str:
@@ -240,4 +241,9 @@ def _called(method: dict[str, Any]) -> str:
 
 
 def _cause(verdict: dict[str, Any]) -> str:
-    return verdict["reason"].removesuffix(" changed") if verdict["runs"] else "."
+    """What makes a pass run, in one or two words; in brackets a resource that another pass writes, too."""
+    reason = verdict["reason"]
+    if not verdict["runs"]:
+        return "."
+    written = reason.removesuffix(" is written again")
+    return f"({written})" if written != reason else reason.removesuffix(" changed")

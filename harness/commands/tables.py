@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from ..judge.verdict import MEANINGS, Verdict
@@ -11,6 +11,11 @@ from ..judge.verdict import MEANINGS, Verdict
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
+
+GAP = 2
+"""Columns of a terminal between two columns of a table."""
+KEY = 16
+"""Width that the first column of a table in blocks has where its texts are as long as that."""
 
 
 def make_console() -> Console:
@@ -43,3 +48,33 @@ def make_table(*names: str, numbers: tuple[str, ...] = ()) -> Table:
     for name in numbers:
         table.add_column(name, justify="right", no_wrap=True)
     return table
+
+
+def table_blocks(names: Sequence[str], rows: Sequence[Sequence[str]], width: int) -> list[Table]:
+    """A table as one or several below each other, each with the first column: lines break between words only.
+
+    A column is never narrower than its longest word; columns that do not fit beside the others begin another table.
+    """
+    from rich.table import Column, Table
+
+    cells = [[name, *(row[i] for row in rows)] for i, name in enumerate(names)]
+    least = [max(len(word) for text in column for word in text.split() or [""]) for column in cells]
+    most = [max(map(len, column)) for column in cells]
+    least[0] = max(least[0], min(most[0], KEY))
+    blocks: list[list[int]] = [[0]]
+    for i in range(1, len(cells)):
+        if len(blocks[-1]) > 1 and sum(least[k] + GAP for k in (*blocks[-1], i)) > width:
+            blocks.append([0])
+        blocks[-1].append(i)
+    tables = []
+    for block in blocks:
+        wide = {i: least[i] for i in block}
+        for _ in range(width - sum(wide.values()) - GAP * len(block)):
+            longest = max(block, key=lambda i: most[i] - wide[i])
+            wide[longest] += wide[longest] < most[longest]
+        columns = [Column(names[i], width=wide[i]) for i in block]
+        table = Table(*columns, box=None, padding=(0, 0, 0, GAP), header_style="bold")
+        for row in rows:
+            table.add_row(*(row[i] for i in block))
+        tables.append(table)
+    return tables
