@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import re
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
@@ -27,6 +28,9 @@ ALLOWED = ("machine", "driver", "scene", "versions")
 """What may differ where ``--allow`` says so; ``versions``: several versions of one method within a run."""
 
 FAILS = ("slower", "faster", "cannot-tell")
+
+FIRST = 4
+"""How many names of a list are printed without ``--all``."""
 
 One = Annotated[Path, typer.Argument(metavar="A", help="A results folder, or a folder of them: the base.")]
 Other = Annotated[Path, typer.Argument(metavar="B", help="The results to compare with A.")]
@@ -54,6 +58,10 @@ FailOn = Annotated[
         help="Exit code 1 for this verdict: slower, faster or cannot-tell. Repeatable.",
     ),
 ]
+All = Annotated[
+    bool,
+    typer.Option("--all", help="Name every round that was left out and every entry, not the first few."),
+]
 Margin = Annotated[
     float, typer.Option("--margin", metavar="SHARE", help="A gap up to this share counts as no difference.")
 ]
@@ -61,14 +69,14 @@ Margin = Annotated[
 
 def compare(
     a: One, b: Other, again: Again = None, allow: Allow = None, fail_on: FailOn = None,
-    margin: Margin = two_runs.MARGIN, as_json: Json = False,
+    margin: Margin = two_runs.MARGIN, everything: All = False, as_json: Json = False,
 ) -> int:  # fmt: skip
     """Compare two runs: decide for each scene and method, and for the geometric mean, whether B is faster, slower or the
     same.
 
     A difference needs nine rounds in both runs, a Mann-Whitney test on the medians of rounds (Holm's correction), and a gap
-    above the margin and above the machine's own spread. Rounds whose clocks were throttled are named and left out, and on a
-    CPU those in which the machine was busy (load above 1.25 per core).
+    above the margin and above the machine's own spread. Rounds whose clocks were throttled are left out, and on a CPU those
+    in which the machine was busy (load above 1.25 per core); they are counted by reason.
     """
     for given, known, option in ((allow, ALLOWED, "--allow"), (fail_on, FAILS, "--fail-on")):
         for word in given or ():
@@ -88,11 +96,12 @@ def compare(
     )
     if not found.rows:
         raise UserError(f"{a} and {b}: have no entry in common (experiment, scene, method, settings, size)")
-    notes = list(notes_of(runs, found, allow or ()))
+    most = None if everything else FIRST
+    notes = list(notes_of(runs, found, allow or (), most))
     if as_json:
         print(json.dumps(as_data(folders, found, notes, margin), indent=1))
     else:
-        print_comparison(found, notes, margin)
+        print_comparison(found, notes, margin, most)
     wanted = [OPEN if word == "cannot-tell" else word for word in fail_on or ()]
     return 1 if any(found.count(verdict) for verdict in wanted) else 0
 
@@ -208,18 +217,17 @@ def refuse(runs: Mapping[str, Run], allow: Iterable[str]) -> None:
                     )
 
 
-def notes_of(runs: Mapping[str, Run], found: Comparison, allow: Iterable[str]) -> Iterable[str]:
-    """Notes that belong to the verdicts, one line each."""
-    for run, point, number, why in found.left_out:
-        yield f"left out: round {number + 1} of {run}, {point}: {why}"
+def notes_of(
+    runs: Mapping[str, Run], found: Comparison, allow: Iterable[str], most: int | None = None
+) -> Iterable[str]:
+    """Notes that belong to the verdicts, one line each. ``most``: of a list only so many names; None: all."""
+    yield from left_out_notes(found.left_out, most)
     for name, own in runs.items():
         if own.older:
             yield f"{name}: {own.older} older records of the same entries are left out"
     for name, points in found.only.items():
         if points:
-            yield f"only in {name}: {'; '.join(points[:6])}" + f" and {len(points) - 6} more" * (
-                len(points) > 6
-            )
+            yield f"only in {name}: {some(points, most)}"
     packages = [
         {text for facts in run.environments.values() if (text := f"Warp {facts.get('warp', '?')}")}
         for run in runs.values()
@@ -230,8 +238,8 @@ def notes_of(runs: Mapping[str, Run], found: Comparison, allow: Iterable[str]) -
         yield f"allowed to differ: {what}"
 
 
-def print_comparison(found: Comparison, notes: Iterable[str], margin: float) -> None:
-    """The verdicts as a table, geometric means last; then what was left out."""
+def print_comparison(found: Comparison, notes: Iterable[str], margin: float, most: int | None = None) -> None:
+    """The verdicts as a table, geometric means last; then what was left out. ``most``: as in :func:`notes_of`."""
     console = make_console()
     table = make_table(
         "scene", "method", "verdict", numbers=("A, ms", "B, ms", "gap", "95 %", "own", "wrong")
@@ -250,14 +258,42 @@ def print_comparison(found: Comparison, notes: Iterable[str], margin: float) -> 
     for row in (*found.rows, *found.means):
         if row.reason:
             reasons.setdefault(row.reason, []).append(f"{row.scene}, {row.label}")
-    why = [f"can't tell: {reason} ({some(points)})" for reason, points in reasons.items()]
+    why = [
+        f"can't tell: {reason} ({some([point for one in alike for point in reasons[one]], most)})"
+        for reason, alike in kinds(reasons).items()
+    ]
     print_lines(console, *lines, *why, *notes)
     sys.stdout.flush()
 
 
-def some(names: Sequence[str], most: int = 4) -> str:
-    """The first of many names, and how many more there are."""
-    return "; ".join(names[:most]) + f" and {len(names) - most} more" * (len(names) > most)
+def left_out_notes(left_out: Iterable[tuple[str, str, int, str]], most: int | None) -> Iterable[str]:
+    """A line for each run and reason: how many of its rounds were left out, of which points."""
+    groups: dict[str, dict[str, dict[str, list[int]]]] = {}
+    for run, point, number, why in left_out:
+        groups.setdefault(run, {}).setdefault(why, {}).setdefault(point, []).append(number + 1)
+    for run, reasons in groups.items():
+        for why, alike in kinds(reasons).items():
+            points: dict[str, list[int]] = {}
+            for reason in alike:
+                for point, numbers in reasons[reason].items():
+                    points[point] = sorted([*points.get(point, ()), *numbers])
+            count = sum(map(len, points.values()))
+            names = [f"{point} ({', '.join(map(str, numbers))})" for point, numbers in points.items()]
+            yield f"left out: {count} round{'s' * (count > 1)} of {run}, {why}: {some(names, most)}"
+
+
+def kinds(reasons: Iterable[str]) -> dict[str, list[str]]:
+    """Reasons that differ in their numbers only, such as loads, as one: by a phrase with the first of them."""
+    groups: dict[str, list[str]] = {}
+    for reason in reasons:
+        groups.setdefault(re.sub(r"[\d.]+", "", reason), []).append(reason)
+    return {"e.g. " * (len(alike) > 1) + alike[0]: alike for alike in groups.values()}
+
+
+def some(names: Sequence[str], most: int | None = FIRST) -> str:
+    """The first of many names, and how many more there are; all of them for None."""
+    shown = names[:most]
+    return "; ".join(shown) + f" and {len(names) - len(shown)} more" * (len(names) > len(shown))
 
 
 def percent(share: float, sign: bool = True) -> str:

@@ -100,8 +100,8 @@ def test_exit_codes_follow_the_verdicts(call, pair):
     code, out, _ = call(a, b)
     assert code == 0
     assert (
-        "left out: round 4 of B, Cloth (stand-in), on the CPU: clocks throttled (temperature (software))"
-        in " ".join(out.split())
+        "left out: 4 rounds of B, clocks throttled (temperature (software)): Buddha (stand-in), on the CPU (4, 8); "
+        "Cloth (stand-in), on the CPU (4, 8)" in " ".join(out.split())
     )
 
 
@@ -163,8 +163,28 @@ def test_rounds_of_a_cpu_that_had_too_much_to_do_are_left_out(call, tmp_path):
     quiet = {**made(EMBREE, 20.0, 1), "method": busy["method"]}
     a, b = write(tmp_path / "a", [quiet]), write(tmp_path / "b", [busy])
     _, out, _ = call(a, b)
-    assert "left out: round 6 of B, Cloth (stand-in), on the CPU: load 2.6 on 2 cores" in out
+    assert "left out: 1 round of B, load 2.6 on 2 cores: Cloth (stand-in), on the CPU (6)" in out
     assert "1 same." in out
+
+
+def test_many_rounds_left_out_are_one_line_for_each_reason_and_all_of_them_on_request(call, tmp_path):
+    scenes = ("cloth", "fairy", "sibenik", "buddha", "conference", "bunny_dragon")
+    quiet = [made(EMBREE, 20.0, 1, scene) for scene in scenes]
+    busy = [made(EMBREE, 20.0, 2, scene, rounds=12) for scene in scenes]
+    for one in quiet + busy:
+        one["method"]["device"] = "cpu"
+    for one in (single for record in busy for single in record["rounds"]):
+        one["clock"] = {"load": 2.6 + one["round"] / 10 if one["round"] < 3 else 1.0, "gpu": None}
+    a, b = write(tmp_path / "a", quiet), write(tmp_path / "b", busy)
+    short, whole = (
+        [x for x in call(a, b, *more)[1].splitlines() if "left out" in x] for more in ((), ("--all",))
+    )
+    assert len(short) == len(whole) == 1
+    assert short[0].startswith("left out: 18 rounds of B, e.g. load 2.6 on 2 cores: ")
+    assert short[0].count("on the CPU (1, 2, 3)") == 4
+    assert short[0].endswith(" and 2 more")
+    assert whole[0].count("on the CPU (1, 2, 3)") == 6
+    assert len(json.loads(call(a, b, "--json")[1])["left_out"]) == 18
 
 
 @pytest.mark.parametrize(
