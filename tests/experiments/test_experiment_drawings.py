@@ -27,9 +27,9 @@ def test_figure2_says_how_much_the_most_drops(tmp_path):
         write_map(map_path(tmp_path, r["key"], 0), np.array([[0, 0, 0], [0, 0, most], [0, most // 2, 1]]))
     files = show("figure2", tmp_path, quiet=True)
     text = (tmp_path / "figure2.md").read_text()
-    told = "against direct, {0}x{0} tiles {1} of the most triangles for a pixel, primary rays {2} in speed"
-    assert told.format(16, "40%", "+40.0%") in text
-    assert told.format(8, "80%", "-20.0%") in text
+    told = "blocks of {}: {} as many triangles checked for the costliest pixel, primary rays traced {} times as fast"
+    assert told.format("16x16 pixels", "40%", "1.40") in text
+    assert told.format("8x8", "80%", "0.800") in text
     table = list(csv.DictReader((tmp_path / "figure2.csv").open()))
     (ours,) = (r for r in table if r["label"] == figure2.INDIRECT)
     assert [float(ours[f"{x}_same_tiles"]) for x in ("speed_up", "most_share")] == pytest.approx([-0.2, 0.8])
