@@ -9,7 +9,7 @@ from typing import Any
 
 from ..errors import UserError, did_you_mean
 from ..frame.registry import method_class, method_names, parameters
-from ..runner.experiment import experiment_names, find_experiment
+from ..runner.experiment import Preset, experiment_names, find_experiment
 from ..scene.catalogue import TITLES, resolve, scene_names
 from ..scene.standins import balls
 
@@ -64,9 +64,15 @@ def experiments() -> list[dict[str, Any]]:
     rows = []
     for name in experiment_names():
         declared = find_experiment(name)
-        presets = {key: f"{preset.width}x{preset.height}" for key, preset in declared.presets.items()}
+        presets = {key: sizes(preset) for key, preset in declared.presets.items()}
         rows.append({"name": name, "title": declared.title, "presets": presets})
     return rows
+
+
+def sizes(preset: Preset) -> str:
+    """The size of a preset's images, as "1024x1024"; of several the least and the largest."""
+    known = sorted({(part.width, part.height) for part in preset.parts()})
+    return " to ".join(f"{width}x{height}" for width, height in dict.fromkeys((known[0], known[-1])))
 
 
 def as_text(rows: list[dict[str, Any]], columns: int | None = None) -> str:
