@@ -167,7 +167,10 @@ def test_rounds_of_a_cpu_that_had_too_much_to_do_are_left_out(call, tmp_path):
     assert "1 same." in out
 
 
-def test_many_rounds_left_out_are_one_line_for_each_reason_and_all_of_them_on_request(call, tmp_path):
+def test_many_rounds_left_out_are_one_line_for_each_reason_and_all_of_them_on_request(
+    call, tmp_path, monkeypatch
+):
+    monkeypatch.setenv("COLUMNS", "4000")  # workers of pytest-xdist have 80
     scenes = ("cloth", "fairy", "sibenik", "buddha", "conference", "bunny_dragon")
     quiet = [made(EMBREE, 20.0, 1, scene) for scene in scenes]
     busy = [made(EMBREE, 20.0, 2, scene, rounds=12) for scene in scenes]
