@@ -17,7 +17,7 @@ from typing import Any
 
 import warp as wp
 
-from .doubt_text import CHAIN
+from .doubt_text import CHAIN, CONTINUE, FULL_BREAK
 from .nodes import INVERSE, OF_LEAF, READ, SLABS
 from .records import EYE_UNITS
 from .snippets import BASICS, STACK
@@ -44,7 +44,7 @@ if (!(inside < -bound)) {
             best = at;
             sure_from = depth - error;
             sure_to = depth + error;
-            limit = slack / sure_from;
+            limit = slack * high(about(sure_from), 1.2e-38f);
         } else if (REAL) {
             leave(at);
         }
@@ -77,12 +77,12 @@ if (s >= 0.0f && w >= 0.0f && s + w <= 1.0f && t > 0.0f && t < limit) {
 
 FLOAT32_END = "return {limit, u, v, real((unsigned int)best)};"
 
-SINGLE = (
-    f"""
+HELD = f"""
 unsigned int stack[{STACK}];
 int held = 0;
 """
-    + """
+
+SINGLE = """
 while (now != NONE) {
     bool done = true;
     if (!(now & LEAF)) {
@@ -96,6 +96,7 @@ while (now != NONE) {
         }
     } else {
         OF_LEAF
+        FULL
     }
     if (done) {
         if (held == 0) break;
@@ -103,7 +104,6 @@ while (now != NONE) {
     }
 }
 """
-)
 """One step per iteration, down to a child or through a leaf, so that the lanes of a warp meet after each."""
 
 PACKET = (
@@ -151,15 +151,21 @@ walked:;
 """Blocks of 128 threads. A lane outside the image has a limit that no box is before."""
 
 
-def walk_text(text: str, triangle: str, node_bytes: int) -> str:
-    """:data:`SINGLE` or :data:`PACKET` with the test of a triangle, for a layout of nodes."""
+
+def walk_text(text: str, triangle: str, node_bytes: int, full: str = "") -> str:
+    """:data:`SINGLE` or :data:`PACKET` with the test of a triangle, for a layout of nodes. ``full``: after each leaf."""
+    text = text.replace("FULL", full)
     leaf = OF_LEAF.replace("TRIANGLE", triangle)
     return text.replace("READ", READ[node_bytes]).replace("SLABS", SLABS).replace("OF_LEAF", leaf)
 
 
-def single_walk(triangle: str, node_bytes: int) -> str:
+def single_walk(triangle: str, node_bytes: int, exact: bool) -> str:
     """The loop of a ray with a stack of its own; ``now`` and ``limit`` are the root and how far the ray goes."""
-    return walk_text(SINGLE, triangle, node_bytes)
+    if not exact:
+        return HELD + walk_text(SINGLE, triangle, node_bytes)
+    keeping = walk_text(SINGLE, triangle, node_bytes, FULL_BREAK)
+    entering = walk_text(SINGLE, triangle.replace("leave(", "enter("), node_bytes)
+    return f"{HELD}{keeping}\n{CONTINUE.replace('WALK', entering)}"
 
 
 @functools.cache
@@ -172,10 +178,10 @@ def make_walk(precision: str, packets: bool, node_bytes: int) -> Any:
     exact = precision == "exact"
     triangle = EXACT_LEAF if exact else FLOAT32_LEAF
 
-    single = "if (!seen) now = NONE;" + single_walk(triangle.replace("REAL", "true"), node_bytes)
+    single = "if (!seen) now = NONE;" + single_walk(triangle.replace("REAL", "true"), node_bytes, exact)
     walking = single
     if packets:
-        together = walk_text(PACKET, triangle.replace("REAL", "seen"), node_bytes)
+        together = walk_text(PACKET, triangle.replace("REAL", "seen").replace("leave(", "enter("), node_bytes)
         walking = f"\n#if defined(__CUDA_ARCH__)\n{together}\n#else\n{single}\n#endif\n"
 
     @wp.func_native(

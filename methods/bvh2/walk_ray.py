@@ -101,7 +101,7 @@ def make_ray_walk(precision: str, node_bytes: int) -> Any:
         + "unsigned int now = (unsigned int)root.data[0];\nfloat limit = 3.4e38f;\nconst float tiny = 1.0e-37f;\n"
         + INVERSE
         + (EXACT_BEGIN if exact else FLOAT32_BEGIN)
-        + single_walk(EXACT_LEAF if exact else FLOAT32_LEAF, node_bytes)
+        + single_walk(EXACT_LEAF if exact else FLOAT32_LEAF, node_bytes, exact)
         + (EXACT_END if exact else FLOAT32_END)
     )
     def walk(

@@ -13,7 +13,7 @@ from typing import Any
 
 import warp as wp
 
-from .doubt_text import OF_PIXEL
+from .doubt_text import CONTINUE, FULL_BREAK, OF_PIXEL
 from .nodes import INVERSE, OF_LEAF, READ, SLABS
 from .records import LIGHT_UNITS
 from .snippets import BASICS, STACK
@@ -28,7 +28,7 @@ if (!(inside < -bound) && at != own) {
     Quad s = fetch(sides.data, at);
     float side = s.w + h[0] * s.x + h[1] * s.y + h[2] * s.z;
     if (!(side > bound)) {
-        if (inside > bound && side < -bound) return 1;
+        if (inside > bound && side < -bound) HIDDEN
         leave(at);
     }
 }
@@ -60,13 +60,13 @@ const wp::vec3f o = light, d = wp::vec3f(h[0] - light[0], h[1] - light[1], h[2] 
 """,
 }
 
-WALK = (
-    f"""
+BEFORE = f"""
 unsigned int stack[{STACK}], now = (unsigned int)root.data[0];
 int held = 0;
-"""
-    + """
 if (now == NONE) return 0;
+"""
+
+WALK = """
 while (true) {
     if (!(now & LEAF)) {
         READ
@@ -82,13 +82,17 @@ while (true) {
     }
     if (now & LEAF) {
         OF_LEAF
+        FULL
         if (held == 0) break;
         now = stack[--held];
     }
 }
-return 0;
 """
-)
+
+
+HIDDEN = "{ hidden = 1, held = 0, kept = 0; goto walked; }"
+"""The end of a ray with a certain occluder: where those of the others end, so that the lanes of a warp meet. Its doubts do
+not matter."""
 
 
 @functools.cache
@@ -97,6 +101,13 @@ def make_shadow_walk(precision: str, node_bytes: int) -> Any:
     leaf = EXACT_LEAF if precision == "exact" else FLOAT32_LEAF
     walking = WALK.replace("READ", READ[node_bytes]).replace("SLABS", SLABS)
     walking = walking.replace("OF_LEAF", OF_LEAF.replace("TRIANGLE", leaf))
+    if precision == "exact":
+        entering = walking.replace("FULL", "").replace("leave(", "enter(").replace("HIDDEN", "return 1;")
+        walking = walking.replace("FULL", FULL_BREAK).replace("HIDDEN", HIDDEN)
+        walking = f"int hidden = 0;\n{walking}walked:;\n{CONTINUE.replace('WALK', entering)}if (hidden) return 1;\n"
+    else:
+        walking = walking.replace("FULL", "")
+    walking = BEFORE + walking + "return 0;"
 
     @wp.func_native(BASICS + OF_PIXEL + BEGIN[precision] + INVERSE + walking)
     def walk(
