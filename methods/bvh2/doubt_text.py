@@ -58,5 +58,9 @@ if (held > 0) {
 
 OF_PIXEL = ENTER.replace("ENTRY", "doubts.data[place] = wp::vec2i(at, pixel);") + KEEP
 
-CHAIN = "int last = -1;\n" + ENTER.replace("ENTRY", "doubts.data[place] = wp::vec2i(at, last); last = place;") + KEEP
+CHAIN = (
+    "int last = -1;\n"
+    + ENTER.replace("ENTRY", "doubts.data[place] = wp::vec2i(at, last); last = place;")
+    + KEEP
+)
 """``last``: the entry that the ray added last. Each ray has its own chain."""

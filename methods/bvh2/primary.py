@@ -9,7 +9,7 @@ import warp as wp
 
 from ...harness.frame.geometry import Camera, Hits, Mesh, Ray
 from ..common.entries import entry, set_entry
-from ..common.hitpoint import flat_hit_point, is_vague, plane_distance, steep_hit_point
+from ..common.hitpoint import along, flat_hit_point, is_vague, plane_distance
 from ..common.pixels import tile_pixel
 from ..common.triangle import hit_distance, hit_weights, nearer, to_float32
 from .records import triangle_corners
@@ -18,7 +18,7 @@ from .walk_primary import make_walk
 BLOCK = 128
 """Threads per block: :func:`pixel_at` and the stacks of packets depend on it."""
 
-RESOLVE_REGISTERS = 72
+RESOLVE_REGISTERS = 80
 
 
 @wp.func
@@ -148,21 +148,22 @@ def resolve_hit(
                 best = i
     distance32 = wp.float32(wp.INF)
     uv = wp.vec2f()
-    point = wp.vec3d()
+    point = wp.vec3f()
     flat = wp.bool(False)
     # Nothing is written before all is computed: after a store the compiler would read and widen the corners again.
     if best >= 0:
         corners = triangle_corners(mesh, best)
+        weld = weld_at(mesh, best)  # before the division, behind which the compiler would leave these reads
+        flat = is_vague(ray, corners)
         distance64 = plane_distance(ray, corners)
         distance32 = wp.float32(distance64)
-        uv = hit_weights(ray, corners, weld_at(mesh, best))
-        point = steep_hit_point(ray, distance64, corners)
-        flat = is_vague(ray, corners)
+        point = to_float32(along(ray, distance64))
+        uv = hit_weights(ray, corners, weld)
     set_entry(hits.triangle, pixel, best)
     set_entry(hits.t, pixel, distance32)
     set_entry(hits.u, pixel, uv[0])
     set_entry(hits.v, pixel, uv[1])
-    set_entry(start, pixel, to_float32(point))
+    set_entry(start, pixel, point)
     return wp.where(flat, best, -1)
 
 

@@ -12,8 +12,8 @@ with u = 2^-24, of directions d, and of hit points and corners whose coordinates
 
 * n . d is known to 5 u |d|_1 (two roundings of n, three of products and sums) and the slack is at most
   2^-30 |n|_1 |d|_1 / (2^-8 |n|_1) = 4 u |d|_1: beyond :data:`EYE_UNITS` = 10 units its sign is that of float64's verdict.
-* n . p + c is known to 33 u M (6 for n, 6 for c, 3 for p's own rounding, 18 for products and for sums from c on; before it
-  is rounded p is off by far less, :func:`..common.hitpoint.is_vague`). The sum s is at most
+* n . p + c is known to 34 u M (6 for n, 6 for c, 3 for p's own rounding, 1 for its error before
+  (:func:`..common.hitpoint.is_vague`), 18 for products and for sums from c on). The sum s is at most
   |n|_1 (M + |light|), so that here planes are scaled by at least 2^-8 |n|_1 (M + |light|) / M, and the slack is at most
   4 u M again: :data:`LIGHT_UNITS` = 40 units of M.
 * m . d is known to 8 u |m|_max |d|_1 (three roundings of m, three of products and sums; the 10 of the planes serve for both)

@@ -151,7 +151,6 @@ walked:;
 """Blocks of 128 threads. A lane outside the image has a limit that no box is before."""
 
 
-
 def walk_text(text: str, triangle: str, node_bytes: int, full: str = "") -> str:
     """:data:`SINGLE` or :data:`PACKET` with the test of a triangle, for a layout of nodes. ``full``: after each leaf."""
     text = text.replace("FULL", full)

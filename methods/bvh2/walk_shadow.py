@@ -104,7 +104,9 @@ def make_shadow_walk(precision: str, node_bytes: int) -> Any:
     if precision == "exact":
         entering = walking.replace("FULL", "").replace("leave(", "enter(").replace("HIDDEN", "return 1;")
         walking = walking.replace("FULL", FULL_BREAK).replace("HIDDEN", HIDDEN)
-        walking = f"int hidden = 0;\n{walking}walked:;\n{CONTINUE.replace('WALK', entering)}if (hidden) return 1;\n"
+        walking = (
+            f"int hidden = 0;\n{walking}walked:;\n{CONTINUE.replace('WALK', entering)}if (hidden) return 1;\n"
+        )
     else:
         walking = walking.replace("FULL", "")
     walking = BEFORE + walking + "return 0;"

@@ -34,8 +34,10 @@ ORIGIN_UNITS = wp.constant(wp.float64(2.0**-20))
 """The same in units of the origin's coordinates: :func:`flat_hit_point` rounds a step of 2^-23 of the distance from
 there."""
 
-STEEP = wp.constant(wp.float64(2.0**-20))
-"""Least slope at which a hit point may be rounded (:func:`is_vague`), as a share of the products whose sum it is."""
+STEEP = wp.constant(2.0**-12)
+NEAR = wp.constant(512.0)
+"""Of a hit point that is rounded without a step onto its plane (:func:`is_vague`): the least slope, as a share of the
+product that bounds it, and the largest distance of the origin, in units of the triangle's largest coordinate."""
 
 LEADING = wp.constant(wp.uint64(0xFFFFFFFFE0000000))
 """Mask of the sign, the exponent and 23 bits of the fraction of a float64: its product with a float32 is exact."""
@@ -131,14 +133,19 @@ def is_flat(ray: Ray, t: wp.float64, corners: Corners) -> wp.bool:
 def is_vague(ray: Ray, corners: Corners) -> wp.bool:
     """Whether a hit point that will be rounded to float32 takes :func:`flat_hit_point`.
 
-    Elsewhere the slope is right to 2^-28, so that t and the step onto the plane are off by less than 2^-28 of the way to a
-    corner, and :func:`steep_hit_point` by 2^-32 of its own size for what it lies beside the ray: far less than the rounding.
+    Elsewhere :func:`along` suffices. With e, f the edges, w the way from the origin to a corner and M the scene's largest
+    coordinate, the numerator of t is off by 48 U |e| |f| |w| and its denominator by 16 U |e| |f| |d|_1, which is at least
+    STEEP |e| |f| |d|_1. So t d is off by (64 |w| + 32 M) U / STEEP: for |w| of up to NEAR M by 2^-26 M, a quarter of what
+    rounding the point may lose.
     """
     d64 = to_float64(ray.direction)
     a64 = to_float64(corners.a)
-    ab = to_float64(corners.b) - a64
-    ac = to_float64(corners.c) - a64
-    return not wp.abs(wp.dot(wp.cross(ab, ac), d64)) > STEEP * largest(ab) * largest(ac) * total(d64)
+    n = wp.cross(to_float64(corners.b) - a64, to_float64(corners.c) - a64)
+    slope = wp.float32(wp.abs(wp.dot(n, d64)))
+    # Sizes in float32: they are needed only up to a factor. Where one is too small, infinite or undefined, the point is vague.
+    bound = largest(corners.b - corners.a) * largest(corners.c - corners.a) * total(ray.direction)
+    place = wp.max(largest(corners.a), wp.max(largest(corners.b), largest(corners.c)))
+    return not (slope > STEEP * bound + 1.0e-36 and largest(corners.a - ray.origin) <= NEAR * place)
 
 
 @wp.func

@@ -8,7 +8,7 @@ import warp as wp
 
 from ....harness.frame.geometry import Camera, Corners, Hits, Mesh, Ray
 from ...common.entries import entry, set_entry
-from ...common.hitpoint import flat_hit_point, is_flat, is_vague, plane_distance, steep_hit_point
+from ...common.hitpoint import along, flat_hit_point, is_flat, is_vague, plane_distance, steep_hit_point
 from ...common.pixels import tile_pixel
 from ...common.triangle import hit_weights, spare_bits, to_float32
 from ..fetch import corners_at, direction_at, weld_at
@@ -53,6 +53,17 @@ def set_point_of_hit(points: wp.array(dtype=wp.vec3d), i: wp.int32, point: wp.ve
 @wp.func
 def set_point_of_hit(points: wp.array(dtype=wp.vec3f), i: wp.int32, point: wp.vec3d, triangle: wp.int32):
     set_point_of(points, i, to_float32(point), triangle)
+
+
+@wp.func
+def quick_point(points: wp.array(dtype=wp.vec3d), ray: Ray, t: wp.float64, corners: Corners) -> wp.vec3d:
+    """The hit point where :func:`takes_care` says no."""
+    return steep_hit_point(ray, t, corners)
+
+
+@wp.func
+def quick_point(points: wp.array(dtype=wp.vec3f), ray: Ray, t: wp.float64, corners: Corners) -> wp.vec3d:
+    return along(ray, t)
 
 
 @wp.func
@@ -102,7 +113,7 @@ def resolve_points(
         distance = plane_distance(ray, corners)
         t = wp.float32(distance)
         uv = hit_weights(ray, corners, weld)
-        hit = steep_hit_point(ray, distance, corners)
+        hit = quick_point(hit_points, ray, distance, corners)
         flat = takes_care(hit_points, ray, distance, corners)
     set_entry(hits.triangle, pixel, best)
     set_entry(hits.t, pixel, t)
