@@ -14,12 +14,16 @@ from shadowbench.methods.bvh2 import (
     shadow,
     sort,
 )
+from shadowbench.methods.bvh2.doubt_text import MOST_KEPT
 from shadowbench.methods.bvh2.parameters import Trace
 from tools.kernel_report import uses_of
 
 REGISTERS = Trace().registers
 STACK_BYTES = 512
 """A ray's own stack: 128 references, which are no spilled registers."""
+
+EXACT_BYTES = STACK_BYTES + 4 * (MOST_KEPT + 2)
+"""With the doubts that an exact ray keeps."""
 
 # The others are hot: test_kernel_report reads their binaries.
 KERNELS = {
@@ -34,12 +38,12 @@ KERNELS = {
     "float32 packet": primary.make_float32_kernel(True, 64, REGISTERS),
 }
 TRACED = {
-    "exact": (primary.make_exact_kernel(False, 48, REGISTERS), STACK_BYTES),
+    "exact": (primary.make_exact_kernel(False, 48, REGISTERS), EXACT_BYTES),
     "exact packet": (primary.make_exact_kernel(True, 48, REGISTERS), 0),
-    "mirrored": (mirrored.make_exact_kernel(48, REGISTERS), STACK_BYTES),
-    "mirrored shadow": (mirrored.make_shadow_kernel("exact", 48, REGISTERS), STACK_BYTES),
+    "mirrored": (mirrored.make_exact_kernel(48, REGISTERS), EXACT_BYTES),
+    "mirrored shadow": (mirrored.make_shadow_kernel("exact", 48, REGISTERS), EXACT_BYTES),
     "mirrored, float32": (mirrored.make_float32_kernel(48, REGISTERS), STACK_BYTES),
-    "exact shadow": (shadow.make_shadow_kernel("exact", 48, REGISTERS), STACK_BYTES),
+    "exact shadow": (shadow.make_shadow_kernel("exact", 48, REGISTERS), EXACT_BYTES),
 }
 
 
