@@ -142,7 +142,7 @@ def is_vague(ray: Ray, corners: Corners) -> wp.bool:
     a64 = to_float64(corners.a)
     n = wp.cross(to_float64(corners.b) - a64, to_float64(corners.c) - a64)
     slope = wp.float32(wp.abs(wp.dot(n, d64)))
-    # Sizes in float32: they are needed only up to a factor. The point is vague where one is too small, infinite or undefined.
+    # Sizes in float32, which are needed only up to a factor. Where one is too small, infinite or undefined, it is vague.
     bound = largest(corners.b - corners.a) * largest(corners.c - corners.a) * total(ray.direction)
     place = wp.max(largest(corners.a), wp.max(largest(corners.b), largest(corners.c)))
     return not (slope > STEEP * bound + 1.0e-36 and largest(corners.a - ray.origin) <= NEAR * place)
