@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import warp as wp
 from shadowbench.harness.frame.geometry import Corners, Ray
-from shadowbench.methods.common.hitpoint import hit_point
+from shadowbench.methods.common.hitpoint import along, hit_point, is_vague, plane_distance
 
 U64 = 2.0**-53
 COUNT = 400
@@ -23,6 +23,19 @@ def point_kernel(
 ):  # fmt: skip
     i = wp.tid()
     h[i] = hit_point(Ray(o[i], d[i]), t[i], Corners(a[i], b[i], c[i]))
+
+
+@wp.kernel(enable_backward=False)
+def rounded_kernel(
+    o: wp.array(dtype=wp.vec3f), d: wp.array(dtype=wp.vec3f),
+    a: wp.array(dtype=wp.vec3f), b: wp.array(dtype=wp.vec3f), c: wp.array(dtype=wp.vec3f),
+    h: wp.array(dtype=wp.vec3d), vague: wp.array(dtype=wp.uint8),
+):  # fmt: skip
+    i = wp.tid()
+    ray = Ray(o[i], d[i])
+    corners = Corners(a[i], b[i], c[i])
+    h[i] = along(ray, plane_distance(ray, corners))
+    vague[i] = wp.uint8(is_vague(ray, corners))
 
 
 def rational(vector) -> list[Fraction]:
@@ -85,6 +98,25 @@ def test_a_hit_point_is_rounded_not_displaced(slope, size, device):
         # Flat rays are carried exactly and rounded once; of others the angle leaves a little more.
         worst = max(worst, off / (U64 * largest) / (1.0 if sine < 0.12 else 8.0))
     assert 0.0 < worst <= 1.0
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-3])
+@pytest.mark.parametrize("slope", [1.0, 1e-2, 1e-3, 5e-4, 1e-5])
+def test_a_point_that_is_rounded_to_float32_is_off_by_a_quarter_of_that_rounding(slope, size, device):
+    """Unless it is called vague, which the flattest are and the steepest are not."""
+    made = rays(slope, size, np.random.default_rng(round(-np.log2(slope * size))))
+    columns = [np.array(column) for column in list(zip(*made, strict=True))[:6]]
+    del columns[2]
+    with wp.ScopedDevice(device):
+        given = [wp.array(column, dtype=wp.vec3f) for column in columns]
+        out, vague = wp.zeros(COUNT, dtype=wp.vec3d), wp.zeros(COUNT, dtype=wp.uint8)
+        wp.launch(rounded_kernel, dim=COUNT, inputs=given, outputs=[out, vague])
+        got, left = out.numpy(), vague.numpy().astype(bool)
+    for h, open_, (_, _, _, a, b, c, hit, _) in zip(got, left, made, strict=True):
+        off = max(abs(float(Fraction(float(x)) - y)) for x, y in zip(h, hit, strict=True))
+        assert open_ or off <= 2.0**-26 * np.abs([a, b, c]).max()
+    assert left.all() if slope == 1e-5 else not left.all()
+    assert slope < 1.0 or left.mean() < 0.1
 
 
 def test_no_product_that_is_carried_is_fused_with_a_sum_on_a_gpu(tmp_path):

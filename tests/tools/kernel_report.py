@@ -112,7 +112,9 @@ def uses_in(binary: bytes) -> dict[str, Use]:
         if name.startswith(".text."):
             symbol = name.removeprefix(".text.")
             use = Use(values[symbol, REGISTERS], values[symbol, STACK], size // INSTRUCTION_BYTES)
-            result[plain_name(symbol)] = use
+            # Of overloads, which share a name, the largest figures.
+            other = astuple(result.get(plain_name(symbol), use))
+            result[plain_name(symbol)] = Use(*map(max, astuple(use), other))
     return result
 
 

@@ -21,6 +21,7 @@ from shadowbench.harness.frame.session import Session
 from shadowbench.harness.hardcases.eyes import touching
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
+from shadowbench.methods.bvh2.doubt_text import MOST_KEPT
 
 NAME = "bvh2"
 SETTINGS = [
@@ -85,6 +86,22 @@ def test_queues_grow_and_the_frame_is_repeated(device):
     assert session.regrown > 0
     for key, values in roomy.items():
         np.testing.assert_array_equal(tight[key], values, key)
+
+
+@pytest.mark.parametrize("settings", [{}, {"pair": "0"}, {"primary": "packet"}], ids=str)
+def test_a_ray_that_leaves_more_doubts_than_it_keeps_enters_them_all(settings, device):
+    """Ten walls of four triangles each, whose common corners lie on one line, from the eye to the light behind them."""
+    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0], [0, 0, 0]], dtype=float)
+    fan = np.array([[k, (k + 1) % 4, 4] for k in range(4)])
+    walls = [corners * [1, 1, 0] + [0, 0, -0.25 * k] for k in range(10)]
+    faces = [fan + 5 * k for k in range(10)]
+    prepared = make_scene(np.concatenate(walls), np.concatenate(faces), [(0.0, 0.0, -6.0)], (0.0, 0.0, 4.0))
+    assert_exact(NAME, settings, prepared, 1, 1, device)
+    method = make_method(NAME, settings)
+    Session(method, prepared, 1, 1, device).answers(prepared.moment(0, 1, 1))
+    found = method.counters()
+    assert found["primary doubtful pairs"] == len(faces) * len(fan) > MOST_KEPT + 2
+    assert found["shadow doubtful pairs"] > MOST_KEPT + 2
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
