@@ -27,13 +27,11 @@ from ..common.ray_passes import shadow_ray_passes
 from ..common.reserve import counted
 from ..ray_grids import RayGrids
 from ..ray_grids.parameters import Build as StreamsBuild
+from .choice import chosen
 from .parameters import Build, Trace
 
 STREAM, TREE = 0, 1
 """Branches of the graph."""
-
-PIXELS_PER_TRIANGLE = 2
-"""With fewer a tree takes longer to build than a grid of a light's rays (found on balls: docs/methods/hybrid.md)."""
 
 
 class Hybrid(BaseMethod):
@@ -55,7 +53,7 @@ class Hybrid(BaseMethod):
 
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
         self._memory, self._rays = limits.memory, None
-        self._shadows = self._taken_by(frame, effects)
+        self._shadows = chosen(frame, effects) if self.build.shadows == "auto" else self.build.shadows
         shadows = any(effects.shadows) and self._shadows == "tree"
         if not shadows and not effects.bounces:
             return self._streams.plan(frame, effects, limits)
@@ -91,13 +89,6 @@ class Hybrid(BaseMethod):
         passes += [replace(work, branch=(TREE, 1)) for work in after]
         passes += [replace(work, branch=(STREAM, *work.branch)) for work in streamed]
         return [*passes, *self._shadow_passes(rays, effects, shadows), *rays.bounce_passes()]
-
-    def _taken_by(self, frame: Frame, effects: Effects) -> str:
-        """What takes the shadow rays, ``tree`` or ``grid``. Mirrored rays need the tree, which then serves both."""
-        if self.build.shadows != "auto":
-            return self.build.shadows
-        many = frame.triangle_count * PIXELS_PER_TRIANGLE > frame.pixels
-        return "grid" if many and not effects.bounces else "tree"
 
     def _shadow_passes(self, rays: ShadowRays, effects: Effects, shadows: bool) -> list[Pass]:
         """The shadow rays of the primary hits, after both branches."""

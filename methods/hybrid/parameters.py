@@ -24,8 +24,9 @@ class Build(TreeBuild):
 
 Build.__doc__ = f"""{TreeBuild.__doc__}
     shadows     what takes the shadow rays: "tree": the tree, which all lights share; "grid": a grid of each light, as in
-                ray_grids; the tree is then built for mirrored rays only; "auto": the grid where there are more than half as
-                many triangles as pixels and nothing is mirrored, otherwise the tree
+                ray_grids; the tree is then built for mirrored rays only; "auto": the grid where the mesh has more than
+                one triangle for every eight pixels, a ray of a light crosses at most 1.5 triangles of the first frame on
+                average, and nothing is mirrored; otherwise the tree
     """
 
 

@@ -15,6 +15,7 @@ from helpers.mirror_scenes import answered, hall_of_mirrors
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.methods.hybrid.choice import mean_layers
 
 NAME = "hybrid"
 SETTINGS: list[dict[str, str]] = [
@@ -74,16 +75,52 @@ def test_effects_decide_the_structure():
     assert passes_of(mirrored, {"shadows": "grid"}) & TREE == TREE
 
 
-@pytest.mark.parametrize(
-    ("side", "taken"), [(24, "grid"), (25, "tree")], ids=["more than half", "at most half"]
-)
-def test_numbers_of_triangles_and_pixels_decide_who_takes_the_shadow_rays(side, taken):
-    prepared = make_scene(*soup(7, 300), [(0.1, 0.2, 0.3)])
-    session = Session(make_method(NAME), prepared, side, 24, "cpu")
-    assert prepared.triangle_count == 300
+def taken(prepared: Prepared, width: int, height: int) -> str:
+    session = Session(make_method(NAME), prepared, width, height, "cpu")
     names = {work.name for work in session.all_passes}
-    assert (names >= TREE) == (taken == "tree")
-    assert session.method.built()["shadows"] == taken
+    chosen = session.method.built()["shadows"]
+    assert (names >= TREE) == (chosen == "tree")
+    return chosen
+
+
+@pytest.mark.parametrize(("height", "wanted"), [(49, "grid"), (50, "tree")])
+def test_a_tree_takes_the_shadow_rays_of_few_triangles(height, wanted):
+    prepared = make_scene(*soup(7, 300), [(0.1, 0.2, 40.0)])
+    assert prepared.triangle_count == 300
+    assert taken(prepared, 48, height) == wanted
+
+
+def shells(count: int, lights: list[tuple[float, ...]]) -> Prepared:
+    """Octahedra around one another, of radii 1, 2 ...: each line from the middle crosses one triangle of each."""
+    corners = np.array(
+        [(1, 0, 0), (0, 1, 0), (0, 0, 1), (-1, 0, 0), (0, -1, 0), (0, 0, -1)], dtype=np.float32
+    )
+    faces = np.array([(x, y, z) for x in (0, 3) for y in (1, 4) for z in (2, 5)])
+    points = np.concatenate([corners * np.float32(k + 1) for k in range(count)])
+    return make_scene(points, np.concatenate([faces + 6 * k for k in range(count)]), lights)
+
+
+@pytest.mark.parametrize(("count", "wanted"), [(1, "grid"), (2, "tree"), (3, "tree")])
+def test_a_tree_takes_the_shadow_rays_of_an_enclosed_light(count, wanted):
+    prepared = shells(count, [(0.01, 0.02, 0.03)])
+    frame = Session(make_method(NAME), prepared, 8, 4, "cpu").frame
+    assert mean_layers(frame, [0]) == pytest.approx(count, rel=1e-6)
+    assert taken(prepared, 8, 4) == wanted
+
+
+def test_layers_from_afar_are_those_of_parallel_rays():
+    # Parallel rays cross an octahedron twice in its shadow, of area sqrt(3) along a diagonal; the sphere around its box
+    # has 3 pi.
+    for away in (1e3, 1e9, 1e15):
+        frame = Session(make_method(NAME), shells(1, [(away, away, away)]), 8, 4, "cpu").frame
+        assert mean_layers(frame, [0]) == pytest.approx(2.0 / 3.0**0.5 / np.pi, rel=1e-3)
+
+
+@pytest.mark.parametrize("corner", [0, 3])
+def test_layers_are_known_of_a_light_on_a_vertex(corner):
+    prepared = shells(1, [(1.0, 0.0, 0.0) if corner == 0 else (-1.0, 0.0, 0.0)])
+    frame = Session(make_method(NAME), prepared, 8, 4, "cpu").frame
+    assert 0.0 < mean_layers(frame, [0]) < 1.0
 
 
 def test_a_tree_that_mirrors_need_takes_the_shadow_rays_too():
