@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from ...harness.frame.frame import Frame
 from ...harness.scene.effects import Effects
 
-PIXELS_PER_TRIANGLE = 8
-"""With more, a tree is built in less time than a grid saves (docs/methods/hybrid.md says on which scenes it was found)."""
-
 MOST_LAYERS = 1.5
-"""Where a ray of the light crosses more triangles on average, as in a furnished room, a grid tests too many."""
+"""A light whose rays cross more triangles on average is enclosed, as in a furnished room."""
+
+OPEN, ENCLOSED = 32, 1
+"""Pixels per triangle below which a grid is faster (docs/methods/hybrid.md says on which scenes that was found)."""
 
 FAR = 1024.0
 """Radii beyond which a light is looked from at this distance: float64 would round the triangles' solid angles away."""
@@ -30,10 +30,11 @@ SAMPLED = 1 << 17
 
 def chosen(frame: Frame, effects: Effects) -> str:
     """``tree`` or ``grid``. Mirrored rays need the tree, which then serves both."""
-    if effects.bounces or frame.triangle_count * PIXELS_PER_TRIANGLE <= frame.pixels:
+    if effects.bounces or frame.triangle_count * OPEN <= frame.pixels:
         return "tree"
     casting = [i for i, wanted in enumerate(effects.shadows) if wanted]
-    return "tree" if mean_layers(frame, casting) > MOST_LAYERS else "grid"
+    most = ENCLOSED if mean_layers(frame, casting) > MOST_LAYERS else OPEN
+    return "grid" if frame.triangle_count * most > frame.pixels else "tree"
 
 
 def mean_layers(frame: Frame, lights: Collection[int]) -> float:
