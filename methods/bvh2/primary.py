@@ -18,8 +18,6 @@ from .walk_primary import make_walk
 BLOCK = 128
 """Threads per block: :func:`pixel_at` and the stacks of packets depend on it."""
 
-RESOLVE_REGISTERS = 80
-
 
 @wp.func
 def weld_at(mesh: Mesh, triangle: wp.int32) -> wp.vec3i:
@@ -55,69 +53,6 @@ def pixel_at(camera: Camera, part: Part, thread: wp.int32) -> wp.vec2i:
 def direction_at(camera: Camera, at: wp.vec2i) -> wp.vec3f:
     """The direction of a pixel; for a thread without a pixel, that of the first."""
     return entry(camera.column, wp.max(at[0], 0)) + entry(camera.row, wp.max(at[1], 0))
-
-
-@functools.cache
-def make_exact_kernel(packets: bool, node_bytes: int, registers: int) -> Any:
-    """One thread per pixel, 8 x 4 per warp: the certain closest hit (-1: none), and its chain of doubts."""
-    walk = make_walk("exact", packets, node_bytes)
-
-    @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=registers)
-    def exact_kernel(
-        camera: Camera,
-        part: Part,
-        tree: Tree,
-        records: wp.array(dtype=wp.vec4f),
-        counts: wp.array(dtype=wp.int32),
-        doubts: wp.array(dtype=wp.vec2i),
-        found: wp.array(dtype=wp.vec2i),
-    ):
-        at = pixel_at(camera, part, wp.tid())
-        seen = at[0] >= 0
-        pixel = at[1] * camera.width + at[0]
-        walked = walk(
-            seen, entry(camera.eye, 0), direction_at(camera, at), tree.nodes, tree.root, records, counts, doubts
-        )  # fmt: skip
-        if seen:
-            found[pixel] = wp.vec2i(wp.cast(walked[3], wp.int32), wp.cast(walked[2], wp.int32))
-
-    return exact_kernel
-
-
-@functools.cache
-def make_float32_kernel(packets: bool, node_bytes: int, registers: int) -> Any:
-    """One thread per pixel, 8 x 4 per warp: answers in float32, and the origins of shadow rays."""
-    walk = make_walk("float32", packets, node_bytes)
-
-    @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=registers)
-    def float32_kernel(
-        camera: Camera,
-        part: Part,
-        tree: Tree,
-        records: wp.array(dtype=wp.vec4f),
-        counts: wp.array(dtype=wp.int32),
-        doubts: wp.array(dtype=wp.vec2i),
-        hits: Hits,
-        start: wp.array(dtype=wp.vec3f),
-    ):
-        at = pixel_at(camera, part, wp.tid())
-        seen = at[0] >= 0
-        pixel = at[1] * camera.width + at[0]
-        found = walk(
-            seen, entry(camera.eye, 0), direction_at(camera, at), tree.nodes, tree.root, records, counts, doubts
-        )  # fmt: skip
-        if seen:
-            best = wp.cast(found[3], wp.int32)
-            distance = wp.float32(wp.INF)
-            if best >= 0:
-                distance = found[0]
-                set_entry(start, pixel, entry(camera.eye, 0) + direction_at(camera, at) * distance)
-            set_entry(hits.triangle, pixel, best)
-            set_entry(hits.t, pixel, distance)
-            set_entry(hits.u, pixel, found[1])
-            set_entry(hits.v, pixel, found[2])
-
-    return float32_kernel
 
 
 @wp.func
@@ -167,25 +102,73 @@ def resolve_hit(
     return wp.where(flat, best, -1)
 
 
-@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=RESOLVE_REGISTERS)
-def resolve_kernel(
-    camera: Camera,
-    part: Part,
-    mesh: Mesh,
-    doubts: wp.array(dtype=wp.vec2i),
-    found: wp.array(dtype=wp.vec2i),
-    hits: Hits,
-    start: wp.array(dtype=wp.vec3f),
-):
-    """The nearest of the certain hit and the doubtful ones; its t, weights and hit point in float64."""
-    at = pixel_at(camera, part, wp.tid())
-    if at[0] < 0:
-        return
-    pixel = at[1] * camera.width + at[0]
-    ray = Ray(entry(camera.eye, 0), direction_at(camera, at))
-    flat = resolve_hit(ray, entry(found, pixel), pixel, mesh, doubts, hits, start)
-    # Flat rays are few, and slow to compute. The corners are read again, so that no register holds them until here.
-    if flat >= 0:
-        again = triangle_corners(mesh, flat)
-        seen = Ray(entry(camera.eye, 0), direction_at(camera, at))
-        set_entry(start, pixel, to_float32(flat_hit_point(seen, plane_distance(seen, again), again)))
+@functools.cache
+def make_exact_kernel(packets: bool, node_bytes: int, registers: int) -> Any:
+    """One thread per pixel, 8 x 4 per warp: the closest hit; then its t, weights and hit point in float64."""
+    walk = make_walk("exact", packets, node_bytes)
+
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=registers)
+    def exact_kernel(
+        camera: Camera,
+        part: Part,
+        tree: Tree,
+        records: wp.array(dtype=wp.vec4f),
+        mesh: Mesh,
+        counts: wp.array(dtype=wp.int32),
+        doubts: wp.array(dtype=wp.vec2i),
+        hits: Hits,
+        start: wp.array(dtype=wp.vec3f),
+    ):
+        at = pixel_at(camera, part, wp.tid())
+        seen = at[0] >= 0
+        pixel = at[1] * camera.width + at[0]
+        walked = walk(
+            seen, entry(camera.eye, 0), direction_at(camera, at), tree.nodes, tree.root, records, counts, doubts
+        )  # fmt: skip
+        if seen:
+            certain = wp.vec2i(wp.cast(walked[3], wp.int32), wp.cast(walked[2], wp.int32))
+            ray = Ray(entry(camera.eye, 0), direction_at(camera, at))
+            flat = resolve_hit(ray, certain, pixel, mesh, doubts, hits, start)
+            # Flat rays are few, and slow to compute. The corners are read again, so that no register holds them until here.
+            if flat >= 0:
+                again = triangle_corners(mesh, flat)
+                again_seen = Ray(entry(camera.eye, 0), direction_at(camera, at))
+                set_entry(start, pixel, to_float32(flat_hit_point(again_seen, plane_distance(again_seen, again), again)))
+
+    return exact_kernel
+
+
+@functools.cache
+def make_float32_kernel(packets: bool, node_bytes: int, registers: int) -> Any:
+    """One thread per pixel, 8 x 4 per warp: answers in float32, and the origins of shadow rays."""
+    walk = make_walk("float32", packets, node_bytes)
+
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=registers)
+    def float32_kernel(
+        camera: Camera,
+        part: Part,
+        tree: Tree,
+        records: wp.array(dtype=wp.vec4f),
+        counts: wp.array(dtype=wp.int32),
+        doubts: wp.array(dtype=wp.vec2i),
+        hits: Hits,
+        start: wp.array(dtype=wp.vec3f),
+    ):
+        at = pixel_at(camera, part, wp.tid())
+        seen = at[0] >= 0
+        pixel = at[1] * camera.width + at[0]
+        found = walk(
+            seen, entry(camera.eye, 0), direction_at(camera, at), tree.nodes, tree.root, records, counts, doubts
+        )  # fmt: skip
+        if seen:
+            best = wp.cast(found[3], wp.int32)
+            distance = wp.float32(wp.INF)
+            if best >= 0:
+                distance = found[0]
+                set_entry(start, pixel, entry(camera.eye, 0) + direction_at(camera, at) * distance)
+            set_entry(hits.triangle, pixel, best)
+            set_entry(hits.t, pixel, distance)
+            set_entry(hits.u, pixel, found[1])
+            set_entry(hits.v, pixel, found[2])
+
+    return float32_kernel

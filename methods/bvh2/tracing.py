@@ -22,7 +22,6 @@ class Rays(ShadowRays):
     """Everything that is traced in a frame.
 
     counts  of :class:`.shadow_passes.ShadowRays`; in slot 0 those of the primary rays
-    found   vec2i [pixels]: of each primary ray the closest certain hit (-1: none) and the last doubt (:mod:`.doubt_text`)
     eye_records vec4f [3 * triangles]: :mod:`.records`
     """
 
@@ -38,7 +37,6 @@ class Rays(ShadowRays):
     ):
         super().__init__(frame, build, trace, effects, tree, extent, doubt_capacity)
         with wp.ScopedDevice(frame.device):
-            self.found = wp.zeros(frame.pixels if self.exact else 0, dtype=wp.vec2i)
             self.eye_records = wp.zeros(0 if walked(effects) else 3 * frame.triangle_count, dtype=wp.vec4f)
 
     def records_passes(self) -> list[Pass]:
@@ -64,25 +62,11 @@ class Rays(ShadowRays):
     def _share(self, share: int, scene: tuple[str, ...]) -> list[Pass]:
         """The steps of one share of the pixels. ``hits`` is all shares', ``hits of`` what a share continues with."""
         of = self.of(share)
-        certain, hits = f"certain hits{of}", f"hits of share{of}"
+        hits = f"hits of share{of}"
         seen = (*scene, "camera")
         run = functools.partial
         primary_reads = (*seen, "eye triangles", "primary counts")
-        if self.exact:
-            passes = [
-                Pass(f"primary rays{of}", "trace", primary_reads, (certain,), run(self._primary, share)),
-                Pass(
-                    f"hit points{of}",
-                    "trace",
-                    (*seen, certain),
-                    ("hits", hits),
-                    run(self._resolve, share),
-                ),
-            ]
-        else:
-            passes = [
-                Pass(f"primary rays{of}", "trace", primary_reads, ("hits", hits), run(self._primary, share))
-            ]
+        passes = [Pass(f"primary rays{of}", "trace", primary_reads, ("hits", hits), run(self._primary, share))]
         return [*passes, *self.share_passes(share, (*seen, hits))]
 
     def _careful_passes(self, scene: tuple[str, ...]) -> list[Pass]:
@@ -109,26 +93,15 @@ class Rays(ShadowRays):
         )  # fmt: skip
         if self.exact:
             kernel = primary.make_exact_kernel(*arguments)
-            outputs = [self.found]
+            inputs = [f.mesh]
         else:
             kernel = primary.make_float32_kernel(*arguments)
-            outputs = [f.hits(0), self.starts[0]]
+            inputs = []
         wp.launch(
             kernel,
             dim=self.threads,
-            inputs=[f.camera, self.parts[share], self.tree, self.eye_records],
-            outputs=[counts, self.doubts[share], *outputs],
-            device=f.device,
-            block_dim=BLOCK,
-        )
-
-    def _resolve(self, share: int) -> None:
-        f = self.frame
-        wp.launch(
-            primary.resolve_kernel,
-            dim=self.threads,
-            inputs=[f.camera, self.parts[share], f.mesh, self.doubts[share], self.found],
-            outputs=[f.hits(0), self.starts[0]],
+            inputs=[f.camera, self.parts[share], self.tree, self.eye_records, *inputs],
+            outputs=[counts, self.doubts[share], f.hits(0), self.starts[0]],
             device=f.device,
             block_dim=BLOCK,
         )
