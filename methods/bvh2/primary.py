@@ -133,7 +133,11 @@ def make_exact_kernel(packets: bool, node_bytes: int, registers: int) -> Any:
             if flat >= 0:
                 again = triangle_corners(mesh, flat)
                 again_seen = Ray(entry(camera.eye, 0), direction_at(camera, at))
-                set_entry(start, pixel, to_float32(flat_hit_point(again_seen, plane_distance(again_seen, again), again)))
+                set_entry(
+                    start,
+                    pixel,
+                    to_float32(flat_hit_point(again_seen, plane_distance(again_seen, again), again)),
+                )
 
     return exact_kernel
 

@@ -66,7 +66,9 @@ class Rays(ShadowRays):
         seen = (*scene, "camera")
         run = functools.partial
         primary_reads = (*seen, "eye triangles", "primary counts")
-        passes = [Pass(f"primary rays{of}", "trace", primary_reads, ("hits", hits), run(self._primary, share))]
+        passes = [
+            Pass(f"primary rays{of}", "trace", primary_reads, ("hits", hits), run(self._primary, share))
+        ]
         return [*passes, *self.share_passes(share, (*seen, hits))]
 
     def _careful_passes(self, scene: tuple[str, ...]) -> list[Pass]:
@@ -93,7 +95,7 @@ class Rays(ShadowRays):
         )  # fmt: skip
         if self.exact:
             kernel = primary.make_exact_kernel(*arguments)
-            inputs = [f.mesh]
+            inputs: list[Any] = [f.mesh]
         else:
             kernel = primary.make_float32_kernel(*arguments)
             inputs = []

@@ -25,6 +25,9 @@ STACK_BYTES = 512
 EXACT_BYTES = STACK_BYTES + 4 * (MOST_KEPT + 2)
 """With the doubts that an exact ray keeps."""
 
+FLOAT64_BYTES = 192
+"""What primary rays may spill after their loop, where float64 computes the hit."""
+
 # The others are hot: test_kernel_report reads their binaries.
 KERNELS = {
     "lbvh": build_lbvh.make_lbvh_kernel(64),
@@ -38,8 +41,8 @@ KERNELS = {
     "float32 packet": primary.make_float32_kernel(True, 64, REGISTERS),
 }
 TRACED = {
-    "exact": (primary.make_exact_kernel(False, 48, REGISTERS), EXACT_BYTES),
-    "exact packet": (primary.make_exact_kernel(True, 48, REGISTERS), 0),
+    "exact": (primary.make_exact_kernel(False, 48, REGISTERS), EXACT_BYTES + FLOAT64_BYTES),
+    "exact packet": (primary.make_exact_kernel(True, 48, REGISTERS), FLOAT64_BYTES),
     "mirrored": (mirrored.make_exact_kernel(48, REGISTERS), EXACT_BYTES),
     "mirrored shadow": (mirrored.make_shadow_kernel("exact", 48, REGISTERS), EXACT_BYTES),
     "mirrored, float32": (mirrored.make_float32_kernel(48, REGISTERS), STACK_BYTES),
