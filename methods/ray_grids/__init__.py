@@ -23,6 +23,7 @@ from ...harness.frame.passes import Pass
 from ...harness.frame.threads import cpu_threads
 from ...harness.scene.effects import Effects, Limits
 from .camera.passes import CameraStream
+from .light.known import KnownRegionLight
 from .light.memory import RememberingLight, occluder_arrays
 from .light.passes import LightAims, LightStream, cell_arrays
 from .parameters import Build
@@ -80,7 +81,12 @@ class RayGrids(BaseMethod):
             make = functools.partial(RememberingLight, **occluder_arrays(frame))
         for number, i in enumerate(wanted):
             branch = number % len(branches)
-            light = make(frame, i, camera.build, camera.hit, *branches[branch], aims, effects)
+            known = (
+                make is LightStream and camera.build.region == "triangles" and not effects.has_receivers(i)
+            )
+            light = (KnownRegionLight if known else make)(
+                frame, i, camera.build, camera.hit, *branches[branch], aims, effects
+            )
             passes += light.passes(branch)
             if isinstance(light, RememberingLight):
                 self._remembering.append(light)

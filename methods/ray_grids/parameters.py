@@ -11,6 +11,8 @@ QUEUES = ("auto", "always", "never")
 
 OCCLUDERS = ("none", "last")
 
+REGIONS = ("auto", "triangles", "rays")
+
 CHOOSE = -1
 """For a parameter: chosen from the number of triangles and of lights."""
 
@@ -20,6 +22,9 @@ many threads do at the same time. Measured on an H200 (``docs/optimisation-log.m
 
 INLINE_PIXELS, INLINE_RAYS, INLINE_OF_FEW = 40, 32, 8
 """What :data:`CHOOSE` stands for with one light."""
+
+REGION_TRIANGLES = 524288
+"""With fewer, what a light's rays cover is found from the triangles; with more, that takes longer than it saves."""
 
 RAYS_OF_SEVERAL, BESIDE, MANY_LIGHTS = 48, 4, 8
 """With several lights the passes of up to ``BESIDE`` of them, or of ``MANY_LIGHTS``, fill the GPU: more is tested in line,
@@ -80,6 +85,9 @@ class Build(Streams):
     shares         with queues: parts of the triangles that are streamed at the same time on the GPU, each with queues of
                    its own; -1: 2, with several lights 1
     queue          whether larger triangles go through queues: "auto" (on the GPU only), "always", "never"
+    region         where it follows from what a light's rays cover of its cube: "triangles": from those in view, beside the
+                   camera's passes, so that rays are counted in their cells where they are placed (not with a spot or
+                   "facing only"); "rays": from the rays; "auto": from the triangles on a GPU, for fewer than 524,288
     occluders      "last": each shadow ray is tested first against the triangle that shadowed its pixel in the last frame;
                    a ray that it shadows still is not placed in the light's grid. "none": no occluder is kept
     threads        of a CPU: each streams a part of the triangles and resolves a band of the image; 0: one for each core
@@ -100,6 +108,7 @@ class Build(Streams):
     shares: int = CHOOSE
     part: int = 256
     queue: str = "auto"
+    region: str = "auto"
     occluders: str = "none"
     threads: int = 0
 
@@ -112,6 +121,8 @@ class Build(Streams):
         check_threads(self.threads)
         if self.queue not in QUEUES:
             raise ValueError(f"must be one of {', '.join(QUEUES)}")
+        if self.region not in REGIONS:
+            raise ValueError(f"must be one of {', '.join(REGIONS)}")
         if self.occluders not in OCCLUDERS:
             raise ValueError(f"must be one of {', '.join(OCCLUDERS)}")
 
@@ -125,4 +136,7 @@ class Build(Streams):
             "beside": MANY_LIGHTS if lights >= MANY_LIGHTS else BESIDE,
             "shares": 1 if several else 2,
         }
-        return replace(self, **{name: v for name, v in values.items() if getattr(self, name) == CHOOSE})
+        chosen = {name: v for name, v in values.items() if getattr(self, name) == CHOOSE}
+        if self.region == "auto":
+            chosen["region"] = "triangles" if queued and triangles < REGION_TRIANGLES else "rays"
+        return replace(self, **chosen)

@@ -78,6 +78,7 @@ class LightStream:
     """
 
     marks: ClassVar[bool] = True
+    aim_reads: ClassVar[tuple[str, ...]] = ("points", "triangles", "reach")
 
     def __init__(
         self,
@@ -127,7 +128,7 @@ class LightStream:
             Pass(
                 f"{who}: aim",
                 build,
-                ("points", "triangles", "reach", light),
+                (*self.aim_reads, light),
                 (aim,),
                 self.launch_aim,
                 effect,
@@ -241,11 +242,17 @@ class LightStream:
             outputs=[cells],
             device=f.device,
         )
+        self.launch_scan(light_bins.scan_kernel)
+
+    def launch_scan(self, kernel: wp.Kernel, *inputs: Any) -> None:
+        """Offsets of the cells from their counts, by ``kernel``."""
+        f, cells = self.frame, self.cells
         faces = int(light_aim.FACES)
         rows = max(faces * cells.cells[0], cells.cells[1])
         wp.launch(
-            light_bins.scan_kernel,
+            kernel,
             dim=128 * rows if self.queues.cuda else faces + 1,
+            inputs=inputs,
             outputs=[cells, self.counts[0]],
             device=f.device,
             block_dim=128,

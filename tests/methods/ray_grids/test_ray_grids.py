@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import warp as wp
@@ -11,7 +13,7 @@ from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.effects import Limits
 from shadowbench.methods.common.reserve import BEYOND, number_in, reserve
-from shadowbench.methods.ray_grids.parameters import FEW_TRIANGLES
+from shadowbench.methods.ray_grids.parameters import FEW_TRIANGLES, REGION_TRIANGLES
 from shadowbench.methods.ray_grids.queues import COUNTERS, DOUBTS, more_room
 
 
@@ -40,6 +42,7 @@ def test_equals_brute_force_under_random_knobs(seed, device):
         "inline_cells": str(random.integers(0, 100)),
         "beside": str(1 + seed % 4),
         "shares": str(1 + seed // 4 % 3),
+        "region": ["triangles", "rays"][seed // 3 % 2],
     }
     session, moment, got = answers_of(prepared, width, height, settings, device)
     best, t = closest(prepared, moment)
@@ -67,6 +70,8 @@ def test_equals_the_papers_method_bit_for_bit(device):
         {"queue": "always"},
         {"queue": "never"},
         {"queue": "always", "inline_rays": "1", "inline_cells": "0", "cells": "8"},
+        {"queue": "always", "region": "rays"},
+        {"queue": "always", "region": "triangles"},
         {"queue": "always", "inline_rays": "1000", "inline_cells": "1000", "cells": "256"},
     ):
         _, _, got = answers_of(prepared, 93, 71, settings, device)
@@ -185,8 +190,9 @@ def test_what_a_triangle_tests_itself_is_chosen_from_the_number_of_triangles():
     few, many = build.chosen(FEW_TRIANGLES - 1, True), build.chosen(FEW_TRIANGLES, True)
     assert (few.inline_pixels, few.inline_rays) == (8, 8)
     assert (many.inline_pixels, many.inline_rays) == (40, 32)
-    assert build.chosen(1, False) == build.chosen(FEW_TRIANGLES, False) == many
-    given = {"inline_pixels": "0", "inline_rays": "5", "beside": "3", "shares": "2"}
+    assert build.chosen(1, False) == build.chosen(FEW_TRIANGLES, False) == replace(many, region="rays")
+    assert build.chosen(REGION_TRIANGLES, True).region == "rays"
+    given = {"inline_pixels": "0", "inline_rays": "5", "beside": "3", "shares": "2", "region": "rays"}
     build = make_method("ray_grids", given).build
     assert build.chosen(1, True, 9) == build
     with pytest.raises(UserError, match="must not be negative"):

@@ -1,0 +1,63 @@
+"""The region of a light's rays that follows from the triangles in view: it holds every ray, and little else."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers.brute_force import make_scene, soup
+from numpy.typing import NDArray
+from shadowbench.harness.frame.registry import make_method
+from shadowbench.harness.frame.session import Session
+from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.methods.ray_grids.aim import FACE, LARGEST
+from shadowbench.methods.ray_grids.light.known import KnownRegionLight
+from shadowbench.methods.ray_grids.light.passes import LightStream
+
+SIZE = 40, 32
+
+
+def lights_of(prepared: Prepared, region: str) -> list[LightStream]:
+    """The lights of a frame that was traced."""
+    session = Session(make_method("ray_grids", {"region": region}), prepared, *SIZE, "cpu")
+    session.answers(prepared.moment(0, *SIZE))
+    return [work.launch.__self__ for work in session.planned if work.name.endswith("map rays")]
+
+
+def sides_of(light: LightStream) -> NDArray[np.float32]:
+    """Least u and v, and least -u and -v, of face 0."""
+    words = light.cells.rectangle.numpy()[:4]
+    return np.where(words < 0, words ^ 0x7FFFFFFF, words).astype(np.int32).view(np.float32)
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_holds_every_ray(seed):
+    random = np.random.default_rng(seed)
+    vertices, faces = soup(seed, int(random.integers(1, 40)), size=float(np.exp(random.uniform(-3, 4))))
+    shift = random.normal(size=3) * 10.0 ** random.uniform(-2, 4) * (seed % 2)
+    eye = random.normal(size=3) * (3 if seed % 3 else 0.3) + shift
+    lights = [tuple(random.normal(size=3) * 10.0 ** random.uniform(-3, 7) + shift) for _ in range(6)]
+    prepared = make_scene(vertices + shift, faces, lights, tuple(eye), tuple(shift), 90.0)
+    for known, found in zip(lights_of(prepared, "triangles"), lights_of(prepared, "rays"), strict=True):
+        assert isinstance(known, KnownRegionLight)
+        assert not isinstance(found, KnownRegionLight)
+        in_use = found.cells.rectangle.numpy()[FACE:LARGEST] == 0
+        assert (known.touched.numpy()[in_use] == 1).all()
+        if in_use[0]:
+            assert (sides_of(known) <= sides_of(found)).all()
+
+
+def test_of_a_large_triangle_only_the_part_in_view_counts():
+    """A floor that reaches far behind the eye and on both sides, seen from above; the light is far above it."""
+    vertices = np.array([(-500, 0, -500), (500, 0, -500), (0, 0, 900)], dtype=np.float32)
+    prepared = make_scene(
+        vertices, np.array([[0, 1, 2]]), [(0.0, 2000.0, 1.0)], (0.3, 2.0, 0.2), (0.5, 0.0, 0.4), 60.0
+    )
+    (known,) = lights_of(prepared, "triangles")
+    (found,) = lights_of(prepared, "rays")
+    extent, least = (-sides[2:] - sides[:2] for sides in (sides_of(known), sides_of(found)))
+    assert (least > 0).all()
+    assert (extent < 1.5 * least).all()
+    assert (
+        known.touched.numpy().tolist()
+        == (found.cells.rectangle.numpy()[FACE:LARGEST] == 0).astype(int).tolist()
+    )
