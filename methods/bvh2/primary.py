@@ -18,6 +18,9 @@ from .walk_primary import make_walk
 BLOCK = 128
 """Threads per block: :func:`pixel_at` and the stacks of packets depend on it."""
 
+FLOAT64_REGISTERS = 56
+"""Least limit of registers per thread where float64 computes t, weights and hit point after the walk."""
+
 
 @wp.func
 def weld_at(mesh: Mesh, triangle: wp.int32) -> wp.vec3i:

@@ -90,14 +90,13 @@ class Rays(ShadowRays):
 
     def _primary(self, share: int) -> None:
         f, counts = self.frame, self.counts[0, share : share + 1]
-        arguments: tuple[Any, ...] = (
-            self.trace.primary == "packet", self.build.node_bytes, self.trace.registers
-        )  # fmt: skip
+        registers = self.trace.registers
+        arguments: tuple[Any, ...] = (self.trace.primary == "packet", self.build.node_bytes)
         if self.exact:
-            kernel = primary.make_exact_kernel(*arguments)
+            kernel = primary.make_exact_kernel(*arguments, max(registers, primary.FLOAT64_REGISTERS))
             inputs: list[Any] = [f.mesh]
         else:
-            kernel = primary.make_float32_kernel(*arguments)
+            kernel = primary.make_float32_kernel(*arguments, registers)
             inputs = []
         wp.launch(
             kernel,

@@ -87,7 +87,8 @@ class Build(Streams):
     queue          whether larger triangles go through queues: "auto" (on the GPU only), "always", "never"
     region         where it follows from what a light's rays cover of its cube: "triangles": from those in view, beside the
                    camera's passes, so that rays are counted in their cells where they are placed (not with a spot or
-                   "facing only"); "rays": from the rays; "auto": from the triangles on a GPU, for fewer than 524,288
+                   "facing only"); "rays": from the rays; "auto": from the triangles on a GPU, for one light and
+                   fewer than 524,288 triangles
     occluders      "last": each shadow ray is tested first against the triangle that shadowed its pixel in the last frame;
                    a ray that it shadows still is not placed in the light's grid. "none": no occluder is kept
     threads        of a CPU: each streams a part of the triangles and resolves a band of the image; 0: one for each core
@@ -138,5 +139,6 @@ class Build(Streams):
         }
         chosen = {name: v for name, v in values.items() if getattr(self, name) == CHOOSE}
         if self.region == "auto":
-            chosen["region"] = "triangles" if queued and triangles < REGION_TRIANGLES else "rays"
+            few = triangles < REGION_TRIANGLES and not several
+            chosen["region"] = "triangles" if queued and few else "rays"
         return replace(self, **chosen)

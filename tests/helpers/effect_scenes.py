@@ -22,6 +22,7 @@ LAMPS = {
     "bvh rebuilt in place": ("warp_bvh", {"update": "bvh_rebuild"}),
     "grids clamped to the scene": ("perspective_spherical", {"clamp": "scene"}),
     **{name: (name, {}) for name in method_names()},
+    "hybrid": ("hybrid", {"shadows": "tree"}),  # with a grid its passes are those of ray_grids
 }
 EXACT = [
     "uniform_grid", "bvh rebuilt in place", "perspective_spherical", "ray_grids", "grids clamped to the scene",

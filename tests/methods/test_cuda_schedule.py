@@ -15,11 +15,12 @@ from shadowbench.harness.frame.passes import capture_passes, refuse_shared
 from shadowbench.harness.frame.registry import make_method, method_names
 from shadowbench.harness.frame.session import Session
 
-VARIANTS: list[tuple[str, dict[str, str]]] = [(name, {}) for name in method_names()] + [
+VARIANTS: list[tuple[str, dict[str, str]]] = [
+    *((name, {"shadows": "tree"} if name == "hybrid" else {}) for name in method_names()),
     ("bvh2", {"precision": "float32"}),
     ("bvh2", {"shares": "1"}),
     ("bvh2", {"update": "refit", "shares": "3"}),
-    ("hybrid", {"shares": "2"}),
+    ("hybrid", {"shadows": "tree", "shares": "2"}),
     ("ray_grids", {"shares": "3"}),
     ("hybrid", {"shadows": "grid"}),
 ]

@@ -71,7 +71,7 @@ def hot_modules() -> dict[str, wp.Module | str]:
         "bvh2: sort": sort.make_sweep_kernel(8).module,
         "bvh2: keys": "shadowbench.methods.bvh2.keys",
         "bvh2: triangles": "shadowbench.methods.bvh2.records",
-        "bvh2: primary": primary.make_exact_kernel(False, 48, 48).module,
+        "bvh2: primary": primary.make_exact_kernel(False, 48, primary.FLOAT64_REGISTERS).module,
         "bvh2: primary, float32": primary.make_float32_kernel(False, 48, 48).module,
         "bvh2: shadow": shadow.make_shadow_kernel("exact", 48, 48).module,
         "bvh2: shadow, float32": shadow.make_shadow_kernel("float32", 48, 48).module,

@@ -19,13 +19,14 @@ from shadowbench.methods.bvh2.parameters import Trace
 from tools.kernel_report import uses_of
 
 REGISTERS = Trace().registers
+FLOAT64_REGISTERS = primary.FLOAT64_REGISTERS
 STACK_BYTES = 512
 """A ray's own stack: 128 references, which are no spilled registers."""
 
 EXACT_BYTES = STACK_BYTES + 4 * (MOST_KEPT + 2)
 """With the doubts that an exact ray keeps."""
 
-FLOAT64_BYTES = 192
+FLOAT64_BYTES = 128
 """What primary rays may spill after their loop, where float64 computes the hit."""
 
 # The others are hot: test_kernel_report reads their binaries.
@@ -41,8 +42,8 @@ KERNELS = {
     "float32 packet": primary.make_float32_kernel(True, 64, REGISTERS),
 }
 TRACED = {
-    "exact": (primary.make_exact_kernel(False, 48, REGISTERS), EXACT_BYTES + FLOAT64_BYTES),
-    "exact packet": (primary.make_exact_kernel(True, 48, REGISTERS), FLOAT64_BYTES),
+    "exact": (primary.make_exact_kernel(False, 48, FLOAT64_REGISTERS), EXACT_BYTES + FLOAT64_BYTES),
+    "exact packet": (primary.make_exact_kernel(True, 48, FLOAT64_REGISTERS), FLOAT64_BYTES),
     "mirrored": (mirrored.make_exact_kernel(48, REGISTERS), EXACT_BYTES),
     "mirrored shadow": (mirrored.make_shadow_kernel("exact", 48, REGISTERS), EXACT_BYTES),
     "mirrored, float32": (mirrored.make_float32_kernel(48, REGISTERS), STACK_BYTES),
@@ -59,7 +60,7 @@ def test_kernels_compile_for_cuda(name):
 def test_traced_kernels_spill_nothing(name):
     kernel, stack = TRACED[name]
     (use,) = uses_of(kernel.module).values()
-    assert use.registers <= REGISTERS
+    assert use.registers <= (FLOAT64_REGISTERS if name in ("exact", "exact packet") else REGISTERS)
     assert use.stack_bytes <= stack
 
 
