@@ -63,6 +63,7 @@ def make_closest_kernel(node_bytes: int) -> Any:
     def closest_kernel(
         camera: Camera,
         tree: Tree,
+        reach: wp.array(dtype=wp.float32),
         mesh: Mesh,
         alpha: Alpha,
         rays: Rays,
@@ -87,7 +88,7 @@ def make_closest_kernel(node_bytes: int) -> Any:
         while now != EMPTY_TREE:
             following = wp.int32(EMPTY_TREE)
             if now >= 0:
-                children = children_of(tree.nodes, now, ray.origin, ray.direction, limit)
+                children = children_of(tree.nodes, now, ray.origin, ray.direction, limit, reach)
                 first = nearer_child(children)
                 if first >= 0:
                     following = wp.cast(children[2 + first], wp.int32)
@@ -137,6 +138,7 @@ def make_shadow_kernel(node_bytes: int) -> Any:
         light: wp.int32,
         lights: wp.array(dtype=wp.vec3f),
         tree: Tree,
+        reach: wp.array(dtype=wp.float32),
         mesh: Mesh,
         alpha: Alpha,
         hits: Hits,
@@ -177,7 +179,7 @@ def make_shadow_kernel(node_bytes: int) -> Any:
         while now != EMPTY_TREE:
             following = wp.int32(EMPTY_TREE)
             if now >= 0:
-                children = children_of(tree.nodes, now, start, way, SLACK)
+                children = children_of(tree.nodes, now, start, way, SLACK, reach)
                 first = nearer_child(children)
                 if first >= 0:
                     following = wp.cast(children[2 + first], wp.int32)

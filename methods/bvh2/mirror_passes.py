@@ -79,7 +79,7 @@ class MirroredRays:
         doubts, found, starts = self.doubts[share], self.found[share], self.starts[bounce]
         hits, rays = f.hits(bounce), f.rays(bounce)
         self._run(mirrored.list_kernel, [f.camera, self.parts[share], rays], [hits, length, listed])
-        walk = [length, listed, rays, self.tree, self.records]
+        walk = [length, listed, rays, self.tree, self.records, f.reach]
         pairs = [self.counts[bounce - 1, share : share + 1], doubts]
         if not self.exact:
             kernel = mirrored.make_float32_kernel(self.node_bytes, self.registers)

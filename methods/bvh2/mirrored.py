@@ -61,6 +61,7 @@ def make_exact_kernel(node_bytes: int, registers: int) -> Any:
         rays: Rays,
         tree: Tree,
         records: wp.array(dtype=wp.vec4f),
+        reach: wp.array(dtype=wp.float32),
         counts: wp.array(dtype=wp.int32),
         doubts: wp.array(dtype=wp.vec2i),
         found: wp.array(dtype=wp.vec2i),
@@ -70,7 +71,8 @@ def make_exact_kernel(node_bytes: int, registers: int) -> Any:
             return
         pixel = entry(listed, k)
         walked = walk(
-            entry(rays.origin, pixel), entry(rays.direction, pixel), tree.nodes, tree.root, records, counts, doubts
+            entry(rays.origin, pixel), entry(rays.direction, pixel), tree.nodes, tree.root, records, reach, counts,
+            doubts,
         )  # fmt: skip
         set_entry(found, k, wp.vec2i(wp.cast(walked[3], wp.int32), wp.cast(walked[2], wp.int32)))
 
@@ -89,6 +91,7 @@ def make_float32_kernel(node_bytes: int, registers: int) -> Any:
         rays: Rays,
         tree: Tree,
         records: wp.array(dtype=wp.vec4f),
+        reach: wp.array(dtype=wp.float32),
         counts: wp.array(dtype=wp.int32),
         doubts: wp.array(dtype=wp.vec2i),
         hits: Hits,
@@ -99,7 +102,8 @@ def make_float32_kernel(node_bytes: int, registers: int) -> Any:
             return
         pixel = entry(listed, k)
         found = walk(
-            entry(rays.origin, pixel), entry(rays.direction, pixel), tree.nodes, tree.root, records, counts, doubts
+            entry(rays.origin, pixel), entry(rays.direction, pixel), tree.nodes, tree.root, records, reach, counts,
+            doubts,
         )  # fmt: skip
         best = wp.cast(found[3], wp.int32)
         distance = wp.float32(wp.INF)

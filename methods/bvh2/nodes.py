@@ -99,13 +99,19 @@ READ = {
 INVERSE = """
 float largest = high(size(d[0]), high(size(d[1]), size(d[2])));
 float least = largest * 9.0949470e-13f + tiny;
-auto inverse_of = [&](float x) { return 1.0f / (size(x) > least ? x : (x < 0.0f ? -least : least)); };
+auto inverse_of = [&](float x) { return shrink * (1.0f / (size(x) > least ? x : (x < 0.0f ? -least : least))); };
 float ix = inverse_of(d[0]), iy = inverse_of(d[1]), iz = inverse_of(d[2]);
 float ox = o[0] * ix, oy = o[1] * iy, oz = o[2] * iz, jx = size(ix), jy = size(iy), jz = size(iz);
 """
-"""The values of a ray (o, d) that the slab test needs: one over its direction, and the origin times that. ``tiny`` > 0:
-the least part of a
-direction whose inverse, and a coordinate times that, float32 still holds."""
+"""The values of a ray (o, d) that the slab test needs: ``shrink`` over its direction, and the origin times that.
+``tiny`` > 0: the least part of a direction whose inverse, and a coordinate times that, float32 still holds."""
+
+SHRINK = "const float shrink = reach.data[0] < 1.0e25f ? 1.0f : 5.4210109e-20f;"
+"""For a direction of about one: a coordinate beyond 1e26 over 2^-40 would be infinite, and a box before it be missed. So the
+slabs of large scenes are met at t times 2^-64."""
+
+PLAIN = "const float shrink = 1.0f;"
+"""Where ``tiny`` is in proportion to the scene, or float32 may err."""
 
 SLABS = """
     float x = a.x * ix - ox, y = a.y * iy - oy, z = a.z * iz - oz;
@@ -117,9 +123,8 @@ SLABS = """
     bool met0 = !(near0 > far0), met1 = !(near1 > far1);
     unsigned int ref0 = bits(a.w), ref1 = bits(e.w);
 """
-"""Both children of a node: whether the ray meets them between 0 and ``limit``, where it enters, their references.
-
-Where a product overflows, an end may not be a number; the box then counts as met."""
+"""Both children of a node: whether the ray meets them between 0 and ``limit``, where it enters, their references. All in
+units of t times ``shrink``."""
 
 
 OF_LEAF = """
@@ -140,11 +145,13 @@ def padding(reach: wp.float32, extent: wp.float32) -> wp.float32:
 
 @functools.cache
 def make_children_of(node_bytes: int) -> Any:
-    """A function of (nodes, node, o, d, limit): (entry of child 0, of child 1, bits of their references); 1e38: missed."""
+    """A function of (nodes, node, o, d, farthest, reach): (entry of child 0, of child 1, bits of their references); 1e38:
+    missed."""
 
     @wp.func_native(
         BASICS
-        + "const float tiny = 1.0e-37f;"
+        + SHRINK
+        + "const float tiny = 1.0e-37f, limit = shrink * farthest;"
         + INVERSE
         + "unsigned int now = (unsigned int)node;"
         + READ[node_bytes]
@@ -152,7 +159,12 @@ def make_children_of(node_bytes: int) -> Any:
         + "return {met0 ? high(near0, 0.0f) : 1.0e38f, met1 ? high(near1, 0.0f) : 1.0e38f, real(ref0), real(ref1)};"
     )
     def children_of(
-        nodes: wp.array(dtype=wp.vec4f), node: wp.int32, o: wp.vec3f, d: wp.vec3f, limit: wp.float32
+        nodes: wp.array(dtype=wp.vec4f),
+        node: wp.int32,
+        o: wp.vec3f,
+        d: wp.vec3f,
+        farthest: wp.float32,
+        reach: wp.array(dtype=wp.float32),
     ) -> wp.vec4f: ...
 
     return children_of

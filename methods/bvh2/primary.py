@@ -116,6 +116,7 @@ def make_exact_kernel(packets: bool, node_bytes: int, registers: int) -> Any:
         part: Part,
         tree: Tree,
         records: wp.array(dtype=wp.vec4f),
+        reach: wp.array(dtype=wp.float32),
         mesh: Mesh,
         counts: wp.array(dtype=wp.int32),
         doubts: wp.array(dtype=wp.vec2i),
@@ -126,7 +127,8 @@ def make_exact_kernel(packets: bool, node_bytes: int, registers: int) -> Any:
         seen = at[0] >= 0
         pixel = at[1] * camera.width + at[0]
         walked = walk(
-            seen, entry(camera.eye, 0), direction_at(camera, at), tree.nodes, tree.root, records, counts, doubts
+            seen, entry(camera.eye, 0), direction_at(camera, at), tree.nodes, tree.root, records, reach, counts,
+            doubts,
         )  # fmt: skip
         if seen:
             certain = wp.vec2i(wp.cast(walked[3], wp.int32), wp.cast(walked[2], wp.int32))
@@ -156,6 +158,7 @@ def make_float32_kernel(packets: bool, node_bytes: int, registers: int) -> Any:
         part: Part,
         tree: Tree,
         records: wp.array(dtype=wp.vec4f),
+        reach: wp.array(dtype=wp.float32),
         counts: wp.array(dtype=wp.int32),
         doubts: wp.array(dtype=wp.vec2i),
         hits: Hits,
@@ -165,7 +168,8 @@ def make_float32_kernel(packets: bool, node_bytes: int, registers: int) -> Any:
         seen = at[0] >= 0
         pixel = at[1] * camera.width + at[0]
         found = walk(
-            seen, entry(camera.eye, 0), direction_at(camera, at), tree.nodes, tree.root, records, counts, doubts
+            seen, entry(camera.eye, 0), direction_at(camera, at), tree.nodes, tree.root, records, reach, counts,
+            doubts,
         )  # fmt: skip
         if seen:
             best = wp.cast(found[3], wp.int32)

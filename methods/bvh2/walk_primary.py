@@ -18,12 +18,12 @@ from typing import Any
 import warp as wp
 
 from .doubt_text import CHAIN, CONTINUE, FULL_BREAK
-from .nodes import INVERSE, OF_LEAF, READ, SLABS
+from .nodes import INVERSE, OF_LEAF, PLAIN, READ, SHRINK, SLABS
 from .records import EYE_UNITS
 from .snippets import BASICS, STACK
 
 EXACT_BEGIN = f"""
-const float unit = 5.9604645e-08f, slack = 1.0f + 1.0f / 1048576.0f;
+const float unit = 5.9604645e-08f, slack = shrink * (1.0f + 1.0f / 1048576.0f);
 float length = size(d[0]) + size(d[1]) + size(d[2]);
 float bound = {EYE_UNITS}f * unit * length + 1.0e-36f;
 float sure_from = seen ? 0.0f : 3.4e38f, sure_to = 0.0f;
@@ -186,6 +186,7 @@ def make_walk(precision: str, packets: bool, node_bytes: int) -> Any:
     @wp.func_native(
         BASICS
         + CHAIN
+        + (SHRINK if exact else PLAIN)
         + "unsigned int now = (unsigned int)root.data[0];\nfloat limit = 3.4e38f;\nconst float tiny = 1.0e-37f;\n"
         + INVERSE
         + (EXACT_BEGIN if exact else FLOAT32_BEGIN)
@@ -199,6 +200,7 @@ def make_walk(precision: str, packets: bool, node_bytes: int) -> Any:
         nodes: wp.array(dtype=wp.vec4f),
         root: wp.array(dtype=wp.int32),
         records: wp.array(dtype=wp.vec4f),
+        reach: wp.array(dtype=wp.float32),
         counts: wp.array(dtype=wp.int32),
         doubts: wp.array(dtype=wp.vec2i),
     ) -> wp.vec4f: ...

@@ -18,7 +18,7 @@ from typing import Any
 import warp as wp
 
 from .doubt_text import CHAIN
-from .nodes import INVERSE
+from .nodes import INVERSE, PLAIN, SHRINK
 from .ray_records import DEPTH_SLACK, PLANE_UNITS, WEIGHT_UNITS
 from .snippets import BASICS
 from .walk_primary import EXACT_END, FLOAT32_END, single_walk
@@ -51,12 +51,12 @@ if (!(inside < -bound)) {
     if (!(steep && height < -height_error)) {
         height_error += depth_slack * (thick * away);
         float from = (height - height_error) * about(det + det_error) * closer;
-        if (!(from > limit)) {
+        if (!(from * shrink > limit)) {
             float to = (height + height_error) * about(det - det_error) * farther + 1.0e-37f;
             if (inside > bound && steep && height > height_error && to < sure_from) {
                 best = at;
                 sure_from = from;
-                limit = to;
+                limit = to * shrink;
             } else {
                 leave(at);
             }
@@ -98,6 +98,7 @@ def make_ray_walk(precision: str, node_bytes: int) -> Any:
     @wp.func_native(
         BASICS
         + CHAIN
+        + (SHRINK if exact else PLAIN)
         + "unsigned int now = (unsigned int)root.data[0];\nfloat limit = 3.4e38f;\nconst float tiny = 1.0e-37f;\n"
         + INVERSE
         + (EXACT_BEGIN if exact else FLOAT32_BEGIN)
@@ -110,6 +111,7 @@ def make_ray_walk(precision: str, node_bytes: int) -> Any:
         nodes: wp.array(dtype=wp.vec4f),
         root: wp.array(dtype=wp.int32),
         records: wp.array(dtype=wp.vec4f),
+        reach: wp.array(dtype=wp.float32),
         counts: wp.array(dtype=wp.int32),
         doubts: wp.array(dtype=wp.vec2i),
     ) -> wp.vec4f: ...

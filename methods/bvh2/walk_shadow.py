@@ -14,7 +14,7 @@ from typing import Any
 import warp as wp
 
 from .doubt_text import CONTINUE, FULL_BREAK, OF_PIXEL
-from .nodes import INVERSE, OF_LEAF, READ, SLABS
+from .nodes import INVERSE, OF_LEAF, PLAIN, READ, SLABS
 from .records import LIGHT_UNITS
 from .snippets import BASICS, STACK
 
@@ -111,7 +111,7 @@ def make_shadow_walk(precision: str, node_bytes: int) -> Any:
         walking = walking.replace("FULL", "")
     walking = BEFORE + walking + "return 0;"
 
-    @wp.func_native(BASICS + OF_PIXEL + BEGIN[precision] + INVERSE + walking)
+    @wp.func_native(BASICS + OF_PIXEL + BEGIN[precision] + PLAIN + INVERSE + walking)
     def walk(
         h: wp.vec3f,
         light: wp.vec3f,

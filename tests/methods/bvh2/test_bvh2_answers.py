@@ -21,6 +21,7 @@ from shadowbench.harness.frame.session import Session
 from shadowbench.harness.hardcases.eyes import touching
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Camera, Geometry, Light, Scene
+from shadowbench.harness.scene.surface_rules import perforated
 from shadowbench.methods.bvh2.doubt_text import MOST_KEPT
 
 NAME = "bvh2"
@@ -173,3 +174,28 @@ def test_mirrors_reflect(device):
     _, got = answered(NAME, {}, prepared, device)
     for key in ("triangle", "visibility", "bounce_triangle", "bounce_visibility"):
         np.testing.assert_array_equal(got[key], wanted[key], key)
+
+
+@pytest.mark.parametrize("settings", [{}, {"pair": "0"}, {"update": "refit", "node_bytes": "64"}], ids=str)
+@pytest.mark.parametrize("effect", ["plain", "holes", "mirrors", "parallel"])
+def test_a_box_is_met_where_its_middle_over_the_direction_is_infinite(settings, effect, device):
+    """A ray along x that meets, at y = 0.15, boxes whose middle is 0.5 off it and whose extent is 0.4: of 7e26 units, and
+    2^-40 for a direction of 0, only the middle's quotient is beyond float32."""
+    corners = np.array([[1.0, 0.1, 0.1], [1.0, 0.9, 0.1], [1.0, 0.1, 0.9]])
+    walls = np.concatenate([corners * [x, 1, 1] for x in (1.0, 0.9, -1.0, -0.9)]) * 7e26
+    at, to = (0.0, 1.05e26, 1.05e26), (7e26, 1.05e26, 1.05e26)
+    camera = Camera(at, to, fov=1e-5, height=1e20 if effect == "parallel" else None)
+    prepared = make_scene(walls, np.arange(12).reshape(4, 3), [at], at, to, 1e-5)
+    scene = dataclasses.replace(prepared.scene, camera=camera)
+    if effect == "holes":
+        scene = dataclasses.replace(scene, alpha=lambda geometry: perforated(geometry, 4, 1))
+    if effect == "mirrors":
+        scene = dataclasses.replace(scene, mirror=lambda geometry: np.ones(4, dtype=np.uint8), bounces=2)
+    prepared = prepare(scene)
+    if reason := make_method(NAME, settings).applies(prepared.scene, device):
+        pytest.fail(reason)
+    _, _, got = trace(NAME, settings, prepared, 3, 3, device)
+    _, _, wanted = trace("warp_bvh", {"update": "bvh_rebuild"}, prepared, 3, 3, device)
+    assert (wanted["triangle"] >= 0).all()
+    for key, values in wanted.items():
+        np.testing.assert_array_equal(got[key], values, key)
