@@ -26,6 +26,7 @@ from shadowbench.methods.ray_grids.camera import pixels as camera_pixels
 from shadowbench.methods.ray_grids.camera import stream as camera_stream
 from shadowbench.methods.ray_grids.light import cells as light_cells
 from shadowbench.methods.ray_grids.light import queue as light_queue
+from shadowbench.methods.ray_grids.light import region as light_region
 from shadowbench.methods.ray_grids.light import stream as light_stream
 from shadowbench.methods.warp_bvh import exact
 
@@ -274,8 +275,22 @@ MUTATIONS = (
             for user in (light_stream, light_queue)
         ),
         "ray_grids",
-        (),
+        (("region", "rays"),),
         ("S34", "S34b"),
+    ),
+    Mutation(
+        "a light's region that ends before its rays",
+        (
+            Planted(
+                light_region,
+                "rectangle_of",
+                (("wp.max(before[0], least_u - pad)", "wp.max(before[0], least_u + 0.3 * (most_u - least_u))"),),
+                light_region,
+            ),
+        ),
+        "ray_grids",
+        (("queue", "always"), ("region", "triangles")),
+        ("P16", "P24"),
     ),
 )  # fmt: skip
 
