@@ -107,7 +107,7 @@ class RayGrids(BaseMethod):
         self._queued = self.uses_queues(wp.get_device(frame.device).is_cuda)
         threads = self._threads = cpu_threads(getattr(self.build, "threads", 1), frame.device)
         lights = sum(effects.shadows) if streams > 1 else 1
-        build = self.build.chosen(frame.triangle_count, self._queued, lights)
+        build = self.build.chosen(frame.triangle_count, self._queued, lights, frame.pixels)
         shares = build.shares if self._queued else threads
         if self._capacity is None:  # of each share
             self._capacity = (

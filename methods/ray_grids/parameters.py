@@ -23,8 +23,9 @@ many threads do at the same time. Measured on an H200 (``docs/optimisation-log.m
 INLINE_PIXELS, INLINE_RAYS, INLINE_OF_FEW = 40, 32, 8
 """What :data:`CHOOSE` stands for with one light."""
 
-REGION_TRIANGLES = 524288
-"""With fewer, what a light's rays cover is found from the triangles; with more, that takes longer than it saves."""
+REGION_PIXELS = 2
+"""With more pixels per triangle, what a light's rays cover is found from the triangles; else that takes longer than it saves:
+a pass over the pixels."""
 
 RAYS_OF_SEVERAL, BESIDE, MANY_LIGHTS = 48, 4, 8
 """With several lights the passes of up to ``BESIDE`` of them, or of ``MANY_LIGHTS``, fill the GPU: more is tested in line,
@@ -60,8 +61,8 @@ class Streams:
         if max(room) > 2**28:
             raise ValueError("must be at most 2^28")
 
-    def chosen(self, triangles: int, queued: bool, lights: int = 1) -> Self:
-        """The same with the values that are chosen for a number of triangles, and of lights with shadows."""
+    def chosen(self, triangles: int, queued: bool, lights: int = 1, pixels: int = 0) -> Self:
+        """The same with the values that are chosen for numbers of triangles, of lights with shadows, and of pixels."""
         return self
 
 
@@ -88,7 +89,7 @@ class Build(Streams):
     region         where it follows from what a light's rays cover of its cube: "triangles": from those in view, beside the
                    camera's passes, so that rays are counted in their cells where they are placed (not with a spot or
                    "facing only"); "rays": from the rays; "auto": from the triangles on a GPU, for one light and
-                   fewer than 524,288 triangles
+                   more than two pixels per triangle
     occluders      "last": each shadow ray is tested first against the triangle that shadowed its pixel in the last frame;
                    a ray that it shadows still is not placed in the light's grid. "none": no occluder is kept
     threads        of a CPU: each streams a part of the triangles and resolves a band of the image; 0: one for each core
@@ -127,7 +128,7 @@ class Build(Streams):
         if self.occluders not in OCCLUDERS:
             raise ValueError(f"must be one of {', '.join(OCCLUDERS)}")
 
-    def chosen(self, triangles: int, queued: bool, lights: int = 1) -> Self:
+    def chosen(self, triangles: int, queued: bool, lights: int = 1, pixels: int = 0) -> Self:
         few = queued and triangles < FEW_TRIANGLES
         several = queued and lights > 1
         rays = RAYS_OF_SEVERAL if several else INLINE_RAYS
@@ -139,6 +140,6 @@ class Build(Streams):
         }
         chosen = {name: v for name, v in values.items() if getattr(self, name) == CHOOSE}
         if self.region == "auto":
-            few = triangles < REGION_TRIANGLES and not several
-            chosen["region"] = "triangles" if queued and few else "rays"
+            pays = queued and not several and REGION_PIXELS * triangles < pixels
+            chosen["region"] = "triangles" if pays else "rays"
         return replace(self, **chosen)

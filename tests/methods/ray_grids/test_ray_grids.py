@@ -13,7 +13,7 @@ from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.effects import Limits
 from shadowbench.methods.common.reserve import BEYOND, number_in, reserve
-from shadowbench.methods.ray_grids.parameters import FEW_TRIANGLES, REGION_TRIANGLES
+from shadowbench.methods.ray_grids.parameters import FEW_TRIANGLES, REGION_PIXELS
 from shadowbench.methods.ray_grids.queues import COUNTERS, DOUBTS, more_room
 
 
@@ -191,7 +191,9 @@ def test_what_a_triangle_tests_itself_is_chosen_from_the_number_of_triangles():
     assert (few.inline_pixels, few.inline_rays) == (8, 8)
     assert (many.inline_pixels, many.inline_rays) == (40, 32)
     assert build.chosen(1, False) == build.chosen(FEW_TRIANGLES, False) == replace(many, region="rays")
-    assert build.chosen(REGION_TRIANGLES, True).region == "rays"
+    assert build.chosen(10, True, 1, 10 * REGION_PIXELS + 1).region == "triangles"
+    assert build.chosen(10, True, 1, 10 * REGION_PIXELS).region == "rays"
+    assert build.chosen(10, True, 2, 1000).region == build.chosen(10, False, 1, 1000).region == "rays"
     given = {"inline_pixels": "0", "inline_rays": "5", "beside": "3", "shares": "2", "region": "rays"}
     build = make_method("ray_grids", given).build
     assert build.chosen(1, True, 9) == build
