@@ -24,8 +24,8 @@ INLINE_PIXELS, INLINE_RAYS, INLINE_OF_FEW = 40, 32, 8
 """What :data:`CHOOSE` stands for with one light."""
 
 REGION_PIXELS = 2
-"""With more pixels per triangle, what a light's rays cover is found from the triangles; else that takes longer than it saves:
-a pass over the pixels."""
+"""With more pixels per triangle, what a light's rays cover is found from the triangles; else that takes longer than the pass
+over the pixels that it saves."""
 
 RAYS_OF_SEVERAL, BESIDE, MANY_LIGHTS = 48, 4, 8
 """With several lights the passes of up to ``BESIDE`` of them, or of ``MANY_LIGHTS``, fill the GPU: more is tested in line,
