@@ -28,8 +28,8 @@ REGION_PIXELS = 2
 over the pixels that it saves."""
 
 RAYS_OF_SEVERAL, BESIDE, MANY_LIGHTS = 48, 4, 8
-"""With several lights the passes of up to ``BESIDE`` of them, or of ``MANY_LIGHTS``, fill the GPU: more is tested in line,
-and triangles have one share."""
+"""From ``BESIDE`` lights on the passes of so many of them, or of ``MANY_LIGHTS``, fill the GPU: more is tested in line, and
+triangles have one share."""
 
 
 @dataclass(frozen=True)
@@ -78,13 +78,13 @@ class Build(Streams):
     inline_cells   a triangle whose box on a face covers at most this many cells, in at most 16 rows, counts the rays in
                    them; a larger one is queued
     inline_rays    a triangle that has counted at most this many rays, on one face, tests them in its own thread; with
-                   more, or on a second face, it is queued; -1: 32, with several lights 48, but 8 for fewer than 65,536
+                   more, or on a second face, it is queued; -1: 32, from 4 lights on 48, but 8 for fewer than 65,536
                    triangles
     part           pixels or rays of a queued group of 32 rows that one warp tests; larger groups are split into parts
     beside         with queues: lights whose passes run at the same time on the GPU, each with queues and rays of its own;
                    -1: 4, from 8 lights on 8
     shares         with queues: parts of the triangles that are streamed at the same time on the GPU, each with queues of
-                   its own; -1: 2, with several lights 1
+                   its own; -1: 2, from 4 lights on 1
     queue          whether larger triangles go through queues: "auto" (on the GPU only), "always", "never"
     region         where it follows from what a light's rays cover of its cube: "triangles": from those in view, beside the
                    camera's passes, so that rays are counted in their cells where they are placed (not with a spot or
@@ -130,7 +130,7 @@ class Build(Streams):
 
     def chosen(self, triangles: int, queued: bool, lights: int = 1, pixels: int = 0) -> Self:
         few = queued and triangles < FEW_TRIANGLES
-        several = queued and lights > 1
+        several = queued and lights >= BESIDE
         rays = RAYS_OF_SEVERAL if several else INLINE_RAYS
         values: dict[str, Any] = {
             "inline_pixels": INLINE_OF_FEW if few else INLINE_PIXELS,
@@ -140,6 +140,6 @@ class Build(Streams):
         }
         chosen = {name: v for name, v in values.items() if getattr(self, name) == CHOOSE}
         if self.region == "auto":
-            pays = queued and not several and REGION_PIXELS * triangles < pixels
+            pays = queued and lights == 1 and REGION_PIXELS * triangles < pixels
             chosen["region"] = "triangles" if pays else "rays"
         return replace(self, **chosen)

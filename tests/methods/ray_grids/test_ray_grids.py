@@ -173,12 +173,13 @@ def test_few_pairs_are_doubtful_however_far_the_eye():
 
 def test_more_is_tested_in_line_and_beside_with_several_lights():
     build = make_method("ray_grids", {}).build
-    one, two, eight = (build.chosen(FEW_TRIANGLES, True, lights) for lights in (1, 2, 8))
+    one, two, four, eight = (build.chosen(FEW_TRIANGLES, True, lights) for lights in (1, 2, 4, 8))
     assert (one.inline_rays, one.shares) == (32, 2)
-    assert (two.inline_rays, two.shares, two.beside) == (48, 1, 4)
+    assert (four.inline_rays, four.shares, four.beside) == (48, 1, 4)
     assert (eight.inline_rays, eight.shares, eight.beside) == (48, 1, 8)
-    assert build.chosen(1, True, 2).inline_rays == 8
-    assert build.chosen(1, False, 2).inline_rays == 32
+    assert two == one
+    assert build.chosen(1, True, 4).inline_rays == 8
+    assert build.chosen(1, False, 4).inline_rays == 32
     with pytest.raises(UserError, match="beside and shares must be in"):
         make_method("ray_grids", {"shares": "0"})
     with pytest.raises(UserError, match="beside and shares must be in"):
