@@ -191,7 +191,7 @@ def stacked(axes: Any, own: DataFrame, parts: Parts = FRAME, limit: float = math
         edge = tints if isinstance(colour, float) else GREY
         look = {"height": 0.74, "color": shades, "lw": 0.4, "edgecolor": edge}
         axes.barh(range(len(own)), ends[column] - starts[column], left=starts[column], **look)
-    for place, row in enumerate(own.to_dict("records")):
+    for place, row in enumerate(own[["total_ms", "iqr_ms", "text"]].to_dict("records")):
         known, end = not math.isnan(row["total_ms"]), row["total_ms"] + row["iqr_ms"] / 2
         if known and end <= limit:
             axes.errorbar(row["total_ms"], place, xerr=row["iqr_ms"] / 2, c="black", elinewidth=0.6)
