@@ -7,13 +7,12 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from ..judge.verdict import MEANINGS, Verdict
+from ..report.terminal import GAP, column_blocks
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-GAP = 2
-"""Columns of a terminal between two columns of a table."""
 KEY = 16
 """Width that the first column of a table in blocks has where its texts are as long as that."""
 
@@ -61,13 +60,8 @@ def table_blocks(names: Sequence[str], rows: Sequence[Sequence[str]], width: int
     least = [max(len(word) for text in column for word in text.split() or [""]) for column in cells]
     most = [max(map(len, column)) for column in cells]
     least[0] = max(least[0], min(most[0], KEY))
-    blocks: list[list[int]] = [[0]]
-    for i in range(1, len(cells)):
-        if len(blocks[-1]) > 1 and sum(least[k] + GAP for k in (*blocks[-1], i)) > width:
-            blocks.append([0])
-        blocks[-1].append(i)
     tables = []
-    for block in blocks:
+    for block in column_blocks({i: least[i] + GAP for i in range(len(cells))}, [0], width):
         wide = {i: least[i] for i in block}
         for _ in range(width - sum(wide.values()) - GAP * len(block)):
             longest = max(block, key=lambda i: most[i] - wide[i])

@@ -9,7 +9,8 @@ from __future__ import annotations
 import os
 import re
 import sys
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 from .style import WRONG
 
@@ -54,18 +55,25 @@ def print_table(body: DataFrame, heading: str = "", console: Console | None = No
     keys = list(cells)[: told[0] if told else 1]
     if sum(needed[name] for name in keys) + max(needed.values()) > console.width + GAP:
         keys = keys[:1]
-    groups = [[*keys]]
-    for name in list(cells)[len(keys) :]:
-        if groups[-1] != keys and sum(needed[n] for n in [*groups[-1], name]) > console.width + GAP:
-            groups.append([*keys])
-        groups[-1].append(name)
-    for names in groups:  # columns of sentences share the width that the others leave
+    for names in column_blocks(
+        needed, keys, console.width + GAP
+    ):  # columns of sentences share the width that the others leave
         fixed = {name: widths[name] if widths[name] <= SENTENCE else None for name in names}
         columns = [Column(name, width=width, overflow="fold") for name, width in fixed.items()]
         shown = Table(*columns, box=None, pad_edge=False, padding=(0, GAP, 0, 0))
         for line in cells[names].to_numpy().tolist():
             shown.add_row(*map(styled, line))
         console.print(shown)
+
+
+def column_blocks(needed: Mapping[Any, int], keys: Sequence[Any], room: int) -> list[list[Any]]:
+    """Columns side by side: blocks that begin with ``keys``, each as many columns as fit into ``room``, one at least."""
+    blocks = [[*keys]]
+    for name in list(needed)[len(keys) :]:
+        if len(blocks[-1]) > len(keys) and sum(needed[n] for n in [*blocks[-1], name]) > room:
+            blocks.append([*keys])
+        blocks[-1].append(name)
+    return blocks
 
 
 def styled(cell: str) -> Text:

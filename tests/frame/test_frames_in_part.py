@@ -14,6 +14,7 @@ from helpers.effect_scenes import (
     POINT,
     SIZE,
     SPOT,
+    WITH_TREE,
     launches,
     scene,
     session_of,
@@ -199,7 +200,7 @@ def test_pass_graph_on_a_small_frame():
 # --- what a captured graph leaves out ------------------------------------------------------------------------------
 
 VARIANTS = [
-    *((name, {"shadows": "tree"} if name == "hybrid" else {}) for name in method_names()),
+    *((name, WITH_TREE.get(name, {})) for name in method_names()),
     ("hybrid", {"shadows": "grid"}),
     ("warp_bvh", {"update": "bvh_rebuild"}),
     ("perspective_spherical", {"sort": "radix", "balancing": "algorithm-1"}),

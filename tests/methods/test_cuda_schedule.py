@@ -10,13 +10,13 @@ from typing import Any
 import pytest
 import warp as wp
 from helpers.brute_force import make_scene, soup
-from helpers.effect_scenes import BEHIND, POINT, SPOT, scene
+from helpers.effect_scenes import BEHIND, POINT, SPOT, WITH_TREE, scene
 from shadowbench.harness.frame.passes import capture_passes, refuse_shared
 from shadowbench.harness.frame.registry import make_method, method_names
 from shadowbench.harness.frame.session import Session
 
 VARIANTS: list[tuple[str, dict[str, str]]] = [
-    *((name, {"shadows": "tree"} if name == "hybrid" else {}) for name in method_names()),
+    *((name, WITH_TREE.get(name, {})) for name in method_names()),
     ("bvh2", {"precision": "float32"}),
     ("bvh2", {"shares": "1"}),
     ("bvh2", {"update": "refit", "shares": "3"}),
