@@ -28,9 +28,12 @@ class Pass:
             captured graph cannot contain such a pass; there it is launched unconditionally
     ahead   whether it reads no output of another pass of the frame; in a captured graph it then runs concurrently with
             the passes before it
+    aside   whether it is needed late only: in a captured graph it is launched as soon as what it reads is written, and runs
+            concurrently with the passes up to its place, or to one that depends on it
     branch  branch numbers, one per level of nesting. In a captured graph, neighbouring passes with different numbers run
             concurrently, passes with the same number in order; with a condition, those of the same condition. Without
             graph all passes run in order
+    joins   whether it begins when all branches before it have ended, although it has a branch itself
     adds    whether it only adds to what it writes (atomics, bits that stay set), so that another pass may do so
             concurrently
     only_if int32 [1] on the device: the pass is launched only if it is not 0 (set by the harness inside the frame)
@@ -46,7 +49,9 @@ class Pass:
     effect: str | None = None
     scratch: bool = False
     ahead: bool = False
+    aside: bool = False
     branch: tuple[int, ...] = ()
+    joins: bool = False
     adds: bool = False
     only_if: wp.array | None = None
     reached: wp.array | None = None
@@ -115,6 +120,7 @@ def capture_passes(passes: Sequence[Pass], device: str) -> Any:
     Raises ValueError if an ``ahead`` pass reads the output of another pass of the frame, and if concurrent passes use a
     resource that one of them writes.
     """
+    passes = _moved_forward(passes)
     made = {name for work in passes for name in work.writes}
     early = [work for work in passes if work.ahead and work.only_if is None]
     for work in early:
@@ -130,20 +136,37 @@ def capture_passes(passes: Sequence[Pass], device: str) -> Any:
             with wp.ScopedStream(wp.Stream(device)) as branch:
                 _launch(early)
                 done = branch.record_event()
-        _capture(passes[:place], device)
+        running: list[tuple[Pass, Any]] = []
+        _capture(passes[:place], device, running)
         if early:
             wp.wait_event(done)
-        _capture([work for work in passes[place:] if work not in early], device)
+        _capture([work for work in passes[place:] if work not in early], device, running)
+        _join(running)
     return capture.graph
+
+
+def _moved_forward(passes: Sequence[Pass]) -> list[Pass]:
+    """The passes, those ``aside`` after the last one that they depend on."""
+    moved: list[Pass] = []
+    for work in passes:
+        place = len(moved)
+        while work.aside and place > 0 and not _depends(work, moved[place - 1]):
+            place -= 1
+        moved.insert(place, work)
+    return moved
 
 
 def _forks(passes: Sequence[Pass], depth: int) -> Iterator[tuple[bool, list[list[Pass]]]]:
     """Groups of passes that run in order: whether the group forks at ``depth``, and its branches (one if it does not)."""
 
-    def forks(work: Pass) -> bool:
-        return len(work.branch) > depth and work.only_if is None
+    number = 0
 
-    for forked, group in itertools.groupby(passes, key=forks):
+    def place(work: Pass) -> tuple[int, bool]:
+        nonlocal number
+        number += work.joins
+        return number, len(work.branch) > depth and work.only_if is None
+
+    for (_, forked), group in itertools.groupby(passes, key=place):
         branches: dict[int, list[Pass]] = {}
         for work in group:
             branches.setdefault(work.branch[depth] if forked else 0, []).append(work)
@@ -169,25 +192,60 @@ def refuse_shared(passes: Sequence[Pass], depth: int = 0) -> None:
                 refuse_shared(together, depth)
 
 
-def _capture(passes: Sequence[Pass], device: str, depth: int = 0) -> None:
+def _capture(passes: Sequence[Pass], device: str, running: list[tuple[Pass, Any]], depth: int = 0) -> None:
+    """Capture passes on the current stream. ``running``: passes aside and the events of their ends."""
     for forked, branches in _forks(passes, depth):
         if not forked:
             for only_if, together in _conditional(branches[0]):
                 if only_if is None:
-                    _launch(together)
-                else:
-                    wp.capture_if(only_if, lambda together=together: _capture(together, device, depth))
+                    _launch_beside(together, device, running)
+                    continue
+                _join(running)  # a conditional branch cannot be captured while another stream is open
+                running.clear()
+                wp.capture_if(only_if, lambda together=together: _capture_joined(together, device, depth))
             continue
         if len(branches) == 1:
-            _capture(branches[0], device, depth + 1)
+            _capture(branches[0], device, running, depth + 1)
             continue
         ends = []
         for branch in branches:
             with wp.ScopedStream(wp.Stream(device)) as stream:  # the branch begins at this place of the frame
-                _capture(branch, device, depth + 1)
+                _capture(branch, device, running, depth + 1)
                 ends.append(stream.record_event())
         for end in ends:
             wp.wait_event(end)
+
+
+def _capture_joined(passes: Sequence[Pass], device: str, depth: int) -> None:
+    """Capture passes, and wait for those aside."""
+    running: list[tuple[Pass, Any]] = []
+    _capture(passes, device, running, depth)
+    _join(running)
+
+
+def _launch_beside(passes: Sequence[Pass], device: str, running: list[tuple[Pass, Any]]) -> None:
+    """Launch passes; each waits for those aside that it depends on, and those aside get streams of their own."""
+    for work in passes:
+        _join([entry for entry in running if _depends(work, entry[0])])
+        if not work.aside:
+            work.launch()
+            continue
+        with wp.ScopedStream(wp.Stream(device)) as stream:  # it begins at this place of the frame
+            work.launch()
+            running.append((work, stream.record_event()))
+
+
+def _depends(work: Pass, before: Pass) -> bool:
+    """Whether a pass uses what an earlier one writes, or writes what that reads."""
+    return not (
+        {*work.reads, *work.writes}.isdisjoint(before.writes) and set(work.writes).isdisjoint(before.reads)
+    )
+
+
+def _join(running: Sequence[tuple[Pass, Any]]) -> None:
+    """The current stream waits for passes aside."""
+    for _, done in running:
+        wp.wait_event(done)
 
 
 def _conditional(passes: Sequence[Pass]) -> Iterator[tuple[wp.array | None, list[Pass]]]:

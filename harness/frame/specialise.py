@@ -14,6 +14,7 @@ import inspect
 import textwrap
 import types
 from dataclasses import fields
+from typing import Any
 
 import warp as wp
 
@@ -51,12 +52,23 @@ def specialised(kernel: wp.Kernel, switches: Switches) -> wp.Kernel:
 
 @functools.cache
 def _made(kernel: wp.Kernel, on: tuple[str, ...]) -> wp.Kernel:
+    return _copied(kernel, {"effects": Switches(**dict.fromkeys(on, True))}, {})
+
+
+@functools.cache
+def with_type(kernel: wp.Kernel, name: str, kind: type) -> wp.Kernel:
+    """``kernel`` with another type for one of its parameters."""
+    return _copied(kernel, {}, {name: kind})
+
+
+def _copied(kernel: wp.Kernel, names: dict[str, Any], annotations: dict[str, type]) -> wp.Kernel:
+    """A kernel with the same code in a module of its own, where ``names`` and ``annotations`` replace its own."""
     function = kernel.func
-    space = {**function.__globals__, "effects": Switches(**dict.fromkeys(on, True))}
+    space = {**function.__globals__, **names}
     copy = types.FunctionType(
         function.__code__, space, function.__name__, function.__defaults__, function.__closure__
     )
-    copy.__annotations__ = function.__annotations__
+    copy.__annotations__ = {**function.__annotations__, **annotations}
     copy.__module__, copy.__qualname__, copy.__doc__ = (
         function.__module__,
         function.__qualname__,

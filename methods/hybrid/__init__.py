@@ -63,7 +63,7 @@ class Hybrid(BaseMethod):
             self._capacity = self.build.doubt_capacity or max(262144, frame.pixels // 2)
         starts = None
         if shadows:
-            streamed, camera, _ = self._streams.camera_stream(frame, effects, limits, rounded=True)
+            streamed, camera = self._streams.camera_stream(frame, effects, limits, "rounded")
             starts = camera.hit
         else:
             streamed = self._streams.plan(frame, effects, limits)

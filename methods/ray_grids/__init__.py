@@ -26,7 +26,7 @@ from .camera.passes import CameraStream
 from .light.known import KnownRegionLight
 from .light.memory import RememberingLight, occluder_arrays
 from .light.passes import LightAims, LightStream, cell_arrays
-from .parameters import Build
+from .parameters import BESIDE, Build
 from .queues import COUNTERS, DOUBTS, ITEMS, PARTS, Capacity, Queues, more_room
 
 MOST_TRIANGLES = 2**24
@@ -68,7 +68,8 @@ class RayGrids(BaseMethod):
         return cell_arrays(frame, self.build)
 
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
-        passes, camera, queues = self.camera_stream(frame, effects, limits, 1 + len(effects.shadows))
+        points = "exact" if sum(effects.shadows) >= BESIDE else "none"
+        camera, queues = self._camera(frame, effects, limits, 1 + len(effects.shadows), points)
         aims = LightAims(frame, len(effects.shadows))
         wanted = [i for i, wanted in enumerate(effects.shadows) if wanted]
         branches = [(queues, self.light_arrays(frame))] if wanted else []
@@ -77,8 +78,10 @@ class RayGrids(BaseMethod):
             branches.append((queues.with_own_lists(), self.light_arrays(frame)))
         make: Any = self.Light
         self._remembering = []
-        if wanted and getattr(self.build, "occluders", "none") == "last":
+        remembers = getattr(self.build, "occluders", "none") == "last"
+        if wanted and remembers:
             make = functools.partial(RememberingLight, **occluder_arrays(frame))
+        passes: list[Pass] = []
         for number, i in enumerate(wanted):
             branch = number % len(branches)
             known = (
@@ -90,15 +93,22 @@ class RayGrids(BaseMethod):
             passes += light.passes(branch)
             if isinstance(light, RememberingLight):
                 self._remembering.append(light)
-        return passes
+        # The harness marks the receivers of a light that remembers, by the answers.
+        return [*camera.passes(), *passes] if remembers else camera.passes_beside(passes)
 
     def camera_stream(
-        self, frame: Frame, effects: Effects, limits: Limits, streams: int = 1, rounded: bool = False
-    ) -> tuple[list[Pass], CameraStream, Queues]:
-        """The passes of the primary rays alone, what launches them, and queues for ``streams`` streams.
-
-        ``rounded``: hit points are wanted in float32. :meth:`needs` and :meth:`grow` work as after :meth:`plan`.
+        self, frame: Frame, effects: Effects, limits: Limits, points: str
+    ) -> tuple[list[Pass], CameraStream]:
+        """The passes of the primary rays alone, and what launches them. ``points``: the hit points that are kept
+        (:class:`.camera.passes.CameraStream`). :meth:`needs` and :meth:`grow` work as after :meth:`plan`.
         """
+        camera, _ = self._camera(frame, effects, limits, 1, points)
+        return camera.passes(), camera
+
+    def _camera(
+        self, frame: Frame, effects: Effects, limits: Limits, streams: int, points: str
+    ) -> tuple[CameraStream, Queues]:
+        """What launches the passes of the primary rays, and queues for ``streams`` streams."""
         if frame.triangle_count >= MOST_TRIANGLES:
             raise CapacityRejected(f"holds at most {MOST_TRIANGLES - 1:,} triangles")
         if max(frame.width, frame.height) > MOST_PIXELS_ALONG:
@@ -117,8 +127,8 @@ class RayGrids(BaseMethod):
             )
         queues = Queues(frame, self._queued, self._capacity, streams, shares, threads > 1)
         self._queues, self._needs = queues, queues.counts
-        camera = self.Camera(frame, build, queues, effects, rounded=rounded, threads=threads)
-        return camera.passes(), camera, queues
+        camera = self.Camera(frame, build, queues, effects, points=points, threads=threads)
+        return camera, queues
 
     def needs(self) -> wp.array | None:
         return self._needs

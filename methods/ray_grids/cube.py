@@ -9,7 +9,7 @@ from typing import Any
 
 import warp as wp
 
-from ..common.triangle import largest, to_float32, to_float64
+from ..common.triangle import to_float64
 from .aim import EMPTY, FACE, HIGH_U, HIGH_V, LARGEST, LOW_U, LOW_V, ordered
 
 
@@ -128,25 +128,16 @@ def place_of(hit: wp.vec3d, light: wp.vec3f, frame: wp.mat33d) -> wp.vec4f:
 
 
 @wp.func
-def place_and_record(
-    is_hit: wp.bool, hit: wp.vec3d, light: wp.vec3f, frame: wp.mat33d, rectangle: wp.array(dtype=wp.int32)
-) -> wp.vec4f:
-    """Where a hit point lies (face -1 at a miss); it is included in the bounds of all rays (:func:`record_rays`)."""
+def record_place(p: wp.vec4f, size: wp.float32, rectangle: wp.array(dtype=wp.int32)):
+    """Include a place (face -1: no ray) and the size of its point in the bounds of all rays (:func:`record_rays`)."""
     low_u = EMPTY
     low_v = EMPTY
     high_u = EMPTY
     high_v = EMPTY
-    face = wp.int32(-1)
-    size = wp.int32(0)
-    p = wp.vec4f(0.0, 0.0, -1.0, 0.0)
-    if is_hit:
-        p = place_of(hit, light, frame)
-        size = wp.cast(largest(to_float32(hit)), wp.int32)
-        face = wp.int32(p[2])
-        if face == 0:
-            low_u = ordered(p[0])
-            low_v = ordered(p[1])
-            high_u = ordered(-p[0])
-            high_v = ordered(-p[1])
-    record_rays(rectangle, low_u, low_v, high_u, high_v, face, size)
-    return p
+    face = wp.int32(p[2])
+    if face == 0:
+        low_u = ordered(p[0])
+        low_v = ordered(p[1])
+        high_u = ordered(-p[0])
+        high_v = ordered(-p[1])
+    record_rays(rectangle, low_u, low_v, high_u, high_v, face, wp.cast(size, wp.int32))

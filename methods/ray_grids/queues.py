@@ -39,6 +39,9 @@ count stays on the device."""
 
 BLOCK_DIM = wp.constant(128)
 
+WORDS = "nearest words"
+"""The resource that the camera's stream makes: the nearest hit of every pixel, and which triangles take care."""
+
 
 @wp.struct
 class Queue:
@@ -124,8 +127,9 @@ class Queues:
     """Memory that the streams of one frame share: queues, counters, and planes of queued triangles.
 
     The triangles of a stream may be divided into ``shares`` that run at the same time, each with queues and a row of
-    counters of its own. nearest uint64 [pixels]; counts int32 [streams * shares, 6]. Without queues (CPU) all arrays of a
-    :class:`Queue` but the doubts are one element long.
+    counters of its own. nearest uint64 [pixels]; counts int32 [streams * shares, 6]; careful uint8 [triangles]: of those in
+    view, whether hit points take their corners (not ``steep`` in :class:`.camera.pixels.Planes`). Without queues (CPU) all
+    arrays of a :class:`Queue` but the doubts are one element long.
     """
 
     def __init__(
@@ -157,6 +161,7 @@ class Queues:
                 ptr=self.cleared.ptr + 8 * frame.pixels, shape=(streams * shares, COUNTERS), dtype=wp.int32
             )
             self._depths = wp.zeros(self._rows, dtype=wp.vec3d)
+            self.careful = wp.zeros(max(1, frame.triangle_count), dtype=wp.uint8)
         self._make_lists()
 
     def _make_lists(self) -> None:

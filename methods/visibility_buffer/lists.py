@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import warp as wp
 
-from ...harness.frame.geometry import Camera, Hits
+from ...harness.frame.geometry import Camera
 from ...harness.frame.specialise import effects
 from ..common.entries import entry
 from ..common.pixels import tile_pixel
 from ..ray_grids.light.bins import RayCells, cell_along, cells_in_use, face_rectangle, set_table
+from ..ray_grids.light.points import Words, has_hit
 from ..ray_grids.light.rays import Occluder, ShadowBits, test_ray
 from ..ray_grids.light.reach import raise_farthest, tile_index
 from ..ray_grids.queues import Queue
@@ -32,7 +33,7 @@ def texel_index(face: wp.int32, x: wp.int32, y: wp.int32, along: wp.int32) -> wp
 def insert_kernel(
     light: wp.int32,
     camera: Camera,
-    hits: Hits,
+    rays: Words,
     receivers: wp.array2d(dtype=wp.uint8),
     cells: RayCells,
     head: wp.array(dtype=wp.int32),
@@ -51,7 +52,7 @@ def insert_kernel(
     if wp.static(effects.receivers):
         if receivers[light, pixel] == wp.uint8(0):
             return
-    elif entry(hits.triangle, pixel) < 0:
+    elif not has_hit(rays, pixel):
         return
     p = entry(cells.place, pixel)
     face = wp.int32(p[2])

@@ -46,7 +46,7 @@ class CameraRaster(CameraStream):
             specialised(raster.raster_kernel, self.effects.switches()),
             dim=q.share_threads,
             inputs=[q.share(share), self.build.inline_pixels, f.camera, f.mesh, f.alpha],
-            outputs=[q.nearest, self.queue[share]],
+            outputs=[q.nearest, q.careful, self.queue[share]],
             device=f.device,
             block_dim=BLOCK_DIM,
         )
@@ -108,7 +108,7 @@ class LightRaster(LightStream):
         wp.launch(
             specialised(lists.insert_kernel, self.switches),
             dim=thread_count(f.width, f.height, True),
-            inputs=[self.index, f.camera, f.hits(0), f.receivers],
+            inputs=[self.index, f.camera, self.rays, f.receivers],
             outputs=[self.cells, self.head],
             device=f.device,
         )

@@ -116,6 +116,7 @@ def raster_kernel(
     mesh: Mesh,
     alpha: Alpha,
     nearest: wp.array(dtype=wp.uint64),
+    careful: wp.array(dtype=wp.uint8),
     queue: Queue,
 ):
     """One thread per triangle: a small one is rasterised, a larger one is queued."""
@@ -130,6 +131,7 @@ def raster_kernel(
     if not counted or box[2] < box[0] or box[3] < box[1]:
         return
     candidate = candidate_of(i, o, corners, camera, share.triangles)
+    careful[i] = wp.uint8(not candidate.planes.steep)
     if wp.static(effects.alpha):
         if alpha.masked[i] != wp.uint8(0):
             candidate.sure = wp.INF

@@ -17,7 +17,7 @@ from ..common.triangle import U32
 from ..ray_grids.aim import FACES, Cube
 from ..ray_grids.cube import on_face
 from ..ray_grids.fetch import corners_at
-from ..ray_grids.light.bins import RayCells, cells_of
+from ..ray_grids.light.bins import RayCells, cells_of, reach_with_rays
 from ..ray_grids.light.cells import (
     Sides,
     beyond_face,
@@ -25,7 +25,6 @@ from ..ray_grids.light.cells import (
     cube_space,
     flat_box,
     on_cells,
-    reach_from,
     sides_of_flat,
     sides_of_planes,
 )
@@ -63,7 +62,7 @@ def is_empty(farthest: wp.array(dtype=wp.int32), face: wp.int32, tile: wp.vec2i,
 @wp.func
 def depth_slack(reach: wp.float32, cube: Cube) -> wp.float32:
     """Error bound of a corner's coordinate on the cube: depths are known to 8 u reach, and those of receivers to u of
-    their own."""
+    their own and what :func:`..ray_grids.light.bins.reach_with_rays` adds for them."""
     return 32.0 * U32 * (reach + cube.distance)
 
 
@@ -123,7 +122,7 @@ def raster_kernel(
     qa = cube_space(corners.a, cube)
     qb = cube_space(corners.b, cube)
     qc = cube_space(corners.c, cube)
-    reach = reach_from(cube.middle, corners)
+    reach = reach_with_rays(cube, corners, cells.table)
     slack = depth_slack(reach, cube)
     occluder = Occluder()
     occluder.i = i
@@ -190,7 +189,7 @@ def setup_kernel(
         face = queued_face(work)
         corners = corners_at(mesh, queued_triangle(work))
         r = entry(cells.table, face)
-        reach = reach_from(cube.middle, corners)
+        reach = reach_with_rays(cube, corners, cells.table)
         fa = on_face(cube_space(corners.a, cube), face)
         fb = on_face(cube_space(corners.b, cube), face)
         fc = on_face(cube_space(corners.c, cube), face)

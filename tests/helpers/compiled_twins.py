@@ -191,6 +191,7 @@ def made_kernels() -> dict[str, wp.Kernel]:
         camera_queue.make_item_kernel: camera_queue.make_item_kernel(True, False),
         light_stream.make_stream_kernel: light_stream.make_stream_kernel(True),
         light_queue.make_item_kernel: light_queue.make_item_kernel(True, False),
+        light_queue.make_doubt_kernel: light_queue.make_doubt_kernel(False),
         ray_kernels.make_primary_kernel: grid_traversal.make_kernels(0)[0],
         ray_kernels.make_shadow_kernel: grid_traversal.make_kernels(0)[1],
         careful.make_closest_kernel: careful.make_closest_kernel(48),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import warp as wp
@@ -11,16 +12,22 @@ from ....harness.frame.passes import Pass
 from ....harness.frame.specialise import specialised
 from ....harness.scene.effects import Effects
 from ...common.bands import Band, Bands
+from ...common.pixels import thread_count
 from ..parameters import Streams
-from ..queues import BLOCK_DIM, COUNTERS, Queues, Step, copy_counts_kernel, in_shares
+from ..queues import BLOCK_DIM, COUNTERS, WORDS, Queues, Step, copy_counts_kernel, in_shares
 from . import queue as camera_queue
 from . import resolve as camera_resolve
 from . import stream as camera_stream
 
+RESOLVE_BLOCKS = 1
+"""Blocks per multiprocessor that resolve the answers beside the passes of lights. A thread for each pixel would leave these
+no room until it ends; so few threads take longer, and hardly hold up passes that wait for memory."""
+
 
 class CameraStream:
-    """Primary rays. hit vec3d [pixels]: float64 hit points; vec3f, if they are to be ``rounded``. ``threads``: of a CPU,
-    that each resolve a band of the image.
+    """Primary rays. ``threads``: of a CPU, that each resolve a band of the image.
+
+    hit: hit points [pixels], vec3d if the ``points`` that are kept are "exact", vec3f if they are "rounded"; else empty.
 
     ``needs`` (int64): where the stream's counters are copied to for another method. structure: resources of a structure
     that the steps read.
@@ -35,27 +42,42 @@ class CameraStream:
         queues: Queues,
         effects: Effects,
         needs: wp.array | None = None,
-        rounded: bool = False,
+        points: str = "exact",
         threads: int = 1,
     ):
         self.frame, self.queues = frame, queues
         self.build: Any = build
         self.effects, self.needs = effects, needs
         self.queue = queues.of_stream(0)
-        self.resolve = camera_resolve.rounded_kernel if rounded else camera_resolve.resolve_kernel
+        kept = points != "none"
         with wp.ScopedDevice(frame.device):
-            self.hit = wp.zeros(frame.pixels, dtype=wp.vec3f if rounded else wp.vec3d)
+            self.hit = wp.zeros(
+                frame.pixels if kept else 0, dtype=wp.vec3f if points == "rounded" else wp.vec3d
+            )
+            self._points = self.hit if kept else wp.zeros(0, dtype=camera_resolve.NO_POINT)
         self.bands = Bands(frame, threads)
+        self._resolvers = thread_count(frame.width, frame.height, True)
 
     def passes(self) -> list[Pass]:
         """Clear, stream the shares of the triangles at the same time, and resolve."""
         scene = (*self.structure, "points", "triangles", "camera", *self.effects.surface_reads())
-        words = ("nearest words",)
+        words = (WORDS,)
         passes = [Pass("camera: clear", "trace", scene, words, self.queues.cleared.zero_)]
         steps = [*self.steps(), ("doubtful pairs", (), (), self.launch_doubts)]
         passes += in_shares("camera", "trace", steps, self.queues, (*scene, *words), words)
         passes.append(Pass("camera: resolve", "trace", (*scene, *words), ("hits",), self.launch_resolve))
         return passes
+
+    def passes_beside(self, others: list[Pass]) -> list[Pass]:
+        """The passes, and ``others``, of which few or none read the answers: on a GPU they run while these are resolved."""
+        *first, resolve = self.passes()
+        resolve = replace(resolve, aside=True)
+        if others and self.queues.cuda:
+            sm_count = wp.get_device(self.frame.device).sm_count
+            self._resolvers = min(self._resolvers, RESOLVE_BLOCKS * int(BLOCK_DIM) * sm_count)
+        after = next((k for k, work in enumerate(others) if not work.ahead), 0)
+        others = [replace(work, joins=k == after) for k, work in enumerate(others)]
+        return [*first, resolve, *others] if self.hit.size else [*first, *others, resolve]
 
     def steps(self) -> list[Step]:
         """The passes of each share of the triangles before the doubtful pairs are decided."""
@@ -73,7 +95,7 @@ class CameraStream:
             specialised(camera_stream.make_stream_kernel(q.queued), self.effects.switches()),
             dim=q.share_threads,
             inputs=[q.share(share), self.build.inline_pixels, f.camera, f.mesh, f.alpha],
-            outputs=[q.nearest, self.queue[share]],
+            outputs=[q.nearest, q.careful, self.queue[share]],
             device=f.device,
             block_dim=BLOCK_DIM,
         )
@@ -116,11 +138,12 @@ class CameraStream:
 
     def _resolve_band(self, band: Band) -> None:
         f = self.frame
+        threads = min(band.thread_count(True), self._resolvers)
         wp.launch(
-            self.resolve,
-            dim=band.thread_count(True),
-            inputs=[band.camera, f.mesh, band.of(self.queues.nearest)],
-            outputs=[band.fields_of(f.hits(0)), band.of(self.hit)],
+            camera_resolve.resolve_kernel,
+            dim=threads,
+            inputs=[threads, band.camera, f.mesh, band.of(self.queues.nearest)],
+            outputs=[band.fields_of(f.hits(0)), band.of(self._points)],
             device=f.device,
             block_dim=BLOCK_DIM,
         )

@@ -16,17 +16,27 @@ from ...common.triangle import U32, U64, largest, nearness_key, to_float64
 from ..fetch import direction_at
 from ..queues import DOUBTS, Queue, queue_doubt
 
+LEAST_HEIGHT = wp.constant(wp.float32(2.0**-14))
+LONGEST_WAY = wp.constant(wp.float32(32.0))
+"""Of ``steep`` in :class:`Planes`."""
+
 
 @wp.struct
 class Planes:
     """Edge planes through the eye, scaled so that their parts are at most 2 and turned so that inside is positive.
 
     Signs of n . d beyond :func:`sign_bound` are certain; all three are zero where float64 must decide.
+
+    steep: whether 1 / t of a :func:`hit_word` gives hit points to 2^-29 of their way from the eye, and that way is at most
+    32 times the largest coordinate of the triangle. The word cuts 1 / t at 2^-29 of itself, so that the middle is off by
+    2^-30. Rounding adds at most 2 NORMAL_UNITS S / |height|, with S at most 6 reach edge^2
+    (:func:`...common.triangle.hit_distance`): 2^-31 with the least height that is asked for.
     """
 
     n0: wp.vec3f
     n1: wp.vec3f
     n2: wp.vec3f
+    steep: wp.bool
 
 
 @wp.struct
@@ -67,6 +77,10 @@ def edge_planes(o: wp.vec3f, corners: Corners) -> Planes:
     det = wp.dot(n, a64 - to_float64(o))
     if not (wp.abs(det) > wp.float64(96.0) * U64 * wp.float64(reach) * wp.float64(edge) * wp.float64(edge)):
         return planes
+    size = wp.max(largest(corners.a), wp.max(largest(corners.b), largest(corners.c)))
+    planes.steep = (
+        wp.float32(wp.abs(det)) > LEAST_HEIGHT * (reach * edge) * edge and reach < LONGEST_WAY * size
+    )
     scale = 1.0 / (reach * edge)
     if det < wp.float64(0.0):
         scale = -scale
@@ -110,6 +124,24 @@ def index_of(word: wp.uint64, spare: wp.int32) -> wp.int32:
     """The triangle of a :func:`hit_word`."""
     last = 0xFFFFFF >> spare
     return last - wp.int32(word & wp.uint64(last))
+
+
+@wp.func_native("""
+unsigned long long bits = (word >> (24 - spare) << (23 - spare)) | (1ull << (22 - spare));
+double inverse;
+#if defined(__CUDA_ARCH__)
+inverse = __longlong_as_double(bits);
+double t;
+asm("rcp.approx.ftz.f64 %0, %1;" : "=d"(t) : "d"(inverse));
+double left = fma(-inverse, t, 1.0);
+return fma(fma(left, left, left), t, t);
+#else
+memcpy(&inverse, &bits, sizeof(inverse));
+return 1.0 / inverse;
+#endif
+""")
+def distance_of(word: wp.uint64, spare: wp.int32) -> wp.float64:
+    """t of a :func:`hit_word` to 2^-30 of itself, from the middle of the 1 / t that have its bits."""
 
 
 @wp.func

@@ -18,6 +18,10 @@ REGISTERS = 80
 """Registers per thread, for six blocks of 128 per multiprocessor; with 72 the kernel spills."""
 
 
+NO_POINT = wp.uint8
+"""The type of hit points that are not kept."""
+
+
 @wp.func
 def set_point(points: wp.array(dtype=wp.vec3d), i: wp.int32, point: wp.vec3d):
     set_entry(points, i, point)
@@ -82,21 +86,36 @@ def set_point(points: wp.array(dtype=wp.vec3f), i: wp.int32, point: wp.vec3d):
     set_entry(points, i, to_float32(point))
 
 
-@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
-def resolve_points(
+@wp.func
+def set_point_of_hit(points: wp.array(dtype=NO_POINT), i: wp.int32, point: wp.vec3d, triangle: wp.int32):
+    """No hit points are kept."""
+    return
+
+
+@wp.func
+def quick_point(points: wp.array(dtype=NO_POINT), ray: Ray, t: wp.float64, corners: Corners) -> wp.vec3d:
+    return wp.vec3d()
+
+
+@wp.func
+def takes_care(points: wp.array(dtype=NO_POINT), ray: Ray, t: wp.float64, corners: Corners) -> wp.bool:
+    return False
+
+
+@wp.func
+def set_point(points: wp.array(dtype=NO_POINT), i: wp.int32, point: wp.vec3d):
+    return
+
+
+@wp.func
+def resolve_pixel(
+    at: wp.vec2i,
     camera: Camera,
     mesh: Mesh,
     nearest: wp.array(dtype=wp.uint64),
     hits: Hits,
     hit_points: wp.array(dtype=Any),
 ):
-    """One thread per pixel, 8 x 4 per warp. Writes the same bits as :func:`..common.triangle.write_hit`.
-
-    hit_points: vec3d, or vec3f where they are needed rounded; nothing is written at a miss.
-    """
-    at = tile_pixel(wp.tid(), camera.width, camera.height)
-    if at[0] < 0:
-        return
     pixel = at[1] * camera.width + at[0]
     word = entry(nearest, pixel)
     best = wp.int32(-1)
@@ -128,5 +147,27 @@ def resolve_points(
         set_point(hit_points, pixel, flat_hit_point(ray, plane_distance(ray, corners), corners))
 
 
-resolve_kernel = wp.overload(resolve_points, {"hit_points": wp.array(dtype=wp.vec3d)})
-rounded_kernel = wp.overload(resolve_points, {"hit_points": wp.array(dtype=wp.vec3f)})
+@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
+def resolve_kernel(
+    threads: wp.int32,
+    camera: Camera,
+    mesh: Mesh,
+    nearest: wp.array(dtype=wp.uint64),
+    hits: Hits,
+    hit_points: wp.array(dtype=Any),
+):
+    """A thread for each ``threads``-th pixel, 8 x 4 per warp. Writes the same bits as :func:`..common.triangle.write_hit`.
+
+    hit_points: vec3d, or vec3f where they are needed rounded, or empty and :data:`NO_POINT`; nothing is written at a miss.
+    """
+    k = wp.tid()
+    stop = ((camera.width + 7) >> 3) * ((camera.height + 3) >> 2) * 32
+    while k < stop:
+        at = tile_pixel(k, camera.width, camera.height)
+        k += threads
+        if at[0] >= 0:
+            resolve_pixel(at, camera, mesh, nearest, hits, hit_points)
+
+
+for kind in (wp.vec3d, wp.vec3f, NO_POINT):
+    wp.overload(resolve_kernel, {"hit_points": wp.array(dtype=kind)})

@@ -173,6 +173,7 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
         mesh: Mesh,
         alpha: Alpha,
         nearest: wp.array(dtype=wp.uint64),
+        careful: wp.array(dtype=wp.uint8),
         queue: Queue,
     ):
         i = triangle_of(wp.tid(), share)
@@ -194,6 +195,7 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
         candidate.bound = sign_bound(camera.tangents)
         candidate.planes = edge_planes(o, corners)
         candidate.m = inverse_depth(o, corners)
+        careful[i] = wp.uint8(not candidate.planes.steep)
         candidate.sure = candidate.bound
         if wp.static(effects.alpha):
             if alpha.masked[i] != wp.uint8(0):

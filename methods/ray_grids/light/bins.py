@@ -4,20 +4,25 @@ from __future__ import annotations
 
 import warp as wp
 
-from ....harness.frame.geometry import Camera, Hits
+from ....harness.frame.geometry import Camera, Corners, Mesh
 from ....harness.frame.specialise import effects
 from ...common.entries import entry, set_entry
 from ...common.pixels import tile_pixel
 from ...common.reserve import number_in
-from ...common.triangle import to_float32
-from ..aim import FACE, FACES, HIGH_U, HIGH_V, LARGEST, LOW_U, LOW_V, from_ordered
-from ..cube import place_and_record
+from ..aim import FACE, FACES, HIGH_U, HIGH_V, LARGEST, LOW_U, LOW_V, Cube, from_ordered
+from ..cube import record_place
 from ..queues import RAYS
 from ..warps import scan_row
+from .cells import reach_from
+from .points import Placed, Point, Words, has_hit, placed, placed_exactly, point_of
 from .reach import empty_tiles, raise_farthest
 
 SPARE = wp.constant(4)
 """Words between two rows of cells: one for the end of a row, the others so that rows begin on 16-byte addresses."""
+
+REGISTERS = 40
+"""Registers per thread of the passes that place rays, for twelve blocks of 128 per multiprocessor. The few rays that take
+care spill; with 32 the others would, too."""
 
 
 @wp.struct
@@ -28,7 +33,8 @@ class RayCells:
     rectangle  int32 [11]: what the rays cover (:mod:`..aim`)
     table      vec4f [7]: each face's rectangle for triangles, cells along a face, largest coordinate (:func:`scan_kernel`)
     place      vec4f [pixels]: (u, v, face, depth) of each pixel's ray    point  vec4f [pixels]: hit point and pixel
-    slot       vec2i [pixels]: cell and rank of each pixel's ray
+    triangle   int32 [pixels]: what each pixel's ray hit
+    slot       vec2i [pixels]: cell and rank of each pixel's ray; cell -1: none
     count, offset  int32 [6 faces * rows * (cells + SPARE)] and, of offset, one more: rays of each cell; first ray
     rays       vec4f [pixels]: points in the order of cells
     farthest   int32 [6 faces * tiles of 8 x 8 cells]: bits of the greatest depth of a ray
@@ -39,6 +45,7 @@ class RayCells:
     table: wp.array(dtype=wp.vec4f)
     place: wp.array(dtype=wp.vec4f)
     point: wp.array(dtype=wp.vec4f)
+    triangle: wp.array(dtype=wp.int32)
     slot: wp.array(dtype=wp.vec2i)
     count: wp.array(dtype=wp.int32)
     offset: wp.array(dtype=wp.int32)
@@ -102,25 +109,49 @@ def cells_in_use(rectangle: wp.array(dtype=wp.int32), cells: wp.vec2i) -> wp.int
 
 
 @wp.func
+def store_point(pixel: wp.int32, triangle: wp.int32, h: wp.vec3f, cells: RayCells):
+    """Store a pixel's hit point and what its ray hit."""
+    set_entry(cells.triangle, pixel, triangle)
+    set_entry(cells.point, pixel, wp.vec4f(h[0], h[1], h[2], wp.cast(pixel, wp.float32)))
+
+
+@wp.func
+def store_place(pixel: wp.int32, triangle: wp.int32, found: Placed, cells: RayCells):
+    store_point(pixel, triangle, found.h, cells)
+    set_entry(cells.place, pixel, found.place)
+
+
+@wp.func
 def place_ray(
-    wanted: wp.bool, pixel: wp.int32, hit: wp.vec3d, light: wp.vec3f, axes: wp.mat33d, cells: RayCells
+    rays: Words,
+    point: Point,
+    wanted: wp.bool,
+    pixel: wp.int32,
+    at: wp.vec2i,
+    camera: Camera,
+    mesh: Mesh,
+    light: wp.vec3f,
+    axes: wp.mat33d,
+    cells: RayCells,
 ):
-    """Place the ray of a pixel that has one (``wanted``). All threads of a block must call it."""
-    p = place_and_record(wanted, hit, light, axes, cells.rectangle)
-    if wanted:
-        set_entry(cells.place, pixel, p)
-        h = to_float32(hit)
-        set_entry(cells.point, pixel, wp.vec4f(h[0], h[1], h[2], wp.cast(pixel, wp.float32)))
+    """Store the place of a pixel's ray, if it has one (``wanted``). All threads of a block must call it."""
+    found = placed(point, wanted, light, axes)
+    if found.place[2] >= 0.0:
+        store_place(pixel, point.triangle, found, cells)
+    elif wanted:
+        found = placed_exactly(rays, pixel, at, camera, mesh, light, axes)
+        store_place(pixel, point.triangle, found, cells)
+    record_place(found.place, found.size, cells.rectangle)
 
 
-@wp.kernel(enable_backward=False, grid_stride=False)
+@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
 def map_kernel(
     light: wp.int32,
     camera: Camera,
     lights: wp.array(dtype=wp.vec3f),
     axes: wp.array(dtype=wp.mat33d),
-    hits: Hits,
-    hit_points: wp.array(dtype=wp.vec3d),
+    mesh: Mesh,
+    rays: Words,
     receivers: wp.array2d(dtype=wp.uint8),
     cells: RayCells,
     visibility: wp.array2d(dtype=wp.uint8),
@@ -132,23 +163,35 @@ def map_kernel(
     """
     empty_tiles(cells.farthest, wp.tid(), camera.width, camera.height)
     at = tile_pixel(wp.tid(), camera.width, camera.height)
-    hit = wp.vec3d()
+    point = Point()
     wanted = wp.bool(False)
     pixel = at[1] * camera.width + at[0]
     if at[0] >= 0:
+        point = point_of(rays, pixel, at, camera, mesh)
         if wp.static(effects.receivers):
             wanted = receivers[light, pixel] != wp.uint8(0)
         else:
             visibility[light, pixel] = wp.uint8(0)
-            wanted = entry(hits.triangle, pixel) >= 0
-        if wanted:
-            hit = hit_points[pixel]
-    place_ray(wanted, pixel, hit, lights[light], axes[light], cells)
+            wanted = point.triangle >= 0
+    place_ray(rays, point, wanted, pixel, at, camera, mesh, lights[light], axes[light], cells)
+
+
+@wp.func
+def count_ray(pixel: wp.int32, p: wp.vec4f, cells: RayCells):
+    """Count the ray of a pixel in its cell, given its place."""
+    face = wp.int32(p[2])
+    along = cells_in_use(cells.rectangle, cells.cells)
+    r = face_rectangle(face, cells.rectangle, along)
+    x = cell_along(p[0], r[0], r[2], along)
+    y = cell_along(p[1], r[1], r[3], along)
+    cell = cell_index(face, x, y, along)
+    set_entry(cells.slot, pixel, wp.vec2i(cell, number_in(cells.count, cell)))
+    raise_farthest(cells.farthest, face, x, y, p[3], along)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def count_kernel(
-    light: wp.int32, camera: Camera, hits: Hits, receivers: wp.array2d(dtype=wp.uint8), cells: RayCells
+    light: wp.int32, camera: Camera, rays: Words, receivers: wp.array2d(dtype=wp.uint8), cells: RayCells
 ):
     """Cell of every ray, and its rank there; the farthest receivers. Ranks depend on the order of threads; no answer
     does."""
@@ -158,18 +201,12 @@ def count_kernel(
     pixel = at[1] * camera.width + at[0]
     if wp.static(effects.receivers):
         if receivers[light, pixel] == wp.uint8(0):
+            set_entry(cells.slot, pixel, wp.vec2i(-1, 0))
             return
-    elif entry(hits.triangle, pixel) < 0:
+    elif not has_hit(rays, pixel):
+        set_entry(cells.slot, pixel, wp.vec2i(-1, 0))
         return
-    p = entry(cells.place, pixel)
-    face = wp.int32(p[2])
-    along = cells_in_use(cells.rectangle, cells.cells)
-    r = face_rectangle(face, cells.rectangle, along)
-    x = cell_along(p[0], r[0], r[2], along)
-    y = cell_along(p[1], r[1], r[3], along)
-    cell = cell_index(face, x, y, along)
-    set_entry(cells.slot, pixel, wp.vec2i(cell, number_in(cells.count, cell)))
-    raise_farthest(cells.farthest, face, x, y, p[3], along)
+    count_ray(pixel, entry(cells.place, pixel), cells)
 
 
 @wp.func
@@ -211,19 +248,25 @@ def reach_of(table: wp.array(dtype=wp.vec4f)) -> wp.float32:
     return table[FACES][1]
 
 
+@wp.func
+def reach_with_rays(cube: Cube, corners: Corners, table: wp.array(dtype=wp.vec4f)) -> wp.float32:
+    """:func:`.cells.reach_from`, enlarged so that bounds of 32 u reach cover four times what hit points are off by, which is
+    at most u of their largest coordinate (:mod:`.points`)."""
+    return reach_from(cube.middle, corners) + 0.125 * reach_of(table)
+
+
+@wp.func
+def put_ray(pixel: wp.int32, slot: wp.vec2i, cells: RayCells):
+    set_entry(cells.rays, cells.offset[slot[0]] + slot[1], entry(cells.point, pixel))
+
+
 @wp.kernel(enable_backward=False, grid_stride=False)
-def scatter_kernel(
-    light: wp.int32, camera: Camera, hits: Hits, receivers: wp.array2d(dtype=wp.uint8), cells: RayCells
-):
+def scatter_kernel(camera: Camera, cells: RayCells):
     """Rays in cell order: float32 hit point, and the pixel's number in the bits of the fourth."""
     at = tile_pixel(wp.tid(), camera.width, camera.height)
     if at[0] < 0:
         return
     pixel = at[1] * camera.width + at[0]
-    if wp.static(effects.receivers):
-        if receivers[light, pixel] == wp.uint8(0):
-            return
-    elif entry(hits.triangle, pixel) < 0:
-        return
-    s = entry(cells.slot, pixel)
-    set_entry(cells.rays, cells.offset[s[0]] + s[1], entry(cells.point, pixel))
+    slot = entry(cells.slot, pixel)
+    if slot[0] >= 0:
+        put_ray(pixel, slot, cells)

@@ -164,7 +164,7 @@ def side_of_plane(n: wp.vec3f, error: wp.float32, r: wp.vec4f, middle: wp.float3
     if not (wp.abs(slope) < 1.0e9 and wp.abs(u) < 1.0e9):
         return wp.vec4f(0.0, 0.0, 0.0, 0.0)
     side = wp.sign(across)
-    slack = 0.1 + wp.abs(slope) * 0.52 + (4.0 * error / wp.abs(across) + 1.0e-5) * r[2]
+    slack = 0.1 + wp.abs(slope) * 0.52 + (4.0 * error / wp.abs(across) + 2.0e-5) * r[2]
     return wp.vec4f((u - r[0]) * r[2] - side * slack, middle - 0.5, slope, side)
 
 

@@ -7,17 +7,13 @@ from typing import Any, ClassVar
 import warp as wp
 
 from ...common.pixels import thread_count
-from .. import aim as light_aim
 from ..queues import BLOCK_DIM
 from . import region as light_region
 from .passes import LightStream
 
 
 class KnownRegionLight(LightStream):
-    """Shadow rays of one light without restrictions, counted in their cells where they are placed.
-
-    touched int32 [6]: 1 for the faces of the cube that triangles in view touch.
-    """
+    """Shadow rays of one light without restrictions, counted in their cells where they are placed."""
 
     marks = False
     aim_reads: ClassVar[tuple[str, ...]] = (*LightStream.aim_reads, "camera")
@@ -25,18 +21,16 @@ class KnownRegionLight(LightStream):
     def __init__(self, *given: Any):
         super().__init__(*given)
         assert not self.effects.has_receivers(self.index)
-        self.touched = wp.zeros(int(light_aim.FACES), dtype=wp.int32, device=self.frame.device)
 
     def launch_aim(self) -> None:
         super().launch_aim()
         f = self.frame
-        self.touched.zero_()
         threads = max(1, f.triangle_count)
         wp.launch(
             light_region.bounds_kernel,
             dim=threads,
             inputs=[threads, self.index, f.camera, self.aims.cubes, f.mesh],
-            outputs=[self.touched, self.cells],
+            outputs=[self.cells],
             device=f.device,
             block_dim=BLOCK_DIM,
         )
@@ -50,10 +44,20 @@ class KnownRegionLight(LightStream):
         wp.launch(
             light_region.place_kernel,
             dim=thread_count(f.width, f.height, True),
-            inputs=[self.index, f.camera, self.aims.posts, self.aims.axes, f.hits(0), self.hit, self.touched],
+            inputs=[self.index, f.camera, self.aims.posts, self.aims.axes, f.mesh, self.rays],
             outputs=[cells, f.answers.visibility],
             device=f.device,
         )
 
     def launch_count(self) -> None:
-        self.launch_scan(light_region.scan_kernel, self.touched)
+        self.launch_scan()
+
+    def launch_scatter(self) -> None:
+        f = self.frame
+        wp.launch(
+            light_region.scatter_kernel,
+            dim=thread_count(f.width, f.height, True),
+            inputs=[f.camera, self.rays],
+            outputs=[self.cells],
+            device=f.device,
+        )

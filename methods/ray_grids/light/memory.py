@@ -8,8 +8,6 @@ an index of no triangle is passed over.
 
 from __future__ import annotations
 
-import functools
-import types
 from dataclasses import replace
 from typing import Any
 
@@ -17,15 +15,16 @@ import warp as wp
 
 from ....harness.frame.alpha import Alpha
 from ....harness.frame.frame import Frame
-from ....harness.frame.geometry import Camera, Hits, Mesh, filled
+from ....harness.frame.geometry import Camera, Mesh, filled
 from ....harness.frame.passes import Pass
-from ....harness.frame.specialise import effects, specialised
+from ....harness.frame.specialise import effects, specialised, with_type
 from ...common.entries import entry, set_entry
 from ...common.pixels import thread_count, tile_pixel
 from ...common.triangle import largest, to_float32
 from ..fetch import corners_at
-from ..queues import BLOCK_DIM
+from ..queues import BLOCK_DIM, WORDS
 from .passes import LightStream
+from .points import Words, point_of
 from .rays import YES, Occluder, RememberedBits, float32_verdict, set_planes, sign_bound
 
 
@@ -41,8 +40,8 @@ def certainly_occludes(
 ) -> wp.bool:
     """Whether triangle i of the mesh (any number) certainly occludes the ray of a pixel that hit triangle ``own`` at h.
 
-    The bound covers this one hit point. With the eye in it, it exceeds the error of the float64 hit point, in which
-    float64 would find the triangle's plane (:func:`...common.hitpoint.hit_error`).
+    The bound covers this one hit point, which takes no care (:mod:`.points`). With the eye in it, it exceeds the error of
+    the float64 hit point, in which float64 would find the triangle's plane (:func:`...common.hitpoint.hit_error`).
     """
     if i < 0 or i >= mesh.triangles.shape[0] or i == own:
         return False
@@ -64,8 +63,7 @@ def settle_kernel(
     lights: wp.array(dtype=wp.vec3f),
     mesh: Mesh,
     alpha: Alpha,
-    hits: Hits,
-    hit_points: wp.array(dtype=wp.vec3d),
+    rays: Words,
     receivers: wp.array2d(dtype=wp.uint8),
     last: wp.array(dtype=wp.int32),
     sought: wp.array2d(dtype=wp.uint8),
@@ -80,42 +78,25 @@ def settle_kernel(
     if at[0] < 0:
         return
     pixel = at[1] * camera.width + at[0]
-    own = entry(hits.triangle, pixel)
+    point = point_of(rays, pixel, at, camera, mesh)
     remembered = entry(last, pixel)
-    wanted = own >= 0
+    wanted = point.triangle >= 0
     if wp.static(effects.receivers):
         wanted = receivers[light, pixel] != wp.uint8(0)
     bit = wp.uint8(0)
     if wanted and remembered != 0:
         i = remembered - 1
-        holes = wp.bool(False)
+        unsure = point.careful
         if wp.static(effects.alpha):
-            holes = has_holes(alpha, i)
-        h = to_float32(hit_points[pixel])
-        if not holes and certainly_occludes(i, own, h, camera.eye[0], lights[light], mesh):
+            unsure = unsure or has_holes(alpha, i)
+        h = to_float32(point.hit)
+        if not unsure and certainly_occludes(i, point.triangle, h, camera.eye[0], lights[light], mesh):
             bit = wp.uint8(1)
             wanted = False
         else:
             set_entry(last, pixel, 0)
     visibility[light, pixel] = bit
     sought[light, pixel] = wp.uint8(wanted)
-
-
-@functools.cache
-def remembering(kernel: wp.Kernel) -> wp.Kernel:
-    """A kernel of the stream, its ``bits`` those that remember the occluder."""
-    function = kernel.func
-    copy = types.FunctionType(
-        function.__code__,
-        function.__globals__,
-        function.__name__,
-        function.__defaults__,
-        function.__closure__,
-    )
-    copy.__annotations__ = {**function.__annotations__, "bits": RememberedBits}
-    copy.__module__, copy.__qualname__ = function.__module__, function.__qualname__
-    copy.__doc__ = function.__doc__
-    return wp.kernel(copy, module="unique", **kernel.options)
 
 
 def occluder_arrays(frame: Frame) -> dict[str, wp.array]:
@@ -154,7 +135,7 @@ class RememberingLight(LightStream):
         return int(((bits == 1) & (self.sought[self.index].numpy() == 0)).sum())
 
     def variant(self, kernel: wp.Kernel) -> wp.Kernel:
-        return remembering(kernel)
+        return with_type(kernel, "bits", RememberedBits)
 
     def receiver_reads(self) -> tuple[str, ...]:
         return (f"rays sought/{self.index}",)
@@ -163,7 +144,7 @@ class RememberingLight(LightStream):
         """The light's passes: the rays' places follow from the occluders, which the stream's steps write."""
         i, made = self.index, super().passes(branch)
         memory, bits, effect = f"occluders/{i}", f"visibility/{i}", f"shadows/{i}"
-        reads = ("points", "triangles", "camera", "hits", f"light/{i}", memory, *self.effects.surface_reads())
+        reads = ("points", "triangles", "camera", WORDS, f"light/{i}", memory, *self.effects.surface_reads())
         settle = Pass(
             f"light {i}: last occluders",
             "shadow",
@@ -182,7 +163,7 @@ class RememberingLight(LightStream):
         wp.launch(
             specialised(settle_kernel, self.given),
             dim=thread_count(f.width, f.height, True),
-            inputs=[self.index, f.camera, f.lights, f.mesh, f.alpha, f.hits(0), self.hit, f.receivers],
+            inputs=[self.index, f.camera, f.lights, f.mesh, f.alpha, self.rays, f.receivers],
             outputs=[self.last, self.sought, f.answers.visibility],
             device=f.device,
             block_dim=BLOCK_DIM,

@@ -17,7 +17,7 @@ from ....harness.scene.effects import Effects
 from ...common.pixels import thread_count
 from .. import aim as light_aim
 from ..parameters import Streams
-from ..queues import BLOCK_DIM, Queues, Step, in_shares
+from ..queues import BLOCK_DIM, WORDS, Queues, Step, in_shares
 from ..warps import LANES
 from . import bins as light_bins
 from . import queue as light_queue
@@ -25,6 +25,7 @@ from . import reach as light_reach
 from . import receivers as light_receivers
 from . import stream as light_stream
 from .bins import RayCells
+from .points import Words
 from .rays import ShadowBits
 
 
@@ -61,6 +62,7 @@ def cell_arrays(frame: Frame, build: Streams, sorted_rays: bool = True) -> dict[
             "cells": wp.vec2i(several, one),
             "place": wp.zeros(frame.pixels, dtype=wp.vec4f),
             "point": wp.zeros(frame.pixels, dtype=wp.vec4f),
+            "triangle": wp.zeros(frame.pixels, dtype=wp.int32),
             "slot": wp.zeros(sorted_pixels, dtype=wp.vec2i),
             "count": wp.zeros(sorted_cells, dtype=wp.int32),
             "offset": wp.zeros(sorted_cells + 1, dtype=wp.int32),
@@ -70,7 +72,7 @@ def cell_arrays(frame: Frame, build: Streams, sorted_rays: bool = True) -> dict[
 
 
 class LightStream:
-    """Shadow rays of one light. ``arrays``: of :func:`cell_arrays`; hit vec3d [pixels]: float64 hit points.
+    """Shadow rays of one light. ``arrays``: of :func:`cell_arrays`; hit vec3d [pixels]: exact hit points, or empty.
 
     marks    whether the pass that places the rays marks the receivers, instead of the harness
     reached  int32 [1]: not 0 if the light has receivers; empty on a GPU, where a condition costs more than passes without
@@ -98,15 +100,18 @@ class LightStream:
         self.counts = queues.counters(1 + index)
         self.queue = queues.of_stream(1 + index)
         self.cells = filled(RayCells, rectangle=aims.rectangles[index], table=aims.tables[index], **arrays)
-        answers = frame.answers
         self.receivers = frame.receivers
         self.marking = self.marks and effects.has_receivers(index)
         self.reached = wp.empty(0, dtype=wp.int32, device=frame.device)
         if self.marking and not queues.cuda:
             self.reached = reached_by(frame, index, 0)
         self.bits: Any = filled(
-            ShadowBits, light=index, triangle=answers.triangle, visibility=answers.visibility
+            ShadowBits,
+            light=index,
+            triangle=self.cells.triangle,
+            visibility=frame.answers.visibility,
         )
+        self.rays = filled(Words, nearest=queues.nearest, careful=queues.careful)
 
     def variant(self, kernel: wp.Kernel) -> wp.Kernel:
         """A kernel of the stream for the class of :attr:`bits`."""
@@ -121,9 +126,9 @@ class LightStream:
         i = self.index
         who, build = f"light {i}", "light build"
         light, effect = f"light/{i}", f"shadows/{i}"
-        seen = ("hits", f"light aim/{i}", *self.receiver_reads())
+        seen = (WORDS, f"light aim/{i}", *self.receiver_reads())
         aim, place, rays, bits = f"light aim/{i}", f"ray places/{i}", f"ray cells/{i}", f"visibility/{i}"
-        scene = ("points", "triangles", "hits", light, aim, rays, *self.effects.surface_reads())
+        scene = ("points", "triangles", light, aim, rays, *self.effects.surface_reads())
         passes = [
             Pass(
                 f"{who}: aim",
@@ -137,8 +142,10 @@ class LightStream:
             self.map_pass(seen, place, bits),
             *self.cell_passes(seen, place, rays, effect),
         ]
-        steps = [*self.steps(), ("doubtful pairs", (), (), self.launch_doubts)]
-        passes += in_shares(who, "shadow", steps, self.queues, (*scene, bits), (bits,), effect)
+        passes += in_shares(who, "shadow", self.steps(), self.queues, (*scene, bits), (bits,), effect)
+        doubts: Step = ("doubtful pairs", (), (), self.launch_doubts)
+        scene = (*scene, "camera", *(("hits",) if self.hit.size else ()))
+        passes += in_shares(who, "shadow", [doubts], self.queues, (*scene, bits), (bits,), effect)
         return [replace(work, branch=(branch, *work.branch)) for work in passes]
 
     def map_pass(self, seen: tuple[str, ...], place: str, bits: str) -> Pass:
@@ -147,7 +154,8 @@ class LightStream:
         receivers = self.effects.receiver_reads(i) if self.marking else ()
         if self.marking:
             others = tuple(name for name in seen if name not in receivers)
-            seen = (*others, "camera", "points", "triangles", f"light/{i}")
+            seen = (*others, f"light/{i}")
+        seen = (*seen, "camera", "points", "triangles")
         return Pass(
             f"light {i}: map rays",
             "light build",
@@ -208,8 +216,8 @@ class LightStream:
                 f.camera,
                 self.aims.posts,
                 self.aims.axes,
-                f.hits(0),
-                self.hit,
+                f.mesh,
+                self.rays,
                 self.receivers,
             ],
             outputs=[self.cells, f.answers.visibility],
@@ -224,8 +232,7 @@ class LightStream:
             light_receivers.map_kernel,
             dim=thread_count(f.width, f.height, True),
             inputs=[
-                self.index, self.effects.facing, f.camera, f.mesh, f.lights, f.spots, a.posts, a.axes, f.hits(0),
-                self.hit,
+                self.index, self.effects.facing, f.camera, f.mesh, f.lights, f.spots, a.posts, a.axes, self.rays,
             ],
             outputs=[self.cells, f.receivers, self.reached, f.answers.visibility],
             device=f.device,
@@ -238,21 +245,21 @@ class LightStream:
         wp.launch(
             specialised(light_bins.count_kernel, self.switches),
             dim=thread_count(f.width, f.height, True),
-            inputs=[self.index, f.camera, f.hits(0), self.receivers],
+            inputs=[self.index, f.camera, self.rays, self.receivers],
             outputs=[cells],
             device=f.device,
         )
-        self.launch_scan(light_bins.scan_kernel)
+        self.launch_scan()
 
-    def launch_scan(self, kernel: wp.Kernel, *inputs: Any) -> None:
-        """Offsets of the cells from their counts, by ``kernel``."""
+    def launch_scan(self) -> None:
+        """Offsets of the cells from their counts."""
         f, cells = self.frame, self.cells
         faces = int(light_aim.FACES)
         rows = max(faces * cells.cells[0], cells.cells[1])
         wp.launch(
-            kernel,
+            light_bins.scan_kernel,
             dim=128 * rows if self.queues.cuda else faces + 1,
-            inputs=inputs,
+            inputs=[],
             outputs=[cells, self.counts[0]],
             device=f.device,
             block_dim=128,
@@ -263,9 +270,9 @@ class LightStream:
     def launch_scatter(self) -> None:
         f = self.frame
         wp.launch(
-            specialised(light_bins.scatter_kernel, self.switches),
+            light_bins.scatter_kernel,
             dim=thread_count(f.width, f.height, True),
-            inputs=[self.index, f.camera, f.hits(0), self.receivers],
+            inputs=[f.camera],
             outputs=[self.cells],
             device=f.device,
         )
@@ -315,7 +322,7 @@ class LightStream:
     def launch_doubts(self, share: int) -> None:
         f, q = self.frame, self.queues
         wp.launch(
-            specialised(self.variant(light_queue.doubt_kernel), self.switches),
+            specialised(self.variant(light_queue.make_doubt_kernel(bool(self.hit.size))), self.switches),
             dim=q.few_threads,
             inputs=[q.few_threads, f.lights, f.camera, f.mesh, f.alpha, self.hit],
             outputs=[self.bits, self.queue[share]],

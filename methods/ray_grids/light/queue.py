@@ -7,19 +7,21 @@ import functools
 import warp as wp
 
 from ....harness.frame.alpha import Alpha
-from ....harness.frame.geometry import Camera, Mesh, corners_of, weld_of
+from ....harness.frame.geometry import Camera, Mesh, Ray, corners_of, weld_of
 from ....harness.frame.specialise import effects
 from ...common.alpha import opaque_to_light
 from ...common.entries import entry, set_entry
+from ...common.hitpoint import hit_point, plane_distance
 from ...common.reserve import reserve
 from ...common.segment import occludes
 from ...common.triangle import largest
 from ..aim import Cube
 from ..cube import on_face
+from ..fetch import direction_at
 from ..queues import DOUBTS, ITEMS, LARGE, PARTS, Queue, queue_parts
 from ..warps import LANES, append_pairs, filled_lane, lane_at, of_lane, sum_to_lane
-from .bins import RayCells, cells_of, span_of
-from .cells import Sides, cells_of_row, cube_space, on_cells, reach_from, sides_of_flat, sides_of_planes
+from .bins import RayCells, cells_of, reach_with_rays, span_of
+from .cells import Sides, cells_of_row, cube_space, on_cells, sides_of_flat, sides_of_planes
 from .rays import (
     NO,
     Occluder,
@@ -75,7 +77,7 @@ def split_kernel(
             qa = on_face(cube_space(corners.a, cube), face)
             qb = on_face(cube_space(corners.b, cube), face)
             qc = on_face(cube_space(corners.c, cube), face)
-            flat = on_cells(qa, qb, qc, reach_from(cube.middle, corners), table[face])
+            flat = on_cells(qa, qb, qc, reach_with_rays(cube, corners, table), table[face])
             sides = Sides()
             if flat.known:
                 sides = sides_of_flat(flat)
@@ -236,33 +238,46 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
     return item_kernel
 
 
-@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=64)
-def doubt_kernel(
-    threads: wp.int32,
-    lights: wp.array(dtype=wp.vec3f),
-    camera: Camera,
-    mesh: Mesh,
-    alpha: Alpha,
-    hit_points: wp.array(dtype=wp.vec3d),
-    bits: ShadowBits,
-    queue: Queue,
-):
-    """(triangle, pixel) pairs that float32 could not decide."""
-    k = wp.tid()
-    stop = wp.min(queue.counts[DOUBTS], queue.doubts.shape[0])
-    origin_size = wp.float64(largest(camera.eye[0]))
-    light = lights[bits.light]
-    while k < stop:
-        pair = queue.doubts[k]
-        k += threads
-        i = pair[0]
-        if bits.visibility[bits.light, pair[1]] == wp.uint8(0):
-            h = hit_points[pair[1]]
-            corners = corners_of(mesh, i)
-            weld = weld_of(mesh, i)
-            shadowed = occludes(h, light, corners, weld, origin_size)
-            if wp.static(effects.alpha):
+@functools.cache
+def make_doubt_kernel(stored: bool) -> wp.Kernel:
+    """(triangle, pixel) pairs that float32 could not decide. ``stored``: hit_points vec3d [pixels] are exact; else they are
+    computed again, since few are needed."""
+
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=64)
+    def doubt_kernel(
+        threads: wp.int32,
+        lights: wp.array(dtype=wp.vec3f),
+        camera: Camera,
+        mesh: Mesh,
+        alpha: Alpha,
+        hit_points: wp.array(dtype=wp.vec3d),
+        bits: ShadowBits,
+        queue: Queue,
+    ):
+        k = wp.tid()
+        stop = wp.min(queue.counts[DOUBTS], queue.doubts.shape[0])
+        origin_size = wp.float64(largest(camera.eye[0]))
+        light = lights[bits.light]
+        while k < stop:
+            pair = queue.doubts[k]
+            k += threads
+            i = pair[0]
+            if bits.visibility[bits.light, pair[1]] == wp.uint8(0):
+                h = wp.vec3d()
+                if wp.static(stored):
+                    h = hit_points[pair[1]]
+                else:
+                    y = wp.int32(wp.uint32(pair[1]) // wp.uint32(camera.width))
+                    ray = Ray(entry(camera.eye, 0), direction_at(camera, pair[1] - y * camera.width, y))
+                    own = corners_of(mesh, entry(bits.triangle, pair[1]))
+                    h = hit_point(ray, plane_distance(ray, own), own)
+                corners = corners_of(mesh, i)
+                weld = weld_of(mesh, i)
+                shadowed = occludes(h, light, corners, weld, origin_size)
+                if wp.static(effects.alpha):
+                    if shadowed:
+                        shadowed = opaque_to_light(alpha, i, h, light, corners, weld, origin_size)
                 if shadowed:
-                    shadowed = opaque_to_light(alpha, i, h, light, corners, weld, origin_size)
-            if shadowed:
-                set_shadowed(bits, pair[1], i)
+                    set_shadowed(bits, pair[1], i)
+
+    return doubt_kernel

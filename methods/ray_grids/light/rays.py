@@ -104,8 +104,9 @@ def sign_bound(size: wp.float32) -> wp.float32:
     """Error of n . h + c, where ``size`` bounds every coordinate of the hit points and of the triangle.
 
     n is known to 8 u per component; over |h - p|_1 <= 6 size that is 48 u size, and n . h + c rounds by 78 u size more.
+    A hit point may be off by u size more in each coordinate (:mod:`.points`), which is 6 u size.
     """
-    return 128.0 * U32 * size + 1.0e-36
+    return 134.0 * U32 * size + 1.0e-36
 
 
 @wp.func

@@ -1,6 +1,6 @@
 """Receivers of a light, marked where the rays are placed: the rule of :mod:`...harness.frame.receivers`, with the same bits.
 
-A cone is decided from the distance t that the answers hold, rounded to float32, where a bound on that rounding allows. The
+A cone is decided from the distance t in float32, where a bound on its rounding allows. The
 triangle is read only in doubt, and where eye and light must lie on one side of its plane.
 """
 
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from ....harness.frame.geometry import Camera, Hits, Mesh, Ray
+from ....harness.frame.geometry import Camera, Mesh, Ray
 from ....harness.frame.receivers import receives
 from ....harness.scene import spotlight
 from ...common.entries import entry
@@ -16,12 +16,16 @@ from ...common.pixels import tile_pixel
 from ...common.triangle import largest, to_float64
 from ..fetch import corners_at, direction_at
 from .bins import RayCells, place_ray
+from .points import Point, Words, point_of
 from .reach import empty_tiles
 
 CONE = wp.constant(wp.float64(spotlight.CONE))
 
 ROUNDED = wp.constant(wp.float64(2.0**-22))
 """Bound on the error of t d in units of its largest coordinate: four times that of a t rounded to float32."""
+
+REGISTERS = 56
+"""Registers per thread, for nine blocks of 128 per multiprocessor."""
 
 TINY = wp.constant(wp.float64(2.0**-40))
 """Bound on the other roundings, all of float64, with a large margin."""
@@ -55,23 +59,22 @@ def is_receiver(
     light: wp.int32,
     facing: wp.bool,
     ray: Ray,
-    t: wp.float32,
-    triangle: wp.int32,
+    point: Point,
     mesh: Mesh,
     lights: wp.array(dtype=wp.vec3f),
     spots: wp.array2d(dtype=wp.float64),
 ) -> wp.bool:
-    """Whether the hit of a ray on a triangle, at distance t, has a shadow ray to a light."""
+    """Whether the hit of a ray has a shadow ray to a light."""
     margin = wp.float64(0.0)
-    if not facing and spots[light, 0] == CONE:
-        margin = cone_margin(light, ray, t, lights, spots)
+    if not facing and not point.careful and spots[light, 0] == CONE:
+        margin = cone_margin(light, ray, point.t, lights, spots)
     wanted = margin > wp.float64(0.0)
     if margin == wp.float64(0.0):
-        wanted = receives(light, facing, ray, corners_at(mesh, triangle), lights, spots)
+        wanted = receives(light, facing, ray, corners_at(mesh, point.triangle), lights, spots)
     return wanted
 
 
-@wp.kernel(enable_backward=False, grid_stride=False)
+@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
 def map_kernel(
     light: wp.int32,
     facing: wp.bool,
@@ -81,8 +84,7 @@ def map_kernel(
     spots: wp.array2d(dtype=wp.float64),
     posts: wp.array(dtype=wp.vec3f),
     axes: wp.array(dtype=wp.mat33d),
-    hits: Hits,
-    hit_points: wp.array(dtype=wp.vec3d),
+    rays: Words,
     cells: RayCells,
     receivers: wp.array2d(dtype=wp.uint8),
     reached: wp.array(dtype=wp.int32),
@@ -91,18 +93,16 @@ def map_kernel(
     """:func:`.bins.map_kernel`, which also marks the receivers. reached: int32 [1], 1 if there is one; or empty."""
     empty_tiles(cells.farthest, wp.tid(), camera.width, camera.height)
     at = tile_pixel(wp.tid(), camera.width, camera.height)
-    hit = wp.vec3d()
+    point = Point()
     wanted = wp.bool(False)
     pixel = at[1] * camera.width + at[0]
     if at[0] >= 0:
         visibility[light, pixel] = wp.uint8(0)
-        triangle = entry(hits.triangle, pixel)
-        if triangle >= 0:
+        point = point_of(rays, pixel, at, camera, mesh)
+        if point.triangle >= 0:
             ray = Ray(entry(camera.eye, 0), direction_at(camera, at[0], at[1]))
-            wanted = is_receiver(light, facing, ray, hits.t[pixel], triangle, mesh, lights, spots)
+            wanted = is_receiver(light, facing, ray, point, mesh, lights, spots)
         receivers[light, pixel] = wp.uint8(wanted)
-        if wanted:
-            hit = hit_points[pixel]
-            if reached.shape[0] > 0:
-                reached[0] = 1  # all threads write the same value
-    place_ray(wanted, pixel, hit, posts[light], axes[light], cells)
+        if wanted and reached.shape[0] > 0:
+            reached[0] = 1  # all threads write the same value
+    place_ray(rays, point, wanted, pixel, at, camera, mesh, posts[light], axes[light], cells)

@@ -8,21 +8,22 @@ from __future__ import annotations
 
 import warp as wp
 
-from ....harness.frame.geometry import Camera, Corners, Hits, Mesh, Ray
-from ...common.entries import entry, set_entry
+from ....harness.frame.geometry import Camera, Corners, Mesh, Ray
+from ...common.entries import entry
 from ...common.pixels import tile_pixel
-from ...common.reserve import number_in
 from ...common.triangle import U32, largest, to_float32, to_float64, total
-from ..aim import EMPTY, FACE, FACES, HIGH_U, HIGH_V, LOW_U, LOW_V, Cube, ordered
+from ..aim import FACE, FACES, HIGH_U, HIGH_V, LARGEST, LOW_U, LOW_V, Cube, ordered
 from ..camera.pixels import inverse_depth
 from ..camera.stream import box_of
-from ..cube import on_face, place_of, record_rays
+from ..cube import on_face
 from ..fetch import corners_at
-from ..queues import RAYS
-from ..warps import scan_row
-from .bins import SPARE, RayCells, cell_along, cell_index, face_rectangle, set_table
+from .bins import REGISTERS, RayCells, count_ray, put_ray, store_point
 from .cells import FINEST, beyond_face, cube_space, reach_from, turned
-from .reach import raise_farthest
+from .points import FAR, Words, has_hit, placed, placed_exactly, point_of
+
+OFF = wp.constant(wp.float32(2.0**-7))
+"""Share of the way from the eye that is added to the reach of a triangle: a hit point is off by at most 2^-29 of that way
+(:mod:`.points`), and 32 u of the share are eight times as much."""
 
 LARGE_BOX = wp.constant(256)
 """Of a triangle with a box of more pixels only the part in view counts."""
@@ -85,13 +86,14 @@ def beyond_pixel(camera: Camera, x: wp.int32, y: wp.int32) -> wp.vec3f:
 @wp.struct
 class Part:
     """Four points in whose convex hull the hits of a triangle lie, in the space of the cube. reach: the largest
-    |p - middle|_1 of them; infinite where there are none."""
+    |p - middle|_1 of them; infinite where there are none. size: at least their largest coordinate in the scene's space."""
 
     a: wp.vec3f
     b: wp.vec3f
     c: wp.vec3f
     d: wp.vec3f
     reach: wp.float32
+    size: wp.float32
 
 
 @wp.func
@@ -106,6 +108,11 @@ def part_in_view(box: wp.vec4i, o: wp.vec3f, corners: Corners, camera: Camera, c
     way = wp.vec3f(cube.distance, 0.0, 0.0)
     part = Part()
     part.reach = wp.max(wp.max(total(a), total(b)), wp.max(total(c), total(d)))
+    beyond = wp.max(
+        wp.max(largest(a + cube.middle), largest(b + cube.middle)),
+        wp.max(largest(c + cube.middle), largest(d + cube.middle)),
+    )
+    part.size = beyond + 8.0 * U32 * part.reach
     part.a = turned(a, cube) + way
     part.b = turned(b, cube) + way
     part.c = turned(c, cube) + way
@@ -129,12 +136,10 @@ def bounds_kernel(
     camera: Camera,
     cubes: wp.array(dtype=Cube),
     mesh: Mesh,
-    touched: wp.array(dtype=wp.int32),
     cells: RayCells,
 ):
-    """What the triangles in view cover of face 0, with the error of a corner; the faces they touch. Empties ``farthest``.
-
-    touched: int32 [6]: set to 1, 0 before. One thread per triangle or more.
+    """What the triangles in view cover of face 0, with the error of a corner; the faces they touch; the largest coordinate
+    of them, of a large one that of the part in view. Empties ``farthest``. One thread per triangle or more.
     """
     i = wp.tid()
     for tile in range(i, cells.farthest.shape[0], threads):
@@ -153,19 +158,29 @@ def bounds_kernel(
     qb = cube_space(corners.b, cube)
     qc = cube_space(corners.c, cube)
     reach = reach_from(cube.middle, corners)
+    # What a hit point may be off (:mod:`.points`), in the units of the slack and of a corner's error.
+    far = wp.max(largest(corners.a - o), wp.max(largest(corners.b - o), largest(corners.c - o)))
+    reach += OFF * far
     slack = 32.0 * U32 * (reach + cube.distance)
+    size = wp.max(largest(corners.a), wp.max(largest(corners.b), largest(corners.c)))
     part = Part()
     part.reach = wp.INF
     if (box[2] - box[0] + 1) * (box[3] - box[1] + 1) > LARGE_BOX and camera.width > 1 and camera.height > 1:
         part = part_in_view(box, o, corners, camera, cube)
+        part.reach += OFF * far
     in_part = part.reach < 1.0e30
+    if in_part:
+        size = wp.min(size, part.size)
+    most = wp.cast(1.0001 * wp.max(size, FAR * wp.min(far, size + largest(o))), wp.int32)
+    if most > cells.rectangle[LARGEST]:
+        wp.atomic_max(cells.rectangle, LARGEST, most)
     for face in range(FACES):
         beyond = beyond_face(on_face(qa, face), on_face(qb, face), on_face(qc, face), slack)
         if in_part and not beyond:
             beyond = part_beyond_face(part, face, cube.distance)
         if not beyond:
-            if touched[face] == 0:
-                touched[face] = 1
+            if cells.rectangle[FACE + face] != 0:
+                cells.rectangle[FACE + face] = 0
             if face == 0:
                 sides = rectangle_of(qa, qb, qc, qc, reach, wp.vec4f(-1.0, -1.0, 1.0, 1.0))
                 if in_part:
@@ -176,58 +191,40 @@ def bounds_kernel(
                 lower(cells.rectangle, HIGH_V, -sides[3])
 
 
-@wp.func
-def cells_along(touched: wp.array(dtype=wp.int32), cells: wp.vec2i) -> wp.int32:
-    """Cells along a face: as :func:`.bins.cells_in_use`, for the faces that triangles touch."""
-    chosen = cells[1]
-    for k in range(1, FACES):
-        if touched[k] != 0:
-            chosen = cells[0]
-    return chosen
-
-
-@wp.kernel(enable_backward=False, grid_stride=False)
+@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
 def place_kernel(
     light: wp.int32,
     camera: Camera,
     lights: wp.array(dtype=wp.vec3f),
     axes: wp.array(dtype=wp.mat33d),
-    hits: Hits,
-    hit_points: wp.array(dtype=wp.vec3d),
-    touched: wp.array(dtype=wp.int32),
+    mesh: Mesh,
+    rays: Words,
     cells: RayCells,
     visibility: wp.array2d(dtype=wp.uint8),
 ):
     """:func:`.bins.map_kernel` and :func:`.bins.count_kernel` in one, where the rectangle is known."""
     at = tile_pixel(wp.tid(), camera.width, camera.height)
-    face = wp.int32(-1)
-    size = wp.int32(0)
-    if at[0] >= 0:
-        pixel = at[1] * camera.width + at[0]
-        visibility[light, pixel] = wp.uint8(0)
-        if entry(hits.triangle, pixel) >= 0:
-            hit = hit_points[pixel]
-            p = place_of(hit, lights[light], axes[light])
-            h = to_float32(hit)
-            set_entry(cells.point, pixel, wp.vec4f(h[0], h[1], h[2], wp.cast(pixel, wp.float32)))
-            face = wp.int32(p[2])
-            size = wp.cast(largest(h), wp.int32)
-            along = cells_along(touched, cells.cells)
-            r = face_rectangle(face, cells.rectangle, along)
-            x = cell_along(p[0], r[0], r[2], along)
-            y = cell_along(p[1], r[1], r[3], along)
-            cell = cell_index(face, x, y, along)
-            set_entry(cells.slot, pixel, wp.vec2i(cell, number_in(cells.count, cell)))
-            raise_farthest(cells.farthest, face, x, y, p[3], along)
-    record_rays(cells.rectangle, EMPTY, EMPTY, EMPTY, EMPTY, face, size)
+    if at[0] < 0:
+        return
+    pixel = at[1] * camera.width + at[0]
+    visibility[light, pixel] = wp.uint8(0)
+    point = point_of(rays, pixel, at, camera, mesh)
+    found = placed(point, point.triangle >= 0, lights[light], axes[light])
+    if found.place[2] >= 0.0:
+        store_point(pixel, point.triangle, found.h, cells)
+        count_ray(pixel, found.place, cells)
+    elif point.triangle >= 0:
+        found = placed_exactly(rays, pixel, at, camera, mesh, lights[light], axes[light])
+        store_point(pixel, point.triangle, found.h, cells)
+        count_ray(pixel, found.place, cells)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
-def scan_kernel(touched: wp.array(dtype=wp.int32), cells: RayCells, counts: wp.array(dtype=wp.int32)):
-    """:func:`.bins.scan_kernel` with the cells that ``touched`` chooses."""
-    k = wp.tid()
-    row = k // 128
-    along = cells_along(touched, cells.cells)
-    if cells.rectangle[FACE + row // along] == 0:
-        scan_row(cells.count, cells.offset, row * (along + SPARE), along, counts, RAYS)
-    set_table(k, cells, along)
+def scatter_kernel(camera: Camera, rays: Words, cells: RayCells):
+    """:func:`.bins.scatter_kernel`, where pixels without a hit have no slot."""
+    at = tile_pixel(wp.tid(), camera.width, camera.height)
+    if at[0] < 0:
+        return
+    pixel = at[1] * camera.width + at[0]
+    if has_hit(rays, pixel):
+        put_ray(pixel, entry(cells.slot, pixel), cells)

@@ -20,14 +20,13 @@ from ..aim import FACES, Cube
 from ..cube import on_face
 from ..fetch import corners_at
 from ..queues import LARGE, Queue, Share, triangle_of
-from .bins import RayCells, cells_of, span_of
+from .bins import RayCells, cells_of, reach_with_rays, span_of
 from .cells import (
     beyond_face,
     cells_of_row,
     cube_space,
     flat_box,
     on_cells,
-    reach_from,
     sides_of_flat,
     sides_of_planes,
 )
@@ -81,7 +80,7 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
         qa = cube_space(corners.a, cube)
         qb = cube_space(corners.b, cube)
         qc = cube_space(corners.c, cube)
-        reach = reach_from(cube.middle, corners)
+        reach = reach_with_rays(cube, corners, cells.table)
         slack = 32.0 * U32 * (reach + cube.distance)
         occluder = Occluder()
         occluder.i = i

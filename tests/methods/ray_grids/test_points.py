@@ -1,0 +1,142 @@
+"""Hit points from the camera's words: as near to those of the answers as the bounds of a light's grid suppose."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import warp as wp
+from helpers.brute_force import make_scene, soup
+from numpy.typing import NDArray
+from shadowbench.harness.frame.geometry import Camera, Mesh
+from shadowbench.harness.frame.registry import make_method
+from shadowbench.harness.frame.session import Session
+from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.methods.common.pixels import thread_count, tile_pixel
+from shadowbench.methods.ray_grids.camera.pixels import distance_of, hit_word
+from shadowbench.methods.ray_grids.light.points import Words, exact_point, placed, point_of
+
+SIZE = 48, 40
+
+
+@wp.kernel(enable_backward=False)
+def points_kernel(
+    camera: Camera, mesh: Mesh, rays: Words, light: wp.array(dtype=wp.vec3f), axes: wp.array(dtype=wp.mat33d),
+    triangle: wp.array(dtype=wp.int32), rough: wp.array(dtype=wp.vec3d), exact: wp.array(dtype=wp.vec3d),
+    way: wp.array(dtype=wp.float32), t: wp.array(dtype=wp.float32), placed_as: wp.array(dtype=wp.vec4f),
+):  # fmt: skip
+    at = tile_pixel(wp.tid(), camera.width, camera.height)
+    if at[0] < 0:
+        return
+    pixel = at[1] * camera.width + at[0]
+    point = point_of(rays, pixel, at, camera, mesh)
+    triangle[pixel] = point.triangle
+    if point.triangle >= 0:
+        exact[pixel] = exact_point(rays, pixel, at, camera, mesh)
+        rough[pixel] = point.hit
+        t[pixel] = point.t
+        way[pixel] = wp.where(point.careful, wp.float32(-1.0), point.way)
+        placed_as[pixel] = placed(point, True, light[0], axes[0]).place
+
+
+def points_of(prepared: Prepared) -> dict[str, NDArray[np.generic]]:
+    """What :func:`points_kernel` finds for every pixel that hits, and the t of the answers."""
+    session = Session(make_method("ray_grids"), prepared, *SIZE, "cpu")
+    answers = session.answers(prepared.moment(0, *SIZE))
+    light = next(work.launch.__self__ for work in session.planned if work.name.endswith("map rays"))
+    pixels = SIZE[0] * SIZE[1]
+    kinds = dict(
+        triangle=wp.int32, rough=wp.vec3d, exact=wp.vec3d, way=wp.float32, t=wp.float32, placed_as=wp.vec4f
+    )
+    found = {name: wp.zeros(pixels, dtype=kind, device="cpu") for name, kind in kinds.items()}
+    frame, aims = light.frame, light.aims
+    wp.launch(
+        points_kernel,
+        dim=thread_count(*SIZE, True),
+        inputs=[frame.camera, frame.mesh, light.rays, aims.posts, aims.axes],
+        outputs=list(found.values()),
+        device="cpu",
+    )
+    result = {name: array.numpy() for name, array in found.items()}
+    assert (result["triangle"] == answers["triangle"].ravel()).all()
+    hit = result["triangle"] >= 0
+    result["answer_t"] = answers["t"].ravel()
+    return {name: values[hit] for name, values in result.items()}
+
+
+def scene_of(seed: int) -> Prepared:
+    """Triangles of many sizes, eyes near and far, a light anywhere. In every second scene triangles and eye lie almost in
+    one plane."""
+    random = np.random.default_rng(seed)
+    vertices, faces = soup(seed, 60, size=float(np.exp(random.uniform(-2, 3))))
+    middle = random.normal(size=3) * 10.0 ** random.uniform(-2, 2)
+    eye = random.normal(size=3) * 10.0 ** random.uniform(-1, 3)
+    if seed % 2:
+        vertices[:, 1] *= 10.0 ** -random.uniform(3, 7)
+        eye[1] *= 10.0 ** -random.uniform(3, 5)
+    light = random.normal(size=3) * 10.0 ** random.uniform(-2, 4)
+    target = vertices[faces[0]].mean(0)
+    shifted = [tuple(float(x) for x in point + middle) for point in (light, eye, target)]
+    return make_scene(
+        (vertices + middle).astype(np.float32), faces, shifted[:1], shifted[1], shifted[2], 50.0
+    )
+
+
+@pytest.fixture(scope="module")
+def many() -> dict[str, NDArray[np.generic]]:
+    found = [points_of(scene_of(seed)) for seed in range(60)]
+    return {name: np.concatenate([one[name] for one in found]) for name in found[0]}
+
+
+@wp.kernel(enable_backward=False)
+def word_kernel(
+    inverse: wp.array(dtype=wp.float64), i: wp.array(dtype=wp.int32), t: wp.array2d(dtype=wp.float64)
+):
+    k, spare = wp.tid()
+    t[k, spare] = distance_of(hit_word(inverse[k], i[k] >> spare, spare), spare)
+
+
+def test_a_word_gives_the_distance_to_half_of_what_it_cuts():
+    random = np.random.default_rng(1)
+    inverse = np.exp(random.uniform(-80, 80, 5000))
+    index = random.integers(0, 2**24, inverse.size).astype(np.int32)
+    given = [wp.array(inverse, dtype=wp.float64, device="cpu"), wp.array(index, dtype=wp.int32, device="cpu")]
+    t = wp.zeros((inverse.size, 9), dtype=wp.float64, device="cpu")
+    wp.launch(word_kernel, dim=t.shape, inputs=given, outputs=[t], device="cpu")
+    off = np.abs(t.numpy() * inverse[:, None] - 1.0)
+    bound = 2.0 ** -(30.0 + np.arange(9))
+    assert (off <= bound * 1.000001).all()
+    assert (off > 0.5 * bound).mean() > 0.2
+
+
+def test_rough_points_are_as_near_as_the_bounds_suppose(many):
+    """With so few triangles the words cut 1 / t at 2^-37; what else points are off is at most 2^-31 of the way."""
+    rough = many["way"] >= 0
+    off = np.abs(many["rough"] - many["exact"]).max(axis=1)[rough]
+    assert rough.sum() > 5000
+    assert (off <= (2.0**-31 + 2.0**-38) * 1.0001 * many["way"][rough]).all()
+
+
+def test_the_t_of_rough_points_is_that_of_the_answers_rounded(many):
+    rough = many["way"] >= 0
+    t, answer = many["t"][rough].astype(float), many["answer_t"][rough].astype(float)
+    assert (np.abs(t - answer) <= 2.0**-22 * answer).all()
+
+
+def test_points_of_some_triangles_would_be_farther_off(many):
+    careful = many["way"] < 0
+    assert 50 < careful.sum() < 0.5 * careful.size
+    assert (many["placed_as"][careful][:, 2] == -1.0).all()
+
+
+def test_points_beside_the_light_are_not_placed_by_the_words():
+    """A floor a thousandth of its distance from the eye below the light."""
+    vertices = np.array([(-9, 0, -9), (9, 0, -9), (0, 0, 9)], dtype=np.float32)
+    prepared = make_scene(
+        vertices, np.array([[0, 1, 2]]), [(0.0, 1e-3, 0.0)], (0.0, 4.0, 0.01), (0.0, 0.0, 0.0), 0.2
+    )
+    found = points_of(prepared)
+    near = found["placed_as"][:, 2] == -1.0
+    assert 0 < near.sum() < near.size
+    distance = np.abs(found["exact"] - np.array([0.0, 1e-3, 0.0])).max(axis=1)
+    assert (distance[near] < 2.0**-10 * 4.0).all()
+    assert (found["placed_as"][~near][:, 3] >= 2.0**-11 * found["way"][~near]).all()
