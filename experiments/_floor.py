@@ -104,8 +104,8 @@ ANSWER = 4 * 4
 """Bytes of a pixel's triangle, distance and weights."""
 HIT, POINT, PLACE, SLOT = 24, 16, 16, 8
 """Bytes of a pixel's hit point in float64, in float32, of its place (with its depth) and its slot in the cells."""
-ITEM, RECORD, LINES, PAIR = 16, 64, 48, 8
-"""Bytes of a queued item, of a triangle's planes, of an item's lines, of a doubtful pair."""
+ITEM, RECORD, GROUP, PAIR = 16, 64, 128, 8
+"""Bytes of a queued item, of a triangle's planes, of a light's group of rows with both, of a doubtful pair."""
 
 
 def ray_grids(row: dict[str, Any], name: str) -> Work | None:
@@ -127,6 +127,7 @@ def ray_grids(row: dict[str, Any], name: str) -> Work | None:
         own = pixels * WORD if who == "camera" else rays * POINT
         tests = pixels if who == "camera" else rays
         return Work(share * (mesh + own) + queued("items") * ITEM, share * tests, stage=stage)
+    group = ITEM + RECORD if who == "camera" else GROUP
     stages = {
         "clear": Work(pixels * WORD),
         "resolve": Work(pixels * (WORD + ANSWER + HIT)),
@@ -134,9 +135,9 @@ def ray_grids(row: dict[str, Any], name: str) -> Work | None:
         "map rays": Work(pixels * (HIT + 4 + PLACE + POINT + 1)),
         "count and scan": Work(pixels * (PLACE + SLOT), 0.0, 2),
         "scatter rays": Work(pixels * SLOT + rays * 2 * POINT),
-        "split large": Work(queued("items") * (2 * ITEM + LINES), stage=stage),
-        "queued rows": Work(queued("items") * (ITEM + RECORD), stage=stage),
-        "further parts": Work(queued("parts") * (PAIR + ITEM + RECORD), stage=stage),
+        "split large": Work(queued("items") * (ITEM + GROUP), stage=stage),
+        "queued rows": Work(queued("items") * group, stage=stage),
+        "further parts": Work(queued("parts") * (PAIR + group), stage=stage),
         "doubtful pairs": Work(queued("doubtful pairs") * PAIR, stage=stage),
     }
     return stages.get(what)

@@ -112,6 +112,10 @@ def set_entry(values: wp.array(dtype=wp.vec4i), i: wp.int32, value: wp.vec4i): .
 def set_entry(values: wp.array(dtype=wp.vec4f), i: wp.int32, value: wp.vec4f): ...
 
 
+@wp.func_native(f"values.data[{ROW}] = value;")
+def set_entry(values: wp.array2d(dtype=wp.uint8), row: wp.int32, column: wp.int32, value: wp.uint8): ...
+
+
 @wp.func_native(WRITE_WIDE.format(wide="float4", place=ROW, parts=FOUR_OF))
 def set_entry(values: wp.array2d(dtype=wp.vec4f), row: wp.int32, column: wp.int32, value: wp.vec4f): ...
 
@@ -147,6 +151,21 @@ return values.data[i];
 #endif
 """)
 def entry_now(values: wp.array(dtype=wp.vec3d), i: wp.int32) -> wp.vec3d: ...
+
+
+# No branch and no selection depends on the value: the thread would wait for it where it is loaded.
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+int value = otherwise;
+asm volatile("{.reg .pred wanted; setp.ne.u32 wanted, %1, 0; @wanted ld.global.b32 %0, [%2];}"
+    : "+r"(value) : "r"((int)wanted), "l"(values.data + i));
+return value;
+#else
+return wanted ? values.data[i] : otherwise;
+#endif
+""")
+def entry_if(wanted: wp.bool, values: wp.array(dtype=wp.int32), i: wp.int32, otherwise: wp.int32) -> wp.int32:
+    """values[i] if ``wanted``, loaded here; else ``otherwise``."""
 
 
 @wp.func_native("""

@@ -58,6 +58,45 @@ def reserve(counts: wp.array(dtype=wp.int32), slot: wp.int32, number: wp.int32) 
 def reserve_many(counts: wp.array(dtype=wp.int64), slot: wp.int32, number: wp.int32) -> wp.int64: ...
 
 
+# Both atomics are under way at the same time.
+@wp.func_native(f"""
+#if defined(__CUDA_ARCH__)
+unsigned int active = __activemask();
+int lane = threadIdx.x & 31;
+unsigned int below = (1u << lane) - 1u;
+int before = 0, sum = 0;
+unsigned int rest = number;
+#pragma unroll 1
+for (int bit = 0; __any_sync(active, rest != 0); bit++, rest >>= 1) {{
+    unsigned int with = __ballot_sync(active, rest & 1u);
+    before += __popc(with & below) << bit;
+    sum += __popc(with) << bit;
+}}
+unsigned int ones = __ballot_sync(active, other);
+int leader = __ffs(active) - 1, base = 0, other_base = 0;
+if (lane == leader) {{
+    base = atomicAdd(counts.data + slot, sum);
+    other_base = atomicAdd(counts.data + other_slot, __popc(ones));
+    {WITHIN}
+    other_base = (unsigned int)other_base < {BEYOND}u ? other_base : {BEYOND};
+}}
+base = __shfl_sync(active, base, leader) + before;
+return {{base, __shfl_sync(active, other_base, leader) + __popc(ones & below)}};
+#else
+int base = counts.data[slot], other_base = counts.data[other_slot];
+counts.data[slot] = base + number;
+counts.data[other_slot] = other_base + (other ? 1 : 0);
+{WITHIN}
+other_base = (unsigned int)other_base < {BEYOND}u ? other_base : {BEYOND};
+return {{base, other_base}};
+#endif
+""")
+def reserve_groups(
+    counts: wp.array(dtype=wp.int32), slot: wp.int32, number: wp.int32, other_slot: wp.int32, other: wp.bool
+) -> wp.vec2i:
+    """Reserve ``number`` places in one list and, if ``other``, one in another."""
+
+
 NUMBER_IN = """
 #if defined(__CUDA_ARCH__)
 unsigned int peers = __match_any_sync(__activemask(), slot);

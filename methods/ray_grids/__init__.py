@@ -27,7 +27,7 @@ from .light.known import KnownRegionLight
 from .light.memory import RememberingLight, occluder_arrays
 from .light.passes import LightAims, LightStream, cell_arrays
 from .parameters import BESIDE, Build
-from .queues import COUNTERS, DOUBTS, ITEMS, PARTS, Capacity, Queues, more_room
+from .queues import COUNTERS, DOUBTS, ITEMS, PARTS, SMALL, Capacity, Queues, more_room
 
 MOST_TRIANGLES = 2**24
 """A hit is packed into 64 bits, 24 of them for the triangle index."""
@@ -147,7 +147,7 @@ class RayGrids(BaseMethod):
         rows = self._needs.numpy().reshape(-1, self._queues.shares, COUNTERS).sum(axis=1)
         for row, needed in enumerate(rows):
             name = "camera" if row == 0 else f"light {row - 1}"
-            result[f"{name} items"] = int(needed[ITEMS])
+            result[f"{name} items"] = int(needed[ITEMS] + needed[SMALL])
             result[f"{name} parts"] = int(needed[PARTS])
             result[f"{name} doubtful pairs"] = int(needed[DOUBTS])
         for light in self._remembering:

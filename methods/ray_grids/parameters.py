@@ -80,7 +80,8 @@ class Build(Streams):
     inline_rays    a triangle that has counted at most this many rays, on one face, tests them in its own thread; with
                    more, or on a second face, it is queued; -1: 32, from 4 lights on 48, but 8 for fewer than 65,536
                    triangles
-    part           pixels or rays of a queued group of 32 rows that one warp tests; larger groups are split into parts
+    part           pixels or rays of a queued group of rows, or of a light's four small groups, that one warp tests; the
+                   rest is split into parts
     beside         with queues: lights whose passes run at the same time on the GPU, each with queues and rays of its own;
                    -1: 4, from 8 lights on 8
     shares         with queues: parts of the triangles that are streamed at the same time on the GPU, each with queues of

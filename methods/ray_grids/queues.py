@@ -22,6 +22,7 @@ from ...harness.frame.threads import beside
 from ..common.entries import set_entry
 from ..common.pairs import grown
 from ..common.reserve import counted, number_in, reserve
+from .ahead import GROUP_WORDS
 
 ITEMS, PARTS, DOUBTS, LARGE = 0, 1, 2, 3
 """Counters of one stream: groups of rows of a larger triangle; further parts of groups with many pixels or
@@ -29,6 +30,9 @@ rays; (triangle, pixel or ray) pairs left to float64; larger triangles on a face
 
 RAYS = 4
 """In the same row, but not of a queue: the place for the rays of the next row of cells."""
+
+SMALL = 5
+"""Groups of few rows (a light's), which lie at the end of the groups' array, from its last entry on downwards."""
 
 COUNTERS = 6
 """Words of a row: an even number, since all rows are cleared with the 64-bit words of the pixels."""
@@ -47,10 +51,10 @@ WORDS = "nearest words"
 class Queue:
     """The queues of one share of one stream's triangles; their counters continue beyond the capacities.
 
-    counts   int32 [6]: ITEMS, PARTS, DOUBTS, LARGE, RAYS
-    large    vec4i [item_capacity]: triangles to be split into items (a light's)
-    items    vec4i [item_capacity]: groups of rows of a triangle; lines vec4f [item_capacity, 3]: what bounds them (a
-             light's)
+    counts   int32 [6]: ITEMS, PARTS, DOUBTS, LARGE, RAYS, SMALL
+    large    vec4i [item_capacity]: triangles to be split into groups (a light's)
+    items    vec4i [item_capacity]: groups of rows of a triangle (the camera's)
+    groups   vec4f [item_capacity, 8]: groups of rows of a triangle, and its planes (a light's)
     parts    vec2i [part_capacity]: (item, part), parts from 1
     doubts   vec2i [doubt_capacity]: (triangle, pixel)
     records  vec4f [triangles, 4]: planes of queued triangles; depths vec3d [triangles]: (the camera's)
@@ -59,7 +63,7 @@ class Queue:
     counts: wp.array(dtype=wp.int32)
     large: wp.array(dtype=wp.vec4i)
     items: wp.array(dtype=wp.vec4i)
-    lines: wp.array2d(dtype=wp.vec4f)
+    groups: wp.array2d(dtype=wp.vec4f)
     parts: wp.array(dtype=wp.vec2i)
     doubts: wp.array(dtype=wp.vec2i)
     records: wp.array2d(dtype=wp.vec4f)
@@ -117,7 +121,7 @@ def more_room(needed: NDArray[np.int64], before: Capacity, memory: int) -> Capac
     most = counted(needed).reshape(-1, COUNTERS).max(axis=0)
     items, parts, doubts = before
     return (
-        grown(int(max(most[ITEMS], most[LARGE])), items, memory, "work items"),
+        grown(int(max(most[ITEMS] + most[SMALL], most[LARGE])), items, memory, "work items"),
         grown(int(most[PARTS]), parts, memory, "parts of work items"),
         grown(int(most[DOUBTS]), doubts, memory, "doubtful pairs"),
     )
@@ -172,7 +176,7 @@ class Queues:
                 {
                     "large": wp.zeros(items, dtype=wp.vec4i),
                     "items": wp.zeros(items, dtype=wp.vec4i),
-                    "lines": wp.zeros((items, 3), dtype=wp.vec4f),
+                    "groups": wp.zeros((items, GROUP_WORDS), dtype=wp.vec4f),
                     "parts": wp.zeros(parts, dtype=wp.vec2i),
                     "doubts": wp.zeros(doubts, dtype=wp.vec2i),
                 }

@@ -76,9 +76,9 @@ def nearest_depth(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, slack: wp.float32) -> w
 def stored_sides(queue: Queue, place: wp.int32) -> Sides:
     """The lines that bound a queued triangle on its face."""
     sides = Sides()
-    sides.line0 = entry(queue.lines, place, 0)
-    sides.line1 = entry(queue.lines, place, 1)
-    sides.line2 = entry(queue.lines, place, 2)
+    sides.line0 = entry(queue.groups, place, 0)
+    sides.line1 = entry(queue.groups, place, 1)
+    sides.line2 = entry(queue.groups, place, 2)
     return sides
 
 
@@ -199,9 +199,9 @@ def setup_kernel(
             sides = sides_of_flat(flat)
         else:
             sides = sides_of_planes(lights[light], cube, face, corners, r, along)
-        set_entry(queue.lines, place, 0, sides.line0)
-        set_entry(queue.lines, place, 1, sides.line1)
-        set_entry(queue.lines, place, 2, sides.line2)
+        set_entry(queue.groups, place, 0, sides.line0)
+        set_entry(queue.groups, place, 1, sides.line1)
+        set_entry(queue.groups, place, 2, sides.line2)
         slack = depth_slack(reach, cube)
         queue_groups(queue, place, queued_box(work), nearest_depth(fa, fb, fc, slack))
         place += threads

@@ -105,7 +105,7 @@ def test_shares_of_a_stage_are_one_stage_with_one_launch(monkeypatch, tmp_path):
     name = "light 0: queued rows, share {} of 2"
     floored(monkeypatch, tmp_path, [(name.format(k), "shadow", ms) for k, ms in ((1, 0.7), (2, 0.2))])
     lines = (tmp_path / "frame_time-stages.csv").read_text().splitlines()
-    queued = 20 * 80 / 1e9 + 0.01
+    queued = 20 * 128 / 1e9 + 0.01
     assert lines[1].startswith(f"cloth,64,64,light 0: queued rows,shadow,0.9,{queued:.6g},")
     assert len(lines) == 2
 

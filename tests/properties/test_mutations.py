@@ -25,8 +25,8 @@ from shadowbench.methods.perspective_spherical.light import sphere
 from shadowbench.methods.ray_grids.camera import pixels as camera_pixels
 from shadowbench.methods.ray_grids.camera import stream as camera_stream
 from shadowbench.methods.ray_grids.light import cells as light_cells
-from shadowbench.methods.ray_grids.light import queue as light_queue
 from shadowbench.methods.ray_grids.light import region as light_region
+from shadowbench.methods.ray_grids.light import split as light_split
 from shadowbench.methods.ray_grids.light import stream as light_stream
 from shadowbench.methods.warp_bvh import exact
 
@@ -272,7 +272,7 @@ MUTATIONS = (
                 (("32.0 * U32 * ((1.0 + widest) * reach / nearest + widest) * wp.max(per_u, per_v) + 1.0e-3", "0.0"),),
                 user,
             )
-            for user in (light_stream, light_queue)
+            for user in (light_stream, light_split)
         ),
         "ray_grids",
         (("region", "rays"),),

@@ -23,6 +23,7 @@ from . import bins as light_bins
 from . import queue as light_queue
 from . import reach as light_reach
 from . import receivers as light_receivers
+from . import split as light_split
 from . import stream as light_stream
 from .bins import RayCells
 from .points import Words
@@ -294,7 +295,7 @@ class LightStream:
     def launch_split(self, share: int) -> None:
         f, q = self.frame, self.queues
         wp.launch(
-            light_queue.split_kernel,
+            light_split.split_kernel,
             dim=q.few_threads,
             inputs=[q.few_threads, self.index, f.lights, self.aims.cubes, self.cells.table, f.mesh],
             outputs=[self.queue[share]],

@@ -12,7 +12,7 @@ from typing import Any
 import warp as wp
 
 from ....harness.frame.geometry import Corners
-from ...common.entries import entry, set_entry
+from ...common.entries import entry, entry_if, set_entry
 from ...common.triangle import U32, largest
 from ..queues import Queue, queue_doubt
 from .bins import RayCells, reach_of, span_of
@@ -118,12 +118,20 @@ def bound_of(table: wp.array(dtype=wp.vec4f), corners: Corners) -> wp.float32:
 
 @wp.func
 def value_at(plane: wp.vec4f, h: wp.vec4f) -> wp.float32:
-    """n . h + c."""
-    return plane[0] * h[0] + plane[1] * h[1] + plane[2] * h[2] + plane[3]
+    """n . h + c, in three operations on a GPU."""
+    return plane[0] * h[0] + (plane[1] * h[1] + (plane[2] * h[2] + plane[3]))
 
 
 NO, YES, DOUBTFUL = wp.constant(0), wp.constant(1), wp.constant(2)
 """Verdicts of float32 on a (triangle, ray) pair."""
+
+
+@wp.func
+def certain(h: wp.vec4f, occluder: Occluder) -> tuple[wp.bool, wp.bool]:
+    """Whether a ray (hit point and pixel) certainly misses a triangle, and whether it certainly hits it."""
+    low = wp.min(value_at(occluder.e0, h), wp.min(value_at(occluder.e1, h), value_at(occluder.e2, h)))
+    side = value_at(occluder.plane, h)
+    return low < -occluder.bound or side > occluder.bound, low > occluder.sure and side < -occluder.sure
 
 
 @wp.func
@@ -132,12 +140,11 @@ def float32_verdict(h: wp.vec4f, occluder: Occluder) -> wp.int32:
 
     A ray's own triangle passes through its hit point, so it is always among the doubtful.
     """
-    low = wp.min(value_at(occluder.e0, h), wp.min(value_at(occluder.e1, h), value_at(occluder.e2, h)))
-    side = value_at(occluder.plane, h)
+    misses, hits = certain(h, occluder)
     verdict = wp.int32(DOUBTFUL)
-    if low < -occluder.bound or side > occluder.bound:
+    if misses:
         verdict = NO
-    elif low > occluder.sure and side < -occluder.sure:
+    elif hits:
         verdict = YES
     return verdict
 
@@ -145,13 +152,13 @@ def float32_verdict(h: wp.vec4f, occluder: Occluder) -> wp.int32:
 @wp.func
 def set_shadowed(bits: ShadowBits, pixel: wp.int32, i: wp.int32):
     """Set the pixel's bit: triangle i shadows it."""
-    bits.visibility[bits.light, pixel] = wp.uint8(1)
+    set_entry(bits.visibility, bits.light, pixel, wp.uint8(1))
 
 
 @wp.func
 def set_shadowed(bits: RememberedBits, pixel: wp.int32, i: wp.int32):
     """Set the pixel's bit: triangle i shadows it. Of several triangles any one is remembered."""
-    bits.visibility[bits.light, pixel] = wp.uint8(1)
+    set_entry(bits.visibility, bits.light, pixel, wp.uint8(1))
     set_entry(bits.last, pixel, i + 1)
 
 
@@ -172,6 +179,13 @@ def set_bit_or_queue(bits: Any, queue: Queue, verdict: wp.int32, i: wp.int32, h:
     """
     pixel = wp.cast(h[3], wp.int32)
     if set_bit_or_doubt(bits, verdict, i, pixel):
+        queue_doubt(queue, i, pixel)
+
+
+@wp.func
+def queue_if_lit(bits: Any, queue: Queue, i: wp.int32, pixel: wp.int32):
+    """Queue a doubtful pair for float64, unless the pixel is shadowed already."""
+    if bits.visibility[bits.light, pixel] == wp.uint8(0):
         queue_doubt(queue, i, pixel)
 
 
@@ -254,11 +268,19 @@ def test_rays_of_box(
             if two:
                 g = entry(cells.rays, at + 1)
             at += 2
-            verdict = float32_verdict(h, occluder)
-            other = wp.int32(NO)
-            if two:
-                other = float32_verdict(g, occluder)
-            if verdict != NO:
-                set_bit_or_queue(bits, queue, verdict, occluder.i, h)
-            if other != NO:
-                set_bit_or_queue(bits, queue, other, occluder.i, g)
+            misses, hits = certain(h, occluder)
+            misses_other, hits_other = certain(g, occluder)
+            i = occluder.i
+            pixel = wp.cast(h[3], wp.int32)
+            pixel_other = wp.cast(g[3], wp.int32)
+            # Both are loaded before either is looked at.
+            own = entry_if(not misses and not hits, bits.triangle, pixel, i)
+            own_other = entry_if(two and not misses_other and not hits_other, bits.triangle, pixel_other, i)
+            if hits:
+                set_shadowed(bits, pixel, i)
+            if two and hits_other:
+                set_shadowed(bits, pixel_other, i)
+            if own != i:
+                queue_if_lit(bits, queue, i, pixel)
+            if own_other != i:
+                queue_if_lit(bits, queue, i, pixel_other)

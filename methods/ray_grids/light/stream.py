@@ -35,7 +35,6 @@ from .rays import (
     ShadowBits,
     bound_of,
     set_planes,
-    store_planes,
     test_rays_of_box,
     test_rays_of_row,
 )
@@ -93,7 +92,6 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
         # few rays on two faces: the second is queued.
         here = wp.int32(-1)
         box_here = wp.vec4i()
-        queued_too = wp.bool(False)
         face = wp.int32(-1)
         while face < FACES - 1:
             face += 1
@@ -124,7 +122,6 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
                             box_here = box
                         else:
                             if wp.static(queued):
-                                queued_too = True
                                 place = number_in(queue.counts, LARGE)
                                 if place < queue.large.shape[0]:
                                     work = wp.vec4i(i, face, box[0] | (box[2] << 16), box[1] | (box[3] << 16))
@@ -141,12 +138,9 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
                                     test_rays_of_row(
                                         bits, queue, cells, along, face, y, ends[0], ends[1], planes
                                     )
-        if here >= 0 or queued_too:
+        if here >= 0:
             # Corners are read again: held until here, they would take the registers of the loop.
             planes_here = set_planes(occluder, lights[bits.light], corners_at(mesh, i))
-            if queued_too:
-                store_planes(queue.records, planes_here)
-            if here >= 0:
-                test_rays_of_box(bits, queue, cells, along, here, box_here, planes_here)
+            test_rays_of_box(bits, queue, cells, along, here, box_here, planes_here)
 
     return stream_kernel

@@ -70,6 +70,8 @@ def test_equals_the_papers_method_bit_for_bit(device):
         {"queue": "always"},
         {"queue": "never"},
         {"queue": "always", "inline_rays": "1", "inline_cells": "0", "cells": "8"},
+        {"queue": "always", "inline_rays": "0", "inline_cells": "0", "cells": "256", "part": "5"},
+        {"queue": "always", "inline_rays": "0", "inline_cells": "0", "cells": "256", "part": "40"},
         {"queue": "always", "region": "rays"},
         {"queue": "always", "region": "triangles"},
         {"queue": "always", "inline_rays": "1000", "inline_cells": "1000", "cells": "256"},

@@ -1,0 +1,94 @@
+"""Groups of rows of a light's larger triangles, as they are queued for the warps that test the rays in them."""
+
+from __future__ import annotations
+
+import warp as wp
+
+from ....harness.frame.geometry import Mesh, corners_of
+from ...common.entries import entry, set_entry
+from ...common.reserve import reserve_groups
+from ..ahead import FEW_ROWS
+from ..aim import Cube
+from ..cube import on_face
+from ..queues import ITEMS, LARGE, SMALL, Queue
+from ..warps import LANES
+from .bins import cells_of, reach_with_rays
+from .cells import Sides, cube_space, on_cells, sides_of_flat, sides_of_planes
+from .rays import Occluder, bound_of, set_planes
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def split_kernel(
+    threads: wp.int32,
+    light: wp.int32,
+    lights: wp.array(dtype=wp.vec3f),
+    cubes: wp.array(dtype=Cube),
+    table: wp.array(dtype=wp.vec4f),
+    mesh: Mesh,
+    queue: Queue,
+):
+    """Queue the rows of large triangles in groups, with the lines that bound them and the planes of the triangle.
+
+    A triangle with at most :data:`..ahead.FEW_ROWS` rows is a small group.
+    """
+    k = wp.tid()
+    stop = wp.min(queue.counts[LARGE], queue.large.shape[0])
+    cube = cubes[light]
+    cells = cells_of(table)
+    position = lights[light]
+    capacity = queue.groups.shape[0]
+    while k < stop:
+        work = entry(queue.large, k)
+        k += threads
+        i = work[0]
+        face = work[1]
+        low = work[3] & 65535
+        high = work[3] >> 16
+        corners = corners_of(mesh, i)
+        qa = on_face(cube_space(corners.a, cube), face)
+        qb = on_face(cube_space(corners.b, cube), face)
+        qc = on_face(cube_space(corners.c, cube), face)
+        flat = on_cells(qa, qb, qc, reach_with_rays(cube, corners, table), table[face])
+        sides = Sides()
+        if flat.known:
+            sides = sides_of_flat(flat)
+        else:
+            sides = sides_of_planes(position, cube, face, corners, table[face], cells)
+        occluder = Occluder()
+        occluder.i = i
+        occluder.bound = bound_of(table, corners)
+        occluder = set_planes(occluder, position, corners)
+        few = high - low < FEW_ROWS
+        number = (high - low + LANES) // LANES
+        places = reserve_groups(queue.counts, ITEMS, wp.where(few, 0, number), SMALL, few)
+        for g in range(number):
+            place = wp.where(few, places[1], places[0] + g)
+            if place < capacity:
+                y = low + g * LANES
+                which = face | (wp.min(LANES, high - y + 1) << 4) | (y << 16)
+                at = wp.where(few, capacity - 1 - place, place)
+                set_group(queue.groups, at, which, work[2], sides, occluder)
+
+
+@wp.func
+def set_group(
+    groups: wp.array2d(dtype=wp.vec4f),
+    at: wp.int32,
+    which: wp.int32,
+    ends: wp.int32,
+    sides: Sides,
+    occluder: Occluder,
+):
+    """Store a group: (face and rows << 4 and first row << 16, first cell and last << 16, triangle, its bound), three lines,
+    four planes. Whole numbers are stored as bits."""
+    head = wp.vec4f(
+        wp.cast(which, wp.float32), wp.cast(ends, wp.float32), wp.cast(occluder.i, wp.float32), occluder.bound
+    )
+    set_entry(groups, at, 0, head)
+    set_entry(groups, at, 1, sides.line0)
+    set_entry(groups, at, 2, sides.line1)
+    set_entry(groups, at, 3, sides.line2)
+    set_entry(groups, at, 4, occluder.e0)
+    set_entry(groups, at, 5, occluder.e1)
+    set_entry(groups, at, 6, occluder.e2)
+    set_entry(groups, at, 7, occluder.plane)

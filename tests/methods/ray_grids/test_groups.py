@@ -1,0 +1,58 @@
+"""Groups of rows of a light's larger triangles: small ones apart from large ones, in one array."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers.brute_force import make_scene, soup
+from shadowbench.harness.frame.registry import make_method
+from shadowbench.harness.frame.session import Session
+from shadowbench.methods.ray_grids.ahead import FEW_ROWS
+from shadowbench.methods.ray_grids.queues import COUNTERS, ITEMS, LARGE, SMALL, more_room
+from shadowbench.methods.ray_grids.warps import LANES
+
+
+def queued(cells, capacity="0"):
+    """A light's counters; triangle, face, first row and rows of each large and of each small group; and its triangles."""
+    small, large = soup(7, 200, size=0.2), soup(8, 12, size=3.0)
+    vertices = np.concatenate([small[0], large[0]])
+    prepared = make_scene(vertices, np.arange(len(vertices)).reshape(-1, 3), [(5.0, 4.0, 3.0)])
+    settings = {"queue": "always", "inline_cells": "0", "shares": "1", "threads": "1", "cells": cells}
+    method = make_method("ray_grids", {**settings, "item_capacity": capacity})
+    session = Session(method, prepared, 64, 64, "cpu")
+    session.answers(prepared.moment(0, 64, 64))
+    counts = method._queues.counts.numpy()[1].copy()
+    (queue,) = method._queues.of_stream(1)
+    words = queue.groups.numpy().view(np.int32).reshape(-1, 8, 4)[:, 0]
+    which = words[:, 0]
+    groups = np.stack([words[:, 2], which & 15, which >> 16, (which >> 4) & 63], axis=1)
+    end = len(groups) - counts[SMALL]
+    return counts, groups[: counts[ITEMS]], groups[end:], queue.large.numpy()[: counts[LARGE]].copy()
+
+
+@pytest.mark.parametrize("cells", ["8", "64", "512"])
+def test_the_groups_of_a_triangle_are_all_its_rows(cells):
+    counts, large, small, triangles = queued(cells)
+    rows = {}
+    for i, face, first, number in np.concatenate([large, small]):
+        for row in range(first, first + number):
+            rows.setdefault((i, face), []).append(row)
+    expected = {
+        (i, face): list(range(row & 65535, (row >> 16) + 1)) for i, face, _, row in triangles.tolist()
+    }
+    assert {key: sorted(found) for key, found in rows.items()} == expected
+    assert counts[SMALL] == sum(len(found) <= FEW_ROWS for found in expected.values())
+    assert (small[:, 3] <= FEW_ROWS).all()
+    assert (large[:, 3] <= LANES).all()
+    assert counts[SMALL] > 0
+    assert (counts[ITEMS] > 0) == (int(cells) > FEW_ROWS)
+
+
+def test_small_and_large_groups_need_room_together():
+    counts, *_ = queued("64")
+    needed = np.zeros((1, COUNTERS), dtype=np.int64)
+    needed[0, [ITEMS, SMALL, LARGE]] = 30, 40, 50
+    assert more_room(needed, (69, 1, 1), 2**40)[0] >= 70
+    assert more_room(needed, (70, 1, 1), 2**40)[0] == 70
+    tight, *_ = queued("64", capacity=str(max(counts[ITEMS], counts[SMALL])))
+    assert (tight[[ITEMS, SMALL, LARGE]] == counts[[ITEMS, SMALL, LARGE]]).all()
