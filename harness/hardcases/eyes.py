@@ -17,6 +17,7 @@ from .case import (
     joined,
     pixel_centres,
     plane,
+    quad,
     sheet,
     soup,
     triangles,
@@ -146,6 +147,31 @@ def up_along_the_view() -> Trial:
     return view(plane(2, 0, 1), [ABOVE], (0, 0, 4), (0, 0, -1), up=(0, 0, 1))
 
 
+def along_a_floor(height: float) -> Trial:
+    """A floor through the x axis seen along it from almost within it, under many narrow strips that shadow it.
+
+    The ray of a pixel meets the floor at a sine of ``height`` per unit of way. Rounding moves the hit point along the ray by
+    2^-50 of its way over that sine: from one strip to another where the sine is small, unless it is computed with care. The
+    floor is tilted, so that float64 rounds.
+    """
+    y, z = np.float32([0.8, 0.6]).astype(np.float64).tolist()
+    floor = triangles((-9, -3 * y, -3 * z), (9, -3 * y, -3 * z), (0.3, 6 * y, 6 * z))
+    x = 0.5 + 2.0 * np.arange(400) / 400
+    strips = [
+        quad(
+            *(
+                (p, 0.5 * z + q * y, -0.5 * y + q * z)
+                for p, q in ((a, -1), (a + 0.0025, -1), (a + 0.0025, 1), (a, 1))
+            )
+        )
+        for a in x.tolist()
+    ]
+    return view(
+        joined(floor, *strips), [(1.3, 4 * z, -4 * y), (1.0, z - y, -y - z)], (0.0, height * z, -height * y),
+        (1.0, -height * z, height * y), 0.5 * height, (4, 64), up=(0.0, z, -y),
+    )  # fmt: skip
+
+
 CASES = (
     *(
         HardCase(
@@ -179,5 +205,12 @@ CASES = (
     HardCase("P19", "eye on a wall", "t = 0 taken for a hit", on_a_wall),
     HardCase("P20", "eye on a shared vertex", "directions of 0 divided by 0; every edge function 0", on_a_vertex),
     HardCase("P21", "eye one step from a wall", "a near plane, an absolute epsilon", touching),
+    *(
+        HardCase(
+            f"P51 {name}", "a floor seen from almost within it, in the shadow of many strips",
+            "hit points that rounding moves along their rays", partial(along_a_floor, height),
+        )
+        for name, height in (("2^-14", 2.0**-14), ("2^-30", 2.0**-30), ("2^-42", 2.0**-42))
+    ),
     HardCase("P22", "eye at 1e5 scene sizes", "rounding of o - v; boxes thinner than a float32 step", far_away),
 )  # fmt: skip

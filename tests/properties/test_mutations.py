@@ -279,6 +279,20 @@ MUTATIONS = (
         ("S34", "S34b"),
     ),
     Mutation(
+        "hit points of flat rays from the camera's words",
+        (
+            Planted(
+                camera_pixels,
+                "edge_planes",
+                (("    planes.steep = ", "    planes.steep = True or "),),
+                camera_stream,
+            ),
+        ),
+        "ray_grids",
+        (("region", "rays"),),
+        ("P51 2^-42",),
+    ),
+    Mutation(
         "a light's region that ends before its rays",
         (
             Planted(
