@@ -23,6 +23,7 @@ from ..common.entries import set_entry
 from ..common.pairs import grown
 from ..common.reserve import counted, number_in, reserve
 from .ahead import GROUP_WORDS
+from .warps import LANES, claim, claimed_place
 
 ITEMS, PARTS, DOUBTS, LARGE = 0, 1, 2, 3
 """Counters of one stream: groups of rows of a larger triangle; further parts of groups with many pixels or
@@ -103,6 +104,25 @@ def queue_parts(queue: Queue, item: wp.int32, number: wp.int32, size: wp.int32, 
         for part in range(further):
             if place + part < queue.parts.shape[0]:
                 queue.parts[place + part] = wp.vec2i(item, part + 1)
+
+
+@wp.func
+def claim_parts(queue: Queue, number: wp.int32, size: wp.int32) -> wp.int32:
+    """Reserve places for the parts of an item beyond its first ``size`` elements, for a warp: what :func:`store_parts` needs
+    later."""
+    return claim(queue.counts, PARTS, wp.where(number > size, (number - 1) // size, 0))
+
+
+@wp.func
+def store_parts(
+    queue: Queue, claimed: wp.int32, item: wp.int32, number: wp.int32, size: wp.int32, lane: wp.int32
+):
+    """:func:`queue_parts` by all lanes of a warp, which must all call it, in the places of :func:`claim_parts`."""
+    if number > size:
+        first = claimed_place(claimed)
+        for part in range(lane, (number - 1) // size, LANES):
+            if first + part < queue.parts.shape[0]:
+                set_entry(queue.parts, first + part, wp.vec2i(item, part + 1))
 
 
 @wp.kernel(enable_backward=False)

@@ -135,6 +135,31 @@ def append_pairs(
     """
 
 
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+int base = 0;
+if (number > 0 && (threadIdx.x & 31) == 0) base = atomicAdd(counts.data + slot, number);
+return base;
+#else
+return 0;
+#endif
+""")
+def claim(counts: wp.array(dtype=wp.int32), slot: wp.int32, number: wp.int32) -> wp.int32:
+    """Reserve places for a warp, by its first lane. The atomic is not waited for before :func:`claimed_place`."""
+
+
+@wp.func_native(f"""
+#if defined(__CUDA_ARCH__)
+{WITHIN}
+return __shfl_sync(0xffffffffu, base, 0);
+#else
+return 0;
+#endif
+""")
+def claimed_place(base: wp.int32) -> wp.int32:
+    """The first of the places that :func:`claim` has reserved. All lanes must call it."""
+
+
 # Rows are laid out in the order in which their blocks come by, so no block waits for another; no answer depends on
 # that order. The counts are left empty for the next frame.
 @wp.func_native("""

@@ -294,10 +294,11 @@ class LightStream:
 
     def launch_split(self, share: int) -> None:
         f, q = self.frame, self.queues
+        threads = int(light_split.SPLITTERS) * q.few_threads
         wp.launch(
             light_split.split_kernel,
-            dim=q.few_threads,
-            inputs=[q.few_threads, self.index, f.lights, self.aims.cubes, self.cells.table, f.mesh],
+            dim=threads,
+            inputs=[threads, self.index, f.lights, self.aims.cubes, self.cells.table, f.mesh],
             outputs=[self.queue[share]],
             device=f.device,
             block_dim=BLOCK_DIM,

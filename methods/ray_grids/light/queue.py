@@ -33,7 +33,7 @@ from ..ahead import (
     wait_for_step,
 )
 from ..fetch import direction_at
-from ..queues import DOUBTS, ITEMS, PARTS, SMALL, Queue, queue_parts
+from ..queues import DOUBTS, ITEMS, PARTS, SMALL, Queue, claim_parts, queue_parts, store_parts
 from ..warps import LANES, append_pairs, lane_at, of_lane, sum_to_lane
 from .bins import RayCells, cells_of, span_of
 from .cells import Sides, cells_of_row
@@ -200,6 +200,9 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                 rows = set_rows(length > 0, span[0] - start, group)
                 if length == 0:
                     start = NOWHERE
+                claimed = wp.int32(0)
+                if wp.static(not again):
+                    claimed = claim_parts(queue, number, size)
                 at = this_part * size
                 end = wp.min(number, at + size)
                 if at < end:
@@ -229,7 +232,7 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                         own = entry_if(inside and not misses and not hits, bits.triangle, pixel, i)
                         at += LANES
                 if wp.static(not again):
-                    queue_parts(queue, this_item, number, size, lane)
+                    store_parts(queue, claimed, this_item, number, size, lane)
             append_pairs(own != i, i, pixel, held, True, queue.counts, DOUBTS, queue.doubts)
         else:
             while k < stop:

@@ -16,6 +16,9 @@ from .bins import cells_of, reach_with_rays
 from .cells import Sides, cube_space, on_cells, sides_of_flat, sides_of_planes
 from .rays import Occluder, bound_of, set_planes
 
+SPLITTERS = wp.constant(2)
+"""Threads that share the groups of one large triangle: a single one would store those of the largest one after the other."""
+
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def split_kernel(
@@ -32,6 +35,8 @@ def split_kernel(
     A triangle with at most :data:`..ahead.FEW_ROWS` rows is a small group.
     """
     k = wp.tid()
+    first = k % SPLITTERS
+    k = k // SPLITTERS
     stop = wp.min(queue.counts[LARGE], queue.large.shape[0])
     cube = cubes[light]
     cells = cells_of(table)
@@ -39,35 +44,37 @@ def split_kernel(
     capacity = queue.groups.shape[0]
     while k < stop:
         work = entry(queue.large, k)
-        k += threads
+        k += threads // SPLITTERS
         i = work[0]
         face = work[1]
         low = work[3] & 65535
         high = work[3] >> 16
-        corners = corners_of(mesh, i)
-        qa = on_face(cube_space(corners.a, cube), face)
-        qb = on_face(cube_space(corners.b, cube), face)
-        qc = on_face(cube_space(corners.c, cube), face)
-        flat = on_cells(qa, qb, qc, reach_with_rays(cube, corners, table), table[face])
-        sides = Sides()
-        if flat.known:
-            sides = sides_of_flat(flat)
-        else:
-            sides = sides_of_planes(position, cube, face, corners, table[face], cells)
-        occluder = Occluder()
-        occluder.i = i
-        occluder.bound = bound_of(table, corners)
-        occluder = set_planes(occluder, position, corners)
         few = high - low < FEW_ROWS
-        number = (high - low + LANES) // LANES
-        places = reserve_groups(queue.counts, ITEMS, wp.where(few, 0, number), SMALL, few)
-        for g in range(number):
-            place = wp.where(few, places[1], places[0] + g)
-            if place < capacity:
-                y = low + g * LANES
-                which = face | (wp.min(LANES, high - y + 1) << 4) | (y << 16)
-                at = wp.where(few, capacity - 1 - place, place)
-                set_group(queue.groups, at, which, work[2], sides, occluder)
+        number = (high - low + LANES * SPLITTERS - first * LANES) // (LANES * SPLITTERS)
+        if number > 0:
+            # Places are reserved while the corners are loaded.
+            corners = corners_of(mesh, i)
+            places = reserve_groups(queue.counts, ITEMS, wp.where(few, 0, number), SMALL, few)
+            qa = on_face(cube_space(corners.a, cube), face)
+            qb = on_face(cube_space(corners.b, cube), face)
+            qc = on_face(cube_space(corners.c, cube), face)
+            flat = on_cells(qa, qb, qc, reach_with_rays(cube, corners, table), table[face])
+            sides = Sides()
+            if flat.known:
+                sides = sides_of_flat(flat)
+            else:
+                sides = sides_of_planes(position, cube, face, corners, table[face], cells)
+            occluder = Occluder()
+            occluder.i = i
+            occluder.bound = bound_of(table, corners)
+            occluder = set_planes(occluder, position, corners)
+            for g in range(number):
+                place = wp.where(few, places[1], places[0] + g)
+                if place < capacity:
+                    y = low + (first + g * SPLITTERS) * LANES
+                    which = face | (wp.min(LANES, high - y + 1) << 4) | (y << 16)
+                    at = wp.where(few, capacity - 1 - place, place)
+                    set_group(queue.groups, at, which, work[2], sides, occluder)
 
 
 @wp.func
