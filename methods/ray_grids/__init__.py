@@ -85,7 +85,9 @@ class RayGrids(BaseMethod):
         for number, i in enumerate(wanted):
             branch = number % len(branches)
             known = (
-                make is LightStream and camera.build.region == "triangles" and not effects.has_receivers(i)
+                make is LightStream
+                and camera.build.region == "triangles"
+                and not any(effects.limited[i : i + 1])
             )
             light = (KnownRegionLight if known else make)(
                 frame, i, camera.build, camera.hit, *branches[branch], aims, effects

@@ -88,8 +88,8 @@ class Build(Streams):
                    its own; -1: 2, from 4 lights on 1
     queue          whether larger triangles go through queues: "auto" (on the GPU only), "always", "never"
     region         where it follows from what a light's rays cover of its cube: "triangles": from those in view, beside the
-                   camera's passes, so that rays are counted in their cells where they are placed (not with a spot or
-                   "facing only"); "rays": from the rays; "auto": from the triangles on a GPU, for one light and
+                   camera's passes, so that rays are counted in their cells where they are placed (not of a spot);
+                   "rays": from the rays; "auto": from the triangles on a GPU, for one light and
                    more than two pixels per triangle
     occluders      "last": each shadow ray is tested first against the triangle that shadowed its pixel in the last frame;
                    a ray that it shadows still is not placed in the light's grid. "none": no occluder is kept

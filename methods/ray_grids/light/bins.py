@@ -189,6 +189,29 @@ def count_ray(pixel: wp.int32, p: wp.vec4f, cells: RayCells):
     raise_farthest(cells.farthest, face, x, y, p[3], along)
 
 
+@wp.func
+def count_placed(
+    rays: Words,
+    point: Point,
+    pixel: wp.int32,
+    at: wp.vec2i,
+    camera: Camera,
+    mesh: Mesh,
+    light: wp.vec3f,
+    axes: wp.mat33d,
+    cells: RayCells,
+):
+    """Place the ray of a pixel and count it in its cell, where the rectangle is known."""
+    found = placed(point, True, light, axes)
+    if found.place[2] >= 0.0:
+        store_point(pixel, point.triangle, found.h, cells)
+        count_ray(pixel, found.place, cells)
+    else:
+        found = placed_exactly(rays, pixel, at, camera, mesh, light, axes)
+        store_point(pixel, point.triangle, found.h, cells)
+        count_ray(pixel, found.place, cells)
+
+
 @wp.kernel(enable_backward=False, grid_stride=False)
 def count_kernel(
     light: wp.int32, camera: Camera, rays: Words, receivers: wp.array2d(dtype=wp.uint8), cells: RayCells

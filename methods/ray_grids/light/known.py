@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import warp as wp
 
 from ...common.pixels import thread_count
 from ..queues import BLOCK_DIM
+from . import receivers as light_receivers
 from . import region as light_region
 from .passes import LightStream
 
 
 class KnownRegionLight(LightStream):
-    """Shadow rays of one light without restrictions, counted in their cells where they are placed."""
+    """Shadow rays of one light in all directions, counted in their cells where they are placed."""
 
-    marks = False
     aim_reads: ClassVar[tuple[str, ...]] = (*LightStream.aim_reads, "camera")
-
-    def __init__(self, *given: Any):
-        super().__init__(*given)
-        assert not self.effects.has_receivers(self.index)
 
     def launch_aim(self) -> None:
         super().launch_aim()
@@ -35,24 +31,35 @@ class KnownRegionLight(LightStream):
             block_dim=BLOCK_DIM,
         )
 
-    def launch_map(self) -> None:
-        f, cells = self.frame, self.cells
+    def _begin(self) -> None:
+        cells = self.cells
         if not self.queues.cuda:
             cells.count.zero_()
         if len(self.effects.shadows) > 1:
             cells.farthest.zero_()  # another light of the branch has used it since launch_aim
+
+    def launch_map(self) -> None:
+        f = self.frame
+        self._begin()
         wp.launch(
             light_region.place_kernel,
             dim=thread_count(f.width, f.height, True),
             inputs=[self.index, f.camera, self.aims.posts, self.aims.axes, f.mesh, self.rays],
-            outputs=[cells, f.answers.visibility],
+            outputs=[self.cells, f.answers.visibility],
             device=f.device,
         )
+
+    def launch_marking_map(self) -> None:
+        self._begin()
+        self.launch_marking(light_receivers.place_kernel)
 
     def launch_count(self) -> None:
         self.launch_scan()
 
     def launch_scatter(self) -> None:
+        if self.marking:
+            super().launch_scatter()
+            return
         f = self.frame
         wp.launch(
             light_region.scatter_kernel,

@@ -226,11 +226,15 @@ class LightStream:
         )
 
     def launch_marking_map(self) -> None:
+        self.launch_marking(light_receivers.map_kernel)
+
+    def launch_marking(self, kernel: wp.Kernel) -> None:
+        """Launch a kernel that marks the receivers and places their rays."""
         f, a = self.frame, self.aims
         if self.reached.size:
             self.reached.zero_()
         wp.launch(
-            light_receivers.map_kernel,
+            kernel,
             dim=thread_count(f.width, f.height, True),
             inputs=[
                 self.index, self.effects.facing, f.camera, f.mesh, f.lights, f.spots, a.posts, a.axes, self.rays,

@@ -17,9 +17,9 @@ from ..camera.pixels import inverse_depth
 from ..camera.stream import box_of
 from ..cube import on_face
 from ..fetch import corners_at
-from .bins import REGISTERS, RayCells, count_ray, put_ray, store_point
+from .bins import REGISTERS, RayCells, count_placed, put_ray
 from .cells import FINEST, beyond_face, cube_space, reach_from, turned
-from .points import FAR, Words, has_hit, placed, placed_exactly, point_of
+from .points import FAR, Words, has_hit, point_of
 
 OFF = wp.constant(wp.float32(2.0**-7))
 """Share of the way from the eye that is added to the reach of a triangle: a hit point is off by at most 2^-29 of that way
@@ -209,14 +209,8 @@ def place_kernel(
     pixel = at[1] * camera.width + at[0]
     visibility[light, pixel] = wp.uint8(0)
     point = point_of(rays, pixel, at, camera, mesh)
-    found = placed(point, point.triangle >= 0, lights[light], axes[light])
-    if found.place[2] >= 0.0:
-        store_point(pixel, point.triangle, found.h, cells)
-        count_ray(pixel, found.place, cells)
-    elif point.triangle >= 0:
-        found = placed_exactly(rays, pixel, at, camera, mesh, lights[light], axes[light])
-        store_point(pixel, point.triangle, found.h, cells)
-        count_ray(pixel, found.place, cells)
+    if point.triangle >= 0:
+        count_placed(rays, point, pixel, at, camera, mesh, lights[light], axes[light], cells)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)

@@ -83,7 +83,7 @@ def taken(prepared: Prepared, width: int, height: int) -> str:
     return chosen
 
 
-@pytest.mark.parametrize(("height", "wanted"), [(99, "grid"), (100, "tree")])
+@pytest.mark.parametrize(("height", "wanted"), [(299, "grid"), (300, "tree")])
 def test_a_tree_takes_the_shadow_rays_of_few_triangles(height, wanted):
     prepared = make_scene(*soup(7, 300), [(0.1, 0.2, 40.0)])
     assert prepared.triangle_count == 300
@@ -102,9 +102,9 @@ def shells(count: int, lights: list[tuple[float, ...]]) -> Prepared:
 
 @pytest.mark.parametrize(
     ("count", "height", "wanted"),
-    [(1, 4, "grid"), (2, 4, "tree"), (3, 3, "tree"), (2, 1, "grid"), (3, 2, "grid")],
+    [(1, 8, "grid"), (2, 16, "tree"), (3, 24, "tree"), (2, 15, "grid"), (3, 23, "grid")],
 )
-def test_a_tree_takes_the_shadow_rays_of_an_enclosed_light_unless_there_are_more_triangles_than_pixels(
+def test_a_tree_takes_the_shadow_rays_of_an_enclosed_light_from_eight_pixels_a_triangle_on(
     count, height, wanted
 ):
     prepared = shells(count, [(0.01, 0.02, 0.03)])
