@@ -1,11 +1,13 @@
 """Leaving a pair of a triangle and a ray to float64, from within a native snippet.
 
-``leave(at)``, of triangle ``at``, keeps it with the ray; ``enter_kept()`` then gives each an entry of ``doubts``, and counts
-on beyond the capacity (the harness then repeats the frame with more room). An entry is (triangle, :data:`OF_PIXEL`: the
-pixel; :data:`CHAIN`: the ray's entry before, or -1).
+``leave(at)``, of triangle ``at``, keeps it with the ray. After the traversal ``first`` and ``second`` are two of these
+triangles, or -1; most rays that have doubts have no more. Each other one is an entry of ``doubts``: (triangle, the ray's
+entry before, or -1), and ``last`` is the ray's last entry. ``counts`` counts all pairs, on beyond the capacity (the harness
+then repeats the frame with more room).
 
-Doubts are rare, and entering one takes 40 instructions and an atomic. That stays out of the loop of a traversal: where
-``kept`` passes :data:`MOST_KEPT` a ray leaves the loop, enters its doubts and continues in a second one that has it.
+Doubts are rare, and entering one takes 40 instructions and an atomic whose answer is waited for. That stays out of the loop
+of a traversal: where ``kept`` passes :data:`MOST_KEPT` a ray leaves the loop, enters its doubts and continues in a second
+one that has it.
 """
 
 from __future__ import annotations
@@ -31,7 +33,8 @@ auto enter = [&](int at) {{
     int place = base;
 #endif
     if (place < doubts.shape[0]) {{
-        ENTRY
+        doubts.data[place] = wp::vec2i(at, last);
+        last = place;
     }}
 }};
 """
@@ -48,7 +51,12 @@ auto enter_kept = [&]() {{
 FULL_BREAK = f"if (kept > {MOST_KEPT}) break;"
 
 CONTINUE = """
-enter_kept();
+if (kept > 0) {
+    first = doubtful[--kept];
+    if (kept > 0) second = doubtful[--kept];
+    number(second < 0 ? 1 : 2);
+    enter_kept();
+}
 if (held > 0) {
     now = stack[--held];
     WALK
@@ -56,11 +64,17 @@ if (held > 0) {
 """
 """After a loop that keeps doubts and that :data:`FULL_BREAK` may have ended with references still ``held`` on the stack."""
 
-OF_PIXEL = ENTER.replace("ENTRY", "doubts.data[place] = wp::vec2i(at, pixel);") + KEEP
-
 CHAIN = (
-    "int last = -1;\n"
-    + ENTER.replace("ENTRY", "doubts.data[place] = wp::vec2i(at, last); last = place;")
+    """
+int last = -1, first = -1, second = -1;
+auto number = [&](int more) {
+#if defined(__CUDA_ARCH__)
+    atomicAdd(counts.data, more);
+#else
+    counts.data[0] += more;
+#endif
+};
+"""
+    + ENTER
     + KEEP
 )
-"""``last``: the entry that the ray added last. Each ray has its own chain."""

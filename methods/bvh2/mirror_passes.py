@@ -51,7 +51,7 @@ class MirroredRays:
             self.records = wp.zeros(3 * frame.triangle_count, dtype=wp.vec4f)
             self.lengths = wp.zeros((bounces, len(parts)), dtype=wp.int32)
             self.listed = [[wp.zeros(threads, dtype=wp.int32) for _ in parts] for _ in range(bounces)]
-            self.found = [wp.zeros(threads if self.exact else 0, dtype=wp.vec2i) for _ in parts]
+            self.found = [wp.zeros(threads if self.exact else 0, dtype=wp.vec4i) for _ in parts]
         shares = range(len(parts))
         self._shares = [
             beside([functools.partial(self._share, bounce, share) for share in shares])

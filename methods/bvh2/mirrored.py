@@ -18,8 +18,9 @@ from ..common.entries import entry, set_entry
 from ..common.hitpoint import flat_hit_point, plane_distance
 from ..common.reserve import reserve
 from ..common.triangle import to_float32
-from .primary import Part, Tree, pixel_at, resolve_hit
+from .primary import Part, Tree, found_of, pixel_at, resolve_hit
 from .records import triangle_corners
+from .shadow import hidden
 from .walk_ray import make_ray_walk
 from .walk_shadow import make_shadow_walk
 
@@ -64,7 +65,7 @@ def make_exact_kernel(node_bytes: int, registers: int) -> Any:
         reach: wp.array(dtype=wp.float32),
         counts: wp.array(dtype=wp.int32),
         doubts: wp.array(dtype=wp.vec2i),
-        found: wp.array(dtype=wp.vec2i),
+        found: wp.array(dtype=wp.vec4i),
     ):
         k = wp.tid()
         if k >= entry(count, 0):
@@ -74,7 +75,7 @@ def make_exact_kernel(node_bytes: int, registers: int) -> Any:
             entry(rays.origin, pixel), entry(rays.direction, pixel), tree.nodes, tree.root, records, reach, counts,
             doubts,
         )  # fmt: skip
-        set_entry(found, k, wp.vec2i(wp.cast(walked[3], wp.int32), wp.cast(walked[2], wp.int32)))
+        set_entry(found, k, found_of(walked))
 
     return exact_kernel
 
@@ -125,7 +126,7 @@ def resolve_kernel(
     rays: Rays,
     mesh: Mesh,
     doubts: wp.array(dtype=wp.vec2i),
-    found: wp.array(dtype=wp.vec2i),
+    found: wp.array(dtype=wp.vec4i),
     hits: Hits,
     start: wp.array(dtype=wp.vec3f),
 ):
@@ -135,7 +136,8 @@ def resolve_kernel(
         return
     pixel = entry(listed, k)
     ray = Ray(entry(rays.origin, pixel), entry(rays.direction, pixel))
-    flat = resolve_hit(ray, entry(found, k), pixel, mesh, doubts, hits, start)
+    # Mirrored rays start in the scene, never far from it.
+    flat = resolve_hit(ray, entry(found, k), pixel, mesh, doubts, False, hits, start)
     if flat >= 0:
         again = triangle_corners(mesh, flat)
         set_entry(start, pixel, to_float32(flat_hit_point(ray, plane_distance(ray, again), again)))
@@ -143,9 +145,9 @@ def resolve_kernel(
 
 @functools.cache
 def make_shadow_kernel(precision: str, node_bytes: int, registers: int) -> Any:
-    """One thread per listed pixel: the shadow bit of its hit as far as float32 decides it, and doubts. Bits of other pixels
-    stay."""
+    """One thread per listed pixel: the shadow bit of its hit. Bits of other pixels stay."""
     walk = make_shadow_walk(precision, node_bytes)
+    exact = precision == "exact"
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=registers)
     def shadow_kernel(
@@ -156,8 +158,11 @@ def make_shadow_kernel(precision: str, node_bytes: int, registers: int) -> Any:
         tree: Tree,
         records: wp.array(dtype=wp.vec4f),
         sides: wp.array(dtype=wp.vec4f),
+        facing: wp.array(dtype=wp.uint8),
         reach: wp.array(dtype=wp.float32),
         extent: wp.array(dtype=wp.float32),
+        mesh: Mesh,
+        rays: Rays,
         hits: Hits,
         starts: wp.array(dtype=wp.vec3f),
         receivers: wp.array2d(dtype=wp.uint8),
@@ -174,10 +179,14 @@ def make_shadow_kernel(precision: str, node_bytes: int, registers: int) -> Any:
         if wp.static(effects.receivers):
             wanted = wanted and receivers[light, pixel] != wp.uint8(0)
         if wanted:
-            bit = walk(
-                entry(starts, pixel), entry(lights, light), hit, pixel, reach, extent, tree.nodes, tree.root, records,
-                sides, counts, doubts,
+            found = walk(
+                entry(starts, pixel), entry(lights, light), hit, reach, extent, tree.nodes, tree.root, records,
+                sides, facing, counts, doubts,
             )  # fmt: skip
-            visibility[light, pixel] = wp.uint8(bit)
+            if wp.static(exact):
+                ray = Ray(entry(rays.origin, pixel), entry(rays.direction, pixel))
+                visibility[light, pixel] = hidden(found, ray, hit, entry(lights, light), mesh, doubts)
+            else:
+                visibility[light, pixel] = wp.uint8(found)
 
     return shadow_kernel

@@ -9,9 +9,10 @@ import warp as wp
 
 from ...harness.frame.geometry import Camera, Hits, Mesh, Ray
 from ..common.entries import entry, set_entry
-from ..common.hitpoint import along, flat_hit_point, is_vague, plane_distance
+from ..common.hitpoint import along, flat_hit_point, plane_distance
 from ..common.pixels import tile_pixel
-from ..common.triangle import hit_distance, hit_weights, nearer, to_float32
+from ..common.triangle import hit_distance, nearer, to_float32
+from .certain_hit import certain_hit, is_far
 from .records import triangle_corners
 from .walk_primary import make_walk
 
@@ -59,49 +60,64 @@ def direction_at(camera: Camera, at: wp.vec2i) -> wp.vec3f:
 
 
 @wp.func
+def found_of(walked: wp.vec4f) -> wp.vec4i:
+    """What an exact walk gives: two doubtful triangles, the last entry of the others, the certain closest hit; -1: none."""
+    return wp.vec4i(
+        wp.cast(walked[0], wp.int32),
+        wp.cast(walked[1], wp.int32),
+        wp.cast(walked[2], wp.int32),
+        wp.cast(walked[3], wp.int32),
+    )
+
+
+@wp.func
 def resolve_hit(
     ray: Ray,
-    certain: wp.vec2i,
+    found: wp.vec4i,
     pixel: wp.int32,
     mesh: Mesh,
     doubts: wp.array(dtype=wp.vec2i),
+    far: wp.bool,
     hits: Hits,
     start: wp.array(dtype=wp.vec3f),
 ) -> wp.int32:
-    """Store the nearest of the certain hit (certain[0]) and the doubtful ones (chained from certain[1]): t, weights and
-    origin of shadow rays, in float64. Returns the hit triangle if the ray is flat on it and that origin left open, or -1."""
-    best = certain[0]
-    last = certain[1]
-    if last >= 0:
+    """Store the nearest of the certain hit and the doubtful ones (:func:`found_of`): t, weights and origin of shadow rays,
+    in float64. Returns the hit triangle if that origin is still to be computed, because the ray is flat on it or starts
+    ``far`` away, or -1."""
+    i = found[0]
+    following = found[1]
+    last = found[2]
+    best = found[3]
+    if i >= 0 or last >= 0:
         nearest = wp.float64(wp.INF)
         if best >= 0:
             nearest = plane_distance(ray, triangle_corners(mesh, best))
-        while last >= 0:
-            doubt = entry(doubts, last)
-            last = doubt[1]
-            i = doubt[0]
+        while i >= 0 or last >= 0:
+            if i < 0:
+                doubt = entry(doubts, last)
+                last = doubt[1]
+                i = doubt[0]
             t = hit_distance(ray, triangle_corners(mesh, i), weld_at(mesh, i))
             if t > wp.float64(0.0) and nearer(mesh, t, i, nearest, best):
                 nearest = t
                 best = i
+            i = following
+            following = -1
     distance32 = wp.float32(wp.INF)
     uv = wp.vec2f()
-    point = wp.vec3f()
     flat = wp.bool(False)
-    # Nothing is written before all is computed: after a store the compiler would read and widen the corners again.
     if best >= 0:
-        corners = triangle_corners(mesh, best)
-        weld = weld_at(mesh, best)  # before the division, behind which the compiler would leave these reads
-        flat = is_vague(ray, corners)
-        distance64 = plane_distance(ray, corners)
-        distance32 = wp.float32(distance64)
-        point = to_float32(along(ray, distance64))
-        uv = hit_weights(ray, corners, weld)
+        hit = certain_hit(ray, triangle_corners(mesh, best), weld_at(mesh, best))
+        flat = hit.flat
+        if far:
+            flat = True
+        distance32 = wp.float32(hit.t)
+        uv = hit.uv
+        set_entry(start, pixel, to_float32(along(ray, hit.t)))
     set_entry(hits.triangle, pixel, best)
     set_entry(hits.t, pixel, distance32)
     set_entry(hits.u, pixel, uv[0])
     set_entry(hits.v, pixel, uv[1])
-    set_entry(start, pixel, point)
     return wp.where(flat, best, -1)
 
 
@@ -118,6 +134,7 @@ def make_exact_kernel(packets: bool, node_bytes: int, registers: int) -> Any:
         records: wp.array(dtype=wp.vec4f),
         reach: wp.array(dtype=wp.float32),
         mesh: Mesh,
+        extent: wp.array(dtype=wp.float32),
         counts: wp.array(dtype=wp.int32),
         doubts: wp.array(dtype=wp.vec2i),
         hits: Hits,
@@ -131,9 +148,9 @@ def make_exact_kernel(packets: bool, node_bytes: int, registers: int) -> Any:
             doubts,
         )  # fmt: skip
         if seen:
-            certain = wp.vec2i(wp.cast(walked[3], wp.int32), wp.cast(walked[2], wp.int32))
             ray = Ray(entry(camera.eye, 0), direction_at(camera, at))
-            flat = resolve_hit(ray, certain, pixel, mesh, doubts, hits, start)
+            far = is_far(ray.origin, entry(extent, 0))
+            flat = resolve_hit(ray, found_of(walked), pixel, mesh, doubts, far, hits, start)
             # Flat rays are few, and slow to compute. The corners are read again, so that no register holds them until here.
             if flat >= 0:
                 again = triangle_corners(mesh, flat)

@@ -10,14 +10,25 @@ a little more where the slack that closed triangles have (:func:`..common.triang
 unscaled edge functions) would otherwise be more than a part of the bound, or where float64's own rounding would show. So
 with u = 2^-24, of directions d, and of hit points and corners whose coordinates the scene's box bounds by M:
 
-* n . d is known to 5 u |d|_1 (two roundings of n, three of products and sums) and the slack is at most
-  2^-30 |n|_1 |d|_1 / (2^-8 |n|_1) = 4 u |d|_1: beyond :data:`EYE_UNITS` = 10 units its sign is that of float64's verdict.
-* n . p + c is known to 34 u M (6 for n, 6 for c, 3 for p's own rounding, 1 for its error before
-  (:func:`..common.hitpoint.is_vague`), 18 for products and for sums from c on). The sum s is at most
-  |n|_1 (M + |light|), so that here planes are scaled by at least 2^-8 |n|_1 (M + |light|) / M, and the slack is at most
-  4 u M again: :data:`LIGHT_UNITS` = 40 units of M.
-* m . d is known to 8 u |m|_max |d|_1 (three roundings of m, three of products and sums; the 10 of the planes serve for both)
-  where the triangle's height over the eye, as float64 has it, is right to 2^-27; else it is not used.
+* n . d is known to 4 u |d|_1 (two roundings of n; two of products and sums that are fused, and one in proportion to the
+  result, which cannot change its sign), or to 5 u |d|_1 where they are not fused. The slack is at most
+  2^-30 |n|_1 |d|_1 / (2^-6 |n|_1) = u |d|_1: beyond :data:`EYE_UNITS` = 5.5 or 6.5 units its sign is that of float64's
+  verdict.
+* n . p + c is known to 25 u M (6 for n, 6 for c, 3 for p's own rounding, 1 for its error before
+  (:func:`..common.hitpoint.is_vague`), 9 for fused products and sums from c on), or to 34 u M where they are not fused. The
+  sum s is at most |n|_1 (M + |light|), so that here planes are scaled by at least 2^-6 |n|_1 (M + |light|) / M, and the
+  slack is at most u M again: :data:`LIGHT_UNITS` = 27 or 36 units of M.
+* m . d is known to 7 u |m|_max |d|_1 (four roundings of m, three of products and sums) where the triangle's height over the
+  eye, as float64 has it, is right to 2^-27; else it is not used. :data:`DEPTH_UNITS` = 10 cover the rounding of its bounds.
+
+Of the scale itself no rounding matters: the parts of a plane share it.
+
+**Two triangles that join.** Triangles 2 k and 2 k + 1 of the mesh mostly have an edge in common (:func:`joined_pairs`). Let
+both pass it in opposite directions, and the light see the same side of both, so that it lies off both planes. With v and w
+their third corners, w lies on the light's side of the first triangle's plane exactly if v lies on the light's side of the
+second's: it is one determinant. If so, the first triangle lies on the light's side of the second's plane, as does every
+way from it to the light, which therefore does not cross the second triangle. If not, the second triangle lies behind the
+first one's plane. In either case neither hides any point of the other.
 
 Planes of zeros, and an infinite m, leave every ray to float64, whatever was hit before: triangles seen edge-on, or
 from close to their plane, and sizes that float32 does not hold.
@@ -25,24 +36,43 @@ from close to their plane, and sizes that float32 does not hold.
 
 from __future__ import annotations
 
+import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from ...harness.frame.geometry import Corners, Mesh
+from ...harness.scene.prepared import Prepared
 from ..common.entries import entry, set_entry
 from ..common.triangle import largest, to_float64, total
+from .snippets import BASICS
 
-EYE_UNITS = 10.0
-LIGHT_UNITS = 40.0
+EYE_UNITS = "(FUSED ? 5.5f : 6.5f)"
+DEPTH_UNITS = "10.0f"
+LIGHT_UNITS = "(FUSED ? 27.0f : 36.0f)"
+"""C++, where :data:`.snippets.BASICS` tells whether products and sums are fused."""
 
 REGISTERS = 64
 """Limit of registers per thread of the kernels that make the records: they are limited by memory."""
 
-CLOSED = wp.constant(2.0**-8)
+CLOSED = wp.constant(2.0**-6)
 ROUNDED = wp.constant(2.0**-20)
 FLAT = wp.constant(2.0**-22)
 SMALLEST = wp.constant(1.0e-30)
 LARGEST = wp.constant(1.0e35)
 DEEPEST = wp.constant(1.0e30)
+
+
+def joined_pairs(prepared: Prepared) -> NDArray[np.uint8]:
+    """1 for each pair of triangles 2 k and 2 k + 1 that has a common edge, which the two pass in opposite directions."""
+    faces = prepared.faces if prepared.frame_count > 1 else prepared.weld[prepared.faces]
+    pairs = faces[: len(faces) // 2 * 2].reshape(-1, 2, 3)
+    joined = np.zeros((len(faces) + 1) // 2, dtype=np.uint8)
+    for i in range(3):
+        for k in range(3):
+            first, second = pairs[:, 0], pairs[:, 1]
+            opposite = (first[:, i] == second[:, (k + 1) % 3]) & (first[:, (i + 1) % 3] == second[:, k])
+            joined[: len(pairs)] |= opposite
+    return joined
 
 
 @wp.func
@@ -70,6 +100,11 @@ class Seen:
     height: wp.float64
     size: wp.float32
     inward: wp.float32
+
+
+@wp.func_native(BASICS + "return about(a);")
+def about(a: wp.float32) -> wp.float32:
+    """1 / a with the precision of a GPU's single instruction, which suffices for a scale."""
 
 
 @wp.func
@@ -118,7 +153,7 @@ def unknown() -> wp.vec3f:
 @wp.func
 def scale_of(n: wp.vec3f, s: Seen, spread: wp.float32) -> wp.float32:
     """The scale of an edge plane; ``spread``: the largest sum that its slack is a share of."""
-    return s.inward / wp.max(largest(n), wp.max(CLOSED * spread, ROUNDED * s.size))
+    return s.inward * about(wp.max(largest(n), wp.max(CLOSED * spread, ROUNDED * s.size)))
 
 
 @wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
@@ -141,7 +176,7 @@ def eye_kernel(mesh: Mesh, eye: wp.array(dtype=wp.vec3f), records: wp.array(dtyp
         y = y * scale_of(y, s, spread)
         z = near32(s.z)
         z = z * scale_of(z, s, spread)
-        m = n / wp.float32(s.height)
+        m = n * (1.0 / wp.float32(s.height))
         if not (largest(m) < DEEPEST and largest(m) * DEEPEST > 1.0):
             m = unknown()
     set_entry(records, 3 * at, wp.vec4f(x[0], x[1], x[2], y[0]))
@@ -162,12 +197,19 @@ def light_kernel(
     light: wp.int32,
     lights: wp.array(dtype=wp.vec3f),
     extent: wp.array(dtype=wp.float32),
+    joined: wp.array(dtype=wp.uint8),
     records: wp.array(dtype=wp.vec4f),
     sides: wp.array(dtype=wp.vec4f),
+    facing: wp.array(dtype=wp.uint8),
 ):
-    """Three words per triangle: the planes through the light. In an array apart, the triangle's own plane."""
+    """Three words per triangle: the planes through the light. In an array apart, the triangle's own plane.
+
+    facing: of a triangle that is ``joined`` to its neighbour, 1 or 2 for the side that the light certainly sees; else 0
+    """
     at = wp.tid()
+    joins = entry(joined, at >> 1)
     if entry(mesh.valid, at) == wp.uint8(0):
+        set_entry(facing, at, wp.uint8(0))
         return
     place = entry(lights, light)
     s = seen_from(place, triangle_corners(mesh, at))
@@ -178,7 +220,7 @@ def light_kernel(
     own = none
     if s.inward != 0.0:
         n = near32(s.normal)
-        spread = total(n) * (1.0 + largest(place) / extent[0])
+        spread = total(n) * (1.0 + largest(place) * about(extent[0]))
         x = near32(s.x)
         first = plane_word(s.x, s.b, x, scale_of(x, s, spread))
         y = near32(s.y)
@@ -186,7 +228,13 @@ def light_kernel(
         z = near32(s.z)
         third = plane_word(s.z, s.a, z, scale_of(z, s, spread))
         # The light is where n . (light - a) = -height.
-        own = plane_word(s.normal, s.a, n, -s.inward / largest(n))
+        own = plane_word(s.normal, s.a, n, -s.inward * about(largest(n)))
+    face = wp.int32(0)
+    if s.inward > 0.0:
+        face = 1
+    if s.inward < 0.0:
+        face = 2
+    set_entry(facing, at, wp.uint8(wp.where(joins != wp.uint8(0), face, 0)))
     set_entry(records, 3 * at, first)
     set_entry(records, 3 * at + 1, second)
     set_entry(records, 3 * at + 2, third)

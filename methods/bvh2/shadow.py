@@ -1,4 +1,4 @@
-"""Shadow rays of one light: the traversal; then, in float64, the pairs that it left."""
+"""Shadow rays of one light: the traversal; then, in the same kernel in float64, the pairs that it left."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 import warp as wp
 
-from ...harness.frame.geometry import Camera, Hits, Mesh, Rays, mirrored_ray, ray_of, weld_of
+from ...harness.frame.geometry import Camera, Hits, Mesh, Ray, ray_of, weld_of
 from ...harness.frame.specialise import effects
 from ..common.entries import entry
 from ..common.hitpoint import hit_point, plane_distance
@@ -15,16 +15,53 @@ from ..common.segment import occludes
 from ..common.triangle import largest
 from .primary import Part, Tree, pixel_at
 from .records import triangle_corners
-from .walk_shadow import make_shadow_walk
+from .walk_shadow import HIDING, NOTHING, make_shadow_walk
+
+HIDDEN = wp.constant(HIDING)
+
+
+@wp.func
+def hidden(
+    found: wp.vec3i,
+    ray: Ray,
+    own: wp.int32,
+    light: wp.vec3f,
+    mesh: Mesh,
+    doubts: wp.array(dtype=wp.vec2i),
+) -> wp.uint8:
+    """The shadow bit of an exact walk that gave ``found``: its own, or float64's verdict on what it left, for which the hit
+    point of ``ray`` on the triangle ``own`` is computed again."""
+    if found[0] == HIDDEN:
+        return wp.uint8(1)
+    bit = wp.uint8(0)
+    last = found[0]
+    i = found[1]
+    following = found[2]
+    if i >= 0 or last >= 0:
+        corners = triangle_corners(mesh, own)
+        h = hit_point(ray, plane_distance(ray, corners), corners)
+        size = wp.float64(largest(ray.origin))
+        while bit == wp.uint8(0) and (i >= 0 or last >= 0):
+            if i < 0:
+                doubt = entry(doubts, last)
+                last = doubt[1]
+                i = doubt[0]
+            if occludes(h, light, triangle_corners(mesh, i), weld_of(mesh, i), size):
+                bit = wp.uint8(1)
+            i = following
+            following = -1
+    return bit
 
 
 @functools.cache
 def make_shadow_kernel(precision: str, node_bytes: int, registers: int) -> Any:
-    """One thread per pixel, 8 x 4 per warp: the shadow bit as far as float32 decides it, and doubts.
+    """One thread per pixel, 8 x 4 per warp: the shadow bit.
 
     ``starts``: the hit points, rounded; nothing at a miss.
     """
     walk = make_shadow_walk(precision, node_bytes)
+    exact = precision == "exact"
+    nothing = wp.constant(wp.vec3i(*NOTHING) if exact else wp.int32(0))
 
     @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=registers)
     def shadow_kernel(
@@ -35,8 +72,10 @@ def make_shadow_kernel(precision: str, node_bytes: int, registers: int) -> Any:
         tree: Tree,
         records: wp.array(dtype=wp.vec4f),
         sides: wp.array(dtype=wp.vec4f),
+        facing: wp.array(dtype=wp.uint8),
         reach: wp.array(dtype=wp.float32),
         extent: wp.array(dtype=wp.float32),
+        mesh: Mesh,
         hits: Hits,
         starts: wp.array(dtype=wp.vec3f),
         receivers: wp.array2d(dtype=wp.uint8),
@@ -52,45 +91,16 @@ def make_shadow_kernel(precision: str, node_bytes: int, registers: int) -> Any:
         wanted = hit >= 0
         if wp.static(effects.receivers):
             wanted = wanted and receivers[light, pixel] != wp.uint8(0)
-        bit = wp.int32(0)
+        found = nothing
         if wanted:
-            bit = walk(
-                entry(starts, pixel), entry(lights, light), hit, pixel, reach, extent, tree.nodes, tree.root, records,
-                sides, counts, doubts,
+            found = walk(
+                entry(starts, pixel), entry(lights, light), hit, reach, extent, tree.nodes, tree.root, records,
+                sides, facing, counts, doubts,
             )  # fmt: skip
-        visibility[light, pixel] = wp.uint8(bit)
+        if wp.static(exact):
+            ray = ray_of(camera, pixel)
+            visibility[light, pixel] = hidden(found, ray, hit, entry(lights, light), mesh, doubts)
+        else:
+            visibility[light, pixel] = wp.uint8(found)
 
     return shadow_kernel
-
-
-@wp.kernel(enable_backward=False, grid_stride=False)
-def shadow_doubt_kernel(
-    threads: wp.int32,
-    camera: Camera,
-    light: wp.int32,
-    lights: wp.array(dtype=wp.vec3f),
-    mesh: Mesh,
-    hits: Hits,
-    rays: Rays,
-    counts: wp.array(dtype=wp.int32),
-    doubts: wp.array(dtype=wp.vec2i),
-    visibility: wp.array2d(dtype=wp.uint8),
-):
-    """(triangle, pixel) pairs that float32 did not decide. The hit point is computed again, in float64."""
-    k = wp.tid()
-    stop = wp.min(entry(counts, 0), doubts.shape[0])
-    while k < stop:
-        pair = entry(doubts, k)
-        k += threads
-        pixel = pair[1]
-        i = pair[0]
-        own = entry(hits.triangle, pixel)
-        if i != own and visibility[light, pixel] == wp.uint8(0):
-            ray = ray_of(camera, pixel)
-            if wp.static(effects.bounced):
-                ray = mirrored_ray(rays, pixel)
-            corners = triangle_corners(mesh, own)
-            h = hit_point(ray, plane_distance(ray, corners), corners)
-            size = wp.float64(largest(ray.origin))
-            if occludes(h, entry(lights, light), triangle_corners(mesh, i), weld_of(mesh, i), size):
-                visibility[light, pixel] = wp.uint8(1)

@@ -24,9 +24,6 @@ from .mirror_passes import RECORDS, MirroredRays
 from .parameters import Build, Trace
 from .primary import BLOCK, Part, Tree
 
-DOUBT_THREADS = 256
-"""Threads per multiprocessor that process the doubts, of which there are mostly a few thousand."""
-
 
 def threads_built(rays: ShadowRays | None) -> dict[str, int]:
     """For :meth:`...harness.frame.method.Method.built`: threads of a CPU."""
@@ -38,9 +35,10 @@ class ShadowRays:
 
     counts  int32 [slots, shares]: pairs left to float64; slot 0 is for the primary rays, then one per light and bounce,
             from ``mirror_slot`` on one per bounce for the mirrored rays themselves
-    doubts  vec2i [capacity] for each share: those pairs, of one slot after another (:mod:`.doubt_text`)
+    doubts  vec2i [capacity] for each share: those beyond two of a ray, of one slot after another (:mod:`.doubt_text`)
     starts  for each bounce vec3f [pixels]: the points that shadow rays start at, rounded; nothing at a miss
-    of each light light_records vec4f [3 * triangles], sides vec4f [triangles]: :mod:`.records`
+    joined  uint8 [triangles / 2]; of each light light_records vec4f [3 * triangles], sides vec4f [triangles], facing uint8
+            [triangles]: :mod:`.records`
 
     ``primary_starts``: those of the primary hits, if another method finds them.
     """
@@ -65,7 +63,6 @@ class ShadowRays:
         self.threaded = not device.is_cuda
         blocks = -(-thread_count(frame.width, frame.height, True) // BLOCK)
         self.threads = BLOCK * -(-blocks // self.shares)
-        self.doubters = DOUBT_THREADS * (device.sm_count if device.is_cuda else 1)
         self.primary_starts = primary_starts
         own = effects.bounces + (primary_starts is None)
         self.mirror_slot = 1 + frame.light_count * (effects.bounces + 1)
@@ -78,6 +75,9 @@ class ShadowRays:
             self.light_records = {i: wp.zeros(3 * words, dtype=wp.vec4f) for i in self.lights}
             sided = words if self.exact else 0
             self.sides = {i: wp.zeros(sided, dtype=wp.vec4f) for i in self.lights}
+            # Read two at a time.
+            self.facing = {i: wp.zeros(sided + sided % 2, dtype=wp.uint8) for i in self.lights}
+            self.joined = wp.array(records.joined_pairs(frame.prepared) if sided else [], dtype=wp.uint8)
         kept = [start[k] for k in range(own)]
         self.starts = kept if primary_starts is None else [primary_starts, *kept]
         self.parts = [filled(Part, share=share, shares=self.shares) for share in range(self.shares)]
@@ -168,9 +168,6 @@ class ShadowRays:
             bits, doubts, effect = f"visibility/{i}", f"shadow doubts/{i}{of}", f"shadows/{i}"
             name, launch = f"light {i}: shadow rays{of}", run(self._shadow, i, 0, share)
             passes.append(Pass(name, "shadow", reads, (bits, doubts, counts), launch, effect))
-            if self.exact:
-                name, launch = f"light {i}: doubts{of}", run(self._shadow_doubts, i, 0, share)
-                passes.append(Pass(name, "shadow", (*reads, doubts), (bits,), launch, effect))
         return passes
 
     def of(self, share: int) -> str:
@@ -197,8 +194,8 @@ class ShadowRays:
     def _light_records(self, light: int) -> None:
         f = self.frame
         if self.exact:
-            kernel, inputs = records.light_kernel, [f.mesh, light, f.lights, self.extent]
-            outputs = [self.light_records[light], self.sides[light]]
+            kernel, inputs = records.light_kernel, [f.mesh, light, f.lights, self.extent, self.joined]
+            outputs = [self.light_records[light], self.sides[light], self.facing[light]]
         else:
             kernel, inputs = records.float32_kernel, [f.mesh, light, f.lights]
             outputs = [self.light_records[light]]
@@ -218,23 +215,9 @@ class ShadowRays:
             dim=self.threads,
             inputs=[
                 f.camera, self.parts[share], light, f.lights, self.tree, self.light_records[light], self.sides[light],
-                f.reach, self.extent, f.hits(bounce), self.starts[bounce], f.masks(bounce),
+                self.facing[light], f.reach, self.extent, f.mesh, f.hits(bounce), self.starts[bounce], f.masks(bounce),
             ],
             outputs=[counts, self.doubts[share], f.bits(bounce)],
-            device=f.device,
-            block_dim=BLOCK,
-        )  # fmt: skip
-
-    def _shadow_doubts(self, light: int, bounce: int, share: int) -> None:
-        f = self.frame
-        wp.launch(
-            specialised(shadow.shadow_doubt_kernel, self.effects.switches(light, bounce)),
-            dim=self.doubters,
-            inputs=[
-                self.doubters, f.camera, light, f.lights, f.mesh, f.hits(bounce), f.rays(bounce),
-                self._shadow_counts(light, bounce, share), self.doubts[share],
-            ],
-            outputs=[f.bits(bounce)],
             device=f.device,
             block_dim=BLOCK,
         )  # fmt: skip
@@ -260,11 +243,10 @@ class ShadowRays:
             dim=self.bounce_threads,
             inputs=[
                 *self.mirrored.list_of(bounce, share), light, f.lights, self.tree, self.light_records[light],
-                self.sides[light], f.reach, self.extent, f.hits(bounce), self.starts[bounce], f.masks(bounce),
+                self.sides[light], self.facing[light], f.reach, self.extent, f.mesh, f.rays(bounce), f.hits(bounce),
+                self.starts[bounce], f.masks(bounce),
             ],
             outputs=[counts, self.doubts[share], f.bits(bounce)],
             device=f.device,
             block_dim=BLOCK,
         )  # fmt: skip
-        if self.exact:
-            self._shadow_doubts(light, bounce, share)

@@ -54,6 +54,8 @@ auto leaving = [](float x, float y, float z, float limit) {
 };
 auto sum = [](float a, float b) { return __fadd_rn(a, b); };
 auto product = [](float a, float b) { return __fmul_rn(a, b); };
+auto fused = [](float a, float b, float c) { return __fmaf_rn(a, b, c); };
+constexpr bool FUSED = true;
 #else
 auto low = [](float a, float b) { return a < b ? a : b; };
 auto high = [](float a, float b) { return a > b ? a : b; };
@@ -67,6 +69,8 @@ auto entering = [&](float x, float y, float z) { return high(high(x, y), high(z,
 auto leaving = [&](float x, float y, float z, float limit) { return low(low(x, y), low(z, limit)); };
 auto sum = [](float a, float b) { return a + b; };
 auto product = [](float a, float b) { return a * b; };
+auto fused = [](float a, float b, float c) { return a * b + c; };
+constexpr bool FUSED = false;
 #endif
 """
 )

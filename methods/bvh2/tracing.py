@@ -94,7 +94,7 @@ class Rays(ShadowRays):
         arguments: tuple[Any, ...] = (self.trace.primary == "packet", self.build.node_bytes)
         if self.exact:
             kernel = primary.make_exact_kernel(*arguments, max(registers, primary.FLOAT64_REGISTERS))
-            inputs: list[Any] = [f.mesh]
+            inputs: list[Any] = [f.mesh, self.extent]
         else:
             kernel = primary.make_float32_kernel(*arguments, registers)
             inputs = []

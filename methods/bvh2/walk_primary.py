@@ -19,26 +19,26 @@ import warp as wp
 
 from .doubt_text import CHAIN, CONTINUE, FULL_BREAK
 from .nodes import INVERSE, OF_LEAF, PLAIN, READ, SHRINK, SLABS
-from .records import EYE_UNITS
+from .records import DEPTH_UNITS, EYE_UNITS
 from .snippets import BASICS, STACK
 
 EXACT_BEGIN = f"""
 const float unit = 5.9604645e-08f, slack = shrink * (1.0f + 1.0f / 1048576.0f);
 float length = size(d[0]) + size(d[1]) + size(d[2]);
-float bound = {EYE_UNITS}f * unit * length + 1.0e-36f;
+const float bound = {EYE_UNITS} * unit * length + 1.0e-36f, wide = {DEPTH_UNITS} * unit * length + 1.0e-36f;
 float sure_from = seen ? 0.0f : 3.4e38f, sure_to = 0.0f;
 int best = -1;
 """
 
 EXACT_LEAF = """
 Quad p = fetch(records.data, 3 * at), q = fetch(records.data, 3 * at + 1), r = fetch(records.data, 3 * at + 2);
-float e0 = d[0] * p.x + d[1] * p.y + d[2] * p.z;
-float e1 = d[0] * p.w + d[1] * q.x + d[2] * q.y;
-float e2 = d[0] * q.z + d[1] * q.w + d[2] * r.x;
+float e0 = fused(d[2], p.z, fused(d[1], p.y, d[0] * p.x));
+float e1 = fused(d[2], q.y, fused(d[1], q.x, d[0] * p.w));
+float e2 = fused(d[2], r.x, fused(d[1], q.w, d[0] * q.z));
 float inside = low(e0, low(e1, e2));
 if (!(inside < -bound)) {
     float depth = d[0] * r.y + d[1] * r.z + d[2] * r.w;
-    float error = bound * high(size(r.y), high(size(r.z), size(r.w)));
+    float error = wide * high(size(r.y), high(size(r.z), size(r.w)));
     if (!(depth + error < sure_from)) {
         if (inside > bound && depth - error > sure_to) {
             best = at;
@@ -51,10 +51,12 @@ if (!(inside < -bound)) {
     }
 }
 """
-"""``bound`` holds for edge planes, and times the largest part of m for depths. Depths are 1 / t: nearer is larger.
+"""``bound`` holds for edge planes, ``wide`` times the largest part of m for depths. Depths are 1 / t: nearer is larger.
 ``sure_from`` and ``sure_to`` bound the depth of the current closest hit."""
 
-EXACT_END = "return {0.0f, 0.0f, real((unsigned int)last), real((unsigned int)best)};"
+EXACT_END = """
+return {real((unsigned int)first), real((unsigned int)second), real((unsigned int)last), real((unsigned int)best)};
+"""
 
 FLOAT32_BEGIN = """
 float u = 0.0f, v = 0.0f;
@@ -169,8 +171,8 @@ def single_walk(triangle: str, node_bytes: int, exact: bool) -> str:
 
 @functools.cache
 def make_walk(precision: str, packets: bool, node_bytes: int) -> Any:
-    """A function of a ray that gives (t, u, v, bits of the closest triangle or of -1); exact: (0, 0, last, triangle),
-    with the chain of what it left (:mod:`.doubt_text`).
+    """A function of a ray that gives (t, u, v, bits of the closest triangle or of -1); exact: the bits of (first, second,
+    last, triangle), with what it left (:mod:`.doubt_text`).
 
     ``seen`` is False in a lane without a ray; ``packets`` walks as one only where a warp does, on the GPU.
     """

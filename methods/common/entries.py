@@ -52,6 +52,10 @@ def entry(values: wp.array(dtype=wp.int32), i: wp.int32) -> wp.int32: ...
 
 
 @wp.func_native(READ)
+def entry(values: wp.array(dtype=wp.float32), i: wp.int32) -> wp.float32: ...
+
+
+@wp.func_native(READ)
 def entry(values: wp.array(dtype=wp.uint64), i: wp.int32) -> wp.uint64: ...
 
 
@@ -82,6 +86,10 @@ def entry(values: wp.array2d(dtype=wp.vec4f), row: wp.int32, column: wp.int32) -
 @wp.func_native(READ_WIDE.format(wide="float4", place=ROW_OF_FOUR, parts=FOUR))
 def entry_of_four(values: wp.array2d(dtype=wp.vec4f), row: wp.int32, column: wp.int32) -> wp.vec4f:
     """An entry of an array that is known to have four columns."""
+
+
+@wp.func_native(WRITE)
+def set_entry(values: wp.array(dtype=wp.uint8), i: wp.int32, value: wp.uint8): ...
 
 
 @wp.func_native(WRITE)

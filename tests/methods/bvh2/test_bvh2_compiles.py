@@ -29,6 +29,9 @@ EXACT_BYTES = STACK_BYTES + 4 * (MOST_KEPT + 2)
 FLOAT64_BYTES = 128
 """What primary rays may spill after their loop, where float64 computes the hit."""
 
+DOUBT_BYTES = 256
+"""What shadow rays may spill after their loop, where float64 decides what few of them left."""
+
 # The others are hot: test_kernel_report reads their binaries.
 KERNELS = {
     "lbvh": build_lbvh.make_lbvh_kernel(64),
@@ -45,9 +48,9 @@ TRACED = {
     "exact": (primary.make_exact_kernel(False, 48, FLOAT64_REGISTERS), EXACT_BYTES + FLOAT64_BYTES),
     "exact packet": (primary.make_exact_kernel(True, 48, FLOAT64_REGISTERS), FLOAT64_BYTES),
     "mirrored": (mirrored.make_exact_kernel(48, REGISTERS), EXACT_BYTES),
-    "mirrored shadow": (mirrored.make_shadow_kernel("exact", 48, REGISTERS), EXACT_BYTES),
+    "mirrored shadow": (mirrored.make_shadow_kernel("exact", 48, REGISTERS), EXACT_BYTES + DOUBT_BYTES),
     "mirrored, float32": (mirrored.make_float32_kernel(48, REGISTERS), STACK_BYTES),
-    "exact shadow": (shadow.make_shadow_kernel("exact", 48, REGISTERS), EXACT_BYTES),
+    "exact shadow": (shadow.make_shadow_kernel("exact", 48, REGISTERS), EXACT_BYTES + DOUBT_BYTES),
 }
 
 
