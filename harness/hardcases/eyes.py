@@ -154,7 +154,7 @@ def along_a_floor(height: float) -> Trial:
     2^-50 of its way over that sine: from one strip to another where the sine is small, unless it is computed with care. The
     floor is tilted, so that float64 rounds.
     """
-    y, z = np.float32([0.8, 0.6]).astype(np.float64).tolist()
+    y, z = (float(np.float32(x)) for x in (0.8, 0.6))
     floor = triangles((-9, -3 * y, -3 * z), (9, -3 * y, -3 * z), (0.3, 6 * y, 6 * z))
     x = 0.5 + 2.0 * np.arange(400) / 400
     strips = [
