@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from dataclasses import replace
 from typing import Any
 
 import warp as wp
@@ -45,7 +46,8 @@ class Rays(ShadowRays):
             return []
         reads = ("points", "triangles", "camera")
         eye = Pass("eye: triangles", "trace", reads, ("eye triangles",), self._eye_records)
-        return [eye, *self.mirror_passes(), *self.light_passes(received=True), *self.clear_passes()]
+        clear = Pass("clear counts", "trace", (), ("primary counts",), self.counts[0].zero_)
+        return [eye, *self.mirror_passes(), *self.light_passes(received=True), clear, *self.clear_passes()]
 
     def passes(self) -> list[Pass]:
         """Primary rays and shadow rays, in shares that run concurrently; then mirrored rays."""
@@ -53,10 +55,8 @@ class Rays(ShadowRays):
         if walked(self.effects):
             passes = self._careful_passes(scene)
         else:
-            # Between two forks of the graph, which would be one without it.
-            reads = (*scene, "camera", "eye triangles")
-            passes = [Pass("clear counts", "trace", reads, ("primary counts",), self.counts[0].zero_)]
-            passes += self.in_shares(lambda share: self._share(share, scene))
+            passes = self.in_shares(lambda share: self._share(share, scene))
+            passes[0] = replace(passes[0], joins=True)
         return passes + self.bounce_passes()
 
     def _share(self, share: int, scene: tuple[str, ...]) -> list[Pass]:
@@ -67,8 +67,10 @@ class Rays(ShadowRays):
         run = functools.partial
         primary_reads = (*seen, "eye triangles", "primary counts")
         passes = [
-            Pass(f"primary rays{of}", "trace", primary_reads, ("hits", hits), run(self._primary, share))
-        ]
+            Pass(
+                f"primary rays{of}", "trace", primary_reads, ("hits", hits, "primary counts"), run(self._primary, share)
+            )
+        ]  # fmt: skip
         return [*passes, *self.share_passes(share, (*seen, hits))]
 
     def _careful_passes(self, scene: tuple[str, ...]) -> list[Pass]:

@@ -81,7 +81,7 @@ class Hybrid(BaseMethod):
         )
         self._rays = rays
         after = [*rays.mirror_passes(), *rays.light_passes(received=True)]
-        if shadows and not effects.alpha and rays.shares == 1:
+        if shadows and not effects.alpha:
             after += rays.clear_passes()
         effect = "shadows" if shadows else "mirror"
         passes = [replace(work, branch=(TREE,), effect=effect) for work in first]
@@ -98,8 +98,7 @@ class Hybrid(BaseMethod):
         if effects.alpha:
             return shadow_ray_passes(effects, scene, lambda i: rays.careful.launch_shadow(i, 0))
         passes = rays.in_shares(lambda share: rays.share_passes(share, scene))
-        # Several shares fork again: a pass must lie between.
-        return passes if rays.shares == 1 else [*rays.clear_passes(), *passes]
+        return [replace(passes[0], joins=True), *passes[1:]]
 
     def needs(self) -> wp.array | None:
         streamed = self._streams.needs()
