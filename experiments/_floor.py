@@ -102,8 +102,8 @@ WORD = 8
 """Bytes of a pixel's nearest word."""
 ANSWER = 4 * 4
 """Bytes of a pixel's triangle, distance and weights."""
-HIT, POINT, PLACE, SLOT = 24, 16, 16, 8
-"""Bytes of a pixel's hit point in float64, in float32, of its place (with its depth) and its slot in the cells."""
+POINT, OWN, SLOT = 16, 4, 8
+"""Bytes of a ray's hit point in float32, of its own triangle and of its slot in the cells."""
 ITEM, RECORD, GROUP, PAIR = 16, 64, 128, 8
 """Bytes of a queued item, of a triangle's planes, of a light's group of rows with both, of a doubtful pair."""
 
@@ -130,11 +130,11 @@ def ray_grids(row: dict[str, Any], name: str) -> Work | None:
     group = ITEM + RECORD if who == "camera" else GROUP
     stages = {
         "clear": Work(pixels * WORD),
-        "resolve": Work(pixels * (WORD + ANSWER + HIT)),
+        "resolve": Work(pixels * (WORD + ANSWER)),
         "aim": Work(0.0),
-        "map rays": Work(pixels * (HIT + 4 + PLACE + POINT + 1)),
-        "count and scan": Work(pixels * (PLACE + SLOT), 0.0, 2),
-        "scatter rays": Work(pixels * SLOT + rays * 2 * POINT),
+        "map rays": Work(pixels * (WORD + 1) + rays * (POINT + OWN)),
+        "count and scan": Work(rays * SLOT),
+        "scatter rays": Work(rays * (SLOT + 2 * POINT)),
         "split large": Work(queued("items") * (ITEM + GROUP), stage=stage),
         "queued rows": Work(queued("items") * group, stage=stage),
         "further parts": Work(queued("parts") * (PAIR + group), stage=stage),

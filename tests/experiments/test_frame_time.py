@@ -92,7 +92,7 @@ def test_the_floor_is_told_stage_by_stage(monkeypatch, tmp_path):
     files, text = floored(monkeypatch, tmp_path, passes)
     assert "frame_time-stages.csv" in files
     pixels = 64 * 64
-    resolve, scatter = pixels * 48 / 1e9 + 0.01, (pixels * 8 + 3000 * 32) / 1e9 + 0.01
+    resolve, scatter = pixels * 24 / 1e9 + 0.01, 3000 * 40 / 1e9 + 0.01
     lines = (tmp_path / "frame_time-stages.csv").read_text().splitlines()
     assert lines[0] == ",".join(floor.COLUMNS)
     assert f"camera: resolve,trace,0.4,{resolve:.6g},{0.4 / resolve:.6g}" in lines[1]

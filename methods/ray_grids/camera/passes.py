@@ -23,6 +23,10 @@ RESOLVE_BLOCKS = 1
 """Blocks per multiprocessor that resolve the answers beside the passes of lights. A thread for each pixel would leave these
 no room until it ends; so few threads take longer, and hardly hold up passes that wait for memory."""
 
+MOST_BESIDE = 2**21
+"""Pixels of an image up to which that is so. The time of so few threads grows with the pixels, that of the lights' passes
+less: with 4096x4096 pixels they ended long after these."""
+
 
 class CameraStream:
     """Primary rays. ``threads``: of a CPU, that each resolve a band of the image.
@@ -72,7 +76,7 @@ class CameraStream:
         """The passes, and ``others``, of which few or none read the answers: on a GPU they run while these are resolved."""
         *first, resolve = self.passes()
         resolve = replace(resolve, aside=True)
-        if others and self.queues.cuda:
+        if others and self.queues.cuda and self.frame.pixels <= MOST_BESIDE:
             sm_count = wp.get_device(self.frame.device).sm_count
             self._resolvers = min(self._resolvers, RESOLVE_BLOCKS * int(BLOCK_DIM) * sm_count)
         after = next((k for k, work in enumerate(others) if not work.ahead), 0)
