@@ -13,7 +13,7 @@ from ...common.entries import entry
 from ...common.pixels import tile_pixel
 from ...common.triangle import U32, largest, to_float32, to_float64, total
 from ..aim import FACE, FACES, HIGH_U, HIGH_V, LARGEST, LOW_U, LOW_V, Cube, ordered
-from ..camera.pixels import inverse_depth
+from ..camera.pixels import edge_planes, inverse_depth
 from ..camera.stream import box_of
 from ..cube import on_face
 from ..fetch import corners_at
@@ -27,6 +27,10 @@ OFF = wp.constant(wp.float32(2.0**-7))
 
 LARGE_BOX = wp.constant(256)
 """Of a triangle with a box of more pixels only the part in view counts."""
+
+LEAST_PIXEL = wp.constant(wp.float32(2.0**-19))
+"""Least difference of the directions of neighbouring pixels for that. Directions are rounded by at most 8 u in each
+coordinate, those beyond the image included: by half a pixel if the difference is so small."""
 
 
 @wp.func
@@ -83,6 +87,24 @@ def beyond_pixel(camera: Camera, x: wp.int32, y: wp.int32) -> wp.vec3f:
     return entry(camera.column, 0) + wp.float32(x) * across + entry(camera.row, 0) + wp.float32(y) * down
 
 
+@wp.func
+def part_is_known(box: wp.vec4i, o: wp.vec3f, corners: Corners, camera: Camera) -> wp.bool:
+    """Whether only the part of a triangle in a box of pixels counts (:func:`part_in_view`).
+
+    Pixels must be farther apart than their directions are rounded, and the distance to the triangle's plane must be known.
+    """
+    if (box[2] - box[0] + 1) * (box[3] - box[1] + 1) <= LARGE_BOX:
+        return False
+    across = largest(entry(camera.column, camera.width - 1) - entry(camera.column, 0))
+    down = largest(entry(camera.row, camera.height - 1) - entry(camera.row, 0))
+    # An image of one column or row has no neighbours: it is not known either.
+    if not (
+        across > LEAST_PIXEL * wp.float32(camera.width) and down > LEAST_PIXEL * wp.float32(camera.height)
+    ):
+        return False
+    return edge_planes(o, corners).steep
+
+
 @wp.struct
 class Part:
     """Four points in whose convex hull the hits of a triangle lie, in the space of the cube. reach: the largest
@@ -99,7 +121,7 @@ class Part:
 @wp.func
 def part_in_view(box: wp.vec4i, o: wp.vec3f, corners: Corners, camera: Camera, cube: Cube) -> Part:
     """Where the hits of a box of pixels lie on the plane of a triangle: between those of the four pixels around it, one
-    pixel farther, if these all see the plane."""
+    pixel farther, if these all see the plane. For what :func:`part_is_known` says."""
     m = inverse_depth(o, corners)
     a = relative_point(Ray(o, beyond_pixel(camera, box[0] - 1, box[1] - 1)), m, cube.middle)
     b = relative_point(Ray(o, beyond_pixel(camera, box[2] + 1, box[1] - 1)), m, cube.middle)
@@ -165,7 +187,7 @@ def bounds_kernel(
     size = wp.max(largest(corners.a), wp.max(largest(corners.b), largest(corners.c)))
     part = Part()
     part.reach = wp.INF
-    if (box[2] - box[0] + 1) * (box[3] - box[1] + 1) > LARGE_BOX and camera.width > 1 and camera.height > 1:
+    if part_is_known(box, o, corners, camera):
         part = part_in_view(box, o, corners, camera, cube)
         part.reach += OFF * far
     in_part = part.reach < 1.0e30

@@ -29,14 +29,7 @@ def sides_of(light: LightStream) -> NDArray[np.float32]:
     return np.where(words < 0, words ^ 0x7FFFFFFF, words).astype(np.int32).view(np.float32)
 
 
-@pytest.mark.parametrize("seed", range(24))
-def test_holds_every_ray(seed):
-    random = np.random.default_rng(seed)
-    vertices, faces = soup(seed, int(random.integers(1, 40)), size=float(np.exp(random.uniform(-3, 4))))
-    shift = random.normal(size=3) * 10.0 ** random.uniform(-2, 4) * (seed % 2)
-    eye = random.normal(size=3) * (3 if seed % 3 else 0.3) + shift
-    lights = [tuple(random.normal(size=3) * 10.0 ** random.uniform(-3, 7) + shift) for _ in range(6)]
-    prepared = make_scene(vertices + shift, faces, lights, tuple(eye), tuple(shift), 90.0)
+def holds_every_ray(prepared: Prepared) -> None:
     for known, found in zip(lights_of(prepared, "triangles"), lights_of(prepared, "rays"), strict=True):
         assert isinstance(known, KnownRegionLight)
         assert not isinstance(found, KnownRegionLight)
@@ -45,6 +38,35 @@ def test_holds_every_ray(seed):
         assert known.cells.rectangle.numpy()[LARGEST] >= found.cells.rectangle.numpy()[LARGEST]
         if in_use[0]:
             assert (sides_of(known) <= sides_of(found)).all()
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_holds_every_ray(seed):
+    random = np.random.default_rng(seed)
+    vertices, faces = soup(seed, int(random.integers(1, 40)), size=float(np.exp(random.uniform(-3, 4))))
+    shift = random.normal(size=3) * 10.0 ** random.uniform(-2, 4) * (seed % 2)
+    eye = random.normal(size=3) * (3 if seed % 3 else 0.3) + shift
+    lights = [tuple(random.normal(size=3) * 10.0 ** random.uniform(-3, 7) + shift) for _ in range(6)]
+    prepared = make_scene(vertices + shift, faces, lights, tuple(eye), tuple(shift), 90.0)
+    holds_every_ray(prepared)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_holds_every_ray_of_pixels_closer_than_their_directions_are_rounded(seed):
+    """Part of a floor, seen from 5,000 of its lengths away through a very long lens."""
+    random = np.random.default_rng(seed)
+    vertices = np.array([(-90, 0, -90), (90, 0, 90), (-90, 0, 90), (90, 0, -90)], dtype=np.float32)
+    turn = random.uniform(0, 2 * np.pi)
+    prepared = make_scene(
+        vertices,
+        np.array([[0, 1, 2], [1, 0, 3]]),
+        [(random.normal(), 6.0, random.normal()) for _ in range(3)],
+        (1e6 * np.cos(turn), 1e6, 1e6 * np.sin(turn)),
+        (0.0, 0.0, 0.0),
+        float(np.degrees(SIZE[1] * 2.0 ** -(25 + seed % 3))),
+        tuple(random.normal(size=3)),
+    )
+    holds_every_ray(prepared)
 
 
 def test_of_a_large_triangle_only_the_part_in_view_counts():
