@@ -1,0 +1,52 @@
+"""Planes through a light where float32 loses their constant: too small a number, or too large a one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers.brute_force import make_scene
+from helpers.method_trials import assert_exact
+
+FLOOR = np.array([[-1.0, 0.7, -1.0], [-1.0, 0.7, 1.0], [1.0, 0.7, 0.0], [0.0, -1.0, 0.0]])
+
+
+def over_floor(
+    scale: float, corners: np.ndarray, light: np.ndarray, eye: np.ndarray, target: np.ndarray, fov: float
+):
+    """A floor, and a triangle over it that hides the light from a part of it. All in units of ``scale``."""
+    vertices = np.vstack([FLOOR, corners])
+    places = [tuple((np.asarray(at) * scale).tolist()) for at in (light, eye, target)]
+    return make_scene(
+        vertices * scale, [[0, 1, 2], [4, 5, 6]], [places[0]], places[1], places[2], fov, (0.0, 0.0, 1.0)
+    )
+
+
+@pytest.mark.parametrize("gap", [2.0**-18, 2.0**-17, 2.0**-16, 2.0**-15, 2.0**-14])
+@pytest.mark.parametrize("width", [0.8, 0.9, 1.0, 1.1])
+def test_a_small_triangle_of_a_small_scene_hides_the_floor_under_it(width, gap, device):
+    """Its normal times a coordinate is below float32's normal numbers."""
+    edge, scale = width * 2.0**-7, 2.0**-41
+    corners = np.array([[0, 0.7 + gap, 0], [0, 0.7 + gap, edge], [edge, 0.7 + gap, 0]])
+    middle = np.array([edge / 4, 0.7, edge / 4])
+    light = middle + [0.0, 1.0 / scale, 0.0]
+    eye = middle + [
+        edge / 8,
+        -edge,
+        edge / 8,
+    ]  # from below, since from above the triangle covers what it hides
+    got = assert_exact("bvh2", {}, over_floor(scale, corners, light, eye, middle, 80.0), 24, 24, device)
+    assert got["visibility"][0].any()
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_triangle_close_to_a_light_of_a_large_scene_hides_the_floor(side, device):
+    """Its planes' constants are beyond float32's largest number."""
+    edge, scale = 2.0**-20, 2.0**58
+    place = np.array([0.4 * side, 1.0, 0.3 * side])
+    corners = place + np.array([[0, 0, 0], [0, 0, edge], [edge, 0, 0]])
+    light = place + [edge / 4, edge, edge / 4]
+    got = assert_exact(
+        "bvh2", {}, over_floor(scale, corners, light, (0.0, 2.5, 0.1), (0.0, 0.7, 0.0), 60.0), 24, 24, device
+    )
+    under = got["triangle"] == 0
+    assert 0 < got["visibility"][0][under].sum() < under.sum()
