@@ -59,6 +59,7 @@ CHOICES: dict[str, dict[str, tuple[str, ...]]] = {
         "inline_rays": ("48", "0", "3"),
         "shares": ("1", "2", "3"),
         "beside": ("1", "2"),
+        "region": ("rays", "triangles"),
     },
     "warp_bvh": {"leaf_size": ("0", "2", "8"), "swizzle": ("true", "false")},
 }

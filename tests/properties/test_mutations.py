@@ -304,7 +304,7 @@ MUTATIONS = (
         ),
         "ray_grids",
         (("queue", "always"), ("region", "triangles")),
-        ("P16", "P24"),
+        ("P24",),
     ),
 )  # fmt: skip
 

@@ -154,7 +154,8 @@ def sides_of_flat(flat: Flat) -> Sides:
 @wp.func
 def side_of_plane(n: wp.vec3f, error: wp.float32, r: wp.vec4f, middle: wp.float32) -> wp.vec4f:
     """The line n0 + n1 u + n2 v >= -error in cell coordinates, taken from row ``middle``."""
-    # A line along the row is replaced by a very steep one: |u| <= 1, so the difference is at most three errors.
+    # A line along the row is replaced by a very steep one: |u| <= 1, so the difference is at most three errors. One is for
+    # the line, and one for what a hit point may be off in v (:mod:`.points`).
     across = n[1]
     if not (wp.abs(across) > error):
         across = 2.0 * error
@@ -164,7 +165,7 @@ def side_of_plane(n: wp.vec3f, error: wp.float32, r: wp.vec4f, middle: wp.float3
     if not (wp.abs(slope) < 1.0e9 and wp.abs(u) < 1.0e9):
         return wp.vec4f(0.0, 0.0, 0.0, 0.0)
     side = wp.sign(across)
-    slack = 0.1 + wp.abs(slope) * 0.52 + (4.0 * error / wp.abs(across) + 2.0e-5) * r[2]
+    slack = 0.1 + wp.abs(slope) * 0.52 + (5.0 * error / wp.abs(across) + 2.0e-5) * r[2]
     return wp.vec4f((u - r[0]) * r[2] - side * slack, middle - 0.5, slope, side)
 
 
