@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import functools
 import itertools
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import warp as wp
 
@@ -18,6 +18,11 @@ from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import Camera, filled
 from ...harness.frame.threads import Launch, beside, cpu_threads
 from .pixels import thread_count
+
+Part = TypeVar("Part")
+
+TILE_THREADS = 32
+"""Threads of a block of 8 x 4 pixels (:func:`.pixels.tile_pixel`)."""
 
 ROWS = 4
 """A band has a multiple of this many rows, so that blocks of 8 x 4 pixels are those of the image."""
@@ -69,30 +74,62 @@ def bands_of(frame: Frame, number: int) -> list[Band]:
     return bands
 
 
-class Bands:
-    """The bands of a frame, and launches on all of them: on a CPU a thread each, of ``threads`` (0: one for each core)."""
+class Parts(Generic[Part]):
+    """Parts of an image, and launches on all of them: on a CPU a thread each."""
+
+    def __init__(self, parts: Sequence[Part]):
+        self.parts = list(parts)
+        self._launches: dict[tuple[Any, ...], Launch] = {}
+
+    def run(self, launch: Callable[..., None], *arguments: Hashable) -> None:
+        """``launch(part, *arguments)`` of every part, at the same time."""
+        known = (launch, *arguments)
+        if known not in self._launches:
+            self._launches[known] = beside(
+                [functools.partial(launch, part, *arguments) for part in self.parts]
+            )
+        self._launches[known]()
+
+
+@dataclass(frozen=True)
+class Threads:
+    """``number`` threads of a kernel over an image (blocks of 8 x 4 pixels), from ``first`` on."""
+
+    first: int
+    number: int
+
+
+class ThreadRanges(Parts[Threads]):
+    """The threads of a kernel over the image of a frame, divided among ``threads`` of a CPU (0: one for each core).
+
+    For a kernel that reads and writes its pixels by their numbers: it adds the first of its threads to its own number.
+    """
 
     def __init__(self, frame: Frame, threads: int):
-        self.bands = bands_of(frame, cpu_threads(threads, frame.device))
+        tiles = thread_count(frame.width, frame.height, True) // TILE_THREADS
+        number = min(tiles, cpu_threads(threads, frame.device))
+        cuts = [TILE_THREADS * (tiles * k // number) for k in range(number + 1)]
+        super().__init__([Threads(first, end - first) for first, end in itertools.pairwise(cuts)])
+
+
+class Bands(Parts[Band]):
+    """The bands of a frame: on a CPU a thread each, of ``threads`` (0: one for each core)."""
+
+    def __init__(self, frame: Frame, threads: int):
+        super().__init__(bands_of(frame, cpu_threads(threads, frame.device)))
         self._cpu = not wp.get_device(frame.device).is_cuda
-        self._launches: dict[tuple[Any, ...], Launch] = {}
 
     def run(self, launch: Callable[..., None], *arguments: Hashable, tests: wp.array | None = None) -> None:
         """``launch(band, *arguments)`` of every band, at the same time.
 
         tests  an array to count tests in: ``launch(band, *arguments, tests)`` of every band, one after another
         """
-        if tests is not None:
-            for band in self.bands:
-                launch(band, *arguments, tests)
+        if tests is None:
+            super().run(launch, *arguments)
             return
-        known = (launch, *arguments)
-        if known not in self._launches:
-            self._launches[known] = beside(
-                [functools.partial(launch, band, *arguments) for band in self.bands]
-            )
-        self._launches[known]()
+        for band in self.parts:
+            launch(band, *arguments, tests)
 
     def built(self) -> dict[str, int]:
         """For :meth:`...harness.frame.method.Method.built`: threads of a CPU."""
-        return {"threads": len(self.bands)} if self._cpu else {}
+        return {"threads": len(self.parts)} if self._cpu else {}

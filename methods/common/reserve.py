@@ -107,16 +107,23 @@ if (lane == leader) {{
 }}
 return __shfl_sync(peers, base, leader) + __popc(peers & ((1u << lane) - 1u));
 #else
-int base = counts.data[slot]++;
+int base = {next_number};
 {within}
 return base;
 #endif
 """
 
 
-@wp.func_native(NUMBER_IN.format(within=WITHIN))
+@wp.func_native(NUMBER_IN.format(within=WITHIN, next_number="counts.data[slot]++"))
 def number_in(counts: wp.array(dtype=wp.int32), slot: wp.int32) -> wp.int32:
     """Raise a count by one and return what it was; lanes with the same ``slot`` share an atomic."""
+
+
+@wp.func_native(
+    NUMBER_IN.format(within=WITHIN, next_number="__atomic_fetch_add(counts.data + slot, 1, __ATOMIC_RELAXED)")
+)
+def number_among(counts: wp.array(dtype=wp.int32), slot: wp.int32) -> wp.int32:
+    """:func:`number_in`, atomic on a CPU, too, where kernels may run in several threads."""
 
 
 @wp.func_native("""
@@ -127,11 +134,12 @@ if ((threadIdx.x & 31) == __ffs(peers) - 1 && words.data[slot] < most) atomicMax
 #elif defined(__CUDA_ARCH__)
 if (words.data[slot] < value) atomicMax(words.data + slot, value);
 #else
-if (words.data[slot] < value) words.data[slot] = value;
+int *word = words.data + slot, known = __atomic_load_n(word, __ATOMIC_RELAXED);
+while (known < value && !__atomic_compare_exchange_n(word, &known, value, true, __ATOMIC_RELAXED, __ATOMIC_RELAXED)) {}
 #endif
 """)
 def raise_to(words: wp.array(dtype=wp.int32), slot: wp.int32, value: wp.int32):
-    """Raise a word to at least ``value``; lanes with the same ``slot`` share an atomic."""
+    """Raise a word to at least ``value``; lanes with the same ``slot`` share an atomic. Atomic on a CPU, too."""
 
 
 def counted(needed: NDArray[np.int64]) -> NDArray[np.int64]:

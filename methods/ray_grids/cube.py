@@ -84,12 +84,18 @@ if (k < {FACE}) {{
 }}
 #else
 if (face < 0) return;
-if (low_u < words.data[{LOW_U}]) words.data[{LOW_U}] = low_u;
-if (low_v < words.data[{LOW_V}]) words.data[{LOW_V}] = low_v;
-if (high_u < words.data[{HIGH_U}]) words.data[{HIGH_U}] = high_u;
-if (high_v < words.data[{HIGH_V}]) words.data[{HIGH_V}] = high_v;
-words.data[{FACE} + face] = 0;
-if (largest > words.data[{LARGEST}]) words.data[{LARGEST}] = largest;
+// Kernels may run in several threads. Few rays change a word, and what nobody writes the threads' caches share.
+auto change = [&](int k, int value, bool raise) {{
+    int *word = words.data + k, known = __atomic_load_n(word, __ATOMIC_RELAXED);
+    while ((raise ? known < value : value < known) &&
+        !__atomic_compare_exchange_n(word, &known, value, true, __ATOMIC_RELAXED, __ATOMIC_RELAXED)) {{}}
+}};
+change({LOW_U}, low_u, false);
+change({LOW_V}, low_v, false);
+change({HIGH_U}, high_u, false);
+change({HIGH_V}, high_v, false);
+change({FACE} + face, 0, false);
+change({LARGEST}, largest, true);
 #endif
 """)
 def record_rays(

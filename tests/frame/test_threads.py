@@ -14,11 +14,17 @@ from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.frame.threads import beside, cpu_threads, processors
 from shadowbench.harness.scene.scene import Light, Spot
+from shadowbench.methods.common.bands import ThreadRanges
 from shadowbench.methods.common.entries import raise_entry
+from shadowbench.methods.common.pixels import thread_count
+from shadowbench.methods.common.reserve import number_among, raise_to
+from shadowbench.methods.ray_grids.aim import EMPTY, LARGEST, RECTANGLE_WORDS
+from shadowbench.methods.ray_grids.cube import record_rays
 
 WIDTH, HEIGHT = 21, 18
 METHODS = (
-    "ray_grids", "hybrid", "bvh2", "uniform_grid", "two_level_grid", "kdtree", "warp_bvh", "warp_bvh.update=bvh_rebuild"
+    "ray_grids", "ray_grids.region=triangles", "hybrid", "bvh2", "uniform_grid", "two_level_grid", "kdtree", "warp_bvh",
+    "warp_bvh.update=bvh_rebuild"
 )  # fmt: skip
 
 
@@ -105,3 +111,43 @@ def test_a_word_that_another_thread_raises_meanwhile_keeps_the_greatest_value():
         word.zero_()
         both()
         assert word.numpy()[0] == greatest
+
+
+@pytest.mark.parametrize(("width", "height"), [(1, 1), (8, 4), (21, 18), (300, 7)])
+@pytest.mark.parametrize("threads", [1, 2, 3, 16])
+def test_ranges_hold_every_thread_of_an_image_once(width, height, threads):
+    session = Session(make_method("ray_grids"), scene(), width, height, "cpu")
+    parts = ThreadRanges(session.frame, threads).parts
+    held = [thread for part in parts for thread in range(part.first, part.first + part.number)]
+    assert held == list(range(thread_count(width, height, True)))
+    assert all(part.number and part.first % 32 == 0 for part in parts)
+    assert len(parts) <= threads
+
+
+@wp.kernel(enable_backward=False)
+def place_kernel(first: wp.int32, counts: wp.array(dtype=wp.int32), words: wp.array(dtype=wp.int32)):
+    """Numbers in one list; the greatest number; the bounds of numbers that fall: each of them changes a word."""
+    k = first + wp.tid()
+    number_among(counts, 0)
+    raise_to(counts, 1, k)
+    record_rays(words, -k, -k - 1, -k - 2, -k - 3, 0, k)
+
+
+def test_what_threads_count_and_bound_at_the_same_time_is_not_lost():
+    number = 2_000_000
+    counts = wp.zeros(2, dtype=wp.int32, device="cpu")
+    words = wp.zeros(int(RECTANGLE_WORDS), dtype=wp.int32, device="cpu")
+
+    def part(first):
+        return lambda: wp.launch(place_kernel, number, [first], [counts, words], device="cpu")
+
+    both = beside([part(0), part(number)])
+    for _ in range(4):
+        counts.zero_()
+        words.fill_(int(EMPTY))
+        words[int(LARGEST) : int(LARGEST) + 1].zero_()
+        both()
+        last = 2 * number - 1
+        assert counts.numpy().tolist() == [2 * number, last]
+        expected = [-last, -last - 1, -last - 2, -last - 3, 0, *[int(EMPTY)] * 5, last]
+        assert words.numpy().tolist() == expected

@@ -8,7 +8,7 @@ from ....harness.frame.geometry import Camera, Corners, Mesh
 from ....harness.frame.specialise import effects
 from ...common.entries import entry, set_entry
 from ...common.pixels import tile_pixel
-from ...common.reserve import number_in
+from ...common.reserve import number_among
 from ..aim import FACE, FACES, HIGH_U, HIGH_V, LARGEST, LOW_U, LOW_V, Cube, from_ordered
 from ..cube import record_place
 from ..queues import RAYS
@@ -146,6 +146,7 @@ def place_ray(
 
 @wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
 def map_kernel(
+    first: wp.int32,
     light: wp.int32,
     camera: Camera,
     lights: wp.array(dtype=wp.vec3f),
@@ -156,13 +157,13 @@ def map_kernel(
     cells: RayCells,
     visibility: wp.array2d(dtype=wp.uint8),
 ):
-    """Places of all rays, the rectangle of face 0, and the faces in use; empties ``farthest``. Clears the shadow bits,
-    unless the receivers' pass of the harness has.
+    """Places of rays, the rectangle of face 0, and the faces in use; empties ``farthest``. Clears the shadow bits, unless
+    the receivers' pass of the harness has. ``first``: of an image's threads, the first one here (as in the passes below).
 
     point: the hit in float32, and the pixel's number in the bits of the fourth. Nothing is written for pixels without ray.
     """
-    empty_tiles(cells.farthest, wp.tid(), camera.width, camera.height)
-    at = tile_pixel(wp.tid(), camera.width, camera.height)
+    empty_tiles(cells.farthest, first + wp.tid(), camera.width, camera.height)
+    at = tile_pixel(first + wp.tid(), camera.width, camera.height)
     point = Point()
     wanted = wp.bool(False)
     pixel = at[1] * camera.width + at[0]
@@ -185,7 +186,7 @@ def count_ray(pixel: wp.int32, p: wp.vec4f, cells: RayCells):
     x = cell_along(p[0], r[0], r[2], along)
     y = cell_along(p[1], r[1], r[3], along)
     cell = cell_index(face, x, y, along)
-    set_entry(cells.slot, pixel, wp.vec2i(cell, number_in(cells.count, cell)))
+    set_entry(cells.slot, pixel, wp.vec2i(cell, number_among(cells.count, cell)))
     raise_farthest(cells.farthest, face, x, y, p[3], along)
 
 
@@ -214,11 +215,16 @@ def count_placed(
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def count_kernel(
-    light: wp.int32, camera: Camera, rays: Words, receivers: wp.array2d(dtype=wp.uint8), cells: RayCells
+    first: wp.int32,
+    light: wp.int32,
+    camera: Camera,
+    rays: Words,
+    receivers: wp.array2d(dtype=wp.uint8),
+    cells: RayCells,
 ):
     """Cell of every ray, and its rank there; the farthest receivers. Ranks depend on the order of threads; no answer
     does."""
-    at = tile_pixel(wp.tid(), camera.width, camera.height)
+    at = tile_pixel(first + wp.tid(), camera.width, camera.height)
     if at[0] < 0:
         return
     pixel = at[1] * camera.width + at[0]
@@ -284,9 +290,9 @@ def put_ray(pixel: wp.int32, slot: wp.vec2i, cells: RayCells):
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
-def scatter_kernel(camera: Camera, cells: RayCells):
+def scatter_kernel(first: wp.int32, camera: Camera, cells: RayCells):
     """Rays in cell order: float32 hit point, and the pixel's number in the bits of the fourth."""
-    at = tile_pixel(wp.tid(), camera.width, camera.height)
+    at = tile_pixel(first + wp.tid(), camera.width, camera.height)
     if at[0] < 0:
         return
     pixel = at[1] * camera.width + at[0]

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import warp as wp
 
-from ...common.pixels import thread_count
+from ...common.bands import Threads
 from ..queues import BLOCK_DIM
 from . import receivers as light_receivers
 from . import region as light_region
@@ -39,12 +39,15 @@ class KnownRegionLight(LightStream):
             cells.farthest.zero_()  # another light of the branch has used it since launch_aim
 
     def launch_map(self) -> None:
-        f = self.frame
         self._begin()
+        self.ranges.run(self._place)
+
+    def _place(self, threads: Threads) -> None:
+        f, a = self.frame, self.aims
         wp.launch(
             light_region.place_kernel,
-            dim=thread_count(f.width, f.height, True),
-            inputs=[self.index, f.camera, self.aims.posts, self.aims.axes, f.mesh, self.rays],
+            dim=threads.number,
+            inputs=[threads.first, self.index, f.camera, a.posts, a.axes, f.mesh, self.rays],
             outputs=[self.cells, f.answers.visibility],
             device=f.device,
         )
@@ -59,12 +62,15 @@ class KnownRegionLight(LightStream):
     def launch_scatter(self) -> None:
         if self.marking:
             super().launch_scatter()
-            return
+        else:
+            self.ranges.run(self._scatter_hits)
+
+    def _scatter_hits(self, threads: Threads) -> None:
         f = self.frame
         wp.launch(
             light_region.scatter_kernel,
-            dim=thread_count(f.width, f.height, True),
-            inputs=[f.camera, self.rays],
+            dim=threads.number,
+            inputs=[threads.first, f.camera, self.rays],
             outputs=[self.cells],
             device=f.device,
         )

@@ -14,7 +14,7 @@ from ....harness.frame.passes import Pass
 from ....harness.frame.receivers import reached_by
 from ....harness.frame.specialise import specialised
 from ....harness.scene.effects import Effects
-from ...common.pixels import thread_count
+from ...common.bands import ThreadRanges, Threads
 from .. import aim as light_aim
 from ..parameters import Streams
 from ..queues import BLOCK_DIM, WORDS, Queues, Step, in_shares
@@ -101,6 +101,7 @@ class LightStream:
         self.counts = queues.counters(1 + index)
         self.queue = queues.of_stream(1 + index)
         self.cells = filled(RayCells, rectangle=aims.rectangles[index], table=aims.tables[index], **arrays)
+        self.ranges = ThreadRanges(frame, queues.shares if queues.threaded else 1)
         self.receivers = frame.receivers
         self.marking = self.marks and effects.has_receivers(index)
         self.reached = wp.empty(0, dtype=wp.int32, device=frame.device)
@@ -208,53 +209,57 @@ class LightStream:
         )
 
     def launch_map(self) -> None:
-        f = self.frame
+        self.ranges.run(self._map)
+
+    def _map(self, threads: Threads) -> None:
+        f, a = self.frame, self.aims
         wp.launch(
             specialised(light_bins.map_kernel, self.switches),
-            dim=thread_count(f.width, f.height, True),
+            dim=threads.number,
             inputs=[
-                self.index,
-                f.camera,
-                self.aims.posts,
-                self.aims.axes,
-                f.mesh,
-                self.rays,
-                self.receivers,
+                threads.first, self.index, f.camera, a.posts, a.axes, f.mesh, self.rays, self.receivers,
             ],
             outputs=[self.cells, f.answers.visibility],
             device=f.device,
-        )
+        )  # fmt: skip
 
     def launch_marking_map(self) -> None:
         self.launch_marking(light_receivers.map_kernel)
 
     def launch_marking(self, kernel: wp.Kernel) -> None:
         """Launch a kernel that marks the receivers and places their rays."""
-        f, a = self.frame, self.aims
         if self.reached.size:
             self.reached.zero_()
+        self.ranges.run(self._mark, kernel)
+
+    def _mark(self, threads: Threads, kernel: wp.Kernel) -> None:
+        f, a = self.frame, self.aims
         wp.launch(
             kernel,
-            dim=thread_count(f.width, f.height, True),
+            dim=threads.number,
             inputs=[
-                self.index, self.effects.facing, f.camera, f.mesh, f.lights, f.spots, a.posts, a.axes, self.rays,
+                threads.first, self.index, self.effects.facing, f.camera, f.mesh, f.lights, f.spots, a.posts, a.axes,
+                self.rays,
             ],
             outputs=[self.cells, f.receivers, self.reached, f.answers.visibility],
             device=f.device,
         )  # fmt: skip
 
     def launch_count(self) -> None:
-        f, cells = self.frame, self.cells
         if not self.queues.cuda:
-            cells.count.zero_()
+            self.cells.count.zero_()
+        self.ranges.run(self._count)
+        self.launch_scan()
+
+    def _count(self, threads: Threads) -> None:
+        f = self.frame
         wp.launch(
             specialised(light_bins.count_kernel, self.switches),
-            dim=thread_count(f.width, f.height, True),
-            inputs=[self.index, f.camera, self.rays, self.receivers],
-            outputs=[cells],
+            dim=threads.number,
+            inputs=[threads.first, self.index, f.camera, self.rays, self.receivers],
+            outputs=[self.cells],
             device=f.device,
         )
-        self.launch_scan()
 
     def launch_scan(self) -> None:
         """Offsets of the cells from their counts."""
@@ -273,11 +278,14 @@ class LightStream:
             wp.utils.array_scan(cells.count, cells.offset[1:], inclusive=True)
 
     def launch_scatter(self) -> None:
+        self.ranges.run(self._scatter)
+
+    def _scatter(self, threads: Threads) -> None:
         f = self.frame
         wp.launch(
             light_bins.scatter_kernel,
-            dim=thread_count(f.width, f.height, True),
-            inputs=[f.camera],
+            dim=threads.number,
+            inputs=[threads.first, f.camera],
             outputs=[self.cells],
             device=f.device,
         )

@@ -76,6 +76,7 @@ def is_receiver(
 
 @wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
 def map_kernel(
+    first: wp.int32,
     light: wp.int32,
     facing: wp.bool,
     camera: Camera,
@@ -91,8 +92,8 @@ def map_kernel(
     visibility: wp.array2d(dtype=wp.uint8),
 ):
     """:func:`.bins.map_kernel`, which also marks the receivers. reached: int32 [1], 1 if there is one; or empty."""
-    empty_tiles(cells.farthest, wp.tid(), camera.width, camera.height)
-    at = tile_pixel(wp.tid(), camera.width, camera.height)
+    empty_tiles(cells.farthest, first + wp.tid(), camera.width, camera.height)
+    at = tile_pixel(first + wp.tid(), camera.width, camera.height)
     point = Point()
     wanted = wp.bool(False)
     pixel = at[1] * camera.width + at[0]
@@ -110,6 +111,7 @@ def map_kernel(
 
 @wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
 def place_kernel(
+    first: wp.int32,
     light: wp.int32,
     facing: wp.bool,
     camera: Camera,
@@ -125,7 +127,7 @@ def place_kernel(
     visibility: wp.array2d(dtype=wp.uint8),
 ):
     """:func:`.region.place_kernel`, which also marks the receivers. Pixels without a ray get a slot without a cell."""
-    at = tile_pixel(wp.tid(), camera.width, camera.height)
+    at = tile_pixel(first + wp.tid(), camera.width, camera.height)
     if at[0] < 0:
         return
     pixel = at[1] * camera.width + at[0]

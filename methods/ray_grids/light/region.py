@@ -215,6 +215,7 @@ def bounds_kernel(
 
 @wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
 def place_kernel(
+    first: wp.int32,
     light: wp.int32,
     camera: Camera,
     lights: wp.array(dtype=wp.vec3f),
@@ -225,7 +226,7 @@ def place_kernel(
     visibility: wp.array2d(dtype=wp.uint8),
 ):
     """:func:`.bins.map_kernel` and :func:`.bins.count_kernel` in one, where the rectangle is known."""
-    at = tile_pixel(wp.tid(), camera.width, camera.height)
+    at = tile_pixel(first + wp.tid(), camera.width, camera.height)
     if at[0] < 0:
         return
     pixel = at[1] * camera.width + at[0]
@@ -236,9 +237,9 @@ def place_kernel(
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
-def scatter_kernel(camera: Camera, rays: Words, cells: RayCells):
+def scatter_kernel(first: wp.int32, camera: Camera, rays: Words, cells: RayCells):
     """:func:`.bins.scatter_kernel`, where pixels without a hit have no slot."""
-    at = tile_pixel(wp.tid(), camera.width, camera.height)
+    at = tile_pixel(first + wp.tid(), camera.width, camera.height)
     if at[0] < 0:
         return
     pixel = at[1] * camera.width + at[0]
