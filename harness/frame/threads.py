@@ -7,10 +7,11 @@ instructions of their own, or write the same value.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 
 import warp as wp
 
@@ -45,31 +46,37 @@ def _pool(workers: int) -> ThreadPoolExecutor:
 
 def beside(launches: Sequence[Launch]) -> Launch:
     """A launch of several parts, each in a thread of its own. At first in one, since kernels may have to be compiled."""
-    if len(launches) == 1:
-        return launches[0]
     known = False
 
     def launch() -> None:
         nonlocal known
-        if known:
-            _run(launches)
-        else:
-            for part in launches:
-                part()
-            known = True
+        launch_parts(launches, known)
+        known = True
 
     return launch
 
 
+def launch_parts(launches: Sequence[Launch], compiled: bool) -> None:
+    """Launch several parts, each in a thread of its own if their kernels are compiled; else one after another."""
+    if compiled and len(launches) > 1:
+        _run(launches)
+        return
+    for part in launches:
+        part()
+
+
 def _run(launches: Sequence[Launch]) -> None:
     pool = _pool(len(launches) - 1)
-    others = [(part, pool.submit(part)) for part in launches[1:]]
-    try:
+    # The stack waits for every part, even if another one fails.
+    with contextlib.ExitStack() as ends:
+        for part in launches[1:]:
+            ends.callback(_finish, part, pool.submit(part))
         launches[0]()
-    finally:
-        # A part that no thread has begun runs here: the pool of a process that was forked has no threads.
-        for part, future in others:
-            if future.cancel():
-                part()
-            else:
-                future.result()
+
+
+def _finish(part: Launch, future: Future[None]) -> None:
+    """Wait for a part. One that no thread has begun runs here: the pool of a process that was forked has no threads."""
+    if future.cancel():
+        part()
+    else:
+        future.result()

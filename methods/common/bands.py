@@ -16,7 +16,7 @@ import warp as wp
 
 from ...harness.frame.frame import Frame
 from ...harness.frame.geometry import Camera, filled
-from ...harness.frame.threads import Launch, beside, cpu_threads
+from ...harness.frame.threads import cpu_threads, launch_parts
 from .pixels import thread_count
 
 Part = TypeVar("Part")
@@ -79,16 +79,18 @@ class Parts(Generic[Part]):
 
     def __init__(self, parts: Sequence[Part]):
         self.parts = list(parts)
-        self._launches: dict[tuple[Any, ...], Launch] = {}
+        self._compiled: set[tuple[Any, ...]] = set()
 
     def run(self, launch: Callable[..., None], *arguments: Hashable) -> None:
-        """``launch(part, *arguments)`` of every part, at the same time."""
-        known = (launch, *arguments)
-        if known not in self._launches:
-            self._launches[known] = beside(
-                [functools.partial(launch, part, *arguments) for part in self.parts]
-            )
-        self._launches[known]()
+        """``launch(part, *arguments)`` of every part, at the same time; at first one after another, since kernels may have
+        to be compiled."""
+        # The function, not the method: the object whose method it is has these parts, and the two would keep one another,
+        # with all arrays of the object, until garbage is collected.
+        known = (getattr(launch, "__func__", launch), *arguments)
+        launch_parts(
+            [functools.partial(launch, part, *arguments) for part in self.parts], known in self._compiled
+        )
+        self._compiled.add(known)
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """Places in lists that many threads write: one atomic for all lanes of a warp that want the same list.
 
-A hundred thousand atomics on one address cost more than the work that they assign. On the CPU it is a plain addition.
+A hundred thousand atomics on one address cost more than the work that they assign. On the CPU it is a plain addition, but in
+:func:`number_among`.
 Counters count on beyond a list's capacity: writers drop what does not fit, and the harness, which reads the
 counters after the frame, throws the frame away and repeats it with more room. A counter of 32 bits that passes 2^31
 continues with negative numbers: the places that it reserves from 2^30 on begin at :data:`BEYOND`, which no list reaches,

@@ -93,8 +93,8 @@ class Build(Streams):
                    more than two pixels per triangle
     occluders      "last": each shadow ray is tested first against the triangle that shadowed its pixel in the last frame;
                    a ray that it shadows still is not placed in the light's grid. "none": no occluder is kept
-    threads        of a CPU: each streams a part of the triangles and resolves a band of the image; 0: one for each core
-                   that this process may use, at most 16
+    threads        of a CPU: each streams a part of the triangles, places a part of the rays and resolves a band of the
+                   image; 0: one for each core that this process may use, at most 16
     item_capacity  initial capacity, entries, of the queues of work items and of large triangles; 0 chooses; grows when a
                    frame needs more
     part_capacity  initial capacity, entries, of the queue of further parts of work items; 0 chooses; grows when a frame

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import gc
 import threading
 import time
 
@@ -81,6 +83,52 @@ def test_an_error_of_a_part_is_raised():
     launch()
     with pytest.raises(ValueError, match="lost"):
         launch()
+
+
+@pytest.mark.parametrize(
+    "order", [("fails", "late", "late"), ("quick", "fails", "late"), ("quick", "late", "fails")]
+)
+def test_an_error_is_raised_when_all_parts_have_ended(order):
+    calls = []
+    ended = []
+
+    def part(kind):
+        calls.append(kind)
+        if len(calls) > len(order):  # not at first, in one thread
+            if kind == "fails":
+                raise ValueError("lost")
+            if kind == "late":
+                time.sleep(0.2)
+            ended.append(kind)
+
+    launch = beside([functools.partial(part, kind) for kind in order])
+    launch()
+    with pytest.raises(ValueError, match="lost"):
+        launch()
+    assert sorted([*ended, "fails"]) == sorted(order)
+
+
+@pytest.mark.parametrize("name", [*METHODS, "ray_grids.occluders=last", "visibility_buffer"])
+def test_a_new_plan_frees_the_arrays_of_the_last_one_at_once(name):
+    """Without the garbage collector, which counts objects, not their bytes."""
+    name, _, setting = name.partition(".")
+    prepared = scene()
+    moment = prepared.moment(0, WIDTH, HEIGHT)
+    session = Session(
+        make_method(name, dict([setting.split("=")] if setting else [])), prepared, WIDTH, HEIGHT, "cpu"
+    )
+    collecting = gc.isenabled()
+    gc.disable()
+    try:
+        numbers = []
+        for _ in range(3):
+            session._plan()
+            session.answers(moment)
+            numbers.append(sum(isinstance(held, wp.array) for held in gc.get_objects()))
+    finally:
+        if collecting:
+            gc.enable()
+    assert len(set(numbers)) == 1
 
 
 def test_the_number_of_threads():
