@@ -172,30 +172,52 @@ def test_ranges_hold_every_thread_of_an_image_once(width, height, threads):
     assert len(parts) <= threads
 
 
+ROWS = 64
+
+
 @wp.kernel(enable_backward=False)
-def place_kernel(first: wp.int32, counts: wp.array(dtype=wp.int32), words: wp.array(dtype=wp.int32)):
-    """Numbers in one list; the greatest number; the bounds of numbers that fall: each of them changes a word."""
+def place_kernel(
+    first: wp.int32,
+    numbers: wp.array(dtype=wp.int32),
+    greatest: wp.array(dtype=wp.int32),
+    words: wp.array2d(dtype=wp.int32),
+):
+    """In one of ROWS rows: numbers in a list; the greatest number; bounds of numbers that fall. Each changes a word."""
     k = first + wp.tid()
-    number_among(counts, 0)
-    raise_to(counts, 1, k)
-    record_rays(words, -k, -k - 1, -k - 2, -k - 3, 0, k)
+    row = k % wp.static(ROWS)
+    number_among(numbers, row)
+    raise_to(greatest, row, k)
+    record_rays(words[row], -k, -k - 1, -k - 2, -k - 3, 0, k)
 
 
-def test_what_threads_count_and_bound_at_the_same_time_is_not_lost():
-    number = 2_000_000
-    counts = wp.zeros(2, dtype=wp.int32, device="cpu")
-    words = wp.zeros(int(RECTANGLE_WORDS), dtype=wp.int32, device="cpu")
+@pytest.mark.parametrize("last", [6_400_000, 2**30])
+def test_what_threads_count_and_bound_at_the_same_time_is_not_lost(last):
+    """One thread changes all words again and again. Another one begins a little later, with greater numbers: as many, or
+    once for each row, after which nothing makes up for a word that was lost."""
+    number = 6_400_000
+    others = number if last == number else ROWS
+    numbers, greatest = (wp.zeros(ROWS, dtype=wp.int32, device="cpu") for _ in range(2))
+    words = wp.zeros((ROWS, int(RECTANGLE_WORDS)), dtype=wp.int32, device="cpu")
 
-    def part(first):
-        return lambda: wp.launch(place_kernel, number, [first], [counts, words], device="cpu")
+    def launch(first, count):
+        wp.launch(place_kernel, count, [first], [numbers, greatest, words], device="cpu")
 
-    both = beside([part(0), part(number)])
-    for _ in range(4):
-        counts.zero_()
+    def later():
+        time.sleep(0.002)
+        launch(last, others)
+
+    both = beside([functools.partial(launch, 0, number), later])
+    for _ in range(8 if others == number else 30):
+        numbers.zero_()
+        greatest.zero_()
         words.fill_(int(EMPTY))
-        words[int(LARGEST) : int(LARGEST) + 1].zero_()
+        words[:, int(LARGEST)].zero_()
         both()
-        last = 2 * number - 1
-        assert counts.numpy().tolist() == [2 * number, last]
-        expected = [-last, -last - 1, -last - 2, -last - 3, 0, *[int(EMPTY)] * 5, last]
-        assert words.numpy().tolist() == expected
+        k = np.arange(last + others - ROWS, last + others, dtype=np.int32)
+        k = k[np.argsort(k % ROWS)]
+        assert numbers.numpy().tolist() == [(number + others) // ROWS] * ROWS
+        np.testing.assert_array_equal(greatest.numpy(), k)
+        expected = np.full((ROWS, int(RECTANGLE_WORDS)), int(EMPTY), dtype=np.int32)
+        expected[:, :5] = np.stack([-k, -k - 1, -k - 2, -k - 3, 0 * k], axis=1)
+        expected[:, int(LARGEST)] = k
+        np.testing.assert_array_equal(words.numpy(), expected)
