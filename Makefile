@@ -15,7 +15,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 help:
 	@echo "make table1   set everything up, run Table 1 on what this machine has, print it, draw the pictures"
-	@echo "make test     set everything up, run the tests (five to six minutes on two cores; JOBS=8 where there are more)"
+	@echo "make test     set everything up, run the tests (ten minutes on two cores; JOBS=8 where there are more)"
 	@echo "make fuzz     hard cases in other places, a second judge, sequences of frames, then random scenes: an hour or more"
 	@echo "make lint     ruff and mypy"
 	@echo "make format   let ruff put the code in shape"
@@ -29,7 +29,7 @@ test: $(STAMP)
 
 fuzz: $(STAMP)
 	SHADOWBENCH_SWEEP=all $(BIN)/python -m pytest -n $(JOBS) tests/properties/test_sweep.py tests/properties/test_map_clamp_sweep.py \
-		tests/hardcases/test_hard_cases.py
+		tests/hardcases/test_hard_cases.py tests/emulated
 	$(BIN)/python tests/tools/second_opinion.py --rays 100000
 	$(BIN)/python tests/tools/play.py --frames 10000
 	$(BIN)/python tests/tools/play.py --frames 5000 --effects

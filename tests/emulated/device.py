@@ -1,0 +1,100 @@
+"""Makes Warp's CPU device one that takes the GPU's ways. For a process of its own, before the project is imported."""
+
+from __future__ import annotations
+
+import atexit
+import hashlib
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import warp as wp
+from shadowbench.harness.frame.warp_init import start_warp
+from warp._src import codegen, context
+
+from .assembly import without_assembly
+
+HEADER = Path(__file__).with_name("lanes.h")
+
+WARP = "warp"
+"""The package for which the CPU remains a CPU. For all other modules it counts as a GPU."""
+
+BLOCK = 256
+"""Threads of a block where a launch does not say, as on a GPU."""
+
+MULTIPROCESSORS = 2
+"""Few: kernels with threads for all of them then take several rounds."""
+
+_BLOCK_INDEX = """    blockIdx.x = (uint)(payload->block_first / WP_TILE_BLOCK_DIM);
+    gridDim.x = (uint)((dim->size + WP_TILE_BLOCK_DIM - 1) / WP_TILE_BLOCK_DIM);
+"""
+
+
+def install(replaced: Sequence[tuple[str, str]] = ()) -> set[str]:
+    """From here on kernels are compiled with :data:`HEADER`, and ``is_cuda`` of the CPU device is true but for Warp itself.
+
+    ``replaced``: texts of snippets and what stands in their place. Returns those that no snippet has held yet.
+    """
+    unseen = {old for old, _ in replaced}
+    _compile_with_header(replaced, unseen)
+    wp.config.enable_cpu_blocks = True
+    start_warp()
+    _keep_kernels_apart(replaced)
+    resolve = context._resolve_launch_block_dim
+
+    def block_dim(device: context.Device, wanted: int | None) -> int:
+        return resolve(device, BLOCK if wanted is None or wanted <= 0 else wanted)
+
+    context._resolve_launch_block_dim = block_dim
+    stream = SimpleNamespace(is_capturing=False)
+    context.Device.is_cuda = property(lambda device: device.ordinal >= 0 or _asked_by_project())
+    context.Device.is_cpu = property(lambda device: device.ordinal < 0 and not _asked_by_project())
+    context.Device.stream = property(lambda device: stream if _asked_by_project() else None)
+    wp.get_device("cpu").sm_count = MULTIPROCESSORS
+    from shadowbench.harness.frame.passes import PassRunner
+
+    PassRunner.replays = property(lambda runner: False)  # type: ignore[method-assign, assignment]
+    return unseen
+
+
+def _compile_with_header(replaced: Sequence[tuple[str, str]], unseen: set[str]) -> None:
+    generate = codegen.codegen_snippet
+
+    def codegen_snippet(adj: Any, name: str, snippet: str, *more: Any, **named: Any) -> str:
+        for old, new in replaced:
+            if old in snippet:
+                unseen.discard(old)
+            snippet = snippet.replace(old, new)
+        return generate(adj, name, without_assembly(snippet), *more, **named)
+
+    codegen.codegen_snippet = codegen_snippet
+    codegen.cpu_module_header += f'#include "{HEADER}"\n'
+    template, begin = codegen.cpu_block_module_template_forward, "    const size_t task_index ="
+    if template.count(begin) != 1:
+        raise RuntimeError(
+            f"Warp {wp.__version__} compiles blocks in another way than this emulation expects"
+        )
+    codegen.cpu_block_module_template_forward = template.replace(begin, _BLOCK_INDEX + begin)
+
+
+def _keep_kernels_apart(replaced: Sequence[tuple[str, str]]) -> None:
+    """A folder of compiled kernels for this version of the emulation, since Warp does not know that they differ.
+
+    With replaced texts it is removed at the end.
+    """
+    if replaced:
+        folder = tempfile.TemporaryDirectory(prefix="shadowbench-emulated-")
+        atexit.register(folder.cleanup)
+        wp.config.kernel_cache_dir = folder.name
+        return
+    files = (HEADER, Path(__file__), Path(without_assembly.__code__.co_filename))
+    version = hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()[:8]
+    wp.config.kernel_cache_dir = str(Path(wp.config.kernel_cache_dir) / f"emulated-{version}")
+
+
+def _asked_by_project() -> bool:
+    """Whether the function that reads a property of a device is none of Warp's."""
+    return str(sys._getframe(2).f_globals.get("__name__", "")).partition(".")[0] != WARP

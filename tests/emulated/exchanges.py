@@ -1,0 +1,106 @@
+"""A program for the emulated GPU: each function of a warp or a block, against what CUDA defines.
+
+With a name of :data:`BROKEN`, that use of them, which must fail.
+"""
+
+import sys
+
+import numpy as np
+import warp as wp
+
+LANES, WARPS, BLOCKS = 32, 3, 2
+THREADS = LANES * WARPS
+COUNT = THREADS * BLOCKS
+
+
+def run(result: str, values: np.ndarray, count: int = COUNT) -> np.ndarray:
+    """What each of ``count`` threads gets from C++ of its number v."""
+
+    @wp.func_native(f"return {result};")
+    def body(v: wp.int32) -> wp.int32: ...
+
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique")
+    def kernel(values: wp.array(dtype=wp.int32), results: wp.array(dtype=wp.int32)):
+        k = wp.tid()
+        results[k] = body(values[k])
+
+    given = wp.array(values, dtype=wp.int32, device="cpu")
+    results = wp.zeros(len(values), dtype=wp.int32, device="cpu")
+    wp.launch(kernel, dim=count, inputs=[given], outputs=[results], device="cpu", block_dim=THREADS)
+    return results.numpy()
+
+
+ALL = "0xffffffffu"
+LANE = "(threadIdx.x & 31)"
+
+
+def right() -> None:
+    """Every function, compared with numpy."""
+    values = np.random.default_rng(3).integers(0, 50, COUNT, dtype=np.int32)
+    warps = values.reshape(-1, LANES)
+    lane = np.arange(LANES)
+    low = (warps & 1) << lane
+    odd = low.sum(axis=1).astype(np.uint32).astype(np.int32)[:, None]
+    same = [[sum(1 << j for j in lane if row[j] == v) for v in row] for row in warps]
+    expected = {
+        f"__shfl_sync({ALL}, v, 5)": warps[:, [5] * LANES],
+        f"__shfl_up_sync({ALL}, v, 3)": np.where(lane < 3, warps, np.roll(warps, 3, axis=1)),
+        f"__shfl_down_sync({ALL}, v, 3)": np.where(lane > 28, warps, np.roll(warps, -3, axis=1)),
+        f"__shfl_xor_sync({ALL}, v, 6)": warps[:, lane ^ 6],
+        f"__ballot_sync({ALL}, v & 1)": odd,
+        f"__any_sync({ALL}, v == 7)": (warps == 7).any(axis=1)[:, None],
+        f"__all_sync({ALL}, v < 49)": (warps < 49).all(axis=1)[:, None],
+        f"__match_any_sync({ALL}, v)": np.array(same, dtype=np.int64).astype(np.uint32).astype(np.int32),
+        f"__reduce_max_sync({ALL}, v)": warps.max(axis=1)[:, None],
+        f"__reduce_min_sync({ALL}, v)": warps.min(axis=1)[:, None],
+        f"__reduce_add_sync({ALL}, v)": warps.sum(axis=1)[:, None],
+        f"__reduce_or_sync({ALL}, v)": np.bitwise_or.reduce(warps, axis=1)[:, None],
+        "__syncthreads_or(v == 7)": np.repeat((values.reshape(BLOCKS, THREADS) == 7).any(axis=1), WARPS)[
+            :, None
+        ],
+        # A part of the lanes, of which some do without the others.
+        f"{LANE} < 8 ? __shfl_sync(0xffu, v, 2) : v": np.where(lane < 8, warps[:, [2] * LANES], warps),
+        f"(__activemask() >> {LANE} & 1) ? v : -1": warps,
+        "blockIdx.x * 100 + gridDim.x": np.repeat(np.arange(BLOCKS) * 100 + BLOCKS, WARPS)[:, None],
+    }
+    for result, answer in expected.items():
+        given = run(result, values).reshape(-1, LANES)
+        np.testing.assert_array_equal(given, np.broadcast_to(answer, given.shape), err_msg=result)
+    print(f"{len(expected)} functions agree")
+
+
+SHARED = """([&] {{
+    __shared__ int kept[96];
+    kept[threadIdx.x] = v;
+    {wait}
+    return kept[threadIdx.x ^ 1];
+}}())"""
+
+BROKEN = {
+    "no wait between lanes": lambda: shared(""),
+    "a lane that has returned": lambda: run(
+        f"__shfl_sync({ALL}, v, 0)", np.zeros(COUNT, np.int32), COUNT - 1
+    ),
+    "a lane outside its mask": lambda: run("__shfl_sync(0xfu, v, 0)", np.zeros(COUNT, np.int32)),
+    "different exchanges": lambda: run(
+        f"{LANE} ? (int)__ballot_sync({ALL}, v) : __shfl_sync({ALL}, v, 0)", np.zeros(COUNT, np.int32)
+    ),
+    "assembly without translation": lambda: run(
+        '([&] { asm("nop;"); return v; }())', np.zeros(COUNT, np.int32)
+    ),
+}
+
+
+def shared(wait: str) -> None:
+    """Lanes that read what their neighbours wrote."""
+    values = np.arange(1, COUNT + 1, dtype=np.int32)
+    np.testing.assert_array_equal(run(SHARED.format(wait=wait), values), values[np.arange(COUNT) ^ 1])
+
+
+if __name__ == "__main__":
+    if sys.argv[1:]:
+        BROKEN[sys.argv[1]]()
+    else:
+        right()
+        shared("__syncwarp();")
+        shared("__syncthreads();")

@@ -1,0 +1,112 @@
+"""The GPU's side of every exact method, run on a CPU: hard cases, orders of the lanes, and snippets that were broken."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+from helpers.judged_hard_cases import EVERYTHING, exact_methods
+from shadowbench.harness.frame.registry import make_method
+from shadowbench.harness.hardcases import all_cases
+
+EMULATED = Path(__file__).parent
+EVERY = 1 if EVERYTHING else 13
+"""Each method is tried on every so many of the hard cases; ``make fuzz`` takes all."""
+
+CASES = [case.name for case in all_cases() if not case.large][::EVERY]
+
+GPU_METHODS = [(name, given) for name, given in exact_methods() if "cuda" in make_method(name, given).devices]
+
+
+def emulated(*arguments: str, seed: int = 0) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "EMULATED_SEED": str(seed)}
+    command = [sys.executable, str(EMULATED), *arguments]
+    return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+
+
+def checked(method: str, given: dict[str, str], cases: Sequence[str], *options: str, seed: int = 0) -> str:
+    """What ``shadowbench check`` says of a method, in its last line but one at most."""
+    settings = [word for key, value in given.items() for word in ("--set", f"{key}={value}")]
+    chosen = [word for case in cases for word in ("--case", case)]
+    done = emulated(*options, "check", method, "--device", "cpu", *settings, *chosen, seed=seed)
+    found = re.search(rf"^{method} on cpu: .*", done.stdout, re.MULTILINE)
+    assert found, done.stdout + done.stderr
+    return found[0]
+
+
+def test_what_threads_exchange_is_what_cuda_defines():
+    done = emulated(str(EMULATED / "exchanges.py"))
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "16 functions agree" in done.stdout
+
+
+def test_threads_exchange_the_same_in_other_orders():
+    done = emulated(str(EMULATED / "exchanges.py"), seed=5)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.parametrize(
+    ("broken", "said"),
+    [
+        ("no wait between lanes", "Arrays are not equal"),
+        ("a lane that has returned", "waits without end at shfl"),
+        ("a lane outside its mask", "lane 4 is not in its mask 0000000f at shfl"),
+        ("different exchanges", "at ballot meets lanes at shfl"),
+        ("assembly without translation", "knows no C++ for the assembly 'nop;'"),
+    ],
+)
+def test_broken_uses_are_found(broken, said):
+    done = emulated(str(EMULATED / "exchanges.py"), broken)
+    assert done.returncode != 0
+    assert said in done.stdout + done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "given"), GPU_METHODS, ids=[name for name, _ in GPU_METHODS])
+def test_the_side_of_the_gpu_answers_hard_cases_exactly(name, given):
+    said = checked(name, given, CASES)
+    assert f"{len(CASES)} cases, 0 with true errors" in said
+
+
+SETTINGS = [
+    {"cells": "640"},  # offsets of cells: rows longer than a block has threads
+    {"inline_pixels": "0", "inline_rays": "0", "inline_cells": "0", "part": "32"},  # all through the queues
+    {"region": "triangles", "occluders": "last", "shares": "3"},
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("given", SETTINGS, ids=[next(iter(given)) for given in SETTINGS])
+def test_no_setting_of_ray_grids_changes_an_answer(given):
+    assert "0 with true errors" in checked("ray_grids", given, CASES[::2])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2])
+def test_no_order_of_lanes_changes_an_answer(seed):
+    assert "0 with true errors" in checked("ray_grids", {}, CASES[seed::2], seed=seed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("return lane < __popc(filled) ? found : 32;", "return lane < __popc(filled) - 1 ? found : 32;"),
+        ("held += __popc(among);", "held = __popc(among);"),
+        ("for (int k = 0; k < part; k++) before += sums[k];", ""),
+    ],
+)
+def test_a_snippet_that_was_broken_is_found(old, new):
+    """So these cases run these snippets, and judge what comes of them."""
+    cases = [word for case in ("P30 1000", "P31 100000") for word in ("--case", case)]
+    done = emulated(
+        "--replace", old, new, "check", "ray_grids", "--set", "cells=640", "--device", "cpu", *cases
+    )
+    assert "no snippet holds" not in done.stderr
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert "with true errors" in done.stdout
