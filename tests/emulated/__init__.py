@@ -5,10 +5,11 @@
 
 Kernels take other ways on a GPU than on a CPU: queues, and lanes of a warp that exchange values. Where no GPU is at hand,
 this runs those ways and finds wrong answers, lanes that wait for others that never come, and exchanges whose masks do not
-agree. With ``--replace OLD NEW`` it runs them with another text in every snippet: a test that they are tested. With
-EMULATED_SEED=1, 2, ... in the environment the lanes of ``__activemask`` are divided at random, and lanes take their turns in
-other orders.
+agree. As CUDA defines it, lanes that have returned are not waited for. With ``--replace OLD NEW`` it runs them with another
+text in every snippet: a test that they are tested. With EMULATED_SEED=1, 2, ... in the environment the lanes of
+``__activemask`` are divided at random, and lanes begin and exchange in other orders.
 
-It is no GPU: blocks run one after the other, atomics and memory are in order, products are fused with sums where the CPU's
-compiler does it, and nothing is said about time. The graphs that a GPU captures are launched pass by pass.
+It is no GPU: blocks run one after the other, atomics and memory are in order, ``cp.async`` copies at once, shared memory
+begins as zeros, products are fused with sums where the CPU's compiler does it, and nothing is said about time. The graphs
+that a GPU captures are launched pass by pass.
 """

@@ -1,5 +1,6 @@
 """``python tests/emulated [--replace OLD NEW]... COMMAND ...`` or ``... PROGRAM.py ...``: see the package."""
 
+import os
 import runpy
 import sys
 from pathlib import Path
@@ -8,13 +9,20 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from emulated.device import install
 
+USAGE = "usage: python tests/emulated [--replace OLD NEW]... COMMAND ... | PROGRAM.py ..."
+
 del sys.argv[0]
 replaced = []
-while sys.argv[:1] == ["--replace"]:
+while sys.argv[:1] == ["--replace"] and len(sys.argv) > 2:
     replaced.append((sys.argv[1], sys.argv[2]))
     del sys.argv[:3]
-if not sys.argv:
-    sys.exit("usage: python tests/emulated [--replace OLD NEW]... COMMAND ... | PROGRAM.py ...")
+if not sys.argv or sys.argv[0] == "--replace":
+    sys.exit(USAGE)
+if sys.argv[0].endswith(".py") and not Path(sys.argv[0]).is_file():
+    sys.exit(f"no program {sys.argv[0]!r}")
+seed = os.environ.get("EMULATED_SEED") or "0"
+if not (seed.isascii() and seed.isdigit()):
+    sys.exit(f"EMULATED_SEED is a number from 0 on, not {seed!r}")
 unseen = install(replaced)
 try:
     if sys.argv[0].endswith(".py"):

@@ -30,7 +30,10 @@ MULTIPROCESSORS = 2
 
 _BLOCK_INDEX = """    blockIdx.x = (uint)(payload->block_first / WP_TILE_BLOCK_DIM);
     gridDim.x = (uint)((dim->size + WP_TILE_BLOCK_DIM - 1) / WP_TILE_BLOCK_DIM);
+    emulated_begin(lane, dim->size - payload->block_first);
 """
+
+_END = "    emulated_end(lane);\n"
 
 
 def install(replaced: Sequence[tuple[str, str]] = ()) -> set[str]:
@@ -54,10 +57,22 @@ def install(replaced: Sequence[tuple[str, str]] = ()) -> set[str]:
     context.Device.is_cpu = property(lambda device: device.ordinal < 0 and not _asked_by_project())
     context.Device.stream = property(lambda device: stream if _asked_by_project() else None)
     wp.get_device("cpu").sm_count = MULTIPROCESSORS
+    from shadowbench.harness.frame.method import BaseMethod
     from shadowbench.harness.frame.passes import PassRunner
 
     PassRunner.replays = property(lambda runner: False)  # type: ignore[method-assign, assignment]
+    _take_methods_for_gpus(BaseMethod)
     return unseen
+
+
+def _take_methods_for_gpus(method: Any) -> None:
+    """Those that run on GPUs only, too."""
+    applies = method.applies
+
+    def anywhere(self: Any, scene: Any, device: str) -> str | None:
+        return applies(self, scene, "cuda" if "cuda" in self.devices else device)
+
+    method.applies = anywhere
 
 
 def _compile_with_header(replaced: Sequence[tuple[str, str]], unseen: set[str]) -> None:
@@ -72,12 +87,15 @@ def _compile_with_header(replaced: Sequence[tuple[str, str]], unseen: set[str]) 
 
     codegen.codegen_snippet = codegen_snippet
     codegen.cpu_module_header += f'#include "{HEADER}"\n'
-    template, begin = codegen.cpu_block_module_template_forward, "    const size_t task_index ="
-    if template.count(begin) != 1:
+    template = codegen.cpu_block_module_template_forward
+    begin = "    const size_t task_index ="
+    call = "    {name}_cpu_kernel_forward<false>(*dim, task_index, payload->args);\n"
+    if template.count(begin) != 1 or template.count(call) != 1:
         raise RuntimeError(
             f"Warp {wp.__version__} compiles blocks in another way than this emulation expects"
         )
-    codegen.cpu_block_module_template_forward = template.replace(begin, _BLOCK_INDEX + begin)
+    template = template.replace(begin, _BLOCK_INDEX + begin).replace(call, call + _END)
+    codegen.cpu_block_module_template_forward = template
 
 
 def _keep_kernels_apart(replaced: Sequence[tuple[str, str]]) -> None:
@@ -90,7 +108,7 @@ def _keep_kernels_apart(replaced: Sequence[tuple[str, str]]) -> None:
         atexit.register(folder.cleanup)
         wp.config.kernel_cache_dir = folder.name
         return
-    files = (HEADER, Path(__file__), Path(without_assembly.__code__.co_filename))
+    files = sorted(path for path in HEADER.parent.iterdir() if path.suffix in (".h", ".py"))
     version = hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()[:8]
     wp.config.kernel_cache_dir = str(Path(wp.config.kernel_cache_dir) / f"emulated-{version}")
 

@@ -47,6 +47,10 @@ def right() -> None:
         f"__shfl_up_sync({ALL}, v, 3)": np.where(lane < 3, warps, np.roll(warps, 3, axis=1)),
         f"__shfl_down_sync({ALL}, v, 3)": np.where(lane > 28, warps, np.roll(warps, -3, axis=1)),
         f"__shfl_xor_sync({ALL}, v, 6)": warps[:, lane ^ 6],
+        f"__shfl_sync({ALL}, v, 13, 8)": warps[:, (lane & ~7) + 5],
+        f"__shfl_up_sync({ALL}, v, 3, 8)": np.where(lane % 8 < 3, warps, np.roll(warps, 3, axis=1)),
+        f"__shfl_down_sync({ALL}, v, 3, 8)": np.where(lane % 8 > 4, warps, np.roll(warps, -3, axis=1)),
+        f"__shfl_xor_sync({ALL}, v, 9, 8)": np.where(lane % 16 > 7, warps[:, lane ^ 9], warps),
         f"__ballot_sync({ALL}, v & 1)": odd,
         f"__any_sync({ALL}, v == 7)": (warps == 7).any(axis=1)[:, None],
         f"__all_sync({ALL}, v < 49)": (warps < 49).all(axis=1)[:, None],
@@ -54,6 +58,7 @@ def right() -> None:
         f"__reduce_max_sync({ALL}, v)": warps.max(axis=1)[:, None],
         f"__reduce_min_sync({ALL}, v)": warps.min(axis=1)[:, None],
         f"__reduce_add_sync({ALL}, v)": warps.sum(axis=1)[:, None],
+        f"__reduce_and_sync({ALL}, v | 8)": np.bitwise_and.reduce(warps | 8, axis=1)[:, None],
         f"__reduce_or_sync({ALL}, v)": np.bitwise_or.reduce(warps, axis=1)[:, None],
         "__syncthreads_or(v == 7)": np.repeat((values.reshape(BLOCKS, THREADS) == 7).any(axis=1), WARPS)[
             :, None
@@ -61,12 +66,33 @@ def right() -> None:
         # A part of the lanes, of which some do without the others.
         f"{LANE} < 8 ? __shfl_sync(0xffu, v, 2) : v": np.where(lane < 8, warps[:, [2] * LANES], warps),
         f"(__activemask() >> {LANE} & 1) ? v : -1": warps,
+        # Reciprocals of zero, of a subnormal number that has no finite one, and of infinity.
+        f"emulated_reciprocal(__int_as_float({LANE})) == __int_as_float(0x7f800000)": np.ones((1, LANES)),
+        f"__fdividef((float){LANE}, 0.0f) == __int_as_float(0x7f800000)": (lane > 0)[None],
         "blockIdx.x * 100 + gridDim.x": np.repeat(np.arange(BLOCKS) * 100 + BLOCKS, WARPS)[:, None],
     }
     for result, answer in expected.items():
         given = run(result, values).reshape(-1, LANES)
         np.testing.assert_array_equal(given, np.broadcast_to(answer, given.shape), err_msg=result)
     print(f"{len(expected)} functions agree")
+
+
+def returned() -> None:
+    """Lanes that have returned are waited for no longer and add nothing: a block whose last lanes have no work."""
+    values = np.random.default_rng(4).integers(0, 50, COUNT, dtype=np.int32)
+    last = slice(COUNT - LANES, COUNT - 5)
+    row = values[last]
+    expected = {
+        f"__shfl_sync({ALL}, v, 0)": row[0],
+        f"__popc(__ballot_sync({ALL}, 1))": len(row),
+        f"__all_sync({ALL}, 1)": 1,
+        f"__reduce_add_sync({ALL}, v)": row.sum(),
+        f"__popc(__match_any_sync({ALL}, 7))": len(row),
+        "(__syncwarp(), __syncthreads(), v)": row,
+    }
+    for result, answer in expected.items():
+        given = run(result, values, COUNT - 5)
+        np.testing.assert_array_equal(given[last], np.broadcast_to(answer, row.shape), err_msg=result)
 
 
 SHARED = """([&] {{
@@ -78,8 +104,12 @@ SHARED = """([&] {{
 
 BROKEN = {
     "no wait between lanes": lambda: shared(""),
-    "a lane that has returned": lambda: run(
-        f"__shfl_sync({ALL}, v, 0)", np.zeros(COUNT, np.int32), COUNT - 1
+    "lanes at another place": lambda: run(
+        f"{LANE} ? __shfl_sync({ALL}, v, 0) : __syncthreads_or(v)", np.zeros(COUNT, np.int32)
+    ),
+    "masks that do not agree": lambda: run(
+        f"{LANE} < 16 ? __shfl_sync({ALL}, v, 0) : __shfl_sync(0xffff0000u, v, 20)",
+        np.zeros(COUNT, np.int32),
     ),
     "a lane outside its mask": lambda: run("__shfl_sync(0xfu, v, 0)", np.zeros(COUNT, np.int32)),
     "different exchanges": lambda: run(
@@ -102,5 +132,6 @@ if __name__ == "__main__":
         BROKEN[sys.argv[1]]()
     else:
         right()
+        returned()
         shared("__syncwarp();")
         shared("__syncthreads();")
