@@ -53,9 +53,12 @@ def install(replaced: Sequence[tuple[str, str]] = ()) -> set[str]:
 
     context._resolve_launch_block_dim = block_dim
     stream = SimpleNamespace(is_capturing=False)
-    context.Device.is_cuda = property(lambda device: device.ordinal >= 0 or _asked_by_project())
-    context.Device.is_cpu = property(lambda device: device.ordinal < 0 and not _asked_by_project())
-    context.Device.stream = property(lambda device: stream if _asked_by_project() else None)
+    streams = context.Device.stream
+    context.Device.is_cuda = property(lambda device: device.ordinal >= 0 or not _asked_by_warp())
+    context.Device.is_cpu = property(lambda device: device.ordinal < 0 and _asked_by_warp())
+    context.Device.stream = streams.getter(
+        lambda device: streams.fget(device) if device.ordinal >= 0 else stream
+    )
     wp.get_device("cpu").sm_count = MULTIPROCESSORS
     from shadowbench.harness.frame.method import BaseMethod
     from shadowbench.harness.frame.passes import PassRunner
@@ -113,6 +116,6 @@ def _keep_kernels_apart(replaced: Sequence[tuple[str, str]]) -> None:
     wp.config.kernel_cache_dir = str(Path(wp.config.kernel_cache_dir) / f"emulated-{version}")
 
 
-def _asked_by_project() -> bool:
-    """Whether the function that reads a property of a device is none of Warp's."""
-    return str(sys._getframe(2).f_globals.get("__name__", "")).partition(".")[0] != WARP
+def _asked_by_warp() -> bool:
+    """Whether the function that reads a property of a device is one of Warp's."""
+    return str(sys._getframe(2).f_globals.get("__name__", "")).partition(".")[0] == WARP
