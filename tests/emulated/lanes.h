@@ -41,6 +41,12 @@ static inline uint emulated_random()
     return state ? (state = state * 1664525u + 1013904223u) >> 16 : 0;
 }
 
+// With a seed, others may take their turns first.
+static inline void emulated_reorder()
+{
+    for (uint turns = emulated_random() & 3; turns > 1; turns--) emulated_turn();
+}
+
 // A thread that waits for others that never come: what the hardware leaves undefined, or waits for without end.
 static inline void emulated_wait(int& turns, const char* what)
 {
@@ -83,7 +89,7 @@ static inline void emulated_begin(int thread, word64 threads)
         const word64 here = threads > w * 32 ? threads - w * 32 : 0;
         emulated_warps[w].ended = here < 32 ? ~0u << here : 0;
     }
-    for (uint turns = emulated_random() & 3; turns > 1; turns--) emulated_turn();  // another order
+    emulated_reorder();
 }
 
 // As it returns. Lanes that wait for it do so no longer; but one that made another exchange meanwhile has passed them by.
@@ -103,7 +109,7 @@ static inline void emulated_end(int thread)
 
 static inline const word64* emulated_all(uint mask, word64 value, const char* what)
 {
-    for (uint turns = emulated_random() & 3; turns > 1; turns--) emulated_turn();  // another order
+    emulated_reorder();
     const int thread = emulated_thread(), lane = thread & 31;
     emulated_warp& warp = emulated_warps[thread >> 5];
     emulated_exchange* found = nullptr;
@@ -132,13 +138,18 @@ static inline const word64* emulated_all(uint mask, word64 value, const char* wh
 // Of the lanes of its mask, those that took part in this lane's last exchange.
 static inline uint emulated_present() { return emulated_warps[emulated_thread() >> 5].present[emulated_lane()]; }
 
-static inline uint emulated_ballot(uint mask, bool value, const char* what)
+// Of them, those that gave ``value``.
+static inline uint emulated_equal(const word64* all, word64 value)
 {
-    const word64* all = emulated_all(mask, value, what);
     const uint present = emulated_present();
     uint bits = 0;
-    for (int k = 0; k < 32; k++) if (present >> k & 1) bits |= (uint)all[k] << k;
+    for (int k = 0; k < 32; k++) if ((present >> k & 1) && all[k] == value) bits |= 1u << k;
     return bits;
+}
+
+static inline uint emulated_ballot(uint mask, bool value, const char* what)
+{
+    return emulated_equal(emulated_all(mask, value, what), true);
 }
 
 static const char emulated_up[] = "shfl_up";
@@ -178,11 +189,8 @@ inline void __syncwarp(uint mask = 0xffffffffu) { emulated_all(mask, 0, "syncwar
 
 template <typename T> inline uint __match_any_sync(uint mask, T value)
 {
-    const word64 own = emulated_bits(value), *all = emulated_all(mask, own, "match");
-    uint bits = 0;
-    const uint present = emulated_present();
-    for (int k = 0; k < 32; k++) if ((present >> k & 1) && all[k] == own) bits |= 1u << k;
-    return bits;
+    const word64 own = emulated_bits(value);
+    return emulated_equal(emulated_all(mask, own, "match"), own);
 }
 
 template <typename T, typename F> inline T emulated_reduce(uint mask, T value, F both)

@@ -36,11 +36,17 @@ def emulated(*arguments: str, seed: int | str = 0) -> subprocess.CompletedProces
     return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
 
 
-def checked(method: str, given: dict[str, str], cases: Sequence[str], *options: str, seed: int = 0) -> str:
-    """What ``shadowbench check`` says of a method, in its last line but one at most."""
+def check(
+    method: str, given: dict[str, str], cases: Sequence[str], *options: str, seed: int = 0
+) -> subprocess.CompletedProcess[str]:
     settings = [word for key, value in given.items() for word in ("--set", f"{key}={value}")]
     chosen = [word for case in cases for word in ("--case", case)]
-    done = emulated(*options, "check", method, "--device", "cpu", *settings, *chosen, seed=seed)
+    return emulated(*options, "check", method, "--device", "cpu", *settings, *chosen, seed=seed)
+
+
+def checked(method: str, given: dict[str, str], cases: Sequence[str], seed: int = 0) -> str:
+    """What ``shadowbench check`` sums up of a method."""
+    done = check(method, given, cases, seed=seed)
     found = re.search(rf"^{method} on cpu: .*", done.stdout, re.MULTILINE)
     assert found, done.stdout + done.stderr
     return found[0]
@@ -127,10 +133,8 @@ def test_no_order_of_lanes_changes_an_answer(seed):
 )
 def test_a_snippet_that_was_broken_is_found(old, new):
     """So these cases run these snippets, and judge what comes of them."""
-    cases = [word for case in ("P30 1000", "P31 100000") for word in ("--case", case)]
-    done = emulated(
-        "--replace", old, new, "check", "ray_grids", "--set", "cells=640", "--device", "cpu", *cases
-    )
+    cases = ("P30 1000", "P31 100000")
+    done = check("ray_grids", {"cells": "640"}, cases, "--replace", old, new)
     assert "no snippet holds" not in done.stderr
     assert done.returncode == 1, done.stdout + done.stderr
     assert "with true errors" in done.stdout
