@@ -8,11 +8,11 @@ from typing import Any
 import warp as wp
 
 from ...harness.frame.geometry import Camera, Hits, Mesh, Ray
+from ..common.certain_hit import certain_hit, is_far
 from ..common.entries import entry, set_entry
 from ..common.hitpoint import along, flat_hit_point, plane_distance
 from ..common.pixels import tile_pixel
 from ..common.triangle import hit_distance, nearer, to_float32
-from .certain_hit import certain_hit, is_far
 from .records import triangle_corners
 from .walk_primary import make_walk
 

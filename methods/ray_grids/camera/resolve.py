@@ -7,10 +7,11 @@ from typing import Any
 import warp as wp
 
 from ....harness.frame.geometry import Camera, Corners, Hits, Mesh, Ray
+from ...common.certain_hit import certain_hit
 from ...common.entries import entry, set_entry
 from ...common.hitpoint import along, flat_hit_point, is_flat, is_vague, plane_distance, steep_hit_point
 from ...common.pixels import tile_pixel
-from ...common.triangle import hit_weights, spare_bits, to_float32
+from ...common.triangle import spare_bits, to_float32
 from ..fetch import corners_at, direction_at, weld_at
 from .pixels import index_of
 
@@ -108,16 +109,24 @@ def set_point(points: wp.array(dtype=NO_POINT), i: wp.int32, point: wp.vec3d):
 
 
 @wp.func
+def word_of(at: wp.vec2i, camera: Camera, nearest: wp.array(dtype=wp.uint64)) -> wp.uint64:
+    """The word of a pixel; 0 outside the image (-1)."""
+    word = wp.uint64(0)
+    if at[0] >= 0:
+        word = entry(nearest, at[1] * camera.width + at[0])
+    return word
+
+
+@wp.func
 def resolve_pixel(
     at: wp.vec2i,
+    word: wp.uint64,
     camera: Camera,
     mesh: Mesh,
-    nearest: wp.array(dtype=wp.uint64),
     hits: Hits,
     hit_points: wp.array(dtype=Any),
 ):
     pixel = at[1] * camera.width + at[0]
-    word = entry(nearest, pixel)
     best = wp.int32(-1)
     t = wp.float32(wp.INF)
     uv = wp.vec2f()
@@ -128,12 +137,11 @@ def resolve_pixel(
         best = index_of(word, spare_bits(mesh.triangles.shape[0]))
         corners = corners_at(mesh, best)
         ray = Ray(entry(camera.eye, 0), direction_at(camera, at[0], at[1]))
-        weld = weld_at(mesh, best)
-        distance = plane_distance(ray, corners)
-        t = wp.float32(distance)
-        uv = hit_weights(ray, corners, weld)
-        hit = quick_point(hit_points, ray, distance, corners)
-        flat = takes_care(hit_points, ray, distance, corners)
+        found = certain_hit(ray, corners, weld_at(mesh, best))
+        t = wp.float32(found.t)
+        uv = found.uv
+        hit = quick_point(hit_points, ray, found.t, corners)
+        flat = takes_care(hit_points, ray, found.t, corners)
     set_entry(hits.triangle, pixel, best)
     set_entry(hits.t, pixel, t)
     set_entry(hits.u, pixel, uv[0])
@@ -162,11 +170,21 @@ def resolve_kernel(
     """
     k = wp.tid()
     stop = ((camera.width + 7) >> 3) * ((camera.height + 3) >> 2) * 32
-    while k < stop:
+    at = wp.vec2i(-1, -1)
+    if k < stop:
         at = tile_pixel(k, camera.width, camera.height)
+    word = word_of(at, camera, nearest)
+    while k < stop:
+        # The next pixel's word is loaded meanwhile.
         k += threads
+        following = wp.vec2i(-1, -1)
+        if k < stop:
+            following = tile_pixel(k, camera.width, camera.height)
+        next_word = word_of(following, camera, nearest)
         if at[0] >= 0:
-            resolve_pixel(at, camera, mesh, nearest, hits, hit_points)
+            resolve_pixel(at, word, camera, mesh, hits, hit_points)
+        at = following
+        word = next_word
 
 
 for kind in (wp.vec3d, wp.vec3f, NO_POINT):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import warp as wp
 from shadowbench.harness.frame.geometry import Corners, Ray
-from shadowbench.methods.bvh2.certain_hit import certain_hit, is_far
+from shadowbench.methods.common.certain_hit import certain_hit, is_far
 from shadowbench.methods.common.division import quotient, reciprocal
 from shadowbench.methods.common.hitpoint import is_vague, plane_distance
 from shadowbench.methods.common.triangle import hit_weights
