@@ -57,6 +57,19 @@ def faces(n: wp.vec3d, size: wp.float64, seen: wp.vec3d, lit: wp.vec3d) -> wp.bo
 
 
 @wp.func
+def faces_light(
+    light: wp.int32, eye: wp.vec3f, corners: Corners, lights: wp.array(dtype=wp.vec3f)
+) -> wp.bool:
+    """:func:`faces` of a triangle: what :func:`receives` says of each of its hits by rays from the eye, if the light is no
+    spot. The same float64 expressions."""
+    a = to_float64(corners.a)
+    e = to_float64(corners.b) - a
+    f = to_float64(corners.c) - a
+    size = largest(e) * largest(f) * DOUBT64
+    return faces(wp.cross(e, f), size, to_float64(eye) - a, to_float64(lights[light]) - a)
+
+
+@wp.func
 def receives(
     light: wp.int32,
     facing: wp.bool,

@@ -15,7 +15,7 @@ from ..queues import RAYS
 from ..warps import scan_row
 from .cells import reach_from
 from .points import Placed, Point, Words, has_hit, placed, placed_exactly, point_of
-from .reach import empty_tiles, raise_farthest
+from .reach import empty_tiles, raise_from, tile_index
 
 SPARE = wp.constant(4)
 """Words between two rows of cells: one for the end of a row, the others so that rows begin on 16-byte addresses."""
@@ -170,11 +170,26 @@ def map_kernel(
     if at[0] >= 0:
         point = point_of(rays, pixel, at, camera, mesh)
         if wp.static(effects.receivers):
-            wanted = receivers[light, pixel] != wp.uint8(0)
+            wanted = entry(receivers, light, pixel) != wp.uint8(0)
         else:
-            visibility[light, pixel] = wp.uint8(0)
+            set_entry(visibility, light, pixel, wp.uint8(0))
             wanted = point.triangle >= 0
-    place_ray(rays, point, wanted, pixel, at, camera, mesh, lights[light], axes[light], cells)
+    place_ray(rays, point, wanted, pixel, at, camera, mesh, entry(lights, light), entry(axes, light), cells)
+
+
+@wp.func
+def count_in_cell(
+    pixel: wp.int32, p: wp.vec4f, face: wp.int32, r: wp.vec4f, along: wp.int32, cells: RayCells
+):
+    """Count the ray of a pixel in its cell, given its place, the face's rectangle and the cells along it."""
+    x = cell_along(p[0], r[0], r[2], along)
+    y = cell_along(p[1], r[1], r[3], along)
+    cell = cell_index(face, x, y, along)
+    # Loaded before the rank is waited for.
+    tile = tile_index(face, x, y, along)
+    seen = entry(cells.farthest, tile)
+    set_entry(cells.slot, pixel, wp.vec2i(cell, number_among(cells.count, cell)))
+    raise_from(seen, cells.farthest, tile, p[3])
 
 
 @wp.func
@@ -182,12 +197,14 @@ def count_ray(pixel: wp.int32, p: wp.vec4f, cells: RayCells):
     """Count the ray of a pixel in its cell, given its place."""
     face = wp.int32(p[2])
     along = cells_in_use(cells.rectangle, cells.cells)
-    r = face_rectangle(face, cells.rectangle, along)
-    x = cell_along(p[0], r[0], r[2], along)
-    y = cell_along(p[1], r[1], r[3], along)
-    cell = cell_index(face, x, y, along)
-    set_entry(cells.slot, pixel, wp.vec2i(cell, number_among(cells.count, cell)))
-    raise_farthest(cells.farthest, face, x, y, p[3], along)
+    count_in_cell(pixel, p, face, face_rectangle(face, cells.rectangle, along), along, cells)
+
+
+@wp.func
+def count_in_table(pixel: wp.int32, p: wp.vec4f, cells: RayCells):
+    """:func:`count_ray`, where the faces' rectangles are in the table already."""
+    face = wp.int32(p[2])
+    count_in_cell(pixel, p, face, entry(cells.table, face), cells_of(cells.table), cells)
 
 
 @wp.func
@@ -206,11 +223,11 @@ def count_placed(
     found = placed(point, True, light, axes)
     if found.place[2] >= 0.0:
         store_point(pixel, point.triangle, found.h, cells)
-        count_ray(pixel, found.place, cells)
+        count_in_table(pixel, found.place, cells)
     else:
         found = placed_exactly(rays, pixel, at, camera, mesh, light, axes)
         store_point(pixel, point.triangle, found.h, cells)
-        count_ray(pixel, found.place, cells)
+        count_in_table(pixel, found.place, cells)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -229,7 +246,7 @@ def count_kernel(
         return
     pixel = at[1] * camera.width + at[0]
     if wp.static(effects.receivers):
-        if receivers[light, pixel] == wp.uint8(0):
+        if entry(receivers, light, pixel) == wp.uint8(0):
             set_entry(cells.slot, pixel, wp.vec2i(-1, 0))
             return
     elif not has_hit(rays, pixel):
@@ -251,6 +268,12 @@ def set_table(k: wp.int32, cells: RayCells, along: wp.int32):
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
+def table_kernel(cells: RayCells):
+    """The faces' rectangles, where they are known before there are rays (:func:`scan_kernel`)."""
+    set_table(wp.tid(), cells, cells_in_use(cells.rectangle, cells.cells))
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
 def scan_kernel(cells: RayCells, counts: wp.array(dtype=wp.int32)):
     """Where each row's rays lie (GPU: 128 threads per row, faces without rays left out), and the faces' rectangles.
 
@@ -267,14 +290,14 @@ def scan_kernel(cells: RayCells, counts: wp.array(dtype=wp.int32)):
 
 @wp.func
 def cells_of(table: wp.array(dtype=wp.vec4f)) -> wp.int32:
-    """Cells along a face, as the scan left them."""
-    return wp.int32(table[FACES][0])
+    """Cells along a face, as :func:`set_table` left them."""
+    return wp.int32(entry(table, FACES)[0])
 
 
 @wp.func
 def reach_of(table: wp.array(dtype=wp.vec4f)) -> wp.float32:
-    """The largest coordinate of a hit point, as the scan left it."""
-    return table[FACES][1]
+    """The largest coordinate of a hit point, as :func:`set_table` left it."""
+    return entry(table, FACES)[1]
 
 
 @wp.func
@@ -286,7 +309,7 @@ def reach_with_rays(cube: Cube, corners: Corners, table: wp.array(dtype=wp.vec4f
 
 @wp.func
 def put_ray(pixel: wp.int32, slot: wp.vec2i, cells: RayCells):
-    set_entry(cells.rays, cells.offset[slot[0]] + slot[1], entry(cells.point, pixel))
+    set_entry(cells.rays, entry(cells.offset, slot[0]) + slot[1], entry(cells.point, pixel))
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)

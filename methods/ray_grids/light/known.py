@@ -2,75 +2,86 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import warp as wp
 
+from ....harness.frame.specialise import specialised
 from ...common.bands import Threads
+from ..aim import FACES
 from ..queues import BLOCK_DIM
-from . import receivers as light_receivers
+from . import bins as light_bins
 from . import region as light_region
 from .passes import LightStream
 
 
 class KnownRegionLight(LightStream):
-    """Shadow rays of one light in all directions, counted in their cells where they are placed."""
+    """Shadow rays of one light in all directions, counted in their cells where they are placed.
+
+    facing: uint8 [triangles]: whether those in view face the light, if only then their hits have a ray. Not shared with the
+    branch's other lights: all aim before the first of them places its rays.
+    """
 
     aim_reads: ClassVar[tuple[str, ...]] = (*LightStream.aim_reads, "camera")
+
+    def __init__(self, *given: Any):
+        super().__init__(*given)
+        count = max(1, self.frame.triangle_count) if self.marking else 0
+        self.facing = wp.zeros(count, dtype=wp.uint8, device=self.frame.device)
 
     def launch_aim(self) -> None:
         super().launch_aim()
         f = self.frame
         threads = max(1, f.triangle_count)
         wp.launch(
-            light_region.bounds_kernel,
+            specialised(light_region.bounds_kernel, self.switches),
             dim=threads,
-            inputs=[threads, self.index, f.camera, self.aims.cubes, f.mesh],
-            outputs=[self.cells],
+            inputs=[threads, self.index, f.camera, self.aims.cubes, f.mesh, f.lights],
+            outputs=[self.cells, self.facing],
             device=f.device,
             block_dim=BLOCK_DIM,
         )
+        wp.launch(
+            light_bins.table_kernel, dim=int(FACES) + 1, inputs=[], outputs=[self.cells], device=f.device
+        )
 
-    def _begin(self) -> None:
+    def launch_map(self) -> None:
         cells = self.cells
         if not self.queues.cuda:
             cells.count.zero_()
         if len(self.effects.shadows) > 1:
             cells.farthest.zero_()  # another light of the branch has used it since launch_aim
-
-    def launch_map(self) -> None:
-        self._begin()
+        if self.reached.size:
+            self.reached.zero_()
         self.ranges.run(self._place)
 
     def _place(self, threads: Threads) -> None:
         f, a = self.frame, self.aims
         wp.launch(
-            light_region.place_kernel,
+            specialised(light_region.place_kernel, self.switches),
             dim=threads.number,
-            inputs=[threads.first, self.index, f.camera, a.posts, a.axes, f.mesh, self.rays],
-            outputs=[self.cells, f.answers.visibility],
+            inputs=[
+                threads.first, self.index, f.camera, a.posts, a.axes, f.mesh, self.rays, self.facing,
+            ],
+            outputs=[self.cells, f.receivers, self.reached, f.answers.visibility],
             device=f.device,
-        )
+        )  # fmt: skip
 
     def launch_marking_map(self) -> None:
-        self._begin()
-        self.launch_marking(light_receivers.place_kernel)
+        self.launch_map()
 
     def launch_count(self) -> None:
         self.launch_scan()
 
     def launch_scatter(self) -> None:
-        if self.marking:
-            super().launch_scatter()
-        else:
-            self.ranges.run(self._scatter_hits)
+        self.ranges.run(self._scatter_hits)
 
     def _scatter_hits(self, threads: Threads) -> None:
         f = self.frame
         wp.launch(
-            light_region.scatter_kernel,
+            specialised(light_region.scatter_kernel, self.switches),
             dim=threads.number,
-            inputs=[threads.first, f.camera, self.rays],
+            inputs=[threads.first, self.index, f.camera, self.rays, f.receivers],
             outputs=[self.cells],
             device=f.device,
         )

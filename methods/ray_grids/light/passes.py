@@ -224,18 +224,15 @@ class LightStream:
         )  # fmt: skip
 
     def launch_marking_map(self) -> None:
-        self.launch_marking(light_receivers.map_kernel)
-
-    def launch_marking(self, kernel: wp.Kernel) -> None:
-        """Launch a kernel that marks the receivers and places their rays."""
+        """Mark the receivers and place their rays."""
         if self.reached.size:
             self.reached.zero_()
-        self.ranges.run(self._mark, kernel)
+        self.ranges.run(self._mark)
 
-    def _mark(self, threads: Threads, kernel: wp.Kernel) -> None:
+    def _mark(self, threads: Threads) -> None:
         f, a = self.frame, self.aims
         wp.launch(
-            kernel,
+            light_receivers.map_kernel,
             dim=threads.number,
             inputs=[
                 threads.first, self.index, self.effects.facing, f.camera, f.mesh, f.lights, f.spots, a.posts, a.axes,

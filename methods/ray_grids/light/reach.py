@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import warp as wp
 
+from ...common.entries import entry
 from ...common.reserve import raise_to
 
 TILE_SHIFT = wp.constant(3)
@@ -45,7 +46,16 @@ def raise_farthest(
     cells: wp.int32,
 ):
     """A ray in cell (x, y) of a face ends at depth ``along`` > 0."""
-    raise_to(farthest, tile_index(face, x, y, cells), wp.cast(along, wp.int32))
+    tile = tile_index(face, x, y, cells)
+    raise_from(entry(farthest, tile), farthest, tile, along)
+
+
+@wp.func
+def raise_from(seen: wp.int32, farthest: wp.array(dtype=wp.int32), tile: wp.int32, along: wp.float32):
+    """Raise a tile to the depth ``along`` > 0, given what it held before."""
+    depth = wp.cast(along, wp.int32)
+    if seen < depth:
+        raise_to(farthest, tile, depth)
 
 
 @wp.func

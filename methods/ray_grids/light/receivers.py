@@ -2,6 +2,7 @@
 
 A cone is decided from the distance t in float32, where a bound on its rounding allows. The
 triangle is read only in doubt, and where eye and light must lie on one side of its plane.
+Where the region of the rays is known before them, the triangles decide that plane's sides instead (:mod:`.region`).
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from ...common.entries import entry, set_entry
 from ...common.pixels import tile_pixel
 from ...common.triangle import largest, to_float64
 from ..fetch import corners_at, direction_at
-from .bins import RayCells, count_placed, place_ray
+from .bins import RayCells, place_ray
 from .points import Point, Words, point_of
 from .reach import empty_tiles
 
@@ -98,49 +99,12 @@ def map_kernel(
     wanted = wp.bool(False)
     pixel = at[1] * camera.width + at[0]
     if at[0] >= 0:
-        visibility[light, pixel] = wp.uint8(0)
+        set_entry(visibility, light, pixel, wp.uint8(0))
         point = point_of(rays, pixel, at, camera, mesh)
         if point.triangle >= 0:
             ray = Ray(entry(camera.eye, 0), direction_at(camera, at[0], at[1]))
             wanted = is_receiver(light, facing, ray, point, mesh, lights, spots)
-        receivers[light, pixel] = wp.uint8(wanted)
+        set_entry(receivers, light, pixel, wp.uint8(wanted))
         if wanted and reached.shape[0] > 0:
             reached[0] = 1  # all threads write the same value
-    place_ray(rays, point, wanted, pixel, at, camera, mesh, posts[light], axes[light], cells)
-
-
-@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
-def place_kernel(
-    first: wp.int32,
-    light: wp.int32,
-    facing: wp.bool,
-    camera: Camera,
-    mesh: Mesh,
-    lights: wp.array(dtype=wp.vec3f),
-    spots: wp.array2d(dtype=wp.float64),
-    posts: wp.array(dtype=wp.vec3f),
-    axes: wp.array(dtype=wp.mat33d),
-    rays: Words,
-    cells: RayCells,
-    receivers: wp.array2d(dtype=wp.uint8),
-    reached: wp.array(dtype=wp.int32),
-    visibility: wp.array2d(dtype=wp.uint8),
-):
-    """:func:`.region.place_kernel`, which also marks the receivers. Pixels without a ray get a slot without a cell."""
-    at = tile_pixel(first + wp.tid(), camera.width, camera.height)
-    if at[0] < 0:
-        return
-    pixel = at[1] * camera.width + at[0]
-    visibility[light, pixel] = wp.uint8(0)
-    point = point_of(rays, pixel, at, camera, mesh)
-    wanted = wp.bool(False)
-    if point.triangle >= 0:
-        ray = Ray(entry(camera.eye, 0), direction_at(camera, at[0], at[1]))
-        wanted = is_receiver(light, facing, ray, point, mesh, lights, spots)
-    receivers[light, pixel] = wp.uint8(wanted)
-    if wanted:
-        if reached.shape[0] > 0:
-            reached[0] = 1  # all threads write the same value
-        count_placed(rays, point, pixel, at, camera, mesh, posts[light], axes[light], cells)
-    else:
-        set_entry(cells.slot, pixel, wp.vec2i(-1, 0))
+    place_ray(rays, point, wanted, pixel, at, camera, mesh, entry(posts, light), entry(axes, light), cells)

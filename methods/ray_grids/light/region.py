@@ -2,6 +2,10 @@
 
 What the triangles cover of the cube bounds what the hits on them do. It is found beside the camera's passes, so that the
 pass that places the rays can count them in their cells, too. With few triangles that costs little.
+
+Where only surfaces that face the light have shadow rays, the triangles say which pixels do: eye and light lie on one side
+of a triangle's plane or not, whatever the pixel. The kernels' effect ``receivers`` means this; a spot's rays are not placed
+here.
 """
 
 from __future__ import annotations
@@ -9,11 +13,13 @@ from __future__ import annotations
 import warp as wp
 
 from ....harness.frame.geometry import Camera, Corners, Mesh, Ray
-from ...common.entries import entry
+from ....harness.frame.receivers import faces_light
+from ....harness.frame.specialise import effects
+from ...common.entries import entry, set_entry
 from ...common.pixels import tile_pixel
-from ...common.triangle import U32, largest, to_float32, to_float64, total
+from ...common.triangle import U32, largest, spare_bits, to_float32, to_float64, total
 from ..aim import FACE, FACES, HIGH_U, HIGH_V, LARGEST, LOW_U, LOW_V, Cube, ordered
-from ..camera.pixels import edge_planes, inverse_depth
+from ..camera.pixels import edge_planes, index_of, inverse_depth
 from ..camera.stream import box_of
 from ..cube import on_face
 from ..fetch import corners_at
@@ -158,10 +164,14 @@ def bounds_kernel(
     camera: Camera,
     cubes: wp.array(dtype=Cube),
     mesh: Mesh,
+    lights: wp.array(dtype=wp.vec3f),
     cells: RayCells,
+    facing: wp.array(dtype=wp.uint8),
 ):
     """What the triangles in view cover of face 0, with the error of a corner; the faces they touch; the largest coordinate
     of them, of a large one that of the part in view. Empties ``farthest``. One thread per triangle or more.
+
+    facing: uint8 [triangles]: of those in view, whether their hits have a ray. Only those that do are counted.
     """
     i = wp.tid()
     for tile in range(i, cells.farthest.shape[0], threads):
@@ -175,6 +185,11 @@ def bounds_kernel(
     box = box_of(corners, o, camera)
     if box[2] < box[0] or box[3] < box[1]:
         return
+    if wp.static(effects.receivers):
+        faces = faces_light(light, o, corners, lights)
+        set_entry(facing, i, wp.uint8(faces))
+        if not faces:
+            return
     cube = cubes[light]
     qa = cube_space(corners.a, cube)
     qb = cube_space(corners.b, cube)
@@ -213,6 +228,16 @@ def bounds_kernel(
                 lower(cells.rectangle, HIGH_V, -sides[3])
 
 
+@wp.func
+def facing_of(rays: Words, pixel: wp.int32, mesh: Mesh, facing: wp.array(dtype=wp.uint8)) -> wp.uint8:
+    """What ``facing`` says of the triangle that a pixel hits; 0 at a miss."""
+    word = entry(rays.nearest, pixel)
+    faces = wp.uint8(0)
+    if word != wp.uint64(0):
+        faces = entry(facing, index_of(word, spare_bits(mesh.triangles.shape[0])))
+    return faces
+
+
 @wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
 def place_kernel(
     first: wp.int32,
@@ -222,26 +247,55 @@ def place_kernel(
     axes: wp.array(dtype=wp.mat33d),
     mesh: Mesh,
     rays: Words,
+    facing: wp.array(dtype=wp.uint8),
     cells: RayCells,
+    receivers: wp.array2d(dtype=wp.uint8),
+    reached: wp.array(dtype=wp.int32),
     visibility: wp.array2d(dtype=wp.uint8),
 ):
-    """:func:`.bins.map_kernel` and :func:`.bins.count_kernel` in one, where the rectangle is known."""
+    """:func:`.bins.map_kernel` and :func:`.bins.count_kernel` in one, where the rectangle is known.
+
+    If not all hits have a ray, marks the receivers, too: those on triangles that are ``facing`` (:func:`bounds_kernel`).
+    reached: int32 [1], set to 1 if there is one; or empty.
+    """
     at = tile_pixel(first + wp.tid(), camera.width, camera.height)
     if at[0] < 0:
         return
     pixel = at[1] * camera.width + at[0]
-    visibility[light, pixel] = wp.uint8(0)
+    set_entry(visibility, light, pixel, wp.uint8(0))
+    faces = wp.uint8(0)
+    if wp.static(effects.receivers):
+        # Before the point is computed: the byte is then on its way together with what that reads of the triangle.
+        faces = facing_of(rays, pixel, mesh, facing)
     point = point_of(rays, pixel, at, camera, mesh)
-    if point.triangle >= 0:
-        count_placed(rays, point, pixel, at, camera, mesh, lights[light], axes[light], cells)
+    wanted = point.triangle >= 0
+    if wp.static(effects.receivers):
+        wanted = faces != wp.uint8(0)
+        set_entry(receivers, light, pixel, wp.uint8(wanted))
+        if wanted and reached.shape[0] > 0:
+            reached[0] = 1  # all threads write the same value
+    if wanted:
+        count_placed(rays, point, pixel, at, camera, mesh, entry(lights, light), entry(axes, light), cells)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
-def scatter_kernel(first: wp.int32, camera: Camera, rays: Words, cells: RayCells):
-    """:func:`.bins.scatter_kernel`, where pixels without a hit have no slot."""
+def scatter_kernel(
+    first: wp.int32,
+    light: wp.int32,
+    camera: Camera,
+    rays: Words,
+    receivers: wp.array2d(dtype=wp.uint8),
+    cells: RayCells,
+):
+    """:func:`.bins.scatter_kernel`, where pixels without a ray have no slot."""
     at = tile_pixel(first + wp.tid(), camera.width, camera.height)
     if at[0] < 0:
         return
     pixel = at[1] * camera.width + at[0]
-    if has_hit(rays, pixel):
+    wanted = wp.bool(False)
+    if wp.static(effects.receivers):
+        wanted = entry(receivers, light, pixel) != wp.uint8(0)
+    else:
+        wanted = has_hit(rays, pixel)
+    if wanted:
         put_ray(pixel, entry(cells.slot, pixel), cells)

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from helpers.effect_scenes import BEHIND, scene
+from helpers.brute_force import soup
+from helpers.effect_scenes import BEHIND, EYE, POINT, SPOT, scene
+from shadowbench.harness.frame.receivers import reached_by
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.scene.scene import Light, Spot
+from shadowbench.harness.judge.receivers import facing
+from shadowbench.harness.scene.prepared import Prepared, prepare
+from shadowbench.harness.scene.scene import Geometry, Light, Scene, Spot
+from shadowbench.methods.ray_grids.light.known import KnownRegionLight
 
 SIZE = 160, 120
 SPOTS = {
@@ -39,3 +44,96 @@ def test_the_same_receivers_as_by_the_pass_of_the_harness(name, facing, device):
         assert "light 0: receivers" not in [work.name for work in session.all_passes]
     assert "light 0: receivers" in [work.name for work in by_harness.all_passes]
     assert 0 < wanted[0].sum() < (by_harness.frame.answers.triangle.numpy() >= 0).sum()
+
+
+FLOOR = -1.25
+"""Height of a floor: a number that float32 holds, so that lights lie exactly in its plane."""
+
+CORNER = (-3.0, FLOOR, -3.0)
+
+LIGHTS = {
+    "outside and within": (POINT, BEHIND, Light((0.1, 0.05, 0.2))),
+    "in the plane of the floor": (Light((2.0, FLOOR, 0.5)), Light((1.0e6, FLOOR, -3.0e5))),
+    "at a corner, below the floor and at the eye": (
+        Light(CORNER),
+        Light((0.3, -7.0, 0.1)),
+        Light(EYE.eye),
+    ),
+    "directional and far": (Light((0.2, 1.0, 0.3), directional=True), Light((-4.0e6, -1.0e6, 2.0e6))),
+    "some of them spots": (POINT, SPOT, BEHIND, Light((-0.6, -4.0, 0.2))),
+}
+
+
+def rough(lights: tuple[Light, ...]) -> Prepared:
+    """A floor that does not move, and triangles that do: among them slivers, some without area, one that is not a number,
+    each also turned over. Two frames, in which some turn from one side of a light to the other."""
+    vertices, faces = soup(11, 80)
+    corners = vertices.reshape(-1, 3, 3).copy()
+    corners[:12, 2] = corners[:12, 1] + 1.0e-6 * (corners[:12, 0] - corners[:12, 1])
+    corners[12:18, 2] = 0.5 * (corners[12:18, 0] + corners[12:18, 1])
+    corners[18:21, 1] = corners[18:21, 0]
+    corners[21, 0, 1] = np.nan
+    floor = np.array([CORNER, (3, FLOOR, -3), (3, FLOOR, 3), (-3, FLOOR, 3)], dtype=np.float64)
+    start = np.concatenate([corners.reshape(-1, 3), floor])
+    end = np.concatenate([corners[:, :, [1, 2, 0]].reshape(-1, 3), floor])
+    faces = np.concatenate([faces, faces[:, ::-1], np.array([[0, 2, 1], [0, 3, 2]]) + len(vertices)])
+    made = Geometry(faces.astype(np.int32), lambda k: start + 0.5 * k * (end - start), 2)
+    return prepare(Scene("rough", "rough", lambda: made, EYE, lights, facing=True))
+
+
+def known_lights(session: Session) -> list[KnownRegionLight]:
+    lights = [work.launch.__self__ for work in session.planned if work.name.endswith("map rays")]
+    return [light for light in lights if isinstance(light, KnownRegionLight)]
+
+
+@pytest.mark.parametrize("queue", ["always", "never"])
+@pytest.mark.parametrize("name", LIGHTS)
+def test_the_triangles_decide_which_hits_face_a_light(name, queue, device):
+    prepared = rough(LIGHTS[name])
+    settings = {"region": "triangles", "queue": queue}
+    by_triangles, by_rays, by_harness = (
+        Session(make_method(*way), prepared, *SIZE, device)
+        for way in (("ray_grids", settings), ("ray_grids", {"region": "rays"}), ("uniform_grid", {}))
+    )
+    known = known_lights(by_triangles)
+    assert len(known) == sum(light.spot is None for light in LIGHTS[name])
+    assert not known_lights(by_rays)
+    seen: list[np.ndarray] = []
+    for frame in (0, 1, 0):
+        moment = prepared.moment(frame, *SIZE)
+        wanted = by_harness.answers(moment)
+        for session in (by_triangles, by_rays):
+            found = session.answers(moment)
+            for answer in wanted:
+                np.testing.assert_array_equal(found[answer], wanted[answer])
+            np.testing.assert_array_equal(session.frame.receivers.numpy(), by_harness.frame.receivers.numpy())
+        hit = np.unique(wanted["triangle"][wanted["triangle"] >= 0])
+        corners = moment.points[prepared.faces[hit]]
+        for light in known:
+            expected = facing(moment, corners, light.index)
+            np.testing.assert_array_equal(light.facing.numpy()[hit] != 0, expected)
+            if device == "cpu":
+                reached = reached_by(by_triangles.frame, light.index, 0).numpy()[0]
+                assert reached == by_harness.frame.receivers.numpy()[light.index].any()
+        seen.append(by_harness.frame.receivers.numpy().copy())
+    assert (seen[0] != seen[1]).any()
+    np.testing.assert_array_equal(seen[0], seen[2])
+    assert 0 < np.mean(seen) < 1
+
+
+@pytest.mark.parametrize("region", ["triangles", "rays"])
+def test_a_light_that_nothing_faces_has_no_receivers(region, device):
+    """The eye above a floor, one light below it and one in its plane: of that, float64 does not know the side."""
+    lights = (Light((0.5, -3.0, 0.2)), Light((0.5, FLOOR, 0.2)))
+    floor = np.array([CORNER, (3, FLOOR, -3), (3, FLOOR, 3), (-3, FLOOR, 3)], dtype=np.float64)
+    made = Geometry.static(floor, np.array([[0, 2, 1], [0, 3, 2]], dtype=np.int32))
+    prepared = prepare(Scene("floor", "floor", lambda: made, EYE, lights, facing=True))
+    for queue in ("always", "never"):
+        session = Session(
+            make_method("ray_grids", {"region": region, "queue": queue}), prepared, *SIZE, device
+        )
+        answers = session.answers(prepared.moment(0, *SIZE))
+        hits = answers["triangle"] >= 0
+        assert 0 < hits.sum() < hits.size
+        np.testing.assert_array_equal(session.frame.receivers.numpy() != 0, np.stack([0 * hits, hits]) != 0)
+        assert not answers["visibility"].any()

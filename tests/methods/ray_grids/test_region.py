@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helpers.brute_force import make_scene, soup
 from numpy.typing import NDArray
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.harness.scene.prepared import Prepared
+from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.methods.ray_grids.aim import FACE, LARGEST
 from shadowbench.methods.ray_grids.light.known import KnownRegionLight
 from shadowbench.methods.ray_grids.light.passes import LightStream
@@ -40,6 +42,11 @@ def holds_every_ray(prepared: Prepared) -> None:
             assert (sides_of(known) <= sides_of(found)).all()
 
 
+def only_facing(prepared: Prepared) -> Prepared:
+    """The same scene, where only surfaces that face a light have rays to it."""
+    return prepare(replace(prepared.scene, facing=True))
+
+
 @pytest.mark.parametrize("seed", range(24))
 def test_holds_every_ray(seed):
     random = np.random.default_rng(seed)
@@ -49,6 +56,7 @@ def test_holds_every_ray(seed):
     lights = [tuple(random.normal(size=3) * 10.0 ** random.uniform(-3, 7) + shift) for _ in range(6)]
     prepared = make_scene(vertices + shift, faces, lights, tuple(eye), tuple(shift), 90.0)
     holds_every_ray(prepared)
+    holds_every_ray(only_facing(prepared))
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -67,6 +75,7 @@ def test_holds_every_ray_of_pixels_closer_than_their_directions_are_rounded(seed
         tuple(random.normal(size=3)),
     )
     holds_every_ray(prepared)
+    holds_every_ray(only_facing(prepared))
 
 
 def test_of_a_large_triangle_only_the_part_in_view_counts():
@@ -84,3 +93,24 @@ def test_of_a_large_triangle_only_the_part_in_view_counts():
     assert of_known[FACE:LARGEST].tolist() == of_found[FACE:LARGEST].tolist()
     most, least_of_rays = (float(words[LARGEST].view(np.float32)) for words in (of_known, of_found))
     assert least_of_rays <= most < 4.0 * least_of_rays < 100.0
+
+
+def test_triangles_that_face_away_do_not_count():
+    """A table lit from above, in a corner of a room whose ceiling is lit only on the side that is not seen."""
+    table = np.array([(-1, 0, -1), (1, 0, -1), (0, 0, 1)], dtype=np.float32)
+    ceiling = np.array([(-40, 3, -40), (40, 3, -40), (0, 3, 40)], dtype=np.float32)
+    vertices, faces = np.concatenate([table, ceiling]), np.array([[0, 1, 2], [3, 4, 5]])
+    prepared = make_scene(vertices, faces, [(0.0, 20.0, 0.1)], (0.3, 1.5, 6.0), (0.0, 1.0, 0.0), 80.0)
+    alone = make_scene(table, faces[:1], [(0.0, 20.0, 0.1)], (0.3, 1.5, 6.0), (0.0, 1.0, 0.0), 80.0)
+    (every,), (found,), (known,) = (
+        lights_of(one, "triangles") for one in (prepared, only_facing(prepared), only_facing(alone))
+    )
+    (by_rays,) = lights_of(only_facing(prepared), "rays")
+    most = [
+        light.cells.rectangle.numpy()[LARGEST].view(np.float32) for light in (every, found, known, by_rays)
+    ]
+    assert most[1] == most[2] < 0.2 * most[0]
+    assert most[3] <= most[1]
+    in_use = [light.cells.rectangle.numpy()[FACE:LARGEST] == 0 for light in (found, by_rays)]
+    assert in_use[0].tolist() == in_use[1].tolist()
+    assert in_use[0].any()
