@@ -100,13 +100,13 @@ def reserve_groups(
 
 NUMBER_IN = """
 #if defined(__CUDA_ARCH__)
-unsigned int peers = __match_any_sync(__activemask(), slot);
+unsigned int active = __activemask(), peers = {peers};
 int lane = threadIdx.x & 31, leader = __ffs(peers) - 1, base = 0;
 if (lane == leader) {{
     base = atomicAdd(counts.data + slot, __popc(peers));
     {within}
 }}
-return __shfl_sync(peers, base, leader) + __popc(peers & ((1u << lane) - 1u));
+return __shfl_sync(active, base, leader) + __popc(peers & ((1u << lane) - 1u));
 #else
 int base = {next_number};
 {within}
@@ -115,13 +115,25 @@ return base;
 """
 
 
-@wp.func_native(NUMBER_IN.format(within=WITHIN, next_number="counts.data[slot]++"))
+SAME_SLOT = "__match_any_sync(active, slot)"
+
+
+@wp.func_native(NUMBER_IN.format(peers="active", within=WITHIN, next_number="counts.data[slot]++"))
+def next_number(counts: wp.array(dtype=wp.int32), slot: wp.int32) -> wp.int32:
+    """:func:`number_in`, where all lanes of a warp that call it have the same ``slot``."""
+
+
+@wp.func_native(NUMBER_IN.format(peers=SAME_SLOT, within=WITHIN, next_number="counts.data[slot]++"))
 def number_in(counts: wp.array(dtype=wp.int32), slot: wp.int32) -> wp.int32:
     """Raise a count by one and return what it was; lanes with the same ``slot`` share an atomic."""
 
 
 @wp.func_native(
-    NUMBER_IN.format(within=WITHIN, next_number="__atomic_fetch_add(counts.data + slot, 1, __ATOMIC_RELAXED)")
+    NUMBER_IN.format(
+        peers=SAME_SLOT,
+        within=WITHIN,
+        next_number="__atomic_fetch_add(counts.data + slot, 1, __ATOMIC_RELAXED)",
+    )
 )
 def number_among(counts: wp.array(dtype=wp.int32), slot: wp.int32) -> wp.int32:
     """:func:`number_in`, atomic on a CPU, too, where kernels may run in several threads."""

@@ -26,6 +26,25 @@ NOWHERE = wp.constant(2147483647)
 STEPS = wp.constant(4)
 """Steps of 32 rays that there is room for: one is tested, three are on their way."""
 
+
+@wp.func
+def step_of(at: wp.int32) -> wp.int32:
+    """The step, 0 to 3, of the 32 rays from ``at`` on."""
+    return (at >> 5) & (STEPS - 1)
+
+
+@wp.func
+def pack_of(lane: wp.int32) -> wp.int32:
+    """Which of the small groups that a warp takes together a lane belongs to."""
+    return lane >> 3
+
+
+@wp.func
+def packs_of(small: wp.int32) -> wp.int32:
+    """How many warps' worth of small groups there are."""
+    return (small + PACKED - 1) >> 2
+
+
 # A step of a block: 128 rays of 16 bytes, and then the places of their groups.
 RAY_BYTES, STEP_BYTES = 2048, 2560
 

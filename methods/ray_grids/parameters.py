@@ -20,7 +20,7 @@ FEW_TRIANGLES = 65536
 """With fewer, a GPU has room for more threads than there are triangles. What the thread of a triangle leaves to a queue,
 many threads do at the same time. Measured on an H200 (``docs/optimisation-log.md``)."""
 
-INLINE_PIXELS, INLINE_RAYS, INLINE_OF_FEW = 40, 32, 8
+INLINE_PIXELS, INLINE_RAYS, INLINE_OF_FEW = 40, 24, 8
 """What :data:`CHOOSE` stands for with one light."""
 
 REGION_PIXELS = 2
@@ -78,7 +78,7 @@ class Build(Streams):
     inline_cells   a triangle whose box on a face covers at most this many cells, in at most 16 rows, counts the rays in
                    them; a larger one is queued
     inline_rays    a triangle that has counted at most this many rays, on one face, tests them in its own thread; with
-                   more, or on a second face, it is queued; -1: 32, from 4 lights on 48, but 8 for fewer than 65,536
+                   more, or on a second face, it is queued; -1: 24, from 4 lights on 48, but 8 for fewer than 65,536
                    triangles
     part           pixels or rays of a queued group of rows, or of a light's four small groups, that one warp tests; the
                    rest is split into parts

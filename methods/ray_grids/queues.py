@@ -21,7 +21,7 @@ from ...harness.frame.passes import Pass
 from ...harness.frame.threads import beside
 from ..common.entries import set_entry
 from ..common.pairs import grown
-from ..common.reserve import counted, number_in, reserve
+from ..common.reserve import counted, next_number, reserve
 from .ahead import GROUP_WORDS
 from .warps import LANES, claim, claimed_place
 
@@ -90,7 +90,7 @@ def triangle_of(thread: wp.int32, share: Share) -> wp.int32:
 @wp.func
 def queue_doubt(queue: Queue, i: wp.int32, pixel: wp.int32):
     """Leave a (triangle, pixel) pair to float64."""
-    place = number_in(queue.counts, DOUBTS)
+    place = next_number(queue.counts, DOUBTS)
     if place < queue.doubts.shape[0]:
         set_entry(queue.doubts, place, wp.vec2i(i, pixel))
 

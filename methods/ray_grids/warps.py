@@ -16,6 +16,19 @@ from ..common.reserve import WITHIN
 LANES = wp.constant(32)
 
 
+# Shifts, because a division of a number that may be negative takes six instructions.
+@wp.func
+def lane_of(thread: wp.int32) -> wp.int32:
+    """The lane of a thread."""
+    return thread & 31
+
+
+@wp.func
+def warp_of(thread: wp.int32) -> wp.int32:
+    """The warp of a thread, or the warps of so many threads."""
+    return thread >> 5
+
+
 @wp.func_native("""
 #if defined(__CUDA_ARCH__)
 int lane = threadIdx.x & 31;
@@ -93,25 +106,40 @@ def lane_at(start: wp.int32, at: wp.int32) -> wp.int32:
     """
 
 
-# Shared memory for blocks of 128 threads: a warp writes its pairs out when it holds more than 32, or at its end. Each
-# asking for its own place would wait for the one address that all of them raise.
+# Shared memory for blocks of 128 threads: a warp writes its pairs out when it holds more than 32. What the warps of a block
+# hold at the end they add with one atomic: thousands of warps end at the same time, and atomics on one address take turns.
 @wp.func_native(f"""
 #if defined(__CUDA_ARCH__)
 unsigned int among = __ballot_sync(0xffffffffu, wanted);
 if (!among && !last) return held;
 __shared__ int2 pairs[256];
-int lane = threadIdx.x & 31;
-int2 *mine = pairs + 2 * (threadIdx.x & 96);
+__shared__ int ends[5];
+int lane = threadIdx.x & 31, warp = (threadIdx.x >> 5) & 3;
+int2 *mine = pairs + 64 * warp;
 if (wanted) mine[held + __popc(among & ((1u << lane) - 1u))] = make_int2(first, second);
 held += __popc(among);
 if (held <= 32 && !last) return held;
-__syncwarp();
 int base = 0;
-if (lane == 0 && held) {{
-    base = atomicAdd(counts.data + slot, held);
-    {WITHIN}
+if (last) {{
+    if (lane == 0) ends[warp] = held;
+    __syncthreads();
+    if (threadIdx.x == 0) {{
+        int number = ends[0] + ends[1] + ends[2] + ends[3];
+        if (number) base = atomicAdd(counts.data + slot, number);
+        {WITHIN}
+        ends[4] = base;
+    }}
+    __syncthreads();
+    base = ends[4];
+    for (int k = 0; k < warp; k++) base += ends[k];
+}} else {{
+    __syncwarp();
+    if (lane == 0) {{
+        base = atomicAdd(counts.data + slot, held);
+        {WITHIN}
+    }}
+    base = __shfl_sync(0xffffffffu, base, 0);
 }}
-base = __shfl_sync(0xffffffffu, base, 0);
 #pragma unroll 1
 for (int k = lane; k < held; k += 32)
     if (base + k < list.shape[0]) reinterpret_cast<int2*>(list.data)[base + k] = mine[k];
@@ -131,7 +159,8 @@ def append_pairs(
 ) -> wp.int32:
     """Add the pairs of lanes that want it to a list whose length is ``counts[slot]``; how many the warp still holds.
 
-    ``held`` is what the last call returned, at first 0; the ``last`` call leaves none. All lanes must call it.
+    ``held`` is what the last call returned, at first 0. All lanes must call it. The ``last`` call, which all threads of the
+    block must make, leaves none.
     """
 
 

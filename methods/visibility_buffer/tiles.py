@@ -14,7 +14,7 @@ from __future__ import annotations
 import warp as wp
 
 from ..common.entries import set_entry
-from ..common.reserve import number_in, reserve
+from ..common.reserve import next_number, reserve
 from ..ray_grids.queues import ITEMS, LARGE, PARTS, Queue
 
 TILE_SHIFT = wp.constant(3)
@@ -39,7 +39,7 @@ def tiles_across(columns: wp.int32) -> wp.int32:
 @wp.func
 def queue_large(queue: Queue, i: wp.int32, face: wp.int32, box: wp.vec4i, bound: wp.float32) -> wp.int32:
     """Put a triangle's box (first column and row, last column and row) into ``large``; its place there."""
-    place = number_in(queue.counts, LARGE)
+    place = next_number(queue.counts, LARGE)
     if place < queue.large.shape[0]:
         columns = box[0] | (box[2] << 16)
         rows = box[1] | (box[3] << 16)
@@ -104,7 +104,7 @@ def tile_box(work: wp.vec4i, tile: wp.vec2i) -> wp.vec4i:
 @wp.func
 def queue_tile(queue: Queue, large: wp.int32, tile: wp.vec2i):
     """Queue a tile that is to be rasterised."""
-    place = number_in(queue.counts, PARTS)
+    place = next_number(queue.counts, PARTS)
     if place < queue.parts.shape[0]:
         set_entry(queue.parts, place, wp.vec2i(large, tile[0] | (tile[1] << 16)))
 

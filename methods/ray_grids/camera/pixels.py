@@ -11,10 +11,10 @@ import warp as wp
 
 from ....harness.frame.geometry import Camera, Corners
 from ...common.entries import entry_now, raise_entry
-from ...common.reserve import reserve
+from ...common.pixels import whole_quotient
 from ...common.triangle import U32, U64, largest, nearness_key, to_float64
 from ..fetch import direction_at
-from ..queues import DOUBTS, Queue, queue_doubt
+from ..queues import Queue, queue_doubt
 
 LEAST_HEIGHT = wp.constant(wp.float32(2.0**-14))
 LONGEST_WAY = wp.constant(wp.float32(32.0))
@@ -199,7 +199,7 @@ def lowest_bit(bits: wp.uint32) -> wp.int32:
 def pixel_in(box: wp.vec4i, k: wp.int32) -> wp.vec2i:
     """Column and row of the k-th pixel of a box."""
     across = box[2] - box[0] + 1
-    down = wp.int32(wp.uint32(k) // wp.uint32(across))
+    down = whole_quotient(k, across)
     return wp.vec2i(box[0] + k - down * across, box[1] + down)
 
 
@@ -238,12 +238,8 @@ def test_box(
             pixel = at[1] * camera.width + at[0]
             # An atomic whose result is not used does not stall the thread; reading the stored word first would.
             store_if_nearer(nearest, pixel, wp.uint64(0), candidate, direction_at(camera, at[0], at[1]))
-        if unsure != wp.uint32(0):
-            place = reserve(queue.counts, DOUBTS, wp.int32(wp.bit_count(unsure)))
-            while unsure != wp.uint32(0):
-                at = pixel_in(box, first + lowest_bit(unsure))
-                unsure &= unsure - wp.uint32(1)
-                if place < queue.doubts.shape[0]:
-                    queue.doubts[place] = wp.vec2i(candidate.i, at[1] * camera.width + at[0])
-                place += 1
+        while unsure != wp.uint32(0):
+            at = pixel_in(box, first + lowest_bit(unsure))
+            unsure &= unsure - wp.uint32(1)
+            queue_doubt(queue, candidate.i, at[1] * camera.width + at[0])
         first += 32

@@ -13,7 +13,7 @@ from ...common.entries import entry, entry_now, entry_of_four
 from ...common.triangle import spare_bits
 from ..fetch import direction_at
 from ..queues import DOUBTS, ITEMS, PARTS, Queue, queue_parts
-from ..warps import LANES, append_pairs, filled_lane, lane_at, of_lane, sum_to_lane
+from ..warps import LANES, append_pairs, filled_lane, lane_at, lane_of, of_lane, sum_to_lane, warp_of
 from .pixels import Candidate, sign_bound, test_pixel, test_pixel_or_queue
 from .stream import Lines, pixels_of_row
 
@@ -54,9 +54,9 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
         step = threads
         lane = wp.int32(0)
         if wp.static(cuda):
-            lane = k % LANES
-            k = k // LANES
-            step = threads // LANES
+            lane = lane_of(k)
+            k = warp_of(k)
+            step = warp_of(threads)
         held = wp.int32(0)
         while k < stop:
             item = k

@@ -18,23 +18,24 @@ from ..ahead import (
     FEW_ROWS,
     GROUP_BYTES,
     NOWHERE,
-    PACKED,
-    STEPS,
     end_of_step,
     fetch_groups,
     fetch_ray,
     fetched_group,
     fetched_ray,
+    pack_of,
+    packs_of,
     place_of_steps,
     row_at,
     set_rows,
     shared_entry,
+    step_of,
     wait_for_groups,
     wait_for_step,
 )
 from ..fetch import direction_at
 from ..queues import DOUBTS, ITEMS, PARTS, SMALL, Queue, claim_parts, queue_parts, store_parts
-from ..warps import LANES, append_pairs, lane_at, of_lane, sum_to_lane
+from ..warps import LANES, append_pairs, lane_at, lane_of, of_lane, sum_to_lane, warp_of
 from .bins import RayCells, cells_of, span_of
 from .cells import Sides, cells_of_row
 from .rays import Occluder, ShadowBits, certain, set_shadowed, test_ray
@@ -125,7 +126,7 @@ def fetch_ray_of_lane(
     """
     if at < end:
         row = row_at(rows, lane_at(start, at))
-        fetch_ray(rays, row[0] + at + lane, at + lane < end, row[1], steps, (at // LANES) % STEPS)
+        fetch_ray(rays, row[0] + at + lane, at + lane < end, row[1], steps, step_of(at))
     end_of_step()
 
 
@@ -150,13 +151,13 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
         along = cells_of(cells.table)
         stop = large + small
         if wp.static(cuda):
-            stop = large + (small + PACKED - 1) // PACKED
+            stop = large + packs_of(small)
         if wp.static(again):
             stop = wp.min(queue.counts[PARTS], queue.parts.shape[0])
         if wp.static(cuda):
-            lane = k % LANES
-            k = k // LANES
-            step = threads // LANES
+            lane = lane_of(k)
+            k = warp_of(k)
+            step = warp_of(threads)
             steps = place_of_steps()
             # A doubtful pair, known one step after the test not to be the ray's own triangle.
             i = wp.int32(0)
@@ -190,8 +191,8 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                     following = fetch_groups(queue.groups, item, large, small, set)
                 row = lane
                 if this_item >= large:
-                    group += lane // FEW_ROWS * GROUP_BYTES
-                    row = lane % FEW_ROWS
+                    group += pack_of(lane) * GROUP_BYTES
+                    row = lane & (FEW_ROWS - 1)
                 span = shared_rays_of_row(group, row, along, cells.offset)
                 length = span[1] - span[0]
                 sums = sum_to_lane(length)
@@ -202,7 +203,8 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                     start = NOWHERE
                 claimed = wp.int32(0)
                 if wp.static(not again):
-                    claimed = claim_parts(queue, number, size)
+                    if number > size:
+                        claimed = claim_parts(queue, number, size)
                 at = this_part * size
                 end = wp.min(number, at + size)
                 if at < end:
@@ -212,8 +214,8 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                         fetch_ray_of_lane(steps, rows, start, at + ahead * LANES, lane, end, cells.rays)
                     while at < end:
                         wait_for_step()
-                        of_ray = fetched_group(steps, (at // LANES) % STEPS)
-                        h = fetched_ray(steps, (at // LANES) % STEPS)
+                        of_ray = fetched_group(steps, step_of(at))
+                        h = fetched_ray(steps, step_of(at))
                         occluder = shared_occluder(occluder, of_ray, loaded)
                         loaded = of_ray
                         if wp.static(effects.alpha):

@@ -168,7 +168,7 @@ def set_bit_or_doubt(bits: Any, verdict: wp.int32, i: wp.int32, pixel: wp.int32)
     if verdict == YES:
         set_shadowed(bits, pixel, i)
         return False
-    return entry(bits.triangle, pixel) != i and bits.visibility[bits.light, pixel] == wp.uint8(0)
+    return entry(bits.triangle, pixel) != i and entry(bits.visibility, bits.light, pixel) == wp.uint8(0)
 
 
 @wp.func
@@ -185,7 +185,7 @@ def set_bit_or_queue(bits: Any, queue: Queue, verdict: wp.int32, i: wp.int32, h:
 @wp.func
 def queue_if_lit(bits: Any, queue: Queue, i: wp.int32, pixel: wp.int32):
     """Queue a doubtful pair for float64, unless the pixel is shadowed already."""
-    if bits.visibility[bits.light, pixel] == wp.uint8(0):
+    if entry(bits.visibility, bits.light, pixel) == wp.uint8(0):
         queue_doubt(queue, i, pixel)
 
 

@@ -14,7 +14,7 @@ from ....harness.frame.alpha import Alpha
 from ....harness.frame.geometry import Mesh
 from ....harness.frame.specialise import effects
 from ...common.entries import entry, set_entry
-from ...common.reserve import number_in
+from ...common.reserve import next_number
 from ...common.triangle import U32
 from ..aim import FACES, Cube
 from ..cube import on_face
@@ -122,7 +122,7 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
                             box_here = box
                         else:
                             if wp.static(queued):
-                                place = number_in(queue.counts, LARGE)
+                                place = next_number(queue.counts, LARGE)
                                 if place < queue.large.shape[0]:
                                     work = wp.vec4i(i, face, box[0] | (box[2] << 16), box[1] | (box[3] << 16))
                                     set_entry(queue.large, place, work)

@@ -176,12 +176,12 @@ def test_few_pairs_are_doubtful_however_far_the_eye():
 def test_more_is_tested_in_line_and_beside_with_several_lights():
     build = make_method("ray_grids", {}).build
     one, two, four, eight = (build.chosen(FEW_TRIANGLES, True, lights) for lights in (1, 2, 4, 8))
-    assert (one.inline_rays, one.shares) == (32, 2)
+    assert (one.inline_rays, one.shares) == (24, 2)
     assert (four.inline_rays, four.shares, four.beside) == (48, 1, 4)
     assert (eight.inline_rays, eight.shares, eight.beside) == (48, 1, 8)
     assert two == one
     assert build.chosen(1, True, 4).inline_rays == 8
-    assert build.chosen(1, False, 4).inline_rays == 32
+    assert build.chosen(1, False, 4).inline_rays == 24
     with pytest.raises(UserError, match="beside and shares must be in"):
         make_method("ray_grids", {"shares": "0"})
     with pytest.raises(UserError, match="beside and shares must be in"):
@@ -192,7 +192,7 @@ def test_what_a_triangle_tests_itself_is_chosen_from_the_number_of_triangles():
     build = make_method("ray_grids", {}).build
     few, many = build.chosen(FEW_TRIANGLES - 1, True), build.chosen(FEW_TRIANGLES, True)
     assert (few.inline_pixels, few.inline_rays) == (8, 8)
-    assert (many.inline_pixels, many.inline_rays) == (40, 32)
+    assert (many.inline_pixels, many.inline_rays) == (40, 24)
     assert build.chosen(1, False) == build.chosen(FEW_TRIANGLES, False) == replace(many, region="rays")
     assert build.chosen(10, True, 1, 10 * REGION_PIXELS + 1).region == "triangles"
     assert build.chosen(10, True, 1, 10 * REGION_PIXELS).region == "rays"
