@@ -9,7 +9,8 @@ agree. As CUDA defines it, lanes that have returned are not waited for. With ``-
 text in every snippet: a test that they are tested. With EMULATED_SEED=1, 2, ... in the environment the lanes of
 ``__activemask`` are divided at random, and lanes begin and exchange in other orders.
 
-It is no GPU: blocks run one after the other, atomics and memory are in order, ``cp.async`` copies at once, shared memory
-begins as zeros, products are fused with sums where the CPU's compiler does it, and nothing is said about time. The graphs
-that a GPU captures are launched pass by pass.
+Shared memory begins as other kernels may have left it, and copies into it (``cp.async``) arrive when they are waited for.
+
+It is no GPU: blocks run one after the other, atomics and memory are in order, products are fused with sums where the CPU's
+compiler does it, and nothing is said about time. The graphs that a GPU captures are launched pass by pass.
 """

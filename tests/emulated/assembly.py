@@ -1,4 +1,4 @@
-"""The assembly of native snippets as C++."""
+"""The assembly of native snippets as C++, and their shared variables."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ _THREE = "if (({{4}}) >= 0) {{{{ {0}* to = ({0}*)({{0}}); to[0] = {{1}}; to[1] =
 
 INSTRUCTIONS = {
     "cp.async.cg.shared.global [%0], [%1], 16, %2;": (
-        "emulated_shared<float4>({0}) = ({2}) ? *(const float4*)({1}) : make_float4(0, 0, 0, 0);"
+        "emulated_begin_copy(&emulated_shared<float4>({0}), ({2}) ? (const void*)({1}) : nullptr);"
     ),
     "@wanted cp.async.cg.shared.global [%1], [%2], 16;": (
-        "if ({0}) emulated_shared<float4>({1}) = *(const float4*)({2});"
+        "if ({0}) emulated_begin_copy(&emulated_shared<float4>({1}), ({2}));"
     ),
-    "cp.async.commit_group;": "",
-    "cp.async.wait_all;": "",
-    "cp.async.wait_group 2;": "",
+    "cp.async.commit_group;": "emulated_end_group();",
+    "cp.async.wait_all;": "emulated_arrive(0, true);",
+    "cp.async.wait_group 2;": "emulated_arrive(2, false);",
     "fence.acq_rel.gpu;": "",
     "atom.acq_rel.gpu.global.add.s32 %0, [%1], 1;": "{0} = atomicAdd((int*)({1}), 1);",
     "atom.acq_rel.gpu.global.exch.b64 %0, [%1], %2;": "{0} = atomicExch((word64*)({1}), (word64)({2}));",
@@ -44,6 +44,8 @@ INSTRUCTIONS = {
 """C++ of what asm statements hold, their operands in braces. A predicate's own lines are left out: the operand that it is
 made of stands in its place."""
 
+_SHARED = re.compile(r"__shared__\s+((?:unsigned\s+)?\w+)\s+(\w+)((?:\[[^]]*\])*);")
+
 _STATEMENT = re.compile(r"\basm\b(?:\s+volatile)?\s*\(")
 _STRINGS = re.compile(r'\s*((?:"[^"]*"\s*)+)')
 _OPERAND = re.compile(r'"[=+]?[a-z]"\s*\(')
@@ -63,6 +65,20 @@ def without_assembly(snippet: str) -> str:
         text += snippet[: found.start()] + "{ " + _as_cpp(snippet[found.end() : end]) + " }"
         snippet = snippet[end + 1 :].lstrip().removeprefix(";")
     return text + snippet
+
+
+def with_shared_memory(snippet: str) -> str:
+    """The snippet, its shared variables as ones of all threads, which begin as each block finds them.
+
+    Raises ValueError for declarations in another form than ``__shared__ type name[number];``.
+    """
+    text = _SHARED.sub(
+        r"static \1 \2\3; static word64 emulated_\2; emulated_begin_shared(emulated_\2, &\2, sizeof(\2));",
+        snippet,
+    )
+    if "__shared__" in text:
+        raise ValueError(f"the emulated GPU knows no such declaration of shared memory: {snippet}")
+    return text
 
 
 def _as_cpp(body: str) -> str:

@@ -15,7 +15,7 @@ import warp as wp
 from shadowbench.harness.frame.warp_init import start_warp
 from warp._src import codegen, context
 
-from .assembly import without_assembly
+from .assembly import with_shared_memory, without_assembly
 
 HEADER = Path(__file__).with_name("lanes.h")
 
@@ -86,7 +86,7 @@ def _compile_with_header(replaced: Sequence[tuple[str, str]], unseen: set[str]) 
             if old in snippet:
                 unseen.discard(old)
             snippet = snippet.replace(old, new)
-        return generate(adj, name, without_assembly(snippet), *more, **named)
+        return generate(adj, name, with_shared_memory(without_assembly(snippet)), *more, **named)
 
     codegen.codegen_snippet = codegen_snippet
     codegen.cpu_module_header += f'#include "{HEADER}"\n'

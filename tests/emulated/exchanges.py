@@ -102,8 +102,34 @@ SHARED = """([&] {{
     return kept[threadIdx.x ^ 1];
 }}())"""
 
+COPIED = """([&] {{
+    __shared__ float4 kept[96];
+    const float4 given[2] = {{{{1.0f, 2.0f, 3.0f, 4.0f}}, {{5.0f, 6.0f, 7.0f, 8.0f}}}};
+    unsigned int place = (unsigned int)__cvta_generic_to_shared(kept + threadIdx.x);
+    asm volatile("cp.async.cg.shared.global [%0], [%1], 16, %2;" :: "r"(place), "l"(given), "r"(16) : "memory");
+    asm volatile("cp.async.wait_all;" ::: "memory");
+    int sum = (int)kept[threadIdx.x].y;
+    asm volatile("cp.async.cg.shared.global [%0], [%1], 16, %2;" :: "r"(place), "l"(given + 1), "r"(16) : "memory");
+    asm volatile("cp.async.commit_group;" ::: "memory");
+    {wait}
+    return sum + (int)kept[threadIdx.x].x;
+}}())"""
+
+
+def copied(wait: str) -> None:
+    """What threads copy to shared memory, and then to the same place again."""
+    np.testing.assert_array_equal(run(COPIED.format(wait=wait), np.zeros(COUNT, dtype=np.int32)), 2 + 5)
+
+
 BROKEN = {
     "no wait between lanes": lambda: shared(""),
+    "no wait for a copy": lambda: copied("__syncwarp();"),
+    "the last group is not waited for": lambda: copied(
+        'asm volatile("cp.async.wait_group 2;" ::: "memory");'
+    ),
+    "shared memory that nobody has written": lambda: np.testing.assert_array_equal(
+        run("([&] { __shared__ int kept[96]; return kept[threadIdx.x]; }())", np.zeros(COUNT, np.int32)), 0
+    ),
     "lanes at another place": lambda: run(
         f"{LANE} ? __shfl_sync({ALL}, v, 0) : __syncthreads_or(v)", np.zeros(COUNT, np.int32)
     ),
@@ -135,3 +161,4 @@ if __name__ == "__main__":
         returned()
         shared("__syncwarp();")
         shared("__syncthreads();")
+        copied('asm volatile("cp.async.wait_all;" ::: "memory");')

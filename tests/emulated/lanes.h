@@ -26,8 +26,9 @@ static struct { uint x; } blockIdx, gridDim;  // set as each thread begins
 static struct { uint x = WP_TILE_BLOCK_DIM, y = 1, z = 1; } blockDim;
 static const int warpSize = 32;
 
-#define __shared__ static
 #define __CUDA_ARCH__ 900
+
+#include "memory.h"
 
 // Random numbers of the seed in the environment; 0 without one.
 static inline uint emulated_random()
@@ -89,12 +90,14 @@ static inline void emulated_begin(int thread, word64 threads)
         const word64 here = threads > w * 32 ? threads - w * 32 : 0;
         emulated_warps[w].ended = here < 32 ? ~0u << here : 0;
     }
+    emulated_begin_memory(thread);
     emulated_reorder();
 }
 
 // As it returns. Lanes that wait for it do so no longer; but one that made another exchange meanwhile has passed them by.
 static inline void emulated_end(int thread)
 {
+    emulated_arrive(0, true);
     const int lane = thread & 31;
     emulated_warp& warp = emulated_warps[thread >> 5];
     for (emulated_exchange& e : warp.exchanges) {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import signal
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -67,6 +68,9 @@ def test_threads_exchange_the_same_in_other_orders():
     ("broken", "said"),
     [
         ("no wait between lanes", "Arrays are not equal"),
+        ("no wait for a copy", "Arrays are not equal"),
+        ("the last group is not waited for", "Arrays are not equal"),
+        ("shared memory that nobody has written", "Arrays are not equal"),
         ("lanes at another place", "waits without end at s"),
         ("masks that do not agree", "lanes 0000ffff wait for it at shfl"),
         ("a lane outside its mask", "lane 4 is not in its mask 0000000f at shfl"),
@@ -129,12 +133,15 @@ def test_no_order_of_lanes_changes_an_answer(seed):
     [
         ("held += __popc(among);", "held = __popc(among);"),
         ("for (int k = 0; k < part; k++) before += sums[k];", ""),
+        ('asm volatile("cp.async.wait_all;" ::: "memory");', ""),
+        ('asm volatile("cp.async.wait_group 2;" ::: "memory");', ""),
     ],
 )
 def test_a_snippet_that_was_broken_is_found(old, new):
-    """So these cases run these snippets, and judge what comes of them."""
+    """So these cases run these snippets, and judge what comes of them. A number that nobody wrote may be no place to write
+    to."""
     cases = ("P30 1000", "P31 100000")
     done = check("ray_grids", {"cells": "640"}, cases, "--replace", old, new)
     assert "no snippet holds" not in done.stderr
-    assert done.returncode == 1, done.stdout + done.stderr
-    assert "with true errors" in done.stdout
+    judged = done.returncode == 1 and "with true errors" in done.stdout
+    assert judged or -done.returncode == signal.SIGSEGV, done.stdout + done.stderr
