@@ -60,8 +60,8 @@ def faces(n: wp.vec3d, size: wp.float64, seen: wp.vec3d, lit: wp.vec3d) -> wp.bo
 def faces_light(
     light: wp.int32, eye: wp.vec3f, corners: Corners, lights: wp.array(dtype=wp.vec3f)
 ) -> wp.bool:
-    """:func:`faces` of a triangle: what :func:`receives` says of each of its hits by rays from the eye, if the light is no
-    spot. The same float64 expressions."""
+    """:func:`faces` of a triangle, whatever its hit: all that :func:`receives` asks where the light is no spot and rays come
+    from the eye."""
     a = to_float64(corners.a)
     e = to_float64(corners.b) - a
     f = to_float64(corners.c) - a
@@ -80,18 +80,15 @@ def receives(
 ) -> wp.bool:
     """Whether the hit of a ray on a triangle has a shadow ray to a light."""
     a = to_float64(corners.a)
-    e = to_float64(corners.b) - a
-    f = to_float64(corners.c) - a
-    n = wp.cross(e, f)
+    n = wp.cross(to_float64(corners.b) - a, to_float64(corners.c) - a)
     o = to_float64(ray.origin)
     d = to_float64(ray.direction)
-    place = to_float64(lights[light])
     wanted = wp.bool(True)
     if facing:
-        wanted = faces(n, largest(e) * largest(f) * DOUBT64, o - a, place - a)
+        wanted = faces_light(light, ray.origin, corners, lights)
     if wanted:
         t = wp.dot(n, a - o) / wp.dot(n, d)
-        wanted = in_spot(spots, light, o + d * t - place)
+        wanted = in_spot(spots, light, o + d * t - to_float64(lights[light]))
     return wanted
 
 

@@ -31,7 +31,7 @@ def thread_count(width: int, height: int, blocks: bool) -> int:
     return -(-width // 8) * -(-height // 4) * 32
 
 
-# An approximate quotient of numbers below 2^26, itself below 2^15, is off by less than one.
+# The approximate quotient is off by less than 2^-21 of itself, a few roundings of float32, so by less than one.
 @wp.func_native("""
 #if defined(__CUDA_ARCH__)
 int quotient = (int)__fdividef((float)a, (float)b), rest = a - quotient * b;
@@ -41,7 +41,7 @@ return a / b;
 #endif
 """)
 def whole_quotient(a: wp.int32, b: wp.int32) -> wp.int32:
-    """a / b rounded down; 0 <= a < 2^26, 0 < b, a / b < 2^15. Half of the instructions of a division."""
+    """a / b rounded down; 0 <= a, 0 < b, a / b < 2^15. Half of the instructions of a division."""
 
 
 @wp.func

@@ -170,16 +170,12 @@ def resolve_kernel(
     """
     k = wp.tid()
     stop = ((camera.width + 7) >> 3) * ((camera.height + 3) >> 2) * 32
-    at = wp.vec2i(-1, -1)
-    if k < stop:
-        at = tile_pixel(k, camera.width, camera.height)
+    at = tile_pixel(k, camera.width, camera.height)
     word = word_of(at, camera, nearest)
     while k < stop:
         # The next pixel's word is loaded meanwhile.
         k += threads
-        following = wp.vec2i(-1, -1)
-        if k < stop:
-            following = tile_pixel(k, camera.width, camera.height)
+        following = tile_pixel(k, camera.width, camera.height)
         next_word = word_of(following, camera, nearest)
         if at[0] >= 0:
             resolve_pixel(at, word, camera, mesh, hits, hit_points)
