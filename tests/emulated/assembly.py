@@ -15,8 +15,8 @@ INSTRUCTIONS = {
         "if ({0}) emulated_begin_copy(&emulated_shared<float4>({1}), ({2}));"
     ),
     "cp.async.commit_group;": "emulated_end_group();",
-    "cp.async.wait_all;": "emulated_arrive(0, true);",
-    "cp.async.wait_group 2;": "emulated_arrive(2, false);",
+    "cp.async.wait_all;": "emulated_arrive_all();",
+    "cp.async.wait_group 2;": "emulated_arrive(2);",
     "fence.acq_rel.gpu;": "",
     "atom.acq_rel.gpu.global.add.s32 %0, [%1], 1;": "{0} = atomicAdd((int*)({1}), 1);",
     "atom.acq_rel.gpu.global.exch.b64 %0, [%1], %2;": "{0} = atomicExch((word64*)({1}), (word64)({2}));",

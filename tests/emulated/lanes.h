@@ -86,18 +86,20 @@ static inline void emulated_complete(emulated_warp& warp, emulated_exchange& e)
 // As a thread of a block begins. Threads that the block lacks have returned, as on a GPU.
 static inline void emulated_begin(int thread, word64 threads)
 {
-    if (thread == 0) for (int w = 0; w < 32; w++) {
-        const word64 here = threads > w * 32 ? threads - w * 32 : 0;
-        emulated_warps[w].ended = here < 32 ? ~0u << here : 0;
+    if (thread == 0) {
+        emulated_blocks++;
+        for (int w = 0; w < 32; w++) {
+            const word64 here = threads > w * 32 ? threads - w * 32 : 0;
+            emulated_warps[w].ended = here < 32 ? ~0u << here : 0;
+        }
     }
-    emulated_begin_memory(thread);
     emulated_reorder();
 }
 
-// As it returns. Lanes that wait for it do so no longer; but one that made another exchange meanwhile has passed them by.
+// As it returns. Its copies arrive. Lanes that wait for it do so no longer; but one that made another exchange meanwhile has passed them by.
 static inline void emulated_end(int thread)
 {
-    emulated_arrive(0, true);
+    emulated_arrive_all();
     const int lane = thread & 31;
     emulated_warp& warp = emulated_warps[thread >> 5];
     for (emulated_exchange& e : warp.exchanges) {

@@ -32,23 +32,22 @@ static inline void emulated_begin_copy(void* to, const void* from)
 
 static inline void emulated_end_group() { emulated_under_way[emulated_thread()].groups++; }
 
-// All groups but the last ``but`` have arrived, or with ``all`` whatever was begun.
-static inline void emulated_arrive(word64 but, bool all)
+// All groups that have ended, but the last ``but``, have arrived.
+static inline void emulated_arrive(word64 but)
 {
     emulated_copies& mine = emulated_under_way[emulated_thread()];
     int left = 0;
     for (int k = 0; k < mine.number; k++) {
         const emulated_copy copy = mine.copies[k];
-        if (!all && copy.group + but >= mine.groups) mine.copies[left++] = copy;
+        if (copy.group + but >= mine.groups) mine.copies[left++] = copy;
         else if (copy.from) __builtin_memcpy(copy.to, copy.from, 16);
         else __builtin_memset(copy.to, 0, 16);
     }
     mine.number = left;
 }
 
-// As a thread of a block begins, and as it returns: its copies arrive then.
-static inline void emulated_begin_memory(int thread)
+static inline void emulated_arrive_all()
 {
-    if (thread == 0) emulated_blocks++;
-    emulated_under_way[thread].number = 0;
+    emulated_end_group();
+    emulated_arrive(0);
 }

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.brute_force import make_scene, soup
+from helpers.lights_of_session import lights_of_session
 from numpy.typing import NDArray
 from shadowbench.harness.errors import UserError
 from shadowbench.harness.frame.registry import make_method
@@ -27,7 +28,7 @@ def session_of(prepared: Prepared, settings: dict[str, str], device: str = "cpu"
 
 def memory_of(session: Session) -> list[RememberingLight]:
     """The lights of a session that keep occluders."""
-    owners = [work.launch.__self__ for work in session.planned if work.name.endswith("map rays")]
+    owners = lights_of_session(session)
     assert [type(owner) for owner in owners] == [RememberingLight] * len(LIGHTS)
     return owners
 

@@ -7,6 +7,7 @@ import pytest
 import warp as wp
 from helpers.brute_force import soup
 from helpers.effect_scenes import BEHIND, EYE, POINT, SPOT, scene
+from helpers.lights_of_session import lights_of_session
 from shadowbench.harness.frame.receivers import reached_by
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
@@ -83,8 +84,7 @@ def rough(lights: tuple[Light, ...]) -> Prepared:
 
 
 def known_lights(session: Session) -> list[KnownRegionLight]:
-    lights = [work.launch.__self__ for work in session.planned if work.name.endswith("map rays")]
-    return [light for light in lights if isinstance(light, KnownRegionLight)]
+    return [light for light in lights_of_session(session) if isinstance(light, KnownRegionLight)]
 
 
 @pytest.mark.parametrize("queue", ["always", "never"])

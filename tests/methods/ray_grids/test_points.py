@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import warp as wp
 from helpers.brute_force import make_scene, soup
+from helpers.lights_of_session import lights_of_session
 from numpy.typing import NDArray
 from shadowbench.harness.frame.geometry import Camera, Mesh
 from shadowbench.harness.frame.registry import make_method
@@ -42,7 +43,7 @@ def points_of(prepared: Prepared) -> dict[str, NDArray[np.generic]]:
     """What :func:`points_kernel` finds for every pixel that hits, and the t of the answers."""
     session = Session(make_method("ray_grids"), prepared, *SIZE, "cpu")
     answers = session.answers(prepared.moment(0, *SIZE))
-    light = next(work.launch.__self__ for work in session.planned if work.name.endswith("map rays"))
+    (light,) = lights_of_session(session)
     pixels = SIZE[0] * SIZE[1]
     kinds = dict(
         triangle=wp.int32, rough=wp.vec3d, exact=wp.vec3d, way=wp.float32, t=wp.float32, placed_as=wp.vec4f

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.brute_force import make_scene, soup
+from helpers.lights_of_session import lights_of_session
 from numpy.typing import NDArray
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
@@ -22,7 +23,7 @@ def lights_of(prepared: Prepared, region: str) -> list[LightStream]:
     """The lights of a frame that was traced."""
     session = Session(make_method("ray_grids", {"region": region}), prepared, *SIZE, "cpu")
     session.answers(prepared.moment(0, *SIZE))
-    return [work.launch.__self__ for work in session.planned if work.name.endswith("map rays")]
+    return lights_of_session(session)
 
 
 def sides_of(light: LightStream) -> NDArray[np.float32]:

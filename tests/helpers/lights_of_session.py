@@ -1,0 +1,12 @@
+"""The lights of a method that streams triangles over their rays, as a session has planned them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from shadowbench.harness.frame.session import Session
+
+
+def lights_of_session(session: Session) -> list[Any]:
+    """What launches the passes of each light that has shadows, in their order."""
+    return [work.launch.__self__ for work in session.planned if work.name.endswith("map rays")]
