@@ -8,6 +8,7 @@ from __future__ import annotations
 import warp as wp
 
 from ...harness.frame.geometry import Camera, Corners
+from .division import LARGEST_DIVISOR, LEAST_DIVISOR, about_inverse
 from .triangle import U32, largest, total
 
 
@@ -66,9 +67,15 @@ def screen_scale(tx: wp.float32, ty: wp.float32, width: wp.int32, height: wp.int
 
 
 @wp.func
+def is_in_front(p: wp.vec3f) -> wp.bool:
+    """Whether a vertex lies far enough in front of the eye's plane for its projection to be known."""
+    return p[2] > 1.0e-4 * largest(p) and p[2] > LEAST_DIVISOR and p[2] < LARGEST_DIVISOR
+
+
+@wp.func
 def in_front(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> wp.bool:
-    """Whether every vertex lies far enough in front of the eye's plane for its projection to be known."""
-    return a[2] > 1.0e-4 * largest(a) and b[2] > 1.0e-4 * largest(b) and c[2] > 1.0e-4 * largest(c)
+    """Whether every vertex does (:func:`is_in_front`)."""
+    return is_in_front(a) and is_in_front(b) and is_in_front(c)
 
 
 @wp.func
@@ -78,21 +85,24 @@ def pixel_box(
     """First and last column and row of the pixel centres that may see the triangle; empty if last < first.
 
     A vertex behind the eye, or so near the eye's plane that its projection is not known, leaves the full image.
-    The pad covers four roundings of a camera-space coordinate and of the projection, and the 2^-30 of its size that
-    a closed triangle reaches beyond itself.
+    The pad covers four roundings of a camera-space coordinate, three of the projection (:func:`.division.about_inverse`),
+    and the 2^-30 of its size that a closed triangle reaches beyond itself.
     """
     if not in_front(a, b, c):
         return wp.vec4i(0, 0, width - 1, height - 1)
     w = wp.float32(width)
     h = wp.float32(height)
     s = screen_scale(tx, ty, width, height)
-    ax = s[2] + s[0] * (a[0] / a[2])
-    bx = s[2] + s[0] * (b[0] / b[2])
-    cx = s[2] + s[0] * (c[0] / c[2])
-    ay = s[3] - s[1] * (a[1] / a[2])
-    by = s[3] - s[1] * (b[1] / b[2])
-    cy = s[3] - s[1] * (c[1] / c[2])
-    beyond = 8.0e-9 * longest(a, b, c) / wp.min(a[2], wp.min(b[2], c[2]))
+    near_a = about_inverse(a[2])
+    near_b = about_inverse(b[2])
+    near_c = about_inverse(c[2])
+    ax = s[2] + s[0] * (a[0] * near_a)
+    bx = s[2] + s[0] * (b[0] * near_b)
+    cx = s[2] + s[0] * (c[0] * near_c)
+    ay = s[3] - s[1] * (a[1] * near_a)
+    by = s[3] - s[1] * (b[1] * near_b)
+    cy = s[3] - s[1] * (c[1] * near_c)
+    beyond = 8.0e-9 * longest(a, b, c) * wp.max(near_a, wp.max(near_b, near_c))
     pad_x = 0.01 + (4.0e-6 + beyond) * (1.0 + tx) * s[0] + 1.0e-6 * w
     pad_y = 0.01 + (4.0e-6 + beyond) * (1.0 + ty) * s[1] + 1.0e-6 * h
     return wp.vec4i(

@@ -36,11 +36,11 @@ def face_of(q: wp.vec3d) -> wp.int32:
 def on_face(q: Any, face: wp.int32) -> Any:
     """(along, across, up) of a point in the frame of a face."""
     r = q
-    if face // 2 == 1:
+    if face >> 1 == 1:
         r = type(q)(q[1], q[2], q[0])
-    elif face // 2 == 2:
+    elif face >> 1 == 2:
         r = type(q)(q[2], q[0], q[1])
-    if face % 2 == 1:
+    if face & 1 == 1:
         r = type(q)(-r[0], r[1], r[2])
     return r
 

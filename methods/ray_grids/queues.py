@@ -83,8 +83,9 @@ class Share:
 @wp.func
 def triangle_of(thread: wp.int32, share: Share) -> wp.int32:
     """The triangle of a thread that streams a share: every ``share.count``-th block of threads is the share's."""
-    block = thread // BLOCK_DIM * share.count + share.number
-    return block * BLOCK_DIM + thread % BLOCK_DIM
+    # Shifts and masks, because divisions of a number that may be negative take more.
+    block = (thread >> 7) * share.count + share.number
+    return (block << 7) | (thread & 127)
 
 
 @wp.func

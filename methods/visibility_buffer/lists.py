@@ -12,10 +12,11 @@ from ...harness.frame.geometry import Camera
 from ...harness.frame.specialise import effects
 from ..common.entries import entry
 from ..common.pixels import tile_pixel
-from ..ray_grids.light.bins import RayCells, cell_along, cells_in_use, face_rectangle, set_table
+from ..ray_grids.light.bins import RayCells, cell_along
 from ..ray_grids.light.points import Words, has_hit
 from ..ray_grids.light.rays import Occluder, ShadowBits, test_ray
 from ..ray_grids.light.reach import raise_farthest, tile_index
+from ..ray_grids.light.table import cells_in_use, face_rectangle, set_table
 from ..ray_grids.queues import Queue
 from .tiles import TILE_SIZE, TILE_TEXELS
 
@@ -44,7 +45,7 @@ def insert_kernel(
     becomes the bits of the next one. The order of a list depends on that of the threads; no answer does.
     """
     along = cells_in_use(cells.rectangle, cells.cells)
-    set_table(wp.tid(), cells, along)
+    set_table(wp.tid(), cells.rectangle, cells.table, along)
     at = tile_pixel(wp.tid(), camera.width, camera.height)
     if at[0] < 0:
         return

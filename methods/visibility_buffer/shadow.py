@@ -12,24 +12,25 @@ import warp as wp
 from ...harness.frame.alpha import Alpha
 from ...harness.frame.geometry import Mesh
 from ...harness.frame.specialise import effects
+from ..common.bits import lowest_bit, without_lowest_bit
 from ..common.entries import entry, set_entry
-from ..common.triangle import U32
-from ..ray_grids.aim import FACES, Cube
+from ..ray_grids.aim import cube_of
 from ..ray_grids.cube import on_face
 from ..ray_grids.fetch import corners_at
-from ..ray_grids.light.bins import RayCells, cells_of, reach_with_rays
+from ..ray_grids.light.bins import RayCells
 from ..ray_grids.light.cells import (
     Sides,
-    beyond_face,
     cells_of_row,
     cube_space,
     flat_box,
+    leaves_out,
     on_cells,
     sides_of_flat,
     sides_of_planes,
 )
 from ..ray_grids.light.rays import Occluder, ShadowBits, bound_of, set_planes, store_planes, stored_planes
-from ..ray_grids.light.reach import all_rays_end_before
+from ..ray_grids.light.reach import all_rays_end_before, depth_slack, nearest_depth
+from ..ray_grids.light.table import cells_of, faces_of, last_row, reach_with_rays
 from ..ray_grids.queues import Queue, Share, triangle_of
 from .lists import test_list, test_texels, texel_index
 from .tiles import (
@@ -57,19 +58,6 @@ from .tiles import (
 def is_empty(farthest: wp.array(dtype=wp.int32), face: wp.int32, tile: wp.vec2i, along: wp.int32) -> wp.bool:
     """Whether no hit point lies in a tile; ``along``: texels along a face."""
     return entry(farthest, (face * (along >> TILE_SHIFT) + tile[1]) * (along >> TILE_SHIFT) + tile[0]) == 0
-
-
-@wp.func
-def depth_slack(reach: wp.float32, cube: Cube) -> wp.float32:
-    """Error bound of a corner's coordinate on the cube: depths are known to 8 u reach, and those of receivers to u of
-    their own and what :func:`..ray_grids.light.bins.reach_with_rays` adds for them."""
-    return 32.0 * U32 * (reach + cube.distance)
-
-
-@wp.func
-def nearest_depth(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, slack: wp.float32) -> wp.float32:
-    """A depth along a face's axis that no point of the triangle is nearer than."""
-    return wp.min(a[0], wp.min(b[0], c[0])) - slack
 
 
 @wp.func
@@ -102,7 +90,7 @@ def raster_kernel(
     inline_cells: wp.int32,
     inline_rays: wp.int32,
     lights: wp.array(dtype=wp.vec3f),
-    cubes: wp.array(dtype=Cube),
+    cubes: wp.array2d(dtype=wp.vec4f),
     cells: RayCells,
     head: wp.array(dtype=wp.int32),
     mesh: Mesh,
@@ -114,19 +102,20 @@ def raster_kernel(
     i = triangle_of(wp.tid(), share)
     if i >= share.triangles:
         return
-    # Loaded together, without a branch between: an invalid triangle has corners too, but no face is large enough for it.
-    smallest = wp.where(entry(mesh.valid, i) != wp.uint8(0), wp.float32(0.0), wp.INF)
+    # Loaded together, without a branch between: an invalid triangle has corners too, but no face.
+    row = last_row(cells.table)
+    faces = wp.where(entry(mesh.valid, i) != wp.uint8(0), faces_of(row), wp.uint32(0))
     corners = corners_at(mesh, i)
-    cube = cubes[bits.light]
-    along = cells_of(cells.table)
+    cube = cube_of(cubes, bits.light)
+    along = cells_of(row)
     qa = cube_space(corners.a, cube)
     qb = cube_space(corners.b, cube)
     qc = cube_space(corners.c, cube)
-    reach = reach_with_rays(cube, corners, cells.table)
+    reach = reach_with_rays(cube, corners, row)
     slack = depth_slack(reach, cube)
     occluder = Occluder()
     occluder.i = i
-    occluder.bound = bound_of(cells.table, corners)
+    occluder.bound = bound_of(row, corners)
     occluder.sure = occluder.bound
     if wp.static(effects.alpha):
         if alpha.masked[i] != wp.uint8(0):
@@ -136,27 +125,23 @@ def raster_kernel(
     here = wp.int32(-1)
     box_here = wp.vec4i()
     queued_too = wp.bool(False)
-    face = wp.int32(-1)
-    while face < FACES - 1:
-        face += 1
-        r = entry(cells.table, face)
-        if r[2] > smallest:
-            fa = on_face(qa, face)
-            fb = on_face(qb, face)
-            fc = on_face(qc, face)
-            if not beyond_face(fa, fb, fc, slack):
-                flat = on_cells(fa, fb, fc, reach, r)
-                box = wp.vec4i(0, 0, along - 1, along - 1)
-                if flat.known:
-                    box = flat_box(flat, along)
-                least = nearest_depth(fa, fb, fc, slack)
-                if box[2] >= box[0] and not all_rays_end_before(least, cells.farthest, face, box, along):
-                    if here < 0 and (box[2] - box[0] + 1) * (box[3] - box[1] + 1) <= inline_cells:
-                        here = face
-                        box_here = box
-                    else:
-                        queued_too = True
-                        queue_large(queue, i, face, box, occluder.bound)
+    several = without_lowest_bit(faces) != wp.uint32(0)
+    while faces != wp.uint32(0):
+        face = lowest_bit(faces)
+        faces = without_lowest_bit(faces)
+        fa = on_face(qa, face)
+        fb = on_face(qb, face)
+        fc = on_face(qc, face)
+        if not leaves_out(several, fa, fb, fc, slack):
+            box = flat_box(on_cells(fa, fb, fc, reach, entry(cells.table, face)), along)
+            least = nearest_depth(fa, fb, fc, slack)
+            if box[2] >= box[0] and not all_rays_end_before(least, cells.farthest, face, box, along):
+                if here < 0 and (box[2] - box[0] + 1) * (box[3] - box[1] + 1) <= inline_cells:
+                    here = face
+                    box_here = box
+                else:
+                    queued_too = True
+                    queue_large(queue, i, face, box, occluder.bound)
     if here >= 0 or queued_too:
         # Corners are read again: held until here, they would take the registers of the loop.
         planes = set_planes(occluder, lights[bits.light], corners_at(mesh, i))
@@ -174,7 +159,7 @@ def setup_kernel(
     threads: wp.int32,
     light: wp.int32,
     lights: wp.array(dtype=wp.vec3f),
-    cubes: wp.array(dtype=Cube),
+    cubes: wp.array2d(dtype=wp.vec4f),
     cells: RayCells,
     mesh: Mesh,
     queue: Queue,
@@ -182,14 +167,15 @@ def setup_kernel(
     """One thread per queued triangle: the lines that bound it on its face, and the groups of its tiles."""
     place = wp.tid()
     stop = held_large(queue)
-    cube = cubes[light]
-    along = cells_of(cells.table)
+    cube = cube_of(cubes, light)
+    row = last_row(cells.table)
+    along = cells_of(row)
     while place < stop:
         work = entry(queue.large, place)
         face = queued_face(work)
         corners = corners_at(mesh, queued_triangle(work))
         r = entry(cells.table, face)
-        reach = reach_with_rays(cube, corners, cells.table)
+        reach = reach_with_rays(cube, corners, row)
         fa = on_face(cube_space(corners.a, cube), face)
         fb = on_face(cube_space(corners.b, cube), face)
         fc = on_face(cube_space(corners.c, cube), face)
@@ -213,7 +199,7 @@ def split_kernel(threads: wp.int32, lanes: wp.int32, cells: RayCells, queue: Que
     triangle only, and those that it does not cover are left out."""
     item = wp.tid() // lanes
     stop = held_items(queue)
-    along = cells_of(cells.table)
+    along = cells_of(last_row(cells.table))
     while item < stop:
         group = entry(queue.items, item)
         item += threads // lanes
@@ -246,7 +232,7 @@ def tile_kernel(
     """Hit points in the texels of queued tiles, ``lanes`` threads per tile."""
     at = wp.tid() // lanes
     stop = held_parts(queue)
-    along = cells_of(cells.table)
+    along = cells_of(last_row(cells.table))
     while at < stop:
         part = entry(queue.parts, at)
         at += threads // lanes

@@ -10,6 +10,8 @@ from __future__ import annotations
 import warp as wp
 
 from ....harness.frame.geometry import Camera, Corners
+from ...common.bits import lowest_bit, without_lowest_bit
+from ...common.division import about_inverse, quotient, reciprocal
 from ...common.entries import entry_now, raise_entry
 from ...common.pixels import whole_quotient
 from ...common.triangle import U32, U64, largest, nearness_key, to_float64
@@ -81,7 +83,7 @@ def edge_planes(o: wp.vec3f, corners: Corners) -> Planes:
     planes.steep = (
         wp.float32(wp.abs(det)) > LEAST_HEIGHT * (reach * edge) * edge and reach < LONGEST_WAY * size
     )
-    scale = 1.0 / (reach * edge)
+    scale = about_inverse(reach * edge)
     if det < wp.float64(0.0):
         scale = -scale
     planes.n0 = wp.cross(pb, bc) * scale
@@ -92,7 +94,8 @@ def edge_planes(o: wp.vec3f, corners: Corners) -> Planes:
 
 @wp.func
 def sign_bound(tangents: wp.array(dtype=wp.float32)) -> wp.float32:
-    """Error of n . d for every pixel: 16 u |d|_1 of the sum (:mod:`..common.triangle`), 6 u |d|_1 of the scale.
+    """Error of n . d for every pixel: 16 u |d|_1 of the sum (:mod:`..common.triangle`), 6 u |d|_1 of the scale. What the
+    scale itself is off is the same for the three parts of n, so it moves no plane.
 
     Forward, right and up have length 1, so each sums to at most sqrt 3.
     """
@@ -101,13 +104,17 @@ def sign_bound(tangents: wp.array(dtype=wp.float32)) -> wp.float32:
 
 @wp.func
 def inverse_depth(o: wp.vec3f, corners: Corners) -> wp.vec3d:
-    """m with 1 / t = m . d on the triangle's plane, float64; zero where the plane contains the eye."""
+    """m with 1 / t = m . d on the triangle's plane, float64, rounded as divisions round it; zero where the plane contains
+    the eye."""
     a64 = to_float64(corners.a)
     n = wp.cross(to_float64(corners.b) - a64, to_float64(corners.c) - a64)
     height = wp.dot(n, a64 - to_float64(o))
     if height == wp.float64(0.0):
         return wp.vec3d()
-    return n / height
+    inverse = reciprocal(height)
+    return wp.vec3d(
+        quotient(n[0], height, inverse), quotient(n[1], height, inverse), quotient(n[2], height, inverse)
+    )
 
 
 @wp.func
@@ -184,17 +191,6 @@ def test_pixel_or_queue(
         queue_doubt(queue, candidate.i, pixel)
 
 
-@wp.func_native("""
-#if defined(__CUDA_ARCH__)
-return __ffs(bits) - 1;
-#else
-return __builtin_ctz(bits);
-#endif
-""")
-def lowest_bit(bits: wp.uint32) -> wp.int32:
-    """The place of the lowest bit that is set, of a word that is not zero."""
-
-
 @wp.func
 def pixel_in(box: wp.vec4i, k: wp.int32) -> wp.vec2i:
     """Column and row of the k-th pixel of a box."""
@@ -234,12 +230,12 @@ def test_box(
                 y += 1
         while hits != wp.uint32(0):
             at = pixel_in(box, first + lowest_bit(hits))
-            hits &= hits - wp.uint32(1)
+            hits = without_lowest_bit(hits)
             pixel = at[1] * camera.width + at[0]
             # An atomic whose result is not used does not stall the thread; reading the stored word first would.
             store_if_nearer(nearest, pixel, wp.uint64(0), candidate, direction_at(camera, at[0], at[1]))
         while unsure != wp.uint32(0):
             at = pixel_in(box, first + lowest_bit(unsure))
-            unsure &= unsure - wp.uint32(1)
+            unsure = without_lowest_bit(unsure)
             queue_doubt(queue, candidate.i, at[1] * camera.width + at[0])
         first += 32

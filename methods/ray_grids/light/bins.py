@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import warp as wp
 
-from ....harness.frame.geometry import Camera, Corners, Mesh
+from ....harness.frame.geometry import Camera, Mesh
 from ....harness.frame.specialise import effects
-from ...common.entries import entry, set_entry
+from ...common.entries import entry, entry_if, set_entry
 from ...common.pixels import tile_pixel
 from ...common.reserve import number_among
-from ..aim import FACE, FACES, HIGH_U, HIGH_V, LARGEST, LOW_U, LOW_V, Cube, from_ordered
+from ..aim import FACE
 from ..cube import record_place
 from ..queues import RAYS
 from ..warps import scan_row
-from .cells import reach_from
 from .points import Placed, Point, Words, has_hit, placed, placed_exactly, point_of
 from .reach import empty_tiles, raise_from, tile_index
+from .table import cells_in_use, cells_of, face_rectangle, last_row, set_table
 
 SPARE = wp.constant(4)
 """Words between two rows of cells: one for the end of a row, the others so that rows begin on 16-byte addresses."""
@@ -31,7 +31,7 @@ class RayCells:
 
     cells      along a face: where rays lie on several faces, and where one holds them all
     rectangle  int32 [11]: what the rays cover (:mod:`..aim`)
-    table      vec4f [7]: each face's rectangle for triangles, cells along a face, largest coordinate (:func:`scan_kernel`)
+    table      vec4f [7]: what they cover, for triangles (:mod:`.table`)
     place      vec4f [pixels]: (u, v, face, depth) of each pixel's ray    point  vec4f [pixels]: hit point and pixel
     triangle   int32 [pixels]: what each pixel's ray hit
     slot       vec2i [pixels]: cell and rank of each pixel's ray; cell -1: none
@@ -51,26 +51,6 @@ class RayCells:
     offset: wp.array(dtype=wp.int32)
     rays: wp.array(dtype=wp.vec4f)
     farthest: wp.array(dtype=wp.int32)
-
-
-@wp.func
-def face_rectangle(face: wp.int32, rectangle: wp.array(dtype=wp.int32), cells: wp.int32) -> wp.vec4f:
-    """(low u, low v, cells per u, cells per v) of a face."""
-    low_u = wp.float32(-1.0)
-    low_v = wp.float32(-1.0)
-    high_u = wp.float32(1.0)
-    high_v = wp.float32(1.0)
-    if face == 0:
-        low_u = from_ordered(rectangle[LOW_U])
-        low_v = from_ordered(rectangle[LOW_V])
-        high_u = -from_ordered(rectangle[HIGH_U])
-        high_v = -from_ordered(rectangle[HIGH_V])
-    n = wp.float32(cells)
-    margin = (
-        1.0e-6 * wp.max(wp.max(wp.abs(low_u), wp.abs(high_u)), wp.max(wp.abs(low_v), wp.abs(high_v)))
-        + 1.0e-30
-    )
-    return wp.vec4f(low_u, low_v, n / (high_u - low_u + margin), n / (high_v - low_v + margin))
 
 
 @wp.func
@@ -95,17 +75,24 @@ def span_of(
 
 
 @wp.func
-def cells_in_use(rectangle: wp.array(dtype=wp.int32), cells: wp.vec2i) -> wp.int32:
-    """Cells along a face: the first number where rays lie on several faces, the second where all lie on face 0.
-
-    In finer cells a triangle meets fewer rays that it does not cover, but the cells of every face in use are cleared and
-    summed.
-    """
-    chosen = cells[1]
-    for k in range(1, FACES):
-        if rectangle[FACE + k] == 0:
-            chosen = cells[0]
-    return chosen
+def rays_in_box(offset: wp.array(dtype=wp.int32), face: wp.int32, box: wp.vec4i, cells: wp.int32) -> wp.int32:
+    """Number of rays in a box of cells: first column and row, last column and row."""
+    first = wp.int32(cell_index(face, box[0], box[1], cells))
+    across = box[2] - box[0] + 1
+    number = wp.int32(0)
+    y = wp.int32(box[1])
+    # Two rows at a time: what is loaded of both is on its way at once.
+    while y <= box[3]:
+        two = y < box[3]
+        other = first + cells + SPARE
+        start = entry(offset, first)
+        end = entry(offset, first + across)
+        start_other = entry_if(two, offset, other, 0)
+        end_other = entry_if(two, offset, other + across, 0)
+        number += (end - start) + (end_other - start_other)
+        first = other + cells + SPARE
+        y += 2
+    return number
 
 
 @wp.func
@@ -204,7 +191,7 @@ def count_ray(pixel: wp.int32, p: wp.vec4f, cells: RayCells):
 def count_in_table(pixel: wp.int32, p: wp.vec4f, cells: RayCells):
     """:func:`count_ray`, where the faces' rectangles are in the table already."""
     face = wp.int32(p[2])
-    count_in_cell(pixel, p, face, entry(cells.table, face), cells_of(cells.table), cells)
+    count_in_cell(pixel, p, face, entry(cells.table, face), cells_of(last_row(cells.table)), cells)
 
 
 @wp.func
@@ -255,56 +242,21 @@ def count_kernel(
     count_ray(pixel, entry(cells.place, pixel), cells)
 
 
-@wp.func
-def set_table(k: wp.int32, cells: RayCells, along: wp.int32):
-    """Set row k of the faces' rectangles, if there is one (:func:`scan_kernel`); ``along``: cells along a face."""
-    if k < FACES:
-        t = wp.vec4f(0.0, 0.0, 0.0, 0.0)
-        if cells.rectangle[FACE + k] == 0:
-            t = face_rectangle(k, cells.rectangle, along)
-        cells.table[k] = t
-    if k == FACES:
-        cells.table[k] = wp.vec4f(wp.float32(along), wp.cast(cells.rectangle[LARGEST], wp.float32), 0.0, 0.0)
-
-
 @wp.kernel(enable_backward=False, grid_stride=False)
 def table_kernel(cells: RayCells):
-    """The faces' rectangles, where they are known before there are rays (:func:`scan_kernel`)."""
-    set_table(wp.tid(), cells, cells_in_use(cells.rectangle, cells.cells))
+    """The table, where what the rays cover is known before there are rays."""
+    set_table(wp.tid(), cells.rectangle, cells.table, cells_in_use(cells.rectangle, cells.cells))
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def scan_kernel(cells: RayCells, counts: wp.array(dtype=wp.int32)):
-    """Where each row's rays lie (GPU: 128 threads per row, faces without rays left out), and the faces' rectangles.
-
-    table: each face's rectangle in float32, for triangles: (low u, low v, cells per u, cells per v); zero if unused.
-    After them, cells along a face and the largest coordinate of a hit point.
-    """
+    """Where each row's rays lie (GPU: 128 threads per row, faces without rays left out), and the table for triangles."""
     k = wp.tid()
     row = k // 128
     along = cells_in_use(cells.rectangle, cells.cells)
     if cells.rectangle[FACE + row // along] == 0:
         scan_row(cells.count, cells.offset, row * (along + SPARE), along, counts, RAYS)
-    set_table(k, cells, along)
-
-
-@wp.func
-def cells_of(table: wp.array(dtype=wp.vec4f)) -> wp.int32:
-    """Cells along a face, as :func:`set_table` left them."""
-    return wp.int32(entry(table, FACES)[0])
-
-
-@wp.func
-def reach_of(table: wp.array(dtype=wp.vec4f)) -> wp.float32:
-    """The largest coordinate of a hit point, as :func:`set_table` left it."""
-    return entry(table, FACES)[1]
-
-
-@wp.func
-def reach_with_rays(cube: Cube, corners: Corners, table: wp.array(dtype=wp.vec4f)) -> wp.float32:
-    """:func:`.cells.reach_from`, enlarged so that bounds of 32 u reach cover four times what hit points are off by, which is
-    at most u of their largest coordinate (:mod:`.points`)."""
-    return reach_from(cube.middle, corners) + 0.125 * reach_of(table)
+    set_table(k, cells.rectangle, cells.table, along)
 
 
 @wp.func

@@ -9,6 +9,7 @@ from __future__ import annotations
 import warp as wp
 
 from ....harness.frame.geometry import Corners
+from ...common.division import LARGEST_DIVISOR, LEAST_DIVISOR, about_inverse
 from ...common.triangle import U32, largest, total
 from ..aim import Cube
 from ..cube import on_face
@@ -22,7 +23,7 @@ where a few vertices lie 2^26 times as far away as the others, and the light far
 class Flat:
     """A triangle projected to cell coordinates of a face. ``pad`` bounds the error of a coordinate.
 
-    ``known`` is False where a corner lies behind the centre of projection, or too near its plane to be projected.
+    ``known``: :func:`is_projected`.
     """
 
     a: wp.vec2f
@@ -39,7 +40,8 @@ def turned(v: wp.vec3f, cube: Cube) -> wp.vec3f:
 
 @wp.func
 def cube_space(p: wp.vec3f, cube: Cube) -> wp.vec3f:
-    return turned(p - cube.middle, cube) + wp.vec3f(cube.distance, 0.0, 0.0)
+    q = turned(p - cube.middle, cube)
+    return wp.vec3f(q[0] + cube.distance, q[1], q[2])
 
 
 @wp.func
@@ -49,23 +51,35 @@ def reach_from(middle: wp.vec3f, corners: Corners) -> wp.float32:
 
 
 @wp.func
+def is_projected(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> wp.bool:
+    """Whether no corner on a face lies behind the centre of projection, or too near its plane to be projected."""
+    nearest = wp.min(a[0], wp.min(b[0], c[0]))
+    farthest = wp.max(largest(a), wp.max(largest(b), largest(c)))
+    return nearest > 0.01 * farthest and nearest > LEAST_DIVISOR and farthest < LARGEST_DIVISOR
+
+
+@wp.func
 def on_cells(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, reach: wp.float32, r: wp.vec4f) -> Flat:
     """Cell coordinates of the corners on a face (corners given as along, across, up).
 
     ``reach`` bounds |p - middle|_1 of the corners: across and up are known to 8 u of it, so u = across / along to
-    (1 + |u|) 16 u reach / along, and the rounding of u itself; a thousandth of a cell covers the scaling.
+    (1 + |u|) 16 u reach / along, and to 3 u of itself (:func:`...common.division.about_inverse`); a thousandth of a cell
+    covers the scaling.
     """
     flat = Flat()
-    nearest = wp.min(a[0], wp.min(b[0], c[0]))
-    flat.known = nearest > 0.01 * wp.max(largest(a), wp.max(largest(b), largest(c)))
+    flat.known = is_projected(a, b, c)
     if flat.known:
         low_u = r[0]
         low_v = r[1]
         per_u = r[2]
         per_v = r[3]
-        ua = wp.vec2f(a[1] / a[0], a[2] / a[0])
-        ub = wp.vec2f(b[1] / b[0], b[2] / b[0])
-        uc = wp.vec2f(c[1] / c[0], c[2] / c[0])
+        near_a = about_inverse(a[0])
+        near_b = about_inverse(b[0])
+        near_c = about_inverse(c[0])
+        ua = wp.vec2f(a[1] * near_a, a[2] * near_a)
+        ub = wp.vec2f(b[1] * near_b, b[2] * near_b)
+        uc = wp.vec2f(c[1] * near_c, c[2] * near_c)
+        nearness = wp.max(near_a, wp.max(near_b, near_c))
         widest = wp.max(
             wp.max(wp.max(wp.abs(ua[0]), wp.abs(ua[1])), wp.max(wp.abs(ub[0]), wp.abs(ub[1]))),
             wp.max(
@@ -75,7 +89,7 @@ def on_cells(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, reach: wp.float32, r: wp.vec
         flat.a = wp.vec2f((ua[0] - low_u) * per_u, (ua[1] - low_v) * per_v)
         flat.b = wp.vec2f((ub[0] - low_u) * per_u, (ub[1] - low_v) * per_v)
         flat.c = wp.vec2f((uc[0] - low_u) * per_u, (uc[1] - low_v) * per_v)
-        flat.pad = 32.0 * U32 * ((1.0 + widest) * reach / nearest + widest) * wp.max(per_u, per_v) + 1.0e-3
+        flat.pad = 32.0 * U32 * ((1.0 + widest) * reach * nearness + widest) * wp.max(per_u, per_v) + 1.0e-3
     return flat
 
 
@@ -86,7 +100,9 @@ def whole_cells(x: wp.float32, cells: wp.int32) -> wp.int32:
 
 @wp.func
 def flat_box(flat: Flat, cells: wp.int32) -> wp.vec4i:
-    """First and last column and row of cells; empty if last < first."""
+    """First and last column and row of cells; empty if last < first. All cells if corners cannot be projected."""
+    if not flat.known:
+        return wp.vec4i(0, 0, cells - 1, cells - 1)
     x0 = wp.min(flat.a[0], wp.min(flat.b[0], flat.c[0])) - flat.pad
     y0 = wp.min(flat.a[1], wp.min(flat.b[1], flat.c[1])) - flat.pad
     x1 = wp.max(flat.a[0], wp.max(flat.b[0], flat.c[0])) + flat.pad
@@ -111,6 +127,15 @@ def beyond_face(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, slack: wp.float32) -> wp.
         or (a[2] - a[0] > slack and b[2] - b[0] > slack and c[2] - c[0] > slack)
         or (-a[2] - a[0] > slack and -b[2] - b[0] > slack and -c[2] - c[0] > slack)
     ) and least < wp.INF
+
+
+@wp.func
+def leaves_out(several: wp.bool, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, slack: wp.float32) -> wp.bool:
+    """Whether a triangle lies certainly :func:`beyond_face`. Where only one of the faces has rays (not ``several``) that is
+    asked only if the box of its cells cannot tell."""
+    if several or not is_projected(a, b, c):
+        return beyond_face(a, b, c, slack)
+    return False
 
 
 @wp.struct

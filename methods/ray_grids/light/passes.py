@@ -33,7 +33,7 @@ from .rays import ShadowBits
 class LightAims:
     """Cubes of all lights, aimed at the middle of the scene.
 
-    Per light: posts vec3f, axes mat33d, cubes Cube, rectangles int32 [11], tables vec4f [7].
+    Per light: posts vec3f, axes mat33d, cubes vec4f [4] (:func:`..aim.set_cube`), rectangles int32 [11], tables vec4f [7].
     """
 
     def __init__(self, frame: Frame, lights: int):
@@ -41,7 +41,7 @@ class LightAims:
         with wp.ScopedDevice(frame.device):
             self.posts = wp.zeros(lights, dtype=wp.vec3f)
             self.axes = wp.zeros(lights, dtype=wp.mat33d)
-            self.cubes = wp.zeros(lights, dtype=light_aim.Cube)
+            self.cubes = wp.zeros((lights, 4), dtype=wp.vec4f)
             self.rectangles = wp.zeros((lights, int(light_aim.RECTANGLE_WORDS)), dtype=wp.int32)
             self.tables = wp.zeros((lights, faces + 1), dtype=wp.vec4f)
 

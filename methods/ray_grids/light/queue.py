@@ -36,9 +36,10 @@ from ..ahead import (
 from ..fetch import direction_at
 from ..queues import DOUBTS, ITEMS, PARTS, SMALL, Queue, claim_parts, queue_parts, store_parts
 from ..warps import LANES, append_pairs, lane_at, lane_of, of_lane, sum_to_lane, warp_of
-from .bins import RayCells, cells_of, span_of
+from .bins import RayCells, span_of
 from .cells import Sides, cells_of_row
 from .rays import Occluder, ShadowBits, certain, set_shadowed, test_ray
+from .table import cells_of, last_row
 
 REGISTERS = 56
 """Registers per thread that processes a queue, for nine blocks of 128 per multiprocessor."""
@@ -148,7 +149,7 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
         capacity = queue.groups.shape[0]
         large = wp.min(queue.counts[ITEMS], capacity)
         small = wp.min(queue.counts[SMALL], capacity)
-        along = cells_of(cells.table)
+        along = cells_of(last_row(cells.table))
         stop = large + small
         if wp.static(cuda):
             stop = large + packs_of(small)

@@ -12,10 +12,12 @@ from typing import Any
 import warp as wp
 
 from ....harness.frame.geometry import Corners
+from ...common.division import about_inverse
 from ...common.entries import entry, entry_if, set_entry
 from ...common.triangle import U32, largest
 from ..queues import Queue, queue_doubt
-from .bins import RayCells, reach_of, span_of
+from .bins import RayCells, span_of
+from .table import reach_of
 
 
 @wp.struct
@@ -64,7 +66,8 @@ class RememberedBits:
 
 @wp.func
 def set_planes(occluder: Occluder, light: wp.vec3f, corners: Corners) -> Occluder:
-    """Planes in float32: n = (p - light) x (q - p), scaled so that its parts are at most 2.
+    """Planes in float32: n = (p - light) x (q - p), scaled so that its parts are at most 2. What a scale is off is the same
+    for all parts of a plane, so it moves none.
 
     A triangle that the light sees edge-on within rounding gets zeros: float64 decides all its candidates.
     """
@@ -79,11 +82,11 @@ def set_planes(occluder: Occluder, light: wp.vec3f, corners: Corners) -> Occlude
     o = occluder
     if not (reach * edge > 1.0e-30 and reach * edge < 1.0e30 and edge * edge > 1.0e-30):
         return o
-    n = wp.cross(ca, ab) / (edge * edge)
+    n = wp.cross(ca, ab) * about_inverse(edge * edge)
     det = wp.dot(n, la)
     if not (wp.abs(det) > 64.0 * U32 * reach):
         return o
-    toward = 1.0 / (reach * edge)
+    toward = about_inverse(reach * edge)
     # Inside is positive, and so is the light's side of the triangle.
     if det > 0.0:
         n = -n
@@ -110,10 +113,20 @@ def sign_bound(size: wp.float32) -> wp.float32:
 
 
 @wp.func
-def bound_of(table: wp.array(dtype=wp.vec4f), corners: Corners) -> wp.float32:
-    """:func:`sign_bound` of a triangle and every hit point of a light."""
+def bound_of(row: wp.vec4f, corners: Corners) -> wp.float32:
+    """:func:`sign_bound` of a triangle and every hit point of a light (:func:`.table.last_row`)."""
     size = wp.max(largest(corners.a), wp.max(largest(corners.b), largest(corners.c)))
-    return sign_bound(wp.max(reach_of(table), size))
+    return sign_bound(wp.max(reach_of(row), size))
+
+
+@wp.func
+def occluder_of(i: wp.int32, holes: wp.bool, light: wp.vec3f, corners: Corners, row: wp.vec4f) -> Occluder:
+    """A triangle, which may have ``holes``, as a light's rays are tested against it; ``row``: :func:`.table.last_row`."""
+    o = Occluder()
+    o.i = i
+    o.bound = bound_of(row, corners)
+    o.sure = wp.where(holes, wp.INF, o.bound)
+    return set_planes(o, light, corners)
 
 
 @wp.func

@@ -10,6 +10,8 @@ import warp as wp
 
 from ...common.entries import entry
 from ...common.reserve import raise_to
+from ...common.triangle import U32
+from ..aim import Cube
 
 TILE_SHIFT = wp.constant(3)
 """A tile is 8 cells wide and high: the number of cells along a face is a multiple of that."""
@@ -59,6 +61,19 @@ def raise_from(seen: wp.int32, farthest: wp.array(dtype=wp.int32), tile: wp.int3
 
 
 @wp.func
+def depth_slack(reach: wp.float32, cube: Cube) -> wp.float32:
+    """Error bound of a corner's coordinate on the cube: depths are known to 8 u reach, and those of receivers to u of
+    their own and what :func:`.table.reach_with_rays` adds for them."""
+    return 32.0 * U32 * (reach + cube.distance)
+
+
+@wp.func
+def nearest_depth(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, slack: wp.float32) -> wp.float32:
+    """A depth along a face's axis that no point of the triangle is nearer than."""
+    return wp.min(a[0], wp.min(b[0], c[0])) - slack
+
+
+@wp.func
 def all_rays_end_before(
     depth: wp.float32,
     farthest: wp.array(dtype=wp.int32),
@@ -72,14 +87,21 @@ def all_rays_end_before(
     do. A shadow segment from the light to a hit point at less depth has no point in common with it.
     """
     x0 = box[0] >> TILE_SHIFT
-    y0 = box[1] >> TILE_SHIFT
+    y0 = wp.int32(box[1] >> TILE_SHIFT)
     x1 = box[2] >> TILE_SHIFT
     y1 = box[3] >> TILE_SHIFT
     if not (depth > 0.0) or (x1 - x0 + 1) * (y1 - y0 + 1) > MOST_TILES:
         return False
     along = cells >> TILE_SHIFT
+    tile = (face * along + y0) * along + x0
     most = wp.int32(0)
-    for y in range(y0, y1 + 1):
-        for x in range(x0, x1 + 1):
-            most = wp.max(most, farthest[(face * along + y) * along + x])
+    x = wp.int32(x0)
+    while y0 <= y1:
+        most = wp.max(most, entry(farthest, tile))
+        x += 1
+        tile += 1
+        if x > x1:
+            x = x0
+            y0 += 1
+            tile += along - (x1 - x0 + 1)
     return most < wp.cast(depth, wp.int32)

@@ -18,7 +18,7 @@ from ....harness.frame.specialise import effects
 from ...common.entries import entry, set_entry
 from ...common.pixels import tile_pixel
 from ...common.triangle import U32, largest, spare_bits, to_float32, to_float64, total
-from ..aim import FACE, FACES, HIGH_U, HIGH_V, LARGEST, LOW_U, LOW_V, Cube, ordered
+from ..aim import FACE, FACES, HIGH_U, HIGH_V, LARGEST, LOW_U, LOW_V, Cube, cube_of, ordered
 from ..camera.pixels import edge_planes, index_of, inverse_depth
 from ..camera.stream import box_of
 from ..cube import on_face
@@ -162,7 +162,7 @@ def bounds_kernel(
     threads: wp.int32,
     light: wp.int32,
     camera: Camera,
-    cubes: wp.array(dtype=Cube),
+    cubes: wp.array2d(dtype=wp.vec4f),
     mesh: Mesh,
     lights: wp.array(dtype=wp.vec3f),
     cells: RayCells,
@@ -190,7 +190,7 @@ def bounds_kernel(
         set_entry(facing, i, wp.uint8(faces))
         if not faces:
             return
-    cube = cubes[light]
+    cube = cube_of(cubes, light)
     qa = cube_space(corners.a, cube)
     qb = cube_space(corners.b, cube)
     qc = cube_space(corners.c, cube)

@@ -8,13 +8,13 @@ from ....harness.frame.geometry import Mesh, corners_of
 from ...common.entries import entry, set_entry
 from ...common.reserve import reserve_groups
 from ..ahead import FEW_ROWS
-from ..aim import Cube
+from ..aim import cube_of
 from ..cube import on_face
 from ..queues import ITEMS, LARGE, SMALL, Queue
 from ..warps import LANES
-from .bins import cells_of, reach_with_rays
 from .cells import Sides, cube_space, on_cells, sides_of_flat, sides_of_planes
-from .rays import Occluder, bound_of, set_planes
+from .rays import Occluder, occluder_of
+from .table import cells_of, last_row, reach_with_rays
 
 SPLITTERS = wp.constant(2)
 """Threads that share the groups of one large triangle: a single one would store those of the largest one after the other."""
@@ -25,7 +25,7 @@ def split_kernel(
     threads: wp.int32,
     light: wp.int32,
     lights: wp.array(dtype=wp.vec3f),
-    cubes: wp.array(dtype=Cube),
+    cubes: wp.array2d(dtype=wp.vec4f),
     table: wp.array(dtype=wp.vec4f),
     mesh: Mesh,
     queue: Queue,
@@ -38,8 +38,9 @@ def split_kernel(
     first = k % SPLITTERS
     k = k // SPLITTERS
     stop = wp.min(queue.counts[LARGE], queue.large.shape[0])
-    cube = cubes[light]
-    cells = cells_of(table)
+    cube = cube_of(cubes, light)
+    row = last_row(table)
+    cells = cells_of(row)
     position = lights[light]
     capacity = queue.groups.shape[0]
     while k < stop:
@@ -58,16 +59,13 @@ def split_kernel(
             qa = on_face(cube_space(corners.a, cube), face)
             qb = on_face(cube_space(corners.b, cube), face)
             qc = on_face(cube_space(corners.c, cube), face)
-            flat = on_cells(qa, qb, qc, reach_with_rays(cube, corners, table), table[face])
+            flat = on_cells(qa, qb, qc, reach_with_rays(cube, corners, row), entry(table, face))
             sides = Sides()
             if flat.known:
                 sides = sides_of_flat(flat)
             else:
                 sides = sides_of_planes(position, cube, face, corners, table[face], cells)
-            occluder = Occluder()
-            occluder.i = i
-            occluder.bound = bound_of(table, corners)
-            occluder = set_planes(occluder, position, corners)
+            occluder = occluder_of(i, False, position, corners, row)
             for g in range(number):
                 place = wp.where(few, places[1], places[0] + g)
                 if place < capacity:

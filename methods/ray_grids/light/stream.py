@@ -13,32 +13,26 @@ import warp as wp
 from ....harness.frame.alpha import Alpha
 from ....harness.frame.geometry import Mesh
 from ....harness.frame.specialise import effects
+from ...common.bits import lowest_bit, without_lowest_bit
 from ...common.entries import entry, set_entry
 from ...common.reserve import next_number
-from ...common.triangle import U32
-from ..aim import FACES, Cube
+from ..aim import cube_of
 from ..cube import on_face
 from ..fetch import corners_at
 from ..queues import LARGE, Queue, Share, triangle_of
-from .bins import RayCells, cells_of, reach_with_rays, span_of
+from .bins import RayCells, rays_in_box
 from .cells import (
-    beyond_face,
     cells_of_row,
     cube_space,
     flat_box,
+    leaves_out,
     on_cells,
     sides_of_flat,
     sides_of_planes,
 )
-from .rays import (
-    Occluder,
-    ShadowBits,
-    bound_of,
-    set_planes,
-    test_rays_of_box,
-    test_rays_of_row,
-)
-from .reach import all_rays_end_before
+from .rays import ShadowBits, occluder_of, test_rays_of_box, test_rays_of_row
+from .reach import all_rays_end_before, depth_slack, nearest_depth
+from .table import cells_of, faces_of, last_row, reach_with_rays
 
 INLINE_ROWS = wp.constant(16)
 """A triangle over more rows of cells is queued: its thread would read them one after the other."""
@@ -61,7 +55,7 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
         inline_cells: wp.int32,
         inline_rays: wp.int32,
         lights: wp.array(dtype=wp.vec3f),
-        cubes: wp.array(dtype=Cube),
+        cubes: wp.array2d(dtype=wp.vec4f),
         cells: RayCells,
         mesh: Mesh,
         alpha: Alpha,
@@ -71,76 +65,65 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
         i = triangle_of(wp.tid(), share)
         if i >= share.triangles:
             return
-        # Loaded together, without a branch between: an invalid triangle has corners too, but no face is large enough for it.
-        smallest = wp.where(entry(mesh.valid, i) != wp.uint8(0), wp.float32(0.0), wp.INF)
+        # Loaded together, without a branch between: an invalid triangle has corners too, but no face.
+        row = last_row(cells.table)
+        faces = wp.where(entry(mesh.valid, i) != wp.uint8(0), faces_of(row), wp.uint32(0))
         corners = corners_at(mesh, i)
-        cube = cubes[bits.light]
-        along = cells_of(cells.table)
+        cube = cube_of(cubes, bits.light)
+        along = cells_of(row)
         qa = cube_space(corners.a, cube)
         qb = cube_space(corners.b, cube)
         qc = cube_space(corners.c, cube)
-        reach = reach_with_rays(cube, corners, cells.table)
-        slack = 32.0 * U32 * (reach + cube.distance)
-        occluder = Occluder()
-        occluder.i = i
-        occluder.bound = bound_of(cells.table, corners)
-        occluder.sure = occluder.bound
+        reach = reach_with_rays(cube, corners, row)
+        slack = depth_slack(reach, cube)
+        holes = wp.bool(False)
         if wp.static(effects.alpha):
-            if alpha.masked[i] != wp.uint8(0):
-                occluder.sure = wp.INF
+            holes = alpha.masked[i] != wp.uint8(0)
         # Small triangles are tested after the loop, by all lanes at once whatever their faces. Few triangles have
         # few rays on two faces: the second is queued.
         here = wp.int32(-1)
         box_here = wp.vec4i()
-        face = wp.int32(-1)
-        while face < FACES - 1:
-            face += 1
+        several = without_lowest_bit(faces) != wp.uint32(0)
+        while faces != wp.uint32(0):
+            face = lowest_bit(faces)
+            faces = without_lowest_bit(faces)
             r = entry(cells.table, face)
-            if r[2] > smallest:
-                fa = on_face(qa, face)
-                fb = on_face(qb, face)
-                fc = on_face(qc, face)
-                if not beyond_face(fa, fb, fc, slack):
-                    flat = on_cells(fa, fb, fc, reach, r)
-                    box = wp.vec4i(0, 0, along - 1, along - 1)
-                    if flat.known:
-                        box = flat_box(flat, along)
-                    number = wp.int32(0)
-                    # Depths of corners are known to 8 u reach, and receivers' to u of theirs.
-                    least = wp.min(fa[0], wp.min(fb[0], fc[0])) - slack
-                    if box[2] >= box[0] and not all_rays_end_before(least, cells.farthest, face, box, along):
-                        number = wp.int32(MANY)
-                        rows = box[3] - box[1] + 1
-                        if (box[2] - box[0] + 1) * rows <= inline_cells and rows <= INLINE_ROWS:
-                            number = wp.int32(0)
-                            for y in range(box[1], box[3] + 1):
-                                span = span_of(cells.offset, face, box[0], box[2], y, along)
-                                number += span[1] - span[0]
-                    if number > 0:
-                        if number <= inline_rays and here < 0:
-                            here = face
-                            box_here = box
+            fa = on_face(qa, face)
+            fb = on_face(qb, face)
+            fc = on_face(qc, face)
+            if not leaves_out(several, fa, fb, fc, slack):
+                flat = on_cells(fa, fb, fc, reach, r)
+                box = flat_box(flat, along)
+                number = wp.int32(0)
+                least = nearest_depth(fa, fb, fc, slack)
+                if box[2] >= box[0] and not all_rays_end_before(least, cells.farthest, face, box, along):
+                    number = wp.int32(MANY)
+                    rows = box[3] - box[1] + 1
+                    if (box[2] - box[0] + 1) * rows <= inline_cells and rows <= INLINE_ROWS:
+                        number = rays_in_box(cells.offset, face, box, along)
+                if number > 0:
+                    if number <= inline_rays and here < 0:
+                        here = face
+                        box_here = box
+                    else:
+                        if wp.static(queued):
+                            place = next_number(queue.counts, LARGE)
+                            if place < queue.large.shape[0]:
+                                work = wp.vec4i(i, face, box[0] | (box[2] << 16), box[1] | (box[3] << 16))
+                                set_entry(queue.large, place, work)
                         else:
-                            if wp.static(queued):
-                                place = next_number(queue.counts, LARGE)
-                                if place < queue.large.shape[0]:
-                                    work = wp.vec4i(i, face, box[0] | (box[2] << 16), box[1] | (box[3] << 16))
-                                    set_entry(queue.large, place, work)
+                            light = lights[bits.light]
+                            if flat.known:
+                                sides = sides_of_flat(flat)
                             else:
-                                light = lights[bits.light]
-                                if flat.known:
-                                    sides = sides_of_flat(flat)
-                                else:
-                                    sides = sides_of_planes(light, cube, face, corners, r, along)
-                                planes = set_planes(occluder, light, corners)
-                                for y in range(box[1], box[3] + 1):
-                                    ends = cells_of_row(sides, y, box[0], box[2])
-                                    test_rays_of_row(
-                                        bits, queue, cells, along, face, y, ends[0], ends[1], planes
-                                    )
+                                sides = sides_of_planes(light, cube, face, corners, r, along)
+                            planes = occluder_of(i, holes, light, corners, row)
+                            for y in range(box[1], box[3] + 1):
+                                ends = cells_of_row(sides, y, box[0], box[2])
+                                test_rays_of_row(bits, queue, cells, along, face, y, ends[0], ends[1], planes)
         if here >= 0:
             # Corners are read again: held until here, they would take the registers of the loop.
-            planes_here = set_planes(occluder, lights[bits.light], corners_at(mesh, i))
+            planes_here = occluder_of(i, holes, lights[bits.light], corners_at(mesh, i), row)
             test_rays_of_box(bits, queue, cells, along, here, box_here, planes_here)
 
     return stream_kernel
