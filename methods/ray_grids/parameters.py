@@ -13,15 +13,25 @@ OCCLUDERS = ("none", "last")
 
 REGIONS = ("auto", "triangles", "rays")
 
+GROUPS = ("auto", "stream", "split")
+
 CHOOSE = -1
 """For a parameter: chosen from the number of triangles and of lights."""
 
 FEW_TRIANGLES = 65536
 """With fewer, a GPU has room for more threads than there are triangles. What the thread of a triangle leaves to a queue,
-many threads do at the same time. Measured on an H200 (``docs/optimisation-log.md``)."""
+many threads do at the same time: so a triangle tests fewer pixels itself the fewer there are. Measured on an H200, as are
+the numbers below (``docs/optimisation-log.md``)."""
 
-INLINE_PIXELS, INLINE_RAYS, INLINE_OF_FEW = 40, 24, 8
-"""What :data:`CHOOSE` stands for with one light."""
+ONE_SHARE_BELOW = 4096
+"""Of fewer triangles the passes of two shares would take the time of their launches, each."""
+
+SPLIT_FROM = 200_000
+"""From so many triangles on, a pass of its own puts rows into groups: a warp of the stream would wait for the one of its
+triangles that is larger."""
+
+INLINE_PIXELS, INLINE_RAYS, INLINE_OF_FEW = 32, 24, 8
+"""What :data:`CHOOSE` stands for with one light: without queues or with many triangles, and the least of a few."""
 
 REGION_PIXELS = 2
 """With more pixels per triangle, what a light's rays cover is found from the triangles; else that takes longer than the pass
@@ -41,7 +51,7 @@ class Streams:
     """Least value of ``inline_pixels`` and ``inline_rays``; if :data:`CHOOSE`, also a value of ``beside`` and ``shares``."""
 
     cells: int = 0
-    inline_pixels: int = INLINE_PIXELS
+    inline_pixels: int = 40
     inline_cells: int = 64
     beside: int = 2
     shares: int = 2
@@ -74,19 +84,22 @@ class Build(Streams):
                    the square root of the number of pixels where one face holds all rays, or where triangles are more
                    than half as many as pixels; else half of that
     inline_pixels  a triangle whose box on the image holds at most this many pixels tests them in its own thread; a
-                   larger one is queued; -1: 40, but 8 for fewer than 65,536 triangles
+                   larger one is queued; -1: one for each 2,048 triangles on a GPU, at least 8 and at most 32
     inline_cells   a triangle whose box on a face covers at most this many cells, in at most 16 rows, counts the rays in
                    them; a larger one is queued
     inline_rays    a triangle that has counted at most this many rays, on one face, tests them in its own thread; with
                    more, or on a second face, it is queued; -1: 24, from 4 lights on 48, but 8 for fewer than 65,536
-                   triangles
+                   triangles and where ``groups`` is "stream"
     part           pixels or rays of a queued group of rows, or of a light's four small groups, that one warp tests; the
                    rest is split into parts
     beside         with queues: lights whose passes run at the same time on the GPU, each with queues and rays of its own;
                    -1: 4, from 8 lights on 8
     shares         with queues: parts of the triangles that are streamed at the same time on the GPU, each with queues of
-                   its own; -1: 2, from 4 lights on 1
+                   its own; -1: 2, but 1 from 4 lights on and for fewer than 4,096 triangles
     queue          whether larger triangles go through queues: "auto" (on the GPU only), "always", "never"
+    groups         where the rows of a light's larger triangles are put into groups: "stream": by the thread that finds the
+                   triangle; "split": by a pass after it; "auto": by the thread on a GPU with fewer than 200,000 triangles
+                   and 4 lights
     region         where it follows from what a light's rays cover of its cube: "triangles": from those in view, beside the
                    camera's passes, so that rays are counted in their cells where they are placed (not of a spot);
                    "rays": from the rays; "auto": from the triangles on a GPU, for one light and
@@ -111,6 +124,7 @@ class Build(Streams):
     shares: int = CHOOSE
     part: int = 256
     queue: str = "auto"
+    groups: str = "auto"
     region: str = "auto"
     occluders: str = "none"
     threads: int = 0
@@ -124,6 +138,8 @@ class Build(Streams):
         check_threads(self.threads)
         if self.queue not in QUEUES:
             raise ValueError(f"must be one of {', '.join(QUEUES)}")
+        if self.groups not in GROUPS:
+            raise ValueError(f"must be one of {', '.join(GROUPS)}")
         if self.region not in REGIONS:
             raise ValueError(f"must be one of {', '.join(REGIONS)}")
         if self.occluders not in OCCLUDERS:
@@ -132,14 +148,19 @@ class Build(Streams):
     def chosen(self, triangles: int, queued: bool, lights: int = 1, pixels: int = 0) -> Self:
         few = queued and triangles < FEW_TRIANGLES
         several = queued and lights >= BESIDE
+        groups = self.groups
+        if groups == "auto":
+            groups = "stream" if queued and triangles < SPLIT_FROM and not several else "split"
+        pixels_of_few = max(INLINE_PIXELS * triangles // FEW_TRIANGLES, INLINE_OF_FEW)
         rays = RAYS_OF_SEVERAL if several else INLINE_RAYS
         values: dict[str, Any] = {
-            "inline_pixels": INLINE_OF_FEW if few else INLINE_PIXELS,
-            "inline_rays": INLINE_OF_FEW if few else rays,
+            "inline_pixels": pixels_of_few if few else INLINE_PIXELS,
+            "inline_rays": INLINE_OF_FEW if few or groups == "stream" else rays,
             "beside": MANY_LIGHTS if lights >= MANY_LIGHTS else BESIDE,
-            "shares": 1 if several else 2,
+            "shares": 1 if several or (queued and triangles < ONE_SHARE_BELOW) else 2,
         }
         chosen = {name: v for name, v in values.items() if getattr(self, name) == CHOOSE}
+        chosen["groups"] = groups
         if self.region == "auto":
             pays = queued and lights == 1 and REGION_PIXELS * triangles < pixels
             chosen["region"] = "triangles" if pays else "rays"

@@ -110,7 +110,13 @@ def test_the_side_of_the_gpu_answers_hard_cases_exactly(name, given):
 
 SETTINGS = [
     {"cells": "640"},  # offsets of cells: rows longer than a block has threads
-    {"inline_pixels": "0", "inline_rays": "0", "inline_cells": "0", "part": "32"},  # all through the queues
+    {
+        "inline_pixels": "0",
+        "inline_rays": "0",
+        "inline_cells": "0",
+        "part": "32",
+        "groups": "split",
+    },  # all through the queues
     {"region": "triangles", "occluders": "last", "shares": "3"},
 ]
 

@@ -189,7 +189,7 @@ def made_kernels() -> dict[str, wp.Kernel]:
         make_staged_shadow_kernel: make_staged_shadow_kernel(variant, 64),
         camera_stream.make_stream_kernel: camera_stream.make_stream_kernel(True),
         camera_queue.make_item_kernel: camera_queue.make_item_kernel(True, False),
-        light_stream.make_stream_kernel: light_stream.make_stream_kernel(True),
+        light_stream.make_stream_kernel: light_stream.make_stream_kernel(True, True),
         light_queue.make_item_kernel: light_queue.make_item_kernel(True, False),
         light_queue.make_doubt_kernel: light_queue.make_doubt_kernel(False),
         ray_kernels.make_primary_kernel: grid_traversal.make_kernels(0)[0],

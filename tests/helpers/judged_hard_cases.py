@@ -33,7 +33,11 @@ OTHER_SETTINGS: dict[str, tuple[dict[str, str], ...]] = {
         {"light_map": "two-angle", "aimed": "false", "clamp": "view", "tile": "5"},
     ),
     "uniform_grid": ({"density": "100"},),
-    "ray_grids": ({"queue": "never"}, {"queue": "always", "inline_cells": "0", "region": "triangles"}),
+    "ray_grids": (
+        {"queue": "never"},
+        {"queue": "always", "inline_cells": "0", "region": "triangles", "groups": "split"},
+        {"queue": "always", "inline_cells": "0", "groups": "stream"},
+    ),
 }
 """Other settings of exact methods, which take other ways to the same answers."""
 

@@ -60,6 +60,7 @@ CHOICES: dict[str, dict[str, tuple[str, ...]]] = {
         "shares": ("1", "2", "3"),
         "beside": ("1", "2"),
         "region": ("rays", "triangles"),
+        "groups": ("split", "stream"),
     },
     "warp_bvh": {"leaf_size": ("0", "2", "8"), "swizzle": ("true", "false")},
 }

@@ -269,7 +269,7 @@ MUTATIONS = (
             Planted(
                 light_cells,
                 "on_cells",
-                (("32.0 * U32 * ((1.0 + widest) * reach / nearest + widest) * wp.max(per_u, per_v) + 1.0e-3", "0.0"),),
+                (("32.0 * U32 * ((1.0 + widest) * reach * nearness + widest) * wp.max(per_u, per_v) + 1.0e-3", "0.0"),),
                 user,
             )
             for user in (light_stream, light_split)

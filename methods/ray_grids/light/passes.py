@@ -187,14 +187,19 @@ class LightStream:
 
     def steps(self) -> list[Step]:
         """The passes of each share of the triangles before the doubtful pairs are decided."""
-        steps: list[Step] = [("stream triangles", (), ("large triangles",), self.launch_stream)]
-        if self.queues.queued:
-            steps += [
-                ("split large", ("large triangles",), ("items",), self.launch_split),
-                ("queued rows", ("items",), ("parts",), self.launch_items),
-                ("further parts", ("parts",), (), self.launch_parts),
-            ]
-        return steps
+        if not self.queues.queued:
+            return [("stream triangles", (), (), self.launch_stream)]
+        steps: list[Step] = [
+            ("stream triangles", (), ("large triangles",), self.launch_stream),
+            ("split large", ("large triangles",), ("items",), self.launch_split),
+        ]
+        if self.build.groups == "stream":
+            steps = [("stream triangles", (), ("items",), self.launch_stream)]
+        return [
+            *steps,
+            ("queued rows", ("items",), ("parts",), self.launch_items),
+            ("further parts", ("parts",), (), self.launch_parts),
+        ]
 
     def launch_aim(self) -> None:
         f, a = self.frame, self.aims
@@ -289,8 +294,9 @@ class LightStream:
 
     def launch_stream(self, share: int) -> None:
         f, q, build = self.frame, self.queues, self.build
+        kernel = light_stream.make_stream_kernel(q.queued, q.queued and build.groups == "stream")
         wp.launch(
-            specialised(self.variant(light_stream.make_stream_kernel(q.queued)), self.switches),
+            specialised(self.variant(kernel), self.switches),
             dim=q.share_threads,
             inputs=[
                 q.share(share), build.inline_cells, build.inline_rays, f.lights, self.aims.cubes, self.cells, f.mesh,

@@ -4,20 +4,60 @@ from __future__ import annotations
 
 import warp as wp
 
-from ....harness.frame.geometry import Mesh, corners_of
+from ....harness.frame.geometry import Corners, Mesh, corners_of
 from ...common.entries import entry, set_entry
 from ...common.reserve import reserve_groups
 from ..ahead import FEW_ROWS
-from ..aim import cube_of
+from ..aim import Cube, cube_of
 from ..cube import on_face
 from ..queues import ITEMS, LARGE, SMALL, Queue
 from ..warps import LANES
-from .cells import Sides, cube_space, on_cells, sides_of_flat, sides_of_planes
+from .cells import Flat, Sides, cube_space, on_cells, sides_of_flat, sides_of_planes
 from .rays import Occluder, occluder_of
 from .table import cells_of, last_row, reach_with_rays
 
 SPLITTERS = wp.constant(2)
 """Threads that share the groups of one large triangle: a single one would store those of the largest one after the other."""
+
+
+@wp.func
+def groups_of(low: wp.int32, high: wp.int32, first: wp.int32, threads: wp.int32) -> wp.int32:
+    """How many groups of rows low to high thread ``first`` of ``threads`` stores."""
+    return (high - low + LANES * threads - first * LANES) // (LANES * threads)
+
+
+@wp.func
+def places_of(queue: Queue, low: wp.int32, high: wp.int32, number: wp.int32) -> wp.vec2i:
+    """Reserve places for the groups of rows low to high; a triangle with at most :data:`..ahead.FEW_ROWS` is a small one."""
+    few = high - low < FEW_ROWS
+    return reserve_groups(queue.counts, ITEMS, wp.where(few, 0, number), SMALL, few)
+
+
+@wp.func
+def sides_on_face(
+    flat: Flat,
+    light: wp.vec3f,
+    cube: Cube,
+    face: wp.int32,
+    corners: Corners,
+    r: wp.vec4f,
+    cells: wp.int32,
+) -> Sides:
+    """The lines that bound a triangle's cells on a face, from its projection if that is known."""
+    if flat.known:
+        return sides_of_flat(flat)
+    return sides_of_planes(light, cube, face, corners, r, cells)
+
+
+@wp.func
+def queue_rows(queue: Queue, i: wp.int32, face: wp.int32, box: wp.vec4i, sides: Sides, occluder: Occluder):
+    """Queue a large triangle's rows of cells (``box``: first column and row, last ones) in groups, by one thread."""
+    number = groups_of(box[1], box[3], 0, 1)
+    places = places_of(queue, box[1], box[3], number)
+    ends = box[0] | (box[2] << 16)
+    for g in range(number):
+        y = box[1] + g * LANES
+        set_group(queue.groups, places, g, face, y, box[1], box[3], ends, sides, occluder)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -30,10 +70,7 @@ def split_kernel(
     mesh: Mesh,
     queue: Queue,
 ):
-    """Queue the rows of large triangles in groups, with the lines that bound them and the planes of the triangle.
-
-    A triangle with at most :data:`..ahead.FEW_ROWS` rows is a small group.
-    """
+    """Queue the rows of large triangles in groups, with the lines that bound them and the planes of the triangle."""
     k = wp.tid()
     first = k % SPLITTERS
     k = k // SPLITTERS
@@ -42,7 +79,6 @@ def split_kernel(
     row = last_row(table)
     cells = cells_of(row)
     position = lights[light]
-    capacity = queue.groups.shape[0]
     while k < stop:
         work = entry(queue.large, k)
         k += threads // SPLITTERS
@@ -50,42 +86,45 @@ def split_kernel(
         face = work[1]
         low = work[3] & 65535
         high = work[3] >> 16
-        few = high - low < FEW_ROWS
-        number = (high - low + LANES * SPLITTERS - first * LANES) // (LANES * SPLITTERS)
+        number = groups_of(low, high, first, SPLITTERS)
         if number > 0:
             # Places are reserved while the corners are loaded.
             corners = corners_of(mesh, i)
-            places = reserve_groups(queue.counts, ITEMS, wp.where(few, 0, number), SMALL, few)
+            places = places_of(queue, low, high, number)
             qa = on_face(cube_space(corners.a, cube), face)
             qb = on_face(cube_space(corners.b, cube), face)
             qc = on_face(cube_space(corners.c, cube), face)
-            flat = on_cells(qa, qb, qc, reach_with_rays(cube, corners, row), entry(table, face))
-            sides = Sides()
-            if flat.known:
-                sides = sides_of_flat(flat)
-            else:
-                sides = sides_of_planes(position, cube, face, corners, table[face], cells)
+            r = entry(table, face)
+            flat = on_cells(qa, qb, qc, reach_with_rays(cube, corners, row), r)
+            sides = sides_on_face(flat, position, cube, face, corners, r, cells)
             occluder = occluder_of(i, False, position, corners, row)
             for g in range(number):
-                place = wp.where(few, places[1], places[0] + g)
-                if place < capacity:
-                    y = low + (first + g * SPLITTERS) * LANES
-                    which = face | (wp.min(LANES, high - y + 1) << 4) | (y << 16)
-                    at = wp.where(few, capacity - 1 - place, place)
-                    set_group(queue.groups, at, which, work[2], sides, occluder)
+                y = low + (first + g * SPLITTERS) * LANES
+                set_group(queue.groups, places, g, face, y, low, high, work[2], sides, occluder)
 
 
 @wp.func
 def set_group(
     groups: wp.array2d(dtype=wp.vec4f),
-    at: wp.int32,
-    which: wp.int32,
+    places: wp.vec2i,
+    g: wp.int32,
+    face: wp.int32,
+    y: wp.int32,
+    low: wp.int32,
+    high: wp.int32,
     ends: wp.int32,
     sides: Sides,
     occluder: Occluder,
 ):
-    """Store a group: (face and rows << 4 and first row << 16, first cell and last << 16, triangle, its bound), three lines,
-    four planes. Whole numbers are stored as bits."""
+    """Store group g of rows low to high, from row y on, in its place (:func:`places_of`), if there is room: (face and
+    rows << 4 and first row << 16, first cell and last << 16, triangle, its bound), three lines, four planes. Whole numbers
+    are stored as bits."""
+    few = high - low < FEW_ROWS
+    place = wp.where(few, places[1], places[0] + g)
+    if place >= groups.shape[0]:
+        return
+    at = wp.where(few, groups.shape[0] - 1 - place, place)
+    which = face | (wp.min(LANES, high - y + 1) << 4) | (y << 16)
     head = wp.vec4f(
         wp.cast(which, wp.float32), wp.cast(ends, wp.float32), wp.cast(occluder.i, wp.float32), occluder.bound
     )

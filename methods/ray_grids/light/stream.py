@@ -27,11 +27,10 @@ from .cells import (
     flat_box,
     leaves_out,
     on_cells,
-    sides_of_flat,
-    sides_of_planes,
 )
 from .rays import ShadowBits, occluder_of, test_rays_of_box, test_rays_of_row
 from .reach import all_rays_end_before, depth_slack, nearest_depth
+from .split import queue_rows, sides_on_face
 from .table import cells_of, faces_of, last_row, reach_with_rays
 
 INLINE_ROWS = wp.constant(16)
@@ -41,15 +40,24 @@ MANY = wp.constant(2147483647)
 """Number of rays that stands for a box whose rays are not counted: more than are tested here."""
 
 
+REGISTERS = 56
+"""Registers per thread: a thread waits for memory longer than it computes, so more threads at a time are faster."""
+
+REGISTERS_OF_FEW = 96
+"""Registers per thread of the stream that stores groups of rows: there are fewer triangles than threads have room."""
+
+
 @functools.cache
-def make_stream_kernel(queued: bool) -> wp.Kernel:
-    """One thread per triangle: few rays are tested here; more are queued, or tested here too (CPU).
+def make_stream_kernel(queued: bool, splits: bool) -> wp.Kernel:
+    """One thread per triangle: few rays are tested here; more are queued, or tested here too (CPU). Triangles are queued
+    in groups of rows (``splits``), or whole for :func:`.split.split_kernel`.
 
     A large triangle is (triangle, face, first cell and last << 16, first row and last << 16).
     """
 
-    # 64 registers: a thread waits for memory longer than it computes, so more threads at a time are faster.
-    @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=64)
+    registers = REGISTERS_OF_FEW if splits else REGISTERS
+
+    @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=registers)
     def stream_kernel(
         share: Share,
         inline_cells: wp.int32,
@@ -106,17 +114,21 @@ def make_stream_kernel(queued: bool) -> wp.Kernel:
                         here = face
                         box_here = box
                     else:
-                        if wp.static(queued):
+                        if wp.static(splits):
+                            position = lights[bits.light]
+                            again = corners_at(mesh, i)
+                            sides_here = sides_on_face(flat, position, cube, face, again, r, along)
+                            queue_rows(
+                                queue, i, face, box, sides_here, occluder_of(i, False, position, again, row)
+                            )
+                        elif wp.static(queued):
                             place = next_number(queue.counts, LARGE)
                             if place < queue.large.shape[0]:
                                 work = wp.vec4i(i, face, box[0] | (box[2] << 16), box[1] | (box[3] << 16))
                                 set_entry(queue.large, place, work)
                         else:
                             light = lights[bits.light]
-                            if flat.known:
-                                sides = sides_of_flat(flat)
-                            else:
-                                sides = sides_of_planes(light, cube, face, corners, r, along)
+                            sides = sides_on_face(flat, light, cube, face, corners, r, along)
                             planes = occluder_of(i, holes, light, corners, row)
                             for y in range(box[1], box[3] + 1):
                                 ends = cells_of_row(sides, y, box[0], box[2])

@@ -12,12 +12,19 @@ from shadowbench.methods.ray_grids.queues import COUNTERS, ITEMS, LARGE, SMALL, 
 from shadowbench.methods.ray_grids.warps import LANES
 
 
-def queued(cells, capacity="0"):
+def queued(cells, capacity="0", groups="split"):
     """A light's counters; triangle, face, first row and rows of each large and of each small group; and its triangles."""
     small, large = soup(7, 200, size=0.2), soup(8, 12, size=3.0)
     vertices = np.concatenate([small[0], large[0]])
     prepared = make_scene(vertices, np.arange(len(vertices)).reshape(-1, 3), [(5.0, 4.0, 3.0)])
-    settings = {"queue": "always", "inline_cells": "0", "shares": "1", "threads": "1", "cells": cells}
+    settings = {
+        "queue": "always",
+        "inline_cells": "0",
+        "shares": "1",
+        "threads": "1",
+        "cells": cells,
+        "groups": groups,
+    }
     method = make_method("ray_grids", {**settings, "item_capacity": capacity})
     session = Session(method, prepared, 64, 64, "cpu")
     session.answers(prepared.moment(0, 64, 64))
@@ -46,6 +53,14 @@ def test_the_groups_of_a_triangle_are_all_its_rows(cells):
     assert (large[:, 3] <= LANES).all()
     assert counts[SMALL] > 0
     assert (counts[ITEMS] > 0) == (int(cells) > FEW_ROWS)
+
+
+@pytest.mark.parametrize("cells", ["8", "64", "512"])
+def test_the_stream_stores_the_same_groups_as_the_pass(cells):
+    split, stream = queued(cells), queued(cells, groups="stream")
+    assert stream[0][LARGE] == 0 < split[0][LARGE]
+    for expected, found in zip(split[1:3], stream[1:3], strict=True):
+        assert sorted(map(tuple, found)) == sorted(map(tuple, expected))
 
 
 def test_small_and_large_groups_need_room_together():

@@ -13,7 +13,7 @@ from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.effects import Limits
 from shadowbench.methods.common.reserve import BEYOND, number_in, reserve
-from shadowbench.methods.ray_grids.parameters import FEW_TRIANGLES, REGION_PIXELS
+from shadowbench.methods.ray_grids.parameters import FEW_TRIANGLES, ONE_SHARE_BELOW, REGION_PIXELS, SPLIT_FROM
 from shadowbench.methods.ray_grids.queues import COUNTERS, DOUBTS, more_room
 
 
@@ -175,12 +175,14 @@ def test_few_pairs_are_doubtful_however_far_the_eye():
 
 def test_more_is_tested_in_line_and_beside_with_several_lights():
     build = make_method("ray_grids", {}).build
-    one, two, four, eight = (build.chosen(FEW_TRIANGLES, True, lights) for lights in (1, 2, 4, 8))
+    one, two, four, eight = (build.chosen(SPLIT_FROM, True, lights) for lights in (1, 2, 4, 8))
     assert (one.inline_rays, one.shares) == (24, 2)
     assert (four.inline_rays, four.shares, four.beside) == (48, 1, 4)
     assert (eight.inline_rays, eight.shares, eight.beside) == (48, 1, 8)
     assert two == one
     assert build.chosen(1, True, 4).inline_rays == 8
+    assert build.chosen(1, True, 3).groups == "stream"
+    assert build.chosen(1, True, 4).groups == "split"
     assert build.chosen(1, False, 4).inline_rays == 24
     with pytest.raises(UserError, match="beside and shares must be in"):
         make_method("ray_grids", {"shares": "0"})
@@ -190,14 +192,26 @@ def test_more_is_tested_in_line_and_beside_with_several_lights():
 
 def test_what_a_triangle_tests_itself_is_chosen_from_the_number_of_triangles():
     build = make_method("ray_grids", {}).build
-    few, many = build.chosen(FEW_TRIANGLES - 1, True), build.chosen(FEW_TRIANGLES, True)
-    assert (few.inline_pixels, few.inline_rays) == (8, 8)
-    assert (many.inline_pixels, many.inline_rays) == (40, 24)
-    assert build.chosen(1, False) == build.chosen(FEW_TRIANGLES, False) == replace(many, region="rays")
+    few, some, many = (build.chosen(n, True) for n in (FEW_TRIANGLES // 2, SPLIT_FROM - 1, SPLIT_FROM))
+    assert (few.inline_pixels, few.inline_rays, few.groups, few.shares) == (16, 8, "stream", 2)
+    assert (some.inline_pixels, some.inline_rays, some.groups) == (32, 8, "stream")
+    assert (many.inline_pixels, many.inline_rays, many.groups) == (32, 24, "split")
+    assert build.chosen(1, False) == build.chosen(SPLIT_FROM, False) == replace(many, region="rays")
+    assert build.chosen(FEW_TRIANGLES - 1, True).inline_pixels == 31
+    tiny, small = build.chosen(ONE_SHARE_BELOW - 1, True), build.chosen(ONE_SHARE_BELOW, True)
+    assert (tiny.inline_pixels, tiny.shares, small.shares) == (8, 1, 2)
+    assert make_method("ray_grids", {"groups": "split"}).build.chosen(FEW_TRIANGLES, True).inline_rays == 24
     assert build.chosen(10, True, 1, 10 * REGION_PIXELS + 1).region == "triangles"
     assert build.chosen(10, True, 1, 10 * REGION_PIXELS).region == "rays"
     assert build.chosen(10, True, 2, 1000).region == build.chosen(10, False, 1, 1000).region == "rays"
-    given = {"inline_pixels": "0", "inline_rays": "5", "beside": "3", "shares": "2", "region": "rays"}
+    given = {
+        "inline_pixels": "0",
+        "inline_rays": "5",
+        "beside": "3",
+        "shares": "2",
+        "region": "rays",
+        "groups": "split",
+    }
     build = make_method("ray_grids", given).build
     assert build.chosen(1, True, 9) == build
     with pytest.raises(UserError, match="must not be negative"):
