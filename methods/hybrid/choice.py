@@ -18,7 +18,7 @@ from ...harness.scene.effects import Effects
 MOST_LAYERS = 1.5
 """A light whose rays cross more triangles on average is enclosed, as in a furnished room."""
 
-OPEN, ENCLOSED = 96, 8
+OPEN, ENCLOSED = 600, 64
 """Pixels per triangle below which a grid is faster (docs/methods/hybrid.md says on which scenes that was found)."""
 
 FAR = 1024.0

@@ -25,8 +25,8 @@ class Build(TreeBuild):
 Build.__doc__ = f"""{TreeBuild.__doc__}
     shadows     what takes the shadow rays: "tree": the tree, which all lights share; "grid": a grid of each light, as in
                 ray_grids; the tree is then built for mirrored rays only; "auto": the grid where the mesh has more than
-                one triangle for every 32 pixels (if a ray of a light crosses more than 1.5 triangles of the first frame on
-                average: for every pixel) and nothing is mirrored, otherwise the tree
+                one triangle for every 600 pixels (if a ray of a light crosses more than 1.5 triangles of the first frame on
+                average: for every 64) and nothing is mirrored, otherwise the tree
     """
 
 

@@ -30,6 +30,9 @@ SPLIT_FROM = 200_000
 """From so many triangles on, a pass of its own puts rows into groups: a warp of the stream would wait for the one of its
 triangles that is larger."""
 
+MANY_TRIANGLES = 2_000_000
+"""From so many on they fill the GPU, as several lights do: more is tested in line."""
+
 INLINE_PIXELS, INLINE_RAYS, INLINE_OF_FEW = 32, 24, 8
 """What :data:`CHOOSE` stands for with one light: without queues or with many triangles, and the least of a few."""
 
@@ -37,7 +40,7 @@ REGION_PIXELS = 2
 """With more pixels per triangle, what a light's rays cover is found from the triangles; else that takes longer than the pass
 over the pixels that it saves."""
 
-RAYS_OF_SEVERAL, BESIDE, MANY_LIGHTS = 48, 4, 8
+RAYS_OF_MANY, BESIDE, MANY_LIGHTS = 48, 4, 8
 """From ``BESIDE`` lights on the passes of so many of them, or of ``MANY_LIGHTS``, fill the GPU: more is tested in line, and
 triangles have one share."""
 
@@ -88,8 +91,8 @@ class Build(Streams):
     inline_cells   a triangle whose box on a face covers at most this many cells, in at most 16 rows, counts the rays in
                    them; a larger one is queued
     inline_rays    a triangle that has counted at most this many rays, on one face, tests them in its own thread; with
-                   more, or on a second face, it is queued; -1: 24, from 4 lights on 48, but 8 for fewer than 65,536
-                   triangles and where ``groups`` is "stream"
+                   more, or on a second face, it is queued; -1: 24, from 4 lights or 2 million triangles on 48, but 8 for
+                   fewer than 65,536 triangles and where ``groups`` is "stream"
     part           pixels or rays of a queued group of rows, or of a light's four small groups, that one warp tests; the
                    rest is split into parts
     beside         with queues: lights whose passes run at the same time on the GPU, each with queues and rays of its own;
@@ -99,7 +102,6 @@ class Build(Streams):
     queue          whether larger triangles go through queues: "auto" (on the GPU only), "always", "never"
     groups         where the rows of a light's larger triangles are put into groups: "stream": by the thread that finds the
                    triangle; "split": by a pass after it; "auto": by the thread on a GPU with fewer than 200,000 triangles
-                   and 4 lights
     region         where it follows from what a light's rays cover of its cube: "triangles": from those in view, beside the
                    camera's passes, so that rays are counted in their cells where they are placed (not of a spot);
                    "rays": from the rays; "auto": from the triangles on a GPU, for one light and
@@ -150,9 +152,9 @@ class Build(Streams):
         several = queued and lights >= BESIDE
         groups = self.groups
         if groups == "auto":
-            groups = "stream" if queued and triangles < SPLIT_FROM and not several else "split"
+            groups = "stream" if queued and triangles < SPLIT_FROM else "split"
         pixels_of_few = max(INLINE_PIXELS * triangles // FEW_TRIANGLES, INLINE_OF_FEW)
-        rays = RAYS_OF_SEVERAL if several else INLINE_RAYS
+        rays = RAYS_OF_MANY if several or (queued and triangles >= MANY_TRIANGLES) else INLINE_RAYS
         values: dict[str, Any] = {
             "inline_pixels": pixels_of_few if few else INLINE_PIXELS,
             "inline_rays": INLINE_OF_FEW if few or groups == "stream" else rays,

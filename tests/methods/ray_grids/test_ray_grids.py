@@ -13,7 +13,13 @@ from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.effects import Limits
 from shadowbench.methods.common.reserve import BEYOND, number_in, reserve
-from shadowbench.methods.ray_grids.parameters import FEW_TRIANGLES, ONE_SHARE_BELOW, REGION_PIXELS, SPLIT_FROM
+from shadowbench.methods.ray_grids.parameters import (
+    FEW_TRIANGLES,
+    MANY_TRIANGLES,
+    ONE_SHARE_BELOW,
+    REGION_PIXELS,
+    SPLIT_FROM,
+)
 from shadowbench.methods.ray_grids.queues import COUNTERS, DOUBTS, more_room
 
 
@@ -181,8 +187,7 @@ def test_more_is_tested_in_line_and_beside_with_several_lights():
     assert (eight.inline_rays, eight.shares, eight.beside) == (48, 1, 8)
     assert two == one
     assert build.chosen(1, True, 4).inline_rays == 8
-    assert build.chosen(1, True, 3).groups == "stream"
-    assert build.chosen(1, True, 4).groups == "split"
+    assert build.chosen(SPLIT_FROM - 1, True, 4).inline_rays == 8
     assert build.chosen(1, False, 4).inline_rays == 24
     with pytest.raises(UserError, match="beside and shares must be in"):
         make_method("ray_grids", {"shares": "0"})
@@ -198,6 +203,8 @@ def test_what_a_triangle_tests_itself_is_chosen_from_the_number_of_triangles():
     assert (many.inline_pixels, many.inline_rays, many.groups) == (32, 24, "split")
     assert build.chosen(1, False) == build.chosen(SPLIT_FROM, False) == replace(many, region="rays")
     assert build.chosen(FEW_TRIANGLES - 1, True).inline_pixels == 31
+    assert build.chosen(MANY_TRIANGLES, True).inline_rays == 48
+    assert build.chosen(MANY_TRIANGLES, False) == build.chosen(1, False)
     tiny, small = build.chosen(ONE_SHARE_BELOW - 1, True), build.chosen(ONE_SHARE_BELOW, True)
     assert (tiny.inline_pixels, tiny.shares, small.shares) == (8, 1, 2)
     assert make_method("ray_grids", {"groups": "split"}).build.chosen(FEW_TRIANGLES, True).inline_rays == 24
