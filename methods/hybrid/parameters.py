@@ -25,7 +25,7 @@ class Build(TreeBuild):
 Build.__doc__ = f"""{TreeBuild.__doc__}
     shadows     what takes the shadow rays: "tree": the tree, which all lights share; "grid": a grid of each light, as in
                 ray_grids; the tree is then built for mirrored rays only; "auto": the grid where the mesh has more than
-                one triangle for every 600 pixels (if a ray of a light crosses more than 1.5 triangles of the first frame on
+                one triangle for every 600 pixels (if a ray of a light crosses more than 1.05 triangles of the first frame on
                 average: for every 64) and nothing is mirrored, otherwise the tree
     """
 
