@@ -119,17 +119,20 @@ def test_a_stage_without_a_floor_leaves_the_frame_without_one(monkeypatch, tmp_p
     assert lines[2].startswith("cloth,64,64,a new stage,trace,0.1,,")
 
 
-def test_every_stage_of_the_method_has_its_work():
+@pytest.mark.parametrize(("groups", "steps"), [("split", 5), ("stream", 4)])
+def test_every_stage_of_the_method_has_its_work(groups, steps):
     """Whoever adds or renames a pass says what it must move."""
     vertices, faces = soup(3, 20)
     prepared = make_scene(vertices, faces, [(2.0, 3.0, 4.0), (1.0, 2.0, 3.0)])
-    session = Session(make_method("ray_grids", {"queue": "always"}), prepared, 16, 16, "cpu")
+    session = Session(
+        make_method("ray_grids", {"queue": "always", "groups": groups}), prepared, 16, 16, "cpu"
+    )
     row = {"triangles": 20, "vertices": 60, "pixels": 256, "shadow_rays": 100}
     works = {work.name: ray_grids(row, work.name) for work in session.all_passes}
     assert not [name for name, work in works.items() if work is None]
     # On a GPU each share is a pass; threads of a CPU take the shares of one.
     shared = [name for name, work in works.items() if work.stage]
-    assert len(shared) == 3 * 4 + 2  # of the camera four steps, of each light five
+    assert len(shared) == 4 + 2 * steps  # of the camera four, and of each light
     assert {ray_grids(row, f"{name}, share 2 of 2").stage for name in shared} == set(shared)
 
 

@@ -38,14 +38,17 @@ def test_module_compiles_for_cuda(name):
     assert uses_of(name)
 
 
-STREAMS = {"camera": camera_stream.make_stream_kernel, "light": light_stream.make_stream_kernel}
+STREAMS = {
+    "camera": lambda: camera_stream.make_stream_kernel(False),
+    "light": lambda: light_stream.make_stream_kernel(False, False),
+}
 ROWS = {"camera": camera_queue.make_item_kernel, "light": light_queue.make_item_kernel}
 
 
 @pytest.mark.parametrize("name", STREAMS)
 def test_streams_without_a_queue_compile_for_cuda(name):
     """Those with one are hot: ``test_kernel_report`` reads their binaries."""
-    assert uses_of(STREAMS[name](False).module)
+    assert uses_of(STREAMS[name]().module)
 
 
 @pytest.mark.parametrize("name", ROWS)
