@@ -172,6 +172,31 @@ def along_a_floor(height: float) -> Trial:
     )  # fmt: skip
 
 
+def needles(seed: int) -> Trial:
+    """A view of 2048 columns, and needles across it whose tips lie thousands of times as far above and below it as in front.
+
+    A tip's coordinate along a row is rounded in proportion to its distance, so that its column is off by a pixel or more.
+    """
+    random = np.random.default_rng(seed)
+    eye = random.normal(size=3).astype(np.float32).astype(np.float64)
+    ahead, up = random.normal(size=(2, 3))
+    ahead /= np.linalg.norm(ahead)
+    right = np.cross(ahead, up)
+    right /= np.linalg.norm(right)
+    above = np.cross(right, ahead)
+    at = (np.arange(120) - 59.5) / 120 + random.uniform(-0.002, 0.002, 120)  # beside one another
+    reach = 10.0 ** random.uniform(3.6, 3.95, 120)
+    corners = [
+        eye + ahead + x * right + y * above
+        for a, far in zip(at.tolist(), reach.tolist(), strict=True)
+        for x, y in ((a, far), (a, -far), (a + 0.004, 0.0))
+    ]
+    x, y, z = (eye + random.normal(size=3)).tolist()
+    return view(
+        triangles(*corners), [(x, y, z)], eye.tolist(), ahead, 0.57735 * 8 / 2048, (2048, 8), up=up.tolist()
+    )  # fmt: skip
+
+
 CASES = (
     *(
         HardCase(
@@ -211,6 +236,13 @@ CASES = (
             "hit points that rounding moves along their rays", partial(along_a_floor, height),
         )
         for name, height in (("2^-14", 2.0**-14), ("2^-30", 2.0**-30), ("2^-42", 2.0**-42))
+    ),
+    *(
+        HardCase(
+            f"P52{suffix}", "needles that reach far beyond a wide view",
+            "columns of far vertices, which are rounded in proportion to their distance", partial(needles, seed),
+        )
+        for suffix, seed in (("", 71), ("b", 9))
     ),
     HardCase("P22", "eye at 1e5 scene sizes", "rounding of o - v; boxes thinner than a float32 step", far_away),
 )  # fmt: skip

@@ -85,8 +85,10 @@ def pixel_box(
     """First and last column and row of the pixel centres that may see the triangle; empty if last < first.
 
     A vertex behind the eye, or so near the eye's plane that its projection is not known, leaves the full image.
-    The pad covers four roundings of a camera-space coordinate, three of the projection (:func:`.division.about_inverse`),
-    and the 2^-30 of its size that a closed triangle reaches beyond itself.
+    A camera-space coordinate is off by at most 13 u of the vertex's largest: four roundings of the difference from the
+    eye and of the sum of products, two because axes in float32 are not exactly orthogonal. So the column of a vertex far
+    above the view is off by more than its own rounding. The pad covers this, three roundings of the projection
+    (:func:`.division.about_inverse`), and the 2^-30 of its size that a closed triangle reaches beyond itself.
     """
     if not in_front(a, b, c):
         return wp.vec4i(0, 0, width - 1, height - 1)
@@ -103,8 +105,9 @@ def pixel_box(
     by = s[3] - s[1] * (b[1] * near_b)
     cy = s[3] - s[1] * (c[1] * near_c)
     beyond = 8.0e-9 * longest(a, b, c) * wp.max(near_a, wp.max(near_b, near_c))
-    pad_x = 0.01 + (4.0e-6 + beyond) * (1.0 + tx) * s[0] + 1.0e-6 * w
-    pad_y = 0.01 + (4.0e-6 + beyond) * (1.0 + ty) * s[1] + 1.0e-6 * h
+    off = 24.0 * U32 * wp.max(largest(a) * near_a, wp.max(largest(b) * near_b, largest(c) * near_c))
+    pad_x = 0.01 + (4.0e-6 + beyond + off) * (1.0 + tx) * s[0] + 1.0e-6 * w
+    pad_y = 0.01 + (4.0e-6 + beyond + off) * (1.0 + ty) * s[1] + 1.0e-6 * h
     return wp.vec4i(
         wp.int32(wp.ceil(wp.clamp(wp.min(ax, wp.min(bx, cx)) - pad_x, 0.0, w))),
         wp.int32(wp.ceil(wp.clamp(wp.min(ay, wp.min(by, cy)) - pad_y, 0.0, h))),

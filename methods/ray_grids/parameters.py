@@ -87,7 +87,7 @@ class Build(Streams):
                    the square root of the number of pixels where one face holds all rays, or where triangles are more
                    than half as many as pixels; else half of that
     inline_pixels  a triangle whose box on the image holds at most this many pixels tests them in its own thread; a
-                   larger one is queued; -1: one for each 2,048 triangles on a GPU, at least 8 and at most 32
+                   larger one is queued; -1: with queues one for each 2,048 triangles, at least 8 and at most 32; else 32
     inline_cells   a triangle whose box on a face covers at most this many cells, in at most 16 rows, counts the rays in
                    them; a larger one is queued
     inline_rays    a triangle that has counted at most this many rays, on one face, tests them in its own thread; with
@@ -101,7 +101,7 @@ class Build(Streams):
                    its own; -1: 2, but 1 from 4 lights on and for fewer than 4,096 triangles
     queue          whether larger triangles go through queues: "auto" (on the GPU only), "always", "never"
     groups         where the rows of a light's larger triangles are put into groups: "stream": by the thread that finds the
-                   triangle; "split": by a pass after it; "auto": by the thread on a GPU with fewer than 200,000 triangles
+                   triangle; "split": by a pass after it; "auto": by the thread with fewer than 200,000 triangles
     region         where it follows from what a light's rays cover of its cube: "triangles": from those in view, beside the
                    camera's passes, so that rays are counted in their cells where they are placed (not of a spot);
                    "rays": from the rays; "auto": from the triangles on a GPU, for one light and

@@ -42,6 +42,7 @@ THREADS = 9 * 128
 """Threads per multiprocessor of a kernel that processes a queue: as many as fit, since they stride over the entries. The
 count stays on the device."""
 
+BLOCK_SHIFT = wp.constant(7)
 BLOCK_DIM = wp.constant(128)
 
 WORDS = "nearest words"
@@ -84,8 +85,8 @@ class Share:
 def triangle_of(thread: wp.int32, share: Share) -> wp.int32:
     """The triangle of a thread that streams a share: every ``share.count``-th block of threads is the share's."""
     # Shifts and masks, because divisions of a number that may be negative take more.
-    block = (thread >> 7) * share.count + share.number
-    return (block << 7) | (thread & 127)
+    block = (thread >> BLOCK_SHIFT) * share.count + share.number
+    return (block << BLOCK_SHIFT) | (thread & (BLOCK_DIM - 1))
 
 
 @wp.func
