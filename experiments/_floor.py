@@ -140,4 +140,6 @@ def ray_grids(row: dict[str, Any], name: str) -> Work | None:
         "further parts": Work(queued("parts") * (PAIR + group), stage=stage),
         "doubtful pairs": Work(queued("doubtful pairs") * PAIR, stage=stage),
     }
+    if what == "further parts, doubtful pairs":
+        return Work(stages["further parts"].bytes + stages["doubtful pairs"].bytes, stage=stage)
     return stages.get(what)

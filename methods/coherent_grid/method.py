@@ -137,4 +137,4 @@ class PacketCamera(CameraStream):
     launch: Callable[[int], None]
 
     def steps(self) -> list[Step]:
-        return [("packets", (), (), self.launch)]
+        return [("packets", (), (), self.launch), self.doubts()]

@@ -142,7 +142,7 @@ class RayGrids(BaseMethod):
         return self._capacity != before
 
     def counters(self) -> dict[str, int]:
-        """Queued work of the last frame, pairs that were decided in float64, and rays that a remembered occluder settled."""
+        """Queued work of the last frame, pairs that were queued for float64, and rays that a remembered occluder settled."""
         assert self._needs is not None
         result = {}
         assert self._queues is not None

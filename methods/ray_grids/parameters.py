@@ -15,6 +15,9 @@ REGIONS = ("auto", "triangles", "rays")
 
 GROUPS = ("auto", "stream", "split")
 
+MOST_PART = 256
+"""Most pixels of a part: a warp keeps those that are doubtful (:data:`.warps.KEPT`)."""
+
 CHOOSE = -1
 """For a parameter: chosen from the number of triangles and of lights."""
 
@@ -93,8 +96,8 @@ class Build(Streams):
     inline_rays    a triangle that has counted at most this many rays, on one face, tests them in its own thread; with
                    more, or on a second face, it is queued; -1: 24, from 4 lights or 2 million triangles on 48, but 8 for
                    fewer than 65,536 triangles and where ``groups`` is "stream"
-    part           pixels or rays of a queued group of rows, or of a light's four small groups, that one warp tests; the
-                   rest is split into parts
+    part           pixels or rays of a queued group of rows, or of a light's four small groups, that one warp tests, at most
+                   256; the rest is split into parts
     beside         with queues: lights whose passes run at the same time on the GPU, each with queues and rays of its own;
                    -1: 4, from 8 lights on 8
     shares         with queues: parts of the triangles that are streamed at the same time on the GPU, each with queues of
@@ -135,8 +138,8 @@ class Build(Streams):
         super().__post_init__()
         if self.inline_rays < self.least:
             raise ValueError("must not be negative")
-        if self.part < 1:
-            raise ValueError("part must be at least 1")
+        if not 1 <= self.part <= MOST_PART:
+            raise ValueError(f"part must be in 1..{MOST_PART}")
         check_threads(self.threads)
         if self.queue not in QUEUES:
             raise ValueError(f"must be one of {', '.join(QUEUES)}")

@@ -164,6 +164,53 @@ def append_pairs(
     """
 
 
+KEPT = 288
+"""Pairs that a warp keeps at most: those of a part of 256 pixels, and fewer than 32 left from before."""
+
+
+@wp.func_native(f"""
+#if defined(__CUDA_ARCH__)
+__shared__ int2 kept[4 * {KEPT}];
+return (int)__cvta_generic_to_shared(kept) + 8 * {KEPT} * ((threadIdx.x >> 5) & 3);
+#else
+return 0;
+#endif
+""")
+def place_of_kept() -> wp.int32:
+    """Where the pairs that this warp keeps lie in shared memory."""
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+unsigned int among = __ballot_sync(0xffffffffu, wanted);
+int place = kept + 8 * (held + __popc(among & ((1u << (threadIdx.x & 31)) - 1u)));
+if (wanted) asm volatile("st.shared.v2.b32 [%0], {%1, %2};" :: "r"(place), "r"(first), "r"(second) : "memory");
+return held + __popc(among);
+#else
+return 0;
+#endif
+""")
+def keep_pairs(
+    wanted: wp.bool, first: wp.int32, second: wp.int32, held: wp.int32, kept: wp.int32
+) -> wp.int32:
+    """Keep the pairs of lanes that want it, after the ``held`` ones in :func:`place_of_kept`; how many there are then. All
+    lanes must call it."""
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+int first, second;
+__syncwarp();
+asm volatile("ld.shared.v2.b32 {%0, %1}, [%2];" : "=r"(first), "=r"(second) : "r"(kept + 8 * number));
+return {first, second};
+#else
+return {0, 0};
+#endif
+""")
+def kept_pair(kept: wp.int32, number: wp.int32) -> wp.vec2i:
+    """A pair of those that a warp keeps. All lanes must call it."""
+
+
 @wp.func_native("""
 #if defined(__CUDA_ARCH__)
 int base = 0;

@@ -38,7 +38,7 @@ class CameraRaster(CameraStream):
 
     def steps(self) -> list[Step]:
         first: Step = ("rasterise triangles", (), ("items",), self.launch_stream)
-        return [first, *tile_steps(self.launch_split, self.launch_tiles)]
+        return [first, *tile_steps(self.launch_split, self.launch_tiles), self.doubts()]
 
     def launch_stream(self, share: int) -> None:
         f, q = self.frame, self.queues

@@ -31,6 +31,7 @@ INSTRUCTIONS = {
     "ld.shared.v4.f32 {%0, %1, %2, %3}, [%4];": _FLOAT4.format(4),
     "@wanted ld.shared.v4.f32 {%0, %1, %2, %3}, [%5];": "if ({4}) " + _FLOAT4.format(5),
     "st.shared.b32 [%0], %1;": "emulated_shared<int>({0}) = {1};",
+    "st.shared.v2.b32 [%0], {%1, %2};": "emulated_shared<int2>({0}) = make_int2({1}, {2});",
     "st.shared.v4.f32 [%0], {%1, %2, %3, %4};": "emulated_shared<float4>({0}) = make_float4({1}, {2}, {3}, {4});",
     "rcp.approx.ftz.f32 %0, %1;": "{0} = emulated_reciprocal({1});",
     "rcp.approx.ftz.f64 %0, %1;": "{0} = emulated_reciprocal({1});",

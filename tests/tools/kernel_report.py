@@ -60,6 +60,7 @@ def hot_modules() -> dict[str, wp.Module | str]:
         "uniform_grid: shadow": grid_shadow.module,
         "ray_grids camera: stream": camera_stream.make_stream_kernel(True).module,
         "ray_grids camera: rows": camera_queue.make_item_kernel(True, False).module,
+        "ray_grids camera: parts": "shadowbench.methods.ray_grids.camera.parts",
         "ray_grids camera": "shadowbench.methods.ray_grids.camera.stream",
         "ray_grids camera: resolve": "shadowbench.methods.ray_grids.camera.resolve",
         "ray_grids light: aim": "shadowbench.methods.ray_grids.aim",

@@ -15,6 +15,7 @@ from ...common.bands import Band, Bands
 from ...common.pixels import thread_count
 from ..parameters import Streams
 from ..queues import BLOCK_DIM, COUNTERS, WORDS, Queues, Step, copy_counts_kernel, in_shares
+from . import parts as camera_parts
 from . import queue as camera_queue
 from . import resolve as camera_resolve
 from . import stream as camera_stream
@@ -67,8 +68,7 @@ class CameraStream:
         scene = (*self.structure, "points", "triangles", "camera", *self.effects.surface_reads())
         words = (WORDS,)
         passes = [Pass("camera: clear", "trace", scene, words, self.queues.cleared.zero_)]
-        steps = [*self.steps(), ("doubtful pairs", (), (), self.launch_doubts)]
-        passes += in_shares("camera", "trace", steps, self.queues, (*scene, *words), words)
+        passes += in_shares("camera", "trace", self.steps(), self.queues, (*scene, *words), words)
         passes.append(Pass("camera: resolve", "trace", (*scene, *words), ("hits",), self.launch_resolve))
         return passes
 
@@ -84,14 +84,18 @@ class CameraStream:
         return [*first, resolve, *others] if self.hit.size else [*first, *others, resolve]
 
     def steps(self) -> list[Step]:
-        """The passes of each share of the triangles before the doubtful pairs are decided."""
+        """The passes of each share of the triangles."""
         steps: list[Step] = [("stream triangles", (), ("items",), self.launch_stream)]
         if self.queues.queued:
-            steps += [
-                ("queued rows", ("items",), ("parts",), self.launch_items),
-                ("further parts", ("parts",), (), self.launch_parts),
-            ]
-        return steps
+            steps.append(("queued rows", ("items",), ("parts",), self.launch_items))
+            if self.queues.cuda:
+                return [*steps, ("further parts, doubtful pairs", ("parts",), (), self.launch_last)]
+            steps.append(("further parts", ("parts",), (), self.launch_parts))
+        return [*steps, self.doubts()]
+
+    def doubts(self) -> Step:
+        """The last step, where doubtful pairs have a pass of their own."""
+        return ("doubtful pairs", (), (), self.launch_doubts)
 
     def launch_stream(self, share: int) -> None:
         f, q = self.frame, self.queues
@@ -121,6 +125,20 @@ class CameraStream:
     def launch_parts(self, share: int) -> None:
         self._launch_rows(share, again=True)
 
+    def launch_last(self, share: int) -> None:
+        """Further parts and doubtful pairs."""
+        f, q = self.frame, self.queues
+        threads = camera_parts.BLOCKS * int(BLOCK_DIM) * wp.get_device(f.device).sm_count
+        wp.launch(
+            specialised(camera_parts.last_kernel, self.effects.switches()),
+            dim=threads,
+            inputs=[threads, self.build.part, f.camera, f.mesh, f.alpha],
+            outputs=[q.nearest, self.queue[share]],
+            device=f.device,
+            block_dim=BLOCK_DIM,
+        )
+        self._copy_needs(share)
+
     def launch_doubts(self, share: int) -> None:
         f, q = self.frame, self.queues
         wp.launch(
@@ -131,7 +149,11 @@ class CameraStream:
             device=f.device,
             block_dim=BLOCK_DIM,
         )
+        self._copy_needs(share)
+
+    def _copy_needs(self, share: int) -> None:
         if self.needs is not None:
+            f = self.frame
             counts = self.queue[share].counts
             wp.launch(
                 copy_counts_kernel, dim=COUNTERS, inputs=[counts], outputs=[self.needs], device=f.device

@@ -7,7 +7,7 @@ import functools
 import warp as wp
 
 from ....harness.frame.alpha import Alpha
-from ....harness.frame.geometry import Camera, Mesh, Ray, corners_of, weld_of
+from ....harness.frame.geometry import Camera, Mesh, Ray
 from ....harness.frame.specialise import effects
 from ...common.alpha import opaque_to_light
 from ...common.entries import entry, entry_if
@@ -33,7 +33,7 @@ from ..ahead import (
     wait_for_groups,
     wait_for_step,
 )
-from ..fetch import direction_at
+from ..fetch import corners_at, direction_at, weld_at
 from ..queues import DOUBTS, ITEMS, PARTS, SMALL, Queue, claim_parts, queue_parts, store_parts
 from ..warps import LANES, append_pairs, lane_at, lane_of, of_lane, sum_to_lane, warp_of
 from .bins import RayCells, span_of
@@ -43,6 +43,9 @@ from .table import cells_of, last_row
 
 REGISTERS = 56
 """Registers per thread that processes a queue, for nine blocks of 128 per multiprocessor."""
+
+REGISTERS_OF_DOUBTS = 96
+"""Registers per thread that decides doubtful pairs: there are fewer threads than a GPU has room for."""
 
 
 @wp.func
@@ -277,7 +280,9 @@ def make_doubt_kernel(stored: bool) -> wp.Kernel:
     """(triangle, pixel) pairs that float32 could not decide. ``stored``: hit_points vec3d [pixels] are exact; else they are
     computed again, since few are needed."""
 
-    @wp.kernel(enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=64)
+    @wp.kernel(
+        enable_backward=False, grid_stride=False, module="unique", cuda_max_registers=REGISTERS_OF_DOUBTS
+    )
     def doubt_kernel(
         threads: wp.int32,
         lights: wp.array(dtype=wp.vec3f),
@@ -293,25 +298,26 @@ def make_doubt_kernel(stored: bool) -> wp.Kernel:
         origin_size = wp.float64(largest(camera.eye[0]))
         light = lights[bits.light]
         while k < stop:
-            pair = queue.doubts[k]
+            pair = entry(queue.doubts, k)
             k += threads
             i = pair[0]
-            if bits.visibility[bits.light, pair[1]] == wp.uint8(0):
-                h = wp.vec3d()
-                if wp.static(stored):
-                    h = hit_points[pair[1]]
-                else:
-                    y = wp.int32(wp.uint32(pair[1]) // wp.uint32(camera.width))
-                    ray = Ray(entry(camera.eye, 0), direction_at(camera, pair[1] - y * camera.width, y))
-                    own = corners_of(mesh, entry(bits.triangle, pair[1]))
-                    h = hit_point(ray, plane_distance(ray, own), own)
-                corners = corners_of(mesh, i)
-                weld = weld_of(mesh, i)
-                shadowed = occludes(h, light, corners, weld, origin_size)
-                if wp.static(effects.alpha):
-                    if shadowed:
-                        shadowed = opaque_to_light(alpha, i, h, light, corners, weld, origin_size)
+            # All that is read of both triangles is on its way at once: whether the pixel is shadowed already is not asked
+            # before, since a thread decides few pairs and would wait for the answer.
+            corners = corners_at(mesh, i)
+            weld = weld_at(mesh, i)
+            h = wp.vec3d()
+            if wp.static(stored):
+                h = hit_points[pair[1]]
+            else:
+                y = wp.int32(wp.uint32(pair[1]) // wp.uint32(camera.width))
+                ray = Ray(entry(camera.eye, 0), direction_at(camera, pair[1] - y * camera.width, y))
+                own = corners_at(mesh, entry(bits.triangle, pair[1]))
+                h = hit_point(ray, plane_distance(ray, own), own)
+            shadowed = occludes(h, light, corners, weld, origin_size)
+            if wp.static(effects.alpha):
                 if shadowed:
-                    set_shadowed(bits, pair[1], i)
+                    shadowed = opaque_to_light(alpha, i, h, light, corners, weld, origin_size)
+            if shadowed:
+                set_shadowed(bits, pair[1], i)
 
     return doubt_kernel

@@ -64,13 +64,18 @@ class RememberedBits:
     last: wp.array(dtype=wp.int32)
 
 
-@wp.func
-def set_planes(occluder: Occluder, light: wp.vec3f, corners: Corners) -> Occluder:
-    """Planes in float32: n = (p - light) x (q - p), scaled so that its parts are at most 2. What a scale is off is the same
-    for all parts of a plane, so it moves none.
+@wp.struct
+class Facing:
+    """How a triangle lies to a light: the normal of its plane, positive on the light's side, and the factor that scales the
+    planes through its edges and turns them inside. Zeros if the light sees it edge-on within rounding."""
 
-    A triangle that the light sees edge-on within rounding gets zeros: float64 decides all its candidates.
-    """
+    normal: wp.vec3f
+    toward: wp.float32
+
+
+@wp.func
+def facing_of(light: wp.vec3f, corners: Corners) -> Facing:
+    """A :class:`Facing`, computed in float32."""
     la = corners.a - light
     lb = corners.b - light
     lc = corners.c - light
@@ -79,26 +84,45 @@ def set_planes(occluder: Occluder, light: wp.vec3f, corners: Corners) -> Occlude
     ca = corners.a - corners.c
     reach = wp.max(largest(la), wp.max(largest(lb), largest(lc)))
     edge = wp.max(largest(ab), wp.max(largest(bc), largest(ca)))
-    o = occluder
+    facing = Facing()
     if not (reach * edge > 1.0e-30 and reach * edge < 1.0e30 and edge * edge > 1.0e-30):
-        return o
+        return facing
     n = wp.cross(ca, ab) * about_inverse(edge * edge)
     det = wp.dot(n, la)
     if not (wp.abs(det) > 64.0 * U32 * reach):
-        return o
+        return facing
     toward = about_inverse(reach * edge)
     # Inside is positive, and so is the light's side of the triangle.
-    if det > 0.0:
-        n = -n
-    else:
-        toward = -toward
-    n0 = wp.cross(lb, bc) * toward
-    n1 = wp.cross(lc, ca) * toward
-    n2 = wp.cross(la, ab) * toward
-    o.e0 = wp.vec4f(n0[0], n0[1], n0[2], -wp.dot(n0, corners.b))
-    o.e1 = wp.vec4f(n1[0], n1[1], n1[2], -wp.dot(n1, corners.c))
-    o.e2 = wp.vec4f(n2[0], n2[1], n2[2], -wp.dot(n2, corners.a))
-    o.plane = wp.vec4f(n[0], n[1], n[2], -wp.dot(n, corners.a))
+    facing.normal = wp.where(det > 0.0, -n, n)
+    facing.toward = wp.where(det > 0.0, toward, -toward)
+    return facing
+
+
+@wp.func
+def plane_at(n: wp.vec3f, p: wp.vec3f) -> wp.vec4f:
+    """The plane of normal n through p."""
+    return wp.vec4f(n[0], n[1], n[2], -wp.dot(n, p))
+
+
+@wp.func
+def edge_plane(light: wp.vec3f, p: wp.vec3f, q: wp.vec3f, toward: wp.float32) -> wp.vec4f:
+    """The plane through the light and an edge p-q of a triangle, which is ``toward`` it (:class:`Facing`)."""
+    return plane_at(wp.cross(p - light, q - p) * toward, p)
+
+
+@wp.func
+def set_planes(occluder: Occluder, light: wp.vec3f, corners: Corners) -> Occluder:
+    """Planes in float32: n = (p - light) x (q - p), scaled so that its parts are at most 2. What a scale is off is the same
+    for all parts of a plane, so it moves none.
+
+    A triangle that the light sees edge-on within rounding gets zeros: float64 decides all its candidates.
+    """
+    o = occluder
+    facing = facing_of(light, corners)
+    o.e0 = edge_plane(light, corners.b, corners.c, facing.toward)
+    o.e1 = edge_plane(light, corners.c, corners.a, facing.toward)
+    o.e2 = edge_plane(light, corners.a, corners.b, facing.toward)
+    o.plane = plane_at(facing.normal, corners.a)
     return o
 
 
