@@ -44,6 +44,9 @@ from .table import cells_of, last_row
 REGISTERS = 56
 """Registers per thread that processes a queue, for nine blocks of 128 per multiprocessor."""
 
+PAIRS_UNASKED = wp.constant(4)
+"""Doubtful pairs of a thread up to which it does not ask first whether the pixel is shadowed."""
+
 REGISTERS_OF_DOUBTS = 96
 """Registers per thread that decides doubtful pairs: there are fewer threads than a GPU has room for."""
 
@@ -297,27 +300,33 @@ def make_doubt_kernel(stored: bool) -> wp.Kernel:
         stop = wp.min(queue.counts[DOUBTS], queue.doubts.shape[0])
         origin_size = wp.float64(largest(camera.eye[0]))
         light = lights[bits.light]
+        # Whether the pixel is shadowed already: a thread with few pairs would wait for the answer, and what it reads of both
+        # triangles is on its way at once without it. Where a light stands close to a surface, pairs are a hundred times as
+        # many, and nearly all of their pixels are shadowed.
+        asks = stop > PAIRS_UNASKED * threads
         while k < stop:
             pair = entry(queue.doubts, k)
             k += threads
             i = pair[0]
-            # All that is read of both triangles is on its way at once: whether the pixel is shadowed already is not asked
-            # before, since a thread decides few pairs and would wait for the answer.
-            corners = corners_at(mesh, i)
-            weld = weld_at(mesh, i)
-            h = wp.vec3d()
-            if wp.static(stored):
-                h = hit_points[pair[1]]
-            else:
-                y = wp.int32(wp.uint32(pair[1]) // wp.uint32(camera.width))
-                ray = Ray(entry(camera.eye, 0), direction_at(camera, pair[1] - y * camera.width, y))
-                own = corners_at(mesh, entry(bits.triangle, pair[1]))
-                h = hit_point(ray, plane_distance(ray, own), own)
-            shadowed = occludes(h, light, corners, weld, origin_size)
-            if wp.static(effects.alpha):
+            lit = wp.bool(True)
+            if asks:
+                lit = entry(bits.visibility, bits.light, pair[1]) == wp.uint8(0)
+            if lit:
+                corners = corners_at(mesh, i)
+                weld = weld_at(mesh, i)
+                h = wp.vec3d()
+                if wp.static(stored):
+                    h = hit_points[pair[1]]
+                else:
+                    y = wp.int32(wp.uint32(pair[1]) // wp.uint32(camera.width))
+                    ray = Ray(entry(camera.eye, 0), direction_at(camera, pair[1] - y * camera.width, y))
+                    own = corners_at(mesh, entry(bits.triangle, pair[1]))
+                    h = hit_point(ray, plane_distance(ray, own), own)
+                shadowed = occludes(h, light, corners, weld, origin_size)
+                if wp.static(effects.alpha):
+                    if shadowed:
+                        shadowed = opaque_to_light(alpha, i, h, light, corners, weld, origin_size)
                 if shadowed:
-                    shadowed = opaque_to_light(alpha, i, h, light, corners, weld, origin_size)
-            if shadowed:
-                set_shadowed(bits, pair[1], i)
+                    set_shadowed(bits, pair[1], i)
 
     return doubt_kernel
