@@ -144,7 +144,7 @@ def raster_kernel(
                     queue_large(queue, i, face, box, occluder.bound)
     if here >= 0 or queued_too:
         # Corners are read again: held until here, they would take the registers of the loop.
-        planes = set_planes(occluder, lights[bits.light], corners_at(mesh, i))
+        planes = set_planes(occluder, lights[bits.light], corners_at(mesh, i), False)
         if here >= 0:
             if not test_texels(bits, queue, cells, head, along, here, box_here, planes, inline_rays):
                 # Pairs that were tested are tested again with the rest: bits stay set, and few pairs are doubtful.

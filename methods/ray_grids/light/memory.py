@@ -53,7 +53,9 @@ def certainly_occludes(
     occluder.i = i
     occluder.bound = sign_bound(wp.max(size, wp.max(largest(h), largest(eye))))
     occluder.sure = occluder.bound
-    return float32_verdict(wp.vec4f(h[0], h[1], h[2], 0.0), set_planes(occluder, light, corners)) == YES
+    return (
+        float32_verdict(wp.vec4f(h[0], h[1], h[2], 0.0), set_planes(occluder, light, corners, False)) == YES
+    )
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)

@@ -14,7 +14,7 @@ import warp as wp
 from ....harness.frame.geometry import Corners
 from ...common.division import about_inverse
 from ...common.entries import entry, entry_if, set_entry
-from ...common.triangle import U32, largest
+from ...common.triangle import U32, U64, largest, to_float64, total
 from ..queues import Queue, queue_doubt
 from .bins import RayCells, span_of
 from .table import reach_of
@@ -67,15 +67,31 @@ class RememberedBits:
 @wp.struct
 class Facing:
     """How a triangle lies to a light: the normal of its plane, positive on the light's side, and the factor that scales the
-    planes through its edges and turns them inside. Zeros if the light sees it edge-on within rounding."""
+    planes through its edges and turns them inside. Zeros if float64 must decide. never: the plane contains the light, so
+    that the triangle occludes no ray (:func:`...common.segment.occludes`)."""
 
     normal: wp.vec3f
     toward: wp.float32
+    never: wp.bool
 
 
 @wp.func
-def facing_of(light: wp.vec3f, corners: Corners) -> Facing:
-    """A :class:`Facing`, computed in float32."""
+def side_of_light(light: wp.vec3f, corners: Corners) -> wp.float32:
+    """On which side of a triangle's plane the light lies, 1 or -1 as the sign of (ca x ab) . la; 0 if the plane contains it
+    within the rounding of float64 (:func:`...common.segment.plane_crosses_segment`)."""
+    a = to_float64(corners.a)
+    ab = to_float64(corners.b) - a
+    ac = to_float64(corners.c) - a
+    la = a - to_float64(light)
+    side = wp.dot(wp.cross(ab, ac), la)
+    if wp.abs(side) <= wp.float64(16.0) * U64 * largest(ab) * largest(ac) * total(la):
+        return 0.0
+    return wp.where(side > wp.float64(0.0), 1.0, -1.0)
+
+
+@wp.func
+def facing_to(light: wp.vec3f, corners: Corners, closely: wp.bool) -> Facing:
+    """A :class:`Facing`, computed in float32; ``closely``: a triangle seen edge-on within its rounding in float64."""
     la = corners.a - light
     lb = corners.b - light
     lc = corners.c - light
@@ -90,7 +106,12 @@ def facing_of(light: wp.vec3f, corners: Corners) -> Facing:
     n = wp.cross(ca, ab) * about_inverse(edge * edge)
     det = wp.dot(n, la)
     if not (wp.abs(det) > 64.0 * U32 * reach):
-        return facing
+        if not closely:
+            return facing
+        det = side_of_light(light, corners)
+        facing.never = det == 0.0
+        if facing.never:
+            return facing
     toward = about_inverse(reach * edge)
     # Inside is positive, and so is the light's side of the triangle.
     facing.normal = wp.where(det > 0.0, -n, n)
@@ -111,19 +132,29 @@ def edge_plane(light: wp.vec3f, p: wp.vec3f, q: wp.vec3f, toward: wp.float32) ->
 
 
 @wp.func
-def set_planes(occluder: Occluder, light: wp.vec3f, corners: Corners) -> Occluder:
+def set_planes(occluder: Occluder, light: wp.vec3f, corners: Corners, closely: wp.bool) -> Occluder:
     """Planes in float32: n = (p - light) x (q - p), scaled so that its parts are at most 2. What a scale is off is the same
     for all parts of a plane, so it moves none.
 
-    A triangle that the light sees edge-on within rounding gets zeros: float64 decides all its candidates.
+    A triangle that the light sees edge-on within rounding gets zeros: float64 decides all its candidates. With ``closely``
+    it gets its planes, and one that every ray misses if float64 finds it edge-on, too. That is for large triangles: where
+    the light stands in a surface, millions of pairs would be left to float64.
     """
     o = occluder
-    facing = facing_of(light, corners)
+    facing = facing_to(light, corners, closely)
     o.e0 = edge_plane(light, corners.b, corners.c, facing.toward)
     o.e1 = edge_plane(light, corners.c, corners.a, facing.toward)
     o.e2 = edge_plane(light, corners.a, corners.b, facing.toward)
     o.plane = plane_at(facing.normal, corners.a)
+    if facing.never:
+        o.e0 = wp.vec4f(0.0, 0.0, 0.0, -wp.INF)
     return o
+
+
+@wp.func
+def occludes_none(o: Occluder) -> wp.bool:
+    """Whether every ray misses a triangle because the light lies in its plane (:func:`set_planes`)."""
+    return o.e0[3] == -wp.INF
 
 
 @wp.func
@@ -144,13 +175,16 @@ def bound_of(row: wp.vec4f, corners: Corners) -> wp.float32:
 
 
 @wp.func
-def occluder_of(i: wp.int32, holes: wp.bool, light: wp.vec3f, corners: Corners, row: wp.vec4f) -> Occluder:
-    """A triangle, which may have ``holes``, as a light's rays are tested against it; ``row``: :func:`.table.last_row`."""
+def occluder_of(
+    i: wp.int32, holes: wp.bool, light: wp.vec3f, corners: Corners, row: wp.vec4f, closely: wp.bool
+) -> Occluder:
+    """A triangle, which may have ``holes``, as a light's rays are tested against it; ``row``: :func:`.table.last_row`;
+    ``closely``: :func:`set_planes`."""
     o = Occluder()
     o.i = i
     o.bound = bound_of(row, corners)
     o.sure = wp.where(holes, wp.INF, o.bound)
-    return set_planes(o, light, corners)
+    return set_planes(o, light, corners, closely)
 
 
 @wp.func

@@ -13,7 +13,7 @@ from ..cube import on_face
 from ..queues import ITEMS, LARGE, SMALL, Queue
 from ..warps import LANES
 from .cells import Flat, Sides, cube_space, on_cells, sides_of_flat, sides_of_planes
-from .rays import Occluder, occluder_of
+from .rays import Occluder, occluder_of, occludes_none
 from .table import cells_of, last_row, reach_with_rays
 
 SPLITTERS = wp.constant(2)
@@ -60,7 +60,7 @@ def queue_rows(queue: Queue, i: wp.int32, face: wp.int32, box: wp.vec4i, sides: 
         set_group(queue.groups, places, g, face, y, box[1], box[3], ends, sides, occluder)
 
 
-@wp.kernel(enable_backward=False, grid_stride=False)
+@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=96)
 def split_kernel(
     threads: wp.int32,
     light: wp.int32,
@@ -97,7 +97,7 @@ def split_kernel(
             r = entry(table, face)
             flat = on_cells(qa, qb, qc, reach_with_rays(cube, corners, row), r)
             sides = sides_on_face(flat, position, cube, face, corners, r, cells)
-            occluder = occluder_of(i, False, position, corners, row)
+            occluder = occluder_of(i, False, position, corners, row, True)
             for g in range(number):
                 y = low + (first + g * SPLITTERS) * LANES
                 set_group(queue.groups, places, g, face, y, low, high, work[2], sides, occluder)
@@ -118,13 +118,14 @@ def set_group(
 ):
     """Store group g of rows low to high, from row y on, in its place (:func:`places_of`), if there is room: (face and
     rows << 4 and first row << 16, first cell and last << 16, triangle, its bound), three lines, four planes. Whole numbers
-    are stored as bits."""
+    are stored as bits. A triangle that occludes no ray has no rows."""
     few = high - low < FEW_ROWS
     place = wp.where(few, places[1], places[0] + g)
     if place >= groups.shape[0]:
         return
     at = wp.where(few, groups.shape[0] - 1 - place, place)
-    which = face | (wp.min(LANES, high - y + 1) << 4) | (y << 16)
+    rows = wp.where(occludes_none(occluder), 0, wp.min(LANES, high - y + 1))
+    which = face | (rows << 4) | (y << 16)
     head = wp.vec4f(
         wp.cast(which, wp.float32), wp.cast(ends, wp.float32), wp.cast(occluder.i, wp.float32), occluder.bound
     )

@@ -28,7 +28,7 @@ from .cells import (
     leaves_out,
     on_cells,
 )
-from .rays import ShadowBits, occluder_of, test_rays_of_box, test_rays_of_row
+from .rays import ShadowBits, occluder_of, occludes_none, test_rays_of_box, test_rays_of_row
 from .reach import all_rays_end_before, depth_slack, nearest_depth
 from .split import queue_rows, sides_on_face
 from .table import cells_of, faces_of, last_row, reach_with_rays
@@ -43,7 +43,7 @@ MANY = wp.constant(2147483647)
 REGISTERS = 56
 """Registers per thread: a thread waits for memory longer than it computes, so more threads at a time are faster."""
 
-REGISTERS_OF_FEW = 96
+REGISTERS_OF_FEW = 112
 """Registers per thread of the stream that stores groups of rows: there are fewer triangles than threads have room."""
 
 
@@ -118,9 +118,9 @@ def make_stream_kernel(queued: bool, splits: bool) -> wp.Kernel:
                             position = lights[bits.light]
                             again = corners_at(mesh, i)
                             sides_here = sides_on_face(flat, position, cube, face, again, r, along)
-                            queue_rows(
-                                queue, i, face, box, sides_here, occluder_of(i, False, position, again, row)
-                            )
+                            large = occluder_of(i, False, position, again, row, True)
+                            if not occludes_none(large):
+                                queue_rows(queue, i, face, box, sides_here, large)
                         elif wp.static(queued):
                             place = next_number(queue.counts, LARGE)
                             if place < queue.large.shape[0]:
@@ -129,13 +129,14 @@ def make_stream_kernel(queued: bool, splits: bool) -> wp.Kernel:
                         else:
                             light = lights[bits.light]
                             sides = sides_on_face(flat, light, cube, face, corners, r, along)
-                            planes = occluder_of(i, holes, light, corners, row)
-                            for y in range(box[1], box[3] + 1):
+                            planes = occluder_of(i, holes, light, corners, row, True)
+                            last = wp.where(occludes_none(planes), box[1] - 1, box[3])
+                            for y in range(box[1], last + 1):
                                 ends = cells_of_row(sides, y, box[0], box[2])
                                 test_rays_of_row(bits, queue, cells, along, face, y, ends[0], ends[1], planes)
         if here >= 0:
             # Corners are read again: held until here, they would take the registers of the loop.
-            planes_here = occluder_of(i, holes, lights[bits.light], corners_at(mesh, i), row)
+            planes_here = occluder_of(i, holes, lights[bits.light], corners_at(mesh, i), row, False)
             test_rays_of_box(bits, queue, cells, along, here, box_here, planes_here)
 
     return stream_kernel

@@ -193,6 +193,9 @@ def test_more_is_tested_in_line_and_beside_with_several_lights():
         make_method("ray_grids", {"shares": "0"})
     with pytest.raises(UserError, match="beside and shares must be in"):
         make_method("visibility_buffer", {"beside": "-1"})
+    for part in ("0", "257"):
+        with pytest.raises(UserError, match=r"part must be in 1\.\.256"):
+            make_method("ray_grids", {"part": part})
 
 
 def test_what_a_triangle_tests_itself_is_chosen_from_the_number_of_triangles():

@@ -1,0 +1,50 @@
+"""A light in the plane of a large triangle: its rays are decided by planes, not one by one in float64."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers.brute_force import closest, make_scene, shadowed
+from shadowbench.harness.frame.registry import make_method
+from shadowbench.harness.frame.session import Session
+
+SIZE = 64
+SQUARE = [(0, 1, 2), (0, 2, 3)]
+
+
+def room(light):
+    """A cube from -2 to 2, and a square in the plane x = 0 within it."""
+    corners = [(x, y, z) for x in (-2, 2) for y in (-2, 2) for z in (-2, 2)]
+    sides = [(0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5)]
+    vertices = [corners[k] for side in sides for k in side]
+    vertices += [(0, y, z) for y, z in ((-1.5, -1.5), (1.5, -1.5), (1.5, 1.25), (-1.5, 1.25))]
+    faces = [tuple(4 * k + c for c in face) for k in range(7) for face in SQUARE]
+    return make_scene(np.array(vertices, float), np.array(faces), [light], eye=(1.7, 0.9, 1.8), fov=95.0)
+
+
+@pytest.mark.parametrize("queue", ["always", "never"])
+@pytest.mark.parametrize("groups", ["stream", "split"])
+@pytest.mark.parametrize(
+    "light",
+    [
+        (0.0, 0.2, -0.3),
+        (0.0, 1.75, 0.1),
+        (2.0**-30, 0.2, -0.3),
+        (-(2.0**-30), 1.75, 0.1),
+        (2.0**-70, 0.0, 0.0),
+    ],
+    ids=["in the square", "beside it", "nearly in it", "nearly beside it", "in it within rounding"],
+)
+def test_few_pairs_are_left_to_float64(light, groups, queue, device):
+    prepared = room(light)
+    moment = prepared.moment(0, SIZE, SIZE)
+    method = make_method("ray_grids", {"queue": queue, "groups": groups})
+    session = Session(method, prepared, SIZE, SIZE, device)
+    answers = session.answers(moment)
+    best, t = closest(prepared, moment)
+    assert (answers["triangle"].ravel() == best).all()
+    assert (answers["visibility"][0].ravel() == shadowed(prepared, moment, 0, best, t)).all()
+    assert (best >= 0).all()
+    # A light nearly in the square sees both of its triangles through each of its points.
+    on_square = int((best >= 12).sum()) if abs(light[0]) == 2.0**-30 else 0
+    assert method.counters()["light 0 doubtful pairs"] < 1.1 * on_square + 0.05 * SIZE * SIZE
