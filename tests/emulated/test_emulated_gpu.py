@@ -151,3 +151,15 @@ def test_a_snippet_that_was_broken_is_found(old, new):
     assert "no snippet holds" not in done.stderr
     judged = done.returncode == 1 and "with true errors" in done.stdout
     assert judged or -done.returncode == signal.SIGSEGV, done.stdout + done.stderr
+
+
+@pytest.mark.slow
+def test_a_kept_pair_that_is_lost_is_found():
+    """Of an odd number of pairs that a warp keeps, one is decided twice and one never."""
+    given, case = {"part": "64", "inline_pixels": "0"}, "P31 1e+06"
+    assert "1 cases, 0 with true errors" in checked("ray_grids", given, [case])
+    old = '"r"(kept + 8 * number)'
+    done = check("ray_grids", given, [case], "--replace", old, '"r"(kept + 8 * (number ^ 1))')
+    assert "no snippet holds" not in done.stderr
+    assert done.returncode == 1
+    assert "1 with true errors" in done.stdout
