@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
@@ -26,18 +27,29 @@ FEW_TRIANGLES = 65536
 many threads do at the same time: so a triangle tests fewer pixels itself the fewer there are. Measured on an H200, as are
 the numbers below (``docs/optimisation-log.md``)."""
 
-ONE_SHARE_BELOW = 4096
+ONE_SHARE_BELOW = 16384
 """Of fewer triangles the passes of two shares would take the time of their launches, each."""
 
 SPLIT_FROM = 200_000
 """From so many triangles on, a pass of its own puts rows into groups: a warp of the stream would wait for the one of its
 triangles that is larger."""
 
-MANY_TRIANGLES = 2_000_000
+MANY_TRIANGLES = 1_200_000
 """From so many on they fill the GPU, as several lights do: more is tested in line."""
 
-INLINE_PIXELS, INLINE_RAYS, INLINE_OF_FEW = 32, 24, 8
+INLINE_PIXELS, INLINE_RAYS, PIXELS_OF_FEW = 32, 24, 8
 """What :data:`CHOOSE` stands for with one light: without queues or with many triangles, and the least of a few."""
+
+PART, PART_OF_FEW = 224, 192
+"""What :data:`CHOOSE` stands for with one light: one warp holds up a pass less with smaller parts. With several lights,
+whose passes run at the same time, it is :data:`MOST_PART`."""
+
+CELL_WORK = 256.0
+"""Triangles times pixels, over the third power of the cells along a face: a single face of 1024x1024 cells where a million
+rays meet 262 thousand triangles."""
+
+FINE_FACES = 4
+"""On a GPU: faces that hold rays up to which all have the cells of a single one. More faces have fewer cells each."""
 
 REGION_PIXELS = 2
 """With more pixels per triangle, what a light's rays cover is found from the triangles; else that takes longer than the pass
@@ -81,27 +93,38 @@ class Streams:
         """The same with the values that are chosen for numbers of triangles, of lights with shadows, and of pixels."""
         return self
 
+    def cells_along(self, triangles: int, pixels: int, cuda: bool) -> tuple[int, int, int]:
+        """Cells along a face of a light's cube where rays lie on many faces, and where they lie on few; how many are few."""
+        side = math.sqrt(pixels)
+        return self._whole(side if 2 * triangles > pixels else side / 2, side, 1)
+
+    def _whole(self, many: float, few: float, faces: int) -> tuple[int, int, int]:
+        """Numbers of cells along a face as a frame has them, or ``cells`` for both."""
+        if self.cells:
+            return self.cells, self.cells, 1
+        along = [min(4096, max(64, 8 * round(x / 8))) for x in (many, few)]
+        return along[0], along[1], faces
+
 
 @dataclass(frozen=True)
 class Build(Streams):
     """How triangles are streamed over the rays.
 
-    cells          cells along each side of a face of the light's cube, a multiple of 8; 0 chooses in each frame: about
-                   the square root of the number of pixels where one face holds all rays, or where triangles are more
-                   than half as many as pixels; else half of that
+    cells          cells along each side of a face of the light's cube, a multiple of 8; 0 chooses in each frame, from the
+                   numbers of triangles and of pixels and from how many faces hold rays (:meth:`cells_along`)
     inline_pixels  a triangle whose box on the image holds at most this many pixels tests them in its own thread; a
                    larger one is queued; -1: with queues one for each 2,048 triangles, at least 8 and at most 32; else 32
     inline_cells   a triangle whose box on a face covers at most this many cells, in at most 16 rows, counts the rays in
                    them; a larger one is queued
     inline_rays    a triangle that has counted at most this many rays, on one face, tests them in its own thread; with
-                   more, or on a second face, it is queued; -1: 24, from 4 lights or 2 million triangles on 48, but 8 for
-                   fewer than 65,536 triangles and where ``groups`` is "stream"
+                   more, or on a second face, it is queued; -1: 24, from 4 lights or 1.2 million triangles on 48. None
+                   where ``groups`` is "stream", whatever is set
     part           pixels or rays of a queued group of rows, or of a light's four small groups, that one warp tests, at most
-                   256; the rest is split into parts
+                   256; the rest is split into parts; -1: 224, for fewer than 65,536 triangles 192, from 2 lights on 256
     beside         with queues: lights whose passes run at the same time on the GPU, each with queues and rays of its own;
                    -1: 4, from 8 lights on 8
     shares         with queues: parts of the triangles that are streamed at the same time on the GPU, each with queues of
-                   its own; -1: 2, but 1 from 4 lights on and for fewer than 4,096 triangles
+                   its own; -1: 2, but 1 from 4 lights on and for fewer than 16,384 triangles
     queue          whether larger triangles go through queues: "auto" (on the GPU only), "always", "never"
     groups         where the rows of a light's larger triangles are put into groups: "stream": by the thread that finds the
                    triangle; "split": by a pass after it; "auto": by the thread with fewer than 200,000 triangles
@@ -127,7 +150,7 @@ class Build(Streams):
     inline_rays: int = CHOOSE
     beside: int = CHOOSE
     shares: int = CHOOSE
-    part: int = 256
+    part: int = CHOOSE
     queue: str = "auto"
     groups: str = "auto"
     region: str = "auto"
@@ -138,7 +161,7 @@ class Build(Streams):
         super().__post_init__()
         if self.inline_rays < self.least:
             raise ValueError("must not be negative")
-        if not 1 <= self.part <= MOST_PART:
+        if self.part != CHOOSE and not 1 <= self.part <= MOST_PART:
             raise ValueError(f"part must be in 1..{MOST_PART}")
         check_threads(self.threads)
         if self.queue not in QUEUES:
@@ -150,17 +173,25 @@ class Build(Streams):
         if self.occluders not in OCCLUDERS:
             raise ValueError(f"must be one of {', '.join(OCCLUDERS)}")
 
+    def cells_along(self, triangles: int, pixels: int, cuda: bool) -> tuple[int, int, int]:
+        # Finer cells take longer to clear and sum; in coarser ones more rays are tested that a triangle does not cover.
+        side = math.sqrt(pixels)
+        few = min((triangles * pixels / CELL_WORK) ** (1.0 / 3.0), 1.5 * side)
+        many = min(7.0 / 16.0 * side * max(1.0, 2.0 * triangles / pixels) ** 0.25, 0.6 * few)
+        return self._whole(many, few, FINE_FACES if cuda else 1)
+
     def chosen(self, triangles: int, queued: bool, lights: int = 1, pixels: int = 0) -> Self:
         few = queued and triangles < FEW_TRIANGLES
         several = queued and lights >= BESIDE
         groups = self.groups
         if groups == "auto":
             groups = "stream" if queued and triangles < SPLIT_FROM else "split"
-        pixels_of_few = max(INLINE_PIXELS * triangles // FEW_TRIANGLES, INLINE_OF_FEW)
+        pixels_of_few = max(INLINE_PIXELS * triangles // FEW_TRIANGLES, PIXELS_OF_FEW)
         rays = RAYS_OF_MANY if several or (queued and triangles >= MANY_TRIANGLES) else INLINE_RAYS
         values: dict[str, Any] = {
             "inline_pixels": pixels_of_few if few else INLINE_PIXELS,
-            "inline_rays": INLINE_OF_FEW if few or groups == "stream" else rays,
+            "inline_rays": 0 if groups == "stream" else rays,
+            "part": MOST_PART if lights > 1 else PART_OF_FEW if few else PART,
             "beside": MANY_LIGHTS if lights >= MANY_LIGHTS else BESIDE,
             "shares": 1 if several or (queued and triangles < ONE_SHARE_BELOW) else 2,
         }

@@ -9,13 +9,12 @@ from ....harness.frame.specialise import effects
 from ...common.entries import entry, entry_if, set_entry
 from ...common.pixels import tile_pixel
 from ...common.reserve import number_among
-from ..aim import FACE
 from ..cube import record_place
 from ..queues import RAYS
 from ..warps import scan_row
 from .points import Placed, Point, Words, has_hit, placed, placed_exactly, point_of
 from .reach import empty_tiles, raise_from, tile_index
-from .table import cells_in_use, cells_of, face_rectangle, last_row, set_table
+from .table import cells_in_use, cells_of, face_in_use, face_rectangle, last_row, set_table
 
 SPARE = wp.constant(4)
 """Words between two rows of cells: one for the end of a row, the others so that rows begin on 16-byte addresses."""
@@ -29,7 +28,7 @@ care spill; with 32 the others would, too."""
 class RayCells:
     """The shadow rays of one light, sorted into the cells of its cube.
 
-    cells      along a face: where rays lie on several faces, and where one holds them all
+    cells      along a face: where rays lie on many faces, and where they lie on few; how many are few
     rectangle  int32 [11]: what the rays cover (:mod:`..aim`)
     table      vec4f [7]: what they cover, for triangles (:mod:`.table`)
     place      vec4f [pixels]: (u, v, face, depth) of each pixel's ray    point  vec4f [pixels]: hit point and pixel
@@ -40,7 +39,7 @@ class RayCells:
     farthest   int32 [6 faces * tiles of 8 x 8 cells]: bits of the greatest depth of a ray
     """
 
-    cells: wp.vec2i
+    cells: wp.vec3i
     rectangle: wp.array(dtype=wp.int32)
     table: wp.array(dtype=wp.vec4f)
     place: wp.array(dtype=wp.vec4f)
@@ -254,8 +253,11 @@ def scan_kernel(cells: RayCells, counts: wp.array(dtype=wp.int32)):
     k = wp.tid()
     row = k // 128
     along = cells_in_use(cells.rectangle, cells.cells)
-    if cells.rectangle[FACE + row // along] == 0:
-        scan_row(cells.count, cells.offset, row * (along + SPARE), along, counts, RAYS)
+    before = row // along
+    face = face_in_use(cells.rectangle, before)
+    if face >= 0:
+        first = (face * along + row - before * along) * (along + SPARE)
+        scan_row(cells.count, cells.offset, first, along, counts, RAYS)
     set_table(k, cells.rectangle, cells.table, along)
 
 

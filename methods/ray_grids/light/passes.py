@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import Any, ClassVar
 
@@ -51,16 +50,15 @@ def cell_arrays(frame: Frame, build: Streams, sorted_rays: bool = True) -> dict[
 
     Not ``sorted_rays``: those that sort rays into cells are one element long.
     """
-    side = math.sqrt(frame.pixels)
-    fine, coarse = (min(4096, max(64, 8 * round(x / 8))) for x in (side, side / 2))
-    many = frame.triangle_count > frame.pixels // 2
-    several, one = build.cells or (fine if many else coarse), build.cells or fine
-    spare = int(light_bins.SPARE)
-    number = max(int(light_aim.FACES) * several * (several + spare), one * (one + spare))
+    cuda = wp.get_device(frame.device).is_cuda
+    many, few, faces = build.cells_along(frame.triangle_count, frame.pixels, cuda)
+    spare, all_faces = int(light_bins.SPARE), int(light_aim.FACES)
+    # A face has its place whatever others hold rays; only the first is known to if there is a single one.
+    number = max(all_faces * many * (many + spare), (1 if faces == 1 else all_faces) * few * (few + spare))
     sorted_cells, sorted_pixels = (number, frame.pixels) if sorted_rays else (1, 1)
     with wp.ScopedDevice(frame.device):
         return {
-            "cells": wp.vec2i(several, one),
+            "cells": wp.vec3i(many, few, faces),
             "place": wp.zeros(frame.pixels, dtype=wp.vec4f),
             "point": wp.zeros(frame.pixels, dtype=wp.vec4f),
             "triangle": wp.zeros(frame.pixels, dtype=wp.int32),
@@ -100,7 +98,11 @@ class LightStream:
         self.switches = effects.switches(index)
         self.counts = queues.counters(1 + index)
         self.queue = queues.of_stream(1 + index)
-        self.cells = filled(RayCells, rectangle=aims.rectangles[index], table=aims.tables[index], **arrays)
+        many, few, faces = arrays["cells"]
+        if any(effects.limited[index : index + 1]):
+            faces = 1  # a spot has fewer rays
+        given = {**arrays, "cells": wp.vec3i(many, few, faces)}
+        self.cells = filled(RayCells, rectangle=aims.rectangles[index], table=aims.tables[index], **given)
         self.ranges = ThreadRanges(frame, queues.shares if queues.threaded else 1)
         self.receivers = frame.receivers
         self.marking = self.marks and effects.has_receivers(index)
@@ -267,7 +269,7 @@ class LightStream:
         """Offsets of the cells from their counts."""
         f, cells = self.frame, self.cells
         faces = int(light_aim.FACES)
-        rows = max(faces * cells.cells[0], cells.cells[1])
+        rows = max(faces * cells.cells[0], cells.cells[2] * cells.cells[1])
         wp.launch(
             light_bins.scan_kernel,
             dim=128 * rows if self.queues.cuda else faces + 1,

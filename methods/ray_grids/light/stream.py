@@ -22,6 +22,7 @@ from ..fetch import corners_at
 from ..queues import LARGE, Queue, Share, triangle_of
 from .bins import RayCells, rays_in_box
 from .cells import (
+    Flat,
     cells_of_row,
     cube_space,
     flat_box,
@@ -91,6 +92,8 @@ def make_stream_kernel(queued: bool, splits: bool) -> wp.Kernel:
         # few rays on two faces: the second is queued.
         here = wp.int32(-1)
         box_here = wp.vec4i()
+        met = wp.uint32(0)
+        flat_here = Flat()
         several = without_lowest_bit(faces) != wp.uint32(0)
         while faces != wp.uint32(0):
             face = lowest_bit(faces)
@@ -110,33 +113,54 @@ def make_stream_kernel(queued: bool, splits: bool) -> wp.Kernel:
                     if (box[2] - box[0] + 1) * rows <= inline_cells and rows <= INLINE_ROWS:
                         number = rays_in_box(cells.offset, face, box, along)
                 if number > 0:
-                    if number <= inline_rays and here < 0:
+                    inline = wp.bool(False)
+                    if wp.static(not splits):
+                        inline = number <= inline_rays and here < 0
+                    if inline:
                         here = face
                         box_here = box
+                    elif wp.static(splits):
+                        if met == wp.uint32(0):
+                            box_here = box
+                            flat_here = flat
+                        met |= wp.uint32(1) << wp.uint32(face)
+                    elif wp.static(queued):
+                        place = next_number(queue.counts, LARGE)
+                        if place < queue.large.shape[0]:
+                            work = wp.vec4i(i, face, box[0] | (box[2] << 16), box[1] | (box[3] << 16))
+                            set_entry(queue.large, place, work)
                     else:
-                        if wp.static(splits):
-                            position = lights[bits.light]
-                            again = corners_at(mesh, i)
-                            sides_here = sides_on_face(flat, position, cube, face, again, r, along)
-                            large = occluder_of(i, False, position, again, row, True)
-                            if not occludes_none(large):
-                                queue_rows(queue, i, face, box, sides_here, large)
-                        elif wp.static(queued):
-                            place = next_number(queue.counts, LARGE)
-                            if place < queue.large.shape[0]:
-                                work = wp.vec4i(i, face, box[0] | (box[2] << 16), box[1] | (box[3] << 16))
-                                set_entry(queue.large, place, work)
-                        else:
-                            light = lights[bits.light]
-                            sides = sides_on_face(flat, light, cube, face, corners, r, along)
-                            planes = occluder_of(i, holes, light, corners, row, True)
-                            last = wp.where(occludes_none(planes), box[1] - 1, box[3])
-                            for y in range(box[1], last + 1):
-                                ends = cells_of_row(sides, y, box[0], box[2])
-                                test_rays_of_row(bits, queue, cells, along, face, y, ends[0], ends[1], planes)
-        if here >= 0:
-            # Corners are read again: held until here, they would take the registers of the loop.
-            planes_here = occluder_of(i, holes, lights[bits.light], corners_at(mesh, i), row, False)
-            test_rays_of_box(bits, queue, cells, along, here, box_here, planes_here)
+                        light = lights[bits.light]
+                        sides = sides_on_face(flat, light, cube, face, corners, r, along)
+                        planes = occluder_of(i, holes, light, corners, row, True)
+                        last = wp.where(occludes_none(planes), box[1] - 1, box[3])
+                        for y in range(box[1], last + 1):
+                            ends = cells_of_row(sides, y, box[0], box[2])
+                            test_rays_of_row(bits, queue, cells, along, face, y, ends[0], ends[1], planes)
+        if wp.static(splits):
+            if met != wp.uint32(0):
+                position = lights[bits.light]
+                again = corners_at(mesh, i)
+                large = occluder_of(i, False, position, again, row, True)
+                if occludes_none(large):
+                    met = wp.uint32(0)
+                while met != wp.uint32(0):
+                    face = lowest_bit(met)
+                    met = without_lowest_bit(met)
+                    r = entry(cells.table, face)
+                    sides_here = sides_on_face(flat_here, position, cube, face, again, r, along)
+                    queue_rows(queue, face, box_here, sides_here, large)
+                    if met != wp.uint32(0):
+                        face = lowest_bit(met)
+                        fa = on_face(cube_space(again.a, cube), face)
+                        fb = on_face(cube_space(again.b, cube), face)
+                        fc = on_face(cube_space(again.c, cube), face)
+                        flat_here = on_cells(fa, fb, fc, reach, entry(cells.table, face))
+                        box_here = flat_box(flat_here, along)
+        else:
+            if here >= 0:
+                # Corners are read again: held until here, they would take the registers of the loop.
+                planes_here = occluder_of(i, holes, lights[bits.light], corners_at(mesh, i), row, False)
+                test_rays_of_box(bits, queue, cells, along, here, box_here, planes_here)
 
     return stream_kernel

@@ -35,17 +35,31 @@ def face_rectangle(face: wp.int32, rectangle: wp.array(dtype=wp.int32), cells: w
 
 
 @wp.func
-def cells_in_use(rectangle: wp.array(dtype=wp.int32), cells: wp.vec2i) -> wp.int32:
-    """Cells along a face: the first number where rays lie on several faces, the second where all lie on face 0.
+def cells_in_use(rectangle: wp.array(dtype=wp.int32), cells: wp.vec3i) -> wp.int32:
+    """Cells along a face: the first number where rays lie on many faces, the second where they lie on at most ``cells[2]``,
+    face 0 among them.
 
     In finer cells a triangle meets fewer rays that it does not cover, but the cells of every face in use are cleared and
     summed.
     """
-    chosen = cells[1]
+    others = wp.int32(0)
     for k in range(1, FACES):
         if rectangle[FACE + k] == 0:
-            chosen = cells[0]
-    return chosen
+            others += 1
+    return wp.where(others < cells[2], cells[1], cells[0])
+
+
+@wp.func
+def face_in_use(rectangle: wp.array(dtype=wp.int32), number: wp.int32) -> wp.int32:
+    """Face ``number``, counted from 0, of those that hold rays; -1 if there are no more."""
+    found = wp.int32(-1)
+    left = wp.int32(number)
+    for k in range(FACES):
+        if rectangle[FACE + k] == 0:
+            if left == 0:
+                found = k
+            left -= 1
+    return found
 
 
 @wp.func

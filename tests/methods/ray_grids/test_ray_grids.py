@@ -185,9 +185,9 @@ def test_more_is_tested_in_line_and_beside_with_several_lights():
     assert (one.inline_rays, one.shares) == (24, 2)
     assert (four.inline_rays, four.shares, four.beside) == (48, 1, 4)
     assert (eight.inline_rays, eight.shares, eight.beside) == (48, 1, 8)
-    assert two == one
-    assert build.chosen(1, True, 4).inline_rays == 8
-    assert build.chosen(SPLIT_FROM - 1, True, 4).inline_rays == 8
+    assert (two.inline_rays, two.shares, two.part, one.part) == (24, 2, 256, 224)
+    assert build.chosen(1, True, 4).inline_rays == 0
+    assert build.chosen(SPLIT_FROM - 1, True, 4).inline_rays == 0
     assert build.chosen(1, False, 4).inline_rays == 24
     with pytest.raises(UserError, match="beside and shares must be in"):
         make_method("ray_grids", {"shares": "0"})
@@ -201,24 +201,48 @@ def test_more_is_tested_in_line_and_beside_with_several_lights():
 def test_what_a_triangle_tests_itself_is_chosen_from_the_number_of_triangles():
     build = make_method("ray_grids", {}).build
     few, some, many = (build.chosen(n, True) for n in (FEW_TRIANGLES // 2, SPLIT_FROM - 1, SPLIT_FROM))
-    assert (few.inline_pixels, few.inline_rays, few.groups, few.shares) == (16, 8, "stream", 2)
-    assert (some.inline_pixels, some.inline_rays, some.groups) == (32, 8, "stream")
+    assert (few.inline_pixels, few.part, few.groups, few.shares) == (16, 192, "stream", 2)
+    assert (some.inline_pixels, some.part, some.groups) == (32, 224, "stream")
     assert (many.inline_pixels, many.inline_rays, many.groups) == (32, 24, "split")
+    assert build.chosen(FEW_TRIANGLES, True, 2).part == build.chosen(1, True, 2).part == 256
     assert build.chosen(1, False) == build.chosen(SPLIT_FROM, False) == replace(many, region="rays")
     assert build.chosen(FEW_TRIANGLES - 1, True).inline_pixels == 31
     assert build.chosen(MANY_TRIANGLES, True).inline_rays == 48
     assert build.chosen(MANY_TRIANGLES, False) == build.chosen(1, False)
     tiny, small = build.chosen(ONE_SHARE_BELOW - 1, True), build.chosen(ONE_SHARE_BELOW, True)
     assert (tiny.inline_pixels, tiny.shares, small.shares) == (8, 1, 2)
-    assert make_method("ray_grids", {"groups": "split"}).build.chosen(FEW_TRIANGLES, True).inline_rays == 24
+
+
+def test_cells_are_chosen_from_the_numbers_of_triangles_and_of_pixels():
+    build, pixels = make_method("ray_grids", {}).build, 1024 * 1024
+    of = {n: build.cells_along(n, pixels, True) for n in (4096, pixels // 4, pixels, 9 * pixels)}
+    assert of == {
+        4096: (152, 256, 4),
+        pixels // 4: (448, 1024, 4),
+        pixels: (536, 1536, 4),
+        9 * pixels: (920, 1536, 4),
+    }
+    assert build.cells_along(82_298, 16 * pixels, True) == (1056, 1752, 4)
+    assert build.cells_along(10**8, 2**24, True) == (3328, 4096, 4)
+    assert build.cells_along(1, 1, False) == (64, 64, 1)
+    assert make_method("ray_grids", {"cells": "8"}).build.cells_along(pixels, pixels, True) == (8, 8, 1)
+    assert make_method("visibility_buffer", {}).build.cells_along(1, 16 * pixels, True) == (2048, 4096, 1)
+
+
+def test_a_region_from_the_triangles_is_chosen_where_pixels_are_many():
+    build = make_method("ray_grids", {}).build
     assert build.chosen(10, True, 1, 10 * REGION_PIXELS + 1).region == "triangles"
     assert build.chosen(10, True, 1, 10 * REGION_PIXELS).region == "rays"
     assert build.chosen(10, True, 2, 1000).region == build.chosen(10, False, 1, 1000).region == "rays"
+
+
+def test_a_parameter_that_is_given_is_not_chosen():
     given = {
         "inline_pixels": "0",
         "inline_rays": "5",
         "beside": "3",
         "shares": "2",
+        "part": "100",
         "region": "rays",
         "groups": "split",
     }
