@@ -49,6 +49,7 @@ def test_equals_brute_force_under_random_knobs(seed, device):
         "beside": str(1 + seed % 4),
         "shares": str(1 + seed // 4 % 3),
         "region": ["triangles", "rays"][seed // 3 % 2],
+        "groups": ["auto", "split"][seed // 2 % 2],
     }
     session, moment, got = answers_of(prepared, width, height, settings, device)
     best, t = closest(prepared, moment)
@@ -211,22 +212,6 @@ def test_what_a_triangle_tests_itself_is_chosen_from_the_number_of_triangles():
     assert build.chosen(MANY_TRIANGLES, False) == build.chosen(1, False)
     tiny, small = build.chosen(ONE_SHARE_BELOW - 1, True), build.chosen(ONE_SHARE_BELOW, True)
     assert (tiny.inline_pixels, tiny.shares, small.shares) == (8, 1, 2)
-
-
-def test_cells_are_chosen_from_the_numbers_of_triangles_and_of_pixels():
-    build, pixels = make_method("ray_grids", {}).build, 1024 * 1024
-    of = {n: build.cells_along(n, pixels, True) for n in (4096, pixels // 4, pixels, 9 * pixels)}
-    assert of == {
-        4096: (152, 256, 4),
-        pixels // 4: (448, 1024, 4),
-        pixels: (536, 1536, 4),
-        9 * pixels: (920, 1536, 4),
-    }
-    assert build.cells_along(82_298, 16 * pixels, True) == (1056, 1752, 4)
-    assert build.cells_along(10**8, 2**24, True) == (3328, 4096, 4)
-    assert build.cells_along(1, 1, False) == (64, 64, 1)
-    assert make_method("ray_grids", {"cells": "8"}).build.cells_along(pixels, pixels, True) == (8, 8, 1)
-    assert make_method("visibility_buffer", {}).build.cells_along(1, 16 * pixels, True) == (2048, 4096, 1)
 
 
 def test_a_region_from_the_triangles_is_chosen_where_pixels_are_many():

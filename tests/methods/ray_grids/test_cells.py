@@ -1,0 +1,87 @@
+"""Cells along a face of a light's cube: how many are chosen, and that none of the choices changes an answer."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+import warp as wp
+from helpers.brute_force import closest, make_scene, shadowed, soup
+from shadowbench.harness.frame.registry import make_method
+from shadowbench.harness.frame.session import Session
+from shadowbench.methods import ray_grids
+from shadowbench.methods.ray_grids.aim import EMPTY, FACE, FACES, RECTANGLE_WORDS
+from shadowbench.methods.ray_grids.light.passes import LightAims
+from shadowbench.methods.ray_grids.light.table import cells_in_use, face_in_use
+from shadowbench.methods.ray_grids.parameters import Build
+
+FACES, FACE = int(FACES), int(FACE)
+MANY, FEW = 64, 128
+
+
+def test_cells_are_chosen_from_the_numbers_of_triangles_and_of_pixels():
+    build, pixels = make_method("ray_grids", {}).build, 1024 * 1024
+    of = {n: build.cells_along(n, pixels, True) for n in (4096, pixels // 4, pixels, 9 * pixels)}
+    assert of == {
+        4096: (152, 256, 4),
+        pixels // 4: (448, 1024, 4),
+        pixels: (536, 1536, 4),
+        9 * pixels: (920, 1536, 4),
+    }
+    assert build.cells_along(82_298, 16 * pixels, True) == (1056, 1752, 4)
+    assert build.cells_along(10**8, 2**24, True) == (3328, 4096, 4)
+    assert build.cells_along(1, 1, False) == (64, 64, 1)
+    assert make_method("ray_grids", {"cells": "8"}).build.cells_along(pixels, pixels, True) == (8, 8, 1)
+    assert make_method("visibility_buffer", {}).build.cells_along(1, 16 * pixels, True) == (2048, 4096, 1)
+
+
+@wp.kernel(enable_backward=False)
+def faces_kernel(
+    rectangles: wp.array2d(dtype=wp.int32),
+    cells: wp.vec3i,
+    found: wp.array2d(dtype=wp.int32),
+    along: wp.array(dtype=wp.int32),
+):
+    i, number = wp.tid()
+    found[i, number] = face_in_use(rectangles[i], number)
+    along[i] = cells_in_use(rectangles[i], cells)
+
+
+@pytest.mark.parametrize("most", range(1, FACES + 1))
+def test_faces_with_rays_are_numbered_and_few_of_them_have_more_cells(most, device):
+    used = np.array(list(itertools.product((False, True), repeat=FACES)))
+    rectangles = np.zeros((len(used), int(RECTANGLE_WORDS)), dtype=np.int32)
+    rectangles[:, FACE : FACE + FACES] = np.where(used, 0, int(EMPTY))
+    found = wp.zeros((len(used), FACES + 1), dtype=wp.int32, device=device)
+    along = wp.zeros(len(used), dtype=wp.int32, device=device)
+    given = [wp.array(rectangles, dtype=wp.int32, device=device), wp.vec3i(MANY, FEW, most)]
+    wp.launch(faces_kernel, dim=found.shape, inputs=given, outputs=[found, along], device=device)
+    for row, numbered, cells in zip(used, found.numpy(), along.numpy(), strict=True):
+        faces = np.flatnonzero(row).tolist()
+        assert numbered.tolist() == faces + [-1] * (FACES + 1 - len(faces))
+        # The first face counts whether it holds rays or not: where only it may hold them, no other has a place.
+        assert cells == (FEW if len(faces) - row[0] < most else MANY)
+
+
+@pytest.mark.parametrize("most", range(1, FACES + 1))
+@pytest.mark.parametrize("queue", ["always", "never"])
+def test_answers_do_not_depend_on_how_many_faces_are_few(most, queue, device, monkeypatch):
+    """A light in the middle of a soup, at its sides, and outside: rays lie on one to six faces."""
+    made = []
+    monkeypatch.setattr(Build, "cells_along", lambda *_: (MANY, FEW, most))
+    monkeypatch.setattr(ray_grids, "LightAims", lambda *given: made.append(LightAims(*given)) or made[-1])
+    vertices, faces = soup(5, 150, size=0.4)
+    lights = [(0.05, 0.1, 0.0), (0.9, 0.1, 0.2), (1.3, 1.1, 0.4), (1.5, 1.5, 1.5), (8.0, 5.0, 3.0)]
+    prepared = make_scene(vertices, faces, lights)
+    method = make_method("ray_grids", {"queue": queue, "beside": "2"})
+    session = Session(method, prepared, 61, 47, device)
+    moment = prepared.moment(0, 61, 47)
+    got = session.answers(moment)
+    best, t = closest(prepared, moment)
+    assert (got["triangle"] == best).all()
+    for light in range(len(lights)):
+        assert (got["visibility"][light] == shadowed(prepared, moment, light, best, t)).all(), light
+    used = (made[-1].rectangles.numpy()[:, FACE : FACE + FACES] == 0).sum(axis=1).tolist()
+    assert {1, 6} <= set(used)
+    assert len(set(used)) >= 4
