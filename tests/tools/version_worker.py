@@ -1,0 +1,104 @@
+"""The process of one version for ``versions.py``: ``version_worker.py FOLDER DEVICE`` with the package of FOLDER.
+
+Reads requests as lines of JSON: {"method", "settings", "scene", "samples"}, the scene as ``versions.py`` takes it. The reply
+is {"ms": samples of the whole frame, "answers": a hash of their bits}, or {"error": a line}.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import sys
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+replies = os.fdopen(os.dup(1), "w")
+os.dup2(2, 1)  # what is printed while kernels are compiled is no reply
+
+from shadowbench.harness import api
+from shadowbench.harness.runner.timing import Sampling, sample_frame
+from shadowbench.harness.scene.overrides import Lighting
+
+SIDE = 1024
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A scene as it is asked for: ``NAME[@SIDE][:CHANGE=VALUE,...][#FRAME]``."""
+
+    name: str
+    side: int
+    lighting: Lighting
+    frame: int | None
+
+    @classmethod
+    def read(cls, text: str) -> Asked:
+        rest, _, frame = text.partition("#")
+        rest, _, changes = rest.partition(":")
+        name, _, side = rest.partition("@")
+        kinds = {field.name: type(field.default) for field in fields(Lighting)}
+        given: dict[str, Any] = {}
+        for change in filter(None, changes.split(",")):
+            key, _, value = change.partition("=")
+            if key not in kinds:
+                raise ValueError(f"{key!r} is no change of a scene: {', '.join(sorted(kinds))}")
+            given[key] = kinds[key](json.loads(value))
+        lighting = Lighting("changed", **given) if given else Lighting()
+        return cls(name, int(side or SIDE), lighting, int(frame) if frame else None)
+
+
+class Frames:
+    """Frames that are ready to be timed, each made once."""
+
+    def __init__(self, device: str | None) -> None:
+        self.device = api.find_device(device)
+        self._prepared: dict[tuple[str, Lighting], Any] = {}
+        self._ready: dict[str, tuple[api.Session, str]] = {}
+
+    def prepared(self, asked: Asked) -> Any:
+        key = (asked.name, asked.lighting)
+        if key not in self._prepared:
+            scene = asked.lighting.longer(api.resolve(asked.name))
+            self._prepared[key] = asked.lighting.applied(api.prepare(scene))
+        return self._prepared[key]
+
+    def ready(self, method: str, settings: dict[str, str], scene: str) -> tuple[api.Session, str]:
+        """The session with the frame in it, and a hash of its answers."""
+        key = json.dumps([method, settings, scene])
+        if key not in self._ready:
+            asked = Asked.read(scene)
+            prepared = self.prepared(asked)
+            session = api.Session(
+                api.make_method(method, settings), prepared, asked.side, asked.side, self.device
+            )
+            frame = prepared.frame_count // 2 if asked.frame is None else asked.frame
+            answers = session.answers(prepared.moment(frame, asked.side, asked.side))
+            found = hashlib.sha256()
+            for name in sorted(answers):
+                found.update(answers[name].tobytes())
+            self._ready[key] = session, found.hexdigest()
+        return self._ready[key]
+
+    def reply(self, method: str, settings: dict[str, str], scene: str, samples: int) -> dict[str, Any]:
+        session, answers = self.ready(method, settings, scene)
+        sampling = Sampling(samples=samples, most=samples, stage_samples=0, budget_s=60.0)
+        return {"ms": sample_frame(session, sampling).total_ms if samples else [], "answers": answers}
+
+
+def main() -> None:
+    folder, device = sys.argv[1:]
+    if not Path(api.__file__).is_relative_to(folder):
+        sys.exit(f"another package comes before that of {folder}: {api.__file__}")
+    frames = Frames(device or None)
+    for line in sys.stdin:
+        try:
+            reply = frames.reply(**json.loads(line))
+        except Exception as error:  # whatever an older version raises
+            reply = {"error": f"{type(error).__name__}: {error}".splitlines()[0]}
+        print(json.dumps(reply), file=replies, flush=True)
+
+
+if __name__ == "__main__":
+    main()
