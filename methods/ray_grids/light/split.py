@@ -50,10 +50,8 @@ def sides_on_face(
 
 
 @wp.func
-def queue_rows(queue: Queue, face: wp.int32, box: wp.vec4i, sides: Sides, occluder: Occluder):
+def queue_rows(queue: Queue, i: wp.int32, face: wp.int32, box: wp.vec4i, sides: Sides, occluder: Occluder):
     """Queue a large triangle's rows of cells (``box``: first column and row, last ones) in groups, by one thread."""
-    if box[2] < box[0] or box[3] < box[1]:
-        return
     number = groups_of(box[1], box[3], 0, 1)
     places = places_of(queue, box[1], box[3], number)
     ends = box[0] | (box[2] << 16)

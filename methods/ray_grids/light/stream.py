@@ -22,7 +22,6 @@ from ..fetch import corners_at
 from ..queues import LARGE, Queue, Share, triangle_of
 from .bins import RayCells, rays_in_box
 from .cells import (
-    Flat,
     cells_of_row,
     cube_space,
     flat_box,
@@ -51,7 +50,8 @@ REGISTERS_OF_FEW = 112
 @functools.cache
 def make_stream_kernel(queued: bool, splits: bool) -> wp.Kernel:
     """One thread per triangle: few rays are tested here; more are queued, or tested here too (CPU). Triangles are queued
-    in groups of rows (``splits``), or whole for :func:`.split.split_kernel`.
+    in groups of rows (``splits``; then all that have rays, since lanes that test would hold up those that set up a triangle),
+    or whole for :func:`.split.split_kernel`.
 
     A large triangle is (triangle, face, first cell and last << 16, first row and last << 16).
     """
@@ -88,12 +88,10 @@ def make_stream_kernel(queued: bool, splits: bool) -> wp.Kernel:
         holes = wp.bool(False)
         if wp.static(effects.alpha):
             holes = alpha.masked[i] != wp.uint8(0)
-        # Small triangles are tested after the loop, by all lanes at once whatever their faces. Few triangles have
+        # Triangles with few rays are tested after the loop, by all lanes at once whatever their faces. Few triangles have
         # few rays on two faces: the second is queued.
         here = wp.int32(-1)
         box_here = wp.vec4i()
-        met = wp.uint32(0)
-        flat_here = Flat()
         several = without_lowest_bit(faces) != wp.uint32(0)
         while faces != wp.uint32(0):
             face = lowest_bit(faces)
@@ -120,10 +118,12 @@ def make_stream_kernel(queued: bool, splits: bool) -> wp.Kernel:
                         here = face
                         box_here = box
                     elif wp.static(splits):
-                        if met == wp.uint32(0):
-                            box_here = box
-                            flat_here = flat
-                        met |= wp.uint32(1) << wp.uint32(face)
+                        position = lights[bits.light]
+                        again = corners_at(mesh, i)
+                        sides_here = sides_on_face(flat, position, cube, face, again, r, along)
+                        large = occluder_of(i, False, position, again, row, True)
+                        if not occludes_none(large):
+                            queue_rows(queue, i, face, box, sides_here, large)
                     elif wp.static(queued):
                         place = next_number(queue.counts, LARGE)
                         if place < queue.large.shape[0]:
@@ -137,27 +137,7 @@ def make_stream_kernel(queued: bool, splits: bool) -> wp.Kernel:
                         for y in range(box[1], last + 1):
                             ends = cells_of_row(sides, y, box[0], box[2])
                             test_rays_of_row(bits, queue, cells, along, face, y, ends[0], ends[1], planes)
-        if wp.static(splits):
-            if met != wp.uint32(0):
-                position = lights[bits.light]
-                again = corners_at(mesh, i)
-                large = occluder_of(i, False, position, again, row, True)
-                if occludes_none(large):
-                    met = wp.uint32(0)
-                while met != wp.uint32(0):
-                    face = lowest_bit(met)
-                    met = without_lowest_bit(met)
-                    r = entry(cells.table, face)
-                    sides_here = sides_on_face(flat_here, position, cube, face, again, r, along)
-                    queue_rows(queue, face, box_here, sides_here, large)
-                    if met != wp.uint32(0):
-                        face = lowest_bit(met)
-                        fa = on_face(cube_space(again.a, cube), face)
-                        fb = on_face(cube_space(again.b, cube), face)
-                        fc = on_face(cube_space(again.c, cube), face)
-                        flat_here = on_cells(fa, fb, fc, reach, entry(cells.table, face))
-                        box_here = flat_box(flat_here, along)
-        else:
+        if wp.static(not splits):
             if here >= 0:
                 # Corners are read again: held until here, they would take the registers of the loop.
                 planes_here = occluder_of(i, holes, lights[bits.light], corners_at(mesh, i), row, False)
