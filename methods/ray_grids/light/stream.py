@@ -50,8 +50,7 @@ REGISTERS_OF_FEW = 112
 @functools.cache
 def make_stream_kernel(queued: bool, splits: bool) -> wp.Kernel:
     """One thread per triangle: few rays are tested here; more are queued, or tested here too (CPU). Triangles are queued
-    in groups of rows (``splits``; then all that have rays, since lanes that test would hold up those that set up a triangle),
-    or whole for :func:`.split.split_kernel`.
+    in groups of rows (``splits``; then all that have rays), or whole for :func:`.split.split_kernel`.
 
     A large triangle is (triangle, face, first cell and last << 16, first row and last << 16).
     """
