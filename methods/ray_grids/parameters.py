@@ -38,18 +38,18 @@ MANY_TRIANGLES = 1_200_000
 """From so many on they fill the GPU, as several lights do: more is tested in line."""
 
 INLINE_PIXELS, INLINE_RAYS, PIXELS_OF_FEW = 32, 24, 8
-"""What :data:`CHOOSE` stands for with one light: without queues or with many triangles, and the least of a few."""
+"""What :data:`CHOOSE` stands for with one light, and the least number of pixels where triangles are few."""
 
 PART, PART_OF_FEW = 224, 192
-"""What :data:`CHOOSE` stands for with one light: one warp holds up a pass less with smaller parts. With several lights,
-whose passes run at the same time, it is :data:`MOST_PART`."""
+"""What :data:`CHOOSE` stands for with one light: with smaller parts the slowest warp of a pass ends sooner. With several
+lights, whose passes run at the same time, it is :data:`MOST_PART`."""
 
 CELL_WORK = 256.0
 """Triangles times pixels, over the third power of the cells along a face: a single face of 1024x1024 cells where a million
 rays meet 262 thousand triangles."""
 
 FINE_FACES = 4
-"""On a GPU: faces that hold rays up to which all have the cells of a single one. More faces have fewer cells each."""
+"""On a GPU: most faces with rays that have as many cells as a single one. Face 0 counts even without rays."""
 
 REGION_PIXELS = 2
 """With more pixels per triangle, what a light's rays cover is found from the triangles; else that takes longer than the pass
@@ -110,15 +110,16 @@ class Streams:
 class Build(Streams):
     """How triangles are streamed over the rays.
 
-    cells          cells along each side of a face of the light's cube, a multiple of 8; 0 chooses in each frame, from the
-                   numbers of triangles and of pixels and from how many faces hold rays (:meth:`cells_along`)
+    cells          cells along each side of a face of the light's cube, a multiple of 8; 0 chooses in each frame: the third
+                   root of triangles times pixels / 256, at most 1.5 times the square root of the pixels; at most 0.6 of
+                   that where more than four faces hold rays (on a CPU and for a spot, more than one)
     inline_pixels  a triangle whose box on the image holds at most this many pixels tests them in its own thread; a
                    larger one is queued; -1: with queues one for each 2,048 triangles, at least 8 and at most 32; else 32
     inline_cells   a triangle whose box on a face covers at most this many cells, in at most 16 rows, counts the rays in
                    them; a larger one is queued
     inline_rays    a triangle that has counted at most this many rays, on one face, tests them in its own thread; with
-                   more, or on a second face, it is queued; -1: 24, from 4 lights or 1.2 million triangles on 48. None
-                   where ``groups`` is "stream", whatever is set
+                   more, or on a second face, it is queued; -1: 24, from 4 lights or 1.2 million triangles on 48.
+                   With queues and ``groups`` "stream" no triangle tests rays itself, whatever is set
     part           pixels or rays of a queued group of rows, or of a light's four small groups, that one warp tests, at most
                    256; the rest is split into parts; -1: 224, for fewer than 65,536 triangles 192, from 2 lights on 256
     beside         with queues: lights whose passes run at the same time on the GPU, each with queues and rays of its own;
@@ -190,7 +191,7 @@ class Build(Streams):
         rays = RAYS_OF_MANY if several or (queued and triangles >= MANY_TRIANGLES) else INLINE_RAYS
         values: dict[str, Any] = {
             "inline_pixels": pixels_of_few if few else INLINE_PIXELS,
-            "inline_rays": 0 if groups == "stream" else rays,
+            "inline_rays": 0 if queued and groups == "stream" else rays,
             "part": MOST_PART if lights > 1 else PART_OF_FEW if few else PART,
             "beside": MANY_LIGHTS if lights >= MANY_LIGHTS else BESIDE,
             "shares": 1 if several or (queued and triangles < ONE_SHARE_BELOW) else 2,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import hashlib
+import re
 import sys
 import tempfile
 from collections.abc import Sequence
@@ -34,6 +35,9 @@ _BLOCK_INDEX = """    blockIdx.x = (uint)(payload->block_first / WP_TILE_BLOCK_D
 """
 
 _END = "    emulated_end(lane);\n"
+
+_TILES = re.compile(r"\bwp::tile(_[a-z_]+)?\(")
+"""A call of one of Warp's functions for the threads of a block, in the code of a module."""
 
 
 def install(replaced: Sequence[tuple[str, str]] = ()) -> set[str]:
@@ -99,6 +103,13 @@ def _compile_with_header(replaced: Sequence[tuple[str, str]], unseen: set[str]) 
         )
     template = template.replace(begin, _BLOCK_INDEX + begin).replace(call, call + _END)
     codegen.cpu_block_module_template_forward = template
+    write = context.ModuleBuilder.codegen
+
+    def codegen_module(builder: Any, device: str) -> str:
+        source: str = write(builder, device)
+        return "#define EMULATED_IN_ORDER\n" + source if _TILES.search(source) else source
+
+    context.ModuleBuilder.codegen = codegen_module
 
 
 def _keep_kernels_apart(replaced: Sequence[tuple[str, str]]) -> None:

@@ -42,10 +42,13 @@ static inline uint emulated_random()
     return state ? (state = state * 1664525u + 1013904223u) >> 16 : 0;
 }
 
-// With a seed, others may take their turns first.
+// With a seed, others may take their turns first. Not where Warp's own functions for blocks are called, which count turns:
+// there all threads take as many.
 static inline void emulated_reorder()
 {
+#ifndef EMULATED_IN_ORDER
     for (uint turns = emulated_random() & 3; turns > 1; turns--) emulated_turn();
+#endif
 }
 
 // A thread that waits for others that never come: what the hardware leaves undefined, or waits for without end.

@@ -117,6 +117,7 @@ SETTINGS = [
         "part": "32",
         "groups": "split",
     },  # all through the queues
+    {"groups": "split"},  # rays tested by the thread of a triangle, as of many triangles
     {"region": "triangles", "occluders": "last", "shares": "3"},
 ]
 
@@ -129,8 +130,22 @@ def test_no_setting_of_ray_grids_changes_an_answer(given):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
-def test_no_order_of_lanes_changes_an_answer(seed):
-    assert "0 with true errors" in checked("ray_grids", {}, CASES[seed::2], seed=seed)
+@pytest.mark.parametrize("given", [{}, {"groups": "split"}], ids=["stream", "split"])
+def test_no_order_of_lanes_changes_an_answer(given, seed):
+    assert "0 with true errors" in checked("ray_grids", given, CASES[seed::2], seed=seed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "given"), GPU_METHODS, ids=[name for name, _ in GPU_METHODS])
+def test_no_order_of_lanes_changes_an_answer_of_another_method(name, given):
+    assert "0 with true errors" in checked(name, given, CASES[::4], seed=3)
+
+
+def test_cells_where_few_and_many_faces_have_other_numbers():
+    tests = EMULATED.parent / "methods" / "ray_grids" / "test_cells.py"
+    done = emulated(str(EMULATED / "run_tests.py"), str(tests))
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "19 passed" in done.stdout
 
 
 @pytest.mark.slow

@@ -53,7 +53,7 @@ def cell_arrays(frame: Frame, build: Streams, sorted_rays: bool = True) -> dict[
     cuda = wp.get_device(frame.device).is_cuda
     many, few, faces = build.cells_along(frame.triangle_count, frame.pixels, cuda)
     spare, all_faces = int(light_bins.SPARE), int(light_aim.FACES)
-    # A face has its place whatever others hold rays; only the first is known to if there is a single one.
+    # Each face has its own place. If the finer cells are for a single face, it is face 0, and only that needs room.
     number = max(all_faces * many * (many + spare), (1 if faces == 1 else all_faces) * few * (few + spare))
     sorted_cells, sorted_pixels = (number, frame.pixels) if sorted_rays else (1, 1)
     with wp.ScopedDevice(frame.device):
@@ -100,7 +100,7 @@ class LightStream:
         self.queue = queues.of_stream(1 + index)
         many, few, faces = arrays["cells"]
         if any(effects.limited[index : index + 1]):
-            faces = 1  # a spot has fewer rays
+            faces = 1  # few rays do not repay clearing and summing finer cells
         given = {**arrays, "cells": wp.vec3i(many, few, faces)}
         self.cells = filled(RayCells, rectangle=aims.rectangles[index], table=aims.tables[index], **given)
         self.ranges = ThreadRanges(frame, queues.shares if queues.threaded else 1)

@@ -36,8 +36,8 @@ def face_rectangle(face: wp.int32, rectangle: wp.array(dtype=wp.int32), cells: w
 
 @wp.func
 def cells_in_use(rectangle: wp.array(dtype=wp.int32), cells: wp.vec3i) -> wp.int32:
-    """Cells along a face: the first number where rays lie on many faces, the second where they lie on at most ``cells[2]``,
-    face 0 among them.
+    """Cells along a face: the first number where rays lie on many faces, the second where they lie on at most ``cells[2]``.
+    Face 0 counts even without rays.
 
     In finer cells a triangle meets fewer rays that it does not cover, but the cells of every face in use are cleared and
     summed.

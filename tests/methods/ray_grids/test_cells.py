@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 import warp as wp
 from helpers.brute_force import closest, make_scene, shadowed, soup
+from helpers.lights_of_session import lights_of_session
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
-from shadowbench.methods import ray_grids
 from shadowbench.methods.ray_grids.aim import EMPTY, FACE, FACES, RECTANGLE_WORDS
-from shadowbench.methods.ray_grids.light.passes import LightAims
 from shadowbench.methods.ray_grids.light.table import cells_in_use, face_in_use
 from shadowbench.methods.ray_grids.parameters import Build
 
@@ -68,9 +67,7 @@ def test_faces_with_rays_are_numbered_and_few_of_them_have_more_cells(most, devi
 @pytest.mark.parametrize("queue", ["always", "never"])
 def test_answers_do_not_depend_on_how_many_faces_are_few(most, queue, device, monkeypatch):
     """A light in the middle of a soup, at its sides, and outside: rays lie on one to six faces."""
-    made = []
     monkeypatch.setattr(Build, "cells_along", lambda *_: (MANY, FEW, most))
-    monkeypatch.setattr(ray_grids, "LightAims", lambda *given: made.append(LightAims(*given)) or made[-1])
     vertices, faces = soup(5, 150, size=0.4)
     lights = [(0.05, 0.1, 0.0), (0.9, 0.1, 0.2), (1.3, 1.1, 0.4), (1.5, 1.5, 1.5), (8.0, 5.0, 3.0)]
     prepared = make_scene(vertices, faces, lights)
@@ -82,6 +79,7 @@ def test_answers_do_not_depend_on_how_many_faces_are_few(most, queue, device, mo
     assert (got["triangle"] == best).all()
     for light in range(len(lights)):
         assert (got["visibility"][light] == shadowed(prepared, moment, light, best, t)).all(), light
-    used = (made[-1].rectangles.numpy()[:, FACE : FACE + FACES] == 0).sum(axis=1).tolist()
+    aims = lights_of_session(session)[0].aims
+    used = (aims.rectangles.numpy()[:, FACE : FACE + FACES] == 0).sum(axis=1).tolist()
     assert {1, 6} <= set(used)
     assert len(set(used)) >= 4

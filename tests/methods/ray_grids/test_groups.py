@@ -12,11 +12,11 @@ from shadowbench.methods.ray_grids.queues import COUNTERS, ITEMS, LARGE, SMALL, 
 from shadowbench.methods.ray_grids.warps import LANES
 
 
-def queued(cells, capacity="0", groups="split"):
+def queued(cells, capacity="0", groups="split", light=(5.0, 4.0, 3.0)):
     """A light's counters; triangle, face, first row and rows of each large and of each small group; and its triangles."""
     small, large = soup(7, 200, size=0.2), soup(8, 12, size=3.0)
     vertices = np.concatenate([small[0], large[0]])
-    prepared = make_scene(vertices, np.arange(len(vertices)).reshape(-1, 3), [(5.0, 4.0, 3.0)])
+    prepared = make_scene(vertices, np.arange(len(vertices)).reshape(-1, 3), [light])
     settings = {
         "queue": "always",
         "inline_cells": "0",
@@ -56,8 +56,9 @@ def test_the_groups_of_a_triangle_are_all_its_rows(cells):
 
 
 @pytest.mark.parametrize("cells", ["8", "64", "512"])
-def test_the_stream_stores_the_same_groups_as_the_pass(cells):
-    split, stream = queued(cells), queued(cells, groups="stream")
+@pytest.mark.parametrize("light", [(5.0, 4.0, 3.0), (0.1, 0.2, 0.3)], ids=["one face", "all faces"])
+def test_the_stream_stores_the_same_groups_as_the_pass(cells, light):
+    split, stream = (queued(cells, groups=groups, light=light) for groups in ("split", "stream"))
     assert stream[0][LARGE] == 0 < split[0][LARGE]
     for expected, found in zip(split[1:3], stream[1:3], strict=True):
         assert sorted(map(tuple, found)) == sorted(map(tuple, expected))

@@ -18,7 +18,7 @@ from shadowbench.harness.scene.scene import AlphaMask, Camera, Geometry, Light, 
 from shadowbench.methods.ray_grids.light.memory import RememberingLight
 
 SIZE = 40, 32
-LAST = {"occluders": "last", "queue": "always", "inline_rays": "4"}
+LAST = {"occluders": "last", "queue": "always", "inline_rays": "4", "groups": "split"}
 LIGHTS = [(0.5, 4.0, 2.0), (0.1, 0.2, 0.3)]
 
 
