@@ -226,11 +226,13 @@ def _capture_joined(passes: Sequence[Pass], device: str, depth: int) -> None:
 def _launch_beside(passes: Sequence[Pass], device: str, running: list[tuple[Pass, Any]]) -> None:
     """Launch passes; each waits for those aside that it depends on, and those aside get streams of their own."""
     for work in passes:
-        _join([entry for entry in running if _depends(work, entry[0])])
+        needed = [entry for entry in running if _depends(work, entry[0])]
         if not work.aside:
+            _join(needed)
             work.launch()
             continue
         with wp.ScopedStream(wp.Stream(device)) as stream:  # it begins at this place of the frame
+            _join(needed)
             work.launch()
             running.append((work, stream.record_event()))
 

@@ -16,6 +16,8 @@ REGIONS = ("auto", "triangles", "rays")
 
 GROUPS = ("auto", "stream", "split")
 
+STREAMED = ("auto", "beside", "after")
+
 MOST_PART = 256
 """Most pixels of a part: a warp keeps those that are doubtful (:data:`.warps.KEPT`)."""
 
@@ -33,6 +35,9 @@ ONE_SHARE_BELOW = 16384
 SPLIT_FROM = 200_000
 """From so many triangles on, a pass of its own puts rows into groups: a warp of the stream would wait for the one of its
 triangles that is larger."""
+
+STREAM_BESIDE_BELOW = 90_000
+"""Fewer triangles are streamed beside the passes that sort the rays: more take the room of these passes."""
 
 MANY_TRIANGLES = 1_200_000
 """From so many on they fill the GPU, as several lights do: more is tested in line."""
@@ -129,6 +134,9 @@ class Build(Streams):
     queue          whether larger triangles go through queues: "auto" (on the GPU only), "always", "never"
     groups         where the rows of a light's larger triangles are put into groups: "stream": by the thread that finds the
                    triangle; "split": by a pass after it; "auto": by the thread with fewer than 200,000 triangles
+    streamed       where ``region`` is "triangles" and ``groups`` "stream": "beside": a light's triangles are streamed beside
+                   the passes that sort its rays into cells; "after": after these, and a triangle over few cells is left
+                   out if they hold no ray; "auto": beside with fewer than 90,000 triangles
     region         where it follows from what a light's rays cover of its cube: "triangles": from those in view, beside the
                    camera's passes, so that rays are counted in their cells where they are placed (not of a spot);
                    "rays": from the rays; "auto": from the triangles on a GPU, for one light and
@@ -154,6 +162,7 @@ class Build(Streams):
     part: int = CHOOSE
     queue: str = "auto"
     groups: str = "auto"
+    streamed: str = "auto"
     region: str = "auto"
     occluders: str = "none"
     threads: int = 0
@@ -169,6 +178,8 @@ class Build(Streams):
             raise ValueError(f"must be one of {', '.join(QUEUES)}")
         if self.groups not in GROUPS:
             raise ValueError(f"must be one of {', '.join(GROUPS)}")
+        if self.streamed not in STREAMED:
+            raise ValueError(f"must be one of {', '.join(STREAMED)}")
         if self.region not in REGIONS:
             raise ValueError(f"must be one of {', '.join(REGIONS)}")
         if self.occluders not in OCCLUDERS:
@@ -198,6 +209,8 @@ class Build(Streams):
         }
         chosen = {name: v for name, v in values.items() if getattr(self, name) == CHOOSE}
         chosen["groups"] = groups
+        if self.streamed == "auto":
+            chosen["streamed"] = "beside" if queued and triangles < STREAM_BESIDE_BELOW else "after"
         if self.region == "auto":
             pays = queued and lights == 1 and REGION_PIXELS * triangles < pixels
             chosen["region"] = "triangles" if pays else "rays"

@@ -119,6 +119,7 @@ SETTINGS = [
     },  # all through the queues
     {"groups": "split"},  # rays tested by the thread of a triangle, as of many triangles
     {"region": "triangles", "occluders": "last", "shares": "3"},
+    {"streamed": "after"},  # triangles that meet no ray left out, as of many triangles
 ]
 
 

@@ -36,7 +36,8 @@ OTHER_SETTINGS: dict[str, tuple[dict[str, str], ...]] = {
     "ray_grids": (
         {"queue": "never"},
         {"queue": "always", "inline_cells": "0", "region": "triangles", "groups": "split"},
-        {"queue": "always", "inline_cells": "0", "groups": "stream"},
+        {"queue": "always", "inline_cells": "0", "groups": "stream", "streamed": "after"},
+        {"queue": "always", "region": "triangles", "groups": "stream", "streamed": "beside"},
     ),
 }
 """Other settings of exact methods, which take other ways to the same answers."""

@@ -61,6 +61,7 @@ CHOICES: dict[str, dict[str, tuple[str, ...]]] = {
         "beside": ("1", "2"),
         "region": ("rays", "triangles"),
         "groups": ("split", "stream"),
+        "streamed": ("after", "beside"),
     },
     "warp_bvh": {"leaf_size": ("0", "2", "8"), "swizzle": ("true", "false")},
 }

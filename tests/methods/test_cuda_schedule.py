@@ -22,6 +22,8 @@ VARIANTS: list[tuple[str, dict[str, str]]] = [
     ("bvh2", {"update": "refit", "shares": "3"}),
     ("hybrid", {"shadows": "tree", "shares": "2"}),
     ("ray_grids", {"shares": "3"}),
+    ("ray_grids", {"region": "triangles"}),
+    ("ray_grids", {"region": "triangles", "streamed": "after"}),
     ("hybrid", {"shadows": "grid"}),
 ]
 REAL_DEVICE = wp.get_device

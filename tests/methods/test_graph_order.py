@@ -96,6 +96,37 @@ def test_a_pass_aside_runs_beside_what_does_not_depend_on_it(monkeypatch):
     assert before["colour"] == {"words", "rays", "bits", "answers"}
 
 
+def test_a_pass_aside_that_needs_another_keeps_nothing_else_waiting(monkeypatch):
+    passes = [
+        made("places", (), ("places",), branch=(0,)),
+        made("offsets", ("places",), ("offsets",), branch=(0,), aside=True),
+        made("rays", ("places", "offsets"), ("rays",), branch=(0,), aside=True),
+        made("stream", ("places",), ("items",), branch=(0, 0)),
+        made("other stream", ("places",), ("other items",), branch=(0, 1)),
+        made("rows", ("rays", "items"), ("bits",), branch=(0, 0), adds=True),
+        made("other rows", ("rays", "other items"), ("bits",), branch=(0, 1), adds=True),
+    ]
+    before = recorded(passes, monkeypatch)
+    assert before["rays"] == {"places", "offsets"}
+    assert before["stream"] == before["other stream"] == {"places"}
+    assert before["rows"] == {"places", "offsets", "rays", "stream"}
+    assert before["other rows"] == {"places", "offsets", "rays", "other stream"}
+
+
+@pytest.mark.parametrize("streamed", ["beside", "after"])
+def test_a_light_streams_few_triangles_while_its_rays_are_sorted(streamed, monkeypatch):
+    method = make_method("ray_grids", {"streamed": streamed, "shares": "2"})
+    plan_for_cuda(method, monkeypatch)
+    prepared = make_scene(*soup(7, 300), LIGHTS[:1])
+    before = recorded(Session(method, prepared, 32, 32, "cpu").passes, monkeypatch)
+    sorting = {"light 0: count and scan", "light 0: scatter rays"}
+    for share in (1, 2):
+        stream = before[f"light 0: stream triangles, share {share} of 2"]
+        assert "light 0: map rays" in stream
+        assert sorting & stream == (sorting if streamed == "after" else set())
+        assert sorting <= before[f"light 0: queued rows, share {share} of 2"]
+
+
 def test_a_pass_that_joins_waits_for_all_branches(monkeypatch):
     passes = [
         made("one", (), ("a",), branch=(0,)),

@@ -67,6 +67,7 @@ def hot_modules() -> dict[str, wp.Module | str]:
         "ray_grids light: bins": "shadowbench.methods.ray_grids.light.bins",
         "ray_grids light: stream": light_stream.make_stream_kernel(True, False).module,
         "ray_grids light: stream, few triangles": light_stream.make_stream_kernel(True, True).module,
+        "ray_grids light: stream, fewer": light_stream.make_stream_kernel(True, True, False).module,
         "ray_grids light: rows": light_queue.make_item_kernel(True, False).module,
         "ray_grids light: doubts": light_queue.make_doubt_kernel(False).module,
         "ray_grids light: split": "shadowbench.methods.ray_grids.light.split",

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import warp as wp
 
+from ....harness.frame.frame import Frame
 from ....harness.frame.geometry import Camera, Mesh
 from ....harness.frame.specialise import effects
 from ...common.entries import entry, entry_if, set_entry
 from ...common.pixels import tile_pixel
 from ...common.reserve import number_among
+from ..aim import FACES
 from ..cube import record_place
+from ..parameters import Streams
 from ..queues import RAYS
 from ..warps import scan_row
 from .points import Placed, Point, Words, has_hit, placed, placed_exactly, point_of
-from .reach import empty_tiles, raise_from, tile_index
+from .reach import TILE_CELLS, empty_tiles, raise_from, tile_index
 from .table import cells_in_use, cells_of, face_in_use, face_rectangle, last_row, set_table
 
 SPARE = wp.constant(4)
@@ -50,6 +55,31 @@ class RayCells:
     offset: wp.array(dtype=wp.int32)
     rays: wp.array(dtype=wp.vec4f)
     farthest: wp.array(dtype=wp.int32)
+
+
+def cell_arrays(frame: Frame, build: Streams, sorted_rays: bool = True) -> dict[str, Any]:
+    """The arrays of :class:`RayCells` that lights in one branch use in turn. On the GPU the scan empties ``count``.
+
+    Not ``sorted_rays``: those that sort rays into cells are one element long.
+    """
+    cuda = wp.get_device(frame.device).is_cuda
+    many, few, faces = build.cells_along(frame.triangle_count, frame.pixels, cuda)
+    spare, all_faces = int(SPARE), int(FACES)
+    # Each face has its own place. If the finer cells are for a single face, it is face 0, and only that needs room.
+    number = max(all_faces * many * (many + spare), (1 if faces == 1 else all_faces) * few * (few + spare))
+    sorted_cells, sorted_pixels = (number, frame.pixels) if sorted_rays else (1, 1)
+    with wp.ScopedDevice(frame.device):
+        return {
+            "cells": wp.vec3i(many, few, faces),
+            "place": wp.zeros(frame.pixels, dtype=wp.vec4f),
+            "point": wp.zeros(frame.pixels, dtype=wp.vec4f),
+            "triangle": wp.zeros(frame.pixels, dtype=wp.int32),
+            "slot": wp.zeros(sorted_pixels, dtype=wp.vec2i),
+            "count": wp.zeros(sorted_cells, dtype=wp.int32),
+            "offset": wp.zeros(sorted_cells + 1, dtype=wp.int32),
+            "rays": wp.zeros(sorted_pixels, dtype=wp.vec4f),
+            "farthest": wp.zeros(-(-number // int(TILE_CELLS)), dtype=wp.int32),
+        }
 
 
 @wp.func
@@ -248,8 +278,9 @@ def table_kernel(cells: RayCells):
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
-def scan_kernel(cells: RayCells, counts: wp.array(dtype=wp.int32)):
-    """Where each row's rays lie (GPU: 128 threads per row, faces without rays left out), and the table for triangles."""
+def scan_kernel(tabled: wp.bool, cells: RayCells, counts: wp.array(dtype=wp.int32)):
+    """Where each row's rays lie (GPU: 128 threads per row, faces without rays left out), and the table for triangles,
+    unless they are ``tabled``."""
     k = wp.tid()
     row = k // 128
     along = cells_in_use(cells.rectangle, cells.cells)
@@ -258,7 +289,8 @@ def scan_kernel(cells: RayCells, counts: wp.array(dtype=wp.int32)):
     if face >= 0:
         first = (face * along + row - before * along) * (along + SPARE)
         scan_row(cells.count, cells.offset, first, along, counts, RAYS)
-    set_table(k, cells.rectangle, cells.table, along)
+    if not tabled:
+        set_table(k, cells.rectangle, cells.table, along)
 
 
 @wp.func

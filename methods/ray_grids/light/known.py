@@ -22,11 +22,14 @@ class KnownRegionLight(LightStream):
     branch's other lights: all aim before the first of them places its rays.
     """
 
+    tabled: ClassVar[bool] = True
     aim_reads: ClassVar[tuple[str, ...]] = (*LightStream.aim_reads, "camera")
 
     def __init__(self, *given: Any):
         super().__init__(*given)
         count = max(1, self.frame.triangle_count) if self.marking else 0
+        # Where the stream tests rays, or counts them, they must lie in their cells.
+        self.beside = self.queues.queued and self.build.streamed == "beside" and self.build.groups == "stream"
         self.facing = wp.zeros(count, dtype=wp.uint8, device=self.frame.device)
 
     def launch_aim(self) -> None:

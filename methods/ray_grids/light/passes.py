@@ -20,7 +20,6 @@ from ..queues import BLOCK_DIM, WORDS, Queues, Step, in_shares
 from ..warps import LANES
 from . import bins as light_bins
 from . import queue as light_queue
-from . import reach as light_reach
 from . import receivers as light_receivers
 from . import split as light_split
 from . import stream as light_stream
@@ -45,40 +44,19 @@ class LightAims:
             self.tables = wp.zeros((lights, faces + 1), dtype=wp.vec4f)
 
 
-def cell_arrays(frame: Frame, build: Streams, sorted_rays: bool = True) -> dict[str, Any]:
-    """The arrays of :class:`.bins.RayCells` that lights in one branch use in turn. On the GPU the scan empties ``count``.
-
-    Not ``sorted_rays``: those that sort rays into cells are one element long.
-    """
-    cuda = wp.get_device(frame.device).is_cuda
-    many, few, faces = build.cells_along(frame.triangle_count, frame.pixels, cuda)
-    spare, all_faces = int(light_bins.SPARE), int(light_aim.FACES)
-    # Each face has its own place. If the finer cells are for a single face, it is face 0, and only that needs room.
-    number = max(all_faces * many * (many + spare), (1 if faces == 1 else all_faces) * few * (few + spare))
-    sorted_cells, sorted_pixels = (number, frame.pixels) if sorted_rays else (1, 1)
-    with wp.ScopedDevice(frame.device):
-        return {
-            "cells": wp.vec3i(many, few, faces),
-            "place": wp.zeros(frame.pixels, dtype=wp.vec4f),
-            "point": wp.zeros(frame.pixels, dtype=wp.vec4f),
-            "triangle": wp.zeros(frame.pixels, dtype=wp.int32),
-            "slot": wp.zeros(sorted_pixels, dtype=wp.vec2i),
-            "count": wp.zeros(sorted_cells, dtype=wp.int32),
-            "offset": wp.zeros(sorted_cells + 1, dtype=wp.int32),
-            "rays": wp.zeros(sorted_pixels, dtype=wp.vec4f),
-            "farthest": wp.zeros(-(-number // int(light_reach.TILE_CELLS)), dtype=wp.int32),
-        }
-
-
 class LightStream:
-    """Shadow rays of one light. ``arrays``: of :func:`cell_arrays`; hit vec3d [pixels]: exact hit points, or empty.
+    """Shadow rays of one light. ``arrays``: of :func:`.bins.cell_arrays`; hit vec3d [pixels]: exact hit points, or empty.
 
     marks    whether the pass that places the rays marks the receivers, instead of the harness
+    tabled   whether what the rays cover is known before they are placed
+    beside   whether triangles are streamed beside the passes that sort the rays into cells, and not after these
     reached  int32 [1]: not 0 if the light has receivers; empty on a GPU, where a condition costs more than passes without
              rays
     """
 
     marks: ClassVar[bool] = True
+    tabled: ClassVar[bool] = False
+    beside: bool = False
     aim_reads: ClassVar[tuple[str, ...]] = ("points", "triangles", "reach")
 
     def __init__(
@@ -144,9 +122,15 @@ class LightStream:
                 ahead=True,
             ),
             self.map_pass(seen, place, bits),
-            *self.cell_passes(seen, place, rays, effect),
         ]
-        passes += in_shares(who, "shadow", self.steps(), self.queues, (*scene, bits), (bits,), effect)
+        sorting, steps = self.cell_passes(seen, place, rays, effect), self.steps()
+        if self.beside:
+            sorting = [replace(work, aside=True) for work in sorting]
+            known = (*(name for name in scene if name != rays), place)
+            sorting += in_shares(who, "shadow", steps[:1], self.queues, known, (), effect)
+            steps = steps[1:]
+        passes += sorting
+        passes += in_shares(who, "shadow", steps, self.queues, (*scene, bits), (bits,), effect)
         doubts: Step = ("doubtful pairs", (), (), self.launch_doubts)
         scene = (*scene, "camera", *(("hits",) if self.hit.size else ()))
         passes += in_shares(who, "shadow", [doubts], self.queues, (*scene, bits), (bits,), effect)
@@ -273,7 +257,7 @@ class LightStream:
         wp.launch(
             light_bins.scan_kernel,
             dim=128 * rows if self.queues.cuda else faces + 1,
-            inputs=[],
+            inputs=[self.tabled],
             outputs=[cells, self.counts[0]],
             device=f.device,
             block_dim=128,
@@ -296,7 +280,8 @@ class LightStream:
 
     def launch_stream(self, share: int) -> None:
         f, q, build = self.frame, self.queues, self.build
-        kernel = light_stream.make_stream_kernel(q.queued, q.queued and build.groups == "stream")
+        splits = q.queued and build.groups == "stream"
+        kernel = light_stream.make_stream_kernel(q.queued, splits, not self.beside)
         wp.launch(
             specialised(self.variant(kernel), self.switches),
             dim=q.share_threads,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from typing import Any
 
 import warp as wp
 
@@ -28,7 +29,6 @@ from ..ahead import (
     place_of_steps,
     row_at,
     set_rows,
-    shared_entry,
     step_of,
     wait_for_groups,
     wait_for_step,
@@ -36,8 +36,9 @@ from ..ahead import (
 from ..fetch import corners_at, direction_at, weld_at
 from ..queues import DOUBTS, ITEMS, PARTS, SMALL, Queue, claim_parts, queue_parts, store_parts
 from ..warps import LANES, append_pairs, lane_at, lane_of, of_lane, sum_to_lane, warp_of
-from .bins import RayCells, span_of
-from .cells import Sides, cells_of_row
+from .bins import RayCells
+from .cells import Sides
+from .groups import rays_of_row, shared_occluder, shared_rays_of_row, stored_occluder
 from .rays import Occluder, ShadowBits, certain, set_shadowed, test_ray
 from .table import cells_of, last_row
 
@@ -49,71 +50,6 @@ PAIRS_UNASKED = wp.constant(4)
 
 REGISTERS_OF_DOUBTS = 96
 """Registers per thread that decides doubtful pairs: there are fewer threads than a GPU has room for."""
-
-
-@wp.func
-def rays_of_row(
-    which: wp.int32,
-    limits: wp.int32,
-    r: wp.int32,
-    sides: Sides,
-    cells: wp.int32,
-    offset: wp.array(dtype=wp.int32),
-) -> wp.vec2i:
-    """First ray and end in row r of a group, cut to the triangle; ``which``, ``limits``: the first words of the group."""
-    y = (which >> 16) + r
-    ends = cells_of_row(sides, y, limits & 65535, limits >> 16)
-    if ends[1] < ends[0]:
-        return wp.vec2i(0, 0)
-    return span_of(offset, which & 15, ends[0], ends[1], y, cells)
-
-
-@wp.func
-def shared_rays_of_row(
-    group: wp.int32, r: wp.int32, cells: wp.int32, offset: wp.array(dtype=wp.int32)
-) -> wp.vec2i:
-    """:func:`rays_of_row` of a group in shared memory; none beyond its rows."""
-    head = shared_entry(True, group, wp.vec4f())
-    which = wp.cast(head[0], wp.int32)
-    span = wp.vec2i(0, 0)
-    if r < ((which >> 4) & 63):
-        sides = Sides()
-        sides.line0 = shared_entry(True, group + 16, wp.vec4f())
-        sides.line1 = shared_entry(True, group + 32, wp.vec4f())
-        sides.line2 = shared_entry(True, group + 48, wp.vec4f())
-        span = rays_of_row(which, wp.cast(head[1], wp.int32), r, sides, cells, offset)
-    return span
-
-
-@wp.func
-def shared_occluder(occluder: Occluder, group: wp.int32, loaded: wp.int32) -> Occluder:
-    """The occluder of a group in shared memory, unless that is the one ``loaded`` before."""
-    o = occluder
-    other = group != loaded
-    head = shared_entry(other, group, wp.vec4f(0.0, 0.0, wp.cast(occluder.i, wp.float32), occluder.bound))
-    o.i = wp.cast(head[2], wp.int32)
-    o.bound = head[3]
-    o.sure = head[3]
-    o.e0 = shared_entry(other, group + 64, occluder.e0)
-    o.e1 = shared_entry(other, group + 80, occluder.e1)
-    o.e2 = shared_entry(other, group + 96, occluder.e2)
-    o.plane = shared_entry(other, group + 112, occluder.plane)
-    return o
-
-
-@wp.func
-def stored_occluder(groups: wp.array2d(dtype=wp.vec4f), at: wp.int32) -> Occluder:
-    """The occluder of a group."""
-    head = entry(groups, at, 0)
-    o = Occluder()
-    o.i = wp.cast(head[2], wp.int32)
-    o.bound = head[3]
-    o.sure = head[3]
-    o.e0 = entry(groups, at, 4)
-    o.e1 = entry(groups, at, 5)
-    o.e2 = entry(groups, at, 6)
-    o.plane = entry(groups, at, 7)
-    return o
 
 
 @wp.func
@@ -135,6 +71,48 @@ def fetch_ray_of_lane(
         row = row_at(rows, lane_at(start, at))
         fetch_ray(rays, row[0] + at + lane, at + lane < end, row[1], steps, step_of(at))
     end_of_step()
+
+
+@wp.func
+def sure_of(occluder: Occluder, alpha: Alpha) -> wp.float32:
+    """Beyond which signs hit certainly: none do if the triangle has holes."""
+    return wp.where(alpha.masked[occluder.i] != wp.uint8(0), wp.INF, occluder.bound)
+
+
+@wp.struct
+class Tested:
+    """The pair that a lane tested last: doubtful if the ray's ``own`` triangle, known one step later, is not triangle ``i``.
+    held: pairs that the warp holds (:func:`..warps.append_pairs`)."""
+
+    i: wp.int32
+    own: wp.int32
+    pixel: wp.int32
+    held: wp.int32
+
+
+@wp.func
+def append_tested(tested: Tested, last: wp.bool, queue: Queue) -> wp.int32:
+    """Queue the pair if it is doubtful; how many the warp still holds. All lanes must call it."""
+    return append_pairs(
+        tested.own != tested.i, tested.i, tested.pixel, tested.held, last, queue.counts, DOUBTS, queue.doubts
+    )
+
+
+@wp.func
+def test_fetched(
+    h: wp.vec4f, occluder: Occluder, inside: wp.bool, before: Tested, bits: Any, queue: Queue
+) -> Tested:
+    """Test a lane's ray, if it has one (``inside``), and queue the pair that it tested ``before`` if that is doubtful. All
+    lanes must call it."""
+    misses, hits = certain(h, occluder)
+    tested = Tested()
+    tested.held = append_tested(before, False, queue)
+    tested.i = occluder.i
+    tested.pixel = wp.cast(h[3], wp.int32)
+    if inside and hits:
+        set_shadowed(bits, tested.pixel, occluder.i)
+    tested.own = entry_if(inside and not misses and not hits, bits.triangle, tested.pixel, occluder.i)
+    return tested
 
 
 @functools.cache
@@ -166,11 +144,7 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
             k = warp_of(k)
             step = warp_of(threads)
             steps = place_of_steps()
-            # A doubtful pair, known one step after the test not to be the ray's own triangle.
-            i = wp.int32(0)
-            own = wp.int32(0)
-            pixel = wp.int32(0)
-            held = wp.int32(0)
+            tested = Tested()
             # The groups of the next item are fetched while this one's are in use.
             item = k
             part = wp.int32(0)
@@ -215,34 +189,37 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                 at = this_part * size
                 end = wp.min(number, at + size)
                 if at < end:
-                    occluder = Occluder()
-                    loaded = wp.int32(-1)
                     for ahead in range(3):
                         fetch_ray_of_lane(steps, rows, start, at + ahead * LANES, lane, end, cells.rays)
+                    occluder = Occluder()
+                    loaded = wp.int32(-1)
+                    if this_item < large:
+                        # All rays are of one group: its occluder is loaded once.
+                        occluder = shared_occluder(occluder, group, loaded)
+                        if wp.static(effects.alpha):
+                            occluder.sure = sure_of(occluder, alpha)
+                        while at < end:
+                            wait_for_step()
+                            h = fetched_ray(steps, step_of(at))
+                            inside = at + lane < end
+                            fetch_ray_of_lane(steps, rows, start, at + 3 * LANES, lane, end, cells.rays)
+                            tested = test_fetched(h, occluder, inside, tested, bits, queue)
+                            at += LANES
                     while at < end:
                         wait_for_step()
                         of_ray = fetched_group(steps, step_of(at))
                         h = fetched_ray(steps, step_of(at))
                         occluder = shared_occluder(occluder, of_ray, loaded)
-                        loaded = of_ray
                         if wp.static(effects.alpha):
-                            if alpha.masked[occluder.i] != wp.uint8(0):
-                                occluder.sure = wp.INF
-                        misses, hits = certain(h, occluder)
+                            occluder.sure = sure_of(occluder, alpha)
+                        loaded = of_ray
                         inside = at + lane < end
                         fetch_ray_of_lane(steps, rows, start, at + 3 * LANES, lane, end, cells.rays)
-                        held = append_pairs(
-                            own != i, i, pixel, held, False, queue.counts, DOUBTS, queue.doubts
-                        )
-                        i = occluder.i
-                        pixel = wp.cast(h[3], wp.int32)
-                        if inside and hits:
-                            set_shadowed(bits, pixel, i)
-                        own = entry_if(inside and not misses and not hits, bits.triangle, pixel, i)
+                        tested = test_fetched(h, occluder, inside, tested, bits, queue)
                         at += LANES
                 if wp.static(not again):
                     store_parts(queue, claimed, this_item, number, size, lane)
-            append_pairs(own != i, i, pixel, held, True, queue.counts, DOUBTS, queue.doubts)
+            append_tested(tested, True, queue)
         else:
             while k < stop:
                 item = k
@@ -262,8 +239,7 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                 sides.line2 = entry(queue.groups, at, 3)
                 occluder = stored_occluder(queue.groups, at)
                 if wp.static(effects.alpha):
-                    if alpha.masked[occluder.i] != wp.uint8(0):
-                        occluder.sure = wp.INF
+                    occluder.sure = sure_of(occluder, alpha)
                 number = wp.int32(0)
                 for r in range((which >> 4) & 63):
                     span = rays_of_row(which, wp.cast(head[1], wp.int32), r, sides, along, cells.offset)

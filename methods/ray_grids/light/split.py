@@ -20,6 +20,10 @@ SPLITTERS = wp.constant(2)
 """Threads that share the groups of one large triangle: a single one would store those of the largest one after the other."""
 
 
+REGISTERS = 96
+"""Registers per thread that splits large triangles: they are fewer than a GPU has room for."""
+
+
 @wp.func
 def groups_of(low: wp.int32, high: wp.int32, first: wp.int32, threads: wp.int32) -> wp.int32:
     """How many groups of rows low to high thread ``first`` of ``threads`` stores."""
@@ -60,7 +64,7 @@ def queue_rows(queue: Queue, i: wp.int32, face: wp.int32, box: wp.vec4i, sides: 
         set_group(queue.groups, places, g, face, y, box[1], box[3], ends, sides, occluder)
 
 
-@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=96)
+@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
 def split_kernel(
     threads: wp.int32,
     light: wp.int32,

@@ -48,9 +48,10 @@ REGISTERS_OF_FEW = 112
 
 
 @functools.cache
-def make_stream_kernel(queued: bool, splits: bool) -> wp.Kernel:
+def make_stream_kernel(queued: bool, splits: bool, counts: bool = True) -> wp.Kernel:
     """One thread per triangle: few rays are tested here; more are queued, or tested here too (CPU). Triangles are queued
-    in groups of rows (``splits``; then all that have rays), or whole for :func:`.split.split_kernel`.
+    in groups of rows (``splits``; then all that have rays), or whole for :func:`.split.split_kernel`. Not ``counts``: all
+    that rays may reach, as the farthest receivers tell, which are known before the rays lie in their cells.
 
     A large triangle is (triangle, face, first cell and last << 16, first row and last << 16).
     """
@@ -107,8 +108,9 @@ def make_stream_kernel(queued: bool, splits: bool) -> wp.Kernel:
                 if box[2] >= box[0] and not all_rays_end_before(least, cells.farthest, face, box, along):
                     number = wp.int32(MANY)
                     rows = box[3] - box[1] + 1
-                    if (box[2] - box[0] + 1) * rows <= inline_cells and rows <= INLINE_ROWS:
-                        number = rays_in_box(cells.offset, face, box, along)
+                    if wp.static(counts):
+                        if (box[2] - box[0] + 1) * rows <= inline_cells and rows <= INLINE_ROWS:
+                            number = rays_in_box(cells.offset, face, box, along)
                 if number > 0:
                     inline = wp.bool(False)
                     if wp.static(not splits):

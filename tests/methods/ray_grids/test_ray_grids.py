@@ -19,6 +19,7 @@ from shadowbench.methods.ray_grids.parameters import (
     ONE_SHARE_BELOW,
     REGION_PIXELS,
     SPLIT_FROM,
+    STREAM_BESIDE_BELOW,
 )
 from shadowbench.methods.ray_grids.queues import COUNTERS, DOUBTS, more_room
 
@@ -49,6 +50,7 @@ def test_equals_brute_force_under_random_knobs(seed, device):
         "beside": str(1 + seed % 4),
         "shares": str(1 + seed // 4 % 3),
         "region": ["triangles", "rays"][seed // 3 % 2],
+        "streamed": ["beside", "after"][seed // 2 % 2],
         "groups": ["auto", "split"][seed // 5 % 2],
     }
     session, moment, got = answers_of(prepared, width, height, settings, device)
@@ -80,7 +82,8 @@ def test_equals_the_papers_method_bit_for_bit(device):
         {"queue": "always", "inline_rays": "0", "inline_cells": "0", "cells": "256", "part": "5"},
         {"queue": "always", "inline_rays": "0", "inline_cells": "0", "cells": "256", "part": "40"},
         {"queue": "always", "region": "rays"},
-        {"queue": "always", "region": "triangles"},
+        {"queue": "always", "region": "triangles", "streamed": "beside"},
+        {"queue": "always", "region": "triangles", "streamed": "after"},
         {"queue": "always", "inline_rays": "1000", "inline_cells": "1000", "cells": "256", "groups": "split"},
         {"queue": "always", "groups": "split"},
     ):
@@ -211,6 +214,8 @@ def test_what_a_triangle_tests_itself_is_chosen_from_the_number_of_triangles():
     assert build.chosen(FEW_TRIANGLES - 1, True).inline_pixels == 31
     assert build.chosen(MANY_TRIANGLES, True).inline_rays == 48
     assert build.chosen(MANY_TRIANGLES, False) == build.chosen(1, False)
+    below = build.chosen(STREAM_BESIDE_BELOW - 1, True).streamed
+    assert (below, build.chosen(STREAM_BESIDE_BELOW, True).streamed) == ("beside", "after")
     tiny, small = build.chosen(ONE_SHARE_BELOW - 1, True), build.chosen(ONE_SHARE_BELOW, True)
     assert (tiny.inline_pixels, tiny.shares, small.shares) == (8, 1, 2)
 
@@ -231,6 +236,7 @@ def test_a_parameter_that_is_given_is_not_chosen():
         "part": "100",
         "region": "rays",
         "groups": "split",
+        "streamed": "after",
     }
     build = make_method("ray_grids", given).build
     assert build.chosen(1, True, 9) == build
