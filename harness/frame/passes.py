@@ -9,6 +9,8 @@ from typing import Any
 
 import warp as wp
 
+from . import graphs
+
 PARTS = ("build", "trace", "light build", "shadow")
 BUILD_PARTS = ("build", "light build")
 
@@ -30,6 +32,8 @@ class Pass:
             the passes before it
     aside   whether it is needed late only: in a captured graph it is launched as soon as what it reads is written, and runs
             concurrently with the passes up to its place, or to one that depends on it
+    idle    whether it fills what concurrent passes leave idle, if it is ``aside``: these come first in a captured graph, as
+            they do before passes ``ahead``
     branch  branch numbers, one per level of nesting. In a captured graph, neighbouring passes with different numbers run
             concurrently, passes with the same number in order; with a condition, those of the same condition. Without
             graph all passes run in order
@@ -50,6 +54,7 @@ class Pass:
     scratch: bool = False
     ahead: bool = False
     aside: bool = False
+    idle: bool = False
     branch: tuple[int, ...] = ()
     joins: bool = False
     adds: bool = False
@@ -131,9 +136,9 @@ def capture_passes(passes: Sequence[Pass], device: str) -> Any:
     joins = (k for k, work in enumerate(passes) if work in early or work.only_if is not None)
     place = next(joins, len(passes))
     refuse_shared(passes)
-    with wp.ScopedDevice(device), wp.ScopedCapture() as capture:
+    with graphs.capture(device) as captured:
         if early:
-            with wp.ScopedStream(wp.Stream(device)) as branch:
+            with wp.ScopedStream(graphs.stream(device, idle=True)) as branch:
                 _launch(early)
                 done = branch.record_event()
         running: list[tuple[Pass, Any]] = []
@@ -142,7 +147,7 @@ def capture_passes(passes: Sequence[Pass], device: str) -> Any:
             wp.wait_event(done)
         _capture([work for work in passes[place:] if work not in early], device, running)
         _join(running)
-    return capture.graph
+    return captured.graph
 
 
 def _moved_forward(passes: Sequence[Pass]) -> list[Pass]:
@@ -209,7 +214,9 @@ def _capture(passes: Sequence[Pass], device: str, running: list[tuple[Pass, Any]
             continue
         ends = []
         for branch in branches:
-            with wp.ScopedStream(wp.Stream(device)) as stream:  # the branch begins at this place of the frame
+            with wp.ScopedStream(
+                graphs.stream(device)
+            ) as stream:  # the branch begins at this place of the frame
                 _capture(branch, device, running, depth + 1)
                 ends.append(stream.record_event())
         for end in ends:
@@ -231,7 +238,9 @@ def _launch_beside(passes: Sequence[Pass], device: str, running: list[tuple[Pass
             _join(needed)
             work.launch()
             continue
-        with wp.ScopedStream(wp.Stream(device)) as stream:  # it begins at this place of the frame
+        with wp.ScopedStream(
+            graphs.stream(device, work.idle)
+        ) as stream:  # it begins at this place of the frame
             _join(needed)
             work.launch()
             running.append((work, stream.record_event()))

@@ -141,6 +141,24 @@ def set_entry_of_four(values: wp.array2d(dtype=wp.vec4f), row: wp.int32, column:
     """Set an entry of an array that is known to have four columns."""
 
 
+WRITE_LAST = """
+#if defined(__CUDA_ARCH__)
+__stcs(values.data + i, value);
+#else
+values.data[i] = value;
+#endif
+"""
+
+
+@wp.func_native(WRITE_LAST)
+def set_entry_last(values: wp.array(dtype=wp.int32), i: wp.int32, value: wp.int32):
+    """Set an entry that no pass of the frame reads: its line is the first to leave the second-level cache."""
+
+
+@wp.func_native(WRITE_LAST)
+def set_entry_last(values: wp.array(dtype=wp.float32), i: wp.int32, value: wp.float32): ...
+
+
 # Relaxed and volatile: the compiler moves a plain load to where its value is first used.
 @wp.func_native("""
 #if defined(__CUDA_ARCH__)

@@ -23,10 +23,10 @@ from ...harness.frame.passes import Pass
 from ...harness.frame.threads import cpu_threads
 from ...harness.scene.effects import Effects, Limits
 from .camera.passes import CameraStream
-from .light.bins import cell_arrays
 from .light.known import KnownRegionLight
 from .light.memory import RememberingLight, occluder_arrays
 from .light.passes import LightAims, LightStream
+from .light.slots import cell_arrays
 from .parameters import BESIDE, Build
 from .queues import COUNTERS, DOUBTS, ITEMS, PARTS, SMALL, Capacity, Queues, more_room
 
@@ -88,7 +88,7 @@ class RayGrids(BaseMethod):
             known = (
                 make is LightStream
                 and camera.build.region == "triangles"
-                and not any(effects.limited[i : i + 1])
+                and not (effects.facing and any(effects.limited[i : i + 1]))
             )
             light = (KnownRegionLight if known else make)(
                 frame, i, camera.build, camera.hit, *branches[branch], aims, effects

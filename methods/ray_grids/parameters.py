@@ -138,7 +138,8 @@ class Build(Streams):
                    the passes that sort its rays into cells; "after": after these, and a triangle over few cells is left
                    out if they hold no ray; "auto": beside with fewer than 90,000 triangles
     region         where it follows from what a light's rays cover of its cube: "triangles": from those in view, beside the
-                   camera's passes, so that rays are counted in their cells where they are placed (not of a spot);
+                   camera's passes, so that rays are counted in their cells where they are placed (not of a spot with
+                   ``facing``);
                    "rays": from the rays; "auto": from the triangles on a GPU, for one light and
                    more than two pixels per triangle
     occluders      "last": each shadow ray is tested first against the triangle that shadowed its pixel in the last frame;

@@ -16,7 +16,7 @@ import warp as wp
 from ...harness.errors import CapacityRejected
 from ...harness.frame.frame import Frame
 from ..ray_grids import RayGrids
-from ..ray_grids.light.bins import cell_arrays
+from ..ray_grids.light.slots import cell_arrays
 from .parameters import Build
 from .passes import CameraRaster, LightRaster
 

@@ -12,10 +12,11 @@ from ...harness.frame.geometry import Camera
 from ...harness.frame.specialise import effects
 from ..common.entries import entry
 from ..common.pixels import tile_pixel
-from ..ray_grids.light.bins import RayCells, cell_along
+from ..ray_grids.light.bins import cell_along
 from ..ray_grids.light.points import Words, has_hit
 from ..ray_grids.light.rays import Occluder, ShadowBits, test_ray
 from ..ray_grids.light.reach import raise_farthest, tile_index
+from ..ray_grids.light.slots import RayCells
 from ..ray_grids.light.table import cells_in_use, face_rectangle, set_table
 from ..ray_grids.queues import Queue
 from .tiles import TILE_SIZE, TILE_TEXELS

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, ClassVar
 
 import warp as wp
 
@@ -75,6 +75,8 @@ class CameraRaster(CameraStream):
 
 class LightRaster(LightStream):
     """Shadow rays of one light: aim the map, map the hit points, put them in lists, rasterise, decide doubtful pairs."""
+
+    keeps: ClassVar[bool] = True
 
     def __init__(
         self,

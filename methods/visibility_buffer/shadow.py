@@ -17,7 +17,6 @@ from ..common.entries import entry, set_entry
 from ..ray_grids.aim import cube_of
 from ..ray_grids.cube import on_face
 from ..ray_grids.fetch import corners_at
-from ..ray_grids.light.bins import RayCells
 from ..ray_grids.light.cells import (
     Sides,
     cells_of_row,
@@ -30,6 +29,7 @@ from ..ray_grids.light.cells import (
 )
 from ..ray_grids.light.rays import Occluder, ShadowBits, bound_of, set_planes, store_planes, stored_planes
 from ..ray_grids.light.reach import all_rays_end_before, depth_slack, nearest_depth
+from ..ray_grids.light.slots import RayCells
 from ..ray_grids.light.table import cells_of, faces_of, last_row, reach_with_rays
 from ..ray_grids.queues import Queue, Share, triangle_of
 from .lists import test_list, test_texels, texel_index

@@ -58,6 +58,7 @@ template <typename T, typename U, typename V> inline T atomicCAS(T* place, U exp
 }
 
 template <typename T> inline T __ldcg(const T* place) { return *place; }
+template <typename T> inline void __stcs(T* place, T value) { *place = value; }
 template <typename T> inline T __ldg(const T* place) { return *place; }
 template <typename T, typename U> inline void __stcg(T* place, U value) { *place = value; }
 

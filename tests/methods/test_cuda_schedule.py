@@ -11,6 +11,7 @@ import pytest
 import warp as wp
 from helpers.brute_force import make_scene, soup
 from helpers.effect_scenes import BEHIND, POINT, SPOT, WITH_TREE, scene
+from shadowbench.harness.frame import graphs
 from shadowbench.harness.frame.passes import capture_passes, refuse_shared
 from shadowbench.harness.frame.registry import make_method, method_names
 from shadowbench.harness.frame.session import Session
@@ -88,7 +89,7 @@ class Capture:
 class Stream:
     """A stream that is its own event."""
 
-    def __init__(self, device: Any):
+    def __init__(self, device: Any, priority: int):
         self.device = device
 
     def record_event(self) -> Stream:
@@ -109,7 +110,7 @@ def test_a_condition_is_captured_when_all_has_joined(name, settings, lights, mon
     passes = [replace(work, launch=lambda n=work.name: capture.launched.append(n)) for work in session.passes]
     monkeypatch.setattr(wp, "Stream", Stream)
     monkeypatch.setattr(wp, "ScopedStream", capture.scoped)
-    monkeypatch.setattr(wp, "ScopedCapture", lambda: nullcontext(SimpleNamespace(graph=None)))
+    monkeypatch.setattr(graphs, "capture", lambda device: nullcontext(SimpleNamespace(graph=None)))
     monkeypatch.setattr(wp, "wait_event", capture.join)
     monkeypatch.setattr(wp, "capture_if", capture.condition)
     capture_passes(passes, "cpu")

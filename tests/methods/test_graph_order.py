@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 import warp as wp
 from helpers.brute_force import make_scene, soup
+from shadowbench.harness.frame import graphs
 from shadowbench.harness.frame.passes import Pass, capture_passes
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
@@ -48,9 +49,9 @@ def recorded(passes: list[Pass], monkeypatch: pytest.MonkeyPatch) -> dict[str, s
     recorder = Recorder()
     passes = [replace(work, launch=lambda n=work.name: recorder.launch(n)) for work in passes]
     with monkeypatch.context() as patch:
-        patch.setattr(wp, "Stream", lambda device: None)
+        patch.setattr(wp, "Stream", lambda device, priority: None)
         patch.setattr(wp, "ScopedStream", recorder.scoped)
-        patch.setattr(wp, "ScopedCapture", lambda: nullcontext(SimpleNamespace(graph=None)))
+        patch.setattr(graphs, "capture", lambda device: nullcontext(SimpleNamespace(graph=None)))
         patch.setattr(wp, "wait_event", recorder.wait)
         patch.setattr(wp, "capture_if", recorder.condition)
         capture_passes(passes, "cpu")

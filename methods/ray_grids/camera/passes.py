@@ -12,21 +12,12 @@ from ....harness.frame.passes import Pass
 from ....harness.frame.specialise import specialised
 from ....harness.scene.effects import Effects
 from ...common.bands import Band, Bands
-from ...common.pixels import thread_count
 from ..parameters import Streams
 from ..queues import BLOCK_DIM, COUNTERS, WORDS, Queues, Step, copy_counts_kernel, in_shares
 from . import parts as camera_parts
 from . import queue as camera_queue
 from . import resolve as camera_resolve
 from . import stream as camera_stream
-
-RESOLVE_BLOCKS = 1
-"""Blocks per multiprocessor that resolve the answers beside the passes of lights. A thread for each pixel would leave these
-no room until it ends; so few threads take longer, and hardly hold up passes that wait for memory."""
-
-MOST_BESIDE = 2**21
-"""Pixels of an image up to which that is so. The time of so few threads grows with the pixels, that of the lights' passes
-less: with 4096x4096 pixels they ended long after these."""
 
 
 class CameraStream:
@@ -61,7 +52,6 @@ class CameraStream:
             )
             self._points = self.hit if kept else wp.zeros(0, dtype=camera_resolve.NO_POINT)
         self.bands = Bands(frame, threads)
-        self._resolvers = thread_count(frame.width, frame.height, True)
 
     def passes(self) -> list[Pass]:
         """Clear, stream the shares of the triangles at the same time, and resolve."""
@@ -73,12 +63,10 @@ class CameraStream:
         return passes
 
     def passes_beside(self, others: list[Pass]) -> list[Pass]:
-        """The passes, and ``others``, of which few or none read the answers: on a GPU they run while these are resolved."""
+        """The passes, and ``others``, of which few or none read the answers: on a GPU these are resolved where they leave it
+        idle."""
         *first, resolve = self.passes()
-        resolve = replace(resolve, aside=True)
-        if others and self.queues.cuda and self.frame.pixels <= MOST_BESIDE:
-            sm_count = wp.get_device(self.frame.device).sm_count
-            self._resolvers = min(self._resolvers, RESOLVE_BLOCKS * int(BLOCK_DIM) * sm_count)
+        resolve = replace(resolve, aside=True, idle=True)
         after = next((k for k, work in enumerate(others) if not work.ahead), 0)
         others = [replace(work, joins=k == after) for k, work in enumerate(others)]
         return [*first, resolve, *others] if self.hit.size else [*first, *others, resolve]
@@ -164,11 +152,10 @@ class CameraStream:
 
     def _resolve_band(self, band: Band) -> None:
         f = self.frame
-        threads = min(band.thread_count(True), self._resolvers)
         wp.launch(
             camera_resolve.resolve_kernel,
-            dim=threads,
-            inputs=[threads, band.camera, f.mesh, band.of(self.queues.nearest)],
+            dim=band.thread_count(True),
+            inputs=[band.camera, f.mesh, band.of(self.queues.nearest)],
             outputs=[band.fields_of(f.hits(0)), band.of(self._points)],
             device=f.device,
             block_dim=BLOCK_DIM,

@@ -8,7 +8,7 @@ import warp as wp
 
 from ....harness.frame.geometry import Camera, Corners, Hits, Mesh, Ray
 from ...common.certain_hit import certain_hit
-from ...common.entries import entry, set_entry
+from ...common.entries import entry, set_entry, set_entry_last
 from ...common.hitpoint import along, flat_hit_point, is_flat, is_vague, plane_distance, steep_hit_point
 from ...common.pixels import tile_pixel
 from ...common.triangle import spare_bits, to_float32
@@ -109,15 +109,6 @@ def set_point(points: wp.array(dtype=NO_POINT), i: wp.int32, point: wp.vec3d):
 
 
 @wp.func
-def word_of(at: wp.vec2i, camera: Camera, nearest: wp.array(dtype=wp.uint64)) -> wp.uint64:
-    """The word of a pixel; 0 outside the image (-1)."""
-    word = wp.uint64(0)
-    if at[0] >= 0:
-        word = entry(nearest, at[1] * camera.width + at[0])
-    return word
-
-
-@wp.func
 def resolve_pixel(
     at: wp.vec2i,
     word: wp.uint64,
@@ -142,10 +133,10 @@ def resolve_pixel(
         uv = found.uv
         hit = quick_point(hit_points, ray, found.t, corners)
         flat = takes_care(hit_points, ray, found.t, corners)
-    set_entry(hits.triangle, pixel, best)
-    set_entry(hits.t, pixel, t)
-    set_entry(hits.u, pixel, uv[0])
-    set_entry(hits.v, pixel, uv[1])
+    set_entry_last(hits.triangle, pixel, best)
+    set_entry_last(hits.t, pixel, t)
+    set_entry_last(hits.u, pixel, uv[0])
+    set_entry_last(hits.v, pixel, uv[1])
     set_point_of_hit(hit_points, pixel, hit, best)
     # Flat rays are few and slow to compute. Their input is read again, so that no registers hold it until here.
     if flat:
@@ -157,30 +148,20 @@ def resolve_pixel(
 
 @wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
 def resolve_kernel(
-    threads: wp.int32,
     camera: Camera,
     mesh: Mesh,
     nearest: wp.array(dtype=wp.uint64),
     hits: Hits,
     hit_points: wp.array(dtype=Any),
 ):
-    """A thread for each ``threads``-th pixel, 8 x 4 per warp. Writes the same bits as :func:`..common.triangle.write_hit`.
+    """A thread for each pixel, 8 x 4 per warp. Writes the same bits as :func:`..common.triangle.write_hit`.
 
     hit_points: vec3d, or vec3f where they are needed rounded, or empty and :data:`NO_POINT`; nothing is written at a miss.
     """
-    k = wp.tid()
-    stop = ((camera.width + 7) >> 3) * ((camera.height + 3) >> 2) * 32
-    at = tile_pixel(k, camera.width, camera.height)
-    word = word_of(at, camera, nearest)
-    while k < stop:
-        # The next pixel's word is loaded meanwhile.
-        k += threads
-        following = tile_pixel(k, camera.width, camera.height)
-        next_word = word_of(following, camera, nearest)
-        if at[0] >= 0:
-            resolve_pixel(at, word, camera, mesh, hits, hit_points)
-        at = following
-        word = next_word
+    at = tile_pixel(wp.tid(), camera.width, camera.height)
+    if at[0] >= 0:
+        word = entry(nearest, at[1] * camera.width + at[0])
+        resolve_pixel(at, word, camera, mesh, hits, hit_points)
 
 
 for kind in (wp.vec3d, wp.vec3f, NO_POINT):

@@ -2,84 +2,28 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import warp as wp
 
-from ....harness.frame.frame import Frame
 from ....harness.frame.geometry import Camera, Mesh
 from ....harness.frame.specialise import effects
 from ...common.entries import entry, entry_if, set_entry
 from ...common.pixels import tile_pixel
 from ...common.reserve import number_among
-from ..aim import FACES
+from ...common.triangle import spare_bits
 from ..cube import record_place
-from ..parameters import Streams
 from ..queues import RAYS
 from ..warps import scan_row
-from .points import Placed, Point, Words, has_hit, placed, placed_exactly, point_of
-from .reach import TILE_CELLS, empty_tiles, raise_from, tile_index
+from .points import Point, Words, has_hit, placed, placed_exactly, point_of, point_of_word
+from .reach import empty_tiles, raise_from, tile_index
+from .slots import SPARE, RayCells, place_in_order, set_slot
 from .table import cells_in_use, cells_of, face_in_use, face_rectangle, last_row, set_table
 
-SPARE = wp.constant(4)
-"""Words between two rows of cells: one for the end of a row, the others so that rows begin on 16-byte addresses."""
+STORED_FACE = wp.constant(8)
+"""Added to the face of a place whose ray has its point in ``point``."""
 
 REGISTERS = 40
 """Registers per thread of the passes that place rays, for twelve blocks of 128 per multiprocessor. The few rays that take
 care spill; with 32 the others would, too."""
-
-
-@wp.struct
-class RayCells:
-    """The shadow rays of one light, sorted into the cells of its cube.
-
-    cells      along a face: where rays lie on many faces, and where they lie on few; how many are few
-    rectangle  int32 [11]: what the rays cover (:mod:`..aim`)
-    table      vec4f [7]: what they cover, for triangles (:mod:`.table`)
-    place      vec4f [pixels]: (u, v, face, depth) of each pixel's ray    point  vec4f [pixels]: hit point and pixel
-    triangle   int32 [pixels]: what each pixel's ray hit
-    slot       vec2i [pixels]: cell and rank of each pixel's ray; cell -1: none
-    count, offset  int32 [6 faces * rows * (cells + SPARE)] and, of offset, one more: rays of each cell; first ray
-    rays       vec4f [pixels]: points in the order of cells
-    farthest   int32 [6 faces * tiles of 8 x 8 cells]: bits of the greatest depth of a ray
-    """
-
-    cells: wp.vec3i
-    rectangle: wp.array(dtype=wp.int32)
-    table: wp.array(dtype=wp.vec4f)
-    place: wp.array(dtype=wp.vec4f)
-    point: wp.array(dtype=wp.vec4f)
-    triangle: wp.array(dtype=wp.int32)
-    slot: wp.array(dtype=wp.vec2i)
-    count: wp.array(dtype=wp.int32)
-    offset: wp.array(dtype=wp.int32)
-    rays: wp.array(dtype=wp.vec4f)
-    farthest: wp.array(dtype=wp.int32)
-
-
-def cell_arrays(frame: Frame, build: Streams, sorted_rays: bool = True) -> dict[str, Any]:
-    """The arrays of :class:`RayCells` that lights in one branch use in turn. On the GPU the scan empties ``count``.
-
-    Not ``sorted_rays``: those that sort rays into cells are one element long.
-    """
-    cuda = wp.get_device(frame.device).is_cuda
-    many, few, faces = build.cells_along(frame.triangle_count, frame.pixels, cuda)
-    spare, all_faces = int(SPARE), int(FACES)
-    # Each face has its own place. If the finer cells are for a single face, it is face 0, and only that needs room.
-    number = max(all_faces * many * (many + spare), (1 if faces == 1 else all_faces) * few * (few + spare))
-    sorted_cells, sorted_pixels = (number, frame.pixels) if sorted_rays else (1, 1)
-    with wp.ScopedDevice(frame.device):
-        return {
-            "cells": wp.vec3i(many, few, faces),
-            "place": wp.zeros(frame.pixels, dtype=wp.vec4f),
-            "point": wp.zeros(frame.pixels, dtype=wp.vec4f),
-            "triangle": wp.zeros(frame.pixels, dtype=wp.int32),
-            "slot": wp.zeros(sorted_pixels, dtype=wp.vec2i),
-            "count": wp.zeros(sorted_cells, dtype=wp.int32),
-            "offset": wp.zeros(sorted_cells + 1, dtype=wp.int32),
-            "rays": wp.zeros(sorted_pixels, dtype=wp.vec4f),
-            "farthest": wp.zeros(-(-number // int(TILE_CELLS)), dtype=wp.int32),
-        }
 
 
 @wp.func
@@ -132,12 +76,6 @@ def store_point(pixel: wp.int32, triangle: wp.int32, h: wp.vec3f, cells: RayCell
 
 
 @wp.func
-def store_place(pixel: wp.int32, triangle: wp.int32, found: Placed, cells: RayCells):
-    store_point(pixel, triangle, found.h, cells)
-    set_entry(cells.place, pixel, found.place)
-
-
-@wp.func
 def place_ray(
     rays: Words,
     point: Point,
@@ -148,15 +86,28 @@ def place_ray(
     mesh: Mesh,
     light: wp.vec3f,
     axes: wp.mat33d,
+    keeps: wp.bool,
     cells: RayCells,
 ):
-    """Store the place of a pixel's ray, if it has one (``wanted``). All threads of a block must call it."""
+    """Store the place of a pixel's ray, if it has one (``wanted``). All threads of a block must call it.
+
+    Not ``keeps``: only points that the triangle gives are stored; what the word gives :func:`put_ray` computes again, which
+    takes less than 24 bytes of memory traffic.
+    """
     found = placed(point, wanted, light, axes)
     if found.place[2] >= 0.0:
-        store_place(pixel, point.triangle, found, cells)
+        set_entry(cells.place, pixel, found.place)
+        if keeps:
+            store_point(pixel, point.triangle, found.h, cells)
+        else:
+            set_entry(cells.triangle, pixel, point.triangle)
     elif wanted:
         found = placed_exactly(rays, pixel, at, camera, mesh, light, axes)
-        store_place(pixel, point.triangle, found, cells)
+        store_point(pixel, point.triangle, found.h, cells)
+        p = found.place
+        if not keeps:
+            p[2] += wp.float32(STORED_FACE)
+        set_entry(cells.place, pixel, p)
     record_place(found.place, found.size, cells.rectangle)
 
 
@@ -170,13 +121,15 @@ def map_kernel(
     mesh: Mesh,
     rays: Words,
     receivers: wp.array2d(dtype=wp.uint8),
+    keeps: wp.bool,
     cells: RayCells,
     visibility: wp.array2d(dtype=wp.uint8),
 ):
     """Places of rays, the rectangle of face 0, and the faces in use; empties ``farthest``. Clears the shadow bits, unless
     the receivers' pass of the harness has. ``first``: of an image's threads, the first one here (as in the passes below).
 
-    point: the hit in float32, and the pixel's number in the bits of the fourth. Nothing is written for pixels without ray.
+    point: the hit in float32, and the pixel's number in the bits of the fourth; ``keeps``: of :func:`place_ray`. Nothing is
+    written for pixels without ray.
     """
     empty_tiles(cells.farthest, first + wp.tid(), camera.width, camera.height)
     at = tile_pixel(first + wp.tid(), camera.width, camera.height)
@@ -190,37 +143,47 @@ def map_kernel(
         else:
             set_entry(visibility, light, pixel, wp.uint8(0))
             wanted = point.triangle >= 0
-    place_ray(rays, point, wanted, pixel, at, camera, mesh, entry(lights, light), entry(axes, light), cells)
+    place_ray(
+        rays, point, wanted, pixel, at, camera, mesh, entry(lights, light), entry(axes, light), keeps, cells
+    )
 
 
 @wp.func
 def count_in_cell(
-    pixel: wp.int32, p: wp.vec4f, face: wp.int32, r: wp.vec4f, along: wp.int32, cells: RayCells
+    pixel: wp.int32,
+    p: wp.vec4f,
+    face: wp.int32,
+    r: wp.vec4f,
+    along: wp.int32,
+    stored: wp.bool,
+    cells: RayCells,
 ):
-    """Count the ray of a pixel in its cell, given its place, the face's rectangle and the cells along it."""
+    """Count the ray of a pixel in its cell, given its place, the face's rectangle and the cells along it; ``stored``:
+    whether its point is."""
     x = cell_along(p[0], r[0], r[2], along)
     y = cell_along(p[1], r[1], r[3], along)
     cell = cell_index(face, x, y, along)
     # Loaded before the rank is waited for.
     tile = tile_index(face, x, y, along)
     seen = entry(cells.farthest, tile)
-    set_entry(cells.slot, pixel, wp.vec2i(cell, number_among(cells.count, cell)))
+    set_slot(pixel, cell, number_among(cells.count, cell), stored, cells)
     raise_from(seen, cells.farthest, tile, p[3])
 
 
 @wp.func
 def count_ray(pixel: wp.int32, p: wp.vec4f, cells: RayCells):
     """Count the ray of a pixel in its cell, given its place."""
-    face = wp.int32(p[2])
+    face = wp.int32(p[2]) & (STORED_FACE - 1)
     along = cells_in_use(cells.rectangle, cells.cells)
-    count_in_cell(pixel, p, face, face_rectangle(face, cells.rectangle, along), along, cells)
+    stored = p[2] >= wp.float32(STORED_FACE)
+    count_in_cell(pixel, p, face, face_rectangle(face, cells.rectangle, along), along, stored, cells)
 
 
 @wp.func
-def count_in_table(pixel: wp.int32, p: wp.vec4f, cells: RayCells):
+def count_in_table(pixel: wp.int32, p: wp.vec4f, stored: wp.bool, cells: RayCells):
     """:func:`count_ray`, where the faces' rectangles are in the table already."""
     face = wp.int32(p[2])
-    count_in_cell(pixel, p, face, entry(cells.table, face), cells_of(last_row(cells.table)), cells)
+    count_in_cell(pixel, p, face, entry(cells.table, face), cells_of(last_row(cells.table)), stored, cells)
 
 
 @wp.func
@@ -235,15 +198,16 @@ def count_placed(
     axes: wp.mat33d,
     cells: RayCells,
 ):
-    """Place the ray of a pixel and count it in its cell, where the rectangle is known."""
+    """Place the ray of a pixel and count it in its cell, where the rectangle is known. Points are stored
+    as by :func:`place_ray`."""
     found = placed(point, True, light, axes)
     if found.place[2] >= 0.0:
-        store_point(pixel, point.triangle, found.h, cells)
-        count_in_table(pixel, found.place, cells)
+        set_entry(cells.triangle, pixel, point.triangle)
+        count_in_table(pixel, found.place, False, cells)
     else:
         found = placed_exactly(rays, pixel, at, camera, mesh, light, axes)
         store_point(pixel, point.triangle, found.h, cells)
-        count_in_table(pixel, found.place, cells)
+        count_in_table(pixel, found.place, True, cells)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -263,10 +227,10 @@ def count_kernel(
     pixel = at[1] * camera.width + at[0]
     if wp.static(effects.receivers):
         if entry(receivers, light, pixel) == wp.uint8(0):
-            set_entry(cells.slot, pixel, wp.vec2i(-1, 0))
+            set_entry(cells.slot, pixel, -1)
             return
     elif not has_hit(rays, pixel):
-        set_entry(cells.slot, pixel, wp.vec2i(-1, 0))
+        set_entry(cells.slot, pixel, -1)
         return
     count_ray(pixel, entry(cells.place, pixel), cells)
 
@@ -294,17 +258,25 @@ def scan_kernel(tabled: wp.bool, cells: RayCells, counts: wp.array(dtype=wp.int3
 
 
 @wp.func
-def put_ray(pixel: wp.int32, slot: wp.vec2i, cells: RayCells):
-    set_entry(cells.rays, entry(cells.offset, slot[0]) + slot[1], entry(cells.point, pixel))
+def put_ray(
+    rays: Words, pixel: wp.int32, at: wp.vec2i, slot: wp.int32, camera: Camera, mesh: Mesh, cells: RayCells
+):
+    """Put the ray of a pixel in column and row ``at`` where its slot says."""
+    place = place_in_order(pixel, slot, cells)
+    if slot < 0:
+        set_entry(cells.rays, place, entry(cells.point, pixel))
+    else:
+        h = point_of_word(rays, pixel, at, camera, spare_bits(mesh.triangles.shape[0]))
+        set_entry(cells.rays, place, wp.vec4f(h[0], h[1], h[2], wp.cast(pixel, wp.float32)))
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
-def scatter_kernel(first: wp.int32, camera: Camera, cells: RayCells):
+def scatter_kernel(first: wp.int32, camera: Camera, mesh: Mesh, rays: Words, cells: RayCells):
     """Rays in cell order: float32 hit point, and the pixel's number in the bits of the fourth."""
     at = tile_pixel(first + wp.tid(), camera.width, camera.height)
     if at[0] < 0:
         return
     pixel = at[1] * camera.width + at[0]
     slot = entry(cells.slot, pixel)
-    if slot[0] >= 0:
-        put_ray(pixel, slot, cells)
+    if slot != -1:
+        put_ray(rays, pixel, at, slot, camera, mesh, cells)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import warp as wp
@@ -12,11 +13,12 @@ from ..aim import FACES
 from ..queues import BLOCK_DIM
 from . import bins as light_bins
 from . import region as light_region
+from . import spots as light_spots
 from .passes import LightStream
 
 
 class KnownRegionLight(LightStream):
-    """Shadow rays of one light in all directions, counted in their cells where they are placed.
+    """Shadow rays of one light, counted in their cells where they are placed. Not of a spot with ``facing``.
 
     facing: uint8 [triangles]: whether those in view face the light, if only then their hits have a ray. Not shared with the
     branch's other lights: all aim before the first of them places its rays.
@@ -27,7 +29,8 @@ class KnownRegionLight(LightStream):
 
     def __init__(self, *given: Any):
         super().__init__(*given)
-        count = max(1, self.frame.triangle_count) if self.marking else 0
+        self.spot = any(self.effects.limited[self.index : self.index + 1])
+        count = max(1, self.frame.triangle_count) if self.marking and not self.spot else 0
         # Where the stream tests rays, or counts them, they must lie in their cells.
         self.beside = self.queues.queued and self.build.streamed == "beside" and self.build.groups == "stream"
         self.facing = wp.zeros(count, dtype=wp.uint8, device=self.frame.device)
@@ -37,13 +40,21 @@ class KnownRegionLight(LightStream):
         f = self.frame
         threads = max(1, f.triangle_count)
         wp.launch(
-            specialised(light_region.bounds_kernel, self.switches),
+            specialised(light_region.bounds_kernel, replace(self.switches, receivers=self.facing.size > 0)),
             dim=threads,
             inputs=[threads, self.index, f.camera, self.aims.cubes, f.mesh, f.lights],
             outputs=[self.cells, self.facing],
             device=f.device,
             block_dim=BLOCK_DIM,
         )
+        if self.spot:
+            wp.launch(
+                light_spots.cone_kernel,
+                dim=1,
+                inputs=[self.index, self.aims.axes, f.spots],
+                outputs=[self.cells.rectangle],
+                device=f.device,
+            )
         wp.launch(
             light_bins.table_kernel, dim=int(FACES) + 1, inputs=[], outputs=[self.cells], device=f.device
         )
@@ -56,7 +67,19 @@ class KnownRegionLight(LightStream):
             cells.farthest.zero_()  # another light of the branch has used it since launch_aim
         if self.reached.size:
             self.reached.zero_()
-        self.ranges.run(self._place)
+        self.ranges.run(self._place_receivers if self.spot else self._place)
+
+    def _place_receivers(self, threads: Threads) -> None:
+        f, a = self.frame, self.aims
+        wp.launch(
+            light_spots.place_kernel,
+            dim=threads.number,
+            inputs=[
+                threads.first, self.index, f.camera, f.mesh, f.lights, f.spots, a.posts, a.axes, self.rays,
+            ],
+            outputs=[self.cells, f.receivers, self.reached, f.answers.visibility],
+            device=f.device,
+        )  # fmt: skip
 
     def _place(self, threads: Threads) -> None:
         f, a = self.frame, self.aims
@@ -84,7 +107,7 @@ class KnownRegionLight(LightStream):
         wp.launch(
             specialised(light_region.scatter_kernel, self.switches),
             dim=threads.number,
-            inputs=[threads.first, self.index, f.camera, self.rays, f.receivers],
+            inputs=[threads.first, self.index, f.camera, f.mesh, self.rays, f.receivers],
             outputs=[self.cells],
             device=f.device,
         )

@@ -23,9 +23,9 @@ from . import queue as light_queue
 from . import receivers as light_receivers
 from . import split as light_split
 from . import stream as light_stream
-from .bins import RayCells
 from .points import Words
 from .rays import ShadowBits
+from .slots import RayCells
 
 
 class LightAims:
@@ -45,9 +45,10 @@ class LightAims:
 
 
 class LightStream:
-    """Shadow rays of one light. ``arrays``: of :func:`.bins.cell_arrays`; hit vec3d [pixels]: exact hit points, or empty.
+    """Shadow rays of one light. ``arrays``: of :func:`.slots.cell_arrays`; hit vec3d [pixels]: exact hit points, or empty.
 
     marks    whether the pass that places the rays marks the receivers, instead of the harness
+    keeps    whether all hit points are kept (:func:`.bins.place_ray`)
     tabled   whether what the rays cover is known before they are placed
     beside   whether triangles are streamed beside the passes that sort the rays into cells, and not after these
     reached  int32 [1]: not 0 if the light has receivers; empty on a GPU, where a condition costs more than passes without
@@ -55,6 +56,7 @@ class LightStream:
     """
 
     marks: ClassVar[bool] = True
+    keeps: ClassVar[bool] = False
     tabled: ClassVar[bool] = False
     beside: bool = False
     aim_reads: ClassVar[tuple[str, ...]] = ("points", "triangles", "reach")
@@ -209,6 +211,7 @@ class LightStream:
             dim=threads.number,
             inputs=[
                 threads.first, self.index, f.camera, a.posts, a.axes, f.mesh, self.rays, self.receivers,
+                self.keeps,
             ],
             outputs=[self.cells, f.answers.visibility],
             device=f.device,
@@ -227,7 +230,7 @@ class LightStream:
             dim=threads.number,
             inputs=[
                 threads.first, self.index, self.effects.facing, f.camera, f.mesh, f.lights, f.spots, a.posts, a.axes,
-                self.rays,
+                self.rays, self.keeps,
             ],
             outputs=[self.cells, f.receivers, self.reached, f.answers.visibility],
             device=f.device,
@@ -273,7 +276,7 @@ class LightStream:
         wp.launch(
             light_bins.scatter_kernel,
             dim=threads.number,
-            inputs=[threads.first, f.camera],
+            inputs=[threads.first, f.camera, f.mesh, self.rays],
             outputs=[self.cells],
             device=f.device,
         )

@@ -75,6 +75,13 @@ def point_of(rays: Words, pixel: wp.int32, at: wp.vec2i, camera: Camera, mesh: M
 
 
 @wp.func
+def point_of_word(rays: Words, pixel: wp.int32, at: wp.vec2i, camera: Camera, spare: wp.int32) -> wp.vec3f:
+    """The hit point that :func:`point_of` gives, rounded; of a pixel with a hit."""
+    ray = Ray(entry(camera.eye, 0), direction_at(camera, at[0], at[1]))
+    return to_float32(along(ray, distance_of(entry(rays.nearest, pixel), spare)))
+
+
+@wp.func
 def exact_point(rays: Words, pixel: wp.int32, at: wp.vec2i, camera: Camera, mesh: Mesh) -> wp.vec3d:
     """The hit point of the answer."""
     word = entry_now(rays.nearest, pixel)

@@ -36,10 +36,10 @@ from ..ahead import (
 from ..fetch import corners_at, direction_at, weld_at
 from ..queues import DOUBTS, ITEMS, PARTS, SMALL, Queue, claim_parts, queue_parts, store_parts
 from ..warps import LANES, append_pairs, lane_at, lane_of, of_lane, sum_to_lane, warp_of
-from .bins import RayCells
 from .cells import Sides
 from .groups import rays_of_row, shared_occluder, shared_rays_of_row, stored_occluder
 from .rays import Occluder, ShadowBits, certain, set_shadowed, test_ray
+from .slots import RayCells
 from .table import cells_of, last_row
 
 REGISTERS = 56

@@ -16,7 +16,8 @@ from ...common.division import about_inverse
 from ...common.entries import entry, entry_if, set_entry
 from ...common.triangle import U32, U64, largest, to_float64, total
 from ..queues import Queue, queue_doubt
-from .bins import RayCells, span_of
+from .bins import span_of
+from .slots import RayCells
 from .table import reach_of
 
 

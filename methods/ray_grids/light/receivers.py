@@ -16,9 +16,10 @@ from ...common.entries import entry, set_entry
 from ...common.pixels import tile_pixel
 from ...common.triangle import largest, to_float64
 from ..fetch import corners_at, direction_at
-from .bins import RayCells, place_ray
+from .bins import place_ray
 from .points import Point, Words, point_of
 from .reach import empty_tiles
+from .slots import RayCells
 
 CONE = wp.constant(wp.float64(spotlight.CONE))
 
@@ -75,6 +76,32 @@ def is_receiver(
     return wanted
 
 
+@wp.func
+def mark_receiver(
+    light: wp.int32,
+    facing: wp.bool,
+    pixel: wp.int32,
+    at: wp.vec2i,
+    point: Point,
+    camera: Camera,
+    mesh: Mesh,
+    lights: wp.array(dtype=wp.vec3f),
+    spots: wp.array2d(dtype=wp.float64),
+    receivers: wp.array2d(dtype=wp.uint8),
+    reached: wp.array(dtype=wp.int32),
+) -> wp.bool:
+    """Mark whether a pixel has a shadow ray to a light, and return it. reached: int32 [1], set to 1 if there is one; or
+    empty."""
+    wanted = wp.bool(False)
+    if point.triangle >= 0:
+        ray = Ray(entry(camera.eye, 0), direction_at(camera, at[0], at[1]))
+        wanted = is_receiver(light, facing, ray, point, mesh, lights, spots)
+    set_entry(receivers, light, pixel, wp.uint8(wanted))
+    if wanted and reached.shape[0] > 0:
+        reached[0] = 1  # all threads write the same value
+    return wanted
+
+
 @wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
 def map_kernel(
     first: wp.int32,
@@ -87,12 +114,13 @@ def map_kernel(
     posts: wp.array(dtype=wp.vec3f),
     axes: wp.array(dtype=wp.mat33d),
     rays: Words,
+    keeps: wp.bool,
     cells: RayCells,
     receivers: wp.array2d(dtype=wp.uint8),
     reached: wp.array(dtype=wp.int32),
     visibility: wp.array2d(dtype=wp.uint8),
 ):
-    """:func:`.bins.map_kernel`, which also marks the receivers. reached: int32 [1], 1 if there is one; or empty."""
+    """:func:`.bins.map_kernel`, which also marks the receivers (:func:`mark_receiver`)."""
     empty_tiles(cells.farthest, first + wp.tid(), camera.width, camera.height)
     at = tile_pixel(first + wp.tid(), camera.width, camera.height)
     point = Point()
@@ -101,10 +129,9 @@ def map_kernel(
     if at[0] >= 0:
         set_entry(visibility, light, pixel, wp.uint8(0))
         point = point_of(rays, pixel, at, camera, mesh)
-        if point.triangle >= 0:
-            ray = Ray(entry(camera.eye, 0), direction_at(camera, at[0], at[1]))
-            wanted = is_receiver(light, facing, ray, point, mesh, lights, spots)
-        set_entry(receivers, light, pixel, wp.uint8(wanted))
-        if wanted and reached.shape[0] > 0:
-            reached[0] = 1  # all threads write the same value
-    place_ray(rays, point, wanted, pixel, at, camera, mesh, entry(posts, light), entry(axes, light), cells)
+        wanted = mark_receiver(
+            light, facing, pixel, at, point, camera, mesh, lights, spots, receivers, reached
+        )
+    place_ray(
+        rays, point, wanted, pixel, at, camera, mesh, entry(posts, light), entry(axes, light), keeps, cells
+    )

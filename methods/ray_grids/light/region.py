@@ -4,8 +4,8 @@ What the triangles cover of the cube bounds what the hits on them do. It is foun
 pass that places the rays can count them in their cells, too. With few triangles that costs little.
 
 Where only surfaces that face the light have shadow rays, the triangles say which pixels do: eye and light lie on one side
-of a triangle's plane or not, whatever the pixel. The kernels' effect ``receivers`` means this; a spot's rays are not placed
-here.
+of a triangle's plane or not, whatever the pixel. The kernels' effect ``receivers`` means this; a spot's rays are placed
+in :mod:`.spots`.
 """
 
 from __future__ import annotations
@@ -23,9 +23,10 @@ from ..camera.pixels import edge_planes, index_of, inverse_depth
 from ..camera.stream import box_of
 from ..cube import on_face
 from ..fetch import corners_at
-from .bins import REGISTERS, RayCells, count_placed, put_ray
+from .bins import REGISTERS, count_placed, put_ray
 from .cells import FINEST, beyond_face, cube_space, reach_from, turned
 from .points import FAR, Words, has_hit, point_of
+from .slots import RayCells
 
 OFF = wp.constant(wp.float32(2.0**-7))
 """Share of the way from the eye that is added to the reach of a triangle: a hit point is off by at most 2^-29 of that way
@@ -283,6 +284,7 @@ def scatter_kernel(
     first: wp.int32,
     light: wp.int32,
     camera: Camera,
+    mesh: Mesh,
     rays: Words,
     receivers: wp.array2d(dtype=wp.uint8),
     cells: RayCells,
@@ -298,4 +300,4 @@ def scatter_kernel(
     else:
         wanted = has_hit(rays, pixel)
     if wanted:
-        put_ray(pixel, entry(cells.slot, pixel), cells)
+        put_ray(rays, pixel, at, entry(cells.slot, pixel), camera, mesh, cells)

@@ -20,7 +20,7 @@ from ..aim import cube_of
 from ..cube import on_face
 from ..fetch import corners_at
 from ..queues import LARGE, Queue, Share, triangle_of
-from .bins import RayCells, rays_in_box
+from .bins import rays_in_box
 from .cells import (
     cells_of_row,
     cube_space,
@@ -30,6 +30,7 @@ from .cells import (
 )
 from .rays import ShadowBits, occluder_of, occludes_none, test_rays_of_box, test_rays_of_row
 from .reach import all_rays_end_before, depth_slack, nearest_depth
+from .slots import RayCells
 from .split import queue_rows, sides_on_face
 from .table import cells_of, faces_of, last_row, reach_with_rays
 

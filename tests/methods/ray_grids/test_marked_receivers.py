@@ -97,7 +97,7 @@ def test_the_triangles_decide_which_hits_face_a_light(name, queue, device):
         for way in (("ray_grids", settings), ("ray_grids", {"region": "rays"}), ("uniform_grid", {}))
     )
     known = known_lights(by_triangles)
-    assert len(known) == sum(light.spot is None for light in LIGHTS[name])
+    assert len(known) == sum(light.spot is None for light in LIGHTS[name])  # facing and a spot: not both
     assert not known_lights(by_rays)
     seen: list[np.ndarray] = []
     for frame in (0, 1, 0):

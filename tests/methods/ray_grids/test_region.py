@@ -6,15 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import warp as wp
 from helpers.brute_force import make_scene, soup
 from helpers.lights_of_session import lights_of_session
 from numpy.typing import NDArray
 from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.prepared import Prepared, prepare
+from shadowbench.harness.scene.scene import Light, Spot
 from shadowbench.methods.ray_grids.aim import FACE, LARGEST
 from shadowbench.methods.ray_grids.light.known import KnownRegionLight
 from shadowbench.methods.ray_grids.light.passes import LightStream
+from shadowbench.methods.ray_grids.light.spots import face_cosine
 
 SIZE = 40, 32
 
@@ -58,6 +61,81 @@ def test_holds_every_ray(seed):
     prepared = make_scene(vertices + shift, faces, lights, tuple(eye), tuple(shift), 90.0)
     holds_every_ray(prepared)
     holds_every_ray(only_facing(prepared))
+
+
+def spot_scene(seed: int, angle: float, rise: float | None = None) -> Prepared:
+    """Triangles and six spots: near them and far away, towards them or anywhere."""
+    random = np.random.default_rng(seed)
+    vertices, faces = soup(seed, 40, size=float(np.exp(random.uniform(-2, 3))))
+    lights = []
+    for k in range(6):
+        place = random.normal(size=3) * 10.0 ** random.uniform(-2, 4 if k % 2 else 1)
+        way = random.normal(size=3) if k % 3 == 0 else random.normal(size=3) * 0.3 - place
+        lights.append(Light(tuple(place), spot=Spot(tuple(way), angle, rise=rise, up=(0.1, 0.9, 0.3))))
+    eye = random.normal(size=3) * (3 if seed % 3 else 0.3)
+    return make_scene(vertices, faces, lights, tuple(eye), (0.0, 0.0, 0.0), 90.0)
+
+
+@pytest.mark.parametrize("angle", [0.001, 4.0, 30.0, 44.0, 60.0, 89.0, 90.0, 91.0, 125.0, 179.0, 180.0])
+@pytest.mark.parametrize("seed", range(4))
+def test_holds_every_ray_of_a_spot(seed, angle):
+    holds_every_ray(spot_scene(seed, angle))
+    if angle <= 90.0:
+        holds_every_ray(spot_scene(seed, angle, rise=angle / 2))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_answers_of_a_spot_do_not_depend_on_the_region(seed, device):
+    prepared = spot_scene(seed, [3.0, 20.0, 50.0, 90.0, 120.0, 170.0][seed])
+    moment = prepared.moment(0, *SIZE)
+    by_rays, by_triangles = (
+        Session(make_method("ray_grids", {"region": region}), prepared, *SIZE, device)
+        for region in ("rays", "triangles")
+    )
+    wanted, found = by_rays.answers(moment), by_triangles.answers(moment)
+    for name in wanted:
+        np.testing.assert_array_equal(found[name], wanted[name])
+    np.testing.assert_array_equal(by_triangles.frame.receivers.numpy(), by_rays.frame.receivers.numpy())
+
+
+def test_what_lies_outside_a_cone_does_not_count():
+    """A room around a light: of six faces a narrow cone along one of them keeps that one, and of it a small part."""
+    low, high = -3.0, 3.0
+    corners = np.array([(x, y, z) for x in (low, high) for y in (low, high) for z in (low, high)])
+    walls = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    faces = np.array([[(a, b, c), (a, c, d)] for a, b, c, d in walls]).reshape(-1, 3)
+    in_use, extents = [], []
+    for spot in (None, Spot((1.0, 0.0, 0.0), 20.0), Spot((1.0, 0.0, 0.0), 60.0)):
+        prepared = make_scene(
+            corners, faces, [Light((-2.5, 0.1, 0.2), spot=spot)], (2.0, 0.5, 2.0), (-1.0, 0.0, -1.0), 120.0
+        )
+        (known,) = lights_of(prepared, "triangles")
+        assert isinstance(known, KnownRegionLight)
+        in_use.append(int((known.cells.rectangle.numpy()[FACE:LARGEST] == 0).sum()))
+        sides = sides_of(known)
+        extents.append(float((-sides[2] - sides[0]) * (-sides[3] - sides[1])))
+    assert in_use[1] == 1 < in_use[2] < in_use[0]
+    assert extents[1] < 0.3 * extents[0]
+
+
+@wp.kernel(enable_backward=False)
+def face_cosine_kernel(axes: wp.array(dtype=wp.vec3d), cosines: wp.array(dtype=wp.float64)):
+    cosines[wp.tid()] = face_cosine(axes[wp.tid()])
+
+
+def test_the_direction_of_a_face_that_is_nearest_to_an_axis():
+    random = np.random.default_rng(1)
+    axes = random.normal(size=(400, 3))
+    axes /= np.linalg.norm(axes, axis=1)[:, None]
+    found = wp.zeros(len(axes), dtype=wp.float64, device="cpu")
+    given = wp.array(axes, dtype=wp.vec3d, device="cpu")
+    wp.launch(face_cosine_kernel, dim=len(axes), inputs=[given], outputs=[found], device="cpu")
+    u, v = np.meshgrid(np.linspace(-1, 1, 401), np.linspace(-1, 1, 401))
+    ways = np.stack([np.ones_like(u), u, v], axis=-1).reshape(-1, 3)
+    sampled = (axes @ (ways / np.linalg.norm(ways, axis=1)[:, None]).T).max(axis=1)
+    # What is found is never less than a sample, and exceeds the best one by what lies between two samples.
+    assert (found.numpy() >= sampled - 1e-12).all()
+    np.testing.assert_allclose(found.numpy(), sampled, atol=1e-4)
 
 
 @pytest.mark.parametrize("seed", range(8))

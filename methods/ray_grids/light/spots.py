@@ -1,0 +1,121 @@
+"""The region of a spot's rays: that of the triangles in view (:mod:`.region`), without what lies outside its cone.
+
+So a spot's rays, too, are counted in their cells by the pass that places them, and marks the receivers.
+"""
+
+from __future__ import annotations
+
+import math
+
+import warp as wp
+
+from ....harness.frame.geometry import Camera, Mesh
+from ...common.entries import entry, set_entry
+from ...common.pixels import tile_pixel
+from ..aim import EMPTY, FACE, FACES, HIGH_U, HIGH_V, LOW_U, LOW_V, ordered
+from ..cube import on_face
+from .bins import count_placed
+from .points import Words, point_of
+from .receivers import CONE, REGISTERS, mark_receiver
+from .slots import RayCells
+
+SLACK = 1.0e-4
+"""Added to the angle of a cone: a ray is placed to 2^-18 of its direction (:mod:`.points`)."""
+
+COS_SLACK, SIN_SLACK = wp.constant(wp.float64(math.cos(SLACK))), wp.constant(wp.float64(math.sin(SLACK)))
+
+WIDEST = wp.constant(wp.float64(-0.999))
+"""A cone with a lesser cosine leaves nothing out."""
+
+
+@wp.func
+def edge_cosine(p: wp.float64, q: wp.float64) -> wp.float64:
+    """The greatest cosine of an axis and the directions of an edge of a face: (p + q b) / sqrt(2 + b^2) for b in -1..1."""
+    corner = wp.max(p + q, p - q) / wp.sqrt(wp.float64(3.0))
+    if p > wp.float64(0.0):
+        b = wp.clamp(wp.float64(2.0) * q / p, wp.float64(-1.0), wp.float64(1.0))
+        corner = wp.max(corner, (p + q * b) / wp.sqrt(wp.float64(2.0) + b * b))
+    return corner
+
+
+@wp.func
+def face_cosine(a: wp.vec3d) -> wp.float64:
+    """The cosine of the least angle between an axis (unit length; in the frame of a face) and a direction on the face.
+
+    Where the axis does not meet the face, the nearest direction lies on one of its edges.
+    """
+    if a[0] > wp.float64(0.0) and wp.abs(a[1]) <= a[0] and wp.abs(a[2]) <= a[0]:
+        return wp.float64(1.0)
+    across = wp.max(edge_cosine(a[0] + a[1], a[2]), edge_cosine(a[0] - a[1], a[2]))
+    up = wp.max(edge_cosine(a[0] + a[2], a[1]), edge_cosine(a[0] - a[2], a[1]))
+    return wp.max(across, up)
+
+
+@wp.func
+def cone_sides(f: wp.float64, r: wp.float64, sine: wp.float64) -> wp.vec2d:
+    """What a cone that lies before a face's centre (f > sine) covers of one coordinate of the face: the planes r / f = k
+    that touch it, which are at the angle of the cone from its axis."""
+    before = f * f - sine * sine
+    half = sine * wp.sqrt(before + r * r)
+    return wp.vec2d((f * r - half) / before, (f * r + half) / before)
+
+
+@wp.func
+def raise_side(rectangle: wp.array(dtype=wp.int32), k: wp.int32, x: wp.float64):
+    """Move a side of the rectangle inwards to x, if it is not there yet."""
+    rectangle[k] = wp.max(rectangle[k], ordered(wp.float32(x)))
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def cone_kernel(
+    light: wp.int32,
+    axes: wp.array(dtype=wp.mat33d),
+    spots: wp.array2d(dtype=wp.float64),
+    rectangle: wp.array(dtype=wp.int32),
+):
+    """Take from what the triangles cover the faces that a light's cone does not meet, and of face 0 what lies beside it.
+    One thread. A spot of another kind keeps all."""
+    cosine = spots[light, 10]
+    if spots[light, 0] != CONE or cosine < WIDEST:
+        return
+    sine = wp.sqrt(wp.max(wp.float64(1.0) - cosine * cosine, wp.float64(0.0)))
+    wider = cosine * COS_SLACK - sine * SIN_SLACK
+    axis = axes[light] * wp.vec3d(spots[light, 1], spots[light, 2], spots[light, 3])
+    for face in range(FACES):
+        if face_cosine(on_face(axis, face)) < wider:
+            rectangle[FACE + face] = EMPTY
+    sine = sine * COS_SLACK + cosine * SIN_SLACK
+    if cosine > wp.float64(0.0) and axis[0] > sine and rectangle[FACE] == 0:
+        across = cone_sides(axis[0], axis[1], sine)
+        up = cone_sides(axis[0], axis[2], sine)
+        raise_side(rectangle, LOW_U, across[0])
+        raise_side(rectangle, HIGH_U, -across[1])
+        raise_side(rectangle, LOW_V, up[0])
+        raise_side(rectangle, HIGH_V, -up[1])
+
+
+@wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
+def place_kernel(
+    first: wp.int32,
+    light: wp.int32,
+    camera: Camera,
+    mesh: Mesh,
+    lights: wp.array(dtype=wp.vec3f),
+    spots: wp.array2d(dtype=wp.float64),
+    posts: wp.array(dtype=wp.vec3f),
+    axes: wp.array(dtype=wp.mat33d),
+    rays: Words,
+    cells: RayCells,
+    receivers: wp.array2d(dtype=wp.uint8),
+    reached: wp.array(dtype=wp.int32),
+    visibility: wp.array2d(dtype=wp.uint8),
+):
+    """:func:`.region.place_kernel` of a spot: :func:`.receivers.map_kernel` and :func:`.bins.count_kernel` in one."""
+    at = tile_pixel(first + wp.tid(), camera.width, camera.height)
+    if at[0] < 0:
+        return
+    pixel = at[1] * camera.width + at[0]
+    set_entry(visibility, light, pixel, wp.uint8(0))
+    point = point_of(rays, pixel, at, camera, mesh)
+    if mark_receiver(light, False, pixel, at, point, camera, mesh, lights, spots, receivers, reached):
+        count_placed(rays, point, pixel, at, camera, mesh, entry(posts, light), entry(axes, light), cells)

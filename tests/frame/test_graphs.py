@@ -1,0 +1,94 @@
+"""Priorities of captured graphs: what nothing waits for fills what other passes leave idle."""
+
+from __future__ import annotations
+
+import ctypes
+from contextlib import nullcontext
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import warp as wp
+from shadowbench.harness.frame import graphs
+from shadowbench.harness.frame.passes import Pass, capture_passes
+
+
+def made(name: str, reads: tuple[str, ...], writes: tuple[str, ...], launch: Any, **more: Any) -> Pass:
+    return Pass(name, "trace", reads, writes, launch, **more)
+
+
+def test_passes_that_nothing_waits_for_are_idle(monkeypatch):
+    open_now: list[int] = []
+    seen: dict[str, int] = {}
+
+    class Stream:
+        def __init__(self, device: Any, priority: int):
+            self.priority = priority
+
+        def record_event(self) -> None: ...
+
+        def __enter__(self) -> Stream:
+            open_now.append(self.priority)
+            return self
+
+        def __exit__(self, *given: Any) -> None:
+            open_now.pop()
+
+    monkeypatch.setattr(wp, "Stream", Stream)
+    monkeypatch.setattr(wp, "ScopedStream", lambda stream: stream)
+    monkeypatch.setattr(wp, "ScopedCapture", lambda: nullcontext(SimpleNamespace(graph=None)))
+    monkeypatch.setattr(wp, "wait_event", lambda event: None)
+    monkeypatch.setattr(graphs, "keep_priorities", lambda graph: False)
+    passes = [
+        made("words", (), ("words",), None),
+        made("one", ("words",), ("bits",), None, branch=(0,), adds=True),
+        made("two", ("words",), ("bits",), None, branch=(1,), adds=True),
+        made("sorting", ("words",), ("cells",), None, aside=True),
+        made("answers", ("words",), ("answers",), None, aside=True, idle=True),
+        made("aim", (), ("aim",), None, ahead=True),
+        made("last", ("bits", "cells", "aim"), ("colour",), None),
+    ]
+    for work in passes:
+        object.__setattr__(work, "launch", lambda name=work.name: seen.setdefault(name, open_now[-1]))
+    capture_passes(passes, "cpu")
+    idle = {name for name, priority in seen.items() if priority == graphs.IDLE}
+    assert idle == {"answers", "aim"}
+    assert {priority for name, priority in seen.items() if name not in idle} == {graphs.URGENT}
+    assert len(seen) == len(passes)
+
+
+def test_without_the_driver_warp_makes_the_graph(monkeypatch):
+    def missing(name: str) -> None:
+        raise OSError(f"{name}: not found")
+
+    monkeypatch.setattr(ctypes, "CDLL", missing)
+    graph = SimpleNamespace(graph=None, graph_exec=None)
+    assert not graphs.keep_priorities(graph)
+    assert graph.graph_exec is None
+
+
+@wp.kernel(enable_backward=False)
+def add_kernel(amount: wp.int32, numbers: wp.array(dtype=wp.int32)):
+    numbers[wp.tid()] = numbers[wp.tid()] + amount
+
+
+@pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device on this machine")
+def test_a_graph_with_priorities_does_the_same_work():
+    device = "cuda:0"
+    numbers, others = (wp.zeros(1000, dtype=wp.int32, device=device) for _ in range(2))
+
+    def add(amount: int, to: wp.array) -> Any:
+        return lambda: wp.launch(add_kernel, dim=1000, inputs=[amount], outputs=[to], device=device)
+
+    passes = [
+        made("one", (), ("a",), add(1, numbers)),
+        made("beside", ("a",), ("b",), add(5, others), aside=True, idle=True),
+        made("two", ("a",), ("c",), add(2, numbers)),
+    ]
+    graph: Any = capture_passes(passes, device)
+    assert graph.graph_exec is not None, "the driver made no graph with priorities"
+    for _ in range(3):
+        wp.capture_launch(graph)
+    np.testing.assert_array_equal(numbers.numpy(), 9)
+    np.testing.assert_array_equal(others.numpy(), 15)
