@@ -1,6 +1,6 @@
 """Receivers of a light, marked where the rays are placed: the rule of :mod:`...harness.frame.receivers`, with the same bits.
 
-A cone is decided from the distance t in float32, where a bound on its rounding allows. The
+A cone is decided in float32, from the distance t, where a bound on the rounding allows. The
 triangle is read only in doubt, and where eye and light must lie on one side of its plane.
 Where the region of the rays is known before them, the triangles decide that plane's sides instead (:mod:`.region`).
 """
@@ -14,7 +14,7 @@ from ....harness.frame.receivers import receives
 from ....harness.scene import spotlight
 from ...common.entries import entry, set_entry
 from ...common.pixels import tile_pixel
-from ...common.triangle import largest, to_float64
+from ...common.triangle import largest
 from ..fetch import corners_at, direction_at
 from .bins import place_ray
 from .points import Point, Words, point_of
@@ -23,14 +23,16 @@ from .slots import RayCells
 
 CONE = wp.constant(wp.float64(spotlight.CONE))
 
-ROUNDED = wp.constant(wp.float64(2.0**-22))
-"""Bound on the error of t d in units of its largest coordinate: four times that of a t rounded to float32."""
+ROUNDED = wp.constant(wp.float32(2.0**-19))
+"""Bound on the error of a cone's margin in units of the sum of the coordinates that it is computed from: t is known to 2^-23
+and float32 rounds to 2^-24, so a coordinate of the way from the light is off by less than 2^-22 of the sum, and the margin
+by less than 2^-20 of it."""
+
+LEAST_WAY, MOST_WAY = wp.constant(wp.float32(1.0e-15)), wp.constant(wp.float32(1.0e15))
+"""Ways from a light whose squares float32 holds."""
 
 REGISTERS = 56
 """Registers per thread, for nine blocks of 128 per multiprocessor."""
-
-TINY = wp.constant(wp.float64(2.0**-40))
-"""Bound on the other roundings, all of float64, with a large margin."""
 
 
 @wp.func
@@ -40,18 +42,18 @@ def cone_margin(
     t: wp.float32,
     lights: wp.array(dtype=wp.vec3f),
     spots: wp.array2d(dtype=wp.float64),
-) -> wp.float64:
+) -> wp.float32:
     """Positive where a hit at distance t lies certainly in a light's cone, negative where certainly outside; else 0."""
-    start = to_float64(ray.origin)
-    place = to_float64(lights[light])
-    way = to_float64(ray.direction) * wp.float64(t)
-    v = (start - place) + way
+    place = lights[light]
+    way = ray.direction * t
+    v = (ray.origin + way) - place
     # In the cone: the part of v along its axis is at least cosine |v|.
-    inside = spots[light, 1] * v[0] + spots[light, 2] * v[1] + spots[light, 3] * v[2]
-    inside -= spots[light, 10] * wp.length(v)
-    bound = wp.float64(4.0) * (ROUNDED * largest(way) + TINY * (largest(start) + largest(place) + largest(v)))
-    margin = wp.float64(0.0)
-    if wp.abs(inside) > bound:
+    axis = wp.vec3f(wp.float32(spots[light, 1]), wp.float32(spots[light, 2]), wp.float32(spots[light, 3]))
+    inside = wp.dot(axis, v) - wp.float32(spots[light, 10]) * wp.length(v)
+    size = largest(v)
+    bound = ROUNDED * ((largest(way) + largest(ray.origin)) + (largest(place) + size))
+    margin = wp.float32(0.0)
+    if size > LEAST_WAY and size < MOST_WAY and wp.abs(inside) > bound:
         margin = inside
     return margin
 
@@ -67,11 +69,11 @@ def is_receiver(
     spots: wp.array2d(dtype=wp.float64),
 ) -> wp.bool:
     """Whether the hit of a ray has a shadow ray to a light."""
-    margin = wp.float64(0.0)
+    margin = wp.float32(0.0)
     if not facing and not point.careful and spots[light, 0] == CONE:
         margin = cone_margin(light, ray, point.t, lights, spots)
-    wanted = margin > wp.float64(0.0)
-    if margin == wp.float64(0.0):
+    wanted = margin > 0.0
+    if margin == 0.0:
         wanted = receives(light, facing, ray, corners_at(mesh, point.triangle), lights, spots)
     return wanted
 
