@@ -35,7 +35,7 @@ def capture(device: str) -> Iterator[Any]:
 
 def keep_priorities(graph: Any) -> bool:
     """Whether a captured graph, not launched yet, keeps the priorities of its passes from now on. If the driver cannot do
-    this, Warp makes the graph when it is launched: the same work, without priorities."""
+    this, Warp makes the graph when it is launched: the same work, without priorities. The first launch uploads it."""
     try:
         driver = ctypes.CDLL("libcuda.so.1")
         instantiate, push, pop = (

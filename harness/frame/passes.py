@@ -32,8 +32,8 @@ class Pass:
             the passes before it
     aside   whether it is needed late only: in a captured graph it is launched as soon as what it reads is written, and runs
             concurrently with the passes up to its place, or to one that depends on it
-    idle    whether it fills what concurrent passes leave idle, if it is ``aside``: these come first in a captured graph, as
-            they do before passes ``ahead``
+    idle    of a pass ``aside``: whether concurrent passes have priority over it in a captured graph, so that it fills what
+            they leave idle. Passes ``ahead`` run at that priority, too
     branch  branch numbers, one per level of nesting. In a captured graph, neighbouring passes with different numbers run
             concurrently, passes with the same number in order; with a condition, those of the same condition. Without
             graph all passes run in order

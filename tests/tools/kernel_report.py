@@ -65,6 +65,7 @@ def hot_modules() -> dict[str, wp.Module | str]:
         "ray_grids camera: resolve": "shadowbench.methods.ray_grids.camera.resolve",
         "ray_grids light: aim": "shadowbench.methods.ray_grids.aim",
         "ray_grids light: bins": "shadowbench.methods.ray_grids.light.bins",
+        "ray_grids light: spots": "shadowbench.methods.ray_grids.light.spots",
         "ray_grids light: stream": light_stream.make_stream_kernel(True, False).module,
         "ray_grids light: stream, few triangles": light_stream.make_stream_kernel(True, True).module,
         "ray_grids light: stream, fewer": light_stream.make_stream_kernel(True, True, False).module,

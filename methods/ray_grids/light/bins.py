@@ -13,7 +13,7 @@ from ...common.triangle import spare_bits
 from ..cube import record_place
 from ..queues import RAYS
 from ..warps import scan_row
-from .points import Point, Words, has_hit, placed, placed_exactly, point_of, point_of_word
+from .points import Placed, Point, Words, has_hit, placed, placed_exactly, point_of, point_of_word
 from .reach import empty_tiles, raise_from, tile_index
 from .slots import SPARE, RayCells, place_in_order, set_slot
 from .table import cells_in_use, cells_of, face_in_use, face_rectangle, last_row, set_table
@@ -187,6 +187,20 @@ def count_in_table(pixel: wp.int32, p: wp.vec4f, stored: wp.bool, cells: RayCell
 
 
 @wp.func
+def count_quickly(pixel: wp.int32, triangle: wp.int32, found: Placed, cells: RayCells):
+    """Count a ray that the word places: its point is not stored (:func:`place_ray`)."""
+    set_entry(cells.triangle, pixel, triangle)
+    count_in_table(pixel, found.place, False, cells)
+
+
+@wp.func
+def count_exactly(pixel: wp.int32, triangle: wp.int32, found: Placed, cells: RayCells):
+    """Count a ray that the triangle places, and store its point."""
+    store_point(pixel, triangle, found.h, cells)
+    count_in_table(pixel, found.place, True, cells)
+
+
+@wp.func
 def count_placed(
     rays: Words,
     point: Point,
@@ -202,12 +216,10 @@ def count_placed(
     as by :func:`place_ray`."""
     found = placed(point, True, light, axes)
     if found.place[2] >= 0.0:
-        set_entry(cells.triangle, pixel, point.triangle)
-        count_in_table(pixel, found.place, False, cells)
+        count_quickly(pixel, point.triangle, found, cells)
     else:
         found = placed_exactly(rays, pixel, at, camera, mesh, light, axes)
-        store_point(pixel, point.triangle, found.h, cells)
-        count_in_table(pixel, found.place, True, cells)
+        count_exactly(pixel, point.triangle, found, cells)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -261,7 +273,9 @@ def scan_kernel(tabled: wp.bool, cells: RayCells, counts: wp.array(dtype=wp.int3
 def put_ray(
     rays: Words, pixel: wp.int32, at: wp.vec2i, slot: wp.int32, camera: Camera, mesh: Mesh, cells: RayCells
 ):
-    """Put the ray of a pixel in column and row ``at`` where its slot says."""
+    """Put the ray of a pixel in column and row ``at`` where its slot says, if it has one."""
+    if slot == -1:
+        return
     place = place_in_order(pixel, slot, cells)
     if slot < 0:
         set_entry(cells.rays, place, entry(cells.point, pixel))
@@ -277,6 +291,4 @@ def scatter_kernel(first: wp.int32, camera: Camera, mesh: Mesh, rays: Words, cel
     if at[0] < 0:
         return
     pixel = at[1] * camera.width + at[0]
-    slot = entry(cells.slot, pixel)
-    if slot != -1:
-        put_ray(rays, pixel, at, slot, camera, mesh, cells)
+    put_ray(rays, pixel, at, entry(cells.slot, pixel), camera, mesh, cells)

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 import warp as wp
 
+from ....harness.frame.passes import Pass
 from ....harness.frame.specialise import specialised
 from ...common.bands import Threads
 from ..aim import FACES
@@ -20,12 +21,14 @@ from .passes import LightStream
 class KnownRegionLight(LightStream):
     """Shadow rays of one light, counted in their cells where they are placed. Not of a spot with ``facing``.
 
+    strays: int32 [1 + pixels], of a spot: its rays outside the region (:mod:`.spots`).
+
     facing: uint8 [triangles]: whether those in view face the light, if only then their hits have a ray. Not shared with the
     branch's other lights: all aim before the first of them places its rays.
     """
 
     tabled: ClassVar[bool] = True
-    aim_reads: ClassVar[tuple[str, ...]] = (*LightStream.aim_reads, "camera")
+    aim_reads: tuple[str, ...] = (*LightStream.aim_reads, "camera")
 
     def __init__(self, *given: Any):
         super().__init__(*given)
@@ -33,7 +36,41 @@ class KnownRegionLight(LightStream):
         count = max(1, self.frame.triangle_count) if self.marking and not self.spot else 0
         # Where the stream tests rays, or counts them, they must lie in their cells.
         self.beside = self.queues.queued and self.build.streamed == "beside" and self.build.groups == "stream"
+        with wp.ScopedDevice(self.frame.device):
+            self.strays = wp.zeros(1 + self.frame.pixels if self.spot else 1, dtype=wp.int32)
+        if self.spot:  # whenever rays are placed again, the list of strays must have been emptied
+            self.aim_reads = (*self.aim_reads, *self.effects.surface_reads())
         self.facing = wp.zeros(count, dtype=wp.uint8, device=self.frame.device)
+
+    def map_passes(self, seen: tuple[str, ...], place: str, bits: str) -> list[Pass]:
+        passes = super().map_passes(seen, place, bits)
+        if self.spot:
+            i = self.index
+            reads = (
+                "points",
+                "triangles",
+                "camera",
+                f"light/{i}",
+                place,
+                bits,
+                *self.effects.surface_reads(),
+            )
+            name = f"light {i}: rays outside the region"
+            passes.append(
+                Pass(name, "shadow", reads, (bits,), self.launch_strays, f"shadows/{i}", aside=True)
+            )
+        return passes
+
+    def launch_strays(self) -> None:
+        f, q = self.frame, self.queues
+        wp.launch(
+            specialised(light_spots.stray_kernel, self.switches),
+            dim=q.few_threads,
+            inputs=[q.few_threads, f.lights, f.camera, f.mesh, f.alpha, self.strays],
+            outputs=[self.bits],
+            device=f.device,
+            block_dim=BLOCK_DIM,
+        )
 
     def launch_aim(self) -> None:
         super().launch_aim()
@@ -52,7 +89,7 @@ class KnownRegionLight(LightStream):
                 light_spots.cone_kernel,
                 dim=1,
                 inputs=[self.index, self.aims.axes, f.spots],
-                outputs=[self.cells.rectangle],
+                outputs=[self.cells.rectangle, self.strays],
                 device=f.device,
             )
         wp.launch(
@@ -77,7 +114,7 @@ class KnownRegionLight(LightStream):
             inputs=[
                 threads.first, self.index, f.camera, f.mesh, f.lights, f.spots, a.posts, a.axes, self.rays,
             ],
-            outputs=[self.cells, f.receivers, self.reached, f.answers.visibility],
+            outputs=[self.cells, f.receivers, self.reached, f.answers.visibility, self.strays],
             device=f.device,
         )  # fmt: skip
 

@@ -59,7 +59,7 @@ class LightStream:
     keeps: ClassVar[bool] = False
     tabled: ClassVar[bool] = False
     beside: bool = False
-    aim_reads: ClassVar[tuple[str, ...]] = ("points", "triangles", "reach")
+    aim_reads: tuple[str, ...] = ("points", "triangles", "reach")
 
     def __init__(
         self,
@@ -123,7 +123,7 @@ class LightStream:
                 effect,
                 ahead=True,
             ),
-            self.map_pass(seen, place, bits),
+            *self.map_passes(seen, place, bits),
         ]
         sorting, steps = self.cell_passes(seen, place, rays, effect), self.steps()
         if self.beside:
@@ -138,7 +138,7 @@ class LightStream:
         passes += in_shares(who, "shadow", [doubts], self.queues, (*scene, bits), (bits,), effect)
         return [replace(work, branch=(branch, *work.branch)) for work in passes]
 
-    def map_pass(self, seen: tuple[str, ...], place: str, bits: str) -> Pass:
+    def map_passes(self, seen: tuple[str, ...], place: str, bits: str) -> list[Pass]:
         """The pass that places the rays (``seen``: which pixels have one) and clears their shadow bits."""
         i = self.index
         receivers = self.effects.receiver_reads(i) if self.marking else ()
@@ -146,7 +146,7 @@ class LightStream:
             others = tuple(name for name in seen if name not in receivers)
             seen = (*others, f"light/{i}")
         seen = (*seen, "camera", "points", "triangles")
-        return Pass(
+        place_rays = Pass(
             f"light {i}: map rays",
             "light build",
             seen,
@@ -155,6 +155,7 @@ class LightStream:
             f"shadows/{i}",
             reached=self.reached if self.reached.size else None,
         )
+        return [place_rays]
 
     def cell_passes(self, seen: tuple[str, ...], place: str, rays: str, effect: str) -> list[Pass]:
         """Passes that put the mapped rays (``seen``: which pixels have one; ``place``) into the cells (``rays``)."""

@@ -23,7 +23,7 @@ class RayCells:
     cells      along a face: where rays lie on many faces, and where they lie on few; how many are few
     rectangle  int32 [11]: what the rays cover (:mod:`..aim`)
     table      vec4f [7]: what they cover, for triangles (:mod:`.table`)
-    place      vec4f [pixels]: (u, v, face, depth) of each pixel's ray
+    place      vec4f [pixels]: (u, v, face, depth) of each pixel's ray (face: also :data:`.bins.STORED_FACE`)
     point      vec4f [pixels]: hit point and pixel, where a ray's is stored (:func:`.bins.place_ray`)
     triangle   int32 [pixels]: what each pixel's ray hit
     slot       int32 [pixels]: cell and rank of each pixel's ray (:func:`set_slot`); -1: none
@@ -77,8 +77,11 @@ def cell_arrays(frame: Frame, build: Streams, sorted_rays: bool = True) -> dict[
 
 @wp.func
 def set_slot(pixel: wp.int32, cell: wp.int32, rank: wp.int32, stored: wp.bool, cells: RayCells):
-    """Set a ray's slot: its cell in the low bits, then its rank, at the top whether its point is ``stored``. A rank without
-    room is its greatest value there, and lies in ``rank``: four bytes for eight where the passes wait for memory."""
+    """Set a ray's slot: from the lowest bit its cell, its rank, and in the highest whether its point is ``stored``.
+
+    A rank without room is all ones there, and lies in ``rank``. No slot is -1: all ones are no cell. Four bytes for eight,
+    where the passes wait for memory.
+    """
     most = (1 << (31 - cells.bits)) - 1
     if rank >= most:
         set_entry(cells.rank, pixel, rank)

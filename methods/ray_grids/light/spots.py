@@ -1,6 +1,10 @@
 """The region of a spot's rays: that of the triangles in view (:mod:`.region`), without what lies outside its cone.
 
-So a spot's rays, too, are counted in their cells by the pass that places them, and marks the receivers.
+So a spot's rays, too, are counted in their cells by the pass that places them and marks the receivers.
+
+Whether a hit point lies in the cone the harness decides, in plain float64. On a triangle seen edge-on, or next to the
+light, that may be off by more than the slack. Such a ray may lie outside the region. It is then a stray, and is tested
+against every triangle in float64 instead. All other rays are placed to 2^-18 of their direction.
 """
 
 from __future__ import annotations
@@ -9,23 +13,34 @@ import math
 
 import warp as wp
 
-from ....harness.frame.geometry import Camera, Mesh
+from ....harness.frame.alpha import Alpha
+from ....harness.frame.geometry import Camera, Mesh, Ray
+from ....harness.frame.specialise import effects
+from ...common.alpha import opaque_to_light
 from ...common.entries import entry, set_entry
+from ...common.hitpoint import hit_point, plane_distance
 from ...common.pixels import tile_pixel
-from ..aim import EMPTY, FACE, FACES, HIGH_U, HIGH_V, LOW_U, LOW_V, ordered
+from ...common.reserve import number_among
+from ...common.segment import occludes
+from ...common.triangle import largest
+from ..aim import EMPTY, FACE, FACES, HIGH_U, HIGH_V, LOW_U, LOW_V, from_ordered, ordered
 from ..cube import on_face
-from .bins import count_placed
-from .points import Words, point_of
+from ..fetch import corners_at, direction_at, weld_at
+from .bins import count_exactly, count_quickly
+from .points import Words, placed, placed_exactly, point_of
+from .rays import ShadowBits, set_shadowed
 from .receivers import CONE, REGISTERS, mark_receiver
 from .slots import RayCells
+from .table import cells_of, last_row
 
 SLACK = 1.0e-4
-"""Added to the angle of a cone: a ray is placed to 2^-18 of its direction (:mod:`.points`)."""
+"""Added to the angle of a cone: a ray that takes no care is placed to 2^-18 of its direction (:mod:`.points`), and the post
+turns it by less."""
 
 COS_SLACK, SIN_SLACK = wp.constant(wp.float64(math.cos(SLACK))), wp.constant(wp.float64(math.sin(SLACK)))
 
 WIDEST = wp.constant(wp.float64(-0.999))
-"""A cone with a lesser cosine leaves nothing out."""
+"""A cone with a lesser cosine leaves nothing out: its angle with the slack must stay below 180 degrees."""
 
 
 @wp.func
@@ -72,9 +87,12 @@ def cone_kernel(
     axes: wp.array(dtype=wp.mat33d),
     spots: wp.array2d(dtype=wp.float64),
     rectangle: wp.array(dtype=wp.int32),
+    strays: wp.array(dtype=wp.int32),
 ):
-    """Take from what the triangles cover the faces that a light's cone does not meet, and of face 0 what lies beside it.
-    One thread. A spot of another kind keeps all."""
+    """Take from what the triangles cover the faces that a light's cone does not meet, and of face 0 what lies beside a cone
+    that is wholly before its centre. One thread. A spot of another kind, or of nearly all directions, keeps all. Empties
+    the list of ``strays``."""
+    strays[0] = 0
     cosine = spots[light, 10]
     if spots[light, 0] != CONE or cosine < WIDEST:
         return
@@ -92,6 +110,19 @@ def cone_kernel(
         raise_side(rectangle, HIGH_U, -across[1])
         raise_side(rectangle, LOW_V, up[0])
         raise_side(rectangle, HIGH_V, -up[1])
+        wide = from_ordered(rectangle[LOW_U]) < -from_ordered(rectangle[HIGH_U])
+        if not (wide and from_ordered(rectangle[LOW_V]) < -from_ordered(rectangle[HIGH_V])):
+            rectangle[FACE] = EMPTY  # the cone misses what the triangles cover
+
+
+@wp.func
+def in_region(place: wp.vec4f, cells: RayCells) -> wp.bool:
+    """Whether a place lies in the region; a face without rays has no cells per unit."""
+    r = entry(cells.table, wp.int32(place[2]))
+    along = wp.float32(cells_of(last_row(cells.table)))
+    x = (place[0] - r[0]) * r[2]
+    y = (place[1] - r[1]) * r[3]
+    return r[2] > 0.0 and wp.min(x, y) >= 0.0 and wp.max(x, y) <= along
 
 
 @wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
@@ -109,13 +140,61 @@ def place_kernel(
     receivers: wp.array2d(dtype=wp.uint8),
     reached: wp.array(dtype=wp.int32),
     visibility: wp.array2d(dtype=wp.uint8),
+    strays: wp.array(dtype=wp.int32),
 ):
-    """:func:`.region.place_kernel` of a spot: :func:`.receivers.map_kernel` and :func:`.bins.count_kernel` in one."""
+    """:func:`.region.place_kernel` of a spot: :func:`.receivers.map_kernel` and :func:`.bins.count_kernel` in one.
+
+    strays: int32 [1 + pixels]: the number of rays outside the region, and their pixels. They get no slot."""
     at = tile_pixel(first + wp.tid(), camera.width, camera.height)
     if at[0] < 0:
         return
     pixel = at[1] * camera.width + at[0]
     set_entry(visibility, light, pixel, wp.uint8(0))
     point = point_of(rays, pixel, at, camera, mesh)
-    if mark_receiver(light, False, pixel, at, point, camera, mesh, lights, spots, receivers, reached):
-        count_placed(rays, point, pixel, at, camera, mesh, entry(posts, light), entry(axes, light), cells)
+    if not mark_receiver(light, False, pixel, at, point, camera, mesh, lights, spots, receivers, reached):
+        return
+    post = entry(posts, light)
+    axis = entry(axes, light)
+    found = placed(point, True, post, axis)
+    if found.place[2] >= 0.0:
+        count_quickly(pixel, point.triangle, found, cells)
+        return
+    found = placed_exactly(rays, pixel, at, camera, mesh, post, axis)
+    if in_region(found.place, cells):
+        count_exactly(pixel, point.triangle, found, cells)
+        return
+    set_entry(cells.slot, pixel, -1)
+    set_entry(cells.triangle, pixel, point.triangle)
+    set_entry(strays, 1 + number_among(strays, 0), pixel)
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def stray_kernel(
+    threads: wp.int32,
+    lights: wp.array(dtype=wp.vec3f),
+    camera: Camera,
+    mesh: Mesh,
+    alpha: Alpha,
+    strays: wp.array(dtype=wp.int32),
+    bits: ShadowBits,
+):
+    """Test every stray ray against every triangle but its own, in float64. Hardly any frame has one."""
+    light = lights[bits.light]
+    origin_size = wp.float64(largest(camera.eye[0]))
+    for k in range(strays[0]):
+        pixel = strays[1 + k]
+        own = bits.triangle[pixel]
+        y = wp.int32(wp.uint32(pixel) // wp.uint32(camera.width))
+        ray = Ray(camera.eye[0], direction_at(camera, pixel - y * camera.width, y))
+        corners = corners_at(mesh, own)
+        h = hit_point(ray, plane_distance(ray, corners), corners)
+        for i in range(wp.tid(), mesh.triangles.shape[0], threads):
+            if i != own and mesh.valid[i] != wp.uint8(0):
+                corners = corners_at(mesh, i)
+                weld = weld_at(mesh, i)
+                shadowed = occludes(h, light, corners, weld, origin_size)
+                if wp.static(effects.alpha):
+                    if shadowed:
+                        shadowed = opaque_to_light(alpha, i, h, light, corners, weld, origin_size)
+                if shadowed:
+                    set_shadowed(bits, pixel, i)

@@ -14,6 +14,7 @@ from shadowbench.harness.frame.registry import make_method
 from shadowbench.harness.frame.session import Session
 from shadowbench.harness.scene.prepared import Prepared, prepare
 from shadowbench.harness.scene.scene import Light, Spot
+from shadowbench.harness.scene.surface_rules import perforated
 from shadowbench.methods.ray_grids.aim import FACE, LARGEST
 from shadowbench.methods.ray_grids.light.known import KnownRegionLight
 from shadowbench.methods.ray_grids.light.passes import LightStream
@@ -193,3 +194,63 @@ def test_triangles_that_face_away_do_not_count():
     in_use = [light.cells.rectangle.numpy()[FACE:LARGEST] == 0 for light in (found, by_rays)]
     assert in_use[0].tolist() == in_use[1].tolist()
     assert in_use[0].any()
+
+
+def test_rays_outside_the_region_of_a_spot_are_tested_against_every_triangle(device):
+    """The eye far away for its fine lens, lights where hit points are rounded to, thin cones towards where plain float64,
+    which decides whether a hit lies in them, finds these: the exact point of such a ray lies elsewhere."""
+    strays = 0
+    for seed in range(12):
+        random = np.random.default_rng(seed)
+        vertices, faces = soup(seed, 40)
+        eye = random.normal(size=3)
+        eye *= 10.0 ** random.uniform(6, 7) / np.linalg.norm(eye)
+        view = (tuple(eye), (0.0, 0.0, 0.0), float(np.degrees(3.0 / np.linalg.norm(eye))))
+        plain = make_scene(vertices, faces, [(0.0, 9.0, 0.0)], *view)
+        moment = plain.moment(0, *SIZE)
+        hit = (
+            Session(make_method("uniform_grid", {}), plain, *SIZE, device).answers(moment)["triangle"].ravel()
+        )
+        lights = []
+        for pixel in random.choice(np.flatnonzero(hit >= 0), 8):
+            a, b, c = moment.points[plain.faces[hit[pixel]]].astype(np.float64)
+            way = moment.directions(np.array([pixel]))[0].astype(np.float64)
+            start, normal = moment.eye.astype(np.float64), np.cross(b - a, c - a)
+            found = start + way * (normal @ (a - start) / (normal @ way))
+            toward = found - found.astype(np.float32)
+            if np.abs(toward).max() > 0:
+                lights.append(Light(tuple(found.astype(np.float32)), spot=Spot(tuple(toward), 0.01)))
+        prepared = make_scene(vertices, faces, lights, *view)
+        moment = prepared.moment(0, *SIZE)
+        known, by_grid = (
+            Session(make_method(*way), prepared, *SIZE, device)
+            for way in (("ray_grids", {"region": "triangles"}), ("uniform_grid", {}))
+        )
+        for _ in range(2):
+            answers, wanted = known.answers(moment), by_grid.answers(moment)
+            for name in wanted:
+                np.testing.assert_array_equal(answers[name], wanted[name])
+        strays += sum(int(light.strays.numpy()[0]) for light in lights_of_session(known))
+    assert strays > 10
+
+
+@pytest.mark.parametrize("holes", [False, True])
+def test_strays_get_the_bits_of_other_rays(holes, device):
+    """Every ray of a spot is declared a stray, and its bits are found again."""
+    spot = Light((0.3, 4.0, 0.5), spot=Spot((0.0, -1.0, 0.0), 40.0))
+    prepared = make_scene(*soup(5, 120), [spot])
+    if holes:
+        prepared = prepare(replace(prepared.scene, alpha=lambda geometry: perforated(geometry, 2, 2)))
+    session = Session(make_method("ray_grids", {"region": "triangles"}), prepared, *SIZE, device)
+    wanted = session.answers(prepared.moment(0, *SIZE))["visibility"].ravel().copy()
+    (light,) = lights_of_session(session)
+    assert isinstance(light, KnownRegionLight)
+    pixels = np.flatnonzero(session.frame.receivers.numpy()[0])
+    session.frame.answers.visibility.zero_()
+    listed = np.zeros(light.strays.size, dtype=np.int32)
+    listed[0] = len(pixels)
+    listed[1 : 1 + len(pixels)] = pixels
+    light.strays.assign(listed)
+    light.launch_strays()
+    np.testing.assert_array_equal(session.frame.answers.visibility.numpy()[0], wanted)
+    assert 0 < wanted.sum() < len(pixels)
