@@ -214,9 +214,8 @@ def _capture(passes: Sequence[Pass], device: str, running: list[tuple[Pass, Any]
             continue
         ends = []
         for branch in branches:
-            with wp.ScopedStream(
-                graphs.stream(device)
-            ) as stream:  # the branch begins at this place of the frame
+            # The branch begins at this place of the frame.
+            with wp.ScopedStream(graphs.stream(device)) as stream:
                 _capture(branch, device, running, depth + 1)
                 ends.append(stream.record_event())
         for end in ends:
@@ -238,9 +237,8 @@ def _launch_beside(passes: Sequence[Pass], device: str, running: list[tuple[Pass
             _join(needed)
             work.launch()
             continue
-        with wp.ScopedStream(
-            graphs.stream(device, work.idle)
-        ) as stream:  # it begins at this place of the frame
+        # It begins at this place of the frame.
+        with wp.ScopedStream(graphs.stream(device, work.idle)) as stream:
             _join(needed)
             work.launch()
             running.append((work, stream.record_event()))

@@ -46,19 +46,10 @@ class KnownRegionLight(LightStream):
         passes = super().map_passes(seen, place, bits)
         if self.spot:
             i = self.index
-            reads = (
-                "points",
-                "triangles",
-                "camera",
-                f"light/{i}",
-                place,
-                bits,
-                *self.effects.surface_reads(),
-            )
-            name = f"light {i}: rays outside the region"
-            passes.append(
-                Pass(name, "shadow", reads, (bits,), self.launch_strays, f"shadows/{i}", aside=True)
-            )
+            scene = ("points", "triangles", "camera", *self.effects.surface_reads())
+            reads = (*scene, f"light/{i}", place, bits)
+            name, effect = f"light {i}: rays outside the region", f"shadows/{i}"
+            passes.append(Pass(name, "shadow", reads, (bits,), self.launch_strays, effect, aside=True))
         return passes
 
     def launch_strays(self) -> None:
