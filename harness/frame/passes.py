@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -119,8 +119,8 @@ def run_passes(passes: Sequence[Pass]) -> None:
 
 
 def capture_passes(passes: Sequence[Pass], device: str) -> Any:
-    """The passes as a graph (CUDA). The ``ahead`` passes are a branch that joins at the place of the first of them, or
-    before the first condition: a conditional branch cannot be captured while another is open.
+    """The passes as a graph (CUDA). The ``ahead`` passes of each branch run beside the others, until a pass that depends on
+    one of them or the first condition: a conditional branch cannot be captured while another is open.
 
     Raises ValueError if an ``ahead`` pass reads the output of another pass of the frame, and if concurrent passes use a
     resource that one of them writes.
@@ -133,19 +133,18 @@ def capture_passes(passes: Sequence[Pass], device: str) -> Any:
             raise ValueError(
                 f"pass {work.name!r} cannot run ahead: it reads what another pass of the frame writes"
             )
-    joins = (k for k, work in enumerate(passes) if work in early or work.only_if is not None)
-    place = next(joins, len(passes))
     refuse_shared(passes)
+    branches: dict[tuple[int, ...], list[Pass]] = {}
+    for work in early:
+        branches.setdefault(work.branch, []).append(work)
     with graphs.capture(device) as captured:
-        if early:
-            with wp.ScopedStream(graphs.stream(device, idle=True)) as branch:
-                _launch(early)
-                done = branch.record_event()
         running: list[tuple[Pass, Any]] = []
-        _capture(passes[:place], device, running)
-        if early:
-            wp.wait_event(done)
-        _capture([work for work in passes[place:] if work not in early], device, running)
+        for branch in branches.values():
+            with wp.ScopedStream(graphs.stream(device, idle=True)) as stream:
+                for work in branch:
+                    work.launch()
+                    running.append((work, stream.record_event()))
+        _capture([work for work in passes if work not in early], device, running)
         _join(running)
     return captured.graph
 
@@ -197,26 +196,34 @@ def refuse_shared(passes: Sequence[Pass], depth: int = 0) -> None:
                 refuse_shared(together, depth)
 
 
-def _capture(passes: Sequence[Pass], device: str, running: list[tuple[Pass, Any]], depth: int = 0) -> None:
-    """Capture passes on the current stream. ``running``: passes aside and the events of their ends."""
+def _capture(
+    passes: Sequence[Pass],
+    device: str,
+    running: list[tuple[Pass, Any]],
+    depth: int = 0,
+    awaited: Collection[int] = (),
+) -> None:
+    """Capture passes on the current stream. ``running``: passes ahead and aside, and the events of their ends; ``awaited``:
+    those that the stream has waited for, by identity. To wait again would be another edge of the graph."""
+    awaited = set(awaited)
     for forked, branches in _forks(passes, depth):
         if not forked:
             for only_if, together in _conditional(branches[0]):
                 if only_if is None:
-                    _launch_beside(together, device, running)
+                    _launch_beside(together, device, running, awaited)
                     continue
                 _join(running)  # a conditional branch cannot be captured while another stream is open
                 running.clear()
                 wp.capture_if(only_if, lambda together=together: _capture_joined(together, device, depth))
             continue
         if len(branches) == 1:
-            _capture(branches[0], device, running, depth + 1)
+            _capture(branches[0], device, running, depth + 1, awaited)
             continue
         ends = []
         for branch in branches:
             # The branch begins at this place of the frame.
             with wp.ScopedStream(graphs.stream(device)) as stream:
-                _capture(branch, device, running, depth + 1)
+                _capture(branch, device, running, depth + 1, awaited)
                 ends.append(stream.record_event())
         for end in ends:
             wp.wait_event(end)
@@ -229,12 +236,16 @@ def _capture_joined(passes: Sequence[Pass], device: str, depth: int) -> None:
     _join(running)
 
 
-def _launch_beside(passes: Sequence[Pass], device: str, running: list[tuple[Pass, Any]]) -> None:
-    """Launch passes; each waits for those aside that it depends on, and those aside get streams of their own."""
+def _launch_beside(
+    passes: Sequence[Pass], device: str, running: list[tuple[Pass, Any]], awaited: set[int]
+) -> None:
+    """Launch passes; each waits for those that run beside it and that it depends on, unless the stream has ``awaited`` them.
+    Those aside get streams of their own."""
     for work in passes:
-        needed = [entry for entry in running if _depends(work, entry[0])]
+        needed = [entry for entry in running if id(entry[0]) not in awaited and _depends(work, entry[0])]
         if not work.aside:
             _join(needed)
+            awaited.update(id(entry[0]) for entry in needed)
             work.launch()
             continue
         # It begins at this place of the frame.

@@ -79,6 +79,10 @@ def entry(values: wp.array2d(dtype=wp.uint8), row: wp.int32, column: wp.int32) -
 def entry(values: wp.array(dtype=wp.vec2i), i: wp.int32) -> wp.vec2i: ...
 
 
+@wp.func_native(READ_WIDE.format(wide="float2", place="i", parts=TWO))
+def entry(values: wp.array(dtype=wp.vec2f), i: wp.int32) -> wp.vec2f: ...
+
+
 @wp.func_native(READ_WIDE.format(wide="int4", place="i", parts=FOUR))
 def entry(values: wp.array(dtype=wp.vec4i), i: wp.int32) -> wp.vec4i: ...
 

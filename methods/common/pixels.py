@@ -55,3 +55,9 @@ def tile_pixel(k: wp.int32, width: wp.int32, height: wp.int32) -> wp.vec2i:
     if x >= width or y >= height:
         return wp.vec2i(-1, -1)
     return wp.vec2i(x, y)
+
+
+@wp.func
+def tile_threads(width: wp.int32, height: wp.int32) -> wp.int32:
+    """How many threads :func:`tile_pixel` needs (:func:`thread_count`)."""
+    return ((width + 7) >> 3) * ((height + 3) >> 2) * 32

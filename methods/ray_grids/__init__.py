@@ -27,7 +27,7 @@ from .light.known import KnownRegionLight
 from .light.memory import RememberingLight, occluder_arrays
 from .light.passes import LightAims, LightStream
 from .light.slots import cell_arrays
-from .parameters import BESIDE, Build
+from .parameters import BESIDE, Build, Streams
 from .queues import COUNTERS, DOUBTS, ITEMS, PARTS, SMALL, Capacity, Queues, more_room
 
 MOST_TRIANGLES = 2**24
@@ -64,19 +64,20 @@ class RayGrids(BaseMethod):
         """Whether larger triangles go through queues on a GPU (``cuda``), or on the CPU."""
         return self.build.queue == "always" or (self.build.queue == "auto" and cuda)
 
-    def light_arrays(self, frame: Frame) -> dict[str, Any]:
-        """The arrays that the lights of one branch use in turn."""
-        return cell_arrays(frame, self.build)
+    def light_arrays(self, frame: Frame, build: Streams) -> dict[str, Any]:
+        """The arrays that the lights of one branch use in turn; ``build``: with what is chosen for the frame."""
+        return cell_arrays(frame, build)
 
     def plan(self, frame: Frame, effects: Effects, limits: Limits) -> list[Pass]:
         points = "exact" if sum(effects.shadows) >= BESIDE else "none"
         camera, queues = self._camera(frame, effects, limits, 1 + len(effects.shadows), points)
-        aims = LightAims(frame, len(effects.shadows))
         wanted = [i for i, wanted in enumerate(effects.shadows) if wanted]
-        branches = [(queues, self.light_arrays(frame))] if wanted else []
+        branches = [(queues, self.light_arrays(frame, camera.build))] if wanted else []
         beside = camera.build.beside if self._queued else 1
         for _ in range(1, min(len(wanted), beside)):
-            branches.append((queues.with_own_lists(), self.light_arrays(frame)))
+            branches.append((queues.with_own_lists(), self.light_arrays(frame, camera.build)))
+        along = max(branches[0][1]["cells"][k] for k in (0, 1)) if wanted else 0
+        aims = LightAims(frame, len(effects.shadows), along)
         make: Any = self.Light
         self._remembering = []
         remembers = getattr(self.build, "occluders", "none") == "last"

@@ -29,7 +29,10 @@ FACE = wp.constant(4)
 LARGEST = wp.constant(10)
 """After the faces: bits of the largest coordinate of a hit point, as float32; 0 without a ray."""
 
-RECTANGLE_WORDS = wp.constant(11)
+RANGE = wp.constant(11)
+"""Last: a bound on the magnitude of u and v of what the scene covers of face 0, as float32; at most 1."""
+
+RECTANGLE_WORDS = wp.constant(12)
 
 EMPTY = wp.constant(2147483647)
 
@@ -120,9 +123,10 @@ def aim_kernel(
     cubes: wp.array2d(dtype=wp.vec4f),
     rectangles: wp.array2d(dtype=wp.int32),
     counts: wp.array(dtype=wp.int32),
+    density: wp.array(dtype=wp.float32),
 ):
     """The position from which a light's rays are placed and the axes of its cube as rows (forward, to the scene's middle,
-    first). Empties its rectangle and counters.
+    first). Empties its rectangle, counters and ``density``.
 
     The middle is that of a few triangles: any point among the triangles is suitable, and a box of all would cost a pass.
     The lanes of a warp read them at once (``threads`` is 32, or 1 on the CPU); the first does the rest.
@@ -132,6 +136,8 @@ def aim_kernel(
     lane = wp.tid()
     for k in range(lane, counts.shape[0], threads):
         counts[k] = 0
+    for k in range(lane, density.shape[0], threads):
+        density[k] = 0.0
     for k in range(lane, SAMPLES, threads):
         i = wp.int32(wp.int64(triangle_count) * wp.int64(2 * k + 1) / wp.int64(2 * SAMPLES))
         if i < triangle_count:
@@ -168,3 +174,9 @@ def aim_kernel(
     for k in range(LARGEST):
         rectangles[index, k] = EMPTY
     rectangles[index, LARGEST] = 0
+    # No point of the scene is farther from the middle than that.
+    extent = 1.75 * reach[0] + wp.length(middle)
+    covered = wp.float32(1.0)
+    if c.distance > 2.0 * extent:
+        covered = wp.max(extent / (c.distance - extent), 1.0e-30)
+    rectangles[index, RANGE] = wp.cast(covered, wp.int32)

@@ -18,6 +18,8 @@ GROUPS = ("auto", "stream", "split")
 
 STREAMED = ("auto", "beside", "after")
 
+SPACINGS = ("auto", "even", "rays")
+
 MOST_PART = 256
 """Most pixels of a part: a warp keeps those that are doubtful (:data:`.warps.KEPT`)."""
 
@@ -49,9 +51,9 @@ PART, PART_OF_FEW = 224, 192
 """What :data:`CHOOSE` stands for with one light: with smaller parts the slowest warp of a pass ends sooner. With several
 lights, whose passes run at the same time, it is :data:`MOST_PART`."""
 
-CELL_WORK = 256.0
+CELL_WORK, SPACED_WORK = 256.0, 512.0
 """Triangles times pixels, over the third power of the cells along a face: a single face of 1024x1024 cells where a million
-rays meet 262 thousand triangles."""
+rays meet 262 thousand triangles. The second where cells are narrower where rays are dense."""
 
 FINE_FACES = 4
 """On a GPU: most faces with rays that have as many cells as a single one. Face 0 counts even without rays."""
@@ -116,8 +118,9 @@ class Build(Streams):
     """How triangles are streamed over the rays.
 
     cells          cells along each side of a face of the light's cube, a multiple of 8; 0 chooses in each frame: the third
-                   root of triangles times pixels / 256, at most 1.5 times the square root of the pixels; at most 0.6 of
-                   that where more than four faces hold rays (on a CPU and for a spot, more than one)
+                   root of triangles times pixels / 256 (with ``spacing`` "rays" 512), at most 1.5 times the square root of
+                   the pixels; at most 0.6 of that where more than four faces hold rays (on a CPU and for a spot, more
+                   than one)
     inline_pixels  a triangle whose box on the image holds at most this many pixels tests them in its own thread; a
                    larger one is queued; -1: with queues one for each 2,048 triangles, at least 8 and at most 32; else 32
     inline_cells   a triangle whose box on a face covers at most this many cells, in at most 16 rows, counts the rays in
@@ -137,6 +140,8 @@ class Build(Streams):
     streamed       where ``region`` is "triangles" and ``groups`` "stream": "beside": a light's triangles are streamed beside
                    the passes that sort its rays into cells; "after": after these, and a triangle over few cells is left
                    out if they hold no ray; "auto": beside with fewer than 90,000 triangles
+    spacing        cells of a light: "even": all of one size; "rays": narrower where more rays are expected; "auto": by the
+                   rays with queues and several lights, else even
     region         where it follows from what a light's rays cover of its cube: "triangles": from those in view, beside the
                    camera's passes, so that rays are counted in their cells where they are placed (not of a spot with
                    ``facing``);
@@ -164,6 +169,7 @@ class Build(Streams):
     queue: str = "auto"
     groups: str = "auto"
     streamed: str = "auto"
+    spacing: str = "auto"
     region: str = "auto"
     occluders: str = "none"
     threads: int = 0
@@ -181,6 +187,8 @@ class Build(Streams):
             raise ValueError(f"must be one of {', '.join(GROUPS)}")
         if self.streamed not in STREAMED:
             raise ValueError(f"must be one of {', '.join(STREAMED)}")
+        if self.spacing not in SPACINGS:
+            raise ValueError(f"must be one of {', '.join(SPACINGS)}")
         if self.region not in REGIONS:
             raise ValueError(f"must be one of {', '.join(REGIONS)}")
         if self.occluders not in OCCLUDERS:
@@ -189,7 +197,8 @@ class Build(Streams):
     def cells_along(self, triangles: int, pixels: int, cuda: bool) -> tuple[int, int, int]:
         # Finer cells take longer to clear and sum; in coarser ones more rays are tested that a triangle does not cover.
         side = math.sqrt(pixels)
-        few = min((triangles * pixels / CELL_WORK) ** (1.0 / 3.0), 1.5 * side)
+        work = SPACED_WORK if self.spacing == "rays" else CELL_WORK
+        few = min((triangles * pixels / work) ** (1.0 / 3.0), 1.5 * side)
         many = min(7.0 / 16.0 * side * max(1.0, 2.0 * triangles / pixels) ** 0.25, 0.6 * few)
         return self._whole(many, few, FINE_FACES if cuda else 1)
 
@@ -212,6 +221,8 @@ class Build(Streams):
         chosen["groups"] = groups
         if self.streamed == "auto":
             chosen["streamed"] = "beside" if queued and triangles < STREAM_BESIDE_BELOW else "after"
+        if self.spacing == "auto":
+            chosen["spacing"] = "rays" if queued and lights > 1 else "even"
         if self.region == "auto":
             pays = queued and lights == 1 and REGION_PIXELS * triangles < pixels
             chosen["region"] = "triangles" if pays else "rays"

@@ -4,7 +4,7 @@ A triangle's rows differ in length. Each lane finds one row's pixels or rays; th
 lanes, and then all lanes take the pixels or rays of all rows in turn, 32 at a time: every lane has work, however long or
 short the rows are. Warp's language has no functions for this, so these are native snippets. They are for the GPU: kernels
 for the CPU process the rows one after the other. The functions that these call too apply to one thread
-(:func:`least_of_lanes`) or do nothing (:func:`scan_row`).
+(:func:`least_of_lanes`, :func:`lanes_with`, :func:`of_lane`) or do nothing (:func:`scan_row`).
 """
 
 from __future__ import annotations
@@ -51,6 +51,17 @@ return value;
 """)
 def least_of_lanes(value: wp.float32) -> wp.float32:
     """The least of the values of all lanes. All lanes must call it."""
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+return __ballot_sync(0xffffffffu, wanted);
+#else
+return wanted ? 1u : 0u;
+#endif
+""")
+def lanes_with(wanted: wp.bool) -> wp.uint32:
+    """A bit for each lane that is ``wanted``. All lanes must call it."""
 
 
 @wp.func_native("""

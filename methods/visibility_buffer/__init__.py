@@ -17,6 +17,7 @@ from ...harness.errors import CapacityRejected
 from ...harness.frame.frame import Frame
 from ..ray_grids import RayGrids
 from ..ray_grids.light.slots import cell_arrays
+from ..ray_grids.parameters import Streams
 from .parameters import Build
 from .passes import CameraRaster, LightRaster
 
@@ -36,8 +37,8 @@ class VisibilityBuffer(RayGrids):
     def uses_queues(self, cuda: bool) -> bool:
         return True
 
-    def light_arrays(self, frame: Frame) -> dict[str, Any]:
-        arrays = cell_arrays(frame, self.build, sorted_rays=False)
+    def light_arrays(self, frame: Frame, build: Streams) -> dict[str, Any]:
+        arrays = cell_arrays(frame, build, sorted_rays=False)
         texels = 64 * arrays["farthest"].size
         if 4 * texels > self._memory:
             raise CapacityRejected(

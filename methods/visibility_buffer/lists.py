@@ -12,7 +12,7 @@ from ...harness.frame.geometry import Camera
 from ...harness.frame.specialise import effects
 from ..common.entries import entry
 from ..common.pixels import tile_pixel
-from ..ray_grids.light.bins import cell_along
+from ..ray_grids.light.bins import cell_of
 from ..ray_grids.light.points import Words, has_hit
 from ..ray_grids.light.rays import Occluder, ShadowBits, test_ray
 from ..ray_grids.light.reach import raise_farthest, tile_index
@@ -58,11 +58,9 @@ def insert_kernel(
         return
     p = entry(cells.place, pixel)
     face = wp.int32(p[2])
-    r = face_rectangle(face, cells.rectangle, along)
-    x = cell_along(p[0], r[0], r[2], along)
-    y = cell_along(p[1], r[1], r[3], along)
-    raise_farthest(cells.farthest, face, x, y, wp.max(p[3], LEAST_DEPTH), along)
-    following = wp.atomic_exch(head, texel_index(face, x, y, along), pixel + 1)
+    texel = cell_of(p, face, face_rectangle(face, cells.rectangle), along, cells)
+    raise_farthest(cells.farthest, face, texel[0], texel[1], wp.max(p[3], LEAST_DEPTH), along)
+    following = wp.atomic_exch(head, texel_index(face, texel[0], texel[1], along), pixel + 1)
     cells.point[pixel][3] = wp.cast(following, wp.float32)
 
 

@@ -23,7 +23,7 @@ from ..ray_grids.light.cells import (
     cube_space,
     flat_box,
     leaves_out,
-    on_cells,
+    on_bins,
     sides_of_flat,
     sides_of_planes,
 )
@@ -71,13 +71,20 @@ def stored_sides(queue: Queue, place: wp.int32) -> Sides:
 
 
 @wp.func
-def covers_some(sides: Sides, work: wp.vec4i, box: wp.vec4i) -> wp.bool:
-    """Whether a queued triangle may cover a texel of a box within its own."""
+def ends_of_row(sides: Sides, work: wp.vec4i, y: wp.int32, cells: RayCells) -> wp.vec2i:
+    """First and last texel of a row that a queued triangle may cover."""
     whole = queued_box(work)
+    along = cells_of(last_row(cells.table))
+    return cells_of_row(sides, queued_face(work), y, whole[0], whole[2], along, cells)
+
+
+@wp.func
+def covers_some(sides: Sides, work: wp.vec4i, box: wp.vec4i, cells: RayCells) -> wp.bool:
+    """Whether a queued triangle may cover a texel of a box within its own."""
     y = wp.int32(box[1])
     found = wp.bool(False)
     while y <= box[3] and not found:
-        ends = cells_of_row(sides, y, whole[0], whole[2])
+        ends = ends_of_row(sides, work, y, cells)
         found = ends[0] <= box[2] and ends[1] >= box[0] and ends[0] <= ends[1]
         y += 1
     return found
@@ -133,7 +140,8 @@ def raster_kernel(
         fb = on_face(qb, face)
         fc = on_face(qc, face)
         if not leaves_out(several, fa, fb, fc, slack):
-            box = flat_box(on_cells(fa, fb, fc, reach, entry(cells.table, face)), along)
+            flat = on_bins(fa, fb, fc, reach, entry(cells.table, face))
+            box = flat_box(flat, face, along, cells)
             least = nearest_depth(fa, fb, fc, slack)
             if box[2] >= box[0] and not all_rays_end_before(least, cells.farthest, face, box, along):
                 if here < 0 and (box[2] - box[0] + 1) * (box[3] - box[1] + 1) <= inline_cells:
@@ -169,7 +177,6 @@ def setup_kernel(
     stop = held_large(queue)
     cube = cube_of(cubes, light)
     row = last_row(cells.table)
-    along = cells_of(row)
     while place < stop:
         work = entry(queue.large, place)
         face = queued_face(work)
@@ -179,12 +186,12 @@ def setup_kernel(
         fa = on_face(cube_space(corners.a, cube), face)
         fb = on_face(cube_space(corners.b, cube), face)
         fc = on_face(cube_space(corners.c, cube), face)
-        flat = on_cells(fa, fb, fc, reach, r)
+        flat = on_bins(fa, fb, fc, reach, r)
         sides = Sides()
         if flat.known:
             sides = sides_of_flat(flat)
         else:
-            sides = sides_of_planes(lights[light], cube, face, corners, r, along)
+            sides = sides_of_planes(lights[light], cube, face, corners, r)
         set_entry(queue.groups, place, 0, sides.line0)
         set_entry(queue.groups, place, 1, sides.line1)
         set_entry(queue.groups, place, 2, sides.line2)
@@ -215,7 +222,7 @@ def split_kernel(threads: wp.int32, lanes: wp.int32, cells: RayCells, queue: Que
                     box = tile_box(work, tile)
                     if not is_empty(cells.farthest, face, tile, along):
                         if not all_rays_end_before(least, cells.farthest, face, box, along):
-                            if covers_some(stored_sides(queue, group[0]), work, box):
+                            if covers_some(stored_sides(queue, group[0]), work, box, cells):
                                 queue_tile(queue, group[0], tile)
 
 
@@ -241,7 +248,6 @@ def tile_kernel(
             face = queued_face(work)
             tile = queued_tile(part)
             box = tile_box(work, tile)
-            whole = queued_box(work)
             sides = stored_sides(queue, part[0])
             occluder = Occluder()
             occluder.i = queued_triangle(work)
@@ -258,6 +264,6 @@ def tile_kernel(
                 first = entry(head, texel_index(face, x, y, along))
                 k += lanes
                 if first > 0 and is_in(box, x, y):
-                    ends = cells_of_row(sides, y, whole[0], whole[2])
+                    ends = ends_of_row(sides, work, y, cells)
                     if x >= ends[0] and x <= ends[1]:
                         test_list(bits, queue, cells, first, occluder)

@@ -60,6 +60,7 @@ CHOICES: dict[str, dict[str, tuple[str, ...]]] = {
         "shares": ("1", "2", "3"),
         "beside": ("1", "2"),
         "region": ("rays", "triangles"),
+        "spacing": ("even", "rays"),
         "groups": ("split", "stream"),
         "streamed": ("after", "beside"),
     },

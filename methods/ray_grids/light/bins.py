@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import warp as wp
 
 from ....harness.frame.geometry import Camera, Mesh
 from ....harness.frame.specialise import effects
 from ...common.entries import entry, entry_if, set_entry
-from ...common.pixels import tile_pixel
+from ...common.pixels import tile_pixel, tile_threads
 from ...common.reserve import number_among
 from ...common.triangle import spare_bits
 from ..cube import record_place
 from ..queues import RAYS
 from ..warps import scan_row
+from .expected import expect_ray
 from .points import Placed, Point, Words, has_hit, placed, placed_exactly, point_of, point_of_word
 from .reach import empty_tiles, raise_from, tile_index
 from .slots import SPARE, RayCells, place_in_order, set_slot
+from .spacing import in_cells, set_edges
 from .table import cells_in_use, cells_of, face_in_use, face_rectangle, last_row, set_table
 
 STORED_FACE = wp.constant(8)
@@ -27,9 +31,12 @@ care spill; with 32 the others would, too."""
 
 
 @wp.func
-def cell_along(x: wp.float32, low: wp.float32, per_unit: wp.float32, cells: wp.int32) -> wp.int32:
-    """Monotone; triangles are mapped by the same numbers, with a pad far larger than the rounding here."""
-    return wp.int32(wp.clamp((x - low) * per_unit, 0.0, wp.float32(cells) - 0.5))
+def cell_of(p: wp.vec4f, face: wp.int32, r: wp.vec4f, along: wp.int32, cells: Any) -> wp.vec2i:
+    """Column and row of a ray's cell, given its place (u, v, ...) and its face's row of the table."""
+    x = in_cells(cells, 0, face, (p[0] - r[0]) * r[2], along)
+    y = in_cells(cells, 1, face, (p[1] - r[1]) * r[3], along)
+    last = wp.float32(along) - 0.5
+    return wp.vec2i(wp.int32(wp.min(x, last)), wp.int32(wp.min(y, last)))
 
 
 @wp.func
@@ -69,7 +76,7 @@ def rays_in_box(offset: wp.array(dtype=wp.int32), face: wp.int32, box: wp.vec4i,
 
 
 @wp.func
-def store_point(pixel: wp.int32, triangle: wp.int32, h: wp.vec3f, cells: RayCells):
+def store_point(pixel: wp.int32, triangle: wp.int32, h: wp.vec3f, cells: Any):
     """Store a pixel's hit point and what its ray hit."""
     set_entry(cells.triangle, pixel, triangle)
     set_entry(cells.point, pixel, wp.vec4f(h[0], h[1], h[2], wp.cast(pixel, wp.float32)))
@@ -87,7 +94,7 @@ def place_ray(
     light: wp.vec3f,
     axes: wp.mat33d,
     keeps: wp.bool,
-    cells: RayCells,
+    cells: Any,
 ):
     """Store the place of a pixel's ray, if it has one (``wanted``). All threads of a block must call it.
 
@@ -108,6 +115,7 @@ def place_ray(
         if not keeps:
             p[2] += wp.float32(STORED_FACE)
         set_entry(cells.place, pixel, p)
+    expect_ray(pixel, found.place, cells)
     record_place(found.place, found.size, cells.rectangle)
 
 
@@ -156,45 +164,51 @@ def count_in_cell(
     r: wp.vec4f,
     along: wp.int32,
     stored: wp.bool,
-    cells: RayCells,
+    cells: Any,
 ):
     """Count the ray of a pixel in its cell, given its place, the face's rectangle and the cells along it; ``stored``:
     whether its point is."""
-    x = cell_along(p[0], r[0], r[2], along)
-    y = cell_along(p[1], r[1], r[3], along)
-    cell = cell_index(face, x, y, along)
+    at = cell_of(p, face, r, along, cells)
+    cell = cell_index(face, at[0], at[1], along)
     # Loaded before the rank is waited for.
-    tile = tile_index(face, x, y, along)
+    tile = tile_index(face, at[0], at[1], along)
     seen = entry(cells.farthest, tile)
     set_slot(pixel, cell, number_among(cells.count, cell), stored, cells)
     raise_from(seen, cells.farthest, tile, p[3])
 
 
 @wp.func
-def count_ray(pixel: wp.int32, p: wp.vec4f, cells: RayCells):
+def count_ray(pixel: wp.int32, p: wp.vec4f, cells: Any):
     """Count the ray of a pixel in its cell, given its place."""
     face = wp.int32(p[2]) & (STORED_FACE - 1)
     along = cells_in_use(cells.rectangle, cells.cells)
     stored = p[2] >= wp.float32(STORED_FACE)
-    count_in_cell(pixel, p, face, face_rectangle(face, cells.rectangle, along), along, stored, cells)
+    count_in_cell(pixel, p, face, face_rectangle(face, cells.rectangle), along, stored, cells)
 
 
 @wp.func
-def count_in_table(pixel: wp.int32, p: wp.vec4f, stored: wp.bool, cells: RayCells):
+def set_row_edges(thread: wp.int32, camera: Camera, cells: Any):
+    """Set where rows begin, by the threads of an image, where the spacing is known before the rays are placed."""
+    along = cells_of(last_row(cells.table))
+    set_edges(thread, tile_threads(camera.width, camera.height), cells, along)
+
+
+@wp.func
+def count_in_table(pixel: wp.int32, p: wp.vec4f, stored: wp.bool, cells: Any):
     """:func:`count_ray`, where the faces' rectangles are in the table already."""
     face = wp.int32(p[2])
     count_in_cell(pixel, p, face, entry(cells.table, face), cells_of(last_row(cells.table)), stored, cells)
 
 
 @wp.func
-def count_quickly(pixel: wp.int32, triangle: wp.int32, found: Placed, cells: RayCells):
+def count_quickly(pixel: wp.int32, triangle: wp.int32, found: Placed, cells: Any):
     """Count a ray that the word places: its point is not stored (:func:`place_ray`)."""
     set_entry(cells.triangle, pixel, triangle)
     count_in_table(pixel, found.place, False, cells)
 
 
 @wp.func
-def count_exactly(pixel: wp.int32, triangle: wp.int32, found: Placed, cells: RayCells):
+def count_exactly(pixel: wp.int32, triangle: wp.int32, found: Placed, cells: Any):
     """Count a ray that the triangle places, and store its point."""
     store_point(pixel, triangle, found.h, cells)
     count_in_table(pixel, found.place, True, cells)
@@ -210,7 +224,7 @@ def count_placed(
     mesh: Mesh,
     light: wp.vec3f,
     axes: wp.mat33d,
-    cells: RayCells,
+    cells: Any,
 ):
     """Place the ray of a pixel and count it in its cell, where the rectangle is known. Points are stored
     as by :func:`place_ray`."""
@@ -254,9 +268,9 @@ def table_kernel(cells: RayCells):
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
-def scan_kernel(tabled: wp.bool, cells: RayCells, counts: wp.array(dtype=wp.int32)):
-    """Where each row's rays lie (GPU: 128 threads per row, faces without rays left out), and the table for triangles,
-    unless they are ``tabled``."""
+def scan_kernel(threads: wp.int32, tabled: wp.bool, cells: RayCells, counts: wp.array(dtype=wp.int32)):
+    """Where each row's rays lie (GPU: 128 threads per row, faces without rays left out), and the table and the edges of rows
+    for triangles, unless they are ``tabled``."""
     k = wp.tid()
     row = k // 128
     along = cells_in_use(cells.rectangle, cells.cells)
@@ -267,11 +281,12 @@ def scan_kernel(tabled: wp.bool, cells: RayCells, counts: wp.array(dtype=wp.int3
         scan_row(cells.count, cells.offset, first, along, counts, RAYS)
     if not tabled:
         set_table(k, cells.rectangle, cells.table, along)
+        set_edges(k, threads, cells, along)
 
 
 @wp.func
 def put_ray(
-    rays: Words, pixel: wp.int32, at: wp.vec2i, slot: wp.int32, camera: Camera, mesh: Mesh, cells: RayCells
+    rays: Words, pixel: wp.int32, at: wp.vec2i, slot: wp.int32, camera: Camera, mesh: Mesh, cells: Any
 ):
     """Put the ray of a pixel in column and row ``at`` where its slot says, if it has one."""
     if slot == -1:

@@ -1,10 +1,12 @@
 """Which cells of a face of the light's cube a triangle covers: float32, relative to the scene's middle.
 
-Rays are placed in float64; a pad covers the float32 rounding of a triangle's corners, so a cell is left out only if no
-ray in it can meet the triangle.
+Coordinates on a face are in bins, which become cells in the end (:mod:`.spacing`). Rays are placed in float64; a pad covers
+the float32 rounding of a triangle's corners, so a cell is left out only if no ray in it can meet the triangle.
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 import warp as wp
 
@@ -13,6 +15,7 @@ from ...common.division import LARGEST_DIVISOR, LEAST_DIVISOR, about_inverse
 from ...common.triangle import U32, largest, total
 from ..aim import Cube
 from ..cube import on_face
+from .spacing import BIN_SLACK, BINS, CELL_SLACK, in_cells, row_between
 
 FINEST = wp.constant(2.0**-31)
 """32 u of this are 2^-50: a ray's place is a difference of float64, known to 2^-50 of the way to the light. More than u
@@ -21,7 +24,7 @@ where a few vertices lie 2^26 times as far away as the others, and the light far
 
 @wp.struct
 class Flat:
-    """A triangle projected to cell coordinates of a face. ``pad`` bounds the error of a coordinate.
+    """A triangle projected to a face, in bins (:mod:`.spacing`). ``pad`` bounds the error of a coordinate.
 
     ``known``: :func:`is_projected`.
     """
@@ -59,12 +62,11 @@ def is_projected(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> wp.bool:
 
 
 @wp.func
-def on_cells(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, reach: wp.float32, r: wp.vec4f) -> Flat:
-    """Cell coordinates of the corners on a face (corners given as along, across, up).
+def on_bins(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, reach: wp.float32, r: wp.vec4f) -> Flat:
+    """The corners on a face (given as along, across, up) in bins; ``r``: the face's row of the table.
 
     ``reach`` bounds |p - middle|_1 of the corners: across and up are known to 8 u of it, so u = across / along to
-    (1 + |u|) 16 u reach / along, and to 3 u of itself (:func:`...common.division.about_inverse`); a thousandth of a cell
-    covers the scaling.
+    (1 + |u|) 16 u reach / along, and to 3 u of itself (:func:`...common.division.about_inverse`).
     """
     flat = Flat()
     flat.known = is_projected(a, b, c)
@@ -89,29 +91,42 @@ def on_cells(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, reach: wp.float32, r: wp.vec
         flat.a = wp.vec2f((ua[0] - low_u) * per_u, (ua[1] - low_v) * per_v)
         flat.b = wp.vec2f((ub[0] - low_u) * per_u, (ub[1] - low_v) * per_v)
         flat.c = wp.vec2f((uc[0] - low_u) * per_u, (uc[1] - low_v) * per_v)
-        flat.pad = 32.0 * U32 * ((1.0 + widest) * reach * nearness + widest) * wp.max(per_u, per_v) + 1.0e-3
+        flat.pad = (
+            32.0 * U32 * ((1.0 + widest) * reach * nearness + widest) * wp.max(per_u, per_v) + BIN_SLACK
+        )
     return flat
 
 
 @wp.func
-def whole_cells(x: wp.float32, cells: wp.int32) -> wp.int32:
-    return wp.int32(wp.clamp(x, 0.0, wp.float32(cells) - 0.5))
+def first_cell(cells: Any, axis: wp.int32, face: wp.int32, t: wp.float32, along: wp.int32) -> wp.int32:
+    """The first column or row that may hold a ray at t (in bins) or beyond."""
+    return wp.int32(wp.max(in_cells(cells, axis, face, t, along) - CELL_SLACK, 0.0))
 
 
 @wp.func
-def flat_box(flat: Flat, cells: wp.int32) -> wp.vec4i:
-    """First and last column and row of cells; empty if last < first. All cells if corners cannot be projected."""
+def last_cell(cells: Any, axis: wp.int32, face: wp.int32, t: wp.float32, along: wp.int32) -> wp.int32:
+    """The last column or row that may hold a ray at t (in bins) or before."""
+    return wp.min(wp.int32(in_cells(cells, axis, face, t, along) + CELL_SLACK), along - 1)
+
+
+@wp.func
+def flat_box(flat: Flat, face: wp.int32, along: wp.int32, cells: Any) -> wp.vec4i:
+    """First and last column and row of cells, ``along`` on the face; empty if last < first. All cells if corners cannot be
+    projected."""
     if not flat.known:
-        return wp.vec4i(0, 0, cells - 1, cells - 1)
+        return wp.vec4i(0, 0, along - 1, along - 1)
     x0 = wp.min(flat.a[0], wp.min(flat.b[0], flat.c[0])) - flat.pad
     y0 = wp.min(flat.a[1], wp.min(flat.b[1], flat.c[1])) - flat.pad
     x1 = wp.max(flat.a[0], wp.max(flat.b[0], flat.c[0])) + flat.pad
     y1 = wp.max(flat.a[1], wp.max(flat.b[1], flat.c[1])) + flat.pad
-    n = wp.float32(cells)
+    n = wp.float32(BINS)
     if x1 < 0.0 or y1 < 0.0 or x0 > n or y0 > n:
         return wp.vec4i(0, 0, -1, -1)
     return wp.vec4i(
-        whole_cells(x0, cells), whole_cells(y0, cells), whole_cells(x1, cells), whole_cells(y1, cells)
+        first_cell(cells, 0, face, x0, along),
+        first_cell(cells, 1, face, y0, along),
+        last_cell(cells, 0, face, x1, along),
+        last_cell(cells, 1, face, y1, along),
     )
 
 
@@ -140,8 +155,8 @@ def leaves_out(several: wp.bool, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, slack: w
 
 @wp.struct
 class Sides:
-    """Lines that bound a triangle's cells: in row y, the cell coordinate line[0] + (y - line[1]) line[2] is a lower bound
-    where line[3] > 0, an upper bound where it is < 0, and no bound where it is 0."""
+    """Lines that bound a triangle on a face, in bins: at height y, line[0] + (y - line[1]) line[2] is a lower bound where
+    line[3] > 0, an upper bound where it is < 0, and no bound where it is 0."""
 
     line0: wp.vec4f
     line1: wp.vec4f
@@ -152,8 +167,8 @@ class Sides:
 def side_of(p: wp.vec2f, q: wp.vec2f, other: wp.vec2f, pad: wp.float32) -> wp.vec4f:
     """The line of an edge p-q; ``other`` lies on the inner side.
 
-    A point of the triangle is a mean of corners, so it is off by no more than the pad of a corner, up and across;
-    half a row on either side belongs to the row. The rounding of the line is small compared with the slack.
+    A point of the triangle is a mean of corners, so it is off by no more than the pad of a corner, up and across. The
+    rounding of the line is small compared with the slack.
     """
     rise = q[1] - p[1]
     if not (wp.abs(rise) > 1.0e-6 * (wp.abs(q[0] - p[0]) + 1.0)):
@@ -163,8 +178,8 @@ def side_of(p: wp.vec2f, q: wp.vec2f, other: wp.vec2f, pad: wp.float32) -> wp.ve
     if other[0] < p[0] + (other[1] - p[1]) * slope:
         side = -1.0
     far = wp.max(wp.abs(p[0]), wp.max(wp.abs(q[0]), wp.abs(other[0])))
-    slack = pad + wp.abs(slope) * (0.502 + pad) + 1.0e-5 * wp.max(far, 1.0)
-    return wp.vec4f(p[0] - side * slack, p[1] - 0.5, slope, side)
+    slack = pad + wp.abs(slope) * (pad + BIN_SLACK) + 1.0e-5 * wp.max(far, 1.0)
+    return wp.vec4f(p[0] - side * slack, p[1], slope, side)
 
 
 @wp.func
@@ -177,8 +192,9 @@ def sides_of_flat(flat: Flat) -> Sides:
 
 
 @wp.func
-def side_of_plane(n: wp.vec3f, error: wp.float32, r: wp.vec4f, middle: wp.float32) -> wp.vec4f:
-    """The line n0 + n1 u + n2 v >= -error in cell coordinates, taken from row ``middle``."""
+def side_of_plane(n: wp.vec3f, error: wp.float32, r: wp.vec4f) -> wp.vec4f:
+    """The line n0 + n1 u + n2 v >= -error in bins, taken from the middle of the face."""
+    middle = 0.5 * wp.float32(BINS)
     # A line along the row is replaced by a very steep one: |u| <= 1, so the difference is at most three errors. One is for
     # the line, and one for what a hit point may be off in v (:mod:`.points`).
     across = n[1]
@@ -190,14 +206,12 @@ def side_of_plane(n: wp.vec3f, error: wp.float32, r: wp.vec4f, middle: wp.float3
     if not (wp.abs(slope) < 1.0e9 and wp.abs(u) < 1.0e9):
         return wp.vec4f(0.0, 0.0, 0.0, 0.0)
     side = wp.sign(across)
-    slack = 0.1 + wp.abs(slope) * 0.52 + (5.0 * error / wp.abs(across) + 2.0e-5) * r[2]
-    return wp.vec4f((u - r[0]) * r[2] - side * slack, middle - 0.5, slope, side)
+    slack = 0.004 + wp.abs(slope) * (4.0 * BIN_SLACK) + (5.0 * error / wp.abs(across) + 2.0e-5) * r[2]
+    return wp.vec4f((u - r[0]) * r[2] - side * slack, middle, slope, side)
 
 
 @wp.func
-def sides_of_planes(
-    light: wp.vec3f, cube: Cube, face: wp.int32, corners: Corners, r: wp.vec4f, cells: wp.int32
-) -> Sides:
+def sides_of_planes(light: wp.vec3f, cube: Cube, face: wp.int32, corners: Corners, r: wp.vec4f) -> Sides:
     """Lines of a triangle that reaches behind the face's centre.
 
     On a face the planes through the light and the edges are lines n0 + n1 u + n2 v >= 0; they hold for triangles
@@ -218,30 +232,43 @@ def sides_of_planes(
         return sides
     sign = wp.sign(det)
     error = 256.0 * U32 * reach * edge
-    middle = 0.5 * wp.float32(cells)
-    sides.line0 = side_of_plane(wp.cross(qb, bc) * sign, error, r, middle)
-    sides.line1 = side_of_plane(wp.cross(qc, ca) * sign, error, r, middle)
-    sides.line2 = side_of_plane(wp.cross(qa, ab) * sign, error, r, middle)
+    sides.line0 = side_of_plane(wp.cross(qb, bc) * sign, error, r)
+    sides.line1 = side_of_plane(wp.cross(qc, ca) * sign, error, r)
+    sides.line2 = side_of_plane(wp.cross(qa, ab) * sign, error, r)
     return sides
 
 
 @wp.func
-def cells_of_row(sides: Sides, y: wp.int32, first: wp.int32, last: wp.int32) -> wp.vec2i:
+def cells_of_row(
+    sides: Sides,
+    face: wp.int32,
+    y: wp.int32,
+    first: wp.int32,
+    last: wp.int32,
+    along: wp.int32,
+    cells: Any,
+) -> wp.vec2i:
     """First and last cell of first..last in row y that the triangle may cover; none if last < first."""
-    low = wp.float32(first)
-    high = wp.float32(last)
+    row = row_between(cells, face, y, along)
+    low = wp.float32(0.0)
+    high = wp.float32(BINS)
     for k in range(3):
         line = sides.line0
         if k == 1:
             line = sides.line1
         if k == 2:
             line = sides.line2
-        x = line[0] + (wp.float32(y) - line[1]) * line[2]
+        # A line bounds the row by what it is where the row begins or ends.
+        at = wp.where(line[2] * line[3] > 0.0, row[0], row[1])
+        x = line[0] + (at - line[1]) * line[2]
         # A line that is not a number leaves nothing out.
         if line[3] > 0.0 and x > low:
             low = x
         if line[3] < 0.0 and x < high:
             high = x
+    if low > high:
+        return wp.vec2i(0, -1)
     return wp.vec2i(
-        wp.int32(wp.floor(wp.min(low, wp.float32(last + 1)))), wp.int32(wp.floor(wp.max(high, -1.0)))
+        wp.max(first, first_cell(cells, 0, face, low, along)),
+        wp.min(last, last_cell(cells, 0, face, high, along)),
     )

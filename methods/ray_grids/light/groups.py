@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import warp as wp
 
 from ...common.entries import entry
@@ -17,21 +19,20 @@ def rays_of_row(
     limits: wp.int32,
     r: wp.int32,
     sides: Sides,
-    cells: wp.int32,
-    offset: wp.array(dtype=wp.int32),
+    along: wp.int32,
+    cells: Any,
 ) -> wp.vec2i:
     """First ray and end in row r of a group, cut to the triangle; ``which``, ``limits``: the first words of the group."""
     y = (which >> 16) + r
-    ends = cells_of_row(sides, y, limits & 65535, limits >> 16)
+    face = which & 15
+    ends = cells_of_row(sides, face, y, limits & 65535, limits >> 16, along, cells)
     if ends[1] < ends[0]:
         return wp.vec2i(0, 0)
-    return span_of(offset, which & 15, ends[0], ends[1], y, cells)
+    return span_of(cells.offset, face, ends[0], ends[1], y, along)
 
 
 @wp.func
-def shared_rays_of_row(
-    group: wp.int32, r: wp.int32, cells: wp.int32, offset: wp.array(dtype=wp.int32)
-) -> wp.vec2i:
+def shared_rays_of_row(group: wp.int32, r: wp.int32, along: wp.int32, cells: Any) -> wp.vec2i:
     """:func:`rays_of_row` of a group in shared memory; none beyond its rows."""
     head = shared_entry(True, group, wp.vec4f())
     which = wp.cast(head[0], wp.int32)
@@ -41,7 +42,7 @@ def shared_rays_of_row(
         sides.line0 = shared_entry(True, group + 16, wp.vec4f())
         sides.line1 = shared_entry(True, group + 32, wp.vec4f())
         sides.line2 = shared_entry(True, group + 48, wp.vec4f())
-        span = rays_of_row(which, wp.cast(head[1], wp.int32), r, sides, cells, offset)
+        span = rays_of_row(which, wp.cast(head[1], wp.int32), r, sides, along, cells)
     return span
 
 

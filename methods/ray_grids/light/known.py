@@ -12,6 +12,7 @@ from ....harness.frame.specialise import specialised
 from ...common.bands import Threads
 from ..aim import FACES
 from ..queues import BLOCK_DIM
+from ..warps import LANES
 from . import bins as light_bins
 from . import region as light_region
 from . import spots as light_spots
@@ -23,8 +24,10 @@ class KnownRegionLight(LightStream):
 
     strays: int32 [1 + pixels], of a spot: its rays outside the region (:mod:`.spots`).
 
-    facing: uint8 [triangles]: whether those in view face the light, if only then their hits have a ray. Not shared with the
-    branch's other lights: all aim before the first of them places its rays.
+    facing: uint8 [triangles]: whether those in view face the light, if only then their hits have a ray.
+
+    alone: whether no other light uses the arrays of the branch. They do not aim in turns: what :meth:`launch_aim` writes
+    belongs to this light.
     """
 
     tabled: ClassVar[bool] = True
@@ -32,6 +35,7 @@ class KnownRegionLight(LightStream):
 
     def __init__(self, *given: Any):
         super().__init__(*given)
+        self.alone = len(self.effects.shadows) == 1
         self.spot = any(self.effects.limited[self.index : self.index + 1])
         count = max(1, self.frame.triangle_count) if self.marking and not self.spot else 0
         # Where the stream tests rays, or counts them, they must lie in their cells.
@@ -66,11 +70,15 @@ class KnownRegionLight(LightStream):
     def launch_aim(self) -> None:
         super().launch_aim()
         f = self.frame
-        threads = max(1, f.triangle_count)
+        threads = -(-max(1, f.triangle_count) // BLOCK_DIM) * BLOCK_DIM
+        lanes = int(LANES) if self.queues.cuda else 1
         wp.launch(
-            specialised(light_region.bounds_kernel, replace(self.switches, receivers=self.facing.size > 0)),
+            specialised(
+                self.of_cells(light_region.bounds_kernel),
+                replace(self.switches, receivers=self.facing.size > 0),
+            ),
             dim=threads,
-            inputs=[threads, self.index, f.camera, self.aims.cubes, f.mesh, f.lights],
+            inputs=[threads, lanes, self.alone, self.index, f.camera, self.aims.cubes, f.mesh, f.lights],
             outputs=[self.cells, self.facing],
             device=f.device,
             block_dim=BLOCK_DIM,
@@ -84,15 +92,21 @@ class KnownRegionLight(LightStream):
                 device=f.device,
             )
         wp.launch(
-            light_bins.table_kernel, dim=int(FACES) + 1, inputs=[], outputs=[self.cells], device=f.device
+            self.of_cells(light_bins.table_kernel),
+            dim=int(FACES) + 1,
+            inputs=[],
+            outputs=[self.cells],
+            device=f.device,
         )
+        if self.spaced:
+            self.launch_spacing()
 
     def launch_map(self) -> None:
         cells = self.cells
         if not self.queues.cuda:
             cells.count.zero_()
-        if len(self.effects.shadows) > 1:
-            cells.farthest.zero_()  # another light of the branch has used it since launch_aim
+        if not self.alone:
+            cells.farthest.zero_()
         if self.reached.size:
             self.reached.zero_()
         self.ranges.run(self._place_receivers if self.spot else self._place)
@@ -100,7 +114,7 @@ class KnownRegionLight(LightStream):
     def _place_receivers(self, threads: Threads) -> None:
         f, a = self.frame, self.aims
         wp.launch(
-            light_spots.place_kernel,
+            self.of_cells(light_spots.place_kernel),
             dim=threads.number,
             inputs=[
                 threads.first, self.index, f.camera, f.mesh, f.lights, f.spots, a.posts, a.axes, self.rays,
@@ -112,7 +126,7 @@ class KnownRegionLight(LightStream):
     def _place(self, threads: Threads) -> None:
         f, a = self.frame, self.aims
         wp.launch(
-            specialised(light_region.place_kernel, self.switches),
+            specialised(self.of_cells(light_region.place_kernel), self.switches),
             dim=threads.number,
             inputs=[
                 threads.first, self.index, f.camera, a.posts, a.axes, f.mesh, self.rays, self.facing,
@@ -133,7 +147,7 @@ class KnownRegionLight(LightStream):
     def _scatter_hits(self, threads: Threads) -> None:
         f = self.frame
         wp.launch(
-            specialised(light_region.scatter_kernel, self.switches),
+            specialised(self.of_cells(light_region.scatter_kernel), self.switches),
             dim=threads.number,
             inputs=[threads.first, self.index, f.camera, f.mesh, self.rays, f.receivers],
             outputs=[self.cells],

@@ -11,7 +11,7 @@ from ....harness.frame.frame import Frame
 from ....harness.frame.geometry import filled
 from ....harness.frame.passes import Pass
 from ....harness.frame.receivers import reached_by
-from ....harness.frame.specialise import specialised
+from ....harness.frame.specialise import specialised, with_type
 from ....harness.scene.effects import Effects
 from ...common.bands import ThreadRanges, Threads
 from .. import aim as light_aim
@@ -19,29 +19,36 @@ from ..parameters import Streams
 from ..queues import BLOCK_DIM, WORDS, Queues, Step, in_shares
 from ..warps import LANES
 from . import bins as light_bins
+from . import expected as light_expected
 from . import queue as light_queue
 from . import receivers as light_receivers
 from . import split as light_split
 from . import stream as light_stream
+from .expected import INTERVALS
 from .points import Words
 from .rays import ShadowBits
-from .slots import RayCells
+from .slots import RayCells, SpacedCells
+from .spacing import BINS
 
 
 class LightAims:
     """Cubes of all lights, aimed at the middle of the scene.
 
-    Per light: posts vec3f, axes mat33d, cubes vec4f [4] (:func:`..aim.set_cube`), rectangles int32 [11], tables vec4f [7].
+    Per light: posts vec3f, axes mat33d, cubes vec4f [4] (:func:`..aim.set_cube`), rectangles int32 [12], tables vec4f [7],
+    and spacings, edges and densities of its cells (:mod:`.spacing`), of which at most ``along`` lie along a face.
     """
 
-    def __init__(self, frame: Frame, lights: int):
-        faces = int(light_aim.FACES)
+    def __init__(self, frame: Frame, lights: int, along: int):
+        faces, lines = int(light_aim.FACES), 2 * int(light_aim.FACES)
         with wp.ScopedDevice(frame.device):
             self.posts = wp.zeros(lights, dtype=wp.vec3f)
             self.axes = wp.zeros(lights, dtype=wp.mat33d)
             self.cubes = wp.zeros((lights, 4), dtype=wp.vec4f)
             self.rectangles = wp.zeros((lights, int(light_aim.RECTANGLE_WORDS)), dtype=wp.int32)
             self.tables = wp.zeros((lights, faces + 1), dtype=wp.vec4f)
+            self.spacings = wp.zeros((lights, lines * int(BINS)), dtype=wp.vec2f)
+            self.edges = wp.zeros((lights, faces * along), dtype=wp.vec2f)
+            self.densities = wp.zeros((lights, lines * int(INTERVALS)), dtype=wp.float32)
 
 
 class LightStream:
@@ -50,6 +57,7 @@ class LightStream:
     marks    whether the pass that places the rays marks the receivers, instead of the harness
     keeps    whether all hit points are kept (:func:`.bins.place_ray`)
     tabled   whether what the rays cover is known before they are placed
+    spaced   whether cells are narrower where rays are dense (:mod:`.spacing`)
     beside   whether triangles are streamed beside the passes that sort the rays into cells, and not after these
     reached  int32 [1]: not 0 if the light has receivers; empty on a GPU, where a condition costs more than passes without
              rays
@@ -82,7 +90,18 @@ class LightStream:
         if any(effects.limited[index : index + 1]):
             faces = 1  # few rays do not repay clearing and summing finer cells
         given = {**arrays, "cells": wp.vec3i(many, few, faces)}
-        self.cells = filled(RayCells, rectangle=aims.rectangles[index], table=aims.tables[index], **given)
+        self.spaced = getattr(build, "spacing", "even") == "rays"
+        given = {**given, "rectangle": aims.rectangles[index], "table": aims.tables[index]}
+        self.density = wp.empty(0, dtype=wp.float32, device=frame.device)
+        if self.spaced:
+            self.density = aims.densities[index]
+            given = {
+                **given,
+                "spacing": aims.spacings[index],
+                "edges": aims.edges[index],
+                "density": self.density,
+            }
+        self.cells: Any = filled(SpacedCells if self.spaced else RayCells, **given)
         self.ranges = ThreadRanges(frame, queues.shares if queues.threaded else 1)
         self.receivers = frame.receivers
         self.marking = self.marks and effects.has_receivers(index)
@@ -100,6 +119,10 @@ class LightStream:
     def variant(self, kernel: wp.Kernel) -> wp.Kernel:
         """A kernel of the stream for the class of :attr:`bits`."""
         return kernel
+
+    def of_cells(self, kernel: wp.Kernel) -> wp.Kernel:
+        """A kernel for the class of :attr:`cells`."""
+        return with_type(kernel, "cells", SpacedCells) if self.spaced else kernel
 
     def receiver_reads(self) -> tuple[str, ...]:
         """The resources that say which pixels have a ray, beside the hits."""
@@ -197,7 +220,7 @@ class LightStream:
             light_aim.aim_kernel,
             dim=threads,
             inputs=[threads, self.index, f.triangle_count, f.reach, f.posts, f.mesh],
-            outputs=[a.posts, a.axes, a.cubes, a.rectangles, self.counts.flatten()],
+            outputs=[a.posts, a.axes, a.cubes, a.rectangles, self.counts.flatten(), self.density],
             device=f.device,
             block_dim=int(LANES),
         )
@@ -208,7 +231,7 @@ class LightStream:
     def _map(self, threads: Threads) -> None:
         f, a = self.frame, self.aims
         wp.launch(
-            specialised(light_bins.map_kernel, self.switches),
+            specialised(self.of_cells(light_bins.map_kernel), self.switches),
             dim=threads.number,
             inputs=[
                 threads.first, self.index, f.camera, a.posts, a.axes, f.mesh, self.rays, self.receivers,
@@ -227,7 +250,7 @@ class LightStream:
     def _mark(self, threads: Threads) -> None:
         f, a = self.frame, self.aims
         wp.launch(
-            light_receivers.map_kernel,
+            self.of_cells(light_receivers.map_kernel),
             dim=threads.number,
             inputs=[
                 threads.first, self.index, self.effects.facing, f.camera, f.mesh, f.lights, f.spots, a.posts, a.axes,
@@ -240,17 +263,29 @@ class LightStream:
     def launch_count(self) -> None:
         if not self.queues.cuda:
             self.cells.count.zero_()
+        if self.spaced:
+            self.launch_spacing()
         self.ranges.run(self._count)
         self.launch_scan()
 
     def _count(self, threads: Threads) -> None:
         f = self.frame
         wp.launch(
-            specialised(light_bins.count_kernel, self.switches),
+            specialised(self.of_cells(light_bins.count_kernel), self.switches),
             dim=threads.number,
             inputs=[threads.first, self.index, f.camera, self.rays, self.receivers],
             outputs=[self.cells],
             device=f.device,
+        )
+
+    def launch_spacing(self) -> None:
+        """The spacing of the cells, by the rays that are expected."""
+        wp.launch(
+            light_expected.spacing_kernel,
+            dim=light_expected.SPACING_THREADS,
+            inputs=[],
+            outputs=[self.cells],
+            device=self.frame.device,
         )
 
     def launch_scan(self) -> None:
@@ -258,10 +293,11 @@ class LightStream:
         f, cells = self.frame, self.cells
         faces = int(light_aim.FACES)
         rows = max(faces * cells.cells[0], cells.cells[2] * cells.cells[1])
+        threads = 128 * rows if self.queues.cuda else faces + 1
         wp.launch(
-            light_bins.scan_kernel,
-            dim=128 * rows if self.queues.cuda else faces + 1,
-            inputs=[self.tabled],
+            self.of_cells(light_bins.scan_kernel),
+            dim=threads,
+            inputs=[threads, self.tabled],
             outputs=[cells, self.counts[0]],
             device=f.device,
             block_dim=128,
@@ -275,7 +311,7 @@ class LightStream:
     def _scatter(self, threads: Threads) -> None:
         f = self.frame
         wp.launch(
-            light_bins.scatter_kernel,
+            self.of_cells(light_bins.scatter_kernel),
             dim=threads.number,
             inputs=[threads.first, f.camera, f.mesh, self.rays],
             outputs=[self.cells],
@@ -287,7 +323,7 @@ class LightStream:
         splits = q.queued and build.groups == "stream"
         kernel = light_stream.make_stream_kernel(q.queued, splits, not self.beside)
         wp.launch(
-            specialised(self.variant(kernel), self.switches),
+            specialised(self.variant(self.of_cells(kernel)), self.switches),
             dim=q.share_threads,
             inputs=[
                 q.share(share), build.inline_cells, build.inline_rays, f.lights, self.aims.cubes, self.cells, f.mesh,
@@ -313,7 +349,9 @@ class LightStream:
     def _launch_rows(self, share: int, again: bool) -> None:
         f, q = self.frame, self.queues
         wp.launch(
-            specialised(self.variant(light_queue.make_item_kernel(q.cuda, again)), self.switches),
+            specialised(
+                self.variant(self.of_cells(light_queue.make_item_kernel(q.cuda, again))), self.switches
+            ),
             dim=q.threads,
             inputs=[q.threads, self.build.part, self.cells, f.alpha],
             outputs=[self.bits, self.queue[share]],

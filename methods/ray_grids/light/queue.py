@@ -174,7 +174,7 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                 if this_item >= large:
                     group += pack_of(lane) * GROUP_BYTES
                     row = lane & (FEW_ROWS - 1)
-                span = shared_rays_of_row(group, row, along, cells.offset)
+                span = shared_rays_of_row(group, row, along, cells)
                 length = span[1] - span[0]
                 sums = sum_to_lane(length)
                 number = of_lane(sums, LANES - 1)
@@ -242,7 +242,7 @@ def make_item_kernel(cuda: bool, again: bool) -> wp.Kernel:
                     occluder.sure = sure_of(occluder, alpha)
                 number = wp.int32(0)
                 for r in range((which >> 4) & 63):
-                    span = rays_of_row(which, wp.cast(head[1], wp.int32), r, sides, along, cells.offset)
+                    span = rays_of_row(which, wp.cast(head[1], wp.int32), r, sides, along, cells)
                     for ray in range(span[0], span[1]):
                         # A part has its share of the group's rays in order, as on the GPU.
                         if number // size == part:

@@ -17,7 +17,6 @@ from ...common.entries import entry, entry_if, set_entry
 from ...common.triangle import U32, U64, largest, to_float64, total
 from ..queues import Queue, queue_doubt
 from .bins import span_of
-from .slots import RayCells
 from .table import reach_of
 
 
@@ -293,7 +292,7 @@ def stored_planes(records: wp.array2d(dtype=wp.vec4f), occluder: Occluder) -> Oc
 def test_rays_of_row(
     bits: Any,
     queue: Queue,
-    cells: RayCells,
+    cells: Any,
     along: wp.int32,
     face: wp.int32,
     y: wp.int32,
@@ -312,7 +311,7 @@ def test_rays_of_row(
 def test_rays_of_box(
     bits: Any,
     queue: Queue,
-    cells: RayCells,
+    cells: Any,
     along: wp.int32,
     face: wp.int32,
     box: wp.vec4i,

@@ -9,6 +9,7 @@ from __future__ import annotations
 import warp as wp
 
 from ...common.entries import entry
+from ...common.pixels import tile_threads
 from ...common.reserve import raise_to
 from ...common.triangle import U32
 from ..aim import Cube
@@ -35,7 +36,7 @@ def empty_tiles(farthest: wp.array(dtype=wp.int32), thread: wp.int32, width: wp.
     tile = wp.int32(thread)
     while tile < farthest.shape[0]:
         farthest[tile] = 0
-        tile += ((width + 7) >> 3) * ((height + 3) >> 2) * 32
+        tile += tile_threads(width, height)
 
 
 @wp.func

@@ -10,6 +10,8 @@ in :mod:`.spots`.
 
 from __future__ import annotations
 
+from typing import Any
+
 import warp as wp
 
 from ....harness.frame.geometry import Camera, Corners, Mesh, Ray
@@ -23,8 +25,9 @@ from ..camera.pixels import edge_planes, index_of, inverse_depth
 from ..camera.stream import box_of
 from ..cube import on_face
 from ..fetch import corners_at
-from .bins import REGISTERS, count_placed, put_ray
+from .bins import REGISTERS, count_placed, put_ray, set_row_edges
 from .cells import FINEST, beyond_face, cube_space, reach_from, turned
+from .expected import expect_triangles
 from .points import FAR, Words, has_hit, point_of
 from .slots import RayCells
 
@@ -158,40 +161,9 @@ def part_beyond_face(part: Part, face: wp.int32, distance: wp.float32) -> wp.boo
     return beyond_face(on_face(part.a, face), b, c, slack) and beyond_face(on_face(part.d, face), b, c, slack)
 
 
-@wp.kernel(enable_backward=False, grid_stride=False)
-def bounds_kernel(
-    threads: wp.int32,
-    light: wp.int32,
-    camera: Camera,
-    cubes: wp.array2d(dtype=wp.vec4f),
-    mesh: Mesh,
-    lights: wp.array(dtype=wp.vec3f),
-    cells: RayCells,
-    facing: wp.array(dtype=wp.uint8),
-):
-    """What the triangles in view cover of face 0, with the error of a corner; the faces they touch; the largest coordinate
-    of them, of a large one that of the part in view. Empties ``farthest``. One thread per triangle or more.
-
-    facing: uint8 [triangles]: of those in view, whether their hits have a ray. Only those that do are counted.
-    """
-    i = wp.tid()
-    for tile in range(i, cells.farthest.shape[0], threads):
-        cells.farthest[tile] = 0
-    if i >= mesh.triangles.shape[0]:
-        return
-    if mesh.valid[i] == wp.uint8(0):
-        return
-    corners = corners_at(mesh, i)
-    o = entry(camera.eye, 0)
-    box = box_of(corners, o, camera)
-    if box[2] < box[0] or box[3] < box[1]:
-        return
-    if wp.static(effects.receivers):
-        faces = faces_light(light, o, corners, lights)
-        set_entry(facing, i, wp.uint8(faces))
-        if not faces:
-            return
-    cube = cube_of(cubes, light)
+@wp.func
+def bound_rays(corners: Corners, box: wp.vec4i, o: wp.vec3f, camera: Camera, cube: Cube, cells: Any):
+    """Enlarge the region by what a triangle with such a ``box`` on the image covers."""
     qa = cube_space(corners.a, cube)
     qb = cube_space(corners.b, cube)
     qc = cube_space(corners.c, cube)
@@ -229,6 +201,47 @@ def bounds_kernel(
                 lower(cells.rectangle, HIGH_V, -sides[3])
 
 
+@wp.kernel(enable_backward=False, grid_stride=False)
+def bounds_kernel(
+    threads: wp.int32,
+    lanes: wp.int32,
+    empties: wp.bool,
+    light: wp.int32,
+    camera: Camera,
+    cubes: wp.array2d(dtype=wp.vec4f),
+    mesh: Mesh,
+    lights: wp.array(dtype=wp.vec3f),
+    cells: RayCells,
+    facing: wp.array(dtype=wp.uint8),
+):
+    """What the triangles in view cover of face 0, with the error of a corner; the faces they touch; the largest coordinate
+    of them, of a large one that of the part in view; and the rays that are expected. Empties ``farthest`` if it ``empties``.
+    One thread per triangle or more, in whole blocks; ``lanes`` of a warp: 32, or 1 on a CPU.
+
+    facing: uint8 [triangles]: of those in view, whether their hits have a ray. Only those that do are counted.
+    """
+    i = wp.tid()
+    if empties:
+        for tile in range(i, cells.farthest.shape[0], threads):
+            cells.farthest[tile] = 0
+    o = entry(camera.eye, 0)
+    cube = cube_of(cubes, light)
+    box = wp.vec4i(0, 0, -1, -1)
+    if i < mesh.triangles.shape[0] and mesh.valid[i] != wp.uint8(0):
+        corners = corners_at(mesh, i)
+        box = box_of(corners, o, camera)
+        wanted = box[2] >= box[0] and box[3] >= box[1]
+        if wp.static(effects.receivers):
+            if wanted:
+                wanted = faces_light(light, o, corners, lights)
+                set_entry(facing, i, wp.uint8(wanted))
+        if wanted:
+            bound_rays(corners, box, o, camera, cube, cells)
+        else:
+            box = wp.vec4i(0, 0, -1, -1)
+    expect_triangles(i, lanes, box, o, camera, cube, mesh, cells)
+
+
 @wp.func
 def facing_of(rays: Words, pixel: wp.int32, mesh: Mesh, facing: wp.array(dtype=wp.uint8)) -> wp.uint8:
     """What ``facing`` says of the triangle that a pixel hits; 0 at a miss."""
@@ -254,11 +267,12 @@ def place_kernel(
     reached: wp.array(dtype=wp.int32),
     visibility: wp.array2d(dtype=wp.uint8),
 ):
-    """:func:`.bins.map_kernel` and :func:`.bins.count_kernel` in one, where the rectangle is known.
+    """:func:`.bins.map_kernel` and :func:`.bins.count_kernel` in one, where the rectangle is known, and where rows begin.
 
     If not all hits have a ray, marks the receivers, too: those on triangles that are ``facing`` (:func:`bounds_kernel`).
     reached: int32 [1], set to 1 if there is one; or empty.
     """
+    set_row_edges(first + wp.tid(), camera, cells)
     at = tile_pixel(first + wp.tid(), camera.width, camera.height)
     if at[0] < 0:
         return

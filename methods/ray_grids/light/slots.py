@@ -21,7 +21,7 @@ class RayCells:
     """The shadow rays of one light, sorted into the cells of its cube.
 
     cells      along a face: where rays lie on many faces, and where they lie on few; how many are few
-    rectangle  int32 [11]: what the rays cover (:mod:`..aim`)
+    rectangle  int32 [12]: what the rays cover (:mod:`..aim`)
     table      vec4f [7]: what they cover, for triangles (:mod:`.table`)
     place      vec4f [pixels]: (u, v, face, depth) of each pixel's ray (face: also :data:`.bins.STORED_FACE`)
     point      vec4f [pixels]: hit point and pixel, where a ray's is stored (:func:`.bins.place_ray`)
@@ -46,6 +46,29 @@ class RayCells:
     offset: wp.array(dtype=wp.int32)
     rays: wp.array(dtype=wp.vec4f)
     farthest: wp.array(dtype=wp.int32)
+
+
+@wp.struct
+class SpacedCells:
+    """:class:`RayCells` that are narrower where more rays are expected: ``spacing`` and ``edges`` of columns and rows
+    (:mod:`.spacing`), ``density`` of the rays (:mod:`.expected`)."""
+
+    cells: wp.vec3i
+    rectangle: wp.array(dtype=wp.int32)
+    table: wp.array(dtype=wp.vec4f)
+    place: wp.array(dtype=wp.vec4f)
+    point: wp.array(dtype=wp.vec4f)
+    triangle: wp.array(dtype=wp.int32)
+    slot: wp.array(dtype=wp.int32)
+    bits: wp.int32
+    rank: wp.array(dtype=wp.int32)
+    count: wp.array(dtype=wp.int32)
+    offset: wp.array(dtype=wp.int32)
+    rays: wp.array(dtype=wp.vec4f)
+    farthest: wp.array(dtype=wp.int32)
+    spacing: wp.array(dtype=wp.vec2f)
+    edges: wp.array(dtype=wp.vec2f)
+    density: wp.array(dtype=wp.float32)
 
 
 def cell_arrays(frame: Frame, build: Streams, sorted_rays: bool = True) -> dict[str, Any]:
@@ -76,7 +99,7 @@ def cell_arrays(frame: Frame, build: Streams, sorted_rays: bool = True) -> dict[
 
 
 @wp.func
-def set_slot(pixel: wp.int32, cell: wp.int32, rank: wp.int32, stored: wp.bool, cells: RayCells):
+def set_slot(pixel: wp.int32, cell: wp.int32, rank: wp.int32, stored: wp.bool, cells: Any):
     """Set a ray's slot: from the lowest bit its cell, its rank, and in the highest whether its point is ``stored``.
 
     A rank without room is all ones there, and lies in ``rank``. No slot is -1: all ones are no cell. Four bytes for eight,
@@ -90,7 +113,7 @@ def set_slot(pixel: wp.int32, cell: wp.int32, rank: wp.int32, stored: wp.bool, c
 
 
 @wp.func
-def place_in_order(pixel: wp.int32, slot: wp.int32, cells: RayCells) -> wp.int32:
+def place_in_order(pixel: wp.int32, slot: wp.int32, cells: Any) -> wp.int32:
     """Where a pixel's ray lies among the rays."""
     most = (1 << (31 - cells.bits)) - 1
     rank = (slot >> cells.bits) & most

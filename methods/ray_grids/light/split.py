@@ -12,9 +12,9 @@ from ..aim import Cube, cube_of
 from ..cube import on_face
 from ..queues import ITEMS, LARGE, SMALL, Queue
 from ..warps import LANES
-from .cells import Flat, Sides, cube_space, on_cells, sides_of_flat, sides_of_planes
+from .cells import Flat, Sides, cube_space, on_bins, sides_of_flat, sides_of_planes
 from .rays import Occluder, occluder_of, occludes_none
-from .table import cells_of, last_row, reach_with_rays
+from .table import last_row, reach_with_rays
 
 SPLITTERS = wp.constant(2)
 """Threads that share the groups of one large triangle: a single one would store those of the largest one after the other."""
@@ -45,12 +45,11 @@ def sides_on_face(
     face: wp.int32,
     corners: Corners,
     r: wp.vec4f,
-    cells: wp.int32,
 ) -> Sides:
     """The lines that bound a triangle's cells on a face, from its projection if that is known."""
     if flat.known:
         return sides_of_flat(flat)
-    return sides_of_planes(light, cube, face, corners, r, cells)
+    return sides_of_planes(light, cube, face, corners, r)
 
 
 @wp.func
@@ -81,7 +80,6 @@ def split_kernel(
     stop = wp.min(queue.counts[LARGE], queue.large.shape[0])
     cube = cube_of(cubes, light)
     row = last_row(table)
-    cells = cells_of(row)
     position = lights[light]
     while k < stop:
         work = entry(queue.large, k)
@@ -99,8 +97,8 @@ def split_kernel(
             qb = on_face(cube_space(corners.b, cube), face)
             qc = on_face(cube_space(corners.c, cube), face)
             r = entry(table, face)
-            flat = on_cells(qa, qb, qc, reach_with_rays(cube, corners, row), r)
-            sides = sides_on_face(flat, position, cube, face, corners, r, cells)
+            flat = on_bins(qa, qb, qc, reach_with_rays(cube, corners, row), r)
+            sides = sides_on_face(flat, position, cube, face, corners, r)
             occluder = occluder_of(i, False, position, corners, row, True)
             for g in range(number):
                 y = low + (first + g * SPLITTERS) * LANES

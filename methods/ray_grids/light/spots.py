@@ -10,6 +10,7 @@ against every triangle in float64 instead. All other rays are placed to 2^-18 of
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import warp as wp
 
@@ -26,12 +27,12 @@ from ...common.triangle import largest
 from ..aim import EMPTY, FACE, FACES, HIGH_U, HIGH_V, LOW_U, LOW_V, from_ordered, ordered
 from ..cube import on_face
 from ..fetch import corners_at, direction_at, weld_at
-from .bins import count_exactly, count_quickly
+from .bins import count_exactly, count_quickly, set_row_edges
 from .points import Words, placed, placed_exactly, point_of
 from .rays import ShadowBits, set_shadowed
 from .receivers import CONE, REGISTERS, mark_receiver
 from .slots import RayCells
-from .table import cells_of, last_row
+from .spacing import BINS
 
 SLACK = 1.0e-4
 """Added to the angle of a cone: a ray that takes no care is placed to 2^-18 of its direction (:mod:`.points`), and the post
@@ -116,13 +117,12 @@ def cone_kernel(
 
 
 @wp.func
-def in_region(place: wp.vec4f, cells: RayCells) -> wp.bool:
-    """Whether a place lies in the region; a face without rays has no cells per unit."""
+def in_region(place: wp.vec4f, cells: Any) -> wp.bool:
+    """Whether a place lies in the region; a face without rays has no bins per unit."""
     r = entry(cells.table, wp.int32(place[2]))
-    along = wp.float32(cells_of(last_row(cells.table)))
     x = (place[0] - r[0]) * r[2]
     y = (place[1] - r[1]) * r[3]
-    return r[2] > 0.0 and wp.min(x, y) >= 0.0 and wp.max(x, y) <= along
+    return r[2] > 0.0 and wp.min(x, y) >= 0.0 and wp.max(x, y) <= wp.float32(BINS)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False, cuda_max_registers=REGISTERS)
@@ -145,6 +145,7 @@ def place_kernel(
     """:func:`.region.place_kernel` of a spot: :func:`.receivers.map_kernel` and :func:`.bins.count_kernel` in one.
 
     strays: int32 [1 + pixels]: the number of rays outside the region, and their pixels. They get no slot."""
+    set_row_edges(first + wp.tid(), camera, cells)
     at = tile_pixel(first + wp.tid(), camera.width, camera.height)
     if at[0] < 0:
         return

@@ -26,7 +26,7 @@ from .cells import (
     cube_space,
     flat_box,
     leaves_out,
-    on_cells,
+    on_bins,
 )
 from .rays import ShadowBits, occluder_of, occludes_none, test_rays_of_box, test_rays_of_row
 from .reach import all_rays_end_before, depth_slack, nearest_depth
@@ -102,8 +102,8 @@ def make_stream_kernel(queued: bool, splits: bool, counts: bool = True) -> wp.Ke
             fb = on_face(qb, face)
             fc = on_face(qc, face)
             if not leaves_out(several, fa, fb, fc, slack):
-                flat = on_cells(fa, fb, fc, reach, r)
-                box = flat_box(flat, along)
+                flat = on_bins(fa, fb, fc, reach, r)
+                box = flat_box(flat, face, along, cells)
                 number = wp.int32(0)
                 least = nearest_depth(fa, fb, fc, slack)
                 if box[2] >= box[0] and not all_rays_end_before(least, cells.farthest, face, box, along):
@@ -122,7 +122,7 @@ def make_stream_kernel(queued: bool, splits: bool, counts: bool = True) -> wp.Ke
                     elif wp.static(splits):
                         position = lights[bits.light]
                         again = corners_at(mesh, i)
-                        sides_here = sides_on_face(flat, position, cube, face, again, r, along)
+                        sides_here = sides_on_face(flat, position, cube, face, again, r)
                         large = occluder_of(i, False, position, again, row, True)
                         if not occludes_none(large):
                             queue_rows(queue, i, face, box, sides_here, large)
@@ -133,11 +133,11 @@ def make_stream_kernel(queued: bool, splits: bool, counts: bool = True) -> wp.Ke
                             set_entry(queue.large, place, work)
                     else:
                         light = lights[bits.light]
-                        sides = sides_on_face(flat, light, cube, face, corners, r, along)
+                        sides = sides_on_face(flat, light, cube, face, corners, r)
                         planes = occluder_of(i, holes, light, corners, row, True)
                         last = wp.where(occludes_none(planes), box[1] - 1, box[3])
                         for y in range(box[1], last + 1):
-                            ends = cells_of_row(sides, y, box[0], box[2])
+                            ends = cells_of_row(sides, face, y, box[0], box[2], along, cells)
                             test_rays_of_row(bits, queue, cells, along, face, y, ends[0], ends[1], planes)
         if wp.static(not splits):
             if here >= 0:

@@ -1,6 +1,6 @@
 """What the rays of a light cover, as its triangles read it: a rectangle for each face, and a row for all of them.
 
-Rows of the table, vec4f: of a face (low u, low v, cells per u, cells per v), zero if it has no ray; after the faces
+Rows of the table, vec4f: of a face (low u, low v, bins per u, bins per v), zero if it has no ray; after the faces
 (cells along a face, largest coordinate of a hit point, sum of 2^face of those with rays, 0).
 """
 
@@ -12,11 +12,12 @@ from ....harness.frame.geometry import Corners
 from ...common.entries import entry
 from ..aim import FACE, FACES, HIGH_U, HIGH_V, LARGEST, LOW_U, LOW_V, Cube, from_ordered
 from .cells import reach_from
+from .spacing import BINS
 
 
 @wp.func
-def face_rectangle(face: wp.int32, rectangle: wp.array(dtype=wp.int32), cells: wp.int32) -> wp.vec4f:
-    """(low u, low v, cells per u, cells per v) of a face."""
+def face_rectangle(face: wp.int32, rectangle: wp.array(dtype=wp.int32)) -> wp.vec4f:
+    """(low u, low v, bins per u, bins per v) of a face (:mod:`.spacing`)."""
     low_u = wp.float32(-1.0)
     low_v = wp.float32(-1.0)
     high_u = wp.float32(1.0)
@@ -26,7 +27,7 @@ def face_rectangle(face: wp.int32, rectangle: wp.array(dtype=wp.int32), cells: w
         low_v = from_ordered(rectangle[LOW_V])
         high_u = -from_ordered(rectangle[HIGH_U])
         high_v = -from_ordered(rectangle[HIGH_V])
-    n = wp.float32(cells)
+    n = wp.float32(BINS)
     margin = (
         1.0e-6 * wp.max(wp.max(wp.abs(low_u), wp.abs(high_u)), wp.max(wp.abs(low_v), wp.abs(high_v)))
         + 1.0e-30
@@ -70,7 +71,7 @@ def set_table(
     if k < FACES:
         t = wp.vec4f(0.0, 0.0, 0.0, 0.0)
         if rectangle[FACE + k] == 0:
-            t = face_rectangle(k, rectangle, along)
+            t = face_rectangle(k, rectangle)
         table[k] = t
     if k == FACES:
         faces = wp.int32(0)

@@ -227,6 +227,14 @@ def test_a_region_from_the_triangles_is_chosen_where_pixels_are_many():
     assert build.chosen(10, True, 2, 1000).region == build.chosen(10, False, 1, 1000).region == "rays"
 
 
+def test_cells_are_spaced_by_the_rays_of_several_lights():
+    build = make_method("ray_grids", {}).build
+    assert [build.chosen(10, True, lights).spacing for lights in (1, 2, 16)] == ["even", "rays", "rays"]
+    assert build.chosen(10, False, 16).spacing == "even"
+    even, spaced = (build.chosen(10**5, True, n).cells_along(10**5, 10**6, True) for n in (1, 2))
+    assert even[1] > spaced[1] >= 0.7 * even[1]
+
+
 def test_a_parameter_that_is_given_is_not_chosen():
     given = {
         "inline_pixels": "0",
@@ -235,6 +243,7 @@ def test_a_parameter_that_is_given_is_not_chosen():
         "shares": "2",
         "part": "100",
         "region": "rays",
+        "spacing": "even",
         "groups": "split",
         "streamed": "after",
     }

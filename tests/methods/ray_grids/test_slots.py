@@ -14,14 +14,15 @@ SIZE = 40, 32
 
 @pytest.mark.parametrize("region", ["triangles", "rays"])
 def test_more_rays_in_a_cell_than_a_slot_has_room_for(region, device):
-    """A square that nearly fills the view, in one cell of a light far away; a surface far behind it, seen beside it, spans
-    the other cells. The cell has more rays than the 8 bits of a rank beside 23 bits of a cell hold."""
+    """A square that nearly fills the view, in one cell of a light far away, however narrow cells are there; a surface far
+    behind it, seen beside it, spans the other cells. The cell has more rays than the 8 bits of a rank beside 23 bits of a
+    cell hold."""
     square = [(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)]
     blocker = [(0.1, 0.1, 0.5), (0.2, 0.1, 0.5), (0.1, 0.2, 0.5)]
-    behind = [(0.0, 0.0, -5000.0), (20000.0, 0.0, -5000.0), (20000.0, 20000.0, -5000.0)]
+    behind = [(0.0, 0.0, -2.5e5), (1.0e6, 0.0, -2.5e5), (1.0e6, 1.0e6, -2.5e5)]
     vertices = np.array(square + blocker + behind, dtype=np.float32)
     faces = np.array([(0, 1, 2), (0, 2, 3), (4, 5, 6), (7, 8, 9)])
-    prepared = make_scene(vertices, faces, [(0.0, 0.0, 10000.0)], (0.0, 0.0, 0.9), (0.0, 0.0, 0.0), 90.0)
+    prepared = make_scene(vertices, faces, [(0.0, 0.0, 1.0e6)], (0.0, 0.0, 0.9), (0.0, 0.0, 0.0), 90.0)
     moment = prepared.moment(0, *SIZE)
     session = Session(make_method("ray_grids", {"region": region, "cells": "1024"}), prepared, *SIZE, device)
     answers = session.answers(moment)
