@@ -23,7 +23,7 @@ from ...harness.frame.passes import Pass
 from ...harness.frame.threads import cpu_threads
 from ...harness.scene.effects import Effects, Limits
 from .camera.passes import CameraStream
-from .light.known import KnownRegionLight
+from .light.known import KnownRegionLight, SpotLight
 from .light.memory import RememberingLight, occluder_arrays
 from .light.passes import LightAims, LightStream
 from .light.slots import cell_arrays
@@ -86,19 +86,20 @@ class RayGrids(BaseMethod):
         passes: list[Pass] = []
         for number, i in enumerate(wanted):
             branch = number % len(branches)
-            known = (
-                make is LightStream
-                and camera.build.region == "triangles"
-                and not (effects.facing and any(effects.limited[i : i + 1]))
-            )
-            light = (KnownRegionLight if known else make)(
-                frame, i, camera.build, camera.hit, *branches[branch], aims, effects
-            )
+            given = (frame, i, camera.build, camera.hit, *branches[branch], aims, effects)
+            light = self._class_of(make, camera.build, effects, i)(*given)
             passes += light.passes(branch)
             if isinstance(light, RememberingLight):
                 self._remembering.append(light)
         # The harness marks the receivers of a light that remembers, by the answers.
         return [*camera.passes(), *passes] if remembers else camera.passes_beside(passes)
+
+    def _class_of(self, make: Any, build: Any, effects: Effects, i: int) -> Any:
+        """The class of light i: ``make``, unless the region of its rays is to be known from the triangles."""
+        spot = any(effects.limited[i : i + 1])
+        if make is not LightStream or build.region != "triangles" or (spot and effects.facing):
+            return make
+        return SpotLight if spot else KnownRegionLight
 
     def camera_stream(
         self, frame: Frame, effects: Effects, limits: Limits, points: str

@@ -1,4 +1,4 @@
-"""A light's passes where the region of its rays is known before there are rays (:mod:`.region`)."""
+"""A light's passes where the region of its rays is known before there are rays (:mod:`.region`), and those of a spot."""
 
 from __future__ import annotations
 
@@ -20,13 +20,10 @@ from .passes import LightStream
 
 
 class KnownRegionLight(LightStream):
-    """Shadow rays of one light, counted in their cells where they are placed. Not of a spot with ``facing``.
+    """Shadow rays of one light, counted in their cells where they are placed.
 
-    strays: int32 [1 + pixels], of a spot: its rays outside the region (:mod:`.spots`).
-
-    facing: uint8 [triangles]: whether those in view face the light, if only then their hits have a ray.
-
-    alone: whether no other light uses the arrays of the branch. They do not aim in turns: what :meth:`launch_aim` writes
+    facing: uint8 [triangles]: whether those in view face the light, if only then their hits have a ray; or [0].
+    alone: whether no other light uses the arrays of the branch. Lights do not aim in turns: what :meth:`launch_aim` writes
     belongs to this light.
     """
 
@@ -36,70 +33,42 @@ class KnownRegionLight(LightStream):
     def __init__(self, *given: Any):
         super().__init__(*given)
         self.alone = len(self.effects.shadows) == 1
-        self.spot = any(self.effects.limited[self.index : self.index + 1])
-        count = max(1, self.frame.triangle_count) if self.marking and not self.spot else 0
         # Where the stream tests rays, or counts them, they must lie in their cells.
         self.beside = self.queues.queued and self.build.streamed == "beside" and self.build.groups == "stream"
-        with wp.ScopedDevice(self.frame.device):
-            self.strays = wp.zeros(1 + self.frame.pixels if self.spot else 1, dtype=wp.int32)
-        if self.spot:  # whenever rays are placed again, the list of strays must have been emptied
-            self.aim_reads = (*self.aim_reads, *self.effects.surface_reads())
+        count = max(1, self.frame.triangle_count) if self.by_facing() else 0
         self.facing = wp.zeros(count, dtype=wp.uint8, device=self.frame.device)
 
-    def map_passes(self, seen: tuple[str, ...], place: str, bits: str) -> list[Pass]:
-        passes = super().map_passes(seen, place, bits)
-        if self.spot:
-            i = self.index
-            scene = ("points", "triangles", "camera", *self.effects.surface_reads())
-            reads = (*scene, f"light/{i}", place, bits)
-            name, effect = f"light {i}: rays outside the region", f"shadows/{i}"
-            passes.append(Pass(name, "shadow", reads, (bits,), self.launch_strays, effect, aside=True))
-        return passes
-
-    def launch_strays(self) -> None:
-        f, q = self.frame, self.queues
-        wp.launch(
-            specialised(light_spots.stray_kernel, self.switches),
-            dim=q.few_threads,
-            inputs=[q.few_threads, f.lights, f.camera, f.mesh, f.alpha, self.strays],
-            outputs=[self.bits],
-            device=f.device,
-            block_dim=BLOCK_DIM,
-        )
+    def by_facing(self) -> bool:
+        """Whether the triangles say which hits have a ray."""
+        return self.marking
 
     def launch_aim(self) -> None:
         super().launch_aim()
+        self._launch_bounds()
+        wp.launch(
+            self.of_cells(light_bins.table_kernel),
+            dim=int(FACES) + 1,
+            inputs=[],
+            outputs=[self.cells],
+            device=self.frame.device,
+        )
+        if self.spaced:
+            self.launch_spacing()
+
+    def _launch_bounds(self) -> None:
+        """The region."""
         f = self.frame
         threads = -(-max(1, f.triangle_count) // BLOCK_DIM) * BLOCK_DIM
         lanes = int(LANES) if self.queues.cuda else 1
+        kernel = self.of_cells(light_region.bounds_kernel)
         wp.launch(
-            specialised(
-                self.of_cells(light_region.bounds_kernel),
-                replace(self.switches, receivers=self.facing.size > 0),
-            ),
+            specialised(kernel, replace(self.switches, receivers=self.facing.size > 0)),
             dim=threads,
             inputs=[threads, lanes, self.alone, self.index, f.camera, self.aims.cubes, f.mesh, f.lights],
             outputs=[self.cells, self.facing],
             device=f.device,
             block_dim=BLOCK_DIM,
         )
-        if self.spot:
-            wp.launch(
-                light_spots.cone_kernel,
-                dim=1,
-                inputs=[self.index, self.aims.axes, f.spots],
-                outputs=[self.cells.rectangle, self.strays],
-                device=f.device,
-            )
-        wp.launch(
-            self.of_cells(light_bins.table_kernel),
-            dim=int(FACES) + 1,
-            inputs=[],
-            outputs=[self.cells],
-            device=f.device,
-        )
-        if self.spaced:
-            self.launch_spacing()
 
     def launch_map(self) -> None:
         cells = self.cells
@@ -109,19 +78,7 @@ class KnownRegionLight(LightStream):
             cells.farthest.zero_()
         if self.reached.size:
             self.reached.zero_()
-        self.ranges.run(self._place_receivers if self.spot else self._place)
-
-    def _place_receivers(self, threads: Threads) -> None:
-        f, a = self.frame, self.aims
-        wp.launch(
-            self.of_cells(light_spots.place_kernel),
-            dim=threads.number,
-            inputs=[
-                threads.first, self.index, f.camera, f.mesh, f.lights, f.spots, a.posts, a.axes, self.rays,
-            ],
-            outputs=[self.cells, f.receivers, self.reached, f.answers.visibility, self.strays],
-            device=f.device,
-        )  # fmt: skip
+        self.ranges.run(self._place)
 
     def _place(self, threads: Threads) -> None:
         f, a = self.frame, self.aims
@@ -152,4 +109,61 @@ class KnownRegionLight(LightStream):
             inputs=[threads.first, self.index, f.camera, f.mesh, self.rays, f.receivers],
             outputs=[self.cells],
             device=f.device,
+        )
+
+
+class SpotLight(KnownRegionLight):
+    """Shadow rays of a spot (:mod:`.spots`). Not with ``facing``.
+
+    strays: int32 [1 + pixels]: its rays outside the region.
+    """
+
+    def __init__(self, *given: Any):
+        super().__init__(*given)
+        self.strays = wp.zeros(1 + self.frame.pixels, dtype=wp.int32, device=self.frame.device)
+        # Whenever rays are placed again, the list of strays must have been emptied.
+        self.aim_reads = (*self.aim_reads, *self.effects.surface_reads())
+
+    def by_facing(self) -> bool:
+        return False
+
+    def map_passes(self, seen: tuple[str, ...], place: str, bits: str) -> list[Pass]:
+        i = self.index
+        reads = ("points", "triangles", "camera", *self.effects.surface_reads(), f"light/{i}", place, bits)
+        name, effect = f"light {i}: rays outside the region", f"shadows/{i}"
+        strays = Pass(name, "shadow", reads, (bits,), self.launch_strays, effect, aside=True)
+        return [*super().map_passes(seen, place, bits), strays]
+
+    def _launch_bounds(self) -> None:
+        super()._launch_bounds()
+        wp.launch(
+            light_spots.cone_kernel,
+            dim=1,
+            inputs=[self.index, self.aims.axes, self.frame.spots],
+            outputs=[self.cells.rectangle, self.strays],
+            device=self.frame.device,
+        )
+
+    def _place(self, threads: Threads) -> None:
+        f, a = self.frame, self.aims
+        wp.launch(
+            self.of_cells(light_spots.place_kernel),
+            dim=threads.number,
+            inputs=[
+                threads.first, self.index, f.camera, f.mesh, f.lights, f.spots, a.posts, a.axes, self.rays,
+            ],
+            outputs=[self.cells, f.receivers, self.reached, f.answers.visibility, self.strays],
+            device=f.device,
+        )  # fmt: skip
+
+    def launch_strays(self) -> None:
+        """Rays outside the region, against every triangle."""
+        f, q = self.frame, self.queues
+        wp.launch(
+            specialised(light_spots.stray_kernel, self.switches),
+            dim=q.few_threads,
+            inputs=[q.few_threads, f.lights, f.camera, f.mesh, f.alpha, self.strays],
+            outputs=[self.bits],
+            device=f.device,
+            block_dim=BLOCK_DIM,
         )
