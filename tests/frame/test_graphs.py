@@ -58,6 +58,64 @@ def test_passes_that_nothing_waits_for_are_idle(monkeypatch):
     assert len(seen) == len(passes)
 
 
+def test_a_stream_waits_once_for_what_runs_ahead(monkeypatch):
+    """Passes ahead of two branches run on streams of their own. What depends on one waits for it, and for no other."""
+    streams = ["main"]
+    waits: list[tuple[str, str]] = []
+    last = {"": ""}
+
+    class Stream:
+        def __init__(self, device: Any, priority: int):
+            self.name = f"stream {len(last)}"
+            last[self.name] = ""
+
+        def record_event(self) -> str:
+            return last[self.name]
+
+        def __enter__(self) -> Stream:
+            streams.append(self.name)
+            return self
+
+        def __exit__(self, *given: Any) -> None:
+            streams.pop()
+
+    monkeypatch.setattr(wp, "Stream", Stream)
+    monkeypatch.setattr(wp, "ScopedStream", lambda stream: stream)
+    monkeypatch.setattr(wp, "ScopedCapture", lambda: nullcontext(SimpleNamespace(graph=None)))
+    monkeypatch.setattr(wp, "wait_event", lambda event: waits.append((event, streams[-1])))
+    monkeypatch.setattr(graphs, "keep_priorities", lambda graph: False)
+    ran: dict[str, tuple[str, tuple[str, ...]]] = {}
+    passes = [
+        made("words", (), ("words",), None),
+        *(made(f"aim {i}", (), (f"aim/{i}",), None, ahead=True, branch=(i,)) for i in range(2)),
+        *(
+            made(f"{name} {i}", ("words", f"aim/{i}", *reads), (f"{name}/{i}",), None, branch=(i,))
+            for i in range(2)
+            for name, reads in (("place", ()), ("sort", (f"place/{i}",)), ("test", (f"sort/{i}",)))
+        ),
+        made("last", ("test/0", "test/1", "aim/0"), ("colour",), None),
+    ]
+
+    def launch(name: str) -> None:
+        ran[name] = streams[-1], tuple(event for event, stream in waits if stream == streams[-1])
+        last[streams[-1]] = name
+
+    for work in passes:
+        object.__setattr__(work, "launch", lambda name=work.name: launch(name))
+    capture_passes(passes, "cpu")
+    assert len(ran) == len(passes)
+    main = ran["words"][0]
+    assert ran["words"][1] == ()
+    assert len({ran[f"aim {i}"][0] for i in range(2)} | {main}) == 3
+    for i in range(2):
+        assert [ran[f"{name} {i}"][1] for name in ("place", "sort", "test")] == [(f"aim {i}",)] * 3
+    assert ran["last"][0] == main
+    assert {"test 0", "test 1", "aim 0"} <= set(ran["last"][1])
+    assert {event for event, stream in waits if stream == main} >= {"aim 0", "aim 1"}, (
+        "a stream is never joined"
+    )
+
+
 def test_without_the_driver_warp_makes_the_graph(monkeypatch):
     def missing(name: str) -> None:
         raise OSError(f"{name}: not found")
