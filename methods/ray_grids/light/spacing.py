@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import warp as wp
 
+from ...common.division import about_inverse
 from ...common.entries import entry
 from ..aim import FACES
 from .slots import RayCells, SpacedCells
@@ -26,7 +27,7 @@ AXES, BINS = wp.constant(2), wp.constant(32)
 
 BIN_SLACK = wp.constant(wp.float32(2.0**-13))
 """Bound in bins on what rounding may move t of a ray and of a bound by, together: each by 2^-18, whether products are fused
-with sums or not. Where a row begins is rounded by 2^-16 of a bin."""
+with sums or not. Where a row begins is rounded by 2^-16."""
 
 CELL_SLACK = wp.constant(wp.float32(2.0**-8))
 """The same in cells, once t is given. A cell's number, at most 8,192, is rounded by 2^-11, and so is where a bin begins."""
@@ -94,7 +95,7 @@ def set_edges(thread: wp.int32, threads: wp.int32, cells: SpacedCells, along: wp
 @wp.func
 def row_between(cells: RayCells, face: wp.int32, row: wp.int32, along: wp.int32) -> wp.vec2f:
     """Where a row begins and ends, in bins."""
-    height = wp.float32(BINS) / wp.float32(along)
+    height = wp.float32(BINS) * about_inverse(wp.float32(along))
     begins = wp.float32(row) * height
     return wp.vec2f(begins, begins + height)
 
