@@ -268,8 +268,8 @@ MUTATIONS = (
         tuple(
             Planted(
                 light_cells,
-                "on_cells",
-                (("32.0 * U32 * ((1.0 + widest) * reach * nearness + widest) * wp.max(per_u, per_v) + 1.0e-3", "0.0"),),
+                "on_bins",
+                (("32.0 * U32 * ((1.0 + widest) * reach * nearness + widest) * wp.max(per_u, per_v) + BIN_SLACK", "0.0"),),
                 user,
             )
             for user in (light_stream, light_split)

@@ -57,7 +57,7 @@ def rectangle_of(
 ) -> wp.vec4f:
     """The part of a rectangle of face 0 (least u and v, greatest u and v) that the convex hull of four points may cover.
 
-    Points are (along, across, up), and ``reach`` bounds |p - middle|_1 of them; errors are those of :func:`.cells.on_cells`.
+    Points are (along, across, up), and ``reach`` bounds |p - middle|_1 of them; errors are those of :func:`.cells.on_bins`.
     Where a point lies behind the centre of projection or too near its plane, the rectangle is returned as it is.
     """
     nearest = wp.min(wp.min(a[0], b[0]), wp.min(c[0], d[0]))
