@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any
 
 import warp as wp
@@ -133,7 +134,10 @@ def capture_passes(passes: Sequence[Pass], device: str) -> Any:
             raise ValueError(
                 f"pass {work.name!r} cannot run ahead: it reads what another pass of the frame writes"
             )
+    rest = [work for work in passes if work not in early]
     refuse_shared(passes)
+    refuse_shared(rest)
+    _refuse_early(passes, early)
     branches: dict[tuple[int, ...], list[Pass]] = {}
     for work in early:
         branches.setdefault(work.branch, []).append(work)
@@ -144,9 +148,23 @@ def capture_passes(passes: Sequence[Pass], device: str) -> Any:
                 for work in branch:
                     work.launch()
                     running.append((work, stream.record_event()))
-        _capture([work for work in passes if work not in early], device, running)
+        _capture(rest, device, running)
         _join(running)
     return captured.graph
+
+
+def _refuse_early(passes: Sequence[Pass], early: Sequence[Pass]) -> None:
+    """ValueError if an ``ahead`` pass writes what a pass before it uses, or one of another branch: it runs beside them."""
+    for k, work in enumerate(passes):
+        if work not in early:
+            continue
+        others = [other for other in early if other.branch != work.branch]
+        for beside in (*(other for other in passes[:k] if other not in early), *others):
+            shared = set(work.writes).intersection((*beside.reads, *beside.writes))
+            if shared and not (work.adds and beside.adds):
+                raise ValueError(
+                    f"pass {work.name!r} cannot run ahead: {beside.name!r}, beside which it runs, uses {min(shared)}"
+                )
 
 
 def _moved_forward(passes: Sequence[Pass]) -> list[Pass]:
@@ -201,11 +219,11 @@ def _capture(
     device: str,
     running: list[tuple[Pass, Any]],
     depth: int = 0,
-    awaited: Collection[int] = (),
+    awaited: Mapping[int, Pass] = MappingProxyType({}),
 ) -> None:
     """Capture passes on the current stream. ``running``: passes ahead and aside, and the events of their ends; ``awaited``:
     those that the stream has waited for, by identity. To wait again would be another edge of the graph."""
-    awaited = set(awaited)
+    awaited = dict(awaited)
     for forked, branches in _forks(passes, depth):
         if not forked:
             for only_if, together in _conditional(branches[0]):
@@ -237,7 +255,7 @@ def _capture_joined(passes: Sequence[Pass], device: str, depth: int) -> None:
 
 
 def _launch_beside(
-    passes: Sequence[Pass], device: str, running: list[tuple[Pass, Any]], awaited: set[int]
+    passes: Sequence[Pass], device: str, running: list[tuple[Pass, Any]], awaited: dict[int, Pass]
 ) -> None:
     """Launch passes; each waits for those that run beside it and that it depends on, unless the stream has ``awaited`` them.
     Those aside get streams of their own."""
@@ -245,7 +263,7 @@ def _launch_beside(
         needed = [entry for entry in running if id(entry[0]) not in awaited and _depends(work, entry[0])]
         if not work.aside:
             _join(needed)
-            awaited.update(id(entry[0]) for entry in needed)
+            awaited.update((id(before), before) for before, _ in needed)
             work.launch()
             continue
         # It begins at this place of the frame.

@@ -72,6 +72,20 @@ def test_a_pass_that_reads_what_the_frame_makes_cannot_run_ahead(makers):
     assert not launched
 
 
+@pytest.mark.parametrize(
+    ("before", "branch"),
+    [("reads", ()), ("writes", ()), ("other branch", (1,))],
+)
+def test_a_pass_that_writes_what_runs_beside_it_cannot_run_ahead(before, branch):
+    early = Pass("aim", "light build", ("points",), ("table",), lambda: None, ahead=True, branch=(0,))
+    reads, writes = (("table",), ("bits",)) if before == "reads" else (("points",), ("table",))
+    other = Pass(
+        "other", "light build", reads, writes, lambda: None, ahead=before == "other branch", branch=branch
+    )
+    with pytest.raises(ValueError, match=r"cannot run ahead.*table"):
+        passes.capture_passes([other, early], "cpu")
+
+
 def builds(passes):
     """The passes that build structures."""
     return [work for work in passes if work.part in BUILD_PARTS]

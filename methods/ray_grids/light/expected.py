@@ -202,9 +202,12 @@ def bin_of_cells(
     n = wp.float32(along)
     even = n / wp.float32(BINS)
     by_rays = wp.float32(0.0)
-    if total > 0.0 and total < 1.0e30:
+    if total > 1.0e-20 and total < 1.0e30:
         even = EVEN * even
         by_rays = (1.0 - EVEN) * n / total
+    else:
+        before = 0.0
+        inside = 0.0
     begins_at = wp.float32(b) * even + before * by_rays
     ends_at = wp.float32(b + 1) * even + inside * by_rays
     if b == BINS - 1:

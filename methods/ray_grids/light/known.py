@@ -28,7 +28,6 @@ class KnownRegionLight(LightStream):
     """
 
     tabled: ClassVar[bool] = True
-    aim_reads: tuple[str, ...] = (*LightStream.aim_reads, "camera")
 
     def __init__(self, *given: Any):
         super().__init__(*given)

@@ -67,7 +67,8 @@ class LightStream:
     keeps: ClassVar[bool] = False
     tabled: ClassVar[bool] = False
     beside: bool = False
-    aim_reads: tuple[str, ...] = ("points", "triangles", "reach")
+    # With another camera there are other rays: what those before covered is forgotten.
+    aim_reads: tuple[str, ...] = ("points", "triangles", "reach", "camera")
 
     def __init__(
         self,
