@@ -139,7 +139,7 @@ def test_cells_are_narrow_where_the_camera_sees_closely(region, device):
     moment = prepared.moment(0, 128, 128)
     crowd, answers = {}, {}
     for spacing in ("even", "rays"):
-        given = {"region": region, "spacing": spacing, "cells": "128", "beside": "2"}
+        given = {"region": region, "spacing": spacing, "cells": "128", "beside": "2", "queue": "always"}
         session = Session(make_method("ray_grids", given), prepared, 128, 128, device)
         answers[spacing] = session.answers(moment)
         rays = [light.cells for light in lights_of_session(session)]
@@ -149,7 +149,7 @@ def test_cells_are_narrow_where_the_camera_sees_closely(region, device):
         crowd[spacing] = max((c**2).sum() / c.sum() for c in counts)  # rays in the cell of a ray, on average
     for name in answers["even"]:
         np.testing.assert_array_equal(answers["even"][name], answers["rays"][name])
-    assert crowd["rays"] < 0.35 * crowd["even"], crowd
+    assert crowd["rays"] < 0.5 * crowd["even"], crowd
 
 
 @pytest.mark.parametrize(
